@@ -11,7 +11,7 @@ use utoipa::ToSchema;
 use super::jobs::next_page;
 use crate::http::access::caller::{Caller, ME};
 use crate::http::answer::stored::require;
-use crate::http::api::parameters::{Conditions, Found, ResultKey};
+use crate::http::api::parameters::{Conditions, ResultKey, SearchTable};
 use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
@@ -117,7 +117,7 @@ pub struct ResultList {
 /// `friction=0.6..0.8`, `wear_depth=..2 um`, `normal_force=50 N..0.2 kN`. The path of the
 /// next page is in `next` and in the `Link` header.
 #[utoipa::path(get, path = "/v1/results", operation_id = "list_results", tag = "results",
-    params(Found, Conditions,
+    params(SearchTable, Conditions,
         ("limit" = Option<u32>, Query, description = "Largest number of results on the page.", minimum = 1,
             maximum = 1000, example = 50),
         ("cursor" = Option<String>, Query, description = "Continues after a page. The server puts it into `next` of that page."),

@@ -103,9 +103,9 @@ parameters! {
 }
 
 /// The words and the numbers by which results are found.
-pub struct Found;
+pub struct SearchTable;
 
-impl IntoParams for Found {
+impl IntoParams for SearchTable {
     fn into_params(_: impl Fn() -> Option<ParameterIn>) -> Vec<Parameter> {
         let parameter = |name: &str, about: String, schema: ObjectBuilder| {
             ParameterBuilder::new()
