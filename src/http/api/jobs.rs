@@ -10,6 +10,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::http::access::caller::Caller;
+use crate::http::api::parameters::OfJobs;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, kinds};
 use crate::http::wire::include::Include;
@@ -59,13 +60,7 @@ pub(super) fn unknown() -> Problem {
 /// A job must match all filters. The address of the next page is in `next` and in the `Link` header. New jobs
 /// do not shift the pages.
 #[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
-    params(
-        ("state" = Option<schemas::JobState>, Query, description = "Jobs in this state."),
-        ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
-        ("tag" = Option<String>, Query, description = "Jobs with this tag."),
-        ("key" = Option<schemas::KeyText>, Query, description = "Jobs for the result with this key."),
-        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me` is the caller. On a \
-            server with keys, only administrators see the jobs of others."),
+    params(OfJobs,
         ("limit" = Option<u32>, Query, description = "Largest number of jobs on the page.", minimum = 1,
             maximum = 200, example = 50),
         ("cursor" = Option<uuid::Uuid>, Query,
@@ -244,14 +239,7 @@ pub struct CanceledJobs {
 /// At least one filter is required, and a job must match all of them. Finished jobs do not change, nor do jobs
 /// that are submitted during the request. A run stops when no other job shares it.
 #[utoipa::path(post, path = "/v1/jobs/cancel", operation_id = "cancel_jobs", tag = "jobs",
-    params(
-        ("state" = Option<schemas::JobState>, Query, description = "Jobs in this state."),
-        ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
-        ("tag" = Option<String>, Query, description = "Jobs with this tag."),
-        ("key" = Option<schemas::KeyText>, Query, description = "Jobs for the result with this key."),
-        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me` is the caller. On a \
-            server with keys, only administrators see the jobs of others."),
-    ),
+    params(OfJobs),
     responses(
         (status = 200, description = "The jobs are canceled, or will be when their workers \
             stop.", body = CanceledJobs),

@@ -5,7 +5,9 @@ use utoipa::openapi::Required;
 use utoipa::openapi::path::{Parameter, ParameterBuilder, ParameterIn};
 use utoipa::openapi::schema::{ObjectBuilder, Type};
 
-use crate::http::wire::schemas::{ChosenInstants, KeyText, Layout, Order, TableFormat, UnitSystem};
+use crate::http::wire::schemas::{
+    ChosenInstants, JobState, KeyText, Layout, Order, TableFormat, UnitSystem,
+};
 use fretwork_job::{SCALARS, WORDS};
 
 /// Declares parameters that nothing constructs.
@@ -65,6 +67,25 @@ parameters! {
         /// `zstd` or `gzip`; NPZ archives are always compressed.
         #[param(required = false, rename = "Accept-Encoding")]
         accept_encoding: String,
+    }
+    /// The filters of jobs.
+    #[into_params(parameter_in = Query)]
+    OfJobs {
+        /// Jobs in this state.
+        #[param(required = false)]
+        state: JobState,
+        /// Jobs with exactly this label.
+        #[param(required = false)]
+        label: String,
+        /// Jobs with this tag.
+        #[param(required = false)]
+        tag: String,
+        /// Jobs for the result with this key.
+        #[param(required = false)]
+        key: KeyText,
+        /// Jobs of this owner; `me` is the caller. On a server with keys, only administrators see the jobs of others.
+        #[param(required = false, example = "me")]
+        owner: String,
     }
     /// The conditions of a search that do not follow from the tables of words and numbers.
     #[into_params(parameter_in = Query)]

@@ -174,6 +174,25 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
     Problem::new(&kinds::NOT_ACCEPTABLE, detail)
 }
 
+/// Declares the handlers of results and their parts.
+macro_rules! parts {
+    ($($(#[$about:meta])* $name:ident = $part:expr;)*) => {
+        $(
+            $(#[$about])*
+            pub async fn $name(
+                State(app): State<App>,
+                caller: Caller,
+                Segment(key): Segment,
+                query: Query,
+                request: Request,
+            ) -> Result<Response, Problem> {
+                answer(&app, &caller, (&key, $part), request.headers(), query).await
+            }
+        )*
+    };
+}
+
+parts! {
 /// Returns a result.
 ///
 /// A result is a pure function of its key, byte for byte, and clients may cache it for ever. All
@@ -208,15 +227,7 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
             available as NDJSON, CSV and Arrow."),
     ),
 )]
-pub async fn whole(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-    request: Request,
-) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::Whole), request.headers(), query).await
-}
+whole = Part::Whole;
 
 /// Returns the history of a result: one entry per output cycle.
 ///
@@ -243,15 +254,7 @@ pub async fn whole(
         (status = 406, description = "The history is available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
-pub async fn history(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-    request: Request,
-) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::History), request.headers(), query).await
-}
+history = Part::History;
 
 /// Returns the profiles of a result: worn shape, wear, pressure and slip over the radius.
 ///
@@ -282,15 +285,7 @@ pub async fn history(
         (status = 406, description = "The profiles are available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
-pub async fn profiles(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-    request: Request,
-) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::Profiles), request.headers(), query).await
-}
+profiles = Part::Profiles;
 
 /// Returns the force–displacement loops of a result, at the output cycles of its profiles.
 ///
@@ -319,15 +314,7 @@ pub async fn profiles(
         (status = 406, description = "The loops are available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
-pub async fn loops(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-    request: Request,
-) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::Loops), request.headers(), query).await
-}
+loops = Part::Loops;
 
 /// Returns the table of a study: one row for each point.
 ///
@@ -353,14 +340,7 @@ pub async fn loops(
         (status = 406, description = "The table is available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
-pub async fn table(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-    request: Request,
-) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::Table), request.headers(), query).await
+table = Part::Table;
 }
 
 /// Returns a figure of a result as SVG, for the screen and for print.
