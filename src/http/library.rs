@@ -15,7 +15,7 @@ use super::jobs::next_page;
 use super::problem::{Problem, kinds};
 use super::stored::require;
 use super::wire::{NoQuery, Query, Segment, instant, read_key};
-use crate::job::{Key, SCALARS, WORDS};
+use crate::job::{Key, SCALARS, Verified, WORDS};
 use crate::json::read_body;
 use crate::store::{self, Changed, Listed, Removed, Search};
 use fretwork_engine::request::fault::{Fault, Faults};
@@ -320,6 +320,24 @@ struct Import {
     /// When it was imported.
     #[schema(format = "date-time")]
     at: String,
+    /// How much of it this server computed again: `all`, some random `rows` of a study, or `none`. Null if an earlier
+    /// version of fretwork imported it.
+    #[schema(example = "all", pattern = "^(all|rows|none)$")]
+    verified: Option<&'static str>,
+    /// The number of these rows.
+    verified_rows: Option<u64>,
+}
+
+impl From<store::FromFile> for Import {
+    fn from(import: store::FromFile) -> Self {
+        let (verified, verified_rows) = match import.verified {
+            Some(Verified::All) => (Some("all"), None),
+            Some(Verified::Rows(rows)) => (Some("rows"), Some(rows)),
+            Some(Verified::No) => (Some("none"), None),
+            None => (None, None),
+        };
+        Self { from: import.from, at: instant(import.at), verified, verified_rows }
+    }
 }
 
 impl Provenance {
@@ -353,7 +371,7 @@ impl Provenance {
             evicted: known.evicted.map(instant),
             deleted_by: known.deleted_by,
             body: BodySum { bytes: known.size, sha256: known.sha256 },
-            imported: known.imported.map(|(at, from)| Import { from, at: instant(at) }),
+            imported: known.imported.map(Import::from),
         }
     }
 }

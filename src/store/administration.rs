@@ -9,7 +9,7 @@ use super::audit::AuditEntry;
 use super::error::Error;
 use super::imports::{Before, Import, NoteTaken};
 use super::keys::{AccessKey, NewKey};
-use super::library::Provenance;
+use super::library::{Note, Provenance};
 use super::place::Place;
 use super::read::StoredResult;
 use super::row::Sum;
@@ -117,9 +117,14 @@ impl Administration {
         each!(self, engine, db => engine::library::provenance(db, key).await)
     }
 
-    /// What the database has under the key of a result with this digest.
-    pub(super) async fn before(&mut self, key: &Key, digest: &[u8]) -> Result<Before, Error> {
-        each!(self, engine, db => engine::imports::before(db, key, digest).await)
+    /// What the database has under the key of a result with this digest. If it has the result, stores its note.
+    pub(super) async fn before(
+        &mut self,
+        key: &Key,
+        digest: &[u8],
+        note: Option<&Note>,
+    ) -> Result<(Before, NoteTaken), Error> {
+        each!(self, engine, db => engine::imports::before(db, key, digest, note).await)
     }
 
     /// Stores a result that the database does not have, and its note if the result has none.

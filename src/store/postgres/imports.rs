@@ -8,12 +8,22 @@ use crate::job::Key;
 use crate::store::error::Error;
 use crate::store::imports::{BEFORE, Before, Import, NoteTaken};
 use crate::store::keep::Source;
+use crate::store::library::Note;
 
+/// What the database has under a key. If it has this result, stores its note.
 pub(in crate::store) async fn before(
     db: &mut PgConnection,
     key: &Key,
     digest: &[u8],
-) -> Result<Before, Error> {
+    note: Option<&Note>,
+) -> Result<(Before, NoteTaken), Error> {
+    let before = known(db, key, digest).await?;
+    let note =
+        if before == Before::Same { annotate(db, key, note).await? } else { NoteTaken::Unchanged };
+    Ok((before, note))
+}
+
+async fn known(db: &mut PgConnection, key: &Key, digest: &[u8]) -> Result<Before, Error> {
     let query = sqlx::query(BEFORE).bind(key.bytes().as_slice()).bind(digest);
     Ok(Before::read(query.fetch_optional(db).await?.as_ref())?)
 }
@@ -23,15 +33,15 @@ pub(in crate::store) async fn import(
     import: &Import<'_>,
 ) -> Result<(Before, NoteTaken), Error> {
     let mut tx = db.begin().await?;
-    let mut found = before(&mut tx, &import.key, &import.answer.digest).await?;
+    let mut found = known(&mut tx, &import.key, &import.answer.digest).await?;
     if found == Before::Nothing && !insert(&mut tx, import).await? {
         // A server has stored the result meanwhile.
-        found = before(&mut tx, &import.key, &import.answer.digest).await?;
+        found = known(&mut tx, &import.key, &import.answer.digest).await?;
     }
     if found.refusal().is_some() {
         return Ok((found, NoteTaken::Unchanged));
     }
-    let note = annotate(&mut tx, import).await?;
+    let note = annotate(&mut tx, &import.key, import.note).await?;
     tx.commit().await?;
     Ok((found, note))
 }
@@ -50,23 +60,28 @@ async fn insert(db: &mut PgConnection, import: &Import<'_>) -> Result<bool, Erro
         return Ok(false);
     }
     sqlx::query(
-        "UPDATE result SET imported = moment(), imported_from = $2, computed = $3 WHERE key = $1",
+        "UPDATE result SET imported = moment(), imported_from = $2, computed = $3, verified = $4 WHERE key = $1",
     )
     .bind(key.bytes().as_slice())
     .bind(import.file)
     .bind(import.computed)
+    .bind(import.verified.to_string())
     .execute(db)
     .await?;
     Ok(true)
 }
 
 /// Stores the note, unless the result already has a note.
-async fn annotate(db: &mut PgConnection, import: &Import<'_>) -> Result<NoteTaken, Error> {
-    let Some(note) = import.note else { return Ok(NoteTaken::Unchanged) };
+async fn annotate(
+    db: &mut PgConnection,
+    key: &Key,
+    note: Option<&Note>,
+) -> Result<NoteTaken, Error> {
+    let Some(note) = note else { return Ok(NoteTaken::Unchanged) };
     let inserted = sqlx::query(
         "INSERT INTO note (key, text, owner, at) VALUES ($1, $2, $3, $4) ON CONFLICT (key) DO NOTHING",
     )
-    .bind(import.key.bytes().as_slice())
+    .bind(key.bytes().as_slice())
     .bind(&note.text)
     .bind(&note.owner)
     .bind(note.at)
@@ -76,7 +91,7 @@ async fn annotate(db: &mut PgConnection, import: &Import<'_>) -> Result<NoteTake
         return Ok(NoteTaken::Stored);
     }
     let there: String = sqlx::query_scalar("SELECT text FROM note WHERE key = $1")
-        .bind(import.key.bytes().as_slice())
+        .bind(key.bytes().as_slice())
         .fetch_one(db)
         .await?;
     Ok(if there == note.text { NoteTaken::Unchanged } else { NoteTaken::Refused })

@@ -7,12 +7,22 @@ use crate::job::{Key, clock};
 use crate::store::error::Error;
 use crate::store::imports::{BEFORE, Before, Import, NoteTaken};
 use crate::store::keep::Source;
+use crate::store::library::Note;
 
+/// What the database has under a key. If it has this result, stores its note.
 pub(in crate::store) async fn before(
     db: &mut SqliteConnection,
     key: &Key,
     digest: &[u8],
-) -> Result<Before, Error> {
+    note: Option<&Note>,
+) -> Result<(Before, NoteTaken), Error> {
+    let before = known(db, key, digest).await?;
+    let note =
+        if before == Before::Same { annotate(db, key, note).await? } else { NoteTaken::Unchanged };
+    Ok((before, note))
+}
+
+async fn known(db: &mut SqliteConnection, key: &Key, digest: &[u8]) -> Result<Before, Error> {
     let query = sqlx::query(BEFORE).bind(key.bytes().as_slice()).bind(digest);
     Ok(Before::read(query.fetch_optional(db).await?.as_ref())?)
 }
@@ -22,14 +32,14 @@ pub(in crate::store) async fn import(
     import: &Import<'_>,
 ) -> Result<(Before, NoteTaken), Error> {
     let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
-    let before = before(&mut tx, &import.key, &import.answer.digest).await?;
+    let before = known(&mut tx, &import.key, &import.answer.digest).await?;
     if before.refusal().is_some() {
         return Ok((before, NoteTaken::Unchanged));
     }
     if before == Before::Nothing {
         insert(&mut tx, import).await?;
     }
-    let note = annotate(&mut tx, import).await?;
+    let note = annotate(&mut tx, &import.key, import.note).await?;
     tx.commit().await?;
     Ok((before, note))
 }
@@ -45,22 +55,27 @@ async fn insert(db: &mut SqliteConnection, import: &Import<'_>) -> Result<(), Er
     let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
     keep::import(import.answer, db, &source).await?;
     sqlx::query(
-        "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4 WHERE key = ?1",
+        "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4, verified = ?5 WHERE key = ?1",
     )
     .bind(key.bytes().as_slice())
     .bind(now)
     .bind(import.file)
     .bind(import.computed)
+    .bind(import.verified.to_string())
     .execute(db)
     .await?;
     Ok(())
 }
 
 /// Stores the note, unless the result already has a note.
-async fn annotate(db: &mut SqliteConnection, import: &Import<'_>) -> Result<NoteTaken, Error> {
-    let Some(note) = import.note else { return Ok(NoteTaken::Unchanged) };
+async fn annotate(
+    db: &mut SqliteConnection,
+    key: &Key,
+    note: Option<&Note>,
+) -> Result<NoteTaken, Error> {
+    let Some(note) = note else { return Ok(NoteTaken::Unchanged) };
     let there: Option<String> = sqlx::query_scalar("SELECT text FROM note WHERE key = ?1")
-        .bind(import.key.bytes().as_slice())
+        .bind(key.bytes().as_slice())
         .fetch_optional(&mut *db)
         .await?;
     match there {
@@ -69,7 +84,7 @@ async fn annotate(db: &mut SqliteConnection, import: &Import<'_>) -> Result<Note
         None => {}
     }
     sqlx::query("INSERT INTO note (key, text, owner, at) VALUES (?1, ?2, ?3, ?4)")
-        .bind(import.key.bytes().as_slice())
+        .bind(key.bytes().as_slice())
         .bind(&note.text)
         .bind(&note.owner)
         .bind(note.at)
