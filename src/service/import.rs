@@ -20,7 +20,7 @@ use super::stopwatch::Stopwatch;
 use crate::format;
 use crate::job::{Key, Received, Refused, Verified};
 use crate::random::Stream;
-use crate::store::{Accepted, Entry, Imported, Importer, Moving, Next, Place};
+use crate::store::{Accepted, Entry, Imported, Importer, Moving, Place};
 
 /// Results for each thread that are read in advance.
 const AHEAD: usize = 3;
@@ -52,18 +52,14 @@ pub async fn import(
     let mut import = Importer::open(place, file).await?;
     let of = import.unread();
     let (verifier, queue, mut verified) = Verifier::start(limit);
-    let (mut more, mut busy, mut bytes) = (true, 0, 0);
-    while more || busy > 0 {
-        if more && busy < AHEAD * processors() && bytes < AHEAD_BYTES {
-            match import.next().await? {
-                Next::Entry(entry) => {
-                    busy += 1;
-                    bytes += entry.body().len();
-                    // The threads end after the queue.
-                    let _ = queue.send(entry);
-                }
-                Next::Settled => {}
-                Next::End => more = false,
+    let (mut busy, mut bytes) = (0, 0);
+    while import.unread() + busy > 0 {
+        if import.unread() > 0 && busy < AHEAD * processors() && bytes < AHEAD_BYTES {
+            if let Some(entry) = import.next().await? {
+                busy += 1;
+                bytes += entry.body().len();
+                // The threads end after the queue.
+                let _ = queue.send(entry);
             }
         } else if let Ok(Some(Settled { key, size, verdict })) =
             timeout(REPORT, verified.recv()).await
@@ -90,7 +86,7 @@ struct Settled {
 
 /// What the threads share.
 struct Verifier {
-    queue: Mutex<mpsc::Receiver<Entry>>,
+    queued: Mutex<mpsc::Receiver<Entry>>,
     /// Closed when the import has failed.
     done: UnboundedSender<Settled>,
     limit: Duration,
@@ -110,9 +106,10 @@ impl Verifier {
     fn start(limit: Duration) -> (Arc<Self>, mpsc::Sender<Entry>, UnboundedReceiver<Settled>) {
         let (queue, entries) = mpsc::channel();
         let (done, verified) = unbounded_channel();
-        let (queue_of, study, share) =
-            (Mutex::new(entries), Mutex::default(), AtomicU64::default());
-        let verifier = Arc::new(Self { queue: queue_of, done, limit, study, share });
+        let queued = Mutex::new(entries);
+        let verifier =
+            Self { queued, done, limit, study: Mutex::default(), share: AtomicU64::default() };
+        let verifier = Arc::new(verifier);
         for _ in 0..processors() {
             let verifier = Arc::clone(&verifier);
             thread::spawn(move || verifier.work());
@@ -137,7 +134,7 @@ impl Verifier {
     }
 
     fn next(&self) -> Option<Entry> {
-        lock(&self.queue).recv().ok().filter(|_| !self.done.is_closed())
+        lock(&self.queued).recv().ok().filter(|_| !self.done.is_closed())
     }
 
     fn verify(&self, entry: Entry) -> Result<Accepted, String> {

@@ -117,14 +117,18 @@ impl Administration {
         each!(self, engine, db => engine::library::provenance(db, key).await)
     }
 
-    /// What the database has under the key of a result with this digest. If it has the result, stores its note.
-    pub(super) async fn before(
+    /// What the database has under the key of a result with this digest.
+    pub(super) async fn before(&mut self, key: &Key, digest: &[u8]) -> Result<Before, Error> {
+        each!(self, engine, db => engine::imports::before(db, key, digest).await)
+    }
+
+    /// Stores the note of a result, unless the result already has a note.
+    pub(super) async fn annotate(
         &mut self,
         key: &Key,
-        digest: &[u8],
         note: Option<&Note>,
-    ) -> Result<(Before, NoteTaken), Error> {
-        each!(self, engine, db => engine::imports::before(db, key, digest, note).await)
+    ) -> Result<NoteTaken, Error> {
+        each!(self, engine, db => engine::imports::annotate(db, key, note).await)
     }
 
     /// Stores a result that the database does not have, and its note if the result has none.

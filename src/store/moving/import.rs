@@ -56,17 +56,6 @@ pub struct Importer {
     done: Imported,
 }
 
-/// What the next row of an export is.
-#[derive(Debug)]
-pub enum Next {
-    /// A result that the database does not have.
-    Entry(Entry),
-    /// A result that is known or refused.
-    Settled,
-    /// There is none.
-    End,
-}
-
 impl Importer {
     /// Opens an export, and the database that receives its results.
     ///
@@ -85,20 +74,18 @@ impl Importer {
         self.rows.len()
     }
 
-    /// Reads the next row.
+    /// Reads the next row; `None` if there is none, or if its result is known or refused.
     ///
     /// # Errors
     /// A database fails.
-    pub async fn next(&mut self) -> Result<Next, Moving> {
-        let Some((row, name)) = self.rows.next() else { return Ok(Next::End) };
-        let why = match self.read(row, &name).await? {
-            Ok(Some(entry)) => return Ok(Next::Entry(entry)),
-            Ok(None) => return Ok(Next::Settled),
-            Err(why) => why,
-        };
-        let name = if name.is_empty() { format!("row {row}") } else { name };
-        self.done.refused.push((name, why));
-        Ok(Next::Settled)
+    pub async fn next(&mut self) -> Result<Option<Entry>, Moving> {
+        let Some((row, name)) = self.rows.next() else { return Ok(None) };
+        let read = self.read(row, &name).await?;
+        Ok(read.unwrap_or_else(|why| {
+            let name = if name.is_empty() { format!("row {row}") } else { name };
+            self.done.refused.push((name, why));
+            None
+        }))
     }
 
     /// Reads a result; `None` if the database has it. The inner error says why it is refused.
@@ -115,16 +102,17 @@ impl Importer {
             Ok(read) => read,
             Err(why) => return Ok(Err(why)),
         };
-        let (before, note) = self.db.before(&entry.key, &digest, entry.note.as_ref()).await?;
+        let before = self.db.before(&entry.key, &digest).await?;
+        if let Some(why) = before.refusal() {
+            return Ok(Err(why));
+        }
+        if before == Before::Nothing {
+            return Ok(Ok(Some(entry)));
+        }
+        self.done.known += 1;
+        let note = self.db.annotate(&entry.key, entry.note.as_ref()).await?;
         self.count_note(note, entry.key);
-        Ok(match (before.refusal(), before) {
-            (Some(why), _) => Err(why),
-            (None, Before::Same) => {
-                self.done.known += 1;
-                Ok(None)
-            }
-            (None, _) => Ok(Some(entry)),
-        })
+        Ok(Ok(None))
     }
 
     /// Refuses a result.

@@ -32,7 +32,7 @@ pub use backup::{Saved, backup, note_backup, restore};
 pub use check::{Checked, check};
 pub use damage::Damage;
 pub use export::{Exported, export};
-pub use import::{Accepted, Entry, Imported, Importer, Next};
+pub use import::{Accepted, Entry, Imported, Importer};
 
 /// The SQLite application id of an export ("frex").
 const EXPORT: i32 = 0x6672_6578;

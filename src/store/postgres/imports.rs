@@ -10,20 +10,11 @@ use crate::store::imports::{BEFORE, Before, Import, NoteTaken};
 use crate::store::keep::Source;
 use crate::store::library::Note;
 
-/// What the database has under a key. If it has this result, stores its note.
 pub(in crate::store) async fn before(
     db: &mut PgConnection,
     key: &Key,
     digest: &[u8],
-    note: Option<&Note>,
-) -> Result<(Before, NoteTaken), Error> {
-    let before = known(db, key, digest).await?;
-    let note =
-        if before == Before::Same { annotate(db, key, note).await? } else { NoteTaken::Unchanged };
-    Ok((before, note))
-}
-
-async fn known(db: &mut PgConnection, key: &Key, digest: &[u8]) -> Result<Before, Error> {
+) -> Result<Before, Error> {
     let query = sqlx::query(BEFORE).bind(key.bytes().as_slice()).bind(digest);
     Ok(Before::read(query.fetch_optional(db).await?.as_ref())?)
 }
@@ -33,10 +24,10 @@ pub(in crate::store) async fn import(
     import: &Import<'_>,
 ) -> Result<(Before, NoteTaken), Error> {
     let mut tx = db.begin().await?;
-    let mut found = known(&mut tx, &import.key, &import.answer.digest).await?;
+    let mut found = before(&mut tx, &import.key, &import.answer.digest).await?;
     if found == Before::Nothing && !insert(&mut tx, import).await? {
         // A server has stored the result meanwhile.
-        found = known(&mut tx, &import.key, &import.answer.digest).await?;
+        found = before(&mut tx, &import.key, &import.answer.digest).await?;
     }
     if found.refusal().is_some() {
         return Ok((found, NoteTaken::Unchanged));
@@ -72,7 +63,7 @@ async fn insert(db: &mut PgConnection, import: &Import<'_>) -> Result<bool, Erro
 }
 
 /// Stores the note, unless the result already has a note.
-async fn annotate(
+pub(in crate::store) async fn annotate(
     db: &mut PgConnection,
     key: &Key,
     note: Option<&Note>,

@@ -9,20 +9,11 @@ use crate::store::imports::{BEFORE, Before, Import, NoteTaken};
 use crate::store::keep::Source;
 use crate::store::library::Note;
 
-/// What the database has under a key. If it has this result, stores its note.
 pub(in crate::store) async fn before(
     db: &mut SqliteConnection,
     key: &Key,
     digest: &[u8],
-    note: Option<&Note>,
-) -> Result<(Before, NoteTaken), Error> {
-    let before = known(db, key, digest).await?;
-    let note =
-        if before == Before::Same { annotate(db, key, note).await? } else { NoteTaken::Unchanged };
-    Ok((before, note))
-}
-
-async fn known(db: &mut SqliteConnection, key: &Key, digest: &[u8]) -> Result<Before, Error> {
+) -> Result<Before, Error> {
     let query = sqlx::query(BEFORE).bind(key.bytes().as_slice()).bind(digest);
     Ok(Before::read(query.fetch_optional(db).await?.as_ref())?)
 }
@@ -32,7 +23,7 @@ pub(in crate::store) async fn import(
     import: &Import<'_>,
 ) -> Result<(Before, NoteTaken), Error> {
     let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
-    let before = known(&mut tx, &import.key, &import.answer.digest).await?;
+    let before = before(&mut tx, &import.key, &import.answer.digest).await?;
     if before.refusal().is_some() {
         return Ok((before, NoteTaken::Unchanged));
     }
@@ -68,27 +59,27 @@ async fn insert(db: &mut SqliteConnection, import: &Import<'_>) -> Result<(), Er
 }
 
 /// Stores the note, unless the result already has a note.
-async fn annotate(
+pub(in crate::store) async fn annotate(
     db: &mut SqliteConnection,
     key: &Key,
     note: Option<&Note>,
 ) -> Result<NoteTaken, Error> {
     let Some(note) = note else { return Ok(NoteTaken::Unchanged) };
-    let there: Option<String> = sqlx::query_scalar("SELECT text FROM note WHERE key = ?1")
-        .bind(key.bytes().as_slice())
-        .fetch_optional(&mut *db)
-        .await?;
-    match there {
-        Some(there) if there == note.text => return Ok(NoteTaken::Unchanged),
-        Some(_) => return Ok(NoteTaken::Refused),
-        None => {}
+    let inserted = sqlx::query(
+        "INSERT INTO note (key, text, owner, at) VALUES ($1, $2, $3, $4) ON CONFLICT (key) DO NOTHING",
+    )
+    .bind(key.bytes().as_slice())
+    .bind(&note.text)
+    .bind(&note.owner)
+    .bind(note.at)
+    .execute(&mut *db)
+    .await?;
+    if inserted.rows_affected() > 0 {
+        return Ok(NoteTaken::Stored);
     }
-    sqlx::query("INSERT INTO note (key, text, owner, at) VALUES (?1, ?2, ?3, ?4)")
+    let there: String = sqlx::query_scalar("SELECT text FROM note WHERE key = $1")
         .bind(key.bytes().as_slice())
-        .bind(&note.text)
-        .bind(&note.owner)
-        .bind(note.at)
-        .execute(db)
+        .fetch_one(db)
         .await?;
-    Ok(NoteTaken::Stored)
+    Ok(if there == note.text { NoteTaken::Unchanged } else { NoteTaken::Refused })
 }
