@@ -72,7 +72,7 @@ pub fn export(settings: &Export) -> Result<(), Error> {
 /// Imports the results of a file. The exit code is 2 if some were refused.
 pub fn import(settings: &Import) -> Result<ExitCode, Error> {
     let Import { file, verify_time, data } = settings;
-    let done = block_on(service::import(data.place()?, file, *verify_time, progress("imported")))?;
+    let done = block_on(service::import(data.place()?, file, *verify_time, progress("checked")))?;
     let Imported { results: count, bytes, known, sampled, unverified, notes, refused, other_notes } =
         done;
     for (key, why) in &refused {
