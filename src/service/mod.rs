@@ -2,6 +2,7 @@
 //! command line call this room.
 
 mod evaluate;
+mod import;
 mod jobs;
 mod limits;
 mod places;
@@ -24,6 +25,7 @@ use fretwork_job::Begin;
 use fretwork_store::{AuditEntry, Error, FileSizes, Store, Tally};
 
 pub use evaluate::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
+pub use import::import;
 pub use limits::{Excess, WorkLimits};
 pub use submit::{Accepted, Refusal, Terms};
 pub use turns::{LONGEST_CALL, MAX_CALL, Unable};

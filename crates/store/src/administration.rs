@@ -9,7 +9,7 @@ use super::audit::AuditEntry;
 use super::error::Error;
 use super::imports::{Before, Import, NoteTaken};
 use super::keys::{AccessKey, NewKey};
-use super::library::Provenance;
+use super::library::{Note, Provenance};
 use super::place::Place;
 use super::read::StoredResult;
 use super::row::Sum;
@@ -120,6 +120,15 @@ impl Administration {
     /// What the database has under the key of a result with this digest.
     pub(super) async fn before(&mut self, key: &Key, digest: &[u8]) -> Result<Before, Error> {
         each!(self, engine, db => engine::imports::before(db, key, digest).await)
+    }
+
+    /// Stores the note of a result, unless the result already has a note.
+    pub(super) async fn annotate(
+        &mut self,
+        key: &Key,
+        note: Option<&Note>,
+    ) -> Result<NoteTaken, Error> {
+        each!(self, engine, db => engine::imports::annotate(db, key, note).await)
     }
 
     /// Stores a result that the database does not have, and its note if the result has none.

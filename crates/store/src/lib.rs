@@ -56,10 +56,10 @@ pub use claimed::{Claimed, Piece};
 pub use error::Error;
 pub use keep::{Answered, Changed, Editor, Finish, Removed};
 pub use keys::{AccessKey, NewKey, Role, digest};
-pub use library::{Known, Note, Program, Provenance};
+pub use library::{FromFile, Known, Note, Program, Provenance};
 pub use moving::{
-    Checked, Damage, Exported, Imported, Moving, Saved, backup, check, export, import, note_backup,
-    restore,
+    Accepted, Checked, Damage, Entry, Exported, Imported, Importer, Moving, Saved, backup, check,
+    export, note_backup, restore,
 };
 pub use options::{FileSizes, Options, Recovered};
 pub use place::{DatabaseUrl, Place};

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::error::Error;
 use super::row::{self, Columns};
-use fretwork_job::{Canonical, ENGINE, JobId, Key};
+use fretwork_job::{Canonical, ENGINE, JobId, Key, Verified};
 
 /// What a user wrote about a result.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -82,14 +82,15 @@ pub struct Provenance {
     pub size: u64,
     /// SHA-256 of its body.
     pub sha256: Key,
-    /// When it was imported, and from which file.
-    pub imported: Option<(i64, String)>,
+    /// The import that brought it.
+    pub imported: Option<FromFile>,
 }
 
 /// Reads what [`Provenance`] contains, of the key $1.
 pub(super) const PROVENANCE: &str = "
     SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
-        warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from, version,
+        warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from, verified,
+        version,
         numerics, host, architecture, processors, note.text AS note, note.owner AS noted_by,
         note.at AS noted, (SELECT count(*) FROM job WHERE job.key = result.key) AS jobs
     FROM result LEFT JOIN program ON program.id = result.program
@@ -99,8 +100,6 @@ impl Provenance {
     /// Reads a row of [`PROVENANCE`].
     pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
         let job: Option<&[u8]> = row.get("job")?;
-        let imported: Option<i64> = row.get("imported")?;
-        let imported = imported.map(|at| Ok::<_, sqlx::Error>((at, row.get("imported_from")?)));
         Ok(Self {
             created: row.get("created")?,
             owner: row.get("owner")?,
@@ -120,8 +119,30 @@ impl Provenance {
             note: Note::read(row)?,
             size: row.get("size")?,
             sha256: row::key(row, "digest")?,
-            imported: imported.transpose()?,
+            imported: FromFile::read(row)?,
         })
+    }
+}
+
+/// The import of a result.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FromFile {
+    /// When it was imported.
+    pub at: i64,
+    /// The name of the file.
+    pub from: String,
+    /// How much of it was computed again; `None` if an earlier version imported it.
+    pub verified: Option<Verified>,
+}
+
+impl FromFile {
+    fn read(row: &impl Columns) -> Result<Option<Self>, sqlx::Error> {
+        let Some(at) = row.get("imported")? else { return Ok(None) };
+        Ok(Some(Self {
+            at,
+            from: row.get("imported_from")?,
+            verified: row::optional_word(row, "verified")?,
+        }))
     }
 }
 

@@ -2,10 +2,10 @@
 //! output, no clock and no threads.
 
 mod bootstrap;
+mod claimed;
 mod evaluation;
 mod findings;
 mod jacobian;
-mod judge;
 mod kind;
 mod map;
 mod member;
@@ -26,6 +26,7 @@ pub mod indices;
 pub mod morris;
 
 pub use bootstrap::{Bootstrap, Estimate};
+pub use claimed::Claimed;
 pub use evaluation::{Evaluated, Evaluation};
 pub use jacobian::{Entry, Jacobian};
 pub use kind::{Column, Kind, Study};

@@ -18,7 +18,7 @@ use crate::http::transport::body::Body;
 use crate::http::wire::schemas;
 use crate::http::wire::{NoQuery, Query, Segment, instant, read_key};
 use fretwork_engine::request::fault::{Fault, Faults};
-use fretwork_job::{Key, SCALARS};
+use fretwork_job::{Key, SCALARS, Verified};
 use fretwork_json::read_body;
 use fretwork_store::{self as store, Changed, Listed, Removed, Search};
 
@@ -257,6 +257,24 @@ struct Import {
     /// When it was imported.
     #[schema(format = "date-time")]
     at: String,
+    /// How much of it this server computed again: `all`, some random `rows` of a study, or `none`. Null if an earlier
+    /// version of fretwork imported it.
+    #[schema(example = "all", pattern = "^(all|rows|none)$")]
+    verified: Option<&'static str>,
+    /// The number of these rows.
+    verified_rows: Option<u64>,
+}
+
+impl From<store::FromFile> for Import {
+    fn from(import: store::FromFile) -> Self {
+        let (verified, verified_rows) = match import.verified {
+            Some(Verified::All) => (Some("all"), None),
+            Some(Verified::Rows(rows)) => (Some("rows"), Some(rows)),
+            Some(Verified::No) => (Some("none"), None),
+            None => (None, None),
+        };
+        Self { from: import.from, at: instant(import.at), verified, verified_rows }
+    }
 }
 
 impl Provenance {
@@ -290,7 +308,7 @@ impl Provenance {
             evicted: known.evicted.map(instant),
             deleted_by: known.deleted_by,
             body: BodySum { bytes: known.size, sha256: known.sha256 },
-            imported: known.imported.map(|(at, from)| Import { from, at: instant(at) }),
+            imported: known.imported.map(Import::from),
         }
     }
 }
