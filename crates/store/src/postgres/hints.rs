@@ -15,6 +15,8 @@ use tokio::sync::Notify;
 use crate::error::Error;
 use crate::row::RunId;
 use crate::signals::Effect;
+use crate::statement::sql;
+use crate::tables::Connected;
 use fretwork_job::Key;
 
 /// The channel of the notifications.
@@ -96,7 +98,7 @@ pub(super) async fn tell_deleted(db: &mut PgConnection, key: &Key) -> Result<(),
 
 /// Sends a notification.
 pub(super) async fn send(db: &mut PgConnection, text: &str) -> Result<(), Error> {
-    sqlx::query("SELECT pg_notify($1, $2)").bind(CHANNEL).bind(text).execute(db).await?;
+    db.execute(sql!("SELECT pg_notify($1, $2)"; CHANNEL, text)).await?;
     Ok(())
 }
 

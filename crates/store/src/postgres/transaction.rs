@@ -3,12 +3,15 @@
 use std::ops::{Deref, DerefMut};
 use std::time::Duration;
 
-use sqlx::Executor as _;
 use sqlx::postgres::PgConnection;
+use sqlx::{Executor as _, Row as _};
 
+use super::hints;
 use super::pool::{Borrowed, Pool};
+use crate::change::Change;
 use crate::error::Error;
 use crate::signals::Effect;
+use crate::tables::Connection;
 
 /// How long one attempt of a verb may take: longer than a statement may. A server that has vanished never answers.
 pub(super) const PATIENCE: Duration = Duration::from_secs(45);
@@ -20,6 +23,8 @@ const CONFLICTS: u32 = 10;
 /// it back.
 pub(super) struct Transaction<'a> {
     pub(super) db: Open<'a>,
+    /// When it began by the clock of the database, in milliseconds since 1970. `moment()` returns it, too.
+    pub(super) now: i64,
     pub(super) effects: Vec<Effect>,
 }
 
@@ -49,19 +54,39 @@ impl<'a> Transaction<'a> {
             let borrowed = pool.get().await?;
             let is_new = borrowed.is_new();
             let mut db = Open { borrowed };
-            match db.execute("BEGIN").await.map_err(Error::from) {
-                Ok(_) => return Ok(Self { db, effects: Vec::new() }),
+            match db.fetch_one("BEGIN; SELECT moment()").await.map_err(Error::from) {
+                Ok(row) => return Ok(Self { db, now: row.try_get(0)?, effects: Vec::new() }),
                 Err(Error::Unreachable(_)) if !is_new => {}
                 Err(error) => return Err(error),
             }
         }
     }
 
+    /// The part of it that both databases have.
+    pub(super) fn change(&mut self) -> Change<'_> {
+        Change { db: Connection::Postgres(&mut self.db), now: self.now, effects: &mut self.effects }
+    }
+
+    /// Tells the other servers what is deleted, when the transaction commits.
+    async fn tell_deleted(&mut self) -> Result<(), Error> {
+        for effect in &self.effects {
+            if let Effect::Deleted(key) = effect {
+                hints::tell_deleted(&mut self.db, key).await?;
+            }
+        }
+        Ok(())
+    }
+
     /// Commits the changes of a verb, or rolls them back if it has failed.
     pub(super) async fn end<T>(
         mut self,
-        answer: Result<T, Error>,
+        mut answer: Result<T, Error>,
     ) -> Result<(T, Vec<Effect>), Error> {
+        if answer.is_ok()
+            && let Err(error) = self.tell_deleted().await
+        {
+            answer = Err(error);
+        }
         let end = if answer.is_ok() { "COMMIT" } else { "ROLLBACK" };
         let ended = self.db.execute(end).await;
         if ended.is_ok() {

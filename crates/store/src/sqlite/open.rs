@@ -14,7 +14,6 @@ use tokio::sync::Semaphore;
 use super::Database;
 use super::files::Files;
 use super::ledger::Ledger;
-use super::library;
 use super::log::Log;
 use super::outline;
 use super::queue::Queue;
@@ -26,7 +25,6 @@ use super::writer::Writer;
 use crate::error::Error;
 use crate::library::Program;
 use crate::options::{FileSizes, Options};
-use crate::pins::PinQuota;
 use crate::signals::Signals;
 use fretwork_job::clock::now;
 use fretwork_job::{Canonical, ENGINE};
@@ -76,7 +74,7 @@ impl Database {
         let large = Arc::new(Readers::open(&reading, 1).await?);
         let keys = Arc::new(Readers::open(&reading, 1).await?);
         let queue = Queue::load(&mut db).await?;
-        let program = library::program(&Program::this(), &mut db).await?;
+        let program = Program::this().id(&mut db).await?;
         let ledger = Ledger::open(lock, &mut db).await?;
         signals.tally.has_lost(ledger.missing());
         let files =
@@ -88,11 +86,9 @@ impl Database {
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, (ledger, log, files)).start();
-        let Options { queue_limit, pin_quota, budget, .. } = *options;
-        let pin_quota = PinQuota::new(pin_quota, budget);
-        let scans = Arc::new(Semaphore::new(SCANS));
+        let (scans, queue_limit) = (Arc::new(Semaphore::new(SCANS)), options.queue_limit);
         let dir = dir.into();
-        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, pin_quota, dir })
+        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, dir })
     }
 }
 
