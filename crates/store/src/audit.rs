@@ -37,12 +37,6 @@ pub struct Actor {
 }
 
 impl Actor {
-    /// What an entry says of the subject of an act: nothing of a job that belongs to the actor.
-    pub(super) fn named<'a>(&self, act: Act, subject: &'a str, owner: &str) -> &'a str {
-        let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && self.name == owner;
-        if own_job { "" } else { subject }
-    }
-
     /// The user of the operating system who runs this process.
     #[must_use]
     pub fn of_process() -> Self {
@@ -98,7 +92,9 @@ pub(super) async fn record(
     subject: &str,
     owner: &str,
 ) -> Result<(), Error> {
-    let subject = actor.named(act, subject, owner);
+    // All jobs of an actor share an entry.
+    let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && actor.name == owner;
+    let subject = if own_job { "" } else { subject };
     let entry = sql!(
         "INSERT INTO audit (first, last, times, act, actor, key, subject, owner)
          VALUES ($1, $1, 1, $2, $3, $4, $5, $6)

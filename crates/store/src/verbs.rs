@@ -68,11 +68,7 @@ const AT_ONCE: u32 = 100;
 
 impl Store {
     fn reading(&self) -> Reading<'_> {
-        self.reading_by(Way::Any)
-    }
-
-    fn reading_by(&self, way: Way) -> Reading<'_> {
-        Reading(self, way)
+        Reading(self, Way::Any)
     }
 
     /// Makes a change that both engines make with the same statements.
@@ -82,7 +78,10 @@ impl Store {
         V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
         Answer: Send + 'static,
     {
-        each!(self, db => db.change(verb, input).await)
+        match &self.engine {
+            Engine::Sqlite(db) => db.write(sqlite::Shared(verb), input).await,
+            Engine::Postgres(db) => db.write(verb, input).await,
+        }
     }
 
     /// Accepts a job. It ends at once if the result is known. Otherwise it joins the live run, or a new run
@@ -240,7 +239,7 @@ impl Store {
     pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
         match self.small_result(key).await? {
             Some(StoredResult::Large(_)) => {
-                let found = read::result(key, i64::MAX, self.reading_by(Way::Large)).await?;
+                let found = read::result(key, i64::MAX, Reading(self, Way::Large)).await?;
                 self.sound(key, found).await
             }
             found => Ok(found),
@@ -298,13 +297,9 @@ impl Store {
     /// When the last backup ended, in milliseconds since 1970; 0 if there was none. `None` if the backups are not those of
     /// this program.
     pub async fn last_backup(&self) -> Result<Option<i64>, Error> {
-        match self.engine {
-            Engine::Sqlite(_) => {
-                let row = self.reading().one(sql!("SELECT backed_up FROM room")).await?;
-                Ok(Some(row.get("backed_up")?))
-            }
-            Engine::Postgres(_) => Ok(None),
-        }
+        let query =
+            sql!("SELECT " ["backed_up FROM room" | "CAST(NULL AS BIGINT) AS backed_up"] "");
+        Ok(self.reading().one(query).await?.get("backed_up")?)
     }
 
     /// Checks that the disk has room for a submission, by a write of the same size.
@@ -365,7 +360,7 @@ impl Store {
 
     /// All keys, also expired and revoked ones, the oldest first.
     pub async fn access_keys(&self) -> Result<Vec<AccessKey>, Error> {
-        keys::list(self.reading_by(Way::Keys)).await
+        keys::list(Reading(self, Way::Keys)).await
     }
 
     /// Records that a key was used now.
@@ -432,13 +427,13 @@ impl Store {
         cursor: Option<Cursor>,
         limit: u32,
     ) -> Result<Found, Error> {
-        Found::page(search, cursor, limit, self.reading_by(Way::Scan)).await
+        Found::page(search, cursor, limit, Reading(self, Way::Scan)).await
     }
 
     /// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance
     /// is the sum of the relative differences, plus 10 for each word that differs.
     pub async fn nearest(&self, to: &Outline, except: Option<Key>) -> Result<Option<Key>, Error> {
-        search::nearest(to, except, self.reading_by(Way::Scan)).await
+        search::nearest(to, except, Reading(self, Way::Scan)).await
     }
 
     /// Free bytes on the disk of the database; `None` if the system does not report them.
@@ -459,7 +454,7 @@ impl Store {
         self.signals.watch(*key)
     }
 
-    /// Signals deletions of results by servers that share the database, from now on.
+    /// Signals deletions of results from now on, also those by servers that share the database.
     #[must_use]
     pub fn watch_deletions(&self) -> Deletions {
         self.signals.watch_deletions()

@@ -29,11 +29,11 @@ async fn cancel(tx: &mut Transaction<'_>, id: JobId, by: &Actor) -> Result<Cance
         Some(run) => lock(tx, run).await?,
         None => false,
     };
-    let Some(job) = read::job(id, &mut *tx.db).await? else { return Ok(Canceled::NotFound) };
+    let Some(job) = read::job(id, &mut tx.db).await? else { return Ok(Canceled::NotFound) };
     let Some(run) = run.filter(|_| !job.state.is_finished()) else {
         return Ok(Canceled::AlreadyFinished(job));
     };
-    record(&mut *tx.db, tx.now, (by, Act::CancelJob), &id.to_string(), &job.owner).await?;
+    record(&mut tx.db, tx.now, (by, Act::CancelJob), &id.to_string(), &job.owner).await?;
     // Another job needs the run.
     let query = sql!(
         "UPDATE job SET state = 'canceled', finished = moment(), claimable = NULL,
@@ -47,7 +47,7 @@ async fn cancel(tx: &mut Transaction<'_>, id: JobId, by: &Actor) -> Result<Cance
         cancel_run(tx, run, is_study).await?;
     }
     tx.effects.push(Effect::Ended(job.key));
-    let after = read::job(id, &mut *tx.db).await?;
+    let after = read::job(id, &mut tx.db).await?;
     Ok(after.map_or(Canceled::NotFound, Canceled::Done))
 }
 

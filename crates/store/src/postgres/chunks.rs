@@ -212,7 +212,7 @@ pub(super) async fn lose(
     .bind(run.0)
     .bind(pieces)
     .bind(lease::milliseconds(node.lease))
-    .fetch_one(&mut *tx.db)
+    .fetch_one(tx.db.connection())
     .await?;
     let pieces: i64 = lost.get("pieces")?;
     let after =

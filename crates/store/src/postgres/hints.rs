@@ -90,12 +90,6 @@ impl Hints {
     }
 }
 
-/// Tells all servers that a result is deleted, when the transaction commits. This is no hint: a server that does not hear it
-/// would answer with the result until its connection breaks.
-pub(super) async fn tell_deleted(db: &mut PgConnection, key: &Key) -> Result<(), Error> {
-    send(db, &format!("\ndeleted {key}")).await
-}
-
 /// Sends a notification.
 pub(super) async fn send(db: &mut PgConnection, text: &str) -> Result<(), Error> {
     db.execute(sql!("SELECT pg_notify($1, $2)"; CHANNEL, text)).await?;

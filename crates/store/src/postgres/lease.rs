@@ -135,5 +135,5 @@ pub(super) async fn take_lost(
     let query = format!("DELETE FROM lease WHERE ({IS_OVER}) AND run = $3 RETURNING number");
     let query = sqlx::query_scalar(AssertSqlSafe(query));
     let query = query.bind(milliseconds(node.lease)).bind(node.margin()).bind(run.0);
-    Ok(query.fetch_all(&mut *tx.db).await?)
+    Ok(query.fetch_all(tx.db.connection()).await?)
 }

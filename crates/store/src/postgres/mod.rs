@@ -121,20 +121,17 @@ impl Database {
         statement: Statement,
         most: Most,
     ) -> Result<Vec<Row>, Error> {
-        let permits = match way {
+        let permit = match way {
             Way::Any | Way::Keys => None,
-            Way::Scan => Some(&self.0.scans),
-            Way::Large => Some(&self.0.large),
+            Way::Scan => Some(self.0.scans.acquire().await),
+            Way::Large => Some(self.0.large.acquire().await),
         };
-        let _permit = match permits {
-            Some(permits) => Some(permits.acquire().await.map_err(|_| Error::Closed)?),
-            None => None,
-        };
+        let _permit = permit.transpose().map_err(|_| Error::Closed)?;
         reading!(self, db => db.read(statement.clone(), most).await)
     }
 
     /// Calls a function that both databases have in a transaction.
-    pub(super) async fn change<Input, V, Answer>(
+    pub(super) async fn write<Input, V, Answer>(
         &self,
         verb: V,
         input: Input,
@@ -145,12 +142,8 @@ impl Database {
         writing!(self, tx => verb.apply(&input, tx.change()).await)
     }
 
+    /// How long the oldest queued run has waited. Counts what is queued and running for the metrics.
     pub(super) async fn longest_wait(&self) -> Result<Duration, Error> {
-        self.count_queue().await
-    }
-
-    /// Counts what is queued and running for the metrics. Returns how long the oldest queued run has waited.
-    async fn count_queue(&self) -> Result<Duration, Error> {
         let query = sql!(
             "SELECT count(*) AS queued, moment() - min(created) AS waited,
                  (SELECT count(*) FROM lease) AS running,

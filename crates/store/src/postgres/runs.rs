@@ -184,7 +184,7 @@ async fn claim_whole(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Cla
 async fn progress(tx: &mut Transaction<'_>, claimed: &Claimed, share: f64) -> Result<bool, Error> {
     let claim = claimed.claim();
     if claim.part.1.is_some() {
-        return Ok(claim.attempt_of_run(&mut *tx.db).await?.is_some());
+        return Ok(claim.attempt_of_run(&mut tx.db).await?.is_some());
     }
     let query = sql!(
         "UPDATE lease SET progress = $3 WHERE run = $1 AND number = -1 AND attempt = $2
@@ -221,12 +221,12 @@ async fn finish(
         run, attempt, answer.digest.as_slice()
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(Finish::Refused) };
-    let task = claimed.task(&mut *tx.db).await?;
+    let task = claimed.task(&mut tx.db).await?;
     let (owner, warnings) = (row.text("owner")?, row.text("warnings")?);
     let job = row.bytes("first_job")?.map(job_id).transpose()?;
     let (trace, program, now) = (trace.as_deref(), Some(program), tx.now);
     let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
-    super::keep::store(&mut *tx.db, answer, &source, true).await?;
+    super::keep::store(&mut tx.db, answer, &source, true).await?;
     ended_by(tx, run, &row, Ending::Succeeded).await?;
     keep::kept(answer, key, &row, tx.change()).await
 }
@@ -316,5 +316,5 @@ async fn attempt_of_run(tx: &mut Transaction<'_>, claim: Claim) -> Result<Option
     if let (run, Some(_)) = claim.part {
         chunks::lock(tx, run).await?;
     }
-    claim.attempt_of_run(&mut *tx.db).await
+    claim.attempt_of_run(&mut tx.db).await
 }

@@ -46,7 +46,7 @@ impl Database {
 }
 
 async fn submit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted, Error> {
-    match new.repeated(&mut *tx.db).await? {
+    match new.repeated(&mut tx.db).await? {
         Some(repeated) => Ok(repeated),
         None => admit(tx, new).await,
     }
@@ -175,7 +175,7 @@ async fn insert(
         sqlx::query("INSERT INTO job_tag (tag, job) SELECT DISTINCT unnest($1::TEXT[]), $2")
             .bind(&new.job.tags)
             .bind(new.job.id.0.as_bytes().as_slice())
-            .execute(&mut *tx.db)
+            .execute(tx.db.connection())
             .await?;
     }
     if let Place::Run { .. } = place {
@@ -221,7 +221,7 @@ async fn insert_row(
         new.warnings.to_string(), job.priority, repeatable.map(|repeatable| &repeatable.key),
         repeatable.map(|repeatable| &repeatable.fingerprint), job.submitted.as_ref(), job.chunks.is_some(), began
     );
-    let row = query.postgres().fetch_one(&mut *tx.db).await;
+    let row = query.postgres().fetch_one(tx.db.connection()).await;
     Ok(Row::Postgres(row.map_err(|error| new.refused(error))?))
 }
 
@@ -237,7 +237,7 @@ async fn record(
     let Some(first) = jobs.first() else { return Ok(Vec::new()) };
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
     let (key, source) = (first.job.key, first.source(program, tx.now));
-    let is_stored = keep::store(&mut *tx.db, answer, &source, false).await?;
+    let is_stored = keep::store(&mut tx.db, answer, &source, false).await?;
     if is_stored {
         tx.effects.push(Effect::Ended(key));
         tx.effects.push(Effect::Settled(Ending::Succeeded, Some(took)));

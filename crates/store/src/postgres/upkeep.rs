@@ -46,6 +46,20 @@ pub(super) struct Upkeep {
     exceeds: bool,
 }
 
+/// Does a part of the maintenance in some transactions, unless another server does maintenance. Returns whether there may be
+/// more to do.
+macro_rules! again {
+    ($db:expr, $tx:ident => $part:expr) => {{
+        for _ in 0..AT_ONCE {
+            match writing!($db, $tx => Ok(if is_alone($tx).await? { Some($part) } else { None }))? {
+                Some(true) => {}
+                done => return Ok(done.is_none()),
+            }
+        }
+        Ok(true)
+    }};
+}
+
 impl Upkeep {
     pub(super) fn new(options: &Options) -> Self {
         let Options { keep_jobs, budget, .. } = *options;
@@ -89,28 +103,12 @@ impl Upkeep {
     async fn delete_old(&self, db: &Database, time: i64) -> Result<bool, Error> {
         let Some(age) = self.keep_jobs else { return Ok(false) };
         let before = time.saturating_sub(i64::try_from(age.as_millis()).unwrap_or(i64::MAX));
-        for _ in 0..AT_ONCE {
-            match writing!(db, tx => {
-                Ok(if is_alone(tx).await? { Some(delete_old(tx, before).await?) } else { None })
-            })? {
-                Some(true) => {}
-                done => return Ok(done.is_none()),
-            }
-        }
-        Ok(true)
+        again!(db, tx => delete_old(tx, before).await?)
     }
 
     /// Deletes chunks of studies that have ended. Returns whether there may be more.
     async fn delete_chunks(db: &Database) -> Result<bool, Error> {
-        for _ in 0..AT_ONCE {
-            match writing!(db, tx => {
-                Ok(if is_alone(tx).await? { Some(delete_chunks(tx).await?) } else { None })
-            })? {
-                Some(true) => {}
-                done => return Ok(done.is_none()),
-            }
-        }
-        Ok(true)
+        again!(db, tx => delete_chunks(tx).await?)
     }
 
     /// The time by which ages are measured.
@@ -144,7 +142,7 @@ impl Upkeep {
                 }
                 let started = Instant::now();
                 let query = "SELECT coalesce(sum(stored), 0)::BIGINT FROM result WHERE evicted IS NULL";
-                let stored: i64 = sqlx::query_scalar(query).fetch_one(&mut *tx.db).await?;
+                let stored: i64 = sqlx::query_scalar(query).fetch_one(tx.db.connection()).await?;
                 let took = started.elapsed();
                 let excess = stored - budget;
                 let evicted = if excess > 0 { evict_some(tx, excess).await? } else { 0 };
@@ -187,7 +185,7 @@ fn rest(budget: Option<u64>, took: Duration) -> Duration {
 /// Whether no other server does maintenance until the end of the transaction.
 async fn is_alone(tx: &mut Transaction<'_>) -> Result<bool, Error> {
     let query = sqlx::query_scalar("SELECT pg_try_advisory_xact_lock($1)");
-    Ok(query.bind(Lock::Upkeep as i64).fetch_one(&mut *tx.db).await?)
+    Ok(query.bind(Lock::Upkeep as i64).fetch_one(tx.db.connection()).await?)
 }
 
 /// Stores when results were last read.
@@ -203,7 +201,7 @@ async fn write_reads(tx: &mut Transaction<'_>, reads: &[(Key, i64)]) -> Result<(
     )
     .bind(keys)
     .bind(times)
-    .execute(&mut *tx.db)
+    .execute(tx.db.connection())
     .await?;
     Ok(())
 }
@@ -219,7 +217,7 @@ async fn delete_old(tx: &mut Transaction<'_>, before: i64) -> Result<bool, Error
     .bind(oldest.as_slice())
     .bind(before)
     .bind(JOBS)
-    .fetch_all(&mut *tx.db)
+    .fetch_all(tx.db.connection())
     .await?;
     delete_jobs(tx, &ids).await?;
     Ok(ids.len() as u64 == JOBS.unsigned_abs())
@@ -232,12 +230,12 @@ async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<(), Er
         "SELECT 1 FROM run WHERE id IN (SELECT run FROM job WHERE id = ANY ($1)) ORDER BY id FOR NO KEY UPDATE",
     )
     .bind(ids)
-    .execute(&mut *tx.db)
+    .execute(tx.db.connection())
     .await?;
     let runs: Vec<Option<i64>> =
         sqlx::query_scalar("DELETE FROM job WHERE id = ANY ($1) RETURNING run")
             .bind(ids)
-            .fetch_all(&mut *tx.db)
+            .fetch_all(tx.db.connection())
             .await?;
     let runs: Vec<i64> = runs.into_iter().flatten().collect();
     if !runs.is_empty() {
@@ -246,7 +244,7 @@ async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<(), Er
                  AND NOT EXISTS (SELECT 1 FROM job WHERE job.run = run.id)",
         )
         .bind(runs)
-        .execute(&mut *tx.db)
+        .execute(tx.db.connection())
         .await?;
     }
     Ok(())
@@ -307,7 +305,7 @@ async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<i64, Error> 
         if evicted >= bytes {
             break;
         }
-        keep::evict(row.get("key")?, tx.now, None, &mut *tx.db).await?;
+        keep::evict(row.get("key")?, tx.now, None, &mut tx.db).await?;
         tx.effects.push(Effect::Evicted);
         evicted += row.get::<i64>("stored")?;
     }

@@ -93,36 +93,24 @@ impl Database {
         most: Most,
     ) -> Result<Vec<Row>, Error> {
         let done = async {
-            let _permit = match way {
-                Way::Scan => Some(self.scans.acquire().await.map_err(|_| Error::Closed)?),
-                _ => None,
+            let (readers, permit) = match way {
+                Way::Any => (&self.readers, None),
+                Way::Scan => (&self.readers, Some(self.scans.acquire().await)),
+                Way::Large => (&self.large, None),
+                Way::Keys => (&self.keys, None),
             };
-            let readers = match way {
-                Way::Any | Way::Scan => &self.readers,
-                Way::Large => &self.large,
-                Way::Keys => &self.keys,
-            };
+            let _permit = permit.transpose().map_err(|_| Error::Closed)?;
             readers.get().await?.connection().read(statement, most).await
         };
         self.signals.counted(done.await)
     }
 
-    /// Lets the writer task call a function that both databases have.
-    pub(super) async fn change<Input, V, Answer>(
+    /// Lets the writer task call a function. Returns its answer after the commit.
+    pub(super) async fn write<Input, V, Answer>(
         &self,
         verb: V,
         input: Input,
     ) -> Result<Answer, Error>
-    where
-        Input: Send + Sync + 'static,
-        V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
-        Answer: Send + 'static,
-    {
-        self.write(Shared(verb), input).await
-    }
-
-    /// Lets the writer task call a function. Returns its answer after the commit.
-    async fn write<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer, Error>
     where
         Input: Send + Sync + 'static,
         V: for<'a> Verb<'a, Input, &'a mut Transaction, Answer = Answer>,
@@ -139,7 +127,7 @@ impl Database {
 
 /// A verb that both databases have.
 #[derive(Debug, Clone, Copy)]
-struct Shared<V>(V);
+pub(super) struct Shared<V>(pub(super) V);
 
 impl<'a, Input: 'a, V: Verb<'a, Input, Change<'a>>> Verb<'a, Input, &'a mut Transaction>
     for Shared<V>

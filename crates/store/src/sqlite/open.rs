@@ -20,8 +20,9 @@ use super::queue::Queue;
 use super::readers::{BUSY, Readers};
 use super::schema::{self, latest, migrate, version};
 use super::transaction::Transaction;
-use super::upkeep::{self, Upkeep};
+use super::upkeep::Upkeep;
 use super::writer::Writer;
+use crate::ages::AgeClock;
 use crate::error::Error;
 use crate::library::Program;
 use crate::options::{FileSizes, Options};
@@ -81,8 +82,9 @@ impl Database {
             [path.clone(), with_suffix(&path, "-wal"), with_suffix(&path, "-shm"), dir.join(LOCK)];
         let files = Files::at(files)
             .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
-        let upkeep =
-            Upkeep::new(options.keep_jobs, options.budget, upkeep::read_clock(&mut db).await?);
+        // A new database has no clock.
+        let clock = sqlx::query_scalar("SELECT clock FROM room").fetch_one(&mut db).await?;
+        let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::at(clock));
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, (ledger, log, files)).start();

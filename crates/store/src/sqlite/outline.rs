@@ -51,13 +51,12 @@ pub(super) async fn complete(db: &mut SqliteConnection) -> Result<(), Error> {
 /// Reads a stored result; `None` if it was evicted or is damaged.
 async fn document(db: &mut SqliteConnection, key: Key) -> Result<Option<Document>, Error> {
     match db.row(sql!("SELECT body FROM result_blob WHERE key = $1"; key)).await {
-        Ok(None) => Ok(None),
         Ok(Some(row)) => {
             let body = Body::stored(row.get("body")?);
             Ok(body.json().ok().and_then(|json| Document::read(&json).ok()))
         }
         // A damaged page must not keep the server from starting.
-        Err(Error::Damaged(_)) => Ok(None),
+        Ok(None) | Err(Error::Damaged(_)) => Ok(None),
         Err(error) => Err(error),
     }
 }

@@ -36,7 +36,7 @@ impl Database {
         claimed: &Claimed,
         answer: Answered,
     ) -> Result<Finish, Error> {
-        self.write(finish, Finished { claimed: claimed.clone(), answer }).await
+        self.write(finish, (claimed.clone(), answer)).await
     }
 
     pub(crate) async fn fail(
@@ -103,14 +103,8 @@ async fn progress((claim, share): &(Claim, f64), tx: &mut Transaction) -> Result
     Ok(true)
 }
 
-/// A result and the run that it ends.
-struct Finished {
-    claimed: Claimed,
-    answer: Answered,
-}
-
 async fn finish(
-    Finished { claimed, answer }: &Finished,
+    (claimed, answer): &(Claimed, Answered),
     tx: &mut Transaction,
 ) -> Result<Finish, Error> {
     static FINISH: LazyLock<String> = LazyLock::new(|| keeping(Reason::Run, 3));

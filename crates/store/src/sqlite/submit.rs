@@ -29,8 +29,8 @@ impl Database {
         wall: Duration,
     ) -> Result<Vec<Submitted>, Error> {
         let limit = Some(self.queue_limit);
-        let jobs = jobs.into_iter().map(|job| EncodedJob::new(job, limit)).collect();
-        self.write(record, Record { jobs, wall, answer }).await
+        let jobs: Vec<_> = jobs.into_iter().map(|job| EncodedJob::new(job, limit)).collect();
+        self.write(record, (jobs, answer, wall)).await
     }
 }
 
@@ -173,14 +173,6 @@ async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitt
     submission.insert(tx).await
 }
 
-/// Jobs of one key whose answer was computed before they were submitted.
-struct Record {
-    jobs: Vec<EncodedJob>,
-    /// How long the computation took.
-    wall: Duration,
-    answer: Answered,
-}
-
 /// How a job got its answer before it was submitted.
 #[derive(Debug, Clone, Copy)]
 struct Recorded {
@@ -195,8 +187,10 @@ static RECORD: LazyLock<String> = LazyLock::new(|| format!("{}; {JOB}", keeping(
 
 /// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
 /// live, the jobs use that instead, and the answer is dropped. If it is evicted and no run is live, the jobs need one.
-async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>, Error> {
-    let Record { jobs, wall, answer } = record;
+async fn record(
+    (jobs, answer, wall): &(Vec<EncodedJob>, Answered, Duration),
+    tx: &mut Transaction,
+) -> Result<Vec<Submitted>, Error> {
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
     let (began, now) = (tx.now.saturating_sub(took), tx.now);
     let Some((first, others)) = jobs.split_first() else { return Ok(Vec::new()) };

@@ -8,7 +8,7 @@ use crate::signals::Effect;
 use crate::tables::Connection;
 
 /// The connection of the writer task while a transaction is open.
-pub(super) struct Transaction {
+pub(crate) struct Transaction {
     pub(super) db: SqliteConnection,
     /// The time of all its changes, in milliseconds since 1970.
     pub(super) now: i64,

@@ -101,12 +101,6 @@ impl Upkeep {
     }
 }
 
-/// Reads the clock of the last server; a new database has none.
-pub(super) async fn read_clock(db: &mut SqliteConnection) -> Result<AgeClock, Error> {
-    let stored: Option<i64> = sqlx::query_scalar("SELECT clock FROM room").fetch_one(db).await?;
-    Ok(AgeClock::at(stored))
-}
-
 /// Stores the [`AgeClock`].
 pub(super) async fn write_clock(time: &i64, tx: &mut Transaction) -> Result<(), Error> {
     tx.db.execute(sql!("UPDATE room SET clock = $1"; *time)).await?;
