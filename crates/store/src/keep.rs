@@ -242,7 +242,7 @@ pub(super) async fn evict(
 pub(super) struct Source<'a> {
     pub(super) key: Key,
     pub(super) task: &'a str,
-    /// Its owner, its job, and the warnings of its submission as JSON; for [`Reason::Run`] those of the run.
+    /// Its owner, its job, and the warnings of its submission as JSON. SQLite reads those of a run from the tables.
     pub(super) owner: Option<&'a str>,
     pub(super) job: Option<JobId>,
     pub(super) warnings: Option<&'a str>,

@@ -29,9 +29,9 @@ pub(super) enum Most {
     All,
 }
 
-/// By which connection the store reads.
+/// What the store needs a connection for.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Way {
+pub(super) enum Purpose {
     /// One of a pool.
     Any,
     /// One of a pool, for a scan of all results. Scans never take all connections, so single results can always be read.

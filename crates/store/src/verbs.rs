@@ -23,7 +23,7 @@ use super::search::{self, Cursor, Found, Search};
 use super::signals::{Changes, Deletions, Signals};
 use super::statement::{Statement, sql};
 use super::submit::{NewJob, Submitted};
-use super::tables::{Most, Tables, Way};
+use super::tables::{Most, Purpose, Tables};
 use super::tally::Tally;
 use super::{postgres, sqlite};
 use fretwork_job::clock::now;
@@ -54,8 +54,8 @@ macro_rules! each {
     };
 }
 
-/// What a store reads by connections of this kind.
-struct Reading<'a>(&'a Store, Way);
+/// The tables of a store, read by connections of this purpose.
+struct Reading<'a>(&'a Store, Purpose);
 
 impl Tables for Reading<'_> {
     async fn read(&mut self, statement: Statement, most: Most) -> Result<Vec<Row>, Error> {
@@ -68,7 +68,7 @@ const AT_ONCE: u32 = 100;
 
 impl Store {
     fn reading(&self) -> Reading<'_> {
-        Reading(self, Way::Any)
+        Reading(self, Purpose::Any)
     }
 
     /// Makes a change that both engines make with the same statements.
@@ -239,7 +239,7 @@ impl Store {
     pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
         match self.small_result(key).await? {
             Some(StoredResult::Large(_)) => {
-                let found = read::result(key, i64::MAX, Reading(self, Way::Large)).await?;
+                let found = read::result(key, i64::MAX, Reading(self, Purpose::Large)).await?;
                 self.sound(key, found).await
             }
             found => Ok(found),
@@ -360,7 +360,7 @@ impl Store {
 
     /// All keys, also expired and revoked ones, the oldest first.
     pub async fn access_keys(&self) -> Result<Vec<AccessKey>, Error> {
-        keys::list(Reading(self, Way::Keys)).await
+        keys::list(Reading(self, Purpose::Keys)).await
     }
 
     /// Records that a key was used now.
@@ -427,13 +427,13 @@ impl Store {
         cursor: Option<Cursor>,
         limit: u32,
     ) -> Result<Found, Error> {
-        Found::page(search, cursor, limit, Reading(self, Way::Scan)).await
+        Found::page(search, cursor, limit, Reading(self, Purpose::Scan)).await
     }
 
     /// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance
     /// is the sum of the relative differences, plus 10 for each word that differs.
     pub async fn nearest(&self, to: &Outline, except: Option<Key>) -> Result<Option<Key>, Error> {
-        search::nearest(to, except, Reading(self, Way::Scan)).await
+        search::nearest(to, except, Reading(self, Purpose::Scan)).await
     }
 
     /// Free bytes on the disk of the database; `None` if the system does not report them.

@@ -39,7 +39,7 @@ use super::options::FileSizes;
 use super::row::{Columns, Row};
 use super::signals::{Effect, Signals};
 use super::statement::{Statement, sql};
-use super::tables::{Connected, Most, Tables, Way};
+use super::tables::{Connected, Most, Purpose, Tables};
 
 use backlog::Backlog;
 use contact::Contact;
@@ -117,14 +117,14 @@ impl Database {
     /// Reads with a connection of the pool.
     pub(super) async fn read(
         &self,
-        way: Way,
+        purpose: Purpose,
         statement: Statement,
         most: Most,
     ) -> Result<Vec<Row>, Error> {
-        let permit = match way {
-            Way::Any | Way::Keys => None,
-            Way::Scan => Some(self.0.scans.acquire().await),
-            Way::Large => Some(self.0.large.acquire().await),
+        let permit = match purpose {
+            Purpose::Any | Purpose::Keys => None,
+            Purpose::Scan => Some(self.0.scans.acquire().await),
+            Purpose::Large => Some(self.0.large.acquire().await),
         };
         let _permit = permit.transpose().map_err(|_| Error::Closed)?;
         reading!(self, db => db.read(statement.clone(), most).await)

@@ -33,7 +33,7 @@ use super::error::Error;
 use super::row::{Columns, Row};
 use super::signals::Signals;
 use super::statement::{Statement, sql};
-use super::tables::{Most, Tables, Way};
+use super::tables::{Most, Purpose, Tables};
 use fretwork_job::clock::now;
 
 use readers::Readers;
@@ -75,7 +75,7 @@ impl Database {
             "SELECT created FROM run INDEXED BY run_unfinished
              WHERE state = 'queued' AND finished IS NULL ORDER BY id LIMIT 1"
         );
-        let oldest = self.read(Way::Any, query, Most::One).await?.pop();
+        let oldest = self.read(Purpose::Any, query, Most::One).await?.pop();
         let waited = oldest.map(|row| row.get::<i64>("created")).transpose()?;
         // The clock of the system may have been set back.
         Ok(Duration::from_millis(waited.map_or(0, |oldest| now() - oldest).max(0).unsigned_abs()))
@@ -88,16 +88,16 @@ impl Database {
     /// Reads with a connection of the pool.
     pub(super) async fn read(
         &self,
-        way: Way,
+        purpose: Purpose,
         statement: Statement,
         most: Most,
     ) -> Result<Vec<Row>, Error> {
         let done = async {
-            let (readers, permit) = match way {
-                Way::Any => (&self.readers, None),
-                Way::Scan => (&self.readers, Some(self.scans.acquire().await)),
-                Way::Large => (&self.large, None),
-                Way::Keys => (&self.keys, None),
+            let (readers, permit) = match purpose {
+                Purpose::Any => (&self.readers, None),
+                Purpose::Scan => (&self.readers, Some(self.scans.acquire().await)),
+                Purpose::Large => (&self.large, None),
+                Purpose::Keys => (&self.keys, None),
             };
             let _permit = permit.transpose().map_err(|_| Error::Closed)?;
             readers.get().await?.connection().read(statement, most).await
@@ -157,7 +157,7 @@ mod tests {
 
     /// How SQLite executes a statement.
     async fn plan(db: &Database, statement: Statement) -> Vec<String> {
-        let rows = db.read(Way::Any, statement.explained(), Most::All).await.unwrap();
+        let rows = db.read(Purpose::Any, statement.explained(), Most::All).await.unwrap();
         rows.iter().map(|row| row.get("detail").unwrap()).collect()
     }
 
@@ -213,7 +213,7 @@ mod tests {
             busy.push(db.readers.get().await.unwrap());
         }
         let query = sql!("SELECT id FROM access_key");
-        assert!(db.read(Way::Keys, query, Most::All).await.unwrap().is_empty());
+        assert!(db.read(Purpose::Keys, query, Most::All).await.unwrap().is_empty());
         drop(busy);
         db.close().await;
     }
@@ -223,11 +223,11 @@ mod tests {
         let (_dir, db) = open().await;
         let permits = db.scans.acquire_many(u32::try_from(SCANS).unwrap()).await.unwrap();
         let search = page(&Search::default(), None, 1);
-        let mut search = std::pin::pin!(db.read(Way::Scan, search, Most::All));
+        let mut search = std::pin::pin!(db.read(Purpose::Scan, search, Most::All));
         let reads = async {
             for _ in 0..100 {
                 let query = sql!("SELECT id FROM job");
-                assert!(db.read(Way::Any, query, Most::All).await.unwrap().is_empty());
+                assert!(db.read(Purpose::Any, query, Most::All).await.unwrap().is_empty());
             }
         };
         tokio::select! {
