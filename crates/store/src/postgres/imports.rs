@@ -3,7 +3,7 @@
 use sqlx::Connection as _;
 use sqlx::postgres::PgConnection;
 
-use super::{keep, library};
+use super::keep;
 use crate::error::Error;
 use crate::imports::{BEFORE, Before, Import, NoteTaken};
 use crate::keep::Source;
@@ -41,12 +41,12 @@ pub(crate) async fn import(
 async fn insert(db: &mut PgConnection, import: &Import<'_>) -> Result<bool, Error> {
     let Import { key, task, owner, warnings, .. } = *import;
     let program = match import.program {
-        Some(program) => Some(library::program(program, db).await?),
+        Some(program) => Some(program.id(db).await?),
         None => None,
     };
     let now = sqlx::query_scalar("SELECT moment()").fetch_one(&mut *db).await?;
     let (job, trace) = (None, None);
-    let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
+    let source = Source { key, task, owner, job, warnings, trace, program, now };
     if !keep::store(db, import.answer, &source, true).await? {
         return Ok(false);
     }

@@ -2,7 +2,7 @@
 
 use sqlx::{Connection as _, SqliteConnection};
 
-use super::{keep, library};
+use super::keep;
 use crate::error::Error;
 use crate::imports::{BEFORE, Before, Import, NoteTaken};
 use crate::keep::Source;
@@ -38,12 +38,12 @@ pub(crate) async fn import(
 async fn insert(db: &mut SqliteConnection, import: &Import<'_>) -> Result<(), Error> {
     let Import { key, task, owner, warnings, .. } = *import;
     let program = match import.program {
-        Some(program) => Some(library::program(program, db).await?),
+        Some(program) => Some(program.id(db).await?),
         None => None,
     };
     let now = clock::now();
     let (job, trace) = (None, None);
-    let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
+    let source = Source { key, task, owner, job, warnings, trace, program, now };
     keep::import(import.answer, db, &source).await?;
     sqlx::query(
         "UPDATE result SET imported = ?2, imported_from = ?3, computed = ?4, verified = ?5 WHERE key = ?1",
