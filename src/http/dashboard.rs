@@ -10,12 +10,15 @@ use axum::http::header::{
 };
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
+use serde_json::{Map, Value, json};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::coding::Coding;
 use super::problem::{Problem, kinds};
 use super::representation::held;
 use super::wire::{NoQuery, Segment};
+
+use fretwork_study::Kind;
 
 /// A file: its name under `/assets/`, its media type and its content.
 type File = (&'static str, &'static str, &'static [u8]);
@@ -52,7 +55,7 @@ struct Asset {
 }
 
 impl Asset {
-    fn new(&(name, media_type, bytes): &File) -> Self {
+    fn new(name: &'static str, media_type: &'static str, bytes: &[u8]) -> Self {
         let bodies = [Coding::Identity, Coding::Gzip, Coding::Zstd].map(|accepted| {
             #[expect(clippy::expect_used, reason = "writing to memory cannot fail")]
             let (body, used) = accepted.encode(bytes).expect("compresses a file in memory");
@@ -64,8 +67,16 @@ impl Asset {
 
 static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
     let files = [&[INDEX][..], SCRIPTS, STYLES, IMAGES, TEXTS];
-    files.concat().iter().map(Asset::new).collect()
+    let files = files.concat().into_iter().map(|(name, kind, bytes)| Asset::new(name, kind, bytes));
+    files.chain([Asset::new("words.js", "text/javascript", words().as_bytes())]).collect()
 });
+
+/// The script with the words that follow from the tables of the program.
+fn words() -> String {
+    let kinds: Map<_, _> =
+        Kind::ALL.into_iter().map(|kind| (kind.name.to_owned(), json!(kind))).collect();
+    format!("/** The kinds of studies. */\nexport const KINDS = {};\n", Value::Object(kinds))
+}
 
 /// `GET /`.
 pub async fn page(headers: HeaderMap, _: NoQuery) -> Result<Response, Problem> {

@@ -17,6 +17,7 @@ use super::signed_link::OPENED;
 use fretwork_engine::scenario::SCHEMA;
 use fretwork_job::Submission;
 use fretwork_store::Role;
+use fretwork_study::Kind;
 
 const DOCUMENT_SCHEMAS: &str = include_str!("documents.schema.json");
 
@@ -101,12 +102,10 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
                 already known and was evicted more than a year ago. A study is in its place, under its own name.",
             "oneOf": [{"$ref": "#/components/schemas/Scenario"}, {"type": "null"}],
         });
-        for (kind, schema) in
-            [("sweep", "Sweep"), ("sensitivity", "Sensitivity"), ("map", "FrettingMap")]
-        {
-            schemas["Job"]["properties"][kind] = json!({
+        for kind in Kind::ALL {
+            schemas["Job"]["properties"][kind.name] = json!({
                 "description": "With `include=scenario`, for a study: the study in SI units with all defaults.",
-                "$ref": format!("#/components/schemas/{schema}"),
+                "$ref": schemas["JobBody"]["properties"][kind.name]["$ref"],
             });
         }
         schemas["Job"]["properties"]["result"] = json!({

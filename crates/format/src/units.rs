@@ -6,8 +6,8 @@ use fretwork_engine::numeric::twelve_digits;
 use serde::{Serialize, Serializer};
 use serde_json::{Number, Value};
 
-use super::members::Members;
 use super::view::View;
+use fretwork_json::Members;
 
 /// An engineering unit and its conversion from SI: a factor and a divisor. Both are exact, so a number
 /// is rounded only once.

@@ -9,6 +9,7 @@ use fretwork_engine::request::quantity::Dimension::{
     self, Angle, Force, Length, Number, Stiffness, Stress,
 };
 use fretwork_engine::request::quantity::Dimension::{Energy, Volume, WearCoefficient};
+use fretwork_study::Kind;
 
 /// A number that users can search by.
 #[derive(Debug)]
@@ -83,9 +84,20 @@ pub struct Word {
     pointer: &'static str,
 }
 
+/// The words of all kinds of results.
+const KINDS: [&str; 1 + Kind::ALL.len()] = {
+    let mut words = ["run"; 1 + Kind::ALL.len()];
+    let mut place = 0;
+    while place < Kind::ALL.len() {
+        words[place + 1] = Kind::ALL[place].name;
+        place += 1;
+    }
+    words
+};
+
 /// All words that users can search by.
 pub const WORDS: [Word; 6] = [
-    Word { name: "kind", values: &["run", "sweep", "sensitivity", "map"], pointer: "/kind" },
+    Word { name: "kind", values: &KINDS, pointer: "/kind" },
     Word {
         name: "shape",
         values: &[

@@ -6,10 +6,10 @@ use std::iter;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::kind::Study;
 use super::points::guarded;
 use super::problem::{Found, Lack};
 use super::rows::Rows;
+use super::study::{Point, Study};
 
 /// Rows that are computed anew.
 const SAMPLES: usize = 16;
@@ -90,15 +90,15 @@ impl Study {
             return false;
         }
         let found = guarded(|| {
-            let mut running = self.start(&values);
-            iter::repeat_with(|| self.step(number, &mut running)).find_map(|found| found)
+            let mut point = Point::default();
+            iter::repeat_with(|| self.step(number, &mut point)).find_map(|row| row)
         });
         let text = |found: &Found| {
             let mut row = Rows::default();
             row.push(&values, found);
             row.columns().collect::<Vec<_>>().join(",")
         };
-        found.flatten().is_some_and(|found| text(&found) != text(claimed))
+        found.flatten().is_some_and(|row| text(&row.found) != text(claimed))
     }
 }
 
@@ -139,7 +139,7 @@ mod tests {
             "vary": [{"pointer": "/friction", "values": [0.5, -1.0, 0.7]}],
             "outputs": ["wear_volume"],
             "profiles": {"radius": [0, 1e-3], "fields": ["wear", "slip"]}});
-        let study = Arc::new(Study::read(Kind::Sweep, sweep).unwrap());
+        let study = Arc::new(Study::read(Kind::named("sweep").unwrap(), sweep).unwrap());
         let mut points = Points::whole(Arc::clone(&study));
         let rows = std::iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap();
         let document = study.document(&"key", &"engine", &rows);

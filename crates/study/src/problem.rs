@@ -25,34 +25,6 @@ const PREPARATION: (f64, f64) = (15e-6, 0.3e-6);
 /// Largest seed: the largest integer that every JSON parser reads exactly.
 pub(super) const MAX_SEED: u64 = 1 << 53;
 
-/// A study as its own kind reads it.
-pub(super) struct Read<P> {
-    /// What was read, with all defaults.
-    pub complete: Map<String, Value>,
-    /// What is computed at each point.
-    pub problem: Problem,
-    /// Which points the study has, and what it makes of their rows.
-    pub plan: P,
-}
-
-impl<P> Read<P> {
-    /// A study with these members beside its scenario and its outputs.
-    pub fn new(mut complete: Map<String, Value>, problem: Problem, plan: P) -> Self {
-        complete.insert("scenario".to_owned(), problem.base.clone());
-        if !problem.outputs.is_empty() {
-            complete
-                .insert("outputs".to_owned(), problem.outputs.iter().map(Output::name).collect());
-        }
-        Self { complete, problem, plan }
-    }
-
-    /// The same with a plan made from this one.
-    pub fn with<Q>(self, make: impl FnOnce(P) -> Q) -> Read<Q> {
-        let Self { complete, problem, plan } = self;
-        Read { complete, problem, plan: make(plan) }
-    }
-}
-
 /// The members of a study with few values.
 pub(super) fn small_members(study: &Value) -> Map<String, Value> {
     let members = study.as_object().into_iter().flatten();
@@ -117,7 +89,10 @@ impl Problem {
     pub fn start(&self, values: &[f64]) -> Running {
         let case = match self.case(values) {
             Ok(case) => case,
-            Err(reason) => return Running::Known(self.lacks_all(Lack::Refused(reason))),
+            Err(reason) => {
+                let lack = Some(Lack::Refused(reason));
+                return Running::Known(Found { lack, ..self.no_run() });
+            }
         };
         if self.needs_run() {
             let simulation = Simulation::new(case.clone(), Vec::new());
@@ -180,10 +155,10 @@ impl Problem {
         Found { outputs: outputs.collect(), profiles: self.no_profiles(), lack }
     }
 
-    /// A point without outputs.
-    pub(super) fn lacks_all(&self, lack: Lack) -> Found {
+    /// What is found without a run: nothing.
+    pub(super) fn no_run(&self) -> Found {
         let outputs = vec![None; self.outputs.len()];
-        Found { outputs, profiles: self.no_profiles(), lack: Some(lack) }
+        Found { outputs, profiles: self.no_profiles(), lack: None }
     }
 
     /// The case of a point, or why its scenario is not valid.

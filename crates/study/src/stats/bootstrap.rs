@@ -15,7 +15,7 @@ use fretwork_engine::request::fault::Fault;
 use fretwork_random::Stream;
 
 /// The largest number of blocks.
-pub(super) const MAX_BLOCKS: usize = 1024;
+pub const MAX_BLOCKS: usize = 1024;
 
 /// The largest number of samples that are drawn.
 const MAX_RESAMPLES: usize = 10_000;
@@ -155,7 +155,7 @@ fn percentile(sorted: &[f64], share: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::distribution::normal_quantile;
+    use crate::stats::distribution::normal_quantile;
     use fretwork_random::Random;
 
     #[expect(clippy::unnecessary_wraps, reason = "the form of an estimate")]

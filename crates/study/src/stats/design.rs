@@ -15,7 +15,7 @@
 //!
 //! # Examples
 //! ```
-//! use fretwork_study::design::Design;
+//! use fretwork_study::stats::design::Design;
 //! let grid = Design::grid(vec![vec![0.3, 0.5], vec![1.0, 2.0, 3.0]]).unwrap();
 //! assert_eq!(grid.points(), 6);
 //! assert_eq!(grid.point(4), [0.5, 2.0]);
