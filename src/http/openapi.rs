@@ -15,7 +15,7 @@ use super::scenarios::EXAMPLES;
 use super::schemas;
 use super::signed_link::OPENED;
 use fretwork_engine::scenario::SCHEMA;
-use fretwork_job::Submission;
+use fretwork_job::{Submission, TaskKind};
 use fretwork_store::Role;
 use fretwork_study::Kind;
 
@@ -106,6 +106,11 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
             schemas["Job"]["properties"][kind.name] = json!({
                 "description": "With `include=scenario`, for a study: the study in SI units with all defaults.",
                 "$ref": schemas["JobBody"]["properties"][kind.name]["$ref"],
+            });
+        }
+        for kind in TaskKind::all() {
+            schemas["Problem"]["properties"][kind.member()] = json!({
+                "description": "What an evicted result was computed from.", "type": "object",
             });
         }
         schemas["Job"]["properties"]["result"] = json!({

@@ -48,21 +48,11 @@ fn columns(table: &impl Serialize) -> Schema {
     list(words(table.as_object().into_iter().flat_map(Map::keys).map(String::as_str)))
 }
 
-/// One of the members of a job body that say what to compute.
-fn asked() -> Schema {
-    let members = job::TaskKind::all().fold(ObjectBuilder::new(), |schema, kind| {
-        schema.property(kind.member(), ObjectBuilder::new().schema_type(Type::Object))
-    });
-    members.build().into()
-}
-
 fn kept_in_a_file() -> Schema {
     ObjectBuilder::new().build().into()
 }
 
 documented! {
-    /// What a result was computed from, in SI units with all defaults: a scenario or a study.
-    Asked asked();
     /// Whether a result is stored.
     Standing words(["held", "dropped", "unknown"]);
     /// The state of a job.

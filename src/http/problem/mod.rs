@@ -89,7 +89,7 @@ pub struct ProblemDocument<'a> {
     errors: &'a [Complaint],
     /// What an evicted result was computed from.
     #[serde(flatten)]
-    #[schema(value_type = super::schemas::Asked)]
+    #[schema(ignore)]
     asked: Option<&'a Canonical>,
 }
 
