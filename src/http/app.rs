@@ -9,8 +9,8 @@ use tokio::sync::Mutex;
 
 use super::access::Gate;
 use super::memory::Memory;
+use super::memory::models::Models;
 use super::metrics::Metrics;
-use super::models::Models;
 use super::shares::Shares;
 use crate::service::Service;
 use fretwork_store::Error;

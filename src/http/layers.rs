@@ -17,16 +17,16 @@ use tower::layer::layer_fn;
 use tower::{Layer as _, Service, ServiceExt as _, service_fn};
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
 
+use super::access::caller::{Peer, REQUEST_ID, Trace, owner_of};
 use super::access::{self, Gate, Identity};
-use super::caller::{Peer, REQUEST_ID, Trace, owner_of};
-use super::coding::Coding;
-use super::drain_body::drain_body;
-use super::evaluate;
+use super::api::evaluate;
+use super::api::umbridge;
 use super::metrics::Metrics;
+use super::problem::refusals::Refusals;
 use super::problem::{self, Problem, kinds};
-use super::refusals::Refusals;
 use super::shares::{Permit, SMALL, Shares};
-use super::umbridge;
+use super::transport::drain_body::drain_body;
+use super::wire::coding::Coding;
 use super::wire::length_of;
 use crate::service::workers::message_of;
 
@@ -285,10 +285,10 @@ mod tests {
     use tower::ServiceExt as _;
 
     use super::*;
+    use crate::http::access::limits::Limits;
+    use crate::http::access::needs::RouteNeeds;
     use crate::http::access::{Access, AdminKey};
-    use crate::http::admission::{Admission, Connections};
-    use crate::http::limits::Limits;
-    use crate::http::needs::RouteNeeds;
+    use crate::http::transport::admission::{Admission, Connections};
     use fretwork_store::Store;
 
     /// A server with one route, and the directory of its database.

@@ -1,52 +1,22 @@
 //! The HTTP API.
 //!
-//! A handler translates the request, calls the service, and translates its answer. Related handlers share a
-//! file. `layers` has what all answers share.
+//! A handler translates the request, calls the service, and translates its answer. `wire` reads the parts of requests, and
+//! `transport` their connections and bodies. `access` decides who may call a route. `answer` makes and keeps what results
+//! look like. `layers` surrounds all routes.
 
 mod access;
-mod admission;
+mod answer;
+mod api;
 mod app;
-mod audit;
-mod body;
-mod caller;
-mod coding;
-mod connection;
 mod dashboard;
-mod derivatives;
-mod diff;
-mod drain_body;
-mod evaluate;
-mod events;
-mod include;
-mod jobs;
-mod keyring;
 mod layers;
-mod library;
-mod limits;
-mod links;
-mod me;
 mod memory;
 mod metrics;
-mod models;
-mod needs;
-mod negotiation;
 mod openapi;
-mod pieces;
 mod problem;
-mod process;
-mod refusals;
-mod representation;
-mod results;
 mod routes;
-mod scenarios;
-mod schemas;
-mod server;
 mod shares;
-mod signed_link;
-mod stored;
-mod system;
-mod umbridge;
-mod weight;
+mod transport;
 mod wire;
 
 use std::future;
@@ -58,27 +28,28 @@ use futures_util::future::{OptionFuture, join};
 use tokio::net::TcpListener;
 use utoipa_axum::router::OpenApiRouter;
 
+pub use access::caller::ME;
+pub use access::limits::Limits;
+pub use access::signed_link::ADMIN;
 pub use access::{Access, AdminKey};
-pub use admission::Connections;
-pub use caller::ME;
-pub use connection::Patience;
+pub use api::scenarios::{EXAMPLES, Example};
 pub use layers::Origins;
-pub use limits::Limits;
-pub use scenarios::{EXAMPLES, Example};
-pub use server::listen;
-pub use signed_link::ADMIN;
+pub use transport::admission::Connections;
+pub use transport::connection::Patience;
+pub use transport::server::listen;
 
 use crate::service::Service;
 use access::Gate;
-use admission::Admission;
+use access::needs::RouteNeeds;
 use app::App;
 use layers::with_layers;
 use memory::Memory;
 use metrics::Metrics;
-use needs::RouteNeeds;
 use problem::{Problem, kinds};
 use routes::Routes;
 use shares::Shares;
+use transport::admission::Admission;
+use transport::server;
 
 /// Settings of the API.
 #[derive(Debug, Clone)]

@@ -6,14 +6,15 @@ use axum::routing::{MethodRouter, get};
 use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouter};
 use utoipa_axum::routes;
 
-use super::app::App;
-use super::needs::{Needs, RouteNeeds};
-use super::umbridge::Route;
-use super::wire::Segment;
-use super::{
-    audit, dashboard, derivatives, diff, evaluate, events, jobs, library, links, me, openapi,
-    results, scenarios, system, umbridge,
+use super::access::needs::{Needs, RouteNeeds};
+use super::api::umbridge::Route;
+use super::api::{
+    audit, derivatives, diff, evaluate, events, jobs, library, links, me, results, scenarios,
+    system, umbridge,
 };
+use super::app::App;
+use super::wire::Segment;
+use super::{dashboard, openapi};
 
 /// The routes with their documentation, and what they require.
 pub struct Routes {

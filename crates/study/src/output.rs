@@ -432,7 +432,8 @@ mod tests {
             expected.extend(names(section).map(|name| format!("{section}.{name}")));
         }
         let schema: serde_json::Value =
-            serde_json::from_str(include_str!("../../../src/http/documents.schema.json")).unwrap();
+            serde_json::from_str(include_str!("../../../src/http/openapi/documents.schema.json"))
+                .unwrap();
         let kinds = schema.pointer("/$defs/Event/properties/kind/enum").unwrap();
         let kinds = kinds.as_array().unwrap().iter();
         expected.extend(kinds.map(|kind| format!("events.{}", kind.as_str().unwrap())));

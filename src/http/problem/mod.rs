@@ -3,6 +3,8 @@
 //! A handler returns a [`Problem`], which becomes an extension of the response. `layers` writes the document,
 //! because it knows the request id. It does the same for the 404 and 405 of axum and for panics.
 
+pub mod refusals;
+
 pub mod kinds;
 mod page;
 

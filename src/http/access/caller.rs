@@ -1,0 +1,174 @@
+//! The caller of a request, and the ids of the request.
+
+use std::convert::Infallible;
+use std::fmt;
+use std::net::{IpAddr, Ipv6Addr};
+use std::sync::Arc;
+
+use axum::extract::FromRequestParts;
+use axum::http::request::Parts;
+use axum::http::{Extensions, HeaderMap, HeaderName};
+use uuid::Uuid;
+
+use super::Identity;
+use super::limits::Standing;
+use fretwork_store::{Actor, Editor, Role};
+
+/// The address of the client of a request.
+#[derive(Debug, Clone, Copy)]
+pub struct Peer(pub IpAddr);
+
+/// The ids of a request. They are in its answer, in the log, and in the log of the job that it submits.
+#[derive(Debug, Clone)]
+pub struct Trace {
+    /// The request id.
+    pub id: Arc<str>,
+    /// The `traceparent` header of the client (W3C Trace Context).
+    pub parent: Option<Arc<str>>,
+}
+
+pub const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+const TRACEPARENT: HeaderName = HeaderName::from_static("traceparent");
+
+impl Trace {
+    /// Reads the ids from the headers. An invalid request id is replaced by a new one.
+    pub fn read(headers: &HeaderMap) -> Self {
+        let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
+        let id = text(REQUEST_ID).filter(|id| is_valid_id(id));
+        let own =
+            || Arc::from(&*Uuid::now_v7().hyphenated().encode_lower(&mut Uuid::encode_buffer()));
+        Self {
+            id: id.map_or_else(own, Arc::from),
+            parent: text(TRACEPARENT).filter(|text| is_traceparent(text)).map(Arc::from),
+        }
+    }
+}
+
+impl fmt::Display for Trace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.id)?;
+        self.parent.iter().try_for_each(|parent| write!(f, " {parent}"))
+    }
+}
+
+/// The id of a client is written to the log and to answers, so it must be short and harmless.
+fn is_valid_id(id: &str) -> bool {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.:/+=".contains(&byte);
+    (1..=128).contains(&id.len()) && id.bytes().all(plain)
+}
+
+/// Version, trace id, parent id and flags in lower-case hexadecimal; ids must not be zero.
+fn is_traceparent(text: &str) -> bool {
+    let parts: Vec<&str> = text.split('-').collect();
+    let hex = |part: &&str| part.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
+    let lengths: Vec<usize> = parts.iter().map(|part| part.len()).collect();
+    parts.iter().all(hex)
+        && lengths == [2, 32, 16, 2]
+        && parts[0] != "ff"
+        && parts[1..3].iter().all(|id| id.bytes().any(|b| b != b'0'))
+}
+
+/// Stands for the caller in filters by owner. No key has this name.
+pub const ME: &str = "me";
+
+/// The client that sent a request.
+#[derive(Debug, Clone)]
+pub struct Caller {
+    /// The owner of its jobs: the name of the key, or the client's address on a server without keys.
+    pub owner: String,
+    /// What the caller may do.
+    pub role: Role,
+    /// The public id of the key; `None` on a server without keys.
+    pub key: Option<String>,
+    /// The remaining requests, if the key has a limit.
+    pub standing: Option<Standing>,
+    /// The ids of the request. A job stores them as text: the request id, a blank, the `traceparent`.
+    pub trace: Option<Trace>,
+}
+
+impl Caller {
+    /// The owner whose jobs the caller may see and change; `None` for all owners. On a server without
+    /// keys every caller may see all jobs.
+    pub fn reach(&self) -> Option<&str> {
+        (self.role != Role::Admin).then_some(&self.owner)
+    }
+
+    /// The caller as one who changes pins and notes.
+    pub fn editor(&self) -> Editor {
+        Editor { owner: self.owner.clone(), may_change_all: self.role == Role::Admin }
+    }
+
+    /// The caller in the audit log.
+    pub fn actor(&self) -> Actor {
+        Actor { name: self.owner.clone(), key: self.key.clone().unwrap_or_default() }
+    }
+
+    /// The owner with this name, or the caller for `me`. `None` if the caller may not see its jobs.
+    pub fn owner_named(&self, name: &str) -> Option<String> {
+        let owner = if name == ME { &self.owner } else { name };
+        let seen = self.reach().is_none_or(|own| own == owner);
+        (seen && !owner.is_empty()).then(|| owner.to_owned())
+    }
+}
+
+/// The network of an address. An IPv6 client changes its address within a network of 2⁶⁴ addresses.
+pub fn network(address: IpAddr) -> IpAddr {
+    match address {
+        IpAddr::V4(_) => address,
+        IpAddr::V6(v6) => IpAddr::V6(Ipv6Addr::from_bits(v6.to_bits() >> 64 << 64)),
+    }
+}
+
+/// The owner for an address: its network.
+fn owner(address: IpAddr) -> String {
+    match network(address) {
+        IpAddr::V4(address) => address.to_string(),
+        IpAddr::V6(network) => format!("{network}/64"),
+    }
+}
+
+/// The owner of a request: the name of its key, or the network of its client.
+pub fn owner_of(extensions: &Extensions) -> String {
+    match (extensions.get::<Identity>(), extensions.get::<Peer>()) {
+        (Some(identity), _) => identity.owner.clone(),
+        (None, Some(Peer(address))) => owner(*address),
+        (None, None) => "unknown".to_owned(),
+    }
+}
+
+impl<S: Sync> FromRequestParts<S> for Caller {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
+        let owner = owner_of(&parts.extensions);
+        let (role, key) = match parts.extensions.get::<Identity>() {
+            Some(Identity { role, key, .. }) => (*role, Some(key.clone())),
+            None => (Role::Admin, None),
+        };
+        let standing = parts.extensions.get::<Standing>().copied();
+        let trace = parts.extensions.get::<Trace>().cloned();
+        Ok(Self { owner, role, key, standing, trace })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_invalid_traceparent_is_ignored() {
+        let valid = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
+        assert!(is_traceparent(valid));
+        for bad in [
+            "",
+            "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7",
+            "00-00000000000000000000000000000000-00f067aa0ba902b7-01",
+            "00-4bf92f3577b34da6a3ce929d0e0e4736-0000000000000000-01",
+            "ff-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
+            "00-4BF92F3577B34DA6A3CE929D0E0E4736-00f067aa0ba902b7-01",
+            "00 4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
+        ] {
+            assert!(!is_traceparent(bad), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! Rate limits of one key: requests and evaluations per minute, and concurrent requests.
+
+use std::num::NonZeroU32;
+use std::sync::Arc;
+
+use axum::body::Body;
+use axum::http::{HeaderMap, HeaderName};
+use governor::RateLimiter;
+use governor::clock::{Clock as _, DefaultClock};
+use governor::middleware::StateInformationMiddleware;
+use governor::state::{InMemoryState, NotKeyed};
+use http_body_util::BodyExt as _;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+
+use super::needs::Quota;
+use crate::http::problem::{Problem, kinds};
+use crate::http::wire::ascii;
+
+const POLICY: HeaderName = HeaderName::from_static("ratelimit-policy");
+const STATE: HeaderName = HeaderName::from_static("ratelimit");
+
+/// The limits of one key; `None` is no limit.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Limits {
+    /// Requests per minute. All of them may arrive at once; the quota then refills evenly.
+    pub per_minute: Option<NonZeroU32>,
+    /// Evaluations per minute, which do not count as other requests do.
+    pub evaluations: Option<NonZeroU32>,
+    /// Concurrent requests. A request ends with the last byte of its answer.
+    pub at_once: Option<NonZeroU32>,
+}
+
+type Bucket = RateLimiter<NotKeyed, InMemoryState, DefaultClock, StateInformationMiddleware>;
+
+/// The current use of the limits of one key.
+#[derive(Debug)]
+pub struct Account {
+    pub limits: Limits,
+    requests: Option<Bucket>,
+    evaluations: Option<Bucket>,
+    /// The permits of concurrent requests, and their number.
+    concurrent: Option<(Arc<Semaphore>, NonZeroU32)>,
+}
+
+/// The remaining requests of a key.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Standing {
+    quota: Quota,
+    /// Calls per minute.
+    per_minute: NonZeroU32,
+    /// Number of calls that may arrive at once.
+    pub left: u32,
+    /// Seconds until at least one more call is allowed.
+    more_in: u32,
+}
+
+/// A request within the limits. Dropping it ends the request.
+#[derive(Debug, Default)]
+pub struct Place {
+    pub standing: Option<Standing>,
+    permit: Option<OwnedSemaphorePermit>,
+}
+
+impl Account {
+    pub fn new(limits: Limits) -> Self {
+        let bucket = |per_minute| {
+            RateLimiter::direct(governor::Quota::per_minute(per_minute))
+                .with_middleware::<StateInformationMiddleware>()
+        };
+        let permits = |most: NonZeroU32| (Arc::new(Semaphore::new(most.get() as usize)), most);
+        Self {
+            limits,
+            requests: limits.per_minute.map(bucket),
+            evaluations: limits.evaluations.map(bucket),
+            concurrent: limits.at_once.map(permits),
+        }
+    }
+
+    /// Counts a request against a quota, or refuses it.
+    pub fn take(&self, quota: Quota) -> Result<Place, Problem> {
+        let permit = match &self.concurrent {
+            None => None,
+            Some((permits, most)) => {
+                Some(Arc::clone(permits).try_acquire_owned().map_err(|_| full(*most))?)
+            }
+        };
+        let counted = match quota {
+            Quota::Requests => (&self.requests, self.limits.per_minute),
+            Quota::Evaluations => (&self.evaluations, self.limits.evaluations),
+        };
+        let standing = match counted {
+            (Some(bucket), Some(per_minute)) => Some(count(bucket, quota, per_minute)?),
+            _ => None,
+        };
+        Ok(Place { standing, permit })
+    }
+}
+
+/// The problem for too many concurrent requests. It has no `Retry-After`: event streams have no end, and
+/// an answer ends when its client has read it.
+fn full(most: NonZeroU32) -> Problem {
+    let detail = format!(
+        "This key has reached its limit of {most} concurrent requests. Waits and event streams count. End \
+         one of them, or try again later."
+    );
+    Problem::new(&kinds::TOO_MANY_AT_ONCE, detail)
+        .with_header(POLICY, format!("\"at-once\";q={most};qu=\"concurrent-requests\""))
+        .with_header(STATE, "\"at-once\";r=0")
+}
+
+fn count(bucket: &Bucket, quota: Quota, per_minute: NonZeroU32) -> Result<Standing, Problem> {
+    match bucket.check() {
+        Ok(state) => {
+            // The quota refills one request at a time.
+            let more_in = 60_u32.div_ceil(per_minute.get());
+            Ok(Standing { quota, per_minute, left: state.remaining_burst_capacity(), more_in })
+        }
+        Err(refused) => {
+            let wait = refused.wait_time_from(DefaultClock::default().now());
+            let more_in = wait.as_secs_f64().ceil().max(1.0) as u32;
+            let standing = Standing { quota, per_minute, left: 0, more_in };
+            let calls = match quota {
+                Quota::Requests => "requests",
+                Quota::Evaluations => "evaluations",
+            };
+            let detail =
+                format!("This key has reached its limit of {per_minute} {calls} per minute.");
+            let problem = Problem::new(&kinds::RATE_LIMITED, detail).retry_after(more_in);
+            Err(standing.tell_in(problem))
+        }
+    }
+}
+
+impl Standing {
+    /// The headers of the IETF draft on RateLimit header fields (draft-ietf-httpapi-ratelimit-headers):
+    /// `r` requests remain for `t` seconds.
+    fn headers(self) -> [(HeaderName, String); 2] {
+        let Self { quota, per_minute, left, more_in } = self;
+        let policy = match quota {
+            Quota::Requests => "minute",
+            Quota::Evaluations => "evaluations",
+        };
+        [
+            (POLICY, format!("\"{policy}\";q={per_minute};w=60")),
+            (STATE, format!("\"{policy}\";r={left};t={more_in}")),
+        ]
+    }
+
+    /// Adds the remaining requests to a problem.
+    pub fn tell_in(self, problem: Problem) -> Problem {
+        let headers = self.headers().into_iter();
+        headers.fold(problem, |problem, (name, value)| problem.with_header(name, value))
+    }
+
+    /// Adds the remaining requests to the headers of an answer.
+    pub fn tell(self, headers: &mut HeaderMap) {
+        for (name, value) in self.headers() {
+            headers.insert(name, ascii(&value));
+        }
+    }
+}
+
+impl Place {
+    /// The same without the remaining requests: the caller does not own the key.
+    pub fn untold(self) -> Self {
+        Self { standing: None, ..self }
+    }
+
+    /// A body that ends the request when it was sent or dropped.
+    pub fn hold(self, body: Body) -> Body {
+        match self.permit {
+            Some(permit) => Body::new(body.map_err(move |error| {
+                // The body owns this closure, and the closure owns the permit.
+                let _held = &permit;
+                error
+            })),
+            None => body,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::body::HttpBody as _;
+
+    use super::*;
+
+    #[test]
+    fn a_caller_can_send_exactly_the_reported_remaining_requests() {
+        let account = Account::new(Limits { per_minute: NonZeroU32::new(30), ..Limits::default() });
+        let left = account.take(Quota::Requests).unwrap().standing.unwrap().left;
+        assert_eq!(left, 29);
+        for more in (0..left).rev() {
+            assert_eq!(account.take(Quota::Requests).unwrap().standing.unwrap().left, more);
+        }
+        assert!(account.take(Quota::Requests).is_err());
+    }
+
+    #[test]
+    fn evaluations_and_other_requests_have_separate_limits() {
+        let (per_minute, evaluations) = (NonZeroU32::new(1), NonZeroU32::new(2));
+        let account = Account::new(Limits { per_minute, evaluations, at_once: None });
+        assert!(account.take(Quota::Requests).is_ok());
+        assert!(account.take(Quota::Requests).is_err());
+        for left in [1, 0] {
+            let standing = account.take(Quota::Evaluations).unwrap().standing.unwrap();
+            assert_eq!(standing.headers()[1].1, format!("\"evaluations\";r={left};t=30"));
+        }
+        assert!(account.take(Quota::Evaluations).is_err());
+    }
+
+    #[test]
+    fn a_request_counts_as_concurrent_until_its_body_is_dropped() {
+        let account = Account::new(Limits { at_once: NonZeroU32::new(1), ..Limits::default() });
+        let body = account.take(Quota::Requests).unwrap().hold(Body::from("text"));
+        assert!(account.take(Quota::Requests).is_err());
+        assert_eq!(body.size_hint().exact(), Some(4));
+        drop(body);
+        assert!(account.take(Quota::Requests).is_ok());
+    }
+}

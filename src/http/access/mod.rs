@@ -1,0 +1,432 @@
+//! Access control: identifies the caller of a request, and checks its role and its limits.
+//!
+//! A server without keys accepts every caller, and therefore listens on this machine only. As soon as the
+//! server has a key, every caller must send a key.
+
+pub mod caller;
+pub mod keyring;
+pub mod limits;
+pub mod needs;
+pub mod signed_link;
+
+use std::fmt;
+use std::net::{Ipv4Addr, Ipv6Addr};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use axum::extract::{MatchedPath, Request};
+use axum::http::{HeaderMap, HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use data_encoding::BASE64;
+use subtle::ConstantTimeEq as _;
+use tokio::sync::OnceCell;
+
+use crate::http::problem::{Problem, kinds};
+use crate::http::wire::instant;
+use fretwork_job::clock::now;
+use fretwork_store::{AccessKey, Actor, Role, Store, digest};
+use keyring::{KeyHolder, Keyring, LastUse, MAX_AGE};
+use limits::{Account, Limits, Place};
+use needs::{Needs, Quota, RouteNeeds};
+use signed_link::{ADMIN, ANYONE, Signer};
+
+/// Settings of access control.
+#[derive(Debug, Clone, Default)]
+pub struct Access {
+    /// Every caller has all rights, whether there are keys or not.
+    pub open: bool,
+    /// An administrator's key besides those in the tables.
+    pub admin_key: Option<AdminKey>,
+    /// The limits of each key without own limits.
+    pub limits: Limits,
+}
+
+/// An administrator's key from the settings. `Debug` hides it.
+#[derive(Clone, PartialEq, Eq)]
+pub struct AdminKey(pub String);
+
+impl fmt::Debug for AdminKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("AdminKey(…)")
+    }
+}
+
+/// The caller, as identified by its key.
+#[derive(Debug, Clone)]
+pub struct Identity {
+    /// The owner of its jobs.
+    pub owner: String,
+    pub role: Role,
+    /// The public id of the key.
+    pub key: String,
+}
+
+/// The caller in the log.
+impl fmt::Display for Identity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.owner, self.key)
+    }
+}
+
+impl Identity {
+    /// The caller in the audit log.
+    fn actor(&self) -> Actor {
+        Actor { name: self.owner.clone(), key: self.key.clone() }
+    }
+}
+
+/// Decides which requests are accepted.
+pub struct Gate {
+    store: Store,
+    open: bool,
+    admin: Option<AdminHolder>,
+    keyring: Keyring,
+    route_needs: RouteNeeds,
+    signer: OnceCell<Signer>,
+}
+
+impl fmt::Debug for Gate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Gate").finish_non_exhaustive()
+    }
+}
+
+/// The key from the settings, and the use of its limits.
+struct AdminHolder {
+    digest: [u8; 32],
+    account: Account,
+    links: Account,
+    last_use: LastUse,
+}
+
+/// An accepted request.
+#[derive(Default)]
+struct Admitted {
+    /// The caller; `None` on a route or a server that requires no key.
+    identity: Option<Identity>,
+    place: Place,
+    /// For a signed link: the time until it expires.
+    link: Option<Duration>,
+}
+
+/// Answers a request if its caller may send it, and refuses it otherwise. After a long time it checks the caller
+/// again.
+pub async fn check<A: Future<Output = Response>>(
+    gate: &Gate,
+    mut request: Request,
+    answer: impl FnOnce(Request) -> A,
+) -> Response {
+    let started = Instant::now();
+    let needs = gate.route_needs.of(request.method(), pattern(&request));
+    let Admitted { identity, place, link } = match gate.accept(&mut request, needs).await {
+        Ok(accepted) => accepted,
+        Err(problem) => return problem.into_response(),
+    };
+    if let Some(identity) = &identity {
+        request.extensions_mut().insert(identity.clone());
+    }
+    if let Some(standing) = place.standing {
+        request.extensions_mut().insert(standing);
+    }
+    let mut response = answer(request).await;
+    // The key may have been revoked while the request waited.
+    if needs.role.is_some()
+        && link.is_none()
+        && started.elapsed() > MAX_AGE
+        && let Some(problem) = gate.recheck(identity.as_ref().map(|identity| &*identity.key)).await
+    {
+        response = problem.into_response();
+    }
+    if identity.is_some() || link.is_some() {
+        restrict_caching(response.headers_mut(), link);
+    }
+    if let Some(identity) = identity {
+        response.extensions_mut().insert(identity);
+    }
+    if let Some(standing) = place.standing {
+        standing.tell(response.headers_mut());
+    }
+    response.map(|body| place.hold(body))
+}
+
+/// The pattern of the route of a request; empty for an unknown route.
+fn pattern(request: &Request) -> &str {
+    request.extensions().get::<MatchedPath>().map_or("", MatchedPath::as_str)
+}
+
+/// Forbids shared caches to keep an answer that required a key, and all caches to keep an answer longer than
+/// its link is valid.
+fn restrict_caching(headers: &mut HeaderMap, link: Option<Duration>) {
+    let Some(caching) = headers.get(header::CACHE_CONTROL).and_then(|value| value.to_str().ok())
+    else {
+        return;
+    };
+    if caching.contains("no-store") {
+        return;
+    }
+    let private = match link {
+        Some(left) => format!("private, max-age={}", left.as_secs()),
+        None => format!("private, {caching}"),
+    };
+    if let Ok(private) = HeaderValue::try_from(private) {
+        headers.insert(header::CACHE_CONTROL, private);
+    }
+}
+
+impl Gate {
+    pub fn new(store: &Store, access: &Access, route_needs: RouteNeeds) -> Self {
+        let account = || Account::new(access.limits);
+        let admin = access.admin_key.as_ref().map(|AdminKey(key)| AdminHolder {
+            digest: digest(key),
+            account: account(),
+            links: account(),
+            last_use: LastUse::default(),
+        });
+        Self {
+            store: store.clone(),
+            open: access.open,
+            admin,
+            keyring: Keyring::new(store, access.limits),
+            route_needs,
+            signer: OnceCell::new(),
+        }
+    }
+
+    /// The signer of links.
+    pub async fn signer(&self) -> Result<&Signer, Problem> {
+        self.signer
+            .get_or_try_init(|| async {
+                let admin = self.admin.as_ref().map(|admin| admin.digest);
+                Ok(Signer::new(&self.store.link_secret().await?, admin))
+            })
+            .await
+    }
+
+    async fn accept(&self, request: &mut Request, needs: Needs) -> Result<Admitted, Problem> {
+        let Some(required) = needs.role else { return Ok(Admitted::default()) };
+        if signed_link::token(request.uri()).is_some() {
+            return self.accept_link(request, required).await;
+        }
+        if !self.requires_key().await? {
+            if !self.open && !has_local_host(request) {
+                let detail = "A server without keys answers only requests to localhost or an IP address. \
+                    To use it under another name, make a key (`fretwork keys add`) or start it with \
+                    --no-auth.";
+                return Err(Problem::new(&kinds::UNKNOWN_HOST, detail));
+            }
+            return Ok(Admitted::default());
+        }
+        let (identity, holder) = self.identify(request.headers()).await?;
+        let account = match (&holder, &self.admin) {
+            (Some(holder), _) => Some(&holder.account),
+            (None, admin) => admin.as_ref().map(|admin| &admin.account),
+        };
+        let place = match (account, needs.quota) {
+            (Some(account), Some(quota)) => account.take(quota)?,
+            _ => Place::default(),
+        };
+        if identity.role < required {
+            let detail = format!(
+                "The request requires a key with role {required}. This key ({}, {}) has role {}.",
+                identity.owner, identity.key, identity.role
+            );
+            let problem = Problem::new(&kinds::FORBIDDEN, detail);
+            return Err(match place.standing {
+                Some(standing) => standing.tell_in(problem),
+                None => problem,
+            });
+        }
+        Ok(Admitted { identity: Some(identity), place, link: None })
+    }
+
+    /// Accepts a request with a signed link, and removes the link from its address.
+    async fn accept_link(
+        &self,
+        request: &mut Request,
+        required: Role,
+    ) -> Result<Admitted, Problem> {
+        let link = signed_link::open(self.signer().await?, request.uri(), pattern(request))?;
+        if required > Role::Read {
+            return Err(Problem::new(&kinds::BAD_LINK, "A link allows reading only."));
+        }
+        let place = self.count_link(&link.issuer).await?.untold();
+        *request.uri_mut() = link.address;
+        // No key can have this name, so the caller owns no jobs.
+        let owner = "a link".to_owned();
+        let identity = Identity { owner, role: Role::Read, key: link.issuer };
+        Ok(Admitted { identity: Some(identity), place, link: Some(link.left) })
+    }
+
+    /// Whether the server requires a key.
+    pub async fn requires_key(&self) -> Result<bool, Problem> {
+        Ok(!self.open && (self.admin.is_some() || !self.keyring.holders().await?.is_empty()))
+    }
+
+    /// The limits of a key; none for callers without a key.
+    pub async fn limits_of(&self, key: Option<&str>) -> Result<Limits, Problem> {
+        let Some(key) = key else { return Ok(Limits::default()) };
+        if let Some(admin) = self.admin.as_ref().filter(|_| key == ADMIN) {
+            return Ok(admin.account.limits);
+        }
+        let holders = self.keyring.holders().await?;
+        Ok(holders.get(key).map_or_else(Limits::default, |holder| holder.account.limits))
+    }
+
+    /// Identifies the caller by its key. The key from the settings has no holder.
+    async fn identify(
+        &self,
+        headers: &HeaderMap,
+    ) -> Result<(Identity, Option<Arc<KeyHolder>>), Problem> {
+        let (presented, now) = (presented_key(headers)?, now());
+        let digest = digest(&presented);
+        if let Some(admin) = &self.admin
+            && bool::from(digest.ct_eq(&admin.digest))
+        {
+            let (owner, key) = (ADMIN.to_owned(), ADMIN.to_owned());
+            let identity = Identity { owner, role: Role::Admin, key };
+            self.keyring.record_use(&admin.last_use, now, || identity.actor());
+            return Ok((identity, None));
+        }
+        let unknown = || unauthorized(headers, "This server does not know the key.");
+        let id = AccessKey::id_in(&presented).ok_or_else(unknown)?;
+        let holder = self.keyring.holder_of(id, &digest).await?.ok_or_else(unknown)?;
+        if let Some(reason) = invalid(&holder.key, now) {
+            return Err(unauthorized(headers, &reason));
+        }
+        let AccessKey { id, name, role, .. } = &holder.key;
+        let identity = Identity { owner: name.clone(), role: *role, key: id.clone() };
+        self.keyring.record_use(&holder.last_use, now, || identity.actor());
+        Ok((identity, Some(holder)))
+    }
+
+    /// Why a request that was accepted with this key, or without a key, would be refused now. `None` if it
+    /// would still be accepted, or if the database does not answer: then running requests continue.
+    pub async fn recheck(&self, key: Option<&str>) -> Option<Problem> {
+        let reason = match key {
+            None => {
+                let required = self.requires_key().await.unwrap_or_else(|problem| {
+                    tracing::error!(error = problem.cause(), "cannot read the access keys");
+                    false
+                });
+                required
+                    .then(|| "The server requires a key since this request began.".to_owned())?
+            }
+            Some(id) => invalid(&self.keyring.holders().await.ok()?.get(id)?.key, now())?,
+        };
+        Some(unauthorized(&HeaderMap::new(), &reason))
+    }
+
+    /// Counts a request with a link against the key that signed it, if that key is still valid.
+    async fn count_link(&self, issuer: &str) -> Result<Place, Problem> {
+        let holders = self.keyring.holders().await?;
+        match (holders.get(issuer), &self.admin) {
+            (Some(holder), _) if self.open || invalid(&holder.key, now()).is_none() => {
+                return holder.links.take(Quota::Requests);
+            }
+            // The signature contains the digest of the admin key.
+            (None, Some(admin)) if issuer == ADMIN => return admin.links.take(Quota::Requests),
+            (None, _) if issuer == ANYONE && !self.requires_key().await? => {
+                return Ok(Place::default());
+            }
+            _ => {}
+        }
+        let detail = "The key that made this link is no longer valid, and so the link is not valid either. \
+            Ask its sender for a new link.";
+        Err(Problem::new(&kinds::BAD_LINK, detail))
+    }
+}
+
+/// Whether the `Host` of a request is an IP address or localhost. A web page can point its own name at this
+/// machine (DNS rebinding); this refuses such requests.
+fn has_local_host(request: &Request) -> bool {
+    // A host that is not text is not local.
+    let host = request.headers().get(header::HOST).map(|host| host.to_str().unwrap_or(""));
+    let Some(host) = request.uri().host().or(host) else {
+        return true;
+    };
+    if let Some(rest) = host.strip_prefix('[') {
+        return rest.split_once(']').is_some_and(|(address, port)| {
+            address.parse::<Ipv6Addr>().is_ok() && (port.is_empty() || port.starts_with(':'))
+        });
+    }
+    let name = host.split_once(':').map_or(host, |(name, _)| name);
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte);
+    let last = name.rsplit_once('.').map_or(name, |(_, last)| last);
+    name.parse::<Ipv4Addr>().is_ok()
+        || (last.eq_ignore_ascii_case("localhost") && name.bytes().all(plain))
+}
+
+/// Why a key is not valid; `None` if it is.
+fn invalid(key: &AccessKey, now: i64) -> Option<String> {
+    if let Some(at) = key.revoked {
+        return Some(format!("The key {} was revoked on {}.", key.id, instant(at)));
+    }
+    let at = key.expires.filter(|at| *at <= now)?;
+    Some(format!("The key {} expired on {}.", key.id, instant(at)))
+}
+
+/// The key in the `Authorization` header: a bearer token, or the name or the password of Basic
+/// authentication, for clients that support only `http://name:password@host`.
+fn presented_key(headers: &HeaderMap) -> Result<String, Problem> {
+    let malformed = || unauthorized(headers, "The Authorization header cannot be parsed.");
+    let Some(value) = headers.get(header::AUTHORIZATION) else {
+        return Err(unauthorized(headers, "This server requires a key."));
+    };
+    let text = value.to_str().map_err(|_| malformed())?;
+    let (scheme, rest) = text.split_once(' ').ok_or_else(malformed)?;
+    if scheme.eq_ignore_ascii_case("bearer") {
+        return Ok(rest.trim().to_owned());
+    }
+    if scheme.eq_ignore_ascii_case("basic") {
+        let decoded = BASE64.decode(rest.trim().as_bytes()).map_err(|_| malformed())?;
+        let decoded = String::from_utf8(decoded).map_err(|_| malformed())?;
+        let (name, password) = decoded.split_once(':').ok_or_else(malformed)?;
+        let key =
+            if AccessKey::id_in(name).is_some() || password.is_empty() { name } else { password };
+        return Ok(key.to_owned());
+    }
+    Err(malformed())
+}
+
+/// The problem for a request without a valid key. It names an authentication scheme that the client supports.
+fn unauthorized(headers: &HeaderMap, reason: &str) -> Problem {
+    let detail = format!("{reason} Send a key as `Authorization: Bearer fretwork_…`.");
+    let problem = Problem::new(&kinds::UNAUTHORIZED, detail)
+        .with_header(header::WWW_AUTHENTICATE, "Bearer realm=\"fretwork\"");
+    let accepts = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok());
+    if accepts.is_some_and(|accepts| accepts.contains("text/html")) {
+        // For Basic, a browser asks its user for name and password.
+        return problem.with_header(header::WWW_AUTHENTICATE, "Basic realm=\"fretwork\"");
+    }
+    problem
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn presented(authorization: &str) -> Option<String> {
+        let mut headers = HeaderMap::new();
+        headers.insert(header::AUTHORIZATION, HeaderValue::from_str(authorization).unwrap());
+        presented_key(&headers).ok()
+    }
+
+    #[test]
+    fn a_key_is_accepted_as_bearer_token_user_name_or_password() {
+        let key = format!("fretwork_0a1b2c3d_{}", "0".repeat(40));
+        let basic = |text: String| format!("Basic {}", BASE64.encode(text.as_bytes()));
+        for sound in [
+            format!("Bearer {key}"),
+            format!("bearer  {key}"),
+            basic(format!("{key}:")),
+            basic(format!("{key}:x")),
+            basic(format!("anna:{key}")),
+            basic(format!(":{key}")),
+        ] {
+            assert_eq!(presented(&sound).as_deref(), Some(key.as_str()), "{sound}");
+        }
+        for bad in ["Bearer", "Digest x", "Basic !", "Basic YQ=="] {
+            assert_eq!(presented(bad), None, "{bad}");
+        }
+    }
+}

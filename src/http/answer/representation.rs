@@ -1,0 +1,447 @@
+//! Answers made from results: found in memory or made, compressed, tagged.
+
+use std::error::Error as StdError;
+use std::io::{self, Write as _};
+use std::sync::Arc;
+use std::thread;
+use std::{iter, mem};
+
+use axum::body::{Body as AnswerBody, Bytes};
+use axum::http::header::{self, HeaderName};
+use axum::http::{HeaderMap, HeaderValue, StatusCode};
+use axum::response::{IntoResponse, Response};
+use serde_json::Value;
+use tokio::sync::oneshot;
+use tokio::task;
+use tokio::time::Instant;
+use xxhash_rust::xxh3::xxh3_64;
+
+use super::pieces::{self, Beginning, PieceWriter, pieces};
+use super::stored::{
+    Need, Reserved, Stored, find, large_json, makers_busy, missing, stored, unpacked,
+};
+use crate::http::access::caller::Caller;
+use crate::http::app::App;
+use crate::http::memory::{Encoded, Lookup, Making};
+use crate::http::problem::{Complaint, Problem, kinds};
+use crate::http::shares::{Permit, longest_wait};
+use crate::http::wire::coding::Coding;
+use crate::http::wire::{ascii, words};
+use fretwork_format::{self as format, Format, Part, View};
+use fretwork_job::Key;
+use fretwork_store::{self as store, Body, StoredResult};
+
+/// A text that may be larger is sent while it is written, if it is not compressed.
+const WHOLE: usize = 32 << 20;
+
+/// What an answer is made from.
+enum Source {
+    /// These bytes are the answer.
+    Answer(Bytes),
+    /// The JSON of the result.
+    Json(Bytes),
+    /// The result is large: the request must reserve this first.
+    Needs(Need),
+    /// The answer is the JSON of the result, which is so large that it must be decompressed while it is sent.
+    Packed,
+}
+
+/// An answer.
+enum Answer {
+    /// All of its bytes are in memory.
+    Whole(Encoded),
+    /// It is sent while it is written.
+    Streamed(Response),
+}
+
+/// A result in one format and one view. Equal representations have equal names.
+pub struct Representation {
+    key: Key,
+    part: Part,
+    format: Format,
+    view: View,
+    /// Whether it is the JSON of the result, unchanged.
+    is_unchanged: bool,
+    /// The owner whose jobs a problem may mention; `None` for all owners.
+    reach: Option<String>,
+    /// The caller whose share of the memory the answer uses.
+    caller: String,
+    /// The name in memory, without the coding.
+    name: String,
+    /// The entity tag.
+    tag: String,
+}
+
+impl Representation {
+    /// The representation that a caller requests.
+    pub fn new(caller: &Caller, key: Key, part: Part, format: Format, view: View) -> Self {
+        let (reach, caller) = (caller.reach().map(str::to_owned), caller.owner.clone());
+        let view = view.sorted();
+        let is_unchanged = (part, format) == (Part::Whole, Format::Json) && view == View::default();
+        if is_unchanged {
+            let name = key.to_string();
+            let tag = ["\"", &name, "\""].concat();
+            return Self { key, part, format, view, is_unchanged, reach, caller, name, tag };
+        }
+        let address = format!("{key}.{}.{}", part.name(), format.name());
+        let name = format!("{address} {} {view:?}", format::VERSION);
+        let tag = format!("\"{address}.{:016x}\"", xxh3_64(name.as_bytes()));
+        Self { key, part, format, view, is_unchanged, reach, caller, name, tag }
+    }
+
+    /// The answer to a request with these headers.
+    pub async fn answer(self, app: &App, headers: &HeaderMap) -> Result<Response, Problem> {
+        if let Some(response) = self.not_modified(app, headers).await? {
+            return Ok(response);
+        }
+        let coding = match self.format {
+            // The archive is compressed.
+            Format::Npz => Coding::Identity,
+            _ => Coding::choose(headers),
+        };
+        let answer = self.find_or_make(app, coding, longest_wait()).await?;
+        app.service.was_read(&self.key);
+        Ok(match answer {
+            Answer::Streamed(response) => response,
+            Answer::Whole(Encoded { body, coding, permit }) => {
+                self.response(body.into(), coding, permit)
+            }
+        })
+    }
+
+    /// The name in memory.
+    fn name_in(&self, coding: Coding) -> String {
+        match coding.name() {
+            None => self.name.clone(),
+            Some(coding) => [&self.name, " ", coding].concat(),
+        }
+    }
+
+    /// The answer, if it is in memory. Otherwise this makes it. It waits for others until `end`.
+    async fn find_or_make(
+        &self,
+        app: &App,
+        coding: Coding,
+        end: Instant,
+    ) -> Result<Answer, Problem> {
+        let name = self.name_in(coding);
+        let mut reserved = Reserved::nothing_until(end);
+        let mut is_first = true;
+        loop {
+            let found = find(app, &self.caller, &name, &mut reserved).await?;
+            if mem::take(&mut is_first) {
+                app.metrics.looked_up(matches!(found, Lookup::Found(_)));
+            }
+            let making = match found {
+                Lookup::Found(answer) => return Ok(Answer::Whole(answer)),
+                Lookup::Missing(making) => making,
+            };
+            match self.source(app, coding, &reserved).await? {
+                Source::Answer(bytes) => {
+                    let answer = Encoded::of(bytes, coding, Some(reserved.permit));
+                    return Ok(Answer::Whole(app.memory.finish(making, answer, true)));
+                }
+                Source::Json(json) if self.is_streamed(coding, json.len()) => {
+                    return self.stream(app, making, json, reserved).await;
+                }
+                Source::Json(json) => {
+                    let answer = self.make(app, coding, making, json, reserved).await?;
+                    return Ok(Answer::Whole(answer));
+                }
+                Source::Packed => {
+                    drop((making, reserved));
+                    // All readers of this result share one copy of its compressed bytes.
+                    return match Box::pin(self.find_or_make(app, Coding::Zstd, end)).await? {
+                        Answer::Whole(packed) if packed.coding == Coding::Zstd => {
+                            self.unpack(app, packed, end).await
+                        }
+                        answer => Ok(answer),
+                    };
+                }
+                Source::Needs(need) => {
+                    drop(making);
+                    reserved.wait(app, &self.caller, &name, need).await?;
+                }
+            }
+        }
+    }
+
+    /// What the answer is made from.
+    async fn source(
+        &self,
+        app: &App,
+        coding: Coding,
+        reserved: &Reserved,
+    ) -> Result<Source, Problem> {
+        if self.is_unchanged && coding != Coding::Gzip {
+            return match stored(app, &self.key, reserved).await? {
+                Stored::Body(body) if coding == Coding::Zstd && body.is_compressed() => {
+                    Ok(Source::Answer(body.bytes().clone()))
+                }
+                Stored::Body(body) => {
+                    let json = unpacked(&self.key, body).await?;
+                    let is_answer = coding == Coding::Identity;
+                    Ok(if is_answer { Source::Answer(json) } else { Source::Json(json) })
+                }
+                Stored::Large(size) if coding == Coding::Identity && size > WHOLE => {
+                    Ok(Source::Packed)
+                }
+                Stored::Large(size) => Ok(Source::Needs(Need::to_unpack(size))),
+                Stored::Absent => Err(self.missing(app).await?),
+            };
+        }
+        let size = match app.memory.get(&self.key.to_string()).map(|answer| answer.body) {
+            Some(json) if json.len() <= store::LARGE => return Ok(Source::Json(json)),
+            Some(json) => json.len(),
+            None => match app.service.small_result(&self.key).await? {
+                Some(StoredResult::Whole(body)) => {
+                    return Ok(Source::Json(unpacked(&self.key, body).await?));
+                }
+                Some(StoredResult::Large(size)) => size,
+                _ => return Err(self.missing(app).await?),
+            },
+        };
+        let is_whole = coding == Coding::Identity && !self.is_streamed(coding, size);
+        let growth = if is_whole { self.growth() } else { 1 };
+        let need = Need { bytes: (1 + growth) * size, maker: true };
+        if !reserved.suffices(need) {
+            self.refuse_missing_cycles(app).await?;
+            return Ok(Source::Needs(need));
+        }
+        match large_json(app, &self.key).await? {
+            Some(json) => Ok(Source::Json(json)),
+            None => Err(self.missing(app).await?),
+        }
+    }
+
+    /// Refuses output cycles that the result cannot have, before a large result is read. Its scenario has all of them, except
+    /// 0 and the last one of a run that ended early. A run for energies finds its cycles itself.
+    async fn refuse_missing_cycles(&self, app: &App) -> Result<(), Problem> {
+        if self.view.cycles.is_none() {
+            return Ok(());
+        }
+        let Some(known) = app.service.known(&self.key).await? else { return Ok(()) };
+        let Some(asked) = known.asked.value["cycles"].as_array() else { return Ok(()) };
+        let last = &known.summary["cycles"];
+        let given = asked.iter().chain([last]).filter_map(Value::as_f64);
+        let mut cycles: Vec<f64> = iter::once(0.0).chain(given).collect();
+        cycles.dedup();
+        let missing = format::missing_cycles(&self.view, &cycles);
+        if missing.is_empty() {
+            return Ok(());
+        }
+        Err(refused(&self.key, format::Error::Missing(missing)))
+    }
+
+    /// The problem for a result that is not stored.
+    async fn missing(&self, app: &App) -> Result<Problem, Problem> {
+        let found = app.service.small_result(&self.key).await?;
+        missing(app, self.reach.as_deref(), &self.key, found).await
+    }
+
+    /// Formats and compresses the answer on a blocking thread. The thread finishes the answer even if the
+    /// client disconnects: a retry finds it.
+    async fn make(
+        &self,
+        app: &App,
+        coding: Coding,
+        making: Making,
+        json: Bytes,
+        reserved: Reserved,
+    ) -> Result<Encoded, Problem> {
+        let (app, key, view) = (app.clone(), self.key, self.view.clone());
+        let (part, format) = (self.part, self.format);
+        let make = move || {
+            let Reserved { permit, maker: _maker, .. } = reserved;
+            let mut encoder = coding.encoder();
+            // A table has more characters than the columns of the JSON. Room that is not used takes no memory.
+            encoder.reserve(json.len() / 4 * 5);
+            format::write(&mut encoder, json, part, format, &view)
+                .map_err(|error| refused(&key, error))?;
+            let (body, coding) = encoder.finish().map_err(Problem::bug)?;
+            Ok(app.memory.finish(making, Encoded::of(body, coding, Some(permit)), true))
+        };
+        task::spawn_blocking(make).await.map_err(Problem::bug)?
+    }
+
+    /// How many bytes the answer has at most for each byte of the result, if it is not compressed. A row repeats the
+    /// numbers of its axes, and in some formats the names of all columns.
+    fn growth(&self) -> usize {
+        let View { cycles, points, rows, .. } = &self.view;
+        let selects = cycles.is_some() || points.is_some() || rows.is_some();
+        match self.format {
+            // A history is a small part of a large result.
+            _ if selects || matches!(self.part, Part::Whole | Part::History) => 1,
+            // The reasons of a study repeat nothing.
+            Format::Csv if self.part == Part::Table => 1,
+            Format::Csv => 2,
+            Format::Json if self.view.records => 3,
+            Format::Ndjson => 5,
+            _ => 1,
+        }
+    }
+
+    /// Whether the answer is sent while it is written, unless it is short. The JSON of the result has `size` bytes.
+    fn is_streamed(&self, coding: Coding, size: usize) -> bool {
+        // A history is short. Arrays take less memory than the JSON.
+        let is_long_text = matches!(self.format, Format::Json | Format::Csv | Format::Ndjson)
+            && self.part != Part::History;
+        coding == Coding::Identity && is_long_text && self.growth() * size > WHOLE
+    }
+
+    /// Formats the answer while the client reads it. A short one is kept for other requests.
+    async fn stream(
+        &self,
+        app: &App,
+        making: Making,
+        json: Bytes,
+        reserved: Reserved,
+    ) -> Result<Answer, Problem> {
+        let Reserved { mut permit, maker, .. } = reserved;
+        // Before the first piece, the result and its tables are in memory, and then only the tables.
+        let result = permit.split(json.len());
+        let (part, format, view) = (self.part, self.format, self.view.clone());
+        let write = move |out: &mut PieceWriter<_>| {
+            let _tables = permit;
+            format::write(out, json, part, format, &view)
+        };
+        Ok(match self.send(move || drop((maker, result)), write).await? {
+            Answer::Whole(answer) => Answer::Whole(app.memory.finish(making, answer, true)),
+            streamed @ Answer::Streamed(_) => streamed,
+        })
+    }
+
+    /// Decompresses the JSON of the result while the client reads it.
+    async fn unpack(&self, app: &App, packed: Encoded, end: Instant) -> Result<Answer, Problem> {
+        let own = app.shares.answers.hold_until(end, &self.caller, pieces::MEMORY).await?;
+        let Encoded { body, permit, .. } = packed;
+        let size = Body::of(body.clone()).size();
+        let write = move |out: &mut PieceWriter<_>| {
+            let _shared = permit;
+            Ok(zstd::stream::copy_decode(&body[..], out)?)
+        };
+        let mut answer = self.send(|| (), write).await?;
+        if let (Answer::Streamed(response), Some(size)) = (&mut answer, size) {
+            response.headers_mut().insert(header::CONTENT_LENGTH, size.into());
+            response.extensions_mut().insert(Arc::new(own));
+        }
+        Ok(answer)
+    }
+
+    /// Writes the answer on a thread of its own while the client reads it. The thread ends when the client stops the
+    /// stream, or does not read for long. It calls `started` before it sends the first piece.
+    async fn send<S: FnOnce() + Send + 'static>(
+        &self,
+        started: S,
+        write: impl FnOnce(&mut PieceWriter<S>) -> Result<(), format::Error> + Send + 'static,
+    ) -> Result<Answer, Problem> {
+        let (mut pieces, mut received) = pieces(started);
+        let (done, written) = oneshot::channel();
+        let write = move || {
+            let end = write(&mut pieces).and_then(|()| Ok(pieces.flush()?));
+            // If the client has disconnected, no task receives this.
+            let _ = done.send(end);
+        };
+        // A client can take hours, and the blocking threads of the runtime are few.
+        let thread = thread::Builder::new().name("stream".to_owned()).spawn(write);
+        thread.map_err(|error| makers_busy().caused_by(&error))?;
+        let beginning = match received.beginning().await {
+            Beginning::Pieces(beginning) => beginning,
+            Beginning::Ended(whole) => {
+                written.await.map_err(Problem::bug)?.map_err(|error| refused(&self.key, error))?;
+                return Ok(Answer::Whole(Encoded::plain(whole)));
+            }
+        };
+        let key = self.key;
+        let body = received.body(beginning, async move {
+            let error: Box<dyn StdError + Send + Sync> = match written.await {
+                Ok(Ok(())) => return Ok(()),
+                Ok(Err(error)) => error.into(),
+                Err(panicked) => panicked.into(),
+            };
+            tracing::error!(%key, error = &*error as &dyn StdError, "an answer ended early");
+            Err(io::Error::other(error))
+        });
+        Ok(Answer::Streamed(self.response(body, Coding::Identity, None)))
+    }
+
+    fn response(&self, body: AnswerBody, coding: Coding, permit: Option<Arc<Permit>>) -> Response {
+        let mut response = Response::new(body);
+        if let Some(permit) = permit {
+            response.extensions_mut().insert(permit);
+        }
+        let headers = response.headers_mut();
+        // Room for the headers below and for those that `layers.rs` adds.
+        headers.reserve(12);
+        let weak = if coding == Coding::Identity { "" } else { "W/" };
+        headers.extend(caching(&[weak, &self.tag].concat()));
+        let kind = HeaderValue::from_static(self.format.media_type());
+        headers.insert(header::CONTENT_TYPE, kind);
+        if let Some(coding) = coding.name() {
+            headers.insert(header::CONTENT_ENCODING, HeaderValue::from_static(coding));
+        }
+        if self.format.is_file() {
+            let (part, end) = (self.part.name(), self.format.name());
+            let name = format!(
+                "attachment; filename=\"fretwork-{:.12}-{part}.{end}\"",
+                self.key.to_string()
+            );
+            headers.insert(header::CONTENT_DISPOSITION, ascii(&name));
+        }
+        response
+    }
+
+    /// The answer to a client that has this representation. A result does not change, so it need not be
+    /// read if it exists. What is in memory exists, even if the result has been evicted.
+    async fn not_modified(
+        &self,
+        app: &App,
+        headers: &HeaderMap,
+    ) -> Result<Option<Response>, Problem> {
+        let Some(held) = held(headers, &self.tag) else { return Ok(None) };
+        let in_memory =
+            Coding::ALL.iter().any(|coding| app.memory.get(&self.name_in(*coding)).is_some());
+        if !in_memory && !app.service.has_result(&self.key).await? {
+            return Ok(None);
+        }
+        app.service.was_read(&self.key);
+        Ok(Some((StatusCode::NOT_MODIFIED, caching(&held)).into_response()))
+    }
+}
+
+/// The headers of every representation. A result does not change, so clients may cache it for ever.
+fn caching(tag: &str) -> [(HeaderName, HeaderValue); 3] {
+    [
+        (header::ETAG, ascii(tag)),
+        (header::CACHE_CONTROL, HeaderValue::from_static("max-age=31536000, immutable")),
+        (header::VARY, HeaderValue::from_static("accept, accept-encoding")),
+    ]
+}
+
+/// The tag in `If-None-Match` that names this representation. It is weak if the client has a compressed
+/// copy; the answer repeats it, so that caches recognise their copy.
+pub fn held(headers: &HeaderMap, tag: &str) -> Option<String> {
+    let mut tags = words(headers, header::IF_NONE_MATCH);
+    let found = tags.find(|held| *held == "*" || held.trim_start_matches("W/") == tag)?;
+    Some(if found == "*" { tag } else { found }.to_owned())
+}
+
+/// The problem for a result that cannot be written in a format.
+fn refused(key: &Key, error: format::Error) -> Problem {
+    match error {
+        format::Error::Missing(items) => {
+            let complaint =
+                |item: format::Missing| Complaint::parameter(item.parameter, item.detail);
+            Problem::parameters(items.into_iter().map(complaint).collect())
+        }
+        format::Error::OtherKind(part, has) => {
+            let part = part.name();
+            let detail = format!(
+                "The result has no {part}: it has {has}. All of it is at /v1/results/{key}."
+            );
+            Problem::new(&kinds::NO_SUCH_PART, detail)
+        }
+        format::Error::Document(_) => Problem::damaged_result(key).caused_by(&error),
+        error => Problem::internal().caused_by(&error),
+    }
+}

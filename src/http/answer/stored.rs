@@ -1,0 +1,268 @@
+//! The JSON of results, in memory or stored, and the memory that a request reserves before it makes an answer from it.
+
+use std::mem;
+
+use axum::body::Bytes;
+use axum::http::header;
+use tokio::sync::OwnedSemaphorePermit;
+use tokio::task;
+use tokio::time::{Instant, timeout_at};
+
+use crate::http::app::App;
+use crate::http::memory::{Encoded, Lookup};
+use crate::http::problem::{Problem, kinds};
+use crate::http::shares::{self, Permit, SMALL, longest_wait};
+use crate::http::wire::coding::Coding;
+use crate::http::wire::instant;
+use fretwork_job::Key;
+use fretwork_store::{self as store, Body, Error, StoredResult};
+
+/// The problem for an unknown key links to the job that computes it, if the caller may see one. There is none if the
+/// result is stored.
+pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Problem> {
+    match app.service.small_result(key).await? {
+        Some(StoredResult::Whole(_) | StoredResult::Large(_)) => Ok(()),
+        other => Err(missing(app, reach, key, other).await?),
+    }
+}
+
+/// What a request needs before it may make an answer.
+#[derive(Clone, Copy)]
+pub struct Need {
+    /// Bytes of memory.
+    pub bytes: usize,
+    /// Whether it makes the answer from a large result.
+    pub maker: bool,
+}
+
+impl Need {
+    /// Memory for the compressed body of a result and its JSON, which has `size` bytes. The body is smaller.
+    pub fn to_unpack(size: usize) -> Self {
+        Self { bytes: 2 * size, maker: false }
+    }
+}
+
+/// What a request has reserved. It waits for this before it takes the single-flight lock of its answer. So a caller whose
+/// memory is full does not delay other callers that request the same answer.
+pub struct Reserved {
+    /// When the request gives up. All that it waits for counts, so that a late answer cannot begin much later.
+    end: Instant,
+    bytes: usize,
+    /// Memory for the answer.
+    pub permit: Permit,
+    /// The permission to make it from a large result.
+    pub maker: Option<OwnedSemaphorePermit>,
+}
+
+impl Reserved {
+    /// Nothing yet. The request begins now.
+    fn nothing() -> Self {
+        Self::nothing_until(longest_wait())
+    }
+
+    /// Nothing yet. The request gives up at this time.
+    pub fn nothing_until(end: Instant) -> Self {
+        Self { end, bytes: 0, permit: Permit::default(), maker: None }
+    }
+
+    /// Takes what is reserved. The request can wait for something else, in the rest of its time.
+    fn take(&mut self) -> Self {
+        let end = self.end;
+        mem::replace(self, Self::nothing_until(end))
+    }
+
+    /// Whether a request needs no more than this.
+    pub fn suffices(&self, need: Need) -> bool {
+        self.bytes >= need.bytes && (self.maker.is_some() || !need.maker)
+    }
+
+    /// Waits for what a request needs, or until another request has made the answer with this name.
+    pub async fn wait(
+        &mut self,
+        app: &App,
+        caller: &str,
+        name: &str,
+        need: Need,
+    ) -> Result<(), Problem> {
+        // It must not wait for memory that it holds itself.
+        drop(self.take());
+        let end = self.end;
+        let reserve = async {
+            let permit = app.shares.answers.hold_until(end, caller, need.bytes).await?;
+            let maker = if need.maker {
+                timeout_at(end, app.memory.maker()).await.map_err(|_| makers_busy())?
+            } else {
+                None
+            };
+            Ok::<_, Problem>(Self { end, bytes: need.bytes, permit, maker })
+        };
+        *self = tokio::select! {
+            biased;
+            () = app.memory.made(name) => Self::nothing_until(end),
+            reserved = reserve => reserved?,
+        };
+        Ok(())
+    }
+}
+
+/// An answer that is in memory, or the permission to make it. Its memory is counted once for all requests that read it.
+pub async fn find(
+    app: &App,
+    caller: &str,
+    name: &str,
+    reserved: &mut Reserved,
+) -> Result<Lookup, Problem> {
+    loop {
+        if let Some(answer) = app.memory.get(name).filter(|answer| answer.body.len() <= SMALL) {
+            return Ok(Lookup::Found(answer));
+        }
+        let making = match app.memory.lookup(name).await {
+            Lookup::Missing(making) => making,
+            found @ Lookup::Found(_) => return Ok(found),
+        };
+        let Some(Encoded { body, coding, .. }) = app.memory.get(name) else {
+            return Ok(Lookup::Missing(making));
+        };
+        let need = Need { bytes: body.len(), maker: false };
+        let permit = if reserved.suffices(need) {
+            reserved.take().permit
+        } else if let Ok(permit) = app.shares.answers.try_hold(caller, need.bytes) {
+            permit
+        } else {
+            drop(making);
+            reserved.wait(app, caller, name, need).await?;
+            continue;
+        };
+        let answer = Encoded::of(body, coding, Some(permit));
+        return Ok(Lookup::Found(app.memory.finish(making, answer, false)));
+    }
+}
+
+/// The JSON of a result, or `None` if it is not stored. It is read once for all concurrent requests, and kept in
+/// memory.
+pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>, Problem> {
+    let name = key.to_string();
+    let mut reserved = Reserved::nothing();
+    loop {
+        let making = match find(app, caller, &name, &mut reserved).await? {
+            Lookup::Found(answer) => {
+                app.service.was_read(key);
+                return Ok(Some(answer));
+            }
+            Lookup::Missing(making) => making,
+        };
+        match stored(app, key, &reserved).await? {
+            Stored::Body(body) => {
+                let json = unpacked(key, body).await?;
+                let answer = Encoded::of(json, Coding::Identity, Some(reserved.permit));
+                return Ok(Some(app.memory.finish(making, answer, true)));
+            }
+            Stored::Large(size) => {
+                drop(making);
+                reserved.wait(app, caller, &name, Need::to_unpack(size)).await?;
+            }
+            Stored::Absent => return Ok(None),
+        }
+    }
+}
+
+/// The JSON of a large result, for whose memory the caller has permission.
+pub async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>, Problem> {
+    if let Some(answer) = app.memory.get(&key.to_string()) {
+        return Ok(Some(answer.body));
+    }
+    // This is not the name of an answer, because what is found under it has no permission of its own.
+    let making = match app.memory.lookup(&format!("{key} source")).await {
+        Lookup::Found(answer) => return Ok(Some(answer.body)),
+        Lookup::Missing(making) => making,
+    };
+    let Some(StoredResult::Whole(body)) = app.service.result(key).await? else { return Ok(None) };
+    let json = Encoded::plain(unpacked(key, body).await?);
+    Ok(Some(app.memory.finish(making, json, false).body))
+}
+
+/// The stored body of a result.
+pub enum Stored {
+    /// The body.
+    Body(Body),
+    /// It is large: its JSON has this many bytes, for which the request must reserve memory first.
+    Large(usize),
+    /// The result is not stored.
+    Absent,
+}
+
+/// The stored body of a result, if the request has reserved enough memory for it.
+pub async fn stored(app: &App, key: &Key, reserved: &Reserved) -> Result<Stored, Problem> {
+    let found = match app.service.small_result(key).await? {
+        Some(StoredResult::Large(size)) => {
+            if !reserved.suffices(Need::to_unpack(size)) {
+                return Ok(Stored::Large(size));
+            }
+            app.service.result(key).await?
+        }
+        found => found,
+    };
+    Ok(match found {
+        Some(StoredResult::Whole(body)) => Stored::Body(body),
+        _ => Stored::Absent,
+    })
+}
+
+/// The JSON of a body. A large one is decompressed on a blocking thread.
+pub async fn unpacked(key: &Key, body: Body) -> Result<Bytes, Problem> {
+    let json = if !body.is_compressed() || body.size().is_none_or(|size| size <= store::LARGE) {
+        body.json()
+    } else {
+        task::spawn_blocking(move || body.json()).await.map_err(Problem::bug)?
+    };
+    Ok(json.map_err(|_| Error::DamagedResult(*key))?)
+}
+
+/// The problem for a result that is not stored.
+pub async fn missing(
+    app: &App,
+    reach: Option<&str>,
+    key: &Key,
+    found: Option<StoredResult>,
+) -> Result<Problem, Problem> {
+    let live = app.service.live_job(key, reach).await?;
+    let problem = match (found, live) {
+        (Some(StoredResult::Evicted { at, deleted_by, asked }), live) => {
+            let next = if let Some(job) = live {
+                format!("It is being computed again: GET /v1/jobs/{job}?wait=10.")
+            } else {
+                let member = asked.as_ref().map_or("scenario", |asked| asked.kind.member());
+                format!(
+                    "To compute it again, submit {{\"{member}\": …}} with the `{member}` of this answer to POST \
+                     /v1/jobs."
+                )
+            };
+            let gone = match deleted_by {
+                Some(who) => format!("deleted by {who} on {}", instant(at)),
+                None => format!("evicted on {} to free disk space", instant(at)),
+            };
+            let detail = format!("The result was {gone}. {next}");
+            Problem::new(&kinds::EVICTED, detail).with_asked(asked)
+        }
+        (_, Some(job)) => {
+            let detail =
+                format!("The result is being computed. Wait for it: GET /v1/jobs/{job}?wait=10.");
+            Problem::new(&kinds::UNKNOWN_RESULT, detail)
+        }
+        (_, None) => {
+            let detail = "No result has this key. Submit its scenario to POST /v1/jobs.";
+            Problem::new(&kinds::UNKNOWN_RESULT, detail)
+        }
+    };
+    Ok(match live {
+        Some(job) => {
+            problem.with_header(header::LINK, format!("</v1/jobs/{job}>; rel=\"related\""))
+        }
+        None => problem,
+    })
+}
+
+/// The problem if no more large answers can be made now.
+pub fn makers_busy() -> Problem {
+    shares::full("The server makes other large answers.".to_owned())
+}

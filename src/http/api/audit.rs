@@ -1,0 +1,111 @@
+//! The audit log.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{Uri, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::jobs::next_page;
+use crate::http::app::App;
+use crate::http::problem::Problem;
+use crate::http::wire::{Query, instant};
+use fretwork_store::{Act, AuditEntry as Stored};
+
+/// Default number of entries on a page.
+const PAGE: u32 = 100;
+/// Largest number of entries on a page.
+const LONGEST_PAGE: u32 = 1000;
+
+/// Equal acts of one day (UTC).
+#[derive(Debug, Serialize, ToSchema)]
+pub struct AuditEntry {
+    /// When the first of these acts was: RFC 3339, UTC.
+    #[schema(format = "date-time")]
+    first: String,
+    /// When the last of these acts was.
+    #[schema(format = "date-time")]
+    last: String,
+    /// The number of these acts. Uses of a key within one minute count once.
+    #[schema(example = 1)]
+    times: u64,
+    /// What was done.
+    #[schema(value_type = crate::http::wire::schemas::Act)]
+    act: Act,
+    /// Who did it: the name of a key, the address of a client on a server without keys, or the user of a command of
+    /// the program, such as `uid 1000`.
+    #[schema(example = "anna")]
+    actor: String,
+    /// The id of the key that the actor sent; null without a key.
+    #[schema(example = "0a1b2c3d")]
+    key: Option<String>,
+    /// The id of the key or of the job, or the key of the result. Null for jobs of the actor, which share an entry.
+    subject: Option<String>,
+    /// Whose key, job or result it is; null if unknown.
+    #[schema(example = "ben")]
+    owner: Option<String>,
+}
+
+impl From<Stored> for AuditEntry {
+    fn from(entry: Stored) -> Self {
+        let Stored { first, last, times, act, actor, subject, owner, .. } = entry;
+        let known = |text: String| Some(text).filter(|text| !text.is_empty());
+        Self {
+            first: instant(first),
+            last: instant(last),
+            times,
+            act,
+            actor: actor.name,
+            key: known(actor.key),
+            subject: known(subject),
+            owner: known(owner),
+        }
+    }
+}
+
+/// A page of the audit log, the newest entries first.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct AuditLog {
+    /// The entries.
+    entries: Vec<AuditEntry>,
+    /// The address of the next page; null on the last page.
+    #[schema(example = "/v1/audit?cursor=42")]
+    next: Option<String>,
+}
+
+/// Returns the audit log: who made, revoked and used which key, and who canceled and deleted whose jobs and results.
+///
+/// The newest entries come first, in the order of their first act. The server keeps the last 100 000 entries.
+#[utoipa::path(get, path = "/v1/audit", operation_id = "audit", tag = "system",
+    params(
+        ("limit" = Option<u32>, Query, description = "Largest number of entries on the page.", minimum = 1,
+            maximum = 1000, example = 100),
+        ("cursor" = Option<i64>, Query, description = "Continues after a page. The server puts it into `next` of that \
+            page."),
+    ),
+    responses((status = 200, description = "A page of the log.", body = AuditLog, headers(
+        ("Link" = String, description = "The address of the next page, `rel=\"next\"`."),
+    ))),
+)]
+pub async fn audit(
+    State(app): State<App>,
+    uri: Uri,
+    mut query: Query,
+) -> Result<Response, Problem> {
+    let limit = query.value("limit", format_args!("a number from 1 to {LONGEST_PAGE}"), |text| {
+        text.parse().ok().filter(|limit| (1..=LONGEST_PAGE).contains(limit))
+    });
+    let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
+    query.finish()?;
+    let limit = limit.unwrap_or(PAGE);
+    // One entry more than the page has tells whether there is a next page.
+    let mut found = app.service.audit(cursor, limit + 1).await?;
+    let more = found.len() as u64 > u64::from(limit);
+    found.truncate(limit as usize);
+    let next = found.last().filter(|_| more).map(|entry| next_page(&uri, entry.id));
+    let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
+    let entries = found.into_iter().map(AuditEntry::from).collect();
+    let fresh = [(header::CACHE_CONTROL, "no-store")];
+    Ok((link, fresh, Json(AuditLog { entries, next })).into_response())
+}

@@ -1,0 +1,218 @@
+//! The derivatives of a result with respect to the numbers of its scenario.
+
+use std::sync::Arc;
+
+use axum::extract::State;
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use super::library::unknown;
+use crate::http::access::caller::Caller;
+use crate::http::app::App;
+use crate::http::problem::{Complaint, Problem, kinds};
+use crate::http::wire::{Query, Segment, read_key};
+use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
+use fretwork_engine::request::fault::Faults;
+use fretwork_job::{ENGINE, Key, TaskKind};
+use fretwork_json as json;
+use fretwork_study::{Entry, Jacobian, Member, Model, OutputName};
+
+/// Bytes of a derivative in the answer.
+const ENTRY_BYTES: usize = 160;
+
+/// The derivatives of a result.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct DerivativeList {
+    /// The key of the result.
+    #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
+    key: Key,
+    /// The `numerics` version of the engine that computed the derivatives.
+    numerics: u32,
+    /// One entry for each output and each number.
+    derivatives: Vec<Derivative>,
+}
+
+/// The derivative of an output with respect to a number of the scenario.
+#[derive(Debug, Serialize, ToSchema)]
+struct Derivative {
+    /// The name of the output.
+    #[schema(example = "wear_volume")]
+    output: String,
+    /// The number, as a JSON pointer (RFC 6901) into the canonical scenario. All others stay the same.
+    #[schema(example = "/friction")]
+    parameter: String,
+    /// The derivative in SI; null if there is none.
+    value: Option<f64>,
+    /// The largest error of `value` that is to be expected.
+    error: Option<f64>,
+    /// The unit of `value`, such as `m^3/(1/Pa)`.
+    #[schema(example = "m^3")]
+    unit: String,
+    /// `closed`: the output has a closed form, and the derivative at least 5 digits unless `error` says otherwise.
+    /// `numerical`: the output is computed on a mesh or in time steps.
+    #[schema(value_type = crate::http::wire::schemas::DerivativeMethod)]
+    method: &'static str,
+    /// Why there is no derivative.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<String>,
+}
+
+impl Derivative {
+    fn of(entry: Entry, model: &Model) -> Self {
+        let (output, member) = (&model.outputs()[entry.output], &model.members()[entry.member]);
+        let unit = match (output.unit(), member.dimension.si()) {
+            (above, "") => above.to_owned(),
+            (above, below) if below.contains('/') => format!("{above}/({below})"),
+            (above, below) => format!("{above}/{below}"),
+        };
+        let found = entry.derivative.as_ref().ok();
+        Self {
+            output: output.name().to_owned(),
+            parameter: member.pointer.clone(),
+            value: found.map(|found| found.value),
+            error: found.map(|found| found.error),
+            unit,
+            method: if entry.is_closed { "closed" } else { "numerical" },
+            reason: entry.derivative.err(),
+        }
+    }
+}
+
+/// What a query asks for.
+struct Wanted {
+    parameters: Option<Vec<String>>,
+    outputs: Option<Vec<OutputName>>,
+}
+
+impl Wanted {
+    fn read(mut query: Query) -> Result<Self, Problem> {
+        let list = |text: String| -> Vec<String> {
+            text.split(',').map(|item| item.trim().to_owned()).collect()
+        };
+        let parameters = query.text("parameters").map(list);
+        let names = query.text("outputs").map(list);
+        let mut outputs = names.as_ref().map(|_| Vec::new());
+        for name in names.into_iter().flatten() {
+            match name.parse::<OutputName>() {
+                Ok(name) => outputs.get_or_insert_default().push(name),
+                Err(detail) => query.complain("outputs", detail),
+            }
+        }
+        query.finish()?;
+        Ok(Self { parameters, outputs })
+    }
+
+    /// The model of a canonical scenario, and the search for all its derivatives.
+    fn start(self, scenario: Value) -> Result<(Arc<Model>, Jacobian), Faults> {
+        let parameters = self.parameters.unwrap_or_else(|| {
+            let mut all = Member::outside_lists(&scenario);
+            // The other settings of the method are no physical quantities.
+            all.retain(|pointer| !pointer.starts_with("/model/") || pointer == "/model/xi");
+            all
+        });
+        let all = || {
+            // The derivative of an estimated error means nothing.
+            let names = OutputName::all().filter(|name| !name.ends_with("_error"));
+            names.filter_map(|name| name.parse().ok()).collect()
+        };
+        let model = Arc::new(Model::new(scenario, &parameters, self.outputs.unwrap_or_else(all))?);
+        let search = Jacobian::new(&model, &model.origin(), (0..parameters.len()).collect())?;
+        Ok((model, search))
+    }
+}
+
+/// The problem of a model that has faults.
+fn refused(faults: Faults) -> Problem {
+    let complaints: Option<Vec<Complaint>> = faults
+        .0
+        .iter()
+        .map(|fault| {
+            let name = ["parameters", "outputs"].into_iter();
+            let mut name = name.filter(|name| fault.pointer.starts_with(&format!("/{name}")));
+            Some(Complaint::parameter(name.next()?, fault.detail.clone()))
+        })
+        .collect();
+    complaints.map_or_else(|| Problem::from(faults), Problem::parameters)
+}
+
+impl From<Unable> for Problem {
+    fn from(unable: Unable) -> Self {
+        let most = LONGEST_CALL.as_secs();
+        let advice = "Name fewer `parameters`, or submit a scenario with a larger `tolerance` or fewer output cycles.";
+        let detail = match unable {
+            Unable::TooLong(estimate) => {
+                let seconds = estimate.as_secs_f64();
+                format!(
+                    "The runs would take about {seconds:.0} s, but those of a request may take {most} s. {advice}"
+                )
+            }
+            Unable::Stopped => format!(
+                "The runs were estimated to take less than {most} s. They were stopped after {} s. {advice}",
+                MAX_CALL.as_secs()
+            ),
+            Unable::Panicked => return Self::bug(unable),
+        };
+        Self::new(&kinds::TOO_EXPENSIVE, detail)
+    }
+}
+
+/// Returns the derivatives of the outputs of a result with respect to the numbers of its scenario.
+///
+/// Each derivative has an error that was checked: it follows from polynomials through 17 or more runs around the
+/// scenario, and contains the error of the values: the stated error of the wear volume or of the wear depth, 3 times that
+/// of the volume for forces and the indentation depth and 5 times for the energy per cycle, both relative to the unworn
+/// contact, and half a cell of the mesh for the contact radius and the scar radius. The server computes these runs for each
+/// request, and keeps nothing. It refuses more than an estimated 30 s. The request counts as an evaluation. Near a kink, as at
+/// the threshold of gross slip, the error contains the derivatives of both sides.
+#[utoipa::path(get, path = "/v1/results/{key}/derivatives", operation_id = "get_derivatives", tag = "results",
+    params(
+        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result."),
+        ("outputs" = Option<Vec<String>>, Query, style = Form, explode = false,
+            description = "Names of outputs as in `POST /v1/evaluate`, separated by commas. By default, all that have a \
+            value, except estimated errors such as `wear_volume_error`.",
+            example = json!(["wear_volume", "wear_depth"])),
+        ("parameters" = Option<Vec<String>>, Query, style = Form, explode = false,
+            description = "JSON pointers to numbers of the canonical scenario, separated by commas. By default, all \
+            except numbers in lists and the settings of the method.",
+            example = json!(["/friction"])),
+    ),
+    responses(
+        (status = 200, description = "The derivatives.", body = DerivativeList),
+        (status = 422, description = "A parameter has faults, or the runs would take too long."),
+    ),
+)]
+pub async fn derivatives(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    query: Query,
+) -> Result<Response, Problem> {
+    let wanted = Wanted::read(query)?;
+    let key = read_key(&key)?;
+    let known = app.service.known(&key).await?.ok_or_else(unknown)?;
+    if known.asked.kind != TaskKind::Run {
+        let detail = format!(
+            "The result of a study has no derivatives: it has a table. All of it is at /v1/results/{key}."
+        );
+        return Err(Problem::new(&kinds::NO_SUCH_PART, detail));
+    }
+    let _turn = app.shares.evaluation(&caller.owner).await;
+    let all_outputs = wanted.outputs.is_none();
+    let mut start = Some((wanted, known.asked.value));
+    // Its time is short, but longer than those of runs on the async thread.
+    let started = app.service.compute_in_turns(1e-3, move || {
+        let (wanted, scenario) = start.take()?;
+        Some(wanted.start(scenario))
+    });
+    let (model, mut search) = started.await?.map_err(refused)?;
+    let found = app.service.compute_in_turns(search.seconds(), move || search.step()).await?;
+    let shown = found.into_iter().filter(|entry| !all_outputs || entry.has_value);
+    let derivatives: Vec<_> = shown.map(|entry| Derivative::of(entry, &model)).collect();
+    let bytes = ENTRY_BYTES * derivatives.len();
+    let answer = DerivativeList { key, numerics: ENGINE.numerics, derivatives };
+    let headers = [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")];
+    Ok((headers, json::write(&answer, bytes)).into_response())
+}

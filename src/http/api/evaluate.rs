@@ -1,0 +1,111 @@
+//! Evaluates a scenario without keeping anything.
+
+use std::sync::Arc;
+
+use axum::extract::State;
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::response::{IntoResponse, Response};
+use tokio::task;
+
+use super::scenarios::parse;
+use crate::http::access::caller::Caller;
+use crate::http::app::App;
+use crate::http::problem::{Problem, kinds};
+use crate::http::shares::SMALL;
+use crate::http::transport::body::Body;
+use crate::http::wire::NoQuery;
+use crate::service::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
+use fretwork_json as json;
+use fretwork_study::Evaluation;
+
+/// The address of evaluations.
+pub const PATH: &str = "/v1/evaluate";
+
+impl From<NotEvaluated> for Problem {
+    fn from(refusal: NotEvaluated) -> Self {
+        const JOB: &str = "Submit a job instead: POST /v1/jobs with the same scenario.";
+        let milliseconds = LONGEST_EVALUATION.as_millis();
+        match refusal {
+            NotEvaluated::TooLong(estimate) => {
+                let seconds = estimate.as_secs_f64();
+                let detail = format!(
+                    "The run would take about {seconds:.2} s, but an evaluation may take {milliseconds} ms. {JOB}"
+                );
+                Self::new(&kinds::TOO_EXPENSIVE, detail)
+            }
+            NotEvaluated::TooLarge(bytes) => {
+                let detail = format!(
+                    "The answer would have about {:.1} MB, but that of an evaluation may have {:.1} MB. Request \
+                     fewer `parts`, or profiles at fewer output cycles (`profiles_at`). {JOB}",
+                    bytes as f64 / 1e6,
+                    LARGEST_EVALUATION as f64 / 1e6,
+                );
+                Self::new(&kinds::TOO_EXPENSIVE, detail)
+            }
+            NotEvaluated::Stopped => {
+                let detail = format!(
+                    "The run was estimated to take less than {milliseconds} ms, but it took much longer and was \
+                     stopped. {JOB}"
+                );
+                Self::new(&kinds::TOO_EXPENSIVE, detail)
+            }
+            NotEvaluated::Busy => {
+                let detail = "Other evaluations take all workers. Try again in a second.";
+                Self::new(&kinds::EVALUATIONS_FULL, detail).retry_after(1)
+            }
+            NotEvaluated::Panicked => Self::bug(refusal),
+        }
+    }
+}
+
+/// Computes outputs of a scenario at once, and keeps nothing.
+///
+/// For sliders, optimisers and samplers. The run may take an estimated 20 ms; for a longer one, submit a job. The
+/// numbers are those of the result that a job has. Without `profiles` and `loops` in `parts`, none are computed.
+/// Evaluations have a rate limit of their own.
+#[utoipa::path(post, path = "/v1/evaluate", operation_id = "evaluate", tag = "scenarios",
+    request_body(content = ref("#/components/schemas/EvaluateBody"), description = "The scenario, and what to \
+        return.",
+        example = json!({
+            "scenario": {
+                "profile": {"shape": "paraboloid", "radius": "10 mm"},
+                "moduli": {"normal": "113 GPa", "tangential": "93 GPa"}, "friction": 0.7,
+                "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+                "load": {"normal_force": "100 N", "held": "force"},
+                "motion": {"amplitude": "2 um"}, "cycles": [1000, 10000]},
+            "outputs": ["wear_volume", "wear_depth@1000", "unworn.stick_radius"]})),
+    responses(
+        (status = 200, description = "The outputs.", body = crate::http::wire::schemas::Evaluated),
+        (status = 422, description = "The body has faults, which `errors` lists; or the run would take too long for \
+            an evaluation."),
+        (status = 503, description = "Too many evaluations are computed at the same time, or the memory for large \
+            answers is in use; see `Retry-After`.",
+            headers(("Retry-After" = u32, description = "Seconds."))),
+    ),
+)]
+pub async fn evaluate(
+    State(app): State<App>,
+    caller: Caller,
+    _: NoQuery,
+    body: Body,
+) -> Result<Response, Problem> {
+    let evaluation = parse(body, Evaluation::parse).await?;
+    let bytes = evaluation.answer_bytes();
+    let mut permit = app.shares.answers.hold(&caller.owner, bytes.min(LARGEST_EVALUATION)).await?;
+    let turn = app.shares.evaluation(&caller.owner).await;
+    let evaluated = app.service.evaluate(evaluation).await?;
+    drop(turn);
+    let answer = if bytes <= SMALL {
+        json::write(&evaluated, bytes)
+    } else {
+        let written = task::spawn_blocking(move || json::write(&evaluated, bytes));
+        written.await.map_err(Problem::bug)?
+    };
+    let headers = [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")];
+    permit.shrink(answer.len());
+    let mut response = (headers, answer).into_response();
+    if permit.is_held() {
+        response.extensions_mut().insert(Arc::new(permit));
+    }
+    Ok(response)
+}

@@ -1,0 +1,178 @@
+//! Server-sent events with the progress of a job.
+
+use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::time::Duration;
+
+use axum::extract::State;
+use axum::http::header::CACHE_CONTROL;
+use axum::http::{HeaderMap, HeaderName, StatusCode};
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use futures_util::stream;
+use serde::Serialize;
+use tokio::time::sleep;
+
+use super::jobs::{JobAnswer, visible};
+use crate::http::access::caller::Caller;
+use crate::http::app::App;
+use crate::http::problem::Problem;
+use crate::http::wire::{NoQuery, Segment, instant};
+use fretwork_job::{Job, JobId, JobState};
+use fretwork_store::Changes;
+
+/// A comment is sent after this time without events, because proxies close silent connections.
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
+
+/// How often the key of a stream is checked, in addition to each event.
+const KEY_INTERVAL: Duration = Duration::from_secs(1);
+
+/// The data of a `state` event.
+#[derive(Serialize)]
+struct Changed {
+    state: JobState,
+    attempt: u32,
+    at: String,
+    /// The job, in the last event only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    job: Option<JobAnswer>,
+}
+
+#[derive(Serialize)]
+struct Progress {
+    progress: f64,
+    attempt: u32,
+}
+
+/// Follows a job with server-sent events until it is finished.
+///
+/// The first event is a `snapshot` of the job. A `state` event with `id` 1, 2, … follows for each change of
+/// state since the job was submitted; the last one contains the `job`. `progress` events come between
+/// them. A client that reconnects with `Last-Event-ID` gets the later states, each exactly once. After the
+/// last state the answer is 204, and the `EventSource` of a browser stops. The stream ends if its key
+/// is revoked. If a proxy delays events, use `GET /v1/jobs/{id}?wait=` instead.
+#[utoipa::path(get, path = "/v1/jobs/{id}/events", operation_id = "follow_job", tag = "jobs",
+    params(
+        ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
+        ("Last-Event-ID" = Option<String>, Header,
+            description = "The `id` of the last received event."),
+    ),
+    responses(
+        (status = 200, description = "`snapshot`, `state` and `progress` events. Their data \
+            are JSON.", body = crate::http::wire::schemas::JobEvent, content_type = "text/event-stream"),
+        (status = 204, description = "The job is finished, and the client has all its states."),
+        (status = 404, description = "No job has this id."),
+    ),
+)]
+pub async fn follow(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(id): Segment,
+    headers: HeaderMap,
+    _: NoQuery,
+) -> Result<Response, Problem> {
+    let job = visible(&app, &caller, &id).await?;
+    let id = job.id;
+    // With an unknown id, all states are sent.
+    let seen: Option<usize> =
+        headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok());
+    let seen = seen.filter(|seen| *seen <= job.changes.len()).unwrap_or(0);
+    if job.state.is_finished() && seen == job.changes.len() {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    }
+    let changes = app.service.watch(&job);
+    let Caller { key, .. } = caller;
+    let ready = VecDeque::new();
+    let events = EventStream { app, id, key, changes, seen, progress: -1.0, ready };
+    let events = Sse::new(events.into_events()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE));
+    let buffering = HeaderName::from_static("x-accel-buffering");
+    Ok(([(CACHE_CONTROL, "no-store"), (buffering, "no")], events).into_response())
+}
+
+/// One stream of events.
+struct EventStream {
+    app: App,
+    id: JobId,
+    /// The id of the caller's key; `None` on a server without keys.
+    key: Option<String>,
+    changes: Changes,
+    /// The number of sent changes of state.
+    seen: usize,
+    progress: f64,
+    ready: VecDeque<Event>,
+}
+
+impl EventStream {
+    fn into_events(self) -> impl futures_util::Stream<Item = Result<Event, Infallible>> {
+        stream::unfold((self, Next::Snapshot), |(mut this, mut next)| async move {
+            loop {
+                if let Some(event) = this.ready.pop_front() {
+                    return Some((Ok(event), (this, next)));
+                }
+                next = this.advance(next).await?;
+            }
+        })
+    }
+
+    /// Waits for the next change, and puts its events into `ready`. `None` at the end.
+    async fn advance(&mut self, next: Next) -> Option<Next> {
+        match next {
+            Next::Snapshot => {}
+            Next::Change => {
+                let mut changed = false;
+                while !changed {
+                    changed = tokio::select! {
+                        () = self.changes.changed() => true,
+                        () = sleep(KEY_INTERVAL) => false,
+                        // The client reconnects after the restart and continues with `Last-Event-ID`.
+                        () = self.app.service.drained() => return None,
+                    };
+                    // The client reconnects and receives the problem.
+                    if self.app.gate.recheck(self.key.as_deref()).await.is_some() {
+                        return None;
+                    }
+                }
+            }
+            Next::End => return None,
+        }
+        // After an error the client reconnects and receives the problem.
+        let job = self.app.service.job(None, self.id).await.ok().flatten()?;
+        let finished = job.state.is_finished();
+        self.push_events(job, matches!(next, Next::Snapshot));
+        Some(if finished { Next::End } else { Next::Change })
+    }
+
+    fn push_events(&mut self, job: Job, first: bool) {
+        let Job { state, attempt, progress, .. } = job;
+        let new = job.changes[self.seen.min(job.changes.len())..].to_vec();
+        let answer = JobAnswer::from(job);
+        if first {
+            self.ready.extend(Event::default().event("snapshot").json_data(&answer));
+        }
+        let mut answer = Some(answer);
+        for change in new {
+            self.seen += 1;
+            let job = if change.state.is_finished() { answer.take() } else { None };
+            let at = instant(change.at);
+            let changed = Changed { state: change.state, attempt: change.attempt, at, job };
+            let event = Event::default().event("state").id(self.seen.to_string());
+            self.ready.extend(event.json_data(&changed));
+        }
+        let moved = progress.to_bits() != self.progress.to_bits();
+        if state == JobState::Running && moved {
+            self.progress = progress;
+            let progress = Progress { progress, attempt };
+            self.ready.extend(Event::default().event("progress").json_data(&progress));
+        }
+    }
+}
+
+/// What a stream sends next.
+enum Next {
+    /// The job as it is.
+    Snapshot,
+    /// The next change of the job.
+    Change,
+    /// Nothing: the job is finished.
+    End,
+}

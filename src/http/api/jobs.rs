@@ -1,0 +1,299 @@
+//! Jobs: list, show, cancel, delete. `submission` submits them.
+
+mod answer;
+mod submission;
+
+use axum::extract::State;
+use axum::http::{StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::http::access::caller::Caller;
+use crate::http::app::App;
+use crate::http::problem::{Complaint, Problem, kinds};
+use crate::http::wire::include::Include;
+use crate::http::wire::{NoQuery, Query, Segment};
+use fretwork_job::{Job, JobId, JobState};
+use fretwork_store::{Canceled, Deleted, Filter};
+
+use answer::answer;
+
+pub use answer::JobAnswer;
+pub use submission::{__path_submit, submit};
+
+/// Default number of jobs on a page.
+const PAGE: u32 = 50;
+/// Largest number of jobs on a page.
+const LONGEST_PAGE: u32 = 200;
+
+/// A page of jobs, the newest first.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct JobList {
+    /// The jobs.
+    jobs: Vec<JobAnswer>,
+    /// The address of the next page; null on the last page.
+    #[schema(example = "/v1/jobs?limit=50&cursor=019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
+    next: Option<String>,
+}
+
+pub(super) fn read_id(text: &str) -> Result<JobId, Problem> {
+    text.parse().map_err(|_| {
+        let detail = "No job has this id. An id is a UUID in lower case, as in the `id` of a job.";
+        Problem::new(&kinds::NOT_FOUND, detail)
+    })
+}
+
+/// The job with this id, if the caller may see it.
+pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job, Problem> {
+    app.service.job(caller.reach(), read_id(id)?).await?.ok_or_else(unknown)
+}
+
+pub(super) fn unknown() -> Problem {
+    Problem::new(&kinds::NOT_FOUND, "No job has this id. GET /v1/jobs lists all jobs.")
+}
+
+/// Lists jobs, the newest first.
+///
+/// A job must match all filters. The address of the next page is in `next` and in the `Link` header. New jobs
+/// do not shift the pages.
+#[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
+    params(
+        ("state" = Option<crate::http::wire::schemas::JobState>, Query, description = "Jobs in this state."),
+        ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
+        ("tag" = Option<String>, Query, description = "Jobs with this tag."),
+        ("key" = Option<crate::http::wire::schemas::KeyText>, Query, description = "Jobs for the result with this key."),
+        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me` is the caller. On a \
+            server with keys, only administrators see the jobs of others."),
+        ("limit" = Option<u32>, Query, description = "Largest number of jobs on the page.", minimum = 1,
+            maximum = 200, example = 50),
+        ("cursor" = Option<uuid::Uuid>, Query,
+            description = "Continues after this job. The server puts it into `next` of a page."),
+    ),
+    responses((status = 200, description = "A page of jobs.", body = JobList, headers(
+        ("Link" = String, description = "The address of the next page, `rel=\"next\"`."),
+    ))),
+)]
+pub async fn list(
+    State(app): State<App>,
+    caller: Caller,
+    uri: Uri,
+    mut query: Query,
+) -> Result<Response, Problem> {
+    let filter = read_filter(&mut query, &caller);
+    let limit = query.value("limit", format_args!("a number from 1 to {LONGEST_PAGE}"), |text| {
+        text.parse().ok().filter(|limit| (1..=LONGEST_PAGE).contains(limit))
+    });
+    let cursor = query.value("cursor", "the id of a job", |text| text.parse().ok());
+    query.finish()?;
+    let page = app.service.jobs(caller.reach(), filter, cursor, limit.unwrap_or(PAGE)).await?;
+    let next = page.next.map(|cursor| next_page(&uri, cursor));
+    let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
+    let jobs = page.jobs.into_iter().map(JobAnswer::from).collect();
+    Ok((link, axum::Json(JobList { jobs, next })).into_response())
+}
+
+/// Takes the filters of jobs.
+fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
+    let states = JobState::ALL.map(JobState::as_str).join(", ");
+    let key = "a key of 64 lower-case hexadecimal digits";
+    let whose = match caller.reach() {
+        Some(_) => "\"me\", because only administrators see the jobs of others",
+        None => "\"me\" or the name of an owner",
+    };
+    Filter {
+        state: query.value("state", format_args!("one of {states}"), |text| text.parse().ok()),
+        label: query.text("label"),
+        tag: query.text("tag"),
+        key: query.value("key", key, |text| text.parse().ok()),
+        owner: query.value("owner", whose, |text| caller.owner_named(text)),
+    }
+}
+
+/// The address of the request, with another cursor.
+pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
+    let query = uri.query().unwrap_or_default().as_bytes();
+    let rest = form_urlencoded::parse(query).filter(|(name, _)| name != "cursor");
+    let query = form_urlencoded::Serializer::new(String::new())
+        .extend_pairs(rest)
+        .append_pair("cursor", &cursor.to_string())
+        .finish();
+    format!("{}?{query}", uri.path())
+}
+
+/// Shows a job.
+///
+/// With `wait` the server answers when the job is finished, which takes fewer requests than polling. `state`
+/// says whether the job succeeded.
+#[utoipa::path(get, path = "/v1/jobs/{id}", operation_id = "get_job", tag = "jobs",
+    params(
+        ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
+        ("wait" = Option<f64>, Query, description = "Waits until the job is finished, at most \
+            this number of seconds.", minimum = 0, maximum = 60, example = 10),
+        ("include" = Option<crate::http::wire::schemas::Include>, Query, style = Form, explode = false,
+            description = "Adds to the job, separated by commas: the `result`, if the job is \
+                finished; the canonical `scenario`; the scenario as `submitted` by the client (null above \
+                64 kB).",
+            example = json!(["result", "scenario"])),
+    ),
+    responses(
+        (status = 200, description = "The job.", body = JobAnswer),
+    ),
+)]
+pub async fn show(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(id): Segment,
+    mut query: Query,
+) -> Result<Response, Problem> {
+    let time = query.wait();
+    let include = Include::take(&mut query);
+    query.finish()?;
+    let mut job = visible(&app, &caller, &id).await?;
+    if let Some(time) = time {
+        job = app.service.wait(job, time).await?;
+    }
+    answer(&app, &caller, job, include).await
+}
+
+/// Redirects to the result of a job.
+///
+/// Clients that follow the redirection receive the result.
+#[utoipa::path(get, path = "/v1/jobs/{id}/result", operation_id = "get_job_result", tag = "jobs",
+    params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
+    responses(
+        (status = 200, description = "The result, for clients that follow the redirection \
+            automatically.", content(
+            (ref("#/components/schemas/Result") = "application/json"),
+            (crate::http::wire::schemas::File = "application/x-npz"),
+        )),
+        (status = 303, description = "The result is at the address in `Location`.",
+            headers(("Location" = String, description = "The address of the result."))),
+        (status = 409, description = "The job is not finished (with `Retry-After`), has failed, \
+            or was canceled.", headers(("Retry-After" = u32, description = "Seconds."))),
+    ),
+)]
+pub async fn result(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(id): Segment,
+    _: NoQuery,
+) -> Result<Response, Problem> {
+    let job = visible(&app, &caller, &id).await?;
+    let problem = match job.state {
+        JobState::Succeeded => {
+            let location = format!("/v1/results/{}", job.key);
+            return Ok((StatusCode::SEE_OTHER, [(header::LOCATION, location)]).into_response());
+        }
+        JobState::Queued | JobState::Running | JobState::Canceling => {
+            let detail = format!(
+                "The job is {}. Try again in a second, or wait: GET /v1/jobs/{id}?wait=10.",
+                job.state
+            );
+            Problem::new(&kinds::NOT_FINISHED, detail).retry_after(1)
+        }
+        JobState::Failed => {
+            let cause = job.failure.map_or_else(String::new, |failure| failure.message);
+            let detail =
+                format!("The job failed: {cause}. To compute it again, submit the scenario again.");
+            Problem::new(&kinds::JOB_FAILED, detail)
+        }
+        JobState::Canceled => {
+            let detail = "The job was canceled. To get the result, submit the scenario again.";
+            Problem::new(&kinds::JOB_CANCELED, detail)
+        }
+    };
+    Err(problem)
+}
+
+/// Cancels a job.
+///
+/// The run stops when no other job shares it. A finished job does not change, and `state` of the answer shows
+/// this. The canceled job can still be read.
+#[utoipa::path(post, path = "/v1/jobs/{id}/cancel", operation_id = "cancel_job", tag = "jobs",
+    params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
+    responses(
+        (status = 200, description = "The job after the request.", body = JobAnswer),
+    ),
+)]
+pub async fn cancel(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(id): Segment,
+    _: NoQuery,
+) -> Result<Response, Problem> {
+    match app.service.cancel(caller.reach(), read_id(&id)?, caller.actor()).await? {
+        Canceled::NotFound => Err(unknown()),
+        Canceled::AlreadyFinished(job) | Canceled::Done(job) => {
+            answer(&app, &caller, job, Include::default()).await
+        }
+    }
+}
+
+/// The number of canceled jobs.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct CanceledJobs {
+    /// The number of jobs.
+    #[schema(example = 12)]
+    canceled: u64,
+}
+
+/// Cancels all jobs that match.
+///
+/// At least one filter is required, and a job must match all of them. Finished jobs do not change, nor do jobs
+/// that are submitted during the request. A run stops when no other job shares it.
+#[utoipa::path(post, path = "/v1/jobs/cancel", operation_id = "cancel_jobs", tag = "jobs",
+    params(
+        ("state" = Option<crate::http::wire::schemas::JobState>, Query, description = "Jobs in this state."),
+        ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
+        ("tag" = Option<String>, Query, description = "Jobs with this tag."),
+        ("key" = Option<crate::http::wire::schemas::KeyText>, Query, description = "Jobs for the result with this key."),
+        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me` is the caller. On a \
+            server with keys, only administrators see the jobs of others."),
+    ),
+    responses(
+        (status = 200, description = "The jobs are canceled, or will be when their workers \
+            stop.", body = CanceledJobs),
+    ),
+)]
+pub async fn cancel_all(
+    State(app): State<App>,
+    caller: Caller,
+    mut query: Query,
+) -> Result<axum::Json<CanceledJobs>, Problem> {
+    let filter = read_filter(&mut query, &caller);
+    query.finish()?;
+    if filter == Filter::default() {
+        let detail =
+            "is required, or label, tag, key or owner: without a filter all jobs would be canceled";
+        return Err(Problem::parameters(vec![Complaint::parameter("state", detail)]));
+    }
+    let canceled = app.service.cancel_all(caller.reach(), filter, &caller.actor()).await?;
+    Ok(axum::Json(CanceledJobs { canceled }))
+}
+
+/// Deletes a finished job.
+///
+/// Its result stays, because other jobs may share it.
+#[utoipa::path(delete, path = "/v1/jobs/{id}", operation_id = "delete_job", tag = "jobs",
+    params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
+    responses(
+        (status = 204, description = "The job is deleted."),
+        (status = 409, description = "The job is not finished. Cancel it first."),
+    ),
+)]
+pub async fn delete(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(id): Segment,
+    _: NoQuery,
+) -> Result<StatusCode, Problem> {
+    match app.service.delete(caller.reach(), read_id(&id)?, caller.actor()).await? {
+        Deleted::Done => Ok(StatusCode::NO_CONTENT),
+        Deleted::NotFound => Err(unknown()),
+        Deleted::Unfinished(state) => {
+            let detail = format!("The job is {state}. Cancel it first: POST /v1/jobs/{id}/cancel.");
+            Err(Problem::new(&kinds::STILL_GOING, detail))
+        }
+    }
+}

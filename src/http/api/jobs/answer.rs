@@ -1,0 +1,252 @@
+//! A job as JSON, with or without its scenario and its result.
+
+use std::convert::Infallible;
+use std::mem;
+
+use axum::body::{Body, Bytes};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use futures_util::stream;
+use serde::Serialize;
+use serde_json::{Value, json};
+use utoipa::ToSchema;
+
+use crate::http::access::caller::Caller;
+use crate::http::answer::stored;
+use crate::http::app::App;
+use crate::http::memory::Encoded;
+use crate::http::problem::{Problem, kinds};
+use crate::http::wire::include::{Include, NULL};
+use crate::http::wire::instant;
+use fretwork_job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
+use fretwork_store::{self as store, Asked};
+
+/// A job: one submission and its progress.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = Job)]
+pub struct JobAnswer {
+    /// Its id: a UUID of version 7, so that ids sort by time of submission.
+    #[schema(value_type = String, format = "uuid", example = "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
+    id: JobId,
+    /// `queued`, `running`, `canceling`, `succeeded`, `failed` or `canceled`.
+    #[schema(value_type = crate::http::wire::schemas::JobState)]
+    state: JobState,
+    /// Its owner: the name of the key that submitted it, or the address of the client on a server without keys.
+    /// Only administrators see the jobs of others.
+    #[schema(example = "anna")]
+    owner: String,
+    /// The key of the result, which is the same for every submission of the same scenario.
+    #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
+    key: Key,
+    /// Whether the result was computed for this job (`computed`), for another job at the same time (`coalesced`), or
+    /// before (`cached`).
+    #[schema(value_type = crate::http::wire::schemas::Origin)]
+    origin: Origin,
+    /// How often its computation was started. It is more than 1 if the server was interrupted.
+    #[schema(example = 1)]
+    attempt: u32,
+    /// The part of the run that is done, 0 to 1.
+    #[schema(minimum = 0, maximum = 1, example = 1.0)]
+    progress: f64,
+    /// The urgency among the jobs of the same owner, from the `Priority` header: 0 is the most urgent, 7 the
+    /// least.
+    #[schema(minimum = 0, maximum = 7, example = 3)]
+    priority: u8,
+    /// When it was submitted, started and finished.
+    times: Times,
+    /// A description for people, as submitted.
+    label: Option<String>,
+    /// Words for filters, as submitted.
+    tags: Vec<String>,
+    /// The last entry of the history and the regime; null until the job has succeeded.
+    #[schema(value_type = Option<Object>)]
+    summary: Option<Value>,
+    /// How the result of its run compares with the one that the server had before: `same`; `differs` (the stored result
+    /// stays, and `warnings` say what to do); `replaced` (the earlier one was evicted or deleted, and the new one is
+    /// stored). Null if the server had none, or if this job has no run.
+    #[schema(value_type = Option<crate::http::wire::schemas::Recomputed>)]
+    recomputed: Option<Recomputed>,
+    /// Warnings about the validity of the model, and about a result that differs from an earlier one: a list of `{kind,
+    /// detail}`.
+    #[schema(value_type = Vec<crate::http::wire::schemas::Warning>)]
+    warnings: Value,
+    /// Why it failed; null unless it did.
+    error: Option<JobError>,
+    /// The addresses of the job, its result and its events.
+    links: Links,
+}
+
+/// When a job was submitted, begun and finished: RFC 3339, UTC.
+#[derive(Debug, Serialize, ToSchema)]
+struct Times {
+    /// When it was submitted.
+    #[schema(format = "date-time", example = "2026-01-31T12:00:00.000Z")]
+    created: String,
+    /// When its computation began.
+    #[schema(format = "date-time")]
+    started: Option<String>,
+    /// When it was finished.
+    #[schema(format = "date-time")]
+    finished: Option<String>,
+}
+
+/// Why a job failed.
+#[derive(Debug, Serialize, ToSchema)]
+struct JobError {
+    /// The problem type: the address of a page that explains it.
+    #[schema(example = "/problems/worker-lost")]
+    r#type: String,
+    /// The title of the problem type.
+    title: String,
+    /// What happened.
+    detail: String,
+}
+
+/// Addresses related to a job.
+#[derive(Debug, Serialize, ToSchema)]
+struct Links {
+    /// The job itself.
+    #[serde(rename = "self")]
+    this: String,
+    /// Its result, after it has succeeded.
+    result: String,
+    /// Server-sent events with its progress.
+    events: String,
+    /// POST to this address to cancel it; null after it is finished.
+    cancel: Option<String>,
+}
+
+impl From<Job> for JobAnswer {
+    fn from(job: Job) -> Self {
+        let this = address(job.id);
+        let cancel = (!job.state.is_finished()).then(|| format!("{this}/cancel"));
+        let result = format!("/v1/results/{}", job.key);
+        let events = format!("{this}/events");
+        Self {
+            id: job.id,
+            state: job.state,
+            owner: job.owner,
+            key: job.key,
+            origin: job.origin,
+            attempt: job.attempt,
+            progress: job.progress,
+            priority: job.priority,
+            times: Times {
+                created: instant(job.created),
+                started: job.started.map(instant),
+                finished: job.finished.map(instant),
+            },
+            label: job.label,
+            tags: job.tags,
+            summary: job.summary,
+            recomputed: job.recomputed,
+            warnings: warnings(job.warnings, &job.key, job.recomputed),
+            error: job.failure.map(JobError::from),
+            links: Links { this, result, events, cancel },
+        }
+    }
+}
+
+/// The warnings of a job, with one about a result that differs from an earlier one.
+fn warnings(mut warnings: Value, key: &Key, recomputed: Option<Recomputed>) -> Value {
+    let detail = match recomputed {
+        None | Some(Recomputed::Same) => return warnings,
+        Some(Recomputed::Differs) => format!(
+            "The server has computed the result again, and the stored result differs. One of them is wrong. The stored \
+             one stays. To replace it, an administrator deletes it (DELETE /v1/results/{key}) and submits its scenario \
+             again."
+        ),
+        Some(Recomputed::Replaced) => {
+            "The result differs from the one that was stored before and has been evicted or \
+            deleted. One of them is wrong. The new one is stored."
+                .to_owned()
+        }
+    };
+    if let Value::Array(list) = &mut warnings {
+        list.push(json!({"kind": "recompute_differs", "detail": detail}));
+    }
+    warnings
+}
+
+impl From<Failure> for JobError {
+    fn from(failure: Failure) -> Self {
+        let slug = failure.kind.as_str();
+        let title = kinds::ALL.iter().find(|kind| kind.slug == slug).map(|kind| kind.title);
+        Self {
+            r#type: format!("/problems/{slug}"),
+            title: title.unwrap_or("The job failed").to_owned(),
+            detail: failure.message,
+        }
+    }
+}
+
+pub(super) fn address(id: JobId) -> String {
+    format!("/v1/jobs/{id}")
+}
+
+/// Answers a job, with the included members.
+pub(super) async fn answer(
+    app: &App,
+    caller: &Caller,
+    job: Job,
+    include: Include,
+) -> Result<Response, Problem> {
+    let asked = if include.scenario || include.submitted {
+        app.service.asked(job.id).await?
+    } else {
+        Asked::default()
+    };
+    if !include.result {
+        return write(job, include.members(&asked, None));
+    }
+    let Encoded { body, permit, .. } = result_of(app, &caller.owner, &job).await?;
+    let mut response = write(job, include.members(&asked, Some(body)))?;
+    if let Some(permit) = permit {
+        response.extensions_mut().insert(permit);
+    }
+    Ok(response)
+}
+
+/// The JSON of the result of a job; null if it has none.
+pub(super) async fn result_of(app: &App, caller: &str, job: &Job) -> Result<Encoded, Problem> {
+    let json = match job.state {
+        JobState::Succeeded => stored::json(app, caller, &job.key).await?,
+        _ => None,
+    };
+    Ok(json.unwrap_or_else(|| Encoded::plain(NULL)))
+}
+
+/// Writes a job, followed by more members: their names and their JSON.
+pub(super) fn write(job: Job, members: Vec<(&str, Bytes)>) -> Result<Response, Problem> {
+    let (key, id) = (job.key, job.id);
+    let mut told = serde_json::to_vec(&JobAnswer::from(job)).map_err(Problem::bug)?;
+    let mut pieces = Vec::new();
+    for (name, text) in members {
+        // The stored bytes are copied: to parse and print them again would cost more than everything else
+        // here, and could change digits.
+        told.pop();
+        told.extend_from_slice(format!(",\"{name}\":").as_bytes());
+        if text.len() > store::LARGE {
+            // A large text is not copied: other answers share the same bytes.
+            pieces.extend([mem::take(&mut told).into(), text]);
+        } else {
+            told.extend_from_slice(&text);
+        }
+        told.push(b'}');
+    }
+    let headers = [
+        (header::CONTENT_TYPE, "application/json".to_owned()),
+        // A job changes.
+        (header::CACHE_CONTROL, "no-store".to_owned()),
+        (header::CONTENT_LOCATION, address(id)),
+        (header::LINK, format!("</v1/results/{key}>; rel=\"related\"")),
+    ];
+    if pieces.is_empty() {
+        return Ok((headers, told).into_response());
+    }
+    pieces.push(told.into());
+    let length = pieces.iter().map(Bytes::len).sum::<usize>().to_string();
+    let pieces = stream::iter(pieces.into_iter().map(Ok::<_, Infallible>));
+    let length = [(header::CONTENT_LENGTH, length)];
+    Ok((headers, length, Body::from_stream(pieces)).into_response())
+}

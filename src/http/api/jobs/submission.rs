@@ -1,0 +1,197 @@
+//! Submits a job.
+
+use std::time::Duration;
+
+use axum::body::Bytes;
+use axum::extract::State;
+use axum::http::header::{self, HeaderName};
+use axum::http::{HeaderMap, HeaderValue, StatusCode};
+use axum::response::Response;
+
+use super::answer::{JobAnswer, address, result_of, write};
+use crate::http::access::caller::Caller;
+use crate::http::api::scenarios::parse;
+use crate::http::app::App;
+use crate::http::memory::Encoded;
+use crate::http::problem::{Problem, kinds};
+use crate::http::transport::body::Body;
+use crate::http::wire::include::{Include, NULL};
+use crate::http::wire::{Freshness, Prefer, Query, ascii, idempotency_key, urgency};
+use crate::service::{Accepted, Refusal, Terms};
+use fretwork_job::{Job, JobState, Origin, Submission};
+use fretwork_store::Asked;
+
+/// Submits a scenario: computes it, joins the run of another job, or finds the stored result.
+///
+/// Every submission is a job, and is kept. Equal scenarios are computed once, even if they are written in
+/// different units. With `Prefer: wait=10` the server answers when the job is finished, at most 10 s later.
+/// `include=result` then adds the result. After a lost connection a client can repeat its submission with
+/// the same `Idempotency-Key`: it stays one job.
+#[utoipa::path(post, path = "/v1/jobs", operation_id = "submit_job", tag = "jobs",
+    params(
+        ("include" = Option<crate::http::wire::schemas::Include>, Query, style = Form, explode = false,
+            description = "Adds to the job, separated by commas: the `result`, if the job is \
+                finished; the canonical `scenario`; the scenario as `submitted`.",
+            example = json!(["result"])),
+        ("Prefer" = Option<String>, Header,
+            description = "`wait=N`: the server answers when the job is finished, or after N seconds \
+                (at most 60).", example = "wait=10"),
+        ("Idempotency-Key" = Option<String>, Header,
+            description = "A name for this submission, for example a random UUID. A repeated \
+                submission with the same name and body is the same job, as long as the job is kept."),
+        ("Priority" = Option<String>, Header,
+            description = "`u=0` (most urgent) to `u=7` (least urgent), RFC 9218: the order of the \
+                caller's own jobs. It does not affect the jobs of other callers, which take turns.", example = "u=3"),
+        ("Cache-Control" = Option<String>, Header,
+            description = "`no-cache`: computes again, and compares with the stored result. \
+                `only-if-cached`: does not compute; 504 if the result is not known."),
+        ("traceparent" = Option<String>, Header,
+            description = "W3C Trace Context. The log of the request and of the run contains it."),
+    ),
+    request_body(content = ref("#/components/schemas/JobBody"), description = "The job. A \
+        physical quantity is a number in SI units or a string with a unit."),
+    responses(
+        (status = 200, description = "The job is finished: it succeeded, failed or was canceled.",
+            body = JobAnswer, headers(
+                ("Cache-Status" = String, description = "RFC 9211: `fretwork; hit`, or `fretwork; \
+                    fwd=miss` with `stored` or `collapsed`; `fwd=request` after `no-cache`."),
+                ("Content-Location" = String, description = "The address of the job."),
+                ("Link" = String, description = "The address of the result, `rel=\"related\"`."),
+                ("Preference-Applied" = String, description = "The longest wait, as granted."),
+            )),
+        (status = 202, description = "The job is accepted. Its address is in `Location`.",
+            body = JobAnswer, headers(
+                ("Location" = String, description = "The address of the job."),
+                ("Cache-Status" = String, description = "RFC 9211: `fretwork; fwd=miss`, with \
+                    `collapsed` if it joined the run of another job."),
+                ("Link" = String, description = "The address of the result, `rel=\"related\"`."),
+                ("Preference-Applied" = String, description = "The longest wait, as granted."),
+            )),
+        (status = 422, description = "The body or a header has faults, which `errors` lists; or the run \
+            would take longer than the server allows; or the Idempotency-Key belongs to another \
+            submission."),
+        (status = 503, description = "The server is shutting down, or its queue is full; see \
+            `Retry-After`.", headers(("Retry-After" = u32, description = "Seconds."))),
+        (status = 504, description = "With `only-if-cached`: the result is not known."),
+    ),
+)]
+pub async fn submit(
+    State(app): State<App>,
+    caller: Caller,
+    mut query: Query,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Response, Problem> {
+    let include = Include::take(&mut query);
+    query.finish()?;
+    let (trace, share) = (caller.trace.clone(), caller.owner.clone());
+    let terms = terms(caller, &headers)?;
+    let (wait, afresh) = (terms.wait, terms.afresh);
+    let submission = parse(body, Submission::parse).await?;
+    let mut asked = Asked {
+        task: include.scenario.then(|| submission.prepared.stored.to_string()),
+        submitted: submission.submitted.clone().filter(|_| include.submitted),
+    };
+    let Accepted { job, answer, repeated } = app.service.submit(submission, terms).await?;
+    if repeated && include.submitted {
+        asked = app.service.asked(job.id).await?;
+    }
+    let (result, permit) = match answer {
+        _ if !include.result => (None, None),
+        Some(answer) if job.state == JobState::Succeeded => (Some(answer.body), None),
+        // The job is accepted, so the client must get it even if its result cannot be read.
+        _ => match result_of(&app, &share, &job).await {
+            Ok(Encoded { body, permit, .. }) => (Some(body), permit),
+            Err(problem) => {
+                if let Some(error) = problem.cause() {
+                    let request = trace.as_ref().map(|trace| &*trace.id);
+                    tracing::error!(request, job = %job.id, error, "cannot read the result");
+                }
+                (Some(NULL), None)
+            }
+        },
+    };
+    let mut response = accepted(job, include.members(&asked, result), wait, afresh)?;
+    if let Some(permit) = permit {
+        response.extensions_mut().insert(permit);
+    }
+    Ok(response)
+}
+
+/// The terms of a submission, from its headers.
+fn terms(caller: Caller, headers: &HeaderMap) -> Result<Terms, Problem> {
+    let Freshness { afresh, only_known } = Freshness::read(headers);
+    Ok(Terms {
+        owner: caller.owner,
+        priority: urgency(headers),
+        idempotency_key: idempotency_key(headers)?,
+        afresh,
+        only_known,
+        wait: Prefer::read(headers).wait,
+        trace: caller.trace.map(|trace| trace.to_string()),
+    })
+}
+
+/// The answer to an accepted submission: 200 if its job is finished, otherwise 202.
+fn accepted(
+    job: Job,
+    members: Vec<(&str, Bytes)>,
+    wait: Option<Duration>,
+    afresh: bool,
+) -> Result<Response, Problem> {
+    let (finished, location) = (job.state.is_finished(), address(job.id));
+    let cache = cache_status(&job, afresh);
+    let mut response = write(job, members)?;
+    let headers = response.headers_mut();
+    headers.insert(header::CACHE_STATUS, HeaderValue::from_static(cache));
+    if let Some(time) = wait {
+        let name = HeaderName::from_static("preference-applied");
+        headers.insert(name, ascii(&format!("wait={}", time.as_secs())));
+    }
+    if !finished {
+        headers.insert(header::LOCATION, ascii(&location));
+        *response.status_mut() = StatusCode::ACCEPTED;
+    }
+    Ok(response)
+}
+
+impl From<Refusal> for Problem {
+    fn from(refusal: Refusal) -> Self {
+        match refusal {
+            Refusal::Draining => {
+                let detail = "The server is shutting down and accepts no new jobs. Submit again in a \
+                    moment.";
+                Self::new(&kinds::DRAINING, detail).retry_after(5)
+            }
+            Refusal::IdempotencyConflict => {
+                let detail = "This Idempotency-Key was used for another submission. Use a new one.";
+                Self::new(&kinds::KEY_REUSED, detail)
+            }
+            Refusal::NotCached => {
+                let detail =
+                    "The result is not known. To compute it, submit without only-if-cached.";
+                Self::new(&kinds::NOT_CACHED, detail)
+            }
+            Refusal::TooExpensive(excess) => Self::new(&kinds::TOO_EXPENSIVE, excess.to_string()),
+            Refusal::QueueFull { queued, retry_after } => {
+                let detail = format!(
+                    "{queued} jobs are queued. Submit again after the number of seconds in Retry-After."
+                );
+                Self::new(&kinds::QUEUE_FULL, detail).retry_after(retry_after.as_secs() as u32)
+            }
+            Refusal::Store(error) => error.into(),
+        }
+    }
+}
+
+/// How the cache handled the submission (RFC 9211).
+fn cache_status(job: &Job, afresh: bool) -> &'static str {
+    match (job.origin, job.state) {
+        (Origin::Cached, _) => "fretwork; hit",
+        (Origin::Coalesced, _) if afresh => "fretwork; fwd=request; collapsed",
+        (Origin::Coalesced, _) => "fretwork; fwd=miss; collapsed",
+        (Origin::Computed, _) if afresh => "fretwork; fwd=request",
+        (Origin::Computed, JobState::Succeeded) => "fretwork; fwd=miss; stored",
+        (Origin::Computed, _) => "fretwork; fwd=miss",
+    }
+}

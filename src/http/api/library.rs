@@ -1,0 +1,530 @@
+//! The library of results: search, provenance, notes, deletion.
+
+use axum::extract::State;
+use axum::http::{StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use utoipa::ToSchema;
+
+use super::jobs::next_page;
+use crate::http::access::caller::{Caller, ME};
+use crate::http::answer::stored::require;
+use crate::http::app::App;
+use crate::http::problem::{Problem, kinds};
+use crate::http::transport::body::Body;
+use crate::http::wire::{NoQuery, Query, Segment, instant, read_key};
+use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_job::{Key, SCALARS, WORDS};
+use fretwork_json::read_body;
+use fretwork_store::{self as store, Changed, Listed, Removed, Search};
+
+/// Default number of results on a page.
+const PAGE: u32 = 50;
+/// Largest number of results on a page.
+const LONGEST_PAGE: u32 = 1000;
+
+/// What a user wrote about a result.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Note {
+    /// The text.
+    #[schema(example = "Agrees with the rig of 2025-11.")]
+    text: String,
+    /// Who wrote it.
+    owner: String,
+    /// When it was written: RFC 3339, UTC.
+    #[schema(format = "date-time")]
+    at: String,
+}
+
+impl From<store::Note> for Note {
+    fn from(note: store::Note) -> Self {
+        Self { text: note.text, owner: note.owner, at: instant(note.at) }
+    }
+}
+
+/// A result in a list, with its most important inputs and outputs in SI.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ResultEntry {
+    /// Its key.
+    #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
+    key: Key,
+    /// When this server first stored the key: RFC 3339, UTC.
+    #[schema(format = "date-time")]
+    created: String,
+    /// The owner whose job computed it; null if unknown.
+    owner: Option<String>,
+    /// Size of the result in bytes.
+    size: u64,
+    /// Whether it is pinned: never evicted.
+    pinned: bool,
+    /// When it was evicted or deleted; null if it is stored.
+    #[schema(format = "date-time")]
+    evicted: Option<String>,
+    /// Its note.
+    note: Option<Note>,
+    /// `shape`, `method`, `regime`, `held` (of the load) and `motion`.
+    #[serde(flatten)]
+    #[schema(value_type = Object)]
+    words: Map<String, Value>,
+    /// Parameters and the last entry of the history; null where a result has none. The values from
+    /// `normal_force` to `tangential_force` belong to the unworn contact.
+    #[schema(value_type = Object)]
+    values: Map<String, Value>,
+    /// The path of the result.
+    #[schema(
+        example = "/v1/results/7262301ee85039ba4e113b17570ed2e12a9a7b34bc20bf05a1cbfc9b16860c41"
+    )]
+    link: String,
+}
+
+impl From<Listed> for ResultEntry {
+    fn from(listed: Listed) -> Self {
+        let Listed { key, created, owner, size, pinned, evicted, note, outline } = listed;
+        Self {
+            key,
+            created: instant(created),
+            owner,
+            size,
+            pinned,
+            evicted: evicted.map(instant),
+            note: note.map(Note::from),
+            words: outline.words(),
+            values: outline.scalars(),
+            link: format!("/v1/results/{key}"),
+        }
+    }
+}
+
+/// A page of results.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ResultList {
+    /// The results.
+    results: Vec<ResultEntry>,
+    /// The unit of each member of `values`.
+    #[schema(value_type = Object)]
+    units: Map<String, Value>,
+    /// The path of the next page; null on the last page.
+    next: Option<String>,
+}
+
+/// The query parameters of [`list`] other than `limit` and `cursor`, for the OpenAPI document.
+pub fn parameters() -> Vec<Value> {
+    let parameter = |name: &str, description: String, schema: Value| {
+        let at = json!({"name": name, "in": "query", "required": false});
+        let mut parameter = at;
+        parameter["description"] = description.into();
+        parameter["schema"] = schema;
+        parameter
+    };
+    let text = || json!({"type": "string"});
+    let mut all = Vec::new();
+    for word in WORDS {
+        let words = json!({"type": "string", "enum": word.values});
+        all.push(parameter(word.name, format!("Results with this `{}`.", word.name), words));
+    }
+    for scalar in SCALARS {
+        let unit = match scalar.unit() {
+            "1" => "a plain number".to_owned(),
+            unit => format!("in {unit} or with units"),
+        };
+        let what = format!(
+            "Results whose `{}` lies in this range: `a..b`, `a..`, `..b` or a single value, {unit}. \
+             Compared to 9 digits.",
+            scalar.name,
+        );
+        all.push(parameter(scalar.name, what, text()));
+    }
+    let orders: Vec<String> =
+        Search::orders().flat_map(|name| [name.to_owned(), format!("-{name}")]).collect();
+    let order = json!({"type": "string", "enum": orders, "default": "-created"});
+    let flag = || json!({"type": "boolean"});
+    let others = [
+        (
+            "created",
+            "Results that this server first stored in this range of days or times: `2026-01-31..`. A \
+             day is the whole day, UTC.",
+            text(),
+        ),
+        ("size", "Results whose size in bytes lies in this range.", text()),
+        ("owner", "Results that a job of this owner computed; `me` is the caller.", text()),
+        ("pinned", "Results that are pinned, or that are not.", flag()),
+        ("pinned_by", "Results that this owner has pinned; `me` is the caller.", text()),
+        (
+            "evicted",
+            "`true`: only results that were evicted or deleted. Default: only stored results.",
+            flag(),
+        ),
+        ("note", "Results whose note contains this text. Upper and lower case are equal.", text()),
+        ("tag", "Results of jobs with this tag. Only jobs that the caller may see count.", text()),
+        (
+            "label",
+            "Results of jobs with this label. Only jobs that the caller may see count.",
+            text(),
+        ),
+        (
+            "sort",
+            "The value to sort by. A minus sign puts the largest first. Results without the value \
+            come last.",
+            order,
+        ),
+    ];
+    all.extend(others.map(|(name, what, schema)| parameter(name, what.to_owned(), schema)));
+    all
+}
+
+/// Searches the stored results by inputs and outputs.
+///
+/// A result must meet all conditions. A range is `a..b`, `a..`, `..b` or a single value, in SI or with units:
+/// `friction=0.6..0.8`, `wear_depth=..2 um`, `normal_force=50 N..0.2 kN`. The path of the
+/// next page is in `next` and in the `Link` header.
+#[utoipa::path(get, path = "/v1/results", operation_id = "list_results", tag = "results",
+    params(
+        ("limit" = Option<u32>, Query, description = "Largest number of results on the page.", minimum = 1,
+            maximum = 1000, example = 50),
+        ("cursor" = Option<String>, Query, description = "Continues after a page. The server puts it into `next` of that page."),
+    ),
+    responses(
+        (status = 200, description = "A page of results, in SI.", body = ResultList, headers(
+            ("Link" = String, description = "The path of the next page, `rel=\"next\"`."),
+        )),
+    ),
+)]
+pub async fn list(
+    State(app): State<App>,
+    caller: Caller,
+    uri: Uri,
+    mut query: Query,
+) -> Result<Response, Problem> {
+    let mut search = Search::default();
+    search.only_jobs_of(caller.reach());
+    for name in Search::names() {
+        let text = query.text(name);
+        // The store knows owners by their names only.
+        let own = |text: String| if text == ME { caller.owner.clone() } else { text };
+        if let Some(text) =
+            if name == "owner" || name == "pinned_by" { text.map(own) } else { text }
+            && let Err(fault) = search.set(name, &text)
+        {
+            query.complain(name, fault);
+        }
+    }
+    let limit = query.value("limit", format_args!("a number from 1 to {LONGEST_PAGE}"), |text| {
+        text.parse().ok().filter(|limit| (1..=LONGEST_PAGE).contains(limit))
+    });
+    let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
+    query.finish()?;
+    let _turn = app.shares.turn(&caller.owner).await;
+    let found = app.service.search(&search, cursor, limit.unwrap_or(PAGE)).await?;
+    let next = found.next.map(|cursor| next_page(&uri, cursor));
+    let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
+    let results = found.results.into_iter().map(ResultEntry::from).collect();
+    let units = SCALARS.iter().map(|scalar| (scalar.name.to_owned(), json!(scalar.unit())));
+    let fresh = [(header::CACHE_CONTROL, "no-store")];
+    Ok((link, fresh, axum::Json(ResultList { results, units: units.collect(), next }))
+        .into_response())
+}
+
+/// Who computed a result, when, and with which program. Values that the server does not know are null.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Provenance {
+    /// Its key.
+    #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
+    key: Key,
+    /// When this server first stored the key: RFC 3339, UTC, like the times below.
+    #[schema(format = "date-time")]
+    created: String,
+    /// Who computed it, when, and how long it took.
+    computed: Computation,
+    /// The warnings about the two bodies in the submission that computed it: a list of `{kind, detail}`. The
+    /// result has the other warnings.
+    #[schema(value_type = Option<Vec<crate::http::wire::schemas::Warning>>)]
+    warnings: Option<Value>,
+    /// The program that computed it.
+    program: Option<Program>,
+    /// The number of stored jobs with this key.
+    #[schema(example = 3)]
+    jobs: u64,
+    /// Whether it is pinned: never evicted.
+    pinned: bool,
+    /// Who pinned it; null if it is not pinned, or if that is unknown.
+    pinned_by: Option<String>,
+    /// Its note.
+    note: Option<Note>,
+    /// When it was last read, with a resolution of about one minute.
+    #[schema(format = "date-time")]
+    last_access: String,
+    /// When it was evicted or deleted; null if it is stored.
+    #[schema(format = "date-time")]
+    evicted: Option<String>,
+    /// Who deleted it; null if it was evicted to free space.
+    deleted_by: Option<String>,
+    /// Size and digest of the bytes of `GET /v1/results/{key}`.
+    body: BodySum,
+    /// The import that brought it; null if it was computed here.
+    imported: Option<Import>,
+}
+
+/// Who computed a result, when, and how long it took.
+#[derive(Debug, Serialize, ToSchema)]
+struct Computation {
+    /// The owner of the job.
+    owner: Option<String>,
+    /// When the computation ended.
+    #[schema(format = "date-time")]
+    at: Option<String>,
+    /// Wall-clock time in seconds.
+    wall_seconds: Option<f64>,
+    /// Processor time in seconds.
+    cpu_seconds: Option<f64>,
+    /// The id of the job that computed it.
+    job: Option<String>,
+    /// The id of the request that submitted the job, as in the log of the server.
+    request: Option<String>,
+}
+
+/// A version of the program on a machine.
+#[derive(Debug, Serialize, ToSchema)]
+struct Program {
+    /// The version of the program.
+    #[schema(example = "0.1.0")]
+    version: String,
+    /// The `numerics` version of the engine.
+    #[schema(example = 1)]
+    numerics: u32,
+    /// The host name; like the next two, null if an imported file does not have it.
+    host: Option<String>,
+    /// The processor architecture.
+    #[schema(example = "x86_64")]
+    architecture: Option<String>,
+    /// The number of processors.
+    processors: Option<u32>,
+}
+
+/// Size and digest of a result.
+#[derive(Debug, Serialize, ToSchema)]
+struct BodySum {
+    /// Size in bytes.
+    bytes: u64,
+    /// SHA-256 of the bytes.
+    #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
+    sha256: Key,
+}
+
+/// The import of a result.
+#[derive(Debug, Serialize, ToSchema)]
+struct Import {
+    /// The name of the imported file.
+    from: String,
+    /// When it was imported.
+    #[schema(format = "date-time")]
+    at: String,
+}
+
+impl Provenance {
+    fn of(key: Key, known: store::Provenance) -> Self {
+        let request = known.trace.as_deref().and_then(|trace| trace.split(' ').next());
+        let request = request.filter(|id| !id.is_empty()).map(str::to_owned);
+        Self {
+            key,
+            created: instant(known.created),
+            computed: Computation {
+                owner: known.owner,
+                at: known.computed.map(instant),
+                wall_seconds: known.wall,
+                cpu_seconds: known.cpu,
+                job: known.job.map(|job| job.to_string()),
+                request,
+            },
+            warnings: known.warnings,
+            program: known.program.map(|program| Program {
+                version: program.version,
+                numerics: program.numerics,
+                host: Some(program.host).filter(|host| !host.is_empty()),
+                architecture: Some(program.architecture).filter(|kind| !kind.is_empty()),
+                processors: Some(program.processors).filter(|count| *count > 0),
+            }),
+            jobs: known.jobs,
+            pinned: known.pinned,
+            pinned_by: known.pinned_by,
+            note: known.note.map(Note::from),
+            last_access: instant(known.last_access),
+            evicted: known.evicted.map(instant),
+            deleted_by: known.deleted_by,
+            body: BodySum { bytes: known.size, sha256: known.sha256 },
+            imported: known.imported.map(|(at, from)| Import { from, at: instant(at) }),
+        }
+    }
+}
+
+/// The problem for a key that the server does not know.
+pub(super) fn unknown() -> Problem {
+    let detail = "No result has this key; submit its scenario to POST /v1/jobs.";
+    Problem::new(&kinds::UNKNOWN_RESULT, detail)
+}
+
+/// Tells who computed a result, when, with which program, and how long it took.
+///
+/// `body.sha256` is the digest of the JSON bytes of `GET /v1/results/{key}`, so that a client can check a
+/// copy. Evicted and deleted results have it too.
+#[utoipa::path(get, path = "/v1/results/{key}/provenance", operation_id = "get_provenance", tag = "results",
+    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    responses(
+        (status = 200, description = "The provenance of the result.", body = Provenance),
+    ),
+)]
+pub async fn provenance(
+    State(app): State<App>,
+    Segment(key): Segment,
+    _: NoQuery,
+) -> Result<Response, Problem> {
+    let key = read_key(&key)?;
+    let known = app.service.provenance(&key).await?.ok_or_else(unknown)?;
+    let fresh = [(header::CACHE_CONTROL, "no-store")];
+    Ok((fresh, axum::Json(Provenance::of(key, known))).into_response())
+}
+
+/// The warnings of the submission that computed a result.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct SubmissionWarnings {
+    /// A list of `{kind, detail}`; null if the server does not know the submission.
+    #[schema(value_type = Option<Vec<crate::http::wire::schemas::Warning>>)]
+    warnings: Option<Value>,
+}
+
+/// Returns the warnings about the two bodies in the submission that computed a result.
+///
+/// `elastic_mismatch` and `yield` follow from the bodies. The key does not contain the bodies, so these warnings belong
+/// to a submission. The result itself has the other warnings. Links open this address too.
+#[utoipa::path(get, path = "/v1/results/{key}/warnings", operation_id = "get_warnings", tag = "results",
+    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    responses(
+        (status = 200, description = "The warnings.", body = SubmissionWarnings),
+    ),
+)]
+pub async fn warnings(
+    State(app): State<App>,
+    Segment(key): Segment,
+    _: NoQuery,
+) -> Result<Response, Problem> {
+    let known = app.service.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?;
+    let fresh = [(header::CACHE_CONTROL, "no-store")];
+    Ok((fresh, axum::Json(SubmissionWarnings { warnings: known.warnings })).into_response())
+}
+
+/// A note to be written.
+#[derive(Debug, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct NoteBody {
+    /// The text. It may have several lines.
+    text: String,
+}
+
+/// Parses a JSON body and collects all its faults.
+pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
+    let read =
+        |value: Value| T::deserialize_from_value(value.into_value(), ValuePointerRef::Origin);
+    Ok(read_body(&body.0, read)?)
+}
+
+/// Answers a change of a note.
+fn annotated(changed: Changed) -> Result<StatusCode, Problem> {
+    match changed {
+        Changed::Done => Ok(StatusCode::NO_CONTENT),
+        Changed::OtherOwner(owner) => Err(Problem::other_owner("note", owner)),
+        Changed::NotFound | Changed::QuotaExceeded { .. } => Err(unknown()),
+    }
+}
+
+/// Writes the note of a result. A result has one note; a new one of the same owner or of an administrator replaces it.
+///
+/// Provenance and lists show the note, its owner and its time. It stays for a year after the result was
+/// evicted or deleted.
+#[utoipa::path(put, path = "/v1/results/{key}/note", operation_id = "put_note", tag = "results",
+    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    request_body(content = ref("#/components/schemas/NoteBody"), description = "The note.",
+        example = json!({"text": "Agrees with the rig of 2025-11."})),
+    responses(
+        (status = 204, description = "The note is stored."),
+    ),
+)]
+pub async fn note(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    _: NoQuery,
+    body: Body,
+) -> Result<StatusCode, Problem> {
+    let key = read_key(&key)?;
+    let NoteBody { text } = read(&body)?;
+    if let Some(detail) = store::Note::fault(&text) {
+        return Err(Problem::faults(vec![Fault { pointer: "/text".to_owned(), detail }]));
+    }
+    annotated(app.service.annotate(&key, Some(text), caller.editor()).await?)
+}
+
+/// Deletes the note of a result.
+///
+/// If there is no note, nothing changes. Only the owner of the note and administrators may delete it.
+#[utoipa::path(delete, path = "/v1/results/{key}/note", operation_id = "delete_note", tag = "results",
+    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    responses(
+        (status = 204, description = "The result has no note."),
+    ),
+)]
+pub async fn delete_note(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    _: NoQuery,
+) -> Result<StatusCode, Problem> {
+    annotated(app.service.annotate(&read_key(&key)?, None, caller.editor()).await?)
+}
+
+/// Deletes a result.
+///
+/// Afterwards its path answers 410 with the scenario, as after an eviction. A new job with the same
+/// scenario computes it again. Its jobs stay. A pinned result cannot be deleted.
+#[utoipa::path(delete, path = "/v1/results/{key}", operation_id = "delete_result", tag = "results",
+    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    responses(
+        (status = 204, description = "The result is deleted."),
+        (status = 409, description = "The result is pinned. Unpin it first."),
+        (status = 410, description = "The result was evicted or deleted before. `scenario` is its \
+            scenario."),
+    ),
+)]
+pub async fn delete(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    _: NoQuery,
+) -> Result<StatusCode, Problem> {
+    let key = read_key(&key)?;
+    loop {
+        let (here, by) = (app.clone(), caller.actor());
+        // A task of its own: the memory must be cleared although the client disconnects.
+        #[expect(clippy::disallowed_methods, reason = "the task ends by itself")]
+        let removing = tokio::spawn(async move {
+            let removed = here.service.remove(&key, by).await?;
+            if removed != Removed::Pinned {
+                // An evicted result may still be in memory.
+                here.memory.forget(&key);
+            }
+            Ok::<_, Problem>(removed)
+        });
+        match removing.await.map_err(Problem::bug)?? {
+            Removed::Done => return Ok(StatusCode::NO_CONTENT),
+            Removed::Pinned => {
+                let detail =
+                    format!("The result is pinned. Send DELETE /v1/results/{key}/pin first.");
+                return Err(Problem::new(&kinds::PINNED, detail));
+            }
+            Removed::NotFound => {
+                // This answers why there is nothing to delete, unless the result was just stored.
+                require(&app, caller.reach(), &key).await?;
+            }
+        }
+    }
+}

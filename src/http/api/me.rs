@@ -1,0 +1,92 @@
+//! The caller, as the server sees it.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::header;
+use axum::response::IntoResponse;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::http::access::caller::Caller;
+use crate::http::app::App;
+use crate::http::problem::Problem;
+use crate::http::wire::NoQuery;
+
+/// The caller, with its limits and their use.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct Me {
+    /// The owner of the caller's jobs: the name of the key, or the address of the client on a server
+    /// without keys.
+    #[schema(example = "anna")]
+    name: String,
+    /// `read`, `submit` or `admin`.
+    #[schema(value_type = crate::http::wire::schemas::Role, example = "submit")]
+    role: &'static str,
+    /// The id of the key; null on a server without keys.
+    #[schema(example = "0a1b2c3d")]
+    key: Option<String>,
+    /// The limits of the key.
+    limits: CallerLimits,
+    /// The use of the limits, and the unfinished jobs.
+    usage: CallerUsage,
+}
+
+/// The limits of a key; null is no limit.
+#[derive(Debug, Serialize, ToSchema)]
+struct CallerLimits {
+    /// Requests per minute.
+    #[schema(example = 60_000)]
+    requests_per_minute: Option<u32>,
+    /// Evaluations per minute. They do not count as requests.
+    #[schema(example = 60_000)]
+    evaluations_per_minute: Option<u32>,
+    /// Concurrent requests.
+    #[schema(example = 256)]
+    requests_at_once: Option<u32>,
+}
+
+/// The use of the limits, and the unfinished jobs of the caller.
+#[derive(Debug, Serialize, ToSchema)]
+struct CallerUsage {
+    /// Requests that may be sent now; null without a limit.
+    #[schema(example = 59_999)]
+    requests_left: Option<u32>,
+    /// Queued jobs of the caller.
+    #[schema(example = 0)]
+    jobs_queued: u64,
+    /// Running jobs of the caller.
+    #[schema(example = 0)]
+    jobs_running: u64,
+}
+
+/// Returns the name, role, limits and usage of the caller.
+///
+/// On a server without keys every caller is an administrator, named after its address. The request counts
+/// against the limits.
+#[utoipa::path(get, path = "/v1/me", operation_id = "me", tag = "system", responses(
+    (status = 200, description = "The caller.", body = Me),
+))]
+pub async fn me(
+    State(app): State<App>,
+    caller: Caller,
+    _: NoQuery,
+) -> Result<impl IntoResponse, Problem> {
+    let (jobs_queued, jobs_running) = app.service.unfinished(&caller.owner).await?;
+    let limits = app.gate.limits_of(caller.key.as_deref()).await?;
+    let me = Me {
+        name: caller.owner,
+        role: caller.role.as_str(),
+        key: caller.key,
+        limits: CallerLimits {
+            requests_per_minute: limits.per_minute.map(Into::into),
+            evaluations_per_minute: limits.evaluations.map(Into::into),
+            requests_at_once: limits.at_once.map(Into::into),
+        },
+        usage: CallerUsage {
+            requests_left: caller.standing.map(|standing| standing.left),
+            jobs_queued,
+            jobs_running,
+        },
+    };
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(me)))
+}

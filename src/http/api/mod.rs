@@ -1,0 +1,16 @@
+//! The handlers, a file for each noun of the API. A handler translates the request, calls the service, and translates
+//! its answer.
+
+pub mod audit;
+pub mod derivatives;
+pub mod diff;
+pub mod evaluate;
+pub mod events;
+pub mod jobs;
+pub mod library;
+pub mod links;
+pub mod me;
+pub mod results;
+pub mod scenarios;
+pub mod system;
+pub mod umbridge;

@@ -1,0 +1,586 @@
+//! Results and their parts, in all formats. A result never changes.
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::str::FromStr;
+
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::Response;
+use bytesize::ByteSize;
+
+use crate::http::access::caller::Caller;
+use crate::http::answer::representation::Representation;
+use crate::http::answer::stored::require;
+use crate::http::app::App;
+use crate::http::problem::{Problem, kinds};
+use crate::http::wire::negotiation::choose_format;
+use crate::http::wire::{NoQuery, Query, Segment, read_key};
+use fretwork_format::{
+    FigureOptions, Format, Part, QUANTITIES, Quantity, StudyFigure, StudyOptions, View,
+};
+use fretwork_job::{Key, TaskKind};
+use fretwork_store::Changed;
+
+/// Largest value of `rows`, more than any study has.
+const MAX_ROWS: usize = 10_000_000;
+
+/// Reads numbers separated by commas.
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    let number = |text: &str| text.trim().parse().ok().filter(|number: &f64| number.is_finite());
+    text.split(',').map(number).collect()
+}
+
+/// Takes a parameter with one of two values; true for the second.
+fn either(query: &mut Query, name: &'static str, values: [&str; 2]) -> Option<bool> {
+    let [no, yes] = values;
+    query.value(name, format_args!("\"{no}\" or \"{yes}\""), |text| match text {
+        _ if text == no => Some(false),
+        _ if text == yes => Some(true),
+        _ => None,
+    })
+}
+
+/// Takes a parameter that is a whole number in a range.
+fn integer<T: FromStr + PartialOrd + Display>(
+    query: &mut Query,
+    name: &'static str,
+    range: RangeInclusive<T>,
+) -> Option<T> {
+    let accepted = format_args!("a whole number from {} to {}", range.start(), range.end());
+    query.value(name, accepted, |text| text.parse().ok().filter(|number| range.contains(number)))
+}
+
+/// Takes the parameters of a result or a table.
+fn view(query: &mut Query, part: Part) -> View {
+    let mut view = View {
+        records: either(query, "layout", ["columns", "records"]) == Some(true),
+        digits: integer(query, "digits", 1..=17),
+        engineering: either(query, "units", ["si", "engineering"]) == Some(true),
+        ..View::default()
+    };
+    // A study has no output cycles.
+    if part != Part::Table {
+        view.cycles = query.value("cycles", "numbers separated by commas", numbers);
+    }
+    if part != Part::Whole {
+        let names = |text: String| text.split(',').map(|name| name.trim().to_owned()).collect();
+        view.fields = query.text("fields").map(names);
+    }
+    if matches!(part, Part::Whole | Part::Table) {
+        view.rows = integer(query, "rows", 0..=MAX_ROWS);
+    }
+    // Without some of its points a loop encloses another energy. A history has no points.
+    if matches!(part, Part::Whole | Part::Profiles) {
+        view.points = integer(query, "points", 2..=4096);
+    }
+    view
+}
+
+/// Takes the parameters of a figure.
+fn figure_view(query: &mut Query) -> View {
+    let default = FigureOptions::default();
+    let names: Vec<_> = QUANTITIES.iter().map(|quantity| quantity.name).collect();
+    let accepted = format!("one of {}", names.join(", "));
+    let quantity = query.value("quantity", &accepted, Quantity::named).unwrap_or(default.quantity);
+    let most = FigureOptions::MAX_CYCLES;
+    let accepted = format!("at most {most} numbers separated by commas");
+    let cycles = query
+        .value("cycles", &accepted, |text| numbers(text).filter(|cycles| cycles.len() <= most));
+    if cycles.is_some() && !quantity.has_curve_per_cycle() {
+        let detail =
+            format!("is not possible here: {} is drawn over all output cycles", quantity.name);
+        query.complain("cycles", detail);
+    }
+    let engineering = either(query, "units", ["si", "engineering"]).unwrap_or(true);
+    let mut axis = |name| {
+        let log = either(query, name, ["linear", "log"]);
+        if log == Some(true) && quantity.has_sign() {
+            let detail = "must be \"linear\" here: the values are positive and negative";
+            query.complain(name, detail);
+        }
+        log
+    };
+    let (log_x, log_y) = (axis("x"), axis("y"));
+    let (least, most) = (FigureOptions::MIN_SIZE, FigureOptions::MAX_SIZE);
+    let width = integer(query, "width", least.0..=most).unwrap_or(default.size.0);
+    let height = integer(query, "height", least.1..=most).unwrap_or(default.size.1);
+    let study = study_options(query);
+    let figure = FigureOptions { quantity, log_x, log_y, size: (width, height), study };
+    View { engineering, cycles, figure, ..View::default() }
+}
+
+/// Takes the parameters of a figure of a study. Which names are possible depends on the study.
+fn study_options(query: &mut Query) -> StudyOptions {
+    let names = StudyFigure::ALL.map(StudyFigure::name);
+    let kind = query.value("kind", format_args!("one of {}", names.join(", ")), |text| {
+        StudyFigure::ALL.into_iter().find(|kind| kind.name() == text)
+    });
+    let [output, over, by] = ["output", "over", "by"].map(|name| query.text(name));
+    StudyOptions { kind, output, over, by }
+}
+
+/// Answers a result or a part of it in the format that the client requests.
+async fn answer(
+    app: &App,
+    caller: &Caller,
+    (key, part): (&str, Part),
+    headers: &HeaderMap,
+    mut query: Query,
+) -> Result<Response, Problem> {
+    let offered = part.formats();
+    let requested = query.format(offered);
+    let mut view = view(&mut query, part);
+    let format = match requested {
+        Some(format) => Some(format).filter(|format| offered.contains(format)),
+        None => choose_format(headers, offered),
+    };
+    if view.records && part == Part::Whole {
+        let parts = "/history, /profiles and /loops";
+        query.complain("layout", format!("must be \"columns\" here; only {parts} have records"));
+    } else if view.records && format.is_some_and(|format| format != Format::Json) {
+        query.complain("layout", "is for JSON; every other format has one layout");
+    }
+    query.finish()?;
+    let format = format.ok_or_else(|| not_acceptable(key, part))?;
+    let key = read_key(key)?;
+    if view.rows.is_some() && part == Part::Whole && is_run(app, &key).await? {
+        // A run has no rows, so this is the stored result.
+        view.rows = None;
+    }
+    Representation::new(caller, key, part, format, view).answer(app, headers).await
+}
+
+async fn is_run(app: &App, key: &Key) -> Result<bool, Problem> {
+    let known = app.service.known(key).await?;
+    Ok(known.is_some_and(|known| known.asked.kind == TaskKind::Run))
+}
+
+fn not_acceptable(key: &str, part: Part) -> Problem {
+    let formats = part.formats().iter();
+    let formats = formats.map(|format| format!("{} (?format={})", format.essence(), format.name()));
+    let formats: Vec<_> = formats.collect();
+    let detail = format!("The available formats are {}.", formats.join(", "));
+    let address = |part: Part| format!("/v1/results/{key}/{}?format=csv", part.name());
+    let addresses = Part::TABLES.map(address).join(", ");
+    let detail = match part {
+        Part::Whole => format!(
+            "{detail} NDJSON, CSV and Arrow are available for one table at a time: {addresses}."
+        ),
+        _ => detail,
+    };
+    Problem::new(&kinds::NOT_ACCEPTABLE, detail)
+}
+
+/// Returns a result.
+///
+/// A result is a pure function of its key, byte for byte, and clients may cache it for ever. All
+/// numbers are in SI units unless `units` is given; the member `units` names the unit of every quantity.
+/// Entry 0 of each history column and row 0 of each profile is the unworn state. `scenario` is complete
+/// and always in SI units, so that it can be submitted again.
+///
+/// In NPZ each column of a table is an array, such as `history/wear_volume` and `profiles/wear`
+/// (output cycles × radii). Everything else is JSON in the text array `meta`. `numpy.load` reads the
+/// archive without pickle. An infinite pressure is null in JSON and NaN in NPZ.
+#[utoipa::path(get, path = "/v1/results/{key}", operation_id = "get_result", tag = "results",
+    params(
+        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("format" = Option<crate::http::wire::schemas::WholeFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<crate::http::wire::schemas::WholeLayout>, Query, description = "Only the parts of a \
+            result have the layout `records`."),
+        ("cycles" = Option<crate::http::wire::schemas::ChosenInstants>, Query, style = Form, explode = false,
+            description = "Only the profiles and loops at these output cycles, separated by commas; the \
+            history is complete.",
+            example = json!([0])),
+        ("points" = Option<u32>, Query, description = "Largest number of radii of the profiles, evenly spaced.",
+            minimum = 2, maximum = 4096, example = 200),
+        ("rows" = Option<u32>, Query, description = "Studies: only the first rows of `table`, `samples` and \
+            `profiles`. A run has none.", minimum = 0, maximum = 10_000_000, example = 200),
+    ),
+    responses(
+        (status = 200, description = "The result.", content(
+            (ref("#/components/schemas/Result") = "application/json"),
+            (crate::http::wire::schemas::File = "application/x-npz"),
+        )),
+        (status = 406, description = "A whole result is available as JSON and NPZ; its parts are also \
+            available as NDJSON, CSV and Arrow."),
+    ),
+)]
+pub async fn whole(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    query: Query,
+    request: Request,
+) -> Result<Response, Problem> {
+    answer(&app, &caller, (&key, Part::Whole), request.headers(), query).await
+}
+
+/// Returns the history of a result: one entry per output cycle.
+///
+/// CSV and NDJSON have one row per output cycle, with names such as `wear_volume[m^3]`. CSV begins with
+/// comment lines (`#`) with the key, the engine and the units; in NDJSON each line contains `key` and
+/// `engine`. NPZ has one array per column. Arrow (an IPC file) is a table whose metadata contain key,
+/// engine and units. Equal numbers are equal in every format.
+#[utoipa::path(get, path = "/v1/results/{key}/history", operation_id = "get_history", tag = "results",
+    params(
+        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("format" = Option<crate::http::wire::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<crate::http::wire::schemas::Layout>, Query, description = "JSON only: one array per \
+            quantity (`columns`, the default), or a list of rows in the member `records`."),
+        ("fields" = Option<crate::http::wire::schemas::HistoryFields>, Query, style = Form, explode = false,
+            description = "Only these columns, separated by commas; \
+            `cycles` is always included.",
+            example = json!(["wear_volume", "wear_depth"])),
+        ("cycles" = Option<crate::http::wire::schemas::ChosenInstants>, Query, style = Form, explode = false,
+            description = "Only these output cycles, separated by commas.",
+            example = json!([0])),
+    ),
+    responses(
+        (status = 200, description = "The history.", content(
+            (ref("#/components/schemas/HistoryAnswer") = "application/json"),
+            (String = "application/x-ndjson"),
+            (String = "text/csv"),
+            (crate::http::wire::schemas::File = "application/x-npz"),
+            (crate::http::wire::schemas::File = "application/vnd.apache.arrow.file"),
+        )),
+        (status = 406, description = "The history is available as JSON, NDJSON, CSV, NPZ and Arrow."),
+    ),
+)]
+pub async fn history(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    query: Query,
+    request: Request,
+) -> Result<Response, Problem> {
+    answer(&app, &caller, (&key, Part::History), request.headers(), query).await
+}
+
+/// Returns the profiles of a result: worn shape, wear, pressure and slip over the radius.
+///
+/// Formats with rows have one row per output cycle and radius: `cycles,radius,…`. In NPZ an array has one
+/// row per output cycle and one column per radius. An infinite pressure is null in JSON, NDJSON and
+/// Arrow, empty in CSV and NaN in NPZ. A result computed with `profiles_at: "none"` has no profiles: null
+/// in JSON, no rows otherwise.
+///
+/// A sweep that was submitted with `profiles` has the curves of each point, with `point` in place of `cycles`.
+#[utoipa::path(get, path = "/v1/results/{key}/profiles", operation_id = "get_profiles", tag = "results",
+    params(
+        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("format" = Option<crate::http::wire::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<crate::http::wire::schemas::Layout>, Query, description = "JSON only: one array per \
+            quantity (`columns`, the default), or a list of rows in the member `records`."),
+        ("fields" = Option<crate::http::wire::schemas::ProfileFields>, Query, style = Form, explode = false,
+            description = "Only these columns, separated by commas; \
+            `cycles` (`point` of a sweep) and `radius` are always included.",
+            example = json!(["wear", "pressure"])),
+        ("cycles" = Option<crate::http::wire::schemas::ChosenInstants>, Query, style = Form, explode = false,
+            description = "Only these output cycles, separated by commas.",
+            example = json!([0])),
+        ("points" = Option<u32>, Query, description = "Largest number of radii, evenly spaced.",
+            minimum = 2, maximum = 4096, example = 200),
+    ),
+    responses(
+        (status = 200, description = "The profiles.", content(
+            (ref("#/components/schemas/ProfilesAnswer") = "application/json"),
+            (String = "application/x-ndjson"),
+            (String = "text/csv"),
+            (crate::http::wire::schemas::File = "application/x-npz"),
+            (crate::http::wire::schemas::File = "application/vnd.apache.arrow.file"),
+        )),
+        (status = 406, description = "The profiles are available as JSON, NDJSON, CSV, NPZ and Arrow."),
+    ),
+)]
+pub async fn profiles(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    query: Query,
+    request: Request,
+) -> Result<Response, Problem> {
+    answer(&app, &caller, (&key, Part::Profiles), request.headers(), query).await
+}
+
+/// Returns the force–displacement loops of a result, at the output cycles of its profiles.
+///
+/// A loop goes from one turning point to the other and back. It has one point for each spring that starts to
+/// slip. Straight lines between the points enclose the energy of the cycle. Loops may differ in their number
+/// of points. For a displacement record, the outermost loop is returned. `energy_ratio` (A), `slip_ratio` (D)
+/// and `free_ratio` (B) are the criteria of the sliding transition by Fouvry.
+/// Formats with rows have one row per output cycle and point. In NPZ an array has one row per output
+/// cycle, and NaN fills the shorter loops. A result computed with `profiles_at: "none"` has no loops.
+#[utoipa::path(get, path = "/v1/results/{key}/loops", operation_id = "get_loops", tag = "results",
+    params(
+        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("format" = Option<crate::http::wire::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<crate::http::wire::schemas::Layout>, Query, description = "JSON only: one array per \
+            quantity (`columns`, the default), or a list of rows in the member `records`."),
+        ("fields" = Option<crate::http::wire::schemas::LoopFields>, Query, style = Form, explode = false,
+            description = "Only these columns, separated by commas; \
+            `cycles` is always included.",
+            example = json!(["displacement", "tangential_force"])),
+        ("cycles" = Option<crate::http::wire::schemas::ChosenInstants>, Query, style = Form, explode = false,
+            description = "Only these output cycles, separated by commas.",
+            example = json!([0])),
+    ),
+    responses(
+        (status = 200, description = "The loops.", content(
+            (ref("#/components/schemas/LoopsAnswer") = "application/json"),
+            (String = "application/x-ndjson"),
+            (String = "text/csv"),
+            (crate::http::wire::schemas::File = "application/x-npz"),
+            (crate::http::wire::schemas::File = "application/vnd.apache.arrow.file"),
+        )),
+        (status = 406, description = "The loops are available as JSON, NDJSON, CSV, NPZ and Arrow."),
+    ),
+)]
+pub async fn loops(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    query: Query,
+    request: Request,
+) -> Result<Response, Problem> {
+    answer(&app, &caller, (&key, Part::Loops), request.headers(), query).await
+}
+
+/// Returns the table of a study: one row for each point.
+///
+/// The first columns are the values of the numbers that vary, under their JSON pointers; then come the outputs. A cell is
+/// null where a point has no such output, and the column `reason` says why. CSV and NDJSON have names such as
+/// `wear_volume[m^3]`. In NPZ each column is an array, without the slash at the start of its name.
+#[utoipa::path(get, path = "/v1/results/{key}/table", operation_id = "get_table", tag = "results",
+    params(
+        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked study."),
+        ("format" = Option<crate::http::wire::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<crate::http::wire::schemas::Layout>, Query, description = "JSON only: one array per \
+            column (`columns`, the default), or a list of rows in the member `records`."),
+        ("fields" = Option<crate::http::wire::schemas::TableFields>, Query, style = Form, explode = false,
+            description = "Only these columns, separated by commas.", example = json!(["wear_volume"])),
+        ("rows" = Option<u32>, Query, description = "Only the first rows.", minimum = 0, maximum = 10_000_000,
+            example = 200),
+    ),
+    responses(
+        (status = 200, description = "The table.", content(
+            (ref("#/components/schemas/TableAnswer") = "application/json"),
+            (String = "application/x-ndjson"),
+            (String = "text/csv"),
+            (crate::http::wire::schemas::File = "application/x-npz"),
+            (crate::http::wire::schemas::File = "application/vnd.apache.arrow.file"),
+        )),
+        (status = 406, description = "The table is available as JSON, NDJSON, CSV, NPZ and Arrow."),
+    ),
+)]
+pub async fn table(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    query: Query,
+    request: Request,
+) -> Result<Response, Problem> {
+    answer(&app, &caller, (&key, Part::Table), request.headers(), query).await
+}
+
+/// Returns a figure of a result as SVG, for the screen and for print.
+///
+/// Profiles (`worn`, `wear`, `image`, `pressure`, `slip`) have one curve per output cycle. The worn profile
+/// is shown with the initial and the limiting profile. Histories are drawn over the output cycles, with
+/// marks at events, the limiting state if it is within reach, and the simplified rule if the result was
+/// computed with `compare`. `loops` are force over displacement. An infinite pressure is a gap: next to it the
+/// curve leaves the frame.
+///
+/// A study has other figures. A sweep of a grid is a family of curves, or a heat map with contour lines if two numbers
+/// have more than 7 values each. Drawn values are a scatter plot with the median in bins, and with percentiles where several points share each value. A map has its
+/// regimes with the boundary of gross slip; with `output` it is a heat map. A study of sensitivity has bars of its
+/// indices with their intervals. Numbers that are not on an axis have the middle one of their values. Rows without the
+/// output are gaps.
+///
+/// `title` and `desc` describe the figure in words; `metadata`
+/// contains the key and the engine. The same request gives the same bytes everywhere.
+#[utoipa::path(get, path = "/v1/results/{key}/plot.svg", operation_id = "plot_result", tag = "results",
+    params(
+        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
+        ("quantity" = Option<crate::http::wire::schemas::PlotQuantity>, Query, description = "Runs: the quantity to \
+            draw, by default `worn`. A result computed with `profiles_at: \"none\"` has histories only.",
+            example = "pressure"),
+        ("cycles" = Option<crate::http::wire::schemas::PlotInstants>, Query, style = Form, explode = false,
+            description = "Profiles and loops: only these output cycles, separated by commas. By default up \
+            to 6, evenly spaced.",
+            example = json!([0])),
+        ("kind" = Option<crate::http::wire::schemas::PlotKind>, Query, description = "Studies: the kind of figure. By \
+            default it follows from the study.", example = "heat"),
+        ("output" = Option<String>, Query, description = "Studies: a column of the outputs, by default the \
+            first one.", example = "wear_volume"),
+        ("over" = Option<String>, Query, description = "Studies: the JSON pointer of the number on the \
+            horizontal axis, by default the one with most values.", example = "/motion/amplitude"),
+        ("by" = Option<String>, Query, description = "Studies: the JSON pointer of a second number, with one \
+            curve for each value, or on the vertical axis of a heat map.", example = "/friction"),
+        ("units" = Option<crate::http::wire::schemas::UnitSystem>, Query, description = "`engineering` (the default \
+            here): µm, mm³, MPa, mJ and N; or `si`.", example = "si"),
+        ("x" = Option<crate::http::wire::schemas::Spacing>, Query, description = "The horizontal axis. By default \
+            it is `linear`, but `log` for a history whose output cycles span a factor of 20 or more, and for \
+            values of a study that are spaced so. A logarithmic axis omits values that are not positive.",
+            example = "linear"),
+        ("y" = Option<crate::http::wire::schemas::Spacing>, Query, description = "The vertical axis, by default \
+            `linear`. That of a study is `log` if its values span two decades.", example = "linear"),
+        ("width" = Option<u16>, Query, description = "Width in px (1/96 inch), by default 640.",
+            minimum = 320, maximum = 4000, example = 640),
+        ("height" = Option<u16>, Query, description = "Height in px, by default 440.",
+            minimum = 240, maximum = 4000, example = 440),
+    ),
+    responses(
+        (status = 200, description = "The figure.", content((String = "image/svg+xml"))),
+        (status = 422, description = "A parameter has a fault, or requests something that the result does \
+            not have, such as profiles; `errors` lists all faults."),
+    ),
+)]
+pub async fn plot(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    mut query: Query,
+    request: Request,
+) -> Result<Response, Problem> {
+    let view = figure_view(&mut query);
+    query.finish()?;
+    // The address names the format, so `Accept` has no effect.
+    let figure = Representation::new(&caller, read_key(&key)?, Part::Plot, Format::Svg, view);
+    figure.answer(&app, request.headers()).await
+}
+
+/// Pins a result, so that it is never evicted.
+///
+/// When the database grows too large, the server evicts the least recently read results, except pinned
+/// ones. Pinning a result again has no effect. The results that one owner has pinned may take up to `--pin-quota`,
+/// and those of all owners half of `--keep-results`.
+#[utoipa::path(put, path = "/v1/results/{key}/pin", operation_id = "pin_result", tag = "results",
+    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    responses(
+        (status = 204, description = "The result is pinned."),
+        (status = 409, description = "The pinned results of this owner take too much room. Unpin some first."),
+    ),
+)]
+pub async fn pin(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    _: NoQuery,
+) -> Result<StatusCode, Problem> {
+    set_pin(&app, &caller, &key, true).await
+}
+
+/// Unpins a result.
+///
+/// The server may then evict it. Only the owner of the pin and administrators may do this.
+#[utoipa::path(delete, path = "/v1/results/{key}/pin", operation_id = "unpin_result", tag = "results",
+    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    responses(
+        (status = 204, description = "The result is not pinned."),
+    ),
+)]
+pub async fn unpin(
+    State(app): State<App>,
+    caller: Caller,
+    Segment(key): Segment,
+    _: NoQuery,
+) -> Result<StatusCode, Problem> {
+    set_pin(&app, &caller, &key, false).await
+}
+
+async fn set_pin(
+    app: &App,
+    caller: &Caller,
+    key: &str,
+    pinned: bool,
+) -> Result<StatusCode, Problem> {
+    let key = read_key(key)?;
+    loop {
+        match app.service.pin(&key, pinned, caller.editor()).await? {
+            Changed::Done => return Ok(StatusCode::NO_CONTENT),
+            // Returns the problem for a missing result, or tries again if the result has just been stored.
+            Changed::NotFound => require(app, caller.reach(), &key).await?,
+            Changed::OtherOwner(owner) => return Err(Problem::other_owner("pin", owner)),
+            Changed::QuotaExceeded { used, quota, of_all } => {
+                let (used, quota) = (ByteSize(used), ByteSize(quota));
+                let detail = if of_all {
+                    format!(
+                        "The pinned results of all owners would take {used}, and they may take {quota}. Unpin some of \
+                         yours: GET /v1/results?pinned_by=me lists them. Or ask the administrator for more room \
+                         (--keep-results)."
+                    )
+                } else {
+                    format!(
+                        "Your pinned results would take {used}, and an owner may pin {quota}. Unpin some of them: GET \
+                         /v1/results?pinned_by=me lists them."
+                    )
+                };
+                return Err(Problem::new(&kinds::PIN_QUOTA, detail));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::extract::FromRequestParts as _;
+    use futures_util::FutureExt as _;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The query of an address; `None` if the text is not part of an address.
+    fn query(text: &str) -> Option<Query> {
+        let (mut parts, ()) = Request::get(format!("/?{text}")).body(()).ok()?.into_parts();
+        Query::from_request_parts(&mut parts, &()).now_or_never()?.ok()
+    }
+
+    fn any_query() -> impl Strategy<Value = String> {
+        const NAMES: [&str; 18] = [
+            "layout", "digits", "units", "cycles", "fields", "points", "format", "quantity", "x",
+            "y", "width", "height", "kind", "output", "over", "by", "rows", "other",
+        ];
+        const WORDS: [&str; 16] = [
+            "records",
+            "7",
+            "engineering",
+            "0,1e3",
+            "wear,slip",
+            "worn",
+            "loops",
+            "log",
+            "640",
+            "1e999",
+            "-1",
+            "NaN",
+            "%00",
+            "%ff",
+            "%",
+            "",
+        ];
+        let value = prop_oneof![
+            3 => prop::sample::select(&WORDS[..]).prop_map(str::to_owned),
+            1 => "[!-~]{0,12}",
+        ];
+        let pair = (prop::sample::select(&NAMES[..]), value);
+        prop::collection::vec(pair.prop_map(|(name, value)| format!("{name}={value}")), 0..5)
+            .prop_map(|pairs| pairs.join("&"))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn a_random_query_is_accepted_or_refused(text in any_query()) {
+            for part in [Part::Whole, Part::History, Part::Profiles, Part::Loops, Part::Table, Part::Plot] {
+                let Some(mut query) = query(&text) else { return Ok(()) };
+                query.format(part.formats());
+                let view = if part == Part::Plot { figure_view(&mut query) } else { view(&mut query, part) };
+                if query.finish().is_ok() {
+                    prop_assert!(view.digits.is_none_or(|digits| (1..=17).contains(&digits)));
+                    prop_assert!(view.cycles.iter().flatten().all(|cycles| cycles.is_finite()));
+                }
+            }
+        }
+    }
+}

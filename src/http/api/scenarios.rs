@@ -1,0 +1,317 @@
+//! Scenarios: check, examples, schema.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::header::CONTENT_TYPE;
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use serde_json::value::RawValue;
+use serde_json::{Map, Value};
+use tokio::task;
+use utoipa::ToSchema;
+
+use crate::http::app::App;
+use crate::http::problem::{Problem, kinds};
+use crate::http::transport::body::Body;
+use crate::http::wire::{NoQuery, Segment};
+use fretwork_engine::outcome::Preview;
+use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
+use fretwork_job::{Canonical, Key, Prepared, Submission, Task};
+use fretwork_json::BadBody;
+use fretwork_study::Kind;
+
+/// A valid job body, from a file in `examples/`.
+#[derive(Debug)]
+pub struct Example {
+    /// Its name in addresses.
+    pub name: &'static str,
+    /// The job body.
+    pub body: &'static str,
+}
+
+/// The job bodies in `examples/`. The program prints the first one when it starts.
+pub static EXAMPLES: &[Example] = &[
+    Example { name: "steel-ball", body: include_str!("../../../examples/steel-ball.json") },
+    Example {
+        name: "steel-ball-simplified",
+        body: include_str!("../../../examples/steel-ball-simplified.json"),
+    },
+    Example { name: "flat-on-rig", body: include_str!("../../../examples/flat-on-rig.json") },
+    Example {
+        name: "amplitude-blocks",
+        body: include_str!("../../../examples/amplitude-blocks.json"),
+    },
+    Example {
+        name: "held-tangential-force",
+        body: include_str!("../../../examples/held-tangential-force.json"),
+    },
+    Example {
+        name: "displacement-record",
+        body: include_str!("../../../examples/displacement-record.json"),
+    },
+    Example { name: "measured-tip", body: include_str!("../../../examples/measured-tip.json") },
+    Example { name: "paper-figure-3", body: include_str!("../../../examples/paper-figure-3.json") },
+    Example { name: "paper-figure-4", body: include_str!("../../../examples/paper-figure-4.json") },
+];
+
+impl From<BadBody> for Problem {
+    fn from(bad: BadBody) -> Self {
+        let advice = "Send one JSON document, such as those under /v1/examples.";
+        match bad {
+            BadBody::Json(error) => Self::new(&kinds::INVALID_JSON, format!("{error}. {advice}")),
+            BadBody::Empty => {
+                Self::new(&kinds::INVALID_JSON, format!("The body is empty. {advice}"))
+            }
+            BadBody::Faults(faults) => Self::faults(faults),
+        }
+    }
+}
+
+/// Largest body that is parsed on the async thread, in bytes. To pass it to another thread takes as long.
+const SMALL: usize = 1 << 14;
+
+/// Whether a body can contain a study, which takes milliseconds to read. An escape could hide its name.
+fn can_be_study(text: &[u8]) -> bool {
+    let Ok(text) = str::from_utf8(text) else { return true };
+    text.contains('\\') || Kind::ALL.iter().any(|kind| text.contains(kind.name))
+}
+
+/// Parses a body with a scenario. A large one, with up to 10 000 rows, is parsed on a blocking thread, and so is a study.
+pub(super) async fn parse<T: Send + 'static>(
+    body: Body,
+    parse: fn(&[u8]) -> Result<T, BadBody>,
+) -> Result<T, Problem> {
+    if body.0.len() <= SMALL && !can_be_study(&body.0) {
+        return Ok(parse(&body.0)?);
+    }
+    let parsed = task::spawn_blocking(move || parse(&body.0));
+    Ok(parsed.await.map_err(Problem::bug)??)
+}
+
+/// What is known of a task that is not computed.
+#[derive(Debug, Serialize, ToSchema)]
+#[serde(untagged)]
+pub enum Checked {
+    /// Of a scenario.
+    Run(Box<CheckedRun>),
+    /// Of a study.
+    Study(Box<CheckedStudy>),
+}
+
+/// What is known of a study that is not computed.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct CheckedStudy {
+    /// The key of its result.
+    #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
+    key: Key,
+    /// Whether the result is stored.
+    cached: bool,
+    /// The study in SI units with all defaults, such as `sweep`. Submitted again, it has the same key.
+    #[serde(flatten)]
+    #[schema(value_type = Object)]
+    asked: Canonical,
+    /// The columns of its rows.
+    columns: Vec<String>,
+    /// The units of the columns of numbers.
+    #[schema(value_type = Object)]
+    units: Map<String, Value>,
+    /// What it takes.
+    cost: StudyCost,
+    /// The limit of this server that the study exceeds, and what to change. Null if it exceeds none. A server returns a
+    /// stored result beyond its limits too.
+    excess: Option<String>,
+    /// Related addresses.
+    links: CheckedLinks,
+}
+
+/// What a study takes.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct StudyCost {
+    /// Its points.
+    points: usize,
+    /// Estimated processor time, in seconds.
+    seconds: f64,
+    /// The largest possible size of its result as JSON, in bytes.
+    answer_bytes: usize,
+}
+
+/// What is known of a scenario without a run.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct CheckedRun {
+    /// The key of its result.
+    #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
+    key: Key,
+    /// Whether the result is stored.
+    cached: bool,
+    /// The scenario in SI units with all defaults. Submitted again, it has the same key.
+    #[schema(value_type = Object)]
+    scenario: Scenario,
+    /// `scales`, `unworn`, `regime`, `limit`, `units` and `cost`.
+    #[serde(flatten)]
+    #[schema(value_type = crate::http::wire::schemas::Preview)]
+    preview: Preview,
+    /// Warnings about the validity of the model.
+    #[schema(value_type = Vec<crate::http::wire::schemas::Warning>)]
+    warnings: Vec<Warning>,
+    /// The limit of this server that the run exceeds, and what to change. Null if it exceeds none. A server returns a
+    /// stored result beyond its limits too.
+    excess: Option<String>,
+    /// Related addresses.
+    links: CheckedLinks,
+}
+
+/// Addresses related to a checked scenario.
+#[derive(Debug, Serialize, ToSchema)]
+struct CheckedLinks {
+    /// The result, after it was computed.
+    result: String,
+    /// POST the same body to this address to compute it.
+    submit: &'static str,
+}
+
+/// Checks a scenario or a study without a run.
+///
+/// The body is that of `POST /v1/jobs`. The answer has the key, the canonical scenario, scales, the unworn
+/// state, the limiting state of wear, warnings and the estimated cost; for a study the key, its canonical form, its
+/// columns and what it takes. `excess` says which limit of this server it exceeds.
+#[utoipa::path(post, path = "/v1/scenarios", operation_id = "check_scenario", tag = "scenarios",
+    request_body(content = ref("#/components/schemas/JobBody"), description = "The job \
+        body."),
+    responses((status = 200, description = "The scenario or study is valid.", body = Checked)),
+)]
+pub async fn check(
+    State(app): State<App>,
+    _: NoQuery,
+    body: Body,
+) -> Result<Json<Checked>, Problem> {
+    let prepared = parse(body, Submission::parse).await?.prepared;
+    let warnings = prepared.warnings();
+    let asked = prepared.asked();
+    let excess = app.service.limits().refuse(&prepared).map(|excess| excess.to_string());
+    let Prepared { key, task, .. } = prepared;
+    let cached = app.service.has_result(&key).await?;
+    let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
+    Ok(Json(match task {
+        Task::Run(run) => {
+            // The limiting state takes a few milliseconds to compute.
+            let computed = task::spawn_blocking(move || (Preview::of(&run.1), run.0.clone()));
+            let (preview, scenario) = computed.await.map_err(Problem::bug)?;
+            Checked::Run(Box::new(CheckedRun {
+                key,
+                cached,
+                scenario,
+                preview,
+                warnings,
+                excess,
+                links,
+            }))
+        }
+        Task::Study(study) => {
+            let units = study.units();
+            let columns = study.columns().into_iter().map(|column| column.name).collect();
+            let (points, seconds, answer_bytes) = (study.points(), study.seconds(), study.bytes());
+            let cost = StudyCost { points, seconds, answer_bytes };
+            Checked::Study(Box::new(CheckedStudy {
+                key,
+                cached,
+                asked,
+                columns,
+                units,
+                cost,
+                excess,
+                links,
+            }))
+        }
+    }))
+}
+
+/// An example.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct ExampleAnswer {
+    /// Its name in addresses.
+    #[schema(example = "steel-ball")]
+    name: &'static str,
+    /// A description for people.
+    label: String,
+    /// The job body.
+    #[schema(value_type = Object)]
+    body: &'static RawValue,
+}
+
+/// Lists examples of job bodies.
+///
+/// Each can be sent to `POST /v1/jobs`. The first is the steel ball of the documentation.
+#[utoipa::path(get, path = "/v1/examples", operation_id = "list_examples", tag = "scenarios",
+    responses((status = 200, description = "The examples.", body = Vec<ExampleAnswer>)),
+)]
+pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>, Problem> {
+    #[derive(serde::Deserialize)]
+    struct Label {
+        label: String,
+    }
+    let read = |example: &'static Example| {
+        let label = serde_json::from_str::<Label>(example.body)?.label;
+        let body = serde_json::from_str::<&RawValue>(example.body)?;
+        Ok(ExampleAnswer { name: example.name, label, body })
+    };
+    let answers: Result<_, serde_json::Error> = EXAMPLES.iter().map(read).collect();
+    answers.map(Json).map_err(Problem::bug)
+}
+
+/// Returns an example of a job body.
+///
+/// It can be sent to `POST /v1/jobs` unchanged.
+#[utoipa::path(get, path = "/v1/examples/{name}", operation_id = "get_example", tag = "scenarios",
+    params(("name" = String, Path, description = "The `name` of an example.", example = "steel-ball")),
+    responses(
+        (status = 200, description = "A job body.",
+            content((ref("#/components/schemas/JobBody") = "application/json"))),
+        (status = 404, description = "No example has this name."),
+    ),
+)]
+pub async fn example(Segment(name): Segment, _: NoQuery) -> Result<Response, Problem> {
+    let example = EXAMPLES.iter().find(|example| example.name == name).ok_or_else(|| {
+        Problem::new(&kinds::NOT_FOUND, "No example has this name. GET /v1/examples lists all.")
+    })?;
+    Ok(([(CONTENT_TYPE, "application/json")], example.body).into_response())
+}
+
+/// Returns the JSON Schema of a scenario.
+///
+/// Draft 2020-12, with the units, bounds and defaults of all members, for editors and forms.
+#[utoipa::path(get, path = "/v1/schema/scenario", operation_id = "get_scenario_schema",
+    tag = "scenarios",
+    responses((status = 200, description = "A JSON Schema, draft 2020-12.",
+        content((serde_json::Value = "application/schema+json")))),
+)]
+pub async fn schema(_: NoQuery) -> Response {
+    ([(CONTENT_TYPE, "application/schema+json")], SCHEMA).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn every_file_in_examples_is_served_under_its_name() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/examples");
+        let mut files: Vec<String> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .filter(|name| Path::new(name).extension().is_some_and(|end| end == "json"))
+            .collect();
+        let mut served: Vec<String> =
+            EXAMPLES.iter().map(|example| format!("{}.json", example.name)).collect();
+        files.sort();
+        served.sort();
+        assert_eq!(files, served);
+    }
+
+    #[test]
+    fn every_example_is_a_valid_job() {
+        for example in EXAMPLES {
+            assert!(Submission::parse(example.body.as_bytes()).is_ok(), "{}", example.name);
+        }
+    }
+}

@@ -1,0 +1,373 @@
+//! Encoded answers in memory: a cache, and single-flight for answers that are being made.
+//!
+//! Concurrent requests for the same answer share one computation and one copy of its bytes, even if the
+//! cache does not keep it.
+
+pub mod models;
+
+use std::collections::HashMap;
+use std::ptr;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::time::Duration;
+
+use axum::body::Bytes;
+use quick_cache::sync::{Cache, DefaultLifecycle};
+use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
+use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
+use tokio::time::sleep;
+
+use crate::http::shares::{Permit, SMALL};
+use crate::http::wire::coding::Coding;
+use fretwork_job::Key;
+use fretwork_store::Deletions;
+
+/// The encoded body of an answer.
+#[derive(Debug, Clone)]
+pub struct Encoded {
+    /// Its bytes.
+    pub body: Bytes,
+    /// How they are compressed.
+    pub coding: Coding,
+    /// Permission for their memory, while clients read them. The cache has memory of its own.
+    pub permit: Option<Arc<Permit>>,
+}
+
+impl Encoded {
+    /// An uncompressed body.
+    pub fn plain(body: Bytes) -> Self {
+        Self::of(body, Coding::Identity, None)
+    }
+
+    /// A body, and permission for its memory.
+    pub fn of(body: Bytes, coding: Coding, permit: Option<Permit>) -> Self {
+        let permit = permit.filter(Permit::is_held).map(|mut permit| {
+            permit.shrink(body.len());
+            Arc::new(permit)
+        });
+        Self { body, coding, permit }
+    }
+}
+
+/// Largest number of answers from large results that are made at the same time: each takes several
+/// times the size of its result, for a moment.
+const MAX_MAKERS: usize = 1;
+
+/// How often a request that waits for memory looks whether another request has made its answer.
+const LOOK_AGAIN: Duration = Duration::from_millis(50);
+
+/// Number of names from which unused names are removed.
+const NAMES: usize = 64;
+
+/// One answer that is being made or sent.
+#[derive(Debug, Default)]
+struct Slot {
+    /// Empty while the answer is being made.
+    answer: OnceLock<Encoded>,
+    /// Held by the task that makes it.
+    turn: Arc<tokio::sync::Mutex<()>>,
+}
+
+/// A cache of encoded answers by name, which evicts the least used ones beyond its size. A name begins
+/// with the key of the result.
+#[derive(Debug)]
+pub struct Memory {
+    cache: Option<Cache<String, Encoded, Size>>,
+    /// Answers that are being made or sent.
+    slots: Mutex<HashMap<String, Weak<Slot>>>,
+    makers: Arc<Semaphore>,
+}
+
+/// Permission to make an answer. Other requests for it wait until this is dropped.
+#[derive(Debug)]
+pub struct Making {
+    name: String,
+    slot: Arc<Slot>,
+    _turn: OwnedMutexGuard<()>,
+}
+
+/// An answer, or the permission to make it.
+#[derive(Debug)]
+pub enum Lookup {
+    /// The answer is in memory.
+    Found(Encoded),
+    /// The caller must make the answer.
+    Missing(Making),
+}
+
+#[derive(Debug, Clone)]
+struct Size;
+
+impl Weighter<String, Encoded> for Size {
+    fn weight(&self, name: &String, answer: &Encoded) -> u64 {
+        /// Approximate size of an entry without its name and body, in bytes.
+        const OVERHEAD: usize = 128;
+        (name.len() + answer.body.len() + OVERHEAD) as u64
+    }
+}
+
+/// Bytes that keep their slot alive, so that other requests find them there.
+struct SharedBytes {
+    body: Bytes,
+    _slot: Arc<Slot>,
+}
+
+impl AsRef<[u8]> for SharedBytes {
+    fn as_ref(&self) -> &[u8] {
+        &self.body
+    }
+}
+
+fn share(answer: &Encoded, slot: &Arc<Slot>) -> Encoded {
+    let shared = SharedBytes { body: answer.body.clone(), _slot: Arc::clone(slot) };
+    Encoded { body: Bytes::from_owner(shared), ..answer.clone() }
+}
+
+impl Memory {
+    /// A cache of this many bytes; 0 disables it.
+    pub fn new(bytes: u64) -> Self {
+        // Assumes answers of 64 KiB.
+        let items = usize::try_from(bytes >> 16).unwrap_or(usize::MAX).max(16);
+        let options = OptionsBuilder::new()
+            // Few shards: an answer must fit into one shard.
+            .shards(2)
+            .estimated_items_capacity(items)
+            .weight_capacity(bytes)
+            .build()
+            .ok();
+        let cache = |options| {
+            let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
+            Cache::with_options(options, Size, hash, life)
+        };
+        Self {
+            cache: options.filter(|_| bytes > 0).map(cache),
+            slots: Mutex::default(),
+            makers: Arc::new(Semaphore::new(MAX_MAKERS)),
+        }
+    }
+
+    /// Waits for permission to make an answer from a large result.
+    pub async fn maker(&self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.makers).acquire_owned().await.ok()
+    }
+
+    /// The cached answer with this name.
+    pub fn get(&self, name: &str) -> Option<Encoded> {
+        self.cache.as_ref()?.get(name)
+    }
+
+    /// The answer with this name, shared with requests that read it now. If another request
+    /// makes it, this waits. If that request fails or is dropped, the caller makes it.
+    pub async fn lookup(&self, name: &str) -> Lookup {
+        let slot = self.slot(name);
+        if let Some(answer) = slot.answer.get() {
+            return Lookup::Found(share(answer, &slot));
+        }
+        let turn = Arc::clone(&slot.turn).lock_owned().await;
+        match slot.answer.get() {
+            Some(answer) => Lookup::Found(share(answer, &slot)),
+            None => Lookup::Missing(Making { name: name.to_owned(), slot, _turn: turn }),
+        }
+    }
+
+    /// Returns once another request has made the answer with this name, and it needs no more memory: another request
+    /// reads it, or it is small.
+    pub async fn made(&self, name: &str) {
+        let is_small = |answer: Encoded| answer.body.len() <= SMALL;
+        while !self.get(name).is_some_and(is_small)
+            && let Lookup::Missing(making) = self.lookup(name).await
+        {
+            drop(making);
+            sleep(LOOK_AGAIN).await;
+        }
+    }
+
+    /// Gives a finished answer to all requests that wait for it, and caches it if `keep` is true.
+    pub fn finish(&self, making: Making, answer: Encoded, keep: bool) -> Encoded {
+        let Making { name, slot, _turn } = making;
+        if keep && let Some(cache) = &self.cache {
+            let slots = lock(&self.slots);
+            // Without its name, the result was deleted while the answer was made.
+            let current = slots.get(&name).map_or(ptr::null(), Weak::as_ptr);
+            if ptr::eq(current, Arc::as_ptr(&slot)) {
+                cache.insert(name, Encoded { permit: None, ..answer.clone() });
+            }
+        }
+        share(slot.answer.get_or_init(|| answer), &slot)
+    }
+
+    /// Removes all answers of a deleted result. Requests that already read one continue.
+    pub fn forget(&self, key: &Key) {
+        let key = key.to_string();
+        // `finish` inserts under the same lock.
+        let mut slots = lock(&self.slots);
+        if let Some(cache) = &self.cache {
+            cache.retain(|name, _| !name.starts_with(&key));
+        }
+        slots.retain(|name, _| !name.starts_with(&key));
+    }
+
+    /// Removes all answers, because any result may have been deleted.
+    fn forget_all(&self) {
+        let mut slots = lock(&self.slots);
+        if let Some(cache) = &self.cache {
+            cache.clear();
+        }
+        slots.clear();
+    }
+
+    /// Removes the answers of results that other servers delete. Never ends.
+    pub async fn follow(&self, mut deletions: Deletions) {
+        loop {
+            match deletions.next().await {
+                Some(key) => self.forget(&key),
+                None => self.forget_all(),
+            }
+        }
+    }
+
+    fn slot(&self, name: &str) -> Arc<Slot> {
+        let mut slots = lock(&self.slots);
+        if let Some(slot) = slots.get(name).and_then(Weak::upgrade) {
+            return slot;
+        }
+        if slots.len() >= NAMES && slots.len() == slots.capacity() {
+            slots.retain(|_, slot| slot.strong_count() > 0);
+        }
+        let slot = Arc::default();
+        slots.insert(name.to_owned(), Arc::downgrade(&slot));
+        slot
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use futures_util::FutureExt as _;
+
+    use super::*;
+
+    fn answer(size: usize) -> Encoded {
+        Encoded::plain(Bytes::from(vec![0; size]))
+    }
+
+    fn address(answer: &Encoded) -> *const u8 {
+        answer.body.as_ptr()
+    }
+
+    async fn making(memory: &Memory, name: &str) -> Making {
+        match memory.lookup(name).await {
+            Lookup::Missing(making) => making,
+            Lookup::Found(_) => panic!("{name} is in memory"),
+        }
+    }
+
+    async fn found(memory: &Memory, name: &str) -> Encoded {
+        match memory.lookup(name).await {
+            Lookup::Found(answer) => answer,
+            Lookup::Missing(_) => panic!("{name} is not in memory"),
+        }
+    }
+
+    #[tokio::test]
+    async fn the_cache_stays_within_its_size_limit() {
+        let memory = Memory::new(100_000);
+        for number in 0..100 {
+            let making = making(&memory, &number.to_string()).await;
+            memory.finish(making, answer(10_000), true);
+        }
+        let held = (0..100).filter(|number: &u32| memory.get(&number.to_string()).is_some());
+        assert!((1..10).contains(&held.count()));
+        assert!(Memory::new(0).get("0").is_none());
+    }
+
+    #[tokio::test]
+    async fn concurrent_requests_share_one_computation_and_one_copy() {
+        let memory = Memory::new(0);
+        let made = AtomicUsize::new(0);
+        let request = || async {
+            match memory.lookup("name").await {
+                Lookup::Found(answer) => answer,
+                Lookup::Missing(making) => {
+                    made.fetch_add(1, Ordering::Relaxed);
+                    tokio::task::yield_now().await;
+                    memory.finish(making, answer(1000), false)
+                }
+            }
+        };
+        let (one, two, three) = tokio::join!(request(), request(), request());
+        assert_eq!((address(&one), address(&two)), (address(&two), address(&three)));
+        assert_eq!(made.load(Ordering::Relaxed), 1);
+        drop((one, two));
+        let four = request().await;
+        assert_eq!((address(&four), made.load(Ordering::Relaxed)), (address(&three), 1));
+        drop((three, four));
+        request().await;
+        assert_eq!(made.load(Ordering::Relaxed), 2);
+    }
+
+    #[tokio::test]
+    async fn after_a_failed_request_the_next_one_computes_the_answer() {
+        let memory = Memory::new(0);
+        drop(making(&memory, "name").await);
+        let making = making(&memory, "name").await;
+        assert_eq!(memory.finish(making, answer(1), false).body.len(), 1);
+    }
+
+    #[tokio::test]
+    async fn a_waiting_request_gets_the_answer_of_a_dropped_request() {
+        let memory = Memory::new(0);
+        // The request is gone; only the thread that makes the answer holds this.
+        let making = making(&memory, "name").await;
+        let mut next = std::pin::pin!(memory.lookup("name"));
+        assert!((&mut next).now_or_never().is_none(), "it waits for the answer");
+        drop(memory.finish(making, answer(1), false));
+        assert!(matches!(next.await, Lookup::Found(answer) if answer.body.len() == 1));
+    }
+
+    #[tokio::test]
+    async fn deleting_a_result_removes_its_answers_from_the_cache() {
+        let memory = Memory::new(1 << 20);
+        let key = Key::from_bytes([7; 32]);
+        let name = format!("{key}.csv");
+        let held = memory.finish(making(&memory, &name).await, answer(1), true);
+        assert_eq!(address(&held), address(&found(&memory, &name).await));
+        memory.forget(&key);
+        drop(making(&memory, &name).await);
+
+        // An answer that was made from the result before its deletion is sent, but not cached.
+        let late = making(&memory, &name).await;
+        memory.forget(&key);
+        let sent = memory.finish(late, answer(1), true);
+        drop(making(&memory, &name).await);
+        assert_eq!(sent.body.len(), 1);
+    }
+
+    #[tokio::test]
+    async fn the_number_of_concurrent_answers_from_large_results_is_limited() {
+        let memory = Memory::new(0);
+        let mut permits = Vec::new();
+        while let Some(Some(permit)) = memory.maker().now_or_never() {
+            permits.push(permit);
+        }
+        assert_eq!(permits.len(), MAX_MAKERS);
+        permits.pop();
+        assert!(memory.maker().now_or_never().flatten().is_some());
+    }
+
+    #[tokio::test]
+    async fn unused_cache_names_are_removed() {
+        let memory = Memory::new(0);
+        let held = memory.finish(making(&memory, "held").await, answer(1), false);
+        for number in 0..10_000 {
+            drop(making(&memory, &number.to_string()).await);
+        }
+        let slots = memory.slots.lock().unwrap();
+        assert!(slots.len() <= 4 * NAMES && slots.contains_key("held"), "{}", slots.len());
+        drop(held);
+    }
+}

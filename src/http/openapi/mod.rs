@@ -1,0 +1,432 @@
+//! The OpenAPI document: generated from the routes, then completed with what all operations share.
+//!
+//! The schemas of scenarios and results are files, because no Rust type of this crate describes these
+//! documents. The engine has the schema of a scenario; `documents.schema.json` has that of a result.
+
+use axum::http::Method;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value, json};
+use utoipa::OpenApi as _;
+use utoipa::openapi::OpenApi;
+
+use crate::http::access::needs::{Needs, RouteNeeds};
+use crate::http::access::signed_link::OPENED;
+use crate::http::api::scenarios::EXAMPLES;
+use crate::http::problem::ProblemDocument;
+use crate::http::wire::schemas;
+use fretwork_engine::scenario::SCHEMA;
+use fretwork_job::{Submission, TaskKind};
+use fretwork_store::Role;
+use fretwork_study::Kind;
+
+const DOCUMENT_SCHEMAS: &str = include_str!("documents.schema.json");
+
+const ABOUT: &str = "\
+Fretting wear of axisymmetric contacts by the method of dimensionality reduction.
+
+Submit a scenario to `POST /v1/jobs` and read its result at `/v1/results/{key}`. Equal scenarios have \
+equal keys: each is computed once, and all clients share its result.
+
+**Quantities.** In requests a physical quantity is a number in SI units or a string with a unit: \
+`0.01`, `\"10 mm\"`, `\"205 GPa\"`, `\"3.03e-5 mm^3/(N m)\"`. Answers are in SI units, which `units` \
+lists; `?units=engineering` gives results in um, mm^3, MPa, mJ and N. `amplitude` is half of the peak-to-peak stroke.
+
+**Errors.** Every error is `application/problem+json` (RFC 9457). An error lists all faults of a request, \
+each with a JSON pointer. Unknown members and parameters are errors, so that a misspelt one is not \
+ignored.
+
+**Keys.** A server on a network requires a key, `Authorization: Bearer fretwork_…`. The role of a key is \
+`read`, `submit` or `admin`. A job belongs to the name of its key; all keys can read all results. \
+A server without keys, on a personal machine, is open.
+
+**Requests** may have an `x-request-id`. Every answer has one, and the log of the server contains it.";
+
+/// utoipa does not collect types that appear only in parameters, so they
+/// are listed here.
+#[derive(utoipa::OpenApi)]
+#[openapi(
+    info(
+        title = "fretwork",
+        description = ABOUT,
+        contact(name = "The fretwork developers"),
+        license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0"),
+    ),
+    servers((url = "/", description = "This server.")),
+    tags(
+        (name = "jobs", description = "Submit scenarios and follow them."),
+        (name = "results", description = "Read results. They never change."),
+        (name = "scenarios", description = "Check a scenario, see examples, read the schema."),
+        (name = "system", description = "The server itself."),
+    ),
+    components(schemas(
+        ProblemDocument<'_>,
+        crate::http::problem::Complaint,
+        schemas::Include,
+        schemas::Role,
+        schemas::Act,
+        schemas::WholeFormat,
+        schemas::HistoryFields,
+        schemas::ProfileFields,
+        schemas::LoopFields,
+        schemas::TableFields,
+        schemas::ChosenInstants,
+        schemas::PlotQuantity,
+        schemas::PlotKind,
+        schemas::PlotInstants,
+        schemas::Spacing,
+        schemas::WholeLayout,
+        schemas::Layout,
+        schemas::UnitSystem,
+        schemas::TableFormat,
+        schemas::KeyText,
+    )),
+)]
+struct Frame;
+
+/// The document without routes.
+pub fn frame() -> OpenApi {
+    Frame::openapi()
+}
+
+/// The complete document as it is served, printed and committed.
+#[expect(clippy::expect_used, reason = "utoipa's types are valid JSON")]
+pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
+    let mut document = serde_json::to_value(document).expect("an OpenAPI document");
+    if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
+        adopt(schemas, SCHEMA, Some("Scenario"));
+        adopt(schemas, DOCUMENT_SCHEMAS, None);
+        // The server inserts the stored bytes, so the Rust type does not have these members.
+        schemas["Job"]["properties"]["scenario"] = json!({
+            "description": "With `include=scenario`: the scenario in SI units with all defaults, as in the \
+                result. Submitted again, it has the same key. Null only for a job whose result was \
+                already known and was evicted more than a year ago. A study is in its place, under its own name.",
+            "oneOf": [{"$ref": "#/components/schemas/Scenario"}, {"type": "null"}],
+        });
+        for kind in Kind::ALL {
+            schemas["Job"]["properties"][kind.name] = json!({
+                "description": "With `include=scenario`, for a study: the study in SI units with all defaults.",
+                "$ref": schemas["JobBody"]["properties"][kind.name]["$ref"],
+            });
+        }
+        for kind in TaskKind::all() {
+            schemas["Problem"]["properties"][kind.member()] = json!({
+                "description": "What an evicted result was computed from.", "type": "object",
+            });
+        }
+        schemas["Job"]["properties"]["result"] = json!({
+            "description": "With `include=result`: the result, null until the job has succeeded.",
+            "oneOf": [{"$ref": "#/components/schemas/Result"}, {"type": "null"}],
+        });
+    }
+    if let Some(Value::Object(paths)) = document.pointer_mut("/paths") {
+        for (path, item) in paths {
+            for (method, operation) in item.as_object_mut().into_iter().flatten() {
+                let method = parsed_method(method);
+                add_path_responses(path, &method, needs.of(&method, path), operation);
+                add_shared_responses(operation);
+                add_access_control(path, &method, needs.of(&method, path), operation);
+                if let Some(Value::Object(responses)) = operation.get_mut("responses") {
+                    responses.sort_keys();
+                }
+            }
+        }
+    }
+    document["components"]["headers"] = shared_headers();
+    document["components"]["securitySchemes"] = security_schemes();
+    // A server without keys needs none.
+    document["security"] = json!([{"key": []}, {"password": []}, {}]);
+    let listing = document.pointer_mut("/paths/~1v1~1results/get/parameters");
+    if let Some(Value::Array(parameters)) = listing {
+        parameters.splice(0..0, crate::http::api::library::parameters());
+    }
+    format!("{document:#}\n").into_bytes()
+}
+
+/// Copies the definitions of a JSON Schema file into the components, and the schema itself under `name`.
+fn adopt(schemas: &mut Map<String, Value>, file: &str, name: Option<&str>) {
+    let mut root: Map<String, Value> = parsed(file);
+    if let Some(Value::Object(definitions)) = root.remove("$defs") {
+        for (name, mut definition) in definitions {
+            redirect(&mut definition);
+            schemas.insert(name, definition);
+        }
+    }
+    if let Some(name) = name {
+        root.remove("$schema");
+        root.remove("$id");
+        let mut root = Value::Object(root);
+        redirect(&mut root);
+        schemas.insert(name.to_owned(), root);
+    }
+}
+
+/// Changes references within a schema file to references to the components.
+fn redirect(schema: &mut Value) {
+    match schema {
+        Value::Object(members) => {
+            if let Some(Value::String(target)) = members.get_mut("$ref")
+                && let Some(name) = target.strip_prefix("#/$defs/")
+            {
+                *target = format!("#/components/schemas/{name}");
+            }
+            members.values_mut().for_each(redirect);
+        }
+        Value::Array(items) => items.iter_mut().for_each(redirect),
+        _ => {}
+    }
+}
+
+/// Whether a link allows an operation.
+fn is_opened(path: &str, method: &Method) -> bool {
+    OPENED.contains(&path) && *method == Method::GET
+}
+
+/// Adds the responses that follow from the path of an operation: an unknown job, an unknown or evicted
+/// result, a full disk.
+fn add_path_responses(path: &str, method: &Method, needs: Needs, operation: &mut Value) {
+    let mut shared = Vec::new();
+    if path.starts_with("/v1/jobs/{id}") {
+        shared.push(("404", "No job has this id."));
+    }
+    if path.starts_with("/v1/results/{key}") {
+        shared.push(("404", "No result has this key."));
+        if !outlives(path) {
+            shared
+                .push(("410", "The result was evicted or deleted. `scenario` computes it again."));
+        }
+    }
+    // Operations that need a higher role than `read` write to the disk, except an evaluation.
+    if needs.role.is_some_and(|role| role != Role::Read) && needs != Needs::EVALUATE {
+        shared.push(("507", "The disk is full."));
+    }
+    if let Some(Value::Object(responses)) = operation.get_mut("responses") {
+        for (status, description) in shared {
+            responses.entry(status).or_insert_with(|| json!({"description": description}));
+        }
+    }
+    // What outlives a result is not a part of it.
+    if is_opened(path, method) && !outlives(path) {
+        add_representations(operation, !path.ends_with("/plot.svg"));
+    }
+}
+
+/// Whether the server keeps this of an evicted result.
+fn outlives(path: &str) -> bool {
+    ["/provenance", "/warnings", "/note"].iter().any(|end| path.ends_with(end))
+}
+
+/// Adds the parameters and headers of all operations that return a result; figures have fewer.
+fn add_representations(operation: &mut Value, of_numbers: bool) {
+    if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
+        if of_numbers {
+            let about = "Rounds every number to this many significant digits. Up to 7 digits, arrays in \
+                NPZ and Arrow are float32, except columns with numbers below 1.2e-38.";
+            let schema = json!({"type": "integer", "format": "int32", "minimum": 1, "maximum": 17});
+            let mut digits = parameter("digits", "query", about, &schema);
+            digits["example"] = json!(7);
+            let about = "`si` (the default), or `engineering`: um, mm^3, MPa (moduli too), mJ, N, \
+                mm^3/(N m). The member `units` and the headers name them.";
+            let schema = json!({"$ref": "#/components/schemas/UnitSystem"});
+            let mut units = parameter("units", "query", about, &schema);
+            units["example"] = json!("engineering");
+            parameters.extend([digits, units]);
+        }
+        let text = json!({"type": "string"});
+        let codings = if of_numbers {
+            "`zstd` or `gzip`; NPZ archives are always compressed."
+        } else {
+            "`zstd` or `gzip`."
+        };
+        parameters.extend([
+            parameter("If-None-Match", "header", "The `ETag` of the client's copy.", &text),
+            parameter("Accept-Encoding", "header", codings, &text),
+        ]);
+    }
+    let responses = &mut operation["responses"];
+    responses["304"] =
+        json!({"description": "The client's copy is valid. A result never changes."});
+    responses["404"] = json!({
+        "description": "No result has this key. `Link` names the job that computes it, if there is one.",
+        "headers": {"Link": header("`rel=\"related\"`.")},
+    });
+    let headers = &mut responses["200"]["headers"];
+    headers["ETag"] = header("The tag of this representation; weak if it is compressed.");
+    headers["Cache-Control"] = header("`immutable`: clients may cache it for ever.");
+    if of_numbers {
+        headers["Content-Disposition"] = header("A file name, for CSV, NPZ and Arrow.");
+    }
+}
+
+/// An optional parameter.
+fn parameter(name: &str, place: &str, about: &str, schema: &Value) -> Value {
+    json!({"name": name, "in": place, "description": about, "required": false, "schema": schema})
+}
+
+/// A header with text.
+fn header(about: &str) -> Value {
+    json!({"description": about, "schema": {"type": "string"}})
+}
+
+/// Adds what all operations share: problems, request id, examples.
+fn add_shared_responses(operation: &mut Value) {
+    let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
+    for parameter in parameters.into_iter().flatten() {
+        // The key of the first example: after computing it, a reader can try every route.
+        if parameter["name"] == "key" && parameter["in"] == "path" {
+            parameter["example"] = json!(example_key());
+        }
+        if parameter["in"] == "header" {
+            // A header can be absent, but never null.
+            parameter["schema"] = json!({"type": "string"});
+        }
+    }
+    let body = operation.get_mut("requestBody");
+    let takes_body = body.is_some();
+    if let Some(body) = body {
+        body["required"] = json!(true);
+    }
+    if let Some(content) = operation.pointer_mut("/requestBody/content/application~1json")
+        && content["schema"]["$ref"] == "#/components/schemas/JobBody"
+    {
+        let examples: Map<String, Value> = EXAMPLES
+            .iter()
+            .map(|example| {
+                let body: Value = parsed(example.body);
+                let summary = body["label"].clone();
+                (example.name.to_owned(), json!({"summary": summary, "value": body}))
+            })
+            .collect();
+        content["examples"] = Value::Object(examples);
+    }
+    let Some(Value::Object(responses)) = operation.get_mut("responses") else {
+        return;
+    };
+    let mut shared = vec![
+        ("422", "A parameter or the body has faults; `errors` lists all of them."),
+        ("500", "The server has an error, or its database is damaged."),
+        ("503", "The server is shutting down, or its database is busy; see `Retry-After`."),
+    ];
+    if takes_body {
+        shared.extend([
+            ("400", "The body is not JSON."),
+            ("413", "The body is larger than 4 MiB."),
+            ("415", "The `Content-Type` of the body is not JSON."),
+        ]);
+    }
+    for (status, description) in shared {
+        responses.entry(status).or_insert_with(|| json!({"description": description}));
+    }
+    for (status, response) in responses {
+        if status.starts_with(['4', '5']) {
+            let problem = json!({"$ref": "#/components/schemas/Problem"});
+            response["content"] = json!({"application/problem+json": {"schema": problem}});
+        }
+        response["headers"]["x-request-id"] = json!({"$ref": "#/components/headers/x-request-id"});
+    }
+}
+
+/// Adds the responses and parameters of access control.
+fn add_access_control(path: &str, method: &Method, needs: Needs, operation: &mut Value) {
+    let Some(role) = needs.role else {
+        operation["security"] = json!([]);
+        return;
+    };
+    let refusal = |description: String| {
+        json!({
+            "description": description,
+            "content": {"application/problem+json":
+                {"schema": {"$ref": "#/components/schemas/Problem"}}},
+            "headers": {"x-request-id": {"$ref": "#/components/headers/x-request-id"}},
+        })
+    };
+    let responses = &mut operation["responses"];
+    responses["421"] =
+        refusal("A server without keys accepts only localhost or an IP address as `Host`.".into());
+    responses["401"] =
+        refusal("The server requires a key, and the request has no valid one.".into());
+    responses["401"]["headers"]["WWW-Authenticate"] = header("How to send a key.");
+    let mut forbidden = match role {
+        Role::Read => String::new(),
+        role => format!("The key does not have the required role, `{role}`. "),
+    };
+    if *method != Method::GET {
+        forbidden.push_str("A web page of an unknown origin sent the request. ");
+    }
+    if is_opened(path, method) {
+        forbidden.push_str("The `link` does not open this address. ");
+        if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
+            let about = "A link from `POST /v1/results/{key}/links`, instead of a key.";
+            parameters.push(parameter("link", "query", about, &json!({"type": "string"})));
+        }
+    }
+    let responses = &mut operation["responses"];
+    if !forbidden.is_empty() {
+        responses["403"] = refusal(forbidden.trim_end().to_owned());
+    }
+    responses["429"] = refusal(
+        "The key has sent too many requests this minute (with `Retry-After`), or has too many \
+         concurrent requests (without)."
+            .to_owned(),
+    );
+    responses["429"]["headers"]["Retry-After"] =
+        json!({"$ref": "#/components/headers/Retry-After"});
+    for (status, response) in responses.as_object_mut().into_iter().flatten() {
+        // Cancelling is not counted. A client without a valid key learns nothing about limits.
+        if needs.quota.is_some()
+            && (status.starts_with(['2', '3']) || ["403", "404", "429"].contains(&&**status))
+        {
+            for name in ["RateLimit", "RateLimit-Policy"] {
+                response["headers"][name] = json!({"$ref": format!("#/components/headers/{name}")});
+            }
+        }
+    }
+}
+
+/// Headers of the answers of many operations.
+fn shared_headers() -> Value {
+    json!({
+        "x-request-id": header("The id of the request, which the log of the server contains."),
+        "Retry-After": {
+            "description": "Number of seconds to wait before the next attempt.", "schema": {"type": "integer", "minimum": 1},
+        },
+        "RateLimit": header(
+            "If the key has a limit. `\"minute\";r=…;t=…`: `r` requests may be sent now, and at least one \
+             more in `t` seconds. `\"evaluations\"`: evaluations, in the same way. `\"at-once\";r=0` with a 429: the key has too many concurrent \
+             requests."),
+        "RateLimit-Policy": header(
+            "If the key has a limit. `\"minute\";q=…;w=60`: `q` requests in 60 seconds. `\"evaluations\"`: \
+             `q` evaluations. \
+             `\"at-once\";q=…;qu=\"concurrent-requests\"` with a 429: `q` concurrent requests."),
+    })
+}
+
+/// The ways to send a key.
+fn security_schemes() -> Value {
+    json!({
+        "key": {
+            "type": "http", "scheme": "bearer", "bearerFormat": "fretwork_…",
+            "description": "An access key: `Authorization: Bearer fretwork_…`.",
+        },
+        "password": {
+            "type": "http", "scheme": "basic",
+            "description": "An access key as the password, with any name, or as the name: for clients \
+                that support only `http://name:key@host`.",
+        },
+    })
+}
+
+#[expect(clippy::expect_used, reason = "a test checks all examples")]
+fn example_key() -> String {
+    let submission = Submission::parse(EXAMPLES[0].body.as_bytes()).expect("a valid example");
+    submission.prepared.key.to_string()
+}
+
+#[expect(clippy::expect_used, reason = "utoipa writes the names of HTTP methods")]
+fn parsed_method(name: &str) -> Method {
+    name.to_uppercase().parse().expect("an HTTP method")
+}
+
+#[expect(clippy::expect_used, reason = "the files are part of the program, and tests read them")]
+fn parsed<T: DeserializeOwned>(file: &str) -> T {
+    serde_json::from_str(file).expect("valid JSON")
+}

@@ -1,0 +1,156 @@
+//! The bodies of requests: read in time, within the memory of the caller, and weighed before they are parsed.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::body::{Bytes, HttpBody as _};
+use axum::extract::{FromRequest, Request};
+use axum::http::header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_TYPE};
+use http_body_util::BodyExt as _;
+use tokio::time::{Instant, timeout_at};
+
+use super::connection::SLOWEST;
+use crate::http::access::caller::owner_of;
+use crate::http::problem::{Problem, kinds};
+use crate::http::shares::{Permit, SMALL, Shares};
+use crate::http::wire::excerpt;
+use crate::http::wire::weight::tree_bytes;
+
+/// Largest body of a request, in bytes.
+pub const BODY_LIMIT: usize = 4 << 20;
+/// How long a body may take in any case. Then it must arrive with [`SLOWEST`] bytes per second.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// The bytes of a request body with a JSON content type. They hold the memory for themselves and for their tree.
+pub struct Body(pub Bytes);
+
+/// The bytes of a request body of any type. They hold only their own memory: calls of UM-Bridge take turns, so the trees of few
+/// exist at once.
+pub struct AnyBody(pub Bytes);
+
+/// A body, and permission for its memory and that of its tree.
+struct Counted {
+    bytes: Vec<u8>,
+    _body: Permit,
+    _tree: Permit,
+}
+
+impl AsRef<[u8]> for Counted {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+impl<S: Sync> FromRequest<S> for Body {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
+        let coding = request.headers().get(CONTENT_ENCODING);
+        if coding.is_some_and(|coding| !coding.as_bytes().eq_ignore_ascii_case(b"identity")) {
+            let detail = "The body has a Content-Encoding. Send it without compression, and without this header.";
+            return Err(Problem::new(&kinds::UNSUPPORTED_CODING, detail)
+                .with_header(ACCEPT_ENCODING, "identity"));
+        }
+        // A body without a type is refused too: browsers let web pages of any origin send one.
+        let declared =
+            request.headers().get(CONTENT_TYPE).map(|value| value.to_str().unwrap_or(""));
+        if !declared.is_some_and(is_json) {
+            let declared = declared.map_or_else(
+                || "The body has no Content-Type".to_owned(),
+                |declared| format!("The Content-Type of the body is \"{}\"", excerpt(declared)),
+            );
+            return Err(Problem::new(
+                &kinds::UNSUPPORTED_MEDIA_TYPE,
+                format!("{declared}. Send it with Content-Type: application/json."),
+            ));
+        }
+        read_counted(request, true).await.map(Self)
+    }
+}
+
+impl<S: Sync> FromRequest<S> for AnyBody {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
+        read_counted(request, false).await.map(Self)
+    }
+}
+
+/// Reads a body, and holds the memory for it, and for its tree if it `becomes_tree`.
+async fn read_counted(request: Request, becomes_tree: bool) -> Result<Bytes, Problem> {
+    let caller = owner_of(request.extensions());
+    let shares = request.extensions().get::<Arc<Shares>>().cloned();
+    let (bytes, body) = read(request, shares.as_deref(), &caller).await?;
+    let tree = tree_bytes(&bytes)?;
+    let tree = match shares.filter(|_| becomes_tree) {
+        Some(shares) => shares.trees.hold(&caller, tree).await?,
+        None => Permit::default(),
+    };
+    Ok(Bytes::from_owner(Counted { bytes, _body: body, _tree: tree }))
+}
+
+fn is_json(media_type: &str) -> bool {
+    let essence = media_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
+    essence == "application/json"
+        || (essence.starts_with("application/") && essence.ends_with("+json"))
+}
+
+/// Reads a body up to [`BODY_LIMIT`], if it arrives in time.
+async fn read(
+    request: Request,
+    shares: Option<&Shares>,
+    caller: &str,
+) -> Result<(Vec<u8>, Permit), Problem> {
+    let too_large = || {
+        Problem::new(
+            &kinds::BODY_TOO_LARGE,
+            format!("The body has more than {BODY_LIMIT} bytes. Remove rows from its tables."),
+        )
+    };
+    let started = Instant::now();
+    let mut body = request.into_body();
+    let declared = usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX);
+    if declared > BODY_LIMIT {
+        return Err(too_large());
+    }
+    let mut bytes = Vec::new();
+    let mut permit = Permit::default();
+    let mut room = SMALL;
+    loop {
+        let time = PATIENCE + Duration::from_secs(bytes.len() as u64 / SLOWEST);
+        let frame = timeout_at(started + time, body.frame()).await.map_err(|_| {
+            let detail = format!(
+                "{} bytes have arrived in {} seconds. Send at least {SLOWEST} bytes per second.",
+                bytes.len(),
+                time.as_secs()
+            );
+            Problem::new(&kinds::SLOW_BODY, detail)
+        })?;
+        let Some(frame) = frame else { break };
+        let frame = frame.map_err(|_| {
+            Problem::new(
+                &kinds::INVALID_JSON,
+                "The connection ended before the end of the body. Send it again.",
+            )
+        })?;
+        let Ok(data) = frame.into_data() else {
+            continue;
+        };
+        let length = bytes.len() + data.len();
+        if length > BODY_LIMIT {
+            return Err(too_large());
+        }
+        if length > room {
+            // A body of unknown length gets the memory of the longest one.
+            room = if declared > 0 { declared } else { BODY_LIMIT };
+            if let Some(shares) = shares {
+                permit = shares.bodies.hold(caller, room).await?;
+            }
+            bytes.reserve_exact(room - bytes.len());
+        }
+        bytes.extend_from_slice(&data);
+    }
+    bytes.shrink_to_fit();
+    permit.shrink(bytes.len());
+    Ok((bytes, permit))
+}

@@ -1,0 +1,459 @@
+//! What happens on one connection, and when the server closes it.
+//!
+//! A client may be slow, but not for ever: an unfinished request, an unread answer and an idle connection
+//! each occupy memory and one of the connections that the server can have.
+
+use std::io::{self, IoSlice};
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::task::{Context, Poll, ready};
+use std::time::{Duration, Instant};
+
+use axum::body::{Body, Bytes, HttpBody};
+use axum::http::Version;
+use http_body::{Frame, SizeHint};
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::sync::Notify;
+
+use crate::http::shares::Permit;
+
+/// Smallest number of bytes per second in which a client must take its answer and send its body.
+pub const SLOWEST: u64 = 4 << 10;
+
+/// The most seconds by which an answer can be early.
+const EARLIEST: f64 = 10.0;
+
+/// How long the server waits for a client.
+#[derive(Debug, Clone, Copy)]
+pub struct Patience {
+    /// The time between two looks at a connection.
+    pub look: Duration,
+    /// For the head of a request, from its first byte on. The first request must come within this time.
+    pub head: Duration,
+    /// For the next request.
+    pub idle: Duration,
+    /// While an answer is taken with less than 4 KiB per second.
+    pub slow: Duration,
+    /// For any byte during a request. This must be longer than the longest wait for a job.
+    pub silent: Duration,
+}
+
+impl Default for Patience {
+    fn default() -> Self {
+        Self {
+            look: Duration::from_secs(5),
+            head: Duration::from_secs(10),
+            // Longer than reverse proxies keep an idle connection, mostly a minute.
+            idle: Duration::from_mins(2),
+            slow: Duration::from_secs(20),
+            silent: Duration::from_mins(2),
+        }
+    }
+}
+
+/// The requests and the bytes of one connection. Its socket and its requests count them.
+#[derive(Debug)]
+pub struct Activity {
+    opened: Instant,
+    /// Requests without a complete answer.
+    open: AtomicUsize,
+    /// Whether it has had a request.
+    served: AtomicBool,
+    /// Whether it is HTTP/2, which exchanges bytes also without requests.
+    multiplexed: AtomicBool,
+    /// Milliseconds from its start to the end of the last request.
+    ended: AtomicU64,
+    /// Bytes received, and how many of them before the last request ended.
+    received: AtomicU64,
+    received_before: AtomicU64,
+    sent: AtomicU64,
+    /// Bytes of answers that the client has not taken.
+    owed: AtomicU64,
+    /// Whether the socket accepts no more bytes.
+    blocked: AtomicBool,
+    displaced: Notify,
+}
+
+impl Activity {
+    pub fn new() -> Self {
+        Self {
+            opened: Instant::now(),
+            open: AtomicUsize::default(),
+            served: AtomicBool::default(),
+            multiplexed: AtomicBool::default(),
+            ended: AtomicU64::default(),
+            received: AtomicU64::default(),
+            received_before: AtomicU64::default(),
+            sent: AtomicU64::default(),
+            owed: AtomicU64::default(),
+            blocked: AtomicBool::default(),
+            displaced: Notify::new(),
+        }
+    }
+
+    /// Counts a request until the guard is dropped.
+    pub fn begin(self: &Arc<Self>, version: Version) -> Arc<OpenRequest> {
+        self.open.fetch_add(1, Relaxed);
+        self.served.store(true, Relaxed);
+        self.multiplexed.store(version >= Version::HTTP_2, Relaxed);
+        Arc::new(OpenRequest(Arc::clone(self)))
+    }
+
+    fn owes(&self) -> bool {
+        self.blocked.load(Relaxed) || self.owed.load(Relaxed) > 0
+    }
+
+    /// How long the connection has had no request; `None` if it has one.
+    pub fn idle(&self) -> Option<Duration> {
+        let ended = Duration::from_millis(self.ended.load(Relaxed));
+        let is_idle = self.open.load(Relaxed) == 0 && !self.owes();
+        is_idle.then(|| self.opened.elapsed().saturating_sub(ended))
+    }
+
+    /// Closes the connection, because another one needs its place.
+    pub fn displace(&self) {
+        self.displaced.notify_one();
+    }
+
+    /// Waits until the connection must be closed, and returns the reason.
+    pub async fn overdue(&self, patience: Patience) -> &'static str {
+        let mut seen = Seen::default();
+        loop {
+            tokio::select! {
+                () = self.displaced.notified() => return "another connection needs its place",
+                () = tokio::time::sleep(patience.look) => {}
+            }
+            if let Some(reason) = seen.look(self, patience) {
+                return reason;
+            }
+        }
+    }
+}
+
+/// A request without a complete answer.
+#[derive(Debug)]
+pub struct OpenRequest(Arc<Activity>);
+
+impl Drop for OpenRequest {
+    fn drop(&mut self) {
+        let Activity { opened, open, ended, received, received_before, .. } = &*self.0;
+        ended.store(opened.elapsed().as_millis() as u64, Relaxed);
+        received_before.store(received.load(Relaxed), Relaxed);
+        open.fetch_sub(1, Relaxed);
+    }
+}
+
+/// What the last looks at a connection have seen.
+#[derive(Debug, Default)]
+struct Seen {
+    sent: u64,
+    received: u64,
+    owed: bool,
+    /// By how many seconds its answer is late. It can be early, because sockets accept bytes in bursts.
+    late: f64,
+    /// How long no byte was sent or received.
+    silent: Duration,
+    /// How long a request has been incomplete.
+    unfinished: Duration,
+}
+
+impl Seen {
+    /// Looks at a connection; returns the reason if it must be closed.
+    fn look(&mut self, activity: &Activity, patience: Patience) -> Option<&'static str> {
+        let passed = |is: bool, before: Duration| {
+            if is { before + patience.look } else { Duration::ZERO }
+        };
+        let (sent, received) = (activity.sent.load(Relaxed), activity.received.load(Relaxed));
+        let owes = activity.owes();
+        let taken = (sent - self.sent) as f64 / SLOWEST as f64;
+        let late = (self.late + patience.look.as_secs_f64() - taken).max(-EARLIEST);
+        let is_silent = (sent, received) == (self.sent, self.received);
+        let idle = activity.idle();
+        let is_partial = received > activity.received_before.load(Relaxed)
+            && !activity.multiplexed.load(Relaxed);
+        let is_unfinished = idle.is_some() && (!activity.served.load(Relaxed) || is_partial);
+        *self = Self {
+            sent,
+            received,
+            owed: owes,
+            late: if owes && self.owed { late } else { 0.0 },
+            silent: passed(is_silent && idle.is_none(), self.silent),
+            unfinished: passed(is_unfinished, self.unfinished),
+        };
+        if self.late >= patience.slow.as_secs_f64() {
+            Some("the client takes its answer too slowly")
+        } else if self.unfinished >= patience.head {
+            Some("the head of the request is late")
+        } else if self.silent >= patience.silent {
+            Some("the connection is silent")
+        } else if idle.is_some_and(|idle| idle >= patience.idle) {
+            Some("the connection is idle")
+        } else {
+            None
+        }
+    }
+}
+
+/// A socket that counts its bytes.
+#[derive(Debug)]
+pub struct Watched<T> {
+    pub socket: T,
+    pub activity: Arc<Activity>,
+}
+
+impl<T> Watched<T> {
+    fn wrote(&self, written: Poll<io::Result<usize>>) -> Poll<io::Result<usize>> {
+        self.activity.blocked.store(written.is_pending(), Relaxed);
+        if let Poll::Ready(Ok(bytes)) = written {
+            self.activity.sent.fetch_add(bytes as u64, Relaxed);
+        }
+        written
+    }
+}
+
+impl<T: AsyncRead + Unpin> AsyncRead for Watched<T> {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        let before = buffer.filled().len();
+        let done = ready!(Pin::new(&mut self.socket).poll_read(context, buffer));
+        self.activity.received.fetch_add((buffer.filled().len() - before) as u64, Relaxed);
+        Poll::Ready(done)
+    }
+}
+
+impl<T: AsyncWrite + Unpin> AsyncWrite for Watched<T> {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let written = Pin::new(&mut self.socket).poll_write(context, bytes);
+        self.wrote(written)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        let written = Pin::new(&mut self.socket).poll_write_vectored(context, bytes);
+        self.wrote(written)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.socket.is_write_vectored()
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.socket).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.socket).poll_shutdown(context)
+    }
+}
+
+/// The body of an answer, handed over in pieces. Its request ends, and its memory is free, when the last piece was sent
+/// or dropped.
+pub struct AnswerBody {
+    body: Body,
+    /// The rest of a frame.
+    rest: Bytes,
+    /// Bytes that are owed but not in a piece yet. The length of an event stream is not known, so it owes nothing.
+    owed: u64,
+    guard: Arc<Guard>,
+}
+
+/// What an answer occupies until all of its bytes were sent.
+struct Guard {
+    request: Arc<OpenRequest>,
+    _permit: Option<Arc<Permit>>,
+}
+
+/// Bytes of an answer. hyper drops them after it has sent them.
+struct Piece {
+    bytes: Bytes,
+    owed: u64,
+    guard: Arc<Guard>,
+}
+
+impl AsRef<[u8]> for Piece {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+impl Drop for Piece {
+    fn drop(&mut self) {
+        self.guard.request.0.owed.fetch_sub(self.owed, Relaxed);
+    }
+}
+
+impl AnswerBody {
+    /// A body of this many bytes, if their number is known.
+    pub fn new(
+        body: Body,
+        length: Option<u64>,
+        request: Arc<OpenRequest>,
+        permit: Option<Arc<Permit>>,
+    ) -> Self {
+        let owed = length.unwrap_or(0);
+        request.0.owed.fetch_add(owed, Relaxed);
+        let guard = Arc::new(Guard { request, _permit: permit });
+        Self { body, rest: Bytes::new(), owed, guard }
+    }
+
+    /// The next piece of the rest.
+    fn piece(&mut self) -> Bytes {
+        /// Most results are one piece.
+        const SIZE: usize = 256 << 10;
+        let bytes = self.rest.split_to(self.rest.len().min(SIZE));
+        let owed = (bytes.len() as u64).min(self.owed);
+        self.owed -= owed;
+        Bytes::from_owner(Piece { bytes, owed, guard: Arc::clone(&self.guard) })
+    }
+}
+
+impl HttpBody for AnswerBody {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        if self.rest.is_empty() {
+            match ready!(Pin::new(&mut self.body).poll_frame(context)) {
+                Some(Ok(frame)) => match frame.into_data() {
+                    Ok(data) => self.rest = data,
+                    Err(trailers) => return Poll::Ready(Some(Ok(trailers))),
+                },
+                end => return Poll::Ready(end),
+            }
+        }
+        Poll::Ready(Some(Ok(Frame::data(self.piece()))))
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.rest.is_empty() && self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        let rest = self.rest.len() as u64;
+        let inner = self.body.size_hint();
+        let mut hint = SizeHint::new();
+        hint.set_lower(inner.lower() + rest);
+        if let Some(upper) = inner.upper() {
+            hint.set_upper(upper + rest);
+        }
+        hint
+    }
+}
+
+impl Drop for AnswerBody {
+    fn drop(&mut self) {
+        self.guard.request.0.owed.fetch_sub(self.owed, Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use http_body_util::BodyExt as _;
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _, duplex};
+
+    use super::*;
+
+    const HASTE: Patience = Patience {
+        look: Duration::from_secs(1),
+        head: Duration::from_secs(2),
+        idle: Duration::from_secs(4),
+        slow: Duration::from_secs(3),
+        silent: Duration::from_secs(5),
+    };
+
+    /// The number of looks after which a connection is closed, and why. `each` happens before each look.
+    fn closed(activity: &Activity, mut each: impl FnMut()) -> Option<(usize, &'static str)> {
+        let mut seen = Seen::default();
+        (1..=20).find_map(|looks| {
+            each();
+            seen.look(activity, HASTE).map(|reason| (looks, reason))
+        })
+    }
+
+    #[test]
+    fn the_head_of_a_request_must_arrive_in_time() {
+        let activity = Arc::new(Activity::new());
+        let late = Some((2, "the head of the request is late"));
+        assert_eq!(closed(&activity, || ()), late);
+        // Bytes do not help, if they do not complete the head.
+        let trickle = || {
+            activity.received.fetch_add(1, Relaxed);
+        };
+        assert_eq!(closed(&activity, trickle), late);
+        drop(activity.begin(Version::HTTP_11));
+        assert_eq!(closed(&activity, || ()), None, "it may be idle for a while");
+        assert_eq!(closed(&activity, trickle), late);
+        drop(activity.begin(Version::HTTP_2));
+        assert_eq!(closed(&activity, trickle), None, "HTTP/2 has bytes between requests");
+    }
+
+    #[test]
+    fn an_answer_must_be_taken_in_time_but_may_come_late() {
+        let activity = Arc::new(Activity::new());
+        let request = activity.begin(Version::HTTP_11);
+        let alive = || {
+            activity.sent.fetch_add(1, Relaxed);
+        };
+        assert_eq!(closed(&activity, alive), None, "the server computes");
+        let mut body = AnswerBody::new(Body::from(vec![0; 1 << 20]), Some(1 << 20), request, None);
+        let slow = "the client takes its answer too slowly";
+        assert_eq!(closed(&activity, alive), Some((5, slow)));
+        let steady = || {
+            activity.sent.fetch_add(SLOWEST, Relaxed);
+        };
+        assert_eq!(closed(&activity, steady), None);
+        // A stream of events owes nothing, but a client that does not read blocks its socket.
+        let (mut taken, mut pieces) = (0, Vec::new());
+        while let Some(Some(frame)) = futures_util::FutureExt::now_or_never(body.frame())
+            .map(|frame| frame.transpose().unwrap())
+        {
+            let data = frame.into_data().unwrap();
+            taken += data.len();
+            pieces.push(data);
+        }
+        drop(body);
+        assert_eq!((taken, activity.owes()), (1 << 20, true));
+        assert!(activity.idle().is_none(), "the request ends when its last piece was sent");
+        drop(pieces);
+        assert!(activity.idle().is_some() && !activity.owes());
+        activity.blocked.store(true, Relaxed);
+        assert_eq!(closed(&activity, alive), Some((5, slow)));
+    }
+
+    #[test]
+    fn a_silent_request_is_closed() {
+        let activity = Arc::new(Activity::new());
+        let _request = activity.begin(Version::HTTP_2);
+        assert_eq!(closed(&activity, || ()), Some((5, "the connection is silent")));
+    }
+
+    #[tokio::test]
+    async fn a_socket_counts_its_bytes_and_tells_when_it_is_blocked() {
+        let (mut client, socket) = duplex(16);
+        let activity = Arc::new(Activity::new());
+        let mut server = Watched { socket, activity: Arc::clone(&activity) };
+        client.write_all(b"four").await.unwrap();
+        server.read_exact(&mut [0; 4]).await.unwrap();
+        assert_eq!(activity.received.load(Relaxed), 4);
+        let written = futures_util::FutureExt::now_or_never(server.write_all(&[0; 64]));
+        assert!(written.is_none() && activity.owes());
+        assert_eq!(activity.sent.load(Relaxed), 16);
+        client.read_exact(&mut [0; 16]).await.unwrap();
+        server.write_all(b"more").await.unwrap();
+        assert!(!activity.owes());
+    }
+}

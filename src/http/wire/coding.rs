@@ -1,0 +1,275 @@
+//! Compressed answers: Zstandard or gzip, as the client accepts.
+//!
+//! Answers made from results are compressed once for all clients; other answers are compressed each time.
+
+use std::io::{self, Write};
+
+use axum::body::{Bytes, HttpBody as _};
+use axum::http::header::{
+    ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_LENGTH, CONTENT_TYPE, ETAG, VARY,
+};
+use axum::http::{HeaderMap, HeaderValue};
+use axum::response::{IntoResponse as _, Response};
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use http_body_util::BodyExt as _;
+use tokio::task;
+use zstd::zstd_safe::CParameter;
+
+use super::negotiation::{preferred, weighted};
+use crate::http::problem::Problem;
+
+/// Smallest body that is compressed, in bytes: less fits into one or two packets.
+const MIN_SIZE: u64 = 1 << 10;
+
+/// Largest body that is compressed for one client only, in bytes: it is in memory as a whole.
+const MAX_SIZE: u64 = 1 << 20;
+
+/// Largest body that is compressed on an async thread, in bytes: more would delay other requests.
+const SHORT: usize = 1 << 14;
+
+/// A compression (`Content-Encoding`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coding {
+    /// No compression.
+    Identity,
+    /// RFC 1952.
+    Gzip,
+    /// RFC 8878.
+    Zstd,
+}
+
+impl Coding {
+    /// All codings.
+    pub const ALL: [Self; 3] = [Self::Identity, Self::Gzip, Self::Zstd];
+
+    /// The name in a header, or `None` without compression.
+    pub fn name(self) -> Option<&'static str> {
+        match self {
+            Self::Identity => None,
+            Self::Gzip => Some("gzip"),
+            Self::Zstd => Some("zstd"),
+        }
+    }
+
+    /// The coding that the client prefers (RFC 9110, 12.5.3), or none.
+    ///
+    /// A client that rejects the identity coding may get it all the same: an error would be worse,
+    /// above all after a request that had an effect.
+    pub fn choose(headers: &HeaderMap) -> Self {
+        let accepted = weighted(headers, ACCEPT_ENCODING);
+        let weight = |coding: Self| {
+            let find = |name: &str| accepted.iter().find(|(own, _)| own.eq_ignore_ascii_case(name));
+            coding.name().and_then(find).or_else(|| find("*")).map_or(0.0, |(_, weight)| *weight)
+        };
+        preferred(&[Self::Zstd, Self::Gzip], weight).unwrap_or(Self::Identity)
+    }
+
+    /// Compresses an answer for one client, if it is a text of known size without a tag. Answers with a tag are
+    /// made from results or files, and compressed already.
+    pub async fn compress(self, mut answer: Response) -> Response {
+        if !is_compressible(&answer) {
+            return answer;
+        }
+        answer.headers_mut().append(VARY, HeaderValue::from_static("accept-encoding"));
+        let Some(name) = self.name() else { return answer };
+        let (mut head, body) = answer.into_parts();
+        let text = match body.collect().await {
+            Ok(text) => text.to_bytes(),
+            Err(error) => return Problem::bug(error).into_response(),
+        };
+        match self.packed(text.clone()).await {
+            Ok(packed) => {
+                head.headers.insert(CONTENT_ENCODING, HeaderValue::from_static(name));
+                head.headers.remove(CONTENT_LENGTH);
+                Response::from_parts(head, packed.into())
+            }
+            Err(error) => {
+                tracing::error!(%error, "cannot compress an answer");
+                Response::from_parts(head, text.into())
+            }
+        }
+    }
+
+    /// Compresses a text quickly. A long one is compressed on a blocking thread.
+    async fn packed(self, text: Bytes) -> io::Result<Bytes> {
+        let size = text.len();
+        let pack = move || match self {
+            Self::Identity => Ok(text),
+            Self::Gzip => self.encode(&text).map(|(packed, _)| packed),
+            Self::Zstd => {
+                zstd::bulk::compress(&text, zstd::DEFAULT_COMPRESSION_LEVEL).map(Bytes::from)
+            }
+        };
+        if size <= SHORT { pack() } else { task::spawn_blocking(pack).await? }
+    }
+
+    /// Compresses everything that is written to it.
+    pub fn encoder(self) -> Encoder {
+        Encoder { coding: self, waiting: Vec::new(), stream: None }
+    }
+
+    /// Compresses a text.
+    pub fn encode(self, text: &[u8]) -> io::Result<(Bytes, Self)> {
+        let mut encoder = self.encoder();
+        encoder.write_all(text)?;
+        encoder.finish()
+    }
+}
+
+/// Compresses a text while it is written, so that a large text is never fully in memory.
+pub struct Encoder {
+    coding: Coding,
+    /// Written, but not compressed. Without compression this is the whole text.
+    waiting: Vec<u8>,
+    stream: Option<Stream>,
+}
+
+enum Stream {
+    Gzip(GzEncoder<Vec<u8>>),
+    Zstd(zstd::Encoder<'static, Vec<u8>>),
+}
+
+impl Encoder {
+    /// Number of bytes that are compressed at once. The compressor knows the size of a text that is
+    /// not longer.
+    const CHUNK: usize = 1 << 21;
+
+    /// Makes room for a large text, which would be copied when it outgrows its room.
+    pub fn reserve(&mut self, bytes: usize) {
+        if self.coding == Coding::Identity {
+            self.waiting.reserve(bytes);
+        }
+    }
+
+    /// The compressed bytes, and their coding: none if the text is too short.
+    pub fn finish(mut self) -> io::Result<(Bytes, Coding)> {
+        let size = self.waiting.len() as u64;
+        if self.stream.is_none() && (size < MIN_SIZE || self.coding == Coding::Identity) {
+            self.waiting.shrink_to_fit();
+            return Ok((self.waiting.into(), Coding::Identity));
+        }
+        self.compress(Some(size))?;
+        let mut compressed = match self.stream {
+            Some(Stream::Gzip(gzip)) => gzip.finish()?,
+            Some(Stream::Zstd(zstd)) => zstd.finish()?,
+            None => self.waiting,
+        };
+        // It may stay in the cache.
+        compressed.shrink_to_fit();
+        Ok((compressed.into(), self.coding))
+    }
+
+    /// Compresses the waiting bytes; `size` is their number if they are the whole text.
+    fn compress(&mut self, size: Option<u64>) -> io::Result<()> {
+        if self.stream.is_none() {
+            let gzip = || Stream::Gzip(GzEncoder::new(Vec::new(), Compression::new(GZIP_LEVEL)));
+            self.stream = match self.coding {
+                Coding::Identity => None,
+                Coding::Gzip => Some(gzip()),
+                Coding::Zstd => Some(Stream::Zstd(zstd_encoder(size)?)),
+            };
+        }
+        match &mut self.stream {
+            Some(Stream::Gzip(gzip)) => gzip.write_all(&self.waiting)?,
+            Some(Stream::Zstd(zstd)) => zstd.write_all(&self.waiting)?,
+            None => return Ok(()),
+        }
+        self.waiting.clear();
+        Ok(())
+    }
+}
+
+/// The level of gzip. On tables of numbers it takes half the time of the default level 6, for 2 % more bytes.
+const GZIP_LEVEL: u32 = 3;
+
+/// A compressor for tables of numbers, in which repetitions are near: at most one row back.
+///
+/// Few large answers are made at the same time, so others wait while one is compressed. With a window of 2 MiB and a
+/// larger hash table than usual, level 1 takes a fifth of the time of level 9 on texts of unknown size, which are large.
+/// 172 MB of NDJSON: 28.1 MB in 0.7 s, against 30.0 MB in 3.4 s. 55 MB of JSON: 21.3 MB in 0.5 s, against 21.1 MB in 2.5 s.
+/// A shorter text is compressed better: 1.3 MB of heights to 277 kB instead of 315 kB.
+fn zstd_encoder(size: Option<u64>) -> io::Result<zstd::Encoder<'static, Vec<u8>>> {
+    let level = if size.is_some() { 9 } else { 1 };
+    let mut zstd = zstd::Encoder::new(Vec::new(), level)?;
+    zstd.set_pledged_src_size(size)?;
+    for parameter in [CParameter::WindowLog(21), CParameter::HashLog(18)] {
+        zstd.set_parameter(parameter)?;
+    }
+    Ok(zstd)
+}
+
+impl Write for Encoder {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.waiting.extend_from_slice(bytes);
+        if self.coding != Coding::Identity && self.waiting.len() >= Self::CHUNK {
+            self.compress(None)?;
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Whether an answer is a text that is not compressed and would become shorter.
+fn is_compressible(answer: &Response) -> bool {
+    let headers = answer.headers();
+    let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
+    let is_text = kind.is_some_and(|kind| {
+        let words = ["json", "xml", "javascript", "text/"];
+        words.iter().any(|word| kind.contains(word)) && !kind.contains("event-stream")
+    });
+    let size = answer.body().size_hint().exact();
+    is_text
+        && !headers.contains_key(ETAG)
+        && !headers.contains_key(CONTENT_ENCODING)
+        && size.is_some_and(|size| (MIN_SIZE..=MAX_SIZE).contains(&size))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_accept_encoding_header_selects_the_compression() {
+        let choose = |value| {
+            let headers =
+                HeaderMap::from_iter([(ACCEPT_ENCODING, HeaderValue::from_static(value))]);
+            Coding::choose(&headers)
+        };
+        for (value, coding) in [
+            ("gzip, deflate, br, zstd", Coding::Zstd),
+            ("gzip;q=1.0, zstd;q=0.5", Coding::Gzip),
+            ("GZIP", Coding::Gzip),
+            ("*", Coding::Zstd),
+            ("zstd;q=0, *", Coding::Gzip),
+            ("br, deflate", Coding::Identity),
+            ("identity, gzip;q=0", Coding::Identity),
+            ("", Coding::Identity),
+        ] {
+            assert_eq!(choose(value), coding, "{value}");
+        }
+    }
+
+    #[test]
+    fn a_compressed_body_decompresses_to_the_original() {
+        let pack = |coding: Coding, text: &[u8]| coding.encode(text).unwrap();
+        for times in [1000, 100_000, 400_000] {
+            let body = b"[0.0,1.5e-7]".repeat(times);
+            let (packed, coding) = pack(Coding::Zstd, &body);
+            let room = body.len() + 1;
+            assert!(packed.len() < body.len() / 100);
+            assert_eq!(coding, Coding::Zstd);
+            assert!(zstd::bulk::decompress(&packed, room).unwrap() == body);
+            let (packed, coding) = pack(Coding::Gzip, &body);
+            let mut out = Vec::new();
+            io::copy(&mut flate2::read::GzDecoder::new(&*packed), &mut out).unwrap();
+            assert_eq!(coding, Coding::Gzip);
+            assert!(out == body);
+            assert!(pack(Coding::Identity, &body) == (body.into(), Coding::Identity));
+        }
+        assert_eq!(pack(Coding::Zstd, b"[]"), (Bytes::from_static(b"[]"), Coding::Identity));
+    }
+}

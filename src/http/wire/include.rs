@@ -1,0 +1,54 @@
+//! The query parameter `include`: what an answer contains in addition to a job.
+
+use axum::body::Bytes;
+
+use super::Query;
+use fretwork_job::asked_in;
+use fretwork_store::Asked;
+
+/// The JSON of an absent value.
+pub const NULL: Bytes = Bytes::from_static(b"null");
+
+/// The values of `include`.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Include {
+    pub result: bool,
+    pub scenario: bool,
+    pub submitted: bool,
+}
+
+impl Include {
+    /// Their names.
+    pub const WORDS: [&str; 3] = ["result", "scenario", "submitted"];
+
+    /// Takes `include`: names, separated by commas.
+    pub fn take(query: &mut Query) -> Self {
+        let accepted =
+            "\"result\", \"scenario\", \"submitted\", or several of them separated by commas";
+        let read = |text: &str| {
+            let words: Vec<&str> = text.split(',').map(str::trim).collect();
+            let known = words.iter().all(|word| Self::WORDS.contains(word));
+            let [result, scenario, submitted] = Self::WORDS.map(|word| words.contains(&word));
+            known.then_some(Self { result, scenario, submitted })
+        };
+        query.value("include", accepted, read).unwrap_or_default()
+    }
+
+    /// The members to add to a job: their names and their JSON.
+    pub fn members(self, asked: &Asked, result: Option<Bytes>) -> Vec<(&'static str, Bytes)> {
+        let mut members = Vec::new();
+        if self.scenario {
+            // A study stands under its own name.
+            let found = asked.task.as_deref().and_then(asked_in);
+            members.push(found.map_or(("scenario", NULL), |(kind, text)| {
+                (kind.member(), Bytes::copy_from_slice(text.get().as_bytes()))
+            }));
+        }
+        if self.submitted {
+            let submitted = asked.submitted.clone().map_or(NULL, Bytes::from);
+            members.push(("submitted", submitted));
+        }
+        members.extend(result.map(|result| ("result", result)));
+        members
+    }
+}

@@ -1,0 +1,287 @@
+//! The parts of requests: query parameters, `Prefer` and other headers.
+//!
+//! A query collects all its faults before it refuses the request, so that a client sees all of them at once.
+
+pub mod coding;
+pub mod include;
+pub mod negotiation;
+pub mod schemas;
+pub mod weight;
+
+use std::fmt::{self, Display};
+use std::mem;
+use std::time::Duration;
+
+use axum::body::HttpBody as _;
+use axum::extract::{FromRequestParts, Path};
+use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, HeaderName, HeaderValue};
+use axum::response::Response;
+
+use crate::http::problem::{Complaint, Problem, kinds};
+use fretwork_format::Format;
+use fretwork_job::{BadKey, Key, clock};
+
+/// Longest time that a request may wait for a job.
+pub const LONGEST_WAIT: Duration = Duration::from_mins(1);
+
+/// The number of bytes of an answer; `None` if it is not known, as for a stream of events.
+pub fn length_of(answer: &Response) -> Option<u64> {
+    let stated = || answer.headers().get(CONTENT_LENGTH)?.to_str().ok()?.parse().ok();
+    answer.body().size_hint().exact().or_else(stated)
+}
+
+/// The query parameters of a request. A handler takes those it knows. [`Query::finish`] refuses the others, so
+/// that a misspelt parameter is not ignored.
+pub struct Query {
+    pairs: Vec<(String, String)>,
+    known: Vec<&'static str>,
+    complaints: Vec<Complaint>,
+}
+
+impl<S: Sync> FromRequestParts<S> for Query {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        let query = parts.uri.query().unwrap_or_default().as_bytes();
+        let pairs = form_urlencoded::parse(query).into_owned().collect();
+        Ok(Self { pairs, known: Vec::new(), complaints: Vec::new() })
+    }
+}
+
+impl Query {
+    /// Takes a parameter as text.
+    pub fn text(&mut self, name: &'static str) -> Option<String> {
+        self.known.push(name);
+        let mut found = None;
+        let mut repeated = false;
+        self.pairs.retain_mut(|(key, value)| {
+            let here = key == name;
+            if here {
+                repeated |= found.replace(mem::take(value)).is_some();
+            }
+            !here
+        });
+        if repeated {
+            self.complain(name, "may be given only once");
+        }
+        // Nothing has this character in it, and PostgreSQL refuses to compare with it.
+        if found.as_ref().is_some_and(|text| text.contains('\0')) {
+            self.complain(name, "must not contain the character U+0000");
+            return None;
+        }
+        found
+    }
+
+    /// Takes a parameter and parses it with `read`. `accepted` completes the fault "must be …".
+    pub fn value<T>(
+        &mut self,
+        name: &'static str,
+        accepted: impl Display,
+        read: impl FnOnce(&str) -> Option<T>,
+    ) -> Option<T> {
+        let text = self.text(name)?;
+        let value = read(&text);
+        if value.is_none() {
+            self.complain(name, format!("must be {accepted}, got \"{}\"", excerpt(&text)));
+        }
+        value
+    }
+
+    /// Takes `wait`: a number of seconds, at most [`LONGEST_WAIT`].
+    pub fn wait(&mut self) -> Option<Duration> {
+        self.value("wait", "a number of seconds between 0 and 60", |text| {
+            let seconds: f64 = text.parse().ok()?;
+            (0.0..=LONGEST_WAIT.as_secs_f64())
+                .contains(&seconds)
+                .then(|| Duration::from_secs_f64(seconds))
+        })
+    }
+
+    /// Takes `format`. Faults list the formats `offered`.
+    pub fn format(&mut self, offered: &[Format]) -> Option<Format> {
+        let accepted = fmt::from_fn(|f| {
+            let mut or = "";
+            offered.iter().try_for_each(|format| {
+                write!(f, "{}\"{}\"", mem::replace(&mut or, " or "), format.name())
+            })
+        });
+        self.value("format", accepted, |text| {
+            // An existing format that is not offered here is answered with 406 instead.
+            Format::ALL.into_iter().find(|format| format.name() == text)
+        })
+    }
+
+    /// Adds a fault.
+    pub fn complain(&mut self, name: &str, detail: impl Into<String>) {
+        self.complaints.push(Complaint::parameter(name, detail));
+    }
+
+    /// Refuses the request if its parameters have faults, or if some were not taken.
+    pub fn finish(mut self) -> Result<(), Problem> {
+        if self.pairs.is_empty() && self.complaints.is_empty() {
+            return Ok(());
+        }
+        let accepted = match self.known.as_slice() {
+            [] => "this address has no parameters".to_owned(),
+            known => format!("the parameters here are {}", known.join(", ")),
+        };
+        for (name, _) in mem::take(&mut self.pairs) {
+            self.complain(&excerpt(&name), format!("is unknown: {accepted}"));
+        }
+        Err(Problem::parameters(self.complaints))
+    }
+}
+
+/// The query of an address without parameters. It refuses all parameters.
+pub struct NoQuery;
+
+impl<S: Sync> FromRequestParts<S> for NoQuery {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let query = <Query as FromRequestParts<S>>::from_request_parts(parts, state).await?;
+        query.finish().map(|()| Self)
+    }
+}
+
+/// The variable part of an address, as text.
+pub struct Segment(pub String);
+
+impl<S: Send + Sync> FromRequestParts<S> for Segment {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let path = Path::<String>::from_request_parts(parts, state).await;
+        path.map(|Path(text)| Self(text))
+            .map_err(|_| Problem::new(&kinds::NOT_FOUND, "The address is not valid UTF-8."))
+    }
+}
+
+/// Reads the key in an address.
+pub fn read_key(text: &str) -> Result<Key, Problem> {
+    text.parse().map_err(|bad: BadKey| {
+        Problem::new(&kinds::UNKNOWN_RESULT, format!("This is not a key of a result: {bad}."))
+    })
+}
+
+pub fn excerpt(text: &str) -> String {
+    let mut out: String = text.chars().take(60).collect();
+    if out.len() < text.len() {
+        out.push('…');
+    }
+    out
+}
+
+/// The preferences in `Prefer` headers (RFC 7240). Unknown and invalid preferences are ignored, as the RFC
+/// requires.
+pub struct Prefer {
+    /// How long the client waits for the job, at most [`LONGEST_WAIT`].
+    pub wait: Option<Duration>,
+}
+
+impl Prefer {
+    /// Reads all `Prefer` headers. The first `wait` is used.
+    pub fn read(headers: &HeaderMap) -> Self {
+        let wait = headers
+            .get_all(PREFER)
+            .iter()
+            .filter_map(|value| value.to_str().ok())
+            .flat_map(|value| value.split([',', ';']))
+            .filter_map(|preference| preference.split_once('='))
+            .find(|(name, _)| name.trim().eq_ignore_ascii_case("wait"))
+            .and_then(|(_, value)| value.trim().trim_matches('"').parse().ok())
+            .map(|seconds| Duration::from_secs(seconds).min(LONGEST_WAIT));
+        Self { wait }
+    }
+}
+
+const PREFER: HeaderName = HeaderName::from_static("prefer");
+
+/// The items of all headers with this name, whose values are lists.
+pub fn words(headers: &HeaderMap, name: HeaderName) -> impl Iterator<Item = &str> {
+    let values = headers.get_all(name).into_iter().filter_map(|value| value.to_str().ok());
+    values.flat_map(|value| value.split(',')).map(str::trim)
+}
+
+/// A header value.
+#[expect(clippy::expect_used, reason = "callers pass keys, paths, numbers and names of formats")]
+pub fn ascii(text: &str) -> HeaderValue {
+    HeaderValue::try_from(text).expect("the text is ASCII")
+}
+
+/// The directives of a submission in `Cache-Control` (RFC 9111). Unknown directives are ignored, as the RFC
+/// requires.
+pub struct Freshness {
+    /// `no-cache`: compute even a known result.
+    pub afresh: bool,
+    /// `only-if-cached`: do not compute.
+    pub only_known: bool,
+}
+
+impl Freshness {
+    /// Reads all `Cache-Control` headers.
+    pub fn read(headers: &HeaderMap) -> Self {
+        let says =
+            |what: &str| words(headers, CACHE_CONTROL).any(|word| word.eq_ignore_ascii_case(what));
+        let only_known = says("only-if-cached");
+        Self { afresh: says("no-cache") && !only_known, only_known }
+    }
+}
+
+/// The urgency of a submission: `u` in the `Priority` header (RFC 9218), by default 3.
+pub fn urgency(headers: &HeaderMap) -> u8 {
+    words(headers, PRIORITY)
+        .filter_map(|word| word.split(';').next()?.trim().strip_prefix("u=")?.parse().ok())
+        .find(|urgency| *urgency <= 7)
+        .unwrap_or(3)
+}
+
+const PRIORITY: HeaderName = HeaderName::from_static("priority");
+const IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
+/// Longest `Idempotency-Key`, in characters.
+const LONGEST_KEY: usize = 255;
+
+/// The `Idempotency-Key` of a submission. The draft standard has quotes around it; they are optional here.
+pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+    let mut values = headers.get_all(IDEMPOTENCY_KEY).iter();
+    let Some(value) = values.next() else { return Ok(None) };
+    let key = value.to_str().ok().map(|text| {
+        let text = text.trim();
+        text.strip_prefix('"').and_then(|text| text.strip_suffix('"')).unwrap_or(text)
+    });
+    match key {
+        Some(key) if (1..=LONGEST_KEY).contains(&key.len()) && values.next().is_none() => {
+            Ok(Some(key.to_owned()))
+        }
+        _ => {
+            let detail =
+                format!("must be one text of 1 to {LONGEST_KEY} ASCII characters, such as a UUID");
+            Err(Problem::header(Complaint::parameter("Idempotency-Key", detail)))
+        }
+    }
+}
+
+/// A time in milliseconds since 1970, as RFC 3339 in UTC.
+pub fn instant(milliseconds: i64) -> String {
+    clock::rfc3339(milliseconds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_wait_preference_is_capped_and_ignored_if_invalid() {
+        let prefer = |value| {
+            let headers = HeaderMap::from_iter([(PREFER, HeaderValue::from_static(value))]);
+            Prefer::read(&headers).wait.map(|wait| wait.as_secs())
+        };
+        assert_eq!(prefer("wait=10"), Some(10));
+        assert_eq!(prefer("respond-async, Wait = \"7\""), Some(7));
+        assert_eq!(prefer("wait=9999"), Some(60));
+        assert_eq!(prefer("wait=soon"), None);
+        assert_eq!(prefer("return=minimal"), None);
+    }
+}
