@@ -14,6 +14,9 @@ use super::output::Output;
 use super::problem::{Found, Problem};
 use super::rows::Rows;
 
+/// Most points of a study on any server.
+pub const MAX_POINTS: u64 = 1 << 22;
+
 /// A kind of study. Kinds with the same name are equal.
 #[derive(Clone, Copy, Serialize)]
 pub struct Kind {

@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde_json::{Map, Number, Value, json};
 
 use super::output::Output;
-use super::plan::{Column, Kind, Plan, Read, Tried};
+use super::plan::{Column, Kind, MAX_POINTS, Plan, Read, Tried};
 use super::problem::{Found, Lack, Problem, Running};
 use super::rows::{MAX_REASON, NUMBER, Rows};
 use fretwork_json as json;
@@ -23,8 +23,6 @@ const CHUNK: f64 = 0.1;
 const MAX_FINDINGS: f64 = 5.0;
 /// Most points of a chunk.
 const MAX_CHUNK: usize = 4096;
-/// Most points of a study on any server.
-const MAX_POINTS: usize = 1 << 22;
 /// Fewest and most points by which the cost of all points is estimated.
 const SAMPLES: (usize, usize) = (4, 64);
 /// Time to prepare these points, in seconds.
@@ -59,7 +57,7 @@ impl Study {
     /// All faults, with pointers relative to the study.
     pub fn read(kind: &'static Kind, typed: Value) -> Result<Self, Faults> {
         let Read { complete, problem, plan } = (kind.read)(typed).map_err(Faults::capped)?;
-        if plan.points() > MAX_POINTS {
+        if plan.points() as u64 > MAX_POINTS {
             let detail =
                 format!("gives {} points. A study may have at most {MAX_POINTS}", plan.points());
             let axes = kind.axes.iter().rev().map(|(name, _)| *name);

@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::plan::StudyFigure::{Curves, Heat, Scatter};
-use crate::plan::{Hints, Kind, Offer, Plan, Read};
+use crate::plan::{Hints, Kind, MAX_POINTS, Offer, Plan, Read};
 use crate::problem::{MAX_SEED, Problem, small_members, varied_and_outputs};
 use crate::profile::CommonProfiles;
 use crate::stats::design::Design;
@@ -58,7 +58,7 @@ struct Request {
     #[deserr(default)]
     design: Given<DesignName>,
     #[deserr(default)]
-    samples: Given<Whole<1, 0xffff_ffff>>,
+    samples: Given<Whole<1, MAX_POINTS>>,
     #[deserr(default)]
     seed: Given<Whole<0, MAX_SEED>>,
     outputs: Value,
@@ -174,18 +174,12 @@ fn design_of(
     }
     let points = samples.unwrap_or_default() as usize;
     let made = match name {
-        DesignName::Grid => Design::grid(lists),
+        DesignName::Grid => Ok(Design::grid(lists)),
         DesignName::Zip => Design::zip(lists),
-        DesignName::LatinHypercube => Design::latin_hypercube(distributions, points, seed),
-        DesignName::Sobol => Design::sobol(distributions, points, seed),
+        DesignName::LatinHypercube => Ok(Design::latin_hypercube(distributions, points, seed)),
+        DesignName::Sobol => Ok(Design::sobol(distributions, points, seed)),
     };
-    made.map_err(|fault| {
-        let pointer = match fault.pointer.as_str() {
-            "/points" => "/samples".to_owned(),
-            other => format!("/vary{other}"),
-        };
-        Faults::one(&pointer, fault.detail)
-    })
+    made.map_err(|fault| Faults(vec![fault]).below("/vary"))
 }
 
 #[cfg(test)]

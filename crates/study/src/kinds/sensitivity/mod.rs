@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 use self::findings::{Named, Table};
 use crate::output::Output;
 use crate::plan::StudyFigure::{Scatter, Tornado};
-use crate::plan::{Bars, Column, Findings, Hints, Kind, Offer, Plan, Read};
+use crate::plan::{Bars, Column, Findings, Hints, Kind, Offer, Plan, Read, StudyFigure};
 use crate::problem::{MAX_SEED, Problem, small_members, varied_and_outputs};
 use crate::rows::{NUMBER, Rows};
 use crate::stats::derivative::{Derivative, Place, Search};
@@ -41,39 +41,9 @@ pub const KIND: Kind = Kind {
     axes: &[],
     design: "method",
     designs: &[
-        (
-            "local",
-            Hints {
-                bars: Some(Bars {
-                    label: "Elasticity",
-                    columns: &[("elasticity", "")],
-                    have_unit: false,
-                }),
-                ..Hints::of(&[Tornado])
-            },
-        ),
-        (
-            "morris",
-            Hints {
-                bars: Some(Bars {
-                    label: "Elementary effect",
-                    columns: &[("strength", "$μ$* (mean size)"), ("deviation", "$σ$ (deviation)")],
-                    have_unit: true,
-                }),
-                ..Hints::of(&[Tornado, Scatter])
-            },
-        ),
-        (
-            "sobol",
-            Hints {
-                bars: Some(Bars {
-                    label: "Share of the variance",
-                    columns: &[("total", "total"), ("first_order", "first order")],
-                    have_unit: false,
-                }),
-                ..Hints::of(&[Tornado, Scatter])
-            },
-        ),
+        ("local", bars(&[Tornado], "Elasticity", &[("elasticity", "")], false)),
+        ("morris", bars(&[Tornado, Scatter], "Elementary effect", EFFECTS, true)),
+        ("sobol", bars(&[Tornado, Scatter], "Share of the variance", SHARES, false)),
     ],
     offers: &[Offer {
         id: "sensitivity",
@@ -84,6 +54,20 @@ pub const KIND: Kind = Kind {
     }],
     read,
 };
+
+/// The columns that are drawn, with their names in the legend.
+const EFFECTS: &[(&str, &str)] =
+    &[("strength", "$μ$* (mean size)"), ("deviation", "$σ$ (deviation)")];
+const SHARES: &[(&str, &str)] = &[("total", "total"), ("first_order", "first order")];
+
+const fn bars(
+    figures: &'static [StudyFigure],
+    label: &'static str,
+    columns: &'static [(&'static str, &'static str)],
+    have_unit: bool,
+) -> Hints {
+    Hints { bars: Some(Bars { label, columns, have_unit }), ..Hints::of(figures) }
+}
 
 /// Levels of a screening.
 const LEVELS: usize = 4;
@@ -230,15 +214,15 @@ impl Sensitivity {
         let resamples = (10.0 / (1.0 - confidence)).ceil().clamp(RESAMPLES.0, RESAMPLES.1);
         let bootstrap = match Bootstrap::new(resamples as usize, confidence, seed) {
             Ok(bootstrap) => Some(bootstrap),
-            Err(Fault { detail, .. }) => {
-                faults.push(Fault { pointer: "/confidence".to_owned(), detail });
+            Err(detail) => {
+                let pointer = "/confidence".to_owned();
+                faults.push(Fault { pointer, detail: detail.to_owned() });
                 None
             }
         };
         match (samples, bootstrap) {
             (Some(samples), Some(bootstrap)) if faults.is_empty() => {
-                Self::of(name, from, samples, seed, bootstrap)
-                    .map_err(|fault| Faults(vec![fault]).below("/vary"))
+                Ok(Self::of(name, from, samples, seed, bootstrap))
             }
             _ => Err(Faults(faults)),
         }
@@ -251,15 +235,15 @@ impl Sensitivity {
         samples: usize,
         seed: u64,
         bootstrap: Bootstrap,
-    ) -> Result<Self, Fault> {
+    ) -> Self {
         let members = from.len();
-        Ok(if name == MethodName::Sobol {
-            let design = Saltelli::new(members, seed)?;
+        if name == MethodName::Sobol {
+            let design = Saltelli::new(members, seed);
             Self::Sobol { design, groups: samples, from, bootstrap }
         } else {
-            let design = Morris::new(members, LEVELS, seed)?;
+            let design = Morris::new(members, LEVELS, seed);
             Self::Morris { design, trajectories: samples, from, bootstrap }
-        })
+        }
     }
 
     /// A study of the values in the scenario.
@@ -494,7 +478,7 @@ mod tests {
         fn study(&self, name: MethodName, samples: usize, seed: u64) -> Map<String, Value> {
             let from = vec![self.from; self.indices.len()];
             let bootstrap = Bootstrap::new(200, 0.95, 1).unwrap();
-            let study = Sensitivity::of(name, from, samples, seed, bootstrap).unwrap();
+            let study = Sensitivity::of(name, from, samples, seed, bootstrap);
             let mut rows = Rows::default();
             for number in 0..study.points() {
                 let values = study.point(number);
