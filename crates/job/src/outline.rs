@@ -4,7 +4,7 @@ use std::array;
 
 use serde_json::{Map, Value, json};
 
-use fretwork_engine::outcome::UNITS;
+use fretwork_engine::outcome::Quantity;
 use fretwork_engine::request::quantity::Dimension::{
     self, Angle, Force, Length, Number, Stiffness, Stress,
 };
@@ -65,11 +65,11 @@ impl Scalar {
     /// The SI unit; `1` for dimensionless numbers.
     #[must_use]
     pub fn unit(&self) -> &'static str {
-        let known = UNITS.iter().find(|(name, _)| *name == self.name).map(|(_, unit)| *unit);
-        known.unwrap_or(match self.dimension {
-            Number => "1",
-            dimension => dimension.si(),
-        })
+        match (Quantity::named(self.name), self.dimension) {
+            (Some(quantity), _) => quantity.unit,
+            (None, Number) => "1",
+            (None, dimension) => dimension.si(),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
-use fretwork_engine::outcome::{History, Loops, Preview, Profiles, UNITS};
+use fretwork_engine::outcome::{History, Loops, Preview, Profiles, QUANTITIES};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario::{self, Warning};
@@ -141,10 +141,10 @@ impl Evaluation {
         let values = outputs.iter().map(|output| (output, output.value(&case, &outcome)));
         let mut found = Evaluated::of(values);
         if !parts.is_empty() {
-            let others = UNITS
+            let others = QUANTITIES
                 .iter()
-                .filter(|(name, _)| outputs.iter().all(|output| output.name() != *name));
-            found.units.extend(others.map(|(name, unit)| ((*name).to_owned(), *unit)));
+                .filter(|quantity| outputs.iter().all(|output| output.name() != quantity.name));
+            found.units.extend(others.map(|it| (it.name.to_owned(), it.unit)));
         }
         let asked = |part| parts.contains(&part);
         found.history = asked(Part::History).then_some(outcome.history);

@@ -18,6 +18,7 @@ use crate::http::problem::{Problem, kinds};
 use crate::http::wire::coding::Coding;
 use crate::http::wire::{NoQuery, Segment};
 
+use fretwork_engine::outcome::QUANTITIES;
 use fretwork_study::Kind;
 
 /// A file: its name under `/assets/`, its media type and its content.
@@ -75,7 +76,15 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
 fn words() -> String {
     let kinds: Map<_, _> =
         Kind::ALL.into_iter().map(|kind| (kind.name.to_owned(), json!(kind))).collect();
-    format!("/** The kinds of studies. */\nexport const KINDS = {};\n", Value::Object(kinds))
+    let names: Map<_, _> = QUANTITIES
+        .iter()
+        .map(|quantity| (quantity.name.to_owned(), json!(quantity.words)))
+        .collect();
+    format!(
+        "/** The kinds of studies. */\nexport const KINDS = {};\n\n/** The names of quantities. */\nexport const NAMES = {};\n",
+        Value::Object(kinds),
+        Value::Object(names)
+    )
 }
 
 /// `GET /`.

@@ -14,6 +14,7 @@ use crate::http::access::signed_link::OPENED;
 use crate::http::api::scenarios::EXAMPLES;
 use crate::http::problem::ProblemDocument;
 use crate::http::wire::schemas;
+use fretwork_engine::outcome::{ContactScales, History, LimitState, Member, Quantity, Unworn};
 use fretwork_engine::scenario::SCHEMA;
 use fretwork_job::{Submission, TaskKind};
 use fretwork_store::Role;
@@ -95,6 +96,10 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
         adopt(schemas, SCHEMA, Some("Scenario"));
         adopt(schemas, DOCUMENT_SCHEMAS, None);
+        describe(&mut schemas["Columns"], History::MEMBERS, true);
+        describe(&mut schemas["Scales"], ContactScales::MEMBERS, false);
+        describe(&mut schemas["Unworn"], Unworn::MEMBERS, false);
+        describe(&mut schemas["Limit"], LimitState::MEMBERS, false);
         // The server inserts the stored bytes, so the Rust type does not have these members.
         schemas["Job"]["properties"]["scenario"] = json!({
             "description": "With `include=scenario`: the scenario in SI units with all defaults, as in the \
@@ -157,6 +162,20 @@ fn adopt(schemas: &mut Map<String, Value>, file: &str, name: Option<&str>) {
         let mut root = Value::Object(root);
         redirect(&mut root);
         schemas.insert(name.to_owned(), root);
+    }
+}
+
+/// Adds the members of a section of a result to its schema, with their meaning and their unit.
+fn describe(schema: &mut Value, members: &[Member], is_table: bool) {
+    for Member { name, meaning, .. } in members {
+        let unit = Quantity::named(name).map_or("1", |quantity| quantity.unit);
+        let unit = if unit == "1" { String::new() } else { format!(" Unit: {unit}.") };
+        let own = &mut schema["properties"][name];
+        if own.is_null() {
+            let number = json!({"type": "number"});
+            *own = if is_table { json!({"type": "array", "items": number}) } else { number };
+        }
+        own["description"] = json!(format!("{meaning}.{unit}"));
     }
 }
 
