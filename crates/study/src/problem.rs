@@ -102,7 +102,7 @@ impl Problem {
         Running::Known(self.found(|output| output.known(&preview)))
     }
 
-    fn needs_run(&self) -> bool {
+    pub(super) fn needs_run(&self) -> bool {
         self.profiles.is_some() || self.outputs.iter().any(Output::needs_run)
     }
 
@@ -161,21 +161,30 @@ impl Problem {
         Found { outputs, profiles: self.no_profiles(), lack: None }
     }
 
-    /// The case of a point, or why its scenario is not valid.
+    /// The case of a point, or the first reason why its scenario is not valid.
     pub(super) fn case(&self, values: &[f64]) -> Result<Case, String> {
-        let mut scenario = self.base.clone();
-        for (member, value) in self.members.iter().zip(values) {
-            member.put(&mut scenario, *value);
-        }
-        let (_, mut case, _) = scenario::prepare(scenario, "").map_err(|faults| {
+        self.prepare(values).map_err(|faults| {
             let first = faults.0.into_iter().next();
             first.map_or_else(String::new, |Fault { pointer, detail }| {
                 format!("{pointer}: {detail}")
             })
-        })?;
+        })
+    }
+
+    /// The case of a point.
+    ///
+    /// # Errors
+    /// The scenario of this point has faults. Their pointers are relative to the scenario.
+    pub(super) fn prepare(&self, values: &[f64]) -> Result<Case, Faults> {
+        let mut scenario = self.base.clone();
+        for (member, value) in self.members.iter().zip(values) {
+            member.put(&mut scenario, *value);
+        }
+        let (_, mut case, _) = scenario::prepare(scenario, "")?;
         if let Method::Exact { compare, .. } = &mut case.method {
             *compare = None;
         }
+        case.profiles.fill(false);
         if let Some(last) = case.profiles.last_mut() {
             *last = self.profiles.is_some();
         }

@@ -119,27 +119,15 @@ macro_rules! section {
     };
 }
 
-/// A number that may be missing.
-trait Number {
-    fn get(&self) -> Option<f64>;
-}
-
-impl Number for f64 {
-    fn get(&self) -> Option<f64> {
-        Some(*self)
-    }
-}
-
-impl Number for Option<f64> {
-    fn get(&self) -> Option<f64> {
-        *self
-    }
+/// A number that some results do not have.
+fn number<T: Copy + Into<Option<f64>>>(number: &T) -> Option<f64> {
+    (*number).into()
 }
 
 section! {
     /// The scales of the unworn contact. All results are multiples of them.
     #[derive(Copy)]
-    ContactScales: Option<f64> = Number::get;
+    ContactScales: Option<f64> = number;
     contact_radius: f64 = "Length scale a₀: the contact radius";
     indentation_depth: f64 = "Depth scale d₀: the indentation depth";
     normal_force: f64 = "Force scale F₀ of the unworn contact";
@@ -149,7 +137,7 @@ section! {
 section! {
     /// Quantities of the unworn contact.
     #[derive(Copy)]
-    Unworn: Option<f64> = Number::get;
+    Unworn: Option<f64> = number;
     normal_modulus: f64 = "E*";
     tangential_modulus: f64 = "G*";
     wear_coefficient: f64 = "k_w";
@@ -175,7 +163,7 @@ section! {
 section! {
     /// The limiting state of wear.
     #[derive(Copy)]
-    LimitState: Option<f64> = Number::get;
+    LimitState: Option<f64> = number;
     contact_radius: f64 = "ã: the outer radius of the limiting profile";
     stick_radius: f64 = "The limiting stick radius c";
     wear_volume: f64 = "The limiting wear volume V∞";
