@@ -53,10 +53,10 @@ def read_plot(page, figure, x_name, expected):
 PROFILES = {"worn": 1e6, "wear": 1e6, "pressure": 1e-6, "slip": 1e6, "image": 1e6}
 HISTORIES = {
     "volume": [("Wear volume", "wear_volume", 1e9)],
-    "depth": [("Wear depth", "wear_depth", 1e6)],
+    "depth": [("Largest wear depth", "wear_depth", 1e6)],
     "radii": [("Contact radius", "contact_radius", 1e6), ("Stick radius", "stick_radius", 1e6), ("Scar radius", "scar_radius", 1e6)],
-    "forces": [("Normal force", "normal_force", 1), ("Tangential force", "tangential_force", 1)],
-    "depths": [("Indentation depth", "indentation_depth", 1e6), ("Amplitude", "amplitude", 1e6)],
+    "forces": [("Normal force", "normal_force", 1), ("Tangential force amplitude", "tangential_force", 1)],
+    "depths": [("Indentation depth", "indentation_depth", 1e6), ("Displacement amplitude", "amplitude", 1e6)],
     "energy": [("Energy per cycle", "energy_per_cycle", 1e3)],
     "dissipated": [("Dissipated energy", "dissipated_energy", 1e3)],
 }

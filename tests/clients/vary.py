@@ -122,7 +122,7 @@ def without_field(page, base):
     expect(page.locator("[data-item=cached]")).to_have_text("Yes")
     expect(page.locator("section[aria-label=Study]")).to_contain_text("/motion/blocks/0/amplitude")
     # The study keeps profiles, for which the form has no fields either.
-    expect(page.locator("#profiles")).to_contain_text("Local wear depth, Slip amplitude")
+    expect(page.locator("#profiles")).to_contain_text("Wear depth, Slip amplitude")
     assert "profiles" in urllib.parse.unquote(page.url), page.url
     page.get_by_role("button", name="Remove the profiles").click()
     own.fill("1.5")

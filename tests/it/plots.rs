@@ -146,7 +146,7 @@ fn sound(svg: &str, size: (u16, u16), name: &str) {
 fn every_quantity_of_every_example_gives_a_legible_figure() {
     for (name, body) in bodies() {
         let stored = computed(&body);
-        for quantity in &QUANTITIES {
+        for quantity in QUANTITIES.iter() {
             let name = format!("{name}, {}", quantity.name);
             let view = View::figure(quantity);
             let svg = drawn(&stored, &view).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -224,7 +224,7 @@ fn a_figure_shows_the_selected_or_evenly_spaced_output_cycles() {
 #[test]
 fn a_result_without_profiles_has_only_history_figures() {
     let stored = computed(&cone(&json!("none")).to_string());
-    for quantity in &QUANTITIES {
+    for quantity in QUANTITIES.iter() {
         let drawn = drawn(&stored, &View::figure(quantity));
         if quantity.has_curve_per_cycle() {
             let told = drawn.unwrap_err().to_string();

@@ -500,6 +500,15 @@ fn every_file_belongs_to_one_room() {
 }
 
 #[test]
+fn statistics_know_no_json() {
+    for (file, text) in read_sources("crates/study/src/stats") {
+        for word in ["json", "serde", "deserr"] {
+            assert!(!text.contains(word), "stats/{file} uses {word}");
+        }
+    }
+}
+
+#[test]
 fn no_room_uses_a_later_room() {
     let found = find(Sources::wrong_arrows);
     assert!(found.is_empty(), "{found}");

@@ -9,11 +9,11 @@ use serde_json::value::RawValue;
 
 use super::error::Error;
 use super::kind::Part;
-use super::members::Members;
 use super::table::Table;
 use super::units::Units;
 use super::view::View;
 use fretwork_job::TaskKind;
+use fretwork_json::Members;
 use fretwork_study::Kind;
 
 /// The engine that computed a result.
@@ -100,20 +100,17 @@ impl<'a> Document<'a> {
 
     /// Whether a result of this kind can have the part.
     pub fn must_have(&self, part: Part) -> Result<(), Error> {
-        let is_study = self.kind() != TaskKind::Run;
-        match (is_study, part) {
-            (_, Part::Whole | Part::Plot) | (true, Part::Table) => Ok(()),
-            (true, Part::Profiles) if self.members.get(part.name()).is_some() => Ok(()),
-            (true, Part::Profiles) if self.kind() == TaskKind::Study(Kind::Sweep) => {
-                let has = "a table and figures. Submit the sweep with `profiles` to have them";
-                Err(Error::OtherKind(part, has))
+        let has = match (self.kind(), part) {
+            (_, Part::Whole | Part::Plot) | (TaskKind::Study(_), Part::Table) => return Ok(()),
+            (TaskKind::Run, Part::Table) => "history, profiles and loops, because it is a run",
+            (TaskKind::Run, _) => return Ok(()),
+            (_, Part::Profiles) if self.members.get(part.name()).is_some() => return Ok(()),
+            (TaskKind::Study(kind), Part::Profiles) if kind.keeps_profiles => {
+                "a table and figures. Submit the study with `profiles` to have them"
             }
-            (true, _) => Err(Error::OtherKind(part, "a table and figures, because it is a study")),
-            (false, Part::Table) => {
-                Err(Error::OtherKind(part, "history, profiles and loops, because it is a run"))
-            }
-            (false, _) => Ok(()),
-        }
+            (TaskKind::Study(_), _) => "a table and figures, because it is a study",
+        };
+        Err(Error::OtherKind(part, has))
     }
 
     /// Whether the result is a run or a study, and of which kind.
@@ -122,12 +119,9 @@ impl<'a> Document<'a> {
         kinds.find(|kind| self.members.get(kind.member()).is_some()).unwrap_or(TaskKind::Run)
     }
 
-    /// The rows of all points of a study, converted. The table of a sensitivity study has what follows from them.
-    pub fn rows(&self) -> Result<Table, Error> {
-        let Some(samples) = self.members.get("samples") else {
-            return self.table(Part::Table, &View::default());
-        };
-        self.read(Part::Table, Some(samples), &View::default())
+    /// The rows of all points of a study, converted.
+    pub fn rows(&self, kind: &Kind) -> Result<Table, Error> {
+        self.read(Part::Table, self.members.get(kind.rows), &View::default())
     }
 
     /// A table, cut to a selection and converted.
@@ -163,7 +157,7 @@ impl<'a> Document<'a> {
         if name == "units" {
             return Ok(Member::Units(self.head.units.clone()));
         }
-        if name == "samples" {
+        if matches!(self.kind(), TaskKind::Study(kind) if kind.rows == name) {
             return Ok(Member::Table(self.read(Part::Table, Some(text), self.view)?));
         }
         if let Some(part) = Part::TABLES.into_iter().find(|part| part.name() == name) {

@@ -22,7 +22,6 @@ mod error;
 mod figure;
 mod json;
 mod kind;
-mod members;
 mod npz;
 mod quantity;
 mod table;
@@ -34,10 +33,11 @@ use std::io::Write;
 use document::Document;
 
 pub use error::{Error, Missing};
+pub use fretwork_study::StudyFigure;
 pub use kind::{Format, Part};
 pub use quantity::{QUANTITIES, Quantity};
 pub use table::missing_cycles;
-pub use view::{FigureOptions, StudyFigure, StudyOptions, View};
+pub use view::{FigureOptions, StudyOptions, View};
 
 /// The version of the formats. Clients may cache answers for ever, so it must rise when the same request
 /// gives other bytes.

@@ -1,6 +1,9 @@
 //! The quantities that a figure can show.
 
 use std::fmt;
+use std::sync::LazyLock;
+
+use fretwork_engine::outcome::{self, History};
 
 use super::kind::Part;
 
@@ -13,42 +16,41 @@ pub struct Quantity {
     pub(super) part: Part,
     /// The title of the figure.
     pub(super) title: &'static str,
-    /// The label of the vertical axis, without the unit.
-    pub(super) label: &'static str,
+    /// The label of the vertical axis, without symbol and unit.
+    words: &'static str,
+    symbol: &'static str,
 }
 
-const fn quantity(
-    part: Part,
-    name: &'static str,
-    title: &'static str,
-    label: &'static str,
-) -> Quantity {
-    Quantity { name, part, title, label }
-}
-
-/// All quantities, the default first.
-pub const QUANTITIES: [Quantity; 15] = [
-    quantity(Part::Profiles, "worn", "Worn profile", "Height $f$"),
-    quantity(Part::Profiles, "wear", "Wear depth over the radius", "Wear depth $w$"),
-    quantity(Part::Profiles, "image", "One-dimensional image", "Image $g$"),
-    quantity(Part::Profiles, "pressure", "Contact pressure", "Pressure $p$"),
-    quantity(Part::Profiles, "slip", "Slip amplitude over the radius", "Slip amplitude"),
-    quantity(Part::History, "wear_volume", "Wear volume", "Wear volume $V$"),
-    quantity(Part::History, "wear_depth", "Largest wear depth", "Largest wear depth"),
-    quantity(Part::History, "normal_force", "Normal force", "Normal force $F$"),
-    quantity(Part::History, "indentation_depth", "Indentation depth", "Indentation depth $d$"),
-    quantity(Part::History, "contact_radius", "Contact and stick radius", "Radius"),
-    quantity(Part::History, "energy_per_cycle", "Energy per cycle", "Energy per cycle $W$"),
-    quantity(Part::History, "dissipated_energy", "Dissipated energy", "Dissipated energy Σ$W$"),
-    quantity(
-        Part::History,
-        "tangential_force",
-        "Tangential force amplitude",
-        "Tangential force amplitude $Q$",
-    ),
-    quantity(Part::History, "amplitude", "Displacement amplitude", "Displacement amplitude $U$"),
-    quantity(Part::Loops, "loops", "Force–displacement loops", "Tangential force"),
+/// The curves over the radius: their names, the titles of their figures, and the labels of their axes.
+const PROFILES: [[&str; 3]; 5] = [
+    ["worn", "Worn profile", "Height"],
+    ["wear", "Wear depth over the radius", "Wear depth"],
+    ["image", "One-dimensional image", "Image"],
+    ["pressure", "Contact pressure", "Pressure"],
+    ["slip", "Slip amplitude over the radius", "Slip amplitude"],
 ];
+
+/// All quantities, the default first: the profiles, the columns of the history, and the loops.
+pub static QUANTITIES: LazyLock<Vec<Quantity>> = LazyLock::new(|| {
+    let of = |part, name, title, words| {
+        let symbol = outcome::Quantity::named(name).map_or("", |quantity| quantity.symbol);
+        Quantity { name, part, title, words, symbol }
+    };
+    let profiles = PROFILES.map(|[name, title, words]| of(Part::Profiles, name, title, words));
+    let columns =
+        History::MEMBERS.iter().filter_map(|column| outcome::Quantity::named(column.name));
+    let columns = columns.map(|column| match column.name {
+        // It is drawn together with the stick radius.
+        "contact_radius" => Quantity {
+            symbol: "",
+            ..of(Part::History, column.name, "Contact and stick radius", "Radius")
+        },
+        name => of(Part::History, name, column.words, column.words),
+    });
+    let columns = columns.filter(|column| !column.name.ends_with("cycles"));
+    let loops = of(Part::Loops, "loops", "Force–displacement loops", "Tangential force");
+    profiles.into_iter().chain(columns).chain([loops]).collect()
+});
 
 impl fmt::Debug for Quantity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -61,6 +63,11 @@ impl Quantity {
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         QUANTITIES.iter().find(|quantity| quantity.name == name)
+    }
+
+    /// The label of the vertical axis, without the unit.
+    pub(super) fn label(&self) -> String {
+        format!("{} {}", self.words, self.symbol).trim_end().to_owned()
     }
 
     /// Whether the figure has one curve per output cycle, so that cycles can be selected.
@@ -79,7 +86,11 @@ impl Quantity {
     pub(super) fn jumps_between_blocks(&self) -> bool {
         matches!(
             self.name,
-            "amplitude" | "tangential_force" | "energy_per_cycle" | "contact_radius"
+            "amplitude"
+                | "tangential_force"
+                | "energy_per_cycle"
+                | "contact_radius"
+                | "stick_radius"
         )
     }
 

@@ -10,10 +10,10 @@ use serde_json::value::RawValue;
 
 use super::error::{Error, Missing};
 use super::kind::Part;
-use super::members::Members;
 use super::units::Units;
 use super::view::View;
 use fretwork_engine::outcome::{Loops, Profiles};
+use fretwork_json::Members;
 
 /// A number of a document. Infinite numbers are null in the document and NaN here.
 #[derive(Deserialize)]

@@ -6,8 +6,8 @@ use fretwork_engine::numeric::twelve_digits;
 use serde::{Serialize, Serializer};
 use serde_json::{Number, Value};
 
-use super::members::Members;
 use super::view::View;
+use fretwork_json::Members;
 
 /// An engineering unit and its conversion from SI: a factor and a divisor. Both are exact, so a number
 /// is rounded only once.
@@ -158,12 +158,12 @@ impl Serialize for Units {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fretwork_engine::outcome::UNITS;
+    use fretwork_engine::outcome::{QUANTITIES, Quantity};
     use fretwork_engine::request::quantity::{Dimension, parse};
 
     #[test]
     fn a_scenario_parses_every_engineering_unit_to_the_same_value() {
-        for &(name, si) in UNITS {
+        for &Quantity { name, unit: si, .. } in QUANTITIES {
             let Some(unit) = Unit::engineering(si) else {
                 assert!(matches!(si, "1" | "N"), "{name} stays in {si}");
                 continue;

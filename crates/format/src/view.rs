@@ -1,6 +1,7 @@
 //! Which numbers of a result a client requests, and how they are written.
 
 use super::quantity::{QUANTITIES, Quantity};
+use fretwork_study::StudyFigure;
 
 /// A selection of columns, output cycles and points, with layout, units and rounding.
 ///
@@ -48,39 +49,6 @@ impl View {
             cycles.dedup();
         }
         self
-    }
-}
-
-/// A kind of figure of a study.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum StudyFigure {
-    /// An output over one number, with one curve for each value of a second one.
-    Curves,
-    /// A dot for each point.
-    Scatter,
-    /// Colours and contour lines over two numbers.
-    Heat,
-    /// The regimes of a map.
-    Regimes,
-    /// Bars of the indices of a sensitivity study.
-    Tornado,
-}
-
-impl StudyFigure {
-    /// All kinds.
-    pub const ALL: [Self; 5] =
-        [Self::Curves, Self::Scatter, Self::Heat, Self::Regimes, Self::Tornado];
-
-    /// The name in addresses.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Curves => "curves",
-            Self::Scatter => "scatter",
-            Self::Heat => "heat",
-            Self::Regimes => "regimes",
-            Self::Tornado => "tornado",
-        }
     }
 }
 

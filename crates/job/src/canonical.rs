@@ -23,7 +23,7 @@ pub enum TaskKind {
     /// The run of one scenario.
     Run,
     /// A study of many runs.
-    Study(Kind),
+    Study(&'static Kind),
 }
 
 impl TaskKind {
@@ -43,7 +43,7 @@ impl TaskKind {
     pub fn member(self) -> &'static str {
         match self {
             Self::Run => "scenario",
-            Self::Study(kind) => kind.name(),
+            Self::Study(kind) => kind.name,
         }
     }
 
@@ -52,7 +52,7 @@ impl TaskKind {
     pub fn word(self) -> &'static str {
         match self {
             Self::Run => "run",
-            Self::Study(kind) => kind.name(),
+            Self::Study(kind) => kind.name,
         }
     }
 

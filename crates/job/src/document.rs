@@ -5,11 +5,10 @@ use fretwork_engine::outcome::Outcome;
 use fretwork_engine::scenario::Scenario;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use serde_json::value::RawValue;
 use serde_json::{Map, Number, Value, json, to_value};
 
 use super::{Canonical, Outline, TaskKind};
-use fretwork_study::Kind;
+use fretwork_json::Members;
 
 /// A result without its large tables.
 #[derive(Debug)]
@@ -48,23 +47,6 @@ pub enum BadDocument {
     History,
 }
 
-/// The members that are read from a result. An import may contain anything, so they are parsed when their size is known.
-#[derive(Deserialize)]
-struct Members<'a> {
-    #[serde(borrow)]
-    key: &'a RawValue,
-    engine: &'a RawValue,
-    scenario: Option<&'a RawValue>,
-    scales: Option<&'a RawValue>,
-    unworn: Option<&'a RawValue>,
-    regime: Option<&'a RawValue>,
-    history: Option<&'a RawValue>,
-    sweep: Option<&'a RawValue>,
-    sensitivity: Option<&'a RawValue>,
-    map: Option<&'a RawValue>,
-    counts: Option<&'a RawValue>,
-}
-
 #[derive(Deserialize)]
 struct Producer {
     name: String,
@@ -76,85 +58,61 @@ const MAX_VALUES: usize = 500_000;
 /// Largest member, in bytes. A request has at most 4 MiB, and canonical numbers are longer.
 const MAX_MEMBER: usize = 16_000_000;
 
-/// Parses a member, unless it is too large.
-fn parse<T: DeserializeOwned>(member: &RawValue) -> Result<T, BadDocument> {
-    let text = member.get();
-    let begins = text.bytes().filter(|byte| matches!(byte, b',' | b'[' | b'{'));
-    if text.len() > MAX_MEMBER || begins.count() > MAX_VALUES {
-        return Err(BadDocument::Large);
-    }
-    Ok(serde_json::from_str(text)?)
-}
-
 impl Document {
     /// Reads a result.
     ///
     /// # Errors
     /// The text is not the JSON of a result.
     pub fn read(text: &[u8]) -> Result<Self, BadDocument> {
-        let members: Members = serde_json::from_slice(text)?;
-        let (kind, asked) = members.asked().ok_or(BadDocument::Member("scenario"))?;
-        let value = parse(asked)?;
+        let members: Members<'_> = serde_json::from_slice(text)?;
+        let mut kinds = TaskKind::all().filter(|kind| members.get(kind.member()).is_some());
+        let (Some(kind), None) = (kinds.next(), kinds.next()) else {
+            return Err(BadDocument::Member("scenario"));
+        };
+        let value = required(&members, kind.member())?;
         let (history, summary, outline) = match kind {
-            TaskKind::Run => members.of_run(&value)?,
-            TaskKind::Study(_) => members.of_study(kind)?,
+            TaskKind::Run => of_run(&members, &value)?,
+            TaskKind::Study(_) => {
+                let counts = required(&members, "counts")?;
+                let outline = outline_of(kind, &counts);
+                (Map::new(), counts, outline)
+            }
         };
         let asked = Canonical { kind, value };
-        let Producer { name: engine, numerics } = parse(members.engine)?;
-        Ok(Self { key: parse(members.key)?, engine, numerics, asked, history, summary, outline })
+        let Producer { name: engine, numerics } = required(&members, "engine")?;
+        let key = required(&members, "key")?;
+        Ok(Self { key, engine, numerics, asked, history, summary, outline })
     }
 }
 
-impl<'a> Members<'a> {
-    /// What was asked for, if it is exactly one thing.
-    fn asked(&self) -> Option<(TaskKind, &'a RawValue)> {
-        let found = TaskKind::all().filter_map(|kind| {
-            let member = match kind {
-                TaskKind::Run => self.scenario,
-                TaskKind::Study(Kind::Sweep) => self.sweep,
-                TaskKind::Study(Kind::Sensitivity) => self.sensitivity,
-                TaskKind::Study(Kind::Map) => self.map,
-            };
-            Some((kind, member?))
-        });
-        let mut found: Vec<_> = found.collect();
-        found.pop().filter(|_| found.is_empty())
-    }
-
-    /// History, summary and outline of a run.
-    fn of_run(
-        &self,
-        scenario: &Value,
-    ) -> Result<(Map<String, Value>, Value, Outline), BadDocument> {
-        let history = required("history", self.history)?;
-        let summary =
-            summary(required("regime", self.regime)?, &history).ok_or(BadDocument::History)?;
-        let mut members = members(
-            scenario.clone(),
-            required("scales", self.scales)?,
-            required("unworn", self.unworn)?,
-            summary,
-        );
-        let outline = Outline::of(&members);
-        Ok((history, members["summary"].take(), outline))
-    }
-
-    /// History, summary and outline of a study.
-    fn of_study(
-        &self,
-        kind: TaskKind,
-    ) -> Result<(Map<String, Value>, Value, Outline), BadDocument> {
-        let counts = required("counts", self.counts)?;
-        let outline = outline_of(kind, &counts);
-        Ok((Map::new(), counts, outline))
-    }
+/// History, summary and outline of a run.
+fn of_run(
+    document: &Members<'_>,
+    scenario: &Value,
+) -> Result<(Map<String, Value>, Value, Outline), BadDocument> {
+    let history = required(document, "history")?;
+    let summary = summary(required(document, "regime")?, &history).ok_or(BadDocument::History)?;
+    let mut members = members(
+        scenario.clone(),
+        required(document, "scales")?,
+        required(document, "unworn")?,
+        summary,
+    );
+    let outline = Outline::of(&members);
+    Ok((history, members["summary"].take(), outline))
 }
 
+/// Parses a member, unless it is too large: an import may contain anything.
 fn required<T: DeserializeOwned>(
+    members: &Members<'_>,
     name: &'static str,
-    member: Option<&RawValue>,
 ) -> Result<T, BadDocument> {
-    parse(member.ok_or(BadDocument::Member(name))?)
+    let text = members.get(name).ok_or(BadDocument::Member(name))?.get();
+    let begins = text.bytes().filter(|byte| matches!(byte, b',' | b'[' | b'{'));
+    if text.len() > MAX_MEMBER || begins.count() > MAX_VALUES {
+        return Err(BadDocument::Large);
+    }
+    Ok(serde_json::from_str(text)?)
 }
 
 /// The outline of a study.

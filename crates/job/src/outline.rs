@@ -4,11 +4,12 @@ use std::array;
 
 use serde_json::{Map, Value, json};
 
-use fretwork_engine::outcome::UNITS;
+use fretwork_engine::outcome::Quantity;
 use fretwork_engine::request::quantity::Dimension::{
     self, Angle, Force, Length, Number, Stiffness, Stress,
 };
 use fretwork_engine::request::quantity::Dimension::{Energy, Volume, WearCoefficient};
+use fretwork_study::Kind;
 
 /// A number that users can search by.
 #[derive(Debug)]
@@ -64,11 +65,11 @@ impl Scalar {
     /// The SI unit; `1` for dimensionless numbers.
     #[must_use]
     pub fn unit(&self) -> &'static str {
-        let known = UNITS.iter().find(|(name, _)| *name == self.name).map(|(_, unit)| *unit);
-        known.unwrap_or(match self.dimension {
-            Number => "1",
-            dimension => dimension.si(),
-        })
+        match (Quantity::named(self.name), self.dimension) {
+            (Some(quantity), _) => quantity.unit,
+            (None, Number) => "1",
+            (None, dimension) => dimension.si(),
+        }
     }
 }
 
@@ -83,9 +84,20 @@ pub struct Word {
     pointer: &'static str,
 }
 
+/// The words of all kinds of results.
+const KINDS: [&str; 1 + Kind::ALL.len()] = {
+    let mut words = ["run"; 1 + Kind::ALL.len()];
+    let mut place = 0;
+    while place < Kind::ALL.len() {
+        words[place + 1] = Kind::ALL[place].name;
+        place += 1;
+    }
+    words
+};
+
 /// All words that users can search by.
 pub const WORDS: [Word; 6] = [
-    Word { name: "kind", values: &["run", "sweep", "sensitivity", "map"], pointer: "/kind" },
+    Word { name: "kind", values: &KINDS, pointer: "/kind" },
     Word {
         name: "shape",
         values: &[

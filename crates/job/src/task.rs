@@ -142,7 +142,7 @@ impl Prepared {
         match kind {
             TaskKind::Run => Self::from_scenario(asked, "/scenario"),
             TaskKind::Study(study) => {
-                let prefix = format!("/{}", study.name());
+                let prefix = format!("/{}", study.name);
                 let study = Study::read(study, asked).map_err(|faults| faults.below(&prefix))?;
                 Ok(Self::new(Task::Study(Arc::new(study)), Vec::new()))
             }

@@ -2,6 +2,8 @@
 //!
 //! All bodies of requests are read here, so that each names all its faults.
 
+mod members;
+
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, Write};
@@ -14,6 +16,8 @@ use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::ser::{CompactFormatter, Formatter};
 use serde_json::value::RawValue;
 use serde_json::{Deserializer, Map, Number, Serializer, Value};
+
+pub use self::members::Members;
 
 /// Most repeated members that are listed, one by one.
 const MAX_LISTED: usize = 100;

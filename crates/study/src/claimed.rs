@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
-use super::kind::Study;
+use super::study::Study;
 use super::problem::{Found, Lack};
 use super::rows::Rows;
 use fretwork_json as json;

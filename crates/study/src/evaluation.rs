@@ -2,13 +2,13 @@
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
-use fretwork_engine::outcome::{History, Loops, Preview, Profiles, UNITS};
+use fretwork_engine::outcome::{History, Loops, Preview, Profiles, QUANTITIES};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario::{self, Warning};
 use fretwork_engine::simulation::{Advance, Simulation};
-use serde::{Serialize, Serializer};
-use serde_json::Value;
+use serde::Serialize;
+use serde_json::{Map, Value};
 
 use super::output::{NoValue, Output, OutputName};
 use fretwork_json::{self as json, BadBody, Distinct};
@@ -42,13 +42,11 @@ pub struct Evaluation {
 #[derive(Debug, Default, Serialize)]
 pub struct Evaluated {
     /// Values by the names of the outputs.
-    #[serde(serialize_with = "object")]
-    outputs: Vec<(String, Option<f64>)>,
-    #[serde(serialize_with = "object")]
-    units: Vec<(String, &'static str)>,
+    outputs: Map<String, Value>,
+    units: Map<String, Value>,
     /// Why outputs have no value.
-    #[serde(serialize_with = "object", skip_serializing_if = "Vec::is_empty")]
-    reasons: Vec<(String, String)>,
+    #[serde(skip_serializing_if = "Map::is_empty")]
+    reasons: Map<String, Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     history: Option<History>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -56,14 +54,6 @@ pub struct Evaluated {
     #[serde(skip_serializing_if = "Option::is_none")]
     loops: Option<Loops>,
     warnings: Vec<Warning>,
-}
-
-/// Writes pairs as the members of an object.
-fn object<V: Serialize, S: Serializer>(
-    pairs: &[(String, V)],
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(pairs.iter().map(|(name, value)| (name, value)))
 }
 
 impl Evaluation {
@@ -141,10 +131,10 @@ impl Evaluation {
         let values = outputs.iter().map(|output| (output, output.value(&case, &outcome)));
         let mut found = Evaluated::of(values);
         if !parts.is_empty() {
-            let others = UNITS
+            let others = QUANTITIES
                 .iter()
-                .filter(|(name, _)| outputs.iter().all(|output| output.name() != *name));
-            found.units.extend(others.map(|(name, unit)| ((*name).to_owned(), *unit)));
+                .filter(|quantity| outputs.iter().all(|output| output.name() != quantity.name));
+            found.units.extend(others.map(|it| (it.name.to_owned(), it.unit.into())));
         }
         let asked = |part| parts.contains(&part);
         found.history = asked(Part::History).then_some(outcome.history);
@@ -161,10 +151,10 @@ impl Evaluated {
         let mut found = Self::default();
         for (output, value) in values {
             let name = || output.name().to_owned();
-            found.outputs.push((name(), value.ok()));
-            found.units.push((name(), output.unit()));
+            found.outputs.insert(name(), value.ok().into());
+            found.units.insert(name(), output.unit().into());
             if let Err(reason) = value {
-                found.reasons.push((name(), reason.to_string()));
+                found.reasons.insert(name(), reason.to_string().into());
             }
         }
         found

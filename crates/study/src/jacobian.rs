@@ -1,7 +1,7 @@
 //! The derivatives of all outputs of a model with respect to some of its numbers.
 //!
 //! The runs around the point are computed one after another, in steps of about 30 ms, so that the caller can stop or make a
-//! pause. See [`derivative`](super::derivative) for the search and for the stated errors.
+//! pause. See [`derivative`](super::stats::derivative) for the search and for the stated errors.
 
 use std::sync::Arc;
 use std::{mem, vec};
@@ -9,8 +9,8 @@ use std::{mem, vec};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::quantity::Dimension;
 
-use super::derivative::{Derivative, Place, Search};
 use super::model::{Model, PointValues, Run};
+use super::stats::derivative::{Derivative, Place, Search};
 
 /// Runs for each number in most cases: those of one interval.
 const RUNS: f64 = 17.0;

@@ -1,38 +1,31 @@
 //! Studies: what is computed from many runs, and the scalars that are taken from each of them. This room has no input or
 //! output, no clock and no threads.
 
-mod bootstrap;
 mod claimed;
 mod evaluation;
-mod findings;
 mod jacobian;
-mod kind;
-mod map;
+mod kinds;
 mod member;
 mod model;
 mod output;
+mod plan;
 mod points;
 mod problem;
 mod profile;
 mod rows;
-mod sensitivity;
-mod sweep;
+mod study;
 mod vary;
 
-pub mod derivative;
-pub mod design;
-pub mod distribution;
-pub mod indices;
-pub mod morris;
+pub mod stats;
 
-pub use bootstrap::{Bootstrap, Estimate};
 pub use claimed::Claimed;
 pub use evaluation::{Evaluated, Evaluation};
 pub use jacobian::{Entry, Jacobian};
-pub use kind::{Column, Kind, Study};
 pub use member::Member;
 pub use model::{Model, Run};
 pub use output::{NoValue, Output, OutputName};
+pub use plan::{Bars, Column, Hints, Kind, Offer, Regions, StudyFigure};
 pub use points::Points;
 pub use problem::{Found, Lack, Problem};
 pub use rows::Rows;
+pub use study::Study;

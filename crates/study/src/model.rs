@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
-use fretwork_engine::case::{Case, Method};
+use fretwork_engine::case::Case;
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
@@ -14,6 +14,7 @@ use serde_json::Value;
 
 use super::member::Member;
 use super::output::{NoValue, Output, OutputName};
+use super::problem::Problem;
 use fretwork_json::Distinct;
 
 /// Most numbers that a model varies, and most outputs of a model.
@@ -23,12 +24,7 @@ const DEFAULT: &str = include_str!("../../../examples/steel-ball-simplified.json
 
 /// A function from numbers of a scenario to outputs of its result.
 #[derive(Debug)]
-pub struct Model {
-    /// The scenario as its client wrote it.
-    base: Value,
-    members: Vec<Member>,
-    outputs: Vec<Output>,
-}
+pub struct Model(Problem);
 
 /// The run of a model at a point.
 #[derive(Debug)]
@@ -123,31 +119,35 @@ impl Model {
             faults.extend(more.below("/outputs").0);
             Vec::new()
         });
-        if faults.is_empty() { Ok(Self { base, members, outputs }) } else { Err(Faults(faults)) }
+        if faults.is_empty() {
+            Ok(Self(Problem::new(base, members, outputs)))
+        } else {
+            Err(Faults(faults))
+        }
     }
 
     /// The numbers that vary.
     #[must_use]
     pub fn members(&self) -> &[Member] {
-        &self.members
+        &self.0.members
     }
 
     /// The outputs.
     #[must_use]
     pub fn outputs(&self) -> &[Output] {
-        &self.outputs
+        &self.0.outputs
     }
 
     /// Approximate memory, in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        json_bytes(&self.base)
+        json_bytes(&self.0.base)
     }
 
     /// The values of the numbers in the scenario, in SI.
     #[must_use]
     pub fn origin(&self) -> Vec<f64> {
-        self.members.iter().map(|member| member.value).collect()
+        self.members().iter().map(|member| member.value).collect()
     }
 
     /// Prepares the run at a point: a value in SI for each number.
@@ -155,17 +155,8 @@ impl Model {
     /// # Errors
     /// The scenario of this point has faults. Their pointers are relative to the scenario.
     pub fn run(self: &Arc<Self>, point: &[f64]) -> Result<Run, Faults> {
-        let mut scenario = self.base.clone();
-        for (member, value) in self.members.iter().zip(point) {
-            member.put(&mut scenario, *value);
-        }
-        let (_, mut case, _) = scenario::prepare(scenario, "")?;
-        case.profiles.fill(false);
-        if let Method::Exact { compare, .. } = &mut case.method {
-            *compare = None;
-        }
-        let needs_run = self.outputs.iter().any(Output::needs_run);
-        let simulation = needs_run.then(|| Simulation::new(case.clone(), Vec::new()));
+        let case = self.0.prepare(point)?;
+        let simulation = self.0.needs_run().then(|| Simulation::new(case.clone(), Vec::new()));
         Ok(Run { model: Arc::clone(self), case, simulation })
     }
 }
@@ -187,7 +178,7 @@ impl Run {
             Some(Advance::Done(outcome)) => Some(outcome),
             None => None,
         };
-        let (case, outputs) = (&self.case, &self.model.outputs);
+        let (case, outputs) = (&self.case, self.model.outputs());
         let values = if let Some(outcome) = &outcome {
             outputs.iter().map(|output| output.value(case, outcome)).collect()
         } else {

@@ -11,11 +11,12 @@
 //! SI.
 
 use std::str::FromStr;
+use std::sync::LazyLock;
 
 use deserr::{Deserr, IntoValue, Value, ValuePointerRef};
 use fretwork_engine::case::Case;
 use fretwork_engine::outcome::{
-    ContactScales, History, LimitState, Outcome, Preview, UNITS, Unworn,
+    self, ContactScales, History, LimitState, Member, Outcome, Preview, Unworn,
 };
 use fretwork_engine::request::fault::{Fault, Faults, unknown};
 use fretwork_engine::request::instants::{Cycles, Measure};
@@ -44,73 +45,63 @@ const BY_EDGE: [(&str, f64); 4] = [
 ];
 
 /// A scalar of a result, at any output cycle.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug)]
 struct Quantity {
-    name: &'static str,
+    name: Box<str>,
+    /// The name without that of the section.
+    column: &'static str,
     source: Source,
 }
 
-/// Where the value of a quantity is in a result.
+/// Where the value of a quantity is in a result. Numbers are places in the table of a section.
 #[derive(Debug, Clone, Copy)]
 enum Source {
-    /// A column of the history, by its place in [`History::columns`].
     Column(usize),
     Event(EventKind),
-    /// What is known without a run.
-    Contact(Member),
+    Scales(usize),
+    Unworn(usize),
+    Limit(usize),
 }
 
-/// A member of a section that follows from the unworn contact.
-#[derive(Debug, Clone, Copy)]
-enum Member {
-    Scales(fn(&ContactScales) -> f64),
-    Unworn(fn(&Unworn) -> Option<f64>),
-    Limit(fn(&LimitState) -> f64),
-}
+/// The events of a run.
+const EVENTS: [(&str, EventKind); 7] = [
+    ("gross_slip", EventKind::GrossSlip),
+    ("contact_lost", EventKind::ContactLost),
+    ("shakedown", EventKind::Shakedown),
+    ("until_reached", EventKind::UntilReached),
+    ("rim_reached", EventKind::RimReached),
+    ("contact_splits", EventKind::ContactSplits),
+    ("energy_not_reached", EventKind::EnergyNotReached),
+];
 
-macro_rules! members {
-    ($($section:literal $of:ident { $($member:ident)+ })+) => {
-        &[$($(Quantity {
-            name: concat!($section, ".", stringify!($member)),
-            source: Source::Contact(Member::$of(|section| section.$member.into())),
-        },)+)+]
+/// All quantities. Those of a section have its name before their own.
+static QUANTITIES: LazyLock<Vec<Quantity>> = LazyLock::new(|| {
+    let section = |section: &str, members: &[Member], source: fn(usize) -> Source| {
+        let named = members.iter().enumerate().map(|(place, member)| {
+            let name = [section, member.name].concat();
+            Quantity { name: name.into(), column: member.name, source: source(place) }
+        });
+        named.collect::<Vec<_>>()
     };
-}
-
-static MEMBERS: &[Quantity] = members! {
-    "scales" Scales { contact_radius indentation_depth normal_force cycles }
-    "unworn" Unworn {
-        normal_modulus tangential_modulus wear_coefficient peak_pressure mean_pressure gross_slip_amplitude
-        stick_radius amplitude tangential_force energy_per_cycle energy_ratio slip_ratio free_ratio
-        actuator_amplitude actuator_energy_ratio actuator_slip_ratio
-    }
-    "limit" Limit {
-        contact_radius stick_radius wear_volume wear_depth wear_depth_radius normal_force indentation_depth
-        tangential_force
-    }
-};
-
-macro_rules! events {
-    ($($name:literal $kind:ident)+) => {
-        &[$(Quantity { name: concat!("events.", $name), source: Source::Event(EventKind::$kind) }),+]
-    };
-}
-
-static EVENTS: &[Quantity] = events! {
-    "gross_slip" GrossSlip
-    "contact_lost" ContactLost
-    "shakedown" Shakedown
-    "until_reached" UntilReached
-    "rim_reached" RimReached
-    "contact_splits" ContactSplits
-    "energy_not_reached" EnergyNotReached
-};
+    let events = EVENTS.iter().map(|(name, kind)| Quantity {
+        name: format!("events.{name}").into(),
+        column: name,
+        source: Source::Event(*kind),
+    });
+    let sections = [
+        section("", History::MEMBERS, Source::Column),
+        section("scales.", ContactScales::MEMBERS, Source::Scales),
+        section("unworn.", Unworn::MEMBERS, Source::Unworn),
+        section("limit.", LimitState::MEMBERS, Source::Limit),
+    ];
+    sections.into_iter().flatten().chain(events).collect()
+});
 
 /// An output as a client names it.
 #[derive(Debug, Clone)]
 pub struct OutputName {
     text: Box<str>,
-    quantity: Quantity,
+    quantity: &'static Quantity,
     /// The place of the output cycle in the text, if the name has one.
     cycle: Option<usize>,
 }
@@ -119,7 +110,7 @@ pub struct OutputName {
 #[derive(Debug, Clone)]
 pub struct Output {
     name: Box<str>,
-    quantity: Quantity,
+    quantity: &'static Quantity,
     /// The row of the history; `None` for the last one.
     row: Option<usize>,
 }
@@ -147,20 +138,11 @@ pub enum NoValue {
     Infinite,
 }
 
-fn quantities() -> impl Iterator<Item = Quantity> {
-    let column = |(place, name)| Quantity { name, source: Source::Column(place) };
-    OutputName::columns().enumerate().map(column).chain(MEMBERS.iter().chain(EVENTS).copied())
-}
-
 impl OutputName {
-    /// The names of all outputs, without output cycles. The columns of the history come first.
+    /// The names of all outputs, without output cycles. The columns of the history come first. An output cycle can follow
+    /// them.
     pub fn all() -> impl Iterator<Item = &'static str> {
-        quantities().map(|quantity| quantity.name)
-    }
-
-    /// The names of the columns of the history. An output cycle can follow them.
-    pub fn columns() -> impl Iterator<Item = &'static str> {
-        History::default().columns().map(|(name, _)| name).into_iter()
+        QUANTITIES.iter().map(|quantity| &*quantity.name)
     }
 
     /// Finds the output cycle of the name among those of a scenario.
@@ -211,9 +193,10 @@ impl FromStr for OutputName {
             Some(at) => (&text[..at], Some(at + AT.len_utf8())),
             None => (text, None),
         };
-        let quantity = quantities().find(|quantity| quantity.name == name).ok_or_else(|| {
+        let quantity = QUANTITIES.iter().find(|quantity| &*quantity.name == name);
+        let quantity = quantity.ok_or_else(|| {
             let unknown = unknown("output", name, &Self::all().collect::<Vec<_>>());
-            let columns = Self::columns().count();
+            let columns = History::MEMBERS.len();
             format!(
                 "{unknown} An output cycle can follow the first {columns}, as in wear_volume@10000"
             )
@@ -265,8 +248,7 @@ impl Output {
     /// The SI unit; `1` for a number without a unit, and for the cycles of an event.
     #[must_use]
     pub fn unit(&self) -> &'static str {
-        let name = self.quantity.name.rsplit('.').next();
-        UNITS.iter().find(|(known, _)| Some(*known) == name).map_or("1", |(_, unit)| *unit)
+        outcome::Quantity::named(self.quantity.column).map_or("1", |quantity| quantity.unit)
     }
 
     /// Whether only a run finds the value. The others follow from the unworn contact.
@@ -288,20 +270,36 @@ impl Output {
                     Some(row) if history.has_reached(case, row) => row,
                     Some(_) => return Err(NoValue::Ended),
                 };
-                finite(history.columns()[place].1[row])
+                finite(history.values()[place][row])
             }
             Source::Event(kind) => {
                 let event = events.iter().find(|event| event.kind == kind);
                 event.map(|event| event.cycles).ok_or(NoValue::NoEvent)
             }
-            Source::Contact(member) => member.value(scales, unworn, limit.as_ref()),
+            _ => self.of_contact(scales, unworn, limit.as_ref()),
         }
+    }
+
+    /// The value of a section that follows from the unworn contact.
+    fn of_contact(
+        &self,
+        scales: &ContactScales,
+        unworn: &Unworn,
+        limit: Option<&LimitState>,
+    ) -> Result<f64, NoValue> {
+        let value = match self.quantity.source {
+            Source::Column(_) | Source::Event(_) => return Err(NoValue::NoRun),
+            Source::Scales(place) => scales.values()[place],
+            Source::Unworn(place) => unworn.values()[place],
+            Source::Limit(place) => limit.ok_or(NoValue::NoLimit)?.values()[place],
+        };
+        finite(value.ok_or(NoValue::NoRig)?)
     }
 
     /// Whether the value has a closed form, apart from quadratures and roots.
     #[must_use]
     pub fn is_closed(&self, case: &Case) -> bool {
-        !self.needs_run() || case.is_closed() && !ON_MESH.contains(&self.quantity.name)
+        !self.needs_run() || case.is_closed() && !ON_MESH.contains(&&*self.quantity.name)
     }
 
     /// The relative error that the value can have, as far as it varies with the numbers of the scenario.
@@ -328,7 +326,7 @@ impl Output {
         }
         let at = |column: &[f64]| self.row.map_or(column.last(), |row| column.get(row)).copied();
         let Source::Column(place) = self.quantity.source else { return Some(volume) };
-        let (name, column) = history.columns()[place];
+        let (name, column) = (self.quantity.column, history.values()[place]);
         if name == "wear_depth" {
             return at(&history.wear_depth_error);
         }
@@ -342,7 +340,7 @@ impl Output {
     /// Whether this is the radius at which the contact or the scar of a run ends.
     #[must_use]
     pub fn is_edge(&self) -> bool {
-        ["contact_radius", "scar_radius"].contains(&self.quantity.name)
+        ["contact_radius", "scar_radius"].contains(&&*self.quantity.name)
     }
 
     /// Whether this is the estimated error of another output.
@@ -356,26 +354,7 @@ impl Output {
     /// # Errors
     /// Only a run finds the value, or the result will not have it.
     pub fn known(&self, preview: &Preview) -> Result<f64, NoValue> {
-        let Preview { scales, unworn, limit, .. } = preview;
-        match self.quantity.source {
-            Source::Contact(member) => member.value(scales, unworn, limit.as_ref()),
-            Source::Column(_) | Source::Event(_) => Err(NoValue::NoRun),
-        }
-    }
-}
-
-impl Member {
-    fn value(
-        self,
-        scales: &ContactScales,
-        unworn: &Unworn,
-        limit: Option<&LimitState>,
-    ) -> Result<f64, NoValue> {
-        finite(match self {
-            Self::Scales(member) => member(scales),
-            Self::Unworn(member) => member(unworn).ok_or(NoValue::NoRig)?,
-            Self::Limit(member) => member(limit.ok_or(NoValue::NoLimit)?),
-        })
+        self.of_contact(&preview.scales, &preview.unworn, preview.limit.as_ref())
     }
 }
 
@@ -524,7 +503,8 @@ mod tests {
         let (cycles, ..) = run(&json!([1000]), &json!({}));
         let unit = |name: &str| output(name, &cycles).unit();
         for name in OutputName::all().filter(|name| !name.starts_with("events.")) {
-            assert!(UNITS.contains(&(name.rsplit('.').next().unwrap(), unit(name))), "{name}");
+            let quantity = outcome::Quantity::named(name.rsplit('.').next().unwrap()).unwrap();
+            assert_eq!(unit(name), quantity.unit, "{name}");
         }
         assert_eq!(unit("wear_volume@1000"), "m^3");
         assert_eq!(unit("limit.wear_depth"), "m");

@@ -4,9 +4,10 @@ use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use super::kind::Study;
-use super::problem::{Lack, Running};
+use super::plan::Tried;
+use super::problem::Lack;
 use super::rows::Rows;
+use super::study::{Point, Study};
 
 /// The computation of consecutive points of a study.
 #[derive(Debug)]
@@ -15,7 +16,7 @@ pub struct Points {
     /// The points that have no row yet.
     rest: Range<usize>,
     all: usize,
-    running: Option<(Vec<f64>, Running)>,
+    point: Point,
     rows: Rows,
 }
 
@@ -31,7 +32,13 @@ impl Points {
     pub fn chunk(study: Arc<Study>, number: usize, chunks: usize) -> Self {
         let start = |number| number * study.points() / chunks;
         let points = start(number)..start(number + 1);
-        Self { study, all: points.len(), rest: points, running: None, rows: Rows::default() }
+        Self {
+            study,
+            all: points.len(),
+            rest: points,
+            point: Point::default(),
+            rows: Rows::default(),
+        }
     }
 
     /// The share of the points that have a row, in 0…1.
@@ -47,17 +54,11 @@ impl Points {
             return Some(std::mem::take(&mut self.rows));
         }
         let (study, number) = (&self.study, self.rest.start);
-        let (values, running) = self.running.get_or_insert_with(|| {
-            let values = study.point(number);
-            let running = guarded(|| study.start(&values));
-            let running = running.unwrap_or_else(|| Running::Known(study.lacks_all(panicked())));
-            (values, running)
-        });
-        let found = guarded(|| study.step(number, running))
-            .unwrap_or_else(|| Some(study.lacks_all(panicked())));
-        if let Some(found) = found {
-            self.rows.push(values, &found);
-            self.running = None;
+        let row = guarded(|| study.step(number, &mut self.point))
+            .unwrap_or_else(|| Some(study.lacks_all(number, panicked())));
+        if let Some(Tried { values, found }) = row {
+            self.rows.push(&values, &found);
+            self.point = Point::default();
             self.rest.start += 1;
         }
         None

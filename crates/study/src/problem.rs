@@ -25,34 +25,6 @@ const PREPARATION: (f64, f64) = (15e-6, 0.3e-6);
 /// Largest seed: the largest integer that every JSON parser reads exactly.
 pub(super) const MAX_SEED: u64 = 1 << 53;
 
-/// A study as its own kind reads it.
-pub(super) struct Read<P> {
-    /// What was read, with all defaults.
-    pub complete: Map<String, Value>,
-    /// What is computed at each point.
-    pub problem: Problem,
-    /// Which points the study has, and what it makes of their rows.
-    pub plan: P,
-}
-
-impl<P> Read<P> {
-    /// A study with these members beside its scenario and its outputs.
-    pub fn new(mut complete: Map<String, Value>, problem: Problem, plan: P) -> Self {
-        complete.insert("scenario".to_owned(), problem.base.clone());
-        if !problem.outputs.is_empty() {
-            complete
-                .insert("outputs".to_owned(), problem.outputs.iter().map(Output::name).collect());
-        }
-        Self { complete, problem, plan }
-    }
-
-    /// The same with a plan made from this one.
-    pub fn with<Q>(self, make: impl FnOnce(P) -> Q) -> Read<Q> {
-        let Self { complete, problem, plan } = self;
-        Read { complete, problem, plan: make(plan) }
-    }
-}
-
 /// The members of a study with few values.
 pub(super) fn small_members(study: &Value) -> Map<String, Value> {
     let members = study.as_object().into_iter().flatten();
@@ -117,7 +89,10 @@ impl Problem {
     pub fn start(&self, values: &[f64]) -> Running {
         let case = match self.case(values) {
             Ok(case) => case,
-            Err(reason) => return Running::Known(self.lacks_all(Lack::Refused(reason))),
+            Err(reason) => {
+                let lack = Some(Lack::Refused(reason));
+                return Running::Known(Found { lack, ..self.no_run() });
+            }
         };
         if self.needs_run() {
             let simulation = Simulation::new(case.clone(), Vec::new());
@@ -127,7 +102,7 @@ impl Problem {
         Running::Known(self.found(|output| output.known(&preview)))
     }
 
-    fn needs_run(&self) -> bool {
+    pub(super) fn needs_run(&self) -> bool {
         self.profiles.is_some() || self.outputs.iter().any(Output::needs_run)
     }
 
@@ -180,27 +155,36 @@ impl Problem {
         Found { outputs: outputs.collect(), profiles: self.no_profiles(), lack }
     }
 
-    /// A point without outputs.
-    pub(super) fn lacks_all(&self, lack: Lack) -> Found {
+    /// What is found without a run: nothing.
+    pub(super) fn no_run(&self) -> Found {
         let outputs = vec![None; self.outputs.len()];
-        Found { outputs, profiles: self.no_profiles(), lack: Some(lack) }
+        Found { outputs, profiles: self.no_profiles(), lack: None }
     }
 
-    /// The case of a point, or why its scenario is not valid.
+    /// The case of a point, or the first reason why its scenario is not valid.
     pub(super) fn case(&self, values: &[f64]) -> Result<Case, String> {
-        let mut scenario = self.base.clone();
-        for (member, value) in self.members.iter().zip(values) {
-            member.put(&mut scenario, *value);
-        }
-        let (_, mut case, _) = scenario::prepare(scenario, "").map_err(|faults| {
+        self.prepare(values).map_err(|faults| {
             let first = faults.0.into_iter().next();
             first.map_or_else(String::new, |Fault { pointer, detail }| {
                 format!("{pointer}: {detail}")
             })
-        })?;
+        })
+    }
+
+    /// The case of a point.
+    ///
+    /// # Errors
+    /// The scenario of this point has faults. Their pointers are relative to the scenario.
+    pub(super) fn prepare(&self, values: &[f64]) -> Result<Case, Faults> {
+        let mut scenario = self.base.clone();
+        for (member, value) in self.members.iter().zip(values) {
+            member.put(&mut scenario, *value);
+        }
+        let (_, mut case, _) = scenario::prepare(scenario, "")?;
         if let Method::Exact { compare, .. } = &mut case.method {
             *compare = None;
         }
+        case.profiles.fill(false);
         if let Some(last) = case.profiles.last_mut() {
             *last = self.profiles.is_some();
         }

@@ -9,9 +9,9 @@ use fretwork_engine::request::fields::Given;
 use fretwork_engine::request::quantity::Dimension;
 use serde_json::{Map, Value};
 
-use super::design::{Spacing, range};
-use super::distribution::Distribution;
 use super::member::Member;
+use super::stats::design::{Spacing, range};
+use super::stats::distribution::Distribution;
 use fretwork_json::Whole;
 
 /// Most values of one number, and most values of a range.

@@ -14,7 +14,7 @@ use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::NoQuery;
 use crate::http::wire::schemas;
-use fretwork_engine::outcome::UNITS;
+use fretwork_engine::outcome::QUANTITIES;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
@@ -324,8 +324,9 @@ impl Diff {
         let is_output = |name: &str| {
             outputs.iter().flatten().any(|output: &OutputDifference| output.name == name)
         };
-        let units = UNITS.iter().filter(|(name, _)| is_output(name));
-        let units = units.map(|(name, unit)| ((*name).to_owned(), json!(unit))).collect();
+        let units = QUANTITIES.iter().filter(|quantity| is_output(quantity.name));
+        let units = units.map(|quantity| (quantity.name.to_owned(), json!(quantity.unit)));
+        let units = units.collect();
         let (a, b) = (a.answer(), b.answer());
         Self { a, b, same_scenario, parameters, omitted, outputs, units, remarks }
     }

@@ -74,7 +74,7 @@ const SMALL: usize = 1 << 14;
 /// Whether a body can contain a study, which takes milliseconds to read. An escape could hide its name.
 fn can_be_study(text: &[u8]) -> bool {
     let Ok(text) = str::from_utf8(text) else { return true };
-    text.contains('\\') || Kind::ALL.iter().any(|kind| text.contains(kind.name()))
+    text.contains('\\') || Kind::ALL.iter().any(|kind| text.contains(kind.name))
 }
 
 /// Parses a body with a scenario. A large one, with up to 10 000 rows, is parsed on a blocking thread, and so is a study.

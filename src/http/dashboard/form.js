@@ -8,7 +8,7 @@ import { CHOICES, inputText, parseInput, setValueAt, valueAt, withField, without
 import { loadLimits } from "./limits.js";
 import { drawPlan, drawRange, drawRuns, submitText, varyButton } from "./plan.js";
 import { WORDS } from "./units.js";
-import { canVary, choose, DESIGNS, formPointer, isMap, jobBody, newStudy, studyOf, suggested, varied } from "./vary.js";
+import { canVary, choose, formPointer, isPossible, jobBody, newStudy, OFFERS, studyOf, suggested, varied } from "./vary.js";
 
 /** Most characters of a label. */
 const MAX_LABEL = 200;
@@ -38,7 +38,7 @@ export async function showForm(main, { query, signal }) {
   const names = () => varied(study).map((pointer) => shown.get(pointer) ?? pointer);
   // The label that the user typed. A study and an unchanged example have labels of their own, which change with the form.
   let typedLabel = query.get("label");
-  const ownLabel = () => (isStudy() ? `${DESIGNS[study.kind][0]}: ${names().join(", ")}` : example()?.body.label ?? "");
+  const ownLabel = () => (isStudy() ? `${OFFERS[study.kind].title}: ${names().join(", ")}` : example()?.body.label ?? "");
   const label = () => (typedLabel ?? ownLabel()).slice(0, MAX_LABEL);
 
   const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
@@ -126,7 +126,7 @@ export async function showForm(main, { query, signal }) {
   function draw() {
     const focused = document.activeElement?.id;
     // This changes ranges that are drawn.
-    if (study.kind === "map" && !isMap(study)) choose("sweep", scenario, study);
+    if (!isPossible(study.kind, study)) choose(newStudy().kind, scenario, study);
     drawFields();
     drawPlan(plan, names(), scenario, study, { changed, redraw });
     if (focused) document.getElementById(focused)?.focus();

@@ -10,12 +10,16 @@ use axum::http::header::{
 };
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
+use serde_json::{Map, Value, json};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::http::answer::representation::held;
 use crate::http::problem::{Problem, kinds};
 use crate::http::wire::coding::Coding;
 use crate::http::wire::{NoQuery, Segment};
+
+use fretwork_engine::outcome::QUANTITIES;
+use fretwork_study::Kind;
 
 /// A file: its name under `/assets/`, its media type and its content.
 type File = (&'static str, &'static str, &'static [u8]);
@@ -52,7 +56,7 @@ struct Asset {
 }
 
 impl Asset {
-    fn new(&(name, media_type, bytes): &File) -> Self {
+    fn new(name: &'static str, media_type: &'static str, bytes: &[u8]) -> Self {
         let bodies = [Coding::Identity, Coding::Gzip, Coding::Zstd].map(|accepted| {
             #[expect(clippy::expect_used, reason = "writing to memory cannot fail")]
             let (body, used) = accepted.encode(bytes).expect("compresses a file in memory");
@@ -64,8 +68,24 @@ impl Asset {
 
 static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
     let files = [&[INDEX][..], SCRIPTS, STYLES, IMAGES, TEXTS];
-    files.concat().iter().map(Asset::new).collect()
+    let files = files.concat().into_iter().map(|(name, kind, bytes)| Asset::new(name, kind, bytes));
+    files.chain([Asset::new("words.js", "text/javascript", words().as_bytes())]).collect()
 });
+
+/// The script with the words that follow from the tables of the program.
+fn words() -> String {
+    let kinds: Map<_, _> =
+        Kind::ALL.into_iter().map(|kind| (kind.name.to_owned(), json!(kind))).collect();
+    let names: Map<_, _> = QUANTITIES
+        .iter()
+        .map(|quantity| (quantity.name.to_owned(), json!(quantity.words)))
+        .collect();
+    format!(
+        "/** The kinds of studies. */\nexport const KINDS = {};\n\n/** The names of quantities. */\nexport const NAMES = {};\n",
+        Value::Object(kinds),
+        Value::Object(names)
+    )
+}
 
 /// `GET /`.
 pub async fn page(headers: HeaderMap, _: NoQuery) -> Result<Response, Problem> {

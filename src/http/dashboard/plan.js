@@ -2,7 +2,7 @@
 
 import { fill, h, select } from "./dom.js";
 import { cycles, WORDS } from "./units.js";
-import { choose, DESIGNS, factorsOf, isDrawn, isMap, runsOf, suggested, varied } from "./vary.js";
+import { choose, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied } from "./vary.js";
 
 /** The outputs that the form offers. All are columns of the history, at its last output cycle. */
 const OUTPUTS = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "dissipated_energy",
@@ -70,13 +70,14 @@ export function submitText(study) {
 export function drawPlan(card, names, scenario, study, { changed, redraw }) {
   card.hidden = varied(study).length === 0;
   if (card.hidden) return;
-  const design = ([kind, [name, meaning]]) => {
-    const isPossible = kind !== "map" || isMap(study);
-    return h("label", { class: "option" }, h("input", { type: "radio", name: "design", id: `design-${kind}`, value: kind,
-      checked: study.kind === kind, disabled: !isPossible, onchange: () => {
-        choose(kind, scenario, study);
+  const design = ({ id, title, meaning, kind }) => {
+    const possible = isPossible(id, study);
+    const needed = kind.axes.map(([axis]) => axis.replaceAll("_", " ")).join(" and ");
+    return h("label", { class: "option" }, h("input", { type: "radio", name: "design", id: `design-${id}`, value: id,
+      checked: study.kind === id, disabled: !possible, onchange: () => {
+        choose(id, scenario, study);
         redraw();
-      } }), h("span", {}, h("strong", {}, name), `: ${isPossible ? meaning : "vary normal force and amplitude, and nothing else"}`));
+      } }), h("span", {}, h("strong", {}, title), `: ${possible ? meaning : `vary ${needed}, and nothing else`}`));
   };
   const output = (name) => h("label", { class: "option" }, h("input", { type: "checkbox", id: `output-${name}`,
     checked: study.outputs.includes(name), onchange: (event) => {
@@ -89,12 +90,12 @@ export function drawPlan(card, names, scenario, study, { changed, redraw }) {
   } });
   const runs = h("p", { id: "runs" });
   fill(card, h("h2", {}, "Study"), h("p", {}, `Varies ${names.join(", ")}.`),
-    h("fieldset", {}, h("legend", {}, "Compute"), Object.entries(DESIGNS).map(design)),
+    h("fieldset", {}, h("legend", {}, "Compute"), Object.values(OFFERS).map(design)),
     isDrawn(study) && h("div", { class: "field" }, h("label", { for: "samples" }, "Samples"), samples, samplesFault),
     h("fieldset", { id: "outputs", "data-pointer": "/outputs", "aria-describedby": "outputs-fault" },
       h("legend", {}, "Outputs after the last cycle"), h("div", { class: "options" }, [...new Set([...OUTPUTS, ...study.outputs])].map(output)),
       h("p", { id: "outputs-fault", class: "fault" })),
-    study.profiles && ["sweep", "random"].includes(study.kind) && drawProfiles(study, redraw), runs);
+    study.profiles && OFFERS[study.kind].kind.keeps_profiles && drawProfiles(study, redraw), runs);
 }
 
 /** The curves that a stored sweep keeps of each run. The form has no fields for them, but the user can remove them. */

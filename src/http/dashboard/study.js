@@ -3,14 +3,12 @@
 import { drawActions } from "./actions.js";
 import { get, resultAddress, send } from "./api.js";
 import { fill, h, list, select } from "./dom.js";
-import { KINDS, kindOf } from "./summary.js";
+import { kindOf } from "./summary.js";
 import { axisTitle, digits, displayUnit, si } from "./units.js";
+import { KINDS } from "./words.js";
 
 /** Number of rows that the page shows. Downloads have all. */
 const ROWS = 200;
-/** Figures of each design of a sweep, of a map, and of each method of a sensitivity study. */
-const FIGURES = { grid: ["curves", "heat"], zip: ["curves", "scatter"], latin_hypercube: ["scatter"], sobol: ["scatter"],
-  map: ["regimes", "heat", "curves"], indices: ["tornado", "scatter"], local: ["tornado"] };
 const FIGURE_NAMES = { curves: "Curves", heat: "Heat map", scatter: "Scatter plot", regimes: "Regimes", tornado: "Bars" };
 
 /** Shows a study that was loaded without its rows. */
@@ -18,7 +16,7 @@ export async function showStudy(main, result, { job, link, query, signal }) {
   // One more row tells whether there are others.
   const words = new URLSearchParams({ rows: ROWS + 1, ...(link && { link }) });
   const rows = await get(`${resultAddress(result.key, "/table")}?${words}`, { signal });
-  const kind = KINDS[kindOf(result)];
+  const kind = KINDS[kindOf(result)].title;
   document.title = `${job.label || kind} · fretwork`;
   const table = h("section", { class: "card", "aria-label": "Table" });
   const drawTable = () => table.replaceChildren(...rowsOf(rows));
@@ -45,19 +43,20 @@ export async function showStudy(main, result, { job, link, query, signal }) {
  * page has the choice, in the parameters `query`.
  */
 function figureOf(result, { link, query, signal }) {
-  const { sweep, map, sensitivity } = result;
-  const design = sweep?.design ?? (map ? "map" : sensitivity.method === "local" ? "local" : "indices");
-  const columns = Object.keys(result.samples ?? result.table).filter((name) => name in result.units);
+  const kind = KINDS[kindOf(result)];
+  const designs = Object.fromEntries(kind.designs);
+  const { figures, is_grid: isGrid } = designs[result[kind.name][kind.design]] ?? kind.designs.at(-1)[1];
+  const columns = Object.keys(result[kind.rows]).filter((name) => name in result.units);
   const members = columns.filter((name) => name.startsWith("/"));
   const image = h("img", { class: "drawn" });
   const fault = h("p", { class: "muted", role: "status" });
   const choice = (name, label, names, words = {}) => names.length > 1 && { name, label,
     field: select({ "": "Automatic", ...Object.fromEntries(names.map((own) => [own, words[own] ?? own])) },
       query.get(name) ?? "", { id: `figure-${name}`, onchange: choose }) };
-  const isGrid = ["grid", "map"].includes(design);
-  const choices = [choice("kind", "Figure", FIGURES[design], FIGURE_NAMES),
+  const hasAxes = figures.some((figure) => ["curves", "scatter", "heat"].includes(figure));
+  const choices = [choice("kind", "Figure", figures, FIGURE_NAMES),
     choice("output", "Output", columns.filter((name) => !name.startsWith("/"))),
-    choice("over", "Over", design === "local" ? [] : members), choice("by", "By", isGrid ? members : [])].filter(Boolean);
+    choice("over", "Over", hasAxes ? members : []), choice("by", "By", isGrid ? members : [])].filter(Boolean);
   const chosen = () => choices.filter(({ field }) => field.value).map(({ name, field }) => [name, field.value]);
 
   function choose() {

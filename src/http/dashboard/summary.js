@@ -2,6 +2,7 @@
 
 import { get } from "./api.js";
 import { digits, quantity, WORDS } from "./units.js";
+import { KINDS } from "./words.js";
 
 const MOTIONS = { amplitude: "constant amplitude", tangential_force: "constant tangential force", rig: "compliant rig",
   blocks: "amplitude blocks", reversals: "displacement record" };
@@ -9,9 +10,6 @@ const MOTIONS = { amplitude: "constant amplitude", tangential_force: "constant t
 /** The kind of motion, in the words of `GET /v1/results`. */
 const motionOf = ({ blocks, reversals, rig_stiffness: rig, held }) =>
   blocks ? "blocks" : reversals ? "reversals" : rig ? "rig" : held;
-
-/** Studies: the member of a result that holds one, and its name for people. */
-export const KINDS = { sweep: "Sweep", sensitivity: "Sensitivity study", map: "Fretting map" };
 
 /** The kind of a study; undefined for the result of a run. */
 export const kindOf = (result) => Object.keys(KINDS).find((kind) => kind in result);
@@ -28,7 +26,7 @@ const equation = (letter, value, unit) => typeof value === "number" && `${letter
 const joined = (...parts) => parts.filter(Boolean).join(", ");
 
 /** For example "Paraboloid, R = 10 mm; F = 100 N, U = 2.256 µm, μ = 0.7". */
-export const title = (entry) => KINDS[entry.kind] ?? titleOfRun(entry);
+export const title = (entry) => KINDS[entry.kind]?.title ?? titleOfRun(entry);
 
 const titleOfRun = ({ shape, motion, values }) => `${joined(WORDS[shape], equation("R", values.radius, "m"),
   equation("θ", values.slope_angle, "rad"), typeof values.exponent === "number" && `n\u00a0=\u00a0${digits(values.exponent)}`,

@@ -1,5 +1,7 @@
 // Numbers, units and names as the dashboard shows them. The server sends all quantities in SI units.
 
+import { NAMES } from "./words.js";
+
 /** Engineering unit and factor for each SI unit. */
 const ENGINEERING = {
   m: ["µm", 1e6],
@@ -11,16 +13,11 @@ const ENGINEERING = {
   rad: ["deg", 180 / Math.PI],
 };
 
-const NAMES = { "1": "", "m^3": "m³" };
+const PRINTED = { "1": "", "m^3": "m³" };
 
 /** What the server's names mean. */
 export const WORDS = {
-  worn: "Worn profile", wear: "Local wear depth", pressure: "Pressure", slip: "Slip amplitude", image: "1D profile (MDR)",
-  radius: "Radius r", cycles: "Cycles N",
-  wear_volume: "Wear volume", wear_depth: "Wear depth", scar_radius: "Scar radius",
-  contact_radius: "Contact radius", stick_radius: "Stick radius", normal_force: "Normal force",
-  tangential_force: "Tangential force", indentation_depth: "Indentation depth", amplitude: "Amplitude",
-  energy_per_cycle: "Energy per cycle", dissipated_energy: "Dissipated energy", displacement: "Displacement",
+  ...NAMES, image: "1D profile (MDR)", radius: "Radius r", cycles: "Cycles N",
   paraboloid: "Paraboloid", sphere: "Sphere", cone: "Cone", power: "Power law", table: "Measured profile",
   truncated_paraboloid: "Truncated paraboloid", truncated_cone: "Truncated cone",
   blocks: "Amplitude blocks", reversals: "Displacement record",
@@ -43,7 +40,7 @@ export function useSi(yes) {
 
 /** Name and factor of the unit that is shown for an SI unit. */
 export function displayUnit(unit) {
-  return (!isSi && ENGINEERING[unit]) || [NAMES[unit] ?? unit ?? "", 1];
+  return (!isSi && ENGINEERING[unit]) || [PRINTED[unit] ?? unit ?? "", 1];
 }
 
 /** A number with at most `count` significant digits. */

@@ -6,37 +6,34 @@
 import { numberOrText, valueAt } from "./fields.js";
 import { limitsOf } from "./limits.js";
 import { kindOf } from "./summary.js";
+import { KINDS } from "./words.js";
 
-/** What the form can compute from numbers that vary. */
-export const DESIGNS = {
-  sweep: ["Sweep", "all combinations of the values"],
-  random: ["Random sample", "points spread evenly over the ranges (Latin hypercube)"],
-  sensitivity: ["Sensitivity", "which number matters most (Sobol indices)"],
-  map: ["Fretting map", "regimes and wear over normal force and amplitude"],
-};
-
-/** The numbers that a map varies, by their names in its body. */
-const AXES = { normal_force: "/load/normal_force", amplitude: "/motion/amplitude" };
+/** What the form can compute from numbers that vary, by the id of the choice. */
+export const OFFERS = Object.fromEntries(Object.values(KINDS).flatMap((kind) =>
+  kind.offers.map((offer) => [offer.id, { ...offer, kind, members: JSON.parse(offer.members) }])));
 
 /** Numbers that are settings of the computation, or decide which rows a result has. */
 const FIXED = /^\/(cycles|model\/points)/;
 
-/** The first range of a number, as factors of its value: 20 % less to 20 % more. A map covers two decades. */
+/** The first range of a number, as factors of its value: 20 % less to 20 % more. A study with axes covers two decades. */
 const NARROW = { factors: [0.8, 1.2], count: 9, spacing: "linear" };
 const WIDE = { factors: [0.1, 10], count: 25, spacing: "log" };
 
-/** The members of a study of the API that the form keeps. */
-const MEMBERS = ["version", "scenario", "vary", "design", "method", "samples", "seed", "confidence", "outputs", "profiles", ...Object.keys(AXES)];
+/** The members of a study of the API that the form keeps. Those of its kind come in addition. */
+const MEMBERS = ["version", "scenario", "vary", "samples", "outputs", "profiles"];
 
-export const newStudy = () => ({ kind: "sweep", ranges: {}, samples: "256", outputs: ["wear_volume", "wear_depth"] });
+export const newStudy = () => ({ kind: Object.keys(OFFERS)[0], ranges: {}, samples: "256", outputs: ["wear_volume", "wear_depth"] });
 
 export const varied = ({ ranges }) => Object.keys(ranges);
 
-/** Whether a design draws its values, so that its ranges have no count. */
-export const isDrawn = ({ kind }) => kind === "random" || kind === "sensitivity";
+/** Whether a study draws its values, so that its ranges have no count. */
+export const isDrawn = ({ kind }) => OFFERS[kind].sample !== null;
 
-/** Whether the numbers that vary are those of a map. */
-export const isMap = (study) => varied(study).sort().join() === Object.values(AXES).sort().join();
+/** Whether the numbers that vary are those of the axes, if there are axes. */
+export const isPossible = (id, study) => {
+  const pointers = OFFERS[id].kind.axes.map(([, pointer]) => pointer);
+  return pointers.length === 0 || varied(study).sort().join() === pointers.sort().join();
+};
 
 /** The number and the unit of a text such as 10 mm; undefined if it does not begin with a number. */
 function split(value) {
@@ -60,7 +57,7 @@ export function suggested(scenario, pointer, kind) {
   if (!value) return undefined;
   const [least, most] = limitsOf(pointer, value.unit);
   const number = Number(value.number);
-  const { factors, count, spacing } = kind === "map" ? WIDE : NARROW;
+  const { factors, count, spacing } = OFFERS[kind]?.kind.axes.length ? WIDE : NARROW;
   const ends = number === 0 ? [0, 1] : factors.map((factor) => factor * number);
   const [from, to] = [Math.max(Math.min(...ends), least), Math.min(Math.max(...ends), most)];
   return { from: typed(from), to: typed(to), unit: value.unit, count: String(count), spacing };
@@ -84,55 +81,50 @@ function withUnit(text, unit) {
 
 /** The factors of the number of points of a study, as texts that are typed or shown. */
 export function factorsOf(study) {
-  if (study.kind === "random") return [study.samples];
-  if (study.kind === "sensitivity") return [study.samples, `(${varied(study).length} + 2)`];
-  return varied(study).map((pointer) => study.ranges[pointer].count);
+  const { sample } = OFFERS[study.kind];
+  if (!sample) return varied(study).map((pointer) => study.ranges[pointer].count);
+  const [constant, factor] = sample;
+  return [study.samples, ...(factor ? [`(${factor * varied(study).length} + ${constant})`] : [])];
 }
 
 /** The number of points of a study; undefined while a number is missing or faulty. */
 export function runsOf(study) {
-  const points = study.kind === "sensitivity" ? Number(study.samples) * (varied(study).length + 2)
-    : factorsOf(study).reduce((product, factor) => product * Number(factor), 1);
+  const [constant, factor] = OFFERS[study.kind].sample ?? [];
+  const points = isDrawn(study) ? Number(study.samples) * (constant + factor * varied(study).length)
+    : factorsOf(study).reduce((product, count) => product * Number(count), 1);
   return Number.isInteger(points) && points > 0 ? points : undefined;
 }
 
 /** The body of `POST /v1/jobs` for a scenario and the numbers that vary. */
 export function jobBody(scenario, study) {
-  const { kind, ranges, outputs, profiles } = study;
+  const { ranges, outputs, profiles } = study;
+  const { kind, members } = OFFERS[study.kind];
   if (varied(study).length === 0) return { scenario };
   const range = (pointer) => {
     const { from, to, unit, count, spacing } = ranges[pointer];
     return { from: withUnit(from, unit), to: withUnit(to, unit), ...(!isDrawn(study) && { count: numberOrText(count) }),
       ...(spacing === "log" && { spacing }) };
   };
-  const vary = varied(study).map((pointer) => ({ pointer, ...range(pointer) }));
-  const samples = numberOrText(study.samples);
-  switch (kind) {
-    case "map":
-      return { map: { scenario, normal_force: range(AXES.normal_force), amplitude: range(AXES.amplitude), outputs } };
-    case "sensitivity": return { sensitivity: { scenario, vary, method: "sobol", samples, outputs } };
-    case "random": return { sweep: { scenario, vary, design: "latin_hypercube", samples, outputs, profiles } };
-    default: return { sweep: { scenario, vary, outputs, profiles } };
-  }
+  const ranged = kind.axes.length ? Object.fromEntries(kind.axes.map(([axis, pointer]) => [axis, range(pointer)]))
+    : { vary: varied(study).map((pointer) => ({ pointer, ...range(pointer) })) };
+  return { [kind.name]: { scenario, ...ranged, ...members, ...(isDrawn(study) && { samples: numberOrText(study.samples) }), outputs,
+    ...(kind.keeps_profiles && { profiles }) } };
 }
 
 /** The pointer of a fault in the form: that of the field which shows it. `/sweep/vary/0/from` becomes `/vary/friction/from`. */
 export function formPointer(pointer, study) {
-  const [, kind, part, rest = ""] = pointer.match(/^\/(sweep|sensitivity|map)(\/[^/]*)(.*)$/) ?? [];
-  if (!kind) return pointer;
-  const axis = AXES[part.slice(1)];
-  if (axis) return `/vary${axis}${rest}`;
+  const [, name, part, rest = ""] = pointer.match(/^\/([^/]*)(\/[^/]*)(.*)$/) ?? [];
+  if (!Object.hasOwn(KINDS, name ?? "")) return pointer;
+  const axis = KINDS[name].axes.find(([axis]) => axis === part.slice(1));
+  if (axis) return `/vary${axis[1]}${rest}`;
   const [, place, member] = part === "/vary" ? rest.match(/^\/(\d+)(.*)$/) ?? [] : [];
   // The form shows a number that the scenario does not have at the first field of its range.
   return place ? `/vary${varied(study)[place]}${member === "/pointer" ? "" : member}` : part + rest;
 }
 
-/** The design of the form for a study of the API; undefined if the form has no such design. */
-function designOf(name, { design = "grid", method = "sobol", seed = 0, confidence = 0.95 }) {
-  if (name === "map") return "map";
-  if (name === "sensitivity") return method === "sobol" && seed === 0 && confidence === 0.95 ? "sensitivity" : undefined;
-  return { grid: "sweep", latin_hypercube: seed === 0 ? "random" : undefined }[design];
-}
+/** The offer of the form for a study of the API; undefined if the form has none. A member that is missing has its default. */
+const offerOf = (name, study) => Object.values(OFFERS).find(({ kind, members }) => kind.name === name
+  && Object.entries(members).every(([member, value]) => [undefined, value].includes(study[member])));
 
 /** The range of the form for an entry of `vary`. The unit of both ends is shown once. */
 function rangeOf({ from, to, count = NARROW.count, spacing = "linear" }) {
@@ -148,13 +140,15 @@ export function studyOf(body) {
   const name = kindOf(body);
   if (!name) return undefined;
   const study = body[name];
-  const kind = designOf(name, study);
-  const vary = kind === "map" ? Object.entries(AXES).map(([axis, pointer]) => ({ pointer, ...study[axis] })) : study.vary;
+  const { axes, offers } = KINDS[name];
+  const offer = offerOf(name, study);
+  const vary = axes.length ? axes.map(([axis, pointer]) => ({ pointer, ...study[axis] })) : study.vary;
+  const known = [...MEMBERS, ...axes.map(([axis]) => axis), ...offers.flatMap(({ id }) => Object.keys(OFFERS[id].members))];
   const members = ["pointer", "from", "to", "count", "spacing"];
   // The user may have emptied both ends.
   const isRange = (entry) => Object.keys(entry).every((member) => members.includes(member));
-  if (!kind || !vary?.every(isRange) || !Object.keys(study).every((member) => MEMBERS.includes(member))) return undefined;
-  return { kind, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry)])),
+  if (!offer || !vary?.every(isRange) || !Object.keys(study).every((member) => known.includes(member))) return undefined;
+  return { kind: offer.id, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry)])),
     samples: String(study.samples ?? newStudy().samples), outputs: Array.from(study.outputs ?? [], String),
     profiles: study.profiles };
 }

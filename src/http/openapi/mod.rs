@@ -14,9 +14,11 @@ use crate::http::access::signed_link::OPENED;
 use crate::http::api::scenarios::EXAMPLES;
 use crate::http::problem::ProblemDocument;
 use crate::http::wire::schemas;
+use fretwork_engine::outcome::{ContactScales, History, LimitState, Member, Quantity, Unworn};
 use fretwork_engine::scenario::SCHEMA;
-use fretwork_job::Submission;
+use fretwork_job::{Submission, TaskKind};
 use fretwork_store::Role;
+use fretwork_study::Kind;
 
 const DOCUMENT_SCHEMAS: &str = include_str!("documents.schema.json");
 
@@ -95,6 +97,10 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
         adopt(schemas, SCHEMA, Some("Scenario"));
         adopt(schemas, DOCUMENT_SCHEMAS, None);
+        describe(&mut schemas["Columns"], History::MEMBERS, true);
+        describe(&mut schemas["Scales"], ContactScales::MEMBERS, false);
+        describe(&mut schemas["Unworn"], Unworn::MEMBERS, false);
+        describe(&mut schemas["Limit"], LimitState::MEMBERS, false);
         // The server inserts the stored bytes, so the Rust type does not have these members.
         schemas["Job"]["properties"]["scenario"] = json!({
             "description": "With `include=scenario`: the scenario in SI units with all defaults, as in the \
@@ -102,12 +108,15 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
                 already known and was evicted more than a year ago. A study is in its place, under its own name.",
             "oneOf": [{"$ref": "#/components/schemas/Scenario"}, {"type": "null"}],
         });
-        for (kind, schema) in
-            [("sweep", "Sweep"), ("sensitivity", "Sensitivity"), ("map", "FrettingMap")]
-        {
-            schemas["Job"]["properties"][kind] = json!({
+        for kind in Kind::ALL {
+            schemas["Job"]["properties"][kind.name] = json!({
                 "description": "With `include=scenario`, for a study: the study in SI units with all defaults.",
-                "$ref": format!("#/components/schemas/{schema}"),
+                "$ref": schemas["JobBody"]["properties"][kind.name]["$ref"],
+            });
+        }
+        for kind in TaskKind::all() {
+            schemas["Problem"]["properties"][kind.member()] = json!({
+                "description": "What an evicted result was computed from.", "type": "object",
             });
         }
         schemas["Job"]["properties"]["result"] = json!({
@@ -150,6 +159,20 @@ fn adopt(schemas: &mut Map<String, Value>, file: &str, name: Option<&str>) {
         let mut root = Value::Object(root);
         redirect(&mut root);
         schemas.insert(name.to_owned(), root);
+    }
+}
+
+/// Adds the members of a section of a result to its schema, with their meaning and their unit.
+fn describe(schema: &mut Value, members: &[Member], is_table: bool) {
+    for Member { name, meaning, .. } in members {
+        let unit = Quantity::named(name).map_or("1", |quantity| quantity.unit);
+        let unit = if unit == "1" { String::new() } else { format!(" Unit: {unit}.") };
+        let own = &mut schema["properties"][name];
+        if own.is_null() {
+            let number = json!({"type": "number"});
+            *own = if is_table { json!({"type": "array", "items": number}) } else { number };
+        }
+        own["description"] = json!(format!("{meaning}.{unit}"));
     }
 }
 

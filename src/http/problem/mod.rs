@@ -15,13 +15,11 @@ use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-use serde_json::Value;
 use utoipa::ToSchema;
 
 use fretwork_engine::request::fault::{Fault, Faults};
-use fretwork_job::{Canonical, Key, TaskKind};
+use fretwork_job::{Canonical, Key};
 use fretwork_store as store;
-use fretwork_study as study;
 
 use kinds::Kind;
 pub use page::{index, page};
@@ -91,22 +89,10 @@ pub struct ProblemDocument<'a> {
     #[serde(skip_serializing_if = "<[_]>::is_empty")]
     #[schema(required = false)]
     errors: &'a [Complaint],
-    /// The scenario of an evicted result.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
-    scenario: Option<&'a Value>,
-    /// The sweep of an evicted result.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
-    sweep: Option<&'a Value>,
-    /// The sensitivity study of an evicted result.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
-    sensitivity: Option<&'a Value>,
-    /// The map of an evicted result.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
-    map: Option<&'a Value>,
+    /// What an evicted result was computed from.
+    #[serde(flatten)]
+    #[schema(ignore)]
+    asked: Option<&'a Canonical>,
 }
 
 impl Problem {
@@ -285,10 +271,6 @@ impl IntoResponse for Problem {
 pub(super) fn write(mut response: Response, instance: &str) -> Response {
     let status = response.status();
     let Some(problem) = taken(&mut response) else { return response };
-    let asked = |kind| {
-        let asked = problem.asked.as_deref().filter(|asked| asked.kind == kind);
-        asked.map(|asked| &asked.value)
-    };
     let document = ProblemDocument {
         r#type: format!("/problems/{}", problem.kind.slug),
         title: problem.kind.title,
@@ -296,10 +278,7 @@ pub(super) fn write(mut response: Response, instance: &str) -> Response {
         detail: &problem.detail,
         instance,
         errors: &problem.errors,
-        scenario: asked(TaskKind::Run),
-        sweep: asked(TaskKind::Study(study::Kind::Sweep)),
-        sensitivity: asked(TaskKind::Study(study::Kind::Sensitivity)),
-        map: asked(TaskKind::Study(study::Kind::Map)),
+        asked: problem.asked.as_deref(),
     };
     with_error(response, "application/problem+json", &document)
 }

@@ -1,16 +1,20 @@
 //! The result of a run, in SI units and in columns.
 //!
 //! # Units
-//! [`UNITS`] names the unit of every quantity. A name has the same meaning everywhere.
+//! [`QUANTITIES`] names the unit of every quantity. A name has the same meaning everywhere.
 //!
 //! Entry 0 of every column and row 0 of every matrix is the unworn state. Pressure can be infinite at the
 //! apex of a cone, and late in a run at the stick edge: `f64::INFINITY` here, null in JSON. All other
 //! numbers are finite.
 
+mod columns;
 mod condition;
 
 use serde::Serialize;
 
+pub use self::columns::{
+    ContactScales, History, LimitState, Member, QUANTITIES, Quantity, ResultUnits, Unworn,
+};
 pub use self::condition::Condition;
 use crate::case::{Case, Outputs};
 use crate::contact::control::Tangential;
@@ -20,134 +24,6 @@ use crate::numeric::integrate_beyond;
 use crate::request::fault::Fault;
 use crate::scenario::{Scenario, Warning};
 use crate::solver::events::{self, EventKind};
-
-/// The unit of every quantity, in the order of the result.
-pub const UNITS: &[(&str, &str)] = &[
-    ("cycles", "1"),
-    ("normalized_cycles", "1"),
-    ("contact_radius", "m"),
-    ("stick_radius", "m"),
-    ("scar_radius", "m"),
-    ("indentation_depth", "m"),
-    ("normal_force", "N"),
-    ("tangential_force", "N"),
-    ("amplitude", "m"),
-    ("gross_slip_amplitude", "m"),
-    ("normal_modulus", "Pa"),
-    ("tangential_modulus", "Pa"),
-    ("wear_coefficient", "1/Pa"),
-    ("peak_pressure", "Pa"),
-    ("mean_pressure", "Pa"),
-    ("wear_volume", "m^3"),
-    ("wear_depth", "m"),
-    ("wear_depth_radius", "m"),
-    ("energy_per_cycle", "J"),
-    ("dissipated_energy", "J"),
-    ("wear_volume_error", "1"),
-    ("wear_depth_error", "1"),
-    ("radius", "m"),
-    ("initial", "m"),
-    ("limiting", "m"),
-    ("worn", "m"),
-    ("wear", "m"),
-    ("image", "m"),
-    ("pressure", "Pa"),
-    ("slip", "m"),
-    ("displacement", "m"),
-    ("energy_ratio", "1"),
-    ("slip_ratio", "1"),
-    ("free_ratio", "1"),
-    ("actuator_amplitude", "m"),
-    ("actuator_energy_ratio", "1"),
-    ("actuator_slip_ratio", "1"),
-    ("scar_half_length", "m"),
-];
-
-/// [`UNITS`] as a JSON object.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ResultUnits;
-
-impl Serialize for ResultUnits {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(UNITS.iter().copied())
-    }
-}
-
-/// The scales of the unworn contact.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct ContactScales {
-    /// Contact radius a₀.
-    pub contact_radius: f64,
-    /// Indentation depth d₀.
-    pub indentation_depth: f64,
-    /// Normal force F₀.
-    pub normal_force: f64,
-    /// Characteristic cycles N₀.
-    pub cycles: f64,
-}
-
-/// Quantities of the unworn contact.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Unworn {
-    /// Normal modulus E*.
-    pub normal_modulus: f64,
-    /// Tangential modulus G*.
-    pub tangential_modulus: f64,
-    /// Wear coefficient k_w.
-    pub wear_coefficient: f64,
-    /// Peak pressure. It is infinite for a cone and at the edge of a flat.
-    pub peak_pressure: f64,
-    /// Mean pressure F/(πa²).
-    pub mean_pressure: f64,
-    /// The gross-slip threshold: the whole contact slips at this amplitude.
-    pub gross_slip_amplitude: f64,
-    /// Stick radius c. It is 0 in gross slip.
-    pub stick_radius: f64,
-    /// Amplitude U.
-    pub amplitude: f64,
-    /// Q, the amplitude of the tangential force.
-    pub tangential_force: f64,
-    /// Energy W lost per cycle.
-    pub energy_per_cycle: f64,
-    /// The energy ratio A = W/(4QU). It is 0.2 for a paraboloid at the gross-slip threshold.
-    pub energy_ratio: f64,
-    /// The slip ratio D = δ₀/U, where δ₀ is half of the width of the loop at Q = 0. It is 0.26 for
-    /// a paraboloid at the gross-slip threshold.
-    pub slip_ratio: f64,
-    /// The system-free ratio B = W/(4Qδ₀). It is 0.77 for a paraboloid at the gross-slip threshold. It is the same
-    /// for the stroke at the actuator, because the rig is elastic.
-    pub free_ratio: f64,
-    /// The amplitude of the actuator, U_rig = U + Q/k_rig. Only with a rig.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub actuator_amplitude: Option<f64>,
-    /// The energy ratio for the stroke at the actuator, W/(4QU_rig). Only with a rig.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub actuator_energy_ratio: Option<f64>,
-    /// The slip ratio for the stroke at the actuator, δ₀/U_rig. Only with a rig.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub actuator_slip_ratio: Option<f64>,
-}
-
-/// The limiting state of wear.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct LimitState {
-    /// ã: the outer radius of the limiting profile, (13).
-    pub contact_radius: f64,
-    /// Limiting stick radius c.
-    pub stick_radius: f64,
-    /// Limiting wear volume V∞.
-    pub wear_volume: f64,
-    /// The largest wear depth.
-    pub wear_depth: f64,
-    /// The radius of the largest wear depth.
-    pub wear_depth_radius: f64,
-    /// Limiting normal force F∞. Only the core inside c carries it.
-    pub normal_force: f64,
-    /// Limiting indentation depth d.
-    pub indentation_depth: f64,
-    /// Limiting tangential force Q∞ = 2G*U·c.
-    pub tangential_force: f64,
-}
 
 /// The properties of a scenario that are known without a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -180,65 +56,7 @@ const CYCLE_ERROR: f64 = 1e-10;
 /// Relative error of the energy at an output cycle that a run has found.
 const ENERGY_ERROR: f64 = 1e-5;
 
-/// Columns with one entry per output cycle.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct History {
-    /// Number of cycles N.
-    pub cycles: Vec<f64>,
-    /// Normalized cycles Ñ = N/N₀.
-    pub normalized_cycles: Vec<f64>,
-    /// Wear volume V.
-    pub wear_volume: Vec<f64>,
-    /// The largest wear depth.
-    pub wear_depth: Vec<f64>,
-    /// The largest radius with wear; 0 without wear.
-    pub scar_radius: Vec<f64>,
-    /// The contact radius a. The simplified rule with held depth keeps a = a₀.
-    pub contact_radius: Vec<f64>,
-    /// Stick radius c.
-    pub stick_radius: Vec<f64>,
-    /// Normal force F.
-    pub normal_force: Vec<f64>,
-    /// Indentation depth d.
-    pub indentation_depth: Vec<f64>,
-    /// Amplitude U.
-    pub amplitude: Vec<f64>,
-    /// Amplitude Q of the tangential force.
-    pub tangential_force: Vec<f64>,
-    /// Energy W lost per cycle.
-    pub energy_per_cycle: Vec<f64>,
-    /// Dissipated energy Σ W since N = 0.
-    pub dissipated_energy: Vec<f64>,
-    /// Estimated relative numerical error of V. Results of version 0.3 and earlier do not have it.
-    pub wear_volume_error: Vec<f64>,
-    /// Estimated relative numerical error of the largest wear depth. Results of version 0.3 and earlier
-    /// do not have it.
-    pub wear_depth_error: Vec<f64>,
-}
-
 impl History {
-    /// The columns with their names, in the order of the JSON.
-    #[must_use]
-    pub fn columns(&self) -> [(&'static str, &[f64]); 15] {
-        [
-            ("cycles", &self.cycles),
-            ("normalized_cycles", &self.normalized_cycles),
-            ("wear_volume", &self.wear_volume),
-            ("wear_depth", &self.wear_depth),
-            ("scar_radius", &self.scar_radius),
-            ("contact_radius", &self.contact_radius),
-            ("stick_radius", &self.stick_radius),
-            ("normal_force", &self.normal_force),
-            ("indentation_depth", &self.indentation_depth),
-            ("amplitude", &self.amplitude),
-            ("tangential_force", &self.tangential_force),
-            ("energy_per_cycle", &self.energy_per_cycle),
-            ("dissipated_energy", &self.dissipated_energy),
-            ("wear_volume_error", &self.wear_volume_error),
-            ("wear_depth_error", &self.wear_depth_error),
-        ]
-    }
-
     /// Whether the row with this index is at the output cycle of the case with this index. If not, the run ended
     /// before.
     #[must_use]
@@ -252,27 +70,6 @@ impl History {
             Outputs::Energies(outputs) => outputs.energies.get(row).is_some_and(|energy| {
                 agrees(*energy, case.scales.worn_by(self.dissipated_energy[row]), ENERGY_ERROR)
             }),
-        }
-    }
-
-    pub(crate) fn with_capacity(instants: usize) -> Self {
-        let column = || Vec::with_capacity(instants);
-        Self {
-            cycles: column(),
-            normalized_cycles: column(),
-            wear_volume: column(),
-            wear_depth: column(),
-            scar_radius: column(),
-            contact_radius: column(),
-            stick_radius: column(),
-            normal_force: column(),
-            indentation_depth: column(),
-            amplitude: column(),
-            tangential_force: column(),
-            energy_per_cycle: column(),
-            dissipated_energy: column(),
-            wear_volume_error: column(),
-            wear_depth_error: column(),
         }
     }
 }

@@ -70,7 +70,7 @@ pub(super) struct HistoryEntry {
 impl Recording {
     pub(super) fn new(instants: usize) -> Self {
         Self {
-            history: History::with_capacity(instants),
+            history: History::default(),
             profiles: Profiles::default(),
             loops: Loops::default(),
             half_lengths: [Vec::with_capacity(instants), Vec::with_capacity(instants)],

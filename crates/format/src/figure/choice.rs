@@ -2,32 +2,16 @@
 
 use crate::error::Missing;
 use crate::quantity::QUANTITIES;
-use crate::view::{StudyFigure, StudyOptions, View};
+use crate::view::{StudyOptions, View};
+use fretwork_study::{Hints, StudyFigure};
 
 /// A family of curves has at most this many.
 pub const MAX_CURVES: usize = 7;
 
-/// How the points of a study are arranged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Arrangement {
-    /// All combinations of some values.
-    Grid,
-    /// The values of all members follow each other in lists.
-    Lists,
-    /// Drawn values.
-    Drawn,
-    /// A grid over normal force and amplitude, with the boundary of gross slip.
-    Map,
-    /// Drawn values, from which indices follow.
-    DrawnIndices,
-    /// Indices from points that are not drawn.
-    Indices,
-}
-
 /// What a study has.
 pub struct Offer {
-    /// The arrangement of its points.
-    pub arrangement: Arrangement,
+    /// The figures of its kind.
+    pub hints: Hints,
     /// The pointers of the numbers that vary, and how many values each has.
     pub members: Vec<(String, usize)>,
     /// The names of its outputs, the default first.
@@ -43,25 +27,17 @@ pub enum Choice {
     Heat { output: usize, over: usize, by: usize },
     /// A dot for each point.
     Scatter { output: usize, over: usize },
-    /// The regimes of a map.
+    /// Two regions of a plane.
     Regimes,
-    /// The indices of all members.
+    /// Bars of all members.
     Tornado { output: usize },
 }
 
 impl Offer {
-    /// The figures that this study can have, the default first.
-    fn kinds(&self) -> &'static [StudyFigure] {
-        use StudyFigure::{Curves, Heat, Regimes, Scatter, Tornado};
-        match self.arrangement {
-            Arrangement::Grid if self.members.len() < 2 => &[Curves],
-            Arrangement::Grid => &[Curves, Heat],
-            Arrangement::Lists => &[Curves, Scatter],
-            Arrangement::Drawn => &[Scatter],
-            Arrangement::Map => &[Regimes, Heat, Curves],
-            Arrangement::DrawnIndices => &[Tornado, Scatter],
-            Arrangement::Indices => &[Tornado],
-        }
+    /// The figures that this study can have, the default first. A heat map needs two numbers.
+    fn kinds(&self) -> impl Iterator<Item = StudyFigure> {
+        let has_two = self.members.len() > 1;
+        self.hints.figures.iter().copied().filter(move |kind| has_two || *kind != StudyFigure::Heat)
     }
 
     /// The requested figure, or all faults of the request.
@@ -69,10 +45,9 @@ impl Offer {
         let options = &view.figure.study;
         let mut faults = self.run_options(view);
         let mut wrong = |parameter, detail: String| faults.push(Missing { parameter, detail });
-        let kinds = self.kinds();
         let kind = options.kind.unwrap_or_else(|| self.default_kind(options));
-        if !kinds.contains(&kind) {
-            let names: Vec<_> = kinds.iter().map(|kind| kind.name()).collect();
+        if !self.kinds().any(|known| known == kind) {
+            let names: Vec<_> = self.kinds().map(StudyFigure::name).collect();
             wrong("kind", format!("must be one of {} for this study", names.join(", ")));
         }
         let outputs: Vec<&str> = self.outputs.iter().map(String::as_str).collect();
@@ -87,13 +62,10 @@ impl Offer {
             }
             place
         };
-        let is_regimes = kind == StudyFigure::Regimes;
-        let has_axes = !is_regimes && kind != StudyFigure::Tornado;
         let has_second = self.members.len() > 1
-            && (kind == StudyFigure::Heat
-                || kind == StudyFigure::Curves && self.arrangement != Arrangement::Lists);
-        let output = named("output", &outputs, &options.output, !is_regimes).unwrap_or(0);
-        let over = named("over", &members, &options.over, has_axes);
+            && (kind == StudyFigure::Heat || kind == StudyFigure::Curves && self.hints.is_grid);
+        let output = named("output", &outputs, &options.output, kind.has_output()).unwrap_or(0);
+        let over = named("over", &members, &options.over, kind.has_axes());
         let by = named("by", &members, &options.by, has_second);
         if by.is_some() && by == over {
             wrong("by", "must differ from `over`".to_owned());
@@ -117,23 +89,22 @@ impl Offer {
         })
     }
 
-    /// The default kind. What else is requested can need another one.
+    /// The first kind that can show what is requested.
     fn default_kind(&self, options: &StudyOptions) -> StudyFigure {
         let has_axes = options.over.is_some() || options.by.is_some();
-        match self.arrangement {
-            Arrangement::Map if has_axes || options.output.is_some() => StudyFigure::Heat,
-            Arrangement::DrawnIndices if has_axes => StudyFigure::Scatter,
-            _ => self.kinds()[0],
-        }
+        let fits = |kind: &StudyFigure| {
+            (options.output.is_none() || kind.has_output()) && (!has_axes || kind.has_axes())
+        };
+        self.kinds().find(fits).unwrap_or(self.hints.figures[0])
     }
 
-    /// The members on the axes. By default these are those with most values; a map has its normal force across.
+    /// The members on the axes. By default these are those with most values. A plane with regions has its first member across.
     fn axes(&self, over: Option<usize>, by: Option<usize>) -> (usize, Option<usize>) {
         let most = |other: Option<usize>| {
             let free = (0..self.members.len()).rev().filter(|place| Some(*place) != other);
-            free.max_by_key(|place| match self.arrangement {
-                Arrangement::Map => 0,
-                _ => self.members[*place].1,
+            free.max_by_key(|place| match self.hints.regions {
+                Some(_) => 0,
+                None => self.members[*place].1,
             })
         };
         let over = over.or_else(|| most(by)).unwrap_or(0);
@@ -160,14 +131,27 @@ impl Offer {
 
 #[cfg(test)]
 mod tests {
+    use fretwork_study::Kind;
+    use serde_json::json;
+
     use super::*;
 
-    fn offer(arrangement: Arrangement, counts: &[usize]) -> Offer {
+    /// An offer of a kind of study with a member that says how its points lie.
+    fn offer((kind, design): (&str, &str), counts: &[usize]) -> Offer {
         let names = ["/friction", "/motion/amplitude", "/load/normal_force"];
         let members = names.iter().zip(counts).map(|(name, count)| ((*name).to_owned(), *count));
         let outputs = ["wear_volume", "wear_depth"].map(str::to_owned).to_vec();
-        Offer { arrangement, members: members.collect(), outputs }
+        let kind = Kind::named(kind).unwrap();
+        let hints = kind.hints(&json!({ kind.design: design }));
+        Offer { hints, members: members.collect(), outputs }
     }
+
+    const GRID: (&str, &str) = ("sweep", "grid");
+    const LISTS: (&str, &str) = ("sweep", "zip");
+    const DRAWN: (&str, &str) = ("sweep", "sobol");
+    const MAP: (&str, &str) = ("map", "");
+    const DRAWN_INDICES: (&str, &str) = ("sensitivity", "sobol");
+    const INDICES: (&str, &str) = ("sensitivity", "local");
 
     fn chosen(
         offer: &Offer,
@@ -180,50 +164,50 @@ mod tests {
     }
 
     #[test]
-    fn the_default_figure_follows_from_the_arrangement_of_the_points() {
+    fn the_default_figure_follows_from_how_the_points_lie() {
         let default =
             |arrangement, counts: &[usize]| chosen(&offer(arrangement, counts), |_| ()).unwrap();
         let (output, curves) = (0, |over, by| Choice::Curves { output: 0, over, by });
-        assert_eq!(default(Arrangement::Grid, &[4, 16]), curves(1, Some(0)));
-        assert_eq!(default(Arrangement::Grid, &[9]), curves(0, None));
-        assert_eq!(default(Arrangement::Grid, &[3, 3, 2]), curves(0, Some(1)));
-        assert_eq!(default(Arrangement::Grid, &[20, 30]), Choice::Heat { output, over: 1, by: 0 });
-        assert_eq!(default(Arrangement::Lists, &[9, 9]), curves(0, None));
-        assert_eq!(default(Arrangement::Drawn, &[99, 99]), Choice::Scatter { output, over: 0 });
-        assert_eq!(default(Arrangement::Map, &[48, 48]), Choice::Regimes);
-        assert_eq!(default(Arrangement::Indices, &[1, 1]), Choice::Tornado { output });
+        assert_eq!(default(GRID, &[4, 16]), curves(1, Some(0)));
+        assert_eq!(default(GRID, &[9]), curves(0, None));
+        assert_eq!(default(GRID, &[3, 3, 2]), curves(0, Some(1)));
+        assert_eq!(default(GRID, &[20, 30]), Choice::Heat { output, over: 1, by: 0 });
+        assert_eq!(default(LISTS, &[9, 9]), curves(0, None));
+        assert_eq!(default(DRAWN, &[99, 99]), Choice::Scatter { output, over: 0 });
+        assert_eq!(default(MAP, &[48, 48]), Choice::Regimes);
+        assert_eq!(default(INDICES, &[1, 1]), Choice::Tornado { output });
     }
 
     #[test]
     fn parameters_change_the_figure() {
-        let grid = offer(Arrangement::Grid, &[4, 16]);
+        let grid = offer(GRID, &[4, 16]);
         let over = |options: &mut StudyOptions| options.over = Some("/friction".to_owned());
         assert_eq!(chosen(&grid, over), Ok(Choice::Curves { output: 0, over: 0, by: Some(1) }));
         let heat = |options: &mut StudyOptions| options.kind = Some(StudyFigure::Heat);
         assert_eq!(chosen(&grid, heat), Ok(Choice::Heat { output: 0, over: 1, by: 0 }));
         let depth = |options: &mut StudyOptions| options.output = Some("wear_depth".to_owned());
-        let map = chosen(&offer(Arrangement::Map, &[48, 64]), depth);
+        let map = chosen(&offer(MAP, &[48, 64]), depth);
         assert_eq!(map, Ok(Choice::Heat { output: 1, over: 0, by: 1 }));
-        let indices = offer(Arrangement::DrawnIndices, &[9, 9]);
+        let indices = offer(DRAWN_INDICES, &[9, 9]);
         assert_eq!(chosen(&indices, depth), Ok(Choice::Tornado { output: 1 }));
         assert_eq!(chosen(&indices, over), Ok(Choice::Scatter { output: 0, over: 0 }));
     }
 
     #[test]
     fn all_faults_are_listed_with_what_is_possible() {
-        let faults = chosen(&offer(Arrangement::Grid, &[4, 16]), |options| {
+        let faults = chosen(&offer(GRID, &[4, 16]), |options| {
             options.kind = Some(StudyFigure::Tornado);
             options.output = Some("wear".to_owned());
         });
         let faults = faults.unwrap_err();
         assert_eq!(faults[0], "kind: must be one of curves, heat for this study");
         assert_eq!(faults[1], "output: must be one of wear_volume, wear_depth, got \"wear\"");
-        let faults = chosen(&offer(Arrangement::Grid, &[4, 16]), |options| {
+        let faults = chosen(&offer(GRID, &[4, 16]), |options| {
             options.over = Some("/friction".to_owned());
             options.by = Some("/friction".to_owned());
         });
         assert_eq!(faults.unwrap_err(), ["by: must differ from `over`"]);
-        let faults = chosen(&offer(Arrangement::Drawn, &[9]), |options| {
+        let faults = chosen(&offer(DRAWN, &[9]), |options| {
             options.by = Some("/friction".to_owned());
         });
         assert_eq!(faults.unwrap_err(), ["by: is not possible for kind=scatter"]);
@@ -232,7 +216,7 @@ mod tests {
             cycles: Some(vec![1.0]),
             ..View::default()
         };
-        let faults = offer(Arrangement::Drawn, &[9]).choose(&run).unwrap_err();
+        let faults = offer(DRAWN, &[9]).choose(&run).unwrap_err();
         let named: Vec<_> = faults.iter().map(|fault| fault.parameter).collect();
         assert_eq!(named, ["quantity", "cycles"]);
     }

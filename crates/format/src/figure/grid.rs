@@ -1,4 +1,4 @@
-//! Figures over the values of a grid: families of curves, heat maps, and the regimes of a map.
+//! Figures over the values of a grid: families of curves, heat maps, and the regions of a plane.
 
 use super::axes::{distinct, spans_decades};
 use super::choice::{MAX_CURVES, Offer};
@@ -9,9 +9,9 @@ use fretwork_plot::{Axis, Band, Dash, Field, Series, Style};
 /// Most points of a curve, and most columns and rows of a heat map. More would be smaller than a pixel.
 const MAX_POINTS: usize = 1000;
 const MAX_CELLS: usize = 128;
-/// The colours of the regimes, which also differ in greyscale.
-const PARTIAL_SLIP: &str = "#dcebf7";
-const GROSS_SLIP: &str = "#f2bf8c";
+/// The colours below and above a boundary, which also differ in greyscale.
+const BELOW: &str = "#dcebf7";
+const ABOVE: &str = "#f2bf8c";
 const BOUNDARY: Style = Style { color: "#000000", dash: Dash::Dashed, width: 1.8, mark: None };
 const HALO: Style = Style { color: "#ffffff", dash: Dash::Solid, width: 3.4, mark: None };
 
@@ -160,23 +160,20 @@ pub fn field<'u>(
     (Field { x: over, y: by, values, scale: Axis { log, ..scale } }, note)
 }
 
-/// The curve at which gross slip begins, on a white one that makes it visible on dark colours.
+/// The boundary of two regions, on a white curve that makes it visible on dark colours.
 pub fn boundary([x, y]: [Vec<f64>; 2], label: &str) -> Vec<Series> {
     let line = |label, style| Series::new(label, x.clone(), y.clone()).styled(style);
     vec![line("", HALO), line(label, BOUNDARY)]
 }
 
-/// The regimes below and above the boundary, which may leave the range of amplitudes.
-pub fn regimes([forces, amplitudes]: &[Vec<f64>; 2], range: Option<(f64, f64)>) -> Vec<Band> {
+/// The regions below and above the boundary, which may leave the range of the vertical axis.
+pub fn regions(names: [&str; 2], [x, y]: &[Vec<f64>; 2], range: Option<(f64, f64)>) -> Vec<Band> {
     let Some((least, most)) = range else { return Vec::new() };
     let band = |label: &str, color, between: &dyn Fn(f64) -> (f64, f64)| Band {
         label: label.to_owned(),
         color,
-        x: forces.clone(),
-        between: amplitudes.iter().map(|amplitude| between(*amplitude)).collect(),
+        x: x.clone(),
+        between: y.iter().map(|at| between(*at)).collect(),
     };
-    vec![
-        band("partial slip", PARTIAL_SLIP, &|at| (least, at)),
-        band("gross slip", GROSS_SLIP, &|at| (at, most)),
-    ]
+    vec![band(names[0], BELOW, &|at| (least, at)), band(names[1], ABOVE, &|at| (at, most))]
 }

@@ -141,7 +141,7 @@ impl Drawing<'_> {
         // Drawn last: worn profiles approach the limiting one and would cover it.
         series.extend(reference("limiting", LIMITING));
         let along = if name == "image" { "Coordinate $x$" } else { "Radius $r$" };
-        let (x, y) = (self.axis(along, "radius"), self.axis(self.quantity.label, name));
+        let (x, y) = (self.axis(along, "radius"), self.axis(&self.quantity.label(), name));
         Ok(Figure { x, y, series, ..Figure::default() })
     }
 
@@ -155,7 +155,7 @@ impl Drawing<'_> {
             (column("displacement", row), column("tangential_force", row))
         });
         let x = self.axis("Displacement $u$", "displacement");
-        let y = self.axis(self.quantity.label, "tangential_force");
+        let y = self.axis(&self.quantity.label(), "tangential_force");
         Ok(Figure { x, y, series, ..Figure::default() })
     }
 
@@ -183,7 +183,7 @@ impl Drawing<'_> {
                 series.push(line.styled(Style { dash, ..LIMITING }));
             }
         }
-        let y = self.axis(self.quantity.label, self.quantity.name);
+        let y = self.axis(&self.quantity.label(), self.quantity.name);
         let marks = self.events(start, last)?;
         let x = Axis { log, marks, ..Axis::labelled("Cycles $N$") };
         Ok(Figure { x, y, series, ..Figure::default() })

@@ -4,7 +4,7 @@ use serde::de::Error as _;
 use serde_json::Value;
 
 use super::axes;
-use super::choice::{Arrangement, Choice, Offer};
+use super::choice::{Choice, Offer};
 use super::grid::{self, Axes};
 use super::words::{member, output, typeset};
 use super::{scatter, tornado};
@@ -14,14 +14,14 @@ use crate::kind::Part;
 use crate::table::{Table, Values};
 use crate::view::View;
 use fretwork_plot::{Axis, Figure};
-use fretwork_study::Kind;
+use fretwork_study::{Hints, Kind, Regions};
 
 /// Draws the requested figure of a study as an SVG document.
-pub fn svg(document: &Document<'_>, kind: Kind, view: &View) -> Result<String, Error> {
-    let asked = document.value(kind.name())?;
-    let rows = document.rows()?;
-    let offer = offer(kind, &asked, &rows);
-    let least = if kind == Kind::Map { 2 } else { 1 };
+pub fn svg(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<String, Error> {
+    let asked = document.value(kind.name)?;
+    let rows = document.rows(kind)?;
+    let offer = offer(kind.hints(&asked), &rows);
+    let least = if offer.hints.regions.is_some() { 2 } else { 1 };
     if offer.members.len() < least || offer.outputs.is_empty() {
         return Err(
             serde_json::Error::custom("the table of a study has no members or no outputs").into()
@@ -39,22 +39,14 @@ pub fn svg(document: &Document<'_>, kind: Kind, view: &View) -> Result<String, E
 }
 
 /// What a study has: members are pointers, and every other column of numbers is an output.
-fn offer(kind: Kind, asked: &Value, rows: &Table) -> Offer {
+fn offer(hints: Hints, rows: &Table) -> Offer {
     let is_number = |values: &Values| matches!(values, Values::Cycles(_));
     let columns = || rows.columns.iter().filter(|(_, values)| is_number(values));
     let members = columns().filter(|(name, _)| name.starts_with('/'));
     let members = members.map(|(name, _)| (name.clone(), axes::distinct(rows.axis(name)).len()));
     let outputs = columns().filter(|(name, _)| !name.starts_with('/'));
-    let arrangement = match (kind, asked["design"].as_str(), asked["method"].as_str()) {
-        (Kind::Map, ..) => Arrangement::Map,
-        (Kind::Sensitivity, _, Some("local")) => Arrangement::Indices,
-        (Kind::Sensitivity, ..) => Arrangement::DrawnIndices,
-        (Kind::Sweep, Some("grid"), _) => Arrangement::Grid,
-        (Kind::Sweep, Some("zip"), _) => Arrangement::Lists,
-        (Kind::Sweep, ..) => Arrangement::Drawn,
-    };
     Offer {
-        arrangement,
+        hints,
         members: members.collect(),
         outputs: outputs.map(|(name, _)| name.clone()).collect(),
     }
@@ -64,7 +56,7 @@ fn offer(kind: Kind, asked: &Value, rows: &Table) -> Offer {
 struct Study<'a> {
     document: &'a Document<'a>,
     view: &'a View,
-    kind: Kind,
+    kind: &'static Kind,
     /// The study as it was asked for, in SI.
     asked: Value,
     /// The rows of all points.
@@ -116,11 +108,11 @@ impl Study<'_> {
         let name = &self.offer.outputs[output];
         let (axis, title) = self.up(output);
         let across = self.across(over);
-        let (series, note) = if self.offer.arrangement == Arrangement::Lists {
-            (vec![grid::list(self.column(self.member(over)), self.column(name))], String::new())
-        } else {
+        let (series, note) = if self.offer.hints.is_grid {
             let names = Axes { over, by };
             grid::curves(&self.offer, names, &self.rows, name, &|name| self.unit(name))
+        } else {
+            (vec![grid::list(self.column(self.member(over)), self.column(name))], String::new())
         };
         let log = axes::spans_decades(series.iter().flat_map(|series| &series.y).copied());
         let figure =
@@ -139,43 +131,46 @@ impl Study<'_> {
             grid::field(&self.offer, named, &self.rows, name, ((x.log, y.log), scale), &|name| {
                 self.unit(name)
             });
-        let series = if self.kind == Kind::Map && over != by {
-            let [forces, amplitudes] = self.boundary()?;
-            // A map has its normal force first.
-            let curve = if over == 0 { [forces, amplitudes] } else { [amplitudes, forces] };
-            grid::boundary(curve, "gross slip begins")
-        } else {
-            Vec::new()
+        let series = match self.offer.hints.regions {
+            Some(regions) => {
+                let [first, second] = self.boundary(&regions)?;
+                let curve = if over == 0 { [first, second] } else { [second, first] };
+                grid::boundary(curve, regions.label)
+            }
+            None => Vec::new(),
         };
         let label = field.scale.label.clone();
         let figure = Figure { title, x, y, field: Some(field), series, ..Figure::default() };
         self.finished(figure, &(note + &self.gaps(name)), &format!(" Colours: {label}."))
     }
 
-    /// Normal forces, the least first, and the amplitudes at which gross slip begins, NaN where there is no contact.
-    fn boundary(&self) -> Result<[Vec<f64>; 2], Error> {
-        let boundary = self.document.value("boundary")?;
-        let [forces, amplitudes] = [0, 1].map(|place| -> Vec<f64> {
+    /// The boundary of two regions by its first and its second number, in the order of the first. A second number is NaN where
+    /// it has no value.
+    fn boundary(&self, regions: &Regions) -> Result<[Vec<f64>; 2], Error> {
+        let boundary = self.document.value(regions.boundary)?;
+        let [first, second] = [0, 1].map(|place| -> Vec<f64> {
             let cells = boundary[self.member(place)].as_array().into_iter().flatten();
             cells.map(|cell| cell.as_f64().unwrap_or(f64::NAN)).collect()
         });
-        let mut pairs: Vec<_> = forces.into_iter().zip(amplitudes).collect();
+        let mut pairs: Vec<_> = first.into_iter().zip(second).collect();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (forces, amplitudes) = pairs.into_iter().unzip();
-        Ok([forces, amplitudes])
+        let (first, second) = pairs.into_iter().unzip();
+        Ok([first, second])
     }
 
+    #[expect(clippy::expect_used, reason = "a test reads the hints of all kinds")]
     fn regimes(&self) -> Result<String, Error> {
-        let boundary = self.boundary()?;
+        let regions = self.offer.hints.regions.expect("this figure has regions");
+        let boundary = self.boundary(&regions)?;
         let [x, y] = [0, 1].map(|place| {
             let ends = axes::distinct(self.column(self.member(place)));
             let range = ends.first().zip(ends.last()).map(|(low, high)| (*low, *high));
             Axis { range: range.filter(|(low, high)| low < high), ..self.across(place) }
         });
-        let bands = grid::regimes(&boundary, y.range);
-        // The names of the regimes tell what it separates.
+        let bands = grid::regions(regions.names, &boundary, y.range);
+        // The names of the regions tell what it separates.
         let series = grid::boundary(boundary, "");
-        let title = "Regimes of the unworn contact".to_owned();
+        let title = regions.title.to_owned();
         self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, "", "")
     }
 
@@ -194,13 +189,15 @@ impl Study<'_> {
         self.finished(figure, &(note + &self.gaps(name)), "")
     }
 
+    #[expect(clippy::expect_used, reason = "a test reads the hints of all kinds")]
     fn tornado(&self, output: usize) -> Result<String, Error> {
+        let bars = self.offer.hints.bars.expect("this figure has bars");
         let name = &self.offer.outputs[output];
         let table = self.document.table(Part::Table, &View::default())?;
         let units = &self.document.head.units;
         let convert = units.conversion(name);
         let convert = |value: f64| convert.as_ref().map_or(value, |convert| convert(value));
-        let mut chart = tornado::chart(&table, name, &self.asked, self.unit(name), &convert);
+        let mut chart = tornado::chart(&table, name, &bars, self.unit(name), &convert);
         chart.size = axes::size(&self.view.figure);
         tornado::refuse_logarithms(&self.view.figure)?;
         let note = tornado::keep_what_fits(&mut chart);
@@ -229,7 +226,7 @@ impl Study<'_> {
 
     /// Where the numbers come from, in words.
     fn origin(&self) -> String {
-        let (kind, engine) = (self.kind.name(), &self.document.head.engine);
+        let (kind, engine) = (self.kind.name, &self.document.head.engine);
         format!("from {} points of a {kind} study, computed by {engine}", self.rows.cycles())
     }
 

@@ -1,59 +1,29 @@
-//! Bars of the indices of a sensitivity study, the largest on top.
-
-use serde_json::Value;
+//! Bars of what a study has found about each number that varies, the largest on top.
 
 use super::words::{member, typeset};
 use crate::error::{Error, Missing};
 use crate::table::{Cell, Table};
 use crate::view::FigureOptions;
 use fretwork_plot::{Axis, Bar, BarChart, Group};
+use fretwork_study::Bars;
 
 /// Least height of a group, and the height of all that is not a group, in px.
 const GROUP: f64 = 15.0;
 const AROUND: f64 = 95.0;
 
-/// The indices of one method: columns of the table with their names in the legend.
-struct Indices {
-    axis: String,
-    columns: &'static [(&'static str, &'static str)],
-    /// Whether the numbers have the unit of the output.
-    have_unit: bool,
-}
-
-impl Indices {
-    fn of(asked: &Value, unit: Option<&str>) -> Self {
-        match asked["method"].as_str() {
-            Some("morris") => Self {
-                axis: match unit {
-                    Some(unit) => format!("Elementary effect ({})", typeset(unit)),
-                    None => "Elementary effect".to_owned(),
-                },
-                columns: &[("strength", "$μ$* (mean size)"), ("deviation", "$σ$ (deviation)")],
-                have_unit: true,
-            },
-            Some("local") => Self {
-                axis: "Elasticity".to_owned(),
-                columns: &[("elasticity", "")],
-                have_unit: false,
-            },
-            _ => Self {
-                axis: "Share of the variance".to_owned(),
-                columns: &[("total", "total"), ("first_order", "first order")],
-                have_unit: false,
-            },
-        }
-    }
-}
-
 /// The chart of an output. `convert` brings its values to the requested unit.
 pub fn chart(
     table: &Table,
     output: &str,
-    asked: &Value,
+    bars: &Bars,
     unit: Option<&str>,
     convert: &dyn Fn(f64) -> f64,
 ) -> BarChart {
-    let Indices { axis, columns, have_unit } = Indices::of(asked, unit);
+    let Bars { label, columns, have_unit } = *bars;
+    let axis = match unit.filter(|_| have_unit) {
+        Some(unit) => format!("{label} ({})", typeset(unit)),
+        None => label.to_owned(),
+    };
     let text = |name: &str, row: usize| match table.column(name).map(|column| column.cell(row, 0)) {
         Some(Cell::Text(text)) => text.to_owned(),
         _ => String::new(),

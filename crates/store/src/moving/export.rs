@@ -13,7 +13,7 @@ use crate::library::Provenance;
 use crate::place::Place;
 use crate::read::StoredResult;
 use crate::search::Search;
-use fretwork_engine::outcome::{History, UNITS};
+use fretwork_engine::outcome::{History, QUANTITIES};
 use fretwork_job::{Document, ENGINE, Key, SCALARS, WORDS, clock};
 
 /// What an export did.
@@ -155,8 +155,8 @@ async fn create(path: &Path) -> Result<SqliteConnection, Moving> {
     let mut query = QueryBuilder::<Sqlite>::new(
         "CREATE TABLE history (key TEXT NOT NULL REFERENCES results (key), entry INTEGER NOT NULL",
     );
-    for (name, _) in History::default().columns() {
-        query.push(", ").push(name).push(" REAL");
+    for column in History::MEMBERS {
+        query.push(", ").push(column.name).push(" REAL");
     }
     query.push(", PRIMARY KEY (key, entry)) WITHOUT ROWID");
     query.build().execute(&mut out).await?;
@@ -168,7 +168,8 @@ async fn create(path: &Path) -> Result<SqliteConnection, Moving> {
 async fn describe(out: &mut SqliteConnection) -> Result<(), Moving> {
     let scalars = SCALARS.iter().map(|scalar| (scalar.name, scalar.unit()));
     let others = [("wall_seconds", "s"), ("cpu_seconds", "s"), ("size", "B")];
-    for (name, unit) in UNITS.iter().copied().chain(scalars).chain(others) {
+    let quantities = QUANTITIES.iter().map(|quantity| (quantity.name, quantity.unit));
+    for (name, unit) in quantities.chain(scalars).chain(others) {
         let insert = sqlx::query("INSERT OR IGNORE INTO units VALUES (?1, ?2)");
         insert.bind(name).bind(unit).execute(&mut *out).await?;
     }
@@ -217,14 +218,15 @@ async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(
     query.build().execute(&mut *out).await?;
     let insert = sqlx::query("INSERT INTO bodies VALUES (?1, ?2)");
     insert.bind(key.to_string()).bind(body).execute(&mut *out).await?;
-    let named = |(name, _)| document.history.get(name).and_then(Value::as_array);
-    let columns = History::default().columns().map(named);
+    let columns = History::MEMBERS.iter();
+    let columns = columns.map(|column| document.history.get(column.name).and_then(Value::as_array));
+    let columns: Vec<_> = columns.collect();
     let rows = columns.iter().flatten().map(|column| column.len()).max().unwrap_or(0);
     for (number, place) in (0_i64..).zip(0..rows) {
         let mut query = QueryBuilder::<Sqlite>::new("INSERT INTO history VALUES (");
         let mut row = query.separated(", ");
         row.push_bind(key.to_string()).push_bind(number);
-        for column in columns {
+        for column in &columns {
             row.push_bind(column.and_then(|column| column.get(place)?.as_f64()));
         }
         query.push(")");

@@ -13,18 +13,50 @@ use std::sync::OnceLock;
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::Case;
-use fretwork_engine::numeric::twelve_digits;
 use fretwork_engine::outcome::Condition;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::{Given, Length};
 use fretwork_engine::scenario;
-use serde_json::{Map as Object, Value, json};
+use serde_json::{Value, json};
 
-use super::member::Member;
-use super::problem::{Found, Lack, Problem, Read, outputs_of, small_members};
-use super::rows::{NUMBER, Rows};
-use super::vary::{self, Values};
+use crate::member::Member;
+use crate::plan::StudyFigure::{Curves, Heat, Regimes};
+use crate::plan::{Cells, Column, Findings, Hints, Kind, Offer, Plan, Read, Regions, Tried};
+use crate::problem::{Found, Lack, Problem, outputs_of, small_members};
+use crate::rows::{NUMBER, Rows};
+use crate::vary::{self, Values};
 use fretwork_json::Whole;
+
+/// The kind of maps.
+pub const KIND: Kind = Kind {
+    name: "map",
+    title: "Fretting map",
+    rows: "table",
+    keeps_profiles: false,
+    axes: &[(AXES[0], MEMBERS[0]), (AXES[1], MEMBERS[1])],
+    design: "",
+    designs: &[(
+        "",
+        Hints {
+            is_grid: true,
+            regions: Some(Regions {
+                boundary: "boundary",
+                label: "gross slip begins",
+                title: "Regimes of the unworn contact",
+                names: ["partial slip", "gross slip"],
+            }),
+            ..Hints::of(&[Regimes, Heat, Curves])
+        },
+    )],
+    offers: &[Offer {
+        id: "map",
+        title: "Fretting map",
+        meaning: "regimes and wear over normal force and amplitude",
+        members: "{}",
+        sample: None,
+    }],
+    read,
+};
 
 /// The pointers of the members of a map.
 const MEMBERS: [&str; 2] = ["/load/normal_force", "/motion/amplitude"];
@@ -33,14 +65,14 @@ const AXES: [&str; 2] = ["normal_force", "amplitude"];
 /// Most values of an axis: a contact is computed and kept for each normal force.
 const MAX_VALUES: usize = 4096;
 /// The columns of the unworn contact and their units, between the members and the outputs.
-pub const CLOSED: [(&str, &str); 3] =
+const CLOSED: [(&str, &str); 3] =
     [("unworn.force_ratio", "1"), ("unworn.stick_ratio", "1"), ("unworn.energy_per_cycle", "J")];
 /// Place of the stick ratio among them.
 const STICK_RATIO: usize = 1;
 /// The name of the column of texts that follows from the others.
-pub const REGIME: &str = "regime";
+const REGIME: &str = "regime";
 /// Processor time of a point without a run, in seconds.
-pub const SECONDS: f64 = 2e-6;
+const SECONDS: f64 = 2e-6;
 
 /// The body of a map.
 #[derive(Deserr)]
@@ -57,7 +89,7 @@ struct Request {
 
 /// The points of a map: all amplitudes at the first normal force, then at the second, and so on.
 #[derive(Debug)]
-pub struct Map {
+struct Map {
     forces: Vec<f64>,
     amplitudes: Vec<f64>,
     /// For each normal force a case with any amplitude, or why there is none. They are computed when they are needed.
@@ -68,7 +100,7 @@ pub struct Map {
 ///
 /// # Errors
 /// All faults, with pointers relative to the map.
-pub(super) fn read(map: Value) -> Result<Read<Map>, Faults> {
+fn read(map: Value) -> Result<Read, Faults> {
     let complete = small_members(&map);
     let request: Request =
         Request::deserialize_from_value::<Value>(map.into_value(), ValuePointerRef::Origin)?;
@@ -184,41 +216,6 @@ fn axes(given: [Value; 2], scenario: &Value) -> Result<(Vec<Member>, [Vec<f64>; 
 }
 
 impl Map {
-    /// The number of points.
-    #[must_use]
-    pub fn points(&self) -> usize {
-        self.forces.len() * self.amplitudes.len()
-    }
-
-    /// Normal force and amplitude of a point, in SI.
-    #[must_use]
-    pub fn point(&self, number: usize) -> [f64; 2] {
-        let count = self.amplitudes.len();
-        [self.forces[number / count], self.amplitudes[number % count]]
-    }
-
-    /// A row: the unworn contact of a point before what was found by its run.
-    #[must_use]
-    pub fn row(&self, problem: &Problem, number: usize, run: Found) -> Found {
-        let amplitude = self.point(number)[1];
-        let case = self.case(problem, number / self.amplitudes.len());
-        let (low, high) = Length::RANGE;
-        let (closed, refused) = match case {
-            _ if !(low..=high).contains(&amplitude) => {
-                let reason = format!("{}: must be from {low:e} to {high:e} m", MEMBERS[1]);
-                ([None; CLOSED.len()], Some(Lack::Refused(reason)))
-            }
-            Ok(case) => {
-                let Condition { force_ratio, stick_ratio, energy_per_cycle, .. } =
-                    Condition::of(case, amplitude);
-                ([force_ratio, stick_ratio, energy_per_cycle].map(Some), None)
-            }
-            Err(reason) => ([None; CLOSED.len()], Some(Lack::Refused(reason.clone()))),
-        };
-        let outputs = closed.into_iter().chain(run.outputs).collect();
-        Found { outputs, lack: run.lack.or(refused), profiles: Vec::new() }
-    }
-
     /// A case with a normal force.
     fn case(&self, problem: &Problem, force: usize) -> Result<&Case, &String> {
         let case = self.cases[force].get_or_init(|| {
@@ -232,57 +229,101 @@ impl Map {
         case.as_deref()
     }
 
-    /// The texts of the column of regimes, which follow from the stick ratio.
-    #[must_use]
-    pub fn regimes(rows: &Rows) -> String {
-        let ratios = rows.numbers(MEMBERS.len() + STICK_RATIO);
-        let regimes = ratios.into_iter().map(|ratio| match ratio {
-            None => "null",
-            Some(0.0) => "\"gross_slip\"",
-            Some(_) => "\"partial_slip\"",
-        });
-        let mut text = String::with_capacity(rows.count * 16);
-        for (place, regime) in regimes.enumerate() {
-            text.push_str(if place == 0 { "" } else { "," });
-            text.push_str(regime);
+    /// The unworn contact of a point: the values of [`CLOSED`], or why there are none.
+    fn unworn(&self, problem: &Problem, number: usize) -> Result<[f64; CLOSED.len()], String> {
+        let amplitude = self.point(number)[1];
+        let case = self.case(problem, number / self.amplitudes.len());
+        let (low, high) = Length::RANGE;
+        if !(low..=high).contains(&amplitude) {
+            return Err(format!("{}: must be from {low:e} to {high:e} m", MEMBERS[1]));
         }
-        text
+        let Condition { force_ratio, stick_ratio, energy_per_cycle, .. } =
+            Condition::of(case.map_err(Clone::clone)?, amplitude);
+        Ok([force_ratio, stick_ratio, energy_per_cycle])
+    }
+}
+
+/// The texts of the column of regimes, which follow from the stick ratio.
+fn regimes(rows: &Rows) -> String {
+    let ratios = rows.numbers(MEMBERS.len() + STICK_RATIO);
+    let regimes = ratios.into_iter().map(|ratio| match ratio {
+        None => "null",
+        Some(0.0) => "\"gross_slip\"",
+        Some(_) => "\"partial_slip\"",
+    });
+    let mut text = String::with_capacity(rows.count * 16);
+    for (place, regime) in regimes.enumerate() {
+        text.push_str(if place == 0 { "" } else { "," });
+        text.push_str(regime);
+    }
+    text
+}
+
+impl Plan for Map {
+    fn points(&self) -> usize {
+        self.forces.len() * self.amplitudes.len()
     }
 
-    /// What is known without the rows: the member `boundary` of the document, the amplitudes at which gross slip begins.
-    #[must_use]
-    pub fn findings(&self, problem: &Problem) -> Object<String, Value> {
-        let of = |force| Some(self.case(problem, force).ok()?.scales.gross_slip_amplitude());
-        let amplitudes: Vec<_> =
-            (0..self.forces.len()).map(|force| of(force).map(twelve_digits)).collect();
-        let forces: Vec<_> = self.forces.iter().map(|force| twelve_digits(*force)).collect();
-        let [force, amplitude] = MEMBERS;
-        let boundary = json!({force: forces, amplitude: amplitudes});
-        Object::from_iter([("boundary".to_owned(), boundary)])
+    fn point(&self, number: usize) -> Vec<f64> {
+        let count = self.amplitudes.len();
+        vec![self.forces[number / count], self.amplitudes[number % count]]
     }
 
-    /// Estimated processor time of a point, in seconds.
-    #[must_use]
-    pub fn seconds(problem: &Problem, values: &[f64]) -> f64 {
+    /// Without outputs, no point needs a run.
+    fn next(&self, problem: &Problem, number: usize, tried: &[Tried]) -> Option<Vec<f64>> {
+        (tried.is_empty() && !problem.outputs.is_empty()).then(|| self.point(number))
+    }
+
+    /// The unworn contact of a point before what was found by its run.
+    fn row(&self, problem: &Problem, number: usize, tried: Vec<Tried>) -> Tried {
+        let run = tried.into_iter().next().map_or_else(|| problem.no_run(), |tried| tried.found);
+        let (closed, refused) = match self.unworn(problem, number) {
+            Ok(closed) => (closed.map(Some), None),
+            Err(reason) => ([None; CLOSED.len()], Some(Lack::Refused(reason))),
+        };
+        let outputs = closed.into_iter().chain(run.outputs).collect();
+        let found = Found { outputs, lack: run.lack.or(refused), profiles: Vec::new() };
+        Tried { values: self.point(number), found }
+    }
+
+    fn seconds(&self, problem: &Problem, values: &[f64]) -> f64 {
         let is_closed = problem.outputs.is_empty();
         SECONDS + if is_closed { 0.0 } else { problem.seconds(values) }
     }
 
-    /// Estimated processor time of [`Self::findings`] and of the cases, in seconds.
-    #[must_use]
-    pub fn findings_seconds(&self, problem: &Problem) -> f64 {
+    fn columns(&self) -> Vec<Column> {
+        CLOSED.map(|(name, unit)| Column::new(name, unit)).to_vec()
+    }
+
+    /// The amplitudes at which gross slip begins, which are known without the rows, and the regimes.
+    fn findings(
+        &self,
+        problem: &Problem,
+        rows: &Rows,
+        _: &mut dyn FnMut() -> bool,
+    ) -> Option<Findings> {
+        let of = |force| Some(self.case(problem, force).ok()?.scales.gross_slip_amplitude());
+        let amplitudes = (0..self.forces.len()).map(of).collect();
+        let forces = self.forces.iter().copied().map(Some).collect();
+        let columns = [forces, amplitudes].map(Cells::Numbers);
+        let boundary = MEMBERS.map(str::to_owned).into_iter().zip(columns).collect();
+        Some(Findings {
+            notes: None,
+            tables: vec![("boundary", boundary)],
+            beside: vec![(REGIME, regimes(rows))],
+        })
+    }
+
+    /// Time to compute the cases.
+    fn findings_seconds(&self, problem: &Problem) -> f64 {
         self.forces.len() as f64 * problem.preparation
     }
 
-    /// Size of what is known without the rows, in bytes.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
-        2 * NUMBER * self.forces.len()
+    fn findings_bytes(&self, _: &Problem) -> usize {
+        NUMBER * (2 * self.forces.len() + self.points())
     }
 
-    /// Memory, in bytes.
-    #[must_use]
-    pub fn memory(&self) -> usize {
+    fn memory(&self) -> usize {
         self.forces.len() * size_of::<Case>()
     }
 }
@@ -296,7 +337,7 @@ mod tests {
     use fretwork_engine::simulation::Simulation;
 
     use super::*;
-    use crate::{Kind, Points, Study};
+    use crate::{Points, Study};
     use fretwork_json as json;
 
     fn map(change: impl FnOnce(&mut Value)) -> Result<Arc<Study>, Faults> {
@@ -315,7 +356,7 @@ mod tests {
             "amplitude": {"from": "0.1 um", "to": "20 um", "count": 12},
         });
         change(&mut map);
-        Study::read(Kind::Map, map).map(Arc::new)
+        Study::read(&KIND, map).map(Arc::new)
     }
 
     fn document(study: &Arc<Study>) -> Value {

@@ -8,11 +8,16 @@ use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::value::RawValue;
 
+/// Most members of an object: more than the largest table of a study has.
+const MOST: usize = 10_000;
+
 /// The members of an object, each with another name. Their values are not parsed.
+#[derive(Debug)]
 pub struct Members<'a>(pub Vec<(Cow<'a, str>, &'a RawValue)>);
 
 impl<'a> Members<'a> {
     /// The text of a member.
+    #[must_use]
     pub fn get(&self, name: &str) -> Option<&'a RawValue> {
         self.0.iter().find(|(member, _)| member == name).map(|(_, text)| *text)
     }
@@ -33,6 +38,9 @@ impl<'de: 'a, 'a> Deserialize<'de> for Members<'a> {
                 while let Some((name, text)) = map.next_entry::<Cow<'de, str>, _>()? {
                     if !names.insert(name.clone()) {
                         return Err(A::Error::custom(format!("`{name}` appears twice")));
+                    }
+                    if members.len() == MOST {
+                        return Err(A::Error::custom(format!("more than {MOST} members")));
                     }
                     members.push((name, text));
                 }

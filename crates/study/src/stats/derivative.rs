@@ -43,7 +43,7 @@
 //!
 //! # Examples
 //! ```
-//! use fretwork_study::derivative::{Place, derivatives};
+//! use fretwork_study::stats::derivative::{Place, derivatives};
 //! let place = Place { x: 2.0, scale: 2.0, low: 0.0, high: f64::INFINITY };
 //! let found = derivatives(place, &[1e-12, 1e-12], |x| vec![Some(x * x), Some(1.0 / x)]);
 //! let [square, inverse] = [found[0].unwrap(), found[1].unwrap()];

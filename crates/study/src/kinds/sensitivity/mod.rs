@@ -2,32 +2,72 @@
 //!
 //! | method | numbers for each output and member | points for d members |
 //! |---|---|---|
-//! | `sobol` | the shares of the variance, see [`indices`](super::indices) | `samples`·(d + 2) |
-//! | `morris` | elementary effects, see [`morris`](super::morris) | `samples`·(d + 1) |
-//! | `local` | elasticities x/y·dy/dx at the values of the scenario, see [`derivative`](super::derivative) | 1 + 80·d |
+//! | `sobol` | the shares of the variance, see [`indices`](crate::stats::indices) | `samples`·(d + 2) |
+//! | `morris` | elementary effects, see [`morris`](crate::stats::morris) | `samples`·(d + 1) |
+//! | `local` | elasticities x/y·dy/dx at the values of the scenario, see [`derivative`](crate::stats::derivative) | 1 + 80·d |
 //!
 //! All points are known in advance, so they are computed in chunks like those of a sweep. The table is made from their
-//! rows, see [`findings`](super::findings).
+//! rows, see [`findings`].
+
+mod findings;
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::{Case, Method as RunMethod};
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
 use serde::Serialize;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
-use super::Bootstrap;
-use super::bootstrap::MAX_BLOCKS;
-use super::derivative::{Derivative, Place, Search};
-use super::distribution::Distribution;
-use super::findings::{Findings, Named};
-use super::indices::Saltelli;
-use super::morris::{Morris, effects};
-use super::output::Output;
-use super::problem::{MAX_SEED, Problem, Read, small_members, varied_and_outputs};
-use super::rows::{NUMBER, Rows};
-use super::vary::{Values, Varied};
+use self::findings::{Named, Table};
+use crate::output::Output;
+use crate::plan::StudyFigure::{Scatter, Tornado};
+use crate::plan::{Bars, Column, Findings, Hints, Kind, Offer, Plan, Read, StudyFigure};
+use crate::problem::{MAX_SEED, Problem, small_members, varied_and_outputs};
+use crate::rows::{NUMBER, Rows};
+use crate::stats::derivative::{Derivative, Place, Search};
+use crate::stats::distribution::Distribution;
+use crate::stats::indices::Saltelli;
+use crate::stats::morris::{Morris, effects};
+use crate::stats::{Bootstrap, MAX_BLOCKS};
+use crate::vary::{Values, Varied};
 use fretwork_json::Whole;
+
+/// The kind of sensitivity studies.
+pub const KIND: Kind = Kind {
+    name: "sensitivity",
+    title: "Sensitivity study",
+    rows: "samples",
+    keeps_profiles: false,
+    axes: &[],
+    design: "method",
+    designs: &[
+        ("local", bars(&[Tornado], "Elasticity", &[("elasticity", "")], false)),
+        ("morris", bars(&[Tornado, Scatter], "Elementary effect", EFFECTS, true)),
+        ("sobol", bars(&[Tornado, Scatter], "Share of the variance", SHARES, false)),
+    ],
+    offers: &[Offer {
+        id: "sensitivity",
+        title: "Sensitivity",
+        meaning: "which number matters most (Sobol indices)",
+        members: r#"{"method": "sobol", "seed": 0, "confidence": 0.95}"#,
+        sample: Some((2, 1)),
+    }],
+    read,
+};
+
+/// The columns that are drawn, with their names in the legend.
+const EFFECTS: &[(&str, &str)] =
+    &[("strength", "$μ$* (mean size)"), ("deviation", "$σ$ (deviation)")];
+const SHARES: &[(&str, &str)] = &[("total", "total"), ("first_order", "first order")];
+
+const fn bars(
+    figures: &'static [StudyFigure],
+    label: &'static str,
+    columns: &'static [(&'static str, &'static str)],
+    have_unit: bool,
+) -> Hints {
+    Hints { bars: Some(Bars { label, columns, have_unit }), ..Hints::of(figures) }
+}
 
 /// Levels of a screening.
 const LEVELS: usize = 4;
@@ -78,12 +118,7 @@ enum MethodName {
 
 /// The points of a sensitivity study, and how its table follows from their rows.
 #[derive(Debug)]
-pub struct Sensitivity {
-    method: Method,
-}
-
-#[derive(Debug)]
-enum Method {
+enum Sensitivity {
     Sobol { design: Saltelli, groups: usize, from: Vec<Distribution>, bootstrap: Bootstrap },
     Morris { design: Morris, trajectories: usize, from: Vec<Distribution>, bootstrap: Bootstrap },
     Local(Vec<Neighbourhood>),
@@ -119,7 +154,7 @@ impl Neighbourhood {
 ///
 /// # Errors
 /// All faults, with pointers relative to the study.
-pub(super) fn read(study: Value) -> Result<Read<Sensitivity>, Faults> {
+fn read(study: Value) -> Result<Read, Faults> {
     let mut complete = small_members(&study);
     let request: Request =
         Request::deserialize_from_value::<Value>(study.into_value(), ValuePointerRef::Origin)?;
@@ -179,15 +214,15 @@ impl Sensitivity {
         let resamples = (10.0 / (1.0 - confidence)).ceil().clamp(RESAMPLES.0, RESAMPLES.1);
         let bootstrap = match Bootstrap::new(resamples as usize, confidence, seed) {
             Ok(bootstrap) => Some(bootstrap),
-            Err(Fault { detail, .. }) => {
-                faults.push(Fault { pointer: "/confidence".to_owned(), detail });
+            Err(detail) => {
+                let pointer = "/confidence".to_owned();
+                faults.push(Fault { pointer, detail: detail.to_owned() });
                 None
             }
         };
         match (samples, bootstrap) {
             (Some(samples), Some(bootstrap)) if faults.is_empty() => {
-                Self::of(name, from, samples, seed, bootstrap)
-                    .map_err(|fault| Faults(vec![fault]).below("/vary"))
+                Ok(Self::of(name, from, samples, seed, bootstrap))
             }
             _ => Err(Faults(faults)),
         }
@@ -200,16 +235,15 @@ impl Sensitivity {
         samples: usize,
         seed: u64,
         bootstrap: Bootstrap,
-    ) -> Result<Self, Fault> {
+    ) -> Self {
         let members = from.len();
-        let method = if name == MethodName::Sobol {
-            let design = Saltelli::new(members, seed)?;
-            Method::Sobol { design, groups: samples, from, bootstrap }
+        if name == MethodName::Sobol {
+            let design = Saltelli::new(members, seed);
+            Self::Sobol { design, groups: samples, from, bootstrap }
         } else {
-            let design = Morris::new(members, LEVELS, seed)?;
-            Method::Morris { design, trajectories: samples, from, bootstrap }
-        };
-        Ok(Self { method })
+            let design = Morris::new(members, LEVELS, seed);
+            Self::Morris { design, trajectories: samples, from, bootstrap }
+        }
     }
 
     /// A study of the values in the scenario.
@@ -243,35 +277,80 @@ impl Sensitivity {
             around.push(Neighbourhood { place, first, rounds });
             first += points;
         }
-        if faults.is_empty() {
-            Ok(Self { method: Method::Local(around) })
-        } else {
-            Err(Faults(faults))
+        if faults.is_empty() { Ok(Self::Local(around)) } else { Err(Faults(faults)) }
+    }
+
+    /// The columns of numbers in the table.
+    fn numbers(&self) -> &'static [&'static str] {
+        match self {
+            Self::Sobol { .. } => &[
+                "first_order",
+                "first_order_low",
+                "first_order_high",
+                "total",
+                "total_low",
+                "total_high",
+            ],
+            Self::Morris { .. } => {
+                &["mean", "strength", "strength_low", "strength_high", "deviation"]
+            }
+            Self::Local(_) => &["elasticity", "elasticity_low", "elasticity_high"],
         }
     }
 
-    /// The number of points.
-    #[must_use]
-    pub fn points(&self) -> usize {
-        match &self.method {
-            Method::Sobol { design, groups, .. } => groups * design.group(),
-            Method::Morris { design, trajectories, .. } => trajectories * design.trajectory(),
-            Method::Local(around) => {
+    fn table(
+        &self,
+        members: &[&str],
+        outputs: &[Named<'_>],
+        rows: &Rows,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Option<Findings> {
+        let mut table = Table::new(self.numbers());
+        for (place, output) in outputs.iter().enumerate() {
+            if !goes_on() {
+                return None;
+            }
+            let values = rows.numbers(members.len() + place);
+            match self {
+                Self::Sobol { bootstrap, .. } => {
+                    table.shares(*output, members, &values, bootstrap);
+                }
+                Self::Morris { design, trajectories, bootstrap, .. } => {
+                    let found = effects(design, &values, bootstrap);
+                    table.effects(*output, members, &found, *trajectories);
+                }
+                Self::Local(around) => {
+                    let y = values[0].unwrap_or_default();
+                    for (member, one) in members.iter().zip(around) {
+                        let found = one.derivative(&values, output.accuracy);
+                        table.elasticity(*output, member, (one.place.x, y), found);
+                    }
+                }
+            }
+        }
+        Some(table.finished())
+    }
+}
+
+impl Plan for Sensitivity {
+    fn points(&self) -> usize {
+        match self {
+            Self::Sobol { design, groups, .. } => groups * design.group(),
+            Self::Morris { design, trajectories, .. } => trajectories * design.trajectory(),
+            Self::Local(around) => {
                 1 + around.iter().flat_map(|one| &one.rounds).map(Vec::len).sum::<usize>()
             }
         }
     }
 
-    /// The values of the members at a point, in SI.
-    #[must_use]
-    pub fn point(&self, number: usize) -> Vec<f64> {
+    fn point(&self, number: usize) -> Vec<f64> {
         let quantiles = |from: &[Distribution], at: Vec<f64>| {
             from.iter().zip(at).map(|(distribution, at)| distribution.quantile(at)).collect()
         };
-        match &self.method {
-            Method::Sobol { design, from, .. } => quantiles(from, design.point(number)),
-            Method::Morris { design, from, .. } => quantiles(from, design.point(number)),
-            Method::Local(around) => around
+        match self {
+            Self::Sobol { design, from, .. } => quantiles(from, design.point(number)),
+            Self::Morris { design, from, .. } => quantiles(from, design.point(number)),
+            Self::Local(around) => around
                 .iter()
                 .map(|one| {
                     let own = number.checked_sub(one.first);
@@ -282,42 +361,21 @@ impl Sensitivity {
         }
     }
 
-    /// The columns of numbers in the table.
-    #[must_use]
-    pub fn columns(&self) -> &'static [&'static str] {
-        match self.method {
-            Method::Sobol { .. } => &[
-                "first_order",
-                "first_order_low",
-                "first_order_high",
-                "total",
-                "total_low",
-                "total_high",
-            ],
-            Method::Morris { .. } => {
-                &["mean", "strength", "strength_low", "strength_high", "deviation"]
-            }
-            Method::Local(_) => &["elasticity", "elasticity_low", "elasticity_high"],
-        }
+    fn found_columns(&self) -> Vec<Column> {
+        let unit = match self {
+            // That of the output, which each row names.
+            Self::Morris { .. } => "as in column unit",
+            Self::Sobol { .. } | Self::Local(_) => "1",
+        };
+        self.numbers().iter().map(|name| Column::new(name, unit)).collect()
     }
 
-    /// The unit of these columns. Elementary effects have the unit of their output, which each row names.
-    #[must_use]
-    pub fn unit(&self) -> &'static str {
-        match self.method {
-            Method::Sobol { .. } | Method::Local(_) => "1",
-            Method::Morris { .. } => "as in column unit",
-        }
-    }
-
-    /// What follows from the rows of all points: the members `table` and `notes` of the document.
-    #[must_use]
-    pub fn findings(
+    fn findings(
         &self,
         problem: &Problem,
         rows: &Rows,
         goes_on: &mut dyn FnMut() -> bool,
-    ) -> Option<Map<String, Value>> {
+    ) -> Option<Findings> {
         let members: Vec<_> =
             problem.members.iter().map(|member| member.pointer.as_str()).collect();
         let base: Vec<f64> = problem.members.iter().map(|member| member.value).collect();
@@ -330,65 +388,27 @@ impl Sensitivity {
         self.table(&members, &outputs.collect::<Vec<_>>(), rows, goes_on)
     }
 
-    /// Estimated processor time of [`Self::findings`], in seconds.
-    #[must_use]
-    pub fn findings_seconds(&self, members: usize, outputs: usize) -> f64 {
+    fn findings_seconds(&self, problem: &Problem) -> f64 {
+        let members = problem.members.len();
         // Additions for each number that a resample draws.
-        let (bootstrap, drawn, additions) = match &self.method {
-            Method::Sobol { groups, bootstrap, .. } => (bootstrap, *groups, 2 * members + 4),
-            Method::Morris { trajectories, bootstrap, .. } => {
-                (bootstrap, *trajectories, 8 * members)
-            }
-            Method::Local(_) => return 0.0,
+        let (bootstrap, drawn, additions) = match self {
+            Self::Sobol { groups, bootstrap, .. } => (bootstrap, *groups, 2 * members + 4),
+            Self::Morris { trajectories, bootstrap, .. } => (bootstrap, *trajectories, 8 * members),
+            Self::Local(_) => return 0.0,
         };
-        let drawn = bootstrap.resamples() * drawn.min(MAX_BLOCKS) * outputs;
+        let drawn = bootstrap.resamples() * drawn.min(MAX_BLOCKS) * problem.outputs.len();
         ADDITION * drawn as f64 * additions as f64
     }
 
-    /// The largest possible size of the table and the notes, in bytes.
-    #[must_use]
-    pub fn bytes(&self, problem: &Problem) -> usize {
+    fn findings_bytes(&self, problem: &Problem) -> usize {
         // Each name is in the table and in a note.
-        let cells = NUMBER * (self.columns().len() + 1) + NOTE;
+        let cells = NUMBER * (self.numbers().len() + 1) + NOTE;
         let of_members = |output: &Output| -> usize {
             let members = problem.members.iter();
             members.map(|member| cells + 2 * (member.pointer.len() + output.name().len())).sum()
         };
         let of_output = |output: &Output| of_members(output) + 2 * (NOTE + output.name().len());
         problem.outputs.iter().map(of_output).sum()
-    }
-
-    fn table(
-        &self,
-        members: &[&str],
-        outputs: &[Named<'_>],
-        rows: &Rows,
-        goes_on: &mut dyn FnMut() -> bool,
-    ) -> Option<Map<String, Value>> {
-        let mut findings = Findings::new(self.columns());
-        for (place, output) in outputs.iter().enumerate() {
-            if !goes_on() {
-                return None;
-            }
-            let values = rows.numbers(members.len() + place);
-            match &self.method {
-                Method::Sobol { bootstrap, .. } => {
-                    findings.shares(*output, members, &values, bootstrap);
-                }
-                Method::Morris { design, trajectories, bootstrap, .. } => {
-                    let found = effects(design, &values, bootstrap);
-                    findings.effects(*output, members, &found, *trajectories);
-                }
-                Method::Local(around) => {
-                    let y = values[0].unwrap_or_default();
-                    for (member, one) in members.iter().zip(around) {
-                        let found = one.derivative(&values, output.accuracy);
-                        findings.elasticity(*output, member, (one.place.x, y), found);
-                    }
-                }
-            }
-        }
-        Some(findings.written())
     }
 }
 
@@ -414,7 +434,8 @@ mod tests {
 
     use super::*;
     use crate::problem::Found;
-    use crate::{Kind, Points, Study};
+    use crate::{Points, Study};
+    use serde_json::Map;
 
     /// A function in place of the engine, with its indices Sᵢ and Tᵢ.
     struct Model {
@@ -457,7 +478,7 @@ mod tests {
         fn study(&self, name: MethodName, samples: usize, seed: u64) -> Map<String, Value> {
             let from = vec![self.from; self.indices.len()];
             let bootstrap = Bootstrap::new(200, 0.95, 1).unwrap();
-            let study = Sensitivity::of(name, from, samples, seed, bootstrap).unwrap();
+            let study = Sensitivity::of(name, from, samples, seed, bootstrap);
             let mut rows = Rows::default();
             for number in 0..study.points() {
                 let values = study.point(number);
@@ -467,7 +488,7 @@ mod tests {
             let members = ["a", "b", "c", "d", "e", "f", "g", "h"];
             let output = Named { name: "y", unit: "1", accuracy: ROUNDING };
             let members = &members[..self.indices.len()];
-            study.table(members, &[output], &rows, &mut || true).unwrap()
+            study.table(members, &[output], &rows, &mut || true).unwrap().members()
         }
 
         /// How many of the intervals of the Sobol indices contain the index.
@@ -531,7 +552,7 @@ mod tests {
             "outputs": ["unworn.gross_slip_amplitude"],
         });
         change(&mut study);
-        Study::read(Kind::Sensitivity, study).map(Arc::new)
+        Study::read(&KIND, study).map(Arc::new)
     }
 
     fn rows(study: &Arc<Study>) -> Rows {

@@ -1,17 +1,16 @@
 //! A study of any kind: its canonical form, its points, and its document.
 
+use std::mem;
+
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::quantity::{self, Dimension};
 use serde::Serialize;
 use serde_json::{Map, Number, Value, json};
 
-use super::design::Design;
-use super::map::{self, Map as FrettingMap};
 use super::output::Output;
-use super::problem::{Found, Lack, Problem, Read, Running};
+use super::plan::{Column, Kind, MAX_POINTS, Plan, Read, Tried};
+use super::problem::{Found, Lack, Problem, Running};
 use super::rows::{MAX_REASON, NUMBER, Rows};
-use super::sensitivity::{self, Sensitivity};
-use super::sweep;
 use fretwork_json as json;
 use fretwork_random::Stream;
 
@@ -24,8 +23,6 @@ const CHUNK: f64 = 0.1;
 const MAX_FINDINGS: f64 = 5.0;
 /// Most points of a chunk.
 const MAX_CHUNK: usize = 4096;
-/// Most points of a study on any server.
-const MAX_POINTS: usize = 1 << 22;
 /// Fewest and most points by which the cost of all points is estimated.
 const SAMPLES: (usize, usize) = (4, 64);
 /// Time to prepare these points, in seconds.
@@ -35,87 +32,22 @@ const LISTED: usize = 100_000;
 /// Bytes of a document beside its table and its canonical form.
 const HEAD: usize = 4096;
 
-/// The kinds of studies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// The outputs of a scenario for many values of its numbers.
-    Sweep,
-    /// Which numbers of a scenario matter for its outputs.
-    Sensitivity,
-    /// Regimes and outputs over normal force and amplitude.
-    Map,
-}
-
-impl Kind {
-    /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Sweep, Self::Sensitivity, Self::Map];
-
-    /// The name: the member of a job body that holds the study.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Sweep => "sweep",
-            Self::Sensitivity => "sensitivity",
-            Self::Map => "map",
-        }
-    }
-
-    fn read(self, study: Value) -> Result<Read<Plan>, Faults> {
-        match self {
-            Self::Sweep => sweep::read(study).map(|read| read.with(Plan::Sweep)),
-            Self::Sensitivity => sensitivity::read(study).map(|read| read.with(Plan::Sensitivity)),
-            Self::Map => map::read(study).map(|read| read.with(Plan::Map)),
-        }
-    }
-}
-
 /// A valid study.
 #[derive(Debug)]
 pub struct Study {
-    kind: Kind,
+    kind: &'static Kind,
     canonical: Value,
     problem: Problem,
-    plan: Plan,
+    plan: Box<dyn Plan>,
     /// Estimated processor time.
     seconds: f64,
 }
 
-/// Which points a study has, and what it makes of their rows.
-#[derive(Debug)]
-enum Plan {
-    Sweep(Design),
-    Sensitivity(Sensitivity),
-    Map(FrettingMap),
-}
-
-impl Plan {
-    fn points(&self) -> usize {
-        match self {
-            Self::Sweep(design) => design.points(),
-            Self::Sensitivity(sensitivity) => sensitivity.points(),
-            Self::Map(map) => map.points(),
-        }
-    }
-
-    /// Estimated processor time of what follows from the rows, in seconds.
-    fn findings_seconds(&self, problem: &Problem) -> f64 {
-        match self {
-            Self::Sweep(_) => 0.0,
-            Self::Sensitivity(sensitivity) => {
-                sensitivity.findings_seconds(problem.members.len(), problem.outputs.len())
-            }
-            Self::Map(map) => map.findings_seconds(problem),
-        }
-    }
-}
-
-/// A column of the table of a study.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Column {
-    /// Its name: the pointer of a member, or the name of an output.
-    pub name: String,
-    /// The SI unit of its numbers, or `1`; `None` for a column of texts.
-    pub unit: Option<&'static str>,
+/// The computation of one point.
+#[derive(Debug, Default)]
+pub(super) struct Point {
+    tried: Vec<Tried>,
+    running: Option<(Vec<f64>, Running)>,
 }
 
 impl Study {
@@ -123,12 +55,13 @@ impl Study {
     ///
     /// # Errors
     /// All faults, with pointers relative to the study.
-    pub fn read(kind: Kind, typed: Value) -> Result<Self, Faults> {
-        let Read { complete, problem, plan } = kind.read(typed).map_err(Faults::capped)?;
-        if plan.points() > MAX_POINTS {
+    pub fn read(kind: &'static Kind, typed: Value) -> Result<Self, Faults> {
+        let Read { complete, problem, plan } = (kind.read)(typed).map_err(Faults::capped)?;
+        if plan.points() as u64 > MAX_POINTS {
             let detail =
                 format!("gives {} points. A study may have at most {MAX_POINTS}", plan.points());
-            let mut names = ["samples", "vary", "amplitude"].into_iter();
+            let axes = kind.axes.iter().rev().map(|(name, _)| *name);
+            let mut names = ["samples", "vary"].into_iter().chain(axes);
             let name = names.find(|name| complete.contains_key(*name)).unwrap_or_default();
             return Err(Faults::one(&format!("/{name}"), detail));
         }
@@ -142,7 +75,7 @@ impl Study {
         }
         drop((problem, plan));
         // What is computed follows from the canonical form alone, with its order of members.
-        let Read { complete, problem, plan } = kind.read(canonical(complete.into()))?;
+        let Read { complete, problem, plan } = (kind.read)(canonical(complete.into()))?;
         let mut canonical = Value::Object(complete);
         canonical.sort_all_objects();
         let mut study = Self { kind, canonical, problem, plan, seconds: 0.0 };
@@ -168,41 +101,40 @@ impl Study {
 
     /// Estimated processor time of a point with these values.
     fn point_seconds(&self, values: &[f64]) -> f64 {
-        match &self.plan {
-            Plan::Map(_) => FrettingMap::seconds(&self.problem, values),
-            Plan::Sweep(_) | Plan::Sensitivity(_) => self.problem.seconds(values),
-        }
+        self.plan.seconds(&self.problem, values)
     }
 
-    /// Begins to compute the row of a point.
-    pub(super) fn start(&self, values: &[f64]) -> Running {
-        match &self.plan {
-            Plan::Map(_) if self.problem.outputs.is_empty() => {
-                Running::Known(Found { outputs: Vec::new(), profiles: Vec::new(), lack: None })
+    /// Continues to compute a point for at most about 30 ms. Returns its row when it is known.
+    pub(super) fn step(&self, number: usize, point: &mut Point) -> Option<Tried> {
+        loop {
+            if let Some((values, running)) = &mut point.running {
+                let found = self.problem.step(running)?;
+                point.tried.push(Tried { values: mem::take(values), found });
+                point.running = None;
             }
-            _ => self.problem.start(values),
+            let Some(values) = self.plan.next(&self.problem, number, &point.tried) else {
+                return Some(self.plan.row(&self.problem, number, mem::take(&mut point.tried)));
+            };
+            let running = self.problem.start(&values);
+            point.running = Some((values, running));
+            // A point of many short runs takes a step for each.
+            if !point.tried.is_empty() {
+                return None;
+            }
         }
-    }
-
-    /// Continues to compute the row of a point for at most about 30 ms. Returns it when it is known.
-    pub(super) fn step(&self, number: usize, running: &mut Running) -> Option<Found> {
-        let found = self.problem.step(running)?;
-        Some(match &self.plan {
-            Plan::Map(map) => map.row(&self.problem, number, found),
-            Plan::Sweep(_) | Plan::Sensitivity(_) => found,
-        })
     }
 
     /// The row of a point without outputs.
-    pub(super) fn lacks_all(&self, lack: Lack) -> Found {
+    pub(super) fn lacks_all(&self, number: usize, lack: Lack) -> Tried {
         // Beside the outputs there are the members and the reason.
-        let outputs = self.columns().len() - self.problem.members.len() - 1;
-        Found { outputs: vec![None; outputs], ..self.problem.lacks_all(lack) }
+        let outputs = vec![None; self.columns().len() - self.problem.members.len() - 1];
+        let found = Found { outputs, lack: Some(lack), ..self.problem.no_run() };
+        Tried { values: self.point(number), found }
     }
 
     /// The kind.
     #[must_use]
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> &'static Kind {
         self.kind
     }
 
@@ -224,17 +156,13 @@ impl Study {
         self.plan.points()
     }
 
-    /// The values of the members at a point, in SI.
+    /// The values of the members in the first run of a point, in SI.
     ///
     /// # Panics
     /// There is no such point.
     #[must_use]
     pub fn point(&self, number: usize) -> Vec<f64> {
-        match &self.plan {
-            Plan::Sweep(design) => design.point(number),
-            Plan::Sensitivity(sensitivity) => sensitivity.point(number),
-            Plan::Map(map) => map.point(number).to_vec(),
-        }
+        self.plan.point(number)
     }
 
     /// Estimated processor time, in seconds.
@@ -246,7 +174,7 @@ impl Study {
     /// The largest possible size of the document, in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let row = NUMBER * (self.columns().len() - 1) + MAX_REASON + self.derived().len() * NUMBER;
+        let row = NUMBER * (self.columns().len() - 1) + MAX_REASON;
         // A curve has brackets, and a point its number.
         let curves = self.problem.profiles.as_ref().map_or(0, |profiles| {
             NUMBER + profiles.fields.len() * (NUMBER * profiles.radii.len() + 3)
@@ -256,24 +184,17 @@ impl Study {
 
     /// Size of the document without its rows, about.
     fn head(&self) -> usize {
-        let found = match &self.plan {
-            Plan::Sweep(_) => {
-                self.problem.profiles.as_ref().map_or(0, |it| NUMBER * it.radii.len())
-            }
-            Plan::Sensitivity(sensitivity) => sensitivity.bytes(&self.problem),
-            Plan::Map(map) => map.bytes(),
-        };
+        let radii = self.problem.profiles.as_ref().map_or(0, |it| NUMBER * it.radii.len());
+        let found = radii + self.plan.findings_bytes(&self.problem);
         HEAD + self.canonical.to_string().len() + found
     }
 
     /// Memory of a prepared study, in bytes, beside its canonical form as text.
     #[must_use]
     pub fn memory(&self) -> usize {
-        let contacts = match &self.plan {
-            Plan::Map(map) => map.memory(),
-            Plan::Sweep(_) | Plan::Sensitivity(_) => 0,
-        };
-        size_of::<Self>() + 8 * self.problem.members.len() * LISTED.min(self.points()) + contacts
+        size_of::<Self>()
+            + 8 * self.problem.members.len() * LISTED.min(self.points())
+            + self.plan.memory()
     }
 
     /// How many chunks of about 50 ms the study has.
@@ -283,66 +204,29 @@ impl Study {
         ((self.seconds / CHUNK).ceil() as usize).clamp(least, self.points())
     }
 
-    /// The member of the document that has the rows of all points. The table of a sensitivity study is what follows from
-    /// them.
-    #[must_use]
-    pub fn rows_member(&self) -> &'static str {
-        match self.plan {
-            Plan::Sensitivity(_) => "samples",
-            Plan::Sweep(_) | Plan::Map(_) => "table",
-        }
-    }
-
     /// The columns of the rows: members, outputs, and the reason why one is missing.
     #[must_use]
     pub fn columns(&self) -> Vec<Column> {
-        let members = self.problem.members.iter().map(|member| Column {
-            name: member.pointer.clone(),
-            unit: Some(match member.dimension.si() {
-                "" => "1",
-                unit => unit,
-            }),
+        let members = self.problem.members.iter().map(|member| {
+            let unit = member.dimension.si();
+            Column::new(&member.pointer, if unit.is_empty() { "1" } else { unit })
         });
-        let closed: &[_] = match self.plan {
-            Plan::Map(_) => &map::CLOSED,
-            Plan::Sweep(_) | Plan::Sensitivity(_) => &[],
-        };
-        let closed = closed
-            .iter()
-            .map(|(name, unit)| Column { name: (*name).to_owned(), unit: Some(*unit) });
         let outputs = self.problem.outputs.iter();
-        let outputs = outputs.map(|output: &Output| Column {
-            name: output.name().to_owned(),
-            unit: Some(output.unit()),
-        });
+        let outputs = outputs.map(|output: &Output| Column::new(output.name(), output.unit()));
         let reason = Column { name: "reason".to_owned(), unit: None };
-        members.chain(closed).chain(outputs).chain([reason]).collect()
-    }
-
-    /// The names of the columns of texts that follow from the rows. The document has them after the others.
-    pub(super) fn derived(&self) -> &'static [&'static str] {
-        match self.plan {
-            Plan::Map(_) => &[map::REGIME],
-            Plan::Sweep(_) | Plan::Sensitivity(_) => &[],
-        }
+        members.chain(self.plan.columns()).chain(outputs).chain([reason]).collect()
     }
 
     /// The units of the columns of numbers, by their names.
     #[must_use]
     pub fn units(&self) -> Map<String, Value> {
-        let columns = self.columns().into_iter();
+        let columns = self.columns().into_iter().chain(self.plan.found_columns());
         let columns = columns.filter_map(|column| Some((column.name, column.unit?.into())));
-        let (found, unit): (&[_], _) = match &self.plan {
-            Plan::Sensitivity(sensitivity) => (sensitivity.columns(), sensitivity.unit()),
-            Plan::Sweep(_) | Plan::Map(_) => (&[], ""),
-        };
-        let found = found.iter().map(|name| (*name, unit));
         let curves = self.problem.profiles.iter().flat_map(|profiles| {
             let fields = profiles.fields.iter().map(|field| (field.name(), field.unit()));
             [("point", "1"), ("radius", "m")].into_iter().chain(fields)
         });
-        let others = found.chain(curves).map(|(name, unit)| (name.to_owned(), unit.into()));
-        columns.chain(others).collect()
+        columns.chain(curves.map(|(name, unit)| (name.to_owned(), unit.into()))).collect()
     }
 
     /// The document of the study from the rows of all its points, under this key.
@@ -372,29 +256,23 @@ impl Study {
         let mut head = json!({
             "key": key,
             "engine": engine,
-            self.kind.name(): self.canonical,
+            self.kind.name: self.canonical,
             "units": self.units(),
             "counts": self.counts(rows),
         });
-        let found = match &self.plan {
-            Plan::Sweep(_) => Map::new(),
-            Plan::Sensitivity(sensitivity) => sensitivity.findings(&self.problem, rows, goes_on)?,
-            Plan::Map(map) => map.findings(&self.problem),
-        };
-        head.as_object_mut().expect("it is an object").extend(found);
+        let findings = self.plan.findings(&self.problem, rows, goes_on)?;
+        head.as_object_mut().expect("it is an object").extend(findings.members());
         let mut text = String::with_capacity(rows.bytes() + self.head());
         text.push_str(&head.to_string());
         let end = text.pop().expect("an object ends with a brace");
         text.push_str(",\"");
-        text.push_str(self.rows_member());
+        text.push_str(self.kind.rows);
         text.push_str("\":");
         let columns = self.columns();
-        let derived = self.derived().iter().map(|name| (*name, FrettingMap::regimes(rows)));
-        let derived: Vec<_> = derived.collect();
         let cells = rows.columns().take(columns.len());
         let names = columns.iter().map(|column| column.name.as_str());
-        let derived = derived.iter().map(|(name, cells)| (*name, cells.as_str()));
-        add_columns(&mut text, names.zip(cells).chain(derived));
+        let beside = findings.beside.iter().map(|(name, cells)| (*name, cells.as_str()));
+        add_columns(&mut text, names.zip(cells).chain(beside));
         if let Some(profiles) = &self.problem.profiles {
             text.push_str(",\"profiles\":");
             let points: Vec<_> = (0..rows.count).map(|point| point.to_string()).collect();

@@ -6,11 +6,46 @@ use fretwork_engine::request::fields::Given;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::design::Design;
-use super::problem::{MAX_SEED, Problem, Read, small_members, varied_and_outputs};
-use super::profile::CommonProfiles;
-use super::vary::{self, Values, Varied};
+use crate::plan::StudyFigure::{Curves, Heat, Scatter};
+use crate::plan::{Hints, Kind, MAX_POINTS, Offer, Plan, Read};
+use crate::problem::{MAX_SEED, Problem, small_members, varied_and_outputs};
+use crate::profile::CommonProfiles;
+use crate::stats::design::Design;
+use crate::vary::{self, Values, Varied};
 use fretwork_json::{Whole, both};
+
+/// The kind of sweeps.
+pub const KIND: Kind = Kind {
+    name: "sweep",
+    title: "Sweep",
+    rows: "table",
+    keeps_profiles: true,
+    axes: &[],
+    design: "design",
+    designs: &[
+        ("grid", Hints { is_grid: true, ..Hints::of(&[Curves, Heat]) }),
+        ("zip", Hints::of(&[Curves, Scatter])),
+        ("latin_hypercube", Hints::of(&[Scatter])),
+        ("sobol", Hints::of(&[Scatter])),
+    ],
+    offers: &[
+        Offer {
+            id: "sweep",
+            title: "Sweep",
+            meaning: "all combinations of the values",
+            members: r#"{"design": "grid"}"#,
+            sample: None,
+        },
+        Offer {
+            id: "random",
+            title: "Random sample",
+            meaning: "points spread evenly over the ranges (Latin hypercube)",
+            members: r#"{"design": "latin_hypercube", "seed": 0}"#,
+            sample: Some((1, 0)),
+        },
+    ],
+    read,
+};
 
 /// The body of a sweep.
 #[derive(Deserr)]
@@ -23,7 +58,7 @@ struct Request {
     #[deserr(default)]
     design: Given<DesignName>,
     #[deserr(default)]
-    samples: Given<Whole<1, 0xffff_ffff>>,
+    samples: Given<Whole<1, MAX_POINTS>>,
     #[deserr(default)]
     seed: Given<Whole<0, MAX_SEED>>,
     outputs: Value,
@@ -46,7 +81,7 @@ enum DesignName {
 ///
 /// # Errors
 /// All faults, with pointers relative to the sweep.
-pub(super) fn read(sweep: Value) -> Result<Read<Design>, Faults> {
+fn read(sweep: Value) -> Result<Read, Faults> {
     let mut complete = small_members(&sweep);
     let request: Request =
         Request::deserialize_from_value::<Value>(sweep.into_value(), ValuePointerRef::Origin)?;
@@ -72,6 +107,16 @@ pub(super) fn read(sweep: Value) -> Result<Read<Design>, Faults> {
     }
     let problem = Problem { profiles, ..Problem::new(scenario, members, outputs) };
     Ok(Read::new(complete, problem, design))
+}
+
+impl Plan for Design {
+    fn points(&self) -> usize {
+        self.points()
+    }
+
+    fn point(&self, number: usize) -> Vec<f64> {
+        self.point(number)
+    }
 }
 
 impl DesignName {
@@ -129,18 +174,12 @@ fn design_of(
     }
     let points = samples.unwrap_or_default() as usize;
     let made = match name {
-        DesignName::Grid => Design::grid(lists),
+        DesignName::Grid => Ok(Design::grid(lists)),
         DesignName::Zip => Design::zip(lists),
-        DesignName::LatinHypercube => Design::latin_hypercube(distributions, points, seed),
-        DesignName::Sobol => Design::sobol(distributions, points, seed),
+        DesignName::LatinHypercube => Ok(Design::latin_hypercube(distributions, points, seed)),
+        DesignName::Sobol => Ok(Design::sobol(distributions, points, seed)),
     };
-    made.map_err(|fault| {
-        let pointer = match fault.pointer.as_str() {
-            "/points" => "/samples".to_owned(),
-            other => format!("/vary{other}"),
-        };
-        Faults::one(&pointer, fault.detail)
-    })
+    made.map_err(|fault| Faults(vec![fault]).below("/vary"))
 }
 
 #[cfg(test)]
@@ -151,7 +190,7 @@ mod tests {
     use fretwork_engine::simulation::Simulation;
 
     use super::*;
-    use crate::{Kind, Points, Rows, Study};
+    use crate::{Points, Rows, Study};
     use fretwork_json as json;
 
     fn sweep(change: impl FnOnce(&mut Value)) -> Result<Arc<Study>, Faults> {
@@ -173,7 +212,7 @@ mod tests {
             "outputs": ["wear_volume", "wear_volume@1000", "unworn.stick_radius"],
         });
         change(&mut sweep);
-        Study::read(Kind::Sweep, sweep).map(Arc::new)
+        Study::read(&KIND, sweep).map(Arc::new)
     }
 
     fn all_rows(study: &Arc<Study>, chunks: usize) -> Rows {
@@ -343,7 +382,7 @@ mod tests {
             sweep["seed"] = json!(5);
         });
         assert_eq!(study.canonical().to_string(), in_si.unwrap().canonical().to_string());
-        let again = Study::read(Kind::Sweep, study.canonical().clone()).unwrap();
+        let again = Study::read(&KIND, study.canonical().clone()).unwrap();
         assert_eq!(study.canonical().to_string(), again.canonical().to_string());
         assert_eq!(study.canonical()["scenario"]["profile"]["radius"], json!(0.01));
         assert_eq!(study.canonical()["vary"][1]["from"], json!(1e-6));

@@ -1,13 +1,11 @@
 //! The table and the notes of a sensitivity study. An estimate is never hidden or changed: what its reader must know is said in a
 //! note beside it.
 
-use fretwork_engine::numeric::twelve_digits;
-use serde_json::{Map, Value, json};
-
-use super::derivative::Derivative;
-use super::indices::{Caution, Index, indices};
-use super::morris::Effect;
-use super::{Bootstrap, Estimate};
+use crate::plan::{Cells, Findings, Note};
+use crate::stats::derivative::Derivative;
+use crate::stats::indices::{Caution, Index, indices};
+use crate::stats::morris::Effect;
+use crate::stats::{Bootstrap, Estimate};
 
 /// What the table says of an output.
 #[derive(Debug, Clone, Copy)]
@@ -21,15 +19,15 @@ pub struct Named<'a> {
 }
 
 /// The table and the notes, while they are made.
-pub struct Findings {
+pub struct Table {
     outputs: Vec<String>,
     members: Vec<String>,
     units: Vec<String>,
     columns: Vec<(&'static str, Vec<Option<f64>>)>,
-    notes: Vec<Value>,
+    notes: Vec<Note>,
 }
 
-impl Findings {
+impl Table {
     /// An empty table with these columns, which come after the names.
     pub fn new(columns: &[&'static str]) -> Self {
         let columns = columns.iter().map(|name| (*name, Vec::new())).collect();
@@ -38,20 +36,12 @@ impl Findings {
     }
 
     /// The members `table` and `notes` of the document.
-    pub fn written(self) -> Map<String, Value> {
-        let mut table = Map::new();
-        table.insert("output".to_owned(), json!(self.outputs));
-        table.insert("unit".to_owned(), json!(self.units));
-        table.insert("member".to_owned(), json!(self.members));
-        for (name, column) in self.columns {
-            let column: Vec<_> =
-                column.into_iter().map(|number| number.map(twelve_digits)).collect();
-            table.insert(name.to_owned(), json!(column));
-        }
-        Map::from_iter([
-            ("notes".to_owned(), json!(self.notes)),
-            ("table".to_owned(), table.into()),
-        ])
+    pub fn finished(self) -> Findings {
+        let texts = [("output", self.outputs), ("unit", self.units), ("member", self.members)];
+        let texts = texts.into_iter().map(|(name, cells)| (name, Cells::Texts(cells)));
+        let columns = self.columns.into_iter().map(|(name, cells)| (name, Cells::Numbers(cells)));
+        let table = texts.chain(columns).map(|(name, cells)| (name.to_owned(), cells)).collect();
+        Findings { notes: Some(self.notes), tables: vec![("table", table)], beside: Vec::new() }
     }
 
     fn row(&mut self, output: Named<'_>, member: &str, numbers: &[f64]) {
@@ -64,11 +54,8 @@ impl Findings {
     }
 
     fn note(&mut self, output: Named<'_>, member: Option<&str>, detail: &dyn ToString) {
-        let mut note = json!({"output": output.name, "detail": detail.to_string()});
-        if let Some(member) = member {
-            note["member"] = json!(member);
-        }
-        self.notes.push(note);
+        let (output, detail) = (output.name.to_owned(), detail.to_string());
+        self.notes.push(Note { output, detail, member: member.map(str::to_owned) });
     }
 
     /// Sobol indices of an output.

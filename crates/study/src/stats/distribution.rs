@@ -12,7 +12,7 @@
 //!
 //! # Examples
 //! ```
-//! use fretwork_study::distribution::Distribution;
+//! use fretwork_study::stats::distribution::Distribution;
 //! // 68 % of the wear coefficients lie within a factor of 2 of the median.
 //! let wear = Distribution::lognormal(1e-14, 2.0).unwrap();
 //! assert_eq!(wear.quantile(0.5), 1e-14);

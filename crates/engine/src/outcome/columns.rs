@@ -1,0 +1,204 @@
+//! The table of the numbers of a result: their units, symbols and names, where they are, and what they mean there.
+//!
+//! A new column of the history is a line in [`QUANTITIES`], a line in [`History`], and its computation. Units, outputs of
+//! studies, derivatives, figures, exports, schemas and the words of the page follow.
+
+use serde::Serialize;
+
+/// A quantity. Its name has the same meaning everywhere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Quantity {
+    /// The name in documents.
+    pub name: &'static str,
+    /// The SI unit, or `1`.
+    pub unit: &'static str,
+    /// The name for people.
+    pub words: &'static str,
+    /// The symbol, with the letters of the equations between `$`; empty if it has none.
+    pub symbol: &'static str,
+}
+
+/// All quantities, in the order of the member `units` of a result.
+pub const QUANTITIES: &[Quantity] = &[
+    quantity("cycles", "1", "Cycles", "$N$"),
+    quantity("normalized_cycles", "1", "Normalized cycles", "$Ñ$"),
+    quantity("contact_radius", "m", "Contact radius", "$a$"),
+    quantity("stick_radius", "m", "Stick radius", "$c$"),
+    quantity("scar_radius", "m", "Scar radius", ""),
+    quantity("indentation_depth", "m", "Indentation depth", "$d$"),
+    quantity("normal_force", "N", "Normal force", "$F$"),
+    quantity("tangential_force", "N", "Tangential force amplitude", "$Q$"),
+    quantity("amplitude", "m", "Displacement amplitude", "$U$"),
+    quantity("gross_slip_amplitude", "m", "Gross-slip threshold", ""),
+    quantity("normal_modulus", "Pa", "Normal modulus", "$E$*"),
+    quantity("tangential_modulus", "Pa", "Tangential modulus", "$G$*"),
+    quantity("wear_coefficient", "1/Pa", "Wear coefficient", "$k_w$"),
+    quantity("peak_pressure", "Pa", "Peak pressure", ""),
+    quantity("mean_pressure", "Pa", "Mean pressure", ""),
+    quantity("wear_volume", "m^3", "Wear volume", "$V$"),
+    quantity("wear_depth", "m", "Largest wear depth", ""),
+    quantity("wear_depth_radius", "m", "Radius of the largest wear depth", ""),
+    quantity("energy_per_cycle", "J", "Energy per cycle", "$W$"),
+    quantity("dissipated_energy", "J", "Dissipated energy", "Σ$W$"),
+    quantity("wear_volume_error", "1", "Relative error of the wear volume", ""),
+    quantity("wear_depth_error", "1", "Relative error of the wear depth", ""),
+    quantity("radius", "m", "Radius", "$r$"),
+    quantity("initial", "m", "Unworn profile", "$f$₀"),
+    quantity("limiting", "m", "Limiting profile", "$f$∞"),
+    quantity("worn", "m", "Worn profile", "$f$"),
+    quantity("wear", "m", "Wear depth", "$w$"),
+    quantity("image", "m", "One-dimensional image", "$g$"),
+    quantity("pressure", "Pa", "Pressure", "$p$"),
+    quantity("slip", "m", "Slip amplitude", ""),
+    quantity("displacement", "m", "Displacement", "$u$"),
+    quantity("energy_ratio", "1", "Energy ratio", "$A$"),
+    quantity("slip_ratio", "1", "Slip ratio", "$D$"),
+    quantity("free_ratio", "1", "System-free ratio", "$B$"),
+    quantity("actuator_amplitude", "m", "Actuator amplitude", ""),
+    quantity("actuator_energy_ratio", "1", "Energy ratio at the actuator", ""),
+    quantity("actuator_slip_ratio", "1", "Slip ratio at the actuator", ""),
+    quantity("scar_half_length", "m", "Half-length of the scar", ""),
+];
+
+const fn quantity(
+    name: &'static str,
+    unit: &'static str,
+    words: &'static str,
+    symbol: &'static str,
+) -> Quantity {
+    Quantity { name, unit, words, symbol }
+}
+
+impl Quantity {
+    /// The quantity with this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<&'static Self> {
+        QUANTITIES.iter().find(|quantity| quantity.name == name)
+    }
+}
+
+/// [`QUANTITIES`] as a JSON object of their units.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ResultUnits;
+
+impl Serialize for ResultUnits {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(QUANTITIES.iter().map(|quantity| (quantity.name, quantity.unit)))
+    }
+}
+
+/// A number of a section of a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Member {
+    /// The name of its quantity.
+    pub name: &'static str,
+    /// What it means in this section.
+    pub meaning: &'static str,
+}
+
+/// Declares a section of a result, and the table of its numbers.
+macro_rules! section {
+    ($(#[$about:meta])* $name:ident: $view:ty = $get:path; $($(#[$attribute:meta])* $member:ident: $type:ty = $meaning:literal;)+) => {
+        $(#[$about])*
+        #[derive(Debug, Clone, PartialEq, Serialize)]
+        pub struct $name {
+            $(#[doc = $meaning] $(#[$attribute])* pub $member: $type,)+
+        }
+
+        impl $name {
+            /// Its numbers, in the order of the JSON.
+            pub const MEMBERS: &[Member] =
+                &[$(Member { name: stringify!($member), meaning: $meaning }),+];
+
+            /// The values of [`Self::MEMBERS`].
+            #[must_use]
+            pub fn values(&self) -> [$view; Self::MEMBERS.len()] {
+                [$($get(&self.$member)),+]
+            }
+        }
+    };
+}
+
+/// A number that some results do not have.
+fn number<T: Copy + Into<Option<f64>>>(number: &T) -> Option<f64> {
+    (*number).into()
+}
+
+section! {
+    /// The scales of the unworn contact. All results are multiples of them.
+    #[derive(Copy)]
+    ContactScales: Option<f64> = number;
+    contact_radius: f64 = "Length scale a₀: the contact radius";
+    indentation_depth: f64 = "Depth scale d₀: the indentation depth";
+    normal_force: f64 = "Force scale F₀ of the unworn contact";
+    cycles: f64 = "Characteristic cycles N₀, after which wear is significant";
+}
+
+section! {
+    /// Quantities of the unworn contact.
+    #[derive(Copy)]
+    Unworn: Option<f64> = number;
+    normal_modulus: f64 = "E*";
+    tangential_modulus: f64 = "G*";
+    wear_coefficient: f64 = "k_w";
+    peak_pressure: f64 = "The largest pressure. It is infinite for a cone and at the edge of a flat: then it is null in JSON";
+    mean_pressure: f64 = "F/(πa²)";
+    gross_slip_amplitude: f64 = "The amplitude at which the whole contact slips";
+    stick_radius: f64 = "The stick radius c; 0 in gross slip";
+    amplitude: f64 = "The amplitude U";
+    tangential_force: f64 = "The amplitude Q of the tangential force";
+    energy_per_cycle: f64 = "The energy W lost per cycle";
+    energy_ratio: f64 = "A = W/(4QU), the energy ratio of the sliding transition. It is 0.2 for a paraboloid at the gross-slip threshold";
+    slip_ratio: f64 = "D = δ₀/U, the slip ratio: half of the loop width at Q = 0, divided by the amplitude. It is 0.26 for a paraboloid at the gross-slip threshold";
+    free_ratio: f64 = "B = W/(4Qδ₀), the system-free ratio; 0 if the loop is closed. It is 0.77 for a paraboloid at the gross-slip threshold. It is the same for the stroke at the actuator, because the rig is elastic";
+    #[serde(skip_serializing_if = "Option::is_none")]
+    actuator_amplitude: Option<f64> = "The amplitude of the actuator, U_rig = U + Q/k_rig. Only with a rig";
+    #[serde(skip_serializing_if = "Option::is_none")]
+    actuator_energy_ratio: Option<f64> = "The energy ratio for the stroke at the actuator, W/(4QU_rig). Only with a rig";
+    #[serde(skip_serializing_if = "Option::is_none")]
+    actuator_slip_ratio: Option<f64> = "The slip ratio for the stroke at the actuator, δ₀/U_rig. Only with a rig";
+}
+
+section! {
+    /// The limiting state of wear.
+    #[derive(Copy)]
+    LimitState: Option<f64> = number;
+    contact_radius: f64 = "ã: the outer radius of the limiting profile";
+    stick_radius: f64 = "The limiting stick radius c";
+    wear_volume: f64 = "The limiting wear volume V∞";
+    wear_depth: f64 = "The largest wear depth";
+    wear_depth_radius: f64 = "The radius of the largest wear depth";
+    normal_force: f64 = "The limiting normal force F∞. Only the core inside c carries it";
+    indentation_depth: f64 = "The limiting indentation depth d";
+    tangential_force: f64 = "The limiting tangential force Q∞ = 2G*U·c";
+}
+
+section! {
+    /// Columns with one entry per output cycle.
+    #[derive(Default)]
+    History: &[f64] = Vec::as_slice;
+    cycles: Vec<f64> = "Load cycles N; the first entry is 0";
+    normalized_cycles: Vec<f64> = "Ñ = N/N₀";
+    wear_volume: Vec<f64> = "Wear volume V of both bodies together";
+    wear_depth: Vec<f64> = "Largest depth of the wear scar";
+    scar_radius: Vec<f64> = "Largest radius with wear, as seen in a microscope; 0 without wear";
+    contact_radius: Vec<f64> = "Contact radius a. The simplified rule with held depth keeps it at a₀";
+    stick_radius: Vec<f64> = "Stick radius c; 0 in gross slip";
+    normal_force: Vec<f64> = "Normal force F";
+    indentation_depth: Vec<f64> = "Indentation depth d";
+    amplitude: Vec<f64> = "U, half of the peak-to-peak displacement";
+    tangential_force: Vec<f64> = "Amplitude Q of the tangential force";
+    energy_per_cycle: Vec<f64> = "Energy W dissipated in one cycle";
+    dissipated_energy: Vec<f64> = "Energy Σ W dissipated since the start";
+    #[serde(default)]
+    wear_volume_error: Vec<f64> = "Estimated relative error of `wear_volume` due to discretisation; 0 at cycle 0. Results of version 0.3.0 and earlier do not have it";
+    #[serde(default)]
+    wear_depth_error: Vec<f64> = "Estimated relative error of `wear_depth` due to discretisation; 0 at cycle 0. Results of version 0.3.0 and earlier do not have it";
+}
+
+impl History {
+    /// The columns with their names, in the order of the JSON.
+    pub fn columns(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
+        Self::MEMBERS.iter().map(|member| member.name).zip(self.values())
+    }
+}

@@ -1,0 +1,121 @@
+//! The kinds of studies. This list is the only place that names them all.
+
+mod map;
+mod sensitivity;
+mod sweep;
+
+use super::plan::Kind;
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: [&'static Self; 3] = [&sweep::KIND, &sensitivity::KIND, &map::KIND];
+
+    /// The kind with this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<&'static Self> {
+        Self::ALL.into_iter().find(|kind| kind.name == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+    use std::iter;
+    use std::sync::Arc;
+
+    use fretwork_engine::request::fault::Faults;
+    use serde_json::{Map, Value, json};
+
+    use crate::member::Member;
+    use crate::plan::{Hints, Plan, Read, Tried};
+    use crate::problem::{Problem, outputs_of};
+    use crate::{Kind, Points, Study, StudyFigure};
+
+    #[test]
+    fn each_kind_says_what_its_figures_and_its_offers_need() {
+        let mut ids = HashSet::new();
+        for kind in Kind::ALL {
+            assert_eq!(Kind::named(kind.name), Some(kind));
+            for (design, Hints { figures, regions, bars, .. }) in kind.designs {
+                assert_eq!(figures.contains(&StudyFigure::Regimes), regions.is_some(), "{design}");
+                assert_eq!(figures.contains(&StudyFigure::Tornado), bars.is_some(), "{design}");
+                assert!(!figures.is_empty());
+            }
+            assert!(!kind.designs.is_empty());
+            for offer in kind.offers {
+                assert!(ids.insert(offer.id), "{} is the id of two offers", offer.id);
+                serde_json::from_str::<Map<String, Value>>(offer.members).unwrap();
+            }
+        }
+    }
+
+    /// The friction at which a contact begins to slip as a whole, for two amplitudes, by bisection.
+    #[derive(Debug)]
+    struct Thresholds;
+
+    const AMPLITUDES: [f64; 2] = [1e-6, 2e-6];
+    const STEPS: usize = 40;
+
+    impl Plan for Thresholds {
+        fn points(&self) -> usize {
+            AMPLITUDES.len()
+        }
+
+        fn point(&self, number: usize) -> Vec<f64> {
+            vec![AMPLITUDES[number], 0.5]
+        }
+
+        fn next(&self, _: &Problem, number: usize, tried: &[Tried]) -> Option<Vec<f64>> {
+            let (mut low, mut high) = (0.0, 1.0);
+            for Tried { values, found } in tried {
+                let slips = found.outputs[0] == Some(0.0);
+                *(if slips { &mut low } else { &mut high }) = values[1];
+            }
+            (tried.len() < STEPS).then(|| vec![AMPLITUDES[number], 0.5 * (low + high)])
+        }
+    }
+
+    fn read_thresholds(study: Value) -> Result<Read, Faults> {
+        let scenario = study["scenario"].clone();
+        let members = ["/motion/amplitude", "/friction"]
+            .map(|pointer| Member::find(&scenario, pointer).unwrap());
+        let outputs = outputs_of(json!(["unworn.stick_radius"]), &scenario)?;
+        let problem = Problem::new(scenario, members.to_vec(), outputs);
+        Ok(Read::new(Map::new(), problem, Thresholds))
+    }
+
+    #[test]
+    fn later_runs_of_a_point_can_depend_on_earlier_ones() {
+        static KIND: Kind = Kind {
+            name: "thresholds",
+            title: "Thresholds",
+            rows: "table",
+            keeps_profiles: false,
+            axes: &[],
+            design: "",
+            designs: &[("", Hints::of(&[StudyFigure::Curves]))],
+            offers: &[],
+            read: read_thresholds,
+        };
+        let scenario = json!({
+            "profile": {"shape": "paraboloid", "radius": "10 mm"},
+            "moduli": {"normal": "113 GPa", "tangential": "93 GPa"}, "friction": 0.7,
+            "wear": {"coefficient": "3.03e-5 mm^3/(N m)"}, "load": {"normal_force": "100 N"},
+            "motion": {"amplitude": "2 um"}, "cycles": [1000]});
+        let study = Arc::new(Study::read(&KIND, json!({"scenario": scenario})).unwrap());
+        let mut points = Points::whole(Arc::clone(&study));
+        let mut steps = 0;
+        let rows = iter::repeat_with(|| points.step()).inspect(|_| steps += 1).find_map(|it| it);
+        // Each run but the first of a point takes a step.
+        assert_eq!(steps, AMPLITUDES.len() * STEPS + 1);
+        let document: Value =
+            serde_json::from_str(&study.document(&"key", &"engine", &rows.unwrap())).unwrap();
+        // K. L. Johnson, Contact Mechanics (1985), (4.22) and (7.41): U = 3μF/(4G*a).
+        let radius = libm::cbrt(3.0 * 100.0 * 0.01 / (4.0 * 113e9));
+        for (number, amplitude) in AMPLITUDES.iter().enumerate() {
+            let friction = document["table"]["/friction"][number].as_f64().unwrap();
+            let known = amplitude * 4.0 * 93e9 * radius / (3.0 * 100.0);
+            assert!((friction - known).abs() < 1e-9, "{friction} {known}");
+        }
+    }
+}

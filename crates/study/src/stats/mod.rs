@@ -1,0 +1,11 @@
+//! Statistics: designs, distributions, indices, intervals, derivatives. They know numbers and faults, but no JSON.
+
+mod bootstrap;
+
+pub mod derivative;
+pub mod design;
+pub mod distribution;
+pub mod indices;
+pub mod morris;
+
+pub use bootstrap::{Bootstrap, Estimate, MAX_BLOCKS};
