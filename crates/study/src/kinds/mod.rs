@@ -75,8 +75,8 @@ mod tests {
         }
     }
 
-    fn read_thresholds(study: Value) -> Result<Read, Faults> {
-        let scenario = study["scenario"].clone();
+    fn read_thresholds(mut study: Value) -> Result<Read, Faults> {
+        let scenario = study["scenario"].take();
         let members = ["/motion/amplitude", "/friction"]
             .map(|pointer| Member::find(&scenario, pointer).unwrap());
         let outputs = outputs_of(json!(["unworn.stick_radius"]), &scenario)?;
