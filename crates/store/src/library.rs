@@ -96,7 +96,7 @@ impl Provenance {
     pub(super) fn query(key: &Key) -> Statement {
         sql!(
             "SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
-                 warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from,
+                 warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from, verified,
                  version, numerics, host, architecture, processors, note.text AS note, note.owner AS noted_by,
                  note.at AS noted, (SELECT count(*) FROM job WHERE job.key = result.key) AS jobs
              FROM result LEFT JOIN program ON program.id = result.program
