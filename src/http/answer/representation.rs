@@ -100,7 +100,7 @@ impl Representation {
             _ => Coding::choose(headers),
         };
         let answer = self.find_or_make(app, coding, longest_wait()).await?;
-        app.service.was_read(&self.key);
+        app.store.was_read(&self.key);
         Ok(match answer {
             Reply::Streamed(response) => response,
             Reply::Whole(Encoded { body, coding, permit }) => {
@@ -193,7 +193,7 @@ impl Representation {
         let size = match app.memory.get(&self.key.to_string()).map(|answer| answer.body) {
             Some(json) if json.len() <= store::LARGE => return Ok(MadeFrom::Json(json)),
             Some(json) => json.len(),
-            None => match app.service.small_result(&self.key).await? {
+            None => match app.store.small_result(&self.key).await? {
                 Some(StoredResult::Whole(body)) => {
                     return Ok(MadeFrom::Json(unpacked(&self.key, body).await?));
                 }
@@ -220,7 +220,7 @@ impl Representation {
         if self.view.cycles.is_none() {
             return Ok(());
         }
-        let Some(known) = app.service.known(&self.key).await? else { return Ok(()) };
+        let Some(known) = app.store.known(&self.key).await? else { return Ok(()) };
         let Some(asked) = known.asked.value["cycles"].as_array() else { return Ok(()) };
         let last = &known.summary["cycles"];
         let given = asked.iter().chain([last]).filter_map(Value::as_f64);
@@ -235,7 +235,7 @@ impl Representation {
 
     /// The problem for a result that is not stored.
     async fn missing(&self, app: &App) -> Result<Problem, Problem> {
-        let found = app.service.small_result(&self.key).await?;
+        let found = app.store.small_result(&self.key).await?;
         missing(app, self.reach.as_deref(), &self.key, found).await
     }
 
@@ -401,10 +401,10 @@ impl Representation {
         let Some(held) = held(headers, &self.tag) else { return Ok(None) };
         let in_memory =
             Coding::ALL.iter().any(|coding| app.memory.get(&self.name_in(*coding)).is_some());
-        if !in_memory && !app.service.has_result(&self.key).await? {
+        if !in_memory && !app.store.has_result(&self.key).await? {
             return Ok(None);
         }
-        app.service.was_read(&self.key);
+        app.store.was_read(&self.key);
         Ok(Some((StatusCode::NOT_MODIFIED, caching(&held)).into_response()))
     }
 }

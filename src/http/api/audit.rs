@@ -101,7 +101,7 @@ pub async fn audit(
     query.finish()?;
     let limit = limit.unwrap_or(PAGE);
     // One entry more than the page has tells whether there is a next page.
-    let mut found = app.service.audit(cursor, limit + 1).await?;
+    let mut found = app.store.audit(cursor, limit + 1).await?;
     let more = found.len() as u64 > u64::from(limit);
     found.truncate(limit as usize);
     let next = found.last().filter(|_| more).map(|entry| next_page(&uri, entry.id));

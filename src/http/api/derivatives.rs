@@ -194,7 +194,7 @@ pub async fn derivatives(
 ) -> Result<Response, Problem> {
     let wanted = Wanted::read(query)?;
     let key = read_key(&key)?;
-    let known = app.service.known(&key).await?.ok_or_else(unknown)?;
+    let known = app.store.known(&key).await?.ok_or_else(unknown)?;
     if known.asked.kind != TaskKind::Run {
         let detail = format!(
             "The result of a study has no derivatives: it has a table. All of it is at /v1/results/{key}."

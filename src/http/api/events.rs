@@ -81,7 +81,7 @@ pub async fn follow(
     if job.state.is_finished() && seen == job.changes.len() {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let changes = app.service.watch(&job);
+    let changes = app.store.watch(&job.key);
     let Caller { key, .. } = caller;
     let ready = VecDeque::new();
     let events = EventStream { app, id, key, changes, seen, progress: -1.0, ready };

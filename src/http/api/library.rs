@@ -153,7 +153,7 @@ pub async fn list(
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;
     let _turn = app.shares.turn(&caller.owner).await;
-    let found = app.service.search(&search, cursor, limit.unwrap_or(PAGE)).await?;
+    let found = app.store.search(&search, cursor, limit.unwrap_or(PAGE)).await?;
     let next = found.next.map(|cursor| next_page(&uri, cursor));
     let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
     let results = found.results.into_iter().map(ResultEntry::from).collect();
@@ -335,7 +335,7 @@ pub async fn provenance(
     _: NoQuery,
 ) -> Result<Response, Problem> {
     let key = read_key(&key)?;
-    let known = app.service.provenance(&key).await?.ok_or_else(unknown)?;
+    let known = app.store.provenance(&key).await?.ok_or_else(unknown)?;
     let fresh = [(header::CACHE_CONTROL, "no-store")];
     Ok((fresh, axum::Json(Provenance::of(key, known))).into_response())
 }
@@ -363,7 +363,7 @@ pub async fn warnings(
     Segment(key): Segment,
     _: NoQuery,
 ) -> Result<Response, Problem> {
-    let known = app.service.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?;
+    let known = app.store.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?;
     let fresh = [(header::CACHE_CONTROL, "no-store")];
     Ok((fresh, axum::Json(SubmissionWarnings { warnings: known.warnings })).into_response())
 }
@@ -416,7 +416,7 @@ pub async fn note(
     if let Some(detail) = store::Note::fault(&text) {
         return Err(Problem::faults(vec![Fault { pointer: "/text".to_owned(), detail }]));
     }
-    annotated(app.service.annotate(&key, Some(text), caller.editor()).await?)
+    annotated(app.store.annotate(&key, Some(text), caller.editor()).await?)
 }
 
 /// Deletes the note of a result.
@@ -434,7 +434,7 @@ pub async fn delete_note(
     Segment(key): Segment,
     _: NoQuery,
 ) -> Result<StatusCode, Problem> {
-    annotated(app.service.annotate(&read_key(&key)?, None, caller.editor()).await?)
+    annotated(app.store.annotate(&read_key(&key)?, None, caller.editor()).await?)
 }
 
 /// Deletes a result.
@@ -462,7 +462,7 @@ pub async fn delete(
         // A task of its own: the memory must be cleared although the client disconnects.
         #[expect(clippy::disallowed_methods, reason = "the task ends by itself")]
         let removing = tokio::spawn(async move {
-            let removed = here.service.remove(&key, by).await?;
+            let removed = here.store.remove(&key, by).await?;
             if removed != Removed::Pinned {
                 // An evicted result may still be in memory.
                 here.memory.forget(&key);

@@ -61,7 +61,7 @@ pub async fn share(
     });
     query.finish()?;
     let key = read_key(&key)?;
-    if !app.service.has_result(&key).await? {
+    if !app.store.has_result(&key).await? {
         require(&app, caller.reach(), &key).await?;
     }
     let expires = (signed_link::since_1970() + time.unwrap_or(DEFAULT_LIFETIME)).as_secs();

@@ -72,7 +72,7 @@ pub async fn me(
     caller: Caller,
     _: NoQuery,
 ) -> Result<impl IntoResponse, Problem> {
-    let (jobs_queued, jobs_running) = app.service.unfinished(&caller.owner).await?;
+    let (jobs_queued, jobs_running) = app.store.unfinished(&caller.owner).await?;
     let limits = app.gate.limits_of(caller.key.as_deref()).await?;
     let me = Me {
         name: caller.owner,

@@ -154,7 +154,7 @@ async fn answer(
 }
 
 async fn is_run(app: &App, key: &Key) -> Result<bool, Problem> {
-    let known = app.service.known(key).await?;
+    let known = app.store.known(key).await?;
     Ok(known.is_some_and(|known| known.asked.kind == TaskKind::Run))
 }
 
@@ -457,7 +457,7 @@ async fn set_pin(
 ) -> Result<StatusCode, Problem> {
     let key = read_key(key)?;
     loop {
-        match app.service.pin(&key, pinned, caller.editor()).await? {
+        match app.store.pin(&key, pinned, caller.editor()).await? {
             Changed::Done => return Ok(StatusCode::NO_CONTENT),
             // Returns the problem for a missing result, or tries again if the result has just been stored.
             Changed::NotFound => require(app, caller.reach(), &key).await?,

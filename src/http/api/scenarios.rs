@@ -190,7 +190,7 @@ pub async fn check(
     let asked = prepared.asked();
     let excess = app.service.limits().refuse(&prepared).map(|excess| excess.to_string());
     let Prepared { key, task, .. } = prepared;
-    let cached = app.service.has_result(&key).await?;
+    let cached = app.store.has_result(&key).await?;
     let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
     Ok(Json(match task {
         Task::Run(run) => {

@@ -193,7 +193,7 @@ pub(super) async fn answer(
     include: Include,
 ) -> Result<Response, Problem> {
     let asked = if include.scenario || include.submitted {
-        app.service.asked(job.id).await?
+        app.store.asked(job.id).await?
     } else {
         Asked::default()
     };

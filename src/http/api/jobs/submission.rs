@@ -95,7 +95,7 @@ pub async fn submit(
     };
     let Accepted { job, answer, repeated } = app.service.submit(submission, terms).await?;
     if repeated && include.submitted {
-        asked = app.service.asked(job.id).await?;
+        asked = app.store.asked(job.id).await?;
     }
     let (result, permit) = match answer {
         _ if !include.result => (None, None),
