@@ -101,14 +101,18 @@ impl<'a> Document<'a> {
     /// Whether a result of this kind can have the part.
     pub fn must_have(&self, part: Part) -> Result<(), Error> {
         let has = match (self.kind(), part) {
-            (_, Part::Whole | Part::Plot) | (TaskKind::Study(_), Part::Table) => return Ok(()),
             (TaskKind::Run, Part::Table) => "history, profiles and loops, because it is a run",
-            (TaskKind::Run, _) => return Ok(()),
-            (_, Part::Profiles) if self.members.get(part.name()).is_some() => return Ok(()),
-            (TaskKind::Study(kind), Part::Profiles) if kind.keeps_profiles => {
-                "a table and figures. Submit the study with `profiles` to have them"
+            (TaskKind::Study(_), Part::History | Part::Loops) => {
+                "a table and figures, because it is a study"
             }
-            (TaskKind::Study(_), _) => "a table and figures, because it is a study",
+            (TaskKind::Study(kind), Part::Profiles) if self.members.get(part.name()).is_none() => {
+                if kind.keeps_profiles {
+                    "a table and figures. Submit the study with `profiles` to have them"
+                } else {
+                    "a table and figures, because it is a study"
+                }
+            }
+            _ => return Ok(()),
         };
         Err(Error::OtherKind(part, has))
     }

@@ -75,11 +75,12 @@ mod tests {
         }
     }
 
-    fn read_thresholds(study: Value) -> Result<Read, Faults> {
-        let scenario = study["scenario"].clone();
+    fn read_thresholds(mut study: Value) -> Result<Read, Faults> {
+        let scenario = study["scenario"].take();
         let members = ["/motion/amplitude", "/friction"]
             .map(|pointer| Member::find(&scenario, pointer).unwrap());
         let outputs = outputs_of(json!(["unworn.stick_radius"]), &scenario)?;
+        drop(study);
         let problem = Problem::new(scenario, members.to_vec(), outputs);
         Ok(Read::new(Map::new(), problem, Thresholds))
     }
