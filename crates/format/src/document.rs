@@ -102,16 +102,17 @@ impl<'a> Document<'a> {
     pub fn must_have(&self, part: Part) -> Result<(), Error> {
         let has = match (self.kind(), part) {
             (TaskKind::Run, Part::Table) => "history, profiles and loops, because it is a run",
-            (_, Part::Whole | Part::Plot)
-            | (TaskKind::Study(_), Part::Table)
-            | (TaskKind::Run, _) => {
-                return Ok(());
+            (TaskKind::Study(_), Part::History | Part::Loops) => {
+                "a table and figures, because it is a study"
             }
-            (_, Part::Profiles) if self.members.get(part.name()).is_some() => return Ok(()),
-            (TaskKind::Study(kind), Part::Profiles) if kind.keeps_profiles => {
-                "a table and figures. Submit the study with `profiles` to have them"
+            (TaskKind::Study(kind), Part::Profiles) if self.members.get(part.name()).is_none() => {
+                if kind.keeps_profiles {
+                    "a table and figures. Submit the study with `profiles` to have them"
+                } else {
+                    "a table and figures, because it is a study"
+                }
             }
-            (TaskKind::Study(_), _) => "a table and figures, because it is a study",
+            _ => return Ok(()),
         };
         Err(Error::OtherKind(part, has))
     }

@@ -3,13 +3,14 @@
 import { get, resultAddress } from "./api.js";
 import { dateTime, debounced, h, select, svg } from "./dom.js";
 import { errorCard } from "./error.js";
-import { jobsOf, KINDS, labelOf, subtitle, title } from "./summary.js";
+import { jobsOf, labelOf, subtitle, title } from "./summary.js";
 import { cycles, quantity, WORDS } from "./units.js";
+import { KINDS } from "./words.js";
 
 const anyOf = (...names) => ({ "": "Any", ...Object.fromEntries(names.map((name) => [name, WORDS[name]])) });
 /** The filters that are drop-down lists. */
 const OPTIONS = {
-  kind: ["Kind", { "": "Any", run: "Run", ...KINDS }],
+  kind: ["Kind", { "": "Any", run: "Run", ...Object.fromEntries(Object.values(KINDS).map(({ name, title }) => [name, title])) }],
   shape: ["Shape", anyOf("paraboloid", "sphere", "cone", "power", "truncated_paraboloid", "truncated_cone", "table")],
   method: ["Method", anyOf("simplified", "exact")],
   regime: ["Regime", anyOf("full_stick", "partial_slip", "gross_slip")],

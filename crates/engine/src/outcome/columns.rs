@@ -3,6 +3,8 @@
 //! A new column of the history is a line in [`QUANTITIES`], a line in [`History`], and its computation. Units, outputs of
 //! studies, derivatives, figures, exports, schemas and the words of the page follow.
 
+use std::array;
+
 use serde::Serialize;
 
 /// A quantity. Its name has the same meaning everywhere.
@@ -198,7 +200,9 @@ section! {
 
 impl History {
     /// The columns with their names, in the order of the JSON.
-    pub fn columns(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
-        Self::MEMBERS.iter().map(|member| member.name).zip(self.values())
+    #[must_use]
+    pub fn columns(&self) -> [(&'static str, &[f64]); Self::MEMBERS.len()] {
+        let values = self.values();
+        array::from_fn(|place| (Self::MEMBERS[place].name, values[place]))
     }
 }

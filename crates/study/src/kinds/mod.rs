@@ -80,6 +80,7 @@ mod tests {
         let members = ["/motion/amplitude", "/friction"]
             .map(|pointer| Member::find(&scenario, pointer).unwrap());
         let outputs = outputs_of(json!(["unworn.stick_radius"]), &scenario)?;
+        drop(study);
         let problem = Problem::new(scenario, members.to_vec(), outputs);
         Ok(Read::new(Map::new(), problem, Thresholds))
     }
