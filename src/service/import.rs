@@ -67,7 +67,7 @@ pub async fn import(
             busy -= 1;
             bytes -= size;
             match verdict {
-                Ok(accepted) => import.store(&accepted).await?,
+                Ok(accepted) => import.store(accepted).await?,
                 Err(why) => import.refuse(key, why),
             }
         }

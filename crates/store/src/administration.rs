@@ -8,7 +8,7 @@ use sqlx::{Connection as _, SqliteConnection};
 use super::audit::{self, AuditEntry};
 use super::change::{Change, Verb};
 use super::error::Error;
-use super::imports::{Before, Import, NoteTaken};
+use super::imports::{self, Before, Import, NoteTaken};
 use super::keys::{self, AccessKey, NewKey};
 use super::library::{Note, Provenance};
 use super::place::Place;
@@ -135,32 +135,23 @@ impl Administration {
 
     /// What the database has under the key of a result with this digest.
     pub(super) async fn before(&mut self, key: &Key, digest: &[u8]) -> Result<Before, Error> {
-        match &mut self.0 {
-            Opened::Sqlite(db) => sqlite::imports::before(db, key, digest).await,
-            Opened::Postgres(db) => postgres::imports::before(db, key, digest).await,
-        }
+        Before::of(key, digest, self).await
     }
 
     /// Stores the note of a result, unless the result already has a note.
-    pub(super) async fn annotate(
+    pub(super) async fn take_note(
         &mut self,
         key: &Key,
         note: Option<&Note>,
     ) -> Result<NoteTaken, Error> {
-        match &mut self.0 {
-            Opened::Sqlite(db) => sqlite::imports::annotate(db, key, note).await,
-            Opened::Postgres(db) => postgres::imports::annotate(db, key, note).await,
-        }
+        imports::take_note(key, note, self).await
     }
 
-    /// Stores a result that the database does not have, and its note if the result has none.
+    /// Stores a result from the file with this name, if the database does not have it, and its note if the result has none.
     pub(super) async fn import(
         &mut self,
-        import: &Import<'_>,
+        import: &(Import, String),
     ) -> Result<(Before, NoteTaken), Error> {
-        match &mut self.0 {
-            Opened::Sqlite(db) => sqlite::imports::import(db, import).await,
-            Opened::Postgres(db) => postgres::imports::import(db, import).await,
-        }
+        self.change(imports::import, import).await
     }
 }

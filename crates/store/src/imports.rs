@@ -1,23 +1,27 @@
 //! Results of other servers, to be stored.
 
-use super::keep::Answered;
+use super::change::Change;
+use super::error::Error;
+use super::keep::{Answered, Source};
 use super::library::{Note, Program};
 use super::row::Columns;
+use super::statement::sql;
+use super::tables::{Connected, Connection, Tables};
+use super::{postgres, sqlite};
 use fretwork_job::{Key, Verified};
 
 /// A result of another server, checked.
-pub(super) struct Import<'a> {
+#[derive(Debug)]
+pub(super) struct Import {
     pub(super) key: Key,
-    pub(super) answer: &'a Answered,
+    pub(super) answer: Answered,
     /// The task in its stored form.
-    pub(super) task: &'a str,
-    pub(super) owner: Option<&'a str>,
-    pub(super) warnings: Option<&'a str>,
-    pub(super) program: Option<&'a Program>,
+    pub(super) task: String,
+    pub(super) owner: Option<String>,
+    pub(super) warnings: Option<String>,
+    pub(super) program: Option<Program>,
     pub(super) computed: Option<i64>,
-    pub(super) note: Option<&'a Note>,
-    /// The name of the file that contains it.
-    pub(super) file: &'a str,
+    pub(super) note: Option<Note>,
     pub(super) verified: Verified,
 }
 
@@ -36,14 +40,14 @@ pub(super) enum Before {
     AnotherEvicted,
 }
 
-/// Reads what [`Before`] says of the key $1 and the digest $2.
-pub(super) const BEFORE: &str =
-    "SELECT evicted IS NULL AS held, digest = $2 AS same, deleted_by FROM result WHERE key = $1";
-
 impl Before {
-    /// Reads the row of [`BEFORE`], if there is one.
-    pub(super) fn read(row: Option<&impl Columns>) -> Result<Self, sqlx::Error> {
-        let Some(row) = row else { return Ok(Self::Nothing) };
+    /// What the database has under the key of a result with this digest.
+    pub(super) async fn of(key: &Key, digest: &[u8], mut db: impl Tables) -> Result<Self, Error> {
+        let query = sql!(
+            "SELECT evicted IS NULL AS held, digest = $2 AS same, deleted_by FROM result WHERE key = $1";
+            key, digest
+        );
+        let Some(row) = db.row(query).await? else { return Ok(Self::Nothing) };
         Ok(match (row.get("held")?, row.get("same")?, row.get::<Option<String>>("deleted_by")?) {
             (false, true, None) => Self::Nothing,
             (true, true, _) => Self::Same,
@@ -77,4 +81,78 @@ pub(super) enum NoteTaken {
     Stored,
     /// The result keeps another one.
     Refused,
+}
+
+/// Stores a result from the file with this name, if the database does not have it, and its note if the result has none.
+pub(super) async fn import(
+    (import, file): &(Import, String),
+    mut tx: Change<'_>,
+) -> Result<(Before, NoteTaken), Error> {
+    let (key, digest) = (&import.key, &import.answer.digest);
+    let mut found = Before::of(key, digest, &mut tx).await?;
+    if found == Before::Nothing && !insert(import, file, &mut tx).await? {
+        // A server has stored the result meanwhile.
+        found = Before::of(key, digest, &mut tx).await?;
+    }
+    if found.refusal().is_some() {
+        return Ok((found, NoteTaken::Unchanged));
+    }
+    Ok((found, take_note(key, import.note.as_ref(), &mut tx).await?))
+}
+
+/// Returns whether the result was stored.
+async fn insert(import: &Import, file: &str, tx: &mut Change<'_>) -> Result<bool, Error> {
+    let Import { key, task, owner, warnings, answer, .. } = import;
+    let program = match &import.program {
+        Some(program) => Some(program.id(tx).await?),
+        None => None,
+    };
+    let source = Source {
+        key: *key,
+        task,
+        owner: owner.as_deref(),
+        job: None,
+        warnings: warnings.as_deref(),
+        trace: None,
+        program,
+        now: tx.now,
+    };
+    let stored = match tx.connection() {
+        // No other writer can store it during the transaction.
+        Connection::Sqlite(db) => {
+            sqlite::keep::import(answer, db, &source).await?;
+            true
+        }
+        Connection::Postgres(db) => postgres::keep::store(db, answer, &source, true).await?,
+    };
+    if stored {
+        let update = sql!(
+            "UPDATE result SET imported = $2, imported_from = $3, computed = $4, verified = $5 WHERE key = $1";
+            key, tx.now, file, import.computed, import.verified.to_string()
+        );
+        tx.execute(update).await?;
+    }
+    Ok(stored)
+}
+
+/// Stores the note of a result, unless the result already has a note.
+pub(super) async fn take_note(
+    key: &Key,
+    note: Option<&Note>,
+    mut db: impl Connected,
+) -> Result<NoteTaken, Error> {
+    let Some(Note { text, owner, at }) = note else { return Ok(NoteTaken::Unchanged) };
+    let insert = sql!(
+        "INSERT INTO note (key, text, owner, at) VALUES ($1, $2, $3, $4) ON CONFLICT (key) DO NOTHING";
+        key, text, owner, *at
+    );
+    if db.execute(insert).await? > 0 {
+        return Ok(NoteTaken::Stored);
+    }
+    let there = db.one(sql!("SELECT text FROM note WHERE key = $1"; key)).await?;
+    Ok(if there.get::<String>("text")? == *text {
+        NoteTaken::Unchanged
+    } else {
+        NoteTaken::Refused
+    })
 }

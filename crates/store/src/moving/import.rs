@@ -110,7 +110,7 @@ impl Importer {
             return Ok(Ok(Some(entry)));
         }
         self.done.known += 1;
-        let note = self.db.annotate(&entry.key, entry.note.as_ref()).await?;
+        let note = self.db.take_note(&entry.key, entry.note.as_ref()).await?;
         self.count_note(note, entry.key);
         Ok(Ok(None))
     }
@@ -124,28 +124,14 @@ impl Importer {
     ///
     /// # Errors
     /// The database fails.
-    pub async fn store(&mut self, accepted: &Accepted) -> Result<(), Moving> {
-        let Accepted { entry, answer, task, verified } = accepted;
-        let file = self.path.file_name().unwrap_or_default().to_string_lossy();
-        let (before, note) = self
-            .db
-            .import(&Import {
-                key: entry.key,
-                answer,
-                task,
-                owner: entry.owner.as_deref(),
-                warnings: entry.warnings.as_deref(),
-                program: entry.program.as_ref(),
-                computed: entry.computed,
-                note: entry.note.as_ref(),
-                file: &file,
-                verified: *verified,
-            })
-            .await?;
+    pub async fn store(&mut self, Accepted(import): Accepted) -> Result<(), Moving> {
+        let file = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let (key, size, verified) = (import.key, import.answer.size, import.verified);
+        let (before, note) = self.db.import(&(import, file)).await?;
         match before {
             Before::Nothing => {
                 self.done.results += 1;
-                self.done.bytes += answer.size as u64;
+                self.done.bytes += size as u64;
                 match verified {
                     Verified::All => {}
                     Verified::Rows(_) => self.done.sampled += 1,
@@ -154,9 +140,9 @@ impl Importer {
             }
             // A server has stored it meanwhile.
             Before::Same => self.done.known += 1,
-            other => self.refuse(entry.key, other.refusal().unwrap_or_default()),
+            other => self.refuse(key, other.refusal().unwrap_or_default()),
         }
-        self.count_note(note, entry.key);
+        self.count_note(note, key);
         Ok(())
     }
 
@@ -204,12 +190,7 @@ pub struct Entry {
 
 /// A result that may be stored.
 #[derive(Debug)]
-pub struct Accepted {
-    entry: Entry,
-    answer: Answered,
-    task: String,
-    verified: Verified,
-}
+pub struct Accepted(Import);
 
 impl Entry {
     /// Reads a result and its digest. The inner error says why it is refused.
@@ -268,13 +249,12 @@ impl Entry {
 
     /// Accepts the result, which says this. Compresses its body.
     #[must_use]
-    pub fn accept(mut self, document: &Document, verified: Verified) -> Accepted {
-        if let Some(program) = &mut self.program {
-            program.numerics = document.numerics;
-        }
-        let answer = Answered::new(&Answer::new(self.body.clone(), document), self.cost);
+    pub fn accept(self, document: &Document, verified: Verified) -> Accepted {
+        let Self { key, body, cost, owner, computed, program, warnings, note } = self;
+        let program = program.map(|it| Program { numerics: document.numerics, ..it });
+        let answer = Answered::new(&Answer::new(body, document), cost);
         let task = document.asked.kind.stored(&document.asked.value);
-        Accepted { entry: self, answer, task, verified }
+        Accepted(Import { key, answer, task, owner, warnings, program, computed, note, verified })
     }
 }
 

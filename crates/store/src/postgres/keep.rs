@@ -34,7 +34,7 @@ static STORE: LazyLock<String> = LazyLock::new(|| {
 
 /// Stores a result, unless one is stored; `replaces` says whether it takes the place of an evicted one. Returns whether it
 /// was stored.
-pub(super) async fn store(
+pub(crate) async fn store(
     db: &mut impl Connected,
     answered: &Answered,
     source: &Source<'_>,

@@ -78,7 +78,7 @@ pub(super) fn keeping(reason: Reason, first: usize) -> String {
 }
 
 /// Stores an imported result, unless one with the same key is stored.
-pub(super) async fn import(
+pub(crate) async fn import(
     answered: &Answered,
     db: &mut SqliteConnection,
     source: &Source<'_>,

@@ -7,8 +7,7 @@
 mod cancel;
 mod chunks;
 mod files;
-pub(super) mod imports;
-mod keep;
+pub(super) mod keep;
 pub(super) mod ledger;
 mod log;
 pub(super) mod open;
