@@ -9,6 +9,7 @@ use bytesize::ByteSize;
 
 use super::printing::{Error, print};
 use crate::config::{Backup, Data, Export, Import, Restore};
+use crate::service;
 use fretwork_job::clock;
 use fretwork_store::{self as store, AccessKey, Administration, Checked, Imported, Saved, Search};
 
@@ -23,24 +24,27 @@ fn block_on<T>(work: impl Future<Output = Result<T, store::Moving>>) -> Result<T
     Ok(runtime.block_on(work)?)
 }
 
-/// Shows progress on standard error.
-fn progress(what: &'static str) -> impl FnMut(usize, usize) {
+/// Shows progress on standard error. The number that is done may contain a share of the next.
+fn progress(what: &'static str) -> impl FnMut(f64, usize) {
     let mut err = io::stderr();
     let is_terminal = err.is_terminal();
     let interval = if is_terminal { TERMINAL_INTERVAL } else { LOG_INTERVAL };
     let mut shown = Instant::now();
     move |done, of| {
-        if done < of && shown.elapsed() < interval {
+        let is_end = done >= of as f64;
+        if !is_end && shown.elapsed() < interval {
             return;
         }
         shown = Instant::now();
-        let (begin, end) = match (is_terminal, done == of) {
+        let (begin, end) = match (is_terminal, is_end) {
             (true, false) => ("\r", ""),
             (true, true) => ("\r", "\n"),
             _ => ("", "\n"),
         };
         // Progress is optional: standard error may be closed.
-        let _ = write!(err, "{begin}{what} {done} of {of}{end}").and_then(|()| err.flush());
+        let (percent, done) = (100.0 * done / of.max(1) as f64, done.floor());
+        let line = format!("{begin}{what} {done} of {of} ({percent:.1} %){end}");
+        let _ = err.write_all(line.as_bytes()).and_then(|()| err.flush());
     }
 }
 
@@ -56,7 +60,9 @@ pub fn export(settings: &Export) -> Result<(), Error> {
         search.set(name, value)?;
     }
     let Export { file, keys, data, .. } = settings;
-    let done = block_on(store::export(data.place()?, file, &search, keys, progress("exported")))?;
+    let mut progress = progress("exported");
+    let progress = |done: usize, of| progress(done as f64, of);
+    let done = block_on(store::export(data.place()?, file, &search, keys, progress))?;
     for key in &done.left_out {
         writeln!(io::stderr(), "left out {key}: it is damaged, or was evicted during the export")?;
     }
@@ -65,9 +71,9 @@ pub fn export(settings: &Export) -> Result<(), Error> {
 
 /// Imports the results of a file. The exit code is 2 if some were refused.
 pub fn import(settings: &Import) -> Result<ExitCode, Error> {
-    let Import { file, verify, data } = settings;
-    let done = block_on(store::import(data.place()?, file, *verify, progress("checked")))?;
-    let Imported { results: count, bytes, known, recomputed, earlier, notes, refused, other_notes } =
+    let Import { file, verify_time, data } = settings;
+    let done = block_on(service::import(data.place()?, file, *verify_time, progress("checked")))?;
+    let Imported { results: count, bytes, known, sampled, unverified, notes, refused, other_notes } =
         done;
     for (key, why) in &refused {
         writeln!(io::stderr(), "refused {}: {why}", key.escape_debug())?;
@@ -75,18 +81,18 @@ pub fn import(settings: &Import) -> Result<ExitCode, Error> {
     for key in &other_notes {
         writeln!(io::stderr(), "{key} keeps its note, which differs from the one in the file")?;
     }
-    if earlier > 0 {
+    if unverified > 0 {
         writeln!(
             io::stderr(),
-            "{earlier} of the imported results are from earlier versions of the engine, which this version cannot \
-             compute anew: their numbers are not verified"
+            "{unverified} of the imported results are not verified: an earlier version of the engine computed them, or \
+             it takes longer than --verify-time to compute them again"
         )?;
     }
     let (stored, failed, kept) = (results(count, bytes), refused.len(), other_notes.len());
-    let file = file.display();
+    let (file, verified) = (file.display(), count - sampled - unverified);
     let line = format!(
-        "{file}: {stored} imported, {known} known already, {failed} refused; {recomputed} computed \
-         anew; notes: {notes} imported, {kept} kept\n"
+        "{file}: {stored} imported, {known} known already, {failed} refused; {verified} computed again, \
+         {sampled} in part, {unverified} unverified; notes: {notes} imported, {kept} kept\n"
     );
     print(line.as_bytes())?;
     Ok(if refused.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) })

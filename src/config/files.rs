@@ -1,10 +1,12 @@
 //! The settings of the commands that write and read files of results and whole databases.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Args;
 
 use super::data::Data;
+use super::values::duration;
 use fretwork_job::Key;
 use fretwork_store::Search;
 
@@ -14,6 +16,13 @@ Examples:
   fretwork export all.db                                    all results
   fretwork export cones.db shape=cone friction=0.6..0.8     the results that GET /v1/results lists
   fretwork export one.db --key 7262301e...                  one result, by its whole key";
+
+/// What the help of `import` shows.
+pub const IMPORT_EXAMPLES: &str = "\
+Examples:
+  fretwork import all.db                      computes every result again that takes at most 10 minutes
+  fretwork import all.db --verify-time 1h     an hour for each, for instance for long studies
+  fretwork import all.db --verify-time 0      computes nothing again: for files of your own servers only";
 
 /// What the help of `check` shows.
 pub const CHECK_EXAMPLES: &str = "\
@@ -42,10 +51,10 @@ pub struct Export {
 pub struct Import {
     /// The file that `export` wrote.
     pub file: PathBuf,
-    /// How many results to compute anew, chosen at random; all if there are fewer. If one differs, all further ones are
-    /// computed anew. Results that earlier versions of the engine computed cannot be computed anew.
-    #[arg(long, value_name = "COUNT", default_value_t = 100)]
-    pub verify: u64,
+    /// Longest processor time to compute one result again. Of a study that takes longer, as many random rows are
+    /// computed again as this time allows. A run that takes longer is stored unverified. 0 verifies nothing.
+    #[arg(long, value_name = "TIME", value_parser = duration, default_value = "10min")]
+    pub verify_time: Duration,
     /// The database that receives the results.
     #[command(flatten)]
     pub data: Data,

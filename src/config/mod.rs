@@ -98,12 +98,13 @@ pub enum Command {
     Export(Export),
     /// Import the results of an exported file.
     ///
-    /// The server may run meanwhile, and serves the imported results at once. The command checks the SHA-256 of
-    /// every body, the key of every scenario, and whether the numbers can be the result of the scenario: limits, held
-    /// quantities, energy balance. It computes a random sample of the results anew, and refuses what differs. It
-    /// overwrites nothing. It imports the note of a result that has no note yet. It does not import pins. Refused
+    /// The server may run meanwhile, and serves the imported results at once. The command computes every result again, on all
+    /// cores, and refuses what differs. Results of earlier versions of the engine, and runs that take longer than
+    /// --verify-time, are stored unverified: only the form of their tables is checked. The provenance of a result says so. The
+    /// command overwrites nothing. It imports the note of a result that has no note yet. It does not import pins. Refused
     /// results are printed to standard error; the exit code is then 2. An interrupted import continues when it is
     /// started again.
+    #[command(after_help = files::IMPORT_EXAMPLES)]
     Import(Import),
     /// Search the database for damage, and name the rows.
     ///

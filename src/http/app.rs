@@ -13,7 +13,7 @@ use super::memory::models::Models;
 use super::metrics::Metrics;
 use super::shares::Shares;
 use crate::service::Service;
-use fretwork_store::Error;
+use fretwork_store::{Error, Store};
 
 /// The state of all handlers. axum clones it for each request, so it is one counted reference.
 #[derive(Debug, Clone)]
@@ -30,6 +30,8 @@ impl Deref for App {
 #[derive(Debug)]
 pub struct Shared {
     pub service: Service,
+    /// What the service adds nothing to.
+    pub store: Store,
     pub gate: Arc<Gate>,
     pub memory: Memory,
     pub shares: Arc<Shares>,
@@ -57,7 +59,18 @@ impl App {
     ) -> Self {
         let (models, document, probed) =
             (Models::default(), LazyLock::new(document), Mutex::default());
-        Self(Arc::new(Shared { service, gate, memory, shares, metrics, models, document, probed }))
+        let store = service.store().clone();
+        Self(Arc::new(Shared {
+            service,
+            store,
+            gate,
+            memory,
+            shares,
+            metrics,
+            models,
+            document,
+            probed,
+        }))
     }
 
     /// Checks that the database can store a submission, or did so less than [`PROBE_INTERVAL`] ago.
@@ -71,7 +84,7 @@ impl App {
         {
             return outcome.clone();
         }
-        let outcome = self.service.probe().await;
+        let outcome = self.store.probe().await;
         *probed = Some((Instant::now(), outcome.clone()));
         outcome
     }

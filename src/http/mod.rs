@@ -121,7 +121,7 @@ pub async fn serve(
     let serving = join(api, OptionFuture::from(umbridge));
     tokio::select! {
         _ = serving => {}
-        () = server.app.memory.follow(server.app.service.deletions()) => {}
+        () = server.app.memory.follow(server.app.store.watch_deletions()) => {}
     }
 }
 
@@ -145,7 +145,7 @@ impl Server {
         let gate = Arc::new(Gate::new(service.store(), &settings.access, needs));
         let admission = Arc::new(Admission::new(settings.connections.clone()));
         let shares = Arc::new(Shares::new(settings.transfers, service.places()));
-        let metrics = Metrics::new(service.tally(), service.workers(), &admission, &shares);
+        let metrics = Metrics::new(service.store().tally(), service.workers(), &admission, &shares);
         let memory = Memory::new(settings.memory);
         let document = || document().into();
         let app = App::new(service, gate, memory, shares, Arc::new(metrics), document);

@@ -59,7 +59,7 @@ impl Service {
             })
         };
         let inline = seconds < INLINE && body_bytes <= INLINE_BYTES;
-        match self.0.evaluations.compute(inline, work).await {
+        match self.0.places.compute(inline, work).await {
             Ok(evaluated) => evaluated.ok_or(NotEvaluated::Stopped),
             Err(Unfinished::NoPlace) => Err(NotEvaluated::Busy),
             Err(Unfinished::Panicked) => Err(NotEvaluated::Panicked),

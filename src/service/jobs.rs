@@ -9,7 +9,7 @@ use tokio::time::sleep;
 
 use super::Service;
 use fretwork_job::{Job, JobId};
-use fretwork_store::{Actor, Asked, Canceled, Changes, Deleted, Deletions, Error, Filter, Page};
+use fretwork_store::{Actor, Canceled, Deleted, Error, Filter, Page};
 
 impl Service {
     /// A job, if it is within reach: if its owner is `reach`, or if `reach` is `None`.
@@ -33,34 +33,6 @@ impl Service {
         limit: u32,
     ) -> Result<Page, Error> {
         self.0.store.jobs(&within(filter, reach), cursor, limit).await
-    }
-
-    /// The task of a job, and the scenario as the client wrote it.
-    ///
-    /// # Errors
-    /// The database fails.
-    pub async fn asked(&self, id: JobId) -> Result<Asked, Error> {
-        self.0.store.asked(id).await
-    }
-
-    /// The number of queued jobs of an owner, and of running ones.
-    ///
-    /// # Errors
-    /// The database fails.
-    pub async fn unfinished(&self, owner: &str) -> Result<(u64, u64), Error> {
-        self.0.store.unfinished(owner).await
-    }
-
-    /// Signals that the job may have changed.
-    #[must_use]
-    pub fn watch(&self, job: &Job) -> Changes {
-        self.0.store.watch(&job.key)
-    }
-
-    /// Signals deletions of results by servers that share the database.
-    #[must_use]
-    pub fn deletions(&self) -> Deletions {
-        self.0.store.watch_deletions()
     }
 
     /// Waits until the job is finished, the time is over or the service drains. Returns the job as it is then.

@@ -1,11 +1,11 @@
-//! What the program can do with jobs and results: submit, wait, evaluate, cancel, find, share. HTTP and the
-//! command line call this room.
+//! What the program can do with jobs: submit, wait, evaluate, cancel, import. HTTP and the command line call this room. What it
+//! would add nothing to, such as finding a result, they ask of the store.
 
 mod evaluate;
+mod import;
 mod jobs;
 mod limits;
 mod places;
-mod results;
 mod short;
 mod stopwatch;
 mod submit;
@@ -16,14 +16,14 @@ pub mod workers;
 use std::fmt;
 use std::sync::Arc;
 use std::thread;
-use std::time::Duration;
 
 use tokio::sync::watch;
 
 use fretwork_job::Begin;
-use fretwork_store::{AuditEntry, Error, FileSizes, Store, Tally};
+use fretwork_store::Store;
 
 pub use evaluate::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
+pub use import::import;
 pub use limits::{Excess, WorkLimits};
 pub use submit::{Accepted, Refusal, Terms};
 pub use turns::{LONGEST_CALL, MAX_CALL, Unable};
@@ -42,11 +42,10 @@ struct Parts {
     begin: Begin,
     waiting: Arc<Waiting>,
     short: ShortRuns,
-    evaluations: Places,
+    /// For runs, evaluations and derivatives that are computed while their clients wait.
+    places: Places,
     /// The number of worker threads.
     workers: usize,
-    /// The number of short computations at a time.
-    places: usize,
     limits: WorkLimits,
     /// True after the service has stopped accepting jobs.
     draining: watch::Sender<bool>,
@@ -69,11 +68,10 @@ impl Service {
     pub fn new(store: Store, begin: Begin, workers: usize, limits: WorkLimits) -> Self {
         // A server without workers still computes what its clients wait for.
         let places = if workers == 0 { processors() } else { workers };
-        let short = ShortRuns::new(store.clone(), Arc::clone(&begin), places);
-        let evaluations = Places::new(places);
+        let places = Places::new(places);
+        let short = ShortRuns::new(store.clone(), Arc::clone(&begin), places.clone());
         let (waiting, draining) = (Arc::default(), watch::Sender::new(false));
-        let parts =
-            Parts { store, begin, waiting, short, evaluations, workers, places, limits, draining };
+        let parts = Parts { store, begin, waiting, short, places, workers, limits, draining };
         Self(Arc::new(parts))
     }
 
@@ -98,7 +96,7 @@ impl Service {
     /// The number of short computations at a time, for clients that wait for them.
     #[must_use]
     pub fn places(&self) -> usize {
-        self.0.places
+        self.0.places.number()
     }
 
     /// How workers begin a claimed run: with the prepared task if it is still in memory.
@@ -106,63 +104,6 @@ impl Service {
     pub fn compute(&self) -> Compute {
         let (begin, waiting) = (Arc::clone(&self.0.begin), Arc::clone(&self.0.waiting));
         Arc::new(move |key, stored| begin(key, stored, waiting.take(key)))
-    }
-
-    /// Counts of queued, running and finished runs.
-    #[must_use]
-    pub fn tally(&self) -> &Tally {
-        self.0.store.tally()
-    }
-
-    /// How long the oldest queued run has waited.
-    ///
-    /// # Errors
-    /// The database fails.
-    pub async fn longest_wait(&self) -> Result<Duration, Error> {
-        self.0.store.longest_wait().await
-    }
-
-    /// Checks that the disk has room for a submission, by a write of the same size.
-    ///
-    /// # Errors
-    /// A submission would fail.
-    pub async fn probe(&self) -> Result<(), Error> {
-        self.0.store.probe().await
-    }
-
-    /// Free space on the disk of the database, in bytes; `None` if the system does not report it.
-    #[must_use]
-    pub fn free_bytes(&self) -> Option<u64> {
-        self.0.store.free_bytes()
-    }
-
-    /// The sizes of the database and of its log.
-    #[must_use]
-    pub fn file_sizes(&self) -> FileSizes {
-        self.0.store.file_sizes()
-    }
-
-    /// Open connections to the database; `None` if it is not on a server.
-    #[must_use]
-    pub fn database_connections(&self) -> Option<u64> {
-        self.0.store.database_connections()
-    }
-
-    /// When the last backup of the database ended, in milliseconds since 1970; 0 if there was none. `None` if the backups
-    /// are not those of this program.
-    ///
-    /// # Errors
-    /// The database fails.
-    pub async fn last_backup(&self) -> Result<Option<i64>, Error> {
-        self.0.store.last_backup().await
-    }
-
-    /// Up to `limit` entries of the audit log before another one, the newest first.
-    ///
-    /// # Errors
-    /// The database fails.
-    pub async fn audit(&self, before: Option<i64>, limit: u32) -> Result<Vec<AuditEntry>, Error> {
-        self.0.store.audit(before, limit).await
     }
 
     /// Stops accepting jobs, and ends waits and event streams.

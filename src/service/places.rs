@@ -21,8 +21,11 @@ pub const INLINE_BYTES: usize = 1 << 14;
 const MAX_WAIT: Duration = Duration::from_millis(250);
 
 /// As many computations at a time as there are workers: more would only share the processors.
-#[derive(Debug)]
-pub struct Places(Arc<Semaphore>);
+#[derive(Debug, Clone)]
+pub struct Places {
+    free: Arc<Semaphore>,
+    number: usize,
+}
 
 /// Why a computation has no outcome.
 #[derive(Debug)]
@@ -34,8 +37,13 @@ pub enum Unfinished {
 }
 
 impl Places {
-    pub fn new(workers: usize) -> Self {
-        Self(Arc::new(Semaphore::new(workers)))
+    pub fn new(number: usize) -> Self {
+        Self { free: Arc::new(Semaphore::new(number)), number }
+    }
+
+    /// Computations at a time.
+    pub fn number(&self) -> usize {
+        self.number
     }
 
     /// Waits for a place and computes.
@@ -47,7 +55,7 @@ impl Places {
         inline: bool,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Unfinished> {
-        let place = timeout(MAX_WAIT, Arc::clone(&self.0).acquire_owned()).await;
+        let place = timeout(MAX_WAIT, Arc::clone(&self.free).acquire_owned()).await;
         let Ok(Ok(place)) = place else { return Err(Unfinished::NoPlace) };
         Self::compute_at(place, inline, work).await
     }
@@ -63,7 +71,7 @@ impl Places {
         mut turn: impl FnMut() -> Option<T> + Send + 'static,
     ) -> Result<T, Unfinished> {
         loop {
-            let place = Arc::clone(&self.0).acquire_owned().await;
+            let place = Arc::clone(&self.free).acquire_owned().await;
             let place = place.map_err(|_| Unfinished::NoPlace)?;
             let work = move || (turn(), turn);
             let (outcome, next) = Self::compute_at(place, inline, work).await?;
@@ -98,7 +106,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_computation_waits_for_a_place_for_a_short_time() {
         let places = Places::new(1);
-        let taken = Arc::clone(&places.0).acquire_owned().await.unwrap();
+        let taken = Arc::clone(&places.free).acquire_owned().await.unwrap();
         assert!(matches!(places.compute(true, || 1).await, Err(Unfinished::NoPlace)));
         let (soon, ()) = tokio::join!(places.compute(true, || 2), async {
             tokio::time::sleep(MAX_WAIT / 2).await;

@@ -161,7 +161,7 @@ impl Service {
 
     /// Estimated time until the queue has room: the mean time of a run, divided by the number of workers.
     fn retry_after(&self) -> Duration {
-        let seconds = self.0.store.tally().seconds_per_run() / self.0.places as f64;
+        let seconds = self.0.store.tally().seconds_per_run() / self.places() as f64;
         Duration::from_secs_f64(seconds.clamp(1.0, 60.0).ceil())
     }
 }

@@ -60,7 +60,7 @@ impl Service {
                 }
             }
         };
-        match self.0.evaluations.compute_in_turns(seconds < INLINE, turn).await {
+        match self.0.places.compute_in_turns(seconds < INLINE, turn).await {
             Ok(outcome) => outcome,
             Err(Unfinished::NoPlace | Unfinished::Panicked) => Err(Unable::Panicked),
         }

@@ -2,6 +2,7 @@
 numbers that a page shows.
 """
 
+import contextlib
 import json
 import os
 import pathlib
@@ -11,9 +12,10 @@ import socket
 import subprocess
 import urllib.request
 
+from playwright.sync_api import sync_playwright
+
 ROOT = pathlib.Path(__file__).parents[2]
 SCREENS = ROOT / "target/screens"
-AXE = "4.14.1"
 SIZES = {1440: 900, 390: 844}
 
 
@@ -26,21 +28,9 @@ def ask(base, path, body=None, method=None, wait=20):
         return json.loads(answer.read() or "null")
 
 
-def chromium():
-    """The path of Chromium, which is installed with apt if it is missing."""
-    if not shutil.which("chromium"):
-        subprocess.run("apt-get update -qq && apt-get install -qq -y chromium", shell=True, check=True)
-    return shutil.which("chromium")
-
-
 def axe():
-    """The script of axe-core from its npm package."""
-    at = ROOT / f"target/clients/axe-core-{AXE}"
-    if not at.exists():
-        at.mkdir(parents=True)
-        subprocess.run(["npm", "pack", "--silent", f"axe-core@{AXE}"], cwd=at, check=True, stdout=subprocess.DEVNULL)
-        subprocess.run(["tar", "xzf", f"axe-core-{AXE}.tgz", "package/axe.min.js"], cwd=at, check=True)
-    return (at / "package/axe.min.js").read_text()
+    """The script of axe-core, which `tests/clients/install` has installed."""
+    return (ROOT / "target/clients/node/node_modules/axe-core/axe.min.js").read_text()
 
 
 class Server:
@@ -128,6 +118,18 @@ class Browser:
                 page.context.close()
 
 
+@contextlib.contextmanager
+def opened():
+    """A browser, which must record no errors."""
+    SCREENS.mkdir(parents=True, exist_ok=True)
+    with sync_playwright() as play:
+        program = play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        browser = Browser(program)
+        yield browser
+        program.close()
+    assert not browser.errors, browser.errors
+
+
 def canvas(page, figure):
     return page.locator(f"section[aria-label='{figure}'] canvas")
 
@@ -166,3 +168,31 @@ def close(shown, expected, tolerance=1e-4):
     """Asserts that a shown text is the expected number within a relative tolerance."""
     found = number(shown)
     assert found == expected or None not in (found, expected) and abs(found - expected) <= tolerance * abs(expected), (shown, expected)
+
+
+def blocks(cycles, points=4096):
+    """A thousand amplitude blocks, some of them in gross slip. Takes about 25 s of processor time."""
+    amplitudes = (f"{(2.5, 8)[i % 2] + (i % 7) / 100} um" for i in range(1000))
+    return {
+        "profile": {"shape": "paraboloid", "radius": "10 mm"},
+        "moduli": {"normal": "112 GPa", "tangential": "92 GPa"},
+        "friction": 0.7,
+        "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+        "load": {"normal_force": "100 N", "held": "force"},
+        "motion": {"blocks": [{"amplitude": amplitude, "cycles": cycles} for amplitude in amplitudes]},
+        "cycles": {"from": cycles, "to": 1000 * cycles, "count": 1000, "spacing": "linear"},
+        "profiles_at": "none",
+        "model": {"method": "exact", "points": points, "tolerance": 1e-4, "compare": True},
+    }
+
+
+LONG = blocks(200_000)
+
+
+def item(page, name):
+    """The value of an item in a list of names and values."""
+    return page.locator(f"[data-item={name}]")
+
+
+def key_of(page):
+    return re.search(r"#/result/([0-9a-f]{64})", page.url)[1]

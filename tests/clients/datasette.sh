@@ -4,21 +4,17 @@
 #   tests/clients/datasette.sh [BASE]
 #
 # BASE is the address of a running server, such as http://127.0.0.1:8080, and FRETWORK_TEST_DATA is its data directory.
-# Without BASE, the script starts a server. FRETWORK_TEST_PROGRAM is the program (default: the release build).
+# Without BASE, the script starts a server.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-datasette=0.65.5
-work=target/datasette
-program=${FRETWORK_TEST_PROGRAM:-${CARGO_TARGET_DIR:-target}/release/fretwork}
+work=target/clients
+program=$(tests/program)
 scratch=$(mktemp -d)
 started=()
 trap 'for one in "${started[@]}"; do kill "$one" 2>/dev/null || true; wait "$one" || true; done; rm -rf "$scratch"' EXIT
 
-if [ "$("$work/bin/python" -m pip freeze 2>/dev/null | grep -i '^datasette==')" != "datasette==$datasette" ]; then
-    python3 -m venv --clear "$work"
-    "$work/bin/python" -m pip install --quiet --disable-pip-version-check "datasette==$datasette"
-fi
+tests/clients/python
 
 base=${1:-}
 data=${FRETWORK_TEST_DATA:-}

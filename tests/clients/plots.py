@@ -1,7 +1,6 @@
-"""Tests every plot of the dashboard with the mouse and the keyboard, and measures the speed of the slider."""
+"""Tests every plot of the dashboard with the mouse and the keyboard."""
 
 import re
-import statistics
 
 import numpy
 from playwright.sync_api import expect
@@ -125,65 +124,3 @@ def every_loop(page, base, key):
         points = {point for xs, ys in branches for point in zip(xs, ys, strict=True)}
         assert points == set(zip(moved, force)), (key, moved)
         assert len(branches) >= 2 or min(moved) == max(moved), (key, moved)
-
-
-def slide(browser, base):
-    """Moves the slider over 200 output cycles of 512 radii. Each move is drawn in the next frame."""
-    scenario = ask(base, "/v1/examples/steel-ball-simplified")["scenario"]
-    scenario["cycles"] = {"from": 500, "to": 100000, "count": 200, "spacing": "linear"}
-    scenario["profiles_at"] = "all"
-    scenario["model"] = {"method": "simplified", "points": 512}
-    key = ask(base, "/v1/jobs", {"scenario": scenario})["key"]
-    page = browser.page(base)
-    page.goto(f"{base}/#/result/{key}")
-    page.wait_for_selector("canvas")
-    took = {"script": [], "shown": []}
-    for name in ("worn", "pressure"):
-        page.select_option("#choose-plot", name)
-        page.evaluate("""() => {
-            window.steps = new Map();
-            const slider = document.getElementById("output");
-            slider.addEventListener("input", () => {
-                const start = performance.now(), at = slider.value, own = {};
-                requestAnimationFrame((frame) => {
-                    // The callback of the dashboard has just run in this frame. The message arrives at the end of the frame.
-                    own.script = performance.now() - frame;
-                    const { port1, port2 } = new MessageChannel();
-                    port1.onmessage = () => (own.shown = performance.now() - start);
-                    port2.postMessage(null);
-                });
-                window.steps.set(at, own);
-            });
-        }""")
-        slider = page.locator("#output").bounding_box()
-        middle = slider["y"] + slider["height"] / 2
-        # The middle of the thumb moves from 8 px behind the left end to 8 px before the right end.
-        left, right = slider["x"] + 8, slider["x"] + slider["width"] - 8
-        page.mouse.move(right, middle)
-        page.mouse.down()
-        for step in range(301):
-            page.mouse.move(right - (right - left) * step / 300, middle)
-        page.mouse.up()
-        page.wait_for_timeout(100)
-        steps = page.evaluate("[...window.steps.values()].filter(step => step.shown !== undefined)")
-        assert len(steps) >= 200 and page.locator("#at").inner_text() == "N = 0", len(steps)
-        for phase in ("script", "shown"):
-            took[phase] += [step[phase] for step in steps]
-        page.locator("#output").focus()
-        page.keyboard.press("End")
-    for phase, name in (("script", "script per frame"), ("shown", "from the input event to the end of the frame")):
-        parts = statistics.quantiles(took[phase], n=20)
-        print(f"slider over 200 x 512, {len(took[phase])} steps, {name}: median {parts[9]:.1f} ms, 95th percentile "
-            f"{parts[18]:.1f} ms, maximum {max(took[phase]):.1f} ms (one frame is 16.7 ms)")
-    # Two frames after one event the canvas has changed.
-    page.select_option("#choose-plot", "wear")
-    page.evaluate("""() => {
-        const canvas = document.querySelector("section[aria-label=Profiles] canvas"), before = canvas.toDataURL();
-        const two = (done) => requestAnimationFrame(() => requestAnimationFrame(done));
-        window.redrawn = new Promise((done) => document.getElementById("output").addEventListener("input",
-            () => two(() => done(canvas.toDataURL() !== before)), { once: true }));
-    }""")
-    page.locator("#output").focus()
-    page.keyboard.press("PageDown")
-    assert page.evaluate("window.redrawn")
-    page.context.close()

@@ -1,4 +1,4 @@
-"""The attacked server: the release program with bounded memory, access keys, and one large result."""
+"""The attacked server: a program with bounded memory, access keys, and one large result."""
 
 import http.client
 import itertools

@@ -14,6 +14,7 @@ use serde_json::json;
 use sqlx::{Connection as _, Executor as _};
 use tempfile::TempDir;
 
+use crate::database::{Database, Engine};
 use crate::store::{accepted, body, fresh, key, new_job, open, raw};
 
 fn repeatable(number: u8, name: &str, sent: &str) -> NewJob {
@@ -80,9 +81,19 @@ async fn results_above_256_kib_are_not_returned_as_small_results() {
     assert!(store.small_result(&key(3)).await.unwrap().is_none());
 }
 
-#[tokio::test]
-async fn a_repeated_idempotency_key_gives_the_same_job() {
-    let (_dir, store) = fresh().await;
+on_both! {
+    a_repeated_idempotency_key_gives_the_same_job,
+    a_single_job_of_another_owner_is_claimed_next,
+    the_order_of_claims_survives_a_restart_and_a_failed_transaction,
+    a_full_queue_refuses_new_runs_and_reserves_a_tenth_for_other_owners,
+    a_known_result_is_computed_again_on_request,
+    a_job_records_its_state_changes_in_order,
+    only_finished_jobs_can_be_deleted_and_their_results_stay,
+    many_jobs_can_be_cancelled_with_a_filter,
+}
+
+async fn a_repeated_idempotency_key_gives_the_same_job(on: Engine) {
+    let (_db, store) = Database::fresh(on).await;
     let first = accepted(store.submit(repeatable(1, "a", "one")).await);
     let again = store.submit(repeatable(1, "a", "one")).await.unwrap();
     assert_eq!(again, Submitted::Repeated(first.clone()));
@@ -104,9 +115,8 @@ async fn a_repeated_idempotency_key_gives_the_same_job() {
     }
 }
 
-#[tokio::test]
-async fn a_single_job_of_another_owner_is_claimed_next() {
-    let (_dir, store) = fresh().await;
+async fn a_single_job_of_another_owner_is_claimed_next(on: Engine) {
+    let (_db, store) = Database::fresh(on).await;
     for number in 0..100 {
         accepted(store.submit(new_job(number)).await);
     }
@@ -117,15 +127,14 @@ async fn a_single_job_of_another_owner_is_claimed_next() {
     assert_eq!(claim(&store).await.key, key(1));
 }
 
-#[tokio::test]
-async fn the_order_of_claims_survives_a_restart_and_a_failed_transaction() {
-    let (dir, store) = fresh().await;
+async fn the_order_of_claims_survives_a_restart_and_a_failed_transaction(on: Engine) {
+    let (db, store) = Database::fresh(on).await;
     for (number, owner, priority) in [(1, "ada", 3), (2, "ada", 0), (3, "bob", 3), (4, "ada", 7)] {
         let new = NewJob { owner: owner.into(), priority, ..new_job(number) };
         accepted(store.submit(new).await);
     }
     store.close().await;
-    let store = open(dir.path()).await;
+    let store = db.open().await;
     // A duplicate job id makes the transaction fail.
     let job = store.jobs(&Filter::default(), None, 1).await.unwrap().jobs.remove(0);
     let twice = store.submit(NewJob { id: job.id, ..new_job(9) }).await;
@@ -136,11 +145,10 @@ async fn the_order_of_claims_survives_a_restart_and_a_failed_transaction() {
     assert!(store.claim().await.unwrap().is_none());
 }
 
-#[tokio::test]
-async fn a_full_queue_refuses_new_runs_and_reserves_a_tenth_for_other_owners() {
-    let dir = TempDir::new().unwrap();
+async fn a_full_queue_refuses_new_runs_and_reserves_a_tenth_for_other_owners(on: Engine) {
+    let db = Database::new(on);
     let options = Options { queue_limit: 10, ..Options::default() };
-    let store = Store::open(dir.path(), &options).await.unwrap();
+    let store = db.open_with(&options).await;
     compute(&store, 100, 0).await;
     for number in 0..9 {
         accepted(store.submit(new_job(number)).await);
@@ -164,9 +172,8 @@ async fn a_full_queue_refuses_new_runs_and_reserves_a_tenth_for_other_owners() {
     assert_eq!(accepted(store.submit(joins).await).origin, Origin::Coalesced);
 }
 
-#[tokio::test]
-async fn a_known_result_is_computed_again_on_request() {
-    let (_dir, store) = fresh().await;
+async fn a_known_result_is_computed_again_on_request(on: Engine) {
+    let (_db, store) = Database::fresh(on).await;
     compute(&store, 1, 0).await;
     let again = accepted(store.submit(NewJob { afresh: true, ..new_job(1) }).await);
     assert_eq!((again.origin, again.state), (Origin::Computed, JobState::Queued));
@@ -183,10 +190,9 @@ async fn a_known_result_is_computed_again_on_request() {
     assert_eq!(job.state, JobState::Succeeded);
 }
 
-#[tokio::test]
-async fn a_job_records_its_state_changes_in_order() {
+async fn a_job_records_its_state_changes_in_order(on: Engine) {
     use JobState::{Canceled, Canceling, Queued, Running};
-    let (_dir, store) = fresh().await;
+    let (_db, store) = Database::fresh(on).await;
     let trace = Some("request traceparent".to_owned());
     let job = accepted(store.submit(NewJob { trace: trace.clone(), ..new_job(1) }).await);
     let claimed = claim(&store).await;
@@ -203,9 +209,8 @@ async fn a_job_records_its_state_changes_in_order() {
     assert!(job.changes.windows(2).all(|pair| pair[0].at <= pair[1].at));
 }
 
-#[tokio::test]
-async fn only_finished_jobs_can_be_deleted_and_their_results_stay() {
-    let (_dir, store) = fresh().await;
+async fn only_finished_jobs_can_be_deleted_and_their_results_stay(on: Engine) {
+    let (_db, store) = Database::fresh(on).await;
     let job = accepted(store.submit(new_job(1)).await);
     assert!(matches!(
         store.delete(job.id, Actor::default()).await.unwrap(),
@@ -222,9 +227,8 @@ async fn only_finished_jobs_can_be_deleted_and_their_results_stay() {
     assert_eq!(body(&store, 1).await, b"{}");
 }
 
-#[tokio::test]
-async fn many_jobs_can_be_cancelled_with_a_filter() {
-    let (_dir, store) = fresh().await;
+async fn many_jobs_can_be_cancelled_with_a_filter(on: Engine) {
+    let (_db, store) = Database::fresh(on).await;
     for number in 0..250 {
         let tags = vec![if number % 2 == 0 { "even" } else { "odd" }.to_owned()];
         accepted(store.submit(NewJob { tags, ..new_job(number) }).await);

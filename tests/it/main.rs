@@ -68,4 +68,5 @@ mod trust;
 mod umbridge;
 mod upgrade;
 mod verification;
+mod verified_import;
 mod worker;

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use fretwork_store::{Search, export, import};
+use fretwork_store::{Search, export};
 use serde_json::json;
 use tempfile::TempDir;
 use tokio::task::JoinSet;
 
+use crate::moving::{import, quiet};
 use crate::server::{JSON, Server, ball, send};
 
 #[tokio::test(flavor = "multi_thread")]
@@ -39,10 +40,9 @@ async fn the_first_list_after_an_import_takes_at_most_half_a_second() {
     clients.join_all().await;
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
-    let quiet = |_: usize, _: usize| {};
     let all = Search::default();
     let exported = export(from.place(), &file, &all, &[], quiet).await.unwrap();
-    let imported = import(to.place(), &file, 0, quiet).await.unwrap();
+    let imported = import(to.place(), &file).await.unwrap();
     assert_eq!((exported.results, imported.results), (count.into(), count.into()));
     for list in ["/v1/results", "/v1/results?sort=-wear_volume"] {
         let begun = Instant::now();

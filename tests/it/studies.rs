@@ -10,13 +10,13 @@ use std::time::Duration;
 use fretwork::http::{Limits, Settings};
 use fretwork::service::WorkLimits;
 use fretwork_job::Task;
-use fretwork_store::{Options, Role, import};
+use fretwork_store::{Options, Role};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use crate::access::{self, ask, get, made};
 use crate::kill::Program;
-use crate::moving::{assert_refused, export_all, open_file, quiet, replace_body};
+use crate::moving::{assert_refused, export_all, import, open_file, replace_body};
 use crate::server::{JSON, Reply, Server, send, steel_ball};
 use crate::store::{crash, raw};
 
@@ -363,9 +363,9 @@ async fn an_exported_study_is_imported_and_a_changed_one_is_not() {
     let body = String::from_utf8(from.get(&format!("/v1/results/{key}")).await.body).unwrap();
     let volume = body.split("\"wear_volume\":[").nth(1).unwrap().split(',').next().unwrap();
     replace_body(&mut open_file(&changed).await, &key, &body.replacen(volume, "1e-15", 1)).await;
-    let done = import(to.place(), &changed, 0, quiet).await.unwrap();
-    assert_refused(&done, &key, "this server computes another row 0");
-    let done = import(to.place(), &file, 0, quiet).await.unwrap();
+    let done = import(to.place(), &changed).await.unwrap();
+    assert_refused(&done, &key, "wear_volume[0]: the file has 1e-15, this server computes ");
+    let done = import(to.place(), &file).await.unwrap();
     assert_eq!(done.results, 1);
     let address = format!("/v1/results/{key}");
     assert_eq!(from.get(&address).await.body, to.get(&address).await.body);

@@ -1,5 +1,4 @@
-//! Results of others: mutated exports, damaged bodies, results that a new computation does not confirm; and inputs of
-//! random bytes.
+//! Mutated exports, damaged bodies, and inputs of random bytes.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +8,7 @@ use std::time::{Duration, Instant};
 use fretwork::http::Settings;
 use fretwork_format::{self as format, FigureOptions, Format, Part, QUANTITIES, View};
 use fretwork_job::{Canonical, Key, Prepared, Received, Refused, Submission, Task};
-use fretwork_store::{Imported, Options, Search, Store, export, import, restore};
+use fretwork_store::{Options, Search, Store, export, restore};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::strategy::ValueTree as _;
@@ -18,14 +17,12 @@ use serde_json::{Value, json};
 use sqlx::{Connection as _, SqliteConnection};
 use tempfile::TempDir;
 
-use crate::moving::sha256;
+use crate::moving::{import, quiet, sha256};
 use crate::server::{JSON, Reply, Server, ball, metric};
 use crate::store::raw;
 
-fn quiet(_: usize, _: usize) {}
-
 /// A job with a small result.
-fn small(amplitude: f64, method: &str) -> Value {
+pub fn small(amplitude: f64, method: &str) -> Value {
     let mut body = ball(amplitude);
     body["scenario"]["cycles"] = json!([1000, 30000]);
     body["scenario"]["model"] = json!({"method": method, "points": 16});
@@ -47,7 +44,7 @@ async fn open_file(file: &Path) -> SqliteConnection {
 }
 
 /// Replaces the body of a result in an export, and its digest.
-async fn replace(file: &Path, key: &str, body: &str) {
+pub async fn replace(file: &Path, key: &str, body: &str) {
     let mut db = open_file(file).await;
     sqlx::query("UPDATE bodies SET body = ?2 WHERE key = ?1")
         .bind(key)
@@ -65,7 +62,7 @@ async fn replace(file: &Path, key: &str, body: &str) {
 }
 
 /// An export of these jobs; returns its directory, its path, and keys and bodies of the results.
-async fn exported(jobs: &[Value]) -> (TempDir, std::path::PathBuf, Vec<(String, Vec<u8>)>) {
+pub async fn exported(jobs: &[Value]) -> (TempDir, std::path::PathBuf, Vec<(String, Vec<u8>)>) {
     let server = Server::start().await;
     let mut results = Vec::new();
     for job in jobs {
@@ -89,55 +86,11 @@ fn scaled(body: &str, pointer: &str, factor: f64) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_history_that_is_seven_times_too_large_is_refused() {
-    let job = ball(2.0);
-    let (_dir, file, results) = exported(std::slice::from_ref(&job)).await;
-    let (key, body) = &results[0];
-    let text = String::from_utf8(body.clone()).unwrap();
-    let mut wrong = text.clone();
-    for column in ["wear_volume", "wear_depth", "dissipated_energy"] {
-        wrong = scaled(&wrong, &format!("/history/{column}"), 7.0);
-    }
-    replace(&file, key, &wrong).await;
-    let to = Server::start().await;
-    // Without a sample it is computed anew, because its numbers contradict its scenario.
-    let done = import(to.place(), &file, 0, quiet).await.unwrap();
-    assert_eq!((done.results, done.recomputed, done.refused.len()), (0, 1, 1), "{done:?}");
-    assert!(done.refused[0].1.contains("contradict its scenario"), "{done:?}");
-    to.get(&format!("/v1/results/{key}")).await.problem(404, "unknown-result");
-    assert_eq!(to.compute(&job).await.json()["origin"], "computed");
-    assert_eq!(to.get(&format!("/v1/results/{key}")).await.body, *body);
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_sample_is_computed_anew_and_one_difference_makes_all_suspicious() {
-    let jobs: Vec<Value> = (0..6).map(|i| small(1.5 + 0.1 * f64::from(i), "simplified")).collect();
-    let (_dir, file, results) = exported(&jobs).await;
-    let import_with = async |verify| {
-        let to = TempDir::new().unwrap();
-        import(to.path(), &file, verify, quiet).await.unwrap()
-    };
-    let sound = Imported { results: 6, recomputed: 4, ..import_with(4).await };
-    assert_eq!(import_with(4).await, sound);
-    assert_eq!(import_with(99).await, Imported { recomputed: 6, ..sound.clone() });
-    assert_eq!(import_with(0).await, Imported { recomputed: 0, ..sound });
-    // A digit that no bound finds.
-    for (key, body) in &results {
-        let body = String::from_utf8(body.clone()).unwrap();
-        replace(&file, key, &scaled(&body, "/profiles/slip/1", 1.0 + 1e-9)).await;
-    }
-    assert_eq!(import_with(0).await.results, 6);
-    let done = import_with(1).await;
-    assert_eq!((done.results, done.recomputed, done.refused.len()), (0, 6, 6));
-    assert!(done.refused.iter().all(|(_, why)| why.contains("computes other numbers")), "{done:?}");
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_result_of_a_later_engine_is_refused() {
     let (task, body) = computed(&small(2.0, "simplified"));
     let mut document: Value = serde_json::from_str(&body).unwrap();
     document["engine"]["numerics"] = json!(99);
-    let refused = Received::judge(&task.key, document.to_string().as_bytes()).unwrap_err();
+    let refused = Received::read(&task.key, document.to_string().as_bytes()).unwrap_err();
     assert!(matches!(refused, Refused::Later(99)), "{refused}");
 }
 
@@ -297,23 +250,47 @@ fn a_condition_of_random_text_is_accepted_or_refused() {
     });
 }
 
+/// A sweep of three short runs with profiles. One of them is refused.
+fn small_sweep() -> Value {
+    let mut scenario = small(2.0, "simplified")["scenario"].take();
+    scenario["cycles"] = json!([1000]);
+    json!({"sweep": {
+        "scenario": scenario,
+        "vary": [{"pointer": "/friction", "values": [0.5, -1.0, 0.7]}],
+        "outputs": ["wear_volume"],
+        "profiles": {"radius": [0, 1e-3], "fields": ["wear", "slip"]},
+    }})
+}
+
+/// Whether all rows of a result agree with a new computation.
+fn is_verified(received: &Received, body: &[u8]) -> bool {
+    let agrees = |row| matches!(received.verify_row(body, row, || true), Some(Ok(())));
+    (0..received.rows()).all(agrees) && received.verified(received.rows()).is_ok()
+}
+
 #[test]
 fn an_imported_body_of_random_bytes_is_refused_unless_it_is_the_result() {
-    let results: Vec<_> =
-        [small(2.0, "exact"), small(1.0, "simplified")].iter().map(computed).collect();
+    let jobs = [small(2.0, "exact"), small(1.0, "simplified"), small_sweep()];
+    let results: Vec<_> = jobs.iter().map(computed).collect();
     let valid = results.iter().map(|(_, body)| body.clone().into_bytes()).collect();
-    let doubtful = std::cell::Cell::new(0_u32);
+    let differing = std::cell::Cell::new(0_u32);
     for_random_inputs(&any_bytes(valid), |bytes| {
         for (task, body) in &results {
-            if let Ok(received) = Received::judge(&task.key, bytes) {
-                assert!(received.task.is_some(), "a result of this version");
-                let is_true = bytes == body.as_bytes();
-                assert!(!is_true || received.flaw.is_none());
-                doubtful.set(doubtful.get() + u32::from(received.flaw.is_some()));
+            let Ok(received) = Received::read(&task.key, bytes) else { continue };
+            // It has a form, or is refused.
+            let _ = format::check(bytes);
+            let is_true = bytes == body.as_bytes();
+            differing.set(differing.get() + u32::from(!is_true));
+            // Of a run, the bytes are compared.
+            if let Task::Study(_) = task.task {
+                assert_eq!(is_verified(&received, bytes), is_true);
             }
         }
     });
-    assert!(doubtful.get() > 100, "{doubtful:?}");
+    assert!(differing.get() > 100, "{differing:?}");
+    for (task, body) in &results {
+        assert!(is_verified(&Received::read(&task.key, body.as_bytes()).unwrap(), body.as_bytes()));
+    }
 }
 
 /// All parts and formats of a result, and all figures.
@@ -519,8 +496,7 @@ async fn no_wrong_result_of_a_thousand_mutated_exports_is_served() {
         let mutated = dir.path().join("mutated.db");
         fs::copy(&file, &mutated).unwrap();
         mutate(&mutated, number, &results, &mut runner).await;
-        // The command verifies 100 results by default: all of these.
-        match import(to.path(), &mutated, 100, quiet).await {
+        match import(to.path(), &mutated).await {
             Err(_) => unreadable += 1,
             Ok(done) => {
                 stored += done.results;
@@ -605,7 +581,7 @@ async fn a_file_whose_schema_is_not_text_is_refused() {
         fs::write(path, bytes).unwrap();
     }
     let other = TempDir::new().unwrap();
-    let refused = import(other.path(), &file, 0, quiet).await.unwrap_err().to_string();
+    let refused = import(other.path(), &file).await.unwrap_err().to_string();
     assert!(refused.contains("damaged"), "{refused}");
     let refused = restore(other.path(), &database, true).await.unwrap_err().to_string();
     assert!(refused.contains("damaged"), "{refused}");

@@ -13,6 +13,7 @@ use sha2::{Digest as _, Sha256};
 use sqlx::{Connection as _, Executor as _};
 use tempfile::TempDir;
 
+use crate::moving::import;
 use crate::server::Server;
 
 const DATABASE: &[u8] = include_bytes!("../data/version-0.2.0.db.zst");
@@ -141,9 +142,10 @@ async fn results_of_both_versions_are_exported_and_imported() {
     let exported = export(server.place(), &file, &Search::default(), &[], |_, _| {}).await;
     let exported = exported.unwrap();
     assert!(exported.results >= 3 && exported.left_out.is_empty(), "{exported:?}");
-    let imported = fretwork_store::import(there.path(), &file, 0, |_, _| {}).await.unwrap();
+    let imported = import(there.path(), &file).await.unwrap();
     assert_eq!((imported.results, imported.bytes), (exported.results, exported.bytes));
     assert!(imported.refused.is_empty(), "{:?}", imported.refused);
+    assert_eq!(imported.unverified, 2, "earlier versions computed them");
     let other = Server::opening(
         there,
         Arc::new(Task::start),

@@ -87,6 +87,14 @@ pub fn write(
     }
 }
 
+/// Checks the form of a result: each of its tables has whole columns of finite numbers.
+///
+/// # Errors
+/// A table has another form.
+pub fn check(stored: &[u8]) -> Result<(), Error> {
+    Document::open(stored, &View::default())?.object().map(drop)
+}
+
 #[cfg(test)]
 mod tests {
     use serde_json::{Value, json};

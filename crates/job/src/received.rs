@@ -1,18 +1,14 @@
-//! A result that another server computed: whether it can be what it says.
+//! A result that another server computed: whether it belongs to its key, and whether this program computes the same.
 
-use std::cmp::Ordering;
-use std::time::{Duration, Instant};
+use std::fmt;
+use std::str::{self, FromStr};
+use std::sync::Arc;
 
-use fretwork_engine::outcome::{History, Loops, Outcome, Profiles};
 use fretwork_engine::request::fault::{Fault, Faults};
-use fretwork_engine::simulation::{Flaw, check, check_tables};
-use serde::Deserialize;
 
-use super::task::write;
-use super::{BadDocument, Document, ENGINE, Key, Prepared, Step, Task, TaskKind};
-
-/// Longest time to compute one result anew.
-const LONGEST_RECOMPUTATION: Duration = Duration::from_mins(10);
+use super::{BadDocument, BadWord, Document, ENGINE, Key, Prepared, Step, Task, TaskKind};
+use fretwork_json as json;
+use fretwork_study::{Claimed, Points, Study};
 
 /// Bytes that a result may have in addition to twice the estimate.
 const SLACK: usize = 100_000;
@@ -34,15 +30,54 @@ fn depth(json: &[u8]) -> usize {
     deepest
 }
 
-/// A result whose key belongs to its scenario, and whose members have the form of a result.
+/// A result whose key belongs to its scenario.
 #[derive(Debug)]
 pub struct Received {
     /// What the result says.
     pub document: Document,
-    /// The task that computes it; `None` if an earlier version of the engine computed it.
-    pub task: Option<Prepared>,
-    /// What makes the result doubtful. About 1 in 500 correct results has a flaw.
-    pub flaw: Option<Flaw>,
+    work: Work,
+}
+
+/// How the result is computed again.
+#[derive(Debug)]
+enum Work {
+    /// Not at all: an earlier version of the engine computed it.
+    Earlier,
+    Run(Prepared),
+    Study(Arc<Study>, Claimed),
+}
+
+/// How much of an imported result was computed again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verified {
+    /// All of it.
+    All,
+    /// This number of random rows of a study.
+    Rows(u64),
+    /// Nothing. Only its form was checked.
+    No,
+}
+
+impl fmt::Display for Verified {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::All => f.write_str("all"),
+            Self::Rows(rows) => rows.fmt(f),
+            Self::No => f.write_str("none"),
+        }
+    }
+}
+
+impl FromStr for Verified {
+    type Err = BadWord;
+
+    fn from_str(text: &str) -> Result<Self, BadWord> {
+        match text {
+            "all" => Ok(Self::All),
+            "none" => Ok(Self::No),
+            rows => rows.parse().map(Self::Rows).map_err(|_| BadWord("verification")),
+        }
+    }
 }
 
 /// Why a result is refused.
@@ -63,10 +98,8 @@ pub enum Refused {
     /// This version refuses the scenario.
     #[error("its scenario is not valid: {0}")]
     Scenario(String),
-    /// A member is missing, added or has another form.
-    #[error(
-        "its body is not written as this version writes results: a member was changed, added or removed"
-    )]
+    /// It is nested too deeply, too large, or not text.
+    #[error("its body does not have the form of a result")]
     Form,
     /// An earlier version of the engine computed this study: its rows cannot be checked.
     #[error(
@@ -76,41 +109,19 @@ pub enum Refused {
     /// The rows do not belong to the study.
     #[error("its rows do not belong to its study: {0}")]
     Study(String),
-    /// The tables do not agree with each other.
-    #[error("its tables contradict each other: {0}")]
-    Tables(Flaw),
-    /// It is doubtful, and a new computation differs.
-    #[error("its numbers contradict its scenario ({0}), and this server computes others")]
-    Doubtful(Flaw),
     /// A new computation differs.
-    #[error("this server computes other numbers for its scenario")]
-    Differs,
-    /// A new computation takes too long.
-    #[error(
-        "to compute it anew takes more than {} minutes: submit its scenario to the server instead",
-        LONGEST_RECOMPUTATION.as_secs() / 60
-    )]
-    Long,
-}
-
-/// The tables of a result of any version.
-#[derive(Deserialize)]
-struct Tables {
-    history: History,
-    profiles: Option<Profiles>,
-    loops: Option<Loops>,
+    #[error("this server computes another result: {0}")]
+    Differs(String),
 }
 
 impl Received {
-    /// Judges the body of a result. A result of this version of the engine must be written exactly as this version writes
-    /// it, and is checked against its scenario. A result of an earlier version must have whole tables.
+    /// Reads the body of a result under its key.
     ///
     /// # Errors
-    /// The body cannot be the result of its key.
-    pub fn judge(key: &Key, body: &[u8]) -> Result<Self, Refused> {
-        if depth(body) > MAX_DEPTH {
-            return Err(Refused::Form);
-        }
+    /// The body cannot be the result of the key.
+    pub fn read(key: &Key, body: &[u8]) -> Result<Self, Refused> {
+        let text = str::from_utf8(body).ok().filter(|_| depth(body) <= MAX_DEPTH);
+        let text = text.ok_or(Refused::Form)?;
         let document = Document::read(body)?;
         let numerics = document.numerics;
         if numerics > ENGINE.numerics {
@@ -122,74 +133,121 @@ impl Received {
         {
             return Err(Refused::Key);
         }
-        match numerics.cmp(&ENGINE.numerics) {
-            Ordering::Equal => Self::judge_present(key, body, document),
-            _ => Self::judge_earlier(body, document),
-        }
-    }
-
-    fn judge_present(key: &Key, body: &[u8], document: Document) -> Result<Self, Refused> {
-        let asked = document.asked.clone();
-        let told = |faults: Faults| {
-            let mut details = faults
-                .0
-                .into_iter()
-                .map(|Fault { pointer, detail }| format!("{pointer}: {detail}"));
-            Refused::Scenario(details.next().unwrap_or_default())
+        let work = match (numerics == ENGINE.numerics, document.asked.kind) {
+            (true, _) => Work::of(key, &document, text)?,
+            (false, TaskKind::Run) => Work::Earlier,
+            (false, TaskKind::Study(_)) => return Err(Refused::EarlierStudy),
         };
-        let task = Prepared::read(asked.kind, asked.value).map_err(told)?;
-        if task.key != *key {
-            return Err(Refused::Form);
-        }
-        let flaw = match &task.task {
-            Task::Run(run) => {
-                let (scenario, case) = &**run;
-                // The numbers of a text take four times its bytes in memory.
-                if body.len() > 2 * case.answer_bytes() + SLACK {
-                    return Err(Refused::Form);
-                }
-                let outcome: Outcome = serde_json::from_slice(body).map_err(|_| Refused::Form)?;
-                if write(*key, scenario, &outcome, body.len()).as_bytes() != body {
-                    return Err(Refused::Form);
-                }
-                check(scenario, case, &outcome).err()
-            }
-            Task::Study(study) => {
-                study.judge(key, &ENGINE, body).map_err(Refused::Study)?;
-                None
-            }
-        };
-        Ok(Self { document, task: Some(task), flaw })
+        Ok(Self { document, work })
     }
 
-    fn judge_earlier(body: &[u8], document: Document) -> Result<Self, Refused> {
-        if let TaskKind::Study(_) = document.asked.kind {
-            return Err(Refused::EarlierStudy);
+    /// The number of rows that can be computed again, each by itself. A run is one row.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        match &self.work {
+            Work::Earlier => 0,
+            Work::Run(_) => 1,
+            Work::Study(study, _) => study.points(),
         }
-        let Tables { history, profiles, loops } =
-            serde_json::from_slice(body).map_err(BadDocument::from)?;
-        check_tables(&history, profiles.as_ref(), loops.as_ref()).map_err(Refused::Tables)?;
-        Ok(Self { document, task: None, flaw: None })
     }
 
-    /// Computes the result anew and compares it with its body. Does nothing for a result of an earlier version.
+    /// Estimated processor time of a row, in seconds; `None` if it is not known.
+    #[must_use]
+    pub fn row_seconds(&self) -> Option<f64> {
+        match &self.work {
+            Work::Run(task) => Some(task.seconds),
+            Work::Earlier | Work::Study(..) => None,
+        }
+    }
+
+    /// Computes a row again and compares it. Asks `goes_on` after each step of about 30 ms, and returns `None` if that is
+    /// false.
     ///
     /// # Errors
-    /// The new result differs, or takes more than 10 minutes.
-    pub fn recompute(&self, body: &[u8]) -> Result<(), Refused> {
-        let Some(task) = &self.task else { return Ok(()) };
-        let (started, mut work) = (Instant::now(), task.start());
-        let answer = loop {
-            if let Step::Done(answer) = work.step() {
-                break answer;
+    /// The new row differs.
+    pub fn verify_row(
+        &self,
+        body: &[u8],
+        row: usize,
+        mut goes_on: impl FnMut() -> bool,
+    ) -> Option<Result<(), Refused>> {
+        match &self.work {
+            Work::Earlier => None,
+            Work::Run(task) => {
+                let mut work = task.start();
+                loop {
+                    match work.step() {
+                        Step::Done(answer) if answer.body == body => return Some(Ok(())),
+                        Step::Done(answer) => return Some(Err(differs(body, &answer.body))),
+                        Step::Working { .. } if goes_on() => {}
+                        Step::Working { .. } => return None,
+                    }
+                }
             }
-            if started.elapsed() > LONGEST_RECOMPUTATION {
-                return Err(Refused::Long);
+            Work::Study(study, claimed) => {
+                let mut point = Points::chunk(Arc::clone(study), row, study.points());
+                loop {
+                    match point.step() {
+                        Some(own) => {
+                            return Some(
+                                claimed.compare(study, row, &own).map_err(Refused::Differs),
+                            );
+                        }
+                        None if goes_on() => {}
+                        None => return None,
+                    }
+                }
             }
-        };
-        if answer.body == body {
-            return Ok(());
         }
-        Err(self.flaw.clone().map_or(Refused::Differs, Refused::Doubtful))
     }
+
+    /// What is verified after this number of rows agreed with a new computation.
+    ///
+    /// # Errors
+    /// The result contradicts its rows.
+    pub fn verified(&self, rows: usize) -> Result<Verified, Refused> {
+        if rows == 0 {
+            return Ok(Verified::No);
+        }
+        if rows < self.rows() {
+            return Ok(Verified::Rows(rows as u64));
+        }
+        if let Work::Study(_, claimed) = &self.work {
+            claimed.compare_counts().map_err(Refused::Differs)?;
+        }
+        Ok(Verified::All)
+    }
+}
+
+impl Work {
+    /// The work of a result of this version.
+    fn of(key: &Key, document: &Document, body: &str) -> Result<Self, Refused> {
+        let told = |Faults(faults): Faults| {
+            let first = faults.into_iter().next();
+            let told = first.map(|Fault { pointer, detail }| format!("{pointer}: {detail}"));
+            Refused::Scenario(told.unwrap_or_default())
+        };
+        let asked = document.asked.clone();
+        let task = Prepared::read(asked.kind, asked.value).map_err(told)?;
+        let most = match &task.task {
+            Task::Run(run) => 2 * run.1.answer_bytes() + SLACK,
+            Task::Study(study) => 2 * study.bytes() + SLACK,
+        };
+        if task.key != *key || body.len() > most {
+            return Err(Refused::Form);
+        }
+        match &task.task {
+            Task::Run(_) => Ok(Self::Run(task)),
+            Task::Study(study) => {
+                let claimed = Claimed::read(study, key, &ENGINE, body).map_err(Refused::Study)?;
+                Ok(Self::Study(Arc::clone(study), claimed))
+            }
+        }
+    }
+}
+
+/// The refusal of a body that differs from a new one.
+fn differs(body: &[u8], own: &[u8]) -> Refused {
+    let [file, own] = [body, own].map(String::from_utf8_lossy);
+    Refused::Differs(json::difference("", &file, &own))
 }

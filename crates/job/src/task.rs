@@ -339,7 +339,7 @@ impl Work for StudyWork {
 }
 
 /// The JSON of a result of about `bytes` bytes.
-pub(super) fn write(key: Key, scenario: &Scenario, outcome: &Outcome, bytes: usize) -> String {
+fn write(key: Key, scenario: &Scenario, outcome: &Outcome, bytes: usize) -> String {
     #[derive(Serialize)]
     struct Whole<'a> {
         key: Key,

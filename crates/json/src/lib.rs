@@ -4,6 +4,7 @@
 
 mod members;
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, Write};
 
@@ -13,6 +14,7 @@ use fretwork_engine::request::fault::{Fault, Faults};
 use serde::Serialize;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::ser::{CompactFormatter, Formatter};
+use serde_json::value::RawValue;
 use serde_json::{Deserializer, Map, Number, Serializer, Value};
 
 pub use self::members::Members;
@@ -330,9 +332,85 @@ impl<const LOW: u64, const HIGH: u64> Deserr<Faults> for Whole<LOW, HIGH> {
     }
 }
 
+/// Most characters of a value in the text of a difference.
+const MAX_VALUE: usize = 60;
+
+/// Says where JSON from a file first differs from the JSON that this program computes, such as
+/// `history.wear_volume[3]: the file has 1.2e-13, this server computes 1.1e-13`. Members are compared in alphabetical order.
+/// `at` goes before the place.
+#[must_use]
+pub fn difference(at: &str, file: &str, own: &str) -> String {
+    let (theirs, ours) = (parts(file), parts(own));
+    if let (Some(theirs), Some(ours)) = (&theirs, &ours) {
+        let text = |part: Option<&&RawValue>| part.map_or("nothing", |part| part.get()).to_owned();
+        for place in ours.keys().chain(theirs.keys()) {
+            let (file, own) = (text(theirs.get(place)), text(ours.get(place)));
+            if file != own {
+                return difference(&place.below(at), &file, &own);
+            }
+        }
+        return format!("{at}: the file has the same values, written in another way");
+    }
+    let short = |text: &str| text.chars().take(MAX_VALUE).collect::<String>();
+    format!("{at}: the file has {}, this server computes {}", short(file), short(own))
+}
+
+/// The place of a value in a list or in an object.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Place {
+    Entry(usize),
+    Member(String),
+}
+
+impl Place {
+    /// The path to this place in the value at another path.
+    fn below(&self, at: &str) -> String {
+        match self {
+            Self::Entry(index) => format!("{at}[{index}]"),
+            Self::Member(name) if at.is_empty() => name.clone(),
+            Self::Member(name) => format!("{at}.{name}"),
+        }
+    }
+}
+
+/// The entries of a list or the members of an object; `None` for other JSON.
+fn parts(json: &str) -> Option<BTreeMap<Place, &RawValue>> {
+    if let Ok(entries) = serde_json::from_str::<Vec<&RawValue>>(json) {
+        return Some((0..).map(Place::Entry).zip(entries).collect());
+    }
+    let members: BTreeMap<String, &RawValue> = serde_json::from_str(json).ok()?;
+    Some(members.into_iter().map(|(name, part)| (Place::Member(name), part)).collect())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_difference_names_the_place_and_both_values() {
+        let own = r#"{"a":{"b":[0.0,1.5]},"c":"x"}"#;
+        for (file, said) in [
+            (
+                r#"{"a":{"b":[0.0,2.5]},"c":"x"}"#,
+                "a.b[1]: the file has 2.5, this server computes 1.5",
+            ),
+            (
+                r#"{"a":{"b":[0.0]},"c":"x"}"#,
+                "a.b[1]: the file has nothing, this server computes 1.5",
+            ),
+            (
+                r#"{"a":{"b":[0.0,1.5]},"c":"x","d":1}"#,
+                "d: the file has 1, this server computes nothing",
+            ),
+            (
+                r#"{"c":"x","a":{"b":[0.0,1.5]}}"#,
+                ": the file has the same values, written in another way",
+            ),
+            (r#"{"a":5,"c":"x"}"#, r#"a: the file has 5, this server computes {"b":[0.0,1.5]}"#),
+        ] {
+            assert_eq!(difference("", file, own), said);
+        }
+    }
 
     #[test]
     fn numbers_are_written_with_twelve_digits() {

@@ -5,15 +5,18 @@ use std::time::Duration;
 use sqlx::postgres::PgConnection;
 use sqlx::{Connection as _, SqliteConnection};
 
-use super::audit::AuditEntry;
+use super::audit::{self, AuditEntry};
+use super::change::{Change, Verb};
 use super::error::Error;
 use super::imports::{Before, Import, NoteTaken};
-use super::keys::{AccessKey, NewKey};
-use super::library::Provenance;
+use super::keys::{self, AccessKey, NewKey};
+use super::library::{Note, Provenance};
 use super::place::Place;
-use super::read::StoredResult;
-use super::row::Sum;
+use super::read::{self, StoredResult};
+use super::row::{Columns, Sum};
 use super::search::{Cursor, Found, Search};
+use super::statement::sql;
+use super::tables::{Connected, Connection, Tables};
 use super::{postgres, sqlite};
 use fretwork_job::Key;
 
@@ -24,36 +27,29 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(30);
 ///
 /// Each change is one short transaction, so a running server waits only briefly.
 #[derive(Debug)]
-pub struct Administration(Tables);
+pub struct Administration(Opened);
 
 #[derive(Debug)]
-enum Tables {
+enum Opened {
     Sqlite(SqliteConnection),
     Postgres(PgConnection),
 }
 
-/// Calls the same function of the engine of a database.
-macro_rules! each {
-    ($administration:expr, $engine:ident, $db:ident => $call:expr) => {
-        match &mut $administration.0 {
-            Tables::Sqlite($db) => {
-                use sqlite as $engine;
-                $call
-            }
-            Tables::Postgres($db) => {
-                use postgres as $engine;
-                $call
-            }
+impl Connected for Administration {
+    fn connection(&mut self) -> Connection<'_> {
+        match &mut self.0 {
+            Opened::Sqlite(db) => Connection::Sqlite(db),
+            Opened::Postgres(db) => Connection::Postgres(db),
         }
-    };
+    }
 }
 
 impl Administration {
     /// Opens the database at a place. Creates or migrates it where necessary, unless a server uses a directory.
     pub async fn open(place: impl Into<Place>) -> Result<Self, Error> {
         Ok(Self(match place.into() {
-            Place::Directory(dir) => Tables::Sqlite(sqlite::open::beside(&dir, PATIENCE).await?),
-            Place::Shared(url) => Tables::Postgres(postgres::open::prepare(&url).await?),
+            Place::Directory(dir) => Opened::Sqlite(sqlite::open::beside(&dir, PATIENCE).await?),
+            Place::Shared(url) => Opened::Postgres(postgres::open::prepare(&url).await?),
         }))
     }
 
@@ -72,31 +68,51 @@ impl Administration {
         before: Option<i64>,
         limit: u32,
     ) -> Result<Vec<AuditEntry>, Error> {
-        each!(self, engine, db => engine::audit::list(db, before, limit).await)
+        audit::list(before, limit, self).await
     }
 
     /// Creates an access key and returns it. It cannot be read again.
     pub async fn add_key(&mut self, new: &NewKey) -> Result<String, Error> {
         let (id, key) = NewKey::mint()?;
-        each!(self, engine, db => engine::keys::add(db, &id, &key, new).await?);
+        self.change(keys::add, &(id, key.clone(), new.clone())).await?;
         Ok(key)
     }
 
     /// All access keys, also expired and revoked ones, the oldest first.
     pub async fn keys(&mut self) -> Result<Vec<AccessKey>, Error> {
-        each!(self, engine, db => engine::keys::list(db).await)
+        keys::list(self).await
     }
 
     /// Revokes the valid keys with this id or name; returns how many.
     pub async fn revoke_keys(&mut self, name: &str) -> Result<usize, Error> {
-        each!(self, engine, db => engine::keys::revoke(db, name).await)
+        self.change(keys::revoke, &name.to_owned()).await
+    }
+
+    /// Makes a change in a transaction.
+    async fn change<Input, V, Answer>(&mut self, verb: V, input: &Input) -> Result<Answer, Error>
+    where
+        V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
+    {
+        self.execute(sql!("BEGIN" [" IMMEDIATE" | ""] "")).await?;
+        let query = sql!(
+            "SELECT " ["CAST(round(unixepoch('subsec') * 1000) AS INTEGER)" | "moment()"] " AS now"
+        );
+        let now = self.one(query).await?.get("now")?;
+        // The acts of commands are not signalled.
+        let (db, effects) = (self.connection(), &mut Vec::new());
+        let done = verb.apply(input, Change { db, now, effects }).await;
+        let end = if done.is_ok() { sql!("COMMIT") } else { sql!("ROLLBACK") };
+        let ended = self.execute(end).await;
+        let answer = done?;
+        ended?;
+        Ok(answer)
     }
 
     /// Closes the database.
     pub async fn close(self) -> Result<(), Error> {
         match self.0 {
-            Tables::Sqlite(db) => Ok(db.close().await?),
-            Tables::Postgres(db) => Ok(db.close().await?),
+            Opened::Sqlite(db) => Ok(db.close().await?),
+            Opened::Postgres(db) => Ok(db.close().await?),
         }
     }
 
@@ -106,20 +122,35 @@ impl Administration {
         cursor: Option<Cursor>,
         limit: u32,
     ) -> Result<Found, Error> {
-        each!(self, engine, db => engine::search::page(db, search, cursor, limit).await)
+        Found::page(search, cursor, limit, self).await
     }
 
     pub(super) async fn result(&mut self, key: &Key) -> Result<Option<(StoredResult, Sum)>, Error> {
-        each!(self, engine, db => engine::read::result(&mut *db, key, i64::MAX).await)
+        read::result(key, i64::MAX, self).await
     }
 
     pub(super) async fn provenance(&mut self, key: &Key) -> Result<Option<Provenance>, Error> {
-        each!(self, engine, db => engine::library::provenance(db, key).await)
+        Provenance::of(key, self).await
     }
 
     /// What the database has under the key of a result with this digest.
     pub(super) async fn before(&mut self, key: &Key, digest: &[u8]) -> Result<Before, Error> {
-        each!(self, engine, db => engine::imports::before(db, key, digest).await)
+        match &mut self.0 {
+            Opened::Sqlite(db) => sqlite::imports::before(db, key, digest).await,
+            Opened::Postgres(db) => postgres::imports::before(db, key, digest).await,
+        }
+    }
+
+    /// Stores the note of a result, unless the result already has a note.
+    pub(super) async fn annotate(
+        &mut self,
+        key: &Key,
+        note: Option<&Note>,
+    ) -> Result<NoteTaken, Error> {
+        match &mut self.0 {
+            Opened::Sqlite(db) => sqlite::imports::annotate(db, key, note).await,
+            Opened::Postgres(db) => postgres::imports::annotate(db, key, note).await,
+        }
     }
 
     /// Stores a result that the database does not have, and its note if the result has none.
@@ -127,6 +158,9 @@ impl Administration {
         &mut self,
         import: &Import<'_>,
     ) -> Result<(Before, NoteTaken), Error> {
-        each!(self, engine, db => engine::imports::import(db, import).await)
+        match &mut self.0 {
+            Opened::Sqlite(db) => sqlite::imports::import(db, import).await,
+            Opened::Postgres(db) => postgres::imports::import(db, import).await,
+        }
     }
 }

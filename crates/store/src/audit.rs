@@ -3,7 +3,10 @@
 //! An entry is written in the transaction of its act. Equal acts of one day share an entry, and so do all jobs of an actor
 //! that it cancels or deletes itself. So no client can fill the log with ordinary requests.
 
-use super::row::{Columns, word};
+use super::error::Error;
+use super::row::{Columns, Row, word};
+use super::statement::sql;
+use super::tables::{Connected, Tables};
 use fretwork_job::words;
 
 words! {
@@ -34,12 +37,6 @@ pub struct Actor {
 }
 
 impl Actor {
-    /// What an entry says of the subject of an act: nothing of a job that belongs to the actor.
-    pub(super) fn named<'a>(&self, act: Act, subject: &'a str, owner: &str) -> &'a str {
-        let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && self.name == owner;
-        if own_job { "" } else { subject }
-    }
-
     /// The user of the operating system who runs this process.
     #[must_use]
     pub fn of_process() -> Self {
@@ -73,7 +70,7 @@ pub struct AuditEntry {
 }
 
 impl AuditEntry {
-    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row) -> Result<Self, sqlx::Error> {
         Ok(Self {
             id: row.get("id")?,
             first: row.get("first")?,
@@ -85,4 +82,41 @@ impl AuditEntry {
             owner: row.get("owner")?,
         })
     }
+}
+
+/// Records an act on something of an owner, in the transaction of the act.
+pub(super) async fn record(
+    tx: &mut impl Connected,
+    now: i64,
+    (actor, act): (&Actor, Act),
+    subject: &str,
+    owner: &str,
+) -> Result<(), Error> {
+    // All jobs of an actor share an entry.
+    let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && actor.name == owner;
+    let subject = if own_job { "" } else { subject };
+    let entry = sql!(
+        "INSERT INTO audit (first, last, times, act, actor, key, subject, owner)
+         VALUES ($1, $1, 1, $2, $3, $4, $5, $6)
+         ON CONFLICT (act, actor, key, subject, owner, (first / 86400000))
+         DO UPDATE SET last = excluded.last, times = audit.times + 1";
+        now, act.as_str(), &actor.name, &actor.key, subject, owner
+    );
+    tx.execute(entry).await?;
+    Ok(())
+}
+
+/// Up to `limit` entries before another one, the newest first.
+pub(super) async fn list(
+    before: Option<i64>,
+    limit: u32,
+    mut db: impl Tables,
+) -> Result<Vec<AuditEntry>, Error> {
+    let entries = sql!(
+        "SELECT id, first, last, times, act, actor, key, subject, owner FROM audit
+         WHERE id < $1 ORDER BY id DESC LIMIT $2";
+        before.unwrap_or(i64::MAX), limit
+    );
+    let rows = db.rows(entries).await?;
+    Ok(rows.iter().map(AuditEntry::read).collect::<Result<_, _>>()?)
 }

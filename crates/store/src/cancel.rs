@@ -1,6 +1,14 @@
-//! What requests to cancel or delete a job did.
+//! What requests to cancel or delete a job do.
 
-use fretwork_job::{Job, JobState};
+use super::audit::{Act, Actor, record};
+use super::change::Change;
+use super::error::Error;
+use super::read;
+use super::row::{Columns, RunId};
+use super::signals::Effect;
+use super::statement::sql;
+use super::tables::{Connected, Tables};
+use fretwork_job::{Job, JobId, JobState};
 
 /// What a request to cancel a job did.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,5 +32,44 @@ pub enum Deleted {
     Done,
 }
 
-/// Jobs that one transaction cancels. A larger number would delay other changes.
-pub(super) const AT_ONCE: u32 = 100;
+/// Deletes a job that has ended.
+pub(super) async fn delete(
+    (id, by): &(JobId, Actor),
+    mut tx: Change<'_>,
+) -> Result<Deleted, Error> {
+    let Some(job) = read::job(*id, &mut tx).await? else { return Ok(Deleted::NotFound) };
+    if !job.state.is_finished() {
+        return Ok(Deleted::Unfinished(job.state));
+    }
+    let now = tx.now;
+    record(&mut tx, now, (by, Act::DeleteJob), &id.to_string(), &job.owner).await?;
+    // Otherwise two servers that delete the last two jobs of a run would each leave it to the other.
+    let lock = sql!(
+        "SELECT 1 FROM run WHERE id = (SELECT run FROM job WHERE id = $1) FOR NO KEY UPDATE"; *id
+    );
+    tx.lock(lock).await?;
+    delete_job(id.0.as_bytes(), &mut tx).await?;
+    tx.effects.push(Effect::Ended(job.key));
+    Ok(Deleted::Done)
+}
+
+/// Deletes a finished job, and its run if it has ended and has no other job.
+pub(super) async fn delete_job(id: &[u8], tx: &mut impl Connected) -> Result<(), Error> {
+    let deleted = tx.row(sql!("DELETE FROM job WHERE id = $1 RETURNING run"; id)).await?;
+    let run = deleted.map(|row| row.get::<Option<i64>>("run")).transpose()?.flatten();
+    match run {
+        Some(run) => delete_unnamed(RunId(run), tx).await,
+        None => Ok(()),
+    }
+}
+
+/// Deletes a finished run without jobs.
+pub(super) async fn delete_unnamed(run: RunId, tx: &mut impl Connected) -> Result<(), Error> {
+    let delete = sql!(
+        "DELETE FROM run WHERE id = $1 AND finished IS NOT NULL
+             AND NOT EXISTS (SELECT 1 FROM job WHERE run = $1)";
+        run
+    );
+    tx.execute(delete).await?;
+    Ok(())
+}

@@ -1,10 +1,14 @@
 //! What a worker has claimed.
 
+use std::borrow::Cow;
 use std::time::Duration;
 
 use super::body::Body;
-use super::row::{Columns, Part, RunId};
+use super::error::Error;
+use super::row::{Columns, Part, Row, RunId, key};
 use super::signals::Stop;
+use super::statement::sql;
+use super::tables::{Connected, Tables};
 use fretwork_job::{Cost, Key};
 
 /// A run, or a piece of a study, that a worker has claimed.
@@ -49,6 +53,40 @@ pub enum Piece {
 }
 
 impl Claimed {
+    /// A whole run, from its row.
+    pub(super) fn whole(run: RunId, row: &Row) -> Result<Self, sqlx::Error> {
+        Ok(Self {
+            run,
+            attempt: row.get("attempt")?,
+            key: key(row, "key")?,
+            piece: Piece::Whole { task: row.get("task")? },
+            spent: Cost::ZERO,
+            trace: row.get("trace")?,
+            stop: Stop::default(),
+        })
+    }
+
+    /// A piece of a study of so many chunks, from the row of the study and its run.
+    pub(super) fn piece(
+        run: RunId,
+        (number, of): (u32, u32),
+        attempt: u32,
+        row: &Row,
+    ) -> Result<Self, sqlx::Error> {
+        let piece = if number == of { Piece::Assembly { of } } else { Piece::Chunk { number, of } };
+        let (key, spent, trace) = (key(row, "key")?, cost(row)?, row.get("trace")?);
+        Ok(Self { run, attempt, key, piece, spent, trace, stop: Stop::default() })
+    }
+
+    /// The task in its stored form.
+    pub(super) async fn task(&self, db: &mut impl Connected) -> Result<Cow<'_, str>, Error> {
+        if let Piece::Whole { task } = &self.piece {
+            return Ok(task.into());
+        }
+        let row = db.one(sql!("SELECT task FROM run WHERE id = $1"; self.run)).await?;
+        Ok(Cow::Owned(row.get("task")?))
+    }
+
     pub(super) fn part(&self) -> Part {
         let number = match self.piece {
             Piece::Whole { .. } => None,
@@ -68,6 +106,24 @@ impl Claimed {
 pub(super) struct Claim {
     pub(super) part: Part,
     pub(super) attempt: u32,
+}
+
+impl Claim {
+    /// The attempt of the running run. Returns `None` if the worker has lost its piece of it. For a whole run the caller compares
+    /// the attempt.
+    pub(super) async fn attempt_of_run(
+        self,
+        db: &mut impl Connected,
+    ) -> Result<Option<u32>, Error> {
+        let (run, Some(number)) = self.part else { return Ok(Some(self.attempt)) };
+        let query = sql!(
+            "SELECT run.attempt AS attempt FROM chunk JOIN run ON run.id = chunk.run
+             WHERE chunk.run = $1 AND number = $2 AND chunk.attempt = $3
+                 AND chunk.state = 'running' AND run.state = 'running'";
+            run, number, self.attempt
+        );
+        Ok(db.row(query).await?.map(|row| row.get("attempt")).transpose()?)
+    }
 }
 
 /// A chunk and what was computed for it.
@@ -96,7 +152,7 @@ pub(super) fn is_step(done: u32, chunks: u32) -> bool {
 }
 
 /// Reads the columns `wall` and `cpu`, in seconds.
-pub(super) fn cost(row: &impl Columns) -> Result<Cost, sqlx::Error> {
+fn cost(row: &Row) -> Result<Cost, sqlx::Error> {
     let duration = |seconds| {
         Duration::try_from_secs_f64(seconds).map_err(|error| sqlx::Error::Decode(Box::new(error)))
     };

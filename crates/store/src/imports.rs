@@ -3,7 +3,7 @@
 use super::keep::Answered;
 use super::library::{Note, Program};
 use super::row::Columns;
-use fretwork_job::Key;
+use fretwork_job::{Key, Verified};
 
 /// A result of another server, checked.
 pub(super) struct Import<'a> {
@@ -18,6 +18,7 @@ pub(super) struct Import<'a> {
     pub(super) note: Option<&'a Note>,
     /// The name of the file that contains it.
     pub(super) file: &'a str,
+    pub(super) verified: Verified,
 }
 
 /// What a database has under the key of a result before its import.

@@ -2,8 +2,16 @@
 
 use sha2::{Digest, Sha256};
 
+use super::audit::{Act, Actor, record};
 use super::body::Body;
-use fretwork_job::{Answer, Cost, JobId, Key, Outline};
+use super::change::Change;
+use super::error::Error;
+use super::row::{Columns, Row};
+use super::search::names;
+use super::signals::Effect;
+use super::statement::{Statement, sql};
+use super::tables::{Connected, Lock, Tables};
+use fretwork_job::{Answer, Cost, JobId, Key, Outline, Recomputed};
 
 /// What happened to the result of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,34 +69,6 @@ impl Answered {
     }
 }
 
-/// The provenance of a result to be stored.
-pub(super) struct Source<'a> {
-    pub(super) key: Key,
-    /// The attempt of the run that it ends.
-    pub(super) attempt: u32,
-    pub(super) task: &'a str,
-    /// Its owner, its job, and the warnings of its submission as JSON; for [`Reason::Run`] those of the run.
-    pub(super) owner: Option<&'a str>,
-    pub(super) job: Option<JobId>,
-    pub(super) warnings: Option<&'a str>,
-    pub(super) trace: Option<&'a str>,
-    /// The row in the table `program`.
-    pub(super) program: Option<i64>,
-    pub(super) now: i64,
-}
-
-/// Why a result is stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Reason {
-    /// It ends the run $1.
-    Run,
-    /// It was computed before its job was submitted. It does not replace an evicted result, because it is not compared
-    /// with it.
-    Job,
-    /// It is imported.
-    Import,
-}
-
 /// What a change of a pin or a note did.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Changed {
@@ -122,4 +102,234 @@ impl Editor {
     pub(super) fn may_change(&self, owner: Option<&str>) -> bool {
         self.may_change_all || owner == Some(&self.owner)
     }
+}
+
+/// How many bytes of results may be pinned.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PinQuota {
+    /// By one owner.
+    owner: u64,
+    /// By all owners together; `None` without a limit.
+    all: Option<u64>,
+}
+
+impl PinQuota {
+    /// The quota of one owner, and half of the budget for all owners together.
+    pub(super) fn new(owner: u64, budget: Option<u64>) -> Self {
+        let all = budget.map(|budget| budget / 2);
+        Self { owner: all.map_or(owner, |all| owner.min(all)), all }
+    }
+
+    /// The answer if the pinned results of an owner, or of all owners, take too many bytes.
+    fn exceeded_by(&self, own: u64, all: u64) -> Option<Changed> {
+        let limits = [(own, Some(self.owner), false), (all, self.all, true)];
+        limits.into_iter().find_map(|(used, quota, of_all)| {
+            let quota = quota.filter(|quota| used > *quota)?;
+            Some(Changed::QuotaExceeded { used, quota, of_all })
+        })
+    }
+}
+
+/// Pins a result within the quota, or unpins it.
+pub(super) async fn pin(
+    (key, pinned, editor, quota): &(Key, bool, Editor, PinQuota),
+    mut tx: Change<'_>,
+) -> Result<Changed, Error> {
+    // Pins of several servers are counted one after the other.
+    tx.lock(sql!("SELECT pg_advisory_xact_lock($1)"; Lock::Pins as i64)).await?;
+    let query = sql!(
+        "SELECT pinned, pinned_by, stored FROM result WHERE key = $1 AND evicted IS NULL"
+        ["" | " FOR NO KEY UPDATE"] "";
+        key
+    );
+    let Some(row) = tx.row(query).await? else { return Ok(Changed::NotFound) };
+    if row.get::<bool>("pinned")? == *pinned {
+        return Ok(Changed::Done);
+    }
+    if *pinned {
+        let query = sql!(
+            "SELECT CAST(coalesce(sum(stored), 0) AS BIGINT) AS all_pins,
+                 CAST(coalesce(sum(stored) FILTER (WHERE pinned_by = $1), 0) AS BIGINT) AS own_pins
+             FROM result " ["INDEXED BY result_pinned_by" | ""] " WHERE pinned";
+            &editor.owner
+        );
+        let (sums, bytes) = (tx.one(query).await?, row.get::<u64>("stored")?);
+        let [own, all] = [sums.get::<u64>("own_pins")?, sums.get("all_pins")?];
+        if let Some(exceeded) = quota.exceeded_by(own + bytes, all + bytes) {
+            return Ok(exceeded);
+        }
+    } else if !editor.may_change(row.text("pinned_by")?) {
+        return Ok(Changed::OtherOwner(row.get("pinned_by")?));
+    }
+    let owner = pinned.then_some(&editor.owner);
+    let update = sql!(
+        "UPDATE result SET pinned = $2, pinned_by = $3 WHERE key = $1"; key, *pinned, owner
+    );
+    tx.execute(update).await?;
+    Ok(Changed::Done)
+}
+
+/// Writes the note of a result, or removes it. The result may be evicted.
+pub(super) async fn annotate(
+    (key, text, editor): &(Key, Option<String>, Editor),
+    mut tx: Change<'_>,
+) -> Result<Changed, Error> {
+    let query = sql!(
+        "SELECT note.owner AS owner FROM result LEFT JOIN note USING (key)
+         WHERE result.key = $1" ["" | " FOR NO KEY UPDATE OF result"] "";
+        key
+    );
+    let Some(row) = tx.row(query).await? else { return Ok(Changed::NotFound) };
+    if let Some(owner) = row.text("owner")?.filter(|owner| !editor.may_change(Some(owner))) {
+        return Ok(Changed::OtherOwner(Some(owner.to_owned())));
+    }
+    let change = match text {
+        Some(text) => sql!(
+            "INSERT INTO note (key, text, owner, at) VALUES ($1, $2, $3, $4)
+             ON CONFLICT (key) DO UPDATE SET text = excluded.text, owner = excluded.owner, at = excluded.at";
+            key, text, &editor.owner, tx.now
+        ),
+        None => sql!("DELETE FROM note WHERE key = $1"; key),
+    };
+    tx.execute(change).await?;
+    Ok(Changed::Done)
+}
+
+/// Deletes the body of a result. Its scenario and its jobs stay.
+pub(super) async fn remove((key, by): &(Key, Actor), mut tx: Change<'_>) -> Result<Removed, Error> {
+    let query = sql!(
+        "SELECT evicted IS NULL AS held, pinned, owner FROM result WHERE key = $1"
+        ["" | " FOR NO KEY UPDATE"] "";
+        key
+    );
+    let Some(row) = tx.row(query).await? else { return Ok(Removed::NotFound) };
+    if !row.get::<bool>("held")? {
+        // Servers may still have it in memory.
+        tx.effects.push(Effect::Deleted(*key));
+        return Ok(Removed::NotFound);
+    }
+    if row.get("pinned")? {
+        return Ok(Removed::Pinned);
+    }
+    let (now, owner) = (tx.now, row.text("owner")?.unwrap_or_default());
+    record(&mut tx, now, (by, Act::DeleteResult), &key.to_string(), owner).await?;
+    evict(key.bytes(), now, Some(&by.name), &mut tx).await?;
+    tx.effects.push(Effect::Deleted(*key));
+    Ok(Removed::Done)
+}
+
+/// Deletes the body of a result; its scenario stays known. Names who deleted it, unless it is evicted to free space.
+pub(super) async fn evict(
+    key: &[u8],
+    now: i64,
+    deleted_by: Option<&str>,
+    tx: &mut impl Connected,
+) -> Result<(), Error> {
+    // SQLite has a trigger for the outline.
+    let evict = sql!(
+        "" ["UPDATE result SET evicted = $2, deleted_by = $3 WHERE key = $1;" |
+            "WITH evicted AS (UPDATE result SET evicted = $2, deleted_by = $3 WHERE key = $1),
+                 outlined AS (UPDATE outline SET present = FALSE
+                     WHERE id = (SELECT id FROM result_task WHERE key = $1))"]
+        " DELETE FROM result_blob WHERE key = $1";
+        key, now, deleted_by
+    );
+    tx.execute(evict).await?;
+    Ok(())
+}
+
+/// The provenance of a result to be stored.
+pub(super) struct Source<'a> {
+    pub(super) key: Key,
+    pub(super) task: &'a str,
+    /// Its owner, its job, and the warnings of its submission as JSON. SQLite reads those of a run from the tables.
+    pub(super) owner: Option<&'a str>,
+    pub(super) job: Option<JobId>,
+    pub(super) warnings: Option<&'a str>,
+    pub(super) trace: Option<&'a str>,
+    /// The row in the table `program`.
+    pub(super) program: Option<i64>,
+    pub(super) now: i64,
+}
+
+/// The columns of a result, in the order of the first values of [`Statement::with_result`].
+pub(super) const COLUMNS: &str =
+    "(key, size, stored, summary, digest, created, last_access, computed, checksum,
+    owner, job, warnings, trace, wall, cpu, program)";
+
+/// What follows on the insertion of a result `old` if the key has one: it takes its place under the condition after this.
+pub(super) const REPLACE: &str = "ON CONFLICT (key) DO UPDATE SET size = excluded.size, stored = excluded.stored,
+    summary = excluded.summary, digest = excluded.digest, last_access = excluded.last_access,
+    computed = excluded.computed, checksum = excluded.checksum, owner = excluded.owner, job = excluded.job,
+    warnings = excluded.warnings, trace = excluded.trace, wall = excluded.wall, cpu = excluded.cpu,
+    program = excluded.program, imported = NULL, imported_from = NULL, deleted_by = NULL, evicted = NULL
+    WHERE ";
+
+impl Statement {
+    /// Adds the values of a result: 15 of its row, body and task, and those of its outline.
+    pub(super) fn with_result(self, answered: &Answered, source: &Source<'_>) -> Self {
+        let Answered { body, size, summary, digest, outline, cost } = answered;
+        let row = self
+            .with(source.key)
+            .with((*size as u64).cast_signed())
+            .with(&**body.bytes())
+            .with(summary)
+            .with(digest)
+            .with(source.now)
+            .with(body.checksum())
+            .with(source.task)
+            .with(source.owner)
+            .with(source.job)
+            .with(source.warnings)
+            .with(source.trace)
+            .with(cost.map(|cost| cost.wall.as_secs_f64()))
+            .with(cost.and_then(|cost| cost.cpu).map(|cpu| cpu.as_secs_f64()))
+            .with(source.program);
+        row.with_outline(outline)
+    }
+
+    /// Adds the words and numbers of an outline.
+    pub(super) fn with_outline(self, outline: &Outline) -> Self {
+        let words = outline.words.iter().fold(self, |query, word| query.with(word.as_deref()));
+        outline.scalars.iter().fold(words, |query, number| query.with(*number))
+    }
+}
+
+/// The columns of an outline, their parameters from `$first` on, and how they replace those of another one.
+pub(super) fn outlined(first: usize) -> [String; 3] {
+    let columns: Vec<_> = names().collect();
+    let values: Vec<_> = (first..first + columns.len()).map(|place| format!("${place}")).collect();
+    let changes: Vec<_> = columns.iter().map(|name| format!("{name} = excluded.{name}")).collect();
+    [columns.join(", "), values.join(", "), changes.join(", ")]
+}
+
+/// What became of the result of a run. The row says whether the key had the `same` result before, and whether that was still
+/// `held`.
+pub(super) async fn kept(
+    answered: &Answered,
+    key: Key,
+    row: &Row,
+    mut tx: Change<'_>,
+) -> Result<Finish, Error> {
+    let (Some(same), Some(held)) = (row.truth("same")?, row.truth("held")?) else {
+        return Ok(Finish::Stored);
+    };
+    let (how, finish) = match (same, held) {
+        (true, true) => (Recomputed::Same, Finish::Same),
+        (true, false) => (Recomputed::Same, Finish::Stored),
+        (false, true) => (Recomputed::Differs, Finish::Differs),
+        (false, false) => (Recomputed::Replaced, Finish::Stored),
+    };
+    tx.effects.push(Effect::Recomputed { key, how });
+    if finish == Finish::Same {
+        // If the stored body was damaged on the disk, this repairs it.
+        let repair = sql!(
+            "" ["UPDATE result_blob SET body = $2 WHERE key = $1;" |
+                "WITH repaired AS (UPDATE result_blob SET body = $2 WHERE key = $1)"]
+            " UPDATE result SET checksum = $3, stored = " ["length" | "octet_length"] "($2) WHERE key = $1";
+            key, &**answered.body.bytes(), answered.body.checksum()
+        );
+        tx.execute(repair).await?;
+    }
+    Ok(finish)
 }

@@ -7,8 +7,12 @@ use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 
+use super::audit::{Act, Actor, record};
+use super::change::Change;
 use super::error::Error;
-use super::row::{Columns, word};
+use super::row::{Columns, Row, word};
+use super::statement::sql;
+use super::tables::{Connected, Tables};
 use fretwork_job::words;
 
 /// Prefix of all keys. Tools that scan for leaked secrets recognise it.
@@ -55,7 +59,7 @@ pub struct AccessKey {
 }
 
 impl AccessKey {
-    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row) -> Result<Self, sqlx::Error> {
         Ok(Self {
             id: row.get("id")?,
             name: row.get("name")?,
@@ -125,10 +129,65 @@ fn random<const BYTES: usize>() -> Result<String, Error> {
     Ok(HEXLOWER.encode(&bytes))
 }
 
-/// The secret that signs links, as it is stored.
-pub(super) fn secret_of(stored: Vec<u8>) -> Result<[u8; 32], sqlx::Error> {
-    let wrong = "the stored secret does not have 32 bytes";
-    stored.try_into().map_err(|_| sqlx::Error::Decode(wrong.into()))
+/// All keys, also expired and revoked ones, the oldest first.
+pub(super) async fn list(mut db: impl Tables) -> Result<Vec<AccessKey>, Error> {
+    let keys = sql!(
+        "SELECT id, name, role, digest, per_minute, created, expires, revoked, last_used FROM access_key
+         ORDER BY created, id"
+    );
+    Ok(db.rows(keys).await?.iter().map(AccessKey::read).collect::<Result<_, _>>()?)
+}
+
+/// Stores a new key.
+pub(super) async fn add(
+    (id, key, new): &(String, String, NewKey),
+    mut tx: Change<'_>,
+) -> Result<(), Error> {
+    let now = tx.now;
+    let insert = sql!(
+        "INSERT INTO access_key (id, name, role, digest, per_minute, created, expires)
+         VALUES ($1, $2, $3, $4, $5, $6, $7)";
+        id, &new.name, new.role.as_str(), &digest(key), new.per_minute, now, new.expires
+    );
+    tx.execute(insert).await?;
+    record(&mut tx, now, (&Actor::of_process(), Act::AddKey), id, &new.name).await
+}
+
+/// Revokes the valid keys with this id or name; returns how many.
+pub(super) async fn revoke(name: &String, mut tx: Change<'_>) -> Result<usize, Error> {
+    let now = tx.now;
+    let update = sql!(
+        "UPDATE access_key SET revoked = $2
+         WHERE (id = $1 OR name = $1) AND revoked IS NULL RETURNING id, name";
+        name, now
+    );
+    let revoked = tx.rows(update).await?;
+    for row in &revoked {
+        let act = (&Actor::of_process(), Act::RevokeKey);
+        record(&mut tx, now, act, row.get("id")?, row.get("name")?).await?;
+    }
+    Ok(revoked.len())
+}
+
+/// Records that a key was used.
+pub(super) async fn was_used(by: &Actor, mut tx: Change<'_>) -> Result<(), Error> {
+    let now = tx.now;
+    tx.execute(sql!("UPDATE access_key SET last_used = $2 WHERE id = $1"; &by.key, now)).await?;
+    record(&mut tx, now, (by, Act::UseKey), &by.key, &by.name).await
+}
+
+/// Stores a secret that signs links, if there is none yet; returns the stored one.
+pub(super) async fn link_secret(
+    candidate: &[u8; 32],
+    mut tx: Change<'_>,
+) -> Result<[u8; 32], Error> {
+    let insert = sql!(
+        "INSERT INTO link_secret (id, secret) VALUES (1, $1) ON CONFLICT DO NOTHING"; candidate
+    );
+    tx.execute(insert).await?;
+    let stored = tx.one(sql!("SELECT secret FROM link_secret")).await?;
+    let wrong = |_| sqlx::Error::Decode("the stored secret does not have 32 bytes".into());
+    Ok(stored.get::<&[u8]>("secret")?.try_into().map_err(wrong)?)
 }
 
 #[cfg(test)]

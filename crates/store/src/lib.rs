@@ -27,6 +27,7 @@ mod ages;
 mod audit;
 mod body;
 mod cancel;
+mod change;
 mod claimed;
 mod error;
 mod imports;
@@ -35,7 +36,6 @@ mod keys;
 mod library;
 mod moving;
 mod options;
-mod pins;
 mod place;
 mod postgres;
 mod read;
@@ -45,6 +45,7 @@ mod signals;
 mod sqlite;
 mod statement;
 mod submit;
+mod tables;
 mod tally;
 mod verbs;
 
@@ -56,10 +57,10 @@ pub use claimed::{Claimed, Piece};
 pub use error::Error;
 pub use keep::{Answered, Changed, Editor, Finish, Removed};
 pub use keys::{AccessKey, NewKey, Role, digest};
-pub use library::{Known, Note, Program, Provenance};
+pub use library::{FromFile, Known, Note, Program, Provenance};
 pub use moving::{
-    Checked, Damage, Exported, Imported, Moving, Saved, backup, check, export, import, note_backup,
-    restore,
+    Accepted, Checked, Damage, Entry, Exported, Imported, Importer, Moving, Saved, backup, check,
+    export, note_backup, restore,
 };
 pub use options::{FileSizes, Options, Recovered};
 pub use place::{DatabaseUrl, Place};

@@ -3,8 +3,10 @@
 use serde_json::Value;
 
 use super::error::Error;
-use super::row::{self, Columns};
-use fretwork_job::{Canonical, ENGINE, JobId, Key};
+use super::row::{self, Columns, Row};
+use super::statement::{Statement, sql};
+use super::tables::{Connected, Tables};
+use fretwork_job::{Canonical, ENGINE, JobId, Key, Verified};
 
 /// What a user wrote about a result.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,7 +37,7 @@ impl Note {
     }
 
     /// Reads the columns `note`, `noted_by` and `noted`.
-    pub(super) fn read(row: &impl Columns) -> Result<Option<Self>, sqlx::Error> {
+    pub(super) fn read(row: &Row) -> Result<Option<Self>, sqlx::Error> {
         let Some(text) = row.get("note")? else { return Ok(None) };
         Ok(Some(Self { text, owner: row.get("noted_by")?, at: row.get("noted")? }))
     }
@@ -82,25 +84,29 @@ pub struct Provenance {
     pub size: u64,
     /// SHA-256 of its body.
     pub sha256: Key,
-    /// When it was imported, and from which file.
-    pub imported: Option<(i64, String)>,
+    /// The import that brought it.
+    pub imported: Option<FromFile>,
 }
 
-/// Reads what [`Provenance`] contains, of the key $1.
-pub(super) const PROVENANCE: &str = "
-    SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
-        warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from, version,
-        numerics, host, architecture, processors, note.text AS note, note.owner AS noted_by,
-        note.at AS noted, (SELECT count(*) FROM job WHERE job.key = result.key) AS jobs
-    FROM result LEFT JOIN program ON program.id = result.program
-    LEFT JOIN note ON note.key = result.key WHERE result.key = $1";
-
 impl Provenance {
-    /// Reads a row of [`PROVENANCE`].
-    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+    pub(super) async fn of(key: &Key, mut db: impl Tables) -> Result<Option<Self>, Error> {
+        Ok(db.row(Self::query(key)).await?.as_ref().map(Self::read).transpose()?)
+    }
+
+    pub(super) fn query(key: &Key) -> Statement {
+        sql!(
+            "SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
+                 warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from, verified,
+                 version, numerics, host, architecture, processors, note.text AS note, note.owner AS noted_by,
+                 note.at AS noted, (SELECT count(*) FROM job WHERE job.key = result.key) AS jobs
+             FROM result LEFT JOIN program ON program.id = result.program
+             LEFT JOIN note ON note.key = result.key WHERE result.key = $1";
+            key
+        )
+    }
+
+    fn read(row: &Row) -> Result<Self, sqlx::Error> {
         let job: Option<&[u8]> = row.get("job")?;
-        let imported: Option<i64> = row.get("imported")?;
-        let imported = imported.map(|at| Ok::<_, sqlx::Error>((at, row.get("imported_from")?)));
         Ok(Self {
             created: row.get("created")?,
             owner: row.get("owner")?,
@@ -120,8 +126,30 @@ impl Provenance {
             note: Note::read(row)?,
             size: row.get("size")?,
             sha256: row::key(row, "digest")?,
-            imported: imported.transpose()?,
+            imported: FromFile::read(row)?,
         })
+    }
+}
+
+/// The import of a result.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FromFile {
+    /// When it was imported.
+    pub at: i64,
+    /// The name of the file.
+    pub from: String,
+    /// How much of it was computed again; `None` if an earlier version imported it.
+    pub verified: Option<Verified>,
+}
+
+impl FromFile {
+    fn read(row: &impl Columns) -> Result<Option<Self>, sqlx::Error> {
+        let Some(at) = row.get("imported")? else { return Ok(None) };
+        Ok(Some(Self {
+            at,
+            from: row.get("imported_from")?,
+            verified: row::optional_word(row, "verified")?,
+        }))
     }
 }
 
@@ -157,8 +185,25 @@ impl Program {
         }
     }
 
+    /// The id of its row, which is inserted if necessary.
+    pub(super) async fn id(&self, db: &mut impl Connected) -> Result<i64, Error> {
+        let Self { version, numerics, host, architecture, processors } = self;
+        let insert = sql!(
+            "INSERT INTO program (version, numerics, host, architecture, processors)
+             VALUES ($1, $2, $3, $4, $5) ON CONFLICT DO NOTHING";
+            version, *numerics, host, architecture, *processors
+        );
+        db.execute(insert).await?;
+        let find = sql!(
+            "SELECT id FROM program WHERE version = $1 AND numerics = $2 AND host = $3
+                 AND architecture = $4 AND processors = $5";
+            version, *numerics, host, architecture, *processors
+        );
+        Ok(db.one(find).await?.get("id")?)
+    }
+
     /// Reads the columns of the table `program`.
-    pub(super) fn read(row: &impl Columns) -> Result<Option<Self>, sqlx::Error> {
+    fn read(row: &Row) -> Result<Option<Self>, sqlx::Error> {
         let Some(version) = row.get("version")? else { return Ok(None) };
         Ok(Some(Self {
             version,
@@ -183,15 +228,15 @@ pub struct Known {
     pub held: bool,
 }
 
-/// Reads what [`Known`] contains, of the key $1.
-pub(super) const KNOWN: &str = "
-    SELECT task, summary, numerics, evicted IS NULL AS held
-    FROM result JOIN result_task USING (key)
-    LEFT JOIN program ON program.id = result.program WHERE result.key = $1";
-
 impl Known {
-    /// Reads a row of [`KNOWN`].
-    pub(super) fn read(key: &Key, row: &impl Columns) -> Result<Self, Error> {
+    pub(super) async fn of(key: &Key, mut db: impl Tables) -> Result<Option<Self>, Error> {
+        let query = sql!(
+            "SELECT task, summary, numerics, evicted IS NULL AS held
+             FROM result JOIN result_task USING (key)
+             LEFT JOIN program ON program.id = result.program WHERE result.key = $1";
+            key
+        );
+        let Some(row) = db.row(query).await? else { return Ok(None) };
         let damaged = || Error::DamagedResult(*key);
         let asked = Canonical::in_stored(row.get("task")?).ok_or_else(damaged)?;
         let numerics = match row.get("numerics")? {
@@ -199,7 +244,7 @@ impl Known {
             None => numerics_of(key, &asked),
         };
         let summary = row::json(row.get("summary")?).map_err(|_| damaged())?;
-        Ok(Self { asked, summary, numerics, held: row.get("held")? })
+        Ok(Some(Self { asked, summary, numerics, held: row.get("held")? }))
     }
 }
 

@@ -2,8 +2,11 @@
 
 use super::body::Body;
 use super::error::Error;
-use super::row::{Columns, changes, job_id, json, key, optional_word, word};
-use super::statement::{Dialect, Statement};
+use super::row::{
+    Columns, Row, RunId, Sum, changes, job_id, json, key, optional_word, page_of, word,
+};
+use super::statement::{Statement, sql};
+use super::tables::Tables;
 use fretwork_job::{Canonical, Failure, FailureKind, Job, JobId, JobState, Key};
 
 /// Conditions on the jobs of a list; `None` is no condition.
@@ -30,17 +33,6 @@ pub struct Page {
     pub next: Option<JobId>,
 }
 
-impl Page {
-    /// The page in the rows of [`page`].
-    pub(super) fn read(rows: &[impl Columns], limit: u32) -> Result<Self, sqlx::Error> {
-        let more = rows.len() as u64 > u64::from(limit);
-        let rows = &rows[..rows.len().min(limit as usize)];
-        let jobs: Vec<Job> = rows.iter().map(read_job).collect::<Result<_, _>>()?;
-        let next = jobs.last().filter(|_| more).map(|job| job.id);
-        Ok(Self { jobs, next })
-    }
-}
-
 /// A result as it is stored.
 #[derive(Debug, Clone, PartialEq)]
 pub enum StoredResult {
@@ -61,7 +53,7 @@ pub enum StoredResult {
 
 impl StoredResult {
     /// Reads a row with the body, unless its JSON has more than `most` bytes.
-    pub(super) fn read(key: &Key, row: &impl Columns, most: i64) -> Result<Self, Error> {
+    fn read(key: &Key, row: &Row, most: i64) -> Result<Self, Error> {
         Ok(if let Some(at) = row.get("evicted")? {
             let task: Option<&str> = row.get("task")?;
             let damaged = Error::DamagedResult(*key);
@@ -90,7 +82,7 @@ pub struct Asked {
     pub submitted: Option<String>,
 }
 
-pub(super) fn read_job(row: &impl Columns) -> Result<Job, sqlx::Error> {
+fn read_job(row: &Row) -> Result<Job, sqlx::Error> {
     let state: JobState = word(row, "state")?;
     let failure = match state {
         JobState::Failed => Some(Failure {
@@ -126,43 +118,185 @@ pub(super) fn read_job(row: &impl Columns) -> Result<Job, sqlx::Error> {
     })
 }
 
+/// A statement that reads jobs with these conditions, and with columns of their runs and results. A run may continue or fail
+/// after one of its jobs was canceled. That does not change the job.
+macro_rules! select_job {
+    ($($conditions:tt)*) => {
+        sql!(
+            "SELECT job.id, job.owner, job.key, job.state, job.origin, job.label, job.tags, job.warnings,
+                 job.created, job.started, job.finished, job.attempt, job.priority, job.changes, "
+            ["run.progress" |
+             "coalesce(lease.progress, least(study.done, study.chunks)::DOUBLE PRECISION / study.chunks,
+                  run.progress) AS progress"]
+            ", run.error_kind, run.error, run.recomputed, result.summary
+             FROM job
+             LEFT JOIN run ON run.id = job.run "
+            ["" |
+             "LEFT JOIN lease ON lease.run = job.run AND lease.number = -1
+              LEFT JOIN study ON study.run = job.run"]
+            " LEFT JOIN result ON result.key = job.key AND job.state = 'succeeded' WHERE " ["" | ""] $($conditions)*
+        )
+    };
+}
+
+/// A job in its current state.
+pub(super) async fn job(id: JobId, mut db: impl Tables) -> Result<Option<Job>, Error> {
+    let row = db.row(select_job!("job.id = $1"; id)).await?;
+    Ok(row.as_ref().map(read_job).transpose()?)
+}
+
+/// Up to `limit` jobs that match, newest first, older than `cursor`.
+pub(super) async fn jobs(
+    filter: &Filter,
+    cursor: Option<JobId>,
+    limit: u32,
+    mut db: impl Tables,
+) -> Result<Page, Error> {
+    let mut query = select_job!("");
+    matching(&mut query, filter);
+    if let Some(cursor) = cursor {
+        query.push(" AND job.id < ").push_bind(cursor);
+    }
+    query.push(" ORDER BY job.id DESC LIMIT ").push_bind(i64::from(limit) + 1);
+    let rows = db.rows(query).await?;
+    let (rows, last) = page_of(&rows, limit);
+    let next = last.map(|row| job_id(row.get("id")?)).transpose()?;
+    Ok(Page { jobs: rows.iter().map(read_job).collect::<Result<_, _>>()?, next })
+}
+
+/// The unfinished jobs that match and are not being canceled, newest first, older than `before`.
+pub(super) async fn unfinished(
+    filter: &Filter,
+    before: JobId,
+    at_most: u32,
+    mut db: impl Tables,
+) -> Result<Vec<JobId>, Error> {
+    // The index of states skips the many finished jobs.
+    let mut query = sql!("SELECT job.id AS id FROM job " ["INDEXED BY job_state " | ""] "WHERE ");
+    matching(&mut query, filter);
+    query
+        .push(" AND job.state IN ('queued', 'running') AND job.state <> 'succeeded' AND job.id < ")
+        .push_bind(before)
+        .push(" ORDER BY job.id DESC LIMIT ")
+        .push_bind(at_most);
+    let rows = db.rows(query).await?;
+    Ok(rows.iter().map(|row| job_id(row.get("id")?)).collect::<Result<_, _>>()?)
+}
+
+/// The number of queued jobs of an owner, and of running ones.
+pub(super) async fn counts(owner: &str, mut db: impl Tables) -> Result<(u64, u64), Error> {
+    // The index of states skips the many finished jobs.
+    let query = sql!(
+        "SELECT count(*) FILTER (WHERE state = 'queued') AS queued,
+             count(*) FILTER (WHERE state <> 'queued') AS running
+         FROM job " ["INDEXED BY job_state" | ""] "
+         WHERE state IN ('queued', 'running', 'canceling') AND state <> 'succeeded' AND owner = $1";
+        owner
+    );
+    let row = db.one(query).await?;
+    Ok((row.get("queued")?, row.get("running")?))
+}
+
+/// What a job was asked to compute.
+pub(super) async fn asked(id: JobId, mut db: impl Tables) -> Result<Asked, Error> {
+    // The run of a job has its task. A job that found its result, or was stored together with it, has no run. Its task is
+    // stored with the result. A version before 0.3 could forget the result; then another job may have a run.
+    let query = sql!(
+        "SELECT coalesce(
+             (SELECT task FROM run WHERE run.id = job.run),
+             (SELECT task FROM result_task WHERE result_task.key = job.key),
+             (SELECT task FROM job AS other JOIN run ON run.id = other.run
+              WHERE other.key = job.key LIMIT 1)) AS task, submitted
+         FROM job WHERE id = $1";
+        id
+    );
+    let Some(row) = db.row(query).await? else { return Ok(Asked::default()) };
+    Ok(Asked { task: row.get("task")?, submitted: row.get("submitted")? })
+}
+
+/// The oldest unfinished job of the live run of a key. With an owner, the oldest of that owner.
+pub(super) async fn live_job(
+    key: &Key,
+    owner: Option<&str>,
+    mut db: impl Tables,
+) -> Result<Option<JobId>, Error> {
+    let query = sql!(
+        "SELECT job.id AS id FROM run JOIN job ON job.run = run.id AND job.finished IS NULL
+         WHERE run.key = $1 AND run.state IN ('queued', 'running')
+             AND ($2 IS NULL OR job.owner = $2)
+         ORDER BY job.id LIMIT 1";
+        key, owner
+    );
+    Ok(db.row(query).await?.map(|row| job_id(row.get("id")?)).transpose()?)
+}
+
+/// A result and the hash of its body. The body is read if its JSON has at most `most` bytes.
+pub(super) async fn result(
+    key: &Key,
+    most: i64,
+    mut db: impl Tables,
+) -> Result<Option<(StoredResult, Sum)>, Error> {
+    let query = sql!(
+        "SELECT size, CASE WHEN size <= $2 THEN body END AS body, digest, checksum, evicted, deleted_by,
+             CASE WHEN evicted IS NOT NULL THEN (SELECT task FROM result_task WHERE key = $1) END AS task
+         FROM result LEFT JOIN result_blob USING (key) WHERE key = $1";
+        key, most
+    );
+    let Some(row) = db.row(query).await? else { return Ok(None) };
+    Ok(Some((StoredResult::read(key, &row, most)?, Sum::read(&row)?)))
+}
+
+/// Whether the result of a key is stored.
+pub(super) async fn has_result(key: &Key, mut db: impl Tables) -> Result<bool, Error> {
+    let query = sql!(
+        "SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known"; key
+    );
+    Ok(db.one(query).await?.get("is_known")?)
+}
+
+/// What was stored for a finished chunk, and the hash of it.
+pub(super) async fn chunk(
+    run: RunId,
+    number: u32,
+    mut db: impl Tables,
+) -> Result<Option<(Body, Sum)>, Error> {
+    let query = sql!(
+        "SELECT body, checksum FROM chunk WHERE run = $1 AND number = $2 AND state = 'done'";
+        run, number
+    );
+    let Some(row) = db.row(query).await? else { return Ok(None) };
+    Ok(Some((Body::stored(row.get("body")?), Sum::Check(row.get("checksum")?))))
+}
+
+/// The task of an unfinished run in its stored form.
+pub(super) async fn task(run: RunId, mut db: impl Tables) -> Result<Option<String>, Error> {
+    let row = db.row(sql!("SELECT task FROM run WHERE id = $1 AND finished IS NULL"; run)).await?;
+    Ok(row.map(|row| row.get("task")).transpose()?)
+}
+
 /// Writes the conditions of a filter.
-pub(super) fn matching(query: &mut Statement, filter: &Filter) {
+fn matching(query: &mut Statement, filter: &Filter) {
     query.push("TRUE");
     if let Some(state) = filter.state {
-        query.push(" AND job.state = ").bind(state.as_str());
+        query.push(" AND job.state = ").push_bind(state.as_str());
         if state != JobState::Succeeded {
             // The index `job_state` requires this condition.
             query.push(" AND job.state <> 'succeeded'");
         }
     }
     if let Some(label) = &filter.label {
-        query.push(" AND job.label = ").bind(&**label);
+        query.push(" AND job.label = ").push_bind(&**label);
     }
     if let Some(key) = &filter.key {
-        query.push(" AND job.key = ").bind(key.bytes().as_slice());
+        query.push(" AND job.key = ").push_bind(key);
     }
     if let Some(owner) = &filter.owner {
-        query.push(" AND job.owner = ").bind(&**owner);
+        query.push(" AND job.owner = ").push_bind(&**owner);
     }
     if let Some(tag) = &filter.tag {
-        query.push(" AND job.id IN (SELECT job FROM job_tag WHERE tag = ").bind(&**tag).push(")");
+        query
+            .push(" AND job.id IN (SELECT job FROM job_tag WHERE tag = ")
+            .push_bind(&**tag)
+            .push(")");
     }
-}
-
-/// The statement that reads a page of jobs, newest first, and one row more: it tells whether there is a next page.
-pub(super) fn page(
-    select: &str,
-    filter: &Filter,
-    cursor: Option<JobId>,
-    limit: u32,
-    dialect: Dialect,
-) -> Statement {
-    let mut query = Statement::new(select, dialect);
-    matching(&mut query, filter);
-    if let Some(cursor) = cursor {
-        query.push(" AND job.id < ").bind(cursor.0.as_bytes().as_slice());
-    }
-    query.push(" ORDER BY job.id DESC LIMIT ").bind(i64::from(limit) + 1);
-    query
 }

@@ -34,34 +34,33 @@ pub(super) trait Columns {
     }
 }
 
-/// Implements [`Columns`] by the conversions of sqlx.
-macro_rules! columns {
-    ($($row:ty),*) => { $(
-        impl Columns for $row {
-            fn integer(&self, column: &str) -> Result<Option<i64>, sqlx::Error> {
-                self.try_get(column)
-            }
-
-            fn real(&self, column: &str) -> Result<Option<f64>, sqlx::Error> {
-                self.try_get(column)
-            }
-
-            fn truth(&self, column: &str) -> Result<Option<bool>, sqlx::Error> {
-                self.try_get(column)
-            }
-
-            fn text(&self, column: &str) -> Result<Option<&str>, sqlx::Error> {
-                self.try_get(column)
-            }
-
-            fn bytes(&self, column: &str) -> Result<Option<&[u8]>, sqlx::Error> {
-                self.try_get(column)
-            }
-        }
-    )* };
+/// A row of either database.
+#[derive(Debug)]
+pub(super) enum Row {
+    Sqlite(SqliteRow),
+    Postgres(PgRow),
 }
 
-columns!(SqliteRow, PgRow);
+/// Implements [`Columns`] by the conversions of sqlx.
+macro_rules! columns {
+    ($row:ty, $self:ident, $column:ident => $value:expr) => {
+        columns!($row, $self, $column => $value, integer: i64, real: f64, truth: bool, text: &str, bytes: &[u8]);
+    };
+    ($row:ty, $self:ident, $column:ident => $value:expr, $($method:ident: $kind:ty),*) => {
+        impl Columns for $row { $(
+            fn $method(&$self, $column: &str) -> Result<Option<$kind>, sqlx::Error> {
+                $value
+            }
+        )* }
+    };
+}
+
+columns!(SqliteRow, self, column => self.try_get(column));
+columns!(PgRow, self, column => self.try_get(column));
+columns!(Row, self, column => match self {
+    Self::Sqlite(row) => row.try_get(column),
+    Self::Postgres(row) => row.try_get(column),
+});
 
 /// A type of [`Columns::get`]. An `Option` is `None` where the column is null.
 pub(super) trait Cell<'r>: Sized {
@@ -90,6 +89,12 @@ macro_rules! cells {
 cells! {
     i64: integer, u64: integer, u32: integer, u8: integer, f64: real, bool: truth, &'r str: text, String: text,
     &'r [u8]: bytes, Vec<u8>: bytes,
+}
+
+/// The rows of a page, and the last of them if there is a next page. A statement reads one row more than the page has.
+pub(super) fn page_of(rows: &[Row], limit: u32) -> (&[Row], Option<&Row>) {
+    let page = &rows[..rows.len().min(limit as usize)];
+    (page, page.last().filter(|_| page.len() < rows.len()))
 }
 
 /// Reads a word that stands for a variant of an enum.

@@ -4,9 +4,11 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
+use super::error::Error;
 use super::library::Note;
-use super::row::{Columns, key};
-use super::statement::{Dialect, Statement};
+use super::row::{Columns, Row, key, page_of};
+use super::statement::{Statement, sql};
+use super::tables::Tables;
 use fretwork_engine::request::quantity::{self, Dimension};
 use fretwork_job::{Key, Outline, SCALARS, WORDS, clock};
 
@@ -199,18 +201,18 @@ impl Search {
     fn conditions(&self, query: &mut Statement) {
         query.push(if self.evicted { "NOT present" } else { "present" });
         for (name, word) in &self.words {
-            query.push(" AND outline.").push(name).push(" = ").bind(&**word);
+            query.push(" AND outline.").push(name).push(" = ").push_bind(&**word);
         }
         for (name, Range { low, high }) in &self.ranges {
             if low.is_finite() {
-                query.push(" AND outline.").push(name).push(" >= ").bind(*low);
+                query.push(" AND outline.").push(name).push(" >= ").push_bind(*low);
             }
             if high.is_finite() {
-                query.push(" AND outline.").push(name).push(" <= ").bind(*high);
+                query.push(" AND outline.").push(name).push(" <= ").push_bind(*high);
             }
         }
         if let Some(owner) = &self.owner {
-            query.push(" AND outline.owner = ").bind(&**owner);
+            query.push(" AND outline.owner = ").push_bind(&**owner);
         }
         if let Some(pinned) = self.pinned {
             query.push(if pinned { " AND outline.id IN (" } else { " AND outline.id NOT IN (" });
@@ -218,13 +220,12 @@ impl Search {
         }
         if let Some(owner) = &self.pinned_by {
             query.push(" AND outline.id IN (SELECT id FROM result_task JOIN result USING (key)");
-            query.push(" WHERE pinned AND pinned_by = ").bind(&**owner).push(")");
+            query.push(" WHERE pinned AND pinned_by = ").push_bind(&**owner).push(")");
         }
         if let Some(note) = &self.note {
             query.push(" AND outline.id IN (SELECT id FROM result_task JOIN note USING (key)");
-            let contains = query.dialect().contains;
-            query.push(" WHERE ").push(contains).push("(lower(text), lower(");
-            query.bind(&**note).push(")) > 0)");
+            query.push(" WHERE ").push_either("instr", "strpos").push("(lower(text), lower(");
+            query.push_bind(&**note).push(")) > 0)");
         }
         if let Some(tag) = &self.tag {
             self.with_job(query, "job_tag JOIN job ON job.id = job_tag.job", "tag", tag);
@@ -244,41 +245,44 @@ impl Search {
     ) {
         query.push(" AND outline.id IN (SELECT result_task.id FROM ").push(jobs);
         query.push(" JOIN result_task ON result_task.key = job.key WHERE ").push(column);
-        query.push(" = ").bind(value);
+        query.push(" = ").push_bind(value);
         if let Some(owner) = &self.jobs_of {
-            query.push(" AND job.owner = ").bind(&**owner);
+            query.push(" AND job.owner = ").push_bind(&**owner);
         }
         query.push(")");
     }
 }
 
-/// The statement that finds the stored result whose inputs are nearest to those of an outline, other than `except`. The
-/// distance is the sum of the relative differences, plus 10 for each word that differs.
-pub(super) fn nearest(to: &Outline, except: Option<Key>, dialect: Dialect) -> Statement {
-    let mut query = Statement::new(
-        "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present AND kind = 'run'",
-        dialect,
+/// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance is the sum of the
+/// relative differences, plus 10 for each word that differs.
+pub(super) async fn nearest(
+    to: &Outline,
+    except: Option<Key>,
+    mut db: impl Tables,
+) -> Result<Option<Key>, Error> {
+    let mut query = sql!(
+        "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present AND kind = 'run'"
     );
     if let Some(key) = except {
         query.push(" AND id IS DISTINCT FROM (SELECT id FROM result_task WHERE key = ");
-        query.bind(key.bytes().as_slice()).push(")");
+        query.push_bind(key).push(")");
     }
     query.push(" ORDER BY 0.0");
     for (word, value) in WORDS.iter().zip(&to.words) {
         if word.name != "regime" {
             query.push(" + CASE WHEN outline.").push(word.name).push(" IS DISTINCT FROM ");
-            query.bind(value.clone()).push(" THEN 10.0 ELSE 0.0 END");
+            query.push_bind(value.clone()).push(" THEN 10.0 ELSE 0.0 END");
         }
     }
     let inputs = SCALARS.iter().zip(&to.scalars).filter(|(scalar, _)| scalar.is_input);
     for (scalar, value) in inputs {
         let Some(value) = value else { continue };
-        query.push(" + coalesce(abs(outline.").push(scalar.name).push(" - ").bind(*value);
-        query.push(") / ").push(dialect.largest).push("(abs(outline.").push(scalar.name);
-        query.push("), ").bind(value.abs()).push(", 1e-300), 1.0)");
+        query.push(" + coalesce(abs(outline.").push(scalar.name).push(" - ").push_bind(*value);
+        query.push(") / ").push_either("max", "greatest").push("(abs(outline.").push(scalar.name);
+        query.push("), ").push_bind(value.abs()).push(", 1e-300), 1.0)");
     }
     query.push(", outline.id DESC LIMIT 1)");
-    query
+    Ok(db.row(query).await?.map(|row| key(&row, "key")).transpose()?)
 }
 
 /// The position of the last result of a page: its value in the sort column, and its row number.
@@ -290,7 +294,7 @@ pub struct Cursor {
 
 impl Cursor {
     /// Reads the columns `place` and `id`.
-    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row) -> Result<Self, sqlx::Error> {
         Ok(Self { value: row.get("place")?, id: row.get("id")? })
     }
 }
@@ -342,7 +346,7 @@ pub struct Listed {
 }
 
 impl Listed {
-    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row) -> Result<Self, sqlx::Error> {
         let mut outline = Outline::default();
         for (word, value) in WORDS.iter().zip(&mut outline.words) {
             *value = row.get(word.name)?;
@@ -373,27 +377,24 @@ pub struct Found {
 }
 
 impl Found {
-    /// The page in the rows of [`page`].
-    pub(super) fn read(rows: &[impl Columns], limit: u32) -> Result<Self, sqlx::Error> {
-        // The statement reads one row more than the page has: it tells whether there is a next page.
-        let is_last = rows.len() as u64 <= u64::from(limit);
-        let rows = &rows[..rows.len().min(limit as usize)];
-        let next = if is_last { None } else { rows.last().map(Cursor::read).transpose()? };
+    /// Up to `limit` matching results after `cursor`.
+    pub(super) async fn page(
+        search: &Search,
+        cursor: Option<Cursor>,
+        limit: u32,
+        mut db: impl Tables,
+    ) -> Result<Self, Error> {
+        let rows = db.rows(page(search, cursor, limit)).await?;
+        let (rows, last) = page_of(&rows, limit);
+        let next = last.map(Cursor::read).transpose()?;
         Ok(Self { results: rows.iter().map(Listed::read).collect::<Result<_, _>>()?, next })
     }
 }
 
 /// The statement that reads a page, and one row more. Results without the number they are sorted by come last in both
-/// directions. `prefix` is empty or `EXPLAIN QUERY PLAN `.
-pub(super) fn page(
-    prefix: &str,
-    search: &Search,
-    cursor: Option<Cursor>,
-    limit: u32,
-    dialect: Dialect,
-) -> Statement {
-    let mut query = Statement::new(prefix, dialect);
-    query.push("SELECT outline.id AS id");
+/// directions.
+pub(super) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> Statement {
+    let mut query = sql!("SELECT outline.id AS id");
     for name in names() {
         query.push(", outline.").push(name).push(" AS ").push(name);
     }
@@ -405,7 +406,7 @@ pub(super) fn page(
     search.conditions(&mut query);
     after(&mut query, search, cursor);
     order(&mut query, search);
-    query.push(" LIMIT ").bind(i64::from(limit) + 1);
+    query.push(" LIMIT ").push_bind(i64::from(limit) + 1);
     // The other tables are read only for the rows of the page.
     query.push(
         ") AS outline JOIN result_task ON result_task.id = outline.id
@@ -430,11 +431,11 @@ fn after(query: &mut Statement, search: &Search, cursor: Option<Cursor>) {
     let beyond = if descending { "<" } else { ">" };
     let Some(value) = value else {
         query.push(&format!(" AND outline.{by} IS NULL AND outline.id {beyond} "));
-        query.bind(id);
+        query.push_bind(id);
         return;
     };
     query.push(&format!(" AND ((outline.{by}, outline.id) {beyond} ("));
-    query.bind(value).push(", ").bind(id).push(")");
+    query.push_bind(value).push(", ").push_bind(id).push(")");
     // These two columns are never null, so they do not need the second condition. Without it, SQLite can
     // use their index.
     if !matches!(by, "created" | "size") {

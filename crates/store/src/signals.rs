@@ -14,7 +14,7 @@ use super::tally::{Ending, Tally};
 use fretwork_job::clock::now;
 use fretwork_job::{Key, Origin, Recomputed};
 
-/// What the writer task signals after a commit.
+/// What is signalled after a commit.
 #[derive(Debug)]
 pub(super) enum Effect {
     /// A job or run of this key has changed.
@@ -39,7 +39,7 @@ pub(super) enum Effect {
     Read(Key),
     /// A result was evicted.
     Evicted,
-    /// A server of several has deleted a result.
+    /// A result was deleted.
     Deleted(Key),
 }
 

@@ -1,5 +1,6 @@
-//! Statements whose text and values follow from what a caller asks for. Both databases execute them.
+//! Statements with their values. Both databases execute them.
 
+use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use sqlx::postgres::PgArguments;
@@ -7,65 +8,75 @@ use sqlx::query::Query;
 use sqlx::sqlite::SqliteArguments;
 use sqlx::{AssertSqlSafe, Postgres, Sqlite};
 
-/// A statement that is being written, with the values of its parameters.
-#[derive(Debug)]
-pub(super) struct Statement {
-    text: String,
-    values: Vec<Value>,
-    dialect: Dialect,
-}
+use super::row::RunId;
+use fretwork_job::{JobId, Key};
 
-/// What the two databases call differently.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Dialect {
-    /// The function of two texts that is positive if the first contains the second.
-    pub(super) contains: &'static str,
-    /// The function that gives the largest of its arguments.
-    pub(super) largest: &'static str,
-}
-
-/// The words of SQLite.
-pub(super) const SQLITE: Dialect = Dialect { contains: "instr", largest: "max" };
-
-/// The words of PostgreSQL.
-pub(super) const POSTGRES: Dialect = Dialect { contains: "strpos", largest: "greatest" };
-
+/// A statement with the values of its parameters `$1`, `$2` and so on.
 #[derive(Debug, Clone)]
-enum Value {
-    Integer(i64),
-    Real(f64),
+pub(super) struct Statement {
+    sqlite: Cow<'static, str>,
+    postgres: Cow<'static, str>,
+    values: Vec<Value>,
+}
+
+/// A statement with its values: `sql!("SELECT task FROM run WHERE id = $1"; run)`.
+///
+/// What the databases write differently stands in brackets, first for SQLite: `sql!("SELECT " ["max" | "greatest"] "(a, b)")`.
+/// The texts are made at compile time.
+macro_rules! sql {
+    ($first:literal $([$sqlite:literal | $postgres:literal] $next:literal)* $(; $($value:expr),* $(,)?)?) => {
+        $crate::statement::Statement::new(
+            concat!($first $(, $sqlite, $next)*),
+            concat!($first $(, $postgres, $next)*),
+        )$($(.with($value))*)?
+    };
+}
+
+pub(super) use sql;
+
+/// A value of a parameter, or null.
+#[derive(Debug, Clone)]
+pub(super) enum Value {
+    Integer(Option<i64>),
+    Real(Option<f64>),
+    Truth(Option<bool>),
     Text(Option<String>),
-    Bytes(Vec<u8>),
+    Bytes(Option<Vec<u8>>),
 }
 
-impl From<i64> for Value {
-    fn from(value: i64) -> Self {
-        Self::Integer(value)
-    }
+/// Says how types, and options of them, become values.
+macro_rules! values {
+    ($($kind:ty: $variant:ident($value:ident) => $stored:expr),* $(,)?) => { $(
+        impl From<$kind> for Value {
+            fn from($value: $kind) -> Self {
+                Self::$variant(Some($stored))
+            }
+        }
+
+        impl From<Option<$kind>> for Value {
+            fn from(value: Option<$kind>) -> Self {
+                Self::$variant(value.map(|$value| $stored))
+            }
+        }
+    )* };
 }
 
-impl From<f64> for Value {
-    fn from(value: f64) -> Self {
-        Self::Real(value)
-    }
-}
-
-impl From<&str> for Value {
-    fn from(value: &str) -> Self {
-        Self::Text(Some(value.to_owned()))
-    }
-}
-
-impl From<Option<String>> for Value {
-    fn from(value: Option<String>) -> Self {
-        Self::Text(value)
-    }
-}
-
-impl From<&[u8]> for Value {
-    fn from(value: &[u8]) -> Self {
-        Self::Bytes(value.to_vec())
-    }
+values! {
+    i64: Integer(value) => value,
+    u32: Integer(value) => value.into(),
+    u8: Integer(value) => value.into(),
+    RunId: Integer(run) => run.0,
+    f64: Real(value) => value,
+    bool: Truth(value) => value,
+    &str: Text(text) => text.to_owned(),
+    &String: Text(text) => text.clone(),
+    String: Text(text) => text,
+    &[u8]: Bytes(bytes) => bytes.to_owned(),
+    &[u8; 32]: Bytes(bytes) => bytes.to_vec(),
+    &Vec<u8>: Bytes(bytes) => bytes.clone(),
+    &Key: Bytes(key) => key.bytes().to_vec(),
+    Key: Bytes(key) => key.bytes().to_vec(),
+    JobId: Bytes(id) => id.0.as_bytes().to_vec(),
 }
 
 /// Adds a value to a statement of either database.
@@ -74,6 +85,7 @@ macro_rules! bind {
         match $value {
             Value::Integer(value) => $query.bind(value),
             Value::Real(value) => $query.bind(value),
+            Value::Truth(value) => $query.bind(value),
             Value::Text(value) => $query.bind(value),
             Value::Bytes(value) => $query.bind(value),
         }
@@ -81,37 +93,60 @@ macro_rules! bind {
 }
 
 impl Statement {
-    pub(super) fn new(text: &str, dialect: Dialect) -> Self {
-        Self { text: text.to_owned(), values: Vec::new(), dialect }
+    pub(super) fn new(sqlite: &'static str, postgres: &'static str) -> Self {
+        Self { sqlite: sqlite.into(), postgres: postgres.into(), values: Vec::new() }
     }
 
-    pub(super) fn dialect(&self) -> Dialect {
-        self.dialect
+    /// A statement of one database.
+    pub(super) fn of(text: impl Into<Cow<'static, str>>) -> Self {
+        let text = text.into();
+        Self { sqlite: text.clone(), postgres: text, values: Vec::new() }
+    }
+
+    /// Adds the value of the next parameter, which the text has.
+    pub(super) fn with(mut self, value: impl Into<Value>) -> Self {
+        self.values.push(value.into());
+        self
     }
 
     pub(super) fn push(&mut self, text: &str) -> &mut Self {
-        self.text.push_str(text);
+        self.push_either(text, text)
+    }
+
+    /// Adds what SQLite and PostgreSQL write differently.
+    pub(super) fn push_either(&mut self, sqlite: &str, postgres: &str) -> &mut Self {
+        self.sqlite.to_mut().push_str(sqlite);
+        self.postgres.to_mut().push_str(postgres);
         self
     }
 
     /// Adds a parameter with its value.
-    #[expect(private_bounds, reason = "the kinds of values are those of the two databases")]
-    pub(super) fn bind(&mut self, value: impl Into<Value>) -> &mut Self {
+    pub(super) fn push_bind(&mut self, value: impl Into<Value>) -> &mut Self {
         self.values.push(value.into());
-        // Writing to a `String` cannot fail.
-        let _ = write!(self.text, "${}", self.values.len());
+        let place = self.values.len();
+        for text in [&mut self.sqlite, &mut self.postgres] {
+            // Writing to a `String` cannot fail.
+            let _ = write!(text.to_mut(), "${place}");
+        }
+        self
+    }
+
+    /// The statement that says how SQLite executes this one.
+    #[cfg(test)]
+    pub(super) fn explained(mut self) -> Self {
+        self.sqlite.to_mut().insert_str(0, "EXPLAIN QUERY PLAN ");
         self
     }
 
     /// The statement for SQLite.
     pub(super) fn sqlite(self) -> Query<'static, Sqlite, SqliteArguments> {
-        let query = sqlx::query(AssertSqlSafe(self.text));
+        let query = sqlx::query(AssertSqlSafe(self.sqlite));
         self.values.into_iter().fold(query, |query, value| bind!(query, value))
     }
 
     /// The statement for PostgreSQL.
     pub(super) fn postgres(self) -> Query<'static, Postgres, PgArguments> {
-        let query = sqlx::query(AssertSqlSafe(self.text));
+        let query = sqlx::query(AssertSqlSafe(self.postgres));
         self.values.into_iter().fold(query, |query, value| bind!(query, value))
     }
 }

@@ -5,7 +5,11 @@ use std::num::NonZeroU32;
 use serde_json::Value;
 
 use super::error::{Error, IDEMPOTENCY};
-use super::row::{Columns, changes, json, word};
+use super::keep::Source;
+use super::read;
+use super::row::{Columns, changes, job_id, json, word};
+use super::statement::sql;
+use super::tables::{Connected, Tables};
 use fretwork_engine::scenario::Warning;
 use fretwork_job::{Job, JobId, JobState, Key};
 
@@ -141,6 +145,31 @@ impl EncodedJob {
             None if admission == Admission::NoNewRun => Some(Submitted::NeedsRun),
             _ => Some(Submitted::QueueFull { queued: queued.all }),
         }
+    }
+
+    /// The job that this submission made when it was first sent.
+    pub(super) async fn repeated(
+        &self,
+        db: &mut impl Connected,
+    ) -> Result<Option<Submitted>, Error> {
+        let Some(repeatable) = &self.job.repeatable else { return Ok(None) };
+        let query = sql!(
+            "SELECT id, fingerprint FROM job WHERE owner = $1 AND idempotency_key = $2";
+            &self.job.owner, &repeatable.key
+        );
+        let Some(row) = db.row(query).await? else { return Ok(None) };
+        if row.get::<&[u8]>("fingerprint")? != repeatable.fingerprint {
+            return Ok(Some(Submitted::IdempotencyConflict));
+        }
+        Ok(read::job(job_id(row.get("id")?)?, db).await?.map(Submitted::Repeated))
+    }
+
+    /// The provenance of an answer that was computed before this job was submitted.
+    pub(super) fn source(&self, program: i64, now: i64) -> Source<'_> {
+        let NewJob { id, key, ref owner, ref task, ref trace, .. } = self.job;
+        let (owner, warnings) = (Some(owner.as_str()), Some(self.submission_warnings.as_str()));
+        let (job, trace, program) = (Some(id), trace.as_deref(), Some(program));
+        Source { key, task, owner, job, warnings, trace, program, now }
     }
 
     /// The error of the statement that inserts the job.

@@ -5,21 +5,25 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
+use futures_util::future::join_all;
 
-use super::audit::{Actor, AuditEntry};
-use super::cancel::{Canceled, Deleted};
+use super::audit::{self, Actor, AuditEntry};
+use super::cancel::{self, Canceled, Deleted};
+use super::change::{Change, Verb};
 use super::claimed::{Claimed, FinishedChunk, Piece};
 use super::error::Error;
-use super::keep::{Answered, Changed, Editor, Finish, Removed};
-use super::keys::AccessKey;
+use super::keep::{self, Answered, Changed, Editor, Finish, PinQuota, Removed};
+use super::keys::{self, AccessKey};
 use super::library::{Known, Provenance};
 use super::options::{FileSizes, Options, Recovered};
 use super::place::Place;
-use super::read::{Asked, Filter, LARGE, Page, StoredResult};
-use super::row::Sum;
-use super::search::{Cursor, Found, Search};
+use super::read::{self, Asked, Filter, LARGE, Page, StoredResult};
+use super::row::{Columns, Row, Sum};
+use super::search::{self, Cursor, Found, Search};
 use super::signals::{Changes, Deletions, Signals};
+use super::statement::{Statement, sql};
 use super::submit::{NewJob, Submitted};
+use super::tables::{Most, Purpose, Tables};
 use super::tally::Tally;
 use super::{postgres, sqlite};
 use fretwork_job::clock::now;
@@ -30,6 +34,7 @@ use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, Key, Outline};
 pub struct Store {
     engine: Engine,
     signals: Arc<Signals>,
+    pin_quota: PinQuota,
 }
 
 /// The database.
@@ -49,7 +54,36 @@ macro_rules! each {
     };
 }
 
+/// The tables of a store, read by connections of this purpose.
+struct Reading<'a>(&'a Store, Purpose);
+
+impl Tables for Reading<'_> {
+    async fn read(&mut self, statement: Statement, most: Most) -> Result<Vec<Row>, Error> {
+        each!(self.0, db => db.read(self.1, statement, most).await)
+    }
+}
+
+/// Jobs that are canceled at a time.
+const AT_ONCE: u32 = 100;
+
 impl Store {
+    fn reading(&self) -> Reading<'_> {
+        Reading(self, Purpose::Any)
+    }
+
+    /// Makes a change that both engines make with the same statements.
+    async fn change<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer, Error>
+    where
+        Input: Send + Sync + 'static,
+        V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
+        Answer: Send + 'static,
+    {
+        match &self.engine {
+            Engine::Sqlite(db) => db.write(sqlite::Shared(verb), input).await,
+            Engine::Postgres(db) => db.write(verb, input).await,
+        }
+    }
+
     /// Accepts a job. It ends at once if the result is known. Otherwise it joins the live run, or a new run
     /// is queued if the queue is not full.
     pub async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
@@ -79,6 +113,7 @@ impl Store {
     /// Stores the progress of a whole run, in 0…1; that of a study follows from its chunks. Returns false if the worker has
     /// lost what it computes.
     pub async fn progress(&self, claimed: &Claimed, share: f64) -> Result<bool, Error> {
+        let share = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
         each!(self, db => db.progress(claimed, share).await)
     }
 
@@ -142,7 +177,7 @@ impl Store {
 
     /// What was stored for a finished chunk. Returns `None` if the study has ended.
     pub async fn chunk(&self, claimed: &Claimed, number: u32) -> Result<Option<Bytes>, Error> {
-        let found = each!(self, db => db.chunk(claimed.run, number).await)?;
+        let found = read::chunk(claimed.run, number, self.reading()).await?;
         let Some((body, sum)) = found else { return Ok(None) };
         let bytes = sum.is_of(&body).then(|| body.json().ok()).flatten();
         let damaged = Error::DamagedChunk { key: claimed.key, number };
@@ -152,7 +187,7 @@ impl Store {
     /// The task of a claimed study in its stored form. The study has too many pieces for each to contain it. Returns `None` if
     /// the study has ended.
     pub async fn task(&self, claimed: &Claimed) -> Result<Option<String>, Error> {
-        each!(self, db => db.task(claimed).await)
+        read::task(claimed.run, self.reading()).await
     }
 
     /// Cancels a job, and its run if no other unfinished job shares it.
@@ -163,28 +198,31 @@ impl Store {
     /// Cancels every unfinished job that matches and was submitted before this call. Returns how many.
     pub async fn cancel_all(&self, filter: &Filter, by: &Actor) -> Result<u64, Error> {
         let mut canceled = 0;
-        let mut next = Some(JobId::generate());
-        while let Some(before) = next {
-            let count;
-            (count, next) = each!(self, db => db.cancel_some(filter, before, by).await)?;
-            canceled += count;
+        let mut before = JobId::generate();
+        loop {
+            let ids = read::unfinished(filter, before, AT_ONCE, self.reading()).await?;
+            let Some(last) = ids.last() else { return Ok(canceled) };
+            before = *last;
+            let canceling = ids.into_iter().map(|id| self.cancel(id, by.clone()));
+            for done in join_all(canceling).await {
+                canceled += u64::from(matches!(done?, Canceled::Done(_)));
+            }
         }
-        Ok(canceled)
     }
 
     /// Deletes a job that has ended.
     pub async fn delete(&self, id: JobId, by: Actor) -> Result<Deleted, Error> {
-        each!(self, db => db.delete(id, by).await)
+        self.change(cancel::delete, (id, by)).await
     }
 
     /// A job in its current state.
     pub async fn job(&self, id: JobId) -> Result<Option<Job>, Error> {
-        each!(self, db => db.job(id).await)
+        read::job(id, self.reading()).await
     }
 
     /// What a job was asked to compute.
     pub async fn asked(&self, id: JobId) -> Result<Asked, Error> {
-        each!(self, db => db.asked(id).await)
+        read::asked(id, self.reading()).await
     }
 
     /// Returns up to `limit` jobs that match, newest first, older than `cursor`.
@@ -194,14 +232,15 @@ impl Store {
         cursor: Option<JobId>,
         limit: u32,
     ) -> Result<Page, Error> {
-        each!(self, db => db.jobs(filter, cursor, limit).await)
+        read::jobs(filter, cursor, limit, self.reading()).await
     }
 
     /// The result of a key. Its checksum is verified, so damage to the disk cannot change a number.
     pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
         match self.small_result(key).await? {
             Some(StoredResult::Large(_)) => {
-                self.sound(key, each!(self, db => db.large_result(key).await)?).await
+                let found = read::result(key, i64::MAX, Reading(self, Purpose::Large)).await?;
+                self.sound(key, found).await
             }
             found => Ok(found),
         }
@@ -209,7 +248,8 @@ impl Store {
 
     /// The result of a key, unless it is [`LARGE`].
     pub async fn small_result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
-        self.sound(key, each!(self, db => db.small_result(key).await)?).await
+        let most = (LARGE as u64).cast_signed();
+        self.sound(key, read::result(key, most, self.reading()).await?).await
     }
 
     /// Compares a result with its checksum.
@@ -241,12 +281,12 @@ impl Store {
 
     /// Whether the result of a key is stored.
     pub async fn has_result(&self, key: &Key) -> Result<bool, Error> {
-        each!(self, db => db.has_result(key).await)
+        read::has_result(key, self.reading()).await
     }
 
     /// The oldest unfinished job of the live run of a key. With an owner, the oldest of that owner.
     pub async fn live_job(&self, key: &Key, owner: Option<&str>) -> Result<Option<JobId>, Error> {
-        each!(self, db => db.live_job(key, owner).await)
+        read::live_job(key, owner, self.reading()).await
     }
 
     /// How long the oldest queued run has waited.
@@ -257,7 +297,9 @@ impl Store {
     /// When the last backup ended, in milliseconds since 1970; 0 if there was none. `None` if the backups are not those of
     /// this program.
     pub async fn last_backup(&self) -> Result<Option<i64>, Error> {
-        each!(self, db => db.last_backup().await)
+        let query =
+            sql!("SELECT " ["backed_up FROM room" | "CAST(NULL AS BIGINT) AS backed_up"] "");
+        Ok(self.reading().one(query).await?.get("backed_up")?)
     }
 
     /// Checks that the disk has room for a submission, by a write of the same size.
@@ -288,12 +330,12 @@ impl Store {
 
     /// The provenance of a result.
     pub async fn provenance(&self, key: &Key) -> Result<Option<Provenance>, Error> {
-        each!(self, db => db.provenance(key).await)
+        Provenance::of(key, self.reading()).await
     }
 
     /// Pins a result, which is then never evicted, or unpins it.
     pub async fn pin(&self, key: &Key, pinned: bool, editor: Editor) -> Result<Changed, Error> {
-        each!(self, db => db.pin(key, pinned, editor).await)
+        self.change(keep::pin, (*key, pinned, editor, self.pin_quota)).await
     }
 
     /// Writes the note of a result, or removes it.
@@ -303,44 +345,44 @@ impl Store {
         text: Option<String>,
         editor: Editor,
     ) -> Result<Changed, Error> {
-        each!(self, db => db.annotate(key, text, editor).await)
+        self.change(keep::annotate, (*key, text, editor)).await
     }
 
     /// Deletes the body of a result; its scenario stays known.
     pub async fn remove(&self, key: &Key, by: Actor) -> Result<Removed, Error> {
-        each!(self, db => db.remove(key, by).await)
+        self.change(keep::remove, (*key, by)).await
     }
 
     /// What the database knows about a key.
     pub async fn known(&self, key: &Key) -> Result<Option<Known>, Error> {
-        each!(self, db => db.known(key).await)
+        Known::of(key, self.reading()).await
     }
 
     /// All keys, also expired and revoked ones, the oldest first.
     pub async fn access_keys(&self) -> Result<Vec<AccessKey>, Error> {
-        each!(self, db => db.access_keys().await)
+        keys::list(Reading(self, Purpose::Keys)).await
     }
 
     /// Records that a key was used now.
     pub async fn key_was_used(&self, by: Actor) -> Result<(), Error> {
-        each!(self, db => db.key_was_used(by).await)
+        self.change(keys::was_used, by).await
     }
 
     /// The secret that signs links to results. It is created once for each database.
     pub async fn link_secret(&self) -> Result<[u8; 32], Error> {
         let mut candidate = [0; 32];
         getrandom::fill(&mut candidate).map_err(|_| Error::NoRandomness)?;
-        each!(self, db => db.link_secret(candidate).await)
+        self.change(keys::link_secret, candidate).await
     }
 
     /// The number of queued jobs of an owner, and of running ones.
     pub async fn unfinished(&self, owner: &str) -> Result<(u64, u64), Error> {
-        each!(self, db => db.unfinished(owner).await)
+        read::counts(owner, self.reading()).await
     }
 
     /// Up to `limit` entries of the audit log before another one, the newest first.
     pub async fn audit(&self, before: Option<i64>, limit: u32) -> Result<Vec<AuditEntry>, Error> {
-        each!(self, db => db.audit(before, limit).await)
+        audit::list(before, limit, self.reading()).await
     }
 
     /// The sizes of the database and of its log.
@@ -373,7 +415,8 @@ impl Store {
                 Engine::Postgres(postgres::Database::open(&url, options, shared).await?)
             }
         };
-        Ok(Self { engine, signals })
+        let pin_quota = PinQuota::new(options.pin_quota, options.budget);
+        Ok(Self { engine, signals, pin_quota })
     }
 
     /// Returns up to `limit` matching results after `cursor`, among all that were committed before this
@@ -384,13 +427,13 @@ impl Store {
         cursor: Option<Cursor>,
         limit: u32,
     ) -> Result<Found, Error> {
-        each!(self, db => db.search(search, cursor, limit).await)
+        Found::page(search, cursor, limit, Reading(self, Purpose::Scan)).await
     }
 
     /// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance
     /// is the sum of the relative differences, plus 10 for each word that differs.
     pub async fn nearest(&self, to: &Outline, except: Option<Key>) -> Result<Option<Key>, Error> {
-        each!(self, db => db.nearest(to, except).await)
+        search::nearest(to, except, Reading(self, Purpose::Scan)).await
     }
 
     /// Free bytes on the disk of the database; `None` if the system does not report them.
@@ -411,7 +454,7 @@ impl Store {
         self.signals.watch(*key)
     }
 
-    /// Signals deletions of results by servers that share the database, from now on.
+    /// Signals deletions of results from now on, also those by servers that share the database.
     #[must_use]
     pub fn watch_deletions(&self) -> Deletions {
         self.signals.watch_deletions()

@@ -1,9 +1,9 @@
 //! Studies: what is computed from many runs, and the scalars that are taken from each of them. This room has no input or
 //! output, no clock and no threads.
 
+mod claimed;
 mod evaluation;
 mod jacobian;
-mod judge;
 mod kinds;
 mod member;
 mod model;
@@ -18,6 +18,7 @@ mod vary;
 
 pub mod stats;
 
+pub use claimed::Claimed;
 pub use evaluation::{Evaluated, Evaluation};
 pub use jacobian::{Entry, Jacobian};
 pub use member::Member;

@@ -66,7 +66,7 @@ impl Points {
 }
 
 /// A bug of the engine at one point must not end the study.
-pub(super) fn guarded<T>(compute: impl FnOnce() -> T) -> Option<T> {
+fn guarded<T>(compute: impl FnOnce() -> T) -> Option<T> {
     // This is unwind safe: after a panic, nothing that the closure has changed is used.
     catch_unwind(AssertUnwindSafe(compute)).ok()
 }

@@ -94,13 +94,13 @@ impl Study {
     }
 
     /// Some points, at random: evenly spaced ones could all lie on one line of a grid.
-    pub(super) fn sample(&self, count: usize) -> impl Iterator<Item = usize> {
+    fn sample(&self, count: usize) -> impl Iterator<Item = usize> {
         let (stream, points) = (Stream::new(0), self.points() as u64);
         (0..count as u64).map(move |place| stream.below(place, points) as usize)
     }
 
     /// Estimated processor time of a point with these values.
-    pub(super) fn point_seconds(&self, values: &[f64]) -> f64 {
+    fn point_seconds(&self, values: &[f64]) -> f64 {
         self.plan.seconds(&self.problem, values)
     }
 

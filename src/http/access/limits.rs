@@ -56,7 +56,7 @@ pub struct Standing {
 
 /// A request within the limits. Dropping it ends the request.
 #[derive(Debug, Default)]
-pub struct Place {
+pub struct OpenRequest {
     pub standing: Option<Standing>,
     permit: Option<OwnedSemaphorePermit>,
 }
@@ -77,7 +77,7 @@ impl Account {
     }
 
     /// Counts a request against a quota, or refuses it.
-    pub fn take(&self, quota: Quota) -> Result<Place, Problem> {
+    pub fn take(&self, quota: Quota) -> Result<OpenRequest, Problem> {
         let permit = match &self.concurrent {
             None => None,
             Some((permits, most)) => {
@@ -92,7 +92,7 @@ impl Account {
             (Some(bucket), Some(per_minute)) => Some(count(bucket, quota, per_minute)?),
             _ => None,
         };
-        Ok(Place { standing, permit })
+        Ok(OpenRequest { standing, permit })
     }
 }
 
@@ -160,7 +160,7 @@ impl Standing {
     }
 }
 
-impl Place {
+impl OpenRequest {
     /// The same without the remaining requests: the caller does not own the key.
     pub fn untold(self) -> Self {
         Self { standing: None, ..self }

@@ -26,7 +26,7 @@ use crate::http::wire::instant;
 use fretwork_job::clock::now;
 use fretwork_store::{AccessKey, Actor, Role, Store, digest};
 use keyring::{KeyHolder, Keyring, LastUse, MAX_AGE};
-use limits::{Account, Limits, Place};
+use limits::{Account, Limits, OpenRequest};
 use needs::{Needs, Quota, RouteNeeds};
 use signed_link::{ADMIN, ANYONE, Signer};
 
@@ -104,7 +104,7 @@ struct AdminHolder {
 struct Admitted {
     /// The caller; `None` on a route or a server that requires no key.
     identity: Option<Identity>,
-    place: Place,
+    open_request: OpenRequest,
     /// For a signed link: the time until it expires.
     link: Option<Duration>,
 }
@@ -118,14 +118,14 @@ pub async fn check<A: Future<Output = Response>>(
 ) -> Response {
     let started = Instant::now();
     let needs = gate.route_needs.of(request.method(), pattern(&request));
-    let Admitted { identity, place, link } = match gate.accept(&mut request, needs).await {
+    let Admitted { identity, open_request, link } = match gate.accept(&mut request, needs).await {
         Ok(accepted) => accepted,
         Err(problem) => return problem.into_response(),
     };
     if let Some(identity) = &identity {
         request.extensions_mut().insert(identity.clone());
     }
-    if let Some(standing) = place.standing {
+    if let Some(standing) = open_request.standing {
         request.extensions_mut().insert(standing);
     }
     let mut response = answer(request).await;
@@ -143,10 +143,10 @@ pub async fn check<A: Future<Output = Response>>(
     if let Some(identity) = identity {
         response.extensions_mut().insert(identity);
     }
-    if let Some(standing) = place.standing {
+    if let Some(standing) = open_request.standing {
         standing.tell(response.headers_mut());
     }
-    response.map(|body| place.hold(body))
+    response.map(|body| open_request.hold(body))
 }
 
 /// The pattern of the route of a request; empty for an unknown route.
@@ -221,9 +221,9 @@ impl Gate {
             (Some(holder), _) => Some(&holder.account),
             (None, admin) => admin.as_ref().map(|admin| &admin.account),
         };
-        let place = match (account, needs.quota) {
+        let open_request = match (account, needs.quota) {
             (Some(account), Some(quota)) => account.take(quota)?,
-            _ => Place::default(),
+            _ => OpenRequest::default(),
         };
         if identity.role < required {
             let detail = format!(
@@ -231,12 +231,12 @@ impl Gate {
                 identity.owner, identity.key, identity.role
             );
             let problem = Problem::new(&kinds::FORBIDDEN, detail);
-            return Err(match place.standing {
+            return Err(match open_request.standing {
                 Some(standing) => standing.tell_in(problem),
                 None => problem,
             });
         }
-        Ok(Admitted { identity: Some(identity), place, link: None })
+        Ok(Admitted { identity: Some(identity), open_request, link: None })
     }
 
     /// Accepts a request with a signed link, and removes the link from its address.
@@ -249,12 +249,12 @@ impl Gate {
         if required > Role::Read {
             return Err(Problem::new(&kinds::BAD_LINK, "A link allows reading only."));
         }
-        let place = self.count_link(&link.issuer).await?.untold();
+        let open_request = self.count_link(&link.issuer).await?.untold();
         *request.uri_mut() = link.address;
         // No key can have this name, so the caller owns no jobs.
         let owner = "a link".to_owned();
         let identity = Identity { owner, role: Role::Read, key: link.issuer };
-        Ok(Admitted { identity: Some(identity), place, link: Some(link.left) })
+        Ok(Admitted { identity: Some(identity), open_request, link: Some(link.left) })
     }
 
     /// Whether the server requires a key.
@@ -317,7 +317,7 @@ impl Gate {
     }
 
     /// Counts a request with a link against the key that signed it, if that key is still valid.
-    async fn count_link(&self, issuer: &str) -> Result<Place, Problem> {
+    async fn count_link(&self, issuer: &str) -> Result<OpenRequest, Problem> {
         let holders = self.keyring.holders().await?;
         match (holders.get(issuer), &self.admin) {
             (Some(holder), _) if self.open || invalid(&holder.key, now()).is_none() => {
@@ -326,7 +326,7 @@ impl Gate {
             // The signature contains the digest of the admin key.
             (None, Some(admin)) if issuer == ADMIN => return admin.links.take(Quota::Requests),
             (None, _) if issuer == ANYONE && !self.requires_key().await? => {
-                return Ok(Place::default());
+                return Ok(OpenRequest::default());
             }
             _ => {}
         }

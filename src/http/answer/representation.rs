@@ -35,7 +35,7 @@ use fretwork_store::{self as store, Body, StoredResult};
 const WHOLE: usize = 32 << 20;
 
 /// What an answer is made from.
-enum Source {
+enum MadeFrom {
     /// These bytes are the answer.
     Answer(Bytes),
     /// The JSON of the result.
@@ -47,7 +47,7 @@ enum Source {
 }
 
 /// An answer.
-enum Answer {
+enum Reply {
     /// All of its bytes are in memory.
     Whole(Encoded),
     /// It is sent while it is written.
@@ -100,10 +100,10 @@ impl Representation {
             _ => Coding::choose(headers),
         };
         let answer = self.find_or_make(app, coding, longest_wait()).await?;
-        app.service.was_read(&self.key);
+        app.store.was_read(&self.key);
         Ok(match answer {
-            Answer::Streamed(response) => response,
-            Answer::Whole(Encoded { body, coding, permit }) => {
+            Reply::Streamed(response) => response,
+            Reply::Whole(Encoded { body, coding, permit }) => {
                 self.response(body.into(), coding, permit)
             }
         })
@@ -123,7 +123,7 @@ impl Representation {
         app: &App,
         coding: Coding,
         end: Instant,
-    ) -> Result<Answer, Problem> {
+    ) -> Result<Reply, Problem> {
         let name = self.name_in(coding);
         let mut reserved = Reserved::nothing_until(end);
         let mut is_first = true;
@@ -133,32 +133,32 @@ impl Representation {
                 app.metrics.looked_up(matches!(found, Lookup::Found(_)));
             }
             let making = match found {
-                Lookup::Found(answer) => return Ok(Answer::Whole(answer)),
+                Lookup::Found(answer) => return Ok(Reply::Whole(answer)),
                 Lookup::Missing(making) => making,
             };
             match self.source(app, coding, &reserved).await? {
-                Source::Answer(bytes) => {
+                MadeFrom::Answer(bytes) => {
                     let answer = Encoded::of(bytes, coding, Some(reserved.permit));
-                    return Ok(Answer::Whole(app.memory.finish(making, answer, true)));
+                    return Ok(Reply::Whole(app.memory.finish(making, answer, true)));
                 }
-                Source::Json(json) if self.is_streamed(coding, json.len()) => {
+                MadeFrom::Json(json) if self.is_streamed(coding, json.len()) => {
                     return self.stream(app, making, json, reserved).await;
                 }
-                Source::Json(json) => {
+                MadeFrom::Json(json) => {
                     let answer = self.make(app, coding, making, json, reserved).await?;
-                    return Ok(Answer::Whole(answer));
+                    return Ok(Reply::Whole(answer));
                 }
-                Source::Packed => {
+                MadeFrom::Packed => {
                     drop((making, reserved));
                     // All readers of this result share one copy of its compressed bytes.
                     return match Box::pin(self.find_or_make(app, Coding::Zstd, end)).await? {
-                        Answer::Whole(packed) if packed.coding == Coding::Zstd => {
+                        Reply::Whole(packed) if packed.coding == Coding::Zstd => {
                             self.unpack(app, packed, end).await
                         }
                         answer => Ok(answer),
                     };
                 }
-                Source::Needs(need) => {
+                MadeFrom::Needs(need) => {
                     drop(making);
                     reserved.wait(app, &self.caller, &name, need).await?;
                 }
@@ -172,30 +172,30 @@ impl Representation {
         app: &App,
         coding: Coding,
         reserved: &Reserved,
-    ) -> Result<Source, Problem> {
+    ) -> Result<MadeFrom, Problem> {
         if self.is_unchanged && coding != Coding::Gzip {
             return match stored(app, &self.key, reserved).await? {
                 Stored::Body(body) if coding == Coding::Zstd && body.is_compressed() => {
-                    Ok(Source::Answer(body.bytes().clone()))
+                    Ok(MadeFrom::Answer(body.bytes().clone()))
                 }
                 Stored::Body(body) => {
                     let json = unpacked(&self.key, body).await?;
                     let is_answer = coding == Coding::Identity;
-                    Ok(if is_answer { Source::Answer(json) } else { Source::Json(json) })
+                    Ok(if is_answer { MadeFrom::Answer(json) } else { MadeFrom::Json(json) })
                 }
                 Stored::Large(size) if coding == Coding::Identity && size > WHOLE => {
-                    Ok(Source::Packed)
+                    Ok(MadeFrom::Packed)
                 }
-                Stored::Large(size) => Ok(Source::Needs(Need::to_unpack(size))),
+                Stored::Large(size) => Ok(MadeFrom::Needs(Need::to_unpack(size))),
                 Stored::Absent => Err(self.missing(app).await?),
             };
         }
         let size = match app.memory.get(&self.key.to_string()).map(|answer| answer.body) {
-            Some(json) if json.len() <= store::LARGE => return Ok(Source::Json(json)),
+            Some(json) if json.len() <= store::LARGE => return Ok(MadeFrom::Json(json)),
             Some(json) => json.len(),
-            None => match app.service.small_result(&self.key).await? {
+            None => match app.store.small_result(&self.key).await? {
                 Some(StoredResult::Whole(body)) => {
-                    return Ok(Source::Json(unpacked(&self.key, body).await?));
+                    return Ok(MadeFrom::Json(unpacked(&self.key, body).await?));
                 }
                 Some(StoredResult::Large(size)) => size,
                 _ => return Err(self.missing(app).await?),
@@ -206,10 +206,10 @@ impl Representation {
         let need = Need { bytes: (1 + growth) * size, maker: true };
         if !reserved.suffices(need) {
             self.refuse_missing_cycles(app).await?;
-            return Ok(Source::Needs(need));
+            return Ok(MadeFrom::Needs(need));
         }
         match large_json(app, &self.key).await? {
-            Some(json) => Ok(Source::Json(json)),
+            Some(json) => Ok(MadeFrom::Json(json)),
             None => Err(self.missing(app).await?),
         }
     }
@@ -220,7 +220,7 @@ impl Representation {
         if self.view.cycles.is_none() {
             return Ok(());
         }
-        let Some(known) = app.service.known(&self.key).await? else { return Ok(()) };
+        let Some(known) = app.store.known(&self.key).await? else { return Ok(()) };
         let Some(asked) = known.asked.value["cycles"].as_array() else { return Ok(()) };
         let last = &known.summary["cycles"];
         let given = asked.iter().chain([last]).filter_map(Value::as_f64);
@@ -235,7 +235,7 @@ impl Representation {
 
     /// The problem for a result that is not stored.
     async fn missing(&self, app: &App) -> Result<Problem, Problem> {
-        let found = app.service.small_result(&self.key).await?;
+        let found = app.store.small_result(&self.key).await?;
         missing(app, self.reach.as_deref(), &self.key, found).await
     }
 
@@ -296,7 +296,7 @@ impl Representation {
         making: Making,
         json: Bytes,
         reserved: Reserved,
-    ) -> Result<Answer, Problem> {
+    ) -> Result<Reply, Problem> {
         let Reserved { mut permit, maker, .. } = reserved;
         // Before the first piece, the result and its tables are in memory, and then only the tables.
         let result = permit.split(json.len());
@@ -306,13 +306,13 @@ impl Representation {
             format::write(out, json, part, format, &view)
         };
         Ok(match self.send(move || drop((maker, result)), write).await? {
-            Answer::Whole(answer) => Answer::Whole(app.memory.finish(making, answer, true)),
-            streamed @ Answer::Streamed(_) => streamed,
+            Reply::Whole(answer) => Reply::Whole(app.memory.finish(making, answer, true)),
+            streamed @ Reply::Streamed(_) => streamed,
         })
     }
 
     /// Decompresses the JSON of the result while the client reads it.
-    async fn unpack(&self, app: &App, packed: Encoded, end: Instant) -> Result<Answer, Problem> {
+    async fn unpack(&self, app: &App, packed: Encoded, end: Instant) -> Result<Reply, Problem> {
         let own = app.shares.answers.hold_until(end, &self.caller, pieces::MEMORY).await?;
         let Encoded { body, permit, .. } = packed;
         let size = Body::of(body.clone()).size();
@@ -321,7 +321,7 @@ impl Representation {
             Ok(zstd::stream::copy_decode(&body[..], out)?)
         };
         let mut answer = self.send(|| (), write).await?;
-        if let (Answer::Streamed(response), Some(size)) = (&mut answer, size) {
+        if let (Reply::Streamed(response), Some(size)) = (&mut answer, size) {
             response.headers_mut().insert(header::CONTENT_LENGTH, size.into());
             response.extensions_mut().insert(Arc::new(own));
         }
@@ -334,7 +334,7 @@ impl Representation {
         &self,
         started: S,
         write: impl FnOnce(&mut PieceWriter<S>) -> Result<(), format::Error> + Send + 'static,
-    ) -> Result<Answer, Problem> {
+    ) -> Result<Reply, Problem> {
         let (mut pieces, mut received) = pieces(started);
         let (done, written) = oneshot::channel();
         let write = move || {
@@ -349,7 +349,7 @@ impl Representation {
             Beginning::Pieces(beginning) => beginning,
             Beginning::Ended(whole) => {
                 written.await.map_err(Problem::bug)?.map_err(|error| refused(&self.key, error))?;
-                return Ok(Answer::Whole(Encoded::plain(whole)));
+                return Ok(Reply::Whole(Encoded::plain(whole)));
             }
         };
         let key = self.key;
@@ -362,7 +362,7 @@ impl Representation {
             tracing::error!(%key, error = &*error as &dyn StdError, "an answer ended early");
             Err(io::Error::other(error))
         });
-        Ok(Answer::Streamed(self.response(body, Coding::Identity, None)))
+        Ok(Reply::Streamed(self.response(body, Coding::Identity, None)))
     }
 
     fn response(&self, body: AnswerBody, coding: Coding, permit: Option<Arc<Permit>>) -> Response {
@@ -401,10 +401,10 @@ impl Representation {
         let Some(held) = held(headers, &self.tag) else { return Ok(None) };
         let in_memory =
             Coding::ALL.iter().any(|coding| app.memory.get(&self.name_in(*coding)).is_some());
-        if !in_memory && !app.service.has_result(&self.key).await? {
+        if !in_memory && !app.store.has_result(&self.key).await? {
             return Ok(None);
         }
-        app.service.was_read(&self.key);
+        app.store.was_read(&self.key);
         Ok(Some((StatusCode::NOT_MODIFIED, caching(&held)).into_response()))
     }
 }

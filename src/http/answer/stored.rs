@@ -20,7 +20,7 @@ use fretwork_store::{self as store, Body, Error, StoredResult};
 /// The problem for an unknown key links to the job that computes it, if the caller may see one. There is none if the
 /// result is stored.
 pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Problem> {
-    match app.service.small_result(key).await? {
+    match app.store.small_result(key).await? {
         Some(StoredResult::Whole(_) | StoredResult::Large(_)) => Ok(()),
         other => Err(missing(app, reach, key, other).await?),
     }
@@ -146,7 +146,7 @@ pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>,
     loop {
         let making = match find(app, caller, &name, &mut reserved).await? {
             Lookup::Found(answer) => {
-                app.service.was_read(key);
+                app.store.was_read(key);
                 return Ok(Some(answer));
             }
             Lookup::Missing(making) => making,
@@ -176,7 +176,7 @@ pub async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>, Problem> 
         Lookup::Found(answer) => return Ok(Some(answer.body)),
         Lookup::Missing(making) => making,
     };
-    let Some(StoredResult::Whole(body)) = app.service.result(key).await? else { return Ok(None) };
+    let Some(StoredResult::Whole(body)) = app.store.result(key).await? else { return Ok(None) };
     let json = Encoded::plain(unpacked(key, body).await?);
     Ok(Some(app.memory.finish(making, json, false).body))
 }
@@ -193,12 +193,12 @@ pub enum Stored {
 
 /// The stored body of a result, if the request has reserved enough memory for it.
 pub async fn stored(app: &App, key: &Key, reserved: &Reserved) -> Result<Stored, Problem> {
-    let found = match app.service.small_result(key).await? {
+    let found = match app.store.small_result(key).await? {
         Some(StoredResult::Large(size)) => {
             if !reserved.suffices(Need::to_unpack(size)) {
                 return Ok(Stored::Large(size));
             }
-            app.service.result(key).await?
+            app.store.result(key).await?
         }
         found => found,
     };
@@ -225,7 +225,7 @@ pub async fn missing(
     key: &Key,
     found: Option<StoredResult>,
 ) -> Result<Problem, Problem> {
-    let live = app.service.live_job(key, reach).await?;
+    let live = app.store.live_job(key, reach).await?;
     let problem = match (found, live) {
         (Some(StoredResult::Evicted { at, deleted_by, asked }), live) => {
             let next = if let Some(job) = live {

@@ -10,6 +10,7 @@ use utoipa::ToSchema;
 use super::jobs::next_page;
 use crate::http::app::App;
 use crate::http::problem::Problem;
+use crate::http::wire::schemas;
 use crate::http::wire::{Query, instant};
 use fretwork_store::{Act, AuditEntry as Stored};
 
@@ -31,7 +32,7 @@ pub struct AuditEntry {
     #[schema(example = 1)]
     times: u64,
     /// What was done.
-    #[schema(value_type = crate::http::wire::schemas::Act)]
+    #[schema(value_type = schemas::Act)]
     act: Act,
     /// Who did it: the name of a key, the address of a client on a server without keys, or the user of a command of
     /// the program, such as `uid 1000`.
@@ -100,7 +101,7 @@ pub async fn audit(
     query.finish()?;
     let limit = limit.unwrap_or(PAGE);
     // One entry more than the page has tells whether there is a next page.
-    let mut found = app.service.audit(cursor, limit + 1).await?;
+    let mut found = app.store.audit(cursor, limit + 1).await?;
     let more = found.len() as u64 > u64::from(limit);
     found.truncate(limit as usize);
     let next = found.last().filter(|_| more).map(|entry| next_page(&uri, entry.id));

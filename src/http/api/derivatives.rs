@@ -11,8 +11,10 @@ use utoipa::ToSchema;
 
 use super::library::unknown;
 use crate::http::access::caller::Caller;
+use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, kinds};
+use crate::http::wire::schemas;
 use crate::http::wire::{Query, Segment, read_key};
 use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
 use fretwork_engine::request::fault::Faults;
@@ -53,7 +55,7 @@ struct Derivative {
     unit: String,
     /// `closed`: the output has a closed form, and the derivative at least 5 digits unless `error` says otherwise.
     /// `numerical`: the output is computed on a mesh or in time steps.
-    #[schema(value_type = crate::http::wire::schemas::DerivativeMethod)]
+    #[schema(value_type = schemas::DerivativeMethod)]
     method: &'static str,
     /// Why there is no derivative.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -169,7 +171,7 @@ impl From<Unable> for Problem {
 /// the threshold of gross slip, the error contains the derivatives of both sides.
 #[utoipa::path(get, path = "/v1/results/{key}/derivatives", operation_id = "get_derivatives", tag = "results",
     params(
-        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result."),
+        ResultKey,
         ("outputs" = Option<Vec<String>>, Query, style = Form, explode = false,
             description = "Names of outputs as in `POST /v1/evaluate`, separated by commas. By default, all that have a \
             value, except estimated errors such as `wear_volume_error`.",
@@ -192,14 +194,14 @@ pub async fn derivatives(
 ) -> Result<Response, Problem> {
     let wanted = Wanted::read(query)?;
     let key = read_key(&key)?;
-    let known = app.service.known(&key).await?.ok_or_else(unknown)?;
+    let known = app.store.known(&key).await?.ok_or_else(unknown)?;
     if known.asked.kind != TaskKind::Run {
         let detail = format!(
             "The result of a study has no derivatives: it has a table. All of it is at /v1/results/{key}."
         );
         return Err(Problem::new(&kinds::NO_SUCH_PART, detail));
     }
-    let _turn = app.shares.evaluation(&caller.owner).await;
+    let _turn = app.shares.turn(&caller.owner).await;
     let all_outputs = wanted.outputs.is_none();
     let mut start = Some((wanted, known.asked.value));
     // Its time is short, but longer than those of runs on the async thread.

@@ -13,6 +13,7 @@ use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::NoQuery;
+use crate::http::wire::schemas;
 use fretwork_engine::outcome::QUANTITIES;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
@@ -81,7 +82,7 @@ struct SideAnswer {
     /// The `numerics` version of the engine that its key belongs to.
     numerics: u32,
     /// `held`, `dropped` (evicted or deleted: only scenario and summary are known) or `unknown`.
-    #[schema(value_type = crate::http::wire::schemas::Standing)]
+    #[schema(value_type = schemas::Standing)]
     result: &'static str,
     /// The path of the result.
     link: String,
@@ -177,7 +178,7 @@ impl Side {
     async fn of(app: &App, asked: Requested) -> Result<Self, Problem> {
         match asked {
             Requested::Key(key) => {
-                let known = app.service.known(&key).await?.ok_or_else(|| {
+                let known = app.store.known(&key).await?.ok_or_else(|| {
                     let detail =
                         format!("No result has the key {key}. Compare its scenario instead.");
                     Problem::new(&kinds::UNKNOWN_RESULT, detail)
@@ -188,7 +189,7 @@ impl Side {
             Requested::Scenario(prepared) => {
                 let key = prepared.key;
                 let asked = prepared.asked();
-                let known = app.service.known(&key).await?;
+                let known = app.store.known(&key).await?;
                 Ok(Self { key, asked, numerics: ENGINE.numerics, known })
             }
         }
@@ -287,7 +288,7 @@ pub async fn diff(
         Side::of(&app, b).await?
     } else {
         remarks.push("`b` is the result whose scenario is nearest to that of `a`.".to_owned());
-        let nearest = app.service.nearest(&a.outline().await?, except).await?;
+        let nearest = app.store.nearest(&a.outline().await?, except).await?;
         let key = nearest.ok_or_else(|| {
             let detail = "There is no stored result to compare with.";
             Problem::new(&kinds::UNKNOWN_RESULT, detail)

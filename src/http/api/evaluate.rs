@@ -14,6 +14,7 @@ use crate::http::problem::{Problem, kinds};
 use crate::http::shares::SMALL;
 use crate::http::transport::body::Body;
 use crate::http::wire::NoQuery;
+use crate::http::wire::schemas;
 use crate::service::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 use fretwork_json as json;
 use fretwork_study::Evaluation;
@@ -75,7 +76,7 @@ impl From<NotEvaluated> for Problem {
                 "motion": {"amplitude": "2 um"}, "cycles": [1000, 10000]},
             "outputs": ["wear_volume", "wear_depth@1000", "unworn.stick_radius"]})),
     responses(
-        (status = 200, description = "The outputs.", body = crate::http::wire::schemas::Evaluated),
+        (status = 200, description = "The outputs.", body = schemas::Evaluated),
         (status = 422, description = "The body has faults, which `errors` lists; or the run would take too long for \
             an evaluation."),
         (status = 503, description = "Too many evaluations are computed at the same time, or the memory for large \
@@ -92,7 +93,7 @@ pub async fn evaluate(
     let evaluation = parse(body, Evaluation::parse).await?;
     let bytes = evaluation.answer_bytes();
     let mut permit = app.shares.answers.hold(&caller.owner, bytes.min(LARGEST_EVALUATION)).await?;
-    let turn = app.shares.evaluation(&caller.owner).await;
+    let turn = app.shares.turn(&caller.owner).await;
     let evaluated = app.service.evaluate(evaluation).await?;
     drop(turn);
     let answer = if bytes <= SMALL {

@@ -17,6 +17,7 @@ use super::jobs::{JobAnswer, visible};
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::Problem;
+use crate::http::wire::schemas;
 use crate::http::wire::{NoQuery, Segment, instant};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::Changes;
@@ -59,7 +60,7 @@ struct Progress {
     ),
     responses(
         (status = 200, description = "`snapshot`, `state` and `progress` events. Their data \
-            are JSON.", body = crate::http::wire::schemas::JobEvent, content_type = "text/event-stream"),
+            are JSON.", body = schemas::JobEvent, content_type = "text/event-stream"),
         (status = 204, description = "The job is finished, and the client has all its states."),
         (status = 404, description = "No job has this id."),
     ),
@@ -80,7 +81,7 @@ pub async fn follow(
     if job.state.is_finished() && seen == job.changes.len() {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let changes = app.service.watch(&job);
+    let changes = app.store.watch(&job.key);
     let Caller { key, .. } = caller;
     let ready = VecDeque::new();
     let events = EventStream { app, id, key, changes, seen, progress: -1.0, ready };

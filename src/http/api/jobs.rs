@@ -10,9 +10,11 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::http::access::caller::Caller;
+use crate::http::api::parameters::OfJobs;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, kinds};
 use crate::http::wire::include::Include;
+use crate::http::wire::schemas;
 use crate::http::wire::{NoQuery, Query, Segment};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::{Canceled, Deleted, Filter};
@@ -58,13 +60,7 @@ pub(super) fn unknown() -> Problem {
 /// A job must match all filters. The address of the next page is in `next` and in the `Link` header. New jobs
 /// do not shift the pages.
 #[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
-    params(
-        ("state" = Option<crate::http::wire::schemas::JobState>, Query, description = "Jobs in this state."),
-        ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
-        ("tag" = Option<String>, Query, description = "Jobs with this tag."),
-        ("key" = Option<crate::http::wire::schemas::KeyText>, Query, description = "Jobs for the result with this key."),
-        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me` is the caller. On a \
-            server with keys, only administrators see the jobs of others."),
+    params(OfJobs,
         ("limit" = Option<u32>, Query, description = "Largest number of jobs on the page.", minimum = 1,
             maximum = 200, example = 50),
         ("cursor" = Option<uuid::Uuid>, Query,
@@ -130,7 +126,7 @@ pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
         ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
         ("wait" = Option<f64>, Query, description = "Waits until the job is finished, at most \
             this number of seconds.", minimum = 0, maximum = 60, example = 10),
-        ("include" = Option<crate::http::wire::schemas::Include>, Query, style = Form, explode = false,
+        ("include" = Option<schemas::Include>, Query, style = Form, explode = false,
             description = "Adds to the job, separated by commas: the `result`, if the job is \
                 finished; the canonical `scenario`; the scenario as `submitted` by the client (null above \
                 64 kB).",
@@ -165,7 +161,7 @@ pub async fn show(
         (status = 200, description = "The result, for clients that follow the redirection \
             automatically.", content(
             (ref("#/components/schemas/Result") = "application/json"),
-            (crate::http::wire::schemas::File = "application/x-npz"),
+            (schemas::File = "application/x-npz"),
         )),
         (status = 303, description = "The result is at the address in `Location`.",
             headers(("Location" = String, description = "The address of the result."))),
@@ -243,14 +239,7 @@ pub struct CanceledJobs {
 /// At least one filter is required, and a job must match all of them. Finished jobs do not change, nor do jobs
 /// that are submitted during the request. A run stops when no other job shares it.
 #[utoipa::path(post, path = "/v1/jobs/cancel", operation_id = "cancel_jobs", tag = "jobs",
-    params(
-        ("state" = Option<crate::http::wire::schemas::JobState>, Query, description = "Jobs in this state."),
-        ("label" = Option<String>, Query, description = "Jobs with exactly this label."),
-        ("tag" = Option<String>, Query, description = "Jobs with this tag."),
-        ("key" = Option<crate::http::wire::schemas::KeyText>, Query, description = "Jobs for the result with this key."),
-        ("owner" = Option<String>, Query, example = "me", description = "Jobs of this owner; `me` is the caller. On a \
-            server with keys, only administrators see the jobs of others."),
-    ),
+    params(OfJobs),
     responses(
         (status = 200, description = "The jobs are canceled, or will be when their workers \
             stop.", body = CanceledJobs),

@@ -11,12 +11,14 @@ use utoipa::ToSchema;
 use super::jobs::next_page;
 use crate::http::access::caller::{Caller, ME};
 use crate::http::answer::stored::require;
+use crate::http::api::parameters::{Conditions, ResultKey, SearchTable};
 use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
+use crate::http::wire::schemas;
 use crate::http::wire::{NoQuery, Query, Segment, instant, read_key};
 use fretwork_engine::request::fault::{Fault, Faults};
-use fretwork_job::{Key, SCALARS, WORDS};
+use fretwork_job::{Key, SCALARS, Verified};
 use fretwork_json::read_body;
 use fretwork_store::{self as store, Changed, Listed, Removed, Search};
 
@@ -109,78 +111,13 @@ pub struct ResultList {
     next: Option<String>,
 }
 
-/// The query parameters of [`list`] other than `limit` and `cursor`, for the OpenAPI document.
-pub fn parameters() -> Vec<Value> {
-    let parameter = |name: &str, description: String, schema: Value| {
-        let at = json!({"name": name, "in": "query", "required": false});
-        let mut parameter = at;
-        parameter["description"] = description.into();
-        parameter["schema"] = schema;
-        parameter
-    };
-    let text = || json!({"type": "string"});
-    let mut all = Vec::new();
-    for word in WORDS {
-        let words = json!({"type": "string", "enum": word.values});
-        all.push(parameter(word.name, format!("Results with this `{}`.", word.name), words));
-    }
-    for scalar in SCALARS {
-        let unit = match scalar.unit() {
-            "1" => "a plain number".to_owned(),
-            unit => format!("in {unit} or with units"),
-        };
-        let what = format!(
-            "Results whose `{}` lies in this range: `a..b`, `a..`, `..b` or a single value, {unit}. \
-             Compared to 9 digits.",
-            scalar.name,
-        );
-        all.push(parameter(scalar.name, what, text()));
-    }
-    let orders: Vec<String> =
-        Search::orders().flat_map(|name| [name.to_owned(), format!("-{name}")]).collect();
-    let order = json!({"type": "string", "enum": orders, "default": "-created"});
-    let flag = || json!({"type": "boolean"});
-    let others = [
-        (
-            "created",
-            "Results that this server first stored in this range of days or times: `2026-01-31..`. A \
-             day is the whole day, UTC.",
-            text(),
-        ),
-        ("size", "Results whose size in bytes lies in this range.", text()),
-        ("owner", "Results that a job of this owner computed; `me` is the caller.", text()),
-        ("pinned", "Results that are pinned, or that are not.", flag()),
-        ("pinned_by", "Results that this owner has pinned; `me` is the caller.", text()),
-        (
-            "evicted",
-            "`true`: only results that were evicted or deleted. Default: only stored results.",
-            flag(),
-        ),
-        ("note", "Results whose note contains this text. Upper and lower case are equal.", text()),
-        ("tag", "Results of jobs with this tag. Only jobs that the caller may see count.", text()),
-        (
-            "label",
-            "Results of jobs with this label. Only jobs that the caller may see count.",
-            text(),
-        ),
-        (
-            "sort",
-            "The value to sort by. A minus sign puts the largest first. Results without the value \
-            come last.",
-            order,
-        ),
-    ];
-    all.extend(others.map(|(name, what, schema)| parameter(name, what.to_owned(), schema)));
-    all
-}
-
 /// Searches the stored results by inputs and outputs.
 ///
 /// A result must meet all conditions. A range is `a..b`, `a..`, `..b` or a single value, in SI or with units:
 /// `friction=0.6..0.8`, `wear_depth=..2 um`, `normal_force=50 N..0.2 kN`. The path of the
 /// next page is in `next` and in the `Link` header.
 #[utoipa::path(get, path = "/v1/results", operation_id = "list_results", tag = "results",
-    params(
+    params(SearchTable, Conditions,
         ("limit" = Option<u32>, Query, description = "Largest number of results on the page.", minimum = 1,
             maximum = 1000, example = 50),
         ("cursor" = Option<String>, Query, description = "Continues after a page. The server puts it into `next` of that page."),
@@ -216,7 +153,7 @@ pub async fn list(
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;
     let _turn = app.shares.turn(&caller.owner).await;
-    let found = app.service.search(&search, cursor, limit.unwrap_or(PAGE)).await?;
+    let found = app.store.search(&search, cursor, limit.unwrap_or(PAGE)).await?;
     let next = found.next.map(|cursor| next_page(&uri, cursor));
     let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
     let results = found.results.into_iter().map(ResultEntry::from).collect();
@@ -239,7 +176,7 @@ pub struct Provenance {
     computed: Computation,
     /// The warnings about the two bodies in the submission that computed it: a list of `{kind, detail}`. The
     /// result has the other warnings.
-    #[schema(value_type = Option<Vec<crate::http::wire::schemas::Warning>>)]
+    #[schema(value_type = Option<Vec<schemas::Warning>>)]
     warnings: Option<Value>,
     /// The program that computed it.
     program: Option<Program>,
@@ -320,6 +257,24 @@ struct Import {
     /// When it was imported.
     #[schema(format = "date-time")]
     at: String,
+    /// How much of it this server computed again: `all`, some random `rows` of a study, or `none`. Null if an earlier
+    /// version of fretwork imported it.
+    #[schema(example = "all", pattern = "^(all|rows|none)$")]
+    verified: Option<&'static str>,
+    /// The number of these rows.
+    verified_rows: Option<u64>,
+}
+
+impl From<store::FromFile> for Import {
+    fn from(import: store::FromFile) -> Self {
+        let (verified, verified_rows) = match import.verified {
+            Some(Verified::All) => (Some("all"), None),
+            Some(Verified::Rows(rows)) => (Some("rows"), Some(rows)),
+            Some(Verified::No) => (Some("none"), None),
+            None => (None, None),
+        };
+        Self { from: import.from, at: instant(import.at), verified, verified_rows }
+    }
 }
 
 impl Provenance {
@@ -353,7 +308,7 @@ impl Provenance {
             evicted: known.evicted.map(instant),
             deleted_by: known.deleted_by,
             body: BodySum { bytes: known.size, sha256: known.sha256 },
-            imported: known.imported.map(|(at, from)| Import { from, at: instant(at) }),
+            imported: known.imported.map(Import::from),
         }
     }
 }
@@ -369,7 +324,7 @@ pub(super) fn unknown() -> Problem {
 /// `body.sha256` is the digest of the JSON bytes of `GET /v1/results/{key}`, so that a client can check a
 /// copy. Evicted and deleted results have it too.
 #[utoipa::path(get, path = "/v1/results/{key}/provenance", operation_id = "get_provenance", tag = "results",
-    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    params(ResultKey),
     responses(
         (status = 200, description = "The provenance of the result.", body = Provenance),
     ),
@@ -380,7 +335,7 @@ pub async fn provenance(
     _: NoQuery,
 ) -> Result<Response, Problem> {
     let key = read_key(&key)?;
-    let known = app.service.provenance(&key).await?.ok_or_else(unknown)?;
+    let known = app.store.provenance(&key).await?.ok_or_else(unknown)?;
     let fresh = [(header::CACHE_CONTROL, "no-store")];
     Ok((fresh, axum::Json(Provenance::of(key, known))).into_response())
 }
@@ -389,7 +344,7 @@ pub async fn provenance(
 #[derive(Debug, Serialize, ToSchema)]
 pub struct SubmissionWarnings {
     /// A list of `{kind, detail}`; null if the server does not know the submission.
-    #[schema(value_type = Option<Vec<crate::http::wire::schemas::Warning>>)]
+    #[schema(value_type = Option<Vec<schemas::Warning>>)]
     warnings: Option<Value>,
 }
 
@@ -398,7 +353,7 @@ pub struct SubmissionWarnings {
 /// `elastic_mismatch` and `yield` follow from the bodies. The key does not contain the bodies, so these warnings belong
 /// to a submission. The result itself has the other warnings. Links open this address too.
 #[utoipa::path(get, path = "/v1/results/{key}/warnings", operation_id = "get_warnings", tag = "results",
-    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    params(ResultKey),
     responses(
         (status = 200, description = "The warnings.", body = SubmissionWarnings),
     ),
@@ -408,7 +363,7 @@ pub async fn warnings(
     Segment(key): Segment,
     _: NoQuery,
 ) -> Result<Response, Problem> {
-    let known = app.service.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?;
+    let known = app.store.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?;
     let fresh = [(header::CACHE_CONTROL, "no-store")];
     Ok((fresh, axum::Json(SubmissionWarnings { warnings: known.warnings })).into_response())
 }
@@ -442,7 +397,7 @@ fn annotated(changed: Changed) -> Result<StatusCode, Problem> {
 /// Provenance and lists show the note, its owner and its time. It stays for a year after the result was
 /// evicted or deleted.
 #[utoipa::path(put, path = "/v1/results/{key}/note", operation_id = "put_note", tag = "results",
-    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    params(ResultKey),
     request_body(content = ref("#/components/schemas/NoteBody"), description = "The note.",
         example = json!({"text": "Agrees with the rig of 2025-11."})),
     responses(
@@ -461,14 +416,14 @@ pub async fn note(
     if let Some(detail) = store::Note::fault(&text) {
         return Err(Problem::faults(vec![Fault { pointer: "/text".to_owned(), detail }]));
     }
-    annotated(app.service.annotate(&key, Some(text), caller.editor()).await?)
+    annotated(app.store.annotate(&key, Some(text), caller.editor()).await?)
 }
 
 /// Deletes the note of a result.
 ///
 /// If there is no note, nothing changes. Only the owner of the note and administrators may delete it.
 #[utoipa::path(delete, path = "/v1/results/{key}/note", operation_id = "delete_note", tag = "results",
-    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    params(ResultKey),
     responses(
         (status = 204, description = "The result has no note."),
     ),
@@ -479,7 +434,7 @@ pub async fn delete_note(
     Segment(key): Segment,
     _: NoQuery,
 ) -> Result<StatusCode, Problem> {
-    annotated(app.service.annotate(&read_key(&key)?, None, caller.editor()).await?)
+    annotated(app.store.annotate(&read_key(&key)?, None, caller.editor()).await?)
 }
 
 /// Deletes a result.
@@ -487,7 +442,7 @@ pub async fn delete_note(
 /// Afterwards its path answers 410 with the scenario, as after an eviction. A new job with the same
 /// scenario computes it again. Its jobs stay. A pinned result cannot be deleted.
 #[utoipa::path(delete, path = "/v1/results/{key}", operation_id = "delete_result", tag = "results",
-    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    params(ResultKey),
     responses(
         (status = 204, description = "The result is deleted."),
         (status = 409, description = "The result is pinned. Unpin it first."),
@@ -507,7 +462,7 @@ pub async fn delete(
         // A task of its own: the memory must be cleared although the client disconnects.
         #[expect(clippy::disallowed_methods, reason = "the task ends by itself")]
         let removing = tokio::spawn(async move {
-            let removed = here.service.remove(&key, by).await?;
+            let removed = here.store.remove(&key, by).await?;
             if removed != Removed::Pinned {
                 // An evicted result may still be in memory.
                 here.memory.forget(&key);

@@ -12,6 +12,7 @@ use utoipa::ToSchema;
 use crate::http::access::caller::Caller;
 use crate::http::access::signed_link;
 use crate::http::answer::stored::require;
+use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::Problem;
 use crate::http::wire::{Query, Segment, read_key};
@@ -39,7 +40,7 @@ pub struct SharedLink {
 /// key that made it revokes all its links.
 #[utoipa::path(post, path = "/v1/results/{key}/links", operation_id = "share_result", tag = "results",
     params(
-        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result."),
+        ResultKey,
         ("expires_in" = Option<String>, Query, description = "Lifetime of the link, for example \
             `12h`, `7d` (the default) or `6months`; at most `366d`.", example = "7d"),
     ),
@@ -60,7 +61,7 @@ pub async fn share(
     });
     query.finish()?;
     let key = read_key(&key)?;
-    if !app.service.has_result(&key).await? {
+    if !app.store.has_result(&key).await? {
         require(&app, caller.reach(), &key).await?;
     }
     let expires = (signed_link::since_1970() + time.unwrap_or(DEFAULT_LIFETIME)).as_secs();

@@ -11,6 +11,7 @@ use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::Problem;
 use crate::http::wire::NoQuery;
+use crate::http::wire::schemas;
 
 /// The caller, with its limits and their use.
 #[derive(Debug, Serialize, ToSchema)]
@@ -20,7 +21,7 @@ pub struct Me {
     #[schema(example = "anna")]
     name: String,
     /// `read`, `submit` or `admin`.
-    #[schema(value_type = crate::http::wire::schemas::Role, example = "submit")]
+    #[schema(value_type = schemas::Role, example = "submit")]
     role: &'static str,
     /// The id of the key; null on a server without keys.
     #[schema(example = "0a1b2c3d")]
@@ -71,7 +72,7 @@ pub async fn me(
     caller: Caller,
     _: NoQuery,
 ) -> Result<impl IntoResponse, Problem> {
-    let (jobs_queued, jobs_running) = app.service.unfinished(&caller.owner).await?;
+    let (jobs_queued, jobs_running) = app.store.unfinished(&caller.owner).await?;
     let limits = app.gate.limits_of(caller.key.as_deref()).await?;
     let me = Me {
         name: caller.owner,

@@ -12,9 +12,11 @@ use bytesize::ByteSize;
 use crate::http::access::caller::Caller;
 use crate::http::answer::representation::Representation;
 use crate::http::answer::stored::require;
+use crate::http::api::parameters::{AtCycles, Copied, Numbers, OfTable, ResultKey};
 use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::wire::negotiation::choose_format;
+use crate::http::wire::schemas;
 use crate::http::wire::{NoQuery, Query, Segment, read_key};
 use fretwork_format::{
     FigureOptions, Format, Part, QUANTITIES, Quantity, StudyFigure, StudyOptions, View,
@@ -152,7 +154,7 @@ async fn answer(
 }
 
 async fn is_run(app: &App, key: &Key) -> Result<bool, Problem> {
-    let known = app.service.known(key).await?;
+    let known = app.store.known(key).await?;
     Ok(known.is_some_and(|known| known.asked.kind == TaskKind::Run))
 }
 
@@ -172,6 +174,25 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
     Problem::new(&kinds::NOT_ACCEPTABLE, detail)
 }
 
+/// Declares the handlers of results and their parts.
+macro_rules! parts {
+    ($($(#[$about:meta])* $name:ident = $part:expr;)*) => {
+        $(
+            $(#[$about])*
+            pub async fn $name(
+                State(app): State<App>,
+                caller: Caller,
+                Segment(key): Segment,
+                query: Query,
+                request: Request,
+            ) -> Result<Response, Problem> {
+                answer(&app, &caller, (&key, $part), request.headers(), query).await
+            }
+        )*
+    };
+}
+
+parts! {
 /// Returns a result.
 ///
 /// A result is a pure function of its key, byte for byte, and clients may cache it for ever. All
@@ -184,11 +205,11 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
 /// archive without pickle. An infinite pressure is null in JSON and NaN in NPZ.
 #[utoipa::path(get, path = "/v1/results/{key}", operation_id = "get_result", tag = "results",
     params(
-        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<crate::http::wire::schemas::WholeFormat>, Query, description = "Overrides `Accept`."),
-        ("layout" = Option<crate::http::wire::schemas::WholeLayout>, Query, description = "Only the parts of a \
+        ResultKey, Numbers, Copied,
+        ("format" = Option<schemas::WholeFormat>, Query, description = "Overrides `Accept`."),
+        ("layout" = Option<schemas::WholeLayout>, Query, description = "Only the parts of a \
             result have the layout `records`."),
-        ("cycles" = Option<crate::http::wire::schemas::ChosenInstants>, Query, style = Form, explode = false,
+        ("cycles" = Option<schemas::ChosenInstants>, Query, style = Form, explode = false,
             description = "Only the profiles and loops at these output cycles, separated by commas; the \
             history is complete.",
             example = json!([0])),
@@ -200,21 +221,13 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
     responses(
         (status = 200, description = "The result.", content(
             (ref("#/components/schemas/Result") = "application/json"),
-            (crate::http::wire::schemas::File = "application/x-npz"),
+            (schemas::File = "application/x-npz"),
         )),
         (status = 406, description = "A whole result is available as JSON and NPZ; its parts are also \
             available as NDJSON, CSV and Arrow."),
     ),
 )]
-pub async fn whole(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-    request: Request,
-) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::Whole), request.headers(), query).await
-}
+whole = Part::Whole;
 
 /// Returns the history of a result: one entry per output cycle.
 ///
@@ -224,38 +237,24 @@ pub async fn whole(
 /// engine and units. Equal numbers are equal in every format.
 #[utoipa::path(get, path = "/v1/results/{key}/history", operation_id = "get_history", tag = "results",
     params(
-        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<crate::http::wire::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
-        ("layout" = Option<crate::http::wire::schemas::Layout>, Query, description = "JSON only: one array per \
-            quantity (`columns`, the default), or a list of rows in the member `records`."),
-        ("fields" = Option<crate::http::wire::schemas::HistoryFields>, Query, style = Form, explode = false,
+        ResultKey, OfTable, AtCycles, Numbers, Copied,
+        ("fields" = Option<schemas::HistoryFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
             `cycles` is always included.",
             example = json!(["wear_volume", "wear_depth"])),
-        ("cycles" = Option<crate::http::wire::schemas::ChosenInstants>, Query, style = Form, explode = false,
-            description = "Only these output cycles, separated by commas.",
-            example = json!([0])),
     ),
     responses(
         (status = 200, description = "The history.", content(
             (ref("#/components/schemas/HistoryAnswer") = "application/json"),
             (String = "application/x-ndjson"),
             (String = "text/csv"),
-            (crate::http::wire::schemas::File = "application/x-npz"),
-            (crate::http::wire::schemas::File = "application/vnd.apache.arrow.file"),
+            (schemas::File = "application/x-npz"),
+            (schemas::File = "application/vnd.apache.arrow.file"),
         )),
         (status = 406, description = "The history is available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
-pub async fn history(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-    request: Request,
-) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::History), request.headers(), query).await
-}
+history = Part::History;
 
 /// Returns the profiles of a result: worn shape, wear, pressure and slip over the radius.
 ///
@@ -267,17 +266,11 @@ pub async fn history(
 /// A sweep that was submitted with `profiles` has the curves of each point, with `point` in place of `cycles`.
 #[utoipa::path(get, path = "/v1/results/{key}/profiles", operation_id = "get_profiles", tag = "results",
     params(
-        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<crate::http::wire::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
-        ("layout" = Option<crate::http::wire::schemas::Layout>, Query, description = "JSON only: one array per \
-            quantity (`columns`, the default), or a list of rows in the member `records`."),
-        ("fields" = Option<crate::http::wire::schemas::ProfileFields>, Query, style = Form, explode = false,
+        ResultKey, OfTable, AtCycles, Numbers, Copied,
+        ("fields" = Option<schemas::ProfileFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
             `cycles` (`point` of a sweep) and `radius` are always included.",
             example = json!(["wear", "pressure"])),
-        ("cycles" = Option<crate::http::wire::schemas::ChosenInstants>, Query, style = Form, explode = false,
-            description = "Only these output cycles, separated by commas.",
-            example = json!([0])),
         ("points" = Option<u32>, Query, description = "Largest number of radii, evenly spaced.",
             minimum = 2, maximum = 4096, example = 200),
     ),
@@ -286,21 +279,13 @@ pub async fn history(
             (ref("#/components/schemas/ProfilesAnswer") = "application/json"),
             (String = "application/x-ndjson"),
             (String = "text/csv"),
-            (crate::http::wire::schemas::File = "application/x-npz"),
-            (crate::http::wire::schemas::File = "application/vnd.apache.arrow.file"),
+            (schemas::File = "application/x-npz"),
+            (schemas::File = "application/vnd.apache.arrow.file"),
         )),
         (status = 406, description = "The profiles are available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
-pub async fn profiles(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-    request: Request,
-) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::Profiles), request.headers(), query).await
-}
+profiles = Part::Profiles;
 
 /// Returns the force–displacement loops of a result, at the output cycles of its profiles.
 ///
@@ -312,38 +297,24 @@ pub async fn profiles(
 /// cycle, and NaN fills the shorter loops. A result computed with `profiles_at: "none"` has no loops.
 #[utoipa::path(get, path = "/v1/results/{key}/loops", operation_id = "get_loops", tag = "results",
     params(
-        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("format" = Option<crate::http::wire::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
-        ("layout" = Option<crate::http::wire::schemas::Layout>, Query, description = "JSON only: one array per \
-            quantity (`columns`, the default), or a list of rows in the member `records`."),
-        ("fields" = Option<crate::http::wire::schemas::LoopFields>, Query, style = Form, explode = false,
+        ResultKey, OfTable, AtCycles, Numbers, Copied,
+        ("fields" = Option<schemas::LoopFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
             `cycles` is always included.",
             example = json!(["displacement", "tangential_force"])),
-        ("cycles" = Option<crate::http::wire::schemas::ChosenInstants>, Query, style = Form, explode = false,
-            description = "Only these output cycles, separated by commas.",
-            example = json!([0])),
     ),
     responses(
         (status = 200, description = "The loops.", content(
             (ref("#/components/schemas/LoopsAnswer") = "application/json"),
             (String = "application/x-ndjson"),
             (String = "text/csv"),
-            (crate::http::wire::schemas::File = "application/x-npz"),
-            (crate::http::wire::schemas::File = "application/vnd.apache.arrow.file"),
+            (schemas::File = "application/x-npz"),
+            (schemas::File = "application/vnd.apache.arrow.file"),
         )),
         (status = 406, description = "The loops are available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
-pub async fn loops(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-    request: Request,
-) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::Loops), request.headers(), query).await
-}
+loops = Part::Loops;
 
 /// Returns the table of a study: one row for each point.
 ///
@@ -352,11 +323,8 @@ pub async fn loops(
 /// `wear_volume[m^3]`. In NPZ each column is an array, without the slash at the start of its name.
 #[utoipa::path(get, path = "/v1/results/{key}/table", operation_id = "get_table", tag = "results",
     params(
-        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked study."),
-        ("format" = Option<crate::http::wire::schemas::TableFormat>, Query, description = "Overrides `Accept`."),
-        ("layout" = Option<crate::http::wire::schemas::Layout>, Query, description = "JSON only: one array per \
-            column (`columns`, the default), or a list of rows in the member `records`."),
-        ("fields" = Option<crate::http::wire::schemas::TableFields>, Query, style = Form, explode = false,
+        ResultKey, OfTable, Numbers, Copied,
+        ("fields" = Option<schemas::TableFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas.", example = json!(["wear_volume"])),
         ("rows" = Option<u32>, Query, description = "Only the first rows.", minimum = 0, maximum = 10_000_000,
             example = 200),
@@ -366,20 +334,13 @@ pub async fn loops(
             (ref("#/components/schemas/TableAnswer") = "application/json"),
             (String = "application/x-ndjson"),
             (String = "text/csv"),
-            (crate::http::wire::schemas::File = "application/x-npz"),
-            (crate::http::wire::schemas::File = "application/vnd.apache.arrow.file"),
+            (schemas::File = "application/x-npz"),
+            (schemas::File = "application/vnd.apache.arrow.file"),
         )),
         (status = 406, description = "The table is available as JSON, NDJSON, CSV, NPZ and Arrow."),
     ),
 )]
-pub async fn table(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-    request: Request,
-) -> Result<Response, Problem> {
-    answer(&app, &caller, (&key, Part::Table), request.headers(), query).await
+table = Part::Table;
 }
 
 /// Returns a figure of a result as SVG, for the screen and for print.
@@ -400,15 +361,15 @@ pub async fn table(
 /// contains the key and the engine. The same request gives the same bytes everywhere.
 #[utoipa::path(get, path = "/v1/results/{key}/plot.svg", operation_id = "plot_result", tag = "results",
     params(
-        ("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a job or a checked scenario."),
-        ("quantity" = Option<crate::http::wire::schemas::PlotQuantity>, Query, description = "Runs: the quantity to \
+        ResultKey, Copied,
+        ("quantity" = Option<schemas::PlotQuantity>, Query, description = "Runs: the quantity to \
             draw, by default `worn`. A result computed with `profiles_at: \"none\"` has histories only.",
             example = "pressure"),
-        ("cycles" = Option<crate::http::wire::schemas::PlotInstants>, Query, style = Form, explode = false,
+        ("cycles" = Option<schemas::PlotInstants>, Query, style = Form, explode = false,
             description = "Profiles and loops: only these output cycles, separated by commas. By default up \
             to 6, evenly spaced.",
             example = json!([0])),
-        ("kind" = Option<crate::http::wire::schemas::PlotKind>, Query, description = "Studies: the kind of figure. By \
+        ("kind" = Option<schemas::PlotKind>, Query, description = "Studies: the kind of figure. By \
             default it follows from the study.", example = "heat"),
         ("output" = Option<String>, Query, description = "Studies: a column of the outputs, by default the \
             first one.", example = "wear_volume"),
@@ -416,13 +377,13 @@ pub async fn table(
             horizontal axis, by default the one with most values.", example = "/motion/amplitude"),
         ("by" = Option<String>, Query, description = "Studies: the JSON pointer of a second number, with one \
             curve for each value, or on the vertical axis of a heat map.", example = "/friction"),
-        ("units" = Option<crate::http::wire::schemas::UnitSystem>, Query, description = "`engineering` (the default \
+        ("units" = Option<schemas::UnitSystem>, Query, description = "`engineering` (the default \
             here): µm, mm³, MPa, mJ and N; or `si`.", example = "si"),
-        ("x" = Option<crate::http::wire::schemas::Spacing>, Query, description = "The horizontal axis. By default \
+        ("x" = Option<schemas::Spacing>, Query, description = "The horizontal axis. By default \
             it is `linear`, but `log` for a history whose output cycles span a factor of 20 or more, and for \
             values of a study that are spaced so. A logarithmic axis omits values that are not positive.",
             example = "linear"),
-        ("y" = Option<crate::http::wire::schemas::Spacing>, Query, description = "The vertical axis, by default \
+        ("y" = Option<schemas::Spacing>, Query, description = "The vertical axis, by default \
             `linear`. That of a study is `log` if its values span two decades.", example = "linear"),
         ("width" = Option<u16>, Query, description = "Width in px (1/96 inch), by default 640.",
             minimum = 320, maximum = 4000, example = 640),
@@ -455,7 +416,7 @@ pub async fn plot(
 /// ones. Pinning a result again has no effect. The results that one owner has pinned may take up to `--pin-quota`,
 /// and those of all owners half of `--keep-results`.
 #[utoipa::path(put, path = "/v1/results/{key}/pin", operation_id = "pin_result", tag = "results",
-    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    params(ResultKey),
     responses(
         (status = 204, description = "The result is pinned."),
         (status = 409, description = "The pinned results of this owner take too much room. Unpin some first."),
@@ -474,7 +435,7 @@ pub async fn pin(
 ///
 /// The server may then evict it. Only the owner of the pin and administrators may do this.
 #[utoipa::path(delete, path = "/v1/results/{key}/pin", operation_id = "unpin_result", tag = "results",
-    params(("key" = crate::http::wire::schemas::KeyText, Path, description = "The `key` of a result.")),
+    params(ResultKey),
     responses(
         (status = 204, description = "The result is not pinned."),
     ),
@@ -496,7 +457,7 @@ async fn set_pin(
 ) -> Result<StatusCode, Problem> {
     let key = read_key(key)?;
     loop {
-        match app.service.pin(&key, pinned, caller.editor()).await? {
+        match app.store.pin(&key, pinned, caller.editor()).await? {
             Changed::Done => return Ok(StatusCode::NO_CONTENT),
             // Returns the problem for a missing result, or tries again if the result has just been stored.
             Changed::NotFound => require(app, caller.reach(), &key).await?,

@@ -13,6 +13,7 @@ use utoipa::ToSchema;
 use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
+use crate::http::wire::schemas;
 use crate::http::wire::{NoQuery, Segment};
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
@@ -148,10 +149,10 @@ pub struct CheckedRun {
     scenario: Scenario,
     /// `scales`, `unworn`, `regime`, `limit`, `units` and `cost`.
     #[serde(flatten)]
-    #[schema(value_type = crate::http::wire::schemas::Preview)]
+    #[schema(value_type = schemas::Preview)]
     preview: Preview,
     /// Warnings about the validity of the model.
-    #[schema(value_type = Vec<crate::http::wire::schemas::Warning>)]
+    #[schema(value_type = Vec<schemas::Warning>)]
     warnings: Vec<Warning>,
     /// The limit of this server that the run exceeds, and what to change. Null if it exceeds none. A server returns a
     /// stored result beyond its limits too.
@@ -189,7 +190,7 @@ pub async fn check(
     let asked = prepared.asked();
     let excess = app.service.limits().refuse(&prepared).map(|excess| excess.to_string());
     let Prepared { key, task, .. } = prepared;
-    let cached = app.service.has_result(&key).await?;
+    let cached = app.store.has_result(&key).await?;
     let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
     Ok(Json(match task {
         Task::Run(run) => {

@@ -72,7 +72,7 @@ pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>
     }
     let check = async {
         app.check_storage().await?;
-        app.service.longest_wait().await
+        app.store.longest_wait().await
     };
     let wait = match tokio::time::timeout(TIMEOUT, check).await {
         Ok(Ok(wait)) => wait,
@@ -83,7 +83,7 @@ pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>
         }
         Err(_) => return Err(unready("The database does not answer.")),
     };
-    let tally = app.service.tally();
+    let tally = app.store.tally();
     let (queued, running) = (tally.queued(), tally.running());
     if running == 0 && wait > STUCK {
         let detail = format!("The queue is stuck: {queued} runs wait and no run is computed.");
@@ -192,15 +192,15 @@ pub async fn metrics(
     _: NoQuery,
 ) -> Result<Response, Problem> {
     // If the database does not answer, the other metrics must still be available.
-    let read = async { (app.service.longest_wait().await, app.service.last_backup().await) };
+    let read = async { (app.store.longest_wait().await, app.store.last_backup().await) };
     let read = tokio::time::timeout(Duration::from_secs(2), read).await.ok();
     let (longest_wait, last_backup) =
         read.map_or((None, None), |(wait, backup)| (wait.ok(), backup.ok().flatten()));
     // A network disk can block.
-    let service = app.service.clone();
-    let disk = tokio::task::spawn_blocking(move || (service.free_bytes(), service.file_sizes()));
+    let store = app.store.clone();
+    let disk = tokio::task::spawn_blocking(move || (store.free_bytes(), store.file_sizes()));
     let (free, files) = disk.await.unwrap_or_default();
-    let database_connections = app.service.database_connections();
+    let database_connections = app.store.database_connections();
     let measured = Measurements { longest_wait, last_backup, free, files, database_connections };
     let mut text = app.metrics.write(&measured).map_err(Problem::bug)?;
     let kind = match choose_type(&headers, EXPOSITIONS) {

@@ -166,7 +166,7 @@ pub fn write(mut response: Response) -> Response {
 /// The members of all requests. Others are ignored.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct Request<'a> {
+struct Call<'a> {
     #[serde(borrow)]
     name: Option<Cow<'a, str>>,
     #[serde(borrow)]
@@ -178,14 +178,14 @@ struct Request<'a> {
     vec: Option<Vec<f64>>,
 }
 
-impl<'a> Request<'a> {
+impl<'a> Call<'a> {
     /// Parses a body, and checks the name of the model.
     fn read(body: &'a [u8]) -> Result<Self, Refusal> {
         let empty = body.iter().all(u8::is_ascii_whitespace);
-        let request: Self = serde_json::from_slice(if empty { b"{}" } else { body })
+        let call: Self = serde_json::from_slice(if empty { b"{}" } else { body })
             .map_err(|error| Refusal::input(format!("The body cannot be read: {error}.")))?;
-        match request.name.as_deref() {
-            Some(NAME) => Ok(request),
+        match call.name.as_deref() {
+            Some(NAME) => Ok(call),
             Some(other) => {
                 let other: String = other.chars().take(60).collect();
                 let message = format!("There is no model \"{other}\". The model is \"{NAME}\".");
@@ -239,9 +239,9 @@ fn sized(name: &str, numbers: Option<Vec<f64>>, expected: usize) -> Result<Vec<f
     Err(Refusal::input(format!("`{name}` must have {expected} numbers, not {}.", numbers.len())))
 }
 
-/// The model of a request.
-async fn model_of(app: &App, request: &Request<'_>) -> Result<Arc<Model>, Refusal> {
-    let config = request.config.map_or("{}", RawValue::get);
+/// The model of a call.
+async fn model_of(app: &App, call: &Call<'_>) -> Result<Arc<Model>, Refusal> {
+    let config = call.config.map_or("{}", RawValue::get);
     if let Some(model) = app.models.get(config) {
         return Ok(model);
     }
@@ -288,7 +288,7 @@ pub async fn info() -> Response {
 }
 
 async fn model_info(AnyBody(body): AnyBody) -> Result<Response, Refusal> {
-    Request::read(&body)?;
+    Call::read(&body)?;
     Ok(answer(&json!({"support": {
         "Evaluate": true, "Gradient": true, "ApplyJacobian": true, "ApplyHessian": false,
     }})))
@@ -299,8 +299,8 @@ async fn input_sizes(
     caller: Caller,
     AnyBody(body): AnyBody,
 ) -> Result<Response, Refusal> {
-    let _turn = app.shares.evaluation(&caller.owner).await;
-    let model = model_of(&app, &Request::read(&body)?).await?;
+    let _turn = app.shares.turn(&caller.owner).await;
+    let model = model_of(&app, &Call::read(&body)?).await?;
     Ok(answer(&json!({"inputSizes": [model.members().len()]})))
 }
 
@@ -309,8 +309,8 @@ async fn output_sizes(
     caller: Caller,
     AnyBody(body): AnyBody,
 ) -> Result<Response, Refusal> {
-    let _turn = app.shares.evaluation(&caller.owner).await;
-    let model = model_of(&app, &Request::read(&body)?).await?;
+    let _turn = app.shares.turn(&caller.owner).await;
+    let model = model_of(&app, &Call::read(&body)?).await?;
     Ok(answer(&json!({"outputSizes": [model.outputs().len()]})))
 }
 
@@ -319,10 +319,10 @@ async fn evaluate(
     caller: Caller,
     AnyBody(body): AnyBody,
 ) -> Result<Response, Refusal> {
-    let mut request = Request::read(&body)?;
-    let _turn = app.shares.evaluation(&caller.owner).await;
-    let model = model_of(&app, &request).await?;
-    let point = request.point(&model)?;
+    let mut call = Call::read(&body)?;
+    let _turn = app.shares.turn(&caller.owner).await;
+    let model = model_of(&app, &call).await?;
+    let point = call.point(&model)?;
     let mut run = prepare(&app, &model, move |model| model.run(&point)).await?;
     let found = app.service.compute_in_turns(run.seconds(), move || run.step()).await?;
     let value = |(value, output): (Result<f64, _>, &Output)| {
@@ -372,12 +372,12 @@ async fn gradient(
     caller: Caller,
     AnyBody(body): AnyBody,
 ) -> Result<Response, Refusal> {
-    let mut request = Request::read(&body)?;
-    let _turn = app.shares.evaluation(&caller.owner).await;
-    let model = model_of(&app, &request).await?;
-    let point = request.point(&model)?;
-    request.check_vectors()?;
-    let sens = sized("sens", request.sens.take(), model.outputs().len())?;
+    let mut call = Call::read(&body)?;
+    let _turn = app.shares.turn(&caller.owner).await;
+    let model = model_of(&app, &call).await?;
+    let point = call.point(&model)?;
+    call.check_vectors()?;
+    let sens = sized("sens", call.sens.take(), model.outputs().len())?;
     let inputs = point.len();
     let weights = (sens, vec![1.0; inputs]);
     let add = |sums: &mut [f64], _, member: usize, part| sums[member] += part;
@@ -389,19 +389,19 @@ async fn apply_jacobian(
     caller: Caller,
     AnyBody(body): AnyBody,
 ) -> Result<Response, Refusal> {
-    let mut request = Request::read(&body)?;
-    let _turn = app.shares.evaluation(&caller.owner).await;
-    let model = model_of(&app, &request).await?;
-    let point = request.point(&model)?;
-    request.check_vectors()?;
-    let vec = sized("vec", request.vec.take(), point.len())?;
+    let mut call = Call::read(&body)?;
+    let _turn = app.shares.turn(&caller.owner).await;
+    let model = model_of(&app, &call).await?;
+    let point = call.point(&model)?;
+    call.check_vectors()?;
+    let vec = sized("vec", call.vec.take(), point.len())?;
     let outputs = model.outputs().len();
     let add = |sums: &mut [f64], output: usize, _, part| sums[output] += part;
     weighted(&app, &model, point, (vec![1.0; outputs], vec), add, outputs).await
 }
 
 async fn apply_hessian(AnyBody(body): AnyBody) -> Result<Response, Refusal> {
-    Request::read(&body)?;
+    Call::read(&body)?;
     let message = "The model has no Hessian. Use differences of its gradient.";
     Err(Refusal::new(StatusCode::BAD_REQUEST, "UnsupportedFeature", message))
 }

@@ -78,6 +78,7 @@ A server without keys, on a personal machine, is open.
         schemas::WholeLayout,
         schemas::Layout,
         schemas::UnitSystem,
+        schemas::Order,
         schemas::TableFormat,
         schemas::KeyText,
     )),
@@ -140,10 +141,6 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
     document["components"]["securitySchemes"] = security_schemes();
     // A server without keys needs none.
     document["security"] = json!([{"key": []}, {"password": []}, {}]);
-    let listing = document.pointer_mut("/paths/~1v1~1results/get/parameters");
-    if let Some(Value::Array(parameters)) = listing {
-        parameters.splice(0..0, crate::http::api::library::parameters());
-    }
     format!("{document:#}\n").into_bytes()
 }
 
@@ -234,33 +231,8 @@ fn outlives(path: &str) -> bool {
     ["/provenance", "/warnings", "/note"].iter().any(|end| path.ends_with(end))
 }
 
-/// Adds the parameters and headers of all operations that return a result; figures have fewer.
+/// Adds the headers of all operations that return a result; figures have fewer.
 fn add_representations(operation: &mut Value, of_numbers: bool) {
-    if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
-        if of_numbers {
-            let about = "Rounds every number to this many significant digits. Up to 7 digits, arrays in \
-                NPZ and Arrow are float32, except columns with numbers below 1.2e-38.";
-            let schema = json!({"type": "integer", "format": "int32", "minimum": 1, "maximum": 17});
-            let mut digits = parameter("digits", "query", about, &schema);
-            digits["example"] = json!(7);
-            let about = "`si` (the default), or `engineering`: um, mm^3, MPa (moduli too), mJ, N, \
-                mm^3/(N m). The member `units` and the headers name them.";
-            let schema = json!({"$ref": "#/components/schemas/UnitSystem"});
-            let mut units = parameter("units", "query", about, &schema);
-            units["example"] = json!("engineering");
-            parameters.extend([digits, units]);
-        }
-        let text = json!({"type": "string"});
-        let codings = if of_numbers {
-            "`zstd` or `gzip`; NPZ archives are always compressed."
-        } else {
-            "`zstd` or `gzip`."
-        };
-        parameters.extend([
-            parameter("If-None-Match", "header", "The `ETag` of the client's copy.", &text),
-            parameter("Accept-Encoding", "header", codings, &text),
-        ]);
-    }
     let responses = &mut operation["responses"];
     responses["304"] =
         json!({"description": "The client's copy is valid. A result never changes."});

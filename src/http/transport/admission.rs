@@ -65,7 +65,7 @@ struct Table {
 
 /// An open connection. Dropping it frees its place.
 #[derive(Debug)]
-pub struct Entry {
+pub struct OpenConnection {
     admission: Arc<Admission>,
     number: u64,
     pub activity: Arc<Activity>,
@@ -84,7 +84,7 @@ impl Admission {
 
     /// Admits a connection, or refuses it. If all places are taken, it gets the place of a connection that has been idle
     /// for a long time.
-    pub fn admit(self: &Arc<Self>, address: IpAddr) -> Option<Entry> {
+    pub fn admit(self: &Arc<Self>, address: IpAddr) -> Option<OpenConnection> {
         let Connections { total, per_address, .. } = self.limits;
         let is_proxy = self.is_proxy(address);
         let is_own = !is_proxy && LOOPBACK.contains(&address);
@@ -113,7 +113,7 @@ impl Admission {
         table.connections.insert(number, (origin, Arc::clone(&activity)));
         *table.addresses.entry(origin).or_default() += 1;
         self.open.set(table.connections.len().cast_signed() as i64);
-        Some(Entry { admission: Arc::clone(self), number, activity })
+        Some(OpenConnection { admission: Arc::clone(self), number, activity })
     }
 
     fn table(&self) -> MutexGuard<'_, Table> {
@@ -159,7 +159,7 @@ impl Table {
     }
 }
 
-impl Drop for Entry {
+impl Drop for OpenConnection {
     fn drop(&mut self) {
         let mut table = self.admission.table();
         if table.remove(self.number).is_none() {
@@ -184,8 +184,8 @@ mod tests {
     fn one_address_cannot_take_all_places() {
         let admission = admission(1000, 3);
         let admit = |address: &str| {
-            let entry = admission.admit(address.parse().unwrap())?;
-            Some((entry.activity.begin(Version::HTTP_11), entry))
+            let open = admission.admit(address.parse().unwrap())?;
+            Some((open.activity.begin(Version::HTTP_11), open))
         };
         let busy: Vec<_> = (0..3).map(|_| admit("10.0.0.1").unwrap()).collect();
         assert!(admit("10.0.0.1").is_none());
@@ -212,7 +212,7 @@ mod tests {
         let second = admission.admit(address(2)).unwrap();
         let third = admission.admit(address(3)).unwrap();
         assert!(!admission.table().connections.contains_key(&first.number));
-        let requests = [&second, &third].map(|entry| entry.activity.begin(Version::HTTP_11));
+        let requests = [&second, &third].map(|open| open.activity.begin(Version::HTTP_11));
         assert!(admission.admit(address(4)).is_none(), "all are busy");
         assert!(admission.admit(IpAddr::V4(Ipv4Addr::LOCALHOST)).is_some());
         drop(requests);

@@ -22,7 +22,7 @@ use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::time::sleep;
 use tower::ServiceExt as _;
 
-use super::admission::{Admission, Entry};
+use super::admission::{Admission, OpenConnection};
 use super::connection::{Activity, AnswerBody, Patience, Watched};
 use crate::http::access::caller::Peer;
 use crate::http::shares::Permit;
@@ -73,14 +73,14 @@ pub async fn serve(
             accepted = accept(&listener) => accepted,
             () = &mut closing => break,
         };
-        let Some(entry) = admission.admit(address) else {
+        let Some(open) = admission.admit(address) else {
             // If the socket does not take these bytes at once, the client learns only that it is closed.
             let _ = socket.into_std().and_then(|mut socket| socket.write(REFUSAL));
             continue;
         };
         // Sends small answers at once. If this fails, they are only delayed.
         let _ = socket.set_nodelay(true);
-        let activity = Arc::clone(&entry.activity);
+        let activity = Arc::clone(&open.activity);
         let is_proxy = admission.is_proxy(address);
         let (router, requests) = (router.clone(), Arc::clone(&activity));
         let service = service_fn(move |request: hyper::Request<Incoming>| {
@@ -90,7 +90,7 @@ pub async fn serve(
         let io = TokioIo::new(Watched { socket, activity });
         let connection = graceful.watch(builder.serve_connection(io, service).into_owned());
         #[expect(clippy::disallowed_methods, reason = "the task ends with its connection")]
-        tokio::spawn(watch(connection, entry, patience));
+        tokio::spawn(watch(connection, open, patience));
     }
     drop(listener);
     graceful.shutdown().await;
@@ -132,7 +132,7 @@ fn is_of_client(error: &io::Error) -> bool {
 /// Serves a connection until its end, or until the server closes it.
 async fn watch<E: std::fmt::Debug>(
     connection: impl Future<Output = Result<(), E>>,
-    entry: Entry,
+    open: OpenConnection,
     patience: Patience,
 ) {
     tokio::select! {
@@ -141,7 +141,7 @@ async fn watch<E: std::fmt::Debug>(
                 tracing::debug!(?error, "a connection failed");
             }
         }
-        reason = entry.activity.overdue(patience) => tracing::debug!(reason, "closed a connection"),
+        reason = open.activity.overdue(patience) => tracing::debug!(reason, "closed a connection"),
     }
 }
 

@@ -12,7 +12,7 @@ use super::include::Include as Included;
 use fretwork_engine::outcome::{History, Loops, Profiles};
 use fretwork_format::{FigureOptions, Part, QUANTITIES, StudyFigure};
 use fretwork_job as job;
-use fretwork_store::{Act as StoredAct, Role as StoredRole};
+use fretwork_store::{Act as StoredAct, Role as StoredRole, Search};
 
 /// Declares types that exist only in the document. `openapi` replaces those whose schema is in a file.
 macro_rules! documented {
@@ -95,6 +95,12 @@ documented! {
     DerivativeMethod words(["closed", "numerical"]);
     /// The scale of an axis.
     Spacing words(["linear", "log"]);
+    /// A value by which results are sorted.
+    Order ObjectBuilder::new()
+        .schema_type(Type::String)
+        .enum_values(Some(Search::orders().flat_map(|name| [name.to_owned(), format!("-{name}")])))
+        .default(Some("-created".into()))
+        .build();
     /// The layout of a whole result.
     WholeLayout words(["columns"]);
     /// The layouts of a table in JSON.

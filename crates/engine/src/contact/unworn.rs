@@ -4,7 +4,7 @@ use super::limit::Limit;
 use super::profile::Shape;
 
 /// The slip regime of the unworn contact.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Regime {
     /// Nothing slips.

@@ -5,7 +5,7 @@
 
 use std::array;
 
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::Serialize;
 
 /// A quantity. Its name has the same meaning everywhere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -102,7 +102,7 @@ pub struct Member {
 macro_rules! section {
     ($(#[$about:meta])* $name:ident: $view:ty = $get:path; $($(#[$attribute:meta])* $member:ident: $type:ty = $meaning:literal;)+) => {
         $(#[$about])*
-        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        #[derive(Debug, Clone, PartialEq, Serialize)]
         pub struct $name {
             $(#[doc = $meaning] $(#[$attribute])* pub $member: $type,)+
         }
@@ -143,7 +143,6 @@ section! {
     normal_modulus: f64 = "E*";
     tangential_modulus: f64 = "G*";
     wear_coefficient: f64 = "k_w";
-    #[serde(deserialize_with = "maybe_infinite")]
     peak_pressure: f64 = "The largest pressure. It is infinite for a cone and at the edge of a flat: then it is null in JSON";
     mean_pressure: f64 = "F/(πa²)";
     gross_slip_amplitude: f64 = "The amplitude at which the whole contact slips";
@@ -206,19 +205,4 @@ impl History {
         let values = self.values();
         array::from_fn(|place| (Self::MEMBERS[place].name, values[place]))
     }
-}
-
-/// A pressure in JSON, where null is infinite.
-#[derive(Deserialize)]
-#[serde(from = "Option<f64>")]
-pub(super) struct Pressure(pub(super) f64);
-
-impl From<Option<f64>> for Pressure {
-    fn from(number: Option<f64>) -> Self {
-        Self(number.unwrap_or(f64::INFINITY))
-    }
-}
-
-fn maybe_infinite<'de, D: Deserializer<'de>>(json: D) -> Result<f64, D::Error> {
-    Pressure::deserialize(json).map(|pressure| pressure.0)
 }

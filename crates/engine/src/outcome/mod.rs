@@ -6,15 +6,12 @@
 //! Entry 0 of every column and row 0 of every matrix is the unworn state. Pressure can be infinite at the
 //! apex of a cone, and late in a run at the stick edge: `f64::INFINITY` here, null in JSON. All other
 //! numbers are finite.
-//!
-//! An [`Outcome`] can be read back from its JSON.
 
 mod columns;
 mod condition;
 
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::Serialize;
 
-use self::columns::Pressure;
 pub use self::columns::{
     ContactScales, History, LimitState, Member, QUANTITIES, Quantity, ResultUnits, Unworn,
 };
@@ -54,11 +51,6 @@ pub struct CostEstimate {
     pub answer_bytes: usize,
 }
 
-fn maybe_infinite_rows<'de, D: Deserializer<'de>>(json: D) -> Result<Vec<Vec<f64>>, D::Error> {
-    let rows = Vec::<Vec<Pressure>>::deserialize(json)?;
-    Ok(rows.into_iter().map(|row| row.into_iter().map(|pressure| pressure.0).collect()).collect())
-}
-
 /// Relative difference of two equal numbers of cycles, of which one was written with 12 digits.
 const CYCLE_ERROR: f64 = 1e-10;
 /// Relative error of the energy at an output cycle that a run has found.
@@ -83,7 +75,7 @@ impl History {
 }
 
 /// Matrices with one row per output cycle with profiles, and one column per output radius.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Profiles {
     /// Number of cycles N of each row.
     pub cycles: Vec<f64>,
@@ -100,7 +92,6 @@ pub struct Profiles {
     /// Image g.
     pub image: Vec<Vec<f64>>,
     /// Pressure p.
-    #[serde(deserialize_with = "maybe_infinite_rows")]
     pub pressure: Vec<Vec<f64>>,
     /// Amplitude of the local slip, U·s(r). The slip path per cycle is four times as long.
     pub slip: Vec<Vec<f64>>,
@@ -108,7 +99,7 @@ pub struct Profiles {
 
 /// Force–displacement loops, one per row of the profiles. A loop goes from +U to −U and back. It has a point
 /// where each spring starts to slip, so that straight lines between the points enclose W.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Loops {
     /// Number of cycles N of each row.
     pub cycles: Vec<f64>,
@@ -131,7 +122,7 @@ pub struct Loops {
 }
 
 /// The wear of one body. The first body carries the profile; the other one is the counterbody.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BodyWear {
     /// Share of the wear depth on this body, if the scenario has a `share`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -150,7 +141,7 @@ pub struct BodyWear {
 }
 
 /// The simplified rule compared with an exact run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     /// The parameter ξ of the history.
     pub xi: f64,
@@ -167,7 +158,7 @@ pub struct Comparison {
 
 /// The relative error rule/exact − 1 at each output cycle that both histories contain. It is 0
 /// where both values are 0.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Errors {
     /// Error of the wear volume V.
     pub wear_volume: Vec<f64>,
@@ -182,7 +173,7 @@ pub struct Errors {
 }
 
 /// An event of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct OutcomeEvent {
     /// The number of cycles at the event.
     pub cycles: f64,
@@ -201,7 +192,7 @@ impl OutcomeEvent {
 ///
 /// They do not contain the errors of the theory. For a Poisson's ratio other than 0, local slip and wear vary
 /// around the ring, by ±20 % at ν = 0.42. The result is their mean around the ring, which is right.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Accuracy {
     /// (k_w/μ)·ΣW/V − 1 at the last output cycle. `None` without wear. The exact method satisfies
     /// dV/dN = (k_w/μ)·W at each time, so this number is the error of the time integration. The
@@ -214,7 +205,6 @@ pub struct Accuracy {
     /// second run with half as many cells.
     pub numerical_error: Option<f64>,
     /// The same for the largest wear depth. Results of version 0.3 and earlier do not have it.
-    #[serde(default)]
     pub wear_depth_error: Option<f64>,
     /// The largest relative error of V to expect over the history, compared with the exact method.
     /// It is 0 for the exact method. `None` if the simplified rule was not compared with the exact
@@ -232,7 +222,7 @@ pub struct Accuracy {
 }
 
 /// The result of a run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outcome {
     /// The scales of the unworn contact.
     pub scales: ContactScales,

@@ -28,7 +28,7 @@ pub mod work_done;
 use std::borrow::Cow;
 
 use deserr::{Deserr, IntoValue, ValuePointerRef};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::Value;
 
 use crate::case::{Case, Method, Scales};
@@ -61,7 +61,7 @@ pub const DEFAULT_POINTS: u16 = 256;
 pub const MAX_ANSWER: usize = 64_000_000;
 
 /// A warning about the validity of the model. It does not prevent the run.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Warning {
     /// The kind of the warning, for programs.
     pub kind: Cow<'static, str>,

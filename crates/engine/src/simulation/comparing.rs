@@ -175,6 +175,6 @@ impl Comparing {
 }
 
 /// a/b − 1 for each pair of values. The result is 0 where both are 0.
-pub(super) fn relative(a: &[f64], b: &[f64]) -> Vec<f64> {
+fn relative(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| if *b == 0.0 { 0.0 } else { a / b - 1.0 }).collect()
 }

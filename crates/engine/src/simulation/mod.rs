@@ -21,7 +21,6 @@
 //! assert!((outcome.history.wear_volume[1] / limit.wear_volume - 1.0).abs() < 1e-6);
 //! ```
 
-mod check;
 mod comparing;
 pub mod model_error;
 mod numerical_error;
@@ -32,7 +31,6 @@ use crate::case::{Case, Method};
 use crate::outcome::Outcome;
 use crate::request::fault::Fault;
 use crate::scenario::{Scenario, Warning};
-pub use check::{Flaw, check, check_tables};
 use comparing::Comparing;
 use single::SingleRun;
 

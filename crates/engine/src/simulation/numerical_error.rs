@@ -1,18 +1,11 @@
 //! The warning about a large numerical error.
 
 use crate::case::{Case, Method};
-use crate::outcome::Accuracy;
 use crate::scenario::Warning;
 use crate::solver::errors::RunErrors;
 
 /// A larger estimated error needs a warning.
 const LARGE: f64 = 0.02;
-
-/// The largest errors that a result states. `None` without wear.
-pub(super) fn stated(accuracy: &Accuracy) -> Option<RunErrors> {
-    let volume = accuracy.numerical_error?;
-    Some(RunErrors { volume, depth: accuracy.wear_depth_error? })
-}
 
 /// The warning about the largest errors of a run, if one of them is large.
 pub(super) fn warning(case: &Case, errors: Option<RunErrors>) -> Option<Warning> {

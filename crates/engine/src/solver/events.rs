@@ -1,6 +1,6 @@
 //! Events of a run, and the condition that ends it.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// Contact is lost when the normal force is below this share of its initial value. A mesh does not
 /// resolve the decay of much smaller forces.
@@ -10,7 +10,7 @@ pub const LOST: f64 = 3e-3;
 pub const SHAKEN: f64 = 1e-2;
 
 /// The kind of an event.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
     /// The whole contact begins to slip.

@@ -9,7 +9,6 @@
 )]
 
 mod anything;
-mod check;
 mod collocated;
 mod doubtful;
 mod early_depth;

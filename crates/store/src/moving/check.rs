@@ -1,6 +1,6 @@
 //! Searches a database for damage, and names the rows.
 //!
-//! Three things repeat what a row says: the indexes, of which some exist only for that (`migrations/sqlite/0014_copies.sql`); the body of a result,
+//! Three things repeat what a row says: the indexes, of which some exist only for that (`migrations/sqlite/0014_copies.sql`, `0015_verified.sql`); the body of a result,
 //! which has a checksum; and other rows.
 
 use std::path::Path;

@@ -1,7 +1,10 @@
 //! Reading an export into a database.
+//!
+//! This room reads and stores. The caller computes each result again in between.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
+use std::vec;
 
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
@@ -19,7 +22,7 @@ use crate::keep::Answered;
 use crate::library::{Note, Program};
 use crate::place::Place;
 use fretwork_engine::scenario::MAX_ANSWER;
-use fretwork_job::{Answer, Cost, ENGINE, Key, Received, Refused, clock};
+use fretwork_job::{Answer, Cost, Document, Key, Verified, clock};
 
 /// What an import did.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -30,10 +33,10 @@ pub struct Imported {
     pub bytes: u64,
     /// Results that this database already had.
     pub known: u64,
-    /// Results that were computed anew before they were stored or refused.
-    pub recomputed: u64,
-    /// Results of earlier versions of the engine that were stored. This version cannot compute them anew.
-    pub earlier: u64,
+    /// Stored studies of which some random rows were computed again.
+    pub sampled: u64,
+    /// Stored results of which nothing was computed again.
+    pub unverified: u64,
     /// Notes that were stored.
     pub notes: u64,
     /// Results that were refused: the key, and why.
@@ -42,66 +45,139 @@ pub struct Imported {
     pub other_notes: Vec<Key>,
 }
 
-/// Stores the valid results of an export that this database does not have. Also stores the notes of results
-/// that have no note in this database.
-///
-/// The first `verify` of these results, in random order, are computed anew before they are stored, and so are doubtful ones.
-/// As soon as one differs, the file is not trusted: all further results are computed anew.
-///
-/// Each result has its own transaction, so an interrupted import can be repeated. `progress` is called
-/// with the number of results done and the number of all.
-///
-/// # Errors
-/// The file is not an export, or a database fails.
-pub async fn import(
-    place: impl Into<Place>,
-    file: &Path,
-    verify: u64,
-    mut progress: impl FnMut(usize, usize),
-) -> Result<Imported, Moving> {
-    let mut from = ExportFile::open(file).await?;
-    let rows = from.rows().await?;
-    let mut db = Administration::open(place).await?;
-    let file_name = file.file_name().ok_or_else(|| Moving::NoExport(file.to_owned()))?;
-    let file_name = file_name.to_string_lossy();
-    let (mut verify, mut done) = (Verify(verify), Imported::default());
-    let of = rows.len();
-    for (place, (row, key)) in rows.into_iter().enumerate() {
-        let read = Entry::read(&mut from, row, &key).await;
-        let refused = match read.map_err(|error| unreadable(file, error))? {
-            Ok(entry) => entry.take(&mut db, &file_name, &mut verify, &mut done).await?,
-            Err(why) => Some(why),
-        };
-        let name = if key.is_empty() { format!("row {row}") } else { key };
-        done.refused.extend(refused.map(|why| (name, why)));
-        progress(place + 1, of);
-    }
-    from.close().await?;
-    db.close().await?;
-    done.refused.sort_unstable();
-    done.other_notes.sort_unstable();
-    Ok(done)
+/// An import in progress. Results that the database has are known, so an interrupted import can be repeated.
+#[derive(Debug)]
+pub struct Importer {
+    from: ExportFile,
+    db: Administration,
+    path: PathBuf,
+    /// The numbers and keys of the rows that are not read yet.
+    rows: vec::IntoIter<(i64, String)>,
+    done: Imported,
 }
 
-/// The number of results that are still to be computed anew.
-struct Verify(u64);
+impl Importer {
+    /// Opens an export, and the database that receives its results.
+    ///
+    /// # Errors
+    /// The file is not an export, or a database fails.
+    pub async fn open(place: impl Into<Place>, file: &Path) -> Result<Self, Moving> {
+        let mut from = ExportFile::open(file).await?;
+        let rows = from.rows().await?.into_iter();
+        let db = Administration::open(place).await?;
+        Ok(Self { from, db, path: file.to_owned(), rows, done: Imported::default() })
+    }
 
-impl Verify {
-    /// Computes a result anew if it is doubtful, or one of the sample. If it differs, all further results belong to the
-    /// sample. A result without a flaw passes if this takes too long.
-    fn result(&mut self, entry: &Entry, done: &mut Imported) -> Result<(), Refused> {
-        let Entry { received, body, .. } = entry;
-        if received.task.is_none() || self.0 == 0 && received.flaw.is_none() {
-            return Ok(());
+    /// The number of rows that are not read yet.
+    #[must_use]
+    pub fn unread(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Reads the next row; `None` if there is none, or if its result is known or refused.
+    ///
+    /// # Errors
+    /// A database fails.
+    pub async fn next(&mut self) -> Result<Option<Entry>, Moving> {
+        let Some((row, name)) = self.rows.next() else { return Ok(None) };
+        let read = self.read(row, &name).await?;
+        Ok(read.unwrap_or_else(|why| {
+            let name = if name.is_empty() { format!("row {row}") } else { name };
+            self.done.refused.push((name, why));
+            None
+        }))
+    }
+
+    /// Reads a result; `None` if the database has it. The inner error says why it is refused.
+    async fn read(
+        &mut self,
+        row: i64,
+        name: &str,
+    ) -> Result<Result<Option<Entry>, String>, Moving> {
+        let entry = match Entry::read(&mut self.from, row, name).await {
+            Err(Error::Damaged(_)) => Err("the file is damaged at this result".to_owned()),
+            read => read.map_err(|error| unreadable(&self.path, error))?,
+        };
+        let (entry, digest) = match entry {
+            Ok(read) => read,
+            Err(why) => return Ok(Err(why)),
+        };
+        let before = self.db.before(&entry.key, &digest).await?;
+        if let Some(why) = before.refusal() {
+            return Ok(Err(why));
         }
-        self.0 = self.0.saturating_sub(1);
-        done.recomputed += 1;
-        match received.recompute(body) {
-            // An honest result can take long.
-            Err(Refused::Long) if received.flaw.is_none() => Ok(()),
-            Err(Refused::Long) => Err(Refused::Long),
-            done => done.inspect_err(|_| self.0 = u64::MAX),
+        if before == Before::Nothing {
+            return Ok(Ok(Some(entry)));
         }
+        self.done.known += 1;
+        let note = self.db.annotate(&entry.key, entry.note.as_ref()).await?;
+        self.count_note(note, entry.key);
+        Ok(Ok(None))
+    }
+
+    /// Refuses a result.
+    pub fn refuse(&mut self, key: Key, why: String) {
+        self.done.refused.push((key.to_string(), why));
+    }
+
+    /// Stores a result and its note in a transaction.
+    ///
+    /// # Errors
+    /// The database fails.
+    pub async fn store(&mut self, accepted: &Accepted) -> Result<(), Moving> {
+        let Accepted { entry, answer, task, verified } = accepted;
+        let file = self.path.file_name().unwrap_or_default().to_string_lossy();
+        let (before, note) = self
+            .db
+            .import(&Import {
+                key: entry.key,
+                answer,
+                task,
+                owner: entry.owner.as_deref(),
+                warnings: entry.warnings.as_deref(),
+                program: entry.program.as_ref(),
+                computed: entry.computed,
+                note: entry.note.as_ref(),
+                file: &file,
+                verified: *verified,
+            })
+            .await?;
+        match before {
+            Before::Nothing => {
+                self.done.results += 1;
+                self.done.bytes += answer.size as u64;
+                match verified {
+                    Verified::All => {}
+                    Verified::Rows(_) => self.done.sampled += 1,
+                    Verified::No => self.done.unverified += 1,
+                }
+            }
+            // A server has stored it meanwhile.
+            Before::Same => self.done.known += 1,
+            other => self.refuse(entry.key, other.refusal().unwrap_or_default()),
+        }
+        self.count_note(note, entry.key);
+        Ok(())
+    }
+
+    fn count_note(&mut self, note: NoteTaken, key: Key) {
+        match note {
+            NoteTaken::Unchanged => {}
+            NoteTaken::Stored => self.done.notes += 1,
+            NoteTaken::Refused => self.done.other_notes.push(key),
+        }
+    }
+
+    /// Closes both databases.
+    ///
+    /// # Errors
+    /// A database fails.
+    pub async fn close(mut self) -> Result<Imported, Moving> {
+        self.from.close().await?;
+        self.db.close().await?;
+        self.done.refused.sort_unstable();
+        self.done.other_notes.sort_unstable();
+        Ok(self.done)
     }
 }
 
@@ -113,10 +189,10 @@ const MAX_NAME: usize = 200;
 /// Maximum length of the imported warnings, in bytes. A submission has at most three of about 200 bytes each.
 const MAX_WARNINGS: usize = 4000;
 
-/// A result of an export whose row has passed all checks.
-struct Entry {
+/// A result of an export whose row has passed all checks, but whose body is not trusted.
+#[derive(Debug)]
+pub struct Entry {
     key: Key,
-    received: Received,
     body: Bytes,
     cost: Option<Cost>,
     owner: Option<String>,
@@ -126,106 +202,79 @@ struct Entry {
     note: Option<Note>,
 }
 
+/// A result that may be stored.
+#[derive(Debug)]
+pub struct Accepted {
+    entry: Entry,
+    answer: Answered,
+    task: String,
+    verified: Verified,
+}
+
 impl Entry {
-    /// Reads and checks a result. The inner error says why it is refused.
+    /// Reads a result and its digest. The inner error says why it is refused.
     async fn read(
         from: &mut ExportFile,
         row: i64,
-        key: &str,
-    ) -> Result<Result<Self, String>, Error> {
-        let text = key;
-        let Ok(key) = text.parse() else {
+        name: &str,
+    ) -> Result<Result<(Self, [u8; 32]), String>, Error> {
+        let Ok(key) = name.parse() else {
             return Ok(Err("its key is not 64 lower-case hexadecimal digits".to_owned()));
         };
-        let read = async {
-            let Some(row) = from.result(row).await? else {
-                return Ok(Err("its row is too large".to_owned()));
-            };
-            Ok(match from.body(text, MAX_BODY).await? {
-                Some(Found::Body(body)) => Self::check(key, &row, body.into()),
-                Some(Found::TooLarge) => Err(format!("its body has more than {MAX_BODY} bytes")),
-                None => Err("it has no body".to_owned()),
-            })
+        let Some(row) = from.result(row).await? else {
+            return Ok(Err("its row is too large".to_owned()));
         };
-        match read.await {
-            Err(Error::Damaged(_)) => Ok(Err("the file is damaged at this result".to_owned())),
-            read => read,
-        }
+        Ok(match from.body(name, MAX_BODY).await? {
+            Some(Found::Body(body)) => Self::check(key, &row, body.into()),
+            Some(Found::TooLarge) => Err(format!("its body has more than {MAX_BODY} bytes")),
+            None => Err("it has no body".to_owned()),
+        })
     }
 
-    /// Checks a row. The body must have the digest of the row, and must be able to be the result of the key.
-    fn check(key: Key, row: &SqliteRow, body: Bytes) -> Result<Self, String> {
+    /// Checks a row. The body must have the digest of the row.
+    fn check(key: Key, row: &SqliteRow, body: Bytes) -> Result<(Self, [u8; 32]), String> {
         let sha256: Option<Key> = column::<&str>(row, "sha256")?.and_then(|sum| sum.parse().ok());
         let sha256 = sha256.ok_or("it has no SHA-256")?;
-        if Sha256::digest(&body)[..] != sha256.bytes()[..] {
+        let digest = Sha256::digest(&body).into();
+        if digest != *sha256.bytes() {
             return Err("its body does not match its SHA-256: one of them was changed".to_owned());
         }
-        let received = Received::judge(&key, &body).map_err(|refused| refused.to_string())?;
         let wall = column(row, "wall_seconds")?.map(seconds).transpose()?;
         let cpu = column(row, "cpu_seconds")?.map(seconds).transpose()?;
-        Ok(Self {
+        let entry = Self {
             key,
             body,
             cost: wall.map(|wall| Cost { wall, cpu }),
             owner: name(row, "owner")?,
             computed: column(row, "computed")?.map(time).transpose()?,
-            program: program(row, received.document.numerics)?,
+            program: program(row)?,
             warnings: warnings(row)?,
             note: note(row)?,
-            received,
-        })
+        };
+        Ok((entry, digest))
     }
 
-    /// Verifies and stores the result if this database does not have it, and its note. If the result is refused, returns
-    /// why.
-    async fn take(
-        &self,
-        db: &mut Administration,
-        file: &str,
-        verify: &mut Verify,
-        done: &mut Imported,
-    ) -> Result<Option<String>, Error> {
-        let document = &self.received.document;
-        let answer = Answer::new(self.body.clone(), document);
-        let answer = Answered::new(&answer, self.cost);
-        let before = db.before(&self.key, &answer.digest).await?;
-        if let Some(why) = before.refusal() {
-            return Ok(Some(why));
+    /// Its key.
+    #[must_use]
+    pub fn key(&self) -> Key {
+        self.key
+    }
+
+    /// Its bytes.
+    #[must_use]
+    pub fn body(&self) -> &Bytes {
+        &self.body
+    }
+
+    /// Accepts the result, which says this. Compresses its body.
+    #[must_use]
+    pub fn accept(mut self, document: &Document, verified: Verified) -> Accepted {
+        if let Some(program) = &mut self.program {
+            program.numerics = document.numerics;
         }
-        // Outside of the transaction, because the server waits for it.
-        if before == Before::Nothing
-            && let Err(refused) = verify.result(self, done)
-        {
-            return Ok(Some(refused.to_string()));
-        }
-        let (before, note) = db
-            .import(&Import {
-                key: self.key,
-                answer: &answer,
-                task: &document.asked.kind.stored(&document.asked.value),
-                owner: self.owner.as_deref(),
-                warnings: self.warnings.as_deref(),
-                program: self.program.as_ref(),
-                computed: self.computed,
-                note: self.note.as_ref(),
-                file,
-            })
-            .await?;
-        match before {
-            Before::Same => done.known += 1,
-            Before::Nothing => {
-                done.results += 1;
-                done.bytes += answer.size as u64;
-                done.earlier += u64::from(document.numerics < ENGINE.numerics);
-            }
-            other => return Ok(other.refusal()),
-        }
-        match note {
-            NoteTaken::Unchanged => {}
-            NoteTaken::Stored => done.notes += 1,
-            NoteTaken::Refused => done.other_notes.push(self.key),
-        }
-        Ok(None)
+        let answer = Answered::new(&Answer::new(self.body.clone(), document), self.cost);
+        let task = document.asked.kind.stored(&document.asked.value);
+        Accepted { entry: self, answer, task, verified }
     }
 }
 
@@ -258,11 +307,12 @@ fn time(text: &str) -> Result<i64, String> {
     clock::parse(text).ok_or_else(|| format!("{text:?} is not an RFC 3339 time"))
 }
 
-fn program(row: &SqliteRow, numerics: u32) -> Result<Option<Program>, String> {
+/// Reads the program that computed a result. Its numerics are in the body.
+fn program(row: &SqliteRow) -> Result<Option<Program>, String> {
     let Some(version) = name(row, "version")? else { return Ok(None) };
     Ok(Some(Program {
         version,
-        numerics,
+        numerics: 0,
         host: name(row, "host")?.unwrap_or_default(),
         architecture: name(row, "architecture")?.unwrap_or_default(),
         processors: column(row, "processors")?.unwrap_or_default(),

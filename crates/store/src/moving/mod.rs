@@ -5,9 +5,8 @@
 //!
 //! An export is an SQLite database for other programs and for other servers. It has one table with a
 //! row per result, one with the bodies, one with the histories, and one with the units. An import
-//! reads results from the bodies only. It checks their SHA-256, their keys, and whether their numbers can be those of their
-//! scenarios, and computes a sample anew. It cannot check notes,
-//! warnings about bodies, or who computed a result, where, when and at what cost. It stores these
+//! reads results from the bodies only, and checks their SHA-256. The room `service` checks their keys, and computes them again.
+//! Notes, warnings about bodies, and who computed a result, where, when and at what cost are stored
 //! without a check.
 
 mod backup;
@@ -33,7 +32,7 @@ pub use backup::{Saved, backup, note_backup, restore};
 pub use check::{Checked, check};
 pub use damage::Damage;
 pub use export::{Exported, export};
-pub use import::{Imported, import};
+pub use import::{Accepted, Entry, Imported, Importer};
 
 /// The SQLite application id of an export ("frex").
 const EXPORT: i32 = 0x6672_6578;

@@ -34,6 +34,7 @@ const COLUMNS: &str = "sha256, owner, computed, wall_seconds, cpu_seconds, versi
     note_owner, note_at";
 
 /// An export that is open for reading.
+#[derive(Debug)]
 pub(super) struct ExportFile {
     db: SqliteConnection,
     path: PathBuf,
@@ -124,11 +125,10 @@ impl ExportFile {
         Ok(columns.into_iter().map(|(name, _)| name).collect())
     }
 
-    /// The numbers of the rows of `results`, in random order, and their keys.
+    /// The numbers of the rows of `results`, and their keys.
     pub(super) async fn rows(&mut self) -> Result<Vec<(i64, String)>, Moving> {
         self.steps.store(self.steps_of_a_table(), Ordering::Relaxed);
-        let statement =
-            "SELECT rowid, CAST(ifnull(key, '') AS BLOB) AS key FROM results ORDER BY random()";
+        let statement = "SELECT rowid, CAST(ifnull(key, '') AS BLOB) AS key FROM results";
         let mut found = sqlx::query(statement).fetch(&mut self.db);
         let mut rows = Vec::new();
         let read = async {

@@ -2,18 +2,17 @@
 //!
 //! The row of the study is the lock of its pieces. It counts them by state, so no verb counts rows.
 
-use sqlx::postgres::PgRow;
-
 use super::Database;
 use super::Node;
 use super::follow::follow;
 use super::lease;
-use super::transaction::{Transaction, reading, writing};
-use crate::body::Body;
-use crate::claimed::{Claim, Claimed, FinishedChunk, Piece, cost, is_step};
+use super::transaction::{Transaction, writing};
+use crate::claimed::{Claim, Claimed, FinishedChunk, is_step};
 use crate::error::Error;
-use crate::row::{Columns, RunId, Sum, key};
-use crate::signals::{Effect, Stop};
+use crate::row::{Columns, Row, RunId, key};
+use crate::signals::Effect;
+use crate::statement::sql;
+use crate::tables::{Connected, Tables};
 
 /// How many pieces of a study are in which state.
 #[derive(Debug, Clone, Copy)]
@@ -28,7 +27,7 @@ pub(super) struct Study {
 }
 
 impl Study {
-    fn read(row: &PgRow) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row) -> Result<Self, sqlx::Error> {
         Ok(Self {
             chunks: row.get("chunks")?,
             next: row.get("next")?,
@@ -50,39 +49,14 @@ impl Database {
     pub(crate) async fn finish_chunk(&self, finished: FinishedChunk) -> Result<bool, Error> {
         writing!(self, tx => finish_chunk(tx, &finished).await)
     }
-
-    pub(crate) async fn chunk(
-        &self,
-        run: RunId,
-        number: u32,
-    ) -> Result<Option<(Body, Sum)>, Error> {
-        let row = reading!(self, db => {
-            let query = sqlx::query(
-                "SELECT body, checksum FROM chunk WHERE run = $1 AND number = $2 AND state = 'done'",
-            );
-            Ok(query.bind(run.0).bind(i64::from(number)).fetch_optional(db).await?)
-        });
-        let Some(row) = row? else { return Ok(None) };
-        Ok(Some((Body::stored(row.get("body")?), Sum::Check(row.get("checksum")?))))
-    }
-
-    pub(crate) async fn task(&self, claimed: &Claimed) -> Result<Option<String>, Error> {
-        reading!(self, db => {
-            let query =
-                sqlx::query_scalar("SELECT task FROM run WHERE id = $1 AND finished IS NULL");
-            Ok(query.bind(claimed.run.0).fetch_optional(db).await?)
-        })
-    }
 }
 
 /// Locks a study until the end of the transaction. Returns `None` if the run is no study.
 pub(super) async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Study>, Error> {
-    let query = sqlx::query(
-        "SELECT chunks, next, queued, running, done FROM study WHERE run = $1 FOR NO KEY UPDATE",
-    )
-    .bind(run.0);
-    let row = query.fetch_optional(&mut *tx.db).await?;
-    Ok(row.as_ref().map(Study::read).transpose()?)
+    let query = sql!(
+        "SELECT chunks, next, queued, running, done FROM study WHERE run = $1 FOR NO KEY UPDATE"; run
+    );
+    Ok(tx.db.row(query).await?.as_ref().map(Study::read).transpose()?)
 }
 
 /// Stores the counts of a locked study. Its jobs are in the queue while it has a piece for a worker.
@@ -91,23 +65,18 @@ async fn store(
     run: RunId,
     (before, after): (Study, Study),
 ) -> Result<(), Error> {
-    sqlx::query("UPDATE study SET next = $2, queued = $3, running = $4, done = $5 WHERE run = $1")
-        .bind(run.0)
-        .bind(after.next)
-        .bind(after.queued)
-        .bind(after.running)
-        .bind(after.done)
-        .execute(&mut *tx.db)
-        .await?;
+    let query = sql!(
+        "UPDATE study SET next = $2, queued = $3, running = $4, done = $5 WHERE run = $1";
+        run, after.next, after.queued, after.running, after.done
+    );
+    tx.db.execute(query).await?;
     if before.is_ready() != after.is_ready() {
-        sqlx::query(
+        let query = sql!(
             "UPDATE job SET claimable = CASE WHEN $2 THEN run.numerics END
-             FROM run WHERE run.id = $1 AND job.run = $1 AND job.finished IS NULL",
-        )
-        .bind(run.0)
-        .bind(after.is_ready())
-        .execute(&mut *tx.db)
-        .await?;
+             FROM run WHERE run.id = $1 AND job.run = $1 AND job.finished IS NULL";
+            run, after.is_ready()
+        );
+        tx.db.execute(query).await?;
     }
     Ok(())
 }
@@ -116,17 +85,15 @@ async fn store(
 /// may have caused a crash is computed last. Returns `None` if no piece can be claimed any more.
 pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Claimed>, Error> {
     let Some(before) = lock(tx, run).await?.filter(Study::is_ready) else { return Ok(None) };
-    let row = sqlx::query(
+    let query = sql!(
         "SELECT state, key, trace, wall, cpu, (
              SELECT number FROM chunk WHERE chunk.run = $1 AND chunk.state = 'queued'
              ORDER BY chunk.lost, number LIMIT 1) AS waiting
          FROM run JOIN study ON study.run = run.id
-         WHERE run.id = $1 AND state IN ('queued', 'running')",
-    )
-    .bind(run.0)
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    let Some(row) = row else { return Ok(None) };
+         WHERE run.id = $1 AND state IN ('queued', 'running')";
+        run
+    );
+    let Some(row) = tx.db.row(query).await? else { return Ok(None) };
     let mut after = before;
     let number = match row.get("waiting")? {
         Some(waiting) if before.next >= before.chunks => {
@@ -139,41 +106,30 @@ pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option
         }
     };
     after.running += 1;
-    let attempt = sqlx::query(
+    let query = sql!(
         "INSERT INTO chunk (run, number, state, attempt, lost) VALUES ($1, $2, 'running', 1, 1)
          ON CONFLICT (run, number) DO UPDATE
-         SET state = 'running', attempt = chunk.attempt + 1, lost = chunk.lost + 1 RETURNING attempt",
-    )
-    .bind(run.0)
-    .bind(number)
-    .fetch_one(&mut *tx.db)
-    .await?;
+         SET state = 'running', attempt = chunk.attempt + 1, lost = chunk.lost + 1 RETURNING attempt";
+        run, number
+    );
+    let attempt = tx.db.one(query).await?;
     if row.text("state")? == Some("queued") {
         start(tx, run).await?;
         tx.effects.push(Effect::Changed(key(&row, "key")?));
     }
     store(tx, run, (before, after)).await?;
     let [number, of] = [number, before.chunks].map(|number| number as u32);
-    Ok(Some(Claimed {
-        run,
-        attempt: attempt.get("attempt")?,
-        key: key(&row, "key")?,
-        piece: if number == of { Piece::Assembly { of } } else { Piece::Chunk { number, of } },
-        spent: cost(&row)?,
-        trace: row.get("trace")?,
-        stop: Stop::default(),
-    }))
+    Ok(Some(Claimed::piece(run, (number, of), attempt.get("attempt")?, &row)?))
 }
 
 /// Starts the run of a study.
 async fn start(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
-    sqlx::query(
+    let query = sql!(
         "UPDATE run SET state = 'running', attempt = attempt + 1, started = moment(), changed = moment()
-         WHERE id = $1 AND state = 'queued'",
-    )
-    .bind(run.0)
-    .execute(&mut *tx.db)
-    .await?;
+         WHERE id = $1 AND state = 'queued'";
+        run
+    );
+    tx.db.execute(query).await?;
     follow(tx, run).await
 }
 
@@ -183,27 +139,20 @@ async fn finish_chunk(
 ) -> Result<bool, Error> {
     let Claim { part: (run, Some(number)), attempt } = *claim else { return Ok(false) };
     let Some(before) = lock(tx, run).await? else { return Ok(false) };
-    let row = sqlx::query(
+    let query = sql!(
         "UPDATE chunk SET state = 'done', body = $4, checksum = $5
          FROM run WHERE chunk.run = $1 AND number = $2 AND chunk.attempt = $3
              AND chunk.state = 'running' AND run.id = $1 AND run.state = 'running'
-         RETURNING run.key AS key",
-    )
-    .bind(run.0)
-    .bind(i64::from(number))
-    .bind(i64::from(attempt))
-    .bind(&**body.bytes())
-    .bind(body.checksum())
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    let Some(row) = row else { return Ok(false) };
+         RETURNING run.key AS key";
+        run, number, attempt, &**body.bytes(), body.checksum()
+    );
+    let Some(row) = tx.db.row(query).await? else { return Ok(false) };
     let after = Study { running: before.running - 1, done: before.done + 1, ..before };
-    sqlx::query("UPDATE study SET lost = 0, wall = wall + $2, cpu = cpu + $3 WHERE run = $1")
-        .bind(run.0)
-        .bind(cost.wall.as_secs_f64())
-        .bind(cost.cpu.map(|cpu| cpu.as_secs_f64()))
-        .execute(&mut *tx.db)
-        .await?;
+    let query = sql!(
+        "UPDATE study SET lost = 0, wall = wall + $2, cpu = cpu + $3 WHERE run = $1";
+        run, cost.wall.as_secs_f64(), cost.cpu.map(|cpu| cpu.as_secs_f64())
+    );
+    tx.db.execute(query).await?;
     store(tx, run, (before, after)).await?;
     lease::end(tx, claim.part).await?;
     tx.effects.push(Effect::LetGo(claim.part));
@@ -225,17 +174,14 @@ pub(super) async fn release(
     attempt: u32,
 ) -> Result<bool, Error> {
     let Some(before) = lock(tx, run).await? else { return Ok(false) };
-    let released = sqlx::query(
+    let query = sql!(
         "UPDATE chunk SET state = 'queued', lost = lost - 1
          WHERE run = $1 AND number = $2 AND attempt = $3 AND state = 'running'
-             AND (SELECT state FROM run WHERE id = $1) = 'running'",
-    )
-    .bind(run.0)
-    .bind(i64::from(number))
-    .bind(i64::from(attempt))
-    .execute(&mut *tx.db)
-    .await?;
-    if released.rows_affected() == 0 {
+             AND (SELECT state FROM run WHERE id = $1) = 'running'";
+        run, number, attempt
+    );
+    let released = tx.db.execute(query).await?;
+    if released == 0 {
         return Ok(false);
     }
     let after = Study { running: before.running - 1, queued: before.queued + 1, ..before };
@@ -266,7 +212,7 @@ pub(super) async fn lose(
     .bind(run.0)
     .bind(pieces)
     .bind(lease::milliseconds(node.lease))
-    .fetch_one(&mut *tx.db)
+    .fetch_one(tx.db.connection())
     .await?;
     let pieces: i64 = lost.get("pieces")?;
     let after =

@@ -1,28 +1,27 @@
 //! What follows from a change of a run: its jobs, its leases, and the signals.
 
-use sqlx::postgres::PgRow;
-
 use super::lease;
 use super::transaction::Transaction;
 use crate::error::Error;
-use crate::row::{Columns, RunId, key};
+use crate::row::{Columns, Row, RunId, key};
 use crate::signals::Effect;
+use crate::statement::sql;
+use crate::tables::Connected;
 use crate::tally::Ending;
 
 /// Brings the unfinished jobs of a run to its state. The run must be locked by an earlier statement: jobs that join it
 /// wait for this lock.
 pub(super) async fn follow(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
-    sqlx::query(
+    let query = sql!(
         "UPDATE job SET state = run.state, attempt = run.attempt, finished = run.finished,
              started = CASE WHEN run.started IS NOT NULL THEN greatest(run.started, job.created) END,
              claimable = CASE WHEN run.state = 'queued' THEN run.numerics
                  WHEN run.state = 'running' AND job.study THEN job.claimable END,
              changes = changes || chr(10) || run.state || ' ' || run.attempt || ' ' || run.changed
-         FROM run WHERE run.id = $1 AND job.run = run.id AND job.finished IS NULL",
-    )
-    .bind(run.0)
-    .execute(&mut *tx.db)
-    .await?;
+         FROM run WHERE run.id = $1 AND job.run = run.id AND job.finished IS NULL";
+        run
+    );
+    tx.db.execute(query).await?;
     Ok(())
 }
 
@@ -30,7 +29,7 @@ pub(super) async fn follow(tx: &mut Transaction<'_>, run: RunId) -> Result<(), E
 pub(super) async fn ended_by(
     tx: &mut Transaction<'_>,
     run: RunId,
-    row: &PgRow,
+    row: &Row,
     ending: Ending,
 ) -> Result<(), Error> {
     follow(tx, run).await?;

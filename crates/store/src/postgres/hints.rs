@@ -15,6 +15,8 @@ use tokio::sync::Notify;
 use crate::error::Error;
 use crate::row::RunId;
 use crate::signals::Effect;
+use crate::statement::sql;
+use crate::tables::Connected;
 use fretwork_job::Key;
 
 /// The channel of the notifications.
@@ -88,15 +90,9 @@ impl Hints {
     }
 }
 
-/// Tells all servers that a result is deleted, when the transaction commits. This is no hint: a server that does not hear it
-/// would answer with the result until its connection breaks.
-pub(super) async fn tell_deleted(db: &mut PgConnection, key: &Key) -> Result<(), Error> {
-    send(db, &format!("\ndeleted {key}")).await
-}
-
 /// Sends a notification.
 pub(super) async fn send(db: &mut PgConnection, text: &str) -> Result<(), Error> {
-    sqlx::query("SELECT pg_notify($1, $2)").bind(CHANNEL).bind(text).execute(db).await?;
+    db.execute(sql!("SELECT pg_notify($1, $2)"; CHANNEL, text)).await?;
     Ok(())
 }
 

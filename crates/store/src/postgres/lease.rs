@@ -14,6 +14,8 @@ use super::transaction::Transaction;
 use crate::claimed::Claimed;
 use crate::error::Error;
 use crate::row::{Columns, Part, RunId};
+use crate::statement::sql;
+use crate::tables::Connected;
 
 /// A time in milliseconds.
 pub(super) fn milliseconds(time: Duration) -> i64 {
@@ -51,37 +53,30 @@ pub(super) async fn begin(
     owner: &str,
     claimed: &Claimed,
 ) -> Result<(), Error> {
-    sqlx::query(
+    let query = sql!(
         "WITH served AS (
              INSERT INTO turn (owner, served)
              SELECT $5, coalesce(max(served), 0) + 1 FROM turn
              ON CONFLICT (owner) DO UPDATE SET served = excluded.served
          )
          INSERT INTO lease (run, number, attempt, node, owner, expires, lasts)
-         VALUES ($1, $2, $3, $4, $5, moment() + $6, $6)",
-    )
-    .bind(claimed.run.0)
-    .bind(number(claimed.part()))
-    .bind(i64::from(claimed.attempt))
-    .bind(&node.id)
-    .bind(owner)
-    .bind(milliseconds(node.lease))
-    .execute(&mut *tx.db)
-    .await?;
+         VALUES ($1, $2, $3, $4, $5, moment() + $6, $6)";
+        claimed.run, number(claimed.part()), claimed.attempt, &node.id, owner, milliseconds(node.lease)
+    );
+    tx.db.execute(query).await?;
     Ok(())
 }
 
 /// Ends the lease of a part.
 pub(super) async fn end(tx: &mut Transaction<'_>, part: Part) -> Result<(), Error> {
-    let query = sqlx::query("DELETE FROM lease WHERE run = $1 AND number = $2");
-    query.bind(part.0.0).bind(number(part)).execute(&mut *tx.db).await?;
+    let query = sql!("DELETE FROM lease WHERE run = $1 AND number = $2"; part.0, number(part));
+    tx.db.execute(query).await?;
     Ok(())
 }
 
 /// Ends all leases of a run.
 pub(super) async fn end_all(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
-    let query = sqlx::query("DELETE FROM lease WHERE run = $1");
-    query.bind(run.0).execute(&mut *tx.db).await?;
+    tx.db.execute(sql!("DELETE FROM lease WHERE run = $1"; run)).await?;
     Ok(())
 }
 
@@ -140,5 +135,5 @@ pub(super) async fn take_lost(
     let query = format!("DELETE FROM lease WHERE ({IS_OVER}) AND run = $3 RETURNING number");
     let query = sqlx::query_scalar(AssertSqlSafe(query));
     let query = query.bind(milliseconds(node.lease)).bind(node.margin()).bind(run.0);
-    Ok(query.fetch_all(&mut *tx.db).await?)
+    Ok(query.fetch_all(tx.db.connection()).await?)
 }

@@ -9,7 +9,6 @@
 //! Servers tell each other by notifications what to read again. Each server also looks by itself from time to time. Only that a
 //! result was deleted must be heard, so a listener that may have missed something forgets all results in memory.
 
-pub(super) mod audit;
 mod backlog;
 mod cancel;
 mod chunks;
@@ -18,16 +17,12 @@ mod follow;
 mod hints;
 pub(super) mod imports;
 mod keep;
-pub(super) mod keys;
 mod lease;
-pub(super) mod library;
 mod node;
 pub(super) mod open;
 mod pool;
-pub(super) mod read;
 mod runs;
 mod schema;
-pub(super) mod search;
 mod submit;
 mod transaction;
 mod upkeep;
@@ -38,28 +33,25 @@ use std::time::Duration;
 
 use tokio::sync::{Semaphore, watch};
 
+use super::change::{Change, Verb};
 use super::error::Error;
 use super::options::FileSizes;
-use super::pins::PinQuota;
+use super::row::{Columns, Row};
 use super::signals::{Effect, Signals};
+use super::statement::{Statement, sql};
+use super::tables::{Connected, Most, Purpose, Tables};
 
 use backlog::Backlog;
 use contact::Contact;
 use hints::Hints;
 use pool::Pool;
-use transaction::Transaction;
+use transaction::{Transaction, reading, writing};
 
-/// Advisory locks, by which servers exclude each other. Other programs in the same database must not use these numbers.
-#[derive(Debug, Clone, Copy)]
-#[repr(i64)]
-enum Lock {
-    /// Migrations.
-    Schema = 0x6672_6574_0001,
-    /// The sum of all pins.
-    Pins = 0x6672_6574_0002,
-    /// Maintenance.
-    Upkeep = 0x6672_6574_0003,
-}
+/// Sorts 256 KiB.
+const SPILL: &str = "
+    SELECT count(*) FROM (
+        SELECT repeat(md5(n::TEXT), 256) COLLATE \"C\" AS bytes FROM generate_series(1, 32) AS n ORDER BY bytes
+    ) AS sorted";
 
 /// This process among those that share the database.
 #[derive(Debug)]
@@ -90,7 +82,6 @@ struct Parts {
     hints: Arc<Hints>,
     node: Node,
     backlog: Backlog,
-    pin_quota: PinQuota,
     /// The database in words, without its password.
     name: String,
     /// Why this program may no longer write the tables: a later one has changed them so that it would do harm.
@@ -121,6 +112,62 @@ impl Database {
         self.0.closing.send_replace(true);
         self.0.pool.close().await;
         self.0.renewals.close().await;
+    }
+
+    /// Reads with a connection of the pool.
+    pub(super) async fn read(
+        &self,
+        purpose: Purpose,
+        statement: Statement,
+        most: Most,
+    ) -> Result<Vec<Row>, Error> {
+        let permit = match purpose {
+            Purpose::Any | Purpose::Keys => None,
+            Purpose::Scan => Some(self.0.scans.acquire().await),
+            Purpose::Large => Some(self.0.large.acquire().await),
+        };
+        let _permit = permit.transpose().map_err(|_| Error::Closed)?;
+        reading!(self, db => db.read(statement.clone(), most).await)
+    }
+
+    /// Calls a function that both databases have in a transaction.
+    pub(super) async fn write<Input, V, Answer>(
+        &self,
+        verb: V,
+        input: Input,
+    ) -> Result<Answer, Error>
+    where
+        V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
+    {
+        writing!(self, tx => verb.apply(&input, tx.change()).await)
+    }
+
+    /// How long the oldest queued run has waited. Counts what is queued and running for the metrics.
+    pub(super) async fn longest_wait(&self) -> Result<Duration, Error> {
+        let query = sql!(
+            "SELECT count(*) AS queued, moment() - min(created) AS waited,
+                 (SELECT count(*) FROM lease) AS running,
+                 (SELECT count(*) FROM job WHERE state = 'queued') AS jobs
+             FROM run WHERE state = 'queued'"
+        );
+        let counted = reading!(self, db => db.one(query.clone()).await);
+        let row = counted.inspect_err(|_| self.0.backlog.counted(None))?;
+        let count = |column| row.get::<u64>(column).map(|count| count as usize);
+        self.0.backlog.counted(Some(count("jobs")?));
+        self.0.signals.tally.queue_is(count("queued")?, count("running")?);
+        let waited: Option<i64> = row.get("waited")?;
+        Ok(Duration::from_millis(waited.unwrap_or(0).max(0).unsigned_abs()))
+    }
+
+    pub(super) async fn probe(&self) -> Result<(), Error> {
+        writing!(self, tx => {
+            // A temporary file of 256 KiB, about what a default result takes with its job. It always takes new space. A table
+            // may have free pages, and many servers would make it grow.
+            tx.db.execute(sql!("SET LOCAL work_mem = '64kB'")).await?;
+            tx.db.execute(Statement::of(SPILL)).await?;
+            tx.db.execute(sql!("UPDATE upkeep SET probe = moment()")).await?;
+            Ok(())
+        })
     }
 
     /// Refuses to change tables that only later programs may write.

@@ -68,7 +68,7 @@ impl Chore {
         match self {
             Self::Count => {
                 db.check_version().await?;
-                db.count_queue().await?;
+                db.longest_wait().await?;
             }
             Self::Renew => db.renew().await?,
             Self::Reclaim => drop(db.reclaim(|now| db.0.contact.goes_on(now)).await?),

@@ -9,13 +9,13 @@ use tokio::sync::{Semaphore, watch};
 use super::backlog::Backlog;
 use super::contact::Contact;
 use super::pool::Pool;
-use super::{Database, Lock, Node, Parts, library, node, schema};
+use super::{Database, Node, Parts, node, schema};
 use crate::error::Error;
 use crate::library::Program;
 use crate::options::Options;
-use crate::pins::PinQuota;
 use crate::place::DatabaseUrl;
 use crate::signals::Signals;
+use crate::tables::Lock;
 use fretwork_job::JobId;
 
 /// The number of connections for verbs.
@@ -32,9 +32,9 @@ impl Database {
         signals: Arc<Signals>,
     ) -> Result<Self, Error> {
         let mut db = prepare(url).await?;
-        let program = library::program(&Program::this(), &mut db).await?;
+        let program = Program::this().id(&mut db).await?;
         db.close().await?;
-        let Options { queue_limit, pin_quota, budget, lease, .. } = *options;
+        let Options { queue_limit, lease, .. } = *options;
         let (closing, closed) = watch::channel(false);
         let database = Self(Arc::new(Parts {
             pool: Pool::new(url.options(), CONNECTIONS),
@@ -46,7 +46,6 @@ impl Database {
             hints: Arc::default(),
             node: Node { id: JobId::generate().to_string(), program, lease },
             backlog: Backlog::new(queue_limit),
-            pin_quota: PinQuota::new(pin_quota, budget),
             name: url.to_string(),
             refusal: OnceLock::new(),
             disk: options.disk.clone(),

@@ -13,6 +13,7 @@ use tokio::sync::{Semaphore, SemaphorePermit};
 use tokio::time::timeout;
 
 use crate::error::Error;
+use crate::tables::{Connected, Connection};
 
 /// How long a caller waits for a connection, and how long connecting may take.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -91,11 +92,6 @@ impl Borrowed<'_> {
         self.connection.as_mut().expect("it was not dropped")
     }
 
-    #[expect(clippy::expect_used, reason = "it is only taken when this is dropped")]
-    pub(super) fn connection_ref(&self) -> &PgConnection {
-        self.connection.as_ref().expect("it was not dropped")
-    }
-
     /// Whether it was made for this caller.
     pub(super) fn is_new(&self) -> bool {
         self.is_new
@@ -104,6 +100,12 @@ impl Borrowed<'_> {
     /// Notes that the last statement was answered, and no transaction is open.
     pub(super) fn answered(&mut self) {
         self.has_answered = true;
+    }
+}
+
+impl Connected for Borrowed<'_> {
+    fn connection(&mut self) -> Connection<'_> {
+        Connection::Postgres(self.connection())
     }
 }
 

@@ -2,22 +2,21 @@
 //!
 //! Each change names the run and the attempt. So a worker that has lost its run changes nothing.
 
-use std::borrow::Cow;
-
 use super::chunks;
 use super::follow::{ended_by, follow};
-use super::keep::{self, Kept};
 use super::lease;
 use super::transaction::{Transaction, reading, writing};
 use super::{Database, Node};
-use crate::claimed::{Claim, Claimed, Piece};
+use crate::claimed::{Claim, Claimed};
 use crate::error::Error;
-use crate::keep::{Answered, Finish, Source};
+use crate::keep::{self, Answered, Finish, Source};
 use crate::options::{MAX_LOST, Recovered};
-use crate::row::{Columns, RunId, job_id, key};
-use crate::signals::{Effect, Stop};
+use crate::row::{Columns, RunId, job_id};
+use crate::signals::Effect;
+use crate::statement::{Statement, sql};
+use crate::tables::{Connected, Tables};
 use crate::tally::Ending;
-use fretwork_job::{Cost, ENGINE, FailureKind, JobState};
+use fretwork_job::{ENGINE, FailureKind, JobState};
 
 /// The owners with work for a worker of the version $1, in the order of their turns: the fewest running parts, then the one
 /// that was served longest ago, then the oldest job. The index `job_claimable` leads from one owner to the next, so the
@@ -47,7 +46,6 @@ impl Database {
     }
 
     pub(crate) async fn progress(&self, claimed: &Claimed, share: f64) -> Result<bool, Error> {
-        let share = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
         writing!(self, tx => progress(tx, claimed, share).await)
     }
 
@@ -75,15 +73,13 @@ impl Database {
     pub(crate) async fn stopped(&self, claimed: &Claimed) -> Result<bool, Error> {
         let (run, attempt) = (claimed.run, claimed.attempt);
         writing!(self, tx => {
-            let ended = sqlx::query(
+            let query = sql!(
                 "UPDATE run SET state = 'canceled', finished = moment(), changed = moment()
                  WHERE id = $1 AND attempt = $2 AND state = 'canceling'
-                 RETURNING key, started, finished, FALSE AS study",
-            )
-            .bind(run.0)
-            .bind(i64::from(attempt));
-            let row = ended.fetch_optional(&mut *tx.db).await?;
-            let Some(row) = row else { return Ok(false) };
+                 RETURNING key, started, finished, FALSE AS study";
+                run, attempt
+            );
+            let Some(row) = tx.db.row(query).await? else { return Ok(false) };
             ended_by(tx, run, &row, Ending::Canceled).await?;
             Ok(true)
         })
@@ -116,8 +112,7 @@ impl Database {
         }
         for run in runs {
             let found = writing!(self, tx => {
-                let now = sqlx::query_scalar("SELECT moment()").fetch_one(&mut *tx.db).await?;
-                if may(now) { reclaim(tx, &self.0.node, run).await } else { Ok(Recovered::default()) }
+                if may(tx.now) { reclaim(tx, &self.0.node, run).await } else { Ok(Recovered::default()) }
             })?;
             recovered.requeued += found.requeued;
             recovered.failed += found.failed;
@@ -129,15 +124,12 @@ impl Database {
 
 async fn claim(tx: &mut Transaction<'_>, node: &Node) -> Result<Option<Claimed>, Error> {
     for _ in 0..TRIES {
-        let owners: Vec<String> = sqlx::query_scalar(TURNS)
-            .bind(i64::from(ENGINE.numerics))
-            .fetch_all(&mut *tx.db)
-            .await?;
+        let owners = tx.db.rows(Statement::of(TURNS).with(ENGINE.numerics)).await?;
         if owners.is_empty() {
             return Ok(None);
         }
-        for owner in owners {
-            if let Some(claimed) = claim_of(tx, node, &owner).await? {
+        for row in owners {
+            if let Some(claimed) = claim_of(tx, node, row.get("owner")?).await? {
                 let part = claimed.part();
                 tx.effects.push(Effect::Started(part, claimed.stop.clone()));
                 return Ok(Some(claimed));
@@ -153,18 +145,16 @@ async fn claim_of(
     node: &Node,
     owner: &str,
 ) -> Result<Option<Claimed>, Error> {
-    let next: Option<(i64, bool)> = sqlx::query_as(
+    let query = sql!(
         "SELECT run, study FROM job WHERE claimable = $1 AND owner = $2
-         ORDER BY priority, study, id LIMIT 1",
-    )
-    .bind(i64::from(ENGINE.numerics))
-    .bind(owner)
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    let claimed = match next {
-        Some((run, true)) => chunks::claim(tx, RunId(run)).await?,
-        Some((_, false)) => claim_whole(tx, owner).await?,
-        None => None,
+         ORDER BY priority, study, id LIMIT 1";
+        ENGINE.numerics, owner
+    );
+    let Some(next) = tx.db.row(query).await? else { return Ok(None) };
+    let claimed = if next.get("study")? {
+        chunks::claim(tx, RunId(next.get("run")?)).await?
+    } else {
+        claim_whole(tx, owner).await?
     };
     if let Some(claimed) = &claimed {
         lease::begin(tx, node, owner, claimed).await?;
@@ -173,50 +163,36 @@ async fn claim_of(
 }
 
 async fn claim_whole(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Claimed>, Error> {
-    let row = sqlx::query(
+    let query = sql!(
         "UPDATE run SET state = 'running', attempt = attempt + 1, lost = lost + 1, progress = 0,
              started = moment(), changed = moment()
          WHERE id = (
              SELECT run.id FROM job JOIN run ON run.id = job.run
              WHERE claimable = $1 AND job.owner = $2 AND NOT study AND run.state = 'queued'
              ORDER BY priority, study, job.id LIMIT 1 FOR NO KEY UPDATE OF run SKIP LOCKED)
-         RETURNING id, attempt, key, task, trace",
-    )
-    .bind(i64::from(ENGINE.numerics))
-    .bind(owner)
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    let Some(row) = row else { return Ok(None) };
+         RETURNING id, attempt, key, task, trace";
+        ENGINE.numerics, owner
+    );
+    let Some(row) = tx.db.row(query).await? else { return Ok(None) };
     let run = RunId(row.get("id")?);
     follow(tx, run).await?;
-    let claimed = Claimed {
-        run,
-        attempt: row.get("attempt")?,
-        key: key(&row, "key")?,
-        piece: Piece::Whole { task: row.get("task")? },
-        spent: Cost::ZERO,
-        trace: row.get("trace")?,
-        stop: Stop::default(),
-    };
+    let claimed = Claimed::whole(run, &row)?;
     tx.effects.push(Effect::Changed(claimed.key));
     Ok(Some(claimed))
 }
 
 async fn progress(tx: &mut Transaction<'_>, claimed: &Claimed, share: f64) -> Result<bool, Error> {
     let claim = claimed.claim();
-    if let Some(number) = claim.part.1 {
-        return Ok(attempt_of_study(tx, claim, number).await?.is_some());
+    if claim.part.1.is_some() {
+        return Ok(claim.attempt_of_run(&mut tx.db).await?.is_some());
     }
-    let done = sqlx::query(
+    let query = sql!(
         "UPDATE lease SET progress = $3 WHERE run = $1 AND number = -1 AND attempt = $2
-             AND EXISTS (SELECT 1 FROM run WHERE id = $1 AND attempt = $2 AND state = 'running')",
-    )
-    .bind(claimed.run.0)
-    .bind(i64::from(claimed.attempt))
-    .bind(share)
-    .execute(&mut *tx.db)
-    .await?;
-    if done.rows_affected() == 0 {
+             AND EXISTS (SELECT 1 FROM run WHERE id = $1 AND attempt = $2 AND state = 'running')";
+        claimed.run, claimed.attempt, share
+    );
+    let done = tx.db.execute(query).await?;
+    if done == 0 {
         return Ok(false);
     }
     tx.effects.push(Effect::Changed(claimed.key));
@@ -229,11 +205,11 @@ async fn finish(
     answer: &Answered,
     program: i64,
 ) -> Result<Finish, Error> {
-    let Claimed { run, key, ref piece, ref trace, .. } = *claimed;
+    let Claimed { run, key, ref trace, .. } = *claimed;
     let Some(attempt) = attempt_of_run(tx, claimed.claim()).await? else {
         return Ok(Finish::Refused);
     };
-    let row = sqlx::query(
+    let query = sql!(
         "UPDATE run SET state = 'succeeded', progress = 1, finished = moment(), changed = moment(),
              recomputed = (SELECT CASE WHEN digest = $3 THEN 'same' WHEN evicted IS NULL THEN 'differs'
                  ELSE 'replaced' END FROM result WHERE result.key = run.key)
@@ -241,28 +217,18 @@ async fn finish(
          RETURNING key, started, finished, owner, warnings, EXISTS (SELECT 1 FROM study WHERE run = id) AS study,
              (SELECT job.id FROM job WHERE job.run = run.id ORDER BY job.id LIMIT 1) AS first_job,
              (SELECT digest = $3 FROM result WHERE result.key = run.key) AS same,
-             (SELECT evicted IS NULL FROM result WHERE result.key = run.key) AS held",
-    )
-    .bind(run.0)
-    .bind(i64::from(attempt))
-    .bind(answer.digest.as_slice())
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    let Some(row) = row else { return Ok(Finish::Refused) };
-    let task = match piece {
-        Piece::Whole { task } => Cow::Borrowed(task),
-        Piece::Chunk { .. } | Piece::Assembly { .. } => {
-            let task = sqlx::query_scalar("SELECT task FROM run WHERE id = $1").bind(run.0);
-            Cow::Owned(task.fetch_one(&mut *tx.db).await?)
-        }
-    };
+             (SELECT evicted IS NULL FROM result WHERE result.key = run.key) AS held";
+        run, attempt, answer.digest.as_slice()
+    );
+    let Some(row) = tx.db.row(query).await? else { return Ok(Finish::Refused) };
+    let task = claimed.task(&mut tx.db).await?;
     let (owner, warnings) = (row.text("owner")?, row.text("warnings")?);
     let job = row.bytes("first_job")?.map(job_id).transpose()?;
-    let (trace, program, now) = (trace.as_deref(), Some(program), row.get("finished")?);
-    let source = Source { key, attempt, task: &task, owner, job, warnings, trace, program, now };
-    keep::store(&mut tx.db, answer, &source, true).await?;
+    let (trace, program, now) = (trace.as_deref(), Some(program), tx.now);
+    let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
+    super::keep::store(&mut tx.db, answer, &source, true).await?;
     ended_by(tx, run, &row, Ending::Succeeded).await?;
-    keep::kept(tx, answer, key, &Kept::read(&row)?).await
+    keep::kept(answer, key, &row, tx.change()).await
 }
 
 /// Queues a running run again. `uncounted` claims do not count as lost. Returns false if the worker has lost it.
@@ -273,17 +239,13 @@ async fn requeue(
     uncounted: i64,
 ) -> Result<bool, Error> {
     // `started` is null after the update, and a released run does not count in the durations.
-    let row = sqlx::query(
+    let query = sql!(
         "UPDATE run SET state = 'queued', progress = 0, started = NULL, changed = moment(), lost = lost - $3
          WHERE id = $1 AND attempt = $2 AND state = 'running'
-         RETURNING key, started, finished, FALSE AS study",
-    )
-    .bind(run.0)
-    .bind(i64::from(attempt))
-    .bind(uncounted)
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    let Some(row) = row else { return Ok(false) };
+         RETURNING key, started, finished, FALSE AS study";
+        run, attempt, uncounted
+    );
+    let Some(row) = tx.db.row(query).await? else { return Ok(false) };
     ended_by(tx, run, &row, Ending::Released).await?;
     tx.effects.push(Effect::Queued);
     Ok(true)
@@ -296,22 +258,17 @@ async fn fail(
     attempt: u32,
     (kind, message): (FailureKind, &str),
 ) -> Result<bool, Error> {
-    let row = sqlx::query(
+    // A text of PostgreSQL cannot contain this character.
+    let query = sql!(
         "UPDATE run SET state = 'failed', finished = moment(), changed = moment(), error_kind = $3, error = $4,
              progress = coalesce(
                  (SELECT progress FROM lease WHERE lease.run = id AND number = -1),
                  (SELECT least(done, chunks)::DOUBLE PRECISION / chunks FROM study WHERE study.run = id), 0)
          WHERE id = $1 AND attempt = $2 AND state = 'running'
-         RETURNING key, started, finished, EXISTS (SELECT 1 FROM study WHERE run = id) AS study",
-    )
-    .bind(run.0)
-    .bind(i64::from(attempt))
-    .bind(kind.as_str())
-    // A text of PostgreSQL cannot contain this character.
-    .bind(message.replace('\0', " "))
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    let Some(row) = row else { return Ok(false) };
+         RETURNING key, started, finished, EXISTS (SELECT 1 FROM study WHERE run = id) AS study";
+        run, attempt, kind.as_str(), message.replace('\0', " ")
+    );
+    let Some(row) = tx.db.row(query).await? else { return Ok(false) };
     ended_by(tx, run, &row, Ending::Failed).await?;
     Ok(true)
 }
@@ -319,13 +276,12 @@ async fn fail(
 /// Takes the lost leases of a run away. Fails the run if that has happened too often.
 async fn reclaim(tx: &mut Transaction<'_>, node: &Node, run: RunId) -> Result<Recovered, Error> {
     let study = chunks::lock(tx, run).await?;
-    let row = sqlx::query(
+    let query = sql!(
         "SELECT key, started, moment() AS finished, state, attempt, lost, FALSE AS study
-         FROM run WHERE id = $1 FOR NO KEY UPDATE",
-    )
-    .bind(run.0)
-    .fetch_optional(&mut *tx.db)
-    .await?;
+         FROM run WHERE id = $1 FOR NO KEY UPDATE";
+        run
+    );
+    let row = tx.db.row(query).await?;
     let pieces = lease::take_lost(tx, node, run).await?;
     let mut recovered = Recovered::default();
     let Some(row) = row.filter(|_| !pieces.is_empty()) else { return Ok(recovered) };
@@ -335,12 +291,11 @@ async fn reclaim(tx: &mut Transaction<'_>, node: &Node, run: RunId) -> Result<Re
         None => row.get::<u32>("lost")?,
     };
     if row.text("state")? == Some(JobState::Canceling.as_str()) {
-        sqlx::query(
-            "UPDATE run SET state = 'canceled', finished = moment(), changed = moment() WHERE id = $1",
-        )
-        .bind(run.0)
-        .execute(&mut *tx.db)
-        .await?;
+        let query = sql!(
+            "UPDATE run SET state = 'canceled', finished = moment(), changed = moment() WHERE id = $1";
+            run
+        );
+        tx.db.execute(query).await?;
         ended_by(tx, run, &row, Ending::Canceled).await?;
         recovered.canceled = 1;
     } else if lost >= MAX_LOST {
@@ -356,30 +311,10 @@ async fn reclaim(tx: &mut Transaction<'_>, node: &Node, run: RunId) -> Result<Re
     Ok(recovered)
 }
 
-/// The attempt of the running run. Returns `None` if the worker has lost its piece of it. For a whole run the caller
-/// compares the attempt. Locks the study.
+/// The attempt of the running run, as [`Claim::attempt_of_run`] says. Locks the study.
 async fn attempt_of_run(tx: &mut Transaction<'_>, claim: Claim) -> Result<Option<u32>, Error> {
-    let (run, number) = claim.part;
-    let Some(number) = number else { return Ok(Some(claim.attempt)) };
-    chunks::lock(tx, run).await?;
-    attempt_of_study(tx, claim, number).await
-}
-
-/// The attempt of the running study of a claimed piece.
-async fn attempt_of_study(
-    tx: &mut Transaction<'_>,
-    claim: Claim,
-    number: u32,
-) -> Result<Option<u32>, Error> {
-    let row = sqlx::query(
-        "SELECT run.attempt AS attempt FROM chunk JOIN run ON run.id = chunk.run
-         WHERE chunk.run = $1 AND number = $2 AND chunk.attempt = $3
-             AND chunk.state = 'running' AND run.state = 'running'",
-    )
-    .bind(claim.part.0.0)
-    .bind(i64::from(number))
-    .bind(i64::from(claim.attempt))
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    Ok(row.map(|row| row.get("attempt")).transpose()?)
+    if let (run, Some(_)) = claim.part {
+        chunks::lock(tx, run).await?;
+    }
+    claim.attempt_of_run(&mut tx.db).await
 }

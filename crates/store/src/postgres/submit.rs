@@ -3,15 +3,15 @@
 
 use std::time::Duration;
 
-use sqlx::postgres::PgRow;
-
 use super::transaction::{Transaction, writing};
-use super::{Database, chunks, keep, read};
+use super::{Database, chunks, keep};
 use crate::error::Error;
-use crate::keep::{Answered, Source};
-use crate::row::{Columns, RunId, job_id};
+use crate::keep::Answered;
+use crate::row::{Columns, Row, RunId};
 use crate::signals::Effect;
+use crate::statement::sql;
 use crate::submit::{Admission, EncodedJob, NewJob, Queued, Submitted};
+use crate::tables::{Connected, Tables};
 use crate::tally::Ending;
 use fretwork_job::{ENGINE, Job, JobState, Origin};
 
@@ -46,27 +46,10 @@ impl Database {
 }
 
 async fn submit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted, Error> {
-    match repeated(tx, new).await? {
+    match new.repeated(&mut tx.db).await? {
         Some(repeated) => Ok(repeated),
         None => admit(tx, new).await,
     }
-}
-
-/// The job that this submission made when it was first sent.
-async fn repeated(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Option<Submitted>, Error> {
-    let Some(repeatable) = &new.job.repeatable else { return Ok(None) };
-    let found: Option<(Vec<u8>, Vec<u8>)> =
-        sqlx::query_as("SELECT id, fingerprint FROM job WHERE owner = $1 AND idempotency_key = $2")
-            .bind(&new.job.owner)
-            .bind(&repeatable.key)
-            .fetch_optional(&mut *tx.db)
-            .await?;
-    let Some((id, fingerprint)) = found else { return Ok(None) };
-    if fingerprint != repeatable.fingerprint {
-        return Ok(Some(Submitted::IdempotencyConflict));
-    }
-    let job = read::job(&mut tx.db, job_id(&id)?).await?;
-    Ok(job.map(Submitted::Repeated))
 }
 
 /// Where a job gets its result from.
@@ -74,7 +57,7 @@ enum Place {
     /// The result is known.
     Known,
     /// A live run, which is locked. It may be new.
-    Run { run: i64, state: JobState, attempt: i64, origin: Origin },
+    Run { run: RunId, state: JobState, attempt: i64, origin: Origin },
     /// The result was stored with the job: since when it was computed.
     Recorded { began: i64, origin: Origin },
 }
@@ -82,20 +65,19 @@ enum Place {
 /// Finds a place for a job that is no repetition, and inserts it.
 async fn admit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted, Error> {
     for _ in 0..TRIES {
-        let (known, live): (bool, Option<i64>) = sqlx::query_as(
-            "SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL),
-                 (SELECT id FROM run WHERE key = $1 AND state IN ('queued', 'running'))",
-        )
-        .bind(new.job.key.bytes().as_slice())
-        .fetch_one(&mut *tx.db)
-        .await?;
-        if known && !new.job.afresh {
+        let query = sql!(
+            "SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known,
+                 (SELECT id FROM run WHERE key = $1 AND state IN ('queued', 'running')) AS live";
+            new.job.key
+        );
+        let row = tx.db.one(query).await?;
+        if row.get("is_known")? && !new.job.afresh {
             return insert(tx, new, &Place::Known).await;
         }
         if new.job.admission == Admission::OnlyKnown {
             return Ok(Submitted::Unknown);
         }
-        let place = match live {
+        let place = match row.get::<Option<i64>>("live")?.map(RunId) {
             Some(run) => join(tx, new, run).await?,
             None if new.job.admission == Admission::NoNewRun => return Ok(Submitted::NeedsRun),
             None => queue(tx, new).await?,
@@ -115,17 +97,15 @@ async fn admit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted, 
 type Found = Result<Option<Place>, Submitted>;
 
 /// Locks a live run so that it cannot end before the job has joined it.
-async fn join(tx: &mut Transaction<'_>, new: &EncodedJob, run: i64) -> Result<Found, Error> {
+async fn join(tx: &mut Transaction<'_>, new: &EncodedJob, run: RunId) -> Result<Found, Error> {
     if new.job.chunks.is_some() {
-        chunks::lock(tx, RunId(run)).await?;
+        chunks::lock(tx, run).await?;
     }
-    let row = sqlx::query(
-        "SELECT state, attempt FROM run WHERE id = $1 AND state IN ('queued', 'running') FOR SHARE",
-    )
-    .bind(run)
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    let Some(row) = row else { return Ok(Ok(None)) };
+    let query = sql!(
+        "SELECT state, attempt FROM run WHERE id = $1 AND state IN ('queued', 'running') FOR SHARE";
+        run
+    );
+    let Some(row) = tx.db.row(query).await? else { return Ok(Ok(None)) };
     let state: JobState = crate::row::word(&row, "state")?;
     if state == JobState::Queued
         && let Some(full) = queue_is_full(tx, new).await?
@@ -141,38 +121,27 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found, Erro
     if let Some(full) = queue_is_full(tx, new).await? {
         return Ok(Err(full));
     }
-    let run: Option<i64> = sqlx::query_scalar(
+    let query = sql!(
         "INSERT INTO run (key, owner, numerics, created, task, state, changed, trace, warnings)
          VALUES ($1, $2, $3, moment(), $4, 'queued', moment(), $5, $6)
-         ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING RETURNING id",
-    )
-    .bind(new.job.key.bytes().as_slice())
-    .bind(&new.job.owner)
-    .bind(i64::from(ENGINE.numerics))
-    .bind(&new.job.task)
-    .bind(&new.job.trace)
-    .bind(&new.submission_warnings)
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    let Some(run) = run else { return Ok(Ok(None)) };
+         ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING RETURNING id";
+        new.job.key, &new.job.owner, ENGINE.numerics, &new.job.task, new.job.trace.as_ref(), &new.submission_warnings
+    );
+    let Some(row) = tx.db.row(query).await? else { return Ok(Ok(None)) };
+    let run = RunId(row.get("id")?);
     // The run before it may have stored the result since this transaction has looked for it.
-    let unneeded = sqlx::query(
+    let query = sql!(
         "DELETE FROM run WHERE id = $1 AND NOT $2
-             AND EXISTS (SELECT 1 FROM result WHERE key = run.key AND evicted IS NULL)",
-    )
-    .bind(run)
-    .bind(new.job.afresh)
-    .execute(&mut *tx.db)
-    .await?;
-    if unneeded.rows_affected() > 0 {
+             AND EXISTS (SELECT 1 FROM result WHERE key = run.key AND evicted IS NULL)";
+        run, new.job.afresh
+    );
+    let unneeded = tx.db.execute(query).await?;
+    if unneeded > 0 {
         return Ok(Ok(None));
     }
     if let Some(chunks) = new.job.chunks {
-        sqlx::query("INSERT INTO study (run, chunks) VALUES ($1, $2)")
-            .bind(run)
-            .bind(i64::from(chunks.get()))
-            .execute(&mut *tx.db)
-            .await?;
+        let query = sql!("INSERT INTO study (run, chunks) VALUES ($1, $2)"; run, chunks.get());
+        tx.db.execute(query).await?;
     }
     let (state, origin) = (JobState::Queued, Origin::Computed);
     Ok(Ok(Some(Place::Run { run, state, attempt: 0, origin })))
@@ -184,13 +153,13 @@ async fn queue_is_full(
     new: &EncodedJob,
 ) -> Result<Option<Submitted>, Error> {
     let Some(limit) = new.limit else { return Ok(None) };
-    let (all, own): (i64, i64) = sqlx::query_as(
-        "SELECT count(*), count(*) FILTER (WHERE owner = $1) FROM job WHERE state = 'queued'",
-    )
-    .bind(&new.job.owner)
-    .fetch_one(&mut *tx.db)
-    .await?;
-    let queued = Queued { all: all as usize, own: own as usize };
+    let query = sql!(
+        "SELECT count(*) AS all_jobs, count(*) FILTER (WHERE owner = $1) AS own FROM job WHERE state = 'queued'";
+        &new.job.owner
+    );
+    let row = tx.db.one(query).await?;
+    let [all, own] = [row.get::<u64>("all_jobs")?, row.get("own")?].map(|count| count as usize);
+    let queued = Queued { all, own };
     Ok(queued.is_full(limit).then_some(Submitted::QueueFull { queued: queued.all }))
 }
 
@@ -206,7 +175,7 @@ async fn insert(
         sqlx::query("INSERT INTO job_tag (tag, job) SELECT DISTINCT unnest($1::TEXT[]), $2")
             .bind(&new.job.tags)
             .bind(new.job.id.0.as_bytes().as_slice())
-            .execute(&mut *tx.db)
+            .execute(tx.db.connection())
             .await?;
     }
     if let Place::Run { .. } = place {
@@ -223,7 +192,7 @@ async fn insert_row(
     tx: &mut Transaction<'_>,
     new: &EncodedJob,
     place: &Place,
-) -> Result<PgRow, Error> {
+) -> Result<Row, Error> {
     let job = &new.job;
     let repeatable = job.repeatable.as_ref();
     let (run, state, attempt, origin, began) = match *place {
@@ -231,7 +200,7 @@ async fn insert_row(
         Place::Run { run, state, attempt, origin } => (Some(run), state, attempt, origin, None),
         Place::Recorded { began, origin } => (None, JobState::Succeeded, 1, origin, Some(began)),
     };
-    let query = sqlx::query(
+    let query = sql!(
         "INSERT INTO job (id, owner, key, run, state, attempt, origin, label, tags, warnings, priority,
              idempotency_key, fingerprint, submitted, study, created, started, finished, changes, claimable)
          SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, coalesce($16, moment()),
@@ -247,26 +216,13 @@ async fn insert_row(
              coalesce((SELECT progress FROM lease WHERE lease.run = job.run AND number = -1),
                  (SELECT least(done, chunks)::DOUBLE PRECISION / chunks FROM study WHERE study.run = job.run),
                  0) AS progress,
-             (SELECT summary FROM result WHERE result.key = job.key AND job.state = 'succeeded') AS summary",
+             (SELECT summary FROM result WHERE result.key = job.key AND job.state = 'succeeded') AS summary";
+        job.id, &job.owner, job.key, run, state.as_str(), attempt, origin.as_str(), job.label.as_ref(), &new.tags,
+        new.warnings.to_string(), job.priority, repeatable.map(|repeatable| &repeatable.key),
+        repeatable.map(|repeatable| &repeatable.fingerprint), job.submitted.as_ref(), job.chunks.is_some(), began
     );
-    let query = query
-        .bind(job.id.0.as_bytes().as_slice())
-        .bind(&job.owner)
-        .bind(job.key.bytes().as_slice())
-        .bind(run)
-        .bind(state.as_str())
-        .bind(attempt)
-        .bind(origin.as_str())
-        .bind(&job.label)
-        .bind(&new.tags)
-        .bind(new.warnings.to_string())
-        .bind(i64::from(job.priority))
-        .bind(repeatable.map(|repeatable| &repeatable.key))
-        .bind(repeatable.map(|repeatable| repeatable.fingerprint.as_slice()))
-        .bind(&job.submitted)
-        .bind(job.chunks.is_some())
-        .bind(began);
-    query.fetch_one(&mut *tx.db).await.map_err(|error| new.refused(error))
+    let row = query.postgres().fetch_one(tx.db.connection()).await;
+    Ok(Row::Postgres(row.map_err(|error| new.refused(error))?))
 }
 
 /// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
@@ -280,17 +236,13 @@ async fn record(
 ) -> Result<Vec<Submitted>, Error> {
     let Some(first) = jobs.first() else { return Ok(Vec::new()) };
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
-    let now: i64 = sqlx::query_scalar("SELECT moment()").fetch_one(&mut *tx.db).await?;
-    let NewJob { id, key, ref owner, ref task, ref trace, .. } = first.job;
-    let (owner, job, trace) = (Some(owner.as_str()), Some(id), trace.as_deref());
-    let (warnings, program) = (Some(first.submission_warnings.as_str()), Some(program));
-    let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
+    let (key, source) = (first.job.key, first.source(program, tx.now));
     let is_stored = keep::store(&mut tx.db, answer, &source, false).await?;
     if is_stored {
         tx.effects.push(Effect::Ended(key));
         tx.effects.push(Effect::Settled(Ending::Succeeded, Some(took)));
     }
-    let began = now.saturating_sub(took);
+    let began = tx.now.saturating_sub(took);
     let mut all = Vec::new();
     for (number, job) in jobs.iter().enumerate() {
         let origin = if number == 0 { Origin::Computed } else { Origin::Coalesced };

@@ -1,14 +1,15 @@
 //! Transactions, which are repeated after a conflict with another one.
 
-use std::ops::{Deref, DerefMut};
 use std::time::Duration;
 
-use sqlx::Executor as _;
-use sqlx::postgres::PgConnection;
+use sqlx::{Executor, Row as _};
 
+use super::hints;
 use super::pool::{Borrowed, Pool};
+use crate::change::Change;
 use crate::error::Error;
 use crate::signals::Effect;
+use crate::tables::Connected;
 
 /// How long one attempt of a verb may take: longer than a statement may. A server that has vanished never answers.
 pub(super) const PATIENCE: Duration = Duration::from_secs(45);
@@ -19,53 +20,59 @@ const CONFLICTS: u32 = 10;
 /// An open transaction, and what to signal after its commit. If it is dropped, its connection is closed, and the database rolls
 /// it back.
 pub(super) struct Transaction<'a> {
-    pub(super) db: Open<'a>,
+    pub(super) db: Borrowed<'a>,
+    /// When it began by the clock of the database, in milliseconds since 1970. `moment()` returns it, too.
+    pub(super) now: i64,
     pub(super) effects: Vec<Effect>,
-}
-
-/// A connection with an open transaction.
-pub(super) struct Open<'a> {
-    borrowed: Borrowed<'a>,
-}
-
-impl Deref for Open<'_> {
-    type Target = PgConnection;
-
-    fn deref(&self) -> &PgConnection {
-        self.borrowed.connection_ref()
-    }
-}
-
-impl DerefMut for Open<'_> {
-    fn deref_mut(&mut self) -> &mut PgConnection {
-        self.borrowed.connection()
-    }
 }
 
 impl<'a> Transaction<'a> {
     /// Begins a transaction. If a connection is broken, takes another one.
     pub(super) async fn begin(pool: &'a Pool) -> Result<Self, Error> {
         loop {
-            let borrowed = pool.get().await?;
-            let is_new = borrowed.is_new();
-            let mut db = Open { borrowed };
-            match db.execute("BEGIN").await.map_err(Error::from) {
-                Ok(_) => return Ok(Self { db, effects: Vec::new() }),
-                Err(Error::Unreachable(_)) if !is_new => {}
+            let mut db = pool.get().await?;
+            match db.connection().fetch_one("BEGIN; SELECT moment()").await.map_err(Error::from) {
+                Ok(row) => return Ok(Self { db, now: row.try_get(0)?, effects: Vec::new() }),
+                Err(Error::Unreachable(_)) if !db.is_new() => {}
                 Err(error) => return Err(error),
             }
         }
     }
 
+    /// The part of it that both databases have.
+    pub(super) fn change(&mut self) -> Change<'_> {
+        Change {
+            db: Connected::connection(&mut self.db),
+            now: self.now,
+            effects: &mut self.effects,
+        }
+    }
+
+    /// Tells the other servers what is deleted, when the transaction commits. This is no hint: a server that does not hear it
+    /// would answer with the result until its connection breaks.
+    async fn tell_deleted(&mut self) -> Result<(), Error> {
+        for effect in &self.effects {
+            if let Effect::Deleted(key) = effect {
+                hints::send(self.db.connection(), &format!("\ndeleted {key}")).await?;
+            }
+        }
+        Ok(())
+    }
+
     /// Commits the changes of a verb, or rolls them back if it has failed.
     pub(super) async fn end<T>(
         mut self,
-        answer: Result<T, Error>,
+        mut answer: Result<T, Error>,
     ) -> Result<(T, Vec<Effect>), Error> {
+        if answer.is_ok()
+            && let Err(error) = self.tell_deleted().await
+        {
+            answer = Err(error);
+        }
         let end = if answer.is_ok() { "COMMIT" } else { "ROLLBACK" };
-        let ended = self.db.execute(end).await;
+        let ended = Executor::execute(self.db.connection(), end).await;
         if ended.is_ok() {
-            self.db.borrowed.answered();
+            self.db.answered();
         }
         let answer = answer?;
         ended?;

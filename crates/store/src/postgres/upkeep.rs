@@ -2,12 +2,16 @@
 
 use std::time::{Duration, Instant};
 
+use super::Database;
 use super::transaction::{Transaction, reading, writing};
-use super::{Database, Lock, cancel, keep};
 use crate::ages::AgeClock;
 use crate::error::Error;
+use crate::keep;
 use crate::options::Options;
+use crate::row::{Columns, RunId};
 use crate::signals::Effect;
+use crate::statement::sql;
+use crate::tables::{Connected, Lock, Tables};
 use fretwork_job::Key;
 
 /// Longest time between two cleanings, and between two sums of the sizes of all results.
@@ -40,6 +44,20 @@ pub(super) struct Upkeep {
     /// When the sizes of all results must be added up again.
     room_due: Instant,
     exceeds: bool,
+}
+
+/// Does a part of the maintenance in some transactions, unless another server does maintenance. Returns whether there may be
+/// more to do.
+macro_rules! again {
+    ($db:expr, $tx:ident => $part:expr) => {{
+        for _ in 0..AT_ONCE {
+            match writing!($db, $tx => Ok(if is_alone($tx).await? { Some($part) } else { None }))? {
+                Some(true) => {}
+                done => return Ok(done.is_none()),
+            }
+        }
+        Ok(true)
+    }};
 }
 
 impl Upkeep {
@@ -85,28 +103,12 @@ impl Upkeep {
     async fn delete_old(&self, db: &Database, time: i64) -> Result<bool, Error> {
         let Some(age) = self.keep_jobs else { return Ok(false) };
         let before = time.saturating_sub(i64::try_from(age.as_millis()).unwrap_or(i64::MAX));
-        for _ in 0..AT_ONCE {
-            match writing!(db, tx => {
-                Ok(if is_alone(tx).await? { Some(delete_old(tx, before).await?) } else { None })
-            })? {
-                Some(true) => {}
-                done => return Ok(done.is_none()),
-            }
-        }
-        Ok(true)
+        again!(db, tx => delete_old(tx, before).await?)
     }
 
     /// Deletes chunks of studies that have ended. Returns whether there may be more.
     async fn delete_chunks(db: &Database) -> Result<bool, Error> {
-        for _ in 0..AT_ONCE {
-            match writing!(db, tx => {
-                Ok(if is_alone(tx).await? { Some(delete_chunks(tx).await?) } else { None })
-            })? {
-                Some(true) => {}
-                done => return Ok(done.is_none()),
-            }
-        }
-        Ok(true)
+        again!(db, tx => delete_chunks(tx).await?)
     }
 
     /// The time by which ages are measured.
@@ -118,8 +120,7 @@ impl Upkeep {
         let time = clock.advance(now);
         if let Some(time) = clock.unstored() {
             writing!(db, tx => {
-                let query = sqlx::query("UPDATE upkeep SET clock = greatest(clock, $1)");
-                query.bind(time).execute(&mut *tx.db).await?;
+                tx.db.execute(sql!("UPDATE upkeep SET clock = greatest(clock, $1)"; time)).await?;
                 Ok(())
             })?;
         }
@@ -141,7 +142,7 @@ impl Upkeep {
                 }
                 let started = Instant::now();
                 let query = "SELECT coalesce(sum(stored), 0)::BIGINT FROM result WHERE evicted IS NULL";
-                let stored: i64 = sqlx::query_scalar(query).fetch_one(&mut *tx.db).await?;
+                let stored: i64 = sqlx::query_scalar(query).fetch_one(tx.db.connection()).await?;
                 let took = started.elapsed();
                 let excess = stored - budget;
                 let evicted = if excess > 0 { evict_some(tx, excess).await? } else { 0 };
@@ -184,7 +185,7 @@ fn rest(budget: Option<u64>, took: Duration) -> Duration {
 /// Whether no other server does maintenance until the end of the transaction.
 async fn is_alone(tx: &mut Transaction<'_>) -> Result<bool, Error> {
     let query = sqlx::query_scalar("SELECT pg_try_advisory_xact_lock($1)");
-    Ok(query.bind(Lock::Upkeep as i64).fetch_one(&mut *tx.db).await?)
+    Ok(query.bind(Lock::Upkeep as i64).fetch_one(tx.db.connection()).await?)
 }
 
 /// Stores when results were last read.
@@ -200,7 +201,7 @@ async fn write_reads(tx: &mut Transaction<'_>, reads: &[(Key, i64)]) -> Result<(
     )
     .bind(keys)
     .bind(times)
-    .execute(&mut *tx.db)
+    .execute(tx.db.connection())
     .await?;
     Ok(())
 }
@@ -216,31 +217,57 @@ async fn delete_old(tx: &mut Transaction<'_>, before: i64) -> Result<bool, Error
     .bind(oldest.as_slice())
     .bind(before)
     .bind(JOBS)
-    .fetch_all(&mut *tx.db)
+    .fetch_all(tx.db.connection())
     .await?;
-    cancel::delete_jobs(tx, &ids).await?;
+    delete_jobs(tx, &ids).await?;
     Ok(ids.len() as u64 == JOBS.unsigned_abs())
+}
+
+/// Deletes finished jobs, and their runs if these have ended and have no other job.
+async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<(), Error> {
+    // Otherwise two servers that delete the last two jobs of a run would each leave it to the other.
+    sqlx::query(
+        "SELECT 1 FROM run WHERE id IN (SELECT run FROM job WHERE id = ANY ($1)) ORDER BY id FOR NO KEY UPDATE",
+    )
+    .bind(ids)
+    .execute(tx.db.connection())
+    .await?;
+    let runs: Vec<Option<i64>> =
+        sqlx::query_scalar("DELETE FROM job WHERE id = ANY ($1) RETURNING run")
+            .bind(ids)
+            .fetch_all(tx.db.connection())
+            .await?;
+    let runs: Vec<i64> = runs.into_iter().flatten().collect();
+    if !runs.is_empty() {
+        sqlx::query(
+            "DELETE FROM run WHERE id = ANY ($1) AND finished IS NOT NULL
+                 AND NOT EXISTS (SELECT 1 FROM job WHERE job.run = run.id)",
+        )
+        .bind(runs)
+        .execute(tx.db.connection())
+        .await?;
+    }
+    Ok(())
 }
 
 /// Deletes some chunks of a study that has ended, and the study after its last chunk.
 async fn delete_chunks(tx: &mut Transaction<'_>) -> Result<bool, Error> {
-    let ended: Option<i64> = sqlx::query_scalar(
-        "SELECT study.run FROM study LEFT JOIN run ON run.id = study.run
-         WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1",
-    )
-    .fetch_optional(&mut *tx.db)
-    .await?;
-    let Some(run) = ended else { return Ok(false) };
-    sqlx::query(
+    let query = sql!(
+        "SELECT study.run AS run FROM study LEFT JOIN run ON run.id = study.run
+         WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1"
+    );
+    let Some(ended) = tx.db.row(query).await? else { return Ok(false) };
+    let run = RunId(ended.get("run")?);
+    let query = sql!(
         "DELETE FROM chunk WHERE run = $1 AND number IN (
-             SELECT number FROM chunk WHERE run = $1 ORDER BY number LIMIT $2)",
-    )
-    .bind(run)
-    .bind(CHUNKS)
-    .execute(&mut *tx.db)
-    .await?;
-    let query = "DELETE FROM study WHERE run = $1 AND NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = $1)";
-    sqlx::query(query).bind(run).execute(&mut *tx.db).await?;
+             SELECT number FROM chunk WHERE run = $1 ORDER BY number LIMIT $2)";
+        run, CHUNKS
+    );
+    tx.db.execute(query).await?;
+    let query = sql!(
+        "DELETE FROM study WHERE run = $1 AND NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = $1)"; run
+    );
+    tx.db.execute(query).await?;
     Ok(true)
 }
 
@@ -248,7 +275,7 @@ async fn delete_chunks(tx: &mut Transaction<'_>) -> Result<bool, Error> {
 /// owners without jobs, and the oldest entries of the audit log.
 async fn forget(tx: &mut Transaction<'_>, time: i64) -> Result<(), Error> {
     // Among the oldest 1000 only, so that many results with jobs do not slow every round.
-    sqlx::query(
+    let query = sql!(
         "WITH idle AS (
              DELETE FROM turn WHERE NOT EXISTS (SELECT 1 FROM lease WHERE lease.owner = turn.owner)
                  AND NOT EXISTS (SELECT 1 FROM job WHERE claimable IS NOT NULL AND job.owner = turn.owner)
@@ -257,33 +284,30 @@ async fn forget(tx: &mut Transaction<'_>, time: i64) -> Result<(), Error> {
              SELECT key FROM (
                  SELECT key FROM result WHERE evicted < $1 ORDER BY evicted LIMIT 1000
              ) AS old
-             WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100)",
-    )
-    .bind(time - KEEP_EVICTED)
-    .bind(ENTRIES)
-    .execute(&mut *tx.db)
-    .await?;
+             WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100)";
+        time - KEEP_EVICTED, ENTRIES
+    );
+    tx.db.execute(query).await?;
     Ok(())
 }
 
 /// Evicts results of this many bytes, or some of them. Returns how many bytes they had; 0 if there are
 /// none.
 async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<i64, Error> {
-    let oldest: Vec<(Vec<u8>, i64)> = sqlx::query_as(
+    let query = sql!(
         "SELECT key, stored FROM result WHERE NOT pinned AND evicted IS NULL
-         ORDER BY last_access LIMIT $1 FOR NO KEY UPDATE SKIP LOCKED",
-    )
-    .bind(RESULTS)
-    .fetch_all(&mut *tx.db)
-    .await?;
+         ORDER BY last_access LIMIT $1 FOR NO KEY UPDATE SKIP LOCKED";
+        RESULTS
+    );
+    let oldest = tx.db.rows(query).await?;
     let mut evicted = 0;
-    for (key, stored) in &oldest {
+    for row in &oldest {
         if evicted >= bytes {
             break;
         }
-        keep::evict(tx, key, None).await?;
+        keep::evict(row.get("key")?, tx.now, None, &mut tx.db).await?;
         tx.effects.push(Effect::Evicted);
-        evicted += stored;
+        evicted += row.get::<i64>("stored")?;
     }
     Ok(evicted)
 }

@@ -4,24 +4,19 @@
 //! transaction, and answers after the commit. So an acknowledged change survives a crash of the process.
 //! A pool of read-only connections serves reads.
 
-pub(super) mod audit;
 mod cancel;
 mod chunks;
 mod files;
 pub(super) mod imports;
 mod keep;
-pub(super) mod keys;
 pub(super) mod ledger;
-pub(super) mod library;
 mod log;
 pub(super) mod open;
 mod outline;
 mod queue;
-pub(super) mod read;
 mod readers;
 mod runs;
 pub(super) mod schema;
-pub(super) mod search;
 mod submit;
 mod transaction;
 mod upkeep;
@@ -29,16 +24,20 @@ mod writer;
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
-use sqlx::SqliteConnection;
 use tokio::sync::{Semaphore, mpsc};
 
+use super::change::{Change, Verb};
 use super::error::Error;
-use super::pins::PinQuota;
+use super::row::{Columns, Row};
 use super::signals::Signals;
+use super::statement::{Statement, sql};
+use super::tables::{Most, Purpose, Tables};
+use fretwork_job::clock::now;
 
 use readers::Readers;
-use transaction::Verb;
+use transaction::Transaction;
 use writer::Message;
 
 /// The open database, as a handle that is cheap to clone.
@@ -54,7 +53,6 @@ pub(super) struct Database {
     scans: Arc<Semaphore>,
     signals: Arc<Signals>,
     queue_limit: usize,
-    pin_quota: PinQuota,
     /// The data directory.
     dir: Arc<Path>,
 }
@@ -71,11 +69,51 @@ impl Database {
         writer::close(&self.writer).await;
     }
 
+    /// How long the oldest queued run has waited.
+    pub(super) async fn longest_wait(&self) -> Result<Duration, Error> {
+        let query = sql!(
+            "SELECT created FROM run INDEXED BY run_unfinished
+             WHERE state = 'queued' AND finished IS NULL ORDER BY id LIMIT 1"
+        );
+        let oldest = self.read(Purpose::Any, query, Most::One).await?.pop();
+        let waited = oldest.map(|row| row.get::<i64>("created")).transpose()?;
+        // The clock of the system may have been set back.
+        Ok(Duration::from_millis(waited.map_or(0, |oldest| now() - oldest).max(0).unsigned_abs()))
+    }
+
+    pub(super) async fn probe(&self) -> Result<(), Error> {
+        self.write(upkeep::probe, ()).await
+    }
+
+    /// Reads with a connection of the pool.
+    pub(super) async fn read(
+        &self,
+        purpose: Purpose,
+        statement: Statement,
+        most: Most,
+    ) -> Result<Vec<Row>, Error> {
+        let done = async {
+            let (readers, permit) = match purpose {
+                Purpose::Any => (&self.readers, None),
+                Purpose::Scan => (&self.readers, Some(self.scans.acquire().await)),
+                Purpose::Large => (&self.large, None),
+                Purpose::Keys => (&self.keys, None),
+            };
+            let _permit = permit.transpose().map_err(|_| Error::Closed)?;
+            readers.get().await?.connection().read(statement, most).await
+        };
+        self.signals.counted(done.await)
+    }
+
     /// Lets the writer task call a function. Returns its answer after the commit.
-    async fn write<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer, Error>
+    pub(super) async fn write<Input, V, Answer>(
+        &self,
+        verb: V,
+        input: Input,
+    ) -> Result<Answer, Error>
     where
         Input: Send + Sync + 'static,
-        V: for<'a> Verb<'a, Input, Answer = Answer>,
+        V: for<'a> Verb<'a, Input, &'a mut Transaction, Answer = Answer>,
         Answer: Send + 'static,
     {
         let (order, answer) = writer::order(verb, input);
@@ -85,20 +123,118 @@ impl Database {
         };
         self.signals.counted(done.await)
     }
+}
 
-    async fn reading<T>(
-        &self,
-        read: impl AsyncFnOnce(&mut SqliteConnection) -> Result<T, Error>,
-    ) -> Result<T, Error> {
-        self.reading_by(&self.readers, read).await
+/// A verb that both databases have.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shared<V>(pub(super) V);
+
+impl<'a, Input: 'a, V: Verb<'a, Input, Change<'a>>> Verb<'a, Input, &'a mut Transaction>
+    for Shared<V>
+{
+    type Answer = V::Answer;
+    type Done = V::Done;
+
+    fn apply(self, input: &'a Input, tx: &'a mut Transaction) -> V::Done {
+        self.0.apply(input, tx.change())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Options;
+    use crate::library::Provenance;
+    use crate::search::{Search, page};
+    use fretwork_job::Key;
+    use open::{READERS, SCANS};
+
+    async fn open() -> (tempfile::TempDir, Database) {
+        let dir = tempfile::tempdir().unwrap();
+        let db = Database::open(dir.path(), &Options::default(), Arc::default()).await.unwrap();
+        (dir, db)
     }
 
-    async fn reading_by<T>(
-        &self,
-        readers: &Readers,
-        read: impl AsyncFnOnce(&mut SqliteConnection) -> Result<T, Error>,
-    ) -> Result<T, Error> {
-        let done = async { read(readers.get().await?.connection()).await };
-        self.signals.counted(done.await)
+    /// How SQLite executes a statement.
+    async fn plan(db: &Database, statement: Statement) -> Vec<String> {
+        let rows = db.read(Purpose::Any, statement.explained(), Most::All).await.unwrap();
+        rows.iter().map(|row| row.get("detail").unwrap()).collect()
+    }
+
+    /// A result can have a million jobs.
+    #[tokio::test]
+    async fn the_jobs_of_a_result_are_counted_with_an_index() {
+        let (_dir, db) = open().await;
+        let steps = plan(&db, Provenance::query(&Key::from_bytes([0; 32]))).await;
+        let search = "SEARCH job USING COVERING INDEX job_key (key=?)";
+        assert!(steps.iter().any(|step| step == search), "{steps:?}");
+        assert!(steps.iter().all(|step| !step.starts_with("SCAN")), "{steps:?}");
+    }
+
+    #[tokio::test]
+    async fn searches_for_the_newest_results_use_an_index() {
+        let (_dir, db) = open().await;
+        for (name, value, index) in [
+            ("pinned", "false", "outline_created"),
+            ("owner", "ann", "outline_owner"),
+            ("evicted", "true", "outline_absent"),
+        ] {
+            let mut search = Search::default();
+            search.set(name, value).unwrap();
+            let cursor = "4014000000000000-3".parse().ok();
+            let steps = plan(&db, page(&search, cursor, 50)).await;
+            let used = format!("SEARCH outline USING INDEX {index}");
+            assert!(steps.iter().any(|step| step.contains(&used)), "{steps:?}");
+        }
+    }
+
+    /// A database can have a million jobs, results and scenarios.
+    #[tokio::test]
+    async fn the_query_for_the_oldest_rows_uses_indexes() {
+        let (_dir, db) = open().await;
+        let steps = plan(&db, upkeep::oldest()).await;
+        for step in [
+            "SCAN result USING INDEX result_unread",
+            "SEARCH result USING INDEX result_evicted (evicted>?)",
+            "SEARCH job USING COVERING INDEX job_key (key=?)",
+        ] {
+            assert!(steps.iter().any(|found| found == step), "{steps:#?}");
+        }
+        // Only the few rows of each kind are sorted.
+        let sorted = steps.iter().filter(|step| *step == "USE TEMP B-TREE FOR ORDER BY").count();
+        assert_eq!(sorted, 3, "{steps:#?}");
+    }
+
+    #[tokio::test]
+    async fn access_keys_do_not_wait_for_other_reads() {
+        let (_dir, db) = open().await;
+        let mut busy = Vec::new();
+        for _ in 0..READERS {
+            busy.push(db.readers.get().await.unwrap());
+        }
+        let query = sql!("SELECT id FROM access_key");
+        assert!(db.read(Purpose::Keys, query, Most::All).await.unwrap().is_empty());
+        drop(busy);
+        db.close().await;
+    }
+
+    #[tokio::test]
+    async fn jobs_can_be_read_while_searches_wait() {
+        let (_dir, db) = open().await;
+        let permits = db.scans.acquire_many(u32::try_from(SCANS).unwrap()).await.unwrap();
+        let search = page(&Search::default(), None, 1);
+        let mut search = std::pin::pin!(db.read(Purpose::Scan, search, Most::All));
+        let reads = async {
+            for _ in 0..100 {
+                let query = sql!("SELECT id FROM job");
+                assert!(db.read(Purpose::Any, query, Most::All).await.unwrap().is_empty());
+            }
+        };
+        tokio::select! {
+            _ = &mut search => panic!("there is no permit for it"),
+            () = reads => {}
+        }
+        drop(permits);
+        assert!(search.await.unwrap().is_empty());
     }
 }

@@ -14,19 +14,18 @@ use tokio::sync::Semaphore;
 use super::Database;
 use super::files::Files;
 use super::ledger::Ledger;
-use super::library;
 use super::log::Log;
 use super::outline;
 use super::queue::Queue;
 use super::readers::{BUSY, Readers};
 use super::schema::{self, latest, migrate, version};
 use super::transaction::Transaction;
-use super::upkeep::{self, Upkeep};
+use super::upkeep::Upkeep;
 use super::writer::Writer;
+use crate::ages::AgeClock;
 use crate::error::Error;
 use crate::library::Program;
 use crate::options::{FileSizes, Options};
-use crate::pins::PinQuota;
 use crate::signals::Signals;
 use fretwork_job::clock::now;
 use fretwork_job::{Canonical, ENGINE};
@@ -76,23 +75,22 @@ impl Database {
         let large = Arc::new(Readers::open(&reading, 1).await?);
         let keys = Arc::new(Readers::open(&reading, 1).await?);
         let queue = Queue::load(&mut db).await?;
-        let program = library::program(&Program::this(), &mut db).await?;
+        let program = Program::this().id(&mut db).await?;
         let ledger = Ledger::open(lock, &mut db).await?;
         signals.tally.has_lost(ledger.missing());
         let files =
             [path.clone(), with_suffix(&path, "-wal"), with_suffix(&path, "-shm"), dir.join(LOCK)];
         let files = Files::at(files)
             .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
-        let upkeep =
-            Upkeep::new(options.keep_jobs, options.budget, upkeep::read_clock(&mut db).await?);
+        // A new database has no clock.
+        let clock = sqlx::query_scalar("SELECT clock FROM room").fetch_one(&mut db).await?;
+        let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::at(clock));
         let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, (ledger, log, files)).start();
-        let Options { queue_limit, pin_quota, budget, .. } = *options;
-        let pin_quota = PinQuota::new(pin_quota, budget);
-        let scans = Arc::new(Semaphore::new(SCANS));
+        let (scans, queue_limit) = (Arc::new(Semaphore::new(SCANS)), options.queue_limit);
         let dir = dir.into();
-        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, pin_quota, dir })
+        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, dir })
     }
 }
 

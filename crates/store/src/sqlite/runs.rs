@@ -2,26 +2,25 @@
 //!
 //! Each change names the run and the attempt. So a worker that has lost its run changes nothing.
 
-use std::borrow::Cow;
-use std::sync::{Arc, LazyLock};
-
-use sqlx::query::Query;
-use sqlx::sqlite::{SqliteArguments, SqliteRow};
-use sqlx::{AssertSqlSafe, Sqlite};
+use std::sync::LazyLock;
 
 use super::Database;
-use super::chunks;
-use super::keep::{self, Kept, keeping};
+use super::keep::{Reason, keeping};
 use super::queue::Queue;
 use super::transaction::Transaction;
-use crate::claimed::{Claim, Claimed, Piece};
+use super::{cancel, chunks};
+use crate::audit::Actor;
+use crate::cancel::Canceled;
+use crate::claimed::{Claim, Claimed};
 use crate::error::Error;
-use crate::keep::{Answered, Finish, Reason, Source};
+use crate::keep::{self, Answered, Finish, Source};
 use crate::options::{MAX_LOST, Recovered};
 use crate::row::{Columns, RunId, job_id, key};
-use crate::signals::{Effect, Stop};
+use crate::signals::Effect;
+use crate::statement::{Statement, sql};
+use crate::tables::Tables;
 use crate::tally::Ending;
-use fretwork_job::{Cost, FailureKind, Key};
+use fretwork_job::{FailureKind, JobId, Key};
 
 impl Database {
     pub(crate) async fn claim(&self) -> Result<Option<Claimed>, Error> {
@@ -37,7 +36,7 @@ impl Database {
         claimed: &Claimed,
         answer: Answered,
     ) -> Result<Finish, Error> {
-        self.write(finish, Finished { claimed: claimed.clone(), answer }).await
+        self.write(finish, (claimed.clone(), answer)).await
     }
 
     pub(crate) async fn fail(
@@ -55,6 +54,10 @@ impl Database {
 
     pub(crate) async fn release(&self, claimed: &Claimed) -> Result<bool, Error> {
         self.write(release, claimed.claim()).await
+    }
+
+    pub(crate) async fn cancel(&self, id: JobId, by: Actor) -> Result<Canceled, Error> {
+        self.write(cancel::cancel, (id, by)).await
     }
 
     pub(crate) async fn recover(&self) -> Result<Recovered, Error> {
@@ -75,81 +78,49 @@ async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claimed>, Error> 
 }
 
 async fn claim_whole(run: RunId, tx: &mut Transaction) -> Result<Claimed, Error> {
-    let row = sqlx::query(
-        "UPDATE run SET state = 'running', attempt = attempt + 1, progress = 0, started = ?2,
-             changed = ?2
-         WHERE id = ?1 AND state = 'queued' RETURNING attempt, key, task, trace",
-    )
-    .bind(run.0)
-    .bind(tx.now)
-    .fetch_one(&mut tx.db)
-    .await?;
-    let claimed = Claimed {
-        run,
-        attempt: row.get("attempt")?,
-        key: key(&row, "key")?,
-        piece: Piece::Whole { task: row.get("task")? },
-        spent: Cost::ZERO,
-        trace: row.get("trace")?,
-        stop: Stop::default(),
-    };
+    let query = sql!(
+        "UPDATE run SET state = 'running', attempt = attempt + 1, progress = 0, started = $2,
+             changed = $2
+         WHERE id = $1 AND state = 'queued' RETURNING attempt, key, task, trace";
+        run, tx.now
+    );
+    let claimed = Claimed::whole(run, &tx.db.one(query).await?)?;
     tx.effects.push(Effect::Changed(claimed.key));
     Ok(claimed)
 }
 
 async fn progress((claim, share): &(Claim, f64), tx: &mut Transaction) -> Result<bool, Error> {
     let Claim { part: (run, None), attempt } = *claim else {
-        return Ok(attempt_of_run(*claim, tx).await?.is_some());
+        return Ok(claim.attempt_of_run(&mut tx.db).await?.is_some());
     };
-    let row = sqlx::query(
-        "UPDATE run SET progress = ?3 WHERE id = ?1 AND attempt = ?2 AND state = 'running'
-         RETURNING key",
-    )
-    .bind(run.0)
-    .bind(attempt)
-    // SQLite would store NaN as null.
-    .bind(if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) })
-    .fetch_optional(&mut tx.db)
-    .await?;
-    let Some(row) = row else { return Ok(false) };
+    let query = sql!(
+        "UPDATE run SET progress = $3 WHERE id = $1 AND attempt = $2 AND state = 'running'
+         RETURNING key";
+        run, attempt, *share
+    );
+    let Some(row) = tx.db.row(query).await? else { return Ok(false) };
     tx.effects.push(Effect::Changed(key(&row, "key")?));
     Ok(true)
 }
 
-/// A result and the run that it ends.
-struct Finished {
-    claimed: Claimed,
-    answer: Answered,
-}
-
 async fn finish(
-    Finished { claimed, answer }: &Finished,
+    (claimed, answer): &(Claimed, Answered),
     tx: &mut Transaction,
 ) -> Result<Finish, Error> {
-    static FINISH: LazyLock<Arc<str>> = LazyLock::new(|| keeping(Reason::Run, 2));
-    let Claimed { run, key, ref piece, ref trace, .. } = *claimed;
-    let Some(attempt) = attempt_of_run(claimed.claim(), tx).await? else {
+    static FINISH: LazyLock<String> = LazyLock::new(|| keeping(Reason::Run, 3));
+    let Claimed { run, key, ref trace, .. } = *claimed;
+    let Some(attempt) = claimed.claim().attempt_of_run(&mut tx.db).await? else {
         return Ok(Finish::Refused);
     };
-    let task = match piece {
-        Piece::Whole { task } => Cow::Borrowed(task),
-        Piece::Chunk { .. } | Piece::Assembly { .. } => {
-            let task = sqlx::query_scalar("SELECT task FROM run WHERE id = ?1").bind(run.0);
-            Cow::Owned(task.fetch_one(&mut tx.db).await?)
-        }
-    };
+    let task = claimed.task(&mut tx.db).await?;
     let (owner, job, warnings) = (None, None, None);
     let (trace, program, now) = (trace.as_deref(), Some(tx.program), tx.now);
-    let source = Source { key, attempt, task: &task, owner, job, warnings, trace, program, now };
-    let query = sqlx::query(AssertSqlSafe(Arc::clone(&FINISH))).bind(run.0);
+    let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
+    let query = Statement::of(FINISH.as_str()).with(run).with(attempt).with_result(answer, &source);
     // The first statement returns a row. The others must be executed, too.
-    let rows = keep::bind(answer, query, &source).fetch_all(&mut tx.db).await?;
-    let kept = Kept::read(&rows)?;
-    if kept.started.is_none() {
-        return Ok(Finish::Refused);
-    }
-    ended(tx, run, key, kept.started, Ending::Succeeded);
-    keep::kept(answer, tx, key, &kept).await
+    let Some(row) = tx.db.rows(query).await?.pop() else { return Ok(Finish::Refused) };
+    ended(tx, run, key, row.get("started")?, Ending::Succeeded);
+    keep::kept(answer, key, &row, tx.change()).await
 }
 
 async fn fail(
@@ -157,21 +128,22 @@ async fn fail(
     tx: &mut Transaction,
 ) -> Result<bool, Error> {
     let (run, _) = claim.part;
-    let Some(attempt) = attempt_of_run(*claim, tx).await? else { return Ok(false) };
-    let update = sqlx::query(
-        "UPDATE run SET state = 'failed', finished = ?5, changed = ?5, error_kind = ?1, error = ?2
-         WHERE id = ?3 AND attempt = ?4 AND state = 'running' RETURNING key, started",
+    let Some(attempt) = claim.attempt_of_run(&mut tx.db).await? else { return Ok(false) };
+    let update = sql!(
+        "UPDATE run SET state = 'failed', finished = $3, changed = $3, error_kind = $4, error = $5
+         WHERE id = $1 AND attempt = $2 AND state = 'running' RETURNING key, started";
+        run, attempt, tx.now, kind.as_str(), message
     );
-    let update = update.bind(kind.as_str()).bind(message);
-    Ok(end(tx, update, run, attempt, Ending::Failed).await?.is_some())
+    end(tx, update, run, Ending::Failed).await
 }
 
 async fn stopped((run, attempt): &(RunId, u32), tx: &mut Transaction) -> Result<bool, Error> {
-    let update = sqlx::query(
-        "UPDATE run SET state = 'canceled', finished = ?3, changed = ?3
-         WHERE id = ?1 AND attempt = ?2 AND state = 'canceling' RETURNING key, started",
+    let update = sql!(
+        "UPDATE run SET state = 'canceled', finished = $3, changed = $3
+         WHERE id = $1 AND attempt = $2 AND state = 'canceling' RETURNING key, started";
+        *run, *attempt, tx.now
     );
-    Ok(end(tx, update, *run, *attempt, Ending::Canceled).await?.is_some())
+    end(tx, update, *run, Ending::Canceled).await
 }
 
 async fn release(claim: &Claim, tx: &mut Transaction) -> Result<bool, Error> {
@@ -180,56 +152,49 @@ async fn release(claim: &Claim, tx: &mut Transaction) -> Result<bool, Error> {
         return chunks::release(run, number, attempt, tx).await;
     }
     // `started` is null after the update, and a released run does not count in the durations.
-    let update = sqlx::query(
-        "UPDATE run SET state = 'queued', progress = 0, started = NULL, changed = ?3
-         WHERE id = ?1 AND attempt = ?2 AND state = 'running' RETURNING key, started",
+    let update = sql!(
+        "UPDATE run SET state = 'queued', progress = 0, started = NULL, changed = $3
+         WHERE id = $1 AND attempt = $2 AND state = 'running' RETURNING key, started";
+        run, attempt, tx.now
     );
-    if end(tx, update, run, attempt, Ending::Released).await?.is_none() {
+    if !end(tx, update, run, Ending::Released).await? {
         return Ok(false);
     }
-    let jobs: Vec<(String, u8, Vec<u8>)> =
-        sqlx::query_as("SELECT owner, priority, id FROM job WHERE run = ?1 AND finished IS NULL")
-            .bind(run.0)
-            .fetch_all(&mut tx.db)
-            .await?;
-    for (owner, priority, id) in jobs {
-        tx.queue.add(run, &owner, priority, job_id(&id)?);
+    let query = sql!(
+        "SELECT owner, priority, id FROM job WHERE run = $1 AND finished IS NULL"; run
+    );
+    for row in tx.db.rows(query).await? {
+        tx.queue.add(run, row.get("owner")?, row.get("priority")?, job_id(row.get("id")?)?);
     }
     tx.effects.push(Effect::Queued);
     Ok(true)
 }
 
 async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
-    let canceled = sqlx::query(
-        "UPDATE run SET state = 'canceled', finished = ?1, changed = ?1
-         WHERE state = 'canceling' AND finished IS NULL RETURNING key",
-    )
-    .bind(tx.now)
-    .fetch_all(&mut tx.db)
-    .await?;
-    let failed = sqlx::query(
-        "UPDATE run SET state = 'failed', lost = lost + 1, finished = ?1, changed = ?1,
-             error_kind = ?2, error = ?3
+    let query = sql!(
+        "UPDATE run SET state = 'canceled', finished = $1, changed = $1
+         WHERE state = 'canceling' AND finished IS NULL RETURNING key";
+        tx.now
+    );
+    let canceled = tx.db.rows(query).await?;
+    let query = sql!(
+        "UPDATE run SET state = 'failed', lost = lost + 1, finished = $1, changed = $1,
+             error_kind = $2, error = $3
          WHERE state = 'running' AND finished IS NULL AND (EXISTS (
              SELECT 1 FROM chunk WHERE chunk.run = run.id AND chunk.state = 'running'
-                 AND chunk.state <> 'done' AND (chunk.lost + 1 >= ?4 OR run.lost + 1 >= ?4)
-         ) OR lost + 1 >= ?4 AND id NOT IN (SELECT run FROM study)) RETURNING key",
-    )
-    .bind(tx.now)
-    .bind(FailureKind::WorkerLost.as_str())
-    .bind(format!("the server died {MAX_LOST} times while computing this"))
-    .bind(MAX_LOST)
-    .fetch_all(&mut tx.db)
-    .await?;
-    let requeued = sqlx::query(
+                 AND chunk.state <> 'done' AND (chunk.lost + 1 >= $4 OR run.lost + 1 >= $4)
+         ) OR lost + 1 >= $4 AND id NOT IN (SELECT run FROM study)) RETURNING key";
+        tx.now, FailureKind::WorkerLost.as_str(), format!("the server died {MAX_LOST} times while computing this"), MAX_LOST
+    );
+    let failed = tx.db.rows(query).await?;
+    let query = sql!(
         "UPDATE run SET state = 'queued', lost = lost + 1, progress = 0, started = NULL,
-             changed = ?1
+             changed = $1
          WHERE state = 'running' AND finished IS NULL AND id NOT IN (SELECT run FROM study)
-         RETURNING key",
-    )
-    .bind(tx.now)
-    .fetch_all(&mut tx.db)
-    .await?;
+         RETURNING key";
+        tx.now
+    );
+    let requeued = tx.db.rows(query).await?;
     let pieces = chunks::recover(tx).await?;
     let counts = Recovered {
         requeued: requeued.len() as u64 + pieces,
@@ -249,20 +214,17 @@ async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
     Ok(counts)
 }
 
-/// Takes a run from its worker with the statement `update`, which returns at least `key` and `started`. The next three
-/// parameters of the statement are the run, the attempt and the time. Returns `None` if the worker has
+/// Takes a run from its worker with the statement `update`, which returns `key` and `started`. Returns false if the worker has
 /// lost the run.
 async fn end(
     tx: &mut Transaction,
-    update: Query<'_, Sqlite, SqliteArguments>,
+    update: Statement,
     run: RunId,
-    attempt: u32,
     ending: Ending,
-) -> Result<Option<SqliteRow>, Error> {
-    let update = update.bind(run.0).bind(attempt).bind(tx.now);
-    let Some(row) = update.fetch_optional(&mut tx.db).await? else { return Ok(None) };
+) -> Result<bool, Error> {
+    let Some(row) = tx.db.row(update).await? else { return Ok(false) };
     ended(tx, run, key(&row, "key")?, row.get("started")?, ending);
-    Ok(Some(row))
+    Ok(true)
 }
 
 /// Signals the end of a run.
@@ -273,18 +235,4 @@ fn ended(tx: &mut Transaction, run: RunId, key: Key, started: Option<i64>, endin
     tx.effects.push(Effect::Unwanted(run));
     tx.effects.push(Effect::Ended(key));
     tx.effects.push(Effect::Settled(ending, started.map(|started| tx.now - started)));
-}
-
-/// The attempt of the running run. Returns `None` if the worker has lost its piece of it. For a whole run the caller compares
-/// the attempt.
-async fn attempt_of_run(claim: Claim, tx: &mut Transaction) -> Result<Option<u32>, Error> {
-    let (run, number) = claim.part;
-    let Some(number) = number else { return Ok(Some(claim.attempt)) };
-    let query = sqlx::query_scalar(
-        "SELECT run.attempt FROM chunk JOIN run ON run.id = chunk.run
-         WHERE chunk.run = ?1 AND number = ?2 AND chunk.attempt = ?3
-             AND chunk.state = 'running' AND run.state = 'running'",
-    );
-    let query = query.bind(run.0).bind(number).bind(claim.attempt);
-    Ok(query.fetch_optional(&mut tx.db).await?)
 }

@@ -13,7 +13,7 @@ use sqlx::{Connection as _, SqlSafeStr as _, SqliteConnection};
 use crate::error::Error;
 
 /// The changes of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 14] = [
+const CHANGES: [(i64, &str, &str); 15] = [
     (1, "jobs", include_str!("../../../../migrations/sqlite/0001_jobs.sql")),
     (
         2,
@@ -32,6 +32,7 @@ const CHANGES: [(i64, &str, &str); 14] = [
     (12, "kinds", include_str!("../../../../migrations/sqlite/0012_kinds.sql")),
     (13, "chunks", include_str!("../../../../migrations/sqlite/0013_chunks.sql")),
     (14, "copies", include_str!("../../../../migrations/sqlite/0014_copies.sql")),
+    (15, "verified", include_str!("../../../../migrations/sqlite/0015_verified.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.

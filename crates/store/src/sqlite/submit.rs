@@ -1,21 +1,19 @@
 //! Submissions: they find a known result, join a live run, or queue a new run. For some submissions the answer
 //! is already computed.
 
-use std::sync::{Arc, LazyLock};
+use std::sync::LazyLock;
 use std::time::Duration;
 
-use sqlx::AssertSqlSafe;
-use sqlx::sqlite::SqliteRow;
-
-use super::keep::keeping;
-use super::outline::Statement;
+use super::Database;
+use super::keep::{Reason, keeping};
 use super::transaction::Transaction;
-use super::{Database, keep, read};
 use crate::error::Error;
-use crate::keep::{Answered, Reason, Source};
-use crate::row::{Columns, RunId, checksum, job_id, word};
+use crate::keep::Answered;
+use crate::row::{Columns, Row, RunId, checksum, word};
 use crate::signals::Effect;
+use crate::statement::{Statement, sql};
 use crate::submit::{Admission, EncodedJob, NewJob, Queued, Submitted};
+use crate::tables::{Connected, Tables};
 use crate::tally::Ending;
 use fretwork_job::{JobState, Origin};
 
@@ -31,30 +29,12 @@ impl Database {
         wall: Duration,
     ) -> Result<Vec<Submitted>, Error> {
         let limit = Some(self.queue_limit);
-        let jobs = jobs.into_iter().map(|job| EncodedJob::new(job, limit)).collect();
-        self.write(record, Record { jobs, wall, answer }).await
+        let jobs: Vec<_> = jobs.into_iter().map(|job| EncodedJob::new(job, limit)).collect();
+        self.write(record, (jobs, answer, wall)).await
     }
 }
 
 impl EncodedJob {
-    /// The job that this submission made when it was first sent.
-    async fn repeated(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
-        let Some(repeatable) = &self.job.repeatable else { return Ok(None) };
-        let found: Option<(Vec<u8>, Vec<u8>)> = sqlx::query_as(
-            "SELECT id, fingerprint FROM job WHERE owner = ?1 AND idempotency_key = ?2",
-        )
-        .bind(&self.job.owner)
-        .bind(&repeatable.key)
-        .fetch_optional(&mut tx.db)
-        .await?;
-        let Some((id, fingerprint)) = found else { return Ok(None) };
-        if fingerprint != repeatable.fingerprint {
-            return Ok(Some(Submitted::IdempotencyConflict));
-        }
-        let job = read::job(&mut tx.db, job_id(&id)?).await?;
-        Ok(job.map(Submitted::Repeated))
-    }
-
     /// Why the submission is refused, if it is.
     async fn refusal(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
         let admission = self.job.admission;
@@ -64,70 +44,66 @@ impl EncodedJob {
         {
             return Ok(None);
         }
-        // Whether the result is stored, and the state of the live run.
-        let (result, live): (bool, Option<String>) = sqlx::query_as(
-            "SELECT result.key IS NOT NULL AND result.evicted IS NULL, run.state
-             FROM (SELECT ?1 AS key) AS asked
+        let query = sql!(
+            "SELECT result.key IS NOT NULL AND result.evicted IS NULL AS is_known, run.state AS live
+             FROM (SELECT $1 AS key) AS asked
              LEFT JOIN result ON result.key = asked.key
-             LEFT JOIN run ON run.key = asked.key AND run.state IN ('queued', 'running')",
-        )
-        .bind(self.job.key.bytes().as_slice())
-        .fetch_one(&mut tx.db)
-        .await?;
-        Ok(self.refused_because(result, live.as_deref(), queued))
+             LEFT JOIN run ON run.key = asked.key AND run.state IN ('queued', 'running')";
+            self.job.key
+        );
+        let row = tx.db.one(query).await?;
+        Ok(self.refused_because(row.get("is_known")?, row.text("live")?, queued))
     }
 
     /// Inserts the job, and a run if it needs one. The new run is queued.
     async fn insert(&self, tx: &mut Transaction) -> Result<Submitted, Error> {
-        let query = self.bind(sqlx::query(AssertSqlSafe(Arc::clone(&SUBMIT))), tx.now, None);
-        let row = query.fetch_optional(&mut tx.db).await.map_err(|error| self.refused(error))?;
+        let query = self.bind(Statement::of(SUBMIT.as_str()), tx.now, None);
+        let row = self.inserted(query, tx).await?;
         if let (Some(chunks), Some(row)) = (self.job.chunks, &row)
             && word::<Origin>(row, "origin")? == Origin::Computed
         {
-            let (run, chunks): (i64, u32) = (row.get("run")?, chunks.get());
-            sqlx::query("INSERT INTO study (run, chunks) VALUES (?1, ?2)")
-                .bind(run)
-                .bind(chunks)
-                .execute(&mut tx.db)
-                .await?;
-            tx.queue.add_study(RunId(run), chunks);
+            let (run, chunks) = (RunId(row.get("run")?), chunks.get());
+            let insert = sql!("INSERT INTO study (run, chunks) VALUES ($1, $2)"; run, chunks);
+            tx.db.execute(insert).await?;
+            tx.queue.add_study(run, chunks);
         }
         self.submitted(tx, row)
     }
 
-    /// Binds the parameters of [`RUN`] and [`JOB`].
-    fn bind<'q>(
-        &'q self,
-        query: Statement<'q>,
-        now: i64,
-        recorded: Option<Recorded>,
-    ) -> Statement<'q> {
+    /// Executes statements that insert the job. Returns its row, unless it needs a run.
+    async fn inserted(&self, query: Statement, tx: &mut Transaction) -> Result<Option<Row>, Error> {
+        let row = query.sqlite().fetch_optional(&mut tx.db).await;
+        Ok(row.map_err(|error| self.refused(error))?.map(Row::Sqlite))
+    }
+
+    /// Adds the values of [`RUN`] and [`JOB`].
+    fn bind(&self, query: Statement, now: i64, recorded: Option<Recorded>) -> Statement {
         let new = &self.job;
         let repeatable = new.repeatable.as_ref();
         query
-            .bind(new.key.bytes().as_slice())
-            .bind(&new.owner)
-            .bind(recorded.map(|recorded| recorded.began))
-            .bind(&new.task)
-            .bind(new.afresh)
-            .bind(&new.trace)
-            .bind(recorded.is_some() || new.admission == Admission::NoNewRun)
-            .bind(recorded.and_then(|recorded| recorded.origin).map(Origin::as_str))
-            .bind(new.id.0.as_bytes().as_slice())
-            .bind(&new.label)
-            .bind(&self.tags)
-            .bind(self.warnings.to_string())
-            .bind(new.priority)
-            .bind(repeatable.map(|repeatable| &repeatable.key))
-            .bind(repeatable.map(|repeatable| repeatable.fingerprint.as_slice()))
-            .bind(&new.submitted)
-            .bind(now)
-            .bind(&self.submission_warnings)
-            .bind(new.submitted.as_deref().map(checksum))
+            .with(new.key)
+            .with(&new.owner)
+            .with(recorded.map(|recorded| recorded.began))
+            .with(&new.task)
+            .with(new.afresh)
+            .with(new.trace.as_ref())
+            .with(recorded.is_some() || new.admission == Admission::NoNewRun)
+            .with(recorded.and_then(|recorded| recorded.origin).map(Origin::as_str))
+            .with(new.id)
+            .with(new.label.as_ref())
+            .with(&self.tags)
+            .with(self.warnings.to_string())
+            .with(new.priority)
+            .with(repeatable.map(|repeatable| &repeatable.key))
+            .with(repeatable.map(|repeatable| &repeatable.fingerprint))
+            .with(new.submitted.as_ref())
+            .with(now)
+            .with(&self.submission_warnings)
+            .with(new.submitted.as_deref().map(checksum))
     }
 
     /// Signals a submission after [`JOB`], and returns its job.
-    fn submitted(&self, tx: &mut Transaction, row: Option<SqliteRow>) -> Result<Submitted, Error> {
+    fn submitted(&self, tx: &mut Transaction, row: Option<Row>) -> Result<Submitted, Error> {
         let new = &self.job;
         let Some(row) = row else { return Ok(Submitted::NeedsRun) };
         let job = self.job(&row)?;
@@ -185,24 +161,16 @@ const JOB: &str = "
 
 /// Queues a run if the job needs one, and inserts the job. Only the last statement returns a row. `fetch_optional` would skip
 /// the statements after it.
-static SUBMIT: LazyLock<Arc<str>> = LazyLock::new(|| format!("{RUN}; {JOB}").into());
+static SUBMIT: LazyLock<String> = LazyLock::new(|| format!("{RUN}; {JOB}"));
 
 async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitted, Error> {
-    if let Some(repeated) = submission.repeated(tx).await? {
+    if let Some(repeated) = submission.repeated(&mut tx.db).await? {
         return Ok(repeated);
     }
     if let Some(refusal) = submission.refusal(tx).await? {
         return Ok(refusal);
     }
     submission.insert(tx).await
-}
-
-/// Jobs of one key whose answer was computed before they were submitted.
-struct Record {
-    jobs: Vec<EncodedJob>,
-    /// How long the computation took.
-    wall: Duration,
-    answer: Answered,
 }
 
 /// How a job got its answer before it was submitted.
@@ -215,24 +183,22 @@ struct Recorded {
 }
 
 /// Stores a result and its first job. Only the last statement returns a row, as in [`SUBMIT`].
-static RECORD: LazyLock<Arc<str>> =
-    LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 20)).into());
+static RECORD: LazyLock<String> = LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 20)));
 
 /// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
 /// live, the jobs use that instead, and the answer is dropped. If it is evicted and no run is live, the jobs need one.
-async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>, Error> {
-    let Record { jobs, wall, answer } = record;
+async fn record(
+    (jobs, answer, wall): &(Vec<EncodedJob>, Answered, Duration),
+    tx: &mut Transaction,
+) -> Result<Vec<Submitted>, Error> {
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
     let (began, now) = (tx.now.saturating_sub(took), tx.now);
     let Some((first, others)) = jobs.split_first() else { return Ok(Vec::new()) };
-    let NewJob { id, key, ref owner, ref task, ref trace, .. } = first.job;
-    let (owner, job, trace) = (Some(owner.as_str()), Some(id), trace.as_deref());
-    let (warnings, program) = (Some(first.submission_warnings.as_str()), Some(tx.program));
-    let source = Source { key, attempt: 0, task, owner, job, warnings, trace, program, now };
+    let (key, source) = (first.job.key, first.source(tx.program, now));
     let recorded = Some(Recorded { origin: Some(Origin::Computed), began });
-    let query = first.bind(sqlx::query(AssertSqlSafe(Arc::clone(&RECORD))), now, recorded);
-    let row = keep::bind(answer, query, &source).fetch_optional(&mut tx.db).await;
-    let submitted = first.submitted(tx, row.map_err(|error| first.refused(error))?)?;
+    let query = first.bind(Statement::of(RECORD.as_str()), now, recorded);
+    let row = first.inserted(query.with_result(answer, &source), tx).await?;
+    let submitted = first.submitted(tx, row)?;
     let is_stored =
         matches!(&submitted, Submitted::Accepted(job) if job.origin == Origin::Computed);
     if is_stored {
@@ -243,8 +209,8 @@ async fn record(record: &Record, tx: &mut Transaction) -> Result<Vec<Submitted>,
     let origin = is_stored.then_some(Origin::Coalesced);
     let recorded = Some(Recorded { origin, began });
     for other in others {
-        let row = other.bind(sqlx::query(JOB), now, recorded).fetch_optional(&mut tx.db).await;
-        all.push(other.submitted(tx, row.map_err(|error| other.refused(error))?)?);
+        let row = other.inserted(other.bind(Statement::of(JOB), now, recorded), tx).await?;
+        all.push(other.submitted(tx, row)?);
     }
     Ok(all)
 }

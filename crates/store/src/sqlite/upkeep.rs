@@ -8,13 +8,15 @@
 use std::time::{Duration, Instant};
 
 use sqlx::SqliteConnection;
-use sqlx::sqlite::SqliteRow;
 
 use super::transaction::Transaction;
 use crate::ages::AgeClock;
+use crate::cancel::{delete_job, delete_unnamed};
 use crate::error::Error;
-use crate::row::Columns;
+use crate::row::{Columns, RunId};
 use crate::signals::Effect;
+use crate::statement::{Statement, sql};
+use crate::tables::{Connected, Tables};
 use fretwork_job::Key;
 
 /// The writer task is idle after this time without a message.
@@ -99,15 +101,9 @@ impl Upkeep {
     }
 }
 
-/// Reads the clock of the last server; a new database has none.
-pub(super) async fn read_clock(db: &mut SqliteConnection) -> Result<AgeClock, Error> {
-    let stored: Option<i64> = sqlx::query_scalar("SELECT clock FROM room").fetch_one(db).await?;
-    Ok(AgeClock::at(stored))
-}
-
 /// Stores the [`AgeClock`].
 pub(super) async fn write_clock(time: &i64, tx: &mut Transaction) -> Result<(), Error> {
-    sqlx::query("UPDATE room SET clock = ?1").bind(time).execute(&mut tx.db).await?;
+    tx.db.execute(sql!("UPDATE room SET clock = $1"; *time)).await?;
     Ok(())
 }
 
@@ -115,9 +111,8 @@ pub(super) async fn write_clock(time: &i64, tx: &mut Transaction) -> Result<(), 
 /// takes.
 pub(super) async fn probe((): &(), tx: &mut Transaction) -> Result<(), Error> {
     // SQLite does not write bytes that have not changed, hence random ones.
-    sqlx::query("INSERT OR REPLACE INTO probe (id, bytes) VALUES (1, randomblob(262144))")
-        .execute(&mut tx.db)
-        .await?;
+    let query = sql!("INSERT OR REPLACE INTO probe (id, bytes) VALUES (1, randomblob(262144))");
+    tx.db.execute(query).await?;
     Ok(())
 }
 
@@ -127,11 +122,11 @@ pub(super) async fn write_reads(
     tx: &mut Transaction,
 ) -> Result<(), Error> {
     for (key, at) in reads {
-        sqlx::query("UPDATE result SET last_access = ?2 WHERE key = ?1 AND last_access < ?2")
-            .bind(key.bytes().as_slice())
-            .bind(at)
-            .execute(&mut tx.db)
-            .await?;
+        let query = sql!(
+            "UPDATE result SET last_access = $2 WHERE key = $1 AND last_access < $2";
+            key, *at
+        );
+        tx.db.execute(query).await?;
     }
     Ok(())
 }
@@ -142,72 +137,51 @@ pub(super) async fn delete_old(before: &i64, tx: &mut Transaction) -> Result<boo
     // A job id begins with the time in milliseconds, so the primary key finds the oldest jobs.
     let mut oldest = [0; 16];
     oldest[..6].copy_from_slice(&(*before).max(0).to_be_bytes()[2..]);
-    let rows = sqlx::query(
+    let query = sql!(
         "DELETE FROM job WHERE id IN (
-             SELECT id FROM job WHERE id < ?1 AND finished < ?2 ORDER BY id LIMIT ?3
-         ) RETURNING run",
-    )
-    .bind(oldest.as_slice())
-    .bind(before)
-    .bind(JOBS)
-    .fetch_all(&mut tx.db)
-    .await?;
+             SELECT id FROM job WHERE id < $1 AND finished < $2 ORDER BY id LIMIT $3
+         ) RETURNING run";
+        &oldest[..], *before, JOBS
+    );
+    let rows = tx.db.rows(query).await?;
     for row in &rows {
         if let Some(run) = row.get("run")? {
-            delete_unnamed(tx, run).await?;
+            delete_unnamed(RunId(run), &mut tx.db).await?;
         }
     }
     Ok(rows.len() as u64 == u64::from(JOBS))
 }
 
-/// Deletes a finished run without jobs.
-pub(super) async fn delete_unnamed(tx: &mut Transaction, run: i64) -> Result<(), Error> {
-    sqlx::query(
-        "DELETE FROM run WHERE id = ?1 AND finished IS NOT NULL
-             AND NOT EXISTS (SELECT 1 FROM job WHERE run = ?1)",
-    )
-    .bind(run)
-    .execute(&mut tx.db)
-    .await?;
-    Ok(())
-}
-
 /// Deletes some chunks of a study that has ended. Returns whether it deleted any: then there may be more.
 pub(super) async fn delete_chunks((): &(), tx: &mut Transaction) -> Result<bool, Error> {
-    let ended: Option<i64> = sqlx::query_scalar(
+    let query = sql!(
         "DELETE FROM study WHERE NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = study.run)
              AND NOT EXISTS (SELECT 1 FROM run WHERE run.id = study.run AND finished IS NULL);
-         SELECT study.run FROM study LEFT JOIN run ON run.id = study.run
-         WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1",
-    )
-    .fetch_optional(&mut tx.db)
-    .await?;
-    let Some(run) = ended else { return Ok(false) };
-    let deleted = sqlx::query(
-        "DELETE FROM chunk WHERE rowid IN (SELECT rowid FROM chunk WHERE run = ?1 LIMIT ?2)",
-    )
-    .bind(run)
-    .bind(CHUNKS)
-    .execute(&mut tx.db)
-    .await?;
-    Ok(deleted.rows_affected() > 0)
+         SELECT study.run AS run FROM study LEFT JOIN run ON run.id = study.run
+         WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1"
+    );
+    let Some(ended) = tx.db.row(query).await? else { return Ok(false) };
+    let query = sql!(
+        "DELETE FROM chunk WHERE rowid IN (SELECT rowid FROM chunk WHERE run = $1 LIMIT $2)";
+        RunId(ended.get("run")?), CHUNKS
+    );
+    Ok(tx.db.execute(query).await? > 0)
 }
 
 /// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs.
 pub(super) async fn forget_evicted(time: &i64, tx: &mut Transaction) -> Result<(), Error> {
     // Among the oldest 1000 only, so that many results with jobs do not slow every round. Younger results without
     // jobs wait until the jobs of older ones are deleted.
-    sqlx::query(
+    let query = sql!(
         "DELETE FROM result WHERE key IN (
              SELECT key FROM (
-                 SELECT key FROM result WHERE evicted < ?1 ORDER BY evicted LIMIT 1000
+                 SELECT key FROM result WHERE evicted < $1 ORDER BY evicted LIMIT 1000
              ) AS old
              WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100
-         )",
-    )
-    .bind(time - KEEP_EVICTED)
-    .execute(&mut tx.db)
-    .await?;
+         )";
+        time - KEEP_EVICTED
+    );
+    tx.db.execute(query).await?;
     Ok(())
 }
 
@@ -229,7 +203,7 @@ pub(super) async fn make_room(
 ) -> Result<Room, Error> {
     let mut room = Room { used: used(&mut tx.db).await?, deleted: 0 };
     while room.used > *budget && room.deleted < *rows {
-        let oldest = oldest(&mut tx.db).await?;
+        let oldest = tx.db.rows(oldest()).await?;
         if oldest.is_empty() {
             break;
         }
@@ -239,9 +213,10 @@ pub(super) async fn make_room(
             }
             let (kind, id): (&str, &[u8]) = (row.get("kind")?, row.get("id")?);
             match kind {
-                "job" => delete_job(id, tx).await?,
+                "job" => delete_job(id, &mut tx.db).await?,
                 "result" => evict(id, *leave_bodies, tx).await?,
-                _ => forget(id, tx).await?,
+                // The scenario of an evicted result.
+                _ => drop(tx.db.execute(sql!("DELETE FROM result WHERE key = $1"; id)).await?),
             }
             room.deleted += 1;
             room.used = used(&mut tx.db).await?;
@@ -259,99 +234,41 @@ async fn used(db: &mut SqliteConnection) -> Result<u64, Error> {
     Ok(query.fetch_one(db).await?)
 }
 
-/// The query of [`oldest`].
-const OLDEST_ROWS: &str = "SELECT * FROM (
-         SELECT 'job' AS kind, id, finished AS used FROM job
-         WHERE finished IS NOT NULL ORDER BY id LIMIT ?1)
-     UNION ALL SELECT * FROM (
-         SELECT 'result', key, last_access FROM result INDEXED BY result_unread
-         WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT ?1)
-     UNION ALL SELECT * FROM (
-         SELECT 'scenario', key, evicted FROM (
-             SELECT key, evicted FROM result INDEXED BY result_evicted
-             WHERE evicted IS NOT NULL AND NOT pinned
-                 AND NOT EXISTS (SELECT 1 FROM result_blob WHERE result_blob.key = result.key)
-             ORDER BY evicted LIMIT 1000) AS old
-         WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key)
-         ORDER BY evicted LIMIT ?1)
-     ORDER BY used LIMIT ?1";
-
 /// The jobs, results and scenarios that were used longest ago, the oldest first: a job when it ended, a result when it
 /// was read, a scenario when its result was evicted. A scenario is not among them while it has jobs, or while its damaged
 /// body could not be deleted. Only the oldest 1000 are looked at, so that many scenarios with jobs do not slow every call.
-async fn oldest(db: &mut SqliteConnection) -> Result<Vec<SqliteRow>, Error> {
-    let query = sqlx::query(OLDEST_ROWS);
-    Ok(query.bind(OLDEST).fetch_all(db).await?)
-}
-
-async fn delete_job(id: &[u8], tx: &mut Transaction) -> Result<(), Error> {
-    let run: Option<i64> = sqlx::query_scalar("DELETE FROM job WHERE id = ?1 RETURNING run")
-        .bind(id)
-        .fetch_one(&mut tx.db)
-        .await?;
-    match run {
-        Some(run) => delete_unnamed(tx, run).await,
-        None => Ok(()),
-    }
+pub(super) fn oldest() -> Statement {
+    sql!(
+        "SELECT * FROM (
+             SELECT 'job' AS kind, id, finished AS used FROM job
+             WHERE finished IS NOT NULL ORDER BY id LIMIT $1)
+         UNION ALL SELECT * FROM (
+             SELECT 'result', key, last_access FROM result INDEXED BY result_unread
+             WHERE NOT pinned AND evicted IS NULL ORDER BY last_access LIMIT $1)
+         UNION ALL SELECT * FROM (
+             SELECT 'scenario', key, evicted FROM (
+                 SELECT key, evicted FROM result INDEXED BY result_evicted
+                 WHERE evicted IS NOT NULL AND NOT pinned
+                     AND NOT EXISTS (SELECT 1 FROM result_blob WHERE result_blob.key = result.key)
+                 ORDER BY evicted LIMIT 1000) AS old
+             WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key)
+             ORDER BY evicted LIMIT $1)
+         ORDER BY used LIMIT $1";
+        OLDEST
+    )
 }
 
 /// Deletes the body of a result. Its scenario stays known.
 async fn evict(key: &[u8], leave_body: bool, tx: &mut Transaction) -> Result<(), Error> {
-    sqlx::query("UPDATE result SET evicted = ?2 WHERE key = ?1")
-        .bind(key)
-        .bind(tx.now)
-        .execute(&mut tx.db)
-        .await?;
+    tx.db.execute(sql!("UPDATE result SET evicted = $2 WHERE key = $1"; key, tx.now)).await?;
     if !leave_body {
-        let delete = sqlx::query("DELETE FROM result_blob WHERE key = ?1");
-        delete.bind(key).execute(&mut tx.db).await?;
+        tx.db.execute(sql!("DELETE FROM result_blob WHERE key = $1"; key)).await?;
     }
     tx.effects.push(Effect::Evicted);
-    Ok(())
-}
-
-/// Deletes the scenario of an evicted result.
-async fn forget(key: &[u8], tx: &mut Transaction) -> Result<(), Error> {
-    let delete = sqlx::query("DELETE FROM result WHERE key = ?1");
-    delete.bind(key).execute(&mut tx.db).await?;
     Ok(())
 }
 
 /// Bytes of the stored results.
 pub(super) async fn stored((): &(), tx: &mut Transaction) -> Result<u64, Error> {
     Ok(sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?)
-}
-
-#[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use crate::Options;
-    use crate::sqlite::Database;
-
-    use super::*;
-
-    /// A database can have a million jobs, results and scenarios.
-    #[tokio::test]
-    async fn the_query_for_the_oldest_rows_uses_indexes() {
-        let dir = tempfile::tempdir().unwrap();
-        let store = Database::open(dir.path(), &Options::default(), Arc::default()).await.unwrap();
-        let plan = format!("EXPLAIN QUERY PLAN {OLDEST_ROWS}");
-        let rows = store.reading(async |db| {
-            let plan = sqlx::query(sqlx::AssertSqlSafe(plan)).bind(OLDEST);
-            Ok(plan.fetch_all(db).await?)
-        });
-        let rows = rows.await.unwrap();
-        let steps: Vec<&str> = rows.iter().map(|row| row.get("detail").unwrap()).collect();
-        for step in [
-            "SCAN result USING INDEX result_unread",
-            "SEARCH result USING INDEX result_evicted (evicted>?)",
-            "SEARCH job USING COVERING INDEX job_key (key=?)",
-        ] {
-            assert!(steps.contains(&step), "{steps:#?}");
-        }
-        // Only the few rows of each kind are sorted.
-        let sorted = steps.iter().filter(|step| **step == "USE TEMP B-TREE FOR ORDER BY").count();
-        assert_eq!(sorted, 3, "{steps:#?}");
-    }
 }

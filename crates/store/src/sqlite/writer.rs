@@ -12,8 +12,9 @@ use super::files::Files;
 use super::ledger::Ledger;
 use super::log::{self, Log};
 use super::queue::Queue;
-use super::transaction::{Transaction, Verb};
+use super::transaction::Transaction;
 use super::upkeep::{self, Room, Upkeep, delete_old, make_room, write_clock, write_reads};
+use crate::change::Verb;
 use crate::error::Error;
 use crate::signals::{READ_AT_ONCE, Signals};
 use fretwork_job::clock::now;
@@ -52,7 +53,7 @@ struct Pending<V, Input, Answer> {
 
 impl<V, Input, Answer> Order for Pending<V, Input, Answer>
 where
-    V: for<'a> Verb<'a, Input, Answer = Answer>,
+    V: for<'a> Verb<'a, Input, &'a mut Transaction, Answer = Answer>,
     Input: Send + Sync,
     Answer: Send,
 {
@@ -75,7 +76,7 @@ type Reply<Answer> = oneshot::Receiver<Result<Answer, Error>>;
 /// A verb with its input, for the writer task. The receiver gets the answer after the commit.
 pub(super) fn order<V, Input, Answer>(verb: V, input: Input) -> (Box<dyn Order>, Reply<Answer>)
 where
-    V: for<'a> Verb<'a, Input, Answer = Answer>,
+    V: for<'a> Verb<'a, Input, &'a mut Transaction, Answer = Answer>,
     Input: Send + Sync + 'static,
     Answer: Send + 'static,
 {
@@ -334,7 +335,7 @@ impl Writer {
     /// Applies a verb of the maintenance in its own transaction.
     async fn chore<V, Input, Answer>(&mut self, verb: V, input: Input) -> Result<Answer, Error>
     where
-        V: for<'a> Verb<'a, Input, Answer = Answer>,
+        V: for<'a> Verb<'a, Input, &'a mut Transaction, Answer = Answer>,
         Input: Send + Sync + 'static,
         Answer: Send + 'static,
     {

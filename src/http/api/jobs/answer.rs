@@ -18,6 +18,7 @@ use crate::http::memory::Encoded;
 use crate::http::problem::{Problem, kinds};
 use crate::http::wire::include::{Include, NULL};
 use crate::http::wire::instant;
+use crate::http::wire::schemas;
 use fretwork_job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
 use fretwork_store::{self as store, Asked};
 
@@ -29,7 +30,7 @@ pub struct JobAnswer {
     #[schema(value_type = String, format = "uuid", example = "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
     id: JobId,
     /// `queued`, `running`, `canceling`, `succeeded`, `failed` or `canceled`.
-    #[schema(value_type = crate::http::wire::schemas::JobState)]
+    #[schema(value_type = schemas::JobState)]
     state: JobState,
     /// Its owner: the name of the key that submitted it, or the address of the client on a server without keys.
     /// Only administrators see the jobs of others.
@@ -40,7 +41,7 @@ pub struct JobAnswer {
     key: Key,
     /// Whether the result was computed for this job (`computed`), for another job at the same time (`coalesced`), or
     /// before (`cached`).
-    #[schema(value_type = crate::http::wire::schemas::Origin)]
+    #[schema(value_type = schemas::Origin)]
     origin: Origin,
     /// How often its computation was started. It is more than 1 if the server was interrupted.
     #[schema(example = 1)]
@@ -64,11 +65,11 @@ pub struct JobAnswer {
     /// How the result of its run compares with the one that the server had before: `same`; `differs` (the stored result
     /// stays, and `warnings` say what to do); `replaced` (the earlier one was evicted or deleted, and the new one is
     /// stored). Null if the server had none, or if this job has no run.
-    #[schema(value_type = Option<crate::http::wire::schemas::Recomputed>)]
+    #[schema(value_type = Option<schemas::Recomputed>)]
     recomputed: Option<Recomputed>,
     /// Warnings about the validity of the model, and about a result that differs from an earlier one: a list of `{kind,
     /// detail}`.
-    #[schema(value_type = Vec<crate::http::wire::schemas::Warning>)]
+    #[schema(value_type = Vec<schemas::Warning>)]
     warnings: Value,
     /// Why it failed; null unless it did.
     error: Option<JobError>,
@@ -192,7 +193,7 @@ pub(super) async fn answer(
     include: Include,
 ) -> Result<Response, Problem> {
     let asked = if include.scenario || include.submitted {
-        app.service.asked(job.id).await?
+        app.store.asked(job.id).await?
     } else {
         Asked::default()
     };

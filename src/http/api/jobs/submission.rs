@@ -16,6 +16,7 @@ use crate::http::memory::Encoded;
 use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::include::{Include, NULL};
+use crate::http::wire::schemas;
 use crate::http::wire::{Freshness, Prefer, Query, ascii, idempotency_key, urgency};
 use crate::service::{Accepted, Refusal, Terms};
 use fretwork_job::{Job, JobState, Origin, Submission};
@@ -29,7 +30,7 @@ use fretwork_store::Asked;
 /// the same `Idempotency-Key`: it stays one job.
 #[utoipa::path(post, path = "/v1/jobs", operation_id = "submit_job", tag = "jobs",
     params(
-        ("include" = Option<crate::http::wire::schemas::Include>, Query, style = Form, explode = false,
+        ("include" = Option<schemas::Include>, Query, style = Form, explode = false,
             description = "Adds to the job, separated by commas: the `result`, if the job is \
                 finished; the canonical `scenario`; the scenario as `submitted`.",
             example = json!(["result"])),
@@ -94,7 +95,7 @@ pub async fn submit(
     };
     let Accepted { job, answer, repeated } = app.service.submit(submission, terms).await?;
     if repeated && include.submitted {
-        asked = app.service.asked(job.id).await?;
+        asked = app.store.asked(job.id).await?;
     }
     let (result, permit) = match answer {
         _ if !include.result => (None, None),

@@ -1,0 +1,46 @@
+//! Changes that both databases make with the same statements.
+
+use std::future::Future;
+
+use super::error::Error;
+use super::signals::Effect;
+use super::tables::{Connected, Connection};
+
+/// An open transaction of either database.
+pub(super) struct Change<'a> {
+    pub(super) db: Connection<'a>,
+    /// The time of all its changes, in milliseconds since 1970.
+    pub(super) now: i64,
+    /// What to signal after the commit.
+    pub(super) effects: &'a mut Vec<Effect>,
+}
+
+impl Connected for Change<'_> {
+    fn connection(&mut self) -> Connection<'_> {
+        self.db.connection()
+    }
+}
+
+/// A function that changes the database in a transaction `Tx`.
+///
+/// It may be called more than once, each time after a rollback of the call before.
+pub(super) trait Verb<'a, Input: 'a, Tx>: Copy + Send + Sync + 'static {
+    type Answer;
+    type Done: Future<Output = Result<Self::Answer, Error>> + Send;
+
+    fn apply(self, input: &'a Input, tx: Tx) -> Self::Done;
+}
+
+impl<'a, Input, Tx, Answer, Function, Done> Verb<'a, Input, Tx> for Function
+where
+    Input: 'a,
+    Function: Fn(&'a Input, Tx) -> Done + Copy + Send + Sync + 'static,
+    Done: Future<Output = Result<Answer, Error>> + Send,
+{
+    type Answer = Answer;
+    type Done = Done;
+
+    fn apply(self, input: &'a Input, tx: Tx) -> Done {
+        self(input, tx)
+    }
+}

@@ -1,0 +1,159 @@
+//! The parameters that several operations share, for the OpenAPI document. [`Query`](crate::http::wire::Query) reads them.
+
+use utoipa::IntoParams;
+use utoipa::openapi::Required;
+use utoipa::openapi::path::{Parameter, ParameterBuilder, ParameterIn};
+use utoipa::openapi::schema::{ObjectBuilder, Type};
+
+use crate::http::wire::schemas::{
+    ChosenInstants, JobState, KeyText, Layout, Order, TableFormat, UnitSystem,
+};
+use fretwork_job::{SCALARS, WORDS};
+
+/// Declares parameters that nothing constructs.
+macro_rules! parameters {
+    ($($(#[$about:meta])* $name:ident $members:tt)*) => {
+        $(
+            #[derive(IntoParams)]
+            $(#[$about])*
+            #[expect(dead_code, reason = "the document has these, and no request is parsed to them")]
+            pub struct $name $members
+        )*
+    };
+}
+
+parameters! {
+    /// The result that an operation is about.
+    #[into_params(parameter_in = Path)]
+    ResultKey {
+        /// The `key` of a job, or of a checked scenario or study.
+        key: KeyText,
+    }
+    /// Of each table of a result.
+    #[into_params(parameter_in = Query)]
+    OfTable {
+        /// Overrides `Accept`.
+        #[param(required = false)]
+        format: TableFormat,
+        /// JSON only: one array per column (`columns`, the default), or a list of rows in the member `records`.
+        #[param(required = false)]
+        layout: Layout,
+    }
+    /// Of each table with rows at output cycles.
+    #[into_params(parameter_in = Query)]
+    AtCycles {
+        /// Only these output cycles, separated by commas.
+        #[param(required = false, style = Form, explode = false, example = json!([0]))]
+        cycles: ChosenInstants,
+    }
+    /// Of each answer with numbers.
+    #[into_params(parameter_in = Query)]
+    Numbers {
+        /// Rounds every number to this many significant digits. Up to 7 digits, arrays in NPZ and Arrow are float32, except
+        /// columns with numbers below 1.2e-38.
+        #[param(required = false, minimum = 1, maximum = 17, example = 7)]
+        digits: u32,
+        /// `si` (the default), or `engineering`: um, mm^3, MPa (moduli too), mJ, N, mm^3/(N m). The member `units` and the
+        /// headers name them.
+        #[param(required = false, example = "engineering")]
+        units: UnitSystem,
+    }
+    /// Of each answer that a client may keep.
+    #[into_params(parameter_in = Header)]
+    Copied {
+        /// The `ETag` of the client's copy.
+        #[param(required = false, rename = "If-None-Match")]
+        if_none_match: String,
+        /// `zstd` or `gzip`; NPZ archives are always compressed.
+        #[param(required = false, rename = "Accept-Encoding")]
+        accept_encoding: String,
+    }
+    /// The filters of jobs.
+    #[into_params(parameter_in = Query)]
+    OfJobs {
+        /// Jobs in this state.
+        #[param(required = false)]
+        state: JobState,
+        /// Jobs with exactly this label.
+        #[param(required = false)]
+        label: String,
+        /// Jobs with this tag.
+        #[param(required = false)]
+        tag: String,
+        /// Jobs for the result with this key.
+        #[param(required = false)]
+        key: KeyText,
+        /// Jobs of this owner; `me` is the caller. On a server with keys, only administrators see the jobs of others.
+        #[param(required = false, example = "me")]
+        owner: String,
+    }
+    /// The conditions of a search that do not follow from the tables of words and numbers.
+    #[into_params(parameter_in = Query)]
+    Conditions {
+        /// Results that this server first stored in this range of days or times: `2026-01-31..`. A day is the whole day, UTC.
+        #[param(required = false)]
+        created: String,
+        /// Results whose size in bytes lies in this range.
+        #[param(required = false)]
+        size: String,
+        /// Results that a job of this owner computed; `me` is the caller.
+        #[param(required = false)]
+        owner: String,
+        /// Results that are pinned, or that are not.
+        #[param(required = false)]
+        pinned: bool,
+        /// Results that this owner has pinned; `me` is the caller.
+        #[param(required = false)]
+        pinned_by: String,
+        /// `true`: only results that were evicted or deleted. Default: only stored results.
+        #[param(required = false)]
+        evicted: bool,
+        /// Results whose note contains this text. Upper and lower case are equal.
+        #[param(required = false)]
+        note: String,
+        /// Results of jobs with this tag. Only jobs that the caller may see count.
+        #[param(required = false)]
+        tag: String,
+        /// Results of jobs with this label. Only jobs that the caller may see count.
+        #[param(required = false)]
+        label: String,
+        /// The value to sort by. A minus sign puts the largest first. Results without the value come last.
+        #[param(required = false)]
+        sort: Order,
+    }
+}
+
+/// The words and the numbers by which results are found.
+pub struct SearchTable;
+
+impl IntoParams for SearchTable {
+    fn into_params(_: impl Fn() -> Option<ParameterIn>) -> Vec<Parameter> {
+        let parameter = |name: &str, about: String, schema: ObjectBuilder| {
+            ParameterBuilder::new()
+                .name(name)
+                .parameter_in(ParameterIn::Query)
+                .required(Required::False)
+                .description(Some(about))
+                .schema(Some(schema))
+                .build()
+        };
+        let text = || ObjectBuilder::new().schema_type(Type::String);
+        let words = WORDS.iter().map(|word| {
+            let about = format!("Results with this `{}`.", word.name);
+            parameter(word.name, about, text().enum_values(Some(word.values.iter().copied())))
+        });
+        let numbers = SCALARS.iter().map(|scalar| {
+            let unit = match scalar.unit() {
+                "1" => "a plain number".to_owned(),
+                unit => format!("in {unit} or with units"),
+            };
+            let about = format!(
+                "Results whose `{}` lies in this range: `a..b`, `a..`, `..b` or a single value, {unit}. Compared to 9 \
+                 digits.",
+                scalar.name,
+            );
+            parameter(scalar.name, about, text())
+        });
+        words.chain(numbers).collect()
+    }
+}

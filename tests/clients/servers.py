@@ -1,0 +1,289 @@
+"""Tests the dashboard in a real browser on other servers: a new one, one with keys, one with a limit, one that is lost, one with
+many results, and one that is killed.
+
+    python servers.py target/debug/fretwork
+
+Writes screenshots to target/screens.
+"""
+
+import functools
+import json
+import pathlib
+import re
+import sys
+import tempfile
+
+from playwright.sync_api import expect
+
+from browser import LONG, SIZES, Server, ask, blocks, drawn_pixels, item, key_of, opened
+from vary import beyond_a_limit
+
+MASTER = "fretwork_" + "0123456789abcdef" * 3
+server = functools.partial(Server, sys.argv[1])
+
+
+def first_plot(browser, data):
+    """On a new server, the printed address and one click on Run lead to the first plot."""
+    with server(data) as own:
+        page = browser.page(own.base, before="addEventListener('click', () => window.clicks = (window.clicks ?? 0) + 1, true)")
+        page.goto(own.page)
+        page.click("button.primary")
+        page.wait_for_selector("canvas")
+        assert drawn_pixels(page, "Profiles")[0] > 500 and page.evaluate("window.clicks") == 1
+        page.context.close()
+
+
+def library(browser, base):
+    """Shows more results than one page. Previews are drawn when the user scrolls to them."""
+    scenario = ask(base, "/v1/examples/steel-ball-simplified")["scenario"]
+    scenario["model"] = {"method": "simplified", "points": 16}
+    for i in range(40):
+        ask(base, "/v1/jobs", {"scenario": {**scenario, "friction": 0.5 + i / 100}, "label": f"Friction {50 + i} %"})
+    page = browser.page(base, width=390)
+    page.goto(base + "/#/library")
+    entries = page.locator(".entry")
+    expect(entries).to_have_count(24)
+    page.get_by_role("button", name="Show more").click()
+    expect(entries).to_have_count(40)
+    expect(page.get_by_role("button", name="Show more")).to_be_hidden()
+    assert len(set(entries.locator("h2").all_inner_texts())) == 40
+    drawn = page.locator(".thumbnail path.worn")
+    assert drawn.count() < 40
+    for i in range(0, 40, 3):
+        entries.nth(i).scroll_into_view_if_needed()
+        expect(entries.nth(i).locator("path.worn")).to_have_attribute("d", re.compile(r"^M0\.0,.*L96\.0,"))
+        expect(entries.nth(i).locator(".label")).to_have_text(f"Friction {89 - i} %")
+    page.context.close()
+
+
+def interrupt(browser, data):
+    """The server is killed during a run and restarted. The view resumes after the last event it received."""
+    with server(data, "--workers", "1") as own:
+        page = browser.page(own.base)
+        streams = []
+        page.on("request", lambda request: "/events" in request.url and streams.append(request.headers))
+
+        def submit(scenario):
+            page.goto(own.base + "/#/queue")
+            page.goto(f"{own.base}/#/new?scenario={json.dumps(scenario)}&label=Interrupted run")
+            page.click("button.primary")
+            expect(page.locator("#state")).to_have_text("running")
+
+        def interrupted():
+            own.kill()
+            expect(page.locator("#banner")).to_be_visible()
+            own.start()
+            expect(page.locator("#banner")).to_be_hidden()
+
+        submit(blocks(20_000))
+        # Progress after the first view comes from the event stream.
+        progress = "document.querySelector('progress').value"
+        page.wait_for_function(f"before => {progress} > before", arg=page.evaluate(progress))
+        interrupted()
+        expect(page.locator("[data-item=attempt]")).to_contain_text("2")
+        assert "last-event-id" not in streams[0] and int(streams[-1]["last-event-id"]) >= 1, streams
+        page.wait_for_url("**/#/result/*", timeout=240000)
+        page.wait_for_selector("section[aria-label=History] canvas")
+
+        # After three lost attempts the server gives up.
+        submit(LONG)
+        failed = page.url
+        for attempt in (2, 3):
+            interrupted()
+            expect(page.locator("[data-item=attempt]")).to_contain_text(str(attempt))
+            expect(page.locator("#state")).to_have_text("running")
+        interrupted()
+        expect(page.locator("#state")).to_have_text("failed")
+        expect(page.locator(".error")).to_contain_text("crashed repeatedly")
+        expect(page.get_by_role("link", name="Explanation and remedy")).to_have_attribute("href", "/problems/worker-lost")
+        expect(page.get_by_role("link", name="Edit and run again")).to_be_visible()
+
+        frictions = iter(range(300, 700))
+
+        def long_run():
+            """Submits another long run, and returns the address of its view."""
+            friction = next(frictions) / 1000
+            label = f"A load spectrum of a thousand blocks, µ = {friction}"
+            body = {"scenario": {**LONG, "friction": friction}, "label": label, "tags": ["long"]}
+            return f"/#/run/{ask(own.base, '/v1/jobs', body, wait=0)['id']}"
+
+        def cancel():
+            ask(own.base, "/v1/jobs/cancel?tag=long", method="POST")
+
+        def running():
+            cancel()
+            return long_run()
+
+        # The view waits until the time left is shown.
+        browser.check_views(own.base, {
+            "run-failed": (failed[len(own.base):], ".error"),
+            "run-running": (running, "[data-item=left]:text-matches('[0-9]')"),
+        })
+        canceled = long_run()
+        cancel()
+        views = [long_run() for _ in range(10)]
+        browser.check_views(own.base, {
+            "run-queued": (views[-1], "[data-item=regime] >> visible=true"),
+            "run-canceled": (canceled, "[data-item=regime] >> visible=true"),
+            "queue-busy": ("/#/queue", ".state.running"),
+        })
+        cancel()
+        for _ in range(5):
+            long_run()
+        from_the_queue(page, own.base)
+        page.context.close()
+
+
+def edit(page, base, key, submitted):
+    """"Edit and run again" opens the form with the submitted scenario, each value in its field."""
+    expect(page.locator(".sketch svg")).to_be_visible()
+    page.get_by_role("link", name="Edit and run again").click()
+    expect(item(page, "regime")).to_be_visible()
+    scenario = json.loads(page.input_value("#json"))
+    if submitted:
+        assert scenario == submitted, (scenario, submitted)
+    assert ask(base, "/v1/scenarios", {"scenario": scenario})["key"] == key
+    fields = page.locator("[data-pointer]").evaluate_all("fields => fields.map(({dataset, value}) => [dataset.pointer, value])")
+    assert len(fields) > 8, fields
+    for pointer, shown in fields:
+        value = scenario
+        for name in pointer.split("/")[2:]:
+            value = value[int(name)] if isinstance(value, list) else (value or {}).get(name)
+        # An omitted value is an empty field. A list is separated by commas.
+        read = [] if shown == "" else [number_or_text(text) for text in shown.split(", ")]
+        assert read == (value if isinstance(value, list) else [] if value is None else [value]), (pointer, shown, value)
+
+
+def number_or_text(text):
+    try:
+        return float(text)
+    except ValueError:
+        return {"true": True}.get(text, text)
+
+
+def from_the_queue(page, base):
+    """From the queue, each run in each state opens its scenario and goes back to the form."""
+    def edit_run(row, state, submitted=None):
+        page.goto(base + "/#/queue")
+        link = row.first.get_by_role("link")
+        label = link.inner_text()
+        link.click()
+        page.wait_for_url("**/#/run/*")
+        assert "scenario" not in page.url
+        expect(page.locator("#state")).to_have_text(state)
+        edit(page, base, ask(base, f"/v1/jobs/{re.search('run/([^?]+)', page.url)[1]}")["key"], submitted)
+        expect(page.locator("#label")).to_have_value(label)
+
+    for state in ("running", "queued", "canceled", "failed"):
+        edit_run(page.locator(f"tr:has(.state.{state})"), state)
+    examples = [example["body"] for example in ask(base, "/v1/examples")]
+    jobs = [ask(base, "/v1/jobs", body, wait=0) for body in examples]
+    for body in examples:
+        edit_run(page.locator("tr", has=page.get_by_role("link", name=body["label"], exact=True)), "queued", body["scenario"])
+    ask(base, "/v1/jobs/cancel?tag=long", method="POST")
+    for body, job in zip(examples, jobs):
+        assert ask(base, f"/v1/jobs/{job['id']}?wait=20")["state"] == "succeeded", job
+        page.goto(base + "/#/queue")
+        page.get_by_role("link", name=job["label"], exact=True).click()
+        page.wait_for_url("**/#/result/*")
+        edit(page, base, job["key"], body["scenario"])
+
+
+def share(page):
+    """The link that the button copies to the clipboard."""
+    page.evaluate("navigator.clipboard.writeText('')")
+    page.get_by_role("button", name="Share link").click()
+    return page.evaluate("""async () => {
+        for (;;) {
+            const text = await navigator.clipboard.readText();
+            if (text) return text;
+            await new Promise((done) => setTimeout(done, 50));
+        }
+    }""")
+
+
+def sign_in(browser, data):
+    with server(data, FRETWORK_ADMIN_KEY=MASTER) as own:
+        browser.check_views(own.base, {"sign-in": ("/", "#key")})
+        page = browser.page(own.base)
+        page.goto(own.base + "/")
+        page.fill("#key", "nonsense")
+        page.get_by_role("button", name="Sign in").click()
+        expect(page.locator("#key-reason")).to_contain_text("rejected this key")
+        page.fill("#key", MASTER)
+        page.get_by_role("button", name="Sign in").click()
+        expect(item(page, "regime")).to_have_text("Partial slip")
+        expect(page.locator("#user")).to_contain_text("admin")
+        page.click("button.primary")
+        page.wait_for_selector("canvas")
+        link = share(page)
+        # A guest without a key opens the link.
+        guest = browser.page(own.base)
+        guest.goto(link)
+        guest.wait_for_selector("canvas")
+        assert guest.locator("#readout").inner_text() == page.locator("#readout").inner_text()
+        # The link of a comparison opens both results.
+        key = key_of(page)
+        page.goto(f"{own.base}/#/result/{key}?with={key}")
+        page.wait_for_selector("#difference:has-text('%')")
+        guest.goto(share(page))
+        guest.wait_for_selector("#difference:has-text('0 %')")
+        page.get_by_role("button", name="Sign out").click()
+        expect(page.locator("#key")).to_be_visible()
+        assert page.evaluate("[sessionStorage.length, Object.values(localStorage).join()]")[0] == 0
+        assert MASTER not in page.content()
+
+
+def lose_the_server(browser, data):
+    with server(data) as own:
+        pages = [(width, scheme, browser.page(own.base, scheme, width)) for width in SIZES for scheme in ("light", "dark")]
+        for _, _, page in pages:
+            page.goto(own.base + "/")
+            expect(item(page, "regime")).to_have_text("Partial slip")
+        own.kill()
+        for width, scheme, page in reversed(pages):
+            page.fill("#friction", "0.5")
+            expect(page.locator("#banner")).to_be_visible()
+            browser.check_view(page, f"lost-{width}-{scheme}")
+        own.start()
+        expect(page.locator("#banner")).to_be_hidden()
+        # The form checks the input that was typed while the server was not running.
+        expect(item(page, "regime")).to_have_text("Gross slip")
+        page.click("nav >> text=Queue")
+        expect(page.locator(".empty")).to_contain_text("No jobs")
+        page.click("nav >> text=Library")
+        expect(page.locator(".empty")).to_contain_text("No results yet")
+        page.goto(f"{own.base}/#/result/{'0' * 64}")
+        expect(page.locator(".error")).to_be_visible()
+        browser.check_views(own.base, {"queue-empty": ("/#/queue", ".empty a"), "library-empty": ("/#/library", "li.empty"),
+            "not-found": (f"/#/result/{'0' * 64}", ".error")})
+        # The page of a deleted result offers to compute it again.
+        done = ask(own.base, "/v1/jobs", ask(own.base, "/v1/examples/steel-ball"))
+        address = f"{own.base}/#/result/{done['key']}"
+        page.goto(address)
+        page.wait_for_selector("canvas")
+        ask(own.base, f"/v1/results/{done['key']}", method="DELETE")
+        page.goto(own.base + "/#/queue")
+        page.goto(address)
+        page.get_by_role("link", name="Compute again").click()
+        expect(page.locator("#canonical")).to_be_visible()
+        expect(item(page, "cached")).to_have_text("No")
+        page.click("button.primary")
+        page.wait_for_selector("canvas")
+
+
+def main():
+    with opened() as browser, tempfile.TemporaryDirectory() as data:
+        directory = lambda name: str(pathlib.Path(data) / name)
+        first_plot(browser, directory("first-plot"))
+        with server(directory("limits"), "--study-points", "50") as own:
+            beyond_a_limit(browser, own.base)
+        sign_in(browser, directory("keys"))
+        lose_the_server(browser, directory("lost"))
+        with server(directory("library")) as own:
+            library(browser, own.base)
+        interrupt(browser, directory("interrupted"))
+    print("the dashboard passes its tests on other servers")
+
+
+main()

@@ -1,0 +1,108 @@
+"""Measures how fast the dashboard loads and follows its slider. Nothing else should run at the same time.
+
+    python speed.py http://127.0.0.1:8080
+"""
+
+import statistics
+import sys
+
+from browser import ask, opened
+
+
+def first_load(browser, base):
+    """The first load is less than 200 kB, from this server only, under a strict policy. Measures how long it takes."""
+    page = browser.page(base)
+    responses = []
+    page.on("response", lambda response: responses.append(response))
+    page.goto(base + "/")
+    page.wait_for_load_state("networkidle")
+    total = sum(int(response.headers.get("content-length", 0)) for response in responses)
+    assert len(responses) > 10 and total < 200_000, total
+    policy = responses[0].headers["content-security-policy"]
+    assert "default-src 'none'" in policy and "unsafe" not in policy, policy
+    page.context.close()
+
+    # Measures from the start of navigation, with empty caches, until the regime is shown and the run can be started.
+    watch = """window.usable = new Promise((done) => new MutationObserver(() => {
+        const run = document.querySelector("button.primary"), regime = document.querySelector("[data-item=regime]");
+        if (regime && run && !run.disabled) done(performance.now());
+    }).observe(document, {subtree: true, childList: true, attributes: true}))"""
+    took = []
+    for _ in range(9):
+        page = browser.page(base, before=watch)
+        page.goto(base + "/")
+        took.append(page.evaluate("window.usable"))
+        page.context.close()
+    print(f"first load: {total / 1000:.0f} kB, usable after {statistics.median(took):.0f} ms (median of {len(took)}), "
+        f"maximum {max(took):.0f} ms")
+
+
+def slide(browser, base):
+    """Moves the slider over 200 output cycles of 512 radii. Each move is drawn in the next frame."""
+    scenario = ask(base, "/v1/examples/steel-ball-simplified")["scenario"]
+    scenario["cycles"] = {"from": 500, "to": 100000, "count": 200, "spacing": "linear"}
+    scenario["profiles_at"] = "all"
+    scenario["model"] = {"method": "simplified", "points": 512}
+    key = ask(base, "/v1/jobs", {"scenario": scenario})["key"]
+    page = browser.page(base)
+    page.goto(f"{base}/#/result/{key}")
+    page.wait_for_selector("canvas")
+    took = {"script": [], "shown": []}
+    for name in ("worn", "pressure"):
+        page.select_option("#choose-plot", name)
+        page.evaluate("""() => {
+            window.steps = new Map();
+            const slider = document.getElementById("output");
+            slider.addEventListener("input", () => {
+                const start = performance.now(), at = slider.value, own = {};
+                requestAnimationFrame((frame) => {
+                    // The callback of the dashboard has just run in this frame. The message arrives at the end of the frame.
+                    own.script = performance.now() - frame;
+                    const { port1, port2 } = new MessageChannel();
+                    port1.onmessage = () => (own.shown = performance.now() - start);
+                    port2.postMessage(null);
+                });
+                window.steps.set(at, own);
+            });
+        }""")
+        slider = page.locator("#output").bounding_box()
+        middle = slider["y"] + slider["height"] / 2
+        # The middle of the thumb moves from 8 px behind the left end to 8 px before the right end.
+        left, right = slider["x"] + 8, slider["x"] + slider["width"] - 8
+        page.mouse.move(right, middle)
+        page.mouse.down()
+        for step in range(301):
+            page.mouse.move(right - (right - left) * step / 300, middle)
+        page.mouse.up()
+        page.wait_for_timeout(100)
+        steps = page.evaluate("[...window.steps.values()].filter(step => step.shown !== undefined)")
+        assert len(steps) >= 200 and page.locator("#at").inner_text() == "N = 0", len(steps)
+        for phase in ("script", "shown"):
+            took[phase] += [step[phase] for step in steps]
+        page.locator("#output").focus()
+        page.keyboard.press("End")
+    for phase, name in (("script", "script per frame"), ("shown", "from the input event to the end of the frame")):
+        parts = statistics.quantiles(took[phase], n=20)
+        print(f"slider over 200 x 512, {len(took[phase])} steps, {name}: median {parts[9]:.1f} ms, 95th percentile "
+            f"{parts[18]:.1f} ms, maximum {max(took[phase]):.1f} ms (one frame is 16.7 ms)")
+    # Two frames after one event the canvas has changed.
+    page.select_option("#choose-plot", "wear")
+    page.evaluate("""() => {
+        const canvas = document.querySelector("section[aria-label=Profiles] canvas"), before = canvas.toDataURL();
+        const two = (done) => requestAnimationFrame(() => requestAnimationFrame(done));
+        window.redrawn = new Promise((done) => document.getElementById("output").addEventListener("input",
+            () => two(() => done(canvas.toDataURL() !== before)), { once: true }));
+    }""")
+    page.locator("#output").focus()
+    page.keyboard.press("PageDown")
+    assert page.evaluate("window.redrawn")
+    page.context.close()
+
+
+def main():
+    with opened() as browser:
+        first_load(browser, sys.argv[1])
+        slide(browser, sys.argv[1])
+
+
+main()

@@ -1,0 +1,229 @@
+//! What an import computes again, what it refuses, and what the provenance of its results says.
+
+use std::path::Path;
+use std::process::Stdio;
+use std::time::Duration;
+
+use fretwork_job::{Canonical, TaskKind};
+use fretwork_random::Stream;
+use fretwork_store::{Imported, Search, export};
+use serde_json::{Value, json};
+use sqlx::{AssertSqlSafe, Connection as _};
+use tempfile::TempDir;
+use tokio::time::sleep;
+
+use crate::moving::{assert_refused, import, import_within, open_file, quiet, replace_body};
+use crate::program::{fretwork, run};
+use crate::server::{Server, steel_ball};
+use crate::store::raw;
+use crate::studies::{example, sweep};
+use crate::trust::{exported, small};
+
+/// A short result of each kind.
+fn each_kind() -> [Value; 5] {
+    let mut sensitivity = example("sensitivity");
+    sensitivity["sensitivity"]["samples"] = json!(8);
+    let mut map = example("map");
+    for axis in ["normal_force", "amplitude"] {
+        map["map"][axis]["count"] = json!(4);
+    }
+    [small(2.0, "exact"), small(2.0, "simplified"), sweep(), sensitivity, map]
+}
+
+/// Replaces the digit number `place` of a text, counted from its end to its start again and again.
+fn altered(body: &str, place: u64, other: u64) -> String {
+    let digits = body.bytes().enumerate().filter(|(_, byte)| byte.is_ascii_digit());
+    let digits: Vec<usize> = digits.map(|(at, _)| at).collect();
+    let at = digits[place as usize % digits.len()];
+    let mut bytes = body.as_bytes().to_vec();
+    bytes[at] = b'0' + (bytes[at] - b'0' + 1 + (other % 9) as u8) % 10;
+    String::from_utf8(bytes).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_result_of_any_kind_with_one_altered_digit_is_refused() {
+    let (_dir, file, results) = exported(&each_kind()).await;
+    let to = Server::start().await;
+    let random = Stream::new(1);
+    for round in 0..20 {
+        let mut db = open_file(&file).await;
+        for (kind, (key, body)) in results.iter().enumerate() {
+            let random = random.child(round).child(kind as u64);
+            let body = altered(std::str::from_utf8(body).unwrap(), random.at(0), random.at(1));
+            replace_body(&mut db, key, &body).await;
+        }
+        db.close().await.unwrap();
+        let done = import(to.place(), &file).await.unwrap();
+        assert_eq!((done.results, done.refused.len()), (0, results.len()), "{done:?}");
+    }
+    let mut db = open_file(&file).await;
+    for (key, body) in &results {
+        replace_body(&mut db, key, std::str::from_utf8(body).unwrap()).await;
+    }
+    db.close().await.unwrap();
+    let done = import(to.place(), &file).await.unwrap();
+    assert_eq!((done.results, done.sampled, done.unverified), (5, 0, 0), "{done:?}");
+    for (key, body) in &results {
+        assert!(to.get(&format!("/v1/results/{key}")).await.body == *body);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_refusal_names_the_place_and_both_values() {
+    let (_dir, file, results) = exported(&each_kind()).await;
+    let names = [
+        (
+            "history",
+            "wear_volume",
+            "history.wear_volume[1]: the file has 1.5, this server computes ",
+        ),
+        ("profiles", "radius", "profiles.radius[1]: the file has 1.5, this server computes "),
+        ("table", "wear_volume", "wear_volume[1]: the file has 1.5, this server computes "),
+        ("samples", "wear_volume", "wear_volume[1]: the file has 1.5, this server computes "),
+        ("table", "wear_volume", "wear_volume[1]: the file has 1.5, this server computes "),
+    ];
+    let mut db = open_file(&file).await;
+    for ((key, body), (table, column, _)) in results.iter().zip(&names) {
+        let mut document: Value = serde_json::from_slice(body).unwrap();
+        document[table][column][1] = json!(1.5);
+        replace_body(&mut db, key, &document.to_string()).await;
+    }
+    db.close().await.unwrap();
+    let done = import(TempDir::new().unwrap().path(), &file).await.unwrap();
+    // What follows from the rows of the sensitivity study differs first.
+    for ((key, _), (table, _, words)) in results.iter().zip(&names) {
+        assert_refused(&done, key, if *table == "samples" { "the file has" } else { words });
+    }
+}
+
+/// What the provenance of an import says of its verification.
+async fn verified(server: &Server, key: &str) -> (Value, Value) {
+    let told = server.get(&format!("/v1/results/{key}/provenance")).await.json();
+    (told["imported"]["verified"].clone(), told["imported"]["verified_rows"].clone())
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn without_time_results_are_stored_unverified_if_their_tables_are_whole() {
+    let (_dir, file, results) = exported(&each_kind()).await;
+    let mut db = open_file(&file).await;
+    // A wrong number, a short row, a number that is not finite, and a study whose rows contradict its findings.
+    for (place, old, new) in [
+        (0, "\"slip\":[[0.0,", "\"slip\":[[1.0,"),
+        (1, "\"slip\":[[0.0,", "\"slip\":[["),
+        (2, "\"wear_volume\":[", "\"wear_volume\":[1e999,"),
+        (3, "\"wear_volume\":[", "\"wear_volume\":[1"),
+    ] {
+        let (key, body) = &results[place];
+        let body = std::str::from_utf8(body).unwrap();
+        assert!(body.contains(old), "{old}");
+        replace_body(&mut db, key, &body.replacen(old, new, 1)).await;
+    }
+    db.close().await.unwrap();
+    let to = Server::start().await;
+    let done = import_within(to.place(), &file, Duration::ZERO).await.unwrap();
+    assert_eq!((done.results, done.unverified), (2, 2), "{done:?}");
+    assert_refused(&done, &results[1].0, "its tables are not whole");
+    assert_refused(&done, &results[2].0, "`wear_volume` does not have 6 valid cells");
+    assert_refused(&done, &results[3].0, "the file has");
+    for place in [0, 4] {
+        assert_eq!(verified(&to, &results[place].0).await, (json!("none"), Value::Null));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn of_a_study_that_takes_too_long_random_rows_are_verified() {
+    // Each row takes about 20 µs.
+    let study = json!({"sweep": {
+        "scenario": steel_ball()["scenario"],
+        "vary": [{"pointer": "/friction", "from": 0.5, "to": 0.9, "count": 20_000}],
+        "outputs": ["unworn.energy_ratio"],
+    }});
+    let (_dir, file, results) = exported(&[study]).await;
+    let to = Server::start().await;
+    let done = import_within(to.place(), &file, Duration::from_millis(5)).await.unwrap();
+    assert_eq!((done.results, done.sampled), (1, 1), "{done:?}");
+    let (word, rows) = verified(&to, &results[0].0).await;
+    assert_eq!(word, "rows");
+    assert!((1..20_000).contains(&rows.as_u64().unwrap()), "{rows}");
+}
+
+/// Writes a result as another version of the engine would have written it. Returns its key.
+async fn in_numerics(file: &Path, numerics: u32, key: &str, body: &str) -> String {
+    let mut document: Value = serde_json::from_str(body).unwrap();
+    let kind = TaskKind::all().find(|kind| document[kind.member()].is_object()).unwrap();
+    let value = document[kind.member()].clone();
+    let new = Canonical { kind, value }.key(numerics).to_string();
+    document["engine"]["numerics"] = json!(numerics);
+    document["key"] = json!(new);
+    let mut db = open_file(file).await;
+    for table in ["results", "bodies"] {
+        let rename = format!("UPDATE {table} SET key = '{new}' WHERE key = '{key}'");
+        sqlx::query(AssertSqlSafe(rename)).execute(&mut db).await.unwrap();
+    }
+    replace_body(&mut db, &new, &document.to_string()).await;
+    db.close().await.unwrap();
+    new
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn of_an_earlier_engine_runs_are_unverified_and_studies_are_refused() {
+    let jobs = [small(2.0, "simplified"), small(1.5, "simplified"), small(1.6, "exact"), sweep()];
+    let (_dir, file, results) = exported(&jobs).await;
+    let changes = [
+        ("", ""),
+        ("\"slip\":[[0.0,", "\"slip\":[["),
+        ("\"wear_depth\":[0.0,", "\"wear_depth\":["),
+        ("", ""),
+    ];
+    let mut keys = Vec::new();
+    for ((key, body), (old, new)) in results.iter().zip(changes) {
+        let body = std::str::from_utf8(body).unwrap().replacen(old, new, 1);
+        keys.push(in_numerics(&file, 2, key, &body).await);
+    }
+    let to = Server::start().await;
+    let done = import(to.place(), &file).await.unwrap();
+    assert_eq!((done.results, done.unverified), (1, 1), "{done:?}");
+    assert_refused(&done, &keys[1], "its tables are not whole");
+    assert_refused(&done, &keys[2], "columns of equal length");
+    assert_refused(&done, &keys[3], "an earlier version of the engine computed this study");
+    assert_eq!(verified(&to, &keys[0]).await, (json!("none"), Value::Null));
+}
+
+/// The number of results in a database; 0 until it has tables.
+async fn stored(data: &Path) -> i64 {
+    if !data.join("fretwork.db").exists() {
+        return 0;
+    }
+    let count = sqlx::query_scalar("SELECT count(*) FROM result");
+    count.fetch_one(&mut raw(data).await).await.unwrap_or(0)
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_import_that_is_killed_goes_on() {
+    let from = Server::start().await;
+    for number in 0..40 {
+        from.compute(&small(1.5 + 0.01 * f64::from(number), "exact")).await;
+    }
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("results.db");
+    export(from.place(), &file, &Search::default(), &[], quiet).await.unwrap();
+    let data = dir.path().join("data");
+    let words = ["import", file.to_str().unwrap(), "--data-dir", data.to_str().unwrap()];
+    let mut child = fretwork(&words).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    while child.try_wait().unwrap().is_none() && stored(&data).await == 0 {
+        sleep(Duration::from_millis(1)).await;
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let done = import(&*data, &file).await.unwrap();
+    assert!(done.known > 0, "{done:?}");
+    let rest = Imported {
+        known: 40 - done.results,
+        results: done.results,
+        bytes: done.bytes,
+        ..Imported::default()
+    };
+    assert_eq!(done, rest);
+    let said = String::from_utf8(run(&words, "").stdout).unwrap();
+    assert!(said.contains("40 known already, 0 refused; 0 computed again"), "{said}");
+}
