@@ -43,8 +43,8 @@ pub struct Problem {
     pub outputs: Vec<Output>,
     /// The curves that are taken from each result.
     pub profiles: Option<CommonProfiles>,
-    /// Estimated processor time to prepare a run, in seconds.
-    pub(super) preparation: f64,
+    /// The number of values in the scenario.
+    pub(super) size: usize,
 }
 
 /// What a point has given.
@@ -80,8 +80,13 @@ impl Problem {
     /// A problem of a valid scenario.
     #[must_use]
     pub fn new(base: Value, members: Vec<Member>, outputs: Vec<Output>) -> Self {
-        let preparation = PREPARATION.0 + PREPARATION.1 * size_of_tree(&base) as f64;
-        Self { base, members, outputs, profiles: None, preparation }
+        let size = size_of_tree(&base);
+        Self { base, members, outputs, profiles: None, size }
+    }
+
+    /// Estimated processor time to prepare a run, in seconds.
+    pub(super) fn preparation(&self) -> f64 {
+        PREPARATION.0 + PREPARATION.1 * self.size as f64
     }
 
     /// Begins to compute the outputs for these values of the members, in SI.
@@ -122,7 +127,7 @@ impl Problem {
     #[must_use]
     pub fn seconds(&self, values: &[f64]) -> f64 {
         let run = self.case(values).ok().filter(|_| self.needs_run());
-        self.preparation + run.map_or(0.0, |case| case.seconds())
+        self.preparation() + run.map_or(0.0, |case| case.seconds())
     }
 
     fn of_outcome(&self, case: &Case, outcome: &Outcome) -> Found {

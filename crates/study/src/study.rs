@@ -87,7 +87,7 @@ impl Study {
     fn estimate(&self) -> f64 {
         let of = |place| self.point_seconds(&self.point(place));
         // A sample of a scenario with long lists takes milliseconds.
-        let samples = (SAMPLING / self.problem.preparation) as usize;
+        let samples = (SAMPLING / self.problem.preparation()) as usize;
         let samples = samples.clamp(SAMPLES.0, SAMPLES.1);
         let mean = self.sample(samples).map(of).sum::<f64>() / samples as f64;
         mean * self.points() as f64 + self.plan.findings_seconds(&self.problem)
@@ -311,44 +311,37 @@ fn canonical(mut study: Value) -> Value {
     study["version"] = json!(VERSION);
     // The member `profiles` of the study says which curves are kept, so two studies that differ only here are one.
     study["scenario"]["profiles_at"] = json!("none");
-    to_si(&mut study);
+    change(&mut study, to_si);
     let text = json::write(&study, 1 << 10);
     drop(study);
     let mut study: Value = serde_json::from_str(&text).expect("the writer writes JSON");
-    to_whole(&mut study);
+    change(&mut study, to_whole);
     study.sort_all_objects();
     study
 }
 
-/// Replaces each text that is a quantity by its value in SI.
-fn to_si(value: &mut Value) {
+/// Replaces the texts and the numbers of a document, where there is something to replace.
+fn change(value: &mut Value, new: fn(&Value) -> Option<Number>) {
     match value {
-        Value::String(text) => {
-            let parsed = Dimension::ALL
-                .into_iter()
-                .find_map(|dimension| quantity::parse(text, dimension).ok())
-                .and_then(Number::from_f64);
-            if let Some(number) = parsed {
-                *value = Value::Number(number);
+        Value::Array(items) => items.iter_mut().for_each(|item| change(item, new)),
+        Value::Object(members) => members.values_mut().for_each(|member| change(member, new)),
+        other => {
+            if let Some(number) = new(other) {
+                *other = Value::Number(number);
             }
         }
-        Value::Array(items) => items.iter_mut().for_each(to_si),
-        Value::Object(members) => members.values_mut().for_each(to_si),
-        _ => {}
     }
 }
 
-/// Replaces each number without a fraction by an integer.
-fn to_whole(value: &mut Value) {
-    match value {
-        Value::Number(number) => {
-            let whole = number.as_f64().filter(|it| it.fract() == 0.0 && it.abs() < 1e15);
-            if let Some(whole) = whole {
-                *number = (whole as i64).into();
-            }
-        }
-        Value::Array(items) => items.iter_mut().for_each(to_whole),
-        Value::Object(members) => members.values_mut().for_each(to_whole),
-        _ => {}
-    }
+/// The value of a quantity in SI.
+fn to_si(value: &Value) -> Option<Number> {
+    let text = value.as_str()?;
+    let parsed = |dimension| quantity::parse(text, dimension).ok();
+    Dimension::ALL.into_iter().find_map(parsed).and_then(Number::from_f64)
+}
+
+/// A number without a fraction as an integer.
+fn to_whole(value: &Value) -> Option<Number> {
+    let whole = value.as_f64().filter(|it| it.fract() == 0.0 && it.abs() < 1e15)?;
+    Some((whole as i64).into())
 }

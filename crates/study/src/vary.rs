@@ -155,7 +155,7 @@ impl Varied {
     ///
     /// # Errors
     /// The faults of the entry, with pointers relative to it.
-    fn read(entry: Value, scenario: &Value) -> Result<Self, Faults> {
+    pub fn read(entry: Value, scenario: &Value) -> Result<Self, Faults> {
         let entry: Entry =
             Entry::deserialize_from_value::<Value>(entry.into_value(), ValuePointerRef::Origin)?;
         let member = Member::find(scenario, &entry.pointer)

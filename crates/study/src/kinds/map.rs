@@ -24,8 +24,8 @@ use crate::plan::StudyFigure::{Curves, Heat, Regimes};
 use crate::plan::{Cells, Column, Findings, Hints, Kind, Offer, Plan, Read, Regions, Tried};
 use crate::problem::{Found, Lack, Problem, outputs_of, small_members};
 use crate::rows::{NUMBER, Rows};
-use crate::vary::{self, Values};
-use fretwork_json::Whole;
+use crate::vary::{Values, Varied};
+use fretwork_json::{Whole, both};
 
 /// The kind of maps.
 pub const KIND: Kind = Kind {
@@ -130,10 +130,12 @@ fn read(map: Value) -> Result<Read, Faults> {
     if !faults.is_empty() {
         return Err(Faults(faults));
     }
-    let (members, [forces, amplitudes]) = axes([normal_force, amplitude], &scenario)?;
+    let [force, amplitude] =
+        [(0, normal_force), (1, amplitude)].map(|(place, given)| axis(place, given, &scenario));
+    let ((force, forces), (amplitude, amplitudes)) = both(force, amplitude)?;
     let cases = forces.iter().map(|_| OnceLock::new()).collect();
     let plan = Map { forces, amplitudes, cases };
-    Ok(Read::new(complete, Problem::new(scenario, members, outputs), plan))
+    Ok(Read::new(complete, Problem::new(scenario, vec![force, amplitude], outputs), plan))
 }
 
 /// Checks that normal force and amplitude determine the unworn contact of a scenario.
@@ -156,63 +158,33 @@ fn plain(scenario: &Value) -> Result<(), Faults> {
     if faults.is_empty() { Ok(()) } else { Err(Faults(faults)) }
 }
 
-/// The members of a map, and their values.
-fn axes(given: [Value; 2], scenario: &Value) -> Result<(Vec<Member>, [Vec<f64>; 2]), Faults> {
-    let (mut entries, mut faults) = (Vec::new(), Vec::new());
-    let mut wrong = |place: usize, detail: String| {
-        faults.push(Fault { pointer: format!("/{}", AXES[place]), detail });
+/// The member of an axis, and its values. Faults have pointers relative to the map.
+fn axis(place: usize, mut entry: Value, scenario: &Value) -> Result<(Member, Vec<f64>), Faults> {
+    let wrong = |detail: &str| Err(Faults::one("", detail));
+    let read = match entry.as_object_mut() {
+        Some(members) if !members.contains_key("pointer") => {
+            members.insert("pointer".to_owned(), json!(MEMBERS[place]));
+            Varied::read(entry, scenario)
+        }
+        Some(_) => wrong("has a `pointer`, but its name says what it varies. Remove it"),
+        None => wrong(
+            "must be a range, such as {\"from\": 1, \"to\": 100, \"count\": 64, \"spacing\": \"log\"}",
+        ),
     };
-    for (place, axis) in given.into_iter().enumerate() {
-        let mut entry = axis;
-        match entry.as_object_mut() {
-            Some(members) if !members.contains_key("pointer") => {
-                members.insert("pointer".to_owned(), json!(MEMBERS[place]));
-                entries.push(entry);
-            }
-            Some(_) => wrong(place, "has a `pointer`, but its name says what it varies. Remove it".to_owned()),
-            None => wrong(
-                place,
-                "must be a range, such as {\"from\": 1, \"to\": 100, \"count\": 64, \"spacing\": \"log\"}".to_owned(),
-            ),
+    let values = read.and_then(|Varied { member, values }| match values {
+        Values::List(list) if list.len() <= MAX_VALUES => Ok((member, list)),
+        Values::List(list) => {
+            let detail = format!("has {} values. At most {MAX_VALUES} are accepted", list.len());
+            Err(Faults::one("", detail))
         }
-    }
-    if !faults.is_empty() {
-        return Err(Faults(faults));
-    }
-    let varied = vary::list(&entries, scenario).map_err(|mut faults| {
-        for fault in &mut faults.0 {
-            for (place, axis) in AXES.iter().enumerate() {
-                if let Some(rest) = fault.pointer.strip_prefix(&format!("/{place}")) {
-                    fault.pointer = format!("/{axis}{rest}");
-                    break;
-                }
-            }
+        Values::Range(..) => {
+            Err(Faults::one("", "needs `count`, the number of values from `from` to `to`"))
         }
-        faults
-    })?;
-    let (mut members, mut lists) = (Vec::new(), [Vec::new(), Vec::new()]);
-    let mut wrong = |place: usize, detail: String| {
-        faults.push(Fault { pointer: format!("/{}", AXES[place]), detail });
-    };
-    for (place, one) in varied.into_iter().enumerate() {
-        members.push(one.member);
-        match one.values {
-            Values::List(list) if list.len() <= MAX_VALUES => lists[place] = list,
-            Values::List(list) => {
-                wrong(
-                    place,
-                    format!("has {} values. At most {MAX_VALUES} are accepted", list.len()),
-                );
-            }
-            Values::Range(..) => {
-                wrong(place, "needs `count`, the number of values from `from` to `to`".to_owned());
-            }
-            Values::Base | Values::Distribution(_) => {
-                wrong(place, "must have `from`, `to` and `count`, or `values`".to_owned());
-            }
+        Values::Base | Values::Distribution(_) => {
+            Err(Faults::one("", "must have `from`, `to` and `count`, or `values`"))
         }
-    }
-    if faults.is_empty() { Ok((members, lists)) } else { Err(Faults(faults)) }
+    });
+    values.map_err(|faults| faults.below(&format!("/{}", AXES[place])))
 }
 
 impl Map {
@@ -316,7 +288,7 @@ impl Plan for Map {
 
     /// Time to compute the cases.
     fn findings_seconds(&self, problem: &Problem) -> f64 {
-        self.forces.len() as f64 * problem.preparation
+        self.forces.len() as f64 * problem.preparation()
     }
 
     fn findings_bytes(&self, _: &Problem) -> usize {
