@@ -76,6 +76,8 @@ pub fn import(settings: &Import) -> Result<ExitCode, Error> {
     let Imported { results: count, bytes, known, sampled, unverified, notes, refused, other_notes } =
         done;
     for (key, why) in &refused {
+        // The file may contain what a terminal would obey.
+        let why = why.replace(char::is_control, "\u{fffd}");
         writeln!(io::stderr(), "refused {}: {why}", key.escape_debug())?;
     }
     for key in &other_notes {

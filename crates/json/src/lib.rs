@@ -335,11 +335,18 @@ impl<const LOW: u64, const HIGH: u64> Deserr<Faults> for Whole<LOW, HIGH> {
 /// Most characters of a value in the text of a difference.
 const MAX_VALUE: usize = 60;
 
+/// Longest text whose parts are compared, in bytes. Those of a hostile text would take many times its memory.
+const MAX_COMPARED: usize = 2_000_000;
+
 /// Says where JSON from a file first differs from the JSON that this program computes, such as
 /// `history.wear_volume[3]: the file has 1.2e-13, this server computes 1.1e-13`. Members are compared in alphabetical order.
 /// `at` goes before the place.
 #[must_use]
 pub fn difference(at: &str, file: &str, own: &str) -> String {
+    if file.len().max(own.len()) > MAX_COMPARED {
+        let same = file.bytes().zip(own.bytes()).take_while(|(file, own)| file == own).count();
+        return format!("{at}: the file differs at byte {same} from what this server computes");
+    }
     let (theirs, ours) = (parts(file), parts(own));
     if let (Some(theirs), Some(ours)) = (&theirs, &ours) {
         let text = |part: Option<&&RawValue>| part.map_or("nothing", |part| part.get()).to_owned();

@@ -262,7 +262,7 @@ pub(super) const REPLACE: &str = "ON CONFLICT (key) DO UPDATE SET size = exclude
     summary = excluded.summary, digest = excluded.digest, last_access = excluded.last_access,
     computed = excluded.computed, checksum = excluded.checksum, owner = excluded.owner, job = excluded.job,
     warnings = excluded.warnings, trace = excluded.trace, wall = excluded.wall, cpu = excluded.cpu,
-    program = excluded.program, imported = NULL, imported_from = NULL, deleted_by = NULL, evicted = NULL
+    program = excluded.program, imported = NULL, imported_from = NULL, verified = NULL, deleted_by = NULL, evicted = NULL
     WHERE ";
 
 impl Statement {

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
-use futures_util::future::join_all;
+use futures_util::StreamExt as _;
+use futures_util::stream::iter;
 
 use super::audit::{self, Actor, AuditEntry};
 use super::cancel::{self, Canceled, Deleted};
@@ -197,14 +198,16 @@ impl Store {
 
     /// Cancels every unfinished job that matches and was submitted before this call. Returns how many.
     pub async fn cancel_all(&self, filter: &Filter, by: &Actor) -> Result<u64, Error> {
+        // The writer task of SQLite commits them together. In PostgreSQL they would take all connections from others.
+        let together = if matches!(self.engine, Engine::Sqlite(_)) { AT_ONCE as usize } else { 1 };
         let mut canceled = 0;
         let mut before = JobId::generate();
         loop {
             let ids = read::unfinished(filter, before, AT_ONCE, self.reading()).await?;
             let Some(last) = ids.last() else { return Ok(canceled) };
             before = *last;
-            let canceling = ids.into_iter().map(|id| self.cancel(id, by.clone()));
-            for done in join_all(canceling).await {
+            let mut canceling = iter(ids).map(|id| self.cancel(id, by.clone())).buffered(together);
+            while let Some(done) = canceling.next().await {
                 canceled += u64::from(matches!(done?, Canceled::Done(_)));
             }
         }
