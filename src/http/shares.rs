@@ -1,4 +1,4 @@
-//! What requests may use at the same time, in total and for one caller: memory, and turns of heavy work.
+//! What requests may use at the same time, in total and for one caller: memory, and heavy work.
 //!
 //! Without these limits, one caller with many large answers that it does not read, or with many searches,
 //! would take the server from all others.
@@ -21,8 +21,8 @@ const UNIT: u64 = 1 << 10;
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 /// The seconds after which a refused client should try again.
 const RETRY: u32 = 5;
-/// Fewest turns of one caller at the same time. Where workers can compute more, it has as many as there are workers.
-const TURNS: usize = 2;
+/// Number of heavy requests of one caller at the same time. The others wait.
+const HEAVY: usize = 2;
 /// Number of callers from which unused ones are forgotten.
 const CALLERS: usize = 64;
 
@@ -37,6 +37,7 @@ pub struct Shares {
     /// Memory for answers.
     pub answers: Budget,
     turns: PerCaller,
+    evaluations: PerCaller,
     /// Bytes in use.
     pub held: Gauge,
 }
@@ -73,7 +74,7 @@ struct Held {
     gauge: Gauge,
 }
 
-/// Permission for heavy work, until this is dropped.
+/// Permission for heavy work or an evaluation, until this is dropped.
 #[derive(Debug)]
 pub struct Turn {
     _permit: Option<OwnedSemaphorePermit>,
@@ -90,16 +91,21 @@ impl Shares {
             bodies: of_requests(bytes / 8),
             trees: of_requests(bytes / 8),
             answers: Budget::new(bytes - bytes / 4, &held, "Read their answers to the end."),
-            turns: PerCaller::new(workers.max(TURNS)),
+            turns: PerCaller::new(HEAVY),
+            evaluations: PerCaller::new(workers),
             held,
         }
     }
 
-    /// Waits until the caller may do heavy work: evaluating a scenario, reading many results, or comparing them. So the
-    /// heavy requests of one caller wait for each other, and those of another caller do not wait for all of them.
+    /// Waits until the caller may do heavy work: reading many results, or comparing them.
     pub async fn turn(&self, caller: &str) -> Turn {
-        // The semaphore is never closed.
-        Turn { _permit: self.turns.of(caller).acquire_owned().await.ok() }
+        self.turns.turn(caller).await
+    }
+
+    /// Waits until the caller may evaluate a scenario. So the evaluations of one caller wait for each other, and those
+    /// of another caller do not wait for all of them.
+    pub async fn evaluation(&self, caller: &str) -> Turn {
+        self.evaluations.turn(caller).await
     }
 }
 
@@ -173,6 +179,11 @@ impl Budget {
 impl PerCaller {
     fn new(permits: usize) -> Self {
         Self { permits, semaphores: Mutex::default() }
+    }
+
+    async fn turn(&self, caller: &str) -> Turn {
+        // The semaphore is never closed.
+        Turn { _permit: self.of(caller).acquire_owned().await.ok() }
     }
 
     /// The semaphore of a caller. The map forgets it when no request waits for it or holds its permits.
@@ -297,7 +308,7 @@ mod tests {
         while let Some(turn) = shares.turn("anna").now_or_never() {
             turns.push(turn);
         }
-        assert_eq!(turns.len(), TURNS);
+        assert_eq!(turns.len(), HEAVY);
         assert!(shares.turn("berta").now_or_never().is_some());
         turns.pop();
         assert!(shares.turn("anna").now_or_never().is_some());

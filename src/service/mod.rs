@@ -42,7 +42,7 @@ struct Parts {
     begin: Begin,
     waiting: Arc<Waiting>,
     short: ShortRuns,
-    /// For runs, evaluations and derivatives that are computed while their clients wait.
+    /// For evaluations and derivatives.
     places: Places,
     /// The number of worker threads.
     workers: usize,
@@ -68,8 +68,9 @@ impl Service {
     pub fn new(store: Store, begin: Begin, workers: usize, limits: WorkLimits) -> Self {
         // A server without workers still computes what its clients wait for.
         let places = if workers == 0 { processors() } else { workers };
+        // Short submissions have places of their own, so a burst of them does not keep others from evaluating.
+        let short = ShortRuns::new(store.clone(), Arc::clone(&begin), Places::new(places));
         let places = Places::new(places);
-        let short = ShortRuns::new(store.clone(), Arc::clone(&begin), places.clone());
         let (waiting, draining) = (Arc::default(), watch::Sender::new(false));
         let parts = Parts { store, begin, waiting, short, places, workers, limits, draining };
         Self(Arc::new(parts))

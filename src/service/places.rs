@@ -21,7 +21,7 @@ pub const INLINE_BYTES: usize = 1 << 14;
 const MAX_WAIT: Duration = Duration::from_millis(250);
 
 /// As many computations at a time as there are workers: more would only share the processors.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Places {
     free: Arc<Semaphore>,
     number: usize,

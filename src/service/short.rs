@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use quick_cache::sync::Cache;
-use tokio::sync::oneshot;
+use tokio::sync::{Semaphore, oneshot};
 
 use super::places::{INLINE, INLINE_BYTES, MAX_TIME, Places, SHORT};
 use super::stopwatch::Stopwatch;
@@ -20,10 +20,14 @@ use fretwork_store::{Admission, Answered, Error, NewJob, Store, Submitted};
 /// Number of remembered keys.
 const KNOWN: usize = 1 << 14;
 
+/// Most submissions that wait for a place to compute; further ones go through the queue.
+const MAX_WAITING: usize = 64;
+
 /// Computes short runs.
 pub struct ShortRuns {
     store: Store,
     begin: Begin,
+    entrance: Semaphore,
     places: Places,
     /// Keys whose results were stored lately. For other keys, a run below [`INLINE`] takes less time than a look
     /// into the database: it is computed first, and its result is dropped if the database has it.
@@ -47,7 +51,8 @@ struct Joined {
 
 impl ShortRuns {
     pub fn new(store: Store, begin: Begin, places: Places) -> Self {
-        Self { store, begin, places, known: Cache::new(KNOWN), flights: Mutex::default() }
+        let (entrance, known) = (Semaphore::new(MAX_WAITING), Cache::new(KNOWN));
+        Self { store, begin, entrance, places, known, flights: Mutex::default() }
     }
 
     /// Whether a submission is computed here. A repetition must find its first job in the tables, and a new run must not
@@ -70,6 +75,10 @@ impl ShortRuns {
         job: &NewJob,
         prepared: &Prepared,
     ) -> Result<Option<(Submitted, Option<Answer>)>, Error> {
+        let entered = self.entrance.try_acquire().ok();
+        if entered.is_none() && !self.flights().contains_key(&job.key) {
+            return Ok(None);
+        }
         if prepared.seconds >= INLINE || self.known.get(&job.key).is_some() {
             let probe = NewJob { admission: Admission::NoNewRun, ..job.clone() };
             match self.store.submit(probe).await? {
@@ -81,10 +90,15 @@ impl ShortRuns {
             }
         }
         if let Some(became) = self.join(job) {
+            // A submission that only joins takes no place from others.
+            drop(entered);
             // If its leader is dropped, the job goes through the queue.
             return Ok(became.await.ok().map(|job| (Submitted::Accepted(job), None)));
         }
         let mut leader = Leader { short: self, key: job.key, landed: false };
+        if entered.is_none() {
+            return Ok(None);
+        }
         let Some(Computed { answer, answered, wall }) = self.compute(prepared).await else {
             return Ok(None);
         };

@@ -66,7 +66,7 @@ impl Claimed {
         })
     }
 
-    /// A piece of a study of so many chunks, from the row of the study and its run.
+    /// A piece of a study with this number of chunks, read from the row of the study and its run.
     pub(super) fn piece(
         run: RunId,
         (number, of): (u32, u32),

@@ -299,7 +299,7 @@ async fn input_sizes(
     caller: Caller,
     AnyBody(body): AnyBody,
 ) -> Result<Response, Refusal> {
-    let _turn = app.shares.turn(&caller.owner).await;
+    let _turn = app.shares.evaluation(&caller.owner).await;
     let model = model_of(&app, &Call::read(&body)?).await?;
     Ok(answer(&json!({"inputSizes": [model.members().len()]})))
 }
@@ -309,7 +309,7 @@ async fn output_sizes(
     caller: Caller,
     AnyBody(body): AnyBody,
 ) -> Result<Response, Refusal> {
-    let _turn = app.shares.turn(&caller.owner).await;
+    let _turn = app.shares.evaluation(&caller.owner).await;
     let model = model_of(&app, &Call::read(&body)?).await?;
     Ok(answer(&json!({"outputSizes": [model.outputs().len()]})))
 }
@@ -320,7 +320,7 @@ async fn evaluate(
     AnyBody(body): AnyBody,
 ) -> Result<Response, Refusal> {
     let mut call = Call::read(&body)?;
-    let _turn = app.shares.turn(&caller.owner).await;
+    let _turn = app.shares.evaluation(&caller.owner).await;
     let model = model_of(&app, &call).await?;
     let point = call.point(&model)?;
     let mut run = prepare(&app, &model, move |model| model.run(&point)).await?;
@@ -373,7 +373,7 @@ async fn gradient(
     AnyBody(body): AnyBody,
 ) -> Result<Response, Refusal> {
     let mut call = Call::read(&body)?;
-    let _turn = app.shares.turn(&caller.owner).await;
+    let _turn = app.shares.evaluation(&caller.owner).await;
     let model = model_of(&app, &call).await?;
     let point = call.point(&model)?;
     call.check_vectors()?;
@@ -390,7 +390,7 @@ async fn apply_jacobian(
     AnyBody(body): AnyBody,
 ) -> Result<Response, Refusal> {
     let mut call = Call::read(&body)?;
-    let _turn = app.shares.turn(&caller.owner).await;
+    let _turn = app.shares.evaluation(&caller.owner).await;
     let model = model_of(&app, &call).await?;
     let point = call.point(&model)?;
     call.check_vectors()?;
