@@ -11,7 +11,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::output::{NoValue, Output, OutputName};
-use fretwork_json::{self as json, BadBody, Distinct};
+use fretwork_json::{self as json, BadBody, Distinct, both};
 
 /// Most outputs of an evaluation.
 const MAX_OUTPUTS: usize = 100;
@@ -75,23 +75,16 @@ impl Evaluation {
             return Err(envelope.err().unwrap_or_else(|| Faults::one("", "must be an object")));
         };
         let asked = envelope.and_then(|envelope| envelope.resolve(&scenario));
-        match (asked, scenario::prepare(scenario, "/scenario")) {
-            (Ok((outputs, parts)), Ok((scenario, mut case, mut warnings))) => {
-                warnings.extend(scenario.warnings(&case));
-                if !parts.iter().any(|part| matches!(part, Part::Profiles | Part::Loops)) {
-                    case.profiles.fill(false);
-                }
-                if let Method::Exact { compare, .. } = &mut case.method {
-                    *compare = None;
-                }
-                Ok(Self { case, outputs, parts, warnings, body_bytes: 0 })
-            }
-            (Err(mut faults), Err(more)) => {
-                faults.0.extend(more.0);
-                Err(faults)
-            }
-            (Err(faults), Ok(_)) | (Ok(_), Err(faults)) => Err(faults),
+        let ((outputs, parts), (scenario, mut case, mut warnings)) =
+            both(asked, scenario::prepare(scenario, "/scenario"))?;
+        warnings.extend(scenario.warnings(&case));
+        if !parts.iter().any(|part| matches!(part, Part::Profiles | Part::Loops)) {
+            case.profiles.fill(false);
         }
+        if let Method::Exact { compare, .. } = &mut case.method {
+            *compare = None;
+        }
+        Ok(Self { case, outputs, parts, warnings, body_bytes: 0 })
     }
 
     fn needs_run(&self) -> bool {

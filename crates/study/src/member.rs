@@ -1,21 +1,17 @@
 //! The numbers of a scenario that a study varies.
 
-use std::iter;
-
 use deserr::{Deserr as _, IntoValue as _, ValuePointerRef};
 use fretwork_engine::request::Request;
 use fretwork_engine::request::fault::{Faults, unknown};
 use fretwork_engine::request::quantity::{self, Dimension};
-use serde_json::{Number, Value, json};
+use serde_json::{Number, Value};
 
 use fretwork_json::escaped;
 
 /// Most numbers that an error text lists.
 const LISTED: usize = 40;
-/// Most items of a list of which all are looked at.
-const SHORT: usize = 4;
-/// Most members of an object that are looked at, more than any object of a scenario has.
-const MEMBERS: usize = 64;
+/// A text that is no quantity. The fault of a scenario that has it in place of a quantity says what is measured there.
+const PROBE: &str = "?";
 
 /// A number of a scenario, which a JSON pointer names.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,23 +33,32 @@ impl Member {
         found
     }
 
-    /// Finds a number in a scenario, as its client wrote it.
+    /// Finds a number in a scenario. See [`Self::find_all`].
     ///
     /// # Errors
     /// A sentence for the client: the pointer names no number.
     pub fn find(scenario: &Value, pointer: &str) -> Result<Self, String> {
-        let found = scenario.pointer(pointer).ok_or_else(|| {
-            let mut known = Vec::new();
-            numbers(scenario, Some(LISTED), &mut String::new(), &mut known);
-            let known: Vec<&str> = known.iter().map(String::as_str).collect();
-            unknown("number of the scenario", pointer, &known)
-        })?;
-        if !is_number(found) {
-            return Err(format!("`{pointer}` is not a number. Name a number of the scenario"));
-        }
-        let dimension = dimension(scenario, pointer, found);
-        let value = read(found, dimension)?;
-        Ok(Self { pointer: pointer.to_owned(), dimension, value })
+        Self::find_all(scenario, [pointer]).remove(0)
+    }
+
+    /// Finds numbers in a scenario, as its client wrote it.
+    ///
+    /// # Errors
+    /// For each pointer that names no number, a sentence for the client.
+    pub fn find_all<'a>(
+        scenario: &Value,
+        pointers: impl IntoIterator<Item = &'a str>,
+    ) -> Vec<Result<Self, String>> {
+        let found = |pointer| found(scenario, pointer).map(|found| (pointer, found));
+        let found: Vec<Result<_, _>> = pointers.into_iter().map(found).collect();
+        let mut dimensions = dimensions(scenario, found.iter().flatten().copied()).into_iter();
+        let member = |found: Result<(&str, &Value), String>| {
+            let (pointer, value) = found?;
+            let dimension = dimensions.next().unwrap_or(Dimension::Number);
+            let value = read(value, dimension)?;
+            Ok(Self { pointer: pointer.to_owned(), dimension, value })
+        };
+        found.into_iter().map(member).collect()
     }
 
     /// Reads a value of this number: in SI, or with a unit.
@@ -96,79 +101,52 @@ fn read(value: &Value, dimension: Dimension) -> Result<f64, String> {
     }
 }
 
-/// What a number of a scenario measures. A text says it by its unit. For a plain number, it is the dimension whose unit
-/// the scenario accepts at its place.
-fn dimension(scenario: &Value, pointer: &str, found: &Value) -> Dimension {
-    let with_unit = || Dimension::ALL.into_iter().filter(|it| *it != Dimension::Number);
-    let plain = match found {
-        Value::String(text) => {
-            let Ok(plain) = quantity::parse(text, Dimension::Number) else {
-                let known = with_unit().find(|dimension| quantity::parse(text, *dimension).is_ok());
-                return known.unwrap_or(Dimension::Number);
-            };
-            plain
-        }
-        other => other.as_f64().unwrap_or_default(),
-    };
-    let mut tokens = pointer.split('/').skip(1);
-    let mut first = String::new();
-    let short = with_short_lists(scenario, &mut tokens, &mut first);
-    let faults_with = |value: Value| -> Vec<String> {
-        let mut changed = short.clone();
-        if let Some(place) = changed.pointer_mut(&first) {
-            *place = value;
-        }
-        let read: Result<Request, Faults> =
-            Request::deserialize_from_value(changed.into_value(), ValuePointerRef::Origin);
-        let faults = read.map_or_else(|faults| faults.0, |_| Vec::new()).into_iter();
-        faults.filter(|fault| fault.pointer == first).map(|fault| fault.detail).collect()
-    };
-    // At another place of a list, a number can have a fault that says nothing about its unit.
-    let own = faults_with(json!(plain));
-    let accepts = |dimension: &Dimension| {
-        faults_with(Value::String(format!("{plain:?} {}", dimension.si()))) == own
-    };
-    with_unit().find(accepts).unwrap_or(Dimension::Number)
+/// The number with this pointer, as its client wrote it.
+fn found<'a>(scenario: &'a Value, pointer: &str) -> Result<&'a Value, String> {
+    let found = scenario.pointer(pointer).ok_or_else(|| {
+        let mut known = Vec::new();
+        numbers(scenario, Some(LISTED), &mut String::new(), &mut known);
+        let known: Vec<&str> = known.iter().map(String::as_str).collect();
+        unknown("number of the scenario", pointer, &known)
+    })?;
+    if is_number(found) {
+        Ok(found)
+    } else {
+        Err(format!("`{pointer}` is not a number. Name a number of the scenario"))
+    }
 }
 
-/// A document with at most [`SHORT`] items of each list and [`MEMBERS`] members of each object, and what `tokens` lead to, which
-/// is the first item of a long list. The items of a long list measure the same. `pointer` gets the place to which the tokens
-/// lead then.
-fn with_short_lists<'a>(
-    value: &Value,
-    tokens: &mut impl Iterator<Item = &'a str>,
-    pointer: &mut String,
-) -> Value {
-    let token = tokens.next();
-    let mut enter = |name: &str, inner: &Value, is_wanted: bool| {
-        if is_wanted {
-            pointer.push('/');
-            pointer.push_str(name);
-            with_short_lists(inner, tokens, pointer)
-        } else {
-            with_short_lists(inner, &mut iter::empty(), &mut String::new())
-        }
+/// What numbers of a scenario measure. A text says it by its unit. For a plain number, the scenario says it: it is read once,
+/// with [`PROBE`] in place of all plain numbers.
+fn dimensions<'a>(
+    scenario: &Value,
+    found: impl Iterator<Item = (&'a str, &'a Value)> + Clone,
+) -> Vec<Dimension> {
+    let by_unit = |value: &Value| {
+        let text = value.as_str().filter(|text| quantity::parse(text, Dimension::Number).is_err());
+        text.map(|text| first(|it| quantity::parse(text, it).is_ok()))
     };
-    match value {
-        Value::Object(members) => {
-            let short = members.iter().enumerate().filter_map(|(place, (name, inner))| {
-                let token_of_name = escaped(name);
-                let is_wanted = token == Some(&token_of_name);
-                let is_kept = is_wanted || place < MEMBERS;
-                is_kept.then(|| (name.clone(), enter(&token_of_name, inner, is_wanted)))
-            });
-            Value::Object(short.collect())
+    let mut changed = scenario.clone();
+    for (pointer, _) in found.clone().filter(|(_, value)| by_unit(value).is_none()) {
+        if let Some(place) = changed.pointer_mut(pointer) {
+            *place = Value::from(PROBE);
         }
-        Value::Array(items) => {
-            let wanted = token.and_then(|token| token.parse().ok()).unwrap_or(usize::MAX);
-            let first = if items.len() > SHORT { items.get(wanted) } else { None };
-            let others = items.iter().take(SHORT - usize::from(first.is_some()));
-            let short = first.into_iter().chain(others).enumerate();
-            let wanted = if first.is_some() { 0 } else { wanted };
-            short.map(|(place, item)| enter(&place.to_string(), item, place == wanted)).collect()
-        }
-        other => other.clone(),
     }
+    let read: Result<Request, Faults> =
+        Request::deserialize_from_value(changed.into_value(), ValuePointerRef::Origin);
+    let faults = read.map_or_else(|faults| faults.0, |_| Vec::new());
+    let by_place = |pointer: &str| {
+        first(|it| {
+            let refused = quantity::parse(PROBE, it).err();
+            let mut faults = faults.iter().filter(|fault| fault.pointer == pointer);
+            faults.any(|fault| Some(&fault.detail) == refused.as_ref())
+        })
+    };
+    found.map(|(pointer, value)| by_unit(value).unwrap_or_else(|| by_place(pointer))).collect()
+}
+
+fn first(is_measured: impl Fn(Dimension) -> bool) -> Dimension {
+    Dimension::ALL.into_iter().find(|it| is_measured(*it)).unwrap_or(Dimension::Number)
 }
 
 /// The pointers of the numbers of a document: of the first `most`, or of all that are not in lists.
@@ -196,6 +174,7 @@ fn numbers(value: &Value, most: Option<usize>, pointer: &mut String, found: &mut
 mod tests {
     use super::*;
     use fretwork_engine::scenario;
+    use serde_json::json;
 
     fn scenario() -> Value {
         json!({
@@ -253,6 +232,26 @@ mod tests {
             let difference = (member.value - value).abs();
             assert!(difference <= 1e-14 * value, "{pointer}: {}", member.value);
         }
+    }
+
+    #[test]
+    fn numbers_that_are_found_together_are_those_that_are_found_alone() {
+        let mut scenario = scenario();
+        let together = |scenario: &Value| {
+            let mut pointers = Vec::new();
+            numbers(scenario, Some(LISTED), &mut String::new(), &mut pointers);
+            let all = Member::find_all(scenario, pointers.iter().map(String::as_str));
+            for (pointer, member) in pointers.iter().zip(all) {
+                assert_eq!(member, Member::find(scenario, pointer));
+            }
+            pointers.len()
+        };
+        assert_eq!(together(&scenario), 12);
+        scenario["profile"] =
+            json!({"shape": "table", "radius": [0, 1e-6, 3e-6], "height": [0, 1e-9, 4e-9]});
+        scenario["motion"] = json!({"blocks": [{"amplitude": 1e-6, "cycles": 10},
+            {"amplitude": "2 um", "cycles": 100}], "rig_stiffness": 1e7});
+        assert_eq!(together(&scenario), 21);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::Case;
 use fretwork_engine::outcome::Preview;
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::{Advance, Simulation};
@@ -83,49 +83,33 @@ impl Model {
         parameters: &[String],
         outputs: Vec<OutputName>,
     ) -> Result<Self, Faults> {
-        let mut faults = Vec::new();
+        let mut faults = Faults::default();
         for (list, length, example) in [
             ("parameters", parameters.len(), "/friction"),
             ("outputs", outputs.len(), "wear_volume"),
         ] {
             if length == 0 {
                 let detail = format!("must have at least one entry, such as \"{example}\"");
-                faults.push(Fault { pointer: format!("/{list}"), detail });
+                faults.add(format!("/{list}"), detail);
             }
             if length > MOST {
                 let detail = format!("must have at most {MOST} entries, not {length}");
-                faults.push(Fault { pointer: format!("/{list}"), detail });
+                faults.add(format!("/{list}"), detail);
             }
         }
         let mut distinct = HashSet::new();
         if let Some(twice) = parameters.iter().position(|pointer| !distinct.insert(pointer)) {
-            let detail = "is listed twice".to_owned();
-            faults.push(Fault { pointer: format!("/parameters/{twice}"), detail });
+            faults.add(format!("/parameters/{twice}"), "is listed twice");
         }
-        if !faults.is_empty() {
-            return Err(Faults(faults));
-        }
-        if let Err(more) = scenario::prepare(base.clone(), "/scenario") {
-            faults.extend(more.0);
-        }
-        let mut members = Vec::with_capacity(parameters.len());
-        for (place, pointer) in parameters.iter().enumerate() {
-            match Member::find(&base, pointer) {
-                Ok(member) => members.push(member),
-                Err(detail) => {
-                    faults.push(Fault { pointer: format!("/parameters/{place}"), detail });
-                }
-            }
-        }
-        let outputs = OutputName::all_among(outputs, &base).unwrap_or_else(|more| {
-            faults.extend(more.below("/outputs").0);
-            Vec::new()
-        });
-        if faults.is_empty() {
-            Ok(Self(Problem::new(base, members, outputs)))
-        } else {
-            Err(Faults(faults))
-        }
+        faults.or(())?;
+        let mut faults = Faults::default();
+        faults.keep("", scenario::prepare(base.clone(), "/scenario"));
+        let members = Faults::list(Member::find_all(&base, parameters.iter().map(String::as_str)));
+        let members = faults.keep("/parameters", members).unwrap_or_default();
+        let outputs = OutputName::all_among(outputs, &base);
+        let outputs = faults.keep("/outputs", outputs).unwrap_or_default();
+        faults.or(())?;
+        Ok(Self(Problem::new(base, members, outputs)))
     }
 
     /// The numbers that vary.

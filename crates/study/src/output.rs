@@ -18,7 +18,7 @@ use fretwork_engine::case::Case;
 use fretwork_engine::outcome::{
     self, ContactScales, History, LimitState, Member, Outcome, Preview, Unworn,
 };
-use fretwork_engine::request::fault::{Fault, Faults, unknown};
+use fretwork_engine::request::fault::{Faults, unknown};
 use fretwork_engine::request::instants::{Cycles, Measure};
 use fretwork_engine::request::quantity::{self, Dimension};
 use fretwork_engine::solver::events::EventKind;
@@ -167,14 +167,7 @@ impl OutputName {
         let cycles = scenario.get("cycles").cloned().unwrap_or_default();
         let cycles = Cycles::deserialize_from_value(cycles.into_value(), ValuePointerRef::Origin);
         let Ok(cycles): Result<_, Faults> = cycles else { return Ok(Vec::new()) };
-        let (mut outputs, mut faults) = (Vec::new(), Vec::new());
-        for (place, name) in names.into_iter().enumerate() {
-            match name.among(&cycles) {
-                Ok(output) => outputs.push(output),
-                Err(detail) => faults.push(Fault { pointer: format!("/{place}"), detail }),
-            }
-        }
-        if faults.is_empty() { Ok(outputs) } else { Err(Faults(faults)) }
+        Faults::list(names.into_iter().map(|name| name.among(&cycles)))
     }
 }
 

@@ -215,20 +215,11 @@ pub(super) fn varied_and_outputs(
     vary: &[Value],
     outputs: Value,
 ) -> Result<(Vec<Varied>, Vec<Output>), Faults> {
-    let mut faults = Vec::new();
-    let mut collect = |prefix: &str, more: Faults| faults.extend(more.below(prefix).0);
-    if let Err(more) = scenario::prepare(scenario.clone(), "/scenario") {
-        collect("", more);
-    }
-    let varied = vary::list(vary, scenario).unwrap_or_else(|more| {
-        collect("/vary", more);
-        Vec::new()
-    });
-    let outputs = outputs_of(outputs, scenario).unwrap_or_else(|more| {
-        collect("/outputs", more);
-        Vec::new()
-    });
-    if faults.is_empty() { Ok((varied, outputs)) } else { Err(Faults(faults)) }
+    let mut faults = Faults::default();
+    faults.keep("", scenario::prepare(scenario.clone(), "/scenario"));
+    let varied = faults.keep("/vary", vary::list(vary, scenario)).unwrap_or_default();
+    let outputs = faults.keep("/outputs", outputs_of(outputs, scenario)).unwrap_or_default();
+    faults.or((varied, outputs))
 }
 
 /// The outputs of a scenario with these names. Faults have pointers such as `/0`.

@@ -7,7 +7,7 @@ use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::request::quantity::Dimension;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::member::Member;
 use super::stats::design::{Spacing, range};
@@ -51,7 +51,8 @@ pub enum Values {
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 struct Entry {
-    pointer: String,
+    #[deserr(rename = "pointer")]
+    _pointer: String,
     #[deserr(default)]
     values: Given<Vec<Value>>,
     #[deserr(default)]
@@ -89,7 +90,6 @@ enum SpacingName {
 /// # Errors
 /// The faults of all entries, with pointers such as `/0/from`.
 pub fn list(entries: &[Value], scenario: &Value) -> Result<Vec<Varied>, Faults> {
-    let (mut list, mut faults) = (Vec::<Varied>::new(), Vec::new());
     if entries.is_empty() || entries.len() > MAX_MEMBERS {
         let detail =
             format!("must list 1 to {MAX_MEMBERS} numbers of the scenario, not {}", entries.len());
@@ -101,21 +101,17 @@ pub fn list(entries: &[Value], scenario: &Value) -> Result<Vec<Varied>, Faults> 
             format!("has {listed} values in all. At most {MAX_LISTED} can be listed or counted");
         return Err(Faults::one("", detail));
     }
-    let mut pointers = HashSet::new();
-    for (place, entry) in entries.iter().enumerate() {
-        let pointer = entry.get("pointer").and_then(Value::as_str).map(str::to_owned);
-        let is_new = pointer.is_none_or(|pointer| pointers.insert(pointer));
-        let read = if is_new {
-            Varied::read(entry.clone(), scenario)
+    let pointers = entries.iter().map(|entry| entry["pointer"].as_str());
+    let members = Member::find_all(scenario, pointers.clone().map(Option::unwrap_or_default));
+    let mut distinct = HashSet::new();
+    let is_new = pointers.map(|pointer| pointer.is_none_or(|pointer| distinct.insert(pointer)));
+    Faults::list(entries.iter().zip(members).zip(is_new).map(|((entry, member), is_new)| {
+        if is_new {
+            Varied::read(entry.clone(), member)
         } else {
             Err(Faults::one("/pointer", "is listed twice"))
-        };
-        match read {
-            Ok(one) => list.push(one),
-            Err(more) => faults.extend(more.below(&format!("/{place}")).0),
         }
-    }
-    if faults.is_empty() { Ok(list) } else { Err(Faults(faults)) }
+    }))
 }
 
 impl Values {
@@ -151,15 +147,14 @@ fn values_in(entry: &Value) -> u64 {
 }
 
 impl Varied {
-    /// Reads an entry of `vary`; `scenario` is the scenario that it belongs to.
+    /// Reads an entry of `vary` about this number of the scenario.
     ///
     /// # Errors
     /// The faults of the entry, with pointers relative to it.
-    pub fn read(entry: Value, scenario: &Value) -> Result<Self, Faults> {
+    pub fn read(entry: Value, member: Result<Member, String>) -> Result<Self, Faults> {
         let entry: Entry =
             Entry::deserialize_from_value::<Value>(entry.into_value(), ValuePointerRef::Origin)?;
-        let member = Member::find(scenario, &entry.pointer)
-            .map_err(|detail| Faults::one("/pointer", detail))?;
+        let member = member.map_err(|detail| Faults::one("/pointer", detail))?;
         let values = entry.values(&member)?;
         Ok(Self { member, values })
     }
@@ -237,101 +232,58 @@ fn list_of(list: &[Value], member: &Member) -> Result<Vec<f64>, Faults> {
         let detail = format!("must list 1 to {MAX_VALUES} values, not {}", list.len());
         return Err(Faults::one("", detail));
     }
-    let (mut values, mut faults) = (Vec::with_capacity(list.len()), Vec::new());
-    for (place, value) in list.iter().enumerate() {
-        match member.read(value) {
-            Ok(value) => values.push(value),
-            Err(detail) => faults.push(Fault { pointer: format!("/{place}"), detail }),
-        }
-    }
-    if faults.is_empty() { Ok(values) } else { Err(Faults(faults)) }
+    Faults::list(list.iter().map(|value| member.read(value)))
 }
 
-/// The parameters of a distribution.
-struct Parameters<'a> {
-    name: &'a str,
-    members: &'a Map<String, Value>,
-    member: &'a Member,
-}
+/// A distribution as a client writes it: its name, its parameters, and how it is made of them.
+type Form = (&'static str, &'static [&'static str], fn(&[f64]) -> Result<Distribution, Fault>);
 
-impl Parameters<'_> {
-    fn at(&self, parameter: &str) -> String {
-        format!("/distribution/{}/{parameter}", self.name)
-    }
-
-    fn value(&self, parameter: &str) -> Result<&Value, Faults> {
-        self.members.get(parameter).ok_or_else(|| {
-            Faults::one(&self.at(parameter), format!("is missing. Enter `{parameter}`"))
-        })
-    }
-
-    /// A parameter in the unit of the number.
-    fn quantity(&self, parameter: &str) -> Result<f64, Faults> {
-        let value = self.value(parameter)?;
-        self.member.read(value).map_err(|detail| Faults::one(&self.at(parameter), detail))
-    }
-
-    /// A parameter without a unit.
-    fn plain(&self, parameter: &str) -> Result<f64, Faults> {
-        let value = self.value(parameter)?;
-        value.as_f64().ok_or_else(|| Faults::one(&self.at(parameter), "must be a number"))
-    }
-
-    fn only(&self, accepted: &[&str]) -> Result<(), Faults> {
-        match self.members.keys().find(|name| !accepted.contains(&name.as_str())) {
-            None => Ok(()),
-            Some(other) => {
-                let detail = format!("is no parameter here. Accepted: {}", accepted.join(", "));
-                Err(Faults::one(&self.at(other), detail))
-            }
-        }
-    }
-}
+/// A name with two forms is read in the first one if its first parameter is given.
+const FORMS: [Form; 6] = [
+    ("uniform", &["low", "high"], |p| Distribution::uniform(p[0], p[1])),
+    ("log_uniform", &["low", "high"], |p| Distribution::log_uniform(p[0], p[1])),
+    ("normal", &["mean", "standard_deviation"], |p| Distribution::normal(p[0], p[1])),
+    ("lognormal", &["mean", "standard_deviation"], |p| {
+        Distribution::lognormal_with_mean(p[0], p[1])
+    }),
+    ("lognormal", &["median", "factor"], |p| Distribution::lognormal(p[0], p[1])),
+    ("triangular", &["low", "mode", "high"], |p| Distribution::triangular(p[0], p[1], p[2])),
+];
+/// The parameter that has no unit.
+const FACTOR: &str = "factor";
+const NAMES: &str = "uniform, log_uniform, normal, lognormal, triangular";
 
 fn distribution_of(value: &Value, member: &Member) -> Result<Distribution, Faults> {
-    const NAMES: &str = "uniform, log_uniform, normal, lognormal, triangular";
     let one = value.as_object().filter(|members| members.len() == 1);
     let pair = one.and_then(|members| members.iter().next());
-    let Some((name, Some(members))) = pair.map(|(name, inner)| (name, inner.as_object())) else {
+    let Some((name, Some(given))) = pair.map(|(name, inner)| (name, inner.as_object())) else {
         let detail = format!(
             "must be an object with one of {NAMES}, such as {{\"uniform\": {{\"low\": …, \"high\": …}}}}"
         );
         return Err(Faults::one("/distribution", detail));
     };
-    let of = Parameters { name, members, member };
-    let made = match name.as_str() {
-        "uniform" | "log_uniform" => {
-            of.only(&["low", "high"])?;
-            let (low, high) = (of.quantity("low")?, of.quantity("high")?);
-            let make =
-                if name == "uniform" { Distribution::uniform } else { Distribution::log_uniform };
-            make(low, high)
-        }
-        "normal" => {
-            of.only(&["mean", "standard_deviation"])?;
-            Distribution::normal(of.quantity("mean")?, of.quantity("standard_deviation")?)
-        }
-        "lognormal" if members.contains_key("mean") => {
-            of.only(&["mean", "standard_deviation"])?;
-            let (mean, deviation) = (of.quantity("mean")?, of.quantity("standard_deviation")?);
-            Distribution::lognormal_with_mean(mean, deviation)
-        }
-        "lognormal" => {
-            of.only(&["median", "factor"])?;
-            Distribution::lognormal(of.quantity("median")?, of.plain("factor")?)
-        }
-        "triangular" => {
-            of.only(&["low", "mode", "high"])?;
-            Distribution::triangular(
-                of.quantity("low")?,
-                of.quantity("mode")?,
-                of.quantity("high")?,
-            )
-        }
-        _ => {
-            let detail = format!("is no distribution. Accepted: {NAMES}");
-            return Err(Faults::one(&format!("/distribution/{name}"), detail));
-        }
+    let fault = |parameter: &str, detail: &str| {
+        Faults::one(&format!("/distribution/{name}/{parameter}"), detail)
     };
-    made.map_err(|fault| Faults::one(&of.at(fault.pointer.trim_start_matches('/')), fault.detail))
+    let forms = || FORMS.iter().filter(|(known, ..)| known == name);
+    let form = forms().find(|(_, parameters, _)| given.contains_key(parameters[0]));
+    let Some((_, parameters, make)) = form.or(forms().next_back()) else {
+        let detail = format!("is no distribution. Accepted: {NAMES}");
+        return Err(Faults::one(&format!("/distribution/{name}"), detail));
+    };
+    if let Some(other) = given.keys().find(|name| !parameters.contains(&name.as_str())) {
+        let accepted = parameters.join(", ");
+        return Err(fault(other, &format!("is no parameter here. Accepted: {accepted}")));
+    }
+    let read = |parameter: &&str| {
+        let value = given.get(*parameter).ok_or_else(|| format!("is missing. Enter `{parameter}`"));
+        let read = value.and_then(|value| match value.as_f64() {
+            None if *parameter == FACTOR => Err("must be a number".to_owned()),
+            Some(factor) if *parameter == FACTOR => Ok(factor),
+            _ => member.read(value),
+        });
+        read.map_err(|detail| fault(parameter, &detail))
+    };
+    let values: Vec<f64> = parameters.iter().map(read).collect::<Result<_, _>>()?;
+    make(&values).map_err(|wrong| fault(&wrong.pointer[1..], &wrong.detail))
 }

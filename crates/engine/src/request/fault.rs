@@ -22,7 +22,7 @@ pub struct Fault {
 }
 
 /// All faults of a request.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, thiserror::Error)]
 #[error("{} fault(s) in the request", .0.len())]
 pub struct Faults(pub Vec<Fault>);
 
@@ -35,6 +35,37 @@ impl Faults {
     /// One fault at a location.
     pub fn at(location: ValuePointerRef<'_>, detail: impl Into<String>) -> Self {
         Self(vec![Fault { pointer: pointer(location), detail: detail.into() }])
+    }
+
+    /// Adds a fault.
+    pub fn add(&mut self, pointer: impl Into<String>, detail: impl Into<String>) {
+        self.0.push(Fault { pointer: pointer.into(), detail: detail.into() });
+    }
+
+    /// What was read at a place, or `None`: then its faults are added.
+    pub fn keep<T>(&mut self, place: &str, read: Result<T, impl Into<Self>>) -> Option<T> {
+        read.map_err(|faults| self.0.extend(faults.into().below(place).0)).ok()
+    }
+
+    /// What was read at the places `/0`, `/1` and so on.
+    ///
+    /// # Errors
+    /// The faults of all items.
+    pub fn list<T, E: Into<Self>>(
+        items: impl IntoIterator<Item = Result<T, E>>,
+    ) -> Result<Vec<T>, Self> {
+        let mut faults = Self::default();
+        let items = items.into_iter().enumerate();
+        let list = items.filter_map(|(at, item)| faults.keep(&format!("/{at}"), item)).collect();
+        faults.or(list)
+    }
+
+    /// The value, unless there are faults.
+    ///
+    /// # Errors
+    /// These faults.
+    pub fn or<T>(self, value: T) -> Result<T, Self> {
+        if self.0.is_empty() { Ok(value) } else { Err(self) }
     }
 
     /// The first faults, and one more entry with the number of the others.
@@ -58,6 +89,13 @@ impl Faults {
             fault.pointer.insert_str(0, prefix);
         }
         self
+    }
+}
+
+/// A sentence about the place that was read.
+impl From<String> for Faults {
+    fn from(detail: String) -> Self {
+        Self::one("", detail)
     }
 }
 
@@ -116,7 +154,7 @@ pub(crate) fn refuse<V: IntoValue>(
     }
 }
 
-fn pointer(location: ValuePointerRef<'_>) -> String {
+pub(crate) fn pointer(location: ValuePointerRef<'_>) -> String {
     match location {
         ValuePointerRef::Origin => String::new(),
         ValuePointerRef::Key { key, prev } => {

@@ -4,7 +4,7 @@ use std::marker::PhantomData;
 
 use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, ValuePointerRef};
 
-use super::fault::{Faults, refuse};
+use super::fault::{Faults, pointer, refuse};
 use super::fields::{Exponent, Height, Length, Radius, SlopeAngle};
 use crate::numeric::twelve_digits;
 
@@ -96,16 +96,16 @@ pub struct TableProfile {
 
 impl TableProfile {
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
-        let mut faults = Vec::new();
-        let mut fault = |column: &str, row: usize, detail: String| {
+        let mut faults = Faults::default();
+        let mut fault = |column: &str, row: usize, detail: &str| {
             let column = location.push_key(column);
-            faults.extend(Faults::at(column.push_index(row), detail).0);
+            faults.add(pointer(column.push_index(row)), detail);
         };
         let (radius, height) = (&self.radius.0, &self.height.0);
         if radius[0] > 0.0 {
             let detail =
                 "must be 0, because the first point lies on the axis. Add a point at radius 0";
-            fault("radius", 0, detail.to_owned());
+            fault("radius", 0, detail);
         }
         for (row, pair) in radius.windows(2).enumerate() {
             if pair[0] >= pair[1] {
@@ -114,7 +114,7 @@ impl TableProfile {
                      12 digits). Sort the rows, or remove repeated radii",
                     pair[1], pair[0]
                 );
-                fault("radius", row + 1, detail);
+                fault("radius", row + 1, &detail);
             }
         }
         // Only many points are smoothed. Then a low height can be noise, unless it is so low.
@@ -132,10 +132,10 @@ impl TableProfile {
                  heights that are not lower than the first one",
                 height[0]
             );
-            fault("height", *first, detail);
+            fault("height", *first, &detail);
         } else if most <= 0.0 {
             let detail = "must be above the height on the axis. A flat table has no contact radius";
-            fault("height", height.len() - 1, detail.to_owned());
+            fault("height", height.len() - 1, detail);
         }
         if radius.len() != height.len() {
             let detail = format!(
@@ -143,9 +143,9 @@ impl TableProfile {
                 radius.len(),
                 height.len()
             );
-            faults.extend(Faults::at(location.push_key("height"), detail).0);
+            faults.add(pointer(location.push_key("height")), detail);
         }
-        if faults.is_empty() { Ok(self) } else { Err(Faults(faults).capped()) }
+        faults.or(self).map_err(Faults::capped)
     }
 }
 

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::case::{EnergyOutputs, Outputs, Scales};
 use crate::numeric::twelve_digits;
-use crate::request::fault::{Fault, Faults};
+use crate::request::fault::Faults;
 use crate::request::fields::LAST_CYCLE;
 use crate::request::instants::{Cycles, Measure, ProfilesAt, ProfilesWord};
 
@@ -106,22 +106,16 @@ fn numbers_and_profiles(
         Some(ProfilesAt::Word(ProfilesWord::None)) => return word(ProfilesWord::None),
         Some(ProfilesAt::At(wanted)) => wanted,
     };
-    let mut faults = Vec::new();
-    for (index, n) in wanted.iter().enumerate() {
-        if *n != 0.0 && !given.contains(n) {
-            faults.push(Fault {
-                pointer: format!("/profiles_at/{index}"),
-                detail: format!(
-                    "is {n}, but `cycles` does not contain this number. Add it to `cycles`, or remove \
-                     it from `profiles_at`"
-                ),
-            });
+    let known = |n: &f64| {
+        if *n == 0.0 || given.contains(n) {
+            return Ok(convert(*n));
         }
-    }
-    if !faults.is_empty() {
-        return Err(Faults(faults));
-    }
-    let mut wanted: Vec<f64> = wanted.iter().map(|n| convert(*n)).collect();
+        Err(format!(
+            "is {n}, but `cycles` does not contain this number. Add it to `cycles`, or remove it from `profiles_at`"
+        ))
+    };
+    let wanted = Faults::list(wanted.iter().map(known));
+    let mut wanted = wanted.map_err(|faults| faults.below("/profiles_at"))?;
     if wanted.len() > 1 && wanted[0] == 0.0 {
         wanted.remove(0);
     }

@@ -151,10 +151,11 @@ impl CanonicalModel {
     ) -> Result<Self, Faults> {
         let points = model.points.0.map_or(DEFAULT_POINTS, |points| points.0);
         let xi = || {
-            Ok(twelve_digits(match model.xi {
-                GivenXi::Auto => fitted_xi(stick_ratio()?),
-                GivenXi::Number(Xi(xi)) => xi,
-            }))
+            let xi = match model.xi {
+                GivenXi::Auto => stick_ratio().map(fitted_xi),
+                GivenXi::Number(Xi(xi)) => Ok(xi),
+            };
+            xi.map(twelve_digits)
         };
         let tolerance = model.tolerance.0.map_or(DEFAULT_TOLERANCE, |given| given.0);
         Ok(match model.method {

@@ -14,7 +14,7 @@ use std::sync::OnceLock;
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::Case;
 use fretwork_engine::outcome::Condition;
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::{Given, Length};
 use fretwork_engine::scenario;
 use serde_json::{Value, json};
@@ -105,31 +105,18 @@ fn read(map: Value) -> Result<Read, Faults> {
     let request: Request =
         Request::deserialize_from_value::<Value>(map.into_value(), ValuePointerRef::Origin)?;
     let Request { scenario, normal_force, amplitude, outputs, .. } = request;
-    let mut faults = Vec::new();
-    let mut collect = |prefix: &str, more: Faults| faults.extend(more.below(prefix).0);
-    if let Err(more) = scenario::prepare(scenario.clone(), "/scenario") {
-        collect("", more);
-    }
-    if let Err(more) = plain(&scenario) {
-        collect("/scenario", more);
-    }
+    let mut faults = Faults::default();
+    faults.keep("", scenario::prepare(scenario.clone(), "/scenario"));
+    faults.keep("/scenario", plain(&scenario));
     let names = outputs.0.filter(|names| *names != json!([]));
     let outputs = names.map_or(Ok(Vec::new()), |names| outputs_of(names, &scenario));
-    let outputs = outputs.unwrap_or_else(|more| {
-        collect("/outputs", more);
-        Vec::new()
-    });
+    let outputs = faults.keep("/outputs", outputs).unwrap_or_default();
     if let Some(place) =
         outputs.iter().position(|output| CLOSED.iter().any(|(own, _)| *own == output.name()))
     {
-        collect(
-            &format!("/outputs/{place}"),
-            Faults::one("", "is a column of every map. Remove it"),
-        );
+        faults.add(format!("/outputs/{place}"), "is a column of every map. Remove it");
     }
-    if !faults.is_empty() {
-        return Err(Faults(faults));
-    }
+    faults.or(())?;
     let [force, amplitude] =
         [(0, normal_force), (1, amplitude)].map(|(place, given)| axis(place, given, &scenario));
     let ((force, forces), (amplitude, amplitudes)) = both(force, amplitude)?;
@@ -140,22 +127,22 @@ fn read(map: Value) -> Result<Read, Faults> {
 
 /// Checks that normal force and amplitude determine the unworn contact of a scenario.
 fn plain(scenario: &Value) -> Result<(), Faults> {
-    let mut faults = Vec::new();
+    let mut faults = Faults::default();
     for (pointer, name) in MEMBERS.into_iter().zip(AXES) {
         let section = pointer.rsplit_once('/').map_or("", |(section, _)| section);
         if scenario.pointer(section).is_some() && scenario.pointer(pointer).is_none() {
             let detail = format!(
                 "has no `{name}`, but a map varies it. Enter a value in place of what is given"
             );
-            faults.push(Fault { pointer: section.to_owned(), detail });
+            faults.add(section, detail);
         }
     }
     let rig = "/motion/rig_stiffness";
     if scenario.pointer(rig).is_some() {
         let detail = "does not belong to a map, whose amplitude is that of the contact. Remove it";
-        faults.push(Fault { pointer: rig.to_owned(), detail: detail.to_owned() });
+        faults.add(rig, detail);
     }
-    if faults.is_empty() { Ok(()) } else { Err(Faults(faults)) }
+    faults.or(())
 }
 
 /// The member of an axis, and its values. Faults have pointers relative to the map.
@@ -164,7 +151,7 @@ fn axis(place: usize, mut entry: Value, scenario: &Value) -> Result<(Member, Vec
     let read = match entry.as_object_mut() {
         Some(members) if !members.contains_key("pointer") => {
             members.insert("pointer".to_owned(), json!(MEMBERS[place]));
-            Varied::read(entry, scenario)
+            Varied::read(entry, Member::find(scenario, MEMBERS[place]))
         }
         Some(_) => wrong("has a `pointer`, but its name says what it varies. Remove it"),
         None => wrong(

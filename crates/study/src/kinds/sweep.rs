@@ -1,7 +1,7 @@
 //! Sweeps: the outputs of a scenario for many values of some of its numbers.
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -134,11 +134,9 @@ fn design_of(
     seed: u64,
 ) -> Result<Design, Faults> {
     let random = name.is_random();
-    let (mut lists, mut distributions, mut faults) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut lists, mut distributions, mut faults) = (Vec::new(), Vec::new(), Faults::default());
     for (place, one) in varied.into_iter().enumerate() {
-        let mut wrong = |detail: &str| {
-            faults.push(Fault { pointer: format!("/vary/{place}"), detail: detail.to_owned() });
-        };
+        let mut wrong = |detail: &str| faults.add(format!("/vary/{place}"), detail);
         match one.values {
             Values::List(_) if random => wrong(
                 "lists values, but this design draws them. Enter a range (`from`, `to`) or a `distribution`, or use \
@@ -158,20 +156,16 @@ fn design_of(
         }
     }
     match samples {
-        None if random => faults.push(Fault {
-            pointer: "/samples".to_owned(),
-            detail: "is missing. Enter the number of points, such as 1024".to_owned(),
-        }),
-        Some(_) if !random => faults.push(Fault {
-            pointer: "/samples".to_owned(),
-            detail: "belongs to the designs latin_hypercube and sobol. The values give the points of this design"
-                .to_owned(),
-        }),
+        None if random => {
+            faults.add("/samples", "is missing. Enter the number of points, such as 1024");
+        }
+        Some(_) if !random => faults.add(
+            "/samples",
+            "belongs to the designs latin_hypercube and sobol. The values give the points of this design",
+        ),
         _ => {}
     }
-    if !faults.is_empty() {
-        return Err(Faults(faults));
-    }
+    faults.or(())?;
     let points = samples.unwrap_or_default() as usize;
     let made = match name {
         DesignName::Grid => Ok(Design::grid(lists)),

@@ -13,7 +13,7 @@ mod findings;
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::{Case, Method as RunMethod};
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -191,13 +191,9 @@ impl Sensitivity {
         seed: u64,
         confidence: f64,
     ) -> Result<Self, Faults> {
-        let (mut from, mut faults) = (Vec::new(), Vec::new());
-        for (place, one) in varied.into_iter().enumerate() {
-            match one.values.drawn() {
-                Ok(distribution) => from.push(distribution),
-                Err(detail) => faults.push(Fault { pointer: format!("/vary/{place}"), detail }),
-            }
-        }
+        let mut faults = Faults::default();
+        let from = Faults::list(varied.into_iter().map(|one| one.values.drawn()));
+        let from = faults.keep("/vary", from);
         if samples.is_none() {
             let detail = match name {
                 MethodName::Sobol => {
@@ -209,22 +205,16 @@ impl Sensitivity {
                      in `vary`"
                 }
             };
-            faults.push(Fault { pointer: "/samples".to_owned(), detail: detail.to_owned() });
+            faults.add("/samples", detail);
         }
         let resamples = (10.0 / (1.0 - confidence)).ceil().clamp(RESAMPLES.0, RESAMPLES.1);
-        let bootstrap = match Bootstrap::new(resamples as usize, confidence, seed) {
-            Ok(bootstrap) => Some(bootstrap),
-            Err(detail) => {
-                let pointer = "/confidence".to_owned();
-                faults.push(Fault { pointer, detail: detail.to_owned() });
-                None
-            }
-        };
-        match (samples, bootstrap) {
-            (Some(samples), Some(bootstrap)) if faults.is_empty() => {
+        let bootstrap = Bootstrap::new(resamples as usize, confidence, seed);
+        let bootstrap = faults.keep("/confidence", bootstrap.map_err(str::to_owned));
+        match (from, samples, bootstrap) {
+            (Some(from), Some(samples), Some(bootstrap)) => {
                 Ok(Self::of(name, from, samples, seed, bootstrap))
             }
-            _ => Err(Faults(faults)),
+            _ => Err(faults),
         }
     }
 
@@ -248,10 +238,9 @@ impl Sensitivity {
 
     /// A study of the values in the scenario.
     fn local(varied: Vec<Varied>, samples: Option<usize>) -> Result<Self, Faults> {
-        let mut faults = Vec::new();
+        let mut faults = Faults::default();
         if samples.is_some() {
-            let detail = "belongs to the methods sobol and morris. Remove it";
-            faults.push(Fault { pointer: "/samples".to_owned(), detail: detail.to_owned() });
+            faults.add("/samples", "belongs to the methods sobol and morris. Remove it");
         }
         let (mut around, mut first) = (Vec::new(), 1);
         for (place, Varied { member, values }) in varied.into_iter().enumerate() {
@@ -267,7 +256,7 @@ impl Sensitivity {
                 ),
             };
             if let Some(detail) = wrong {
-                faults.push(Fault { pointer: format!("/vary/{place}"), detail: detail.to_owned() });
+                faults.add(format!("/vary/{place}"), detail);
                 continue;
             }
             let x = member.value;
@@ -277,7 +266,7 @@ impl Sensitivity {
             around.push(Neighbourhood { place, first, rounds });
             first += points;
         }
-        if faults.is_empty() { Ok(Self::Local(around)) } else { Err(Faults(faults)) }
+        faults.or(Self::Local(around))
     }
 
     /// The columns of numbers in the table.
