@@ -2,15 +2,15 @@
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
-use fretwork_engine::outcome::{History, Loops, Preview, Profiles, QUANTITIES};
+use fretwork_engine::outcome::{History, Loops, Profiles, QUANTITIES};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario::{self, Warning};
-use fretwork_engine::simulation::{Advance, Simulation};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::output::{NoValue, Output, OutputName};
+use super::run::Run;
 use fretwork_json::{self as json, BadBody, Distinct, both};
 
 /// Most outputs of an evaluation.
@@ -107,22 +107,19 @@ impl Evaluation {
     /// Computes the outputs, and the parts of the result. Asks after each step of about 30 ms whether to continue.
     /// Returns `None` if not.
     pub fn compute(self, may_continue: impl Fn() -> bool) -> Option<Evaluated> {
-        if !self.needs_run() {
-            let preview = Preview::of(&self.case);
-            let values = self.outputs.iter().map(|output| (output, output.known(&preview)));
-            return Some(Evaluated { warnings: self.warnings, ..Evaluated::of(values) });
-        }
+        let needs_run = self.needs_run();
         let Self { case, outputs, parts, warnings, .. } = self;
-        let mut simulation = Simulation::new(case.clone(), warnings);
-        let outcome = loop {
-            match simulation.step() {
-                Advance::Done(outcome) => break outcome,
-                Advance::Working(_) if may_continue() => {}
-                Advance::Working(_) => return None,
+        let mut run = Run::new(case, needs_run, warnings.clone());
+        let ended = loop {
+            match run.step() {
+                Some(ended) => break ended,
+                None if may_continue() => {}
+                None => return None,
             }
         };
-        let values = outputs.iter().map(|output| (output, output.value(&case, &outcome)));
+        let values = outputs.iter().map(|output| (output, ended.value(output)));
         let mut found = Evaluated::of(values);
+        let Ok(outcome) = ended.found else { return Some(Evaluated { warnings, ..found }) };
         if !parts.is_empty() {
             let others = QUANTITIES
                 .iter()

@@ -9,7 +9,8 @@ use std::{mem, vec};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::quantity::Dimension;
 
-use super::model::{Model, PointValues, Run};
+use super::model::{Model, PointValues};
+use super::run::Run;
 use super::stats::derivative::{Derivative, Place, Search};
 
 /// Runs for each number in most cases: those of one interval.
@@ -90,7 +91,7 @@ impl Jacobian {
     /// Computes for about 30 ms, or one run. Returns the derivatives at the end.
     pub fn step(&mut self) -> Option<Vec<Entry>> {
         if let Some(run) = &mut self.run {
-            let values = run.step()?;
+            let values = self.model.values(&run.step()?);
             self.run = None;
             match &mut self.column {
                 Some(column) => column.values.push(numbers(&values)),
@@ -300,7 +301,8 @@ mod tests {
         let energy = json!({"scenario": scenario, "outputs": ["energy_per_cycle"]});
         let model = Arc::new(Model::read(energy).unwrap());
         let mut run = model.run(&[0.7]).unwrap();
-        let values = std::iter::repeat_with(|| run.step()).find_map(|values| values).unwrap();
+        let mut steps = std::iter::repeat_with(|| run.step().map(|ended| model.values(&ended)));
+        let values = steps.find_map(|values| values).unwrap();
         let per_cycle = 3.03e-14 / 0.7 * values.values[0].unwrap();
         let found = found(json!({"scenario": scenario,
             "parameters": ["/cycles/0", "/wear/coefficient"], "outputs": ["wear_volume"]}));
@@ -338,7 +340,8 @@ mod tests {
             "parameters": ["/profile/radius", "/motion/amplitude"]});
         let model = Arc::new(Model::read(config.clone()).unwrap());
         let mut run = model.run(&model.origin()).unwrap();
-        let values = std::iter::repeat_with(|| run.step()).find_map(|values| values).unwrap();
+        let mut steps = std::iter::repeat_with(|| run.step().map(|ended| model.values(&ended)));
+        let values = steps.find_map(|values| values).unwrap();
         let radius = values.values[0].unwrap();
         for ((entry, x), expected) in found(config).iter().zip(model.origin()).zip([0.265, 0.286]) {
             let Derivative { value, error } = entry.derivative.clone().unwrap();

@@ -1,20 +1,17 @@
 //! A scenario as a function of some of its numbers, whose values are some of its outputs.
 
 use std::collections::HashSet;
-use std::sync::Arc;
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
-use fretwork_engine::case::Case;
-use fretwork_engine::outcome::Preview;
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
-use fretwork_engine::simulation::{Advance, Simulation};
 use serde_json::Value;
 
 use super::member::Member;
 use super::output::{NoValue, Output, OutputName};
 use super::problem::Problem;
+use super::run::{Ended, Run};
 use fretwork_json::Distinct;
 
 /// Most numbers that a model varies, and most outputs of a model.
@@ -27,15 +24,6 @@ const DEFAULT: &str = include_str!("../../../examples/steel-ball-simplified.json
 /// A function from numbers of a scenario to outputs of its result.
 #[derive(Debug)]
 pub struct Model(Problem);
-
-/// The run of a model at a point.
-#[derive(Debug)]
-pub struct Run {
-    model: Arc<Model>,
-    case: Case,
-    /// `None` if no output needs a run.
-    simulation: Option<Simulation>,
-}
 
 /// The values of the outputs at a point.
 #[derive(Debug)]
@@ -140,43 +128,19 @@ impl Model {
     ///
     /// # Errors
     /// The scenario of this point has faults. Their pointers are relative to the scenario.
-    pub fn run(self: &Arc<Self>, point: &[f64]) -> Result<Run, Faults> {
-        let case = self.0.prepare(point)?;
-        let simulation = self.0.needs_run().then(|| Simulation::new(case.clone(), Vec::new()));
-        Ok(Run { model: Arc::clone(self), case, simulation })
+    pub fn run(&self, point: &[f64]) -> Result<Run, Faults> {
+        Ok(self.0.run(self.0.prepare(point)?))
     }
-}
 
-impl Run {
-    /// Estimated processor time, in seconds.
+    /// The values that a run has found.
     #[must_use]
-    pub fn seconds(&self) -> f64 {
-        if self.simulation.is_some() { self.case.seconds() } else { 0.0 }
-    }
-
-    /// Computes for about 30 ms. Returns the values at the end.
-    ///
-    /// # Panics
-    /// An earlier call has returned the values.
-    pub fn step(&mut self) -> Option<PointValues> {
-        let outcome = match self.simulation.as_mut().map(Simulation::step) {
-            Some(Advance::Working(_)) => return None,
-            Some(Advance::Done(outcome)) => Some(outcome),
-            None => None,
-        };
-        let (case, outputs) = (&self.case, self.model.outputs());
-        let values = if let Some(outcome) = &outcome {
-            outputs.iter().map(|output| output.value(case, outcome)).collect()
-        } else {
-            let preview = Preview::of(case);
-            outputs.iter().map(|output| output.known(&preview)).collect()
-        };
-        let accuracy = |output: &Output| output.accuracy(case, outcome.as_deref());
-        Some(PointValues {
-            values,
-            accuracies: outputs.iter().map(accuracy).collect(),
-            closed: outputs.iter().map(|output| output.is_closed(case)).collect(),
-        })
+    pub fn values(&self, run: &Ended) -> PointValues {
+        let outputs = || self.outputs().iter();
+        PointValues {
+            values: outputs().map(|output| run.value(output)).collect(),
+            accuracies: outputs().map(|output| output.accuracy(run.case, run.outcome())).collect(),
+            closed: outputs().map(|output| output.is_closed(run.case)).collect(),
+        }
     }
 }
 
@@ -192,6 +156,7 @@ fn default_scenario() -> Value {
 
 #[cfg(test)]
 mod tests {
+    use fretwork_engine::simulation::Simulation;
     use serde_json::json;
 
     use super::*;
@@ -212,9 +177,9 @@ mod tests {
 
     #[test]
     fn the_default_model_is_the_example() {
-        let model = Arc::new(Model::read(json!({})).unwrap());
+        let model = Model::read(json!({})).unwrap();
         assert_eq!(model.origin(), [0.7]);
-        let found = model.run(&[0.7]).unwrap().step().unwrap();
+        let found = model.values(&model.run(&[0.7]).unwrap().step().unwrap());
         let (_, case, _) = scenario::prepare(default_scenario(), "").unwrap();
         let outcome = Simulation::new(case, Vec::new()).run();
         assert_eq!(found.values, [Ok(outcome.history.wear_volume[5])]);

@@ -2,15 +2,14 @@
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
-use fretwork_engine::outcome::{Outcome, Preview};
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::scenario;
-use fretwork_engine::simulation::{Advance, Simulation};
 use serde_json::{Map, Value};
 
 use super::member::Member;
 use super::output::{NoValue, Output, OutputName};
 use super::profile::CommonProfiles;
+use super::run::{Ended, Run};
 use super::vary::{self, Varied};
 use fretwork_json::Distinct;
 
@@ -67,15 +66,6 @@ pub enum Lack {
     Incomplete(String),
 }
 
-/// The computation of one point.
-#[derive(Debug)]
-pub enum Running {
-    /// No run is necessary.
-    Known(Found),
-    /// A run in progress.
-    Run(Box<(Case, Simulation)>),
-}
-
 impl Problem {
     /// A problem of a valid scenario.
     #[must_use]
@@ -89,38 +79,22 @@ impl Problem {
         PREPARATION.0 + PREPARATION.1 * self.size as f64
     }
 
-    /// Begins to compute the outputs for these values of the members, in SI.
-    #[must_use]
-    pub fn start(&self, values: &[f64]) -> Running {
-        let case = match self.case(values) {
-            Ok(case) => case,
-            Err(reason) => {
-                let lack = Some(Lack::Refused(reason));
-                return Running::Known(Found { lack, ..self.no_run() });
-            }
-        };
-        if self.needs_run() {
-            let simulation = Simulation::new(case.clone(), Vec::new());
-            return Running::Run(Box::new((case, simulation)));
-        }
-        let preview = Preview::of(&case);
-        Running::Known(self.found(|output| output.known(&preview)))
+    /// Begins the run with these values of the members, in SI. If its scenario is not valid, this is what it has found.
+    pub(super) fn start(&self, values: &[f64]) -> Result<Run, Found> {
+        let case = self.case(values).map_err(|reason| {
+            let lack = Some(Lack::Refused(reason));
+            Found { lack, ..self.no_run() }
+        })?;
+        Ok(self.run(case))
+    }
+
+    /// The run of a case.
+    pub(super) fn run(&self, case: Case) -> Run {
+        Run::new(case, self.needs_run(), Vec::new())
     }
 
     pub(super) fn needs_run(&self) -> bool {
         self.profiles.is_some() || self.outputs.iter().any(Output::needs_run)
-    }
-
-    /// Continues to compute a point for at most about 30 ms. Returns its outputs when they are known.
-    #[must_use]
-    pub fn step(&self, running: &mut Running) -> Option<Found> {
-        match running {
-            Running::Known(found) => Some(found.clone()),
-            Running::Run(run) => match run.1.step() {
-                Advance::Working(_) => None,
-                Advance::Done(outcome) => Some(self.of_outcome(&run.0, &outcome)),
-            },
-        }
     }
 
     /// Estimated processor time of a point, in seconds.
@@ -130,9 +104,15 @@ impl Problem {
         self.preparation() + run.map_or(0.0, |case| case.seconds())
     }
 
-    fn of_outcome(&self, case: &Case, outcome: &Outcome) -> Found {
-        let found = self.found(|output| output.value(case, outcome));
-        match self.profiles.as_ref().map(|profiles| profiles.of(outcome)) {
+    /// What a run has found.
+    pub(super) fn found(&self, run: &Ended) -> Found {
+        let found = self.outputs_of(run);
+        match self
+            .profiles
+            .as_ref()
+            .zip(run.outcome())
+            .map(|(profiles, outcome)| profiles.of(outcome))
+        {
             None => found,
             Some(Ok(profiles)) => Found { profiles, ..found },
             Some(Err(why)) => {
@@ -146,9 +126,9 @@ impl Problem {
         self.profiles.as_ref().map(CommonProfiles::missing).unwrap_or_default()
     }
 
-    fn found(&self, value: impl Fn(&Output) -> Result<f64, NoValue>) -> Found {
+    fn outputs_of(&self, run: &Ended) -> Found {
         let mut lack = None;
-        let outputs = self.outputs.iter().map(|output| match value(output) {
+        let outputs = self.outputs.iter().map(|output| match run.value(output) {
             Ok(number) => Some(number),
             // The output says so: it has no value.
             Err(NoValue::NoEvent) => None,

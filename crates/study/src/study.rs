@@ -9,8 +9,9 @@ use serde_json::{Map, Number, Value, json};
 
 use super::output::Output;
 use super::plan::{Column, Kind, MAX_POINTS, Plan, Read, Tried};
-use super::problem::{Found, Lack, Problem, Running};
+use super::problem::{Found, Lack, Problem};
 use super::rows::{MAX_REASON, NUMBER, Rows};
+use super::run::Run;
 use fretwork_json as json;
 use fretwork_random::Stream;
 
@@ -47,7 +48,7 @@ pub struct Study {
 #[derive(Debug, Default)]
 pub(super) struct Point {
     tried: Vec<Tried>,
-    running: Option<(Vec<f64>, Running)>,
+    running: Option<(Vec<f64>, Run)>,
 }
 
 impl Study {
@@ -107,18 +108,21 @@ impl Study {
     /// Continues to compute a point for at most about 30 ms. Returns its row when it is known.
     pub(super) fn step(&self, number: usize, point: &mut Point) -> Option<Tried> {
         loop {
-            if let Some((values, running)) = &mut point.running {
-                let found = self.problem.step(running)?;
+            if let Some((values, run)) = &mut point.running {
+                let found = self.problem.found(&run.step()?);
                 point.tried.push(Tried { values: mem::take(values), found });
                 point.running = None;
             }
             let Some(values) = self.plan.next(&self.problem, number, &point.tried) else {
                 return Some(self.plan.row(&self.problem, number, mem::take(&mut point.tried)));
             };
-            let running = self.problem.start(&values);
-            point.running = Some((values, running));
+            let is_first = point.tried.is_empty();
+            match self.problem.start(&values) {
+                Ok(run) => point.running = Some((values, run)),
+                Err(found) => point.tried.push(Tried { values, found }),
+            }
             // A point of many short runs takes a step for each.
-            if !point.tried.is_empty() {
+            if !is_first {
                 return None;
             }
         }

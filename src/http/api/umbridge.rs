@@ -324,7 +324,9 @@ async fn evaluate(
     let model = model_of(&app, &call).await?;
     let point = call.point(&model)?;
     let mut run = prepare(&app, &model, move |model| model.run(&point)).await?;
-    let found = app.service.compute_in_turns(run.seconds(), move || run.step()).await?;
+    let (seconds, of) = (run.seconds(), Arc::clone(&model));
+    let values = move || run.step().map(|ended| of.values(&ended));
+    let found = app.service.compute_in_turns(seconds, values).await?;
     let value = |(value, output): (Result<f64, _>, &Output)| {
         value
             .map_err(|reason| Refusal::output(format!("{} has no value: {reason}.", output.name())))
