@@ -101,7 +101,7 @@ impl<const N: usize> Deserr<Faults> for Text<N> {
         value: deserr::Value<V>,
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
-        let text: String = String::deserialize_from_value(value, location)?;
+        let text: String = Deserr::<Faults>::deserialize_from_value(value, location)?;
         let length = text.chars().count();
         if length == 0 || length > N {
             let detail = format!("must have 1 to {N} characters, not {length}");
