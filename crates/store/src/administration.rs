@@ -7,7 +7,7 @@ use sqlx::{Connection as _, SqliteConnection};
 
 use super::audit::{self, AuditEntry};
 use super::change::{Change, Verb};
-use super::error::Error;
+use super::error::{Command, Error};
 use super::imports::{self, Before, Import, NoteTaken};
 use super::keys::{self, AccessKey, NewKey};
 use super::library::{Note, Provenance};
@@ -46,11 +46,19 @@ impl Connected for Administration {
 
 impl Administration {
     /// Opens the database at a place. Creates or migrates it where necessary, unless a server uses a directory.
-    pub async fn open(place: impl Into<Place>) -> Result<Self, Error> {
-        Ok(Self(match place.into() {
-            Place::Directory(dir) => Opened::Sqlite(sqlite::open::beside(&dir, PATIENCE).await?),
-            Place::Shared(url) => Opened::Postgres(postgres::open::prepare(&url).await?),
-        }))
+    pub fn open(place: impl Into<Place>) -> Command<'static, Self> {
+        Self::at(place.into())
+    }
+
+    fn at(place: Place) -> Command<'static, Self> {
+        Box::pin(async move {
+            Ok(Self(match place {
+                Place::Directory(dir) => {
+                    Opened::Sqlite(sqlite::open::beside(&dir, PATIENCE).await?)
+                }
+                Place::Shared(url) => Opened::Postgres(postgres::open::prepare(&url).await?),
+            }))
+        })
     }
 
     /// Whether a directory contains a database. A database of PostgreSQL is known when it is opened.
@@ -63,29 +71,27 @@ impl Administration {
     }
 
     /// Up to `limit` entries of the audit log before another one, the newest first.
-    pub async fn audit(
-        &mut self,
-        before: Option<i64>,
-        limit: u32,
-    ) -> Result<Vec<AuditEntry>, Error> {
-        audit::list(before, limit, self).await
+    pub fn audit(&mut self, before: Option<i64>, limit: u32) -> Command<'_, Vec<AuditEntry>> {
+        Box::pin(audit::list(before, limit, self))
     }
 
     /// Creates an access key and returns it. It cannot be read again.
-    pub async fn add_key(&mut self, new: &NewKey) -> Result<String, Error> {
-        let (id, key) = NewKey::mint()?;
-        self.change(keys::add, &(id, key.clone(), new.clone())).await?;
-        Ok(key)
+    pub fn add_key<'a>(&'a mut self, new: &'a NewKey) -> Command<'a, String> {
+        Box::pin(async move {
+            let (id, key) = NewKey::mint()?;
+            self.change(keys::add, &(id, key.clone(), new.clone())).await?;
+            Ok(key)
+        })
     }
 
     /// All access keys, also expired and revoked ones, the oldest first.
-    pub async fn keys(&mut self) -> Result<Vec<AccessKey>, Error> {
-        keys::list(self).await
+    pub fn keys(&mut self) -> Command<'_, Vec<AccessKey>> {
+        Box::pin(keys::list(self))
     }
 
     /// Revokes the valid keys with this id or name; returns how many.
-    pub async fn revoke_keys(&mut self, name: &str) -> Result<usize, Error> {
-        self.change(keys::revoke, &name.to_owned()).await
+    pub fn revoke_keys<'a>(&'a mut self, name: &'a str) -> Command<'a, usize> {
+        Box::pin(async move { self.change(keys::revoke, &name.to_owned()).await })
     }
 
     /// Makes a change in a transaction.
@@ -109,11 +115,13 @@ impl Administration {
     }
 
     /// Closes the database.
-    pub async fn close(self) -> Result<(), Error> {
-        match self.0 {
-            Opened::Sqlite(db) => Ok(db.close().await?),
-            Opened::Postgres(db) => Ok(db.close().await?),
-        }
+    pub fn close(self) -> Command<'static, ()> {
+        Box::pin(async move {
+            match self.0 {
+                Opened::Sqlite(db) => Ok(db.close().await?),
+                Opened::Postgres(db) => Ok(db.close().await?),
+            }
+        })
     }
 
     pub(super) async fn page(

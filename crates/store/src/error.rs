@@ -2,12 +2,19 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::pin::Pin;
 use std::sync::Arc;
 
 use fretwork_job::{JobId, Key};
 
 /// The index by which PostgreSQL finds a second submission with an idempotency key.
 pub(super) const IDEMPOTENCY: &str = "job_idempotency";
+
+/// What a verb is doing. One type for all verbs: their code is compiled here, and not again in each crate that awaits them.
+pub type Doing<'a, T> = Pin<Box<dyn Future<Output = Result<T, Error>> + Send + 'a>>;
+
+/// What a command is doing. As [`Doing`], but it stays on its thread.
+pub type Command<'a, T, E = Error> = Pin<Box<dyn Future<Output = Result<T, E>> + 'a>>;
 
 /// Why an operation of the store failed.
 #[derive(Debug, Clone, thiserror::Error)]

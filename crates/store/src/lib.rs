@@ -21,6 +21,7 @@
     clippy::missing_errors_doc,
     reason = "all fail for the same reasons: the database fails or is closed, as `Error` says"
 )]
+#![expect(clippy::must_use_candidate, reason = "the compiler warns about an unused future")]
 
 mod administration;
 mod ages;
@@ -54,7 +55,7 @@ pub use audit::{Act, Actor, AuditEntry};
 pub use body::Body;
 pub use cancel::{Canceled, Deleted};
 pub use claimed::{Claimed, Piece};
-pub use error::Error;
+pub use error::{Command, Doing, Error};
 pub use keep::{Answered, Changed, Editor, Finish, Removed};
 pub use keys::{AccessKey, NewKey, Role, digest};
 pub use library::{FromFile, Known, Note, Program, Provenance};

@@ -12,7 +12,7 @@ use super::audit::{self, Actor, AuditEntry};
 use super::cancel::{self, Canceled, Deleted};
 use super::change::{Change, Verb};
 use super::claimed::{Claimed, FinishedChunk, Piece};
-use super::error::Error;
+use super::error::{Command, Doing, Error};
 use super::keep::{self, Answered, Changed, Editor, Finish, PinQuota, Removed};
 use super::keys::{self, AccessKey};
 use super::library::{Known, Provenance};
@@ -87,19 +87,19 @@ impl Store {
 
     /// Accepts a job. It ends at once if the result is known. Otherwise it joins the live run, or a new run
     /// is queued if the queue is not full.
-    pub async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
-        each!(self, db => db.submit(job).await)
+    pub fn submit(&self, job: NewJob) -> Doing<'_, Submitted> {
+        each!(self, db => Box::pin(db.submit(job)))
     }
 
     /// Accepts jobs of one key with their answer and its cost, and finishes them in the same commit. If the
     /// result has become known meanwhile, or a run is live, they use that instead.
-    pub async fn record(
+    pub fn record(
         &self,
         jobs: Vec<NewJob>,
         answer: Answered,
         wall: Duration,
-    ) -> Result<Vec<Submitted>, Error> {
-        each!(self, db => db.record(jobs, answer, wall).await)
+    ) -> Doing<'_, Vec<Submitted>> {
+        each!(self, db => Box::pin(db.record(jobs, answer, wall)))
     }
 
     /// Claims the next queued run, or a piece of a study.
@@ -107,58 +107,58 @@ impl Store {
     /// The caller must end it by [`finish`](Self::finish), [`finish_chunk`](Self::finish_chunk), [`fail`](Self::fail),
     /// [`stopped`](Self::stopped) or [`release`](Self::release). Otherwise it stays claimed until the next
     /// start of the server.
-    pub async fn claim(&self) -> Result<Option<Claimed>, Error> {
-        each!(self, db => db.claim().await)
+    pub fn claim(&self) -> Doing<'_, Option<Claimed>> {
+        each!(self, db => Box::pin(db.claim()))
     }
 
     /// Stores the progress of a whole run, in 0…1; that of a study follows from its chunks. Returns false if the worker has
     /// lost what it computes.
-    pub async fn progress(&self, claimed: &Claimed, share: f64) -> Result<bool, Error> {
+    pub fn progress<'a>(&'a self, claimed: &'a Claimed, share: f64) -> Doing<'a, bool> {
         let share = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
-        each!(self, db => db.progress(claimed, share).await)
+        each!(self, db => Box::pin(db.progress(claimed, share)))
     }
 
     /// Stores the result of a run or of an assembly, and the cost of this attempt and of the chunks.
     ///
     /// # Panics
     /// The worker has claimed a chunk, which has no result.
-    pub async fn finish(
-        &self,
-        claimed: &Claimed,
-        answer: &Answer,
+    pub fn finish<'a>(
+        &'a self,
+        claimed: &'a Claimed,
+        answer: &'a Answer,
         cost: Cost,
-    ) -> Result<Finish, Error> {
+    ) -> Doing<'a, Finish> {
         assert!(!matches!(claimed.piece, Piece::Chunk { .. }), "a chunk has no result");
         let answer = Answered::new(answer, Some(claimed.spent + cost));
-        each!(self, db => db.finish(claimed, answer).await)
+        each!(self, db => Box::pin(db.finish(claimed, answer)))
     }
 
     /// Ends a run by a failure, and stops the workers that compute other pieces of it. Returns false if the worker has lost what
     /// it computes.
-    pub async fn fail(
-        &self,
-        claimed: &Claimed,
+    pub fn fail<'a>(
+        &'a self,
+        claimed: &'a Claimed,
         kind: FailureKind,
-        message: &str,
-    ) -> Result<bool, Error> {
-        each!(self, db => db.fail(claimed, kind, message).await)
+        message: &'a str,
+    ) -> Doing<'a, bool> {
+        each!(self, db => Box::pin(db.fail(claimed, kind, message)))
     }
 
     /// Confirms that the worker has stopped a run that is being canceled. Returns false if the run is not
     /// being canceled. A study never is: it is canceled at once.
-    pub async fn stopped(&self, claimed: &Claimed) -> Result<bool, Error> {
-        each!(self, db => db.stopped(claimed).await)
+    pub fn stopped<'a>(&'a self, claimed: &'a Claimed) -> Doing<'a, bool> {
+        each!(self, db => Box::pin(db.stopped(claimed)))
     }
 
     /// Queues a running run, or piece of a study, again. It does not count as lost. Returns false if the worker has lost it.
-    pub async fn release(&self, claimed: &Claimed) -> Result<bool, Error> {
-        each!(self, db => db.release(claimed).await)
+    pub fn release<'a>(&'a self, claimed: &'a Claimed) -> Doing<'a, bool> {
+        each!(self, db => Box::pin(db.release(claimed)))
     }
 
     /// Ends or queues all runs that the last process left unfinished. Call it before the first claim: for one server, it
     /// treats every running run as lost. Of several servers, it takes away the leases that are over; they also do this by themselves.
-    pub async fn recover(&self) -> Result<Recovered, Error> {
-        each!(self, db => db.recover().await)
+    pub fn recover(&self) -> Doing<'_, Recovered> {
+        each!(self, db => Box::pin(db.recover()))
     }
 
     /// Stores what a worker has computed for a chunk, in a form that only the caller knows, and the cost of this attempt.
@@ -166,93 +166,103 @@ impl Store {
     ///
     /// # Panics
     /// The worker has not claimed a chunk, or there is no memory for the compressor.
-    pub async fn finish_chunk(
-        &self,
-        claimed: &Claimed,
-        bytes: &[u8],
+    pub fn finish_chunk<'a>(
+        &'a self,
+        claimed: &'a Claimed,
+        bytes: &'a [u8],
         cost: Cost,
-    ) -> Result<bool, Error> {
+    ) -> Doing<'a, bool> {
         let finished = FinishedChunk::new(claimed, bytes, cost);
-        each!(self, db => db.finish_chunk(finished).await)
+        each!(self, db => Box::pin(db.finish_chunk(finished)))
     }
 
     /// What was stored for a finished chunk. Returns `None` if the study has ended.
-    pub async fn chunk(&self, claimed: &Claimed, number: u32) -> Result<Option<Bytes>, Error> {
-        let found = read::chunk(claimed.run, number, self.reading()).await?;
-        let Some((body, sum)) = found else { return Ok(None) };
-        let bytes = sum.is_of(&body).then(|| body.json().ok()).flatten();
-        let damaged = Error::DamagedChunk { key: claimed.key, number };
-        self.signals.counted(bytes.ok_or(damaged).map(Some))
+    pub fn chunk<'a>(&'a self, claimed: &'a Claimed, number: u32) -> Doing<'a, Option<Bytes>> {
+        Box::pin(async move {
+            let found = read::chunk(claimed.run, number, self.reading()).await?;
+            let Some((body, sum)) = found else { return Ok(None) };
+            let bytes = sum.is_of(&body).then(|| body.json().ok()).flatten();
+            let damaged = Error::DamagedChunk { key: claimed.key, number };
+            self.signals.counted(bytes.ok_or(damaged).map(Some))
+        })
     }
 
     /// The task of a claimed study in its stored form. The study has too many pieces for each to contain it. Returns `None` if
     /// the study has ended.
-    pub async fn task(&self, claimed: &Claimed) -> Result<Option<String>, Error> {
-        read::task(claimed.run, self.reading()).await
+    pub fn task<'a>(&'a self, claimed: &'a Claimed) -> Doing<'a, Option<String>> {
+        Box::pin(read::task(claimed.run, self.reading()))
     }
 
     /// Cancels a job, and its run if no other unfinished job shares it.
-    pub async fn cancel(&self, id: JobId, by: Actor) -> Result<Canceled, Error> {
-        each!(self, db => db.cancel(id, by).await)
+    pub fn cancel(&self, id: JobId, by: Actor) -> Doing<'_, Canceled> {
+        each!(self, db => Box::pin(db.cancel(id, by)))
     }
 
     /// Cancels every unfinished job that matches and was submitted before this call. Returns how many.
-    pub async fn cancel_all(&self, filter: &Filter, by: &Actor) -> Result<u64, Error> {
-        // The writer task of SQLite commits them together. In PostgreSQL they would take all connections from others.
-        let together = if matches!(self.engine, Engine::Sqlite(_)) { AT_ONCE as usize } else { 1 };
-        let mut canceled = 0;
-        let mut before = JobId::generate();
-        loop {
-            let ids = read::unfinished(filter, before, AT_ONCE, self.reading()).await?;
-            let Some(last) = ids.last() else { return Ok(canceled) };
-            before = *last;
-            let mut canceling = iter(ids).map(|id| self.cancel(id, by.clone())).buffered(together);
-            while let Some(done) = canceling.next().await {
-                canceled += u64::from(matches!(done?, Canceled::Done(_)));
+    pub fn cancel_all<'a>(&'a self, filter: &'a Filter, by: &'a Actor) -> Doing<'a, u64> {
+        Box::pin(async move {
+            // The writer task of SQLite commits them together. In PostgreSQL they would take all connections from others.
+            let together =
+                if matches!(self.engine, Engine::Sqlite(_)) { AT_ONCE as usize } else { 1 };
+            let mut canceled = 0;
+            let mut before = JobId::generate();
+            loop {
+                let ids = read::unfinished(filter, before, AT_ONCE, self.reading()).await?;
+                let Some(last) = ids.last() else { return Ok(canceled) };
+                before = *last;
+                let mut canceling =
+                    iter(ids).map(|id| self.cancel(id, by.clone())).buffered(together);
+                while let Some(done) = canceling.next().await {
+                    canceled += u64::from(matches!(done?, Canceled::Done(_)));
+                }
             }
-        }
+        })
     }
 
     /// Deletes a job that has ended.
-    pub async fn delete(&self, id: JobId, by: Actor) -> Result<Deleted, Error> {
-        self.change(cancel::delete, (id, by)).await
+    pub fn delete(&self, id: JobId, by: Actor) -> Doing<'_, Deleted> {
+        Box::pin(self.change(cancel::delete, (id, by)))
     }
 
     /// A job in its current state.
-    pub async fn job(&self, id: JobId) -> Result<Option<Job>, Error> {
-        read::job(id, self.reading()).await
+    pub fn job(&self, id: JobId) -> Doing<'_, Option<Job>> {
+        Box::pin(read::job(id, self.reading()))
     }
 
     /// What a job was asked to compute.
-    pub async fn asked(&self, id: JobId) -> Result<Asked, Error> {
-        read::asked(id, self.reading()).await
+    pub fn asked(&self, id: JobId) -> Doing<'_, Asked> {
+        Box::pin(read::asked(id, self.reading()))
     }
 
     /// Returns up to `limit` jobs that match, newest first, older than `cursor`.
-    pub async fn jobs(
-        &self,
-        filter: &Filter,
+    pub fn jobs<'a>(
+        &'a self,
+        filter: &'a Filter,
         cursor: Option<JobId>,
         limit: u32,
-    ) -> Result<Page, Error> {
-        read::jobs(filter, cursor, limit, self.reading()).await
+    ) -> Doing<'a, Page> {
+        Box::pin(read::jobs(filter, cursor, limit, self.reading()))
     }
 
     /// The result of a key. Its checksum is verified, so damage to the disk cannot change a number.
-    pub async fn result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
-        match self.small_result(key).await? {
-            Some(StoredResult::Large(_)) => {
-                let found = read::result(key, i64::MAX, Reading(self, Purpose::Large)).await?;
-                self.sound(key, found).await
+    pub fn result<'a>(&'a self, key: &'a Key) -> Doing<'a, Option<StoredResult>> {
+        Box::pin(async move {
+            match self.small_result(key).await? {
+                Some(StoredResult::Large(_)) => {
+                    let found = read::result(key, i64::MAX, Reading(self, Purpose::Large)).await?;
+                    self.sound(key, found).await
+                }
+                found => Ok(found),
             }
-            found => Ok(found),
-        }
+        })
     }
 
     /// The result of a key, unless it is [`LARGE`].
-    pub async fn small_result(&self, key: &Key) -> Result<Option<StoredResult>, Error> {
-        let most = (LARGE as u64).cast_signed();
-        self.sound(key, read::result(key, most, self.reading()).await?).await
+    pub fn small_result<'a>(&'a self, key: &'a Key) -> Doing<'a, Option<StoredResult>> {
+        Box::pin(async move {
+            let most = (LARGE as u64).cast_signed();
+            self.sound(key, read::result(key, most, self.reading()).await?).await
+        })
     }
 
     /// Compares a result with its checksum.
@@ -283,31 +293,37 @@ impl Store {
     }
 
     /// Whether the result of a key is stored.
-    pub async fn has_result(&self, key: &Key) -> Result<bool, Error> {
-        read::has_result(key, self.reading()).await
+    pub fn has_result<'a>(&'a self, key: &'a Key) -> Doing<'a, bool> {
+        Box::pin(read::has_result(key, self.reading()))
     }
 
     /// The oldest unfinished job of the live run of a key. With an owner, the oldest of that owner.
-    pub async fn live_job(&self, key: &Key, owner: Option<&str>) -> Result<Option<JobId>, Error> {
-        read::live_job(key, owner, self.reading()).await
+    pub fn live_job<'a>(
+        &'a self,
+        key: &'a Key,
+        owner: Option<&'a str>,
+    ) -> Doing<'a, Option<JobId>> {
+        Box::pin(read::live_job(key, owner, self.reading()))
     }
 
     /// How long the oldest queued run has waited.
-    pub async fn longest_wait(&self) -> Result<Duration, Error> {
-        each!(self, db => db.longest_wait().await)
+    pub fn longest_wait(&self) -> Doing<'_, Duration> {
+        each!(self, db => Box::pin(db.longest_wait()))
     }
 
     /// When the last backup ended, in milliseconds since 1970; 0 if there was none. `None` if the backups are not those of
     /// this program.
-    pub async fn last_backup(&self) -> Result<Option<i64>, Error> {
-        let query =
-            sql!("SELECT " ["backed_up FROM room" | "CAST(NULL AS BIGINT) AS backed_up"] "");
-        Ok(self.reading().one(query).await?.get("backed_up")?)
+    pub fn last_backup(&self) -> Doing<'_, Option<i64>> {
+        Box::pin(async move {
+            let query =
+                sql!("SELECT " ["backed_up FROM room" | "CAST(NULL AS BIGINT) AS backed_up"] "");
+            Ok(self.reading().one(query).await?.get("backed_up")?)
+        })
     }
 
     /// Checks that the disk has room for a submission, by a write of the same size.
-    pub async fn probe(&self) -> Result<(), Error> {
-        each!(self, db => db.probe().await)
+    pub fn probe(&self) -> Doing<'_, ()> {
+        each!(self, db => Box::pin(db.probe()))
     }
 
     /// Returns the job once it has finished, or in its current state once `until` has completed.
@@ -332,60 +348,62 @@ impl Store {
     }
 
     /// The provenance of a result.
-    pub async fn provenance(&self, key: &Key) -> Result<Option<Provenance>, Error> {
-        Provenance::of(key, self.reading()).await
+    pub fn provenance<'a>(&'a self, key: &'a Key) -> Doing<'a, Option<Provenance>> {
+        Box::pin(Provenance::of(key, self.reading()))
     }
 
     /// Pins a result, which is then never evicted, or unpins it.
-    pub async fn pin(&self, key: &Key, pinned: bool, editor: Editor) -> Result<Changed, Error> {
-        self.change(keep::pin, (*key, pinned, editor, self.pin_quota)).await
+    pub fn pin<'a>(&'a self, key: &'a Key, pinned: bool, editor: Editor) -> Doing<'a, Changed> {
+        Box::pin(self.change(keep::pin, (*key, pinned, editor, self.pin_quota)))
     }
 
     /// Writes the note of a result, or removes it.
-    pub async fn annotate(
-        &self,
-        key: &Key,
+    pub fn annotate<'a>(
+        &'a self,
+        key: &'a Key,
         text: Option<String>,
         editor: Editor,
-    ) -> Result<Changed, Error> {
-        self.change(keep::annotate, (*key, text, editor)).await
+    ) -> Doing<'a, Changed> {
+        Box::pin(self.change(keep::annotate, (*key, text, editor)))
     }
 
     /// Deletes the body of a result; its scenario stays known.
-    pub async fn remove(&self, key: &Key, by: Actor) -> Result<Removed, Error> {
-        self.change(keep::remove, (*key, by)).await
+    pub fn remove<'a>(&'a self, key: &'a Key, by: Actor) -> Doing<'a, Removed> {
+        Box::pin(self.change(keep::remove, (*key, by)))
     }
 
     /// What the database knows about a key.
-    pub async fn known(&self, key: &Key) -> Result<Option<Known>, Error> {
-        Known::of(key, self.reading()).await
+    pub fn known<'a>(&'a self, key: &'a Key) -> Doing<'a, Option<Known>> {
+        Box::pin(Known::of(key, self.reading()))
     }
 
     /// All keys, also expired and revoked ones, the oldest first.
-    pub async fn access_keys(&self) -> Result<Vec<AccessKey>, Error> {
-        keys::list(Reading(self, Purpose::Keys)).await
+    pub fn access_keys(&self) -> Doing<'_, Vec<AccessKey>> {
+        Box::pin(keys::list(Reading(self, Purpose::Keys)))
     }
 
     /// Records that a key was used now.
-    pub async fn key_was_used(&self, by: Actor) -> Result<(), Error> {
-        self.change(keys::was_used, by).await
+    pub fn key_was_used(&self, by: Actor) -> Doing<'_, ()> {
+        Box::pin(self.change(keys::was_used, by))
     }
 
     /// The secret that signs links to results. It is created once for each database.
-    pub async fn link_secret(&self) -> Result<[u8; 32], Error> {
-        let mut candidate = [0; 32];
-        getrandom::fill(&mut candidate).map_err(|_| Error::NoRandomness)?;
-        self.change(keys::link_secret, candidate).await
+    pub fn link_secret(&self) -> Doing<'_, [u8; 32]> {
+        Box::pin(async move {
+            let mut candidate = [0; 32];
+            getrandom::fill(&mut candidate).map_err(|_| Error::NoRandomness)?;
+            self.change(keys::link_secret, candidate).await
+        })
     }
 
     /// The number of queued jobs of an owner, and of running ones.
-    pub async fn unfinished(&self, owner: &str) -> Result<(u64, u64), Error> {
-        read::counts(owner, self.reading()).await
+    pub fn unfinished<'a>(&'a self, owner: &'a str) -> Doing<'a, (u64, u64)> {
+        Box::pin(read::counts(owner, self.reading()))
     }
 
     /// Up to `limit` entries of the audit log before another one, the newest first.
-    pub async fn audit(&self, before: Option<i64>, limit: u32) -> Result<Vec<AuditEntry>, Error> {
-        audit::list(before, limit, self.reading()).await
+    pub fn audit(&self, before: Option<i64>, limit: u32) -> Doing<'_, Vec<AuditEntry>> {
+        Box::pin(audit::list(before, limit, self.reading()))
     }
 
     /// The sizes of the database and of its log.
@@ -407,36 +425,42 @@ impl Store {
     ///
     /// No other process can open a directory until the store is closed. Call [`Store::recover`] before the first
     /// [`Store::claim`].
-    pub async fn open(place: impl Into<Place>, options: &Options) -> Result<Self, Error> {
-        let signals = Arc::new(Signals::default());
-        let shared = Arc::clone(&signals);
-        let engine = match place.into() {
-            Place::Directory(dir) => {
-                Engine::Sqlite(sqlite::Database::open(&dir, options, shared).await?)
-            }
-            Place::Shared(url) => {
-                Engine::Postgres(postgres::Database::open(&url, options, shared).await?)
-            }
-        };
-        let pin_quota = PinQuota::new(options.pin_quota, options.budget);
-        Ok(Self { engine, signals, pin_quota })
+    pub fn open(place: impl Into<Place>, options: &Options) -> Command<'_, Self> {
+        Self::at(place.into(), options)
+    }
+
+    fn at(place: Place, options: &Options) -> Command<'_, Self> {
+        Box::pin(async move {
+            let signals = Arc::new(Signals::default());
+            let shared = Arc::clone(&signals);
+            let engine = match place {
+                Place::Directory(dir) => {
+                    Engine::Sqlite(sqlite::Database::open(&dir, options, shared).await?)
+                }
+                Place::Shared(url) => {
+                    Engine::Postgres(postgres::Database::open(&url, options, shared).await?)
+                }
+            };
+            let pin_quota = PinQuota::new(options.pin_quota, options.budget);
+            Ok(Self { engine, signals, pin_quota })
+        })
     }
 
     /// Returns up to `limit` matching results after `cursor`, among all that were committed before this
     /// call.
-    pub async fn search(
-        &self,
-        search: &Search,
+    pub fn search<'a>(
+        &'a self,
+        search: &'a Search,
         cursor: Option<Cursor>,
         limit: u32,
-    ) -> Result<Found, Error> {
-        Found::page(search, cursor, limit, Reading(self, Purpose::Scan)).await
+    ) -> Doing<'a, Found> {
+        Box::pin(Found::page(search, cursor, limit, Reading(self, Purpose::Scan)))
     }
 
     /// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance
     /// is the sum of the relative differences, plus 10 for each word that differs.
-    pub async fn nearest(&self, to: &Outline, except: Option<Key>) -> Result<Option<Key>, Error> {
-        search::nearest(to, except, Reading(self, Purpose::Scan)).await
+    pub fn nearest<'a>(&'a self, to: &'a Outline, except: Option<Key>) -> Doing<'a, Option<Key>> {
+        Box::pin(search::nearest(to, except, Reading(self, Purpose::Scan)))
     }
 
     /// Free bytes on the disk of the database; `None` if the system does not report them.

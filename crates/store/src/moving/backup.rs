@@ -14,7 +14,7 @@ use super::damage::Damage;
 use super::{COMPANIONS, Moving, Part, put, reading, refused, remove, sync_directory};
 use crate::administration::PATIENCE;
 use crate::body::Body;
-use crate::error::Error;
+use crate::error::{Command, Error};
 use crate::row::{Columns as _, Sum, key};
 use crate::sqlite::open::{self, DATABASE, LOCK};
 use crate::sqlite::{ledger, schema};
@@ -39,36 +39,40 @@ pub struct Saved {
 ///
 /// # Errors
 /// The file exists, more than bodies of results is damaged, or a database fails.
-pub async fn backup(dir: &Path, file: &Path) -> Result<Saved, Moving> {
-    if file.exists() {
-        return Err(Moving::Exists(file.to_owned()));
-    }
-    let path = dir.join(DATABASE);
-    if !path.exists() {
-        return Err(Moving::Nothing(path));
-    }
-    let part = Part::of(file, ".part")?;
-    let from = Source::of(&path, file)?;
-    open::inspect(from.path()).await?;
-    let mut db = reading(from.path()).await?;
-    schema::compare(&mut db, &path).await?;
-    refuse(of_pages(&mut db).await?, &path)?;
-    db.close().await?;
-    copy(from.path(), &part.0).await?;
-    let saved = check(&part.0, &path).await?;
-    part.name(file)?;
-    Ok(saved)
+pub fn backup<'a>(dir: &'a Path, file: &'a Path) -> Command<'a, Saved, Moving> {
+    Box::pin(async move {
+        if file.exists() {
+            return Err(Moving::Exists(file.to_owned()));
+        }
+        let path = dir.join(DATABASE);
+        if !path.exists() {
+            return Err(Moving::Nothing(path));
+        }
+        let part = Part::of(file, ".part")?;
+        let from = Source::of(&path, file)?;
+        open::inspect(from.path()).await?;
+        let mut db = reading(from.path()).await?;
+        schema::compare(&mut db, &path).await?;
+        refuse(of_pages(&mut db).await?, &path)?;
+        db.close().await?;
+        copy(from.path(), &part.0).await?;
+        let saved = check(&part.0, &path).await?;
+        part.name(file)?;
+        Ok(saved)
+    })
 }
 
 /// Records the time of a backup, which the metrics of the server show.
 ///
 /// # Errors
 /// The database cannot be written, or an earlier version of the program wrote it.
-pub async fn note_backup(dir: &Path) -> Result<(), Error> {
-    let options = open::connecting(&dir.join(DATABASE)).busy_timeout(PATIENCE);
-    let mut db = SqliteConnection::connect_with(&options).await?;
-    sqlx::query("UPDATE room SET backed_up = ?1").bind(clock::now()).execute(&mut db).await?;
-    Ok(db.close().await?)
+pub fn note_backup(dir: &Path) -> Command<'_, ()> {
+    Box::pin(async move {
+        let options = open::connecting(&dir.join(DATABASE)).busy_timeout(PATIENCE);
+        let mut db = SqliteConnection::connect_with(&options).await?;
+        sqlx::query("UPDATE room SET backed_up = ?1").bind(clock::now()).execute(&mut db).await?;
+        Ok(db.close().await?)
+    })
 }
 
 /// Puts a backup in place of the database, with the tables of this version. No server may use the directory. With
@@ -77,30 +81,32 @@ pub async fn note_backup(dir: &Path) -> Result<(), Error> {
 /// # Errors
 /// A server is running, there is a database and `replace` is false, or more than bodies of results is damaged. Then
 /// nothing has changed.
-pub async fn restore(
-    dir: &Path,
-    file: &Path,
+pub fn restore<'a>(
+    dir: &'a Path,
+    file: &'a Path,
     replace: bool,
-) -> Result<(Saved, Option<PathBuf>), Moving> {
-    if !file.exists() {
-        return Err(Moving::Nothing(file.to_owned()));
-    }
-    let lock = dir.join(LOCK);
-    let missing: Vec<&Path> = [&*lock].into_iter().chain(dir.ancestors()).collect();
-    let missing: Vec<&Path> = missing.into_iter().take_while(|path| !path.exists()).collect();
-    // The lock is held until everything is removed. If another server holds it, these are its files.
-    let locked = open::lock(dir);
-    let done = match &locked {
-        Ok(locked) => put_in_place(dir, locked, file, replace).await,
-        Err(error) => Err(error.clone().into()),
-    };
-    if !matches!(done, Ok(_) | Err(Moving::Store(Error::Locked { .. }))) {
-        for path in missing {
-            // What another command has put there in the meantime stays.
-            let _ = if path == lock { fs::remove_file(path) } else { fs::remove_dir(path) };
+) -> Command<'a, (Saved, Option<PathBuf>), Moving> {
+    Box::pin(async move {
+        if !file.exists() {
+            return Err(Moving::Nothing(file.to_owned()));
         }
-    }
-    done
+        let lock = dir.join(LOCK);
+        let missing: Vec<&Path> = [&*lock].into_iter().chain(dir.ancestors()).collect();
+        let missing: Vec<&Path> = missing.into_iter().take_while(|path| !path.exists()).collect();
+        // The lock is held until everything is removed. If another server holds it, these are its files.
+        let locked = open::lock(dir);
+        let done = match &locked {
+            Ok(locked) => put_in_place(dir, locked, file, replace).await,
+            Err(error) => Err(error.clone().into()),
+        };
+        if !matches!(done, Ok(_) | Err(Moving::Store(Error::Locked { .. }))) {
+            for path in missing {
+                // What another command has put there in the meantime stays.
+                let _ = if path == lock { fs::remove_file(path) } else { fs::remove_dir(path) };
+            }
+        }
+        done
+    })
 }
 
 async fn put_in_place(

@@ -16,7 +16,7 @@ use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
 use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
 use super::{Moving, reading};
 use crate::body::Body;
-use crate::error::Error;
+use crate::error::{Command, Error};
 use crate::row::{Columns, Sum, changes, checksum, json, key};
 use crate::search::names;
 use crate::sqlite::open::{self, DATABASE};
@@ -36,40 +36,42 @@ pub struct Checked {
 ///
 /// # Errors
 /// There is no database, its schema is foreign, or it cannot be read at all.
-pub async fn check(dir: &Path) -> Result<Checked, Moving> {
-    let path = dir.join(DATABASE);
-    if !path.exists() {
-        return Err(Moving::Nothing(path));
-    }
-    if let Err(error) = open::inspect(&path).await {
-        return of_schema(error);
-    }
-    let mut db = reading(&path).await?;
-    // A server may write meanwhile.
-    db.execute("BEGIN").await?;
-    if let Err(error) = schema::compare(&mut db, &path).await {
-        return of_schema(error);
-    }
-    let (found, known) = (schema::version(&mut db).await?, schema::latest());
-    if found != known {
-        let error = if found < known {
-            Error::Older { path, found, known }
-        } else {
-            Error::Newer { path, found, known }
+pub fn check(dir: &Path) -> Command<'_, Checked, Moving> {
+    Box::pin(async move {
+        let path = dir.join(DATABASE);
+        if !path.exists() {
+            return Err(Moving::Nothing(path));
+        }
+        if let Err(error) = open::inspect(&path).await {
+            return of_schema(error);
+        }
+        let mut db = reading(&path).await?;
+        // A server may write meanwhile.
+        db.execute("BEGIN").await?;
+        if let Err(error) = schema::compare(&mut db, &path).await {
+            return of_schema(error);
+        }
+        let (found, known) = (schema::version(&mut db).await?, schema::latest());
+        if found != known {
+            let error = if found < known {
+                Error::Older { path, found, known }
+            } else {
+                Error::Newer { path, found, known }
+            };
+            return Err(error.into());
+        }
+        let mut damage = of_pages(&mut db).await?;
+        damage.extend(of_rows(&mut db).await?);
+        let count = "SELECT (SELECT count(*) FROM job), (SELECT count(*) FROM result)";
+        let counts = match sqlx::query_as(count).fetch_one(&mut db).await.map_err(Error::from) {
+            Ok(counts) => Some(counts),
+            Err(Error::Damaged(_)) => None,
+            Err(error) => return Err(error.into()),
         };
-        return Err(error.into());
-    }
-    let mut damage = of_pages(&mut db).await?;
-    damage.extend(of_rows(&mut db).await?);
-    let count = "SELECT (SELECT count(*) FROM job), (SELECT count(*) FROM result)";
-    let counts = match sqlx::query_as(count).fetch_one(&mut db).await.map_err(Error::from) {
-        Ok(counts) => Some(counts),
-        Err(Error::Damaged(_)) => None,
-        Err(error) => return Err(error.into()),
-    };
-    db.close().await?;
-    damage.dedup();
-    Ok(Checked { counts, damage })
+        db.close().await?;
+        damage.dedup();
+        Ok(Checked { counts, damage })
+    })
 }
 
 /// The damage to the schema that ends a check before it reads a row. Any other error stays an error.

@@ -8,7 +8,7 @@ use sqlx::{Connection as _, Executor as _, QueryBuilder, Sqlite, SqliteConnectio
 
 use super::{EXPORT, FORM, Moving, Part};
 use crate::administration::Administration;
-use crate::error::Error;
+use crate::error::{Command, Error};
 use crate::library::Provenance;
 use crate::place::Place;
 use crate::read::StoredResult;
@@ -32,44 +32,55 @@ pub struct Exported {
 ///
 /// # Errors
 /// The file exists, a key is unknown, or a database fails.
-pub async fn export(
+pub fn export<'a>(
     place: impl Into<Place>,
-    file: &Path,
-    search: &Search,
-    keys: &[Key],
-    mut progress: impl FnMut(usize, usize),
-) -> Result<Exported, Moving> {
-    if file.exists() {
-        return Err(Moving::Exists(file.to_owned()));
-    }
-    let place = place.into();
-    if !Administration::is_at(&place) {
-        return Err(Moving::NoDatabase(place));
-    }
-    let mut db = Administration::open(place).await?;
-    let named = !keys.is_empty();
-    let keys = if named { keys.to_vec() } else { matching(&mut db, search).await? };
-    let part = Part::of(file, ".part")?;
-    let mut out = create(&part.0).await?;
-    let mut done = Exported::default();
-    out.execute("BEGIN").await?;
-    for (place, key) in keys.iter().enumerate() {
-        match entry(&mut db, key).await? {
-            Ok(entry) => {
-                write(&mut out, key, &entry).await?;
-                done.results += 1;
-                done.bytes += entry.body.len() as u64;
-            }
-            Err(Absent::Unknown) if named => return Err(Moving::UnknownKey(*key)),
-            Err(_) => done.left_out.push(*key),
+    file: &'a Path,
+    search: &'a Search,
+    keys: &'a [Key],
+    progress: impl FnMut(usize, usize) + 'a,
+) -> Command<'a, Exported, Moving> {
+    write_all(place.into(), file, search, keys, Box::new(progress))
+}
+
+fn write_all<'a>(
+    place: Place,
+    file: &'a Path,
+    search: &'a Search,
+    keys: &'a [Key],
+    mut progress: Box<dyn FnMut(usize, usize) + 'a>,
+) -> Command<'a, Exported, Moving> {
+    Box::pin(async move {
+        if file.exists() {
+            return Err(Moving::Exists(file.to_owned()));
         }
-        progress(place + 1, keys.len());
-    }
-    out.execute("COMMIT").await?;
-    out.close().await?;
-    db.close().await?;
-    part.name(file)?;
-    Ok(done)
+        if !Administration::is_at(&place) {
+            return Err(Moving::NoDatabase(place));
+        }
+        let mut db = Administration::open(place).await?;
+        let named = !keys.is_empty();
+        let keys = if named { keys.to_vec() } else { matching(&mut db, search).await? };
+        let part = Part::of(file, ".part")?;
+        let mut out = create(&part.0).await?;
+        let mut done = Exported::default();
+        out.execute("BEGIN").await?;
+        for (place, key) in keys.iter().enumerate() {
+            match entry(&mut db, key).await? {
+                Ok(entry) => {
+                    write(&mut out, key, &entry).await?;
+                    done.results += 1;
+                    done.bytes += entry.body.len() as u64;
+                }
+                Err(Absent::Unknown) if named => return Err(Moving::UnknownKey(*key)),
+                Err(_) => done.left_out.push(*key),
+            }
+            progress(place + 1, keys.len());
+        }
+        out.execute("COMMIT").await?;
+        out.close().await?;
+        db.close().await?;
+        part.name(file)?;
+        Ok(done)
+    })
 }
 
 /// The keys of all matching results.

@@ -16,7 +16,7 @@ use sqlx::sqlite::SqliteRow;
 use super::Moving;
 use super::untrusted::{ExportFile, Found, unreadable};
 use crate::administration::Administration;
-use crate::error::Error;
+use crate::error::{Command, Error};
 use crate::imports::{Before, Import, NoteTaken};
 use crate::keep::Answered;
 use crate::library::{Note, Program};
@@ -61,11 +61,18 @@ impl Importer {
     ///
     /// # Errors
     /// The file is not an export, or a database fails.
-    pub async fn open(place: impl Into<Place>, file: &Path) -> Result<Self, Moving> {
-        let mut from = ExportFile::open(file).await?;
-        let rows = from.rows().await?.into_iter();
-        let db = Administration::open(place).await?;
-        Ok(Self { from, db, path: file.to_owned(), rows, done: Imported::default() })
+    pub fn open(place: impl Into<Place>, file: &Path) -> Command<'_, Self, Moving> {
+        let db = Administration::open(place);
+        Self::read_from(file, db)
+    }
+
+    fn read_from<'a>(file: &'a Path, db: Command<'a, Administration>) -> Command<'a, Self, Moving> {
+        Box::pin(async move {
+            let mut from = ExportFile::open(file).await?;
+            let rows = from.rows().await?.into_iter();
+            let (db, path) = (db.await?, file.to_owned());
+            Ok(Self { from, db, path, rows, done: Imported::default() })
+        })
     }
 
     /// The number of rows that are not read yet.
@@ -78,14 +85,16 @@ impl Importer {
     ///
     /// # Errors
     /// A database fails.
-    pub async fn next(&mut self) -> Result<Option<Entry>, Moving> {
-        let Some((row, name)) = self.rows.next() else { return Ok(None) };
-        let read = self.read(row, &name).await?;
-        Ok(read.unwrap_or_else(|why| {
-            let name = if name.is_empty() { format!("row {row}") } else { name };
-            self.done.refused.push((name, why));
-            None
-        }))
+    pub fn next(&mut self) -> Command<'_, Option<Entry>, Moving> {
+        Box::pin(async move {
+            let Some((row, name)) = self.rows.next() else { return Ok(None) };
+            let read = self.read(row, &name).await?;
+            Ok(read.unwrap_or_else(|why| {
+                let name = if name.is_empty() { format!("row {row}") } else { name };
+                self.done.refused.push((name, why));
+                None
+            }))
+        })
     }
 
     /// Reads a result; `None` if the database has it. The inner error says why it is refused.
@@ -124,26 +133,28 @@ impl Importer {
     ///
     /// # Errors
     /// The database fails.
-    pub async fn store(&mut self, Accepted(import): Accepted) -> Result<(), Moving> {
-        let file = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let (key, size, verified) = (import.key, import.answer.size, import.verified);
-        let (before, note) = self.db.import(&(import, file)).await?;
-        match before {
-            Before::Nothing => {
-                self.done.results += 1;
-                self.done.bytes += size as u64;
-                match verified {
-                    Verified::All => {}
-                    Verified::Rows(_) => self.done.sampled += 1,
-                    Verified::No => self.done.unverified += 1,
+    pub fn store(&mut self, Accepted(import): Accepted) -> Command<'_, (), Moving> {
+        Box::pin(async move {
+            let file = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let (key, size, verified) = (import.key, import.answer.size, import.verified);
+            let (before, note) = self.db.import(&(import, file)).await?;
+            match before {
+                Before::Nothing => {
+                    self.done.results += 1;
+                    self.done.bytes += size as u64;
+                    match verified {
+                        Verified::All => {}
+                        Verified::Rows(_) => self.done.sampled += 1,
+                        Verified::No => self.done.unverified += 1,
+                    }
                 }
+                // A server has stored it meanwhile.
+                Before::Same => self.done.known += 1,
+                other => self.refuse(key, other.refusal().unwrap_or_default()),
             }
-            // A server has stored it meanwhile.
-            Before::Same => self.done.known += 1,
-            other => self.refuse(key, other.refusal().unwrap_or_default()),
-        }
-        self.count_note(note, key);
-        Ok(())
+            self.count_note(note, key);
+            Ok(())
+        })
     }
 
     fn count_note(&mut self, note: NoteTaken, key: Key) {
@@ -158,12 +169,14 @@ impl Importer {
     ///
     /// # Errors
     /// A database fails.
-    pub async fn close(mut self) -> Result<Imported, Moving> {
-        self.from.close().await?;
-        self.db.close().await?;
-        self.done.refused.sort_unstable();
-        self.done.other_notes.sort_unstable();
-        Ok(self.done)
+    pub fn close(mut self) -> Command<'static, Imported, Moving> {
+        Box::pin(async move {
+            self.from.close().await?;
+            self.db.close().await?;
+            self.done.refused.sort_unstable();
+            self.done.other_notes.sort_unstable();
+            Ok(self.done)
+        })
     }
 }
 

@@ -1,0 +1,63 @@
+//! A run, computed as far as some outputs need it.
+
+use fretwork_engine::case::Case;
+use fretwork_engine::outcome::{Outcome, Preview};
+use fretwork_engine::scenario::Warning;
+use fretwork_engine::simulation::{Advance, Simulation};
+
+use super::output::{NoValue, Output};
+
+/// A run in progress. It ends at once if the unworn contact gives all outputs.
+#[derive(Debug)]
+pub struct Run {
+    case: Case,
+    simulation: Option<Simulation>,
+}
+
+/// A run at its end.
+#[derive(Debug)]
+pub struct Ended<'a> {
+    pub(super) case: &'a Case,
+    pub(super) found: Result<Box<Outcome>, Preview>,
+}
+
+impl Run {
+    pub(super) fn new(case: Case, needs_wear: bool, warnings: Vec<Warning>) -> Self {
+        let simulation = needs_wear.then(|| Simulation::new(case.clone(), warnings));
+        Self { case, simulation }
+    }
+
+    /// Estimated processor time, in seconds.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        if self.simulation.is_some() { self.case.seconds() } else { 0.0 }
+    }
+
+    /// Computes for at most about 30 ms.
+    pub fn step(&mut self) -> Option<Ended<'_>> {
+        let case = &self.case;
+        let found = match self.simulation.as_mut().map(Simulation::step) {
+            Some(Advance::Working(_)) => return None,
+            Some(Advance::Done(outcome)) => Ok(outcome),
+            None => Err(Preview::of(case)),
+        };
+        Some(Ended { case, found })
+    }
+}
+
+impl Ended<'_> {
+    /// The value of an output.
+    ///
+    /// # Errors
+    /// The run does not have it.
+    pub fn value(&self, output: &Output) -> Result<f64, NoValue> {
+        match &self.found {
+            Ok(outcome) => output.value(self.case, outcome),
+            Err(preview) => output.known(preview),
+        }
+    }
+
+    pub(super) fn outcome(&self) -> Option<&Outcome> {
+        self.found.as_deref().ok()
+    }
+}
