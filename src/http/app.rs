@@ -9,7 +9,7 @@ use tokio::sync::Mutex;
 
 use super::access::Gate;
 use super::memory::Memory;
-use super::memory::models::Models;
+use super::memory::models::{self, Models};
 use super::metrics::Metrics;
 use super::shares::Shares;
 use crate::service::Service;
@@ -57,19 +57,16 @@ impl App {
         metrics: Arc<Metrics>,
         document: fn() -> Bytes,
     ) -> Self {
-        let (models, document, probed) =
-            (Models::default(), LazyLock::new(document), Mutex::default());
-        let store = service.store().clone();
         Self(Arc::new(Shared {
+            store: service.store().clone(),
             service,
-            store,
             gate,
             memory,
             shares,
             metrics,
-            models,
-            document,
-            probed,
+            models: models::empty(),
+            document: LazyLock::new(document),
+            probed: Mutex::default(),
         }))
     }
 

@@ -7,7 +7,6 @@ use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouter};
 use utoipa_axum::routes;
 
 use super::access::needs::{Needs, RouteNeeds};
-use super::api::umbridge::Route;
 use super::api::{
     audit, derivatives, diff, evaluate, events, jobs, library, links, me, results, scenarios,
     system, umbridge,
@@ -89,9 +88,8 @@ impl Routes {
 
     /// Adds the routes of UM-Bridge, which has its own documentation.
     fn umbridge(self) -> Self {
-        let first = self.page(Needs::READ, umbridge::INFO, get(umbridge::info));
-        umbridge::ROUTES.iter().fold(first, |routes, Route { path, needs, handler }| {
-            routes.undocumented(Method::POST, *needs, path, handler())
+        umbridge::ROUTES.iter().fold(self, |routes, (path, method, needs, handler)| {
+            routes.undocumented(method.clone(), *needs, path, handler())
         })
     }
 
