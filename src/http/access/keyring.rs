@@ -19,17 +19,30 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// Shortest time between two updates of the last use of a key, in milliseconds.
 const LAST_USE_INTERVAL: i64 = 60_000;
 
-/// A key, and the use of its limits.
+/// A key, and its use.
 pub struct KeyHolder {
     pub key: AccessKey,
+    pub usage: Arc<Usage>,
+}
+
+/// The use of a key.
+pub struct Usage {
+    /// The use of its limits.
     pub account: Account,
     /// The use by the links that the key signed. They have the same limits as the key.
     pub links: Account,
     pub last_use: LastUse,
 }
 
+impl Usage {
+    /// The use of a key with these limits, which was `last_used` at this time.
+    pub fn new(limits: Limits, last_used: Option<i64>) -> Arc<Self> {
+        let last_use = LastUse(AtomicI64::new(last_used.unwrap_or(0)));
+        Arc::new(Self { account: Account::new(limits), links: Account::new(limits), last_use })
+    }
+}
+
 /// When the last use of a key was stored. For a key that was never used it is 0, which is long ago.
-#[derive(Default)]
 pub struct LastUse(AtomicI64);
 
 impl LastUse {
@@ -122,9 +135,7 @@ impl Keyring {
             Some(own) => NonZeroU32::new(own),
         };
         let limits = Limits { per_minute, ..self.default_limits };
-        let (account, links) = (Account::new(limits), Account::new(limits));
-        let last_use = LastUse(AtomicI64::new(key.last_used.unwrap_or(0)));
-        KeyHolder { key, account, links, last_use }
+        KeyHolder { usage: Usage::new(limits, key.last_used), key }
     }
 
     /// Stores that a key is in use, in the background.

@@ -84,14 +84,11 @@ impl Account {
                 Some(Arc::clone(permits).try_acquire_owned().map_err(|_| full(*most))?)
             }
         };
-        let counted = match quota {
-            Quota::Requests => (&self.requests, self.limits.per_minute),
-            Quota::Evaluations => (&self.evaluations, self.limits.evaluations),
+        let bucket = match quota {
+            Quota::Requests => &self.requests,
+            Quota::Evaluations => &self.evaluations,
         };
-        let standing = match counted {
-            (Some(bucket), Some(per_minute)) => Some(count(bucket, quota, per_minute)?),
-            _ => None,
-        };
+        let standing = bucket.as_ref().map(|bucket| count(bucket, quota)).transpose()?;
         Ok(OpenRequest { standing, permit })
     }
 }
@@ -108,14 +105,16 @@ fn full(most: NonZeroU32) -> Problem {
         .with_header(STATE, "\"at-once\";r=0")
 }
 
-fn count(bucket: &Bucket, quota: Quota, per_minute: NonZeroU32) -> Result<Standing, Problem> {
+fn count(bucket: &Bucket, quota: Quota) -> Result<Standing, Problem> {
     match bucket.check() {
         Ok(state) => {
+            let per_minute = state.quota().burst_size();
             // The quota refills one request at a time.
             let more_in = 60_u32.div_ceil(per_minute.get());
             Ok(Standing { quota, per_minute, left: state.remaining_burst_capacity(), more_in })
         }
         Err(refused) => {
+            let per_minute = refused.quota().burst_size();
             let wait = refused.wait_time_from(DefaultClock::default().now());
             let more_in = wait.as_secs_f64().ceil().max(1.0) as u32;
             let standing = Standing { quota, per_minute, left: 0, more_in };

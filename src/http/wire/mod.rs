@@ -5,6 +5,7 @@
 pub mod coding;
 pub mod include;
 pub mod negotiation;
+pub mod paging;
 pub mod schemas;
 pub mod weight;
 
@@ -12,12 +13,14 @@ use std::fmt::{self, Display};
 use std::mem;
 use std::time::Duration;
 
+use axum::Json;
 use axum::body::HttpBody as _;
 use axum::extract::{FromRequestParts, Path};
 use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue};
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
 
 use crate::http::problem::{Complaint, Problem, kinds};
 use fretwork_format::Format;
@@ -260,6 +263,15 @@ pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
                 format!("must be one text of 1 to {LONGEST_KEY} ASCII characters, such as a UUID");
             Err(Problem::header(Complaint::parameter("Idempotency-Key", detail)))
         }
+    }
+}
+
+/// An answer as JSON that no cache may keep, because it changes.
+pub struct Fresh<T>(pub T);
+
+impl<T: Serialize> IntoResponse for Fresh<T> {
+    fn into_response(self) -> Response {
+        ([(CACHE_CONTROL, "no-store")], Json(self.0)).into_response()
     }
 }
 
