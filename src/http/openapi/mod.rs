@@ -42,8 +42,6 @@ A server without keys, on a personal machine, is open.
 
 **Requests** may have an `x-request-id`. Every answer has one, and the log of the server contains it.";
 
-/// utoipa does not collect types that appear only in parameters, so they
-/// are listed here.
 #[derive(utoipa::OpenApi)]
 #[openapi(
     info(
@@ -59,35 +57,15 @@ A server without keys, on a personal machine, is open.
         (name = "scenarios", description = "Check a scenario, see examples, read the schema."),
         (name = "system", description = "The server itself."),
     ),
-    components(schemas(
-        ProblemDocument<'_>,
-        crate::http::problem::Complaint,
-        schemas::Include,
-        schemas::Role,
-        schemas::Act,
-        schemas::WholeFormat,
-        schemas::HistoryFields,
-        schemas::ProfileFields,
-        schemas::LoopFields,
-        schemas::TableFields,
-        schemas::ChosenInstants,
-        schemas::PlotQuantity,
-        schemas::PlotKind,
-        schemas::PlotInstants,
-        schemas::Spacing,
-        schemas::WholeLayout,
-        schemas::Layout,
-        schemas::UnitSystem,
-        schemas::Order,
-        schemas::TableFormat,
-        schemas::KeyText,
-    )),
+    components(schemas(ProblemDocument<'_>, crate::http::problem::Complaint)),
 )]
 struct Frame;
 
-/// The document without routes.
+/// The document without routes. utoipa does not collect types that appear only in parameters.
 pub fn frame() -> OpenApi {
-    Frame::openapi()
+    let mut frame = Frame::openapi();
+    frame.components.get_or_insert_default().schemas.extend(schemas::all());
+    frame
 }
 
 /// The complete document as it is served, printed and committed.
@@ -128,9 +106,11 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
         for (path, item) in paths {
             for (method, operation) in item.as_object_mut().into_iter().flatten() {
                 let method = parsed_method(method);
-                add_path_responses(path, &method, needs.of(&method, path), operation);
+                let needs = needs.of(&method, path);
+                add_path_responses(path, &method, needs, operation);
+                add_access_control(path, &method, needs, operation);
                 add_shared_responses(operation);
-                add_access_control(path, &method, needs.of(&method, path), operation);
+                add_access_headers(needs, operation);
                 if let Some(Value::Object(responses)) = operation.get_mut("responses") {
                     responses.sort_keys();
                 }
@@ -248,11 +228,6 @@ fn add_representations(operation: &mut Value, of_numbers: bool) {
     }
 }
 
-/// An optional parameter.
-fn parameter(name: &str, place: &str, about: &str, schema: &Value) -> Value {
-    json!({"name": name, "in": place, "description": about, "required": false, "schema": schema})
-}
-
 /// A header with text.
 fn header(about: &str) -> Value {
     json!({"description": about, "schema": {"type": "string"}})
@@ -322,20 +297,6 @@ fn add_access_control(path: &str, method: &Method, needs: Needs, operation: &mut
         operation["security"] = json!([]);
         return;
     };
-    let refusal = |description: String| {
-        json!({
-            "description": description,
-            "content": {"application/problem+json":
-                {"schema": {"$ref": "#/components/schemas/Problem"}}},
-            "headers": {"x-request-id": {"$ref": "#/components/headers/x-request-id"}},
-        })
-    };
-    let responses = &mut operation["responses"];
-    responses["421"] =
-        refusal("A server without keys accepts only localhost or an IP address as `Host`.".into());
-    responses["401"] =
-        refusal("The server requires a key, and the request has no valid one.".into());
-    responses["401"]["headers"]["WWW-Authenticate"] = header("How to send a key.");
     let mut forbidden = match role {
         Role::Read => String::new(),
         role => format!("The key does not have the required role, `{role}`. "),
@@ -347,21 +308,39 @@ fn add_access_control(path: &str, method: &Method, needs: Needs, operation: &mut
         forbidden.push_str("The `link` does not open this address. ");
         if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
             let about = "A link from `POST /v1/results/{key}/links`, instead of a key.";
-            parameters.push(parameter("link", "query", about, &json!({"type": "string"})));
+            parameters.push(
+                json!({"name": "link", "in": "query", "description": about, "required": false,
+                "schema": {"type": "string"}}),
+            );
         }
     }
-    let responses = &mut operation["responses"];
-    if !forbidden.is_empty() {
-        responses["403"] = refusal(forbidden.trim_end().to_owned());
+    for (status, description) in [
+        ("421", "A server without keys accepts only localhost or an IP address as `Host`."),
+        ("401", "The server requires a key, and the request has no valid one."),
+        ("403", forbidden.trim_end()),
+        (
+            "429",
+            "The key has sent too many requests this minute (with `Retry-After`), or has too many concurrent requests \
+             (without).",
+        ),
+    ] {
+        if !description.is_empty() {
+            operation["responses"][status] = json!({"description": description});
+        }
     }
-    responses["429"] = refusal(
-        "The key has sent too many requests this minute (with `Retry-After`), or has too many \
-         concurrent requests (without)."
-            .to_owned(),
-    );
-    responses["429"]["headers"]["Retry-After"] =
-        json!({"$ref": "#/components/headers/Retry-After"});
-    for (status, response) in responses.as_object_mut().into_iter().flatten() {
+}
+
+/// Adds the headers of access control.
+fn add_access_headers(needs: Needs, operation: &mut Value) {
+    for (status, response) in operation["responses"].as_object_mut().into_iter().flatten() {
+        match status.as_str() {
+            "401" => response["headers"]["WWW-Authenticate"] = header("How to send a key."),
+            "429" => {
+                response["headers"]["Retry-After"] =
+                    json!({"$ref": "#/components/headers/Retry-After"});
+            }
+            _ => {}
+        }
         // Cancelling is not counted. A client without a valid key learns nothing about limits.
         if needs.quota.is_some()
             && (status.starts_with(['2', '3']) || ["403", "404", "429"].contains(&&**status))
