@@ -17,9 +17,7 @@ use tokio::time::Instant;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::pieces::{self, Beginning, PieceWriter, pieces};
-use super::stored::{
-    Need, Reserved, Stored, find, large_json, makers_busy, missing, stored, unpacked,
-};
+use super::stored::{Need, Reserved, find, large_json, makers_busy, missing, stored, unpacked};
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::memory::{Encoded, Lookup, Making};
@@ -175,19 +173,21 @@ impl Representation {
     ) -> Result<MadeFrom, Problem> {
         if self.is_unchanged && coding != Coding::Gzip {
             return match stored(app, &self.key, reserved).await? {
-                Stored::Body(body) if coding == Coding::Zstd && body.is_compressed() => {
+                Some(StoredResult::Whole(body))
+                    if coding == Coding::Zstd && body.is_compressed() =>
+                {
                     Ok(MadeFrom::Answer(body.bytes().clone()))
                 }
-                Stored::Body(body) => {
+                Some(StoredResult::Whole(body)) => {
                     let json = unpacked(&self.key, body).await?;
                     let is_answer = coding == Coding::Identity;
                     Ok(if is_answer { MadeFrom::Answer(json) } else { MadeFrom::Json(json) })
                 }
-                Stored::Large(size) if coding == Coding::Identity && size > WHOLE => {
+                Some(StoredResult::Large(size)) if coding == Coding::Identity && size > WHOLE => {
                     Ok(MadeFrom::Packed)
                 }
-                Stored::Large(size) => Ok(MadeFrom::Needs(Need::to_unpack(size))),
-                Stored::Absent => Err(self.missing(app).await?),
+                Some(StoredResult::Large(size)) => Ok(MadeFrom::Needs(Need::to_unpack(size))),
+                found => Err(self.missing(app, found).await),
             };
         }
         let size = match app.memory.get(&self.key.to_string()).map(|answer| answer.body) {
@@ -198,7 +198,7 @@ impl Representation {
                     return Ok(MadeFrom::Json(unpacked(&self.key, body).await?));
                 }
                 Some(StoredResult::Large(size)) => size,
-                _ => return Err(self.missing(app).await?),
+                found => return Err(self.missing(app, found).await),
             },
         };
         let is_whole = coding == Coding::Identity && !self.is_streamed(coding, size);
@@ -210,7 +210,7 @@ impl Representation {
         }
         match large_json(app, &self.key).await? {
             Some(json) => Ok(MadeFrom::Json(json)),
-            None => Err(self.missing(app).await?),
+            None => Err(self.missing(app, app.store.small_result(&self.key).await?).await),
         }
     }
 
@@ -234,8 +234,7 @@ impl Representation {
     }
 
     /// The problem for a result that is not stored.
-    async fn missing(&self, app: &App) -> Result<Problem, Problem> {
-        let found = app.store.small_result(&self.key).await?;
+    async fn missing(&self, app: &App, found: Option<StoredResult>) -> Problem {
         missing(app, self.reach.as_deref(), &self.key, found).await
     }
 

@@ -177,27 +177,16 @@ pub fn excerpt(text: &str) -> String {
     out
 }
 
-/// The preferences in `Prefer` headers (RFC 7240). Unknown and invalid preferences are ignored, as the RFC
-/// requires.
-pub struct Prefer {
-    /// How long the client waits for the job, at most [`LONGEST_WAIT`].
-    pub wait: Option<Duration>,
-}
-
-impl Prefer {
-    /// Reads all `Prefer` headers. The first `wait` is used.
-    pub fn read(headers: &HeaderMap) -> Self {
-        let wait = headers
-            .get_all(PREFER)
-            .iter()
-            .filter_map(|value| value.to_str().ok())
-            .flat_map(|value| value.split([',', ';']))
-            .filter_map(|preference| preference.split_once('='))
-            .find(|(name, _)| name.trim().eq_ignore_ascii_case("wait"))
-            .and_then(|(_, value)| value.trim().trim_matches('"').parse().ok())
-            .map(|seconds| Duration::from_secs(seconds).min(LONGEST_WAIT));
-        Self { wait }
-    }
+/// How long the client waits for a job, at most [`LONGEST_WAIT`]: the first `wait` in `Prefer` headers (RFC 7240). Unknown and
+/// invalid preferences are ignored, as the RFC requires.
+pub fn wait(headers: &HeaderMap) -> Option<Duration> {
+    let values = headers.get_all(PREFER).iter().filter_map(|value| value.to_str().ok());
+    let (_, seconds) = values
+        .flat_map(|value| value.split([',', ';']))
+        .filter_map(|preference| preference.split_once('='))
+        .find(|(name, _)| name.trim().eq_ignore_ascii_case("wait"))?;
+    let seconds = seconds.trim().trim_matches('"').parse().ok()?;
+    Some(Duration::from_secs(seconds).min(LONGEST_WAIT))
 }
 
 const PREFER: HeaderName = HeaderName::from_static("prefer");
@@ -214,23 +203,9 @@ pub fn ascii(text: &str) -> HeaderValue {
     HeaderValue::try_from(text).expect("the text is ASCII")
 }
 
-/// The directives of a submission in `Cache-Control` (RFC 9111). Unknown directives are ignored, as the RFC
-/// requires.
-pub struct Freshness {
-    /// `no-cache`: compute even a known result.
-    pub afresh: bool,
-    /// `only-if-cached`: do not compute.
-    pub only_known: bool,
-}
-
-impl Freshness {
-    /// Reads all `Cache-Control` headers.
-    pub fn read(headers: &HeaderMap) -> Self {
-        let says =
-            |what: &str| words(headers, CACHE_CONTROL).any(|word| word.eq_ignore_ascii_case(what));
-        let only_known = says("only-if-cached");
-        Self { afresh: says("no-cache") && !only_known, only_known }
-    }
+/// Whether a submission has this directive in `Cache-Control` (RFC 9111). Unknown directives are ignored, as the RFC requires.
+pub fn says(headers: &HeaderMap, directive: &str) -> bool {
+    words(headers, CACHE_CONTROL).any(|word| word.eq_ignore_ascii_case(directive))
 }
 
 /// The urgency of a submission: `u` in the `Priority` header (RFC 9218), by default 3.
@@ -288,7 +263,7 @@ mod tests {
     fn the_wait_preference_is_capped_and_ignored_if_invalid() {
         let prefer = |value| {
             let headers = HeaderMap::from_iter([(PREFER, HeaderValue::from_static(value))]);
-            Prefer::read(&headers).wait.map(|wait| wait.as_secs())
+            wait(&headers).map(|wait| wait.as_secs())
         };
         assert_eq!(prefer("wait=10"), Some(10));
         assert_eq!(prefer("respond-async, Wait = \"7\""), Some(7));
