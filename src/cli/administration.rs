@@ -4,27 +4,24 @@ use std::collections::BTreeMap;
 use std::io::{self, Write as _};
 
 use super::printing::{Error, print};
+use super::runtime::block_on;
 use crate::config::{AddKey, Data, Keys};
-use crate::telemetry::{Announcement, Logging};
+use crate::telemetry::Logging;
 use fretwork_job::clock::{self, now};
 use fretwork_store::{AccessKey, Administration, AuditEntry, NewKey, Place, Role};
 
 /// Adds, lists or revokes access keys.
 pub fn keys(command: Keys) -> Result<(), Error> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(async {
-        match command {
-            Keys::Add(new) => add(new).await,
-            Keys::List(data) => list(&data).await,
-            Keys::Revoke { name, data } => revoke(&name, &data).await,
-        }
-    })
+    match command {
+        Keys::Add(new) => block_on(add(new)),
+        Keys::List(data) => block_on(list(&data)),
+        Keys::Revoke { name, data } => block_on(revoke(&name, &data)),
+    }
 }
 
 /// Prints the audit log, the oldest entries first.
 pub fn audit(data: &Data) -> Result<(), Error> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let mut entries = runtime.block_on(async {
+    let mut entries = block_on(async {
         let mut tables = open(data).await?;
         let entries = tables.audit(None, u32::MAX).await?;
         tables.close().await?;
@@ -98,7 +95,7 @@ pub async fn add_first_key(place: &Place, logging: &Logging) -> Result<(), Error
          revoke {NAME}`.\n\n"
     );
     let details = BTreeMap::from([("key", key)]);
-    let printed = logging.announce(&Announcement { text: &text, message, details });
+    let printed = logging.announce(&text, message, &details);
     if printed.is_err() {
         // No one could use it.
         tables.revoke_keys(NAME).await?;

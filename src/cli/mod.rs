@@ -7,6 +7,7 @@ mod moving;
 mod output;
 mod printing;
 mod run;
+mod runtime;
 mod serve;
 mod signals;
 mod study;

@@ -134,11 +134,10 @@ fn differences(a: &Value, b: &Value, pointer: &mut String, out: &mut Vec<Paramet
     match (a, b) {
         (Value::Object(one), Value::Object(other)) => {
             // Member names of canonical scenarios need no escapes in a pointer.
-            for (name, a) in one {
-                below(name, pointer, a, other.get(name).unwrap_or(&Value::Null), out);
-            }
-            for (name, b) in other.iter().filter(|(name, _)| !one.contains_key(*name)) {
-                below(name, pointer, &Value::Null, b, out);
+            let new = other.keys().filter(|name| !one.contains_key(*name));
+            for name in one.keys().chain(new) {
+                // A member that is missing is null.
+                below(name, pointer, &a[name], &b[name], out);
             }
         }
         (Value::Array(one), Value::Array(other)) if one.len() == other.len() => {

@@ -30,30 +30,27 @@ pub struct Example {
     pub body: &'static str,
 }
 
+macro_rules! examples {
+    ($($name:literal),*) => {
+        &[$(Example {
+            name: $name,
+            body: include_str!(concat!("../../../examples/", $name, ".json")),
+        }),*]
+    };
+}
+
 /// The job bodies in `examples/`. The program prints the first one when it starts.
-pub static EXAMPLES: &[Example] = &[
-    Example { name: "steel-ball", body: include_str!("../../../examples/steel-ball.json") },
-    Example {
-        name: "steel-ball-simplified",
-        body: include_str!("../../../examples/steel-ball-simplified.json"),
-    },
-    Example { name: "flat-on-rig", body: include_str!("../../../examples/flat-on-rig.json") },
-    Example {
-        name: "amplitude-blocks",
-        body: include_str!("../../../examples/amplitude-blocks.json"),
-    },
-    Example {
-        name: "held-tangential-force",
-        body: include_str!("../../../examples/held-tangential-force.json"),
-    },
-    Example {
-        name: "displacement-record",
-        body: include_str!("../../../examples/displacement-record.json"),
-    },
-    Example { name: "measured-tip", body: include_str!("../../../examples/measured-tip.json") },
-    Example { name: "paper-figure-3", body: include_str!("../../../examples/paper-figure-3.json") },
-    Example { name: "paper-figure-4", body: include_str!("../../../examples/paper-figure-4.json") },
-];
+pub static EXAMPLES: &[Example] = examples!(
+    "steel-ball",
+    "steel-ball-simplified",
+    "flat-on-rig",
+    "amplitude-blocks",
+    "held-tangential-force",
+    "displacement-record",
+    "measured-tip",
+    "paper-figure-3",
+    "paper-figure-4"
+);
 
 impl From<BadBody> for Problem {
     fn from(bad: BadBody) -> Self {
