@@ -76,14 +76,14 @@ impl Representation {
         let (reach, caller) = (caller.reach().map(str::to_owned), caller.owner.clone());
         let view = view.sorted();
         let is_unchanged = (part, format) == (Part::Whole, Format::Json) && view == View::default();
-        if is_unchanged {
-            let name = key.to_string();
-            let tag = ["\"", &name, "\""].concat();
-            return Self { key, part, format, view, is_unchanged, reach, caller, name, tag };
-        }
-        let address = format!("{key}.{}.{}", part.name(), format.name());
-        let name = format!("{address} {} {view:?}", format::VERSION);
-        let tag = format!("\"{address}.{:016x}\"", xxh3_64(name.as_bytes()));
+        let (name, tag) = if is_unchanged {
+            (key.to_string(), format!("\"{key}\""))
+        } else {
+            let address = format!("{key}.{}.{}", part.name(), format.name());
+            let name = format!("{address} {} {view:?}", format::VERSION);
+            let tag = format!("\"{address}.{:016x}\"", xxh3_64(name.as_bytes()));
+            (name, tag)
+        };
         Self { key, part, format, view, is_unchanged, reach, caller, name, tag }
     }
 

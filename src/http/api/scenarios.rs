@@ -194,31 +194,16 @@ pub async fn check(
             // The limiting state takes a few milliseconds to compute.
             let computed = task::spawn_blocking(move || (Preview::of(&run.1), run.0.clone()));
             let (preview, scenario) = computed.await.map_err(Problem::bug)?;
-            Checked::Run(Box::new(CheckedRun {
-                key,
-                cached,
-                scenario,
-                preview,
-                warnings,
-                excess,
-                links,
-            }))
+            let run = CheckedRun { key, cached, scenario, preview, warnings, excess, links };
+            Checked::Run(Box::new(run))
         }
         Task::Study(study) => {
             let units = study.units();
             let columns = study.columns().into_iter().map(|column| column.name).collect();
             let (points, seconds, answer_bytes) = (study.points(), study.seconds(), study.bytes());
             let cost = StudyCost { points, seconds, answer_bytes };
-            Checked::Study(Box::new(CheckedStudy {
-                key,
-                cached,
-                asked,
-                columns,
-                units,
-                cost,
-                excess,
-                links,
-            }))
+            let study = CheckedStudy { key, cached, asked, columns, units, cost, excess, links };
+            Checked::Study(Box::new(study))
         }
     }))
 }

@@ -71,7 +71,7 @@ struct Slot {
 /// with the key of the result.
 #[derive(Debug)]
 pub struct Memory {
-    cache: Option<Cache<String, Encoded, Size>>,
+    cache: Cache<String, Encoded, Size>,
     /// Answers that are being made or sent.
     slots: Mutex<HashMap<String, Weak<Slot>>>,
     makers: Arc<Semaphore>,
@@ -124,6 +124,7 @@ fn share(answer: &Encoded, slot: &Arc<Slot>) -> Encoded {
 
 impl Memory {
     /// A cache of this many bytes; 0 disables it.
+    #[expect(clippy::expect_used, reason = "both capacities are set")]
     pub fn new(bytes: u64) -> Self {
         // Assumes answers of 64 KiB.
         let items = usize::try_from(bytes >> 16).unwrap_or(usize::MAX).max(16);
@@ -133,13 +134,10 @@ impl Memory {
             .estimated_items_capacity(items)
             .weight_capacity(bytes)
             .build()
-            .ok();
-        let cache = |options| {
-            let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
-            Cache::with_options(options, Size, hash, life)
-        };
+            .expect("the options are complete");
+        let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
         Self {
-            cache: options.filter(|_| bytes > 0).map(cache),
+            cache: Cache::with_options(options, Size, hash, life),
             slots: Mutex::default(),
             makers: Arc::new(Semaphore::new(MAX_MAKERS)),
         }
@@ -152,7 +150,7 @@ impl Memory {
 
     /// The cached answer with this name.
     pub fn get(&self, name: &str) -> Option<Encoded> {
-        self.cache.as_ref()?.get(name)
+        self.cache.get(name)
     }
 
     /// The answer with this name, shared with requests that read it now. If another request
@@ -184,12 +182,12 @@ impl Memory {
     /// Gives a finished answer to all requests that wait for it, and caches it if `keep` is true.
     pub fn finish(&self, making: Making, answer: Encoded, keep: bool) -> Encoded {
         let Making { name, slot, _turn } = making;
-        if keep && let Some(cache) = &self.cache {
+        if keep {
             let slots = lock(&self.slots);
             // Without its name, the result was deleted while the answer was made.
             let current = slots.get(&name).map_or(ptr::null(), Weak::as_ptr);
             if ptr::eq(current, Arc::as_ptr(&slot)) {
-                cache.insert(name, Encoded { permit: None, ..answer.clone() });
+                self.cache.insert(name, Encoded { permit: None, ..answer.clone() });
             }
         }
         share(slot.answer.get_or_init(|| answer), &slot)
@@ -200,18 +198,14 @@ impl Memory {
         let key = key.to_string();
         // `finish` inserts under the same lock.
         let mut slots = lock(&self.slots);
-        if let Some(cache) = &self.cache {
-            cache.retain(|name, _| !name.starts_with(&key));
-        }
+        self.cache.retain(|name, _| !name.starts_with(&key));
         slots.retain(|name, _| !name.starts_with(&key));
     }
 
     /// Removes all answers, because any result may have been deleted.
     fn forget_all(&self) {
         let mut slots = lock(&self.slots);
-        if let Some(cache) = &self.cache {
-            cache.clear();
-        }
+        self.cache.clear();
         slots.clear();
     }
 

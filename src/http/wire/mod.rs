@@ -24,7 +24,9 @@ use serde::Serialize;
 
 use crate::http::problem::{Complaint, Problem, kinds};
 use fretwork_format::Format;
-use fretwork_job::{BadKey, Key, clock};
+use fretwork_job::{BadKey, Key};
+
+pub use fretwork_job::clock::rfc3339 as instant;
 
 /// Longest time that a request may wait for a job.
 pub const LONGEST_WAIT: Duration = Duration::from_mins(1);
@@ -248,11 +250,6 @@ impl<T: Serialize> IntoResponse for Fresh<T> {
     fn into_response(self) -> Response {
         ([(CACHE_CONTROL, "no-store")], Json(self.0)).into_response()
     }
-}
-
-/// A time in milliseconds since 1970, as RFC 3339 in UTC.
-pub fn instant(milliseconds: i64) -> String {
-    clock::rfc3339(milliseconds)
 }
 
 #[cfg(test)]
