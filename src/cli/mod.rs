@@ -4,7 +4,6 @@ mod administration;
 mod health;
 mod listening;
 mod moving;
-mod output;
 mod printing;
 mod run;
 mod runtime;

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use axum::extract::State;
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::Value;
@@ -15,7 +14,7 @@ use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, kinds};
 use crate::http::wire::schemas;
-use crate::http::wire::{Query, Segment, read_key};
+use crate::http::wire::{FRESH_JSON, Query, Segment, read_key};
 use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
 use fretwork_engine::request::fault::Faults;
 use fretwork_job::{ENGINE, Key, TaskKind};
@@ -215,6 +214,5 @@ pub async fn derivatives(
     let derivatives: Vec<_> = shown.map(|entry| Derivative::of(entry, &model)).collect();
     let bytes = ENTRY_BYTES * derivatives.len();
     let answer = DerivativeList { key, numerics: ENGINE.numerics, derivatives };
-    let headers = [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")];
-    Ok((headers, json::write(&answer, bytes)).into_response())
+    Ok((FRESH_JSON, json::write(&answer, bytes)).into_response())
 }

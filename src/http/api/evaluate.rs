@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use axum::Extension;
 use axum::extract::State;
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use tokio::task;
 
@@ -14,8 +13,8 @@ use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::shares::SMALL;
 use crate::http::transport::body::Body;
-use crate::http::wire::NoQuery;
 use crate::http::wire::schemas;
+use crate::http::wire::{FRESH_JSON, NoQuery};
 use crate::service::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 use fretwork_json as json;
 use fretwork_study::Evaluation;
@@ -95,8 +94,7 @@ pub async fn evaluate(
         let written = task::spawn_blocking(move || json::write(&evaluated, bytes));
         written.await.map_err(Problem::bug)?
     };
-    let headers = [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")];
     permit.shrink(answer.len());
     let permit = permit.is_held().then(|| Extension(Arc::new(permit)));
-    Ok((permit, headers, answer).into_response())
+    Ok((permit, FRESH_JSON, answer).into_response())
 }

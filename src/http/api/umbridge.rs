@@ -12,7 +12,6 @@ use std::sync::Arc;
 
 use axum::body::Bytes;
 use axum::extract::{FromRequest, Request};
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::http::{Method, StatusCode};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get, post};
@@ -27,6 +26,7 @@ use crate::http::problem::kinds::Kind;
 use crate::http::problem::{self, Problem};
 use crate::http::shares::Turn;
 use crate::http::transport::body::AnyBody;
+use crate::http::wire::FRESH_JSON;
 use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
 use fretwork_engine::request::fault::Faults;
 use fretwork_json::{self as json, BadBody};
@@ -274,8 +274,7 @@ async fn model_of(app: &App, config: Option<Box<RawValue>>) -> Result<Arc<Model>
 
 /// An answer. Clients check that it has no other members.
 fn answer(document: &impl Serialize) -> Response {
-    let headers = [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")];
-    (headers, json::write(document, 256)).into_response()
+    (FRESH_JSON, json::write(document, 256)).into_response()
 }
 
 /// Lists the models.

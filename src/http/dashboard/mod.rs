@@ -51,17 +51,15 @@ struct Asset {
     name: &'static str,
     media_type: &'static str,
     tag: String,
-    /// The coding that the client accepts, the body, and the coding of that body.
-    bodies: [(Coding, Bytes, Coding); 3],
+    /// For each coding that a client can accept, the body and its coding.
+    bodies: [(Bytes, Coding); Coding::ALL.len()],
 }
 
 impl Asset {
     fn new(name: &'static str, media_type: &'static str, bytes: &[u8]) -> Self {
-        let bodies = [Coding::Identity, Coding::Gzip, Coding::Zstd].map(|accepted| {
-            #[expect(clippy::expect_used, reason = "writing to memory cannot fail")]
-            let (body, used) = accepted.encode(bytes).expect("compresses a file in memory");
-            (accepted, body, used)
-        });
+        #[expect(clippy::expect_used, reason = "writing to memory cannot fail")]
+        let encode = |coding: Coding| coding.encode(bytes).expect("compresses a file in memory");
+        let bodies = Coding::ALL.map(encode);
         Self { name, media_type, tag: format!("\"{:016x}\"", xxh3_64(bytes)), bodies }
     }
 }
@@ -112,12 +110,7 @@ fn file(name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
     if let Some(tag) = held(headers, &asset.tag) {
         return Ok((StatusCode::NOT_MODIFIED, [(ETAG, tag)], shared).into_response());
     }
-    let chosen = Coding::choose(headers);
-    let (_, body, used) = asset
-        .bodies
-        .iter()
-        .find(|(accepted, ..)| *accepted == chosen)
-        .ok_or_else(Problem::internal)?;
+    let (body, used) = &asset.bodies[Coding::choose(headers) as usize];
     let own = [(ETAG, tagged(&asset.tag, *used)), (CONTENT_TYPE, asset.media_type.to_owned())];
     let coding = used.name().map(|name| [(CONTENT_ENCODING, name)]);
     Ok((own, coding, shared, body.clone()).into_response())

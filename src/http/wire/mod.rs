@@ -16,7 +16,7 @@ use std::time::Duration;
 use axum::Json;
 use axum::body::HttpBody as _;
 use axum::extract::{FromRequestParts, Path};
-use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH};
+use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
@@ -242,6 +242,10 @@ pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
         }
     }
 }
+
+/// The headers of a text of JSON that no cache may keep, because it changes.
+pub const FRESH_JSON: [(HeaderName, &str); 2] =
+    [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")];
 
 /// An answer as JSON that no cache may keep, because it changes.
 pub struct Fresh<T>(pub T);
