@@ -120,21 +120,14 @@ async fn list(data: &Data) -> Result<(), Error> {
         )?;
         return Ok(());
     }
-    writeln!(
-        out,
-        "{:<8}  {:<16} {:<6}  {:<10}  {:<10}  {:<10}  state",
-        "id", "name", "role", "created", "used", "rate"
-    )?;
+    writeln!(out, "id        name             role    created     used        rate        state")?;
     for key in keys {
         let AccessKey { id, name, role, per_minute, created, last_used, .. } = &key;
         let rate = per_minute.map_or("-".to_owned(), |rate| format!("{rate}/min"));
         let used = last_used.map_or("never".to_owned(), day);
-        let created = day(*created);
-        writeln!(
-            out,
-            "{id:<8}  {name:<16} {role:<6}  {created:<10}  {used:<10}  {rate:<10}  {}",
-            state(&key)
-        )?;
+        let (created, state) = (day(*created), state(&key));
+        write!(out, "{id:<8}  {name:<16} {role:<6}  {created:<10}  {used:<10}  {rate:<10}  ")?;
+        writeln!(out, "{state}")?;
     }
     Ok(())
 }

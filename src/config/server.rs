@@ -4,6 +4,7 @@ use std::convert::Infallible;
 use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::fs;
+use std::iter;
 use std::net::{IpAddr, SocketAddr};
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -173,10 +174,8 @@ impl Serve {
 
     /// Whether other machines can reach an address of the server.
     pub fn is_reachable(&self) -> bool {
-        [Some(self.listen), self.umbridge_listen]
-            .into_iter()
-            .flatten()
-            .any(|address| !address.ip().is_loopback())
+        let mut addresses = iter::once(self.listen).chain(self.umbridge_listen);
+        addresses.any(|address| !address.ip().is_loopback())
     }
 
     /// The settings of the HTTP interface.

@@ -16,7 +16,7 @@ use crate::service::Service;
 use fretwork_store::{Error, Store};
 
 /// The state of all handlers. axum clones it for each request, so it is one counted reference.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct App(Arc<Shared>);
 
 impl Deref for App {
@@ -27,7 +27,6 @@ impl Deref for App {
 }
 
 /// What all requests share.
-#[derive(Debug)]
 pub struct Shared {
     pub service: Service,
     /// What the service adds nothing to.

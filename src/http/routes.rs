@@ -16,6 +16,7 @@ use super::wire::Segment;
 use super::{dashboard, openapi};
 
 /// The routes with their documentation, and what they require.
+#[derive(Default)]
 pub struct Routes {
     pub router: OpenApiRouter<App>,
     pub needs: RouteNeeds,
@@ -24,8 +25,7 @@ pub struct Routes {
 impl Routes {
     /// All routes.
     pub fn all() -> Self {
-        let router = OpenApiRouter::with_openapi(openapi::frame());
-        Self { router, needs: RouteNeeds::default() }
+        Self { router: OpenApiRouter::with_openapi(openapi::frame()), ..Self::default() }
             .add(Needs::SUBMIT, routes!(jobs::submit))
             .add(Needs::READ, routes!(jobs::list))
             .add(Needs::READ, routes!(jobs::show))
@@ -72,12 +72,12 @@ impl Routes {
 
     /// The routes of UM-Bridge alone.
     pub fn of_umbridge() -> Self {
-        Self { router: OpenApiRouter::new(), needs: RouteNeeds::default() }.umbridge()
+        Self::default().umbridge()
     }
 
     /// The routes for monitors alone: health, readiness and metrics.
     pub fn of_monitoring() -> Self {
-        Self { router: OpenApiRouter::new(), needs: RouteNeeds::default() }.monitoring()
+        Self::default().monitoring()
     }
 
     fn monitoring(self) -> Self {

@@ -75,10 +75,7 @@ struct Held {
 }
 
 /// Permission for heavy work or an evaluation, until this is dropped.
-#[derive(Debug)]
-pub struct Turn {
-    _permit: Option<OwnedSemaphorePermit>,
-}
+pub type Turn = Option<OwnedSemaphorePermit>;
 
 impl Shares {
     /// Shares of this many bytes, an eighth for bodies of requests, an eighth for their trees, and the rest for answers; and of computations on this many
@@ -183,7 +180,7 @@ impl PerCaller {
 
     async fn turn(&self, caller: &str) -> Turn {
         // The semaphore is never closed.
-        Turn { _permit: self.of(caller).acquire_owned().await.ok() }
+        self.of(caller).acquire_owned().await.ok()
     }
 
     /// The semaphore of a caller. The map forgets it when no request waits for it or holds its permits.

@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 use std::num::NonZeroU32;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
-use std::sync::{Arc, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
-use tokio::sync::Mutex;
+use tokio::sync::{Mutex, watch};
 use tokio::time::sleep_until;
 
 use super::limits::{Account, Limits};
@@ -62,7 +62,8 @@ type Holders = Arc<HashMap<String, Arc<KeyHolder>>>;
 pub struct Keyring {
     store: Store,
     default_limits: Limits,
-    read: RwLock<Option<(Instant, Holders)>>,
+    /// When they were read last, and what was found.
+    read: watch::Sender<Option<(Instant, Holders)>>,
     /// Held by the task that reads the keys. The others wait for it.
     reading: Mutex<()>,
 }
@@ -70,7 +71,7 @@ pub struct Keyring {
 impl Keyring {
     /// The keys of a store. Keys without own limits have the default limits.
     pub fn new(store: &Store, default_limits: Limits) -> Self {
-        let (read, reading) = (RwLock::default(), Mutex::default());
+        let (read, reading) = (watch::Sender::default(), Mutex::default());
         Self { store: store.clone(), default_limits, read, reading }
     }
 
@@ -98,7 +99,7 @@ impl Keyring {
     async fn holders_within(&self, age: Duration) -> Result<Holders, Error> {
         let now = Instant::now();
         let recent = || {
-            let read = self.read.read().unwrap_or_else(PoisonError::into_inner);
+            let read = self.read.borrow();
             read.as_ref().filter(|(at, _)| *at + age >= now).map(|(_, holders)| Arc::clone(holders))
         };
         if let Some(holders) = recent() {
@@ -109,15 +110,13 @@ impl Keyring {
             return Ok(holders);
         }
         // Anyone can send unknown keys. The callers that wait here share the next read.
-        let last =
-            self.read.read().unwrap_or_else(PoisonError::into_inner).as_ref().map(|(at, _)| *at);
+        let (last, before) = self.read.borrow().clone().unzip();
         if let Some(last) = last {
             sleep_until((last + PAUSE).into()).await;
         }
+        let before = before.unwrap_or_default();
         let at = Instant::now();
         let keys = self.store.access_keys().await?;
-        let mut read = self.read.write().unwrap_or_else(PoisonError::into_inner);
-        let before = read.take().map(|(_, holders)| holders).unwrap_or_default();
         let holders = keys.into_iter().map(|key| {
             // An unchanged key keeps the use of its limits.
             let same = before.get(&key.id).filter(|holder| holder.key.is_like(&key));
@@ -125,7 +124,7 @@ impl Keyring {
             (key.id, holder)
         });
         let holders: Holders = Arc::new(holders.collect());
-        *read = Some((at, Arc::clone(&holders)));
+        self.read.send_replace(Some((at, Arc::clone(&holders))));
         Ok(holders)
     }
 

@@ -68,13 +68,6 @@ impl fmt::Display for Identity {
     }
 }
 
-impl Identity {
-    /// The caller in the audit log.
-    fn actor(&self) -> Actor {
-        Actor { name: self.owner.clone(), key: self.key.clone() }
-    }
-}
-
 /// Decides which requests are accepted.
 pub struct Gate {
     store: Store,
@@ -83,12 +76,6 @@ pub struct Gate {
     keyring: Keyring,
     route_needs: RouteNeeds,
     signer: OnceCell<Signer>,
-}
-
-impl fmt::Debug for Gate {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Gate").finish_non_exhaustive()
-    }
 }
 
 /// The key from the settings, and its use.
@@ -283,7 +270,9 @@ impl Gate {
             let identity = Identity { owner: name.clone(), role: *role, key: id.clone() };
             (identity, Arc::clone(&holder.usage))
         };
-        self.keyring.record_use(&usage.last_use, now, || identity.actor());
+        let Identity { owner, key, .. } = &identity;
+        let actor = || Actor { name: owner.clone(), key: key.clone() };
+        self.keyring.record_use(&usage.last_use, now, actor);
         Ok((identity, usage))
     }
 

@@ -211,33 +211,28 @@ pub async fn missing(
         Ok(live) => live,
         Err(error) => return error.into(),
     };
-    let problem = match (found, live) {
-        (Some(StoredResult::Evicted { at, deleted_by, asked }), live) => {
-            let next = if let Some(job) = live {
-                format!("It is being computed again: GET /v1/jobs/{job}?wait=10.")
-            } else {
-                let member = asked.as_ref().map_or("scenario", |asked| asked.kind.member());
-                format!(
-                    "To compute it again, submit {{\"{member}\": …}} with the `{member}` of this answer to POST \
-                     /v1/jobs."
-                )
-            };
-            let gone = match deleted_by {
-                Some(who) => format!("deleted by {who} on {}", instant(at)),
-                None => format!("evicted on {} to free disk space", instant(at)),
-            };
-            let detail = format!("The result was {gone}. {next}");
-            Problem::new(&kinds::EVICTED, detail).with_asked(asked)
-        }
-        (_, Some(job)) => {
-            let detail =
-                format!("The result is being computed. Wait for it: GET /v1/jobs/{job}?wait=10.");
-            Problem::new(&kinds::UNKNOWN_RESULT, detail)
-        }
-        (_, None) => {
-            let detail = "No result has this key. Submit its scenario to POST /v1/jobs.";
-            Problem::new(&kinds::UNKNOWN_RESULT, detail)
-        }
+    let problem = if let Some(StoredResult::Evicted { at, deleted_by, asked }) = found {
+        let next = if let Some(job) = live {
+            format!("It is being computed again: GET /v1/jobs/{job}?wait=10.")
+        } else {
+            let member = asked.as_ref().map_or("scenario", |asked| asked.kind.member());
+            format!(
+                "To compute it again, submit {{\"{member}\": …}} with the `{member}` of this answer to POST \
+                 /v1/jobs."
+            )
+        };
+        let gone = match deleted_by {
+            Some(who) => format!("deleted by {who} on {}", instant(at)),
+            None => format!("evicted on {} to free disk space", instant(at)),
+        };
+        let detail = format!("The result was {gone}. {next}");
+        Problem::new(&kinds::EVICTED, detail).with_asked(asked)
+    } else {
+        let detail = live.map_or_else(
+            || "No result has this key. Submit its scenario to POST /v1/jobs.".to_owned(),
+            |job| format!("The result is being computed. Wait for it: GET /v1/jobs/{job}?wait=10."),
+        );
+        Problem::new(&kinds::UNKNOWN_RESULT, detail)
     };
     match live {
         Some(job) => {

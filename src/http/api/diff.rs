@@ -182,12 +182,11 @@ impl Side {
                         format!("No result has the key {key}. Compare its scenario instead.");
                     Problem::new(&kinds::UNKNOWN_RESULT, detail)
                 })?;
-                let (asked, numerics) = (known.asked.clone(), known.numerics);
-                Ok(Self { key, asked, numerics, known: Some(known) })
+                let asked = known.asked.clone();
+                Ok(Self { key, asked, numerics: known.numerics, known: Some(known) })
             }
             Requested::Scenario(prepared) => {
-                let key = prepared.key;
-                let asked = prepared.asked();
+                let (key, asked) = (prepared.key, prepared.asked());
                 let known = app.store.known(&key).await?;
                 Ok(Self { key, asked, numerics: ENGINE.numerics, known })
             }

@@ -26,7 +26,7 @@ use fretwork_store::{FileSizes, Tally};
 pub struct Metrics {
     registry: Registry,
     requests: Family<Answered, Counter>,
-    durations: Family<Routed, Histogram, fn() -> Histogram>,
+    durations: Family<[(&'static str, String); 1], Histogram, fn() -> Histogram>,
     measured: [Gauge<f64, AtomicU64>; MEASURED.len()],
     memory_hits: Counter,
     memory_misses: Counter,
@@ -81,11 +81,6 @@ struct Answered {
     method: &'static str,
     route: String,
     status: u16,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct Routed {
-    route: String,
 }
 
 impl Metrics {
@@ -150,7 +145,7 @@ impl Metrics {
         let route = route.to_owned();
         let answered = Answered { method: known(method), route, status: status.as_u16() };
         self.requests.get_or_create(&answered).inc();
-        let routed = Routed { route: answered.route };
+        let routed = [("route", answered.route)];
         self.durations.get_or_create(&routed).observe(started.elapsed().as_secs_f64());
     }
 
