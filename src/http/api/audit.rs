@@ -9,8 +9,7 @@ use utoipa::ToSchema;
 use crate::http::app::App;
 use crate::http::problem::Problem;
 use crate::http::wire::paging::{limit, next_page};
-use crate::http::wire::schemas;
-use crate::http::wire::{Fresh, Query, instant};
+use crate::http::wire::{Fresh, Query, instant, schemas};
 use fretwork_store::{Act, AuditEntry as Stored};
 
 /// Equal acts of one day (UTC).

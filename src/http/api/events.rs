@@ -16,8 +16,7 @@ use super::jobs::{JobAnswer, visible};
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::Problem;
-use crate::http::wire::schemas;
-use crate::http::wire::{NoQuery, Segment, instant};
+use crate::http::wire::{NoQuery, Segment, instant, schemas};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::Changes;
 

@@ -15,8 +15,7 @@ use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, kinds};
 use crate::http::wire::include::Include;
 use crate::http::wire::paging::{limit, next_page};
-use crate::http::wire::schemas;
-use crate::http::wire::{NoQuery, Query, Segment};
+use crate::http::wire::{NoQuery, Query, Segment, schemas};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::{Canceled, Deleted, Filter};
 

@@ -7,8 +7,7 @@ use utoipa::ToSchema;
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::Problem;
-use crate::http::wire::schemas;
-use crate::http::wire::{Fresh, NoQuery};
+use crate::http::wire::{Fresh, NoQuery, schemas};
 
 /// The caller, with its limits and their use.
 #[derive(Debug, Serialize, ToSchema)]

@@ -16,8 +16,7 @@ use crate::http::api::parameters::{AtCycles, Copied, Numbers, OfTable, ResultKey
 use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::wire::negotiation::choose_format;
-use crate::http::wire::schemas;
-use crate::http::wire::{NoQuery, Query, Segment, read_key};
+use crate::http::wire::{NoQuery, Query, Segment, read_key, schemas};
 use fretwork_format::{
     FigureOptions, Format, Part, QUANTITIES, Quantity, StudyFigure, StudyOptions, View,
 };

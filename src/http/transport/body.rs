@@ -59,10 +59,8 @@ impl<S: Sync> FromRequest<S> for Body {
                 || "The body has no Content-Type".to_owned(),
                 |declared| format!("The Content-Type of the body is \"{}\"", excerpt(declared)),
             );
-            return Err(Problem::new(
-                &kinds::UNSUPPORTED_MEDIA_TYPE,
-                format!("{declared}. Send it with Content-Type: application/json."),
-            ));
+            let detail = format!("{declared}. Send it with Content-Type: application/json.");
+            return Err(Problem::new(&kinds::UNSUPPORTED_MEDIA_TYPE, detail));
         }
         read_counted(request, true).await.map(Self)
     }
@@ -128,14 +126,10 @@ async fn read(
         })?;
         let Some(frame) = frame else { break };
         let frame = frame.map_err(|_| {
-            Problem::new(
-                &kinds::INVALID_JSON,
-                "The connection ended before the end of the body. Send it again.",
-            )
+            let detail = "The connection ended before the end of the body. Send it again.";
+            Problem::new(&kinds::INVALID_JSON, detail)
         })?;
-        let Ok(data) = frame.into_data() else {
-            continue;
-        };
+        let Ok(data) = frame.into_data() else { continue };
         let length = bytes.len() + data.len();
         if length > BODY_LIMIT {
             return Err(too_large());

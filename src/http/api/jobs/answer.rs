@@ -18,8 +18,7 @@ use crate::http::app::App;
 use crate::http::memory::Encoded;
 use crate::http::problem::{Problem, kinds};
 use crate::http::wire::include::{Include, NULL};
-use crate::http::wire::instant;
-use crate::http::wire::schemas;
+use crate::http::wire::{instant, schemas};
 use fretwork_job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
 use fretwork_store::{self as store, Asked};
 
