@@ -20,7 +20,7 @@ use hyper::header::HeaderValue;
 
 use super::data::Data;
 use super::values::{duration, lease, nonzero, resolve, seconds};
-use crate::http::{self, Access, AdminKey, Connections, Limits, Origins, Patience};
+use crate::http::{self, Access, AdminKey, Connections, Limits, Origins};
 use crate::service::WorkLimits;
 use crate::telemetry::Logging;
 use fretwork_store::{self as store, Place};
@@ -197,7 +197,6 @@ impl Serve {
                 per_address: self.address_connections as usize,
                 proxies: self.trusted_proxies.iter().map(IpAddr::to_canonical).collect(),
             },
-            patience: Patience::default(),
             origins: self.origins(),
         }
     }
