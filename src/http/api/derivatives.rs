@@ -94,13 +94,10 @@ impl Wanted {
         };
         let parameters = query.text("parameters").map(list);
         let names = query.text("outputs").map(list);
-        let mut outputs = names.as_ref().map(|_| Vec::new());
-        for name in names.into_iter().flatten() {
-            match name.parse::<OutputName>() {
-                Ok(name) => outputs.get_or_insert_default().push(name),
-                Err(detail) => query.complain("outputs", detail),
-            }
-        }
+        let mut parsed = |name: &String| {
+            name.parse().map_err(|detail: String| query.complain("outputs", detail)).ok()
+        };
+        let outputs = names.map(|names| names.iter().filter_map(&mut parsed).collect());
         query.finish()?;
         Ok(Self { parameters, outputs })
     }

@@ -16,6 +16,7 @@ use crate::http::problem::ProblemDocument;
 use crate::http::wire::schemas;
 use fretwork_engine::outcome::{ContactScales, History, LimitState, Member, Quantity, Unworn};
 use fretwork_engine::scenario::SCHEMA;
+use fretwork_format::{Format, Part};
 use fretwork_job::{Submission, TaskKind};
 use fretwork_store::Role;
 use fretwork_study::Kind;
@@ -172,6 +173,16 @@ fn redirect(schema: &mut Value) {
     }
 }
 
+/// The operations that return a representation of a result: their paths, its part, and the schema of its JSON.
+const REPRESENTATIONS: [(&str, Part, &str); 6] = [
+    ("/v1/results/{key}", Part::Whole, "Result"),
+    ("/v1/results/{key}/history", Part::History, "HistoryAnswer"),
+    ("/v1/results/{key}/profiles", Part::Profiles, "ProfilesAnswer"),
+    ("/v1/results/{key}/loops", Part::Loops, "LoopsAnswer"),
+    ("/v1/results/{key}/table", Part::Table, "TableAnswer"),
+    ("/v1/results/{key}/plot.svg", Part::Plot, ""),
+];
+
 /// Whether a link allows an operation.
 fn is_opened(path: &str, method: &Method) -> bool {
     OPENED.contains(&path) && *method == Method::GET
@@ -200,9 +211,9 @@ fn add_path_responses(path: &str, method: &Method, needs: Needs, operation: &mut
             responses.entry(status).or_insert_with(|| json!({"description": description}));
         }
     }
-    // What outlives a result is not a part of it.
-    if is_opened(path, method) && !outlives(path) {
-        add_representations(operation, !path.ends_with("/plot.svg"));
+    let representation = REPRESENTATIONS.iter().find(|(of, ..)| *of == path);
+    if let Some((_, part, schema)) = representation.filter(|_| *method == Method::GET) {
+        add_representations(operation, *part, schema);
     }
 }
 
@@ -211,8 +222,8 @@ fn outlives(path: &str) -> bool {
     ["/provenance", "/warnings", "/note"].iter().any(|end| path.ends_with(end))
 }
 
-/// Adds the headers of all operations that return a result; figures have fewer.
-fn add_representations(operation: &mut Value, of_numbers: bool) {
+/// Adds the formats and the headers of an operation that returns a part of a result; figures have fewer headers.
+fn add_representations(operation: &mut Value, part: Part, schema: &str) {
     let responses = &mut operation["responses"];
     responses["304"] =
         json!({"description": "The client's copy is valid. A result never changes."});
@@ -220,10 +231,18 @@ fn add_representations(operation: &mut Value, of_numbers: bool) {
         "description": "No result has this key. `Link` names the job that computes it, if there is one.",
         "headers": {"Link": header("`rel=\"related\"`.")},
     });
+    for format in part.formats() {
+        let schema = match format {
+            Format::Json => json!({"$ref": format!("#/components/schemas/{schema}")}),
+            Format::Npz | Format::Arrow => json!({"$ref": "#/components/schemas/File"}),
+            Format::Ndjson | Format::Csv | Format::Svg => json!({"type": "string"}),
+        };
+        responses["200"]["content"][format.essence()] = json!({"schema": schema});
+    }
     let headers = &mut responses["200"]["headers"];
     headers["ETag"] = header("The tag of this representation; weak if it is compressed.");
     headers["Cache-Control"] = header("`immutable`: clients may cache it for ever.");
-    if of_numbers {
+    if part != Part::Plot {
         headers["Content-Disposition"] = header("A file name, for CSV, NPZ and Arrow.");
     }
 }
