@@ -196,7 +196,7 @@ pub async fn derivatives(
         );
         return Err(Problem::new(&kinds::NO_SUCH_PART, detail));
     }
-    let _turn = app.shares.evaluation(&caller.owner).await;
+    let _turn = app.shares.evaluations.turn(&caller.owner).await;
     let all_outputs = wanted.outputs.is_none();
     let mut start = Some((wanted, known.asked.value));
     // Its time is short, but longer than those of runs on the async thread.

@@ -275,7 +275,7 @@ pub async fn diff(
     _: NoQuery,
     body: Body,
 ) -> Result<axum::Json<Diff>, Problem> {
-    let _turn = app.shares.turn(&caller.owner).await;
+    let _turn = app.shares.heavy.turn(&caller.owner).await;
     // Parsing a table of 10 000 rows would block the async thread.
     let sides = task::spawn_blocking(move || asked(read(&body)?).map_err(Problem::faults));
     let (a, b) = sides.await.map_err(Problem::bug)??;

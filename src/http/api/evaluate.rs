@@ -84,7 +84,7 @@ pub async fn evaluate(
     let evaluation = parse(body, Evaluation::parse).await?;
     let bytes = evaluation.answer_bytes();
     let mut permit = app.shares.answers.hold(&caller.owner, bytes.min(LARGEST_EVALUATION)).await?;
-    let turn = app.shares.evaluation(&caller.owner).await;
+    let turn = app.shares.evaluations.turn(&caller.owner).await;
     let evaluated = app.service.evaluate(evaluation).await?;
     drop(turn);
     let answer = if bytes <= SMALL {

@@ -144,7 +144,7 @@ pub async fn list(
     let limit = limit(&mut query, 50, 1000);
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;
-    let _turn = app.shares.turn(&caller.owner).await;
+    let _turn = app.shares.heavy.turn(&caller.owner).await;
     let found = app.store.search(&search, cursor, limit).await?;
     let (next, link) = next_page(&uri, found.next);
     let results = found.results.into_iter().map(ResultEntry::from).collect();

@@ -39,8 +39,11 @@ const SMALL: usize = 1 << 14;
 /// Most faults in a message.
 const LISTED: usize = 5;
 
-/// The routes, and what they require.
-pub static ROUTES: [(&str, Method, Needs, fn() -> MethodRouter<App>); 8] = [
+/// A route: its path, its method, what it requires, and its handler.
+type Route = (&'static str, Method, Needs, fn() -> MethodRouter<App>);
+
+/// All routes.
+pub static ROUTES: [Route; 8] = [
     ("/Info", Method::GET, Needs::READ, || get(info)),
     ("/ModelInfo", Method::POST, Needs::READ, || post(model_info)),
     ("/InputSizes", Method::POST, Needs::READ, || post(input_sizes)),
@@ -141,7 +144,7 @@ impl FromRequest<App> for Called {
     async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
         let caller = owner_of(request.extensions());
         let AnyBody(body) = AnyBody::from_request(request, app).await?;
-        let turn = app.shares.evaluation(&caller).await;
+        let turn = app.shares.evaluations.turn(&caller).await;
         let mut call = Call::read(&body)?;
         let model = model_of(app, call.config.take()).await?;
         Ok(Self { app: app.clone(), call, model, _turn: turn, _body: body })

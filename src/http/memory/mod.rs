@@ -7,7 +7,7 @@ pub mod models;
 
 use std::collections::HashMap;
 use std::ptr;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::sync::{Arc, Mutex, OnceLock, Weak};
 use std::time::Duration;
 
 use axum::body::Bytes;
@@ -16,7 +16,7 @@ use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
 use tokio::time::sleep;
 
-use crate::http::shares::{Permit, SMALL};
+use crate::http::shares::{Permit, SMALL, get_or_insert, lock};
 use crate::http::wire::coding::Coding;
 use fretwork_job::Key;
 use fretwork_store::Deletions;
@@ -54,9 +54,6 @@ const MAX_MAKERS: usize = 1;
 
 /// How often a request that waits for memory looks whether another request has made its answer.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
-
-/// Number of names from which unused names are removed.
-const NAMES: usize = 64;
 
 /// One answer that is being made or sent.
 #[derive(Debug, Default)]
@@ -156,7 +153,7 @@ impl Memory {
     /// The answer with this name, shared with requests that read it now. If another request
     /// makes it, this waits. If that request fails or is dropped, the caller makes it.
     pub async fn lookup(&self, name: &str) -> Lookup {
-        let slot = self.slot(name);
+        let slot = get_or_insert(&mut lock(&self.slots), name, Slot::default);
         if let Some(answer) = slot.answer.get() {
             return Lookup::Found(share(answer, &slot));
         }
@@ -218,23 +215,6 @@ impl Memory {
             }
         }
     }
-
-    fn slot(&self, name: &str) -> Arc<Slot> {
-        let mut slots = lock(&self.slots);
-        if let Some(slot) = slots.get(name).and_then(Weak::upgrade) {
-            return slot;
-        }
-        if slots.len() >= NAMES && slots.len() == slots.capacity() {
-            slots.retain(|_, slot| slot.strong_count() > 0);
-        }
-        let slot = Arc::default();
-        slots.insert(name.to_owned(), Arc::downgrade(&slot));
-        slot
-    }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
@@ -244,6 +224,7 @@ mod tests {
     use futures_util::FutureExt as _;
 
     use super::*;
+    use crate::http::shares::NAMES;
 
     fn answer(size: usize) -> Encoded {
         Encoded::plain(Bytes::from(vec![0; size]))

@@ -26,7 +26,7 @@ use fretwork_store::{FileSizes, Tally};
 pub struct Metrics {
     registry: Registry,
     requests: Family<Answered, Counter>,
-    durations: Family<[(&'static str, String); 1], Histogram, fn() -> Histogram>,
+    durations: Family<Routed, Histogram, fn() -> Histogram>,
     measured: [Gauge<f64, AtomicU64>; MEASURED.len()],
     memory_hits: Counter,
     memory_misses: Counter,
@@ -82,6 +82,8 @@ struct Answered {
     route: String,
     status: u16,
 }
+
+type Routed = [(&'static str, String); 1];
 
 impl Metrics {
     /// The metrics of a server.

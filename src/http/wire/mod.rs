@@ -59,16 +59,10 @@ impl Query {
     /// Takes a parameter as text.
     pub fn text(&mut self, name: &'static str) -> Option<String> {
         self.known.push(name);
-        let mut found = None;
-        let mut repeated = false;
-        self.pairs.retain_mut(|(key, value)| {
-            let here = key == name;
-            if here {
-                repeated |= found.replace(mem::take(value)).is_some();
-            }
-            !here
-        });
-        if repeated {
+        let taken = self.pairs.extract_if(.., |(key, _)| key == name);
+        let mut values: Vec<String> = taken.map(|(_, value)| value).collect();
+        let found = values.pop();
+        if !values.is_empty() {
             self.complain(name, "may be given only once");
         }
         // Nothing has this character in it, and PostgreSQL refuses to compare with it.
