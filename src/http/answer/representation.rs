@@ -304,7 +304,7 @@ impl Representation {
             let _tables = permit;
             format::write(out, json, part, format, &view)
         };
-        Ok(match self.send(move || drop((maker, result)), write).await? {
+        Ok(match self.send((maker, result), write).await? {
             Reply::Whole(answer) => Reply::Whole(app.memory.finish(making, answer, true)),
             streamed @ Reply::Streamed(_) => streamed,
         })
@@ -319,7 +319,7 @@ impl Representation {
             let _shared = permit;
             Ok(zstd::stream::copy_decode(&body[..], out)?)
         };
-        let mut answer = self.send(|| (), write).await?;
+        let mut answer = self.send((), write).await?;
         if let (Reply::Streamed(response), Some(size)) = (&mut answer, size) {
             response.headers_mut().insert(header::CONTENT_LENGTH, size.into());
             response.extensions_mut().insert(Arc::new(own));
@@ -328,13 +328,13 @@ impl Representation {
     }
 
     /// Writes the answer on a thread of its own while the client reads it. The thread ends when the client stops the
-    /// stream, or does not read for long. It calls `started` before it sends the first piece.
-    async fn send<S: FnOnce() + Send + 'static>(
+    /// stream, or does not read for long. It drops what is `held` before it sends the first piece.
+    async fn send<H: Send + 'static>(
         &self,
-        started: S,
-        write: impl FnOnce(&mut PieceWriter<S>) -> Result<(), format::Error> + Send + 'static,
+        held: H,
+        write: impl FnOnce(&mut PieceWriter<H>) -> Result<(), format::Error> + Send + 'static,
     ) -> Result<Reply, Problem> {
-        let (mut pieces, mut received) = pieces(started);
+        let (mut pieces, mut received) = pieces(held);
         let (done, written) = oneshot::channel();
         let write = move || {
             let end = write(&mut pieces).and_then(|()| Ok(pieces.flush()?));

@@ -1,5 +1,7 @@
 //! Comparison of two results or scenarios.
 
+use std::fmt;
+
 use axum::extract::State;
 use deserr::Deserr;
 use serde::Serialize;
@@ -123,13 +125,9 @@ fn relative(a: &Value, b: &Value) -> Option<f64> {
 }
 
 /// Collects the differences of two documents. Lists of different lengths count as one difference.
-fn differences(a: &Value, b: &Value, pointer: &mut String, out: &mut Vec<ParameterDifference>) {
-    let below = |token: &str, pointer: &mut String, a: &Value, b: &Value, out: &mut Vec<_>| {
-        let length = pointer.len();
-        pointer.push('/');
-        pointer.push_str(token);
-        differences(a, b, pointer, out);
-        pointer.truncate(length);
+fn differences(a: &Value, b: &Value, pointer: &str, out: &mut Vec<ParameterDifference>) {
+    let mut below = |token: &dyn fmt::Display, a, b| {
+        differences(a, b, &format!("{pointer}/{token}"), out);
     };
     match (a, b) {
         (Value::Object(one), Value::Object(other)) => {
@@ -137,17 +135,17 @@ fn differences(a: &Value, b: &Value, pointer: &mut String, out: &mut Vec<Paramet
             let new = other.keys().filter(|name| !one.contains_key(*name));
             for name in one.keys().chain(new) {
                 // A member that is missing is null.
-                below(name, pointer, &a[name], &b[name], out);
+                below(name, &a[name], &b[name]);
             }
         }
         (Value::Array(one), Value::Array(other)) if one.len() == other.len() => {
             for (place, (a, b)) in one.iter().zip(other).enumerate() {
-                below(&place.to_string(), pointer, a, b, out);
+                below(&place, a, b);
             }
         }
         _ if a == b => {}
         _ => out.push(ParameterDifference {
-            pointer: pointer.clone(),
+            pointer: pointer.to_owned(),
             a: a.clone(),
             b: b.clone(),
             relative: relative(a, b),
@@ -311,7 +309,7 @@ pub async fn diff(
 impl Diff {
     fn of(a: &Side, b: &Side, remarks: Vec<String>) -> Self {
         let mut parameters = Vec::new();
-        differences(&a.asked.value, &b.asked.value, &mut String::new(), &mut parameters);
+        differences(&a.asked.value, &b.asked.value, "", &mut parameters);
         let same_scenario = parameters.is_empty();
         let omitted = parameters.len().saturating_sub(DIFFERENCES);
         parameters.truncate(DIFFERENCES);
@@ -352,7 +350,7 @@ mod tests {
         let b = json!({"friction": 0.6, "list": [1, 3], "load": {"held": "force"}, "table": [1, 2],
             "until": {"wear_depth": 1e-6}});
         let mut found = Vec::new();
-        differences(&a, &b, &mut String::new(), &mut found);
+        differences(&a, &b, "", &mut found);
         let pointers: Vec<_> = found.iter().map(|found| found.pointer.as_str()).collect();
         assert_eq!(pointers, ["/friction", "/list/1", "/load/held", "/table", "/until"]);
         assert!((found[0].relative.unwrap() - 0.2).abs() < 1e-12);

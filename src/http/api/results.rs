@@ -158,9 +158,8 @@ async fn is_run(app: &App, key: &Key) -> Result<bool, Problem> {
 }
 
 fn not_acceptable(key: &str, part: Part) -> Problem {
-    let formats = part.formats().iter();
-    let formats = formats.map(|format| format!("{} (?format={})", format.essence(), format.name()));
-    let formats: Vec<_> = formats.collect();
+    let shown = |format: &Format| format!("{} (?format={})", format.essence(), format.name());
+    let formats: Vec<_> = part.formats().iter().map(shown).collect();
     let detail = format!("The available formats are {}.", formats.join(", "));
     let address = |part: Part| format!("/v1/results/{key}/{}?format=csv", part.name());
     let addresses = Part::TABLES.map(address).join(", ");
