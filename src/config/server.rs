@@ -1,6 +1,5 @@
 //! The settings of the server.
 
-use std::convert::Infallible;
 use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::fs;
@@ -19,7 +18,7 @@ use hyper::Uri;
 use hyper::header::HeaderValue;
 
 use super::data::Data;
-use super::values::{duration, lease, nonzero, resolve, seconds};
+use super::values::{Secret, duration, lease, nonzero, resolve, seconds};
 use crate::http::{self, Access, AdminKey, Connections, Limits, Origins};
 use crate::service::WorkLimits;
 use crate::telemetry::Logging;
@@ -40,9 +39,8 @@ pub struct Serve {
     pub no_auth: bool,
     /// A key with the role `admin`, in addition to those of `fretwork keys`: at least 20 characters. Prefer the
     /// environment variable, because other users can see the command line.
-    #[arg(long, env = "FRETWORK_ADMIN_KEY", hide_env_values = true, value_name = "KEY",
-        value_parser = admin_key)]
-    pub admin_key: Option<AdminKey>,
+    #[arg(long, env = "FRETWORK_ADMIN_KEY", hide_env_values = true, value_name = "KEY")]
+    pub admin_key: Option<Secret>,
     /// A file with this key, such as a secret of a container.
     #[arg(long, env = "FRETWORK_ADMIN_KEY_FILE", value_name = "FILE",
         conflicts_with_all = ["admin_key", "no_auth"])]
@@ -218,7 +216,7 @@ impl Serve {
     pub fn admin_key(&self) -> Result<Option<AdminKey>, String> {
         let (key, source) = match (&self.admin_key, &self.admin_key_file) {
             (None, None) => return Ok(None),
-            (Some(AdminKey(key)), _) => (key.clone(), "FRETWORK_ADMIN_KEY".to_owned()),
+            (Some(Secret(key)), _) => (key.clone(), "FRETWORK_ADMIN_KEY".to_owned()),
             (None, Some(file)) => {
                 let file_name = file.display();
                 let text = fs::read_to_string(file)
@@ -278,12 +276,6 @@ pub fn described(matches: &ArgMatches) -> String {
         let _ = writeln!(text, "# {source}\n{comment}{name}={}", values.join(","));
     }
     text
-}
-
-/// Accepts any text, because an error of clap would print the key. [`Serve::admin_key`] checks it.
-#[expect(clippy::unnecessary_wraps, reason = "clap requires this signature")]
-fn admin_key(text: &str) -> Result<AdminKey, Infallible> {
-    Ok(AdminKey(text.to_owned()))
 }
 
 /// Parses an origin. Accepts only the form that browsers send, because another form would match no page.

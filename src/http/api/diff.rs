@@ -17,7 +17,7 @@ use crate::http::transport::body::Body;
 use crate::http::wire::NoQuery;
 use crate::http::wire::schemas;
 use fretwork_engine::outcome::QUANTITIES;
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
 use fretwork_job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
@@ -195,7 +195,7 @@ impl Side {
     async fn outline(&self) -> Result<Outline, Problem> {
         if self.asked.kind != TaskKind::Run {
             let detail = "The result is a study. Only runs have a nearest result: name the other study as `b`.";
-            return Err(Problem::faults(Faults::one("/b", detail).0));
+            return Err(Problem::from(Faults::one("/b", detail)));
         }
         let scenario = self.asked.value.clone();
         let outline = task::spawn_blocking(move || {
@@ -220,32 +220,29 @@ enum Requested {
 }
 
 /// Reads both sides and collects all faults. Without a second side, the nearest result is compared.
-fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Vec<Fault>> {
-    let fault = |pointer: &str, detail: &str| {
-        vec![Fault { pointer: pointer.to_owned(), detail: detail.to_owned() }]
-    };
-    let key = |text: &str, pointer: &str| {
-        text.parse().map(Requested::Key).map_err(|bad| fault(pointer, &format!("{bad}")))
+fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Faults> {
+    let key = |text: &str, pointer: &str| match text.parse() {
+        Ok(key) => Ok(Requested::Key(key)),
+        Err(bad) => Err(Faults::one(pointer, format!("{bad}"))),
     };
     let side = |side: SideBody, pointer: &str| match (side.key.0, side.scenario.0) {
         (Some(text), None) => key(&text, &format!("{pointer}/key")),
         (None, Some(scenario)) => Prepared::from_scenario(scenario, &format!("{pointer}/scenario"))
-            .map(|prepared| Requested::Scenario(Box::new(prepared)))
-            .map_err(|faults| faults.0),
-        _ => Err(fault(pointer, "must have either `key` or `scenario`")),
+            .map(|prepared| Requested::Scenario(Box::new(prepared))),
+        _ => Err(Faults::one(pointer, "must have either `key` or `scenario`")),
     };
     let (a, b) = match (body.keys.0, body.a.0, body.b.0) {
         (Some(keys), None, None) => match keys.as_slice() {
             [a, b] => (key(a, "/keys/0"), key(b, "/keys/1")),
-            _ => return Err(fault("/keys", "must be two keys")),
+            _ => return Err(Faults::one("/keys", "must be two keys")),
         },
         (None, Some(a), Some(b)) => (side(a, "/a"), side(b, "/b")),
         (None, Some(a), None) => return Ok((side(a, "/a")?, None)),
-        _ => return Err(fault("", "must have either `keys`, or `a` and optionally `b`")),
+        _ => return Err(Faults::one("", "must have either `keys`, or `a` and optionally `b`")),
     };
     match (a, b) {
         (Ok(a), Ok(b)) => Ok((a, Some(b))),
-        (Err(a), Err(b)) => Err([a, b].concat()),
+        (Err(a), Err(b)) => Err(Faults([a.0, b.0].concat())),
         (Err(faults), _) | (_, Err(faults)) => Err(faults),
     }
 }
@@ -275,7 +272,7 @@ pub async fn diff(
 ) -> Result<axum::Json<Diff>, Problem> {
     let _turn = app.shares.heavy.turn(&caller.owner).await;
     // Parsing a table of 10 000 rows would block the async thread.
-    let sides = task::spawn_blocking(move || asked(read(&body)?).map_err(Problem::faults));
+    let sides = task::spawn_blocking(move || asked(read(&body)?).map_err(Problem::from));
     let (a, b) = sides.await.map_err(Problem::bug)??;
     let except = if let Requested::Key(key) = a { Some(key) } else { None };
     let a = Side::of(&app, a).await?;
@@ -294,7 +291,7 @@ pub async fn diff(
     if a.asked.kind != b.asked.kind {
         let [a, b] = [&a, &b].map(|side| side.asked.kind.word());
         let detail = format!("`a` is a {a} and `b` is a {b}. Compare two results of the same kind");
-        return Err(Problem::faults(Faults::one("", detail).0));
+        return Err(Problem::from(Faults::one("", detail)));
     }
     if a.numerics != b.numerics {
         remarks.push(format!(

@@ -16,7 +16,7 @@ use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::paging::{limit, next_page};
 use crate::http::wire::{Fresh, NoQuery, Query, Segment, instant, read_key, schemas};
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Faults;
 use fretwork_job::{Key, SCALARS, Verified};
 use fretwork_json::read_body;
 use fretwork_store::{self as store, Changed, Listed, Removed, Search};
@@ -401,7 +401,7 @@ pub async fn note(
     let key = read_key(&key)?;
     let NoteBody { text } = read(&body)?;
     if let Some(detail) = store::Note::fault(&text) {
-        return Err(Problem::faults(vec![Fault { pointer: "/text".to_owned(), detail }]));
+        return Err(Problem::from(Faults::one("/text", detail)));
     }
     annotated(app.store.annotate(&key, Some(text), caller.editor()).await?)
 }

@@ -188,10 +188,11 @@ pub async fn metrics(
     _: NoQuery,
 ) -> Result<Response, Problem> {
     // If the database does not answer, the other metrics must still be available.
-    let read = async { (app.store.longest_wait().await, app.store.last_backup().await) };
-    let read = timeout(Duration::from_secs(2), read).await.ok();
-    let (longest_wait, last_backup) =
-        read.map_or((None, None), |(wait, backup)| (wait.ok(), backup.ok().flatten()));
+    let read = async {
+        (app.store.longest_wait().await.ok(), app.store.last_backup().await.ok().flatten())
+    };
+    let read = timeout(Duration::from_secs(2), read).await;
+    let (longest_wait, last_backup) = read.unwrap_or_default();
     // A network disk can block.
     let store = app.store.clone();
     let disk = tokio::task::spawn_blocking(move || (store.free_bytes(), store.file_sizes()));
