@@ -367,7 +367,7 @@ pub struct NoteBody {
 pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
     let read =
         |value: Value| T::deserialize_from_value(value.into_value(), ValuePointerRef::Origin);
-    Ok(read_body(&body.0, read)?)
+    Ok(read_body(&body.0.bytes, read)?)
 }
 
 /// Answers a change of a note.

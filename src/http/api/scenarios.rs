@@ -75,13 +75,13 @@ fn can_be_study(text: &[u8]) -> bool {
 
 /// Parses a body with a scenario. A large one, with up to 10 000 rows, is parsed on a blocking thread, and so is a study.
 pub(super) async fn parse<T: Send + 'static>(
-    body: Body,
+    Body(body): Body,
     parse: fn(&[u8]) -> Result<T, BadBody>,
 ) -> Result<T, Problem> {
-    if body.0.len() <= SMALL && !can_be_study(&body.0) {
-        return Ok(parse(&body.0)?);
+    if body.bytes.len() <= SMALL && !can_be_study(&body.bytes) {
+        return Ok(parse(&body.bytes)?);
     }
-    let parsed = task::spawn_blocking(move || parse(&body.0));
+    let parsed = task::spawn_blocking(move || parse(&body.bytes));
     Ok(parsed.await.map_err(Problem::bug)??)
 }
 

@@ -10,7 +10,6 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use axum::body::Bytes;
 use axum::extract::{FromRequest, Request};
 use axum::http::{Method, StatusCode};
 use axum::response::{IntoResponse, Response};
@@ -25,7 +24,7 @@ use crate::http::app::App;
 use crate::http::problem::kinds::Kind;
 use crate::http::problem::{self, Problem};
 use crate::http::shares::Turn;
-use crate::http::transport::body::AnyBody;
+use crate::http::transport::body::{AnyBody, Counted};
 use crate::http::wire::FRESH_JSON;
 use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
 use fretwork_engine::request::fault::Faults;
@@ -135,7 +134,7 @@ struct Called {
     model: Arc<Model>,
     _turn: Turn,
     /// Holds the memory of the body, as long as the call has numbers from it.
-    _body: Bytes,
+    _body: Counted,
 }
 
 impl FromRequest<App> for Called {
@@ -145,7 +144,7 @@ impl FromRequest<App> for Called {
         let caller = owner_of(request.extensions());
         let AnyBody(body) = AnyBody::from_request(request, app).await?;
         let turn = app.shares.evaluations.turn(&caller).await;
-        let mut call = Call::read(&body)?;
+        let mut call = Call::read(&body.bytes)?;
         let model = model_of(app, call.config.take()).await?;
         Ok(Self { app: app.clone(), call, model, _turn: turn, _body: body })
     }
@@ -286,7 +285,7 @@ async fn info() -> Response {
 }
 
 async fn model_info(AnyBody(body): AnyBody) -> Result<Response, Problem> {
-    Call::read(&body)?;
+    Call::read(&body.bytes)?;
     Ok(answer(&json!({"support": {
         "Evaluate": true, "Gradient": true, "ApplyJacobian": true, "ApplyHessian": false,
     }})))
@@ -329,7 +328,7 @@ async fn apply_jacobian(mut called: Called) -> Result<Response, Problem> {
 }
 
 async fn apply_hessian(AnyBody(body): AnyBody) -> Result<Response, Problem> {
-    Call::read(&body)?;
+    Call::read(&body.bytes)?;
     let message = "The model has no Hessian. Use differences of its gradient.";
     Err(Problem::new(&UNSUPPORTED_FEATURE, message))
 }

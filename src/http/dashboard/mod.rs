@@ -10,7 +10,7 @@ use axum::http::header::{
 };
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::http::answer::representation::held;
@@ -18,7 +18,7 @@ use crate::http::problem::{Problem, kinds};
 use crate::http::wire::coding::Coding;
 use crate::http::wire::{NoQuery, Segment};
 
-use fretwork_engine::outcome::QUANTITIES;
+use fretwork_engine::outcome::{QUANTITIES, Quantity};
 use fretwork_study::Kind;
 
 /// A file: its name under `/assets/`, its media type and its content.
@@ -72,16 +72,11 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
 
 /// The script with the words that follow from the tables of the program.
 fn words() -> String {
-    let kinds: Map<_, _> =
-        Kind::ALL.into_iter().map(|kind| (kind.name.to_owned(), json!(kind))).collect();
-    let names: Map<_, _> = QUANTITIES
-        .iter()
-        .map(|quantity| (quantity.name.to_owned(), json!(quantity.words)))
-        .collect();
+    let kinds: Value = Kind::ALL.into_iter().map(|kind| (kind.name, json!(kind))).collect();
+    let words = |quantity: &Quantity| (quantity.name, json!(quantity.words));
+    let names: Value = QUANTITIES.iter().map(words).collect();
     format!(
-        "/** The kinds of studies. */\nexport const KINDS = {};\n\n/** The names of quantities. */\nexport const NAMES = {};\n",
-        Value::Object(kinds),
-        Value::Object(names)
+        "/** The kinds of studies. */\nexport const KINDS = {kinds};\n\n/** The names of quantities. */\nexport const NAMES = {names};\n"
     )
 }
 

@@ -273,15 +273,10 @@ fn add_shared_responses(operation: &mut Value) {
     if let Some(content) = operation.pointer_mut("/requestBody/content/application~1json")
         && content["schema"]["$ref"] == "#/components/schemas/JobBody"
     {
-        let examples: Map<String, Value> = EXAMPLES
-            .iter()
-            .map(|example| {
-                let body: Value = parsed(example.body);
-                let summary = body["label"].clone();
-                (example.name.to_owned(), json!({"summary": summary, "value": body}))
-            })
-            .collect();
-        content["examples"] = Value::Object(examples);
+        for example in EXAMPLES {
+            let body: Value = parsed(example.body);
+            content["examples"][example.name] = json!({"summary": body["label"], "value": body});
+        }
     }
     let Some(Value::Object(responses)) = operation.get_mut("responses") else {
         return;

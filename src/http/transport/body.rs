@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::body::{Bytes, HttpBody as _};
+use axum::body::HttpBody as _;
 use axum::extract::{FromRequest, Request};
 use axum::http::header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_TYPE};
 use http_body_util::BodyExt as _;
@@ -22,23 +22,17 @@ pub const BODY_LIMIT: usize = 4 << 20;
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The bytes of a request body with a JSON content type. They hold the memory for themselves and for their tree.
-pub struct Body(pub Bytes);
+pub struct Body(pub Counted);
 
 /// The bytes of a request body of any type. They hold only their own memory: calls of UM-Bridge take turns, so the trees of few
 /// exist at once.
-pub struct AnyBody(pub Bytes);
+pub struct AnyBody(pub Counted);
 
 /// A body, and permission for its memory and that of its tree.
-struct Counted {
-    bytes: Vec<u8>,
+pub struct Counted {
+    pub bytes: Vec<u8>,
     _body: Permit,
     _tree: Permit,
-}
-
-impl AsRef<[u8]> for Counted {
-    fn as_ref(&self) -> &[u8] {
-        &self.bytes
-    }
 }
 
 impl<S: Sync> FromRequest<S> for Body {
@@ -75,7 +69,7 @@ impl<S: Sync> FromRequest<S> for AnyBody {
 }
 
 /// Reads a body, and holds the memory for it, and for its tree if it `becomes_tree`.
-async fn read_counted(request: Request, becomes_tree: bool) -> Result<Bytes, Problem> {
+async fn read_counted(request: Request, becomes_tree: bool) -> Result<Counted, Problem> {
     let caller = owner_of(request.extensions());
     let shares = request.extensions().get::<Arc<Shares>>().cloned();
     let (bytes, body) = read(request, shares.as_deref(), &caller).await?;
@@ -84,7 +78,7 @@ async fn read_counted(request: Request, becomes_tree: bool) -> Result<Bytes, Pro
         Some(shares) => shares.trees.hold(&caller, tree).await?,
         None => Permit::default(),
     };
-    Ok(Bytes::from_owner(Counted { bytes, _body: body, _tree: tree }))
+    Ok(Counted { bytes, _body: body, _tree: tree })
 }
 
 fn is_json(media_type: &str) -> bool {
