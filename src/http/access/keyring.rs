@@ -31,27 +31,23 @@ pub struct Usage {
     pub account: Account,
     /// The use by the links that the key signed. They have the same limits as the key.
     pub links: Account,
-    pub last_use: LastUse,
+    /// When the last use was stored. For a key that was never used it is 0, which is long ago.
+    last_use: AtomicI64,
 }
 
 impl Usage {
     /// The use of a key with these limits, which was `last_used` at this time.
     pub fn new(limits: Limits, last_used: Option<i64>) -> Arc<Self> {
-        let last_use = LastUse(AtomicI64::new(last_used.unwrap_or(0)));
+        let last_use = AtomicI64::new(last_used.unwrap_or(0));
         Arc::new(Self { account: Account::new(limits), links: Account::new(limits), last_use })
     }
-}
 
-/// When the last use of a key was stored. For a key that was never used it is 0, which is long ago.
-pub struct LastUse(AtomicI64);
-
-impl LastUse {
     /// Whether the use must be stored, because the last one was stored long ago. True for one caller only.
     fn is_due(&self, now: i64) -> bool {
-        let last = self.0.load(Ordering::Relaxed);
+        let last = self.last_use.load(Ordering::Relaxed);
         let (success, failure) = (Ordering::Relaxed, Ordering::Relaxed);
         now - last > LAST_USE_INTERVAL
-            && self.0.compare_exchange(last, now, success, failure).is_ok()
+            && self.last_use.compare_exchange(last, now, success, failure).is_ok()
     }
 }
 
@@ -142,8 +138,8 @@ impl Keyring {
         clippy::disallowed_methods,
         reason = "no caller waits for the task; it ends by itself"
     )]
-    pub fn record_use(&self, last: &LastUse, now: i64, by: impl FnOnce() -> Actor) {
-        if !last.is_due(now) {
+    pub fn record_use(&self, usage: &Usage, now: i64, by: impl FnOnce() -> Actor) {
+        if !usage.is_due(now) {
             return;
         }
         let (store, by) = (self.store.clone(), by());

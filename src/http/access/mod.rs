@@ -272,7 +272,7 @@ impl Gate {
         };
         let Identity { owner, key, .. } = &identity;
         let actor = || Actor { name: owner.clone(), key: key.clone() };
-        self.keyring.record_use(&usage.last_use, now, actor);
+        self.keyring.record_use(&usage, now, actor);
         Ok((identity, usage))
     }
 
@@ -342,27 +342,29 @@ fn invalid(key: &AccessKey, now: i64) -> Option<String> {
     Some(format!("The key {} expired on {}.", key.id, instant(at)))
 }
 
-/// The key in the `Authorization` header: a bearer token, or the name or the password of Basic
-/// authentication, for clients that support only `http://name:password@host`.
+/// The key that a request presents.
 fn presented_key(headers: &HeaderMap) -> Result<String, Problem> {
-    let malformed = || unauthorized(headers, "The Authorization header cannot be parsed.");
     let Some(value) = headers.get(header::AUTHORIZATION) else {
         return Err(unauthorized(headers, "This server requires a key."));
     };
-    let text = value.to_str().map_err(|_| malformed())?;
-    let (scheme, rest) = text.split_once(' ').ok_or_else(malformed)?;
+    let key = value.to_str().ok().and_then(key_in);
+    key.ok_or_else(|| unauthorized(headers, "The Authorization header cannot be parsed."))
+}
+
+/// The key in an `Authorization` header: a bearer token, or the name or the password of Basic
+/// authentication, for clients that support only `http://name:password@host`.
+fn key_in(authorization: &str) -> Option<String> {
+    let (scheme, rest) = authorization.split_once(' ')?;
     if scheme.eq_ignore_ascii_case("bearer") {
-        return Ok(rest.trim().to_owned());
+        return Some(rest.trim().to_owned());
     }
-    if scheme.eq_ignore_ascii_case("basic") {
-        let decoded = BASE64.decode(rest.trim().as_bytes()).map_err(|_| malformed())?;
-        let decoded = String::from_utf8(decoded).map_err(|_| malformed())?;
-        let (name, password) = decoded.split_once(':').ok_or_else(malformed)?;
-        let key =
-            if AccessKey::id_in(name).is_some() || password.is_empty() { name } else { password };
-        return Ok(key.to_owned());
+    if !scheme.eq_ignore_ascii_case("basic") {
+        return None;
     }
-    Err(malformed())
+    let decoded = String::from_utf8(BASE64.decode(rest.trim().as_bytes()).ok()?).ok()?;
+    let (name, password) = decoded.split_once(':')?;
+    let is_name = AccessKey::id_in(name).is_some() || password.is_empty();
+    Some(if is_name { name } else { password }.to_owned())
 }
 
 /// The problem for a request without a valid key. It names an authentication scheme that the client supports.

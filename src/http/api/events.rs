@@ -10,6 +10,7 @@ use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::{Stream, StreamExt as _, stream};
 use serde::Serialize;
+use serde_json::json;
 use tokio::time::sleep;
 
 use super::jobs::{JobAnswer, visible};
@@ -35,12 +36,6 @@ struct Changed {
     /// The job, in the last event only.
     #[serde(skip_serializing_if = "Option::is_none")]
     job: Option<JobAnswer>,
-}
-
-#[derive(Serialize)]
-struct Progress {
-    progress: f64,
-    attempt: u32,
 }
 
 /// Follows a job with server-sent events until it is finished.
@@ -155,7 +150,7 @@ impl Follower {
         let moved = progress.to_bits() != self.progress.to_bits();
         if state == JobState::Running && moved {
             self.progress = progress;
-            let progress = Progress { progress, attempt };
+            let progress = json!({"progress": progress, "attempt": attempt});
             events.extend(Event::default().event("progress").json_data(&progress));
         }
         events

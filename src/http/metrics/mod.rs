@@ -155,15 +155,7 @@ impl Metrics {
     pub fn looked_up(&self, found: bool) {
         if found { &self.memory_hits } else { &self.memory_misses }.inc();
     }
-}
 
-/// Clients can invent methods, but a label must have few values.
-fn known(method: &Method) -> &'static str {
-    let known = ["GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS"];
-    known.into_iter().find(|known| *known == method.as_str()).unwrap_or("other")
-}
-
-impl Metrics {
     /// Writes all metrics as OpenMetrics text.
     ///
     /// # Errors
@@ -177,6 +169,12 @@ impl Metrics {
         encode(&mut text, &self.registry)?;
         Ok(text)
     }
+}
+
+/// Clients can invent methods, but a label must have few values.
+fn known(method: &Method) -> &'static str {
+    let known = ["GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS"];
+    known.into_iter().find(|known| *known == method.as_str()).unwrap_or("other")
 }
 
 /// Translates OpenMetrics text to the text format 0.0.4 of Prometheus. There the name of a metric family includes the
