@@ -2,14 +2,14 @@
 
 use axum::extract::State;
 use axum::http::Uri;
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::http::app::App;
 use crate::http::problem::Problem;
-use crate::http::wire::paging::{limit, next_page};
-use crate::http::wire::{Fresh, Query, instant, schemas};
+use crate::http::wire::paging::{fresh_page, limit, next_page};
+use crate::http::wire::{Query, instant, schemas};
 use fretwork_store::{Act, AuditEntry as Stored};
 
 /// Equal acts of one day (UTC).
@@ -96,5 +96,5 @@ pub async fn audit(
     found.truncate(limit as usize);
     let (next, link) = next_page(&uri, found.last().filter(|_| more).map(|entry| entry.id));
     let entries = found.into_iter().map(AuditEntry::from).collect();
-    Ok((link, Fresh(AuditLog { entries, next })).into_response())
+    Ok(fresh_page(link, AuditLog { entries, next }))
 }

@@ -2,7 +2,7 @@
 
 use axum::extract::State;
 use axum::http::{StatusCode, Uri};
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -14,7 +14,7 @@ use crate::http::api::parameters::{Conditions, ResultKey, SearchTable};
 use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
-use crate::http::wire::paging::{limit, next_page};
+use crate::http::wire::paging::{fresh_page, limit, next_page};
 use crate::http::wire::{Fresh, NoQuery, Query, Segment, instant, read_key, schemas};
 use fretwork_engine::request::fault::Faults;
 use fretwork_job::{Key, SCALARS, Verified};
@@ -149,7 +149,7 @@ pub async fn list(
     let (next, link) = next_page(&uri, found.next);
     let results = found.results.into_iter().map(ResultEntry::from).collect();
     let units = SCALARS.iter().map(|scalar| (scalar.name.to_owned(), json!(scalar.unit())));
-    Ok((link, Fresh(ResultList { results, units: units.collect(), next })).into_response())
+    Ok(fresh_page(link, ResultList { results, units: units.collect(), next }))
 }
 
 /// Who computed a result, when, and with which program. Values that the server does not know are null.

@@ -2,7 +2,10 @@
 
 use std::fmt::Display;
 
+use axum::Json;
 use axum::http::{HeaderName, Uri, header};
+use axum::response::{IntoResponse as _, Response};
+use serde::Serialize;
 
 use super::Query;
 
@@ -13,11 +16,11 @@ pub fn limit(query: &mut Query, default: u32, most: u32) -> u32 {
     query.value("limit", accepted, read).unwrap_or(default)
 }
 
+/// A header that links to the next page.
+pub type Link = Option<[(HeaderName, String); 1]>;
+
 /// The address of the request with another cursor, and the header that links to it.
-pub fn next_page(
-    uri: &Uri,
-    cursor: Option<impl Display>,
-) -> (Option<String>, Option<[(HeaderName, String); 1]>) {
+pub fn next_page(uri: &Uri, cursor: Option<impl Display>) -> (Option<String>, Link) {
     let query = uri.query().unwrap_or_default().as_bytes();
     let rest = form_urlencoded::parse(query).filter(|(name, _)| name != "cursor");
     let next = cursor.map(|cursor| {
@@ -29,4 +32,9 @@ pub fn next_page(
     });
     let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
     (next, link)
+}
+
+/// The answer with a page that no cache may keep, because it changes.
+pub fn fresh_page(link: Link, page: impl Serialize) -> Response {
+    (link, [(header::CACHE_CONTROL, "no-store")], Json(page)).into_response()
 }
