@@ -56,20 +56,15 @@ fn named_levels(text: &str) -> Result<Targets, String> {
     })
 }
 
-/// What a command tells at its start on standard output, at every level of the log.
-#[derive(Debug)]
-pub struct Announcement<'a> {
-    /// For people.
-    pub text: &'a str,
-    /// One sentence, and its details by their names, for machines.
-    pub message: &'a str,
-    pub details: BTreeMap<&'static str, String>,
-}
-
 impl Logging {
-    /// Prints an announcement in the format of the log.
-    pub fn announce(&self, announcement: &Announcement<'_>) -> io::Result<()> {
-        let Announcement { text, message, details } = announcement;
+    /// Prints on standard output, at every level of the log, what a command tells at its start: for people a text, for
+    /// machines one sentence and its details by their names.
+    pub fn announce(
+        &self,
+        text: &str,
+        message: &str,
+        details: &BTreeMap<&str, String>,
+    ) -> io::Result<()> {
         let mut out = io::stdout().lock();
         match self.log_format {
             LogFormat::Text => out.write_all(text.as_bytes())?,
@@ -77,7 +72,7 @@ impl Logging {
                 let mut line = json!(details);
                 line["timestamp"] = rfc3339(now()).into();
                 line["level"] = "INFO".into();
-                line["message"] = (*message).into();
+                line["message"] = message.into();
                 writeln!(out, "{line}")?;
             }
         }

@@ -4,27 +4,24 @@ use std::collections::BTreeMap;
 use std::io::{self, Write as _};
 
 use super::printing::{Error, print};
+use super::runtime::block_on;
 use crate::config::{AddKey, Data, Keys};
-use crate::telemetry::{Announcement, Logging};
+use crate::telemetry::Logging;
 use fretwork_job::clock::{self, now};
 use fretwork_store::{AccessKey, Administration, AuditEntry, NewKey, Place, Role};
 
 /// Adds, lists or revokes access keys.
 pub fn keys(command: Keys) -> Result<(), Error> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    runtime.block_on(async {
-        match command {
-            Keys::Add(new) => add(new).await,
-            Keys::List(data) => list(&data).await,
-            Keys::Revoke { name, data } => revoke(&name, &data).await,
-        }
-    })
+    match command {
+        Keys::Add(new) => block_on(add(new)),
+        Keys::List(data) => block_on(list(&data)),
+        Keys::Revoke { name, data } => block_on(revoke(&name, &data)),
+    }
 }
 
 /// Prints the audit log, the oldest entries first.
 pub fn audit(data: &Data) -> Result<(), Error> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let mut entries = runtime.block_on(async {
+    let mut entries = block_on(async {
         let mut tables = open(data).await?;
         let entries = tables.audit(None, u32::MAX).await?;
         tables.close().await?;
@@ -98,7 +95,7 @@ pub async fn add_first_key(place: &Place, logging: &Logging) -> Result<(), Error
          revoke {NAME}`.\n\n"
     );
     let details = BTreeMap::from([("key", key)]);
-    let printed = logging.announce(&Announcement { text: &text, message, details });
+    let printed = logging.announce(&text, message, &details);
     if printed.is_err() {
         // No one could use it.
         tables.revoke_keys(NAME).await?;
@@ -123,21 +120,14 @@ async fn list(data: &Data) -> Result<(), Error> {
         )?;
         return Ok(());
     }
-    writeln!(
-        out,
-        "{:<8}  {:<16} {:<6}  {:<10}  {:<10}  {:<10}  state",
-        "id", "name", "role", "created", "used", "rate"
-    )?;
+    writeln!(out, "id        name             role    created     used        rate        state")?;
     for key in keys {
         let AccessKey { id, name, role, per_minute, created, last_used, .. } = &key;
         let rate = per_minute.map_or("-".to_owned(), |rate| format!("{rate}/min"));
         let used = last_used.map_or("never".to_owned(), day);
-        let created = day(*created);
-        writeln!(
-            out,
-            "{id:<8}  {name:<16} {role:<6}  {created:<10}  {used:<10}  {rate:<10}  {}",
-            state(&key)
-        )?;
+        let (created, state) = (day(*created), state(&key));
+        write!(out, "{id:<8}  {name:<16} {role:<6}  {created:<10}  {used:<10}  {rate:<10}  ")?;
+        writeln!(out, "{state}")?;
     }
     Ok(())
 }

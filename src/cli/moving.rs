@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use bytesize::ByteSize;
 
 use super::printing::{Error, print};
+use super::runtime::block_on;
 use crate::config::{Backup, Data, Export, Import, Restore};
 use crate::service;
 use fretwork_job::clock;
@@ -17,12 +18,6 @@ use fretwork_store::{self as store, AccessKey, Administration, Checked, Imported
 const LOG_INTERVAL: Duration = Duration::from_secs(10);
 /// Time between two updates of progress on a terminal.
 const TERMINAL_INTERVAL: Duration = Duration::from_millis(200);
-
-/// Runs asynchronous work to its end.
-fn block_on<T>(work: impl Future<Output = Result<T, store::Moving>>) -> Result<T, Error> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    Ok(runtime.block_on(work)?)
-}
 
 /// Shows progress on standard error. The number that is done may contain a share of the next.
 fn progress(what: &'static str) -> impl FnMut(f64, usize) {
@@ -144,7 +139,7 @@ pub fn backup(settings: &Backup) -> Result<ExitCode, Error> {
     let instead = "copy it with `pg_dump --format=custom --file=FILE --dbname=URL`";
     let dir = settings.data.directory(instead)?;
     let saved = block_on(store::backup(dir, &settings.file))?;
-    if let Err(error) = block_on(async { Ok(store::note_backup(dir).await?) }) {
+    if let Err(error) = block_on(store::note_backup(dir)) {
         writeln!(io::stderr(), "the metrics of the server do not show this backup: {error}")?;
     }
     print(format!("{}: {}\n", settings.file.display(), contents(&saved)).as_bytes())?;

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::output::{print_faults, write_file, write_output};
-use super::printing::{Error, print_error};
+use super::printing::{Error, print, print_error};
 use super::study;
 use crate::config::Run;
+use fretwork_engine::request::fault::Fault;
 use fretwork_format::{self as format, Format, Part, View};
 use fretwork_job::{Answer, Prepared, Submission, Task, TaskKind};
 use fretwork_json::BadBody;
@@ -116,4 +116,31 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
         writeln!(err, "  warning: {}", warning.detail)?;
     }
     Ok(())
+}
+
+/// Prints the faults of a body to standard error. Returns the exit code of a body that is not valid.
+fn print_faults(faults: &[Fault]) -> ExitCode {
+    for fault in faults {
+        // If standard error is closed, the exit code still reports the faults.
+        let _ = writeln!(io::stderr(), "{}: {}", fault.pointer, fault.detail);
+    }
+    ExitCode::from(2)
+}
+
+/// Writes to the output file, or to standard output.
+fn write_output(settings: &Run, bytes: &[u8]) -> Result<(), Error> {
+    let is_binary = matches!(*settings.format, Format::Npz | Format::Arrow);
+    match &settings.output {
+        Some(file) => write_file(file, bytes),
+        None if is_binary && io::stdout().is_terminal() => {
+            Err("this format is binary: write it to a file with --output".into())
+        }
+        None => print(bytes),
+    }
+}
+
+/// Writes a file.
+fn write_file(file: &Path, bytes: &[u8]) -> Result<(), Error> {
+    fs::write(file, bytes)
+        .map_err(|error| format!("cannot write {}: {error}", file.display()).into())
 }

@@ -22,7 +22,7 @@ use crate::config::{self, Serve};
 use crate::http::{self, AdminKey};
 use crate::service::Service;
 use crate::service::workers::Workers;
-use crate::telemetry::{Announcement, Logging};
+use crate::telemetry::Logging;
 use fretwork_job::Task;
 use fretwork_store::{Place, Recovered, Store};
 
@@ -209,5 +209,5 @@ fn greet(
         "\nTry it{hint}:\n\ncurl -sS '{base}/v1/jobs?include=result'{key} -H 'Content-Type: application/json' \
          -H 'Prefer: wait=10' -d '{body}'\n"
     );
-    logging.announce(&Announcement { text: &text, message: &message, details })
+    logging.announce(&text, &message, &details)
 }

@@ -1,9 +1,10 @@
 //! The command `run` for studies: computes a study without a server, on all processor cores.
 
+use std::collections::BTreeMap;
 use std::io::{self, IsTerminal as _, Write as _};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread;
+use std::thread::{self, ScopedJoinHandle};
 use std::time::Duration;
 
 use super::printing::Error;
@@ -16,12 +17,12 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
 pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
     let count = study.chunks();
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let chunks = Mutex::new(vec![None; count]);
     let work = || {
+        let mut computed = Vec::new();
         loop {
             let number = next.fetch_add(1, Ordering::Relaxed);
             if number >= count {
-                return;
+                return computed;
             }
             let mut points = Points::chunk(Arc::clone(study), number, count);
             let rows = loop {
@@ -29,12 +30,12 @@ pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
                     break rows;
                 }
             };
-            chunks.lock().unwrap_or_else(PoisonError::into_inner)[number] = Some(rows);
+            computed.push((number, rows));
             done.fetch_add(1, Ordering::Relaxed);
         }
     };
     let cores = thread::available_parallelism().map_or(1, usize::from);
-    thread::scope(|scope| {
+    let chunks = thread::scope(|scope| {
         let workers: Vec<_> = (0..cores.min(count)).map(|_| scope.spawn(work)).collect();
         let is_terminal = io::stderr().is_terminal();
         while is_terminal && workers.iter().any(|worker| !worker.is_finished()) {
@@ -46,11 +47,14 @@ pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
         if is_terminal {
             let _ = write!(io::stderr(), "\r      \r");
         }
+        let computed = workers.into_iter().map(ScopedJoinHandle::join);
+        computed.collect::<Result<Vec<_>, _>>()
     });
-    let chunks = chunks.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let chunks = chunks.map_err(|_| "a thread failed; this is a defect of fretwork")?;
+    let chunks: BTreeMap<usize, Rows> = chunks.into_iter().flatten().collect();
     let mut all = Rows::default();
-    for rows in chunks {
-        all.append(&rows.ok_or("a thread failed; this is a defect of fretwork")?);
+    for rows in chunks.values() {
+        all.append(rows);
     }
     Ok(all)
 }

@@ -13,7 +13,7 @@ use crate::config::Worker;
 use crate::http;
 use crate::service::Service;
 use crate::service::workers::Workers;
-use crate::telemetry::{Announcement, Logging};
+use crate::telemetry::Logging;
 use fretwork_job::Task;
 use fretwork_store::{Options, Place, Store};
 
@@ -84,9 +84,8 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
 fn greet_monitors(logging: &Logging, address: SocketAddr) {
     let message = format!("{} for monitors", greeting(address));
     let text = format!("{message}\n");
-    let greeting = Announcement { text: &text, message: &message, details: BTreeMap::new() };
     // Standard output may be closed. The worker does not need it.
-    if let Err(error) = logging.announce(&greeting) {
+    if let Err(error) = logging.announce(&text, &message, &BTreeMap::new()) {
         tracing::warn!(%error, "cannot print the greeting");
     }
 }

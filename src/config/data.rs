@@ -1,11 +1,10 @@
 //! Where the database of a command is.
 
-use std::convert::Infallible;
-use std::fmt;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::values::Secret;
 use fretwork_store::{DatabaseUrl, Place};
 
 /// The database of a command.
@@ -16,19 +15,8 @@ pub struct Data {
     pub data_dir: PathBuf,
     /// Instead of a directory, the address of a PostgreSQL database that several servers share, such as
     /// postgres://user:password@host/name. Prefer the environment variable, because other users can see the command line.
-    #[arg(long, env = "FRETWORK_DATABASE", hide_env_values = true, value_name = "URL",
-        value_parser = database)]
-    pub database: Option<DatabaseText>,
-}
-
-/// The address of a database as it was given. It may contain a password.
-#[derive(Clone)]
-pub struct DatabaseText(String);
-
-impl fmt::Debug for DatabaseText {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("(not shown)")
-    }
+    #[arg(long, env = "FRETWORK_DATABASE", hide_env_values = true, value_name = "URL")]
+    pub database: Option<Secret>,
 }
 
 impl Data {
@@ -36,7 +24,7 @@ impl Data {
     pub fn place(&self) -> Result<Place, String> {
         match &self.database {
             None => Ok(Place::Directory(self.data_dir.clone())),
-            Some(DatabaseText(url)) => {
+            Some(Secret(url)) => {
                 let url = url.parse::<DatabaseUrl>();
                 url.map(Place::Shared).map_err(|error| format!("--database: {error}"))
             }
@@ -50,10 +38,4 @@ impl Data {
             Some(_) => Err(format!("--database names a PostgreSQL database: {instead}")),
         }
     }
-}
-
-/// Accepts any text, because an error of clap would print the password. [`Data::place`] checks it.
-#[expect(clippy::unnecessary_wraps, reason = "clap requires this signature")]
-fn database(text: &str) -> Result<DatabaseText, Infallible> {
-    Ok(DatabaseText(text.to_owned()))
 }

@@ -1,9 +1,9 @@
 //! The settings of the server.
 
-use std::convert::Infallible;
 use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::fs;
+use std::iter;
 use std::net::{IpAddr, SocketAddr};
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -18,8 +18,8 @@ use hyper::Uri;
 use hyper::header::HeaderValue;
 
 use super::data::Data;
-use super::values::{duration, lease, nonzero, resolve, seconds};
-use crate::http::{self, Access, AdminKey, Connections, Limits, Origins, Patience};
+use super::values::{Secret, duration, lease, nonzero, resolve, seconds};
+use crate::http::{self, Access, AdminKey, Connections, Limits, Origins};
 use crate::service::WorkLimits;
 use crate::telemetry::Logging;
 use fretwork_store::{self as store, Place};
@@ -39,9 +39,8 @@ pub struct Serve {
     pub no_auth: bool,
     /// A key with the role `admin`, in addition to those of `fretwork keys`: at least 20 characters. Prefer the
     /// environment variable, because other users can see the command line.
-    #[arg(long, env = "FRETWORK_ADMIN_KEY", hide_env_values = true, value_name = "KEY",
-        value_parser = admin_key)]
-    pub admin_key: Option<AdminKey>,
+    #[arg(long, env = "FRETWORK_ADMIN_KEY", hide_env_values = true, value_name = "KEY")]
+    pub admin_key: Option<Secret>,
     /// A file with this key, such as a secret of a container.
     #[arg(long, env = "FRETWORK_ADMIN_KEY_FILE", value_name = "FILE",
         conflicts_with_all = ["admin_key", "no_auth"])]
@@ -173,10 +172,8 @@ impl Serve {
 
     /// Whether other machines can reach an address of the server.
     pub fn is_reachable(&self) -> bool {
-        [Some(self.listen), self.umbridge_listen]
-            .into_iter()
-            .flatten()
-            .any(|address| !address.ip().is_loopback())
+        let mut addresses = iter::once(self.listen).chain(self.umbridge_listen);
+        addresses.any(|address| !address.ip().is_loopback())
     }
 
     /// The settings of the HTTP interface.
@@ -198,7 +195,6 @@ impl Serve {
                 per_address: self.address_connections as usize,
                 proxies: self.trusted_proxies.iter().map(IpAddr::to_canonical).collect(),
             },
-            patience: Patience::default(),
             origins: self.origins(),
         }
     }
@@ -220,7 +216,7 @@ impl Serve {
     pub fn admin_key(&self) -> Result<Option<AdminKey>, String> {
         let (key, source) = match (&self.admin_key, &self.admin_key_file) {
             (None, None) => return Ok(None),
-            (Some(AdminKey(key)), _) => (key.clone(), "FRETWORK_ADMIN_KEY".to_owned()),
+            (Some(Secret(key)), _) => (key.clone(), "FRETWORK_ADMIN_KEY".to_owned()),
             (None, Some(file)) => {
                 let file_name = file.display();
                 let text = fs::read_to_string(file)
@@ -280,12 +276,6 @@ pub fn described(matches: &ArgMatches) -> String {
         let _ = writeln!(text, "# {source}\n{comment}{name}={}", values.join(","));
     }
     text
-}
-
-/// Accepts any text, because an error of clap would print the key. [`Serve::admin_key`] checks it.
-#[expect(clippy::unnecessary_wraps, reason = "clap requires this signature")]
-fn admin_key(text: &str) -> Result<AdminKey, Infallible> {
-    Ok(AdminKey(text.to_owned()))
 }
 
 /// Parses an origin. Accepts only the form that browsers send, because another form would match no page.

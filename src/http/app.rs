@@ -9,14 +9,14 @@ use tokio::sync::Mutex;
 
 use super::access::Gate;
 use super::memory::Memory;
-use super::memory::models::Models;
+use super::memory::models::{self, Models};
 use super::metrics::Metrics;
 use super::shares::Shares;
 use crate::service::Service;
 use fretwork_store::{Error, Store};
 
 /// The state of all handlers. axum clones it for each request, so it is one counted reference.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct App(Arc<Shared>);
 
 impl Deref for App {
@@ -27,7 +27,6 @@ impl Deref for App {
 }
 
 /// What all requests share.
-#[derive(Debug)]
 pub struct Shared {
     pub service: Service,
     /// What the service adds nothing to.
@@ -57,19 +56,16 @@ impl App {
         metrics: Arc<Metrics>,
         document: fn() -> Bytes,
     ) -> Self {
-        let (models, document, probed) =
-            (Models::default(), LazyLock::new(document), Mutex::default());
-        let store = service.store().clone();
         Self(Arc::new(Shared {
+            store: service.store().clone(),
             service,
-            store,
             gate,
             memory,
             shares,
             metrics,
-            models,
-            document,
-            probed,
+            models: models::empty(),
+            document: LazyLock::new(document),
+            probed: Mutex::default(),
         }))
     }
 

@@ -3,7 +3,6 @@
 use std::convert::Infallible;
 use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 use std::time::Instant;
 
 use axum::Router;
@@ -12,7 +11,6 @@ use axum::http::{HeaderName, HeaderValue, Method, Version, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::Route;
 use futures_util::FutureExt as _;
-use futures_util::future::BoxFuture;
 use tower::layer::layer_fn;
 use tower::{Layer as _, Service, ServiceExt as _, service_fn};
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
@@ -52,29 +50,12 @@ pub fn with_layers<S: Clone + Send + Sync + 'static>(
 ) -> Router<S> {
     let (cors, refusals) = (cors(&origins), Refusals::default());
     let shared = Arc::new(Shared { gate, metrics, shares, refusals, origins, cors });
-    routes.layer(layer_fn(move |route| Surrounded { route, shared: Arc::clone(&shared) }))
-}
-
-/// A route with the layer.
-#[derive(Clone)]
-struct Surrounded {
-    route: Route,
-    shared: Arc<Shared>,
-}
-
-impl Service<Request> for Surrounded {
-    type Response = Response;
-    type Error = Infallible;
-    type Future = BoxFuture<'static, Result<Response, Infallible>>;
-
-    fn poll_ready(&mut self, _: &mut Context<'_>) -> Poll<Result<(), Infallible>> {
-        // A route is always ready.
-        Poll::Ready(Ok(()))
-    }
-
-    fn call(&mut self, request: Request) -> Self::Future {
-        surround(Arc::clone(&self.shared), request, self.route.clone()).map(Ok).boxed()
-    }
+    routes.layer(layer_fn(move |route: Route| {
+        let shared = Arc::clone(&shared);
+        service_fn(move |request| {
+            surround(Arc::clone(&shared), request, route.clone()).map(Ok::<_, Infallible>)
+        })
+    }))
 }
 
 /// What all requests share here.

@@ -35,7 +35,6 @@ pub use access::{Access, AdminKey};
 pub use api::scenarios::{EXAMPLES, Example};
 pub use layers::Origins;
 pub use transport::admission::Connections;
-pub use transport::connection::Patience;
 pub use transport::server::listen;
 
 use crate::service::Service;
@@ -62,8 +61,6 @@ pub struct Settings {
     pub transfers: u64,
     /// Limits of connections.
     pub connections: Connections,
-    /// How long the server waits for slow clients.
-    pub patience: Patience,
     /// The origins whose web pages may use the server.
     pub origins: Origins,
 }
@@ -75,7 +72,6 @@ impl Default for Settings {
             memory: 64 << 20,
             transfers: 128 << 20,
             connections: Connections::default(),
-            patience: Patience::default(),
             origins: Origins::Own,
         }
     }
@@ -136,7 +132,6 @@ pub async fn serve_monitoring(listener: TcpListener, service: Service) {
 struct Server {
     app: App,
     admission: Arc<Admission>,
-    patience: Patience,
     origins: Origins,
 }
 
@@ -149,8 +144,7 @@ impl Server {
         let memory = Memory::new(settings.memory);
         let document = || document().into();
         let app = App::new(service, gate, memory, shares, Arc::new(metrics), document);
-        let Settings { patience, ref origins, .. } = *settings;
-        Self { app, admission, patience, origins: origins.clone() }
+        Self { app, admission, origins: settings.origins.clone() }
     }
 
     /// Serves routes on a socket, until `closing` ends and its connections are closed. The answer to other addresses
@@ -169,7 +163,7 @@ impl Server {
         let (shares, origins) = (self.app.shares.clone(), self.origins.clone());
         let layered = with_layers(router, gate, metrics, shares, origins);
         let router = layered.with_state(self.app.clone());
-        server::serve(listener, router, self.admission.clone(), self.patience, closing).await;
+        server::serve(listener, router, self.admission.clone(), closing).await;
     }
 }
 

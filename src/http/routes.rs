@@ -7,7 +7,6 @@ use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouter};
 use utoipa_axum::routes;
 
 use super::access::needs::{Needs, RouteNeeds};
-use super::api::umbridge::Route;
 use super::api::{
     audit, derivatives, diff, evaluate, events, jobs, library, links, me, results, scenarios,
     system, umbridge,
@@ -17,6 +16,7 @@ use super::wire::Segment;
 use super::{dashboard, openapi};
 
 /// The routes with their documentation, and what they require.
+#[derive(Default)]
 pub struct Routes {
     pub router: OpenApiRouter<App>,
     pub needs: RouteNeeds,
@@ -25,8 +25,7 @@ pub struct Routes {
 impl Routes {
     /// All routes.
     pub fn all() -> Self {
-        let router = OpenApiRouter::with_openapi(openapi::frame());
-        Self { router, needs: RouteNeeds::default() }
+        Self { router: OpenApiRouter::with_openapi(openapi::frame()), ..Self::default() }
             .add(Needs::SUBMIT, routes!(jobs::submit))
             .add(Needs::READ, routes!(jobs::list))
             .add(Needs::READ, routes!(jobs::show))
@@ -73,12 +72,12 @@ impl Routes {
 
     /// The routes of UM-Bridge alone.
     pub fn of_umbridge() -> Self {
-        Self { router: OpenApiRouter::new(), needs: RouteNeeds::default() }.umbridge()
+        Self::default().umbridge()
     }
 
     /// The routes for monitors alone: health, readiness and metrics.
     pub fn of_monitoring() -> Self {
-        Self { router: OpenApiRouter::new(), needs: RouteNeeds::default() }.monitoring()
+        Self::default().monitoring()
     }
 
     fn monitoring(self) -> Self {
@@ -89,9 +88,8 @@ impl Routes {
 
     /// Adds the routes of UM-Bridge, which has its own documentation.
     fn umbridge(self) -> Self {
-        let first = self.page(Needs::READ, umbridge::INFO, get(umbridge::info));
-        umbridge::ROUTES.iter().fold(first, |routes, Route { path, needs, handler }| {
-            routes.undocumented(Method::POST, *needs, path, handler())
+        umbridge::ROUTES.iter().fold(self, |routes, (path, method, needs, handler)| {
+            routes.undocumented(method.clone(), *needs, path, handler())
         })
     }
 

@@ -4,7 +4,7 @@
 //! would take the server from all others.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
 use prometheus_client::metrics::gauge::Gauge;
@@ -23,8 +23,8 @@ const LONGEST_WAIT: Duration = Duration::from_secs(5);
 const RETRY: u32 = 5;
 /// Number of heavy requests of one caller at the same time. The others wait.
 const HEAVY: usize = 2;
-/// Number of callers from which unused ones are forgotten.
-const CALLERS: usize = 64;
+/// Number of names from which unused ones are forgotten.
+pub const NAMES: usize = 64;
 
 /// The limits, and their use.
 #[derive(Debug)]
@@ -36,8 +36,10 @@ pub struct Shares {
     pub trees: Budget,
     /// Memory for answers.
     pub answers: Budget,
-    turns: PerCaller,
-    evaluations: PerCaller,
+    /// For heavy work: reading many results, or comparing them.
+    pub heavy: PerCaller,
+    /// For evaluations. Those of one caller wait for each other, and those of another caller do not wait for all of them.
+    pub evaluations: PerCaller,
     /// Bytes in use.
     pub held: Gauge,
 }
@@ -56,7 +58,7 @@ pub struct Budget {
 
 /// A semaphore for each caller who uses it.
 #[derive(Debug)]
-struct PerCaller {
+pub struct PerCaller {
     permits: usize,
     semaphores: Mutex<HashMap<String, Weak<Semaphore>>>,
 }
@@ -75,10 +77,7 @@ struct Held {
 }
 
 /// Permission for heavy work or an evaluation, until this is dropped.
-#[derive(Debug)]
-pub struct Turn {
-    _permit: Option<OwnedSemaphorePermit>,
-}
+pub type Turn = Option<OwnedSemaphorePermit>;
 
 impl Shares {
     /// Shares of this many bytes, an eighth for bodies of requests, an eighth for their trees, and the rest for answers; and of computations on this many
@@ -91,21 +90,10 @@ impl Shares {
             bodies: of_requests(bytes / 8),
             trees: of_requests(bytes / 8),
             answers: Budget::new(bytes - bytes / 4, &held, "Read their answers to the end."),
-            turns: PerCaller::new(HEAVY),
+            heavy: PerCaller::new(HEAVY),
             evaluations: PerCaller::new(workers),
             held,
         }
-    }
-
-    /// Waits until the caller may do heavy work: reading many results, or comparing them.
-    pub async fn turn(&self, caller: &str) -> Turn {
-        self.turns.turn(caller).await
-    }
-
-    /// Waits until the caller may evaluate a scenario. So the evaluations of one caller wait for each other, and those
-    /// of another caller do not wait for all of them.
-    pub async fn evaluation(&self, caller: &str) -> Turn {
-        self.evaluations.turn(caller).await
     }
 }
 
@@ -181,24 +169,38 @@ impl PerCaller {
         Self { permits, semaphores: Mutex::default() }
     }
 
-    async fn turn(&self, caller: &str) -> Turn {
+    /// Waits for the turn of the caller.
+    pub async fn turn(&self, caller: &str) -> Turn {
         // The semaphore is never closed.
-        Turn { _permit: self.of(caller).acquire_owned().await.ok() }
+        self.of(caller).acquire_owned().await.ok()
     }
 
     /// The semaphore of a caller. The map forgets it when no request waits for it or holds its permits.
     fn of(&self, caller: &str) -> Arc<Semaphore> {
-        let mut semaphores = self.semaphores.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(semaphore) = semaphores.get(caller).and_then(Weak::upgrade) {
-            return semaphore;
-        }
-        if semaphores.len() >= CALLERS && semaphores.len() == semaphores.capacity() {
-            semaphores.retain(|_, semaphore| semaphore.strong_count() > 0);
-        }
-        let semaphore = Arc::new(Semaphore::new(self.permits));
-        semaphores.insert(caller.to_owned(), Arc::downgrade(&semaphore));
-        semaphore
+        get_or_insert(&mut lock(&self.semaphores), caller, || Semaphore::new(self.permits))
     }
+}
+
+/// What a map has under a name, or something new. The map forgets what nothing else uses.
+pub fn get_or_insert<T>(
+    map: &mut HashMap<String, Weak<T>>,
+    name: &str,
+    new: impl FnOnce() -> T,
+) -> Arc<T> {
+    if let Some(found) = map.get(name).and_then(Weak::upgrade) {
+        return found;
+    }
+    if map.len() >= NAMES && map.len() == map.capacity() {
+        map.retain(|_, used| used.strong_count() > 0);
+    }
+    let new = Arc::new(new());
+    map.insert(name.to_owned(), Arc::downgrade(&new));
+    new
+}
+
+/// Locks what stays valid if its holder panics.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Permit {
@@ -305,24 +307,24 @@ mod tests {
     async fn heavy_requests_of_one_caller_wait_for_each_other_and_not_for_others() {
         let shares = Shares::new(1 << 20, 2);
         let mut turns = Vec::new();
-        while let Some(turn) = shares.turn("anna").now_or_never() {
+        while let Some(turn) = shares.heavy.turn("anna").now_or_never() {
             turns.push(turn);
         }
         assert_eq!(turns.len(), HEAVY);
-        assert!(shares.turn("berta").now_or_never().is_some());
+        assert!(shares.heavy.turn("berta").now_or_never().is_some());
         turns.pop();
-        assert!(shares.turn("anna").now_or_never().is_some());
+        assert!(shares.heavy.turn("anna").now_or_never().is_some());
     }
 
     #[tokio::test]
     async fn callers_without_requests_are_forgotten() {
         let shares = Shares::new(1 << 20, 2);
-        let held = shares.turn("held").await;
+        let held = shares.heavy.turn("held").await;
         for number in 0..10_000 {
-            drop(shares.turn(&number.to_string()).await);
+            drop(shares.heavy.turn(&number.to_string()).await);
         }
-        let callers = shares.turns.semaphores.lock().unwrap();
-        assert!(callers.len() <= 4 * CALLERS && callers.contains_key("held"), "{}", callers.len());
+        let callers = shares.heavy.semaphores.lock().unwrap();
+        assert!(callers.len() <= 4 * NAMES && callers.contains_key("held"), "{}", callers.len());
         drop(held);
     }
 }

@@ -55,7 +55,7 @@ pub async fn import(
     let (mut busy, mut bytes) = (0, 0);
     while import.unread() + busy > 0 {
         if import.unread() > 0 && busy < AHEAD * processors() && bytes < AHEAD_BYTES {
-            if let Some(entry) = import.next().await? {
+            if let Some(entry) = import.next_entry().await? {
                 busy += 1;
                 bytes += entry.body().len();
                 // The threads end after the queue.

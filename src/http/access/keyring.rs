@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 use std::num::NonZeroU32;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
-use std::sync::{Arc, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
-use tokio::sync::Mutex;
+use tokio::sync::{Mutex, watch};
 use tokio::time::sleep_until;
 
 use super::limits::{Account, Limits};
@@ -19,26 +19,35 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// Shortest time between two updates of the last use of a key, in milliseconds.
 const LAST_USE_INTERVAL: i64 = 60_000;
 
-/// A key, and the use of its limits.
+/// A key, and its use.
 pub struct KeyHolder {
     pub key: AccessKey,
+    pub usage: Arc<Usage>,
+}
+
+/// The use of a key.
+pub struct Usage {
+    /// The use of its limits.
     pub account: Account,
     /// The use by the links that the key signed. They have the same limits as the key.
     pub links: Account,
-    pub last_use: LastUse,
+    /// When the last use was stored. For a key that was never used it is 0, which is long ago.
+    last_use: AtomicI64,
 }
 
-/// When the last use of a key was stored. For a key that was never used it is 0, which is long ago.
-#[derive(Default)]
-pub struct LastUse(AtomicI64);
+impl Usage {
+    /// The use of a key with these limits, which was `last_used` at this time.
+    pub fn new(limits: Limits, last_used: Option<i64>) -> Arc<Self> {
+        let last_use = AtomicI64::new(last_used.unwrap_or(0));
+        Arc::new(Self { account: Account::new(limits), links: Account::new(limits), last_use })
+    }
 
-impl LastUse {
     /// Whether the use must be stored, because the last one was stored long ago. True for one caller only.
     fn is_due(&self, now: i64) -> bool {
-        let last = self.0.load(Ordering::Relaxed);
+        let last = self.last_use.load(Ordering::Relaxed);
         let (success, failure) = (Ordering::Relaxed, Ordering::Relaxed);
         now - last > LAST_USE_INTERVAL
-            && self.0.compare_exchange(last, now, success, failure).is_ok()
+            && self.last_use.compare_exchange(last, now, success, failure).is_ok()
     }
 }
 
@@ -49,7 +58,8 @@ type Holders = Arc<HashMap<String, Arc<KeyHolder>>>;
 pub struct Keyring {
     store: Store,
     default_limits: Limits,
-    read: RwLock<Option<(Instant, Holders)>>,
+    /// When they were read last, and what was found.
+    read: watch::Sender<Option<(Instant, Holders)>>,
     /// Held by the task that reads the keys. The others wait for it.
     reading: Mutex<()>,
 }
@@ -57,7 +67,7 @@ pub struct Keyring {
 impl Keyring {
     /// The keys of a store. Keys without own limits have the default limits.
     pub fn new(store: &Store, default_limits: Limits) -> Self {
-        let (read, reading) = (RwLock::default(), Mutex::default());
+        let (read, reading) = (watch::Sender::default(), Mutex::default());
         Self { store: store.clone(), default_limits, read, reading }
     }
 
@@ -85,7 +95,7 @@ impl Keyring {
     async fn holders_within(&self, age: Duration) -> Result<Holders, Error> {
         let now = Instant::now();
         let recent = || {
-            let read = self.read.read().unwrap_or_else(PoisonError::into_inner);
+            let read = self.read.borrow();
             read.as_ref().filter(|(at, _)| *at + age >= now).map(|(_, holders)| Arc::clone(holders))
         };
         if let Some(holders) = recent() {
@@ -96,15 +106,13 @@ impl Keyring {
             return Ok(holders);
         }
         // Anyone can send unknown keys. The callers that wait here share the next read.
-        let last =
-            self.read.read().unwrap_or_else(PoisonError::into_inner).as_ref().map(|(at, _)| *at);
+        let (last, before) = self.read.borrow().clone().unzip();
         if let Some(last) = last {
             sleep_until((last + PAUSE).into()).await;
         }
+        let before = before.unwrap_or_default();
         let at = Instant::now();
         let keys = self.store.access_keys().await?;
-        let mut read = self.read.write().unwrap_or_else(PoisonError::into_inner);
-        let before = read.take().map(|(_, holders)| holders).unwrap_or_default();
         let holders = keys.into_iter().map(|key| {
             // An unchanged key keeps the use of its limits.
             let same = before.get(&key.id).filter(|holder| holder.key.is_like(&key));
@@ -112,7 +120,7 @@ impl Keyring {
             (key.id, holder)
         });
         let holders: Holders = Arc::new(holders.collect());
-        *read = Some((at, Arc::clone(&holders)));
+        self.read.send_replace(Some((at, Arc::clone(&holders))));
         Ok(holders)
     }
 
@@ -122,9 +130,7 @@ impl Keyring {
             Some(own) => NonZeroU32::new(own),
         };
         let limits = Limits { per_minute, ..self.default_limits };
-        let (account, links) = (Account::new(limits), Account::new(limits));
-        let last_use = LastUse(AtomicI64::new(key.last_used.unwrap_or(0)));
-        KeyHolder { key, account, links, last_use }
+        KeyHolder { usage: Usage::new(limits, key.last_used), key }
     }
 
     /// Stores that a key is in use, in the background.
@@ -132,8 +138,8 @@ impl Keyring {
         clippy::disallowed_methods,
         reason = "no caller waits for the task; it ends by itself"
     )]
-    pub fn record_use(&self, last: &LastUse, now: i64, by: impl FnOnce() -> Actor) {
-        if !last.is_due(now) {
+    pub fn record_use(&self, usage: &Usage, now: i64, by: impl FnOnce() -> Actor) {
+        if !usage.is_due(now) {
             return;
         }
         let (store, by) = (self.store.clone(), by());

@@ -45,7 +45,8 @@ pub struct Account {
 /// The remaining requests of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Standing {
-    quota: Quota,
+    /// The name of the limit in headers.
+    policy: &'static str,
     /// Calls per minute.
     per_minute: NonZeroU32,
     /// Number of calls that may arrive at once.
@@ -84,14 +85,11 @@ impl Account {
                 Some(Arc::clone(permits).try_acquire_owned().map_err(|_| full(*most))?)
             }
         };
-        let counted = match quota {
-            Quota::Requests => (&self.requests, self.limits.per_minute),
-            Quota::Evaluations => (&self.evaluations, self.limits.evaluations),
+        let (bucket, policy, calls) = match quota {
+            Quota::Requests => (&self.requests, "minute", "requests"),
+            Quota::Evaluations => (&self.evaluations, "evaluations", "evaluations"),
         };
-        let standing = match counted {
-            (Some(bucket), Some(per_minute)) => Some(count(bucket, quota, per_minute)?),
-            _ => None,
-        };
+        let standing = bucket.as_ref().map(|bucket| count(bucket, policy, calls)).transpose()?;
         Ok(OpenRequest { standing, permit })
     }
 }
@@ -108,21 +106,19 @@ fn full(most: NonZeroU32) -> Problem {
         .with_header(STATE, "\"at-once\";r=0")
 }
 
-fn count(bucket: &Bucket, quota: Quota, per_minute: NonZeroU32) -> Result<Standing, Problem> {
+fn count(bucket: &Bucket, policy: &'static str, calls: &str) -> Result<Standing, Problem> {
     match bucket.check() {
         Ok(state) => {
+            let per_minute = state.quota().burst_size();
             // The quota refills one request at a time.
             let more_in = 60_u32.div_ceil(per_minute.get());
-            Ok(Standing { quota, per_minute, left: state.remaining_burst_capacity(), more_in })
+            Ok(Standing { policy, per_minute, left: state.remaining_burst_capacity(), more_in })
         }
         Err(refused) => {
+            let per_minute = refused.quota().burst_size();
             let wait = refused.wait_time_from(DefaultClock::default().now());
             let more_in = wait.as_secs_f64().ceil().max(1.0) as u32;
-            let standing = Standing { quota, per_minute, left: 0, more_in };
-            let calls = match quota {
-                Quota::Requests => "requests",
-                Quota::Evaluations => "evaluations",
-            };
+            let standing = Standing { policy, per_minute, left: 0, more_in };
             let detail =
                 format!("This key has reached its limit of {per_minute} {calls} per minute.");
             let problem = Problem::new(&kinds::RATE_LIMITED, detail).retry_after(more_in);
@@ -135,11 +131,7 @@ impl Standing {
     /// The headers of the IETF draft on RateLimit header fields (draft-ietf-httpapi-ratelimit-headers):
     /// `r` requests remain for `t` seconds.
     fn headers(self) -> [(HeaderName, String); 2] {
-        let Self { quota, per_minute, left, more_in } = self;
-        let policy = match quota {
-            Quota::Requests => "minute",
-            Quota::Evaluations => "evaluations",
-        };
+        let Self { policy, per_minute, left, more_in } = self;
         [
             (POLICY, format!("\"{policy}\";q={per_minute};w=60")),
             (STATE, format!("\"{policy}\";r={left};t={more_in}")),

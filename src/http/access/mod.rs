@@ -25,8 +25,8 @@ use crate::http::problem::{Problem, kinds};
 use crate::http::wire::instant;
 use fretwork_job::clock::now;
 use fretwork_store::{AccessKey, Actor, Role, Store, digest};
-use keyring::{KeyHolder, Keyring, LastUse, MAX_AGE};
-use limits::{Account, Limits, OpenRequest};
+use keyring::{Keyring, MAX_AGE, Usage};
+use limits::{Limits, OpenRequest};
 use needs::{Needs, Quota, RouteNeeds};
 use signed_link::{ADMIN, ANYONE, Signer};
 
@@ -68,13 +68,6 @@ impl fmt::Display for Identity {
     }
 }
 
-impl Identity {
-    /// The caller in the audit log.
-    fn actor(&self) -> Actor {
-        Actor { name: self.owner.clone(), key: self.key.clone() }
-    }
-}
-
 /// Decides which requests are accepted.
 pub struct Gate {
     store: Store,
@@ -85,18 +78,10 @@ pub struct Gate {
     signer: OnceCell<Signer>,
 }
 
-impl fmt::Debug for Gate {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Gate").finish_non_exhaustive()
-    }
-}
-
-/// The key from the settings, and the use of its limits.
+/// The key from the settings, and its use.
 struct AdminHolder {
     digest: [u8; 32],
-    account: Account,
-    links: Account,
-    last_use: LastUse,
+    usage: Arc<Usage>,
 }
 
 /// An accepted request.
@@ -175,12 +160,9 @@ fn restrict_caching(headers: &mut HeaderMap, link: Option<Duration>) {
 
 impl Gate {
     pub fn new(store: &Store, access: &Access, route_needs: RouteNeeds) -> Self {
-        let account = || Account::new(access.limits);
         let admin = access.admin_key.as_ref().map(|AdminKey(key)| AdminHolder {
             digest: digest(key),
-            account: account(),
-            links: account(),
-            last_use: LastUse::default(),
+            usage: Usage::new(access.limits, None),
         });
         Self {
             store: store.clone(),
@@ -216,14 +198,10 @@ impl Gate {
             }
             return Ok(Admitted::default());
         }
-        let (identity, holder) = self.identify(request.headers()).await?;
-        let account = match (&holder, &self.admin) {
-            (Some(holder), _) => Some(&holder.account),
-            (None, admin) => admin.as_ref().map(|admin| &admin.account),
-        };
-        let open_request = match (account, needs.quota) {
-            (Some(account), Some(quota)) => account.take(quota)?,
-            _ => OpenRequest::default(),
+        let (identity, usage) = self.identify(request.headers()).await?;
+        let open_request = match needs.quota {
+            Some(quota) => usage.account.take(quota)?,
+            None => OpenRequest::default(),
         };
         if identity.role < required {
             let detail = format!(
@@ -266,37 +244,36 @@ impl Gate {
     pub async fn limits_of(&self, key: Option<&str>) -> Result<Limits, Problem> {
         let Some(key) = key else { return Ok(Limits::default()) };
         if let Some(admin) = self.admin.as_ref().filter(|_| key == ADMIN) {
-            return Ok(admin.account.limits);
+            return Ok(admin.usage.account.limits);
         }
         let holders = self.keyring.holders().await?;
-        Ok(holders.get(key).map_or_else(Limits::default, |holder| holder.account.limits))
+        Ok(holders.get(key).map_or_else(Limits::default, |holder| holder.usage.account.limits))
     }
 
-    /// Identifies the caller by its key. The key from the settings has no holder.
-    async fn identify(
-        &self,
-        headers: &HeaderMap,
-    ) -> Result<(Identity, Option<Arc<KeyHolder>>), Problem> {
+    /// Identifies the caller by its key, and records its use.
+    async fn identify(&self, headers: &HeaderMap) -> Result<(Identity, Arc<Usage>), Problem> {
         let (presented, now) = (presented_key(headers)?, now());
         let digest = digest(&presented);
-        if let Some(admin) = &self.admin
+        let (identity, usage) = if let Some(admin) = &self.admin
             && bool::from(digest.ct_eq(&admin.digest))
         {
             let (owner, key) = (ADMIN.to_owned(), ADMIN.to_owned());
-            let identity = Identity { owner, role: Role::Admin, key };
-            self.keyring.record_use(&admin.last_use, now, || identity.actor());
-            return Ok((identity, None));
-        }
-        let unknown = || unauthorized(headers, "This server does not know the key.");
-        let id = AccessKey::id_in(&presented).ok_or_else(unknown)?;
-        let holder = self.keyring.holder_of(id, &digest).await?.ok_or_else(unknown)?;
-        if let Some(reason) = invalid(&holder.key, now) {
-            return Err(unauthorized(headers, &reason));
-        }
-        let AccessKey { id, name, role, .. } = &holder.key;
-        let identity = Identity { owner: name.clone(), role: *role, key: id.clone() };
-        self.keyring.record_use(&holder.last_use, now, || identity.actor());
-        Ok((identity, Some(holder)))
+            (Identity { owner, role: Role::Admin, key }, Arc::clone(&admin.usage))
+        } else {
+            let unknown = || unauthorized(headers, "This server does not know the key.");
+            let id = AccessKey::id_in(&presented).ok_or_else(unknown)?;
+            let holder = self.keyring.holder_of(id, &digest).await?.ok_or_else(unknown)?;
+            if let Some(reason) = invalid(&holder.key, now) {
+                return Err(unauthorized(headers, &reason));
+            }
+            let AccessKey { id, name, role, .. } = &holder.key;
+            let identity = Identity { owner: name.clone(), role: *role, key: id.clone() };
+            (identity, Arc::clone(&holder.usage))
+        };
+        let Identity { owner, key, .. } = &identity;
+        let actor = || Actor { name: owner.clone(), key: key.clone() };
+        self.keyring.record_use(&usage, now, actor);
+        Ok((identity, usage))
     }
 
     /// Why a request that was accepted with this key, or without a key, would be refused now. `None` if it
@@ -319,20 +296,20 @@ impl Gate {
     /// Counts a request with a link against the key that signed it, if that key is still valid.
     async fn count_link(&self, issuer: &str) -> Result<OpenRequest, Problem> {
         let holders = self.keyring.holders().await?;
-        match (holders.get(issuer), &self.admin) {
+        let usage = match (holders.get(issuer), &self.admin) {
             (Some(holder), _) if self.open || invalid(&holder.key, now()).is_none() => {
-                return holder.links.take(Quota::Requests);
+                Some(&holder.usage)
             }
             // The signature contains the digest of the admin key.
-            (None, Some(admin)) if issuer == ADMIN => return admin.links.take(Quota::Requests),
-            (None, _) if issuer == ANYONE && !self.requires_key().await? => {
-                return Ok(OpenRequest::default());
+            (None, Some(admin)) if issuer == ADMIN => Some(&admin.usage),
+            (None, _) if issuer == ANYONE && !self.requires_key().await? => None,
+            _ => {
+                let detail = "The key that made this link is no longer valid, and so the link is not valid either. \
+                    Ask its sender for a new link.";
+                return Err(Problem::new(&kinds::BAD_LINK, detail));
             }
-            _ => {}
-        }
-        let detail = "The key that made this link is no longer valid, and so the link is not valid either. \
-            Ask its sender for a new link.";
-        Err(Problem::new(&kinds::BAD_LINK, detail))
+        };
+        usage.map_or(Ok(OpenRequest::default()), |usage| usage.links.take(Quota::Requests))
     }
 }
 
@@ -365,27 +342,29 @@ fn invalid(key: &AccessKey, now: i64) -> Option<String> {
     Some(format!("The key {} expired on {}.", key.id, instant(at)))
 }
 
-/// The key in the `Authorization` header: a bearer token, or the name or the password of Basic
-/// authentication, for clients that support only `http://name:password@host`.
+/// The key that a request presents.
 fn presented_key(headers: &HeaderMap) -> Result<String, Problem> {
-    let malformed = || unauthorized(headers, "The Authorization header cannot be parsed.");
     let Some(value) = headers.get(header::AUTHORIZATION) else {
         return Err(unauthorized(headers, "This server requires a key."));
     };
-    let text = value.to_str().map_err(|_| malformed())?;
-    let (scheme, rest) = text.split_once(' ').ok_or_else(malformed)?;
+    let key = value.to_str().ok().and_then(key_in);
+    key.ok_or_else(|| unauthorized(headers, "The Authorization header cannot be parsed."))
+}
+
+/// The key in an `Authorization` header: a bearer token, or the name or the password of Basic
+/// authentication, for clients that support only `http://name:password@host`.
+fn key_in(authorization: &str) -> Option<String> {
+    let (scheme, rest) = authorization.split_once(' ')?;
     if scheme.eq_ignore_ascii_case("bearer") {
-        return Ok(rest.trim().to_owned());
+        return Some(rest.trim().to_owned());
     }
-    if scheme.eq_ignore_ascii_case("basic") {
-        let decoded = BASE64.decode(rest.trim().as_bytes()).map_err(|_| malformed())?;
-        let decoded = String::from_utf8(decoded).map_err(|_| malformed())?;
-        let (name, password) = decoded.split_once(':').ok_or_else(malformed)?;
-        let key =
-            if AccessKey::id_in(name).is_some() || password.is_empty() { name } else { password };
-        return Ok(key.to_owned());
+    if !scheme.eq_ignore_ascii_case("basic") {
+        return None;
     }
-    Err(malformed())
+    let decoded = String::from_utf8(BASE64.decode(rest.trim().as_bytes()).ok()?).ok()?;
+    let (name, password) = decoded.split_once(':')?;
+    let is_name = AccessKey::id_in(name).is_some() || password.is_empty();
+    Some(if is_name { name } else { password }.to_owned())
 }
 
 /// The problem for a request without a valid key. It names an authentication scheme that the client supports.

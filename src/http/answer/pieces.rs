@@ -28,13 +28,13 @@ const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Writes the pieces of an answer. It belongs to a thread that may block.
 #[derive(Debug)]
-pub struct PieceWriter<S> {
+pub struct PieceWriter<H> {
     sender: mpsc::Sender<Bytes>,
     piece: Vec<u8>,
     /// Bytes of the whole piece.
     size: usize,
-    /// Called before the first piece is sent.
-    started: Option<S>,
+    /// Dropped before the first piece is sent.
+    held: Option<H>,
     /// Measures how long a piece waits. It does not depend on the runtime of the server, which may end first.
     clock: Option<Runtime>,
     patience: Duration,
@@ -53,20 +53,17 @@ pub enum Beginning {
     Pieces([Bytes; 2]),
 }
 
-/// A writer, and the receiver of what it writes. The writer calls `started` before it sends its first piece.
-pub fn pieces<S: FnOnce()>(started: S) -> (PieceWriter<S>, PieceReceiver) {
+/// A writer, and the receiver of what it writes. The writer drops what is `held` before it sends its first piece.
+pub fn pieces<H>(held: H) -> (PieceWriter<H>, PieceReceiver) {
     let (sender, received) = mpsc::channel(WAITING);
-    let (piece, started) = (Vec::new(), Some(started));
-    let writer =
-        PieceWriter { sender, piece, size: FIRST, started, clock: None, patience: PATIENCE };
+    let (piece, held) = (Vec::new(), Some(held));
+    let writer = PieceWriter { sender, piece, size: FIRST, held, clock: None, patience: PATIENCE };
     (writer, PieceReceiver(received))
 }
 
-impl<S: FnOnce()> PieceWriter<S> {
+impl<H> PieceWriter<H> {
     fn send(&mut self) -> io::Result<()> {
-        if let Some(started) = self.started.take() {
-            started();
-        }
+        self.held = None;
         self.size = PIECE;
         let piece = mem::replace(&mut self.piece, Vec::with_capacity(PIECE));
         let clock = match &mut self.clock {
@@ -84,7 +81,7 @@ impl<S: FnOnce()> PieceWriter<S> {
     }
 }
 
-impl<S: FnOnce()> Write for PieceWriter<S> {
+impl<H> Write for PieceWriter<H> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let taken = bytes.len().min(self.size - self.piece.len());
         self.piece.extend_from_slice(&bytes[..taken]);
@@ -116,21 +113,19 @@ impl PieceReceiver {
     where
         E: Future<Output = io::Result<()>> + Send + 'static,
     {
-        let rest = stream::unfold((self, Some(Box::pin(end))), async |(mut received, mut end)| {
-            if let Some(piece) = received.0.recv().await {
-                return Some((Ok(piece), (received, end)));
-            }
-            let error = end.take()?.await.err()?;
-            Some((Err(error), (received, None)))
+        let rest = stream::unfold(self.0, async |mut received| {
+            let piece = received.recv().await?;
+            Some((piece, received))
         });
-        Body::from_stream(stream::iter(beginning.map(Ok)).chain(rest))
+        let error = stream::once(end).filter_map(async |end| end.err().map(Err));
+        Body::from_stream(stream::iter(beginning).chain(rest).map(Ok).chain(error))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
-    use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     use axum::body::to_bytes;
     use tokio::task;
@@ -149,9 +144,8 @@ mod tests {
 
     #[tokio::test]
     async fn the_body_is_what_was_written() {
-        let started = Arc::new(AtomicBool::new(false));
-        let set = Arc::clone(&started);
-        let (mut writer, received) = pieces(move || set.store(true, Ordering::Relaxed));
+        let held = Arc::new(());
+        let (mut writer, received) = pieces(Arc::clone(&held));
         let text: Vec<u8> = (0..FIRST + 3 * PIECE + 7).map(|place| (place % 251) as u8).collect();
         let written = text.clone();
         let thread = task::spawn_blocking(move || {
@@ -159,14 +153,14 @@ mod tests {
             writer.flush()
         });
         let body = body(received, thread).await;
-        assert!(started.load(Ordering::Relaxed));
+        assert_eq!(Arc::strong_count(&held), 1);
         assert_eq!(to_bytes(body, usize::MAX).await.unwrap(), text);
     }
 
     #[tokio::test]
     async fn a_short_answer_is_received_whole() {
         for size in [0, 1, FIRST - 1, FIRST] {
-            let (mut writer, mut received) = pieces(|| ());
+            let (mut writer, mut received) = pieces(());
             let thread = task::spawn_blocking(move || {
                 writer.write_all(&vec![1; size])?;
                 writer.flush()
@@ -179,7 +173,7 @@ mod tests {
 
     #[tokio::test]
     async fn an_answer_that_fails_is_not_taken_for_whole() {
-        let (mut writer, received) = pieces(|| ());
+        let (mut writer, received) = pieces(());
         let thread = task::spawn_blocking(move || {
             writer.write_all(&vec![1; FIRST + PIECE])?;
             Err::<(), _>(io::Error::other("it failed"))
@@ -190,7 +184,7 @@ mod tests {
 
     #[tokio::test]
     async fn the_writer_waits_for_its_client_and_ends_without_it() {
-        let (mut writer, received) = pieces(|| ());
+        let (mut writer, received) = pieces(());
         let sent = Arc::new(AtomicUsize::new(0));
         let counted = Arc::clone(&sent);
         let thread = task::spawn_blocking(move || {
@@ -205,7 +199,7 @@ mod tests {
 
     #[tokio::test]
     async fn the_writer_gives_up_a_client_that_does_not_read() {
-        let (mut writer, received) = pieces(|| ());
+        let (mut writer, received) = pieces(());
         writer.patience = Duration::from_millis(20);
         let thread =
             task::spawn_blocking(move || writer.write_all(&vec![1; FIRST + (WAITING + 1) * PIECE]));

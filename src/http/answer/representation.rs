@@ -17,9 +17,7 @@ use tokio::time::Instant;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::pieces::{self, Beginning, PieceWriter, pieces};
-use super::stored::{
-    Need, Reserved, Stored, find, large_json, makers_busy, missing, stored, unpacked,
-};
+use super::stored::{Need, Reserved, find, large_json, makers_busy, missing, stored, unpacked};
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::memory::{Encoded, Lookup, Making};
@@ -78,14 +76,14 @@ impl Representation {
         let (reach, caller) = (caller.reach().map(str::to_owned), caller.owner.clone());
         let view = view.sorted();
         let is_unchanged = (part, format) == (Part::Whole, Format::Json) && view == View::default();
-        if is_unchanged {
-            let name = key.to_string();
-            let tag = ["\"", &name, "\""].concat();
-            return Self { key, part, format, view, is_unchanged, reach, caller, name, tag };
-        }
-        let address = format!("{key}.{}.{}", part.name(), format.name());
-        let name = format!("{address} {} {view:?}", format::VERSION);
-        let tag = format!("\"{address}.{:016x}\"", xxh3_64(name.as_bytes()));
+        let (name, tag) = if is_unchanged {
+            (key.to_string(), format!("\"{key}\""))
+        } else {
+            let address = format!("{key}.{}.{}", part.name(), format.name());
+            let name = format!("{address} {} {view:?}", format::VERSION);
+            let tag = format!("\"{address}.{:016x}\"", xxh3_64(name.as_bytes()));
+            (name, tag)
+        };
         Self { key, part, format, view, is_unchanged, reach, caller, name, tag }
     }
 
@@ -175,19 +173,21 @@ impl Representation {
     ) -> Result<MadeFrom, Problem> {
         if self.is_unchanged && coding != Coding::Gzip {
             return match stored(app, &self.key, reserved).await? {
-                Stored::Body(body) if coding == Coding::Zstd && body.is_compressed() => {
+                Some(StoredResult::Whole(body))
+                    if coding == Coding::Zstd && body.is_compressed() =>
+                {
                     Ok(MadeFrom::Answer(body.bytes().clone()))
                 }
-                Stored::Body(body) => {
+                Some(StoredResult::Whole(body)) => {
                     let json = unpacked(&self.key, body).await?;
                     let is_answer = coding == Coding::Identity;
                     Ok(if is_answer { MadeFrom::Answer(json) } else { MadeFrom::Json(json) })
                 }
-                Stored::Large(size) if coding == Coding::Identity && size > WHOLE => {
+                Some(StoredResult::Large(size)) if coding == Coding::Identity && size > WHOLE => {
                     Ok(MadeFrom::Packed)
                 }
-                Stored::Large(size) => Ok(MadeFrom::Needs(Need::to_unpack(size))),
-                Stored::Absent => Err(self.missing(app).await?),
+                Some(StoredResult::Large(size)) => Ok(MadeFrom::Needs(Need::to_unpack(size))),
+                found => Err(self.missing(app, found).await),
             };
         }
         let size = match app.memory.get(&self.key.to_string()).map(|answer| answer.body) {
@@ -198,7 +198,7 @@ impl Representation {
                     return Ok(MadeFrom::Json(unpacked(&self.key, body).await?));
                 }
                 Some(StoredResult::Large(size)) => size,
-                _ => return Err(self.missing(app).await?),
+                found => return Err(self.missing(app, found).await),
             },
         };
         let is_whole = coding == Coding::Identity && !self.is_streamed(coding, size);
@@ -210,7 +210,7 @@ impl Representation {
         }
         match large_json(app, &self.key).await? {
             Some(json) => Ok(MadeFrom::Json(json)),
-            None => Err(self.missing(app).await?),
+            None => Err(self.missing(app, app.store.small_result(&self.key).await?).await),
         }
     }
 
@@ -234,8 +234,7 @@ impl Representation {
     }
 
     /// The problem for a result that is not stored.
-    async fn missing(&self, app: &App) -> Result<Problem, Problem> {
-        let found = app.store.small_result(&self.key).await?;
+    async fn missing(&self, app: &App, found: Option<StoredResult>) -> Problem {
         missing(app, self.reach.as_deref(), &self.key, found).await
     }
 
@@ -305,7 +304,7 @@ impl Representation {
             let _tables = permit;
             format::write(out, json, part, format, &view)
         };
-        Ok(match self.send(move || drop((maker, result)), write).await? {
+        Ok(match self.send((maker, result), write).await? {
             Reply::Whole(answer) => Reply::Whole(app.memory.finish(making, answer, true)),
             streamed @ Reply::Streamed(_) => streamed,
         })
@@ -320,7 +319,7 @@ impl Representation {
             let _shared = permit;
             Ok(zstd::stream::copy_decode(&body[..], out)?)
         };
-        let mut answer = self.send(|| (), write).await?;
+        let mut answer = self.send((), write).await?;
         if let (Reply::Streamed(response), Some(size)) = (&mut answer, size) {
             response.headers_mut().insert(header::CONTENT_LENGTH, size.into());
             response.extensions_mut().insert(Arc::new(own));
@@ -329,13 +328,13 @@ impl Representation {
     }
 
     /// Writes the answer on a thread of its own while the client reads it. The thread ends when the client stops the
-    /// stream, or does not read for long. It calls `started` before it sends the first piece.
-    async fn send<S: FnOnce() + Send + 'static>(
+    /// stream, or does not read for long. It drops what is `held` before it sends the first piece.
+    async fn send<H: Send + 'static>(
         &self,
-        started: S,
-        write: impl FnOnce(&mut PieceWriter<S>) -> Result<(), format::Error> + Send + 'static,
+        held: H,
+        write: impl FnOnce(&mut PieceWriter<H>) -> Result<(), format::Error> + Send + 'static,
     ) -> Result<Reply, Problem> {
-        let (mut pieces, mut received) = pieces(started);
+        let (mut pieces, mut received) = pieces(held);
         let (done, written) = oneshot::channel();
         let write = move || {
             let end = write(&mut pieces).and_then(|()| Ok(pieces.flush()?));

@@ -22,7 +22,7 @@ use fretwork_store::{self as store, Body, Error, StoredResult};
 pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Problem> {
     match app.store.small_result(key).await? {
         Some(StoredResult::Whole(_) | StoredResult::Large(_)) => Ok(()),
-        other => Err(missing(app, reach, key, other).await?),
+        other => Err(missing(app, reach, key, other).await),
     }
 }
 
@@ -55,11 +55,6 @@ pub struct Reserved {
 }
 
 impl Reserved {
-    /// Nothing yet. The request begins now.
-    fn nothing() -> Self {
-        Self::nothing_until(longest_wait())
-    }
-
     /// Nothing yet. The request gives up at this time.
     pub fn nothing_until(end: Instant) -> Self {
         Self { end, bytes: 0, permit: Permit::default(), maker: None }
@@ -142,7 +137,7 @@ pub async fn find(
 /// memory.
 pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>, Problem> {
     let name = key.to_string();
-    let mut reserved = Reserved::nothing();
+    let mut reserved = Reserved::nothing_until(longest_wait());
     loop {
         let making = match find(app, caller, &name, &mut reserved).await? {
             Lookup::Found(answer) => {
@@ -152,16 +147,16 @@ pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>,
             Lookup::Missing(making) => making,
         };
         match stored(app, key, &reserved).await? {
-            Stored::Body(body) => {
+            Some(StoredResult::Whole(body)) => {
                 let json = unpacked(key, body).await?;
                 let answer = Encoded::of(json, Coding::Identity, Some(reserved.permit));
                 return Ok(Some(app.memory.finish(making, answer, true)));
             }
-            Stored::Large(size) => {
+            Some(StoredResult::Large(size)) => {
                 drop(making);
                 reserved.wait(app, caller, &name, Need::to_unpack(size)).await?;
             }
-            Stored::Absent => return Ok(None),
+            _ => return Ok(None),
         }
     }
 }
@@ -181,31 +176,18 @@ pub async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>, Problem> 
     Ok(Some(app.memory.finish(making, json, false).body))
 }
 
-/// The stored body of a result.
-pub enum Stored {
-    /// The body.
-    Body(Body),
-    /// It is large: its JSON has this many bytes, for which the request must reserve memory first.
-    Large(usize),
-    /// The result is not stored.
-    Absent,
-}
-
-/// The stored body of a result, if the request has reserved enough memory for it.
-pub async fn stored(app: &App, key: &Key, reserved: &Reserved) -> Result<Stored, Problem> {
-    let found = match app.store.small_result(key).await? {
-        Some(StoredResult::Large(size)) => {
-            if !reserved.suffices(Need::to_unpack(size)) {
-                return Ok(Stored::Large(size));
-            }
-            app.store.result(key).await?
+/// A result as it is stored. A large one is read only if the request has reserved enough memory for it.
+pub async fn stored(
+    app: &App,
+    key: &Key,
+    reserved: &Reserved,
+) -> Result<Option<StoredResult>, Error> {
+    match app.store.small_result(key).await? {
+        Some(StoredResult::Large(size)) if reserved.suffices(Need::to_unpack(size)) => {
+            app.store.result(key).await
         }
-        found => found,
-    };
-    Ok(match found {
-        Some(StoredResult::Whole(body)) => Stored::Body(body),
-        _ => Stored::Absent,
-    })
+        found => Ok(found),
+    }
 }
 
 /// The JSON of a body. A large one is decompressed on a blocking thread.
@@ -224,42 +206,40 @@ pub async fn missing(
     reach: Option<&str>,
     key: &Key,
     found: Option<StoredResult>,
-) -> Result<Problem, Problem> {
-    let live = app.store.live_job(key, reach).await?;
-    let problem = match (found, live) {
-        (Some(StoredResult::Evicted { at, deleted_by, asked }), live) => {
-            let next = if let Some(job) = live {
-                format!("It is being computed again: GET /v1/jobs/{job}?wait=10.")
-            } else {
-                let member = asked.as_ref().map_or("scenario", |asked| asked.kind.member());
-                format!(
-                    "To compute it again, submit {{\"{member}\": …}} with the `{member}` of this answer to POST \
-                     /v1/jobs."
-                )
-            };
-            let gone = match deleted_by {
-                Some(who) => format!("deleted by {who} on {}", instant(at)),
-                None => format!("evicted on {} to free disk space", instant(at)),
-            };
-            let detail = format!("The result was {gone}. {next}");
-            Problem::new(&kinds::EVICTED, detail).with_asked(asked)
-        }
-        (_, Some(job)) => {
-            let detail =
-                format!("The result is being computed. Wait for it: GET /v1/jobs/{job}?wait=10.");
-            Problem::new(&kinds::UNKNOWN_RESULT, detail)
-        }
-        (_, None) => {
-            let detail = "No result has this key. Submit its scenario to POST /v1/jobs.";
-            Problem::new(&kinds::UNKNOWN_RESULT, detail)
-        }
+) -> Problem {
+    let live = match app.store.live_job(key, reach).await {
+        Ok(live) => live,
+        Err(error) => return error.into(),
     };
-    Ok(match live {
+    let problem = if let Some(StoredResult::Evicted { at, deleted_by, asked }) = found {
+        let next = if let Some(job) = live {
+            format!("It is being computed again: GET /v1/jobs/{job}?wait=10.")
+        } else {
+            let member = asked.as_ref().map_or("scenario", |asked| asked.kind.member());
+            format!(
+                "To compute it again, submit {{\"{member}\": …}} with the `{member}` of this answer to POST \
+                 /v1/jobs."
+            )
+        };
+        let gone = match deleted_by {
+            Some(who) => format!("deleted by {who} on {}", instant(at)),
+            None => format!("evicted on {} to free disk space", instant(at)),
+        };
+        let detail = format!("The result was {gone}. {next}");
+        Problem::new(&kinds::EVICTED, detail).with_asked(asked)
+    } else {
+        let detail = live.map_or_else(
+            || "No result has this key. Submit its scenario to POST /v1/jobs.".to_owned(),
+            |job| format!("The result is being computed. Wait for it: GET /v1/jobs/{job}?wait=10."),
+        );
+        Problem::new(&kinds::UNKNOWN_RESULT, detail)
+    };
+    match live {
         Some(job) => {
             problem.with_header(header::LINK, format!("</v1/jobs/{job}>; rel=\"related\""))
         }
         None => problem,
-    })
+    }
 }
 
 /// The problem if no more large answers can be made now.

@@ -1,23 +1,16 @@
 //! The audit log.
 
-use axum::Json;
 use axum::extract::State;
-use axum::http::{Uri, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::Uri;
+use axum::response::Response;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::jobs::next_page;
 use crate::http::app::App;
 use crate::http::problem::Problem;
-use crate::http::wire::schemas;
-use crate::http::wire::{Query, instant};
+use crate::http::wire::paging::{fresh_page, limit, next_page};
+use crate::http::wire::{Query, instant, schemas};
 use fretwork_store::{Act, AuditEntry as Stored};
-
-/// Default number of entries on a page.
-const PAGE: u32 = 100;
-/// Largest number of entries on a page.
-const LONGEST_PAGE: u32 = 1000;
 
 /// Equal acts of one day (UTC).
 #[derive(Debug, Serialize, ToSchema)]
@@ -94,19 +87,14 @@ pub async fn audit(
     uri: Uri,
     mut query: Query,
 ) -> Result<Response, Problem> {
-    let limit = query.value("limit", format_args!("a number from 1 to {LONGEST_PAGE}"), |text| {
-        text.parse().ok().filter(|limit| (1..=LONGEST_PAGE).contains(limit))
-    });
+    let limit = limit(&mut query, 100, 1000);
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;
-    let limit = limit.unwrap_or(PAGE);
     // One entry more than the page has tells whether there is a next page.
     let mut found = app.store.audit(cursor, limit + 1).await?;
     let more = found.len() as u64 > u64::from(limit);
     found.truncate(limit as usize);
-    let next = found.last().filter(|_| more).map(|entry| next_page(&uri, entry.id));
-    let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
+    let (next, link) = next_page(&uri, found.last().filter(|_| more).map(|entry| entry.id));
     let entries = found.into_iter().map(AuditEntry::from).collect();
-    let fresh = [(header::CACHE_CONTROL, "no-store")];
-    Ok((link, fresh, Json(AuditLog { entries, next })).into_response())
+    Ok(fresh_page(link, AuditLog { entries, next }))
 }

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use axum::extract::State;
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::Value;
@@ -14,8 +13,7 @@ use crate::http::access::caller::Caller;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, kinds};
-use crate::http::wire::schemas;
-use crate::http::wire::{Query, Segment, read_key};
+use crate::http::wire::{FRESH_JSON, Query, Segment, read_key, schemas};
 use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
 use fretwork_engine::request::fault::Faults;
 use fretwork_job::{ENGINE, Key, TaskKind};
@@ -96,13 +94,10 @@ impl Wanted {
         };
         let parameters = query.text("parameters").map(list);
         let names = query.text("outputs").map(list);
-        let mut outputs = names.as_ref().map(|_| Vec::new());
-        for name in names.into_iter().flatten() {
-            match name.parse::<OutputName>() {
-                Ok(name) => outputs.get_or_insert_default().push(name),
-                Err(detail) => query.complain("outputs", detail),
-            }
-        }
+        let mut parsed = |name: &String| {
+            name.parse().map_err(|detail: String| query.complain("outputs", detail)).ok()
+        };
+        let outputs = names.map(|names| names.iter().filter_map(&mut parsed).collect());
         query.finish()?;
         Ok(Self { parameters, outputs })
     }
@@ -201,7 +196,7 @@ pub async fn derivatives(
         );
         return Err(Problem::new(&kinds::NO_SUCH_PART, detail));
     }
-    let _turn = app.shares.evaluation(&caller.owner).await;
+    let _turn = app.shares.evaluations.turn(&caller.owner).await;
     let all_outputs = wanted.outputs.is_none();
     let mut start = Some((wanted, known.asked.value));
     // Its time is short, but longer than those of runs on the async thread.
@@ -215,6 +210,5 @@ pub async fn derivatives(
     let derivatives: Vec<_> = shown.map(|entry| Derivative::of(entry, &model)).collect();
     let bytes = ENTRY_BYTES * derivatives.len();
     let answer = DerivativeList { key, numerics: ENGINE.numerics, derivatives };
-    let headers = [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")];
-    Ok((headers, json::write(&answer, bytes)).into_response())
+    Ok((FRESH_JSON, json::write(&answer, bytes)).into_response())
 }

@@ -1,5 +1,7 @@
 //! Comparison of two results or scenarios.
 
+use std::fmt;
+
 use axum::extract::State;
 use deserr::Deserr;
 use serde::Serialize;
@@ -15,7 +17,7 @@ use crate::http::transport::body::Body;
 use crate::http::wire::NoQuery;
 use crate::http::wire::schemas;
 use fretwork_engine::outcome::QUANTITIES;
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
 use fretwork_job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
@@ -123,32 +125,27 @@ fn relative(a: &Value, b: &Value) -> Option<f64> {
 }
 
 /// Collects the differences of two documents. Lists of different lengths count as one difference.
-fn differences(a: &Value, b: &Value, pointer: &mut String, out: &mut Vec<ParameterDifference>) {
-    let below = |token: &str, pointer: &mut String, a: &Value, b: &Value, out: &mut Vec<_>| {
-        let length = pointer.len();
-        pointer.push('/');
-        pointer.push_str(token);
-        differences(a, b, pointer, out);
-        pointer.truncate(length);
+fn differences(a: &Value, b: &Value, pointer: &str, out: &mut Vec<ParameterDifference>) {
+    let mut below = |token: &dyn fmt::Display, a, b| {
+        differences(a, b, &format!("{pointer}/{token}"), out);
     };
     match (a, b) {
         (Value::Object(one), Value::Object(other)) => {
             // Member names of canonical scenarios need no escapes in a pointer.
-            for (name, a) in one {
-                below(name, pointer, a, other.get(name).unwrap_or(&Value::Null), out);
-            }
-            for (name, b) in other.iter().filter(|(name, _)| !one.contains_key(*name)) {
-                below(name, pointer, &Value::Null, b, out);
+            let new = other.keys().filter(|name| !one.contains_key(*name));
+            for name in one.keys().chain(new) {
+                // A member that is missing is null.
+                below(name, &a[name], &b[name]);
             }
         }
         (Value::Array(one), Value::Array(other)) if one.len() == other.len() => {
             for (place, (a, b)) in one.iter().zip(other).enumerate() {
-                below(&place.to_string(), pointer, a, b, out);
+                below(&place, a, b);
             }
         }
         _ if a == b => {}
         _ => out.push(ParameterDifference {
-            pointer: pointer.clone(),
+            pointer: pointer.to_owned(),
             a: a.clone(),
             b: b.clone(),
             relative: relative(a, b),
@@ -183,12 +180,11 @@ impl Side {
                         format!("No result has the key {key}. Compare its scenario instead.");
                     Problem::new(&kinds::UNKNOWN_RESULT, detail)
                 })?;
-                let (asked, numerics) = (known.asked.clone(), known.numerics);
-                Ok(Self { key, asked, numerics, known: Some(known) })
+                let asked = known.asked.clone();
+                Ok(Self { key, asked, numerics: known.numerics, known: Some(known) })
             }
             Requested::Scenario(prepared) => {
-                let key = prepared.key;
-                let asked = prepared.asked();
+                let (key, asked) = (prepared.key, prepared.asked());
                 let known = app.store.known(&key).await?;
                 Ok(Self { key, asked, numerics: ENGINE.numerics, known })
             }
@@ -199,7 +195,7 @@ impl Side {
     async fn outline(&self) -> Result<Outline, Problem> {
         if self.asked.kind != TaskKind::Run {
             let detail = "The result is a study. Only runs have a nearest result: name the other study as `b`.";
-            return Err(Problem::faults(Faults::one("/b", detail).0));
+            return Err(Problem::from(Faults::one("/b", detail)));
         }
         let scenario = self.asked.value.clone();
         let outline = task::spawn_blocking(move || {
@@ -224,32 +220,29 @@ enum Requested {
 }
 
 /// Reads both sides and collects all faults. Without a second side, the nearest result is compared.
-fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Vec<Fault>> {
-    let fault = |pointer: &str, detail: &str| {
-        vec![Fault { pointer: pointer.to_owned(), detail: detail.to_owned() }]
-    };
-    let key = |text: &str, pointer: &str| {
-        text.parse().map(Requested::Key).map_err(|bad| fault(pointer, &format!("{bad}")))
+fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Faults> {
+    let key = |text: &str, pointer: &str| match text.parse() {
+        Ok(key) => Ok(Requested::Key(key)),
+        Err(bad) => Err(Faults::one(pointer, format!("{bad}"))),
     };
     let side = |side: SideBody, pointer: &str| match (side.key.0, side.scenario.0) {
         (Some(text), None) => key(&text, &format!("{pointer}/key")),
         (None, Some(scenario)) => Prepared::from_scenario(scenario, &format!("{pointer}/scenario"))
-            .map(|prepared| Requested::Scenario(Box::new(prepared)))
-            .map_err(|faults| faults.0),
-        _ => Err(fault(pointer, "must have either `key` or `scenario`")),
+            .map(|prepared| Requested::Scenario(Box::new(prepared))),
+        _ => Err(Faults::one(pointer, "must have either `key` or `scenario`")),
     };
     let (a, b) = match (body.keys.0, body.a.0, body.b.0) {
         (Some(keys), None, None) => match keys.as_slice() {
             [a, b] => (key(a, "/keys/0"), key(b, "/keys/1")),
-            _ => return Err(fault("/keys", "must be two keys")),
+            _ => return Err(Faults::one("/keys", "must be two keys")),
         },
         (None, Some(a), Some(b)) => (side(a, "/a"), side(b, "/b")),
         (None, Some(a), None) => return Ok((side(a, "/a")?, None)),
-        _ => return Err(fault("", "must have either `keys`, or `a` and optionally `b`")),
+        _ => return Err(Faults::one("", "must have either `keys`, or `a` and optionally `b`")),
     };
     match (a, b) {
         (Ok(a), Ok(b)) => Ok((a, Some(b))),
-        (Err(a), Err(b)) => Err([a, b].concat()),
+        (Err(a), Err(b)) => Err(Faults([a.0, b.0].concat())),
         (Err(faults), _) | (_, Err(faults)) => Err(faults),
     }
 }
@@ -277,9 +270,9 @@ pub async fn diff(
     _: NoQuery,
     body: Body,
 ) -> Result<axum::Json<Diff>, Problem> {
-    let _turn = app.shares.turn(&caller.owner).await;
+    let _turn = app.shares.heavy.turn(&caller.owner).await;
     // Parsing a table of 10 000 rows would block the async thread.
-    let sides = task::spawn_blocking(move || asked(read(&body)?).map_err(Problem::faults));
+    let sides = task::spawn_blocking(move || asked(read(&body)?).map_err(Problem::from));
     let (a, b) = sides.await.map_err(Problem::bug)??;
     let except = if let Requested::Key(key) = a { Some(key) } else { None };
     let a = Side::of(&app, a).await?;
@@ -298,7 +291,7 @@ pub async fn diff(
     if a.asked.kind != b.asked.kind {
         let [a, b] = [&a, &b].map(|side| side.asked.kind.word());
         let detail = format!("`a` is a {a} and `b` is a {b}. Compare two results of the same kind");
-        return Err(Problem::faults(Faults::one("", detail).0));
+        return Err(Problem::from(Faults::one("", detail)));
     }
     if a.numerics != b.numerics {
         remarks.push(format!(
@@ -313,7 +306,7 @@ pub async fn diff(
 impl Diff {
     fn of(a: &Side, b: &Side, remarks: Vec<String>) -> Self {
         let mut parameters = Vec::new();
-        differences(&a.asked.value, &b.asked.value, &mut String::new(), &mut parameters);
+        differences(&a.asked.value, &b.asked.value, "", &mut parameters);
         let same_scenario = parameters.is_empty();
         let omitted = parameters.len().saturating_sub(DIFFERENCES);
         parameters.truncate(DIFFERENCES);
@@ -354,7 +347,7 @@ mod tests {
         let b = json!({"friction": 0.6, "list": [1, 3], "load": {"held": "force"}, "table": [1, 2],
             "until": {"wear_depth": 1e-6}});
         let mut found = Vec::new();
-        differences(&a, &b, &mut String::new(), &mut found);
+        differences(&a, &b, "", &mut found);
         let pointers: Vec<_> = found.iter().map(|found| found.pointer.as_str()).collect();
         assert_eq!(pointers, ["/friction", "/list/1", "/load/held", "/table", "/until"]);
         assert!((found[0].relative.unwrap() - 0.2).abs() < 1e-12);

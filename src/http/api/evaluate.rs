@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
+use axum::Extension;
 use axum::extract::State;
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use tokio::task;
 
@@ -13,8 +13,7 @@ use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::shares::SMALL;
 use crate::http::transport::body::Body;
-use crate::http::wire::NoQuery;
-use crate::http::wire::schemas;
+use crate::http::wire::{FRESH_JSON, NoQuery, schemas};
 use crate::service::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 use fretwork_json as json;
 use fretwork_study::Evaluation;
@@ -26,36 +25,28 @@ impl From<NotEvaluated> for Problem {
     fn from(refusal: NotEvaluated) -> Self {
         const JOB: &str = "Submit a job instead: POST /v1/jobs with the same scenario.";
         let milliseconds = LONGEST_EVALUATION.as_millis();
-        match refusal {
-            NotEvaluated::TooLong(estimate) => {
-                let seconds = estimate.as_secs_f64();
-                let detail = format!(
-                    "The run would take about {seconds:.2} s, but an evaluation may take {milliseconds} ms. {JOB}"
-                );
-                Self::new(&kinds::TOO_EXPENSIVE, detail)
-            }
-            NotEvaluated::TooLarge(bytes) => {
-                let detail = format!(
-                    "The answer would have about {:.1} MB, but that of an evaluation may have {:.1} MB. Request \
-                     fewer `parts`, or profiles at fewer output cycles (`profiles_at`). {JOB}",
-                    bytes as f64 / 1e6,
-                    LARGEST_EVALUATION as f64 / 1e6,
-                );
-                Self::new(&kinds::TOO_EXPENSIVE, detail)
-            }
-            NotEvaluated::Stopped => {
-                let detail = format!(
-                    "The run was estimated to take less than {milliseconds} ms, but it took much longer and was \
-                     stopped. {JOB}"
-                );
-                Self::new(&kinds::TOO_EXPENSIVE, detail)
-            }
+        let detail = match refusal {
+            NotEvaluated::TooLong(estimate) => format!(
+                "The run would take about {:.2} s, but an evaluation may take {milliseconds} ms. {JOB}",
+                estimate.as_secs_f64()
+            ),
+            NotEvaluated::TooLarge(bytes) => format!(
+                "The answer would have about {:.1} MB, but that of an evaluation may have {:.1} MB. Request \
+                 fewer `parts`, or profiles at fewer output cycles (`profiles_at`). {JOB}",
+                bytes as f64 / 1e6,
+                LARGEST_EVALUATION as f64 / 1e6,
+            ),
+            NotEvaluated::Stopped => format!(
+                "The run was estimated to take less than {milliseconds} ms, but it took much longer and was \
+                 stopped. {JOB}"
+            ),
             NotEvaluated::Busy => {
                 let detail = "Other evaluations take all workers. Try again in a second.";
-                Self::new(&kinds::EVALUATIONS_FULL, detail).retry_after(1)
+                return Self::new(&kinds::EVALUATIONS_FULL, detail).retry_after(1);
             }
-            NotEvaluated::Panicked => Self::bug(refusal),
-        }
+            NotEvaluated::Panicked => return Self::bug(refusal),
+        };
+        Self::new(&kinds::TOO_EXPENSIVE, detail)
     }
 }
 
@@ -93,7 +84,7 @@ pub async fn evaluate(
     let evaluation = parse(body, Evaluation::parse).await?;
     let bytes = evaluation.answer_bytes();
     let mut permit = app.shares.answers.hold(&caller.owner, bytes.min(LARGEST_EVALUATION)).await?;
-    let turn = app.shares.evaluation(&caller.owner).await;
+    let turn = app.shares.evaluations.turn(&caller.owner).await;
     let evaluated = app.service.evaluate(evaluation).await?;
     drop(turn);
     let answer = if bytes <= SMALL {
@@ -102,11 +93,7 @@ pub async fn evaluate(
         let written = task::spawn_blocking(move || json::write(&evaluated, bytes));
         written.await.map_err(Problem::bug)?
     };
-    let headers = [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")];
     permit.shrink(answer.len());
-    let mut response = (headers, answer).into_response();
-    if permit.is_held() {
-        response.extensions_mut().insert(Arc::new(permit));
-    }
-    Ok(response)
+    let permit = permit.is_held().then(|| Extension(Arc::new(permit)));
+    Ok((permit, FRESH_JSON, answer).into_response())
 }

@@ -1,6 +1,5 @@
 //! Server-sent events with the progress of a job.
 
-use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::time::Duration;
 
@@ -9,16 +8,16 @@ use axum::http::header::CACHE_CONTROL;
 use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
-use futures_util::stream;
+use futures_util::{Stream, StreamExt as _, stream};
 use serde::Serialize;
+use serde_json::json;
 use tokio::time::sleep;
 
 use super::jobs::{JobAnswer, visible};
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::Problem;
-use crate::http::wire::schemas;
-use crate::http::wire::{NoQuery, Segment, instant};
+use crate::http::wire::{NoQuery, Segment, instant, schemas};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::Changes;
 
@@ -37,12 +36,6 @@ struct Changed {
     /// The job, in the last event only.
     #[serde(skip_serializing_if = "Option::is_none")]
     job: Option<JobAnswer>,
-}
-
-#[derive(Serialize)]
-struct Progress {
-    progress: f64,
-    attempt: u32,
 }
 
 /// Follows a job with server-sent events until it is finished.
@@ -83,15 +76,14 @@ pub async fn follow(
     }
     let changes = app.store.watch(&job.key);
     let Caller { key, .. } = caller;
-    let ready = VecDeque::new();
-    let events = EventStream { app, id, key, changes, seen, progress: -1.0, ready };
-    let events = Sse::new(events.into_events()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE));
+    let follower = Follower { app, id, key, changes, seen, progress: -1.0 };
+    let events = Sse::new(follower.into_events()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE));
     let buffering = HeaderName::from_static("x-accel-buffering");
     Ok(([(CACHE_CONTROL, "no-store"), (buffering, "no")], events).into_response())
 }
 
-/// One stream of events.
-struct EventStream {
+/// What a stream of events needs.
+struct Follower {
     app: App,
     id: JobId,
     /// The id of the caller's key; `None` on a server without keys.
@@ -100,55 +92,51 @@ struct EventStream {
     /// The number of sent changes of state.
     seen: usize,
     progress: f64,
-    ready: VecDeque<Event>,
 }
 
-impl EventStream {
-    fn into_events(self) -> impl futures_util::Stream<Item = Result<Event, Infallible>> {
-        stream::unfold((self, Next::Snapshot), |(mut this, mut next)| async move {
-            loop {
-                if let Some(event) = this.ready.pop_front() {
-                    return Some((Ok(event), (this, next)));
-                }
-                next = this.advance(next).await?;
+impl Follower {
+    /// The job as it is, and then its changes until it is finished.
+    fn into_events(self) -> impl Stream<Item = Result<Event, Infallible>> {
+        let batches = stream::unfold(Some((self, true)), |state| async move {
+            let (mut this, is_first) = state?;
+            if !is_first {
+                this.change().await?;
             }
-        })
+            // After an error the client reconnects and receives the problem.
+            let job = this.app.service.job(None, this.id).await.ok().flatten()?;
+            let is_finished = job.state.is_finished();
+            let events = this.events(job, is_first);
+            Some((stream::iter(events).map(Ok), (!is_finished).then_some((this, false))))
+        });
+        batches.flatten()
     }
 
-    /// Waits for the next change, and puts its events into `ready`. `None` at the end.
-    async fn advance(&mut self, next: Next) -> Option<Next> {
-        match next {
-            Next::Snapshot => {}
-            Next::Change => {
-                let mut changed = false;
-                while !changed {
-                    changed = tokio::select! {
-                        () = self.changes.changed() => true,
-                        () = sleep(KEY_INTERVAL) => false,
-                        // The client reconnects after the restart and continues with `Last-Event-ID`.
-                        () = self.app.service.drained() => return None,
-                    };
-                    // The client reconnects and receives the problem.
-                    if self.app.gate.recheck(self.key.as_deref()).await.is_some() {
-                        return None;
-                    }
-                }
+    /// Waits for the next change. `None` if the stream must end before.
+    async fn change(&mut self) -> Option<()> {
+        let mut changed = false;
+        while !changed {
+            changed = tokio::select! {
+                () = self.changes.changed() => true,
+                () = sleep(KEY_INTERVAL) => false,
+                // The client reconnects after the restart and continues with `Last-Event-ID`.
+                () = self.app.service.drained() => return None,
+            };
+            // The client reconnects and receives the problem.
+            if self.app.gate.recheck(self.key.as_deref()).await.is_some() {
+                return None;
             }
-            Next::End => return None,
         }
-        // After an error the client reconnects and receives the problem.
-        let job = self.app.service.job(None, self.id).await.ok().flatten()?;
-        let finished = job.state.is_finished();
-        self.push_events(job, matches!(next, Next::Snapshot));
-        Some(if finished { Next::End } else { Next::Change })
+        Some(())
     }
 
-    fn push_events(&mut self, job: Job, first: bool) {
+    /// The events that tell what has changed.
+    fn events(&mut self, job: Job, is_first: bool) -> Vec<Event> {
+        let mut events = Vec::new();
         let Job { state, attempt, progress, .. } = job;
         let new = job.changes[self.seen.min(job.changes.len())..].to_vec();
         let answer = JobAnswer::from(job);
-        if first {
-            self.ready.extend(Event::default().event("snapshot").json_data(&answer));
+        if is_first {
+            events.extend(Event::default().event("snapshot").json_data(&answer));
         }
         let mut answer = Some(answer);
         for change in new {
@@ -157,23 +145,14 @@ impl EventStream {
             let at = instant(change.at);
             let changed = Changed { state: change.state, attempt: change.attempt, at, job };
             let event = Event::default().event("state").id(self.seen.to_string());
-            self.ready.extend(event.json_data(&changed));
+            events.extend(event.json_data(&changed));
         }
         let moved = progress.to_bits() != self.progress.to_bits();
         if state == JobState::Running && moved {
             self.progress = progress;
-            let progress = Progress { progress, attempt };
-            self.ready.extend(Event::default().event("progress").json_data(&progress));
+            let progress = json!({"progress": progress, "attempt": attempt});
+            events.extend(Event::default().event("progress").json_data(&progress));
         }
+        events
     }
-}
-
-/// What a stream sends next.
-enum Next {
-    /// The job as it is.
-    Snapshot,
-    /// The next change of the job.
-    Change,
-    /// Nothing: the job is finished.
-    End,
 }

@@ -14,8 +14,8 @@ use crate::http::api::parameters::OfJobs;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, kinds};
 use crate::http::wire::include::Include;
-use crate::http::wire::schemas;
-use crate::http::wire::{NoQuery, Query, Segment};
+use crate::http::wire::paging::{limit, next_page};
+use crate::http::wire::{NoQuery, Query, Segment, schemas};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::{Canceled, Deleted, Filter};
 
@@ -23,11 +23,6 @@ use answer::answer;
 
 pub use answer::JobAnswer;
 pub use submission::{__path_submit, submit};
-
-/// Default number of jobs on a page.
-const PAGE: u32 = 50;
-/// Largest number of jobs on a page.
-const LONGEST_PAGE: u32 = 200;
 
 /// A page of jobs, the newest first.
 #[derive(Debug, Serialize, ToSchema)]
@@ -77,14 +72,11 @@ pub async fn list(
     mut query: Query,
 ) -> Result<Response, Problem> {
     let filter = read_filter(&mut query, &caller);
-    let limit = query.value("limit", format_args!("a number from 1 to {LONGEST_PAGE}"), |text| {
-        text.parse().ok().filter(|limit| (1..=LONGEST_PAGE).contains(limit))
-    });
+    let limit = limit(&mut query, 50, 200);
     let cursor = query.value("cursor", "the id of a job", |text| text.parse().ok());
     query.finish()?;
-    let page = app.service.jobs(caller.reach(), filter, cursor, limit.unwrap_or(PAGE)).await?;
-    let next = page.next.map(|cursor| next_page(&uri, cursor));
-    let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
+    let page = app.service.jobs(caller.reach(), filter, cursor, limit).await?;
+    let (next, link) = next_page(&uri, page.next);
     let jobs = page.jobs.into_iter().map(JobAnswer::from).collect();
     Ok((link, axum::Json(JobList { jobs, next })).into_response())
 }
@@ -104,17 +96,6 @@ fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
         key: query.value("key", key, |text| text.parse().ok()),
         owner: query.value("owner", whose, |text| caller.owner_named(text)),
     }
-}
-
-/// The address of the request, with another cursor.
-pub(super) fn next_page(uri: &Uri, cursor: impl std::fmt::Display) -> String {
-    let query = uri.query().unwrap_or_default().as_bytes();
-    let rest = form_urlencoded::parse(query).filter(|(name, _)| name != "cursor");
-    let query = form_urlencoded::Serializer::new(String::new())
-        .extend_pairs(rest)
-        .append_pair("cursor", &cursor.to_string())
-        .finish();
-    format!("{}?{query}", uri.path())
 }
 
 /// Shows a job.

@@ -1,31 +1,25 @@
 //! The library of results: search, provenance, notes, deletion.
 
 use axum::extract::State;
-use axum::http::{StatusCode, Uri, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::{StatusCode, Uri};
+use axum::response::Response;
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
-use super::jobs::next_page;
 use crate::http::access::caller::{Caller, ME};
 use crate::http::answer::stored::require;
 use crate::http::api::parameters::{Conditions, ResultKey, SearchTable};
 use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
-use crate::http::wire::schemas;
-use crate::http::wire::{NoQuery, Query, Segment, instant, read_key};
-use fretwork_engine::request::fault::{Fault, Faults};
+use crate::http::wire::paging::{fresh_page, limit, next_page};
+use crate::http::wire::{Fresh, NoQuery, Query, Segment, instant, read_key, schemas};
+use fretwork_engine::request::fault::Faults;
 use fretwork_job::{Key, SCALARS, Verified};
 use fretwork_json::read_body;
 use fretwork_store::{self as store, Changed, Listed, Removed, Search};
-
-/// Default number of results on a page.
-const PAGE: u32 = 50;
-/// Largest number of results on a page.
-const LONGEST_PAGE: u32 = 1000;
 
 /// What a user wrote about a result.
 #[derive(Debug, Serialize, ToSchema)]
@@ -147,20 +141,15 @@ pub async fn list(
             query.complain(name, fault);
         }
     }
-    let limit = query.value("limit", format_args!("a number from 1 to {LONGEST_PAGE}"), |text| {
-        text.parse().ok().filter(|limit| (1..=LONGEST_PAGE).contains(limit))
-    });
+    let limit = limit(&mut query, 50, 1000);
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;
-    let _turn = app.shares.turn(&caller.owner).await;
-    let found = app.store.search(&search, cursor, limit.unwrap_or(PAGE)).await?;
-    let next = found.next.map(|cursor| next_page(&uri, cursor));
-    let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
+    let _turn = app.shares.heavy.turn(&caller.owner).await;
+    let found = app.store.search(&search, cursor, limit).await?;
+    let (next, link) = next_page(&uri, found.next);
     let results = found.results.into_iter().map(ResultEntry::from).collect();
     let units = SCALARS.iter().map(|scalar| (scalar.name.to_owned(), json!(scalar.unit())));
-    let fresh = [(header::CACHE_CONTROL, "no-store")];
-    Ok((link, fresh, axum::Json(ResultList { results, units: units.collect(), next }))
-        .into_response())
+    Ok(fresh_page(link, ResultList { results, units: units.collect(), next }))
 }
 
 /// Who computed a result, when, and with which program. Values that the server does not know are null.
@@ -333,11 +322,10 @@ pub async fn provenance(
     State(app): State<App>,
     Segment(key): Segment,
     _: NoQuery,
-) -> Result<Response, Problem> {
+) -> Result<Fresh<Provenance>, Problem> {
     let key = read_key(&key)?;
     let known = app.store.provenance(&key).await?.ok_or_else(unknown)?;
-    let fresh = [(header::CACHE_CONTROL, "no-store")];
-    Ok((fresh, axum::Json(Provenance::of(key, known))).into_response())
+    Ok(Fresh(Provenance::of(key, known)))
 }
 
 /// The warnings of the submission that computed a result.
@@ -362,10 +350,9 @@ pub async fn warnings(
     State(app): State<App>,
     Segment(key): Segment,
     _: NoQuery,
-) -> Result<Response, Problem> {
+) -> Result<Fresh<SubmissionWarnings>, Problem> {
     let known = app.store.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?;
-    let fresh = [(header::CACHE_CONTROL, "no-store")];
-    Ok((fresh, axum::Json(SubmissionWarnings { warnings: known.warnings })).into_response())
+    Ok(Fresh(SubmissionWarnings { warnings: known.warnings }))
 }
 
 /// A note to be written.
@@ -380,7 +367,7 @@ pub struct NoteBody {
 pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
     let read =
         |value: Value| T::deserialize_from_value(value.into_value(), ValuePointerRef::Origin);
-    Ok(read_body(&body.0, read)?)
+    Ok(read_body(&body.0.bytes, read)?)
 }
 
 /// Answers a change of a note.
@@ -414,7 +401,7 @@ pub async fn note(
     let key = read_key(&key)?;
     let NoteBody { text } = read(&body)?;
     if let Some(detail) = store::Note::fault(&text) {
-        return Err(Problem::faults(vec![Fault { pointer: "/text".to_owned(), detail }]));
+        return Err(Problem::from(Faults::one("/text", detail)));
     }
     annotated(app.store.annotate(&key, Some(text), caller.editor()).await?)
 }

@@ -2,10 +2,8 @@
 
 use std::time::Duration;
 
-use axum::Json;
 use axum::extract::State;
-use axum::http::{StatusCode, header};
-use axum::response::{IntoResponse, Response};
+use axum::http::StatusCode;
 use serde::Serialize;
 use utoipa::ToSchema;
 
@@ -15,7 +13,7 @@ use crate::http::answer::stored::require;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::Problem;
-use crate::http::wire::{Query, Segment, read_key};
+use crate::http::wire::{Fresh, Query, Segment, read_key};
 
 /// Default lifetime of a link.
 const DEFAULT_LIFETIME: Duration = Duration::from_hours(7 * 24);
@@ -53,7 +51,7 @@ pub async fn share(
     caller: Caller,
     Segment(key): Segment,
     mut query: Query,
-) -> Result<Response, Problem> {
+) -> Result<(StatusCode, Fresh<SharedLink>), Problem> {
     let accepted = "a time from 1s to 366d, for example 12h, 7d or 6months";
     let time = query.value("expires_in", accepted, |text| {
         let time = humantime::parse_duration(text).ok()?;
@@ -71,6 +69,5 @@ pub async fn share(
         url: format!("/v1/results/{key}?link={token}"),
         expires: signed_link::expiry(expires),
     };
-    let private = [(header::CACHE_CONTROL, "no-store")];
-    Ok((StatusCode::CREATED, private, Json(link)).into_response())
+    Ok((StatusCode::CREATED, Fresh(link)))
 }

@@ -1,17 +1,13 @@
 //! The caller, as the server sees it.
 
-use axum::Json;
 use axum::extract::State;
-use axum::http::header;
-use axum::response::IntoResponse;
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::Problem;
-use crate::http::wire::NoQuery;
-use crate::http::wire::schemas;
+use crate::http::wire::{Fresh, NoQuery, schemas};
 
 /// The caller, with its limits and their use.
 #[derive(Debug, Serialize, ToSchema)]
@@ -67,11 +63,7 @@ struct CallerUsage {
 #[utoipa::path(get, path = "/v1/me", operation_id = "me", tag = "system", responses(
     (status = 200, description = "The caller.", body = Me),
 ))]
-pub async fn me(
-    State(app): State<App>,
-    caller: Caller,
-    _: NoQuery,
-) -> Result<impl IntoResponse, Problem> {
+pub async fn me(State(app): State<App>, caller: Caller, _: NoQuery) -> Result<Fresh<Me>, Problem> {
     let (jobs_queued, jobs_running) = app.store.unfinished(&caller.owner).await?;
     let limits = app.gate.limits_of(caller.key.as_deref()).await?;
     let me = Me {
@@ -89,5 +81,5 @@ pub async fn me(
             jobs_running,
         },
     };
-    Ok(([(header::CACHE_CONTROL, "no-store")], Json(me)))
+    Ok(Fresh(me))
 }

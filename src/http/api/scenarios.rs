@@ -13,8 +13,7 @@ use utoipa::ToSchema;
 use crate::http::app::App;
 use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
-use crate::http::wire::schemas;
-use crate::http::wire::{NoQuery, Segment};
+use crate::http::wire::{NoQuery, Segment, schemas};
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
 use fretwork_job::{Canonical, Key, Prepared, Submission, Task};
@@ -30,30 +29,27 @@ pub struct Example {
     pub body: &'static str,
 }
 
+macro_rules! examples {
+    ($($name:literal),*) => {
+        &[$(Example {
+            name: $name,
+            body: include_str!(concat!("../../../examples/", $name, ".json")),
+        }),*]
+    };
+}
+
 /// The job bodies in `examples/`. The program prints the first one when it starts.
-pub static EXAMPLES: &[Example] = &[
-    Example { name: "steel-ball", body: include_str!("../../../examples/steel-ball.json") },
-    Example {
-        name: "steel-ball-simplified",
-        body: include_str!("../../../examples/steel-ball-simplified.json"),
-    },
-    Example { name: "flat-on-rig", body: include_str!("../../../examples/flat-on-rig.json") },
-    Example {
-        name: "amplitude-blocks",
-        body: include_str!("../../../examples/amplitude-blocks.json"),
-    },
-    Example {
-        name: "held-tangential-force",
-        body: include_str!("../../../examples/held-tangential-force.json"),
-    },
-    Example {
-        name: "displacement-record",
-        body: include_str!("../../../examples/displacement-record.json"),
-    },
-    Example { name: "measured-tip", body: include_str!("../../../examples/measured-tip.json") },
-    Example { name: "paper-figure-3", body: include_str!("../../../examples/paper-figure-3.json") },
-    Example { name: "paper-figure-4", body: include_str!("../../../examples/paper-figure-4.json") },
-];
+pub static EXAMPLES: &[Example] = examples!(
+    "steel-ball",
+    "steel-ball-simplified",
+    "flat-on-rig",
+    "amplitude-blocks",
+    "held-tangential-force",
+    "displacement-record",
+    "measured-tip",
+    "paper-figure-3",
+    "paper-figure-4"
+);
 
 impl From<BadBody> for Problem {
     fn from(bad: BadBody) -> Self {
@@ -79,13 +75,13 @@ fn can_be_study(text: &[u8]) -> bool {
 
 /// Parses a body with a scenario. A large one, with up to 10 000 rows, is parsed on a blocking thread, and so is a study.
 pub(super) async fn parse<T: Send + 'static>(
-    body: Body,
+    Body(body): Body,
     parse: fn(&[u8]) -> Result<T, BadBody>,
 ) -> Result<T, Problem> {
-    if body.0.len() <= SMALL && !can_be_study(&body.0) {
-        return Ok(parse(&body.0)?);
+    if body.bytes.len() <= SMALL && !can_be_study(&body.bytes) {
+        return Ok(parse(&body.bytes)?);
     }
-    let parsed = task::spawn_blocking(move || parse(&body.0));
+    let parsed = task::spawn_blocking(move || parse(&body.bytes));
     Ok(parsed.await.map_err(Problem::bug)??)
 }
 
@@ -197,31 +193,16 @@ pub async fn check(
             // The limiting state takes a few milliseconds to compute.
             let computed = task::spawn_blocking(move || (Preview::of(&run.1), run.0.clone()));
             let (preview, scenario) = computed.await.map_err(Problem::bug)?;
-            Checked::Run(Box::new(CheckedRun {
-                key,
-                cached,
-                scenario,
-                preview,
-                warnings,
-                excess,
-                links,
-            }))
+            let run = CheckedRun { key, cached, scenario, preview, warnings, excess, links };
+            Checked::Run(Box::new(run))
         }
         Task::Study(study) => {
             let units = study.units();
             let columns = study.columns().into_iter().map(|column| column.name).collect();
             let (points, seconds, answer_bytes) = (study.points(), study.seconds(), study.bytes());
             let cost = StudyCost { points, seconds, answer_bytes };
-            Checked::Study(Box::new(CheckedStudy {
-                key,
-                cached,
-                asked,
-                columns,
-                units,
-                cost,
-                excess,
-                links,
-            }))
+            let study = CheckedStudy { key, cached, asked, columns, units, cost, excess, links };
+            Checked::Study(Box::new(study))
         }
     }))
 }

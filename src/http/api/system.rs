@@ -9,6 +9,7 @@ use axum::http::HeaderMap;
 use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, VARY};
 use axum::response::{Html, IntoResponse, Response};
 use serde::Serialize;
+use tokio::time::timeout;
 use utoipa::ToSchema;
 
 use crate::http::app::App;
@@ -74,15 +75,10 @@ pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>
         app.check_storage().await?;
         app.store.longest_wait().await
     };
-    let wait = match tokio::time::timeout(TIMEOUT, check).await {
-        Ok(Ok(wait)) => wait,
-        Ok(Err(error)) => {
-            return Err(
-                unready(&format!("The server cannot store jobs: {error}.")).caused_by(&error)
-            );
-        }
-        Err(_) => return Err(unready("The database does not answer.")),
-    };
+    let wait = timeout(TIMEOUT, check).await;
+    let wait = wait.map_err(|_| unready("The database does not answer."))?.map_err(|error| {
+        unready(&format!("The server cannot store jobs: {error}.")).caused_by(&error)
+    })?;
     let tally = app.store.tally();
     let (queued, running) = (tally.queued(), tally.running());
     if running == 0 && wait > STUCK {
@@ -192,10 +188,11 @@ pub async fn metrics(
     _: NoQuery,
 ) -> Result<Response, Problem> {
     // If the database does not answer, the other metrics must still be available.
-    let read = async { (app.store.longest_wait().await, app.store.last_backup().await) };
-    let read = tokio::time::timeout(Duration::from_secs(2), read).await.ok();
-    let (longest_wait, last_backup) =
-        read.map_or((None, None), |(wait, backup)| (wait.ok(), backup.ok().flatten()));
+    let read = async {
+        (app.store.longest_wait().await.ok(), app.store.last_backup().await.ok().flatten())
+    };
+    let read = timeout(Duration::from_secs(2), read).await;
+    let (longest_wait, last_backup) = read.unwrap_or_default();
     // A network disk can block.
     let store = app.store.clone();
     let disk = tokio::task::spawn_blocking(move || (store.free_bytes(), store.file_sizes()));
@@ -258,10 +255,8 @@ pub async fn docs(Segment(path): Segment) -> Result<Response, Problem> {
     let file = utoipa_swagger_ui::serve(&path, CONFIG.clone())
         .map_err(|error| Problem::internal().caused_by(&*error))?;
     let file = file.ok_or_else(|| {
-        Problem::new(
-            &kinds::NOT_FOUND,
-            "The documentation does not have this page; start at /docs/.",
-        )
+        let detail = "The documentation does not have this page; start at /docs/.";
+        Problem::new(&kinds::NOT_FOUND, detail)
     })?;
     let headers = [
         (CONTENT_TYPE, file.content_type.as_str()),

@@ -7,158 +7,91 @@
 //! # Sources
 //! - L. Seelinger et al., J. Open Source Softw. 8 (2023) 4748; protocol: <https://um-bridge-benchmarks.readthedocs.io>.
 
-use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use axum::extract::State;
-use axum::http::StatusCode;
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::extract::{FromRequest, Request};
+use axum::http::{Method, StatusCode};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{MethodRouter, post};
+use axum::routing::{MethodRouter, get, post};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use serde_json::value::RawValue;
 
-use crate::http::access::caller::Caller;
+use crate::http::access::caller::owner_of;
 use crate::http::access::needs::Needs;
 use crate::http::app::App;
+use crate::http::problem::kinds::Kind;
 use crate::http::problem::{self, Problem};
-use crate::http::transport::body::AnyBody;
+use crate::http::shares::Turn;
+use crate::http::transport::body::{AnyBody, Counted};
+use crate::http::wire::FRESH_JSON;
 use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
 use fretwork_engine::request::fault::Faults;
 use fretwork_json::{self as json, BadBody};
-use fretwork_study::{Jacobian, Model, Output};
+use fretwork_study::{Entry, Jacobian, Model, Output};
 
 /// The name of the model.
 const NAME: &str = "wear";
-/// The address of the list of models.
-pub const INFO: &str = "/Info";
 /// Largest scenario that is prepared on the async thread, in bytes of memory.
 const SMALL: usize = 1 << 14;
 /// Most faults in a message.
 const LISTED: usize = 5;
 
-/// A route besides [`INFO`].
-#[derive(Debug)]
-pub struct Route {
-    pub path: &'static str,
-    pub needs: Needs,
-    pub handler: fn() -> MethodRouter<App>,
-}
+/// A route: its path, its method, what it requires, and its handler.
+type Route = (&'static str, Method, Needs, fn() -> MethodRouter<App>);
 
-macro_rules! routes {
-    ($($path:literal $needs:ident $handler:ident)+) => {
-        &[$(Route { path: $path, needs: Needs::$needs, handler: || post($handler) }),+]
-    };
-}
-
-/// The other routes. All have the method POST.
-pub static ROUTES: &[Route] = routes! {
-    "/ModelInfo" READ model_info
-    "/InputSizes" READ input_sizes
-    "/OutputSizes" READ output_sizes
-    "/Evaluate" EVALUATE evaluate
-    "/Gradient" EVALUATE gradient
-    "/ApplyJacobian" EVALUATE apply_jacobian
-    "/ApplyHessian" EVALUATE apply_hessian
-};
+/// All routes.
+pub static ROUTES: [Route; 8] = [
+    ("/Info", Method::GET, Needs::READ, || get(info)),
+    ("/ModelInfo", Method::POST, Needs::READ, || post(model_info)),
+    ("/InputSizes", Method::POST, Needs::READ, || post(input_sizes)),
+    ("/OutputSizes", Method::POST, Needs::READ, || post(output_sizes)),
+    ("/Evaluate", Method::POST, Needs::EVALUATE, || post(evaluate)),
+    ("/Gradient", Method::POST, Needs::EVALUATE, || post(gradient)),
+    ("/ApplyJacobian", Method::POST, Needs::EVALUATE, || post(apply_jacobian)),
+    ("/ApplyHessian", Method::POST, Needs::EVALUATE, || post(apply_hessian)),
+];
 
 /// Whether a route belongs to UM-Bridge.
 pub fn has_route(route: &str) -> bool {
-    route == INFO || ROUTES.iter().any(|known| known.path == route)
+    ROUTES.iter().any(|(path, ..)| *path == route)
 }
 
-/// An error of the protocol.
-#[derive(Debug, Clone)]
-pub struct Error {
-    status: StatusCode,
-    kind: &'static str,
-    message: String,
+/// A type of errors that only the protocol has. It has no page.
+const fn kind(slug: &'static str, status: StatusCode) -> Kind {
+    Kind { slug, status, title: "", meaning: "", remedy: "" }
 }
 
-/// Why a request is refused: by an error of the protocol, or by one that all routes of the server have.
-#[derive(Debug)]
-pub enum Refusal {
-    /// An error of the protocol.
-    Own(Box<Error>),
-    /// An error of the server.
-    Shared(Box<Problem>),
+static INVALID_INPUT: Kind = kind("InvalidInput", StatusCode::BAD_REQUEST);
+static INVALID_OUTPUT: Kind = kind("InvalidOutput", StatusCode::INTERNAL_SERVER_ERROR);
+static MODEL_NOT_FOUND: Kind = kind("ModelNotFound", StatusCode::BAD_REQUEST);
+static UNSUPPORTED_FEATURE: Kind = kind("UnsupportedFeature", StatusCode::BAD_REQUEST);
+
+fn bad_input(message: impl Into<String>) -> Problem {
+    Problem::new(&INVALID_INPUT, message)
 }
 
-impl Refusal {
-    fn new(status: StatusCode, kind: &'static str, message: impl Into<String>) -> Self {
-        Self::Own(Box::new(Error { status, kind, message: message.into() }))
-    }
-
-    fn input(message: impl Into<String>) -> Self {
-        Self::new(StatusCode::BAD_REQUEST, "InvalidInput", message)
-    }
-
-    fn output(message: impl Into<String>) -> Self {
-        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "InvalidOutput", message)
-    }
-
-    /// The faults of a part of the request.
-    fn faults(part: &str, faults: &Faults) -> Self {
-        let mut message = String::new();
-        for fault in faults.0.iter().take(LISTED) {
-            let _ =
-                write!(message, "{part}{} {}. ", fault.pointer, fault.detail.trim_end_matches('.'));
-        }
-        if faults.0.len() > LISTED {
-            let _ = write!(message, "There are {} more faults.", faults.0.len() - LISTED);
-        }
-        Self::input(message.trim_end())
-    }
+fn missing(name: &str) -> Problem {
+    bad_input(format!("`{name}` is missing."))
 }
 
-impl From<Problem> for Refusal {
-    fn from(problem: Problem) -> Self {
-        Self::Shared(Box::new(problem))
+/// The problem for faults of a part of the request.
+fn faulty(part: &str, faults: &Faults) -> Problem {
+    let mut message = String::new();
+    for fault in faults.0.iter().take(LISTED) {
+        let _ = write!(message, "{part}{} {}. ", fault.pointer, fault.detail.trim_end_matches('.'));
     }
-}
-
-impl From<Unable> for Refusal {
-    fn from(unable: Unable) -> Self {
-        let most = LONGEST_CALL.as_secs();
-        let advice = "Use fewer output cycles or a larger `tolerance`.";
-        match unable {
-            Unable::TooLong(estimate) => Self::input(format!(
-                "The computation would take about {:.0} s, but a call may take {most} s. {advice}",
-                estimate.as_secs_f64()
-            )),
-            Unable::Stopped => Self::input(format!(
-                "The computation was estimated to take less than {most} s. It was stopped after {} s. {advice}",
-                MAX_CALL.as_secs()
-            )),
-            Unable::Panicked => Problem::bug(unable).into(),
-        }
+    if faults.0.len() > LISTED {
+        let _ = write!(message, "There are {} more faults.", faults.0.len() - LISTED);
     }
-}
-
-impl IntoResponse for Refusal {
-    fn into_response(self) -> Response {
-        match self {
-            Self::Own(error) => {
-                let mut response = error.status.into_response();
-                response.extensions_mut().insert(*error);
-                response
-            }
-            Self::Shared(problem) => problem.into_response(),
-        }
-    }
+    bad_input(message.trim_end())
 }
 
 /// Writes the error of a response in the form of the protocol.
 pub fn write(mut response: Response) -> Response {
-    let (kind, message) = match response.extensions_mut().remove::<Error>() {
-        Some(Error { kind, message, .. }) => (kind, message),
-        None => match problem::taken(&mut response) {
-            Some(problem) => problem.in_words(),
-            None => return response,
-        },
-    };
+    let Some(problem) = problem::taken(&mut response) else { return response };
+    let (kind, message) = problem.in_words();
     let document = json!({"error": {"type": kind, "message": message}});
     problem::with_error(response, "application/json", &document)
 }
@@ -166,11 +99,9 @@ pub fn write(mut response: Response) -> Response {
 /// The members of all requests. Others are ignored.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-struct Call<'a> {
-    #[serde(borrow)]
-    name: Option<Cow<'a, str>>,
-    #[serde(borrow)]
-    config: Option<&'a RawValue>,
+struct Call {
+    name: Option<String>,
+    config: Option<Box<RawValue>>,
     input: Option<Vec<Vec<f64>>>,
     out_wrt: Option<i64>,
     in_wrt: Option<i64>,
@@ -178,232 +109,228 @@ struct Call<'a> {
     vec: Option<Vec<f64>>,
 }
 
-impl<'a> Call<'a> {
+impl Call {
     /// Parses a body, and checks the name of the model.
-    fn read(body: &'a [u8]) -> Result<Self, Refusal> {
+    fn read(body: &[u8]) -> Result<Self, Problem> {
         let empty = body.iter().all(u8::is_ascii_whitespace);
         let call: Self = serde_json::from_slice(if empty { b"{}" } else { body })
-            .map_err(|error| Refusal::input(format!("The body cannot be read: {error}.")))?;
+            .map_err(|error| bad_input(format!("The body cannot be read: {error}.")))?;
         match call.name.as_deref() {
             Some(NAME) => Ok(call),
             Some(other) => {
                 let other: String = other.chars().take(60).collect();
                 let message = format!("There is no model \"{other}\". The model is \"{NAME}\".");
-                Err(Refusal::new(StatusCode::BAD_REQUEST, "ModelNotFound", message))
+                Err(Problem::new(&MODEL_NOT_FOUND, message))
             }
             None => Err(missing("name")),
         }
     }
+}
 
+/// A call of the model, and the turn of its caller.
+struct Called {
+    app: App,
+    call: Call,
+    model: Arc<Model>,
+    _turn: Turn,
+    /// Holds the memory of the body, as long as the call has numbers from it.
+    _body: Counted,
+}
+
+impl FromRequest<App> for Called {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
+        let caller = owner_of(request.extensions());
+        let AnyBody(body) = AnyBody::from_request(request, app).await?;
+        let turn = app.shares.evaluations.turn(&caller).await;
+        let mut call = Call::read(&body.bytes)?;
+        let model = model_of(app, call.config.take()).await?;
+        Ok(Self { app: app.clone(), call, model, _turn: turn, _body: body })
+    }
+}
+
+impl Called {
     /// The only input vector.
-    fn point(&mut self, model: &Model) -> Result<Vec<f64>, Refusal> {
-        let input = self.input.take().ok_or_else(|| missing("input"))?;
+    fn point(&mut self) -> Result<Vec<f64>, Problem> {
+        let input = self.call.input.take().ok_or_else(|| missing("input"))?;
         let [point] = <[Vec<f64>; 1]>::try_from(input).map_err(|input| {
-            Refusal::input(format!("`input` must have one vector, not {}.", input.len()))
+            bad_input(format!("`input` must have one vector, not {}.", input.len()))
         })?;
-        let (expected, given) = (model.members().len(), point.len());
+        let (expected, given) = (self.model.members().len(), point.len());
         if given == expected {
             return Ok(point);
         }
-        Err(Refusal::input(format!(
+        Err(bad_input(format!(
             "`input` must have {expected} numbers, not {given}: one for each of the `parameters` of the config."
         )))
     }
 
-    /// Checks that the derivative is that of the only output vector with respect to the only input vector.
-    fn check_vectors(&self) -> Result<(), Refusal> {
-        for (name, given) in [("outWrt", self.out_wrt), ("inWrt", self.in_wrt)] {
-            match given {
-                Some(0) => {}
-                Some(other) => {
-                    let message =
-                        format!("`{name}` must be 0, not {other}: the model has one vector.");
-                    return Err(Refusal::input(message));
-                }
-                None => return Err(missing(name)),
+    /// The only input vector, of a derivative of the only output vector with respect to it.
+    fn point_of_derivative(&mut self) -> Result<Vec<f64>, Problem> {
+        let point = self.point()?;
+        for (name, given) in [("outWrt", self.call.out_wrt), ("inWrt", self.call.in_wrt)] {
+            let given = given.ok_or_else(|| missing(name))?;
+            if given != 0 {
+                let message = format!("`{name}` must be 0, not {given}: the model has one vector.");
+                return Err(bad_input(message));
             }
         }
-        Ok(())
+        Ok(point)
+    }
+
+    /// Prepares a computation, which parses a scenario.
+    async fn prepare<T: Send + 'static>(
+        &self,
+        prepare: impl Fn(&Arc<Model>) -> Result<T, Faults> + Send + 'static,
+    ) -> Result<T, Problem> {
+        let prepared = if self.model.bytes() <= SMALL {
+            prepare(&self.model)
+        } else {
+            let model = Arc::clone(&self.model);
+            compute(&self.app, 1e-3, move || Some(prepare(&model))).await?
+        };
+        prepared.map_err(|faults| faulty("The scenario of this input is not valid: ", &faults))
+    }
+
+    /// A row or a column of the Jacobian, weighted. `place` says to which of the sums an entry is added.
+    async fn weighted(
+        &self,
+        point: Vec<f64>,
+        (by_output, by_member): (Vec<f64>, Vec<f64>),
+        mut sums: Vec<f64>,
+        place: fn(&Entry) -> usize,
+    ) -> Result<Response, Problem> {
+        let is_wanted = by_output.iter().any(|weight| *weight != 0.0);
+        let members = (0..by_member.len()).filter(|place| is_wanted && by_member[*place] != 0.0);
+        let members: Vec<usize> = members.collect();
+        let start = move |model: &Arc<Model>| Jacobian::new(model, &point, members.clone());
+        let mut search = self.prepare(start).await?;
+        let found = compute(&self.app, search.seconds(), move || search.step()).await?;
+        for entry in found.into_iter().filter(|entry| by_output[entry.output] != 0.0) {
+            let (sum, weight) = (place(&entry), by_output[entry.output] * by_member[entry.member]);
+            let derivative = entry.derivative.map_err(|reason| {
+                let output = self.model.outputs()[entry.output].name();
+                let member = &self.model.members()[entry.member].pointer;
+                let message =
+                    format!("{output} has no derivative with respect to {member}: {reason}.");
+                Problem::new(&INVALID_OUTPUT, message)
+            })?;
+            sums[sum] += weight * derivative.value;
+        }
+        if sums.iter().any(|sum| !sum.is_finite()) {
+            let message = "A weighted sum of the derivatives is infinite.";
+            return Err(Problem::new(&INVALID_OUTPUT, message));
+        }
+        Ok(answer(&json!({"output": sums})))
     }
 }
 
-fn missing(name: &str) -> Refusal {
-    Refusal::input(format!("`{name}` is missing."))
-}
-
-fn sized(name: &str, numbers: Option<Vec<f64>>, expected: usize) -> Result<Vec<f64>, Refusal> {
+fn sized(name: &str, numbers: Option<Vec<f64>>, expected: usize) -> Result<Vec<f64>, Problem> {
     let numbers = numbers.ok_or_else(|| missing(name))?;
     if numbers.len() == expected {
         return Ok(numbers);
     }
-    Err(Refusal::input(format!("`{name}` must have {expected} numbers, not {}.", numbers.len())))
+    Err(bad_input(format!("`{name}` must have {expected} numbers, not {}.", numbers.len())))
 }
 
-/// The model of a call.
-async fn model_of(app: &App, call: &Call<'_>) -> Result<Arc<Model>, Refusal> {
-    let config = call.config.map_or("{}", RawValue::get);
-    if let Some(model) = app.models.get(config) {
+/// Computes by `step`, in turns with other calls.
+async fn compute<T: Send + 'static>(
+    app: &App,
+    seconds: f64,
+    step: impl FnMut() -> Option<T> + Send + 'static,
+) -> Result<T, Problem> {
+    let most = LONGEST_CALL.as_secs();
+    let advice = "Use fewer output cycles or a larger `tolerance`.";
+    app.service.compute_in_turns(seconds, step).await.map_err(|unable| match unable {
+        Unable::TooLong(estimate) => bad_input(format!(
+            "The computation would take about {:.0} s, but a call may take {most} s. {advice}",
+            estimate.as_secs_f64()
+        )),
+        Unable::Stopped => bad_input(format!(
+            "The computation was estimated to take less than {most} s. It was stopped after {} s. {advice}",
+            MAX_CALL.as_secs()
+        )),
+        Unable::Panicked => Problem::bug(unable),
+    })
+}
+
+/// The model of a config.
+async fn model_of(app: &App, config: Option<Box<RawValue>>) -> Result<Arc<Model>, Problem> {
+    let text: Box<str> = config.map_or_else(|| "{}".into(), Into::into);
+    if let Some(model) = app.models.get(&*text) {
         return Ok(model);
     }
-    let text = config.to_owned();
-    let read = move || {
-        let read = json::read_body(text.as_bytes(), Model::read);
-        Some(read.map(|model| (text.clone(), Arc::new(model))))
-    };
+    let config = text.clone().into_string();
+    let read = move || Some(json::read_body(text.as_bytes(), Model::read));
     // Its time is not known, but longer than those of runs on the async thread.
-    let (text, model) =
-        app.service.compute_in_turns(1e-3, read).await?.map_err(|bad| match bad {
-            BadBody::Faults(faults) => Refusal::faults("config", &Faults(faults)),
-            BadBody::Json(error) => Refusal::input(format!("`config` cannot be read: {error}.")),
-            BadBody::Empty => missing("config"),
-        })?;
-    app.models.keep(text, Arc::clone(&model));
+    let model = compute(app, 1e-3, read).await?.map_err(|bad| match bad {
+        BadBody::Faults(faults) => faulty("config", &Faults(faults)),
+        BadBody::Json(error) => bad_input(format!("`config` cannot be read: {error}.")),
+        BadBody::Empty => missing("config"),
+    })?;
+    let model = Arc::new(model);
+    app.models.insert(config, Arc::clone(&model));
     Ok(model)
-}
-
-/// Prepares a computation, which parses a scenario.
-async fn prepare<T: Send + 'static>(
-    app: &App,
-    model: &Arc<Model>,
-    prepare: impl Fn(&Arc<Model>) -> Result<T, Faults> + Send + 'static,
-) -> Result<T, Refusal> {
-    let prepared = if model.bytes() <= SMALL {
-        prepare(model)
-    } else {
-        let model = Arc::clone(model);
-        app.service.compute_in_turns(1e-3, move || Some(prepare(&model))).await?
-    };
-    prepared.map_err(|faults| Refusal::faults("The scenario of this input is not valid: ", &faults))
 }
 
 /// An answer. Clients check that it has no other members.
 fn answer(document: &impl Serialize) -> Response {
-    let headers = [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")];
-    (headers, json::write(document, 256)).into_response()
+    (FRESH_JSON, json::write(document, 256)).into_response()
 }
 
 /// Lists the models.
-pub async fn info() -> Response {
+async fn info() -> Response {
     answer(&json!({"protocolVersion": 1.0, "models": [NAME]}))
 }
 
-async fn model_info(AnyBody(body): AnyBody) -> Result<Response, Refusal> {
-    Call::read(&body)?;
+async fn model_info(AnyBody(body): AnyBody) -> Result<Response, Problem> {
+    Call::read(&body.bytes)?;
     Ok(answer(&json!({"support": {
         "Evaluate": true, "Gradient": true, "ApplyJacobian": true, "ApplyHessian": false,
     }})))
 }
 
-async fn input_sizes(
-    State(app): State<App>,
-    caller: Caller,
-    AnyBody(body): AnyBody,
-) -> Result<Response, Refusal> {
-    let _turn = app.shares.evaluation(&caller.owner).await;
-    let model = model_of(&app, &Call::read(&body)?).await?;
-    Ok(answer(&json!({"inputSizes": [model.members().len()]})))
+async fn input_sizes(called: Called) -> Response {
+    answer(&json!({"inputSizes": [called.model.members().len()]}))
 }
 
-async fn output_sizes(
-    State(app): State<App>,
-    caller: Caller,
-    AnyBody(body): AnyBody,
-) -> Result<Response, Refusal> {
-    let _turn = app.shares.evaluation(&caller.owner).await;
-    let model = model_of(&app, &Call::read(&body)?).await?;
-    Ok(answer(&json!({"outputSizes": [model.outputs().len()]})))
+async fn output_sizes(called: Called) -> Response {
+    answer(&json!({"outputSizes": [called.model.outputs().len()]}))
 }
 
-async fn evaluate(
-    State(app): State<App>,
-    caller: Caller,
-    AnyBody(body): AnyBody,
-) -> Result<Response, Refusal> {
-    let mut call = Call::read(&body)?;
-    let _turn = app.shares.evaluation(&caller.owner).await;
-    let model = model_of(&app, &call).await?;
-    let point = call.point(&model)?;
-    let mut run = prepare(&app, &model, move |model| model.run(&point)).await?;
-    let (seconds, of) = (run.seconds(), Arc::clone(&model));
-    let values = move || run.step().map(|ended| of.values(&ended));
-    let found = app.service.compute_in_turns(seconds, values).await?;
+async fn evaluate(mut called: Called) -> Result<Response, Problem> {
+    let point = called.point()?;
+    let mut run = called.prepare(move |model| model.run(&point)).await?;
+    let (seconds, model) = (run.seconds(), Arc::clone(&called.model));
+    let values = move || run.step().map(|ended| model.values(&ended));
+    let found = compute(&called.app, seconds, values).await?;
     let value = |(value, output): (Result<f64, _>, &Output)| {
-        value
-            .map_err(|reason| Refusal::output(format!("{} has no value: {reason}.", output.name())))
+        let message = |reason| format!("{} has no value: {reason}.", output.name());
+        value.map_err(|reason| Problem::new(&INVALID_OUTPUT, message(reason)))
     };
     let output: Result<Vec<f64>, _> =
-        found.values.into_iter().zip(model.outputs()).map(value).collect();
+        found.values.into_iter().zip(called.model.outputs()).map(value).collect();
     Ok(answer(&json!({"output": [output?]})))
 }
 
-/// A row or a column of the Jacobian, weighted.
-async fn weighted(
-    app: &App,
-    model: &Arc<Model>,
-    point: Vec<f64>,
-    (by_output, by_member): (Vec<f64>, Vec<f64>),
-    add: impl Fn(&mut [f64], usize, usize, f64),
-    size: usize,
-) -> Result<Response, Refusal> {
-    let is_wanted = by_output.iter().any(|weight| *weight != 0.0);
-    let members = (0..by_member.len()).filter(|place| is_wanted && by_member[*place] != 0.0);
-    let members: Vec<usize> = members.collect();
-    let start = move |model: &Arc<Model>| Jacobian::new(model, &point, members.clone());
-    let mut search = prepare(app, model, start).await?;
-    let found = app.service.compute_in_turns(search.seconds(), move || search.step()).await?;
-    let mut sums = vec![0.0; size];
-    for entry in found.into_iter().filter(|entry| by_output[entry.output] != 0.0) {
-        let derivative = entry.derivative.map_err(|reason| {
-            let output = model.outputs()[entry.output].name();
-            let member = &model.members()[entry.member].pointer;
-            Refusal::output(format!(
-                "{output} has no derivative with respect to {member}: {reason}."
-            ))
-        })?;
-        let weight = by_output[entry.output] * by_member[entry.member];
-        add(&mut sums, entry.output, entry.member, weight * derivative.value);
-    }
-    if sums.iter().any(|sum| !sum.is_finite()) {
-        return Err(Refusal::output("A weighted sum of the derivatives is infinite.".to_owned()));
-    }
-    Ok(answer(&json!({"output": sums})))
+async fn gradient(mut called: Called) -> Result<Response, Problem> {
+    let point = called.point_of_derivative()?;
+    let sens = sized("sens", called.call.sens.take(), called.model.outputs().len())?;
+    let (weights, sums) = ((sens, vec![1.0; point.len()]), vec![0.0; point.len()]);
+    called.weighted(point, weights, sums, |entry| entry.member).await
 }
 
-async fn gradient(
-    State(app): State<App>,
-    caller: Caller,
-    AnyBody(body): AnyBody,
-) -> Result<Response, Refusal> {
-    let mut call = Call::read(&body)?;
-    let _turn = app.shares.evaluation(&caller.owner).await;
-    let model = model_of(&app, &call).await?;
-    let point = call.point(&model)?;
-    call.check_vectors()?;
-    let sens = sized("sens", call.sens.take(), model.outputs().len())?;
-    let inputs = point.len();
-    let weights = (sens, vec![1.0; inputs]);
-    let add = |sums: &mut [f64], _, member: usize, part| sums[member] += part;
-    weighted(&app, &model, point, weights, add, inputs).await
+async fn apply_jacobian(mut called: Called) -> Result<Response, Problem> {
+    let point = called.point_of_derivative()?;
+    let vec = sized("vec", called.call.vec.take(), point.len())?;
+    let outputs = called.model.outputs().len();
+    let (weights, sums) = ((vec![1.0; outputs], vec), vec![0.0; outputs]);
+    called.weighted(point, weights, sums, |entry| entry.output).await
 }
 
-async fn apply_jacobian(
-    State(app): State<App>,
-    caller: Caller,
-    AnyBody(body): AnyBody,
-) -> Result<Response, Refusal> {
-    let mut call = Call::read(&body)?;
-    let _turn = app.shares.evaluation(&caller.owner).await;
-    let model = model_of(&app, &call).await?;
-    let point = call.point(&model)?;
-    call.check_vectors()?;
-    let vec = sized("vec", call.vec.take(), point.len())?;
-    let outputs = model.outputs().len();
-    let add = |sums: &mut [f64], output: usize, _, part| sums[output] += part;
-    weighted(&app, &model, point, (vec![1.0; outputs], vec), add, outputs).await
-}
-
-async fn apply_hessian(AnyBody(body): AnyBody) -> Result<Response, Refusal> {
-    Call::read(&body)?;
+async fn apply_hessian(AnyBody(body): AnyBody) -> Result<Response, Problem> {
+    Call::read(&body.bytes)?;
     let message = "The model has no Hessian. Use differences of its gradient.";
-    Err(Refusal::new(StatusCode::BAD_REQUEST, "UnsupportedFeature", message))
+    Err(Problem::new(&UNSUPPORTED_FEATURE, message))
 }

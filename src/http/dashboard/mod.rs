@@ -10,7 +10,7 @@ use axum::http::header::{
 };
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::http::answer::representation::held;
@@ -18,7 +18,7 @@ use crate::http::problem::{Problem, kinds};
 use crate::http::wire::coding::Coding;
 use crate::http::wire::{NoQuery, Segment};
 
-use fretwork_engine::outcome::QUANTITIES;
+use fretwork_engine::outcome::{QUANTITIES, Quantity};
 use fretwork_study::Kind;
 
 /// A file: its name under `/assets/`, its media type and its content.
@@ -51,17 +51,15 @@ struct Asset {
     name: &'static str,
     media_type: &'static str,
     tag: String,
-    /// The coding that the client accepts, the body, and the coding of that body.
-    bodies: [(Coding, Bytes, Coding); 3],
+    /// For each coding that a client can accept, the body and its coding.
+    bodies: [(Bytes, Coding); Coding::ALL.len()],
 }
 
 impl Asset {
     fn new(name: &'static str, media_type: &'static str, bytes: &[u8]) -> Self {
-        let bodies = [Coding::Identity, Coding::Gzip, Coding::Zstd].map(|accepted| {
-            #[expect(clippy::expect_used, reason = "writing to memory cannot fail")]
-            let (body, used) = accepted.encode(bytes).expect("compresses a file in memory");
-            (accepted, body, used)
-        });
+        #[expect(clippy::expect_used, reason = "writing to memory cannot fail")]
+        let encode = |coding: Coding| coding.encode(bytes).expect("compresses a file in memory");
+        let bodies = Coding::ALL.map(encode);
         Self { name, media_type, tag: format!("\"{:016x}\"", xxh3_64(bytes)), bodies }
     }
 }
@@ -74,16 +72,11 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
 
 /// The script with the words that follow from the tables of the program.
 fn words() -> String {
-    let kinds: Map<_, _> =
-        Kind::ALL.into_iter().map(|kind| (kind.name.to_owned(), json!(kind))).collect();
-    let names: Map<_, _> = QUANTITIES
-        .iter()
-        .map(|quantity| (quantity.name.to_owned(), json!(quantity.words)))
-        .collect();
+    let kinds: Value = Kind::ALL.into_iter().map(|kind| (kind.name, json!(kind))).collect();
+    let words = |quantity: &Quantity| (quantity.name, json!(quantity.words));
+    let names: Value = QUANTITIES.iter().map(words).collect();
     format!(
-        "/** The kinds of studies. */\nexport const KINDS = {};\n\n/** The names of quantities. */\nexport const NAMES = {};\n",
-        Value::Object(kinds),
-        Value::Object(names)
+        "/** The kinds of studies. */\nexport const KINDS = {kinds};\n\n/** The names of quantities. */\nexport const NAMES = {names};\n"
     )
 }
 
@@ -112,12 +105,7 @@ fn file(name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
     if let Some(tag) = held(headers, &asset.tag) {
         return Ok((StatusCode::NOT_MODIFIED, [(ETAG, tag)], shared).into_response());
     }
-    let chosen = Coding::choose(headers);
-    let (_, body, used) = asset
-        .bodies
-        .iter()
-        .find(|(accepted, ..)| *accepted == chosen)
-        .ok_or_else(Problem::internal)?;
+    let (body, used) = &asset.bodies[Coding::choose(headers) as usize];
     let own = [(ETAG, tagged(&asset.tag, *used)), (CONTENT_TYPE, asset.media_type.to_owned())];
     let coding = used.name().map(|name| [(CONTENT_ENCODING, name)]);
     Ok((own, coding, shared, body.clone()).into_response())

@@ -7,7 +7,7 @@ pub mod models;
 
 use std::collections::HashMap;
 use std::ptr;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::sync::{Arc, Mutex, OnceLock, Weak};
 use std::time::Duration;
 
 use axum::body::Bytes;
@@ -16,7 +16,7 @@ use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
 use tokio::time::sleep;
 
-use crate::http::shares::{Permit, SMALL};
+use crate::http::shares::{Permit, SMALL, get_or_insert, lock};
 use crate::http::wire::coding::Coding;
 use fretwork_job::Key;
 use fretwork_store::Deletions;
@@ -55,9 +55,6 @@ const MAX_MAKERS: usize = 1;
 /// How often a request that waits for memory looks whether another request has made its answer.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
-/// Number of names from which unused names are removed.
-const NAMES: usize = 64;
-
 /// One answer that is being made or sent.
 #[derive(Debug, Default)]
 struct Slot {
@@ -71,7 +68,7 @@ struct Slot {
 /// with the key of the result.
 #[derive(Debug)]
 pub struct Memory {
-    cache: Option<Cache<String, Encoded, Size>>,
+    cache: Cache<String, Encoded, Size>,
     /// Answers that are being made or sent.
     slots: Mutex<HashMap<String, Weak<Slot>>>,
     makers: Arc<Semaphore>,
@@ -124,6 +121,7 @@ fn share(answer: &Encoded, slot: &Arc<Slot>) -> Encoded {
 
 impl Memory {
     /// A cache of this many bytes; 0 disables it.
+    #[expect(clippy::expect_used, reason = "both capacities are set")]
     pub fn new(bytes: u64) -> Self {
         // Assumes answers of 64 KiB.
         let items = usize::try_from(bytes >> 16).unwrap_or(usize::MAX).max(16);
@@ -133,13 +131,10 @@ impl Memory {
             .estimated_items_capacity(items)
             .weight_capacity(bytes)
             .build()
-            .ok();
-        let cache = |options| {
-            let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
-            Cache::with_options(options, Size, hash, life)
-        };
+            .expect("the options are complete");
+        let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
         Self {
-            cache: options.filter(|_| bytes > 0).map(cache),
+            cache: Cache::with_options(options, Size, hash, life),
             slots: Mutex::default(),
             makers: Arc::new(Semaphore::new(MAX_MAKERS)),
         }
@@ -152,13 +147,13 @@ impl Memory {
 
     /// The cached answer with this name.
     pub fn get(&self, name: &str) -> Option<Encoded> {
-        self.cache.as_ref()?.get(name)
+        self.cache.get(name)
     }
 
     /// The answer with this name, shared with requests that read it now. If another request
     /// makes it, this waits. If that request fails or is dropped, the caller makes it.
     pub async fn lookup(&self, name: &str) -> Lookup {
-        let slot = self.slot(name);
+        let slot = get_or_insert(&mut lock(&self.slots), name, Slot::default);
         if let Some(answer) = slot.answer.get() {
             return Lookup::Found(share(answer, &slot));
         }
@@ -184,12 +179,12 @@ impl Memory {
     /// Gives a finished answer to all requests that wait for it, and caches it if `keep` is true.
     pub fn finish(&self, making: Making, answer: Encoded, keep: bool) -> Encoded {
         let Making { name, slot, _turn } = making;
-        if keep && let Some(cache) = &self.cache {
+        if keep {
             let slots = lock(&self.slots);
             // Without its name, the result was deleted while the answer was made.
             let current = slots.get(&name).map_or(ptr::null(), Weak::as_ptr);
             if ptr::eq(current, Arc::as_ptr(&slot)) {
-                cache.insert(name, Encoded { permit: None, ..answer.clone() });
+                self.cache.insert(name, Encoded { permit: None, ..answer.clone() });
             }
         }
         share(slot.answer.get_or_init(|| answer), &slot)
@@ -200,18 +195,14 @@ impl Memory {
         let key = key.to_string();
         // `finish` inserts under the same lock.
         let mut slots = lock(&self.slots);
-        if let Some(cache) = &self.cache {
-            cache.retain(|name, _| !name.starts_with(&key));
-        }
+        self.cache.retain(|name, _| !name.starts_with(&key));
         slots.retain(|name, _| !name.starts_with(&key));
     }
 
     /// Removes all answers, because any result may have been deleted.
     fn forget_all(&self) {
         let mut slots = lock(&self.slots);
-        if let Some(cache) = &self.cache {
-            cache.clear();
-        }
+        self.cache.clear();
         slots.clear();
     }
 
@@ -224,23 +215,6 @@ impl Memory {
             }
         }
     }
-
-    fn slot(&self, name: &str) -> Arc<Slot> {
-        let mut slots = lock(&self.slots);
-        if let Some(slot) = slots.get(name).and_then(Weak::upgrade) {
-            return slot;
-        }
-        if slots.len() >= NAMES && slots.len() == slots.capacity() {
-            slots.retain(|_, slot| slot.strong_count() > 0);
-        }
-        let slot = Arc::default();
-        slots.insert(name.to_owned(), Arc::downgrade(&slot));
-        slot
-    }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]
@@ -250,6 +224,7 @@ mod tests {
     use futures_util::FutureExt as _;
 
     use super::*;
+    use crate::http::shares::NAMES;
 
     fn answer(size: usize) -> Encoded {
         Encoded::plain(Bytes::from(vec![0; size]))

@@ -27,18 +27,10 @@ pub struct Metrics {
     registry: Registry,
     requests: Family<Answered, Counter>,
     durations: Family<Routed, Histogram, fn() -> Histogram>,
-    longest_wait: Measured,
-    last_backup: Measured,
-    free: Measured,
-    database: Measured,
-    log: Measured,
-    database_connections: Measured,
+    measured: [Gauge<f64, AtomicU64>; MEASURED.len()],
     memory_hits: Counter,
     memory_misses: Counter,
 }
-
-/// A gauge that is NaN while its value is unknown.
-type Measured = Gauge<f64, AtomicU64>;
 
 /// What is measured when a client asks for the metrics; `None` if unknown.
 #[derive(Debug, Default)]
@@ -54,6 +46,36 @@ pub struct Measurements {
     pub database_connections: Option<u64>,
 }
 
+/// A metric that is measured when a client asks for it: name, unit, help and value.
+type Measured = (&'static str, Option<Unit>, &'static str, fn(&Measurements) -> Option<f64>);
+
+const MEASURED: [Measured; 6] = [
+    ("queue_oldest", Some(Unit::Seconds), "Waiting time of the oldest queued run", |measured| {
+        measured.longest_wait.map(|wait| wait.as_secs_f64())
+    }),
+    (
+        "last_backup_timestamp",
+        Some(Unit::Seconds),
+        "When the last backup ended, in seconds since 1970; 0 if there was none",
+        |measured| measured.last_backup.map(|at| at as f64 / 1e3),
+    ),
+    ("disk_free", Some(Unit::Bytes), "Free space on the disk of the data directory", |measured| {
+        measured.free.map(|bytes| bytes as f64)
+    }),
+    ("database", Some(Unit::Bytes), "Size of the database", |measured| {
+        measured.files.database.map(|bytes| bytes as f64)
+    }),
+    (
+        "database_log",
+        Some(Unit::Bytes),
+        "Size of the write-ahead log of the database",
+        |measured| measured.files.log.map(|bytes| bytes as f64),
+    ),
+    ("database_connections", None, "Open connections to PostgreSQL", |measured| {
+        measured.database_connections.map(|count| count as f64)
+    }),
+];
+
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Answered {
     method: &'static str,
@@ -61,10 +83,7 @@ struct Answered {
     status: u16,
 }
 
-#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct Routed {
-    route: String,
-}
+type Routed = [(&'static str, String); 1];
 
 impl Metrics {
     /// The metrics of a server.
@@ -90,20 +109,8 @@ impl Metrics {
             Unit::Bytes,
             shares.held.clone(),
         );
-        let [longest_wait, last_backup, free, database, log, database_connections] = [
-            ("queue_oldest", Some(Unit::Seconds), "Waiting time of the oldest queued run"),
-            (
-                "last_backup_timestamp",
-                Some(Unit::Seconds),
-                "When the last backup ended, in seconds since 1970; 0 if there was none",
-            ),
-            ("disk_free", Some(Unit::Bytes), "Free space on the disk of the data directory"),
-            ("database", Some(Unit::Bytes), "Size of the database"),
-            ("database_log", Some(Unit::Bytes), "Size of the write-ahead log of the database"),
-            ("database_connections", None, "Open connections to PostgreSQL"),
-        ]
-        .map(|(name, unit, help)| {
-            let gauge = Measured::default();
+        let measured = MEASURED.map(|(name, unit, help, _)| {
+            let gauge = Gauge::default();
             match unit {
                 Some(unit) => registry.register_with_unit(name, help, unit, gauge.clone()),
                 None => registry.register(name, help, gauge.clone()),
@@ -132,19 +139,7 @@ impl Metrics {
             Unit::Seconds,
             Family::clone(&durations),
         );
-        Self {
-            registry: all,
-            requests,
-            durations,
-            longest_wait,
-            last_backup,
-            free,
-            database,
-            log,
-            database_connections,
-            memory_hits,
-            memory_misses,
-        }
+        Self { registry: all, requests, durations, measured, memory_hits, memory_misses }
     }
 
     /// Counts an answer.
@@ -152,7 +147,7 @@ impl Metrics {
         let route = route.to_owned();
         let answered = Answered { method: known(method), route, status: status.as_u16() };
         self.requests.get_or_create(&answered).inc();
-        let routed = Routed { route: answered.route };
+        let routed = [("route", answered.route)];
         self.durations.get_or_create(&routed).observe(started.elapsed().as_secs_f64());
     }
 
@@ -160,43 +155,26 @@ impl Metrics {
     pub fn looked_up(&self, found: bool) {
         if found { &self.memory_hits } else { &self.memory_misses }.inc();
     }
-}
 
-/// Clients can invent methods, but a label must have few values.
-fn known(method: &Method) -> &'static str {
-    match *method {
-        Method::GET => "GET",
-        Method::HEAD => "HEAD",
-        Method::POST => "POST",
-        Method::PUT => "PUT",
-        Method::DELETE => "DELETE",
-        Method::OPTIONS => "OPTIONS",
-        _ => "other",
-    }
-}
-
-impl Metrics {
     /// Writes all metrics as OpenMetrics text.
     ///
     /// # Errors
     /// A metric has no text.
     pub fn write(&self, measured: &Measurements) -> Result<String, fmt::Error> {
-        let number = |number: u64| number as f64;
-        for (gauge, value) in [
-            (&self.longest_wait, measured.longest_wait.map(|wait| wait.as_secs_f64())),
-            (&self.last_backup, measured.last_backup.map(|at| at as f64 / 1e3)),
-            (&self.free, measured.free.map(number)),
-            (&self.database, measured.files.database.map(number)),
-            (&self.log, measured.files.log.map(number)),
-            (&self.database_connections, measured.database_connections.map(number)),
-        ] {
+        for (gauge, (.., value)) in self.measured.iter().zip(MEASURED) {
             // An unknown value must not look like the previous one.
-            gauge.set(value.unwrap_or(f64::NAN));
+            gauge.set(value(measured).unwrap_or(f64::NAN));
         }
         let mut text = String::new();
         encode(&mut text, &self.registry)?;
         Ok(text)
     }
+}
+
+/// Clients can invent methods, but a label must have few values.
+fn known(method: &Method) -> &'static str {
+    let known = ["GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS"];
+    known.into_iter().find(|known| *known == method.as_str()).unwrap_or("other")
 }
 
 /// Translates OpenMetrics text to the text format 0.0.4 of Prometheus. There the name of a metric family includes the

@@ -16,6 +16,7 @@ use crate::http::problem::ProblemDocument;
 use crate::http::wire::schemas;
 use fretwork_engine::outcome::{ContactScales, History, LimitState, Member, Quantity, Unworn};
 use fretwork_engine::scenario::SCHEMA;
+use fretwork_format::{Format, Part};
 use fretwork_job::{Submission, TaskKind};
 use fretwork_store::Role;
 use fretwork_study::Kind;
@@ -42,8 +43,6 @@ A server without keys, on a personal machine, is open.
 
 **Requests** may have an `x-request-id`. Every answer has one, and the log of the server contains it.";
 
-/// utoipa does not collect types that appear only in parameters, so they
-/// are listed here.
 #[derive(utoipa::OpenApi)]
 #[openapi(
     info(
@@ -59,35 +58,15 @@ A server without keys, on a personal machine, is open.
         (name = "scenarios", description = "Check a scenario, see examples, read the schema."),
         (name = "system", description = "The server itself."),
     ),
-    components(schemas(
-        ProblemDocument<'_>,
-        crate::http::problem::Complaint,
-        schemas::Include,
-        schemas::Role,
-        schemas::Act,
-        schemas::WholeFormat,
-        schemas::HistoryFields,
-        schemas::ProfileFields,
-        schemas::LoopFields,
-        schemas::TableFields,
-        schemas::ChosenInstants,
-        schemas::PlotQuantity,
-        schemas::PlotKind,
-        schemas::PlotInstants,
-        schemas::Spacing,
-        schemas::WholeLayout,
-        schemas::Layout,
-        schemas::UnitSystem,
-        schemas::Order,
-        schemas::TableFormat,
-        schemas::KeyText,
-    )),
+    components(schemas(ProblemDocument<'_>, crate::http::problem::Complaint)),
 )]
 struct Frame;
 
-/// The document without routes.
+/// The document without routes. utoipa does not collect types that appear only in parameters.
 pub fn frame() -> OpenApi {
-    Frame::openapi()
+    let mut frame = Frame::openapi();
+    frame.components.get_or_insert_default().schemas.extend(schemas::all());
+    frame
 }
 
 /// The complete document as it is served, printed and committed.
@@ -128,9 +107,11 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
         for (path, item) in paths {
             for (method, operation) in item.as_object_mut().into_iter().flatten() {
                 let method = parsed_method(method);
-                add_path_responses(path, &method, needs.of(&method, path), operation);
+                let needs = needs.of(&method, path);
+                add_path_responses(path, &method, needs, operation);
+                add_access_control(path, &method, needs, operation);
                 add_shared_responses(operation);
-                add_access_control(path, &method, needs.of(&method, path), operation);
+                add_access_headers(needs, operation);
                 if let Some(Value::Object(responses)) = operation.get_mut("responses") {
                     responses.sort_keys();
                 }
@@ -192,6 +173,16 @@ fn redirect(schema: &mut Value) {
     }
 }
 
+/// The operations that return a representation of a result: their paths, its part, and the schema of its JSON.
+const REPRESENTATIONS: [(&str, Part, &str); 6] = [
+    ("/v1/results/{key}", Part::Whole, "Result"),
+    ("/v1/results/{key}/history", Part::History, "HistoryAnswer"),
+    ("/v1/results/{key}/profiles", Part::Profiles, "ProfilesAnswer"),
+    ("/v1/results/{key}/loops", Part::Loops, "LoopsAnswer"),
+    ("/v1/results/{key}/table", Part::Table, "TableAnswer"),
+    ("/v1/results/{key}/plot.svg", Part::Plot, ""),
+];
+
 /// Whether a link allows an operation.
 fn is_opened(path: &str, method: &Method) -> bool {
     OPENED.contains(&path) && *method == Method::GET
@@ -220,9 +211,9 @@ fn add_path_responses(path: &str, method: &Method, needs: Needs, operation: &mut
             responses.entry(status).or_insert_with(|| json!({"description": description}));
         }
     }
-    // What outlives a result is not a part of it.
-    if is_opened(path, method) && !outlives(path) {
-        add_representations(operation, !path.ends_with("/plot.svg"));
+    let representation = REPRESENTATIONS.iter().find(|(of, ..)| *of == path);
+    if let Some((_, part, schema)) = representation.filter(|_| *method == Method::GET) {
+        add_representations(operation, *part, schema);
     }
 }
 
@@ -231,8 +222,8 @@ fn outlives(path: &str) -> bool {
     ["/provenance", "/warnings", "/note"].iter().any(|end| path.ends_with(end))
 }
 
-/// Adds the headers of all operations that return a result; figures have fewer.
-fn add_representations(operation: &mut Value, of_numbers: bool) {
+/// Adds the formats and the headers of an operation that returns a part of a result; figures have fewer headers.
+fn add_representations(operation: &mut Value, part: Part, schema: &str) {
     let responses = &mut operation["responses"];
     responses["304"] =
         json!({"description": "The client's copy is valid. A result never changes."});
@@ -240,17 +231,20 @@ fn add_representations(operation: &mut Value, of_numbers: bool) {
         "description": "No result has this key. `Link` names the job that computes it, if there is one.",
         "headers": {"Link": header("`rel=\"related\"`.")},
     });
+    for format in part.formats() {
+        let schema = match format {
+            Format::Json => json!({"$ref": format!("#/components/schemas/{schema}")}),
+            Format::Npz | Format::Arrow => json!({"$ref": "#/components/schemas/File"}),
+            Format::Ndjson | Format::Csv | Format::Svg => json!({"type": "string"}),
+        };
+        responses["200"]["content"][format.essence()] = json!({"schema": schema});
+    }
     let headers = &mut responses["200"]["headers"];
     headers["ETag"] = header("The tag of this representation; weak if it is compressed.");
     headers["Cache-Control"] = header("`immutable`: clients may cache it for ever.");
-    if of_numbers {
+    if part != Part::Plot {
         headers["Content-Disposition"] = header("A file name, for CSV, NPZ and Arrow.");
     }
-}
-
-/// An optional parameter.
-fn parameter(name: &str, place: &str, about: &str, schema: &Value) -> Value {
-    json!({"name": name, "in": place, "description": about, "required": false, "schema": schema})
 }
 
 /// A header with text.
@@ -279,15 +273,10 @@ fn add_shared_responses(operation: &mut Value) {
     if let Some(content) = operation.pointer_mut("/requestBody/content/application~1json")
         && content["schema"]["$ref"] == "#/components/schemas/JobBody"
     {
-        let examples: Map<String, Value> = EXAMPLES
-            .iter()
-            .map(|example| {
-                let body: Value = parsed(example.body);
-                let summary = body["label"].clone();
-                (example.name.to_owned(), json!({"summary": summary, "value": body}))
-            })
-            .collect();
-        content["examples"] = Value::Object(examples);
+        for example in EXAMPLES {
+            let body: Value = parsed(example.body);
+            content["examples"][example.name] = json!({"summary": body["label"], "value": body});
+        }
     }
     let Some(Value::Object(responses)) = operation.get_mut("responses") else {
         return;
@@ -322,20 +311,6 @@ fn add_access_control(path: &str, method: &Method, needs: Needs, operation: &mut
         operation["security"] = json!([]);
         return;
     };
-    let refusal = |description: String| {
-        json!({
-            "description": description,
-            "content": {"application/problem+json":
-                {"schema": {"$ref": "#/components/schemas/Problem"}}},
-            "headers": {"x-request-id": {"$ref": "#/components/headers/x-request-id"}},
-        })
-    };
-    let responses = &mut operation["responses"];
-    responses["421"] =
-        refusal("A server without keys accepts only localhost or an IP address as `Host`.".into());
-    responses["401"] =
-        refusal("The server requires a key, and the request has no valid one.".into());
-    responses["401"]["headers"]["WWW-Authenticate"] = header("How to send a key.");
     let mut forbidden = match role {
         Role::Read => String::new(),
         role => format!("The key does not have the required role, `{role}`. "),
@@ -347,21 +322,39 @@ fn add_access_control(path: &str, method: &Method, needs: Needs, operation: &mut
         forbidden.push_str("The `link` does not open this address. ");
         if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
             let about = "A link from `POST /v1/results/{key}/links`, instead of a key.";
-            parameters.push(parameter("link", "query", about, &json!({"type": "string"})));
+            parameters.push(
+                json!({"name": "link", "in": "query", "description": about, "required": false,
+                "schema": {"type": "string"}}),
+            );
         }
     }
-    let responses = &mut operation["responses"];
-    if !forbidden.is_empty() {
-        responses["403"] = refusal(forbidden.trim_end().to_owned());
+    for (status, description) in [
+        ("421", "A server without keys accepts only localhost or an IP address as `Host`."),
+        ("401", "The server requires a key, and the request has no valid one."),
+        ("403", forbidden.trim_end()),
+        (
+            "429",
+            "The key has sent too many requests this minute (with `Retry-After`), or has too many concurrent requests \
+             (without).",
+        ),
+    ] {
+        if !description.is_empty() {
+            operation["responses"][status] = json!({"description": description});
+        }
     }
-    responses["429"] = refusal(
-        "The key has sent too many requests this minute (with `Retry-After`), or has too many \
-         concurrent requests (without)."
-            .to_owned(),
-    );
-    responses["429"]["headers"]["Retry-After"] =
-        json!({"$ref": "#/components/headers/Retry-After"});
-    for (status, response) in responses.as_object_mut().into_iter().flatten() {
+}
+
+/// Adds the headers of access control.
+fn add_access_headers(needs: Needs, operation: &mut Value) {
+    for (status, response) in operation["responses"].as_object_mut().into_iter().flatten() {
+        match status.as_str() {
+            "401" => response["headers"]["WWW-Authenticate"] = header("How to send a key."),
+            "429" => {
+                response["headers"]["Retry-After"] =
+                    json!({"$ref": "#/components/headers/Retry-After"});
+            }
+            _ => {}
+        }
         // Cancelling is not counted. A client without a valid key learns nothing about limits.
         if needs.quota.is_some()
             && (status.starts_with(['2', '3']) || ["403", "404", "429"].contains(&&**status))

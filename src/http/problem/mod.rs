@@ -214,42 +214,37 @@ impl From<Faults> for Problem {
 
 impl From<store::Error> for Problem {
     fn from(error: store::Error) -> Self {
-        let problem = match error {
+        let of = |kind, detail: &str| Self::new(kind, detail).caused_by(&error);
+        match &error {
+            // This is no failure, so the log shows no cause.
             store::Error::Closed => {
-                return Self::new(
-                    &kinds::DRAINING,
-                    "The server is shutting down. Try again in a moment.",
-                )
-                .retry_after(5);
+                let detail = "The server is shutting down. Try again in a moment.";
+                Self::new(&kinds::DRAINING, detail).retry_after(5)
             }
-            store::Error::Busy(..) => Self::new(
-                &kinds::BUSY,
-                "The database of the server is busy. Try again in a moment.",
-            )
-            .retry_after(1),
-            store::Error::Unreachable(..) | store::Error::Exhausted => Self::new(
-                &kinds::BUSY,
-                "The database of the server cannot be reached. Try again in a moment.",
-            )
-            .retry_after(2),
-            store::Error::Full(..) => Self::new(
-                &kinds::DISK_FULL,
-                "The disk of the server is full. Its operator must free space.",
-            ),
-            store::Error::Moved { .. } | store::Error::Newer { .. } => Self::new(
-                &kinds::NOT_READY,
-                "The server cannot write to its database. Its operator finds the reason in the log.",
-            )
-            .retry_after(30),
-            store::Error::DamagedResult(key) => Self::damaged_result(&key),
+            store::Error::Busy(..) => {
+                let detail = "The database of the server is busy. Try again in a moment.";
+                of(&kinds::BUSY, detail).retry_after(1)
+            }
+            store::Error::Unreachable(..) | store::Error::Exhausted => {
+                let detail = "The database of the server cannot be reached. Try again in a moment.";
+                of(&kinds::BUSY, detail).retry_after(2)
+            }
+            store::Error::Full(..) => {
+                let detail = "The disk of the server is full. Its operator must free space.";
+                of(&kinds::DISK_FULL, detail)
+            }
+            store::Error::Moved { .. } | store::Error::Newer { .. } => {
+                let detail = "The server cannot write to its database. Its operator finds the reason in the log.";
+                of(&kinds::NOT_READY, detail).retry_after(30)
+            }
+            store::Error::DamagedResult(key) => Self::damaged_result(key).caused_by(&error),
             store::Error::Damaged(..) => {
                 let detail = "A part of the server's database is damaged. Its operator must repair \
                     it. The log contains the details: search it for the `instance` of this problem.";
-                Self::new(&kinds::DAMAGED, detail)
+                of(&kinds::DAMAGED, detail)
             }
-            _ => Self::internal(),
-        };
-        problem.caused_by(&error)
+            _ => Self::internal().caused_by(&error),
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::body::{Bytes, HttpBody as _};
+use axum::body::HttpBody as _;
 use axum::extract::{FromRequest, Request};
 use axum::http::header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_TYPE};
 use http_body_util::BodyExt as _;
@@ -22,23 +22,17 @@ pub const BODY_LIMIT: usize = 4 << 20;
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// The bytes of a request body with a JSON content type. They hold the memory for themselves and for their tree.
-pub struct Body(pub Bytes);
+pub struct Body(pub Counted);
 
 /// The bytes of a request body of any type. They hold only their own memory: calls of UM-Bridge take turns, so the trees of few
 /// exist at once.
-pub struct AnyBody(pub Bytes);
+pub struct AnyBody(pub Counted);
 
 /// A body, and permission for its memory and that of its tree.
-struct Counted {
-    bytes: Vec<u8>,
+pub struct Counted {
+    pub bytes: Vec<u8>,
     _body: Permit,
     _tree: Permit,
-}
-
-impl AsRef<[u8]> for Counted {
-    fn as_ref(&self) -> &[u8] {
-        &self.bytes
-    }
 }
 
 impl<S: Sync> FromRequest<S> for Body {
@@ -59,10 +53,8 @@ impl<S: Sync> FromRequest<S> for Body {
                 || "The body has no Content-Type".to_owned(),
                 |declared| format!("The Content-Type of the body is \"{}\"", excerpt(declared)),
             );
-            return Err(Problem::new(
-                &kinds::UNSUPPORTED_MEDIA_TYPE,
-                format!("{declared}. Send it with Content-Type: application/json."),
-            ));
+            let detail = format!("{declared}. Send it with Content-Type: application/json.");
+            return Err(Problem::new(&kinds::UNSUPPORTED_MEDIA_TYPE, detail));
         }
         read_counted(request, true).await.map(Self)
     }
@@ -77,7 +69,7 @@ impl<S: Sync> FromRequest<S> for AnyBody {
 }
 
 /// Reads a body, and holds the memory for it, and for its tree if it `becomes_tree`.
-async fn read_counted(request: Request, becomes_tree: bool) -> Result<Bytes, Problem> {
+async fn read_counted(request: Request, becomes_tree: bool) -> Result<Counted, Problem> {
     let caller = owner_of(request.extensions());
     let shares = request.extensions().get::<Arc<Shares>>().cloned();
     let (bytes, body) = read(request, shares.as_deref(), &caller).await?;
@@ -86,7 +78,7 @@ async fn read_counted(request: Request, becomes_tree: bool) -> Result<Bytes, Pro
         Some(shares) => shares.trees.hold(&caller, tree).await?,
         None => Permit::default(),
     };
-    Ok(Bytes::from_owner(Counted { bytes, _body: body, _tree: tree }))
+    Ok(Counted { bytes, _body: body, _tree: tree })
 }
 
 fn is_json(media_type: &str) -> bool {
@@ -128,14 +120,10 @@ async fn read(
         })?;
         let Some(frame) = frame else { break };
         let frame = frame.map_err(|_| {
-            Problem::new(
-                &kinds::INVALID_JSON,
-                "The connection ended before the end of the body. Send it again.",
-            )
+            let detail = "The connection ended before the end of the body. Send it again.";
+            Problem::new(&kinds::INVALID_JSON, detail)
         })?;
-        let Ok(data) = frame.into_data() else {
-            continue;
-        };
+        let Ok(data) = frame.into_data() else { continue };
         let length = bytes.len() + data.len();
         if length > BODY_LIMIT {
             return Err(too_large());

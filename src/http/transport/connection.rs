@@ -25,32 +25,27 @@ pub const SLOWEST: u64 = 4 << 10;
 const EARLIEST: f64 = 10.0;
 
 /// How long the server waits for a client.
-#[derive(Debug, Clone, Copy)]
-pub struct Patience {
+struct Patience {
     /// The time between two looks at a connection.
-    pub look: Duration,
+    look: Duration,
     /// For the head of a request, from its first byte on. The first request must come within this time.
-    pub head: Duration,
+    head: Duration,
     /// For the next request.
-    pub idle: Duration,
+    idle: Duration,
     /// While an answer is taken with less than 4 KiB per second.
-    pub slow: Duration,
+    slow: Duration,
     /// For any byte during a request. This must be longer than the longest wait for a job.
-    pub silent: Duration,
+    silent: Duration,
 }
 
-impl Default for Patience {
-    fn default() -> Self {
-        Self {
-            look: Duration::from_secs(5),
-            head: Duration::from_secs(10),
-            // Longer than reverse proxies keep an idle connection, mostly a minute.
-            idle: Duration::from_mins(2),
-            slow: Duration::from_secs(20),
-            silent: Duration::from_mins(2),
-        }
-    }
-}
+const PATIENCE: Patience = Patience {
+    look: Duration::from_secs(5),
+    head: Duration::from_secs(10),
+    // Longer than reverse proxies keep an idle connection, mostly a minute.
+    idle: Duration::from_mins(2),
+    slow: Duration::from_secs(20),
+    silent: Duration::from_mins(2),
+};
 
 /// The requests and the bytes of one connection. Its socket and its requests count them.
 #[derive(Debug)]
@@ -117,14 +112,14 @@ impl Activity {
     }
 
     /// Waits until the connection must be closed, and returns the reason.
-    pub async fn overdue(&self, patience: Patience) -> &'static str {
+    pub async fn overdue(&self) -> &'static str {
         let mut seen = Seen::default();
         loop {
             tokio::select! {
                 () = self.displaced.notified() => return "another connection needs its place",
-                () = tokio::time::sleep(patience.look) => {}
+                () = tokio::time::sleep(PATIENCE.look) => {}
             }
-            if let Some(reason) = seen.look(self, patience) {
+            if let Some(reason) = seen.look(self, &PATIENCE) {
                 return reason;
             }
         }
@@ -160,7 +155,7 @@ struct Seen {
 
 impl Seen {
     /// Looks at a connection; returns the reason if it must be closed.
-    fn look(&mut self, activity: &Activity, patience: Patience) -> Option<&'static str> {
+    fn look(&mut self, activity: &Activity, patience: &Patience) -> Option<&'static str> {
         let passed = |is: bool, before: Duration| {
             if is { before + patience.look } else { Duration::ZERO }
         };
@@ -343,14 +338,7 @@ impl HttpBody for AnswerBody {
     }
 
     fn size_hint(&self) -> SizeHint {
-        let rest = self.rest.len() as u64;
-        let inner = self.body.size_hint();
-        let mut hint = SizeHint::new();
-        hint.set_lower(inner.lower() + rest);
-        if let Some(upper) = inner.upper() {
-            hint.set_upper(upper + rest);
-        }
-        hint
+        SizeHint::with_exact(self.rest.len() as u64) + self.body.size_hint()
     }
 }
 
@@ -380,7 +368,7 @@ mod tests {
         let mut seen = Seen::default();
         (1..=20).find_map(|looks| {
             each();
-            seen.look(activity, HASTE).map(|reason| (looks, reason))
+            seen.look(activity, &HASTE).map(|reason| (looks, reason))
         })
     }
 

@@ -23,7 +23,7 @@ use tokio::time::sleep;
 use tower::ServiceExt as _;
 
 use super::admission::{Admission, OpenConnection};
-use super::connection::{Activity, AnswerBody, Patience, Watched};
+use super::connection::{Activity, AnswerBody, Watched};
 use crate::http::access::caller::Peer;
 use crate::http::shares::Permit;
 use crate::http::wire::length_of;
@@ -63,7 +63,6 @@ pub async fn serve(
     listener: TcpListener,
     router: Router,
     admission: Arc<Admission>,
-    patience: Patience,
     closing: impl Future<Output = ()>,
 ) {
     let (builder, graceful) = (builder(), GracefulShutdown::new());
@@ -90,7 +89,7 @@ pub async fn serve(
         let io = TokioIo::new(Watched { socket, activity });
         let connection = graceful.watch(builder.serve_connection(io, service).into_owned());
         #[expect(clippy::disallowed_methods, reason = "the task ends with its connection")]
-        tokio::spawn(watch(connection, open, patience));
+        tokio::spawn(watch(connection, open));
     }
     drop(listener);
     graceful.shutdown().await;
@@ -133,7 +132,6 @@ fn is_of_client(error: &io::Error) -> bool {
 async fn watch<E: std::fmt::Debug>(
     connection: impl Future<Output = Result<(), E>>,
     open: OpenConnection,
-    patience: Patience,
 ) {
     tokio::select! {
         ended = connection => {
@@ -141,7 +139,7 @@ async fn watch<E: std::fmt::Debug>(
                 tracing::debug!(?error, "a connection failed");
             }
         }
-        reason = open.activity.overdue(patience) => tracing::debug!(reason, "closed a connection"),
+        reason = open.activity.overdue() => tracing::debug!(reason, "closed a connection"),
     }
 }
 

@@ -40,7 +40,7 @@ pub enum Coding {
 }
 
 impl Coding {
-    /// All codings.
+    /// All codings, in the order of the enum.
     pub const ALL: [Self; 3] = [Self::Identity, Self::Gzip, Self::Zstd];
 
     /// The name in a header, or `None` without compression.

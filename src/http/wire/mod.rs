@@ -5,6 +5,7 @@
 pub mod coding;
 pub mod include;
 pub mod negotiation;
+pub mod paging;
 pub mod schemas;
 pub mod weight;
 
@@ -12,16 +13,20 @@ use std::fmt::{self, Display};
 use std::mem;
 use std::time::Duration;
 
+use axum::Json;
 use axum::body::HttpBody as _;
 use axum::extract::{FromRequestParts, Path};
-use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH};
+use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderName, HeaderValue};
-use axum::response::Response;
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
 
 use crate::http::problem::{Complaint, Problem, kinds};
 use fretwork_format::Format;
-use fretwork_job::{BadKey, Key, clock};
+use fretwork_job::{BadKey, Key};
+
+pub use fretwork_job::clock::rfc3339 as instant;
 
 /// Longest time that a request may wait for a job.
 pub const LONGEST_WAIT: Duration = Duration::from_mins(1);
@@ -54,16 +59,10 @@ impl Query {
     /// Takes a parameter as text.
     pub fn text(&mut self, name: &'static str) -> Option<String> {
         self.known.push(name);
-        let mut found = None;
-        let mut repeated = false;
-        self.pairs.retain_mut(|(key, value)| {
-            let here = key == name;
-            if here {
-                repeated |= found.replace(mem::take(value)).is_some();
-            }
-            !here
-        });
-        if repeated {
+        let taken = self.pairs.extract_if(.., |(key, _)| key == name);
+        let mut values: Vec<String> = taken.map(|(_, value)| value).collect();
+        let found = values.pop();
+        if !values.is_empty() {
             self.complain(name, "may be given only once");
         }
         // Nothing has this character in it, and PostgreSQL refuses to compare with it.
@@ -174,27 +173,16 @@ pub fn excerpt(text: &str) -> String {
     out
 }
 
-/// The preferences in `Prefer` headers (RFC 7240). Unknown and invalid preferences are ignored, as the RFC
-/// requires.
-pub struct Prefer {
-    /// How long the client waits for the job, at most [`LONGEST_WAIT`].
-    pub wait: Option<Duration>,
-}
-
-impl Prefer {
-    /// Reads all `Prefer` headers. The first `wait` is used.
-    pub fn read(headers: &HeaderMap) -> Self {
-        let wait = headers
-            .get_all(PREFER)
-            .iter()
-            .filter_map(|value| value.to_str().ok())
-            .flat_map(|value| value.split([',', ';']))
-            .filter_map(|preference| preference.split_once('='))
-            .find(|(name, _)| name.trim().eq_ignore_ascii_case("wait"))
-            .and_then(|(_, value)| value.trim().trim_matches('"').parse().ok())
-            .map(|seconds| Duration::from_secs(seconds).min(LONGEST_WAIT));
-        Self { wait }
-    }
+/// How long the client waits for a job, at most [`LONGEST_WAIT`]: the first `wait` in `Prefer` headers (RFC 7240). Unknown and
+/// invalid preferences are ignored, as the RFC requires.
+pub fn wait(headers: &HeaderMap) -> Option<Duration> {
+    let values = headers.get_all(PREFER).iter().filter_map(|value| value.to_str().ok());
+    let (_, seconds) = values
+        .flat_map(|value| value.split([',', ';']))
+        .filter_map(|preference| preference.split_once('='))
+        .find(|(name, _)| name.trim().eq_ignore_ascii_case("wait"))?;
+    let seconds = seconds.trim().trim_matches('"').parse().ok()?;
+    Some(Duration::from_secs(seconds).min(LONGEST_WAIT))
 }
 
 const PREFER: HeaderName = HeaderName::from_static("prefer");
@@ -211,23 +199,9 @@ pub fn ascii(text: &str) -> HeaderValue {
     HeaderValue::try_from(text).expect("the text is ASCII")
 }
 
-/// The directives of a submission in `Cache-Control` (RFC 9111). Unknown directives are ignored, as the RFC
-/// requires.
-pub struct Freshness {
-    /// `no-cache`: compute even a known result.
-    pub afresh: bool,
-    /// `only-if-cached`: do not compute.
-    pub only_known: bool,
-}
-
-impl Freshness {
-    /// Reads all `Cache-Control` headers.
-    pub fn read(headers: &HeaderMap) -> Self {
-        let says =
-            |what: &str| words(headers, CACHE_CONTROL).any(|word| word.eq_ignore_ascii_case(what));
-        let only_known = says("only-if-cached");
-        Self { afresh: says("no-cache") && !only_known, only_known }
-    }
+/// Whether a submission has this directive in `Cache-Control` (RFC 9111). Unknown directives are ignored, as the RFC requires.
+pub fn says(headers: &HeaderMap, directive: &str) -> bool {
+    words(headers, CACHE_CONTROL).any(|word| word.eq_ignore_ascii_case(directive))
 }
 
 /// The urgency of a submission: `u` in the `Priority` header (RFC 9218), by default 3.
@@ -263,9 +237,17 @@ pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     }
 }
 
-/// A time in milliseconds since 1970, as RFC 3339 in UTC.
-pub fn instant(milliseconds: i64) -> String {
-    clock::rfc3339(milliseconds)
+/// The headers of a text of JSON that no cache may keep, because it changes.
+pub const FRESH_JSON: [(HeaderName, &str); 2] =
+    [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")];
+
+/// An answer as JSON that no cache may keep, because it changes.
+pub struct Fresh<T>(pub T);
+
+impl<T: Serialize> IntoResponse for Fresh<T> {
+    fn into_response(self) -> Response {
+        ([(CACHE_CONTROL, "no-store")], Json(self.0)).into_response()
+    }
 }
 
 #[cfg(test)]
@@ -276,7 +258,7 @@ mod tests {
     fn the_wait_preference_is_capped_and_ignored_if_invalid() {
         let prefer = |value| {
             let headers = HeaderMap::from_iter([(PREFER, HeaderValue::from_static(value))]);
-            Prefer::read(&headers).wait.map(|wait| wait.as_secs())
+            wait(&headers).map(|wait| wait.as_secs())
         };
         assert_eq!(prefer("wait=10"), Some(10));
         assert_eq!(prefer("respond-async, Wait = \"7\""), Some(7));

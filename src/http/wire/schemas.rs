@@ -29,6 +29,11 @@ macro_rules! documented {
 
             impl ToSchema for $name {}
         )*
+
+        /// All of them, by their names.
+        pub fn all() -> Vec<(String, RefOr<Schema>)> {
+            vec![$((stringify!($name).to_owned(), $name::schema())),*]
+        }
     };
 }
 

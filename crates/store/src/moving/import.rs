@@ -85,7 +85,7 @@ impl Importer {
     ///
     /// # Errors
     /// A database fails.
-    pub fn next(&mut self) -> Command<'_, Option<Entry>, Moving> {
+    pub fn next_entry(&mut self) -> Command<'_, Option<Entry>, Moving> {
         Box::pin(async move {
             let Some((row, name)) = self.rows.next() else { return Ok(None) };
             let read = self.read(row, &name).await?;

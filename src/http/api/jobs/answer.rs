@@ -3,6 +3,7 @@
 use std::convert::Infallible;
 use std::mem;
 
+use axum::Extension;
 use axum::body::{Body, Bytes};
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
@@ -17,8 +18,7 @@ use crate::http::app::App;
 use crate::http::memory::Encoded;
 use crate::http::problem::{Problem, kinds};
 use crate::http::wire::include::{Include, NULL};
-use crate::http::wire::instant;
-use crate::http::wire::schemas;
+use crate::http::wire::{instant, schemas};
 use fretwork_job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
 use fretwork_store::{self as store, Asked};
 
@@ -201,11 +201,8 @@ pub(super) async fn answer(
         return write(job, include.members(&asked, None));
     }
     let Encoded { body, permit, .. } = result_of(app, &caller.owner, &job).await?;
-    let mut response = write(job, include.members(&asked, Some(body)))?;
-    if let Some(permit) = permit {
-        response.extensions_mut().insert(permit);
-    }
-    Ok(response)
+    let response = write(job, include.members(&asked, Some(body)))?;
+    Ok((permit.map(Extension), response).into_response())
 }
 
 /// The JSON of the result of a job; null if it has none.

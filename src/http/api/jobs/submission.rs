@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
+use axum::Extension;
 use axum::body::Bytes;
 use axum::extract::State;
 use axum::http::header::{self, HeaderName};
-use axum::http::{HeaderMap, HeaderValue, StatusCode};
-use axum::response::Response;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse as _, Response};
 
 use super::answer::{JobAnswer, address, result_of, write};
 use crate::http::access::caller::Caller;
@@ -16,8 +17,7 @@ use crate::http::memory::Encoded;
 use crate::http::problem::{Problem, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::include::{Include, NULL};
-use crate::http::wire::schemas;
-use crate::http::wire::{Freshness, Prefer, Query, ascii, idempotency_key, urgency};
+use crate::http::wire::{Query, idempotency_key, says, schemas, urgency, wait};
 use crate::service::{Accepted, Refusal, Terms};
 use fretwork_job::{Job, JobState, Origin, Submission};
 use fretwork_store::Asked;
@@ -112,23 +112,20 @@ pub async fn submit(
             }
         },
     };
-    let mut response = accepted(job, include.members(&asked, result), wait, afresh)?;
-    if let Some(permit) = permit {
-        response.extensions_mut().insert(permit);
-    }
-    Ok(response)
+    let response = accepted(job, include.members(&asked, result), wait, afresh)?;
+    Ok((permit.map(Extension), response).into_response())
 }
 
 /// The terms of a submission, from its headers.
 fn terms(caller: Caller, headers: &HeaderMap) -> Result<Terms, Problem> {
-    let Freshness { afresh, only_known } = Freshness::read(headers);
+    let only_known = says(headers, "only-if-cached");
     Ok(Terms {
         owner: caller.owner,
         priority: urgency(headers),
         idempotency_key: idempotency_key(headers)?,
-        afresh,
+        afresh: says(headers, "no-cache") && !only_known,
         only_known,
-        wait: Prefer::read(headers).wait,
+        wait: wait(headers),
         trace: caller.trace.map(|trace| trace.to_string()),
     })
 }
@@ -140,20 +137,15 @@ fn accepted(
     wait: Option<Duration>,
     afresh: bool,
 ) -> Result<Response, Problem> {
-    let (finished, location) = (job.state.is_finished(), address(job.id));
-    let cache = cache_status(&job, afresh);
-    let mut response = write(job, members)?;
-    let headers = response.headers_mut();
-    headers.insert(header::CACHE_STATUS, HeaderValue::from_static(cache));
-    if let Some(time) = wait {
-        let name = HeaderName::from_static("preference-applied");
-        headers.insert(name, ascii(&format!("wait={}", time.as_secs())));
-    }
-    if !finished {
-        headers.insert(header::LOCATION, ascii(&location));
-        *response.status_mut() = StatusCode::ACCEPTED;
-    }
-    Ok(response)
+    let cache = [(header::CACHE_STATUS, cache_status(&job, afresh))];
+    let preference = HeaderName::from_static("preference-applied");
+    let applied = wait.map(|time| [(preference, format!("wait={}", time.as_secs()))]);
+    let (status, location) = if job.state.is_finished() {
+        (StatusCode::OK, None)
+    } else {
+        (StatusCode::ACCEPTED, Some([(header::LOCATION, address(job.id))]))
+    };
+    Ok((status, cache, applied, location, write(job, members)?).into_response())
 }
 
 impl From<Refusal> for Problem {
