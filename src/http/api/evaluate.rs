@@ -83,8 +83,9 @@ pub async fn evaluate(
 ) -> Result<Response, Problem> {
     let evaluation = parse(body, Evaluation::parse).await?;
     let bytes = evaluation.answer_bytes();
-    let mut permit = app.shares.answers.hold(&caller.owner, bytes.min(LARGEST_EVALUATION)).await?;
+    // An evaluation that waits for its turn holds no memory.
     let turn = app.shares.evaluations.turn(&caller.owner).await;
+    let mut permit = app.shares.answers.hold(&caller.owner, bytes.min(LARGEST_EVALUATION)).await?;
     let evaluated = app.service.evaluate(evaluation).await?;
     drop(turn);
     let answer = if bytes <= SMALL {
