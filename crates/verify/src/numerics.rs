@@ -40,8 +40,7 @@ fn sums() -> Section {
 
 /// V at Ñ = 2 on a mesh of `cells` cells, and the multiplications of the run.
 fn volume(problem: &ContactProblem, cells: usize) -> Option<(f64, f64)> {
-    let ContactProblem { contact, control, .. } = problem;
-    let mut run = March::with_cells(contact, control, Law::Exact, cells, FINE_STEPS, 2.0)?;
+    let mut run = March::with_cells(problem.under(Law::Exact), cells, FINE_STEPS, 2.0)?;
     let volume = at(&mut run, 2.0).worn.volume;
     let (_, evaluations) = run.work();
     Some((volume, (evaluations * cells * cells) as f64))

@@ -130,6 +130,12 @@ impl Control {
         matches!(self.tangential, Tangential::Record(_))
     }
 
+    /// The block with this index, if there is one.
+    pub(crate) fn block(&self, index: usize) -> Option<Block> {
+        let Tangential::Blocks(blocks) = &self.tangential else { return None };
+        blocks.get(index).copied()
+    }
+
     /// The limiting state. `None` if it cannot be computed without a run, or if it does not exist.
     #[must_use]
     pub fn tends_to(&self, contact: &Contact) -> Option<Final> {

@@ -31,7 +31,7 @@ use deserr::{Deserr, IntoValue, ValuePointerRef};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::case::{Case, Method, Scales};
+use crate::case::{self, Case, Method, Scales};
 use crate::contact::unworn::Contact;
 use crate::contact::yielding::Rubbing;
 use crate::numeric::twelve_digits;
@@ -40,7 +40,7 @@ use crate::request::fields::{GivenXi, LAST_CYCLE, Stress, WEAR_RANGE, Xi, derive
 use crate::request::instants::{Measure, ProfilesAt};
 use crate::request::{ElasticBody, MethodName, Model, Request, Until};
 use crate::solver::events::StopCondition;
-use crate::solver::stepped::law::fitted_xi;
+use crate::solver::stepped::law::{WearProblem, fitted_xi};
 use crate::solver::stepped::march::March;
 use indenter::{CanonicalProfile, canonical_profile};
 use instants::{CanonicalCycles, with_profiles};
@@ -262,11 +262,11 @@ impl Scenario {
         let tends_to = control.tends_to(&contact);
         let method = self.model.method();
         let horizon = self.motion.end().unwrap_or(LAST_CYCLE) / unit;
-        let outputs = self.cycles.outputs(&scales, horizon, |energy| {
-            method.time_of(&contact, &control, energy, horizon)
-        });
+        let problem = WearProblem { contact: &contact, control: &control, law: method.law() };
+        let expected = |energy| case::time_of(problem, energy, horizon);
+        let outputs = self.cycles.outputs(&scales, horizon, expected);
         let last = outputs.last_time(unit);
-        if !March::fits(&contact, &control, method.law(), tends_to.as_ref(), last) {
+        if !March::fits(problem, tends_to.as_ref(), last) {
             let Fault { pointer, detail } = outgrown();
             let detail = format!("{detail}, or request fewer cycles");
             return Err(Fault { pointer, detail });

@@ -193,16 +193,16 @@ impl SingleRun {
     #[expect(clippy::expect_used, reason = "the scenario was refused otherwise")]
     fn begin_march(&mut self) -> Marching {
         let Case { contact, control, tends_to, points, .. } = &self.case;
-        let (shape, law) = (&contact.shape, self.case.law());
+        let (shape, problem) = (&contact.shape, self.case.problem(self.case.law()));
         let last = self.case.normalized_end();
-        let mut march = March::new(contact, control, law, self.case.tolerance(), last)
+        let mut march = March::new(problem, self.case.tolerance(), last)
             .expect("a scenario whose scar outgrows its indenter has no case");
         march.end_at(self.case.until);
         let (start, reach) = match tends_to {
             Some(end) => (end.stick, end.limit.radius.min(WIDEST)),
             None => (control.least_stick(contact), march.reach()),
         };
-        let outermost = MeshPlan::outermost(contact, control, law, last).unwrap_or(reach);
+        let outermost = MeshPlan::outermost(problem, last).unwrap_or(reach);
         // Some output radii must lie outside the scar.
         let most = shape.extent() - 1e-3 * (shape.extent() - start);
         let reach = reach.max(outermost).min(most);

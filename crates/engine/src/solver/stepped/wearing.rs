@@ -13,13 +13,13 @@
 use std::f64::consts::FRAC_2_PI;
 use std::sync::Arc;
 
-use super::law::Law;
+use super::law::{Law, WearProblem};
 use super::mesh::Mesh;
 use super::plan::{EXTENSION, MeshPlan};
 use super::prior::PriorWear;
 use super::rkc::Rates;
 use super::springs::{Aside, Springs};
-use crate::contact::control::{Control, Normal, Tangential};
+use crate::contact::control::{Normal, Tangential};
 use crate::contact::limit::Limit;
 use crate::contact::profile::Shape;
 use crate::contact::unworn::Contact;
@@ -146,12 +146,11 @@ impl Wearing {
     /// Creates a contact with prior wear on a mesh.
     #[must_use]
     pub fn new(
-        contact: &Contact,
-        control: &Control,
-        law: Law,
+        problem: WearProblem<'_>,
         (plan, prior): (MeshPlan, Arc<PriorWear>),
         cells: usize,
     ) -> Self {
+        let WearProblem { contact, control, law } = problem;
         let mesh = Mesh::new(&contact.shape, &prior, plan.radii(cells));
         let level = 1.0 - contact.threshold;
         let rest: Vec<f64> = mesh.initial.iter().map(|g| g - level).collect();
@@ -206,16 +205,13 @@ impl Wearing {
     }
 
     /// The same contact on a larger mesh, and the values on this mesh.
-    pub(crate) fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
+    pub(crate) fn extended(&self, values: &[f64]) -> (Self, Vec<f64>) {
         let MeshPlan { start, reach, farthest, .. } = self.plan;
         let reach =
             (start + EXTENSION * (reach - start)).min(farthest).min(self.contact.shape.extent());
         let plan = MeshPlan { reach, ..self.plan.clone() };
         let cells = self.springs.mesh.widths.len();
-        let surface = (plan, Arc::clone(&self.prior));
-        let mut larger = Self::new(&self.contact, control, self.law, surface, cells);
-        larger.springs.resume(&self.springs);
-        (larger.scar, larger.widest) = (self.scar, self.widest);
+        let larger = self.on(plan, Arc::clone(&self.prior));
         let (from, to) = (&self.springs.mesh, &larger.springs.mesh);
         let middles = |mesh: &Mesh| -> Vec<f64> {
             mesh.radii.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect()
@@ -310,9 +306,10 @@ impl Wearing {
     }
 
     /// The same contact on another mesh, which starts on the surface `worn`.
-    pub(super) fn on(&self, plan: MeshPlan, worn: PriorWear, control: &Control) -> Self {
-        let cells = self.springs.mesh.widths.len();
-        let mut next = Self::new(&self.contact, control, self.law, (plan, Arc::new(worn)), cells);
+    pub(super) fn on(&self, plan: MeshPlan, worn: Arc<PriorWear>) -> Self {
+        let (contact, control) = (&self.contact, &self.springs.control);
+        let problem = WearProblem { contact, control, law: self.law };
+        let mut next = Self::new(problem, (plan, worn), self.springs.mesh.widths.len());
         next.springs.resume(&self.springs);
         (next.scar, next.widest) = (self.scar, self.widest);
         next
@@ -734,7 +731,7 @@ fn positive_volume(squares: &[f64], wear: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::control::Block;
+    use crate::contact::control::{Block, Control};
     use crate::contact::record::DisplacementRecord;
     use crate::contact::row::UnwornSums;
     use crate::solver::stepped::rkc::Rkc;
@@ -765,8 +762,11 @@ mod tests {
                 }
                 let control = Control { normal, tangential };
                 let plan = MeshPlan::first(&contact, &control, 64).expect("a scar that fits");
-                let mut wearing =
-                    Wearing::new(&contact, &control, Law::Exact, (plan, Arc::default()), 64);
+                let mut wearing = Wearing::new(
+                    WearProblem::exact(&contact, &control),
+                    (plan, Arc::default()),
+                    64,
+                );
                 let mut rkc = Rkc::new(&mut wearing, vec![0.0; 65], 3e-3, (1.0, 0.3));
                 for _ in 0..40 {
                     // dV/dÑ = 2 ∫ y ω dx·Δ/Δ₀. The two sides are sums of different terms.
