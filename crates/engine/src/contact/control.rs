@@ -31,15 +31,7 @@ use super::profile::Shape;
 use super::record::DisplacementRecord;
 use super::unworn::Contact;
 use crate::numeric::{maximum, root};
-
-/// The quantity that is held constant in the normal direction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Normal {
-    /// The indentation depth d.
-    Depth,
-    /// The normal force F.
-    Force,
-}
+pub use crate::request::held::Normal;
 
 /// The quantity that is held constant in the tangential direction, in units of the unworn contact.
 #[derive(Debug, Clone, PartialEq)]

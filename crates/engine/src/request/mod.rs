@@ -12,11 +12,12 @@ pub mod instants;
 pub mod quantity;
 
 use deserr::{Deserr, IntoValue, Sequence, Value, ValuePointerRef};
+use serde::Serialize;
 
 use fault::Faults;
 use fields::{
     DissipatedEnergy, EnergyWear, Friction, Given, GivenXi, Length, NumberOrText, PointCount,
-    PoissonRatio, Share, Stress, Tolerance, Volume, WEAR_RANGE, within,
+    PoissonRatio, Rounded, Share, Stress, Tolerance, Volume, WEAR_RANGE, within,
 };
 use held::{Load, Motion};
 use indenter::Profile;
@@ -36,7 +37,7 @@ pub struct Request {
     #[deserr(default)]
     pub moduli: Given<Moduli>,
     /// Coefficient of friction μ.
-    pub friction: Friction,
+    pub friction: Rounded<Friction>,
     /// The wear coefficient and the share of each body.
     pub wear: Wear,
     /// The load in the normal direction.
@@ -57,18 +58,21 @@ pub struct Request {
 }
 
 /// The wear or the energy at which a run ends early.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Until::validate -> Faults)]
 pub struct Until {
     /// The maximum wear depth.
     #[deserr(default)]
-    pub wear_depth: Given<Length>,
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    pub wear_depth: Given<Rounded<Length>>,
     /// The wear volume V.
     #[deserr(default)]
-    pub wear_volume: Given<Volume>,
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    pub wear_volume: Given<Rounded<Volume>>,
     /// The dissipated energy ΣW.
     #[deserr(default)]
-    pub dissipated_energy: Given<DissipatedEnergy>,
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    pub dissipated_energy: Given<Rounded<DissipatedEnergy>>,
 }
 
 impl Until {
@@ -169,7 +173,7 @@ pub struct Wear {
     energy_coefficient: Given<EnergyWear>,
     /// The share of the wear depth on the first body, which carries the profile.
     #[deserr(default)]
-    pub share: Given<Share>,
+    pub share: Given<Rounded<Share>>,
     #[deserr(skip)]
     per_load: f64,
 }

@@ -18,7 +18,7 @@ use crate::contact::limit::{DEEPEST, WIDEST};
 use crate::contact::profile::{Shape, kappa};
 use crate::contact::table_shape::{PressedTable, Split, TableShape};
 use crate::contact::unworn::Contact;
-use crate::numeric::{root, twelve_digits};
+use crate::numeric::root;
 use crate::request::fault::{Fault, Faults};
 use crate::request::indenter::Profile;
 
@@ -28,59 +28,18 @@ const MAX_SPHERE: f64 = 0.6;
 /// lost in rounding.
 const NARROWEST_RING: f64 = 1e-6;
 
-/// A profile in canonical form.
+/// The indenter in canonical form.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(tag = "shape", rename_all = "snake_case")]
-pub(super) enum CanonicalProfile {
-    Paraboloid { radius: f64 },
-    Sphere { radius: f64 },
-    Cone { slope_angle: f64 },
-    Power { exponent: f64, height: f64, at_radius: f64 },
-    TruncatedParaboloid { radius: f64, flat_radius: f64 },
-    TruncatedCone { slope_angle: f64, flat_radius: f64 },
-    Table(CanonicalTable),
-}
-
-/// A measured table in canonical form, with the smooth shape through its points.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct CanonicalTable {
-    radius: Vec<f64>,
-    height: Vec<f64>,
+#[serde(transparent)]
+pub(super) struct Indenter {
+    profile: Profile,
     #[serde(skip)]
-    shape: Arc<TableShape>,
-}
-
-/// The profile in canonical form, or the faults of a measured table.
-pub(super) fn canonical_profile(profile: &Profile) -> Result<CanonicalProfile, Faults> {
-    Ok(match profile {
-        Profile::Paraboloid(ball) => {
-            CanonicalProfile::Paraboloid { radius: twelve_digits(ball.radius.0) }
-        }
-        Profile::Sphere(ball) => CanonicalProfile::Sphere { radius: twelve_digits(ball.radius.0) },
-        Profile::Cone(cone) => {
-            CanonicalProfile::Cone { slope_angle: twelve_digits(cone.slope_angle.0) }
-        }
-        Profile::Power(power) => CanonicalProfile::Power {
-            exponent: twelve_digits(power.exponent.0),
-            height: twelve_digits(power.height.0),
-            at_radius: twelve_digits(power.at_radius.0),
-        },
-        Profile::TruncatedParaboloid(ball) => CanonicalProfile::TruncatedParaboloid {
-            radius: twelve_digits(ball.radius.0),
-            flat_radius: twelve_digits(ball.flat_radius.0),
-        },
-        Profile::TruncatedCone(cone) => CanonicalProfile::TruncatedCone {
-            slope_angle: twelve_digits(cone.slope_angle.0),
-            flat_radius: twelve_digits(cone.flat_radius.0),
-        },
-        Profile::Table(table) => {
-            CanonicalProfile::Table(CanonicalTable::through(&table.radius.0, &table.height.0)?)
-        }
-    })
+    form: Form,
 }
 
 /// The properties of a profile that determine the unworn contact.
-enum Form<'a> {
+#[derive(Debug, Clone, PartialEq)]
+enum Form {
     /// g = height·(x/at_radius)ⁿ.
     Power {
         exponent: f64,
@@ -91,11 +50,11 @@ enum Form<'a> {
         radius: f64,
     },
     Flat(Flat),
-    Table(&'a CanonicalTable),
+    Table(Table),
 }
 
 /// A truncated shape with a flat tip of radius b. The steepness is 1/R or tan θ.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct Flat {
     conical: bool,
     steepness: f64,
@@ -148,36 +107,53 @@ impl Flat {
     }
 }
 
-impl CanonicalProfile {
-    fn form(&self) -> Form<'_> {
-        match *self {
-            Self::Paraboloid { radius } => {
-                Form::Power { exponent: 2.0, height: radius, at_radius: radius }
+/// The smooth shape through the points of a measured table.
+#[derive(Debug, Clone, PartialEq)]
+struct Table {
+    radius: Vec<f64>,
+    shape: Arc<TableShape>,
+}
+
+impl Form {
+    /// The form of a profile, or the fault of a measured table.
+    fn of(profile: &Profile) -> Result<Self, Faults> {
+        Ok(match profile {
+            Profile::Paraboloid(ball) => {
+                Self::Power { exponent: 2.0, height: ball.radius.0, at_radius: ball.radius.0 }
             }
-            Self::Cone { slope_angle } => Form::Power {
+            Profile::Cone(cone) => Self::Power {
                 exponent: 1.0,
-                height: std::f64::consts::FRAC_PI_2 * libm::tan(slope_angle),
+                height: std::f64::consts::FRAC_PI_2 * libm::tan(cone.slope_angle.0),
                 at_radius: 1.0,
             },
-            Self::Power { exponent, height, at_radius } => {
-                Form::Power { exponent, height: kappa(exponent) * height, at_radius }
+            Profile::Power(power) => {
+                let (exponent, at_radius) = (power.exponent.0, power.at_radius.0);
+                Self::Power { exponent, height: kappa(exponent) * power.height.0, at_radius }
             }
-            Self::Sphere { radius } => Form::Sphere { radius },
-            Self::TruncatedParaboloid { radius, flat_radius } => {
-                Form::Flat(Flat { conical: false, steepness: 1.0 / radius, tip: flat_radius })
+            Profile::Sphere(ball) => Self::Sphere { radius: ball.radius.0 },
+            Profile::TruncatedParaboloid(ball) => {
+                let (steepness, tip) = (1.0 / ball.radius.0, ball.flat_radius.0);
+                Self::Flat(Flat { conical: false, steepness, tip })
             }
-            Self::TruncatedCone { slope_angle, flat_radius } => {
-                let steepness = libm::tan(slope_angle);
-                Form::Flat(Flat { conical: true, steepness, tip: flat_radius })
+            Profile::TruncatedCone(cone) => {
+                let (steepness, tip) = (libm::tan(cone.slope_angle.0), cone.flat_radius.0);
+                Self::Flat(Flat { conical: true, steepness, tip })
             }
-            Self::Table(ref table) => Form::Table(table),
-        }
+            Profile::Table(table) => Self::Table(Table::through(&table.radius.0, &table.height.0)?),
+        })
+    }
+}
+
+impl Indenter {
+    /// The canonical form of a profile, or the fault of a measured table.
+    pub(super) fn new(profile: &Profile) -> Result<Self, Faults> {
+        Ok(Self { form: Form::of(profile)?, profile: profile.clone() })
     }
 
     /// The fault if the profile cannot have the indentation depth `depth`. The depth follows from
     /// the member at `pointer`.
     pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Fault {
-        let detail = match self.form() {
+        let detail = match &self.form {
             Form::Table(table) => {
                 return table.too_short(PressedTable::new(&table.shape, depth, true));
             }
@@ -196,15 +172,15 @@ impl CanonicalProfile {
 
     /// The fault if the contact of `shape`, which is this profile, splits into a core and a ring.
     pub(super) fn split(&self, shape: &Shape) -> Option<Fault> {
-        match self {
-            Self::Table(table) => shape.split().map(|split| table.splits(split)),
+        match &self.form {
+            Form::Table(table) => shape.split().map(|split| table.splits(split)),
             _ => None,
         }
     }
 
     /// The fault if the scar at `depth` and amplitude Δ would become larger than the profile.
     pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Fault {
-        match self.form() {
+        match &self.form {
             Form::Table(table) => {
                 let endless =
                     PressedTable::new(&table.shape, depth, true).and_then(|(radius, pressed)| {
@@ -226,7 +202,7 @@ impl CanonicalProfile {
     }
 }
 
-impl CanonicalTable {
+impl Table {
     fn through(radius: &[f64], height: &[f64]) -> Result<Self, Faults> {
         let shape = TableShape::through(radius, height).map_err(|low| {
             let row = nearest_row(radius, low.radius);
@@ -238,7 +214,7 @@ impl CanonicalTable {
             );
             Faults::one(&format!("/profile/height/{row}"), detail)
         })?;
-        Ok(Self { radius: radius.to_vec(), height: height.to_vec(), shape: Arc::new(shape) })
+        Ok(Self { radius: radius.to_vec(), shape: Arc::new(shape) })
     }
 
     /// The fault if the contact splits.
@@ -286,9 +262,9 @@ fn nearest_row(rows: &[f64], radius: f64) -> usize {
 }
 
 /// The contact radius a₀ and the normalised shape at indentation depth d. `None` if
-/// [`CanonicalProfile::refusal`] applies.
-pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Shape)> {
-    match profile.form() {
+/// [`Indenter::refusal`] applies.
+pub(super) fn indent(indenter: &Indenter, depth: f64) -> Option<(f64, Shape)> {
+    match indenter.form {
         Form::Power { exponent: n, height, at_radius } => {
             let ratio = depth / height;
             let radius = at_radius
@@ -322,7 +298,7 @@ pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Sha
             };
             Some((radius, shape))
         }
-        Form::Table(table) => {
+        Form::Table(ref table) => {
             let (radius, pressed) = PressedTable::new(&table.shape, depth, false)?;
             Some((radius, Shape::table(pressed)))
         }
@@ -330,8 +306,8 @@ pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Sha
 }
 
 /// The indentation depth d under a force F, given as F/E* in m².
-pub(super) fn depth_under(profile: &CanonicalProfile, force: f64) -> f64 {
-    match profile.form() {
+pub(super) fn depth_under(indenter: &Indenter, force: f64) -> f64 {
+    match indenter.form {
         Form::Power { exponent: n, height, at_radius } => {
             // F/E* = (2n/(n+1))·a·d with a = b·(d/h)^(1/n).
             let radius_times_depth = force * (n + 1.0) / (2.0 * n);
@@ -351,6 +327,6 @@ pub(super) fn depth_under(profile: &CanonicalProfile, force: f64) -> f64 {
             depth_at(share)
         }
         Form::Flat(flat) => flat.depth(flat.rim_under(force)),
-        Form::Table(table) => table.shape.depth_under(force),
+        Form::Table(ref table) => table.shape.depth_under(force),
     }
 }
