@@ -8,7 +8,7 @@ use serde::de::{Deserializer as _, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::value::RawValue;
 
-use super::error::{Error, Missing};
+use super::error::{Error, Missing, refuse_if_any};
 use super::kind::Part;
 use super::units::Units;
 use super::view::View;
@@ -357,9 +357,7 @@ fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection
     if axes.contains(&"cycles") {
         missing.extend(missing_cycles(view, &cycles));
     }
-    if !missing.is_empty() {
-        return Err(Error::Missing(missing));
-    }
+    refuse_if_any(missing)?;
     let selected = view.cycles.as_ref().map(|wanted| {
         let selected = |index: &usize| wanted.iter().any(|wanted| same(cycles[*index], *wanted));
         (0..cycles.len()).filter(selected).collect()

@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::axes;
 use super::choice::{Choice, Offer};
 use super::grid::{self, Axes};
-use super::words::{member, output, typeset};
+use super::words::{capital, member, output};
 use super::{scatter, tornado};
 use crate::document::Document;
 use crate::error::Error;
@@ -79,17 +79,14 @@ impl Study<'_> {
 
     /// An axis with the unit of a column.
     fn axis(&self, label: &str, name: &str) -> Axis {
-        Axis::labelled(&match self.unit(name) {
-            Some(unit) => format!("{label} ({})", typeset(unit)),
-            None => label.to_owned(),
-        })
+        axes::in_unit(label, self.unit(name))
     }
 
     /// The axis of a member.
     fn across(&self, place: usize) -> Axis {
         let name = self.member(place);
         let log = axes::is_log_spaced(&axes::distinct(self.column(name)));
-        Axis { log, ..self.axis(&super::words::capital(&member(name)), name) }
+        Axis { log, ..self.axis(&capital(&member(name)), name) }
     }
 
     /// An output in words: the quantity, and when or where.
@@ -199,7 +196,9 @@ impl Study<'_> {
         let convert = |value: f64| convert.as_ref().map_or(value, |convert| convert(value));
         let mut chart = tornado::chart(&table, name, &bars, self.unit(name), &convert);
         chart.size = axes::size(&self.view.figure);
-        tornado::refuse_logarithms(&self.view.figure)?;
+        let options = &self.view.figure;
+        let log = [("x", options.log_x == Some(true)), ("y", options.log_y == Some(true))];
+        axes::refuse_logarithms(log, "the bars begin at 0")?;
         let note = tornado::keep_what_fits(&mut chart);
         let (quantity, rest) = self.in_words(name);
         chart.title = format!("Sensitivity: {}{rest}", quantity.to_lowercase());
@@ -234,13 +233,7 @@ impl Study<'_> {
     fn finished(&self, mut figure: Figure, note: &str, colours: &str) -> Result<String, Error> {
         axes::choose(&mut figure, &self.view.figure)?;
         note.trim().clone_into(&mut figure.note);
-        let names = figure.series.iter().map(|series| series.label.as_str());
-        let names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
-        let curves = if names.is_empty() {
-            String::new()
-        } else {
-            format!(" Curves: {}.", names.join("; "))
-        };
+        let curves = axes::curves_in_words(&figure, "; ");
         let description = format!(
             "{}: {} against {}, {}.{colours}{note}{curves}",
             figure.title,
