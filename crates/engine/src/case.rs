@@ -3,7 +3,7 @@
 use crate::contact::control::{Control, Final, Tangential};
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::row::UnwornSums;
-use crate::contact::unworn::{Contact, Regime};
+use crate::contact::unworn::Contact;
 use crate::solver::closed::energy;
 use crate::solver::closed::simplified::Simplified;
 use crate::solver::events::StopCondition;
@@ -16,7 +16,7 @@ const OPERATIONS_PER_SECOND: f64 = 1e9;
 /// Tolerance of the time integration for the simplified rule. The rule is integrated only if it has
 /// no closed form.
 const RULE_TOLERANCE: f64 = 7e-4;
-/// The number of runs of the simplified rule in a comparison.
+/// The number of runs of the simplified rule in a comparison. They determine ln ξ to 1e-5.
 pub(crate) const COMPARISON_RUNS: usize = 31;
 /// Maximum number of output radii of the rule in a comparison. With more radii the volume would
 /// change by less than its error.
@@ -198,11 +198,6 @@ pub struct Case {
 }
 
 impl Case {
-    /// The regime of the unworn contact.
-    pub(crate) fn regime(&self) -> Regime {
-        self.contact.regime
-    }
-
     /// Whether the run is computed in closed form, and not in time steps.
     #[must_use]
     pub fn is_closed(&self) -> bool {

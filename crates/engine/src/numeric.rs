@@ -248,6 +248,18 @@ pub(crate) fn weighted(a: &[f64], b: &[f64], f: impl Fn(f64) -> f64) -> f64 {
         + rest
 }
 
+/// ∫ max(0, y) dx over a…b, for y that is linear between its values at a and b.
+pub(crate) fn positive_area([a, b]: [f64; 2], [left, right]: [f64; 2]) -> f64 {
+    let (low, high) = (left.min(right), left.max(right));
+    if high <= 0.0 {
+        0.0
+    } else if low >= 0.0 {
+        0.5 * (b - a) * (low + high)
+    } else {
+        0.5 * (b - a) * high * high / (high - low)
+    }
+}
+
 /// The index of the first largest value; 0 without values.
 #[must_use]
 pub fn largest(values: &[f64]) -> usize {

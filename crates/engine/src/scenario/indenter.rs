@@ -19,7 +19,7 @@ use crate::contact::profile::{Shape, kappa};
 use crate::contact::table_shape::{PressedTable, Split, TableShape};
 use crate::contact::unworn::Contact;
 use crate::numeric::root;
-use crate::request::fault::{Fault, Faults};
+use crate::request::fault::Faults;
 use crate::request::indenter::Profile;
 
 /// Maximum a₀/R of a sphere. Half-space theory is not valid for larger contacts.
@@ -152,7 +152,7 @@ impl Indenter {
 
     /// The fault if the profile cannot have the indentation depth `depth`. The depth follows from
     /// the member at `pointer`.
-    pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Fault {
+    pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Faults {
         let detail = match &self.form {
             Form::Table(table) => {
                 return table.too_short(PressedTable::new(&table.shape, depth, true));
@@ -167,11 +167,11 @@ impl Indenter {
                  Half-space theory is not valid there. Reduce the load, or enter a larger radius"
             ),
         };
-        Fault { pointer: pointer.to_owned(), detail }
+        Faults::one(pointer, detail)
     }
 
     /// The fault if the contact of `shape`, which is this profile, splits into a core and a ring.
-    pub(super) fn split(&self, shape: &Shape) -> Option<Fault> {
+    pub(super) fn split(&self, shape: &Shape) -> Option<Faults> {
         match &self.form {
             Form::Table(table) => shape.split().map(|split| table.splits(split)),
             _ => None,
@@ -179,7 +179,7 @@ impl Indenter {
     }
 
     /// The fault if the scar at `depth` and amplitude Δ would become larger than the profile.
-    pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Fault {
+    pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Faults {
         match &self.form {
             Form::Table(table) => {
                 let endless =
@@ -190,14 +190,14 @@ impl Indenter {
                 table.too_short(endless)
             }
             Form::Sphere { .. } => self.refusal(depth, "/load"),
-            Form::Flat(_) | Form::Power { .. } => Fault {
-                pointer: "/cycles".to_owned(),
-                detail: format!(
+            Form::Flat(_) | Form::Power { .. } => {
+                let detail = format!(
                     "would make the scar wider than {WIDEST} contact radii or deeper than {DEEPEST} \
                      indentation depths. In gross slip at constant force the scar grows without \
                      limit. Hold the indentation depth constant"
-                ),
-            },
+                );
+                Faults::one("/cycles", detail)
+            }
         }
     }
 }
@@ -218,23 +218,21 @@ impl Table {
     }
 
     /// The fault if the contact splits.
-    fn splits(&self, split: Split) -> Fault {
+    fn splits(&self, split: Split) -> Faults {
         let Split { core, begin, share } = split;
         let row = nearest_row(&self.radius, begin);
         let percent = 100.0 * share;
-        Fault {
-            pointer: format!("/profile/radius/{row}"),
-            detail: format!(
-                "is where the image of the profile falls below the indentation depth again: the \
-                 contact splits into a core up to {core:.3e} m and a ring from {begin:.3e} m on. Only \
-                 the core can be computed, but the ring would carry {percent:.2} % of the force on \
-                 the core. Smooth the table, cut it off before this row, or reduce the load"
-            ),
-        }
+        let detail = format!(
+            "is where the image of the profile falls below the indentation depth again: the contact \
+             splits into a core up to {core:.3e} m and a ring from {begin:.3e} m on. Only the core can \
+             be computed, but the ring would carry {percent:.2} % of the force on the core. Smooth the \
+             table, cut it off before this row, or reduce the load"
+        );
+        Faults::one(&format!("/profile/radius/{row}"), detail)
     }
 
     /// The fault if the table ends, or its image decreases, inside the radius that the scar needs.
-    fn too_short(&self, needed: Option<(f64, PressedTable)>) -> Fault {
+    fn too_short(&self, needed: Option<(f64, PressedTable)>) -> Faults {
         let radius = &self.radius;
         let reach = self.shape.reach();
         let row = radius.partition_point(|r| *r < reach * (1.0 - 1e-9)).min(radius.len() - 1);
@@ -245,13 +243,11 @@ impl Table {
             "is where the image of the profile starts to fall. The edge of the contact or of the \
              future scar would not be unique"
         };
-        Fault {
-            pointer: format!("/profile/radius/{row}"),
-            detail: format!(
-                "{ends}. Enter a profile that rises up to a radius of about {needed:.3e} m \
-                 (extrapolated), or reduce the load"
-            ),
-        }
+        let detail = format!(
+            "{ends}. Enter a profile that rises up to a radius of about {needed:.3e} m (extrapolated), \
+             or reduce the load"
+        );
+        Faults::one(&format!("/profile/radius/{row}"), detail)
     }
 }
 

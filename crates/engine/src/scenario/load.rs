@@ -78,10 +78,10 @@ pub(super) fn press(
         }
     };
     let (contact_radius, shape) =
-        indent(indenter, depth).ok_or_else(|| Faults(vec![indenter.refusal(depth, pointer)]))?;
+        indent(indenter, depth).ok_or_else(|| indenter.refusal(depth, pointer))?;
     derived(depth, Length::RANGE, "an indentation depth of", "m", pointer)?;
-    if let Some(fault) = indenter.split(&shape) {
-        return Err(Faults(vec![fault]));
+    match indenter.split(&shape) {
+        Some(faults) => Err(faults),
+        None => Ok((depth, contact_radius, shape)),
     }
-    Ok((depth, contact_radius, shape))
 }

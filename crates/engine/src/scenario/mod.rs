@@ -35,7 +35,7 @@ use crate::case::{self, Case, Method, Scales};
 use crate::contact::unworn::Contact;
 use crate::contact::yielding::Rubbing;
 use crate::numeric::twelve_digits;
-use crate::request::fault::{Fault, Faults};
+use crate::request::fault::Faults;
 use crate::request::fields::{Given, GivenXi, LAST_CYCLE, Stress, WEAR_RANGE, Xi, derived};
 use crate::request::instants::{Measure, ProfilesAt};
 use crate::request::{ElasticBody, MethodName, Model, Request, Until};
@@ -179,7 +179,7 @@ pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warnin
     let request = Request::deserialize_from_value(value.into_value(), ValuePointerRef::Origin)
         .map_err(|faults| faults.below(prefix))?;
     let scenario = Scenario::resolve(&request).map_err(|faults| faults.below(prefix))?;
-    let case = scenario.case().map_err(|fault| Faults(vec![fault]).below(prefix))?;
+    let case = scenario.case().map_err(|faults| faults.below(prefix))?;
     let warnings = body_warnings(&request, &case);
     Ok((scenario, case, warnings))
 }
@@ -217,13 +217,12 @@ impl Scenario {
     ///
     /// # Errors
     /// A fault if each number is valid but the combination has no solution.
-    pub fn case(&self) -> Result<Case, Fault> {
+    pub fn case(&self) -> Result<Case, Faults> {
         work_done::note(&work_done::CASES);
-        let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, self.friction)
-            .map_err(first)?;
+        let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, self.friction)?;
         let (amplitude, unit) =
-            self.motion.amplitude_and_cycles(&contact, self.wear.coefficient).map_err(first)?;
-        let (control, threshold) = self.motion.control(&contact, unit).map_err(first)?;
+            self.motion.amplitude_and_cycles(&contact, self.wear.coefficient)?;
+        let (control, threshold) = self.motion.control(&contact, unit)?;
         let scales = Scales {
             contact_radius: contact.contact_radius,
             indentation_depth: contact.depth,
@@ -244,9 +243,12 @@ impl Scenario {
         let outputs = self.cycles.outputs(&scales, horizon, expected);
         let last = outputs.last_time(unit);
         if !March::fits(problem, tends_to.as_ref(), last) {
-            let Fault { pointer, detail } = outgrown();
-            let detail = format!("{detail}, or request fewer cycles");
-            return Err(Fault { pointer, detail });
+            let mut faults = outgrown();
+            faults
+                .0
+                .iter_mut()
+                .for_each(|fault| fault.detail.push_str(", or request fewer cycles"));
+            return Err(faults);
         }
         let case = Case {
             contact,
@@ -270,7 +272,7 @@ impl Scenario {
                 case.answer_bytes() / 1_000_000,
                 MAX_ANSWER / 1_000_000
             );
-            return Err(Fault { pointer: "/profiles_at".to_owned(), detail });
+            return Err(Faults::one("/profiles_at", detail));
         }
         Ok(case)
     }
@@ -374,12 +376,6 @@ fn canonical_cycles(
         return Err(Faults::one(&format!("/cycles/{late}"), detail));
     }
     Ok((cycles, profiles_at))
-}
-
-/// The first of the faults. There is always at least one.
-#[expect(clippy::expect_used, reason = "a refusal without a fault is a bug")]
-fn first(faults: Faults) -> Fault {
-    faults.0.into_iter().next().expect("a refusal names at least one fault")
 }
 
 fn shear_modulus(body: &ElasticBody) -> f64 {

@@ -151,7 +151,7 @@ impl CanonicalMotion {
         if let Some(List(reversals)) = &motion.reversals.0 {
             let reversals: Vec<f64> = reversals.iter().map(|position| position.0).collect();
             let record = record_of(&reversals)?;
-            resolved(record.amplitude(), false, pressed, "/motion/reversals")?;
+            resolved(record.amplitude, false, pressed, "/motion/reversals")?;
             return Ok(Self::Reversals { reversals });
         }
         let (amplitude, pointer) = contact_amplitude(motion, pressed)?;
@@ -270,7 +270,7 @@ impl CanonicalMotion {
             }
             Self::Reversals { reversals } => {
                 let record = record_of(reversals)?;
-                let threshold = pressed.threshold(record.amplitude());
+                let threshold = pressed.threshold(record.amplitude);
                 (Tangential::Record(Arc::new(record)), threshold)
             }
         };

@@ -9,13 +9,12 @@ use crate::contact::limit::WIDEST;
 use crate::contact::unworn::Decay;
 use crate::numeric::twelve_digits;
 use crate::outcome::{
-    Accuracy, BodyWear, ContactScales, History, Outcome, OutcomeEvent, Unworn, limit_state,
+    Accuracy, BodyWear, ContactScales, Outcome, OutcomeEvent, Unworn, limit_state,
 };
 use crate::solver::closed::energy;
 use crate::solver::closed::events::{StopSearch, events};
 use crate::solver::closed::simplified::{Simplified, State, UnwornCurves};
 use crate::solver::curves::{Curves, Grid};
-use crate::solver::errors::RunErrors;
 use crate::solver::events::{Event, EventKind};
 use crate::solver::stepped::march::March;
 use crate::solver::stepped::plan::MeshPlan;
@@ -28,10 +27,10 @@ const STEP_INSTANTS: usize = 64;
 /// A run by one method and its present state.
 #[derive(Debug)]
 pub(super) struct SingleRun {
-    case: Case,
+    pub(super) case: Case,
     phase: RunPhase,
     events: Vec<Event>,
-    recording: Recording,
+    pub(super) recording: Recording,
 }
 
 /// The work of the next step.
@@ -133,29 +132,20 @@ impl SingleRun {
             || self.events.iter().any(|event| event.ends && is_reached(event))
     }
 
-    pub(super) fn case(&self) -> &Case {
-        &self.case
-    }
-
-    pub(super) fn history(&self) -> &History {
-        &self.recording.history
-    }
-
     /// Searches for the time of the stop condition. Returns true when the events are known.
     fn search_stop(&mut self, solver: &Simplified, xi: f64, search: &mut StopSearch) -> bool {
         let last = self.case.normalized_end();
         let states = STEP_OPERATIONS / Simplified::operations(self.case.points, 1, 0);
-        match search.advance(solver, xi, self.case.until, last, states as usize) {
-            Some(stop) => {
-                let mut known = std::mem::take(&mut self.events);
-                if stop.is_finite() {
-                    known.push(Event { at: stop, kind: EventKind::UntilReached, ends: true });
-                }
-                self.events = events(solver, xi, last, known);
-                true
-            }
-            None => false,
+        let until = self.case.until;
+        let Some(stop) = search.advance(solver, xi, until, last, states as usize) else {
+            return false;
+        };
+        let mut known = std::mem::take(&mut self.events);
+        if stop.is_finite() {
+            known.push(Event { at: stop, kind: EventKind::UntilReached, ends: true });
         }
+        self.events = events(solver, xi, last, known);
+        true
     }
 
     /// Evaluates several output cycles together, because they use the same matrix rows.
@@ -227,12 +217,6 @@ impl SingleRun {
             (curves, unworn.backbone.wind())
         });
         let entry = HistoryEntry {
-            cycles: 0.0,
-            volume: 0.0,
-            deepest: 0.0,
-            scar: 0.0,
-            edge_slip: 0.0,
-            edge_slope: 0.0,
             contact_radius: 1.0,
             stick: case.contact.stick,
             depth: 1.0,
@@ -240,9 +224,8 @@ impl SingleRun {
             normal: unworn.normal,
             tangential: unworn.tangential,
             loss: unworn.loss,
-            worn_by_energy: 0.0,
-            errors: RunErrors::default(),
             curves,
+            ..HistoryEntry::default()
         };
         self.recording.record(case, entry);
     }
@@ -316,7 +299,10 @@ impl SingleRun {
         }
         let march = march.as_deref();
         let work = march.map(March::work);
-        let unit = case.scales.cycles;
+        let with_cycles = |event: &Event| OutcomeEvent {
+            cycles: event.at * case.scales.cycles,
+            kind: event.kind,
+        };
         let unworn = case.unworn();
         let model_error = match case.method {
             Method::Exact { .. } => Some(0.0),
@@ -330,13 +316,13 @@ impl SingleRun {
         Outcome {
             scales: ContactScales::of(&case),
             unworn: Unworn::of(&case, &unworn),
-            regime: case.regime(),
+            regime: case.contact.regime,
             limit: limit_state(&case),
             bodies,
             history: recording.history,
             profiles: shows.then_some(recording.profiles),
             loops: shows.then_some(recording.loops),
-            events: events.iter().map(|event| OutcomeEvent::of(event, unit)).collect(),
+            events: events.iter().map(with_cycles).collect(),
             accuracy: Accuracy {
                 energy_mismatch: recording.mismatch,
                 numerical_error: recording.errors.map(|errors| errors.volume),
@@ -391,8 +377,6 @@ fn closed_entry(
         volume: state.volume,
         deepest: state.depth,
         scar: state.scar,
-        // The rule does not change the radius afterwards.
-        edge_slope: 0.0,
         edge_slip: if state.scar > 0.0 {
             solver.slip_outside(state.scar.max(1.0), decay)
         } else {
@@ -408,6 +392,8 @@ fn closed_entry(
         worn_by_energy: solver.dissipated(xi, &sums),
         errors: state.errors,
         curves: state.curves.zip(state.backbone.map(|backbone| backbone.wind())),
+        // The rule does not change the radius afterwards, so it needs no slope.
+        ..HistoryEntry::default()
     }
 }
 

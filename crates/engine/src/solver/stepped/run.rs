@@ -342,7 +342,7 @@ impl MeshRun {
         self.least_stick = self.least_stick.min(stick);
         let shape = &wearing.contact.shape;
         let limit = Limit::at_depth(shape, self.least_stick, wearing.springs.depth);
-        let reach = limit.map_or(shape.extent(), |limit| limit.radius).max(worn.radius());
+        let reach = limit.map_or(shape.extent(), |limit| limit.radius).max(worn.radius);
         let control = &wearing.springs.control;
         let mut plan = MeshPlan::of_block(&wearing.contact, control, (stick, reach), cells);
         if let Some(outlook) = self.outlooks.get(self.block).copied().flatten() {

@@ -23,7 +23,7 @@ use crate::contact::control::{Normal, Tangential};
 use crate::contact::limit::Limit;
 use crate::contact::profile::Shape;
 use crate::contact::unworn::Contact;
-use crate::numeric::{Monotone, largest, root, vertex};
+use crate::numeric::{Monotone, largest, positive_area, root, vertex};
 use crate::solver::splits::WornCore;
 
 /// Estimated number of multiplications to find ã, per piece of the shape: eight evaluations with
@@ -278,7 +278,7 @@ impl Wearing {
 
     /// The wear of all meshes, from the wear at the nodes of this one.
     pub(super) fn total(&self, wear: &[f64]) -> PriorWear {
-        let radius = self.prior.radius();
+        let radius = self.prior.radius;
         let profile = |t: f64| self.contact.shape.profile(t.sqrt());
         self.prior.with(&self.springs.mesh.squares, wear, radius, profile)
     }
@@ -525,7 +525,7 @@ impl Wearing {
         let radii = &self.springs.mesh.radii;
         let most = wear.iter().copied().fold(0.0, f64::max);
         let held = self.springs.control.normal == Normal::Depth;
-        let before = self.prior.radius();
+        let before = self.prior.radius;
         if most == 0.0 {
             return (before.max(1.0), before);
         }
@@ -555,7 +555,7 @@ impl Wearing {
             Normal::Depth => 1.0,
             Normal::Force => self.unworn_radius(),
         };
-        let floor = self.prior.radius().max(unworn);
+        let floor = self.prior.radius.max(unworn);
         if most == 0.0 && !self.prior.is_empty() {
             return floor;
         }
@@ -714,18 +714,9 @@ fn on_axis(shape: &Shape, squares: &[f64], wear: &[f64]) -> f64 {
 
 /// π ∫ max(0, w) dt for wear that is linear in t between nodes.
 fn positive_volume(squares: &[f64], wear: &[f64]) -> f64 {
-    let area = |t: &[f64], w: &[f64]| {
-        let (low, high) = (w[0].min(w[1]), w[0].max(w[1]));
-        if high <= 0.0 {
-            0.0
-        } else if low >= 0.0 {
-            0.5 * (t[1] - t[0]) * (low + high)
-        } else {
-            0.5 * (t[1] - t[0]) * high * high / (high - low)
-        }
-    };
-    let sum: f64 = squares.windows(2).zip(wear.windows(2)).map(|(t, w)| area(t, w)).sum();
-    std::f64::consts::PI * sum
+    let cells = squares.windows(2).zip(wear.windows(2));
+    let areas = cells.map(|(t, w)| positive_area([t[0], t[1]], [w[0], w[1]]));
+    std::f64::consts::PI * areas.sum::<f64>()
 }
 
 #[cfg(test)]
