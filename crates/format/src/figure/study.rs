@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::axes;
 use super::choice::{Choice, Offer};
-use super::grid::{self, Axes};
+use super::grid::{self, Axes, Surface};
 use super::words::{capital, member, output};
 use super::{scatter, tornado};
 use crate::document::Document;
@@ -73,13 +73,13 @@ impl Study<'_> {
         self.rows.axis(name)
     }
 
-    fn unit(&self, name: &str) -> Option<&str> {
-        self.document.head.units.of(name)
+    fn surface<'a>(&'a self, output: &'a str) -> Surface<'a> {
+        Surface { offer: &self.offer, rows: &self.rows, units: &self.document.head.units, output }
     }
 
     /// An axis with the unit of a column.
     fn axis(&self, label: &str, name: &str) -> Axis {
-        axes::in_unit(label, self.unit(name))
+        axes::in_unit(label, self.document.head.units.of(name))
     }
 
     /// The axis of a member.
@@ -107,7 +107,7 @@ impl Study<'_> {
         let across = self.across(over);
         let (series, note) = if self.offer.hints.is_grid {
             let names = Axes { over, by };
-            grid::curves(&self.offer, names, &self.rows, name, &|name| self.unit(name))
+            self.surface(name).curves(names)
         } else {
             (vec![grid::list(self.column(self.member(over)), self.column(name))], String::new())
         };
@@ -124,10 +124,7 @@ impl Study<'_> {
         x.log = self.view.figure.log_x.unwrap_or(x.log);
         y.log = self.view.figure.log_y.unwrap_or(y.log);
         let named = Axes { over, by: Some(by) };
-        let (field, note) =
-            grid::field(&self.offer, named, &self.rows, name, ((x.log, y.log), scale), &|name| {
-                self.unit(name)
-            });
+        let (field, note) = self.surface(name).field(named, (x.log, y.log), scale);
         let series = match self.offer.hints.regions {
             Some(regions) => {
                 let [first, second] = self.boundary(&regions)?;
@@ -191,10 +188,7 @@ impl Study<'_> {
         let bars = self.offer.hints.bars.expect("this figure has bars");
         let name = &self.offer.outputs[output];
         let table = self.document.table(Part::Table, &View::default())?;
-        let units = &self.document.head.units;
-        let convert = units.conversion(name);
-        let convert = |value: f64| convert.as_ref().map_or(value, |convert| convert(value));
-        let mut chart = tornado::chart(&table, name, &bars, self.unit(name), &convert);
+        let mut chart = tornado::chart(&table, name, &bars, &self.document.head.units);
         chart.size = axes::size(&self.view.figure);
         let options = &self.view.figure;
         let log = [("x", options.log_x == Some(true)), ("y", options.log_y == Some(true))];

@@ -3,6 +3,7 @@
 use super::axes;
 use super::words::member;
 use crate::table::{Cell, Table};
+use crate::units::Units;
 use fretwork_plot::{Bar, BarChart, Group};
 use fretwork_study::Bars;
 
@@ -10,23 +11,18 @@ use fretwork_study::Bars;
 const GROUP: f64 = 15.0;
 const AROUND: f64 = 95.0;
 
-/// The chart of an output. `convert` brings its values to the requested unit.
-pub fn chart(
-    table: &Table,
-    output: &str,
-    bars: &Bars,
-    unit: Option<&str>,
-    convert: &dyn Fn(f64) -> f64,
-) -> BarChart {
+/// The chart of an output.
+pub fn chart(table: &Table, output: &str, bars: &Bars, units: &Units) -> BarChart {
     let Bars { label, columns, have_unit } = *bars;
-    let axis = axes::in_unit(label, unit.filter(|_| have_unit));
+    let axis = axes::in_unit(label, units.of(output).filter(|_| have_unit));
+    let convert = units.conversion(output).filter(|_| have_unit);
     let text = |name: &str, row: usize| match table.column(name).map(|column| column.cell(row, 0)) {
         Some(Cell::Text(text)) => text.to_owned(),
         _ => String::new(),
     };
     let number = |name: &str, row: usize| {
         let value = table.axis(name).get(row).copied()?;
-        Some(if have_unit { convert(value) } else { value })
+        Some(convert.as_ref().map_or(value, |convert| convert(value)))
     };
     let bar = |name: &str, row: usize| {
         let end = |end: &str| number(&format!("{name}_{end}"), row).filter(|end| end.is_finite());
