@@ -41,12 +41,6 @@ impl<const N: usize> Gauss<N> {
     }
 }
 
-impl<const N: usize> Default for Gauss<N> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 /// Pₙ(z) and its derivative.
 fn legendre(n: usize, z: f64) -> (f64, f64) {
     let (mut before, mut value) = (1.0, z);

@@ -272,6 +272,12 @@ impl Shape {
         }
     }
 
+    /// The stick radius c of the unworn contact at the amplitude Δ; 0 in gross slip. At Δ = 1 springs under a flat still
+    /// stick.
+    pub(crate) fn stick_radius(&self, threshold: f64) -> f64 {
+        if threshold > 1.0 { 0.0 } else { self.image_inverse(1.0 - threshold) }
+    }
+
     /// The mean of g₀ over from…to, without cancellation.
     pub(crate) fn image_mean(&self, from: f64, to: f64) -> f64 {
         match self.kind {

@@ -122,33 +122,27 @@ impl Motion {
             ("reversals", self.reversals.0.is_some()),
         ];
         let mut names = given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name);
+        let fault = |member, detail| Err(Faults::at(location.push_key(member), detail));
         let Some(first) = names.next() else {
-            let here = location.push_key("amplitude");
-            return Err(Faults::at(here, format!("is missing. Enter {WAYS}")));
+            return fault("amplitude", format!("is missing. Enter {WAYS}"));
         };
         if let Some(second) = names.next() {
-            let here = location.push_key(second);
-            return Err(Faults::at(
-                here,
-                format!("cannot be combined with `{first}`. Enter only {WAYS}"),
-            ));
+            return fault(second, format!("cannot be combined with `{first}`. Enter only {WAYS}"));
         }
         let varies = first == "blocks" || first == "reversals";
-        let force_held = self.held.0 == Some(MotionHeld::TangentialForce);
-        if varies && force_held {
-            let here = location.push_key("held");
-            return Err(Faults::at(here, format!("must be \"amplitude\" with `{first}`")));
+        if varies && self.held.0 == Some(MotionHeld::TangentialForce) {
+            return fault("held", format!("must be \"amplitude\" with `{first}`"));
         }
-        if self.rig_stiffness.0.is_some()
-            && (varies || self.tangential() == MotionHeld::TangentialForce)
-        {
-            let detail = if varies {
-                format!("cannot be combined with `{first}`. Enter the amplitudes at the contact")
-            } else {
-                "has no effect if the tangential force is held constant. Remove it, or enter \"held\": \"amplitude\""
-                    .to_owned()
-            };
-            return Err(Faults::at(location.push_key("rig_stiffness"), detail));
+        let has_rig = self.rig_stiffness.0.is_some();
+        if has_rig && varies {
+            let detail =
+                format!("cannot be combined with `{first}`. Enter the amplitudes at the contact");
+            return fault("rig_stiffness", detail);
+        }
+        if has_rig && self.tangential() == MotionHeld::TangentialForce {
+            let detail = "has no effect if the tangential force is held constant. Remove it, or \
+                          enter \"held\": \"amplitude\"";
+            return fault("rig_stiffness", detail.to_owned());
         }
         if let Some(List(blocks)) = &self.blocks.0
             && blocks[0].amplitude.0 == 0.0

@@ -78,6 +78,7 @@ pub struct Until {
 impl Until {
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
         const WAYS: &str = "`wear_depth`, `wear_volume` or `dissipated_energy`";
+        let fault = |member, detail| Err(Faults::at(location.push_key(member), detail));
         let given = [
             ("wear_depth", self.wear_depth.0.is_some()),
             ("wear_volume", self.wear_volume.0.is_some()),
@@ -85,13 +86,8 @@ impl Until {
         ];
         let mut names = given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name);
         match (names.next(), names.next()) {
-            (None, _) => Err(Faults::at(
-                location.push_key("wear_depth"),
-                format!("is missing. Enter {WAYS}"),
-            )),
-            (_, Some(second)) => {
-                Err(Faults::at(location.push_key(second), format!("give only one of {WAYS}")))
-            }
+            (None, _) => fault("wear_depth", format!("is missing. Enter {WAYS}")),
+            (_, Some(second)) => fault(second, format!("give only one of {WAYS}")),
             _ => Ok(self),
         }
     }
@@ -99,15 +95,12 @@ impl Until {
 
 impl Request {
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        let fault = |member, detail| Err(Faults::at(location.push_key(member), detail));
         match (self.bodies.0.is_some(), self.moduli.0.is_some()) {
-            (true, true) => Err(Faults::at(
-                location.push_key("moduli"),
-                "give either `bodies` or `moduli`, not both",
-            )),
-            (false, false) => Err(Faults::at(
-                location.push_key("bodies"),
-                "is missing. Enter the two `bodies`, or their effective `moduli`",
-            )),
+            (true, true) => fault("moduli", "give either `bodies` or `moduli`, not both"),
+            (false, false) => {
+                fault("bodies", "is missing. Enter the two `bodies`, or their effective `moduli`")
+            }
             _ => Ok(self),
         }
     }

@@ -117,17 +117,6 @@ impl UnwornContact {
         case::threshold(amplitude, self.gross_slip)
     }
 
-    /// Width of the slip ring in a₀.
-    fn ring(&self, amplitude: f64) -> f64 {
-        let threshold = self.threshold(amplitude);
-        if threshold > 1.0 { 1.0 } else { 1.0 - self.shape.image_inverse(1.0 - threshold) }
-    }
-
-    /// The compliance κ of a rig.
-    fn compliance(&self, rig_stiffness: f64) -> f64 {
-        self.tangential_modulus * self.contact_radius / rig_stiffness
-    }
-
     /// The given tangential force, if friction can carry it.
     fn carried(&self, tangential_force: f64) -> Result<f64, Faults> {
         let most = 2.0 * self.friction * self.force * self.shape.half_force();
@@ -243,7 +232,8 @@ impl CanonicalMotion {
                 (Tangential::Force(half), pressed.threshold_under(force))
             }
             Self::Rig { amplitude, rig_stiffness, .. } => {
-                let compliance = pressed.compliance(*rig_stiffness);
+                let compliance =
+                    pressed.tangential_modulus * pressed.contact_radius / rig_stiffness;
                 let amplitude = amplitude / pressed.gross_slip;
                 let missing = |threshold: f64| {
                     threshold + 2.0 * compliance * half_tangential(&pressed.shape, threshold)
@@ -284,19 +274,14 @@ impl CanonicalMotion {
         wear_coefficient: f64,
     ) -> Result<(f64, f64), Faults> {
         let (_, threshold) = self.control(pressed, 1.0)?;
-        let amplitude = self.amplitude(threshold, pressed.gross_slip);
-        let UnwornContact { contact_radius, normal_modulus, .. } = pressed;
-        Ok((amplitude, contact_radius / (4.0 * amplitude * wear_coefficient * normal_modulus)))
-    }
-
-    /// The initial amplitude U of the contact, from its Δ. An amplitude in the request is returned
-    /// without rounding.
-    fn amplitude(&self, threshold: f64, gross_slip: f64) -> f64 {
-        match self {
+        // An amplitude in the request is taken without rounding.
+        let amplitude = match self {
             Self::Amplitude { amplitude, .. } => *amplitude,
             Self::Blocks { blocks } => blocks[0].amplitude.0,
-            _ => threshold * gross_slip,
-        }
+            _ => threshold * pressed.gross_slip,
+        };
+        let UnwornContact { contact_radius, normal_modulus, .. } = pressed;
+        Ok((amplitude, contact_radius / (4.0 * amplitude * wear_coefficient * normal_modulus)))
     }
 
     /// The stick ratio c/a₀ of the unworn contact at the largest amplitude. It is 0 in gross slip.
@@ -308,7 +293,7 @@ impl CanonicalMotion {
             }
             _ => threshold,
         };
-        Ok(if largest > 1.0 { 0.0 } else { pressed.shape.image_inverse(1.0 - largest) })
+        Ok(pressed.shape.stick_radius(largest))
     }
 
     /// The cycle at which the last block ends.
@@ -378,7 +363,8 @@ fn resolved(
     if !stays {
         let narrowest = ROUNDED * MIN_RING;
         least = least.max(pressed.gross_slip * (1.0 - pressed.shape.image(1.0 - narrowest)));
-        let ring = pressed.ring(amplitude);
+        // The width of the slip ring in a₀.
+        let ring = 1.0 - pressed.shape.stick_radius(pressed.threshold(amplitude));
         if amplitude >= least && ring < narrowest {
             let detail = format!(
                 "gives an amplitude of {amplitude:.3e} m, just below the gross-slip threshold. Only a ring \

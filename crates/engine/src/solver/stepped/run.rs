@@ -138,8 +138,7 @@ fn is_blunt(contact: &Contact, depth: f64) -> bool {
 /// 2 ∫ y ω dx·Δ/Δ₀ of the unworn contact at the amplitude `threshold`.
 fn unworn_loss(contact: &Contact, threshold: f64) -> f64 {
     let shape = &contact.shape;
-    let stick = if threshold > 1.0 { 0.0 } else { shape.image_inverse(1.0 - threshold) };
-    let (_, energy) = unworn_integrals(shape, stick, threshold);
+    let (_, energy) = unworn_integrals(shape, shape.stick_radius(threshold), threshold);
     2.0 * energy / contact.threshold
 }
 
