@@ -67,7 +67,8 @@ impl Marching {
         };
         if self.found.is_none() {
             let time = self.march.seek(outputs.energies[index], outputs.horizon)?;
-            self.found = Some(whole_digits(time * case.scales.cycles));
+            // With 12 digits, the cycle is valid in a scenario. A run with this output cycle gives the same row.
+            self.found = Some(twelve_digits(time * case.scales.cycles));
         }
         self.found
     }
@@ -187,7 +188,7 @@ impl SingleRun {
         let last = self.case.normalized_end();
         let mut march = March::new(problem, self.case.tolerance(), last)
             .expect("a scenario whose scar outgrows its indenter has no case");
-        march.end_at(self.case.until);
+        march.until = self.case.until;
         let (start, reach) = match tends_to {
             Some(end) => (end.stick, end.limit.radius.min(WIDEST)),
             None => (control.least_stick(contact), march.reach()),
@@ -336,11 +337,6 @@ impl SingleRun {
             warnings: warnings.collect(),
         }
     }
-}
-
-/// With 12 digits, the output cycle of an energy is valid in a scenario. A run with this cycle gives the same row.
-fn whole_digits(cycles: f64) -> f64 {
-    if cycles.is_finite() { twelve_digits(cycles) } else { cycles }
 }
 
 /// Replaces energies by the output cycles of the closed form. Returns the end of the run if it cannot reach them

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use super::edge::ContactEdge;
 use super::law::{Law, WearProblem};
 use super::plan::{FAR, MeshPlan, REST_BLUR, is_far};
-use super::run::{MeshRun, Outlook, moves};
+use super::run::{MeshRun, Outlook, Stop, moves};
 use super::wearing::{Wearing, WornContact};
 use crate::contact::control::{Control, Final, Normal, Tangential};
 use crate::contact::limit::{DEEPEST, Limit, WIDEST};
@@ -72,7 +72,8 @@ pub struct March {
     edge: Option<ContactEdge>,
     /// `None` if the contact cannot split.
     splits: Option<SplitWatch>,
-    until: StopCondition,
+    /// The condition that ends the run.
+    pub(crate) until: StopCondition,
     /// The time of the next comparison.
     check: f64,
     /// The relative differences of the two runs so far.
@@ -312,11 +313,6 @@ impl March {
         Some((plan, outlooks))
     }
 
-    /// Sets the condition that ends the run.
-    pub(crate) fn end_at(&mut self, until: StopCondition) {
-        self.until = until;
-    }
-
     /// Takes one step towards a time in N₀. Returns false if this time is reached or the run has
     /// ended.
     pub fn advance(&mut self, until: f64) -> bool {
@@ -334,7 +330,7 @@ impl March {
                 self.watch();
                 return true;
             }
-            if self.fine.outgrown {
+            if self.fine.stopped == Some(Stop::Outgrown) {
                 let at = self.fine.rkc.time;
                 self.events.push(Event { at, kind: EventKind::RimReached, ends: true });
                 return true;
@@ -388,7 +384,7 @@ impl March {
             if time <= last {
                 return Some(time);
             }
-        } else if !self.fine.has_settled() && self.ended().is_none() && self.advance(last) {
+        } else if self.fine.stopped.is_none() && self.ended().is_none() && self.advance(last) {
             return None;
         }
         if self.ended().is_none() {

@@ -63,14 +63,22 @@ impl Outlook {
     }
 }
 
+/// Why a run goes no further.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Stop {
+    /// Wear has practically stopped.
+    Settled,
+    /// The scar has reached the rim of the shape.
+    Outgrown,
+}
+
 /// One integration. Each block has a mesh of its own.
 #[derive(Debug)]
 pub(super) struct MeshRun {
     pub(super) wearing: Wearing,
     pub(super) rkc: Rkc,
-    settled: Option<f64>,
-    /// Whether the scar has reached the rim of the shape.
-    pub(super) outgrown: bool,
+    /// Why it goes no further, if it does not.
+    pub(super) stopped: Option<Stop>,
     /// The index of the present block.
     pub(super) block: usize,
     /// What is known about each block. It may be shorter than the list of blocks.
@@ -160,7 +168,7 @@ impl MeshRun {
         let (plan, blunt) = with_sharp_tip(plan, contact, slips);
         let mut wearing = Wearing::new(problem, (plan, Arc::default()), cells);
         if let Some(first) = control.block(0) {
-            wearing.command(first.threshold);
+            wearing.springs.amplitude = first.threshold;
         }
         let unworn = vec![0.0; cells + 1];
         wearing.press(&unworn);
@@ -170,8 +178,7 @@ impl MeshRun {
         Self {
             wearing,
             rkc,
-            settled: None,
-            outgrown: false,
+            stopped: None,
             block: 0,
             outlooks,
             least_stick,
@@ -188,14 +195,13 @@ impl MeshRun {
     }
 
     pub(super) fn advance(&mut self, until: f64) -> bool {
-        if self.settled.is_some() || self.rkc.time >= until || self.wearing.springs.slides {
+        if self.stopped.is_some() || self.rkc.time >= until || self.wearing.springs.slides {
             return false;
         }
         let end = self.begin_block();
         if self.wearing.is_full() {
             if self.wearing.outgrows() {
-                self.settled = Some(self.rkc.time);
-                self.outgrown = true;
+                self.stopped = Some(Stop::Outgrown);
                 return false;
             }
             let (wearing, values) = self.wearing.extended(&self.rkc.values);
@@ -223,7 +229,7 @@ impl MeshRun {
             0.5 * (time - began) * (self.loss[0] + self.loss[1])
         };
         if end.is_infinite() && self.has_arrived(end) {
-            self.settled = Some(time);
+            self.stopped = Some(Stop::Settled);
         }
         true
     }
@@ -261,11 +267,6 @@ impl MeshRun {
             bracket.narrow(middle, self.energy_until(middle) - energy);
         }
         bracket.found()
-    }
-
-    /// Whether wear has practically stopped for the rest of the run.
-    pub(super) fn has_settled(&self) -> bool {
-        self.settled.is_some()
     }
 
     /// Whether wear has practically stopped at the present amplitude, which is constant until
@@ -323,7 +324,7 @@ impl MeshRun {
 
     /// Starts a block on a mesh of its own.
     fn change_amplitude(&mut self, block: Block) {
-        self.wearing.command(block.threshold);
+        self.wearing.springs.amplitude = block.threshold;
         self.unworn_loss = unworn_loss(&self.wearing.contact, block.threshold);
         if block.threshold == 0.0 {
             // Nothing wears.
@@ -361,7 +362,8 @@ impl MeshRun {
         self.change_mesh(plan, worn);
         if let Some(limit) = limit.filter(|_| grows) {
             let rate = self.wearing.energy_rate();
-            self.rkc.rescale(time_and_size(&limit, rate, f64::INFINITY));
+            let scales = time_and_size(&limit, rate, f64::INFINITY);
+            (self.rkc.scale, self.rkc.size) = scales;
         }
         self.rkc.hurry(self.wearing.pace());
     }
@@ -482,7 +484,7 @@ impl MeshRun {
     /// `time`, but at most the time of the last step if the run has settled or ended. Afterwards
     /// the state is constant.
     pub(super) fn within(&self, time: f64) -> f64 {
-        if self.settled.is_some() || self.wearing.springs.slides {
+        if self.stopped.is_some() || self.wearing.springs.slides {
             time.min(self.rkc.time)
         } else {
             time

@@ -181,11 +181,6 @@ impl Wearing {
         }
     }
 
-    /// Sets the amplitude.
-    pub fn command(&mut self, amplitude: f64) {
-        self.springs.command(amplitude);
-    }
-
     /// Whether the scar fills the mesh and the mesh cannot grow.
     pub(crate) fn outgrows(&self) -> bool {
         self.plan.reach >= self.contact.shape.extent() && self.is_full()
