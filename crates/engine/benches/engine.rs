@@ -22,7 +22,7 @@ use fretwork_engine::contact::unworn::{Contact, Decay};
 use fretwork_engine::scenario::{self, Scenario};
 use fretwork_engine::simulation::{Advance, Simulation};
 use fretwork_engine::solver::closed::simplified::Simplified;
-use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::solver::stepped::law::WearProblem;
 use fretwork_engine::solver::stepped::march::March;
 use serde_json::{Value, json};
 
@@ -194,7 +194,7 @@ fn exact_runs(simplified: &Scenario) {
     // Only the fine run, without the coarse run for the error estimate.
     let contact = Contact::sticking(Shape::power(2.0), 0.5).expect("a limit");
     let march = |control: &Control, cells: usize, tolerance: f64, last: f64| {
-        let run = March::with_cells(&contact, control, Law::Exact, cells, tolerance, last);
+        let run = March::with_cells(WearProblem::exact(&contact, control), cells, tolerance, last);
         let mut run = run.expect("a scar that fits");
         while run.advance(last) {}
         run.at(last)

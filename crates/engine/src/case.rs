@@ -3,11 +3,11 @@
 use crate::contact::control::{Control, Final, Tangential};
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::row::UnwornSums;
-use crate::contact::unworn::{Contact, Regime};
+use crate::contact::unworn::Contact;
 use crate::solver::closed::energy;
 use crate::solver::closed::simplified::Simplified;
 use crate::solver::events::StopCondition;
-use crate::solver::stepped::law::Law;
+use crate::solver::stepped::law::{Law, WearProblem};
 use crate::solver::stepped::march::March;
 
 /// Speed of one processor core, in the operations of [`Case::operations`] per second.
@@ -16,7 +16,7 @@ const OPERATIONS_PER_SECOND: f64 = 1e9;
 /// Tolerance of the time integration for the simplified rule. The rule is integrated only if it has
 /// no closed form.
 const RULE_TOLERANCE: f64 = 7e-4;
-/// The number of runs of the simplified rule in a comparison.
+/// The number of runs of the simplified rule in a comparison. They determine ln ξ to 1e-5.
 pub(crate) const COMPARISON_RUNS: usize = 31;
 /// Maximum number of output radii of the rule in a comparison. With more radii the volume would
 /// change by less than its error.
@@ -121,22 +121,16 @@ impl Method {
             Self::Exact { .. } => Law::Exact,
         }
     }
+}
 
-    /// Estimates the time in N₀ at which (k_w/μ)·ΣW reaches `energy`. It is at most `horizon`.
-    pub(crate) fn time_of(
-        &self,
-        contact: &Contact,
-        control: &Control,
-        energy: f64,
-        horizon: f64,
-    ) -> f64 {
-        match *self {
-            Self::Simplified { xi } if control.is_closed() => {
-                let (times, stop) = energy::times(contact, xi, &[energy], horizon);
-                stop.unwrap_or_else(|| times[0])
-            }
-            _ => March::time_of(contact, control, self.law(), energy, horizon),
+/// Estimates the time in N₀ at which (k_w/μ)·ΣW reaches `energy`. It is at most `horizon`.
+pub(crate) fn time_of(problem: WearProblem<'_>, energy: f64, horizon: f64) -> f64 {
+    match problem.law {
+        Law::Simplified(xi) if problem.control.is_closed() => {
+            let (times, stop) = energy::times(problem.contact, xi, &[energy], horizon);
+            stop.unwrap_or_else(|| times[0])
         }
+        _ => March::time_of(problem, energy, horizon),
     }
 }
 
@@ -204,11 +198,6 @@ pub struct Case {
 }
 
 impl Case {
-    /// The regime of the unworn contact.
-    pub(crate) fn regime(&self) -> Regime {
-        self.contact.regime
-    }
-
     /// Whether the run is computed in closed form, and not in time steps.
     #[must_use]
     pub fn is_closed(&self) -> bool {
@@ -247,8 +236,13 @@ impl Case {
         if self.law() != Law::Exact && self.control.is_closed() {
             return ROW_POINTS;
         }
-        let cells = March::cells_for(&self.contact, &self.control, self.law(), self.tolerance());
+        let cells = March::cells_for(self.problem(self.law()), self.tolerance());
         cells.max(ROW_POINTS)
+    }
+
+    /// The contact as it wears by a law.
+    pub(crate) fn problem(&self, law: Law) -> WearProblem<'_> {
+        WearProblem { contact: &self.contact, control: &self.control, law }
     }
 
     /// The wear law of the integration in time.
@@ -301,13 +295,13 @@ impl Case {
         let count = self.outputs.count();
         let march = |law, tolerance| {
             let last = self.normalized_end();
-            let cells = March::cells_for(&self.contact, &self.control, law, tolerance);
+            let cells = March::cells_for(self.problem(law), tolerance);
             let search = match self.outputs {
                 Outputs::Cycles(_) => 1,
                 Outputs::Energies(_) => SEARCH_EVALUATIONS * cells * cells,
             };
             let output = (self.points * rows + search * count) as f64;
-            March::operations(&self.contact, &self.control, law, tolerance, last) + output
+            March::operations(self.problem(law), tolerance, last) + output
         };
         match self.method {
             Method::Simplified { .. } if self.control.is_closed() => {

@@ -41,12 +41,6 @@ impl<const N: usize> Gauss<N> {
     }
 }
 
-impl<const N: usize> Default for Gauss<N> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 /// Pₙ(z) and its derivative.
 fn legendre(n: usize, z: f64) -> (f64, f64) {
     let (mut before, mut value) = (1.0, z);
@@ -246,6 +240,18 @@ pub(crate) fn weighted(a: &[f64], b: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6]))
         + ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]))
         + rest
+}
+
+/// ∫ max(0, y) dx over a…b, for y that is linear between its values at a and b.
+pub(crate) fn positive_area([a, b]: [f64; 2], [left, right]: [f64; 2]) -> f64 {
+    let (low, high) = (left.min(right), left.max(right));
+    if high <= 0.0 {
+        0.0
+    } else if low >= 0.0 {
+        0.5 * (b - a) * (low + high)
+    } else {
+        0.5 * (b - a) * high * high / (high - low)
+    }
 }
 
 /// The index of the first largest value; 0 without values.

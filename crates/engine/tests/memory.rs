@@ -12,7 +12,7 @@ use fretwork_engine::contact::row::UnwornSums;
 use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
-use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::solver::stepped::law::{Law, WearProblem};
 use fretwork_engine::solver::stepped::plan::MeshPlan;
 use fretwork_engine::solver::stepped::rkc::Rates;
 use fretwork_engine::solver::stepped::wearing::Wearing;
@@ -44,7 +44,11 @@ fn evaluating_the_wear_rate_allocates_nothing() {
             for law in [Law::Exact, Law::Simplified(0.8)] {
                 let control = Control { normal, tangential: tangential.clone() };
                 let plan = MeshPlan::first(&contact, &control, 64).expect("a scar that fits");
-                let mut wearing = Wearing::new(&contact, &control, law, (plan, Arc::default()), 64);
+                let mut wearing = Wearing::new(
+                    WearProblem { contact: &contact, control: &control, law },
+                    (plan, Arc::default()),
+                    64,
+                );
                 let (values, mut rates) = (vec![1e-3; 65], vec![0.0; 65]);
                 wearing.rates(&values, &mut rates);
                 let before = dhat::HeapStats::get().total_blocks;

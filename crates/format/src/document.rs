@@ -31,6 +31,8 @@ impl fmt::Display for Engine {
 
 /// A member of a document as it is written. It has a copy of what it needs, so that the stored bytes can be dropped
 /// before a slow client reads it.
+#[derive(Serialize)]
+#[serde(untagged)]
 pub enum Member {
     /// The stored text.
     Stored(Box<RawValue>),
@@ -40,17 +42,6 @@ pub enum Member {
     Units(Units),
     /// A table, cut to the selection.
     Table(Table),
-}
-
-impl Serialize for Member {
-    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Self::Stored(text) => text.serialize(json),
-            Self::Converted(value) => value.serialize(json),
-            Self::Units(units) => units.serialize(json),
-            Self::Table(table) => table.serialize(json),
-        }
-    }
 }
 
 /// The members of a document as they are written, in order.

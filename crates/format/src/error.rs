@@ -13,6 +13,11 @@ pub struct Missing {
     pub detail: String,
 }
 
+/// Refuses a request if something is missing.
+pub(crate) fn refuse_if_any(missing: Vec<Missing>) -> Result<(), Error> {
+    if missing.is_empty() { Ok(()) } else { Err(Error::Missing(missing)) }
+}
+
 /// Why a format cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {

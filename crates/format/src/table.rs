@@ -8,7 +8,7 @@ use serde::de::{Deserializer as _, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::value::RawValue;
 
-use super::error::{Error, Missing};
+use super::error::{Error, Missing, refuse_if_any};
 use super::kind::Part;
 use super::units::Units;
 use super::view::View;
@@ -30,8 +30,9 @@ fn numbers(cells: Vec<Float>) -> Vec<f64> {
     cells.into_iter().map(|cell| cell.0).collect()
 }
 
-/// The numbers of a column.
-#[derive(Debug, Clone, PartialEq)]
+/// The numbers of a column. serde_json writes numbers that are not finite as null.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum Values {
     /// One per output cycle.
     Cycles(Vec<f64>),
@@ -45,23 +46,14 @@ pub enum Values {
     Absent,
 }
 
-/// What a row has in a column.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What a row has in a column. serde_json writes numbers that are not finite as null.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum Cell<'a> {
     /// A number, NaN if it is infinite or absent.
     Number(f64),
     /// A text.
     Text(&'a str),
-}
-
-impl Serialize for Cell<'_> {
-    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
-        match self {
-            // serde_json writes numbers that are not finite as null.
-            Self::Number(number) => number.serialize(json),
-            Self::Text(text) => text.serialize(json),
-        }
-    }
 }
 
 /// Indices of the selected output cycles and points; `None` selects all. A study has at most this many rows.
@@ -163,18 +155,6 @@ impl Values {
             _ => None,
         };
         text.map_or_else(|| Cell::Number(self.at(cycle, point)), Cell::Text)
-    }
-}
-
-impl Serialize for Values {
-    fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
-        // serde_json writes numbers that are not finite as null.
-        match self {
-            Self::Cycles(row) | Self::Points(row) => row.serialize(json),
-            Self::Matrix(rows) => rows.serialize(json),
-            Self::Texts(texts) => texts.serialize(json),
-            Self::Absent => json.serialize_none(),
-        }
     }
 }
 
@@ -357,9 +337,7 @@ fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection
     if axes.contains(&"cycles") {
         missing.extend(missing_cycles(view, &cycles));
     }
-    if !missing.is_empty() {
-        return Err(Error::Missing(missing));
-    }
+    refuse_if_any(missing)?;
     let selected = view.cycles.as_ref().map(|wanted| {
         let selected = |index: &usize| wanted.iter().any(|wanted| same(cycles[*index], *wanted));
         (0..cycles.len()).filter(selected).collect()

@@ -3,7 +3,7 @@
 use super::canvas::{About, Anchor, Area, Canvas};
 use super::legend::Legend;
 use super::scale::{Axis, Scale, TICK_ROOM};
-use super::series::{Dash, GRID, Series, Style, TICK};
+use super::series::{Dash, Series, Style};
 use super::text::{GAP, LABEL, LEADING, SINK, SMALL, TITLE, width};
 
 /// Share of the height of a group that its bars take.
@@ -99,25 +99,14 @@ impl BarChart {
     }
 
     fn draw_axis(&self, canvas: &mut Canvas, area: &Area, scale: &Scale) {
-        for tick in &scale.ticks {
-            let foot = area.at(tick.share, 0.0);
-            canvas.line(foot, (foot.0, foot.1 + 4.0), &TICK);
-            if let Some(label) = &tick.label {
-                canvas.line(foot, area.at(tick.share, 1.0), &GRID);
-                canvas.text((foot.0, foot.1 + SMALL + GAP), Anchor::Middle, SMALL, label);
-            }
-        }
+        scale.draw_below(canvas, area);
         let below = area.bottom() + SMALL * LEADING + LABEL + GAP;
         let factor = scale.factor();
         canvas.text((area.right(), below), Anchor::End, SMALL, &factor);
         let most =
             area.right() - width(&factor) * SMALL - GAP - 0.5 * width(&self.axis.label) * LABEL;
-        canvas.text(
-            (area.at(0.5, 0.0).0.min(most), below),
-            Anchor::Middle,
-            LABEL,
-            &self.axis.label,
-        );
+        let middle = area.at(0.5, 0.0).0.min(most);
+        canvas.text((middle, below), Anchor::Middle, LABEL, &self.axis.label);
     }
 }
 

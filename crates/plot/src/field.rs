@@ -5,7 +5,7 @@ use super::color::{hex, ink_on, shade};
 use super::contours::contours;
 use super::scale::{Axis, Scale, TICK_ROOM};
 use super::series::{Dash, Style};
-use super::text::{GAP, LABEL, LEADING, SINK, SMALL, width};
+use super::text::{GAP, LABEL, LEADING, SINK, SMALL};
 
 /// Number of colours.
 const COLORS: usize = 64;
@@ -56,7 +56,7 @@ impl Field {
 
     /// The room of a colour bar with its labels, in px.
     pub(super) fn room(scale: &Scale) -> f64 {
-        3.0 * GAP + BAR + widest(scale) + LABEL * LEADING + GAP
+        3.0 * GAP + BAR + scale.widest_label() + LABEL * LEADING + GAP
     }
 
     /// Draws the cells and the contour lines. `across` and `up` are the axes of the area.
@@ -107,15 +107,9 @@ impl Field {
             }
         }
         canvas.text((bar.left, area.top - 0.5 * GAP), Anchor::Start, SMALL, &scale.factor());
-        let end = bar.right() + GAP + widest(scale) + LABEL + 0.5 * GAP;
+        let end = bar.right() + GAP + scale.widest_label() + LABEL + 0.5 * GAP;
         canvas.upward_text((end, area.at(0.0, 0.5).1), LABEL, &self.scale.label);
     }
-}
-
-/// Width of the widest label, in px.
-fn widest(scale: &Scale) -> f64 {
-    let labels = scale.ticks.iter().filter_map(|tick| tick.label.as_deref());
-    labels.map(width).fold(0.0, f64::max) * SMALL
 }
 
 /// The shares of the contour lines: those of the labels of the bar, which are round numbers. If a logarithmic bar has

@@ -44,7 +44,7 @@ pub use series::{Dash, GREY, Mark, PALETTE, Series, Style};
 
 use canvas::{Anchor, Area, Canvas, Point};
 use legend::Legend;
-use scale::{Scale, TICK_ROOM, Tick};
+use scale::{Scale, TICK_ROOM};
 use series::{GRID, TICK};
 use text::{GAP, HEADING, LABEL, LEADING, SINK, SMALL, TITLE, width, wrap};
 
@@ -247,9 +247,8 @@ impl Figure {
         let axis = self.field.as_ref().map(|field| Field::ends(&self.y, &field.y));
         let axis = axis.as_ref().unwrap_or(&self.y);
         let scale = Scale::new(axis, values, (self.size.1 - 70.0) / TICK_ROOM.1);
-        let ticks = scale.ticks.iter().filter_map(|tick| tick.label.as_deref());
-        let widest = ticks.map(width).fold(0.0, f64::max) * SMALL;
-        (scale, line(LABEL, &self.y.label) + widest + 3.0 * GAP)
+        let least = line(LABEL, &self.y.label) + scale.widest_label() + 3.0 * GAP;
+        (scale, least)
     }
 
     /// The layout with a free margin of width `beside` on the right.
@@ -295,18 +294,10 @@ impl Figure {
 
     fn draw_axes(&self, canvas: &mut Canvas, plan: &Plan, corner: Point) {
         let area = &plan.area;
-        let length = |tick: &Tick| if tick.label.is_some() { 4.0 } else { 2.0 };
-        for tick in &plan.x.ticks {
-            let foot = area.at(tick.share, 0.0);
-            canvas.line(foot, (foot.0, foot.1 + length(tick)), &TICK);
-            if let Some(label) = &tick.label {
-                canvas.line(foot, area.at(tick.share, 1.0), &GRID);
-                canvas.text((foot.0, foot.1 + SMALL + GAP), Anchor::Middle, SMALL, label);
-            }
-        }
+        plan.x.draw_below(canvas, area);
         for tick in &plan.y.ticks {
             let foot = area.at(0.0, tick.share);
-            canvas.line(foot, (foot.0 - length(tick), foot.1), &TICK);
+            canvas.line(foot, (foot.0 - tick.length(), foot.1), &TICK);
             if let Some(label) = &tick.label {
                 canvas.line(foot, area.at(1.0, tick.share), &GRID);
                 canvas.text((foot.0 - GAP, foot.1 + SINK), Anchor::End, SMALL, label);

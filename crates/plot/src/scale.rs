@@ -1,6 +1,8 @@
 //! Scales: the range of an axis, and its ticks.
 
-use super::text::power_of_ten;
+use super::canvas::{Anchor, Area, Canvas};
+use super::series::{GRID, TICK};
+use super::text::{GAP, SMALL, power_of_ten, width};
 
 /// Decimal exponents of numbers that tick labels show without a power of ten.
 const PLAIN: std::ops::RangeInclusive<i32> = -3..=4;
@@ -52,6 +54,13 @@ pub struct Tick {
     pub share: f64,
     /// Its label; a minor tick has none.
     pub label: Option<String>,
+}
+
+impl Tick {
+    /// Its length, in px.
+    pub fn length(&self) -> f64 {
+        if self.label.is_some() { 4.0 } else { 2.0 }
+    }
 }
 
 /// The map from values to positions on an axis.
@@ -107,6 +116,24 @@ impl Scale {
     /// The factor of the labels, or an empty text.
     pub fn factor(&self) -> String {
         if self.power == 0 { String::new() } else { format!("×{}", power_of_ten(self.power)) }
+    }
+
+    /// Width of the widest label, in px.
+    pub fn widest_label(&self) -> f64 {
+        let labels = self.ticks.iter().filter_map(|tick| tick.label.as_deref());
+        labels.map(width).fold(0.0, f64::max) * SMALL
+    }
+
+    /// Draws the ticks below an area, and the lines across it.
+    pub fn draw_below(&self, canvas: &mut Canvas, area: &Area) {
+        for tick in &self.ticks {
+            let foot = area.at(tick.share, 0.0);
+            canvas.line(foot, (foot.0, foot.1 + tick.length()), &TICK);
+            if let Some(label) = &tick.label {
+                canvas.line(foot, area.at(tick.share, 1.0), &GRID);
+                canvas.text((foot.0, foot.1 + SMALL + GAP), Anchor::Middle, SMALL, label);
+            }
+        }
     }
 
     fn mark_steps(&mut self, count: f64) {

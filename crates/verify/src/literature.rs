@@ -80,7 +80,7 @@ fn ball() -> Section {
         for (radius, along, across) in DIRECTIONS {
             for (direction, contact) in [("along", along), ("across", across)] {
                 let what = format!("slip {direction} the motion at r = {radius} mm, µm");
-                section.report(what, CONTACT, contact, slip(radius)?);
+                section.checks.push(Check::reported(what, CONTACT, contact, slip(radius)?));
             }
         }
         Some(())
@@ -107,14 +107,8 @@ fn spheres() -> Section {
 
 /// A number of CONTACT, which is as far from the closed form as its elements are coarse.
 fn beside(what: impl Into<String>, (contact, closed): (f64, f64), value: f64) -> Check {
-    Check {
-        what: what.into(),
-        source: CONTACT,
-        reference: contact,
-        value,
-        expected: closed / contact - 1.0,
-        accepted: Some(3e-3),
-    }
+    let number = Check::reported(what, CONTACT, contact, value);
+    Check { expected: closed / contact - 1.0, accepted: Some(3e-3), ..number }
 }
 
 /// ∫F dd in J. F is proportional to d^(3/2).
@@ -194,18 +188,15 @@ fn gross_slip() -> Section {
             let (volume, _) = worn.at(energy)?;
             differences.push(1e-4 * (volume - measured));
             let what = format!("V at {energy} J, 10⁴ µm³");
-            section.report(what, FOUVRY, 1e-4 * measured, 1e-4 * volume);
+            section.checks.push(Check::reported(what, FOUVRY, 1e-4 * measured, 1e-4 * volume));
         }
         let count = differences.len() as f64;
         let mean = differences.iter().sum::<f64>() / count;
         let square = differences.iter().map(|difference| difference * difference).sum::<f64>();
-        section.report("difference of V, mean, 10⁴ µm³", FOUVRY, 0.0, mean);
-        section.report(
-            "difference of V, root mean square, 10⁴ µm³",
-            FOUVRY,
-            0.0,
-            (square / count).sqrt(),
-        );
+        for (what, value) in [("mean", mean), ("root mean square", (square / count).sqrt())] {
+            let what = format!("difference of V, {what}, 10⁴ µm³");
+            section.checks.push(Check::reported(what, FOUVRY, 0.0, value));
+        }
         Some(())
     })
 }
@@ -220,7 +211,8 @@ fn coefficients() -> Section {
             let sum = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>();
             let slope =
                 sum(|(energy, volume)| energy * volume) / sum(|(energy, _)| energy * energy);
-            section.report(format!("{what}: α, µm³/J"), source, published, slope);
+            let what = format!("{what}: α, µm³/J");
+            section.checks.push(Check::reported(what, source, published, slope));
         }
         Some(())
     })

@@ -42,6 +42,16 @@ pub struct Check {
 }
 
 impl Check {
+    /// A number without an accepted error.
+    pub fn reported(
+        what: impl Into<String>,
+        source: &'static str,
+        reference: f64,
+        value: f64,
+    ) -> Self {
+        Self { what: what.into(), source, reference, value, expected: 0.0, accepted: None }
+    }
+
     /// The relative error; the value itself where the reference is 0.
     #[must_use]
     pub fn error(&self) -> f64 {
@@ -124,20 +134,8 @@ impl Section {
         value: f64,
         accepted: f64,
     ) {
-        let (what, accepted) = (what.into(), Some(accepted));
-        self.checks.push(Check { what, source, reference, value, expected: 0.0, accepted });
-    }
-
-    /// Adds a number without an accepted error.
-    pub fn report(
-        &mut self,
-        what: impl Into<String>,
-        source: &'static str,
-        reference: f64,
-        value: f64,
-    ) {
-        let what = what.into();
-        self.checks.push(Check { what, source, reference, value, expected: 0.0, accepted: None });
+        let number = Check::reported(what, source, reference, value);
+        self.checks.push(Check { accepted: Some(accepted), ..number });
     }
 
     /// The check with the largest ratio of error to accepted error.

@@ -11,7 +11,7 @@ use fretwork_engine::contact::row::UnwornSums;
 use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::reference::stick_ratio;
 use fretwork_engine::scenario::DEFAULT_TOLERANCE;
-use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::solver::stepped::law::{Law, WearProblem};
 use fretwork_engine::solver::stepped::march::{March, MarchState};
 use fretwork_engine::solver::stepped::wearing::WornContact;
 
@@ -94,9 +94,14 @@ impl ContactProblem {
         Some(modes)
     }
 
+    /// What a run integrates by a law.
+    pub fn under(&self, law: Law) -> WearProblem<'_> {
+        WearProblem { contact: &self.contact, control: &self.control, law }
+    }
+
     /// Starts a run.
     pub fn march(&self, law: Law, tolerance: f64, last: f64) -> Option<March> {
-        March::new(&self.contact, &self.control, law, tolerance, last)
+        March::new(self.under(law), tolerance, last)
     }
 
     /// The states at the given output cycles, with the default tolerance.

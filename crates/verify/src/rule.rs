@@ -59,13 +59,10 @@ fn differences() -> Section {
                 for (symbol, _, of) in [VOLUME, DEEPEST, FORCE, DEPTH, STICK] {
                     let runs = instants.iter().zip(exact.iter().zip(&rule));
                     let mut lines: Vec<Check> = runs
-                        .map(|(instant, (exact, rule))| Check {
-                            what: format!("{held}, {}: {symbol} at Ñ = {instant}", problem.name),
-                            source: "exact method",
-                            reference: of(&exact.worn),
-                            value: of(&rule.worn),
-                            expected: 0.0,
-                            accepted: None,
+                        .map(|(instant, (exact, rule))| {
+                            let what =
+                                format!("{held}, {}: {symbol} at Ñ = {instant}", problem.name);
+                            Check::reported(what, "exact method", of(&exact.worn), of(&rule.worn))
                         })
                         // A held quantity does not differ.
                         .filter(|check| check.error().abs() > 1e-9)
@@ -118,14 +115,8 @@ fn largest_error(name: &str, problem: &ContactProblem) -> Option<Check> {
     };
     let exact = volumes(Law::Exact, DEFAULT_TOLERANCE)?;
     let rule = volumes(Law::Simplified(xi), RULE_TOLERANCE)?;
-    let checks =
-        INSTANTS.iter().zip(exact.iter().zip(&rule)).map(|(instant, (exact, rule))| Check {
-            what: format!("{name}: V at Ñ = {instant}"),
-            source: "exact method",
-            reference: *exact,
-            value: *rule,
-            expected: 0.0,
-            accepted: None,
-        });
+    let checks = INSTANTS.iter().zip(exact.iter().zip(&rule)).map(|(instant, (exact, rule))| {
+        Check::reported(format!("{name}: V at Ñ = {instant}"), "exact method", *exact, *rule)
+    });
     checks.max_by(|a, b| a.error().abs().total_cmp(&b.error().abs()))
 }

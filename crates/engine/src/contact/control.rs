@@ -31,15 +31,7 @@ use super::profile::Shape;
 use super::record::DisplacementRecord;
 use super::unworn::Contact;
 use crate::numeric::{maximum, root};
-
-/// The quantity that is held constant in the normal direction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Normal {
-    /// The indentation depth d.
-    Depth,
-    /// The normal force F.
-    Force,
-}
+pub use crate::request::held::Normal;
 
 /// The quantity that is held constant in the tangential direction, in units of the unworn contact.
 #[derive(Debug, Clone, PartialEq)]
@@ -128,6 +120,12 @@ impl Control {
     /// Whether the motion follows a displacement record.
     pub(crate) fn has_record(&self) -> bool {
         matches!(self.tangential, Tangential::Record(_))
+    }
+
+    /// The block with this index, if there is one.
+    pub(crate) fn block(&self, index: usize) -> Option<Block> {
+        let Tangential::Blocks(blocks) = &self.tangential else { return None };
+        blocks.get(index).copied()
     }
 
     /// The limiting state. `None` if it cannot be computed without a run, or if it does not exist.

@@ -103,9 +103,7 @@ impl Limit {
         };
         Some(Self { radius, volume, depth, depth_radius })
     }
-}
 
-impl Limit {
     /// The scar radius ã: the root of (13), found from a first guess.
     pub(crate) fn scar(shape: &Shape, c: f64, d: f64, guess: f64) -> f64 {
         let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));

@@ -108,6 +108,10 @@ impl Shape {
         Self { kind: ShapeKind::Table(table), height }
     }
 
+    fn as_table(&self) -> Option<&PressedTable> {
+        if let ShapeKind::Table(table) = &self.kind { Some(table) } else { None }
+    }
+
     /// Whether the contact is that of a ball: a paraboloid or a sphere.
     pub(crate) fn is_ball(&self) -> bool {
         matches!(self.kind, ShapeKind::Whole(2) | ShapeKind::Sphere { .. })
@@ -137,27 +141,18 @@ impl Shape {
 
     /// Number of pieces over which the integrals of the shape are summed.
     pub(crate) fn pieces(&self) -> usize {
-        match &self.kind {
-            ShapeKind::Table(table) => table.pieces(),
-            _ => 1,
-        }
+        self.as_table().map_or(1, PressedTable::pieces)
     }
 
     /// The split of the unworn contact into a core and rings, if there is one.
     pub(crate) fn split(&self) -> Option<Split> {
-        match &self.kind {
-            ShapeKind::Table(table) => table.split(),
-            _ => None,
-        }
+        self.as_table()?.split()
     }
 
     /// The image of a measured profile outside the unworn contact, where it can fall again. The
     /// images of the other shapes increase everywhere.
     pub(crate) fn falls(&self) -> Option<Falls> {
-        match &self.kind {
-            ShapeKind::Table(table) => Some(table.falls()),
-            _ => None,
-        }
+        self.as_table().map(PressedTable::falls)
     }
 
     /// The exponent n of the power law that describes the shape, exactly or in a shallow contact.
@@ -174,7 +169,7 @@ impl Shape {
     pub(crate) fn extent(&self) -> f64 {
         match &self.kind {
             ShapeKind::Sphere { rho, .. } => *rho,
-            ShapeKind::Table(table) => table.extent(),
+            ShapeKind::Table(table) => table.extent,
             _ => f64::INFINITY,
         }
     }
@@ -275,6 +270,12 @@ impl Shape {
             ShapeKind::Truncated(ref shape) => shape.image_inverse(value),
             ShapeKind::Table(ref table) => table.image_inverse(value),
         }
+    }
+
+    /// The stick radius c of the unworn contact at the amplitude Δ; 0 in gross slip. At Δ = 1 springs under a flat still
+    /// stick.
+    pub(crate) fn stick_radius(&self, threshold: f64) -> f64 {
+        if threshold > 1.0 { 0.0 } else { self.image_inverse(1.0 - threshold) }
     }
 
     /// The mean of g₀ over from…to, without cancellation.

@@ -39,7 +39,8 @@ use crate::numeric;
 /// direction in time and the points between reversals have no influence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisplacementRecord {
-    amplitude: f64,
+    /// U: half of the largest range, in the unit of the displacements.
+    pub(crate) amplitude: f64,
     /// Corners of ω, from the largest loop to the smallest loop.
     corners: Vec<Corner>,
 }
@@ -71,11 +72,6 @@ impl DisplacementRecord {
         let amplitude = 0.5 * ranges.first()?;
         let moves = amplitude > 0.0 && amplitude.is_finite();
         moves.then(|| Self { amplitude, corners: corners(&ranges) })
-    }
-
-    /// U: half of the largest range, in the unit of the displacements.
-    pub(crate) fn amplitude(&self) -> f64 {
-        self.amplitude
     }
 
     /// ω(ρ) = P(ρU)/4U: the slip path in units of one complete harmonic cycle of the same
@@ -222,7 +218,7 @@ mod tests {
         for amplitude in [1.0, 2.256e-6, 0.1, 3e200] {
             let harmonic = record(&[amplitude, -amplitude]);
             assert_eq!(harmonic.reversals(), 2);
-            same(harmonic.amplitude(), amplitude);
+            same(harmonic.amplitude, amplitude);
             for i in -10..=1010 {
                 let ratio = f64::from(i) * 1e-3;
                 same(harmonic.slip(ratio), (1.0 - ratio.max(0.0)).max(0.0));
@@ -244,7 +240,7 @@ mod tests {
         let nested = record(&[0.0, 6.0, 3.0, 5.0, 4.0, 10.0, 4.0, 8.0]);
         assert_eq!(ranges(&nested), [10.0, 4.0, 3.0, 1.0]);
         assert_eq!(nested.reversals(), 8);
-        same(nested.amplitude(), 5.0);
+        same(nested.amplitude, 5.0);
         for (limit, path) in [
             (5.0, 0.0),
             (4.0, 4.0),
@@ -307,11 +303,11 @@ mod tests {
             assert!(record.reversals().abs_diff(10_000) <= 2);
             for i in 0..100 {
                 let ratio = 0.999 * libm::pow(f64::from(i) / 99.0, 2.0);
-                let limit = ratio * record.amplitude();
+                let limit = ratio * record.amplitude;
                 let expected = dragged(&displacements, limit);
                 let error = (record.path(limit) / expected - 1.0).abs();
                 assert!(error < 1e-9, "seed {seed}, ratio {ratio}: {error}");
-                let slip = expected / (4.0 * record.amplitude());
+                let slip = expected / (4.0 * record.amplitude);
                 assert!((record.slip(ratio) / slip - 1.0).abs() < 1e-9, "seed {seed}, {ratio}");
             }
         }
@@ -404,7 +400,7 @@ mod tests {
             let closed = displacements.iter().zip(displacements.iter().cycle().skip(1));
             let whole: f64 = closed.map(|(from, to)| (to - from).abs()).sum();
             prop_assert!((record.path(0.0) / whole - 1.0).abs() < 1e-14);
-            prop_assert!((record.slip(0.0) * 4.0 * record.amplitude() / whole - 1.0).abs() < 1e-14);
+            prop_assert!((record.slip(0.0) * 4.0 * record.amplitude / whole - 1.0).abs() < 1e-14);
             let mut limits = limits;
             limits.sort_unstable_by(f64::total_cmp);
             let [left, middle, right] = limits;
@@ -421,7 +417,7 @@ mod tests {
             ratio in 0.0..1.0,
         ) {
             let record = record(&displacements);
-            let limit = ratio * record.amplitude();
+            let limit = ratio * record.amplitude;
             let expected = dragged(&displacements, limit);
             prop_assert!((record.path(limit) - expected).abs() < 1e-13 * record.path(0.0));
         }

@@ -144,37 +144,30 @@ impl SpringRow {
     pub fn new(contact: &Contact) -> Self {
         let Contact { ref shape, stick: c, limit, .. } = *contact;
         let chord = |x: f64| ((limit.radius - x) * (limit.radius + x)).max(0.0).sqrt();
-        let mut row = Self {
-            contact: contact.clone(),
-            weights: [0.0; ROW_POINTS],
-            positions: [0.0; ROW_POINTS],
-            unworn: [0.0; ROW_POINTS],
-            rest: [0.0; ROW_POINTS],
-            chords: [0.0; ROW_POINTS],
-            core_normal: 0.0,
-            outside_volume: 0.0,
-        };
-        let rule = WHOLE.get_or_init(Gauss::new);
-        let mut unworn_normal = 0.0;
-        for (k, (delta, weight)) in layout(shape, c).into_iter().enumerate() {
-            let x = c + delta;
-            row.positions[k] = x;
-            row.weights[k] = weight;
-            row.unworn[k] = (1.0 - shape.image(x)).clamp(0.0, contact.threshold);
-            row.rest[k] = contact.rest(delta);
-            row.chords[k] = chord(x);
-            unworn_normal += row.weights[k] * row.unworn[k];
-            // The springs between a₀ and ã are not in contact. The substitution is x = ã − (ã −
-            // 1)s², as in the limit.
-            let (s, weight) = (rule.nodes[k], rule.weights[k]);
-            let width = limit.radius - 1.0;
-            let x = limit.radius - width * s * s;
-            row.outside_volume += 8.0 * width * weight * s * (1.0 - shape.image(x)) * chord(x);
-        }
+        let springs = layout(shape, c);
+        let positions = springs.map(|(delta, _)| c + delta);
+        let weights = springs.map(|(_, weight)| weight);
+        let unworn = positions.map(|x| (1.0 - shape.image(x)).clamp(0.0, contact.threshold));
+        let unworn_normal: f64 = weights.iter().zip(&unworn).map(|(weight, y)| weight * y).sum();
         // For a rough table the difference may be slightly negative because of quadrature errors.
         let core = (shape.half_force() - unworn_normal).max(0.0);
-        row.core_normal = if c == 0.0 { 0.0 } else { core };
-        row
+        // The springs between a₀ and ã are not in contact. The substitution is x = ã − (ã − 1)s², as in the limit.
+        let rule = WHOLE.get_or_init(Gauss::new);
+        let width = limit.radius - 1.0;
+        let outside = rule.nodes.iter().zip(&rule.weights).map(|(s, weight)| {
+            let x = limit.radius - width * s * s;
+            8.0 * width * weight * s * (1.0 - shape.image(x)) * chord(x)
+        });
+        Self {
+            contact: contact.clone(),
+            weights,
+            positions,
+            unworn,
+            rest: springs.map(|(delta, _)| contact.rest(delta)),
+            chords: positions.map(chord),
+            core_normal: if c == 0.0 { 0.0 } else { core },
+            outside_volume: outside.sum(),
+        }
     }
 
     /// Sums over the springs.

@@ -17,6 +17,8 @@
 //! well, so does g, and there is no ring. Wear therefore splits a contact only where g₀ falls. The
 //! load of a ring is at most that of the springs between g₀ and its largest value further inside.
 
+use crate::numeric::positive_area;
+
 /// Minimum share of the normal force that a neglected ring carries.
 pub(crate) const NEGLECTED: f64 = 1e-3;
 
@@ -38,19 +40,6 @@ pub(super) struct Rings {
     pub(super) load: f64,
 }
 
-/// The springs from a to b with compressions y(a) and y(b): the part of the length and the load
-/// where y > 0, if y is linear.
-fn pressed([a, b]: [f64; 2], [left, right]: [f64; 2]) -> f64 {
-    let (low, high) = (left.min(right), left.max(right));
-    if high <= 0.0 {
-        0.0
-    } else if low >= 0.0 {
-        0.5 * (b - a) * (low + high)
-    } else {
-        0.5 * (b - a) * high * high / (high - low)
-    }
-}
-
 impl TrueImage {
     pub(super) fn new(nodes: &[f64], images: impl Iterator<Item = f64>) -> Self {
         Self { nodes: nodes.to_vec(), images: images.collect() }
@@ -68,7 +57,7 @@ impl TrueImage {
         let next = (first + 1..self.nodes.len()).find(|i| self.images[*i] < depth)?;
         let compressions = |i: usize| [depth - self.images[i - 1], depth - self.images[i]];
         let load = (next..self.nodes.len())
-            .map(|i| pressed([self.nodes[i - 1], self.nodes[i]], compressions(i)))
+            .map(|i| positive_area([self.nodes[i - 1], self.nodes[i]], compressions(i)))
             .sum();
         Some(Rings { core: at(first), begin: at(next), load })
     }
@@ -176,7 +165,7 @@ impl Falls {
             };
             // The bound matters for the simplified rule, whose wear ends abruptly.
             let compression = compression.min(*drop);
-            load += pressed([before.0, *x], [before.1, compression]);
+            load += positive_area([before.0, *x], [before.1, compression]);
             before = (*x, compression);
         }
         load

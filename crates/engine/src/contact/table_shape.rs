@@ -513,7 +513,7 @@ pub(crate) struct PressedTable {
     /// d₀ in units of the greatest height of the table.
     depth: f64,
     /// The last radius of the table, in a₀.
-    extent: f64,
+    pub(crate) extent: f64,
 }
 
 impl PressedTable {
@@ -525,10 +525,6 @@ impl PressedTable {
         let extent = if endless { f64::INFINITY } else { table.end() / radius };
         let pressed = Self { table: Arc::clone(table), radius, depth, extent };
         (extent > 1.0).then_some((radius * table.length, pressed))
-    }
-
-    pub(crate) fn extent(&self) -> f64 {
-        self.extent
     }
 
     pub(crate) fn pieces(&self) -> usize {

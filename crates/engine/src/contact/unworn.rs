@@ -35,8 +35,7 @@ impl Contact {
     /// shape.
     #[must_use]
     pub fn new(shape: Shape, threshold: f64) -> Option<Self> {
-        // At Δ = 1 springs under a flat still stick.
-        let stick = if threshold > 1.0 { 0.0 } else { shape.image_inverse(1.0 - threshold) };
+        let stick = shape.stick_radius(threshold);
         let regime = if stick > 0.0 { Regime::PartialSlip } else { Regime::GrossSlip };
         let limit = Limit::solve(&shape, stick)?;
         Some(Self { shape, threshold, stick, regime, limit })

@@ -29,7 +29,7 @@ impl Condition {
     pub fn of(case: &Case, amplitude: f64) -> Self {
         let (scales, shape) = (&case.scales, &case.contact.shape);
         let threshold = threshold(amplitude, scales.gross_slip_amplitude());
-        let stick = if threshold > 1.0 { 0.0 } else { shape.image_inverse(1.0 - threshold) };
+        let stick = shape.stick_radius(threshold);
         let (tangential, energy) = unworn_integrals(shape, stick, threshold);
         let is_partial = stick > 0.0;
         Self {

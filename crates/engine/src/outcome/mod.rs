@@ -21,9 +21,9 @@ use crate::contact::control::Tangential;
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::Regime;
 use crate::numeric::integrate_beyond;
-use crate::request::fault::Fault;
+use crate::request::fault::Faults;
 use crate::scenario::{Scenario, Warning};
-use crate::solver::events::{self, EventKind};
+use crate::solver::events::EventKind;
 
 /// The properties of a scenario that are known without a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -179,13 +179,6 @@ pub struct OutcomeEvent {
     pub cycles: f64,
     /// The kind of the event.
     pub kind: EventKind,
-}
-
-impl OutcomeEvent {
-    /// Converts an event whose time is in units of `unit` cycles.
-    pub(crate) fn of(event: &events::Event, unit: f64) -> Self {
-        Self { cycles: event.at * unit, kind: event.kind }
-    }
 }
 
 /// Estimates of the numerical error.
@@ -356,7 +349,7 @@ impl Preview {
             units: ResultUnits,
             scales: ContactScales::of(case),
             unworn: Unworn::of(case, &case.unworn()),
-            regime: case.regime(),
+            regime: case.contact.regime,
             limit: limit_state(case),
             cost: CostEstimate { operations: case.operations(), answer_bytes: case.answer_bytes() },
         }
@@ -369,7 +362,7 @@ impl Scenario {
     ///
     /// # Errors
     /// The same fault as for [`Scenario::case`].
-    pub fn preview(&self) -> Result<Preview, Fault> {
+    pub fn preview(&self) -> Result<Preview, Faults> {
         self.case().map(|case| Preview::of(&case))
     }
 }

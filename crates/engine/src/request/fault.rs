@@ -5,7 +5,8 @@
 use std::ops::ControlFlow;
 
 use deserr::{
-    DeserializeError, ErrorKind, IntoValue, MergeWithError, Sequence, ValueKind, ValuePointerRef,
+    DeserializeError, ErrorKind, IntoValue, MergeWithError, Sequence, Value, ValueKind,
+    ValuePointerRef, take_cf_content,
 };
 use serde::Serialize;
 
@@ -144,14 +145,14 @@ impl DeserializeError for Faults {
     }
 }
 
-/// Converts one error of `deserr` to a fault.
-pub(crate) fn refuse<V: IntoValue>(
-    error: ErrorKind<'_, V>,
+/// The fault of a value of the wrong kind.
+pub(crate) fn wrong_kind<V: IntoValue>(
+    actual: Value<V>,
+    accepted: &[ValueKind],
     location: ValuePointerRef<'_>,
 ) -> Faults {
-    match Faults::error::<V>(None, error, location) {
-        ControlFlow::Continue(faults) | ControlFlow::Break(faults) => faults,
-    }
+    let error = ErrorKind::IncorrectValueKind { actual, accepted };
+    take_cf_content(Faults::error(None, error, location))
 }
 
 pub(crate) fn pointer(location: ValuePointerRef<'_>) -> String {

@@ -1,9 +1,14 @@
 //! Numbers and quantities with units. Each type has a range of accepted values.
 
-use deserr::{Deserr, ErrorKind, IntoValue, Sequence, Value, ValueKind, ValuePointerRef};
+use std::marker::PhantomData;
+use std::ops::RangeInclusive;
 
-use super::fault::{Faults, refuse};
+use deserr::{Deserr, IntoValue, Sequence, Value, ValueKind, ValuePointerRef};
+use serde::Serialize;
+
+use super::fault::{Faults, wrong_kind};
 use super::quantity::{self, Dimension};
+use crate::numeric::twelve_digits;
 
 /// Smallest and largest exponent of a power-law profile.
 pub const EXPONENT_RANGE: (f64, f64) = (1.0, 20.0);
@@ -14,8 +19,14 @@ pub const POINTS_RANGE: (u16, u16) = (16, 4096);
 /// Maximum number of cycles.
 pub const LAST_CYCLE: f64 = 1e15;
 /// An optional member. Unlike an `Option`, it does not accept null.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Given<T>(pub Option<T>);
+
+impl<T> Given<T> {
+    pub(crate) fn is_absent(&self) -> bool {
+        self.0.is_none()
+    }
+}
 
 impl<T> Default for Given<T> {
     fn default() -> Self {
@@ -42,7 +53,7 @@ pub(super) fn number<V: IntoValue>(
         Value::Integer(n) => Ok(n as f64),
         Value::NegativeInteger(n) => Ok(n as f64),
         Value::Float(x) => Ok(x),
-        other => Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location)),
+        other => Err(wrong_kind(other, accepted, location)),
     }
 }
 
@@ -164,6 +175,21 @@ quantities! {
 /// k_w·hardness.
 pub const WEAR_RANGE: (f64, f64) = (1e-30, 1.0);
 
+/// A quantity rounded to 12 digits, as it stands in the canonical scenario.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct Rounded<T>(pub f64, PhantomData<T>);
+
+impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Rounded<T> {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        let quantity = T::deserialize_from_value(value, location)?;
+        Ok(Self(twelve_digits(quantity.into()), PhantomData))
+    }
+}
+
 /// A quantity whose dimension depends on another member.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NumberOrText {
@@ -216,31 +242,43 @@ impl Deserr<Faults> for GivenXi {
     }
 }
 
-/// The number of output radii.
+/// A whole number from `LOW` to `HIGH`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PointCount(pub u16);
+pub struct Count<const LOW: u16, const HIGH: u16>(pub u16);
 
-pub(super) fn whole<V: IntoValue>(
-    value: Value<V>,
-    location: ValuePointerRef<'_>,
-    (low, high): (u16, u16),
-) -> Result<u16, Faults> {
-    let x = number(value, location, &[ValueKind::Integer])?;
-    if x.fract() == 0.0 && (f64::from(low)..=f64::from(high)).contains(&x) {
-        Ok(x as u16)
-    } else {
-        let detail = format!("must be a whole number between {low} and {high}, not {x}");
-        Err(Faults::at(location, detail))
-    }
-}
-
-impl Deserr<Faults> for PointCount {
+impl<const LOW: u16, const HIGH: u16> Deserr<Faults> for Count<LOW, HIGH> {
     fn deserialize_from_value<V: IntoValue>(
         value: Value<V>,
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
-        whole(value, location, POINTS_RANGE).map(Self)
+        let x = number(value, location, &[ValueKind::Integer])?;
+        if x.fract() == 0.0 && (f64::from(LOW)..=f64::from(HIGH)).contains(&x) {
+            Ok(Self(x as u16))
+        } else {
+            let detail = format!("must be a whole number between {LOW} and {HIGH}, not {x}");
+            Err(Faults::at(location, detail))
+        }
     }
+}
+
+/// The number of output radii.
+pub type PointCount = Count<{ POINTS_RANGE.0 }, { POINTS_RANGE.1 }>;
+
+/// Reads a list with a number of items in this range.
+pub(super) fn list<T: Deserr<Faults>, V: IntoValue>(
+    value: Value<V>,
+    location: ValuePointerRef<'_>,
+    lengths: RangeInclusive<usize>,
+    items: &str,
+) -> Result<Vec<T>, Faults> {
+    if let Value::Sequence(list) = &value
+        && !lengths.contains(&list.len())
+    {
+        let (least, most) = lengths.into_inner();
+        let detail = format!("must list {least} to {most} {items}, not {}", list.len());
+        return Err(Faults::at(location, detail));
+    }
+    Vec::deserialize_from_value(value, location)
 }
 
 /// A list of `LEAST` to `MOST` items.
@@ -254,19 +292,7 @@ impl<T: Deserr<Faults>, const LEAST: usize, const MOST: usize> Deserr<Faults>
         value: Value<V>,
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
-        let Value::Sequence(list) = value else {
-            let accepted = &[ValueKind::Sequence];
-            return Err(refuse(
-                ErrorKind::IncorrectValueKind { actual: value, accepted },
-                location,
-            ));
-        };
-        let count = list.len();
-        if !(LEAST..=MOST).contains(&count) {
-            let detail = format!("must list {LEAST} to {MOST} items, not {count}");
-            return Err(Faults::at(location, detail));
-        }
-        Vec::deserialize_from_value(Value::<V>::Sequence(list), location).map(Self)
+        list(value, location, LEAST..=MOST, "items").map(Self)
     }
 }
 

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::fault::Faults;
 use super::fields::{
-    BlockCycles, Force, Given, Length, List, Position, StickRatio, Stiffness, Stroke,
+    BlockCycles, Force, Given, Length, List, Position, Rounded, StickRatio, Stiffness, Stroke,
     TangentialForce,
 };
 
@@ -17,7 +17,7 @@ pub const MAX_REVERSALS: usize = 100_000;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
 #[deserr(error = Faults, rename_all = lowercase)]
 #[serde(rename_all = "lowercase")]
-pub enum LoadHeld {
+pub enum Normal {
     /// The indentation depth.
     Depth,
     /// The normal force.
@@ -30,13 +30,13 @@ pub enum LoadHeld {
 pub struct Load {
     /// Normal force F of the unworn contact.
     #[deserr(default)]
-    pub normal_force: Given<Force>,
+    pub normal_force: Given<Rounded<Force>>,
     /// Indentation depth d of the unworn contact.
     #[deserr(default)]
-    pub indentation_depth: Given<Length>,
+    pub indentation_depth: Given<Rounded<Length>>,
     /// The quantity that is held constant during wear.
     #[deserr(default)]
-    pub held: Given<LoadHeld>,
+    pub held: Given<Normal>,
 }
 
 impl Load {
@@ -54,8 +54,8 @@ impl Load {
     }
 
     /// The held quantity. By default it is the quantity that the request contains.
-    pub(crate) fn held(&self) -> LoadHeld {
-        let given = if self.normal_force.0.is_some() { LoadHeld::Force } else { LoadHeld::Depth };
+    pub(crate) fn held(&self) -> Normal {
+        let given = if self.normal_force.0.is_some() { Normal::Force } else { Normal::Depth };
         self.held.0.unwrap_or(given)
     }
 }
@@ -74,13 +74,13 @@ pub enum MotionHeld {
 }
 
 /// A number of cycles at one amplitude.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
 #[deserr(error = Faults, deny_unknown_fields)]
-pub struct GivenBlock {
+pub struct Block {
     /// Amplitude U. It is 0 for a contact at rest.
-    pub amplitude: Stroke,
+    pub amplitude: Rounded<Stroke>,
     /// The number of cycles.
-    pub cycles: BlockCycles,
+    pub cycles: Rounded<BlockCycles>,
 }
 
 /// The motion in the tangential direction.
@@ -92,7 +92,7 @@ pub struct Motion {
     pub amplitude: Given<Length>,
     /// Amplitude Q of the tangential force.
     #[deserr(default)]
-    pub tangential_force: Given<TangentialForce>,
+    pub tangential_force: Given<Rounded<TangentialForce>>,
     /// Stick ratio c/a₀, from which the amplitude U is computed.
     #[deserr(default)]
     pub stick_ratio: Given<StickRatio>,
@@ -101,13 +101,13 @@ pub struct Motion {
     pub held: Given<MotionHeld>,
     /// Stiffness k_rig. With this member, `amplitude` is the amplitude of the actuator.
     #[deserr(default)]
-    pub rig_stiffness: Given<Stiffness>,
+    pub rig_stiffness: Given<Rounded<Stiffness>>,
     /// Blocks of different amplitudes, one after the other.
     #[deserr(default)]
-    pub blocks: Given<List<GivenBlock, 1, MAX_BLOCKS>>,
+    pub blocks: Given<List<Block, 1, MAX_BLOCKS>>,
     /// The positions at which the contact reverses.
     #[deserr(default)]
-    pub reversals: Given<List<Position, 2, MAX_REVERSALS>>,
+    pub reversals: Given<List<Rounded<Position>, 2, MAX_REVERSALS>>,
 }
 
 impl Motion {
@@ -122,33 +122,27 @@ impl Motion {
             ("reversals", self.reversals.0.is_some()),
         ];
         let mut names = given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name);
+        let fault = |member, detail| Err(Faults::at(location.push_key(member), detail));
         let Some(first) = names.next() else {
-            let here = location.push_key("amplitude");
-            return Err(Faults::at(here, format!("is missing. Enter {WAYS}")));
+            return fault("amplitude", format!("is missing. Enter {WAYS}"));
         };
         if let Some(second) = names.next() {
-            let here = location.push_key(second);
-            return Err(Faults::at(
-                here,
-                format!("cannot be combined with `{first}`. Enter only {WAYS}"),
-            ));
+            return fault(second, format!("cannot be combined with `{first}`. Enter only {WAYS}"));
         }
         let varies = first == "blocks" || first == "reversals";
-        let force_held = self.held.0 == Some(MotionHeld::TangentialForce);
-        if varies && force_held {
-            let here = location.push_key("held");
-            return Err(Faults::at(here, format!("must be \"amplitude\" with `{first}`")));
+        if varies && self.held.0 == Some(MotionHeld::TangentialForce) {
+            return fault("held", format!("must be \"amplitude\" with `{first}`"));
         }
-        if self.rig_stiffness.0.is_some()
-            && (varies || self.tangential() == MotionHeld::TangentialForce)
-        {
-            let detail = if varies {
-                format!("cannot be combined with `{first}`. Enter the amplitudes at the contact")
-            } else {
-                "has no effect if the tangential force is held constant. Remove it, or enter \"held\": \"amplitude\""
-                    .to_owned()
-            };
-            return Err(Faults::at(location.push_key("rig_stiffness"), detail));
+        let has_rig = self.rig_stiffness.0.is_some();
+        if has_rig && varies {
+            let detail =
+                format!("cannot be combined with `{first}`. Enter the amplitudes at the contact");
+            return fault("rig_stiffness", detail);
+        }
+        if has_rig && self.tangential() == MotionHeld::TangentialForce {
+            let detail = "has no effect if the tangential force is held constant. Remove it, or \
+                          enter \"held\": \"amplitude\"";
+            return fault("rig_stiffness", detail.to_owned());
         }
         if let Some(List(blocks)) = &self.blocks.0
             && blocks[0].amplitude.0 == 0.0

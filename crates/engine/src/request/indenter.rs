@@ -2,17 +2,18 @@
 
 use std::marker::PhantomData;
 
-use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, ValuePointerRef};
+use deserr::{Deserr, IntoValue, Map, Value, ValueKind, ValuePointerRef};
+use serde::Serialize;
 
-use super::fault::{Faults, pointer, refuse};
-use super::fields::{Exponent, Height, Length, Radius, SlopeAngle};
-use crate::numeric::twelve_digits;
+use super::fault::{Faults, pointer, wrong_kind};
+use super::fields::{Exponent, Height, Length, Radius, Rounded, SlopeAngle, list};
 
 /// Maximum number of rows of a table.
 pub const MAX_ROWS: usize = 10_000;
 
 /// The shape of the indenter.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "shape", rename_all = "snake_case")]
 pub enum Profile {
     /// f = r²/(2R).
     Paraboloid(BallProfile),
@@ -31,51 +32,51 @@ pub enum Profile {
 }
 
 /// The radius of a paraboloid or a sphere.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct BallProfile {
     /// Radius R of the paraboloid or sphere.
-    pub radius: Length,
+    pub radius: Rounded<Length>,
 }
 
 /// The slope of a cone.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct ConeProfile {
     /// Slope angle θ, measured from the plane.
-    pub slope_angle: SlopeAngle,
+    pub slope_angle: Rounded<SlopeAngle>,
 }
 
 /// The parameters of a power law.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct PowerProfile {
     /// Exponent n.
-    pub exponent: Exponent,
+    pub exponent: Rounded<Exponent>,
     /// Height: f at the radius `at_radius`.
-    pub height: Length,
+    pub height: Rounded<Length>,
     /// The radius at which f is `height`.
-    pub at_radius: Length,
+    pub at_radius: Rounded<Length>,
 }
 
 /// A paraboloid with a flat.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct FlatBallProfile {
     /// Radius R of the paraboloid.
-    pub radius: Length,
+    pub radius: Rounded<Length>,
     /// Radius b of the flat tip.
-    pub flat_radius: Length,
+    pub flat_radius: Rounded<Length>,
 }
 
 /// A cone with a flat.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct FlatConeProfile {
     /// Slope angle θ, measured from the plane.
-    pub slope_angle: SlopeAngle,
+    pub slope_angle: Rounded<SlopeAngle>,
     /// Radius b of the flat tip.
-    pub flat_radius: Length,
+    pub flat_radius: Rounded<Length>,
 }
 
 /// Minimum number of points from which the noise of a table can be estimated. Fewer are not smoothed.
@@ -85,7 +86,7 @@ pub(crate) const FEWEST_SMOOTHED: usize = 12;
 pub(crate) const LEVEL: f64 = 1e-4;
 
 /// Measured points, from the axis outwards.
-#[derive(Debug, Clone, PartialEq, Deserr)]
+#[derive(Debug, Clone, PartialEq, Deserr, Serialize)]
 #[deserr(error = Faults, deny_unknown_fields, validate = TableProfile::validate -> Faults)]
 pub struct TableProfile {
     /// Radius r of each point, strictly ascending from 0, rounded to 12 digits.
@@ -150,7 +151,8 @@ impl TableProfile {
 }
 
 /// 2 to [`MAX_ROWS`] quantities in SI, rounded to 12 digits.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(transparent)]
 pub struct Column<T>(pub Vec<f64>, PhantomData<T>);
 
 impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Column<T> {
@@ -158,15 +160,8 @@ impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Column<T> {
         value: Value<V>,
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
-        if let Value::Sequence(list) = &value
-            && !(2..=MAX_ROWS).contains(&list.len())
-        {
-            let detail = format!("must list 2 to {MAX_ROWS} points, not {}", list.len());
-            return Err(Faults::at(location, detail));
-        }
-        let list = Vec::<T>::deserialize_from_value(value, location)?;
-        let list = list.into_iter().map(|x| twelve_digits(x.into())).collect();
-        Ok(Self(list, PhantomData))
+        let rows: Vec<Rounded<T>> = list(value, location, 2..=MAX_ROWS, "points")?;
+        Ok(Self(rows.into_iter().map(|row| row.0).collect(), PhantomData))
     }
 }
 
@@ -191,32 +186,28 @@ impl Deserr<Faults> for Profile {
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
         let Value::Map(mut map) = value else {
-            let accepted = &[ValueKind::Map];
-            return Err(refuse(
-                ErrorKind::IncorrectValueKind { actual: value, accepted },
-                location,
-            ));
-        };
-        let Some(shape) = map.remove("shape") else {
-            return Err(refuse::<V>(ErrorKind::MissingField { field: "shape" }, location));
+            return Err(wrong_kind(value, &[ValueKind::Map], location));
         };
         let here = location.push_key("shape");
+        let Some(shape) = map.remove("shape") else {
+            return Err(Faults::at(here, "is missing. Enter `shape`"));
+        };
         let shape = ShapeName::deserialize_from_value(shape.into_value(), here)?;
         let rest = Value::<V>::Map(map);
         Ok(match shape {
             ShapeName::Paraboloid => {
-                Self::Paraboloid(BallProfile::deserialize_from_value(rest, location)?)
+                Self::Paraboloid(Deserr::deserialize_from_value(rest, location)?)
             }
-            ShapeName::Sphere => Self::Sphere(BallProfile::deserialize_from_value(rest, location)?),
-            ShapeName::Cone => Self::Cone(ConeProfile::deserialize_from_value(rest, location)?),
-            ShapeName::Power => Self::Power(PowerProfile::deserialize_from_value(rest, location)?),
+            ShapeName::Sphere => Self::Sphere(Deserr::deserialize_from_value(rest, location)?),
+            ShapeName::Cone => Self::Cone(Deserr::deserialize_from_value(rest, location)?),
+            ShapeName::Power => Self::Power(Deserr::deserialize_from_value(rest, location)?),
             ShapeName::TruncatedParaboloid => {
-                Self::TruncatedParaboloid(FlatBallProfile::deserialize_from_value(rest, location)?)
+                Self::TruncatedParaboloid(Deserr::deserialize_from_value(rest, location)?)
             }
             ShapeName::TruncatedCone => {
-                Self::TruncatedCone(FlatConeProfile::deserialize_from_value(rest, location)?)
+                Self::TruncatedCone(Deserr::deserialize_from_value(rest, location)?)
             }
-            ShapeName::Table => Self::Table(TableProfile::deserialize_from_value(rest, location)?),
+            ShapeName::Table => Self::Table(Deserr::deserialize_from_value(rest, location)?),
         })
     }
 }

@@ -1,10 +1,10 @@
 //! The output cycles of a request, and the output cycles with profiles.
 
-use deserr::{Deserr, ErrorKind, IntoValue, Map, Sequence, Value, ValueKind, ValuePointerRef};
+use deserr::{Deserr, IntoValue, Map, Value, ValueKind, ValuePointerRef};
 use serde::Serialize;
 
-use super::fault::{Faults, refuse};
-use super::fields::{DissipatedEnergy, Instant, MAX_CYCLES, whole};
+use super::fault::{Faults, wrong_kind};
+use super::fields::{self, Count, DissipatedEnergy, Instant, MAX_CYCLES, Rounded};
 use crate::numeric::twelve_digits;
 
 /// The output cycles.
@@ -73,14 +73,10 @@ fn list<T: Deserr<Faults> + Into<f64>, V: IntoValue>(
     location: ValuePointerRef<'_>,
 ) -> Result<Vec<f64>, Faults> {
     match value {
-        Value::Sequence(list) => {
-            let count = list.len();
-            if count == 0 || count > MAX_CYCLES {
-                let detail = format!("must list 1 to {MAX_CYCLES} output cycles, not {count}");
-                return Err(Faults::at(location, detail));
-            }
-            let list = Vec::<T>::deserialize_from_value(Value::<V>::Sequence(list), location)?;
-            let list: Vec<f64> = list.into_iter().map(|item| twelve_digits(item.into())).collect();
+        list @ Value::Sequence(_) => {
+            let list: Vec<Rounded<T>> =
+                fields::list(list, location, 1..=MAX_CYCLES, "output cycles")?;
+            let list: Vec<f64> = list.into_iter().map(|item| item.0).collect();
             match list.windows(2).position(|pair| pair[0] >= pair[1]) {
                 Some(before) => Err(Faults::at(
                     location.push_index(before + 1),
@@ -97,10 +93,7 @@ fn list<T: Deserr<Faults> + Into<f64>, V: IntoValue>(
         map @ Value::Map(_) => {
             EvenInstants::<T>::deserialize_from_value(map, location)?.instants(location)
         }
-        other => {
-            let accepted = &[ValueKind::Sequence, ValueKind::Map];
-            Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location))
-        }
+        other => Err(wrong_kind(other, &[ValueKind::Sequence, ValueKind::Map], location)),
     }
 }
 
@@ -110,7 +103,7 @@ fn list<T: Deserr<Faults> + Into<f64>, V: IntoValue>(
 struct EvenInstants<T> {
     from: T,
     to: T,
-    count: InstantCount,
+    count: Count<2, { MAX_CYCLES as u16 }>,
     #[deserr(default)]
     spacing: Spacing,
 }
@@ -154,19 +147,6 @@ impl<T: Into<f64>> EvenInstants<T> {
     }
 }
 
-/// The number of output cycles in a range: 2 to [`MAX_CYCLES`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct InstantCount(u16);
-
-impl Deserr<Faults> for InstantCount {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        whole(value, location, (2, MAX_CYCLES as u16)).map(Self)
-    }
-}
-
 /// The output cycles with profiles.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
@@ -200,10 +180,7 @@ impl Deserr<Faults> for ProfilesAt {
             word @ Value::String(_) => {
                 ProfilesWord::deserialize_from_value(word, location).map(Self::Word)
             }
-            other => {
-                let accepted = &[ValueKind::Sequence, ValueKind::String];
-                Err(refuse(ErrorKind::IncorrectValueKind { actual: other, accepted }, location))
-            }
+            other => Err(wrong_kind(other, &[ValueKind::Sequence, ValueKind::String], location)),
         }
     }
 }

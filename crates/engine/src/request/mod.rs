@@ -12,11 +12,12 @@ pub mod instants;
 pub mod quantity;
 
 use deserr::{Deserr, IntoValue, Sequence, Value, ValuePointerRef};
+use serde::Serialize;
 
 use fault::Faults;
 use fields::{
     DissipatedEnergy, EnergyWear, Friction, Given, GivenXi, Length, NumberOrText, PointCount,
-    PoissonRatio, Share, Stress, Tolerance, Volume, WEAR_RANGE, within,
+    PoissonRatio, Rounded, Share, Stress, Tolerance, Volume, WEAR_RANGE, within,
 };
 use held::{Load, Motion};
 use indenter::Profile;
@@ -36,7 +37,7 @@ pub struct Request {
     #[deserr(default)]
     pub moduli: Given<Moduli>,
     /// Coefficient of friction μ.
-    pub friction: Friction,
+    pub friction: Rounded<Friction>,
     /// The wear coefficient and the share of each body.
     pub wear: Wear,
     /// The load in the normal direction.
@@ -57,23 +58,27 @@ pub struct Request {
 }
 
 /// The wear or the energy at which a run ends early.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Until::validate -> Faults)]
 pub struct Until {
     /// The maximum wear depth.
     #[deserr(default)]
-    pub wear_depth: Given<Length>,
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    pub wear_depth: Given<Rounded<Length>>,
     /// The wear volume V.
     #[deserr(default)]
-    pub wear_volume: Given<Volume>,
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    pub wear_volume: Given<Rounded<Volume>>,
     /// The dissipated energy ΣW.
     #[deserr(default)]
-    pub dissipated_energy: Given<DissipatedEnergy>,
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    pub dissipated_energy: Given<Rounded<DissipatedEnergy>>,
 }
 
 impl Until {
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
         const WAYS: &str = "`wear_depth`, `wear_volume` or `dissipated_energy`";
+        let fault = |member, detail| Err(Faults::at(location.push_key(member), detail));
         let given = [
             ("wear_depth", self.wear_depth.0.is_some()),
             ("wear_volume", self.wear_volume.0.is_some()),
@@ -81,13 +86,8 @@ impl Until {
         ];
         let mut names = given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name);
         match (names.next(), names.next()) {
-            (None, _) => Err(Faults::at(
-                location.push_key("wear_depth"),
-                format!("is missing. Enter {WAYS}"),
-            )),
-            (_, Some(second)) => {
-                Err(Faults::at(location.push_key(second), format!("give only one of {WAYS}")))
-            }
+            (None, _) => fault("wear_depth", format!("is missing. Enter {WAYS}")),
+            (_, Some(second)) => fault(second, format!("give only one of {WAYS}")),
             _ => Ok(self),
         }
     }
@@ -95,15 +95,12 @@ impl Until {
 
 impl Request {
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        let fault = |member, detail| Err(Faults::at(location.push_key(member), detail));
         match (self.bodies.0.is_some(), self.moduli.0.is_some()) {
-            (true, true) => Err(Faults::at(
-                location.push_key("moduli"),
-                "give either `bodies` or `moduli`, not both",
-            )),
-            (false, false) => Err(Faults::at(
-                location.push_key("bodies"),
-                "is missing. Enter the two `bodies`, or their effective `moduli`",
-            )),
+            (true, true) => fault("moduli", "give either `bodies` or `moduli`, not both"),
+            (false, false) => {
+                fault("bodies", "is missing. Enter the two `bodies`, or their effective `moduli`")
+            }
             _ => Ok(self),
         }
     }
@@ -169,7 +166,7 @@ pub struct Wear {
     energy_coefficient: Given<EnergyWear>,
     /// The share of the wear depth on the first body, which carries the profile.
     #[deserr(default)]
-    pub share: Given<Share>,
+    pub share: Given<Rounded<Share>>,
     #[deserr(skip)]
     per_load: f64,
 }

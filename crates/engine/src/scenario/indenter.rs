@@ -18,8 +18,8 @@ use crate::contact::limit::{DEEPEST, WIDEST};
 use crate::contact::profile::{Shape, kappa};
 use crate::contact::table_shape::{PressedTable, Split, TableShape};
 use crate::contact::unworn::Contact;
-use crate::numeric::{root, twelve_digits};
-use crate::request::fault::{Fault, Faults};
+use crate::numeric::root;
+use crate::request::fault::Faults;
 use crate::request::indenter::Profile;
 
 /// Maximum a₀/R of a sphere. Half-space theory is not valid for larger contacts.
@@ -28,59 +28,18 @@ const MAX_SPHERE: f64 = 0.6;
 /// lost in rounding.
 const NARROWEST_RING: f64 = 1e-6;
 
-/// A profile in canonical form.
+/// The indenter in canonical form.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(tag = "shape", rename_all = "snake_case")]
-pub(super) enum CanonicalProfile {
-    Paraboloid { radius: f64 },
-    Sphere { radius: f64 },
-    Cone { slope_angle: f64 },
-    Power { exponent: f64, height: f64, at_radius: f64 },
-    TruncatedParaboloid { radius: f64, flat_radius: f64 },
-    TruncatedCone { slope_angle: f64, flat_radius: f64 },
-    Table(CanonicalTable),
-}
-
-/// A measured table in canonical form, with the smooth shape through its points.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct CanonicalTable {
-    radius: Vec<f64>,
-    height: Vec<f64>,
+#[serde(transparent)]
+pub(super) struct Indenter {
+    profile: Profile,
     #[serde(skip)]
-    shape: Arc<TableShape>,
-}
-
-/// The profile in canonical form, or the faults of a measured table.
-pub(super) fn canonical_profile(profile: &Profile) -> Result<CanonicalProfile, Faults> {
-    Ok(match profile {
-        Profile::Paraboloid(ball) => {
-            CanonicalProfile::Paraboloid { radius: twelve_digits(ball.radius.0) }
-        }
-        Profile::Sphere(ball) => CanonicalProfile::Sphere { radius: twelve_digits(ball.radius.0) },
-        Profile::Cone(cone) => {
-            CanonicalProfile::Cone { slope_angle: twelve_digits(cone.slope_angle.0) }
-        }
-        Profile::Power(power) => CanonicalProfile::Power {
-            exponent: twelve_digits(power.exponent.0),
-            height: twelve_digits(power.height.0),
-            at_radius: twelve_digits(power.at_radius.0),
-        },
-        Profile::TruncatedParaboloid(ball) => CanonicalProfile::TruncatedParaboloid {
-            radius: twelve_digits(ball.radius.0),
-            flat_radius: twelve_digits(ball.flat_radius.0),
-        },
-        Profile::TruncatedCone(cone) => CanonicalProfile::TruncatedCone {
-            slope_angle: twelve_digits(cone.slope_angle.0),
-            flat_radius: twelve_digits(cone.flat_radius.0),
-        },
-        Profile::Table(table) => {
-            CanonicalProfile::Table(CanonicalTable::through(&table.radius.0, &table.height.0)?)
-        }
-    })
+    form: Form,
 }
 
 /// The properties of a profile that determine the unworn contact.
-enum Form<'a> {
+#[derive(Debug, Clone, PartialEq)]
+enum Form {
     /// g = height·(x/at_radius)ⁿ.
     Power {
         exponent: f64,
@@ -91,11 +50,11 @@ enum Form<'a> {
         radius: f64,
     },
     Flat(Flat),
-    Table(&'a CanonicalTable),
+    Table(Table),
 }
 
 /// A truncated shape with a flat tip of radius b. The steepness is 1/R or tan θ.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct Flat {
     conical: bool,
     steepness: f64,
@@ -148,36 +107,53 @@ impl Flat {
     }
 }
 
-impl CanonicalProfile {
-    fn form(&self) -> Form<'_> {
-        match *self {
-            Self::Paraboloid { radius } => {
-                Form::Power { exponent: 2.0, height: radius, at_radius: radius }
+/// The smooth shape through the points of a measured table.
+#[derive(Debug, Clone, PartialEq)]
+struct Table {
+    radius: Vec<f64>,
+    shape: Arc<TableShape>,
+}
+
+impl Form {
+    /// The form of a profile, or the fault of a measured table.
+    fn of(profile: &Profile) -> Result<Self, Faults> {
+        Ok(match profile {
+            Profile::Paraboloid(ball) => {
+                Self::Power { exponent: 2.0, height: ball.radius.0, at_radius: ball.radius.0 }
             }
-            Self::Cone { slope_angle } => Form::Power {
+            Profile::Cone(cone) => Self::Power {
                 exponent: 1.0,
-                height: std::f64::consts::FRAC_PI_2 * libm::tan(slope_angle),
+                height: std::f64::consts::FRAC_PI_2 * libm::tan(cone.slope_angle.0),
                 at_radius: 1.0,
             },
-            Self::Power { exponent, height, at_radius } => {
-                Form::Power { exponent, height: kappa(exponent) * height, at_radius }
+            Profile::Power(power) => {
+                let (exponent, at_radius) = (power.exponent.0, power.at_radius.0);
+                Self::Power { exponent, height: kappa(exponent) * power.height.0, at_radius }
             }
-            Self::Sphere { radius } => Form::Sphere { radius },
-            Self::TruncatedParaboloid { radius, flat_radius } => {
-                Form::Flat(Flat { conical: false, steepness: 1.0 / radius, tip: flat_radius })
+            Profile::Sphere(ball) => Self::Sphere { radius: ball.radius.0 },
+            Profile::TruncatedParaboloid(ball) => {
+                let (steepness, tip) = (1.0 / ball.radius.0, ball.flat_radius.0);
+                Self::Flat(Flat { conical: false, steepness, tip })
             }
-            Self::TruncatedCone { slope_angle, flat_radius } => {
-                let steepness = libm::tan(slope_angle);
-                Form::Flat(Flat { conical: true, steepness, tip: flat_radius })
+            Profile::TruncatedCone(cone) => {
+                let (steepness, tip) = (libm::tan(cone.slope_angle.0), cone.flat_radius.0);
+                Self::Flat(Flat { conical: true, steepness, tip })
             }
-            Self::Table(ref table) => Form::Table(table),
-        }
+            Profile::Table(table) => Self::Table(Table::through(&table.radius.0, &table.height.0)?),
+        })
+    }
+}
+
+impl Indenter {
+    /// The canonical form of a profile, or the fault of a measured table.
+    pub(super) fn new(profile: &Profile) -> Result<Self, Faults> {
+        Ok(Self { form: Form::of(profile)?, profile: profile.clone() })
     }
 
     /// The fault if the profile cannot have the indentation depth `depth`. The depth follows from
     /// the member at `pointer`.
-    pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Fault {
-        let detail = match self.form() {
+    pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Faults {
+        let detail = match &self.form {
             Form::Table(table) => {
                 return table.too_short(PressedTable::new(&table.shape, depth, true));
             }
@@ -191,20 +167,20 @@ impl CanonicalProfile {
                  Half-space theory is not valid there. Reduce the load, or enter a larger radius"
             ),
         };
-        Fault { pointer: pointer.to_owned(), detail }
+        Faults::one(pointer, detail)
     }
 
     /// The fault if the contact of `shape`, which is this profile, splits into a core and a ring.
-    pub(super) fn split(&self, shape: &Shape) -> Option<Fault> {
-        match self {
-            Self::Table(table) => shape.split().map(|split| table.splits(split)),
+    pub(super) fn split(&self, shape: &Shape) -> Option<Faults> {
+        match &self.form {
+            Form::Table(table) => shape.split().map(|split| table.splits(split)),
             _ => None,
         }
     }
 
     /// The fault if the scar at `depth` and amplitude Δ would become larger than the profile.
-    pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Fault {
-        match self.form() {
+    pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Faults {
+        match &self.form {
             Form::Table(table) => {
                 let endless =
                     PressedTable::new(&table.shape, depth, true).and_then(|(radius, pressed)| {
@@ -214,19 +190,19 @@ impl CanonicalProfile {
                 table.too_short(endless)
             }
             Form::Sphere { .. } => self.refusal(depth, "/load"),
-            Form::Flat(_) | Form::Power { .. } => Fault {
-                pointer: "/cycles".to_owned(),
-                detail: format!(
+            Form::Flat(_) | Form::Power { .. } => {
+                let detail = format!(
                     "would make the scar wider than {WIDEST} contact radii or deeper than {DEEPEST} \
                      indentation depths. In gross slip at constant force the scar grows without \
                      limit. Hold the indentation depth constant"
-                ),
-            },
+                );
+                Faults::one("/cycles", detail)
+            }
         }
     }
 }
 
-impl CanonicalTable {
+impl Table {
     fn through(radius: &[f64], height: &[f64]) -> Result<Self, Faults> {
         let shape = TableShape::through(radius, height).map_err(|low| {
             let row = nearest_row(radius, low.radius);
@@ -238,27 +214,25 @@ impl CanonicalTable {
             );
             Faults::one(&format!("/profile/height/{row}"), detail)
         })?;
-        Ok(Self { radius: radius.to_vec(), height: height.to_vec(), shape: Arc::new(shape) })
+        Ok(Self { radius: radius.to_vec(), shape: Arc::new(shape) })
     }
 
     /// The fault if the contact splits.
-    fn splits(&self, split: Split) -> Fault {
+    fn splits(&self, split: Split) -> Faults {
         let Split { core, begin, share } = split;
         let row = nearest_row(&self.radius, begin);
         let percent = 100.0 * share;
-        Fault {
-            pointer: format!("/profile/radius/{row}"),
-            detail: format!(
-                "is where the image of the profile falls below the indentation depth again: the \
-                 contact splits into a core up to {core:.3e} m and a ring from {begin:.3e} m on. Only \
-                 the core can be computed, but the ring would carry {percent:.2} % of the force on \
-                 the core. Smooth the table, cut it off before this row, or reduce the load"
-            ),
-        }
+        let detail = format!(
+            "is where the image of the profile falls below the indentation depth again: the contact \
+             splits into a core up to {core:.3e} m and a ring from {begin:.3e} m on. Only the core can \
+             be computed, but the ring would carry {percent:.2} % of the force on the core. Smooth the \
+             table, cut it off before this row, or reduce the load"
+        );
+        Faults::one(&format!("/profile/radius/{row}"), detail)
     }
 
     /// The fault if the table ends, or its image decreases, inside the radius that the scar needs.
-    fn too_short(&self, needed: Option<(f64, PressedTable)>) -> Fault {
+    fn too_short(&self, needed: Option<(f64, PressedTable)>) -> Faults {
         let radius = &self.radius;
         let reach = self.shape.reach();
         let row = radius.partition_point(|r| *r < reach * (1.0 - 1e-9)).min(radius.len() - 1);
@@ -269,13 +243,11 @@ impl CanonicalTable {
             "is where the image of the profile starts to fall. The edge of the contact or of the \
              future scar would not be unique"
         };
-        Fault {
-            pointer: format!("/profile/radius/{row}"),
-            detail: format!(
-                "{ends}. Enter a profile that rises up to a radius of about {needed:.3e} m \
-                 (extrapolated), or reduce the load"
-            ),
-        }
+        let detail = format!(
+            "{ends}. Enter a profile that rises up to a radius of about {needed:.3e} m (extrapolated), \
+             or reduce the load"
+        );
+        Faults::one(&format!("/profile/radius/{row}"), detail)
     }
 }
 
@@ -286,9 +258,9 @@ fn nearest_row(rows: &[f64], radius: f64) -> usize {
 }
 
 /// The contact radius a₀ and the normalised shape at indentation depth d. `None` if
-/// [`CanonicalProfile::refusal`] applies.
-pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Shape)> {
-    match profile.form() {
+/// [`Indenter::refusal`] applies.
+pub(super) fn indent(indenter: &Indenter, depth: f64) -> Option<(f64, Shape)> {
+    match indenter.form {
         Form::Power { exponent: n, height, at_radius } => {
             let ratio = depth / height;
             let radius = at_radius
@@ -322,7 +294,7 @@ pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Sha
             };
             Some((radius, shape))
         }
-        Form::Table(table) => {
+        Form::Table(ref table) => {
             let (radius, pressed) = PressedTable::new(&table.shape, depth, false)?;
             Some((radius, Shape::table(pressed)))
         }
@@ -330,8 +302,8 @@ pub(super) fn indent(profile: &CanonicalProfile, depth: f64) -> Option<(f64, Sha
 }
 
 /// The indentation depth d under a force F, given as F/E* in m².
-pub(super) fn depth_under(profile: &CanonicalProfile, force: f64) -> f64 {
-    match profile.form() {
+pub(super) fn depth_under(indenter: &Indenter, force: f64) -> f64 {
+    match indenter.form {
         Form::Power { exponent: n, height, at_radius } => {
             // F/E* = (2n/(n+1))·a·d with a = b·(d/h)^(1/n).
             let radius_times_depth = force * (n + 1.0) / (2.0 * n);
@@ -351,6 +323,6 @@ pub(super) fn depth_under(profile: &CanonicalProfile, force: f64) -> f64 {
             depth_at(share)
         }
         Form::Flat(flat) => flat.depth(flat.rim_under(force)),
-        Form::Table(table) => table.shape.depth_under(force),
+        Form::Table(ref table) => table.shape.depth_under(force),
     }
 }

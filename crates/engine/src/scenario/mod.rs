@@ -31,18 +31,18 @@ use deserr::{Deserr, IntoValue, ValuePointerRef};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::case::{Case, Method, Scales};
+use crate::case::{self, Case, Method, Scales};
 use crate::contact::unworn::Contact;
 use crate::contact::yielding::Rubbing;
 use crate::numeric::twelve_digits;
-use crate::request::fault::{Fault, Faults};
-use crate::request::fields::{GivenXi, LAST_CYCLE, Stress, WEAR_RANGE, Xi, derived};
+use crate::request::fault::Faults;
+use crate::request::fields::{Given, GivenXi, LAST_CYCLE, Stress, WEAR_RANGE, Xi, derived};
 use crate::request::instants::{Measure, ProfilesAt};
 use crate::request::{ElasticBody, MethodName, Model, Request, Until};
 use crate::solver::events::StopCondition;
-use crate::solver::stepped::law::fitted_xi;
+use crate::solver::stepped::law::{WearProblem, fitted_xi};
 use crate::solver::stepped::march::March;
-use indenter::{CanonicalProfile, canonical_profile};
+use indenter::Indenter;
 use instants::{CanonicalCycles, with_profiles};
 use load::{CanonicalLoad, CanonicalModuli, canonical_load};
 use motion::{CanonicalMotion, UnwornContact};
@@ -72,7 +72,7 @@ pub struct Warning {
 /// A canonical scenario, in SI.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Scenario {
-    profile: CanonicalProfile,
+    profile: Indenter,
     moduli: CanonicalModuli,
     friction: f64,
     wear: CanonicalWear,
@@ -80,8 +80,8 @@ pub struct Scenario {
     motion: CanonicalMotion,
     cycles: CanonicalCycles,
     profiles_at: ProfilesAt,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    until: Option<CanonicalUntil>,
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    until: Given<Until>,
     model: CanonicalModel,
 }
 
@@ -90,14 +90,6 @@ struct CanonicalWear {
     coefficient: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     share: Option<f64>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-enum CanonicalUntil {
-    WearDepth(f64),
-    WearVolume(f64),
-    DissipatedEnergy(f64),
 }
 
 /// The settings that the method uses. Other settings are omitted, so that they do not change the
@@ -119,27 +111,12 @@ enum CanonicalModel {
     },
 }
 
-impl CanonicalUntil {
-    fn of(until: &Until) -> Self {
-        match (until.wear_depth.0, until.wear_volume.0, until.dissipated_energy.0) {
-            (Some(depth), _, _) => Self::WearDepth(twelve_digits(depth.0)),
-            (_, Some(volume), _) => Self::WearVolume(twelve_digits(volume.0)),
-            (_, _, Some(energy)) => Self::DissipatedEnergy(twelve_digits(energy.0)),
-            (None, None, None) => unreachable!("a request without any of them is refused"),
-        }
-    }
-
-    fn stop_condition(self, scales: &Scales) -> StopCondition {
-        let none = StopCondition::default();
-        match self {
-            Self::WearDepth(w) => {
-                StopCondition { depth: Some(w / scales.indentation_depth), ..none }
-            }
-            Self::WearVolume(v) => StopCondition { volume: Some(v / scales.volume()), ..none },
-            Self::DissipatedEnergy(energy) => {
-                StopCondition { energy: Some(scales.worn_by(energy)), ..none }
-            }
-        }
+/// The condition that ends a run, without units.
+fn stop_condition(until: &Until, scales: &Scales) -> StopCondition {
+    StopCondition {
+        depth: until.wear_depth.0.map(|depth| depth.0 / scales.indentation_depth),
+        volume: until.wear_volume.0.map(|volume| volume.0 / scales.volume()),
+        energy: until.dissipated_energy.0.map(|energy| scales.worn_by(energy.0)),
     }
 }
 
@@ -203,7 +180,7 @@ pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warnin
     let request = Request::deserialize_from_value(value.into_value(), ValuePointerRef::Origin)
         .map_err(|faults| faults.below(prefix))?;
     let scenario = Scenario::resolve(&request).map_err(|faults| faults.below(prefix))?;
-    let case = scenario.case().map_err(|fault| Faults(vec![fault]).below(prefix))?;
+    let case = scenario.case().map_err(|faults| faults.below(prefix))?;
     let warnings = body_warnings(&request, &case);
     Ok((scenario, case, warnings))
 }
@@ -211,17 +188,17 @@ pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warnin
 impl Scenario {
     /// Converts a request to canonical form.
     fn resolve(request: &Request) -> Result<Self, Faults> {
-        let friction = twelve_digits(request.friction.0);
+        let friction = request.friction.0;
         let moduli = moduli(request)?;
         let coefficient = twelve_digits(request.wear.coefficient(friction));
         derived(coefficient, WEAR_RANGE, "a wear coefficient of", "1/Pa", "/wear")?;
-        let profile = canonical_profile(&request.profile)?;
+        let profile = Indenter::new(&request.profile)?;
         let load = canonical_load(request, &profile, moduli.normal)?;
         let contact = UnwornContact::new(&profile, &load, moduli, friction)?;
         let motion = CanonicalMotion::resolve(&request.motion, &contact)?;
         let (_, unit) = motion.amplitude_and_cycles(&contact, coefficient)?;
         let (cycles, profiles_at) = canonical_cycles(request, &motion, unit)?;
-        let share = request.wear.share.0.map(|share| twelve_digits(share.0));
+        let share = request.wear.share.0.map(|share| share.0);
         let model = CanonicalModel::of(&request.model, || motion.stick_ratio(&contact))?;
         Ok(Self {
             profile,
@@ -232,7 +209,7 @@ impl Scenario {
             motion,
             cycles,
             profiles_at,
-            until: request.until.0.as_ref().map(CanonicalUntil::of),
+            until: request.until,
             model,
         })
     }
@@ -241,13 +218,12 @@ impl Scenario {
     ///
     /// # Errors
     /// A fault if each number is valid but the combination has no solution.
-    pub fn case(&self) -> Result<Case, Fault> {
+    pub fn case(&self) -> Result<Case, Faults> {
         work_done::note(&work_done::CASES);
-        let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, self.friction)
-            .map_err(first)?;
+        let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, self.friction)?;
         let (amplitude, unit) =
-            self.motion.amplitude_and_cycles(&contact, self.wear.coefficient).map_err(first)?;
-        let (control, threshold) = self.motion.control(&contact, unit).map_err(first)?;
+            self.motion.amplitude_and_cycles(&contact, self.wear.coefficient)?;
+        let (control, threshold) = self.motion.control(&contact, unit)?;
         let scales = Scales {
             contact_radius: contact.contact_radius,
             indentation_depth: contact.depth,
@@ -263,14 +239,17 @@ impl Scenario {
         let tends_to = control.tends_to(&contact);
         let method = self.model.method();
         let horizon = self.motion.end().unwrap_or(LAST_CYCLE) / unit;
-        let outputs = self.cycles.outputs(&scales, horizon, |energy| {
-            method.time_of(&contact, &control, energy, horizon)
-        });
+        let problem = WearProblem { contact: &contact, control: &control, law: method.law() };
+        let expected = |energy| case::time_of(problem, energy, horizon);
+        let outputs = self.cycles.outputs(&scales, horizon, expected);
         let last = outputs.last_time(unit);
-        if !March::fits(&contact, &control, method.law(), tends_to.as_ref(), last) {
-            let Fault { pointer, detail } = outgrown();
-            let detail = format!("{detail}, or request fewer cycles");
-            return Err(Fault { pointer, detail });
+        if !March::fits(problem, tends_to.as_ref(), last) {
+            let mut faults = outgrown();
+            faults
+                .0
+                .iter_mut()
+                .for_each(|fault| fault.detail.push_str(", or request fewer cycles"));
+            return Err(faults);
         }
         let case = Case {
             contact,
@@ -278,7 +257,8 @@ impl Scenario {
             tends_to,
             until: self
                 .until
-                .map_or_else(StopCondition::default, |until| until.stop_condition(&scales)),
+                .0
+                .map_or_else(StopCondition::default, |until| stop_condition(&until, &scales)),
             share: self.wear.share,
             scales,
             method,
@@ -293,7 +273,7 @@ impl Scenario {
                 case.answer_bytes() / 1_000_000,
                 MAX_ANSWER / 1_000_000
             );
-            return Err(Fault { pointer: "/profiles_at".to_owned(), detail });
+            return Err(Faults::one("/profiles_at", detail));
         }
         Ok(case)
     }
@@ -397,12 +377,6 @@ fn canonical_cycles(
         return Err(Faults::one(&format!("/cycles/{late}"), detail));
     }
     Ok((cycles, profiles_at))
-}
-
-/// The first of the faults. There is always at least one.
-#[expect(clippy::expect_used, reason = "a refusal without a fault is a bug")]
-fn first(faults: Faults) -> Fault {
-    faults.0.into_iter().next().expect("a refusal names at least one fault")
 }
 
 fn shear_modulus(body: &ElasticBody) -> f64 {

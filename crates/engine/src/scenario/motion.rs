@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::indenter::CanonicalProfile;
+use super::indenter::Indenter;
 use super::load::{CanonicalLoad, CanonicalModuli, press};
 use crate::case;
 use crate::contact::control::{Block, Control, Normal, Tangential};
@@ -22,7 +22,7 @@ use crate::contact::record::DisplacementRecord;
 use crate::numeric::{integrate, root, twelve_digits};
 use crate::request::fault::Faults;
 use crate::request::fields::{Length, List};
-use crate::request::held::{GivenBlock, Motion, MotionHeld};
+use crate::request::held::{self, Motion, MotionHeld};
 
 /// Minimum U/U_gs. For a smaller ratio the slip ring would be lost in rounding.
 const MIN_THRESHOLD: f64 = 1e-6;
@@ -42,14 +42,8 @@ pub(super) enum CanonicalMotion {
     Amplitude { amplitude: f64, held: MotionHeld },
     Force { tangential_force: f64, held: MotionHeld },
     Rig { amplitude: f64, rig_stiffness: f64, held: MotionHeld },
-    Blocks { blocks: Vec<CanonicalBlock> },
+    Blocks { blocks: Vec<held::Block> },
     Reversals { reversals: Vec<f64> },
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(super) struct CanonicalBlock {
-    amplitude: f64,
-    cycles: f64,
 }
 
 /// The unworn contact in SI units, with the normalised shape.
@@ -89,12 +83,12 @@ fn half_tangential(shape: &Shape, threshold: f64) -> f64 {
 impl UnwornContact {
     /// Computes the unworn contact.
     pub(super) fn new(
-        profile: &CanonicalProfile,
+        indenter: &Indenter,
         load: &CanonicalLoad,
         moduli: CanonicalModuli,
         friction: f64,
     ) -> Result<Self, Faults> {
-        let (depth, contact_radius, shape) = press(profile, load, moduli.normal)?;
+        let (depth, contact_radius, shape) = press(indenter, load, moduli.normal)?;
         Ok(Self {
             shape,
             depth,
@@ -123,17 +117,6 @@ impl UnwornContact {
         case::threshold(amplitude, self.gross_slip)
     }
 
-    /// Width of the slip ring in a₀.
-    fn ring(&self, amplitude: f64) -> f64 {
-        let threshold = self.threshold(amplitude);
-        if threshold > 1.0 { 1.0 } else { 1.0 - self.shape.image_inverse(1.0 - threshold) }
-    }
-
-    /// The compliance κ of a rig.
-    fn compliance(&self, rig_stiffness: f64) -> f64 {
-        self.tangential_modulus * self.contact_radius / rig_stiffness
-    }
-
     /// The given tangential force, if friction can carry it.
     fn carried(&self, tangential_force: f64) -> Result<f64, Faults> {
         let most = 2.0 * self.friction * self.force * self.shape.half_force();
@@ -155,16 +138,14 @@ impl CanonicalMotion {
             return Self::resolve_blocks(blocks, pressed);
         }
         if let Some(List(reversals)) = &motion.reversals.0 {
-            let reversals: Vec<f64> =
-                reversals.iter().map(|position| twelve_digits(position.0)).collect();
+            let reversals: Vec<f64> = reversals.iter().map(|position| position.0).collect();
             let record = record_of(&reversals)?;
-            resolved(record.amplitude(), false, pressed, "/motion/reversals")?;
+            resolved(record.amplitude, false, pressed, "/motion/reversals")?;
             return Ok(Self::Reversals { reversals });
         }
         let (amplitude, pointer) = contact_amplitude(motion, pressed)?;
         if let Some(stiffness) = motion.rig_stiffness.0 {
-            let rig_stiffness = twelve_digits(stiffness.0);
-            return Self::resolve_rig(motion, rig_stiffness, (amplitude, pointer), pressed);
+            return Self::resolve_rig(motion, stiffness.0, (amplitude, pointer), pressed);
         }
         if motion.tangential() == MotionHeld::Amplitude {
             let stays = pressed.normal == Normal::Depth;
@@ -172,7 +153,7 @@ impl CanonicalMotion {
             return Ok(Self::Amplitude { amplitude, held: MotionHeld::Amplitude });
         }
         let tangential_force = if let Some(force) = motion.tangential_force.0 {
-            pressed.carried(twelve_digits(force.0))?
+            pressed.carried(force.0)?
         } else {
             let force = pressed.tangential_force(pressed.threshold(amplitude));
             pressed.carried(twelve_digits(force)).map_err(|_| {
@@ -185,21 +166,20 @@ impl CanonicalMotion {
         Ok(Self::Force { tangential_force, held: MotionHeld::TangentialForce })
     }
 
-    fn resolve_blocks(given: &[GivenBlock], pressed: &UnwornContact) -> Result<Self, Faults> {
-        let mut blocks: Vec<CanonicalBlock> = Vec::new();
+    fn resolve_blocks(given: &[held::Block], pressed: &UnwornContact) -> Result<Self, Faults> {
+        let mut blocks: Vec<held::Block> = Vec::new();
         for (index, block) in given.iter().enumerate() {
-            let (amplitude, cycles) =
-                (twelve_digits(block.amplitude.0), twelve_digits(block.cycles.0));
+            let amplitude = block.amplitude.0;
             if amplitude > 0.0 {
                 let pointer = format!("/motion/blocks/{index}/amplitude");
                 resolved(amplitude, false, pressed, &pointer)?;
             }
             match blocks.last_mut() {
                 // Consecutive blocks of the same amplitude are merged.
-                Some(last) if last.amplitude.total_cmp(&amplitude).is_eq() => {
-                    last.cycles = twelve_digits(last.cycles + cycles);
+                Some(last) if last.amplitude.0.total_cmp(&amplitude).is_eq() => {
+                    last.cycles.0 = twelve_digits(last.cycles.0 + block.cycles.0);
                 }
-                _ => blocks.push(CanonicalBlock { amplitude, cycles }),
+                _ => blocks.push(*block),
             }
         }
         Ok(Self::Blocks { blocks })
@@ -252,7 +232,8 @@ impl CanonicalMotion {
                 (Tangential::Force(half), pressed.threshold_under(force))
             }
             Self::Rig { amplitude, rig_stiffness, .. } => {
-                let compliance = pressed.compliance(*rig_stiffness);
+                let compliance =
+                    pressed.tangential_modulus * pressed.contact_radius / rig_stiffness;
                 let amplitude = amplitude / pressed.gross_slip;
                 let missing = |threshold: f64| {
                     threshold + 2.0 * compliance * half_tangential(&pressed.shape, threshold)
@@ -267,8 +248,8 @@ impl CanonicalMotion {
                 let blocks: Vec<Block> = blocks
                     .iter()
                     .map(|block| {
-                        end += block.cycles;
-                        let threshold = pressed.threshold(block.amplitude);
+                        end += block.cycles.0;
+                        let threshold = pressed.threshold(block.amplitude.0);
                         Block { threshold, end: end / unit }
                     })
                     .collect();
@@ -279,7 +260,7 @@ impl CanonicalMotion {
             }
             Self::Reversals { reversals } => {
                 let record = record_of(reversals)?;
-                let threshold = pressed.threshold(record.amplitude());
+                let threshold = pressed.threshold(record.amplitude);
                 (Tangential::Record(Arc::new(record)), threshold)
             }
         };
@@ -293,19 +274,14 @@ impl CanonicalMotion {
         wear_coefficient: f64,
     ) -> Result<(f64, f64), Faults> {
         let (_, threshold) = self.control(pressed, 1.0)?;
-        let amplitude = self.amplitude(threshold, pressed.gross_slip);
+        // An amplitude in the request is taken without rounding.
+        let amplitude = match self {
+            Self::Amplitude { amplitude, .. } => *amplitude,
+            Self::Blocks { blocks } => blocks[0].amplitude.0,
+            _ => threshold * pressed.gross_slip,
+        };
         let UnwornContact { contact_radius, normal_modulus, .. } = pressed;
         Ok((amplitude, contact_radius / (4.0 * amplitude * wear_coefficient * normal_modulus)))
-    }
-
-    /// The initial amplitude U of the contact, from its Δ. An amplitude in the request is returned
-    /// without rounding.
-    fn amplitude(&self, threshold: f64, gross_slip: f64) -> f64 {
-        match self {
-            Self::Amplitude { amplitude, .. } => *amplitude,
-            Self::Blocks { blocks } => blocks[0].amplitude,
-            _ => threshold * gross_slip,
-        }
     }
 
     /// The stick ratio c/a₀ of the unworn contact at the largest amplitude. It is 0 in gross slip.
@@ -317,13 +293,13 @@ impl CanonicalMotion {
             }
             _ => threshold,
         };
-        Ok(if largest > 1.0 { 0.0 } else { pressed.shape.image_inverse(1.0 - largest) })
+        Ok(pressed.shape.stick_radius(largest))
     }
 
     /// The cycle at which the last block ends.
     pub(super) fn end(&self) -> Option<f64> {
         let Self::Blocks { blocks } = self else { return None };
-        Some(twelve_digits(blocks.iter().map(|block| block.cycles).sum()))
+        Some(twelve_digits(blocks.iter().map(|block| block.cycles.0).sum()))
     }
 }
 
@@ -360,7 +336,7 @@ fn contact_amplitude(
         return Ok((amplitude, "/motion/stick_ratio"));
     }
     if let Some(force) = motion.tangential_force.0 {
-        let force = pressed.carried(twelve_digits(force.0))?;
+        let force = pressed.carried(force.0)?;
         let amplitude = pressed.threshold_under(force) * pressed.gross_slip;
         return Ok((amplitude, "/motion/tangential_force"));
     }
@@ -387,7 +363,8 @@ fn resolved(
     if !stays {
         let narrowest = ROUNDED * MIN_RING;
         least = least.max(pressed.gross_slip * (1.0 - pressed.shape.image(1.0 - narrowest)));
-        let ring = pressed.ring(amplitude);
+        // The width of the slip ring in a₀.
+        let ring = 1.0 - pressed.shape.stick_radius(pressed.threshold(amplitude));
         if amplitude >= least && ring < narrowest {
             let detail = format!(
                 "gives an amplitude of {amplitude:.3e} m, just below the gross-slip threshold. Only a ring \

@@ -9,8 +9,6 @@ use crate::outcome::{Comparison, Errors, History};
 
 /// The range of ξ in the search.
 const XI_RANGE: (f64, f64) = (0.1, 10.0);
-/// Number of golden-section rounds. They determine ln ξ to 1e-5.
-const ROUNDS: usize = COMPARISON_RUNS - 3;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// A comparison and its present state.
@@ -26,7 +24,6 @@ pub(super) struct Comparing {
     bracket: [f64; 4],
     /// The errors of the two trials.
     errors: [f64; 2],
-    rounds: usize,
     /// The number of complete runs.
     runs: usize,
 }
@@ -61,7 +58,6 @@ impl Comparing {
             rule: History::default(),
             bracket: [low, high - width, low + width, high],
             errors: [f64::INFINITY; 2],
-            rounds: 0,
             runs: 0,
         }
     }
@@ -88,31 +84,22 @@ impl Comparing {
 
     /// Uses the result of the completed run. Returns the purpose of the next run.
     fn take(&mut self) -> Option<Trial> {
-        let history = self.run.history();
+        let history = &self.run.recording.history;
         match self.trial {
             Trial::Rule => {
                 self.rule = history.clone();
-                Some(Trial::FirstLeft)
+                return Some(Trial::FirstLeft);
             }
-            Trial::FirstLeft => {
-                self.errors[0] = self.error(history);
-                Some(Trial::Right)
-            }
-            Trial::Left => {
-                self.errors[0] = self.error(history);
-                self.narrow()
-            }
-            Trial::Right => {
-                self.errors[1] = self.error(history);
-                self.narrow()
-            }
+            Trial::FirstLeft | Trial::Left => self.errors[0] = self.error(history),
+            Trial::Right => self.errors[1] = self.error(history),
         }
+        if matches!(self.trial, Trial::FirstLeft) { Some(Trial::Right) } else { self.narrow() }
     }
 
     /// Does one round of golden section.
     fn narrow(&mut self) -> Option<Trial> {
-        self.rounds += 1;
-        if self.rounds > ROUNDS {
+        // The present run is complete, too.
+        if self.runs + 1 == COMPARISON_RUNS {
             return None;
         }
         let ([low, at_left, at_right, high], [left, right]) = (self.bracket, self.errors);

@@ -29,7 +29,7 @@ mod single;
 
 use crate::case::{Case, Method};
 use crate::outcome::Outcome;
-use crate::request::fault::Fault;
+use crate::request::fault::Faults;
 use crate::scenario::{Scenario, Warning};
 use comparing::Comparing;
 use single::SingleRun;
@@ -67,7 +67,7 @@ impl Simulation {
     ///
     /// # Errors
     /// The same fault as for [`Scenario::case`].
-    pub fn of(scenario: &Scenario) -> Result<Self, Fault> {
+    pub fn of(scenario: &Scenario) -> Result<Self, Faults> {
         let case = scenario.case()?;
         let warnings = scenario.warnings(&case);
         Ok(Self::new(case, warnings))
@@ -86,16 +86,16 @@ impl Simulation {
     pub fn step(&mut self) -> Advance {
         match std::mem::replace(&mut self.phase, Phase::Done) {
             Phase::Running(mut run) => {
-                let progress = (1.0 - run.case().comparison_share()) * run.step();
+                let progress = (1.0 - run.case.comparison_share()) * run.step();
                 if !run.has_ended() {
                     self.phase = Phase::Running(run);
                     return Advance::Working(progress);
                 }
-                let method = run.case().method;
+                let method = run.case.method;
                 let Method::Exact { compare: Some(xi), .. } = method else {
                     return Advance::Done(self.with_warnings(run.outcome()));
                 };
-                let comparing = Box::new(Comparing::new(run.case(), xi, run.history()));
+                let comparing = Box::new(Comparing::new(&run.case, xi, &run.recording.history));
                 let outcome = self.with_warnings(run.outcome());
                 self.phase = Phase::Comparing { outcome, comparing, before: progress };
                 Advance::Working(progress)

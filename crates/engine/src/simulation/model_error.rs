@@ -23,7 +23,7 @@ use crate::contact::unworn::Contact;
 use crate::numeric::Monotone;
 use crate::outcome::History;
 use crate::scenario::Warning;
-use crate::solver::stepped::law::Law;
+use crate::solver::stepped::law::WearProblem;
 use crate::solver::stepped::march::March;
 
 /// The table. If a run ends early, its row has no values after the end.
@@ -258,10 +258,10 @@ fn row(pair: usize, exponent: f64, stick: f64) -> String {
     let sums = UnwornSums::of(&contact, None);
     let tangential =
         if by_force { Tangential::Force(sums.tangential) } else { Tangential::Amplitude };
-    let control = Control { normal, tangential };
+    let control = &Control { normal, tangential };
+    let problem = WearProblem::exact(&contact, control);
     let last = TIMES[TIMES.len() - 1];
-    let mut march =
-        March::new(&contact, &control, Law::Exact, TOLERANCE, last).expect("a scar that fits");
+    let mut march = March::new(problem, TOLERANCE, last).expect("a scar that fits");
     let mut cells = vec![",".to_owned()];
     for time in TIMES {
         while march.advance(time) {}

@@ -38,6 +38,7 @@ struct Reported {
 }
 
 /// One row of the history, dimensionless. Both methods produce such rows.
+#[derive(Default)]
 pub(super) struct HistoryEntry {
     /// Number of cycles N, not dimensionless.
     pub(super) cycles: f64,

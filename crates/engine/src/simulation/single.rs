@@ -9,13 +9,12 @@ use crate::contact::limit::WIDEST;
 use crate::contact::unworn::Decay;
 use crate::numeric::twelve_digits;
 use crate::outcome::{
-    Accuracy, BodyWear, ContactScales, History, Outcome, OutcomeEvent, Unworn, limit_state,
+    Accuracy, BodyWear, ContactScales, Outcome, OutcomeEvent, Unworn, limit_state,
 };
 use crate::solver::closed::energy;
 use crate::solver::closed::events::{StopSearch, events};
 use crate::solver::closed::simplified::{Simplified, State, UnwornCurves};
 use crate::solver::curves::{Curves, Grid};
-use crate::solver::errors::RunErrors;
 use crate::solver::events::{Event, EventKind};
 use crate::solver::stepped::march::March;
 use crate::solver::stepped::plan::MeshPlan;
@@ -28,10 +27,10 @@ const STEP_INSTANTS: usize = 64;
 /// A run by one method and its present state.
 #[derive(Debug)]
 pub(super) struct SingleRun {
-    case: Case,
+    pub(super) case: Case,
     phase: RunPhase,
     events: Vec<Event>,
-    recording: Recording,
+    pub(super) recording: Recording,
 }
 
 /// The work of the next step.
@@ -68,7 +67,8 @@ impl Marching {
         };
         if self.found.is_none() {
             let time = self.march.seek(outputs.energies[index], outputs.horizon)?;
-            self.found = Some(whole_digits(time * case.scales.cycles));
+            // With 12 digits, the cycle is valid in a scenario. A run with this output cycle gives the same row.
+            self.found = Some(twelve_digits(time * case.scales.cycles));
         }
         self.found
     }
@@ -133,29 +133,20 @@ impl SingleRun {
             || self.events.iter().any(|event| event.ends && is_reached(event))
     }
 
-    pub(super) fn case(&self) -> &Case {
-        &self.case
-    }
-
-    pub(super) fn history(&self) -> &History {
-        &self.recording.history
-    }
-
     /// Searches for the time of the stop condition. Returns true when the events are known.
     fn search_stop(&mut self, solver: &Simplified, xi: f64, search: &mut StopSearch) -> bool {
         let last = self.case.normalized_end();
         let states = STEP_OPERATIONS / Simplified::operations(self.case.points, 1, 0);
-        match search.advance(solver, xi, self.case.until, last, states as usize) {
-            Some(stop) => {
-                let mut known = std::mem::take(&mut self.events);
-                if stop.is_finite() {
-                    known.push(Event { at: stop, kind: EventKind::UntilReached, ends: true });
-                }
-                self.events = events(solver, xi, last, known);
-                true
-            }
-            None => false,
+        let until = self.case.until;
+        let Some(stop) = search.advance(solver, xi, until, last, states as usize) else {
+            return false;
+        };
+        let mut known = std::mem::take(&mut self.events);
+        if stop.is_finite() {
+            known.push(Event { at: stop, kind: EventKind::UntilReached, ends: true });
         }
+        self.events = events(solver, xi, last, known);
+        true
     }
 
     /// Evaluates several output cycles together, because they use the same matrix rows.
@@ -193,16 +184,16 @@ impl SingleRun {
     #[expect(clippy::expect_used, reason = "the scenario was refused otherwise")]
     fn begin_march(&mut self) -> Marching {
         let Case { contact, control, tends_to, points, .. } = &self.case;
-        let (shape, law) = (&contact.shape, self.case.law());
+        let (shape, problem) = (&contact.shape, self.case.problem(self.case.law()));
         let last = self.case.normalized_end();
-        let mut march = March::new(contact, control, law, self.case.tolerance(), last)
+        let mut march = March::new(problem, self.case.tolerance(), last)
             .expect("a scenario whose scar outgrows its indenter has no case");
-        march.end_at(self.case.until);
+        march.until = self.case.until;
         let (start, reach) = match tends_to {
             Some(end) => (end.stick, end.limit.radius.min(WIDEST)),
             None => (control.least_stick(contact), march.reach()),
         };
-        let outermost = MeshPlan::outermost(contact, control, law, last).unwrap_or(reach);
+        let outermost = MeshPlan::outermost(problem, last).unwrap_or(reach);
         // Some output radii must lie outside the scar.
         let most = shape.extent() - 1e-3 * (shape.extent() - start);
         let reach = reach.max(outermost).min(most);
@@ -227,12 +218,6 @@ impl SingleRun {
             (curves, unworn.backbone.wind())
         });
         let entry = HistoryEntry {
-            cycles: 0.0,
-            volume: 0.0,
-            deepest: 0.0,
-            scar: 0.0,
-            edge_slip: 0.0,
-            edge_slope: 0.0,
             contact_radius: 1.0,
             stick: case.contact.stick,
             depth: 1.0,
@@ -240,9 +225,8 @@ impl SingleRun {
             normal: unworn.normal,
             tangential: unworn.tangential,
             loss: unworn.loss,
-            worn_by_energy: 0.0,
-            errors: RunErrors::default(),
             curves,
+            ..HistoryEntry::default()
         };
         self.recording.record(case, entry);
     }
@@ -316,7 +300,10 @@ impl SingleRun {
         }
         let march = march.as_deref();
         let work = march.map(March::work);
-        let unit = case.scales.cycles;
+        let with_cycles = |event: &Event| OutcomeEvent {
+            cycles: event.at * case.scales.cycles,
+            kind: event.kind,
+        };
         let unworn = case.unworn();
         let model_error = match case.method {
             Method::Exact { .. } => Some(0.0),
@@ -330,13 +317,13 @@ impl SingleRun {
         Outcome {
             scales: ContactScales::of(&case),
             unworn: Unworn::of(&case, &unworn),
-            regime: case.regime(),
+            regime: case.contact.regime,
             limit: limit_state(&case),
             bodies,
             history: recording.history,
             profiles: shows.then_some(recording.profiles),
             loops: shows.then_some(recording.loops),
-            events: events.iter().map(|event| OutcomeEvent::of(event, unit)).collect(),
+            events: events.iter().map(with_cycles).collect(),
             accuracy: Accuracy {
                 energy_mismatch: recording.mismatch,
                 numerical_error: recording.errors.map(|errors| errors.volume),
@@ -350,11 +337,6 @@ impl SingleRun {
             warnings: warnings.collect(),
         }
     }
-}
-
-/// With 12 digits, the output cycle of an energy is valid in a scenario. A run with this cycle gives the same row.
-fn whole_digits(cycles: f64) -> f64 {
-    if cycles.is_finite() { twelve_digits(cycles) } else { cycles }
 }
 
 /// Replaces energies by the output cycles of the closed form. Returns the end of the run if it cannot reach them
@@ -391,8 +373,6 @@ fn closed_entry(
         volume: state.volume,
         deepest: state.depth,
         scar: state.scar,
-        // The rule does not change the radius afterwards.
-        edge_slope: 0.0,
         edge_slip: if state.scar > 0.0 {
             solver.slip_outside(state.scar.max(1.0), decay)
         } else {
@@ -408,6 +388,8 @@ fn closed_entry(
         worn_by_energy: solver.dissipated(xi, &sums),
         errors: state.errors,
         curves: state.curves.zip(state.backbone.map(|backbone| backbone.wind())),
+        // The rule does not change the radius afterwards, so it needs no slope.
+        ..HistoryEntry::default()
     }
 }
 

@@ -41,7 +41,7 @@ use fretwork_engine::contact::record::DisplacementRecord;
 use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::numeric::{dot, integrate, largest, root, vertex};
 use fretwork_engine::solver::curves::Curves;
-use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::solver::stepped::law::WearProblem;
 use fretwork_engine::solver::stepped::march::March;
 use serde_json::Value;
 
@@ -912,7 +912,8 @@ fn engine(problem: &Problem, record: Option<&DisplacementRecord>, last: f64) -> 
         Normal::Force => control::Normal::Force,
     };
     let control = Control { normal, tangential };
-    let march = March::new(&contact, &control, Law::Exact, 3e-4, last).expect("a scar that fits");
+    let march =
+        March::new(WearProblem::exact(&contact, &control), 3e-4, last).expect("a scar that fits");
     (contact, march)
 }
 

@@ -1,10 +1,11 @@
 //! What the axes of all figures have in common: their spacing, their size, and the metadata.
 
+use super::words::typeset;
 use crate::document::Head;
-use crate::error::{Error, Missing};
+use crate::error::{Error, Missing, refuse_if_any};
 use crate::table::evenly_spaced;
 use crate::view::FigureOptions;
-use fretwork_plot::{About, Figure, Series};
+use fretwork_plot::{About, Axis, Figure, Series};
 
 /// An axis of drawn values or of cycles is logarithmic if the ratio of its ends is at least this.
 pub const LOG_RATIO: f64 = 20.0;
@@ -25,13 +26,32 @@ pub fn choose(figure: &mut Figure, options: &FigureOptions) -> Result<(), Error>
     };
     let x = figure.x.log && !positive(|series| &series.x, field.map(|field| &field.x));
     let y = figure.y.log && !positive(|series| &series.y, field.map(|field| &field.y));
-    let impossible = [("x", x), ("y", y)].into_iter().filter(|(_, impossible)| *impossible);
-    let missing = |(parameter, _)| Missing {
-        parameter,
-        detail: "must be \"linear\" here: no value is positive".to_owned(),
+    refuse_logarithms([("x", x), ("y", y)], "no value is positive")
+}
+
+/// Refuses the logarithmic axes that are impossible, for a reason.
+pub fn refuse_logarithms(axes: [(&'static str, bool); 2], reason: &str) -> Result<(), Error> {
+    let impossible = axes.into_iter().filter(|(_, is_impossible)| *is_impossible);
+    let missing = |(parameter, _)| {
+        let detail = format!("must be \"linear\" here: {reason}");
+        Missing { parameter, detail }
     };
-    let missing: Vec<Missing> = impossible.map(missing).collect();
-    if missing.is_empty() { Ok(()) } else { Err(Error::Missing(missing)) }
+    refuse_if_any(impossible.map(missing).collect())
+}
+
+/// An axis with a label and a unit.
+pub fn in_unit(label: &str, unit: Option<&str>) -> Axis {
+    Axis::labelled(&match unit {
+        Some(unit) => format!("{label} ({})", typeset(unit)),
+        None => label.to_owned(),
+    })
+}
+
+/// The names of all curves of a figure, in words; nothing if none has a name.
+pub fn curves_in_words(figure: &Figure, separator: &str) -> String {
+    let names = figure.series.iter().map(|series| series.label.as_str());
+    let names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
+    if names.is_empty() { String::new() } else { format!(" Curves: {}.", names.join(separator)) }
 }
 
 /// Width and height in px.

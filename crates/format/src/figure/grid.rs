@@ -4,6 +4,7 @@ use super::axes::{distinct, spans_decades};
 use super::choice::{MAX_CURVES, Offer};
 use super::words::{member, values_of};
 use crate::table::{Table, evenly_spaced};
+use crate::units::Units;
 use fretwork_plot::{Axis, Band, Dash, Field, Series, Style};
 
 /// Most points of a curve, and most columns and rows of a heat map. More would be smaller than a pixel.
@@ -24,6 +25,15 @@ pub struct Axes {
     pub by: Option<usize>,
 }
 
+/// An output of a study over its members.
+pub struct Surface<'a> {
+    pub offer: &'a Offer,
+    pub rows: &'a Table,
+    pub units: &'a Units,
+    /// The name of the output.
+    pub output: &'a str,
+}
+
 /// The values of an output over those of two members. The other members are held at values near the middle.
 struct Lattice {
     over: Vec<f64>,
@@ -35,7 +45,8 @@ struct Lattice {
 }
 
 impl Lattice {
-    fn new(offer: &Offer, Axes { over, by }: Axes, rows: &Table, output: &str) -> Self {
+    fn new(surface: &Surface<'_>, Axes { over, by }: Axes) -> Self {
+        let Surface { offer, rows, output, .. } = *surface;
         let column = |place: usize| rows.axis(&offer.members[place].0);
         let others = (0..offer.members.len()).filter(|place| *place != over && Some(*place) != by);
         let others: Vec<(usize, &[f64])> = others.map(|place| (place, column(place))).collect();
@@ -67,11 +78,11 @@ impl Lattice {
     }
 
     /// The values of the members that are held, in words.
-    fn note<'u>(&self, unit: &impl Fn(&str) -> Option<&'u str>) -> String {
+    fn note(&self, units: &Units) -> String {
         let held = self
             .held
             .iter()
-            .flat_map(|(pointer, value)| values_of(&member(pointer), unit(pointer), &[*value]));
+            .flat_map(|(pointer, value)| values_of(&member(pointer), units.of(pointer), &[*value]));
         let held: Vec<String> = held.collect();
         if held.is_empty() { String::new() } else { format!(" At {}.", held.join(", ")) }
     }
@@ -100,32 +111,47 @@ fn central(members: &[(usize, &[f64])], output: &[f64]) -> Vec<(usize, f64)> {
     members.iter().map(|(place, column)| (*place, column[*row])).collect()
 }
 
-/// One curve for each value of a second member, and a note about the values that it does not show.
-pub fn curves<'u>(
-    offer: &Offer,
-    axes: Axes,
-    rows: &Table,
-    output: &str,
-    unit: &impl Fn(&str) -> Option<&'u str>,
-) -> (Vec<Series>, String) {
-    let lattice = Lattice::new(offer, axes, rows, output);
-    let all = lattice.by.len();
-    let columns = evenly_spaced(lattice.over.len(), MAX_POINTS);
-    let lattice = lattice.thinned(&columns, &evenly_spaced(all, MAX_CURVES));
-    let mut note = lattice.note(unit);
-    let labels = axes.by.map(|by| {
-        let name = &offer.members[by].0;
-        if all > MAX_CURVES {
-            note = format!("{note} {MAX_CURVES} of {all} values of {} are drawn.", member(name));
+impl Surface<'_> {
+    /// One curve for each value of a second member, and a note about the values that it does not show.
+    pub fn curves(&self, axes: Axes) -> (Vec<Series>, String) {
+        let lattice = Lattice::new(self, axes);
+        let all = lattice.by.len();
+        let columns = evenly_spaced(lattice.over.len(), MAX_POINTS);
+        let lattice = lattice.thinned(&columns, &evenly_spaced(all, MAX_CURVES));
+        let mut note = lattice.note(self.units);
+        let labels = axes.by.map(|by| {
+            let name = &self.offer.members[by].0;
+            if all > MAX_CURVES {
+                note =
+                    format!("{note} {MAX_CURVES} of {all} values of {} are drawn.", member(name));
+            }
+            values_of(&member(name), self.units.of(name), &lattice.by)
+        });
+        let mut labels = labels.into_iter().flatten().chain(std::iter::repeat(String::new()));
+        let series = lattice.values.into_iter().enumerate().map(|(i, y)| {
+            let label = labels.next().unwrap_or_default();
+            Series::new(&label, lattice.over.clone(), y).styled(Style::marked(i))
+        });
+        (series.collect(), note)
+    }
+
+    /// The heat map of an output, and a note about the values that it does not show. `log`: whether each axis is logarithmic.
+    pub fn field(&self, axes: Axes, log: (bool, bool), scale: Axis) -> (Field, String) {
+        let lattice = Lattice::new(self, axes);
+        let drawn = |values: &[f64], log: bool| -> Vec<usize> {
+            let first = if log { values.partition_point(|value| *value <= 0.0) } else { 0 };
+            let places = evenly_spaced(values.len() - first, MAX_CELLS).into_iter();
+            places.map(|place| first + place).collect()
+        };
+        let (columns, lines) = (drawn(&lattice.over, log.0), drawn(&lattice.by, log.1));
+        let mut note = lattice.note(self.units);
+        if lattice.over.len().max(lattice.by.len()) > MAX_CELLS {
+            note = format!("{note} At most {MAX_CELLS} values of each axis are drawn.");
         }
-        values_of(&member(name), unit(name), &lattice.by)
-    });
-    let mut labels = labels.into_iter().flatten().chain(std::iter::repeat(String::new()));
-    let series = lattice.values.into_iter().enumerate().map(|(i, y)| {
-        let label = labels.next().unwrap_or_default();
-        Series::new(&label, lattice.over.clone(), y).styled(Style::marked(i))
-    });
-    (series.collect(), note)
+        let Lattice { over, by, values, .. } = lattice.thinned(&columns, &lines);
+        let log = spans_decades(values.iter().flatten().copied());
+        (Field { x: over, y: by, values, scale: Axis { log, ..scale } }, note)
+    }
 }
 
 /// The curve through the rows of a study whose members follow each other in lists.
@@ -133,31 +159,6 @@ pub fn list(x: &[f64], y: &[f64]) -> Series {
     let places = evenly_spaced(x.len(), MAX_POINTS);
     let pick = |from: &[f64]| places.iter().map(|place| from[*place]).collect();
     Series::new("", pick(x), pick(y)).styled(Style::marked(0))
-}
-
-/// The heat map of an output, and a note about the values that it does not show. `log`: whether each axis is logarithmic.
-pub fn field<'u>(
-    offer: &Offer,
-    axes: Axes,
-    rows: &Table,
-    output: &str,
-    (log, scale): ((bool, bool), Axis),
-    unit: &impl Fn(&str) -> Option<&'u str>,
-) -> (Field, String) {
-    let lattice = Lattice::new(offer, axes, rows, output);
-    let drawn = |values: &[f64], log: bool| -> Vec<usize> {
-        let first = if log { values.partition_point(|value| *value <= 0.0) } else { 0 };
-        let places = evenly_spaced(values.len() - first, MAX_CELLS).into_iter();
-        places.map(|place| first + place).collect()
-    };
-    let (columns, lines) = (drawn(&lattice.over, log.0), drawn(&lattice.by, log.1));
-    let mut note = lattice.note(unit);
-    if lattice.over.len().max(lattice.by.len()) > MAX_CELLS {
-        note = format!("{note} At most {MAX_CELLS} values of each axis are drawn.");
-    }
-    let Lattice { over, by, values, .. } = lattice.thinned(&columns, &lines);
-    let log = spans_decades(values.iter().flatten().copied());
-    (Field { x: over, y: by, values, scale: Axis { log, ..scale } }, note)
 }
 
 /// The boundary of two regions, on a white curve that makes it visible on dark colours.

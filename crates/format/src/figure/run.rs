@@ -7,9 +7,9 @@
 use serde_json::Value;
 
 use super::axes::{self, LOG_RATIO};
-use super::words::{shortened, typeset};
+use super::words::{distinct, shortened};
 use crate::document::Document;
-use crate::error::{Error, Missing};
+use crate::error::{Error, Missing, refuse_if_any};
 use crate::kind::Part;
 use crate::quantity::{QUANTITIES, Quantity};
 use crate::table::{Table, Values, evenly_spaced};
@@ -56,11 +56,7 @@ fn refuse_study_options(view: &View) -> Result<(), Error> {
             "is for studies, and this result is a run: its parameters are quantity and cycles";
         Missing { parameter, detail: detail.to_owned() }
     };
-    if given.is_empty() {
-        Ok(())
-    } else {
-        Err(Error::Missing(given.into_iter().map(missing).collect()))
-    }
+    refuse_if_any(given.into_iter().map(missing).collect())
 }
 
 struct Drawing<'a> {
@@ -72,10 +68,7 @@ struct Drawing<'a> {
 impl Drawing<'_> {
     /// An axis with a label and the unit of the quantity `name`.
     fn axis(&self, label: &str, name: &str) -> Axis {
-        Axis::labelled(&match self.document.head.units.of(name) {
-            Some(unit) => format!("{label} ({})", typeset(unit)),
-            None => label.to_owned(),
-        })
+        axes::in_unit(label, self.document.head.units.of(name))
     }
 
     /// The table of the quantity, cut to the selected output cycles.
@@ -267,11 +260,7 @@ impl Drawing<'_> {
             word(&scenario["model"]["method"]),
             self.document.head.engine,
         );
-        let labels = figure.series.iter().map(|series| series.label.as_str());
-        let labels: Vec<&str> = labels.filter(|label| !label.is_empty()).collect();
-        if !labels.is_empty() {
-            out = format!("{out} Curves: {}.", labels.join(", "));
-        }
+        out.push_str(&axes::curves_in_words(figure, ", "));
         Ok(out.replace('$', ""))
     }
 }
@@ -316,16 +305,10 @@ fn typical_height(series: &Series) -> f64 {
 
 /// Labels of output cycles, with 6 digits if these suffice to distinguish them.
 fn labels(cycles: &[f64]) -> Vec<String> {
-    let with_digits = |digits| -> Vec<String> {
-        let label = |cycles: &f64| match *cycles {
-            0.0 => "unworn".to_owned(),
-            cycles => format!("$N$ = {}", shortened(cycles, digits)),
-        };
-        cycles.iter().map(label).collect()
-    };
-    let short = with_digits(6);
-    let equal = short.iter().enumerate().any(|(i, label)| short[..i].contains(label));
-    if equal { with_digits(17) } else { short }
+    distinct(cycles, [6, 17], |cycles, digits| match cycles {
+        0.0 => "unworn".to_owned(),
+        cycles => format!("$N$ = {}", shortened(cycles, digits)),
+    })
 }
 
 #[cfg(test)]

@@ -5,8 +5,8 @@ use serde_json::Value;
 
 use super::axes;
 use super::choice::{Choice, Offer};
-use super::grid::{self, Axes};
-use super::words::{member, output, typeset};
+use super::grid::{self, Axes, Surface};
+use super::words::{capital, member, output};
 use super::{scatter, tornado};
 use crate::document::Document;
 use crate::error::Error;
@@ -73,23 +73,20 @@ impl Study<'_> {
         self.rows.axis(name)
     }
 
-    fn unit(&self, name: &str) -> Option<&str> {
-        self.document.head.units.of(name)
+    fn surface<'a>(&'a self, output: &'a str) -> Surface<'a> {
+        Surface { offer: &self.offer, rows: &self.rows, units: &self.document.head.units, output }
     }
 
     /// An axis with the unit of a column.
     fn axis(&self, label: &str, name: &str) -> Axis {
-        Axis::labelled(&match self.unit(name) {
-            Some(unit) => format!("{label} ({})", typeset(unit)),
-            None => label.to_owned(),
-        })
+        axes::in_unit(label, self.document.head.units.of(name))
     }
 
     /// The axis of a member.
     fn across(&self, place: usize) -> Axis {
         let name = self.member(place);
         let log = axes::is_log_spaced(&axes::distinct(self.column(name)));
-        Axis { log, ..self.axis(&super::words::capital(&member(name)), name) }
+        Axis { log, ..self.axis(&capital(&member(name)), name) }
     }
 
     /// An output in words: the quantity, and when or where.
@@ -110,7 +107,7 @@ impl Study<'_> {
         let across = self.across(over);
         let (series, note) = if self.offer.hints.is_grid {
             let names = Axes { over, by };
-            grid::curves(&self.offer, names, &self.rows, name, &|name| self.unit(name))
+            self.surface(name).curves(names)
         } else {
             (vec![grid::list(self.column(self.member(over)), self.column(name))], String::new())
         };
@@ -127,10 +124,7 @@ impl Study<'_> {
         x.log = self.view.figure.log_x.unwrap_or(x.log);
         y.log = self.view.figure.log_y.unwrap_or(y.log);
         let named = Axes { over, by: Some(by) };
-        let (field, note) =
-            grid::field(&self.offer, named, &self.rows, name, ((x.log, y.log), scale), &|name| {
-                self.unit(name)
-            });
+        let (field, note) = self.surface(name).field(named, (x.log, y.log), scale);
         let series = match self.offer.hints.regions {
             Some(regions) => {
                 let [first, second] = self.boundary(&regions)?;
@@ -194,12 +188,11 @@ impl Study<'_> {
         let bars = self.offer.hints.bars.expect("this figure has bars");
         let name = &self.offer.outputs[output];
         let table = self.document.table(Part::Table, &View::default())?;
-        let units = &self.document.head.units;
-        let convert = units.conversion(name);
-        let convert = |value: f64| convert.as_ref().map_or(value, |convert| convert(value));
-        let mut chart = tornado::chart(&table, name, &bars, self.unit(name), &convert);
+        let mut chart = tornado::chart(&table, name, &bars, &self.document.head.units);
         chart.size = axes::size(&self.view.figure);
-        tornado::refuse_logarithms(&self.view.figure)?;
+        let options = &self.view.figure;
+        let log = [("x", options.log_x == Some(true)), ("y", options.log_y == Some(true))];
+        axes::refuse_logarithms(log, "the bars begin at 0")?;
         let note = tornado::keep_what_fits(&mut chart);
         let (quantity, rest) = self.in_words(name);
         chart.title = format!("Sensitivity: {}{rest}", quantity.to_lowercase());
@@ -234,13 +227,7 @@ impl Study<'_> {
     fn finished(&self, mut figure: Figure, note: &str, colours: &str) -> Result<String, Error> {
         axes::choose(&mut figure, &self.view.figure)?;
         note.trim().clone_into(&mut figure.note);
-        let names = figure.series.iter().map(|series| series.label.as_str());
-        let names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
-        let curves = if names.is_empty() {
-            String::new()
-        } else {
-            format!(" Curves: {}.", names.join("; "))
-        };
+        let curves = axes::curves_in_words(&figure, "; ");
         let description = format!(
             "{}: {} against {}, {}.{colours}{note}{curves}",
             figure.title,

@@ -1,36 +1,28 @@
 //! Bars of what a study has found about each number that varies, the largest on top.
 
-use super::words::{member, typeset};
-use crate::error::{Error, Missing};
+use super::axes;
+use super::words::member;
 use crate::table::{Cell, Table};
-use crate::view::FigureOptions;
-use fretwork_plot::{Axis, Bar, BarChart, Group};
+use crate::units::Units;
+use fretwork_plot::{Bar, BarChart, Group};
 use fretwork_study::Bars;
 
 /// Least height of a group, and the height of all that is not a group, in px.
 const GROUP: f64 = 15.0;
 const AROUND: f64 = 95.0;
 
-/// The chart of an output. `convert` brings its values to the requested unit.
-pub fn chart(
-    table: &Table,
-    output: &str,
-    bars: &Bars,
-    unit: Option<&str>,
-    convert: &dyn Fn(f64) -> f64,
-) -> BarChart {
+/// The chart of an output.
+pub fn chart(table: &Table, output: &str, bars: &Bars, units: &Units) -> BarChart {
     let Bars { label, columns, have_unit } = *bars;
-    let axis = match unit.filter(|_| have_unit) {
-        Some(unit) => format!("{label} ({})", typeset(unit)),
-        None => label.to_owned(),
-    };
+    let axis = axes::in_unit(label, units.of(output).filter(|_| have_unit));
+    let convert = units.conversion(output).filter(|_| have_unit);
     let text = |name: &str, row: usize| match table.column(name).map(|column| column.cell(row, 0)) {
         Some(Cell::Text(text)) => text.to_owned(),
         _ => String::new(),
     };
     let number = |name: &str, row: usize| {
         let value = table.axis(name).get(row).copied()?;
-        Some(if have_unit { convert(value) } else { value })
+        Some(convert.as_ref().map_or(value, |convert| convert(value)))
     };
     let bar = |name: &str, row: usize| {
         let end = |end: &str| number(&format!("{name}_{end}"), row).filter(|end| end.is_finite());
@@ -47,18 +39,7 @@ pub fn chart(
     groups.sort_by(|a, b| size(b).total_cmp(&size(a)));
     let names = columns.iter().map(|(_, name)| (*name).to_owned()).collect();
     let (title, size) = (String::new(), (0.0, 0.0));
-    BarChart { title, axis: Axis::labelled(&axis), names, groups, size, about: None }
-}
-
-/// Bars begin at 0, which a logarithmic axis does not have.
-pub fn refuse_logarithms(options: &FigureOptions) -> Result<(), Error> {
-    let given = [("x", options.log_x), ("y", options.log_y)].into_iter();
-    let wrong = given.filter(|(_, log)| *log == Some(true)).map(|(parameter, _)| Missing {
-        parameter,
-        detail: "must be \"linear\" here: the bars begin at 0".to_owned(),
-    });
-    let wrong: Vec<Missing> = wrong.collect();
-    if wrong.is_empty() { Ok(()) } else { Err(Error::Missing(wrong)) }
+    BarChart { title, axis, names, groups, size, about: None }
 }
 
 /// Keeps the largest groups, as many as have room. Returns a note if some are left out.

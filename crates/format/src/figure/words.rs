@@ -65,12 +65,21 @@ pub fn capital(text: &str) -> String {
 /// Labels such as `friction = 0.5`, with as many digits as distinguish them.
 pub fn values_of(name: &str, unit: Option<&str>, values: &[f64]) -> Vec<String> {
     let unit = unit.map_or_else(String::new, |unit| format!(" {}", typeset(unit)));
-    let with_digits = |digits| -> Vec<String> {
-        values.iter().map(|value| format!("{name} = {}{unit}", shortened(*value, digits))).collect()
-    };
-    let short = with_digits(4);
+    distinct(values, [4, 12], |value, digits| {
+        format!("{name} = {}{unit}", shortened(value, digits))
+    })
+}
+
+/// Labels of values with few digits, or with many if two of them would be equal.
+pub fn distinct(
+    values: &[f64],
+    [few, many]: [u8; 2],
+    label: impl Fn(f64, u8) -> String,
+) -> Vec<String> {
+    let with = |digits| -> Vec<String> { values.iter().map(|x| label(*x, digits)).collect() };
+    let short = with(few);
     let equal = short.iter().enumerate().any(|(i, label)| short[..i].contains(label));
-    if equal { with_digits(12) } else { short }
+    if equal { with(many) } else { short }
 }
 
 #[cfg(test)]

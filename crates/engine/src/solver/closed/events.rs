@@ -10,15 +10,9 @@ use crate::solver::splits::{SplitWatch, WornCore};
 /// Relative accuracy of the time at which the stop condition is met.
 const STOP_DIGITS: f64 = 1e-12;
 
-/// The search for the time at which the stop condition is met.
+/// The search for the time at which the stop condition is met, after it has begun.
 #[derive(Debug, Default)]
-pub enum StopSearch {
-    /// The search has not started.
-    #[default]
-    Unstarted,
-    /// The time lies between the two ends of the bracket.
-    Bracketed(Bracket),
-}
+pub struct StopSearch(Option<Bracket>);
 
 impl StopSearch {
     /// Evaluates at most `states` states up to the time `last`. Returns the time in N₀ as soon as
@@ -35,27 +29,25 @@ impl StopSearch {
             let state = solver.state(solver.decay(xi, time));
             condition.missing(state.depth, state.volume, solver.dissipated(xi, &state.sums))
         };
-        match self {
-            Self::Unstarted if condition == StopCondition::default() => Some(f64::INFINITY),
-            Self::Unstarted => {
-                let end = missing(last);
-                if end > 0.0 {
-                    return Some(f64::INFINITY);
-                }
-                let start = (0.0, condition.missing(0.0, 0.0, 0.0));
-                *self = Self::Bracketed(Bracket::new(start, (last, end)));
-                None
+        let Some(bracket) = &mut self.0 else {
+            if condition == StopCondition::default() {
+                return Some(f64::INFINITY);
             }
-            Self::Bracketed(bracket) => {
-                for _ in 0..states {
-                    match bracket.next().filter(|_| bracket.width() > STOP_DIGITS) {
-                        Some(time) => bracket.narrow(time, missing(time)),
-                        None => return Some(bracket.found()),
-                    }
-                }
-                None
+            let end = missing(last);
+            if end > 0.0 {
+                return Some(f64::INFINITY);
+            }
+            let start = (0.0, condition.missing(0.0, 0.0, 0.0));
+            self.0 = Some(Bracket::new(start, (last, end)));
+            return None;
+        };
+        for _ in 0..states {
+            match bracket.next().filter(|_| bracket.width() > STOP_DIGITS) {
+                Some(time) => bracket.narrow(time, missing(time)),
+                None => return Some(bracket.found()),
             }
         }
+        None
     }
 }
 
@@ -77,17 +69,17 @@ pub(crate) fn events(
             events.push(Event { at: root(0.0, last, signal), kind, ends });
         }
     };
-    if solver.regime() == Regime::GrossSlip {
+    if solver.contact.regime == Regime::GrossSlip {
         look(ContactLost, false, &|time| libm::log(sums(time).normal / (LOST * unworn.normal)));
     } else {
         look(Shakedown, false, &|time| libm::log(sums(time).energy / (SHAKEN * unworn.energy)));
     }
-    if let Some(splits) = SplitWatch::new(solver.contact(), Normal::Depth) {
+    if let Some(splits) = SplitWatch::new(&solver.contact, Normal::Depth) {
         look(ContactSplits, true, &|time| {
             let decay = solver.decay(xi, time);
             // The contact radius stays a₀.
             let core = WornCore { depth: 1.0, normal: sums(time).normal, edge: 1.0 };
-            splits.signal(&core, || (solver.mesh_radii().to_vec(), solver.wear(decay)))
+            splits.signal(&core, || (solver.mesh.radii.clone(), solver.wear(decay)))
         });
     }
     events.sort_by(|a, b| a.at.total_cmp(&b.at));

@@ -39,7 +39,7 @@ use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::limit::{chord_and_angle, limiting_wear};
 use crate::contact::row::{SpringRow, Sums};
 use crate::contact::transform::{Kernels, graded};
-use crate::contact::unworn::{Contact, Decay, Regime};
+use crate::contact::unworn::{Contact, Decay};
 use crate::numeric::{Monotone, dot, integrate, largest, vertex};
 use crate::solver::closed::energy::dissipated;
 use crate::solver::curves::{self, Curves, Grid};
@@ -55,8 +55,8 @@ const CURVE_OPERATIONS: f64 = 40.0;
 
 /// The radii from c to ã: all mesh nodes, or all output radii of this range.
 #[derive(Debug)]
-struct Ring {
-    radii: Vec<f64>,
+pub(super) struct Ring {
+    pub(super) radii: Vec<f64>,
     /// y₀ = 1 − g₀.
     unworn: Vec<f64>,
     /// Δ − y₀ inside a₀.
@@ -124,14 +124,14 @@ impl Ring {
 /// A contact on its mesh. It can be evaluated at any number of cycles.
 #[derive(Debug)]
 pub struct Simplified {
-    contact: Contact,
+    pub(super) contact: Contact,
     pub(crate) row: SpringRow,
     kernels: Arc<Kernels>,
     /// Θ = ã² − c².
     theta: f64,
     /// 1/x at the mesh nodes; 0 on the axis.
     reciprocal: Vec<f64>,
-    mesh: Ring,
+    pub(super) mesh: Ring,
     grid: Grid,
     /// Most runs need no curves.
     unworn: OnceLock<Box<UnwornCurves>>,
@@ -285,11 +285,6 @@ impl Simplified {
         self.unworn().ring.as_ref().unwrap_or(&self.mesh)
     }
 
-    /// The regime of the unworn contact.
-    pub(crate) fn regime(&self) -> Regime {
-        self.contact.regime
-    }
-
     /// (k_w/μ)·ΣW in units of a₀²d₀.
     pub(crate) fn dissipated(&self, xi: f64, sums: &Sums) -> f64 {
         dissipated(&self.contact, xi, sums)
@@ -367,11 +362,6 @@ impl Simplified {
         }
     }
 
-    /// The mesh nodes.
-    pub(crate) fn mesh_radii(&self) -> &[f64] {
-        &self.mesh.radii
-    }
-
     /// The wear at the mesh nodes. Near the edge of the scar it can be negative.
     pub(crate) fn wear(&self, decay: Decay) -> Vec<f64> {
         let SpringStates { worn, apex, unresolved, .. } = self.springs(decay, false);
@@ -380,11 +370,6 @@ impl Simplified {
         let [mut wear] = wear;
         self.finish(&mut wear, apex, unresolved);
         wear
-    }
-
-    /// The unworn contact.
-    pub(crate) fn contact(&self) -> &Contact {
-        &self.contact
     }
 
     /// The closed form of (14) at every mesh node, as in [`Contact::compression`] and

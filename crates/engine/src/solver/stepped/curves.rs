@@ -51,15 +51,21 @@ impl Curves {
         } else {
             depth - images[0]
         };
-        let springs = SpringCurve::new(&middles, start, edge, compressions, contact_radius);
+        let live = compressions.len();
+        let rim = contact_radius * contact_radius;
+        // The loaded springs outside the stick radius as a curve y(t), linear between the middles of cells.
+        let loaded = middles.iter().take(live).map(|x| x * x);
+        let loaded: Vec<f64> = loaded.take_while(|t| *t < rim).collect();
+        let loads = [&[edge], &compressions[..loaded.len()], &[0.0]].concat();
+        let knots = [&[start], &loaded[..], &[rim]].concat();
+        // (1/π) ∫ −y′/√(x²−r²) dx for radii r up to the first knot.
+        let pressure_of_springs = |r: f64| -FRAC_1_PI * abel(&knots, &loads, r * r);
 
         let mut pressure = vec![0.0; squares.len()];
         mesh.pressure(compressions, &mut pressure);
-        pressure[0] = if inner > 0.0 { springs.pressure(inner) } else { pressure[1] };
+        pressure[0] = if inner > 0.0 { pressure_of_springs(inner) } else { pressure[1] };
         // A large drop of y within the first cell makes the pressure at the stick edge infinite.
         let step = inner > 0.0 && compressions.first().is_some_and(|y| *y < STEP * edge);
-        let live = compressions.len();
-        let rim = contact_radius * contact_radius;
         let inside = squares.iter().take(live + 1).take_while(|t| **t < rim).count().max(1);
         let pressure = Monotone::through(
             [&squares[..inside], &[rim]].concat(),
@@ -92,7 +98,9 @@ impl Curves {
             }),
             pressure: curve(radii, |r| {
                 if r < inner {
-                    shape.pressure_inside(r, inner) + prior.pressure(r, inner) + springs.pressure(r)
+                    shape.pressure_inside(r, inner)
+                        + prior.pressure(r, inner)
+                        + pressure_of_springs(r)
                 } else if step && r * r <= start {
                     f64::INFINITY
                 } else if r < contact_radius {
@@ -119,33 +127,6 @@ impl Curves {
 /// The values at the given radii.
 fn curve(radii: &[f64], value: impl FnMut(f64) -> f64) -> Vec<f64> {
     radii.iter().copied().map(value).collect()
-}
-
-/// The loaded springs outside the stick radius as a curve y(t), linear between the middles of cells.
-struct SpringCurve {
-    knots: Vec<f64>,
-    compressions: Vec<f64>,
-}
-
-impl SpringCurve {
-    fn new(
-        middles: &[f64],
-        start: f64,
-        edge: f64,
-        compressions: &[f64],
-        contact_radius: f64,
-    ) -> Self {
-        let rim = contact_radius * contact_radius;
-        let squares = middles.iter().take(compressions.len()).map(|x| x * x);
-        let inside: Vec<f64> = squares.take_while(|t| *t < rim).collect();
-        let compressions = [&[edge], &compressions[..inside.len()], &[0.0]].concat();
-        Self { knots: [&[start], &inside[..], &[rim]].concat(), compressions }
-    }
-
-    /// (1/π) ∫ −y′/√(x²−r²) dx for radii r up to the first knot.
-    fn pressure(&self, r: f64) -> f64 {
-        -FRAC_1_PI * abel(&self.knots, &self.compressions, r * r)
-    }
 }
 
 /// (2/π) ∫ (ω_free − ω)/√(r²−x²) dx over the cells.

@@ -1,5 +1,7 @@
-//! The two laws of wear.
+//! The two laws of wear, and what a run integrates.
 
+use crate::contact::control::Control;
+use crate::contact::unworn::Contact;
 use crate::request::fields::Xi;
 
 /// The parameter ξ that the paper uses in its examples.
@@ -23,4 +25,23 @@ pub enum Law {
     Exact,
     /// The simplified rule (14) with the parameter ξ.
     Simplified(f64),
+}
+
+/// What a run integrates: a contact, what is held while it wears, and the law by which it wears.
+#[derive(Debug, Clone, Copy)]
+pub struct WearProblem<'a> {
+    /// The unworn contact.
+    pub contact: &'a Contact,
+    /// The held quantities.
+    pub control: &'a Control,
+    /// The law of wear.
+    pub law: Law,
+}
+
+impl<'a> WearProblem<'a> {
+    /// By the exact law.
+    #[must_use]
+    pub fn exact(contact: &'a Contact, control: &'a Control) -> Self {
+        Self { contact, control, law: Law::Exact }
+    }
 }

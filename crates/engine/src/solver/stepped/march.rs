@@ -18,13 +18,12 @@
 use std::sync::Arc;
 
 use super::edge::ContactEdge;
-use super::law::Law;
+use super::law::{Law, WearProblem};
 use super::plan::{FAR, MeshPlan, REST_BLUR, is_far};
-use super::run::{MeshRun, Outlook, moves};
+use super::run::{MeshRun, Outlook, Stop, moves};
 use super::wearing::{Wearing, WornContact};
 use crate::contact::control::{Control, Final, Normal, Tangential};
-use crate::contact::limit::Limit;
-use crate::contact::limit::{DEEPEST, WIDEST};
+use crate::contact::limit::{DEEPEST, Limit, WIDEST};
 use crate::contact::unworn::{Contact, Regime};
 use crate::solver::errors::RunErrors;
 use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition};
@@ -73,7 +72,8 @@ pub struct March {
     edge: Option<ContactEdge>,
     /// `None` if the contact cannot split.
     splits: Option<SplitWatch>,
-    until: StopCondition,
+    /// The condition that ends the run.
+    pub(crate) until: StopCondition,
     /// The time of the next comparison.
     check: f64,
     /// The relative differences of the two runs so far.
@@ -119,7 +119,8 @@ fn further_meshes(control: &Control) -> usize {
 }
 
 /// Number of cells and step tolerance of a run with this tolerance.
-fn effort(contact: &Contact, control: &Control, law: Law, tolerance: f64) -> (usize, f64) {
+fn effort(problem: WearProblem<'_>, tolerance: f64) -> (usize, f64) {
+    let WearProblem { contact, control, law } = problem;
     let cells = cells(tolerance);
     let far = control.tends_to(contact).is_some_and(|end| is_far(contact, &end));
     let steps = match law {
@@ -166,27 +167,16 @@ impl March {
     ///
     /// `None` if the scar would become larger than the shape.
     #[must_use]
-    pub fn new(
-        contact: &Contact,
-        control: &Control,
-        law: Law,
-        tolerance: f64,
-        last: f64,
-    ) -> Option<Self> {
-        let (cells, tolerance) = effort(contact, control, law, tolerance);
-        Self::with_cells(contact, control, law, cells, tolerance, last)
+    pub fn new(problem: WearProblem<'_>, tolerance: f64, last: f64) -> Option<Self> {
+        let (cells, tolerance) = effort(problem, tolerance);
+        Self::with_cells(problem, cells, tolerance, last)
     }
 
     /// Whether the indenter is large enough for the scar up to the time `last`.
-    pub(crate) fn fits(
-        contact: &Contact,
-        control: &Control,
-        law: Law,
-        end: Option<&Final>,
-        last: f64,
-    ) -> bool {
+    pub(crate) fn fits(problem: WearProblem<'_>, end: Option<&Final>, last: f64) -> bool {
+        let WearProblem { contact, control, .. } = problem;
         let shape = &contact.shape;
-        if let Some(outermost) = MeshPlan::outermost(contact, control, law, last) {
+        if let Some(outermost) = MeshPlan::outermost(problem, last) {
             let most = if end.is_some() { shape.extent() } else { 0.9 * shape.extent() };
             return outermost < most.min(WIDEST) && shape.profile(outermost) < DEEPEST;
         }
@@ -201,60 +191,48 @@ impl March {
         let depth = control.depth_on_core(shape, stick);
         let widest = Limit::at_depth(shape, stick, depth);
         widest.is_some_and(|limit| limit.radius < ROOMY * shape.extent())
-            || Self::scouted(contact, control, law, last).is_some()
+            || Self::scouted(problem, last).is_some()
     }
 
     /// Estimated number of multiplications of a run up to a time in N₀. For a paraboloid, a run up
     /// to 16 N₀ needs five evaluations of the wear rate per cell. For longer runs the number grows
     /// with the power 0.4 of the time. Each further mesh needs 25 evaluations.
-    pub(crate) fn operations(
-        contact: &Contact,
-        control: &Control,
-        law: Law,
-        tolerance: f64,
-        until: f64,
-    ) -> f64 {
-        let (cells, tolerance) = effort(contact, control, law, tolerance);
+    pub(crate) fn operations(problem: WearProblem<'_>, tolerance: f64, until: f64) -> f64 {
+        let (cells, tolerance) = effort(problem, tolerance);
         let (cells, longer) = (cells as f64, libm::pow((until / 16.0).max(1.0), 0.4));
-        let one_mesh = match law {
+        let one_mesh = match problem.law {
             Law::Exact => 5.0 * cells * cells * cells * longer,
             // An evaluation needs a few operations per cell. An output state needs two matrix rows
             // per cell.
             Law::Simplified(_) => 20.0 * cells * longer / tolerance.sqrt() + 50.0 * cells * cells,
         };
-        one_mesh + 25.0 * further_meshes(control) as f64 * cells * cells
+        one_mesh + 25.0 * further_meshes(problem.control) as f64 * cells * cells
     }
 
     /// The number of cells of a run with this tolerance.
-    pub(crate) fn cells_for(
-        contact: &Contact,
-        control: &Control,
-        law: Law,
-        tolerance: f64,
-    ) -> usize {
-        effort(contact, control, law, tolerance).0
+    pub(crate) fn cells_for(problem: WearProblem<'_>, tolerance: f64) -> usize {
+        effort(problem, tolerance).0
     }
 
     /// Starts with the unworn contact on `cells` cells.
     #[must_use]
     pub fn with_cells(
-        contact: &Contact,
-        control: &Control,
-        law: Law,
+        problem: WearProblem<'_>,
         cells: usize,
         tolerance: f64,
         last: f64,
     ) -> Option<Self> {
+        let WearProblem { contact, control, law } = problem;
         let grows = control.normal == Normal::Force && moves(control, contact);
-        let scouted = if grows { Self::scouted(contact, control, law, last) } else { None };
+        let scouted = if grows { Self::scouted(problem, last) } else { None };
         let plans = match scouted {
             Some(plans) => plans,
             None => (MeshPlan::first(contact, control, cells)?, Arc::default()),
         };
         let reach = farthest(contact, control, &plans);
-        let mut fine = MeshRun::new(contact, control, law, plans.clone(), (cells, tolerance));
+        let mut fine = MeshRun::new(problem, plans.clone(), (cells, tolerance));
         fine.accounts = true;
-        let coarse = MeshRun::new(contact, control, law, plans, (cells / 2, 4.0 * tolerance));
+        let coarse = MeshRun::new(problem, plans, (cells / 2, 4.0 * tolerance));
         let edge = (law == Law::Exact).then(|| ContactEdge::new(&fine));
         let splits = SplitWatch::new(contact, control.normal);
         let check = 0.01 * fine.rkc.scale;
@@ -295,14 +273,15 @@ impl March {
     /// Finds the mesh plans for a stick edge that comes to rest in worn material, by coarse runs: the plan of
     /// the first block, or of the whole run without blocks, and what is known about each block. `None` if the
     /// scar would become larger than the shape.
-    fn scouted(contact: &Contact, control: &Control, law: Law, last: f64) -> Option<Plans> {
+    fn scouted(problem: WearProblem<'_>, last: f64) -> Option<Plans> {
+        let WearProblem { contact, control, .. } = problem;
         let first = MeshPlan::first(contact, control, SCOUT.0)?;
         let (mut plan, mut outlooks) = (first.clone(), Arc::<[Option<Outlook>]>::default());
         let blocks = matches!(control.tangential, Tangential::Blocks(_));
         let scouts = if blocks { BLOCK_SCOUT } else { SCOUT };
         for blur in [4.0 * REST_BLUR, REST_BLUR] {
             let plans = (plan.clone(), Arc::clone(&outlooks));
-            let mut scout = MeshRun::new(contact, control, law, plans, scouts);
+            let mut scout = MeshRun::new(problem, plans, scouts);
             let mut found: Vec<(f64, Outlook)> = Vec::new();
             while scout.rkc.evaluations < MOST_LOOKS && scout.advance(last) {
                 let reach = scout.wearing.plan.reach;
@@ -334,18 +313,14 @@ impl March {
         Some((plan, outlooks))
     }
 
-    /// Sets the condition that ends the run.
-    pub(crate) fn end_at(&mut self, until: StopCondition) {
-        self.until = until;
-    }
-
     /// Takes one step towards a time in N₀. Returns false if this time is reached or the run has
     /// ended.
     pub fn advance(&mut self, until: f64) -> bool {
         // The fine run goes first, because it can end early. The coarse run follows it, so that both can be
         // compared at every time that the caller may ask for.
         let last = until.min(self.ended().unwrap_or(f64::INFINITY));
-        let check = self.check.min(self.block_end());
+        let block = self.fine.control().block(self.left_blocks);
+        let check = self.check.min(block.map_or(f64::INFINITY, |block| block.end));
         let next = last.min(check);
         if self.ended().is_none() {
             if self.fine.advance(next) {
@@ -355,7 +330,7 @@ impl March {
                 self.watch();
                 return true;
             }
-            if self.fine.outgrown {
+            if self.fine.stopped == Some(Stop::Outgrown) {
                 let at = self.fine.rkc.time;
                 self.events.push(Event { at, kind: EventKind::RimReached, ends: true });
                 return true;
@@ -384,16 +359,6 @@ impl March {
         true
     }
 
-    /// The end of the present block. It is infinite without blocks.
-    fn block_end(&self) -> f64 {
-        match &self.fine.control.tangential {
-            Tangential::Blocks(blocks) => {
-                blocks.get(self.left_blocks).map_or(f64::INFINITY, |block| block.end)
-            }
-            _ => f64::INFINITY,
-        }
-    }
-
     /// Notes the error of the volume that remains from a block.
     fn leave_block(&mut self) {
         self.left_blocks += 1;
@@ -419,7 +384,7 @@ impl March {
             if time <= last {
                 return Some(time);
             }
-        } else if !self.fine.has_settled() && self.ended().is_none() && self.advance(last) {
+        } else if self.fine.stopped.is_none() && self.ended().is_none() && self.advance(last) {
             return None;
         }
         if self.ended().is_none() {
@@ -431,16 +396,10 @@ impl March {
 
     /// Estimates the time at which (k_w/μ)·ΣW reaches `energy`, by a coarse run. The time is at most `last`. It is
     /// earlier if wear practically stops.
-    pub(crate) fn time_of(
-        contact: &Contact,
-        control: &Control,
-        law: Law,
-        energy: f64,
-        last: f64,
-    ) -> f64 {
+    pub(crate) fn time_of(problem: WearProblem<'_>, energy: f64, last: f64) -> f64 {
+        let WearProblem { contact, control, .. } = problem;
         let Some(plan) = MeshPlan::first(contact, control, SCOUT.0) else { return last };
-        let plans = (plan, Arc::default());
-        let mut scout = MeshRun::new(contact, control, law, plans, SCOUT);
+        let mut scout = MeshRun::new(problem, (plan, Arc::default()), SCOUT);
         while scout.energy() < energy && scout.rkc.evaluations < MOST_LOOKS && scout.advance(last) {
         }
         let reached = scout.energy() >= energy;
@@ -506,7 +465,7 @@ impl March {
                 }
                 if self.signal(kind, middle) > 0.0 { low = middle } else { high = middle }
             }
-            let held = matches!(self.fine.control.tangential, Tangential::Force(_));
+            let held = matches!(self.fine.control().tangential, Tangential::Force(_));
             let ends = match kind {
                 GrossSlip => held,
                 Shakedown | ContactLost => false,

@@ -1,7 +1,7 @@
 //! Plans a mesh: the positions of the nodes and the outer radius. The plan depends on the held
 //! quantities.
 
-use super::law::Law;
+use super::law::{Law, WearProblem};
 use crate::contact::control::{Control, Final, Normal, Tangential, critical_stick};
 use crate::contact::limit::Limit;
 use crate::contact::unworn::Contact;
@@ -180,12 +180,8 @@ impl MeshPlan {
     /// Upper bound of the scar radius up to the time `last`, for a constant force. It applies in
     /// gross slip, and if the tangential force is constant too. The bound uses three facts: V grows
     /// by at most F̃Δ/Δ₀, Δ is at most d, and the worn surface is never more concave than a flat.
-    pub(crate) fn outermost(
-        contact: &Contact,
-        control: &Control,
-        law: Law,
-        last: f64,
-    ) -> Option<f64> {
+    pub(crate) fn outermost(problem: WearProblem<'_>, last: f64) -> Option<f64> {
+        let WearProblem { contact, control, law } = problem;
         let end = control.tends_to(contact);
         if control.normal == Normal::Depth || end.is_none() && control.least_stick(contact) > 0.0 {
             return None;

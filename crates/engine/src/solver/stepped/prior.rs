@@ -40,8 +40,8 @@ pub struct PriorWear {
     kinks: OnceLock<Vec<f64>>,
     /// The image at each node, for curves.
     images: OnceLock<Vec<f64>>,
-    /// The outer radius of the scar.
-    radius: f64,
+    /// The outer radius of the scar. It is 0 without wear.
+    pub(super) radius: f64,
     /// The squares of the stick edges of earlier meshes.
     edges: Vec<f64>,
 }
@@ -153,11 +153,6 @@ impl PriorWear {
     /// Whether nothing is worn.
     pub(super) fn is_empty(&self) -> bool {
         self.squares.is_empty()
-    }
-
-    /// The outer radius of the scar. It is 0 without wear.
-    pub(super) fn radius(&self) -> f64 {
-        self.radius
     }
 
     /// The squares of the nodes, and the wear at the nodes.

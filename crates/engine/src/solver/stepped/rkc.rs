@@ -69,7 +69,8 @@ pub struct Rkc {
     pub(crate) tolerance: f64,
     /// The time scale of slow changes.
     pub(crate) scale: f64,
-    size: f64,
+    /// The expected size of the values.
+    pub(super) size: f64,
     /// The present time.
     pub(crate) time: f64,
     /// y now.
@@ -158,11 +159,6 @@ impl Rkc {
         system.rates(values, rates);
         self.evaluations += 1;
         self.before = (self.time, self.values.clone(), self.rates.clone());
-    }
-
-    /// Sets the time scale and the expected size of the values.
-    pub(super) fn rescale(&mut self, (scale, size): (f64, f64)) {
-        (self.scale, self.size) = (scale, size);
     }
 
     /// Limits the next step, because the rates are now `times` times as large as those that belong to the

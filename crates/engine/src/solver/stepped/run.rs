@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::law::Law;
+use super::law::{Law, WearProblem};
 use super::plan::{Focus, MeshPlan};
 use super::prior::PriorWear;
 use super::rkc::Rkc;
@@ -63,15 +63,22 @@ impl Outlook {
     }
 }
 
+/// Why a run goes no further.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Stop {
+    /// Wear has practically stopped.
+    Settled,
+    /// The scar has reached the rim of the shape.
+    Outgrown,
+}
+
 /// One integration. Each block has a mesh of its own.
 #[derive(Debug)]
 pub(super) struct MeshRun {
     pub(super) wearing: Wearing,
-    pub(super) control: Control,
     pub(super) rkc: Rkc,
-    settled: Option<f64>,
-    /// Whether the scar has reached the rim of the shape.
-    pub(super) outgrown: bool,
+    /// Why it goes no further, if it does not.
+    pub(super) stopped: Option<Stop>,
     /// The index of the present block.
     pub(super) block: usize,
     /// What is known about each block. It may be shorter than the list of blocks.
@@ -139,8 +146,7 @@ fn is_blunt(contact: &Contact, depth: f64) -> bool {
 /// 2 ∫ y ω dx·Δ/Δ₀ of the unworn contact at the amplitude `threshold`.
 fn unworn_loss(contact: &Contact, threshold: f64) -> f64 {
     let shape = &contact.shape;
-    let stick = if threshold > 1.0 { 0.0 } else { shape.image_inverse(1.0 - threshold) };
-    let (_, energy) = unworn_integrals(shape, stick, threshold);
+    let (_, energy) = unworn_integrals(shape, shape.stick_radius(threshold), threshold);
     2.0 * energy / contact.threshold
 }
 
@@ -152,33 +158,27 @@ fn time_and_size(limit: &Limit, rate: f64, most: f64) -> (f64, f64) {
 
 impl MeshRun {
     pub(super) fn new(
-        contact: &Contact,
-        control: &Control,
-        law: Law,
+        problem: WearProblem<'_>,
         (plan, outlooks): (MeshPlan, Arc<[Option<Outlook>]>),
         (cells, tolerance): (usize, f64),
     ) -> Self {
+        let WearProblem { contact, control, law } = problem;
         let least_stick = plan.start;
         let slips = contact.stick == 0.0 && law == Law::Exact;
         let (plan, blunt) = with_sharp_tip(plan, contact, slips);
-        let mut wearing = Wearing::new(contact, control, law, (plan, Arc::default()), cells);
-        if let Tangential::Blocks(blocks) = &control.tangential
-            && let Some(first) = blocks.first()
-        {
-            wearing.command(first.threshold);
+        let mut wearing = Wearing::new(problem, (plan, Arc::default()), cells);
+        if let Some(first) = control.block(0) {
+            wearing.springs.amplitude = first.threshold;
         }
         let unworn = vec![0.0; cells + 1];
         wearing.press(&unworn);
         let rate = wearing.energy_rate();
         let scales = time_and_size(&contact.limit, rate, quickens(contact, control));
         let rkc = Rkc::new(&mut wearing, unworn, tolerance, scales);
-        let control = control.clone();
         Self {
             wearing,
-            control,
             rkc,
-            settled: None,
-            outgrown: false,
+            stopped: None,
             block: 0,
             outlooks,
             least_stick,
@@ -195,17 +195,16 @@ impl MeshRun {
     }
 
     pub(super) fn advance(&mut self, until: f64) -> bool {
-        if self.settled.is_some() || self.rkc.time >= until || self.wearing.springs.slides {
+        if self.stopped.is_some() || self.rkc.time >= until || self.wearing.springs.slides {
             return false;
         }
         let end = self.begin_block();
         if self.wearing.is_full() {
             if self.wearing.outgrows() {
-                self.settled = Some(self.rkc.time);
-                self.outgrown = true;
+                self.stopped = Some(Stop::Outgrown);
                 return false;
             }
-            let (wearing, values) = self.wearing.extended(&self.control, &self.rkc.values);
+            let (wearing, values) = self.wearing.extended(&self.rkc.values);
             self.wearing = wearing;
             self.rkc.restart(&mut self.wearing, Some(values));
             self.loss = [self.wearing.energy_rate(); 2];
@@ -230,19 +229,25 @@ impl MeshRun {
             0.5 * (time - began) * (self.loss[0] + self.loss[1])
         };
         if end.is_infinite() && self.has_arrived(end) {
-            self.settled = Some(time);
+            self.stopped = Some(Stop::Settled);
         }
         true
     }
 
+    /// The held quantities.
+    pub(super) fn control(&self) -> &Control {
+        &self.wearing.springs.control
+    }
+
     /// Whether a core sticks during the whole run.
     pub(super) fn keeps_core(&self) -> bool {
-        self.control.keeps_stick() && self.wearing.contact.stick > 0.0
+        self.control().keeps_stick() && self.wearing.contact.stick > 0.0
     }
 
     /// Whether the wear so far decides where the stick edge comes to rest.
     pub(super) fn keeps_errors(&self) -> bool {
-        self.control.normal == Normal::Force && moves(&self.control, &self.wearing.contact)
+        let control = self.control();
+        control.normal == Normal::Force && moves(control, &self.wearing.contact)
     }
 
     /// (k_w/μ)·ΣW at the end of the last step.
@@ -264,11 +269,6 @@ impl MeshRun {
         bracket.found()
     }
 
-    /// Whether wear has practically stopped for the rest of the run.
-    pub(super) fn has_settled(&self) -> bool {
-        self.settled.is_some()
-    }
-
     /// Whether wear has practically stopped at the present amplitude, which is constant until
     /// `end`.
     fn has_arrived(&self, end: f64) -> bool {
@@ -286,24 +286,16 @@ impl MeshRun {
 
     /// Sets the next amplitude if a block has ended, and returns the end of the present block.
     fn begin_block(&mut self) -> f64 {
-        let Tangential::Blocks(blocks) = &self.control.tangential else {
-            return f64::INFINITY;
-        };
-        let Some(block) = blocks.get(self.block) else {
-            return f64::INFINITY;
-        };
+        let Some(block) = self.control().block(self.block) else { return f64::INFINITY };
         if self.rkc.time < block.end {
             return block.end;
         }
         self.block += 1;
-        let Some(next) = blocks.get(self.block) else {
-            return f64::INFINITY;
-        };
+        let Some(next) = self.control().block(self.block) else { return f64::INFINITY };
         if self.accounts {
             let worn = self.wearing.at(&self.rkc.values);
             self.block_edges.push((worn.scar, worn.edge_slip(&self.wearing.springs.mesh)));
         }
-        let next = *next;
         self.block_began = self.rkc.time;
         self.change_amplitude(next);
         self.loss = [self.wearing.energy_rate(); 2];
@@ -325,21 +317,21 @@ impl MeshRun {
 
     /// Continues on another mesh, which starts on the surface `worn`.
     fn change_mesh(&mut self, plan: MeshPlan, worn: PriorWear) {
-        self.wearing = self.wearing.on(plan, worn, &self.control);
+        self.wearing = self.wearing.on(plan, Arc::new(worn));
         let nodes = self.wearing.springs.mesh.radii.len();
         self.rkc.restart(&mut self.wearing, Some(vec![0.0; nodes]));
     }
 
     /// Starts a block on a mesh of its own.
     fn change_amplitude(&mut self, block: Block) {
-        self.wearing.command(block.threshold);
+        self.wearing.springs.amplitude = block.threshold;
         self.unworn_loss = unworn_loss(&self.wearing.contact, block.threshold);
         if block.threshold == 0.0 {
             // Nothing wears.
             self.rkc.restart(&mut self.wearing, None);
             return;
         }
-        let Self { wearing, control, rkc, .. } = self;
+        let Self { wearing, rkc, .. } = self;
         let cells = wearing.springs.mesh.widths.len();
         let worn = wearing.worn(&rkc.values);
         let stick = wearing.stick_edge(&rkc.values, &worn);
@@ -350,7 +342,8 @@ impl MeshRun {
         self.least_stick = self.least_stick.min(stick);
         let shape = &wearing.contact.shape;
         let limit = Limit::at_depth(shape, self.least_stick, wearing.springs.depth);
-        let reach = limit.map_or(shape.extent(), |limit| limit.radius).max(worn.radius());
+        let reach = limit.map_or(shape.extent(), |limit| limit.radius).max(worn.radius);
+        let control = &wearing.springs.control;
         let mut plan = MeshPlan::of_block(&wearing.contact, control, (stick, reach), cells);
         if let Some(outlook) = self.outlooks.get(self.block).copied().flatten() {
             outlook.refine(&mut plan);
@@ -369,7 +362,8 @@ impl MeshRun {
         self.change_mesh(plan, worn);
         if let Some(limit) = limit.filter(|_| grows) {
             let rate = self.wearing.energy_rate();
-            self.rkc.rescale(time_and_size(&limit, rate, f64::INFINITY));
+            let scales = time_and_size(&limit, rate, f64::INFINITY);
+            (self.rkc.scale, self.rkc.size) = scales;
         }
         self.rkc.hurry(self.wearing.pace());
     }
@@ -417,18 +411,16 @@ impl MeshRun {
 
     /// The error of V that occurs because a resting stick edge lies at the border of two cells.
     pub(super) fn edge_error(&self, worn: &WornContact) -> f64 {
-        let Wearing { contact, .. } = &self.wearing;
-        if self.control.normal == Normal::Depth
-            || !moves(&self.control, contact)
-            || worn.stick >= 1.0
-        {
+        let (contact, control) = (&self.wearing.contact, self.control());
+        let rests = control.normal == Normal::Depth || !moves(control, contact);
+        if rests || worn.stick >= 1.0 {
             return 0.0;
         }
         // The edge is not known better than the surface on which the block has started.
         let width = self.wearing.springs.mesh.width_at(worn.stick).max(self.edge_width);
         // In the limiting state the core carries the whole load.
         let last = |stick: f64| {
-            let depth = self.control.depth_on_core(&contact.shape, stick);
+            let depth = control.depth_on_core(&contact.shape, stick);
             Limit::at_depth(&contact.shape, stick, depth).map(|limit| limit.volume)
         };
         let (Some(here), Some(there)) = (last(worn.stick), last(worn.stick + width)) else {
@@ -461,10 +453,10 @@ impl MeshRun {
     /// The error of V that occurs because the mesh neglects a core smaller than the cells, at
     /// constant d.
     pub(super) fn core_error(&self, worn: &WornContact) -> f64 {
-        let Wearing { contact, .. } = &self.wearing;
-        let least = self.control.least_stick(contact);
+        let (contact, control) = (&self.wearing.contact, self.control());
+        let least = control.least_stick(contact);
         let resolved = least == 0.0 || self.wearing.plan.start > 0.0;
-        if self.control.normal == Normal::Force || resolved || self.block > 0 {
+        if control.normal == Normal::Force || resolved || self.block > 0 {
             return 0.0;
         }
         let last = |stick: f64| Limit::solve(&contact.shape, stick).map(|limit| limit.volume);
@@ -492,7 +484,7 @@ impl MeshRun {
     /// `time`, but at most the time of the last step if the run has settled or ended. Afterwards
     /// the state is constant.
     pub(super) fn within(&self, time: f64) -> f64 {
-        if self.settled.is_some() || self.wearing.springs.slides {
+        if self.stopped.is_some() || self.wearing.springs.slides {
             time.min(self.rkc.time)
         } else {
             time

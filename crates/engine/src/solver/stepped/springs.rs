@@ -34,7 +34,7 @@ pub struct Springs {
     /// ∫₀ᵃ y dx of the unworn contact.
     half_force: f64,
     /// The present amplitude: Δ, or Δ_rig with a rig.
-    amplitude: f64,
+    pub(super) amplitude: f64,
     /// Compression of the spring at r₀ at the depth d₀, before any wear on this mesh.
     edge: f64,
     /// Whether the stick edge moves inwards.
@@ -127,11 +127,6 @@ impl Springs {
         here.into_iter()
             .zip(&mut aside.lists)
             .for_each(|(here, there)| std::mem::swap(here, there));
-    }
-
-    /// Sets the amplitude.
-    pub fn command(&mut self, amplitude: f64) {
-        self.amplitude = amplitude;
     }
 
     /// Computes the state for the given wear at the nodes.

@@ -13,17 +13,17 @@
 use std::f64::consts::FRAC_2_PI;
 use std::sync::Arc;
 
-use super::law::Law;
+use super::law::{Law, WearProblem};
 use super::mesh::Mesh;
 use super::plan::{EXTENSION, MeshPlan};
 use super::prior::PriorWear;
 use super::rkc::Rates;
 use super::springs::{Aside, Springs};
-use crate::contact::control::{Control, Normal, Tangential};
+use crate::contact::control::{Normal, Tangential};
 use crate::contact::limit::Limit;
 use crate::contact::profile::Shape;
 use crate::contact::unworn::Contact;
-use crate::numeric::{Monotone, largest, root, vertex};
+use crate::numeric::{Monotone, largest, positive_area, root, vertex};
 use crate::solver::splits::WornCore;
 
 /// Estimated number of multiplications to find ã, per piece of the shape: eight evaluations with
@@ -146,12 +146,11 @@ impl Wearing {
     /// Creates a contact with prior wear on a mesh.
     #[must_use]
     pub fn new(
-        contact: &Contact,
-        control: &Control,
-        law: Law,
+        problem: WearProblem<'_>,
         (plan, prior): (MeshPlan, Arc<PriorWear>),
         cells: usize,
     ) -> Self {
+        let WearProblem { contact, control, law } = problem;
         let mesh = Mesh::new(&contact.shape, &prior, plan.radii(cells));
         let level = 1.0 - contact.threshold;
         let rest: Vec<f64> = mesh.initial.iter().map(|g| g - level).collect();
@@ -182,11 +181,6 @@ impl Wearing {
         }
     }
 
-    /// Sets the amplitude.
-    pub fn command(&mut self, amplitude: f64) {
-        self.springs.command(amplitude);
-    }
-
     /// Whether the scar fills the mesh and the mesh cannot grow.
     pub(crate) fn outgrows(&self) -> bool {
         self.plan.reach >= self.contact.shape.extent() && self.is_full()
@@ -206,16 +200,13 @@ impl Wearing {
     }
 
     /// The same contact on a larger mesh, and the values on this mesh.
-    pub(crate) fn extended(&self, control: &Control, values: &[f64]) -> (Self, Vec<f64>) {
+    pub(crate) fn extended(&self, values: &[f64]) -> (Self, Vec<f64>) {
         let MeshPlan { start, reach, farthest, .. } = self.plan;
         let reach =
             (start + EXTENSION * (reach - start)).min(farthest).min(self.contact.shape.extent());
         let plan = MeshPlan { reach, ..self.plan.clone() };
         let cells = self.springs.mesh.widths.len();
-        let surface = (plan, Arc::clone(&self.prior));
-        let mut larger = Self::new(&self.contact, control, self.law, surface, cells);
-        larger.springs.resume(&self.springs);
-        (larger.scar, larger.widest) = (self.scar, self.widest);
+        let larger = self.on(plan, Arc::clone(&self.prior));
         let (from, to) = (&self.springs.mesh, &larger.springs.mesh);
         let middles = |mesh: &Mesh| -> Vec<f64> {
             mesh.radii.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect()
@@ -282,7 +273,7 @@ impl Wearing {
 
     /// The wear of all meshes, from the wear at the nodes of this one.
     pub(super) fn total(&self, wear: &[f64]) -> PriorWear {
-        let radius = self.prior.radius();
+        let radius = self.prior.radius;
         let profile = |t: f64| self.contact.shape.profile(t.sqrt());
         self.prior.with(&self.springs.mesh.squares, wear, radius, profile)
     }
@@ -310,9 +301,10 @@ impl Wearing {
     }
 
     /// The same contact on another mesh, which starts on the surface `worn`.
-    pub(super) fn on(&self, plan: MeshPlan, worn: PriorWear, control: &Control) -> Self {
-        let cells = self.springs.mesh.widths.len();
-        let mut next = Self::new(&self.contact, control, self.law, (plan, Arc::new(worn)), cells);
+    pub(super) fn on(&self, plan: MeshPlan, worn: Arc<PriorWear>) -> Self {
+        let (contact, control) = (&self.contact, &self.springs.control);
+        let problem = WearProblem { contact, control, law: self.law };
+        let mut next = Self::new(problem, (plan, worn), self.springs.mesh.widths.len());
         next.springs.resume(&self.springs);
         (next.scar, next.widest) = (self.scar, self.widest);
         next
@@ -528,7 +520,7 @@ impl Wearing {
         let radii = &self.springs.mesh.radii;
         let most = wear.iter().copied().fold(0.0, f64::max);
         let held = self.springs.control.normal == Normal::Depth;
-        let before = self.prior.radius();
+        let before = self.prior.radius;
         if most == 0.0 {
             return (before.max(1.0), before);
         }
@@ -558,7 +550,7 @@ impl Wearing {
             Normal::Depth => 1.0,
             Normal::Force => self.unworn_radius(),
         };
-        let floor = self.prior.radius().max(unworn);
+        let floor = self.prior.radius.max(unworn);
         if most == 0.0 && !self.prior.is_empty() {
             return floor;
         }
@@ -717,24 +709,15 @@ fn on_axis(shape: &Shape, squares: &[f64], wear: &[f64]) -> f64 {
 
 /// π ∫ max(0, w) dt for wear that is linear in t between nodes.
 fn positive_volume(squares: &[f64], wear: &[f64]) -> f64 {
-    let area = |t: &[f64], w: &[f64]| {
-        let (low, high) = (w[0].min(w[1]), w[0].max(w[1]));
-        if high <= 0.0 {
-            0.0
-        } else if low >= 0.0 {
-            0.5 * (t[1] - t[0]) * (low + high)
-        } else {
-            0.5 * (t[1] - t[0]) * high * high / (high - low)
-        }
-    };
-    let sum: f64 = squares.windows(2).zip(wear.windows(2)).map(|(t, w)| area(t, w)).sum();
-    std::f64::consts::PI * sum
+    let cells = squares.windows(2).zip(wear.windows(2));
+    let areas = cells.map(|(t, w)| positive_area([t[0], t[1]], [w[0], w[1]]));
+    std::f64::consts::PI * areas.sum::<f64>()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::control::Block;
+    use crate::contact::control::{Block, Control};
     use crate::contact::record::DisplacementRecord;
     use crate::contact::row::UnwornSums;
     use crate::solver::stepped::rkc::Rkc;
@@ -765,8 +748,11 @@ mod tests {
                 }
                 let control = Control { normal, tangential };
                 let plan = MeshPlan::first(&contact, &control, 64).expect("a scar that fits");
-                let mut wearing =
-                    Wearing::new(&contact, &control, Law::Exact, (plan, Arc::default()), 64);
+                let mut wearing = Wearing::new(
+                    WearProblem::exact(&contact, &control),
+                    (plan, Arc::default()),
+                    64,
+                );
                 let mut rkc = Rkc::new(&mut wearing, vec![0.0; 65], 3e-3, (1.0, 0.3));
                 for _ in 0..40 {
                     // dV/dÑ = 2 ∫ y ω dx·Δ/Δ₀. The two sides are sums of different terms.
