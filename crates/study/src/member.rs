@@ -1,8 +1,10 @@
 //! The numbers of a scenario that a study varies.
 
+use std::collections::HashMap;
+
 use deserr::{Deserr as _, IntoValue as _, ValuePointerRef};
 use fretwork_engine::request::Request;
-use fretwork_engine::request::fault::{Faults, unknown};
+use fretwork_engine::request::fault::{Fault, Faults, unknown};
 use fretwork_engine::request::quantity::{self, Dimension};
 use serde_json::{Number, Value};
 
@@ -116,33 +118,52 @@ fn found<'a>(scenario: &'a Value, pointer: &str) -> Result<&'a Value, String> {
     }
 }
 
-/// What numbers of a scenario measure. A text says it by its unit. For a plain number, the scenario says it: it is read once,
-/// with [`PROBE`] in place of all plain numbers.
+/// What numbers of a scenario measure. A text says it by its unit. For plain numbers, the scenario says it: it is read with
+/// [`PROBE`] in their places.
 fn dimensions<'a>(
     scenario: &Value,
-    found: impl Iterator<Item = (&'a str, &'a Value)> + Clone,
+    found: impl Iterator<Item = (&'a str, &'a Value)>,
 ) -> Vec<Dimension> {
     let by_unit = |value: &Value| {
         let text = value.as_str().filter(|text| quantity::parse(text, Dimension::Number).is_err());
         text.map(|text| first(|it| quantity::parse(text, it).is_ok()))
     };
+    let found: Vec<_> = found.map(|(pointer, value)| (pointer, by_unit(value))).collect();
+    let plain = found.iter().filter(|(_, dimension)| dimension.is_none());
+    let mut plain: Vec<&str> = plain.map(|(pointer, _)| *pointer).collect();
+    let mut known = HashMap::new();
+    // A fault can hide that of another place, for which the scenario is read again.
+    while !plain.is_empty() {
+        let before = plain.len();
+        let faults = faults_with_probes(scenario, &plain);
+        plain.retain(|pointer| {
+            let fault = faults.iter().find(|fault| fault.pointer == **pointer);
+            let Some(Fault { detail, .. }) = fault else { return true };
+            let measured = first(|it| quantity::parse(PROBE, it).as_ref() == Err(detail));
+            known.insert(*pointer, measured);
+            false
+        });
+        if plain.len() == before {
+            break;
+        }
+    }
+    let dimension = |(pointer, by_unit): (&str, Option<Dimension>)| {
+        by_unit.or(known.get(pointer).copied()).unwrap_or(Dimension::Number)
+    };
+    found.into_iter().map(dimension).collect()
+}
+
+/// The faults of a scenario with [`PROBE`] in these places.
+fn faults_with_probes(scenario: &Value, places: &[&str]) -> Vec<Fault> {
     let mut changed = scenario.clone();
-    for (pointer, _) in found.clone().filter(|(_, value)| by_unit(value).is_none()) {
+    for pointer in places {
         if let Some(place) = changed.pointer_mut(pointer) {
             *place = Value::from(PROBE);
         }
     }
     let read: Result<Request, Faults> =
         Request::deserialize_from_value(changed.into_value(), ValuePointerRef::Origin);
-    let faults = read.map_or_else(|faults| faults.0, |_| Vec::new());
-    let by_place = |pointer: &str| {
-        first(|it| {
-            let refused = quantity::parse(PROBE, it).err();
-            let mut faults = faults.iter().filter(|fault| fault.pointer == pointer);
-            faults.any(|fault| Some(&fault.detail) == refused.as_ref())
-        })
-    };
-    found.map(|(pointer, value)| by_unit(value).unwrap_or_else(|| by_place(pointer))).collect()
+    read.map_or_else(|faults| faults.0, |_| Vec::new())
 }
 
 fn first(is_measured: impl Fn(Dimension) -> bool) -> Dimension {
@@ -251,7 +272,11 @@ mod tests {
             json!({"shape": "table", "radius": [0, 1e-6, 3e-6], "height": [0, 1e-9, 4e-9]});
         scenario["motion"] = json!({"blocks": [{"amplitude": 1e-6, "cycles": 10},
             {"amplitude": "2 um", "cycles": 100}], "rig_stiffness": 1e7});
-        assert_eq!(together(&scenario), 21);
+        // The fault of a share hides that of the coefficient.
+        scenario["wear"] = json!({"coefficient": 3.03e-14, "share": 0.3});
+        assert_eq!(together(&scenario), 22);
+        let coefficient = Member::find(&scenario, "/wear/coefficient").unwrap();
+        assert_eq!(coefficient.dimension, Dimension::WearCoefficient);
     }
 
     #[test]

@@ -33,7 +33,10 @@ impl Run {
         if self.simulation.is_some() { self.case.seconds() } else { 0.0 }
     }
 
-    /// Computes for at most about 30 ms.
+    /// Computes for at most about 30 ms. Returns the end of the run, once.
+    ///
+    /// # Panics
+    /// An earlier call has returned the end.
     pub fn step(&mut self) -> Option<Ended<'_>> {
         let case = &self.case;
         let found = match self.simulation.as_mut().map(Simulation::step) {
