@@ -97,7 +97,7 @@ impl Claimed {
     }
 
     pub(super) fn claim(&self) -> Claim {
-        Claim { part: self.part(), attempt: self.attempt }
+        Claim { part: self.part(), attempt: self.attempt, key: self.key }
     }
 }
 
@@ -106,6 +106,7 @@ impl Claimed {
 pub(super) struct Claim {
     pub(super) part: Part,
     pub(super) attempt: u32,
+    pub(super) key: Key,
 }
 
 impl Claim {

@@ -114,18 +114,16 @@ pub(super) struct EncodedJob {
     pub(super) tags: String,
     pub(super) warnings: Value,
     pub(super) submission_warnings: String,
-    /// The largest number of queued jobs; `None` if the queue cannot be full.
-    pub(super) limit: Option<usize>,
 }
 
 impl EncodedJob {
     #[expect(clippy::expect_used, reason = "a job without its warnings would mislead its client")]
-    pub(super) fn new(job: NewJob, limit: Option<usize>) -> Self {
+    pub(super) fn new(job: NewJob) -> Self {
         let tags = Value::from(job.tags.clone()).to_string();
         let json = |warnings| serde_json::to_value(warnings).expect("warnings are plain texts");
         let warnings = json(&job.warnings);
         let submission_warnings = json(&job.submission_warnings).to_string();
-        Self { job, tags, warnings, submission_warnings, limit }
+        Self { job, tags, warnings, submission_warnings }
     }
 
     /// Why a submission is refused if its queue is full, or if it needs a known result. `result` says whether the result is

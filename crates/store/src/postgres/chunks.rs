@@ -2,11 +2,9 @@
 //!
 //! The row of the study is the lock of its pieces. It counts them by state, so no verb counts rows.
 
-use super::Database;
-use super::Node;
 use super::follow::follow;
 use super::lease;
-use super::transaction::{Transaction, writing};
+use super::transaction::Transaction;
 use crate::claimed::{Claim, Claimed, FinishedChunk, is_step};
 use crate::error::Error;
 use crate::row::{Columns, Row, RunId, key};
@@ -42,12 +40,6 @@ impl Study {
         self.next < self.chunks
             || self.queued > 0
             || (self.next == self.chunks && self.running == 0)
-    }
-}
-
-impl Database {
-    pub(crate) async fn finish_chunk(&self, finished: FinishedChunk) -> Result<bool, Error> {
-        writing!(self, tx => finish_chunk(tx, &finished).await)
     }
 }
 
@@ -133,11 +125,11 @@ async fn start(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
     follow(tx, run).await
 }
 
-async fn finish_chunk(
-    tx: &mut Transaction<'_>,
+pub(crate) async fn finish_chunk(
     FinishedChunk { claim, body, cost }: &FinishedChunk,
+    tx: &mut Transaction<'_>,
 ) -> Result<bool, Error> {
-    let Claim { part: (run, Some(number)), attempt } = *claim else { return Ok(false) };
+    let Claim { part: (run, Some(number)), attempt, .. } = *claim else { return Ok(false) };
     let Some(before) = lock(tx, run).await? else { return Ok(false) };
     let query = sql!(
         "UPDATE chunk SET state = 'done', body = $4, checksum = $5
@@ -197,7 +189,7 @@ pub(super) async fn lose(
     tx: &mut Transaction<'_>,
     run: RunId,
     before: Study,
-    (node, pieces): (&Node, &[i64]),
+    pieces: &[i64],
 ) -> Result<u32, Error> {
     let lost = sqlx::query(
         "WITH requeued AS (
@@ -211,7 +203,7 @@ pub(super) async fn lose(
     )
     .bind(run.0)
     .bind(pieces)
-    .bind(lease::milliseconds(node.lease))
+    .bind(lease::milliseconds(tx.of.node.lease))
     .fetch_one(tx.db.connection())
     .await?;
     let pieces: i64 = lost.get("pieces")?;

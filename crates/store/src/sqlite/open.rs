@@ -85,12 +85,13 @@ impl Database {
         // A new database has no clock.
         let clock = sqlx::query_scalar("SELECT clock FROM room").fetch_one(&mut db).await?;
         let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::at(clock));
-        let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
+        let queue_limit = options.queue_limit;
+        let effects = Vec::new();
+        let tx = Transaction { db, now: now(), queue, queue_limit, program, effects };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, (ledger, log, files)).start();
-        let (scans, queue_limit) = (Arc::new(Semaphore::new(SCANS)), options.queue_limit);
-        let dir = dir.into();
-        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, dir })
+        let (scans, dir) = (Arc::new(Semaphore::new(SCANS)), dir.into());
+        Ok(Self { writer, readers, large, keys, scans, signals, dir })
     }
 }
 

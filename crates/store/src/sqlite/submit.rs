@@ -4,7 +4,6 @@
 use std::sync::LazyLock;
 use std::time::Duration;
 
-use super::Database;
 use super::keep::{Reason, keeping};
 use super::transaction::Transaction;
 use crate::error::Error;
@@ -12,36 +11,17 @@ use crate::keep::Answered;
 use crate::row::{Columns, Row, RunId, checksum, word};
 use crate::signals::Effect;
 use crate::statement::{Statement, sql};
-use crate::submit::{Admission, EncodedJob, NewJob, Queued, Submitted};
+use crate::submit::{Admission, EncodedJob, Queued, Submitted};
 use crate::tables::{Connected, Tables};
 use crate::tally::Ending;
 use fretwork_job::{JobState, Origin};
-
-impl Database {
-    pub(crate) async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
-        self.write(submit, EncodedJob::new(job, Some(self.queue_limit))).await
-    }
-
-    pub(crate) async fn record(
-        &self,
-        jobs: Vec<NewJob>,
-        answer: Answered,
-        wall: Duration,
-    ) -> Result<Vec<Submitted>, Error> {
-        let limit = Some(self.queue_limit);
-        let jobs: Vec<_> = jobs.into_iter().map(|job| EncodedJob::new(job, limit)).collect();
-        self.write(record, (jobs, answer, wall)).await
-    }
-}
 
 impl EncodedJob {
     /// Why the submission is refused, if it is.
     async fn refusal(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
         let admission = self.job.admission;
         let queued = Queued { all: tx.queue.jobs(), own: tx.queue.waiting_of(&self.job.owner) };
-        if admission != Admission::OnlyKnown
-            && !self.limit.is_some_and(|limit| queued.is_full(limit))
-        {
+        if admission != Admission::OnlyKnown && !queued.is_full(tx.queue_limit) {
             return Ok(None);
         }
         let query = sql!(
@@ -87,7 +67,7 @@ impl EncodedJob {
             .with(&new.task)
             .with(new.afresh)
             .with(new.trace.as_ref())
-            .with(recorded.is_some() || new.admission == Admission::NoNewRun)
+            .with(new.admission == Admission::NoNewRun)
             .with(recorded.and_then(|recorded| recorded.origin).map(Origin::as_str))
             .with(new.id)
             .with(new.label.as_ref())
@@ -163,7 +143,10 @@ const JOB: &str = "
 /// the statements after it.
 static SUBMIT: LazyLock<String> = LazyLock::new(|| format!("{RUN}; {JOB}"));
 
-async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitted, Error> {
+pub(crate) async fn submit(
+    submission: &EncodedJob,
+    tx: &mut Transaction,
+) -> Result<Submitted, Error> {
     if let Some(repeated) = submission.repeated(&mut tx.db).await? {
         return Ok(repeated);
     }
@@ -187,7 +170,7 @@ static RECORD: LazyLock<String> = LazyLock::new(|| format!("{}; {JOB}", keeping(
 
 /// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
 /// live, the jobs use that instead, and the answer is dropped. If it is evicted and no run is live, the jobs need one.
-async fn record(
+pub(crate) async fn record(
     (jobs, answer, wall): &(Vec<EncodedJob>, Answered, Duration),
     tx: &mut Transaction,
 ) -> Result<Vec<Submitted>, Error> {
