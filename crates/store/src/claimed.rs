@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::body::Body;
 use super::error::Error;
-use super::row::{Columns, Part, Row, RunId, key};
+use super::row::{Columns, Part, Row, RunId, read};
 use super::signals::Stop;
 use super::statement::sql;
 use super::tables::{Connected, Tables};
@@ -55,15 +55,9 @@ pub enum Piece {
 impl Claimed {
     /// A whole run, from its row.
     pub(super) fn whole(run: RunId, row: &Row) -> Result<Self, sqlx::Error> {
-        Ok(Self {
-            run,
-            attempt: row.get("attempt")?,
-            key: key(row, "key")?,
-            piece: Piece::Whole { task: row.get("task")? },
-            spent: Cost::ZERO,
-            trace: row.get("trace")?,
-            stop: Stop::default(),
-        })
+        let piece = Piece::Whole { task: row.get("task")? };
+        let (spent, stop) = (Cost::ZERO, Stop::default());
+        Ok(read!(row => Self { attempt, key, trace; run, piece, spent, stop }))
     }
 
     /// A piece of a study with this number of chunks, read from the row of the study and its run.
@@ -74,8 +68,8 @@ impl Claimed {
         row: &Row,
     ) -> Result<Self, sqlx::Error> {
         let piece = if number == of { Piece::Assembly { of } } else { Piece::Chunk { number, of } };
-        let (key, spent, trace) = (key(row, "key")?, cost(row)?, row.get("trace")?);
-        Ok(Self { run, attempt, key, piece, spent, trace, stop: Stop::default() })
+        let (spent, stop) = (cost(row)?, Stop::default());
+        Ok(read!(row => Self { key, trace; run, attempt, piece, spent, stop }))
     }
 
     /// The task in its stored form.

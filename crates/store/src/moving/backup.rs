@@ -15,7 +15,7 @@ use super::{COMPANIONS, Moving, Part, put, reading, refused, remove, sync_direct
 use crate::administration::PATIENCE;
 use crate::body::Body;
 use crate::error::{Command, Error};
-use crate::row::{Columns as _, Sum, key};
+use crate::row::{Columns as _, Sum};
 use crate::sqlite::open::{self, DATABASE, LOCK};
 use crate::sqlite::{ledger, schema};
 use fretwork_job::{Key, clock};
@@ -380,7 +380,7 @@ async fn damaged(db: &mut SqliteConnection) -> Result<Vec<Key>, Moving> {
         let sum = Sum::read(&row)?;
         let is_sound = |body| sum.is_of(&Body::stored(body));
         if evicted.is_none() && !body.is_some_and(is_sound) {
-            damaged.push(key(&row, "key")?);
+            damaged.push(row.get("key")?);
         }
     }
 }

@@ -17,7 +17,7 @@ use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
 use super::{Moving, reading};
 use crate::body::Body;
 use crate::error::{Command, Error};
-use crate::row::{Columns, Sum, changes, checksum, json, key};
+use crate::row::{Columns, Sum, changes, checksum};
 use crate::search::names;
 use crate::sqlite::open::{self, DATABASE};
 use crate::sqlite::schema;
@@ -304,7 +304,7 @@ fn table_of(error: &sqlx::Error) -> &'static str {
 
 /// What is wrong with a result: tables and descriptions.
 fn of_result(row: &SqliteRow) -> Result<Vec<(&'static str, String)>, sqlx::Error> {
-    let (key, task) = (key(row, "key")?, row.get::<Option<&str>>("task")?);
+    let (key, task) = (row.get("key")?, row.get::<Option<&str>>("task")?);
     let is_real = row.get::<Option<&str>>("kind")?.is_some();
     let of_task = |task| Canonical::in_stored(task).is_some_and(|asked| is_key_of(&key, &asked));
     let mut wrong = Vec::new();
@@ -341,11 +341,7 @@ fn of_result(row: &SqliteRow) -> Result<Vec<(&'static str, String)>, sqlx::Error
 /// Compares what lists and search show with the result itself.
 fn of_document(row: &SqliteRow, document: &Document) -> Vec<(&'static str, String)> {
     let mut wrong = Vec::new();
-    if !row
-        .get::<&str>("summary")
-        .and_then(json)
-        .is_ok_and(|found: Value| equal(&found, &document.summary))
-    {
+    if !row.get("summary").is_ok_and(|found: Value| equal(&found, &document.summary)) {
         wrong.push(("result", "summary contradicts the body".to_owned()));
     }
     let Outline { words, scalars } = &document.outline;

@@ -7,7 +7,7 @@ use super::lease;
 use super::transaction::Transaction;
 use crate::claimed::{Claim, Claimed, FinishedChunk, is_step};
 use crate::error::Error;
-use crate::row::{Columns, Row, RunId, key};
+use crate::row::{Columns, Row, RunId};
 use crate::signals::Effect;
 use crate::statement::sql;
 use crate::tables::{Connected, Tables};
@@ -107,7 +107,7 @@ pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option
     let attempt = tx.db.one(query).await?;
     if row.text("state")? == Some("queued") {
         start(tx, run).await?;
-        tx.effects.push(Effect::Changed(key(&row, "key")?));
+        tx.effects.push(Effect::Changed(row.get("key")?));
     }
     store(tx, run, (before, after)).await?;
     let [number, of] = [number, before.chunks].map(|number| number as u32);
@@ -134,11 +134,12 @@ pub(crate) async fn finish_chunk(
     let query = sql!(
         "UPDATE chunk SET state = 'done', body = $4, checksum = $5
          FROM run WHERE chunk.run = $1 AND number = $2 AND chunk.attempt = $3
-             AND chunk.state = 'running' AND run.id = $1 AND run.state = 'running'
-         RETURNING run.key AS key";
+             AND chunk.state = 'running' AND run.id = $1 AND run.state = 'running'";
         run, number, attempt, &**body.bytes(), body.checksum()
     );
-    let Some(row) = tx.db.row(query).await? else { return Ok(false) };
+    if tx.db.execute(query).await? == 0 {
+        return Ok(false);
+    }
     let after = Study { running: before.running - 1, done: before.done + 1, ..before };
     let query = sql!(
         "UPDATE study SET lost = 0, wall = wall + $2, cpu = cpu + $3 WHERE run = $1";
@@ -153,7 +154,7 @@ pub(crate) async fn finish_chunk(
     }
     let [done, chunks] = [after.done, after.chunks].map(|count| count as u32);
     if is_step(done, chunks) {
-        tx.effects.push(Effect::Changed(key(&row, "key")?));
+        tx.effects.push(Effect::Changed(claim.key));
     }
     Ok(true)
 }

@@ -11,7 +11,7 @@ use crate::claimed::{Claim, Claimed};
 use crate::error::Error;
 use crate::keep::{self, Answered, Finish, Source};
 use crate::options::{MAX_LOST, Recovered};
-use crate::row::{Columns, RunId, job_id};
+use crate::row::{Columns, RunId};
 use crate::signals::Effect;
 use crate::statement::{Statement, sql};
 use crate::tables::{Connected, Tables};
@@ -160,7 +160,7 @@ pub(crate) async fn finish(
     let Some(row) = tx.db.row(query).await? else { return Ok(Finish::Refused) };
     let task = claimed.task(&mut tx.db).await?;
     let (owner, warnings) = (row.text("owner")?, row.text("warnings")?);
-    let job = row.bytes("first_job")?.map(job_id).transpose()?;
+    let job = row.get("first_job")?;
     let (trace, program, now) = (trace.as_deref(), Some(tx.of.node.program), tx.now);
     let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
     super::keep::store(&mut tx.db, answer, &source, true).await?;

@@ -7,6 +7,7 @@ use super::transaction::Transaction;
 use super::{chunks, keep};
 use crate::error::Error;
 use crate::keep::Answered;
+use crate::read::read_job;
 use crate::row::{Columns, Row, RunId};
 use crate::signals::Effect;
 use crate::statement::sql;
@@ -79,7 +80,7 @@ async fn join(tx: &mut Transaction<'_>, new: &EncodedJob, run: RunId) -> Result<
         run
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(Ok(None)) };
-    let state: JobState = crate::row::word(&row, "state")?;
+    let state: JobState = row.get("state")?;
     if state == JobState::Queued
         && let Some(full) = queue_is_full(tx, new).await?
     {
@@ -143,7 +144,7 @@ async fn insert(
     place: &Place,
 ) -> Result<Submitted, Error> {
     let row = insert_row(tx, new, place).await?;
-    let job = new.job(&row)?;
+    let job = read_job(&row)?;
     if !new.job.tags.is_empty() {
         sqlx::query("INSERT INTO job_tag (tag, job) SELECT DISTINCT unnest($1::TEXT[]), $2")
             .bind(&new.job.tags)
@@ -188,13 +189,14 @@ async fn insert_row(
               WHERE run.id = $4 AND CASE WHEN $15
                   THEN next < chunks OR queued > 0 OR (next = chunks AND running = 0)
                   ELSE run.state = 'queued' END)
-         RETURNING run, created, state, attempt, origin, started, finished, changes,
+         RETURNING id, owner, key, state, origin, label, tags, warnings, created, started, finished, attempt, priority,
+             changes, NULL AS recomputed,
              coalesce((SELECT progress FROM lease WHERE lease.run = job.run AND number = -1),
                  (SELECT least(done, chunks)::DOUBLE PRECISION / chunks FROM study WHERE study.run = job.run),
                  0) AS progress,
              (SELECT summary FROM result WHERE result.key = job.key AND job.state = 'succeeded') AS summary";
         job.id, &job.owner, job.key, run, state.as_str(), attempt, origin.as_str(), job.label.as_ref(), &new.tags,
-        new.warnings.to_string(), job.priority, repeatable.map(|repeatable| &repeatable.key),
+        &new.warnings, job.priority, repeatable.map(|repeatable| &repeatable.key),
         repeatable.map(|repeatable| &repeatable.fingerprint), job.submitted.as_ref(), job.chunks.is_some(), began
     );
     let row = query.postgres().fetch_one(tx.db.connection()).await;

@@ -6,7 +6,7 @@
 use super::transaction::Transaction;
 use crate::claimed::{Claim, Claimed, FinishedChunk, is_step};
 use crate::error::Error;
-use crate::row::{Columns, RunId, key};
+use crate::row::{Columns, RunId};
 use crate::signals::Effect;
 use crate::statement::sql;
 use crate::tables::{Connected, Tables};
@@ -52,7 +52,7 @@ async fn start(run: RunId, tx: &mut Transaction) -> Result<(), Error> {
         run, tx.now
     );
     if let Some(row) = tx.db.row(query).await? {
-        tx.effects.push(Effect::Changed(key(&row, "key")?));
+        tx.effects.push(Effect::Changed(row.get("key")?));
     }
     Ok(())
 }
@@ -82,11 +82,11 @@ pub(crate) async fn finish_chunk(
     }
     if is_step(done, chunks) {
         let query = sql!(
-            "UPDATE run SET progress = $2 WHERE id = $1 RETURNING key";
+            "UPDATE run SET progress = $2 WHERE id = $1";
             run, f64::from(done) / f64::from(chunks)
         );
-        let row = tx.db.one(query).await?;
-        tx.effects.push(Effect::Changed(key(&row, "key")?));
+        tx.db.execute(query).await?;
+        tx.effects.push(Effect::Changed(claim.key));
     }
     Ok(true)
 }

@@ -103,7 +103,12 @@ impl Queue {
         .fetch_all(db)
         .await?;
         for (run, owner, priority, job) in rows {
-            queue.add(RunId(run), &owner, priority, job_id(&job)?);
+            queue.add(
+                RunId(run),
+                &owner,
+                priority,
+                job_id(&job).map_err(|error| sqlx::Error::Decode(error.into()))?,
+            );
         }
         Ok(queue)
     }

@@ -12,7 +12,7 @@ use crate::claimed::{Claim, Claimed};
 use crate::error::Error;
 use crate::keep::{self, Answered, Finish, Source};
 use crate::options::{MAX_LOST, Recovered};
-use crate::row::{Columns, RunId, job_id, key};
+use crate::row::{Columns, RunId};
 use crate::signals::Effect;
 use crate::statement::{Statement, sql};
 use crate::tables::{Connected, Tables};
@@ -129,7 +129,7 @@ pub(crate) async fn release(claim: &Claim, tx: &mut Transaction) -> Result<bool,
         "SELECT owner, priority, id FROM job WHERE run = $1 AND finished IS NULL"; run
     );
     for row in tx.db.rows(query).await? {
-        tx.queue.add(run, row.get("owner")?, row.get("priority")?, job_id(row.get("id")?)?);
+        tx.queue.add(run, row.get("owner")?, row.get("priority")?, row.get("id")?);
     }
     tx.effects.push(Effect::Queued);
     Ok(true)
@@ -171,7 +171,7 @@ async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
     {
         for row in rows {
             // No duration is recorded, because it would include the time during which the server was down.
-            tx.effects.extend([Effect::Ended(key(&row, "key")?), Effect::Settled(ending, None)]);
+            tx.effects.extend([Effect::Ended(row.get("key")?), Effect::Settled(ending, None)]);
         }
     }
     tx.queue = Queue::load(&mut tx.db).await?;
@@ -188,7 +188,7 @@ async fn end(
     ending: Ending,
 ) -> Result<bool, Error> {
     let Some(row) = tx.db.row(update).await? else { return Ok(false) };
-    ended(tx, run, key(&row, "key")?, row.get("started")?, ending);
+    ended(tx, run, row.get("key")?, row.get("started")?, ending);
     Ok(true)
 }
 

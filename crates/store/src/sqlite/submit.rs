@@ -8,7 +8,8 @@ use super::keep::{Reason, keeping};
 use super::transaction::Transaction;
 use crate::error::Error;
 use crate::keep::Answered;
-use crate::row::{Columns, Row, RunId, checksum, word};
+use crate::read::read_job;
+use crate::row::{Columns, Row, RunId, checksum};
 use crate::signals::Effect;
 use crate::statement::{Statement, sql};
 use crate::submit::{Admission, EncodedJob, Queued, Submitted};
@@ -40,7 +41,7 @@ impl EncodedJob {
         let query = self.bind(Statement::of(SUBMIT.as_str()), tx.now, None);
         let row = self.inserted(query, tx).await?;
         if let (Some(chunks), Some(row)) = (self.job.chunks, &row)
-            && word::<Origin>(row, "origin")? == Origin::Computed
+            && row.get::<Origin>("origin")? == Origin::Computed
         {
             let (run, chunks) = (RunId(row.get("run")?), chunks.get());
             let insert = sql!("INSERT INTO study (run, chunks) VALUES ($1, $2)"; run, chunks);
@@ -72,7 +73,7 @@ impl EncodedJob {
             .with(new.id)
             .with(new.label.as_ref())
             .with(&self.tags)
-            .with(self.warnings.to_string())
+            .with(&self.warnings)
             .with(new.priority)
             .with(repeatable.map(|repeatable| &repeatable.key))
             .with(repeatable.map(|repeatable| &repeatable.fingerprint))
@@ -86,7 +87,7 @@ impl EncodedJob {
     fn submitted(&self, tx: &mut Transaction, row: Option<Row>) -> Result<Submitted, Error> {
         let new = &self.job;
         let Some(row) = row else { return Ok(Submitted::NeedsRun) };
-        let job = self.job(&row)?;
+        let job = read_job(&row)?;
         let (origin, state) = (job.origin, job.state);
         let run = row.get::<Option<i64>>("run")?.map(RunId);
         // A study has pieces for workers while it is running, too.
@@ -134,7 +135,8 @@ const JOB: &str = "
             || 'succeeded 1 ' || $17, state || ' ' || attempt || ' ' || $17)
     FROM found
     WHERE NOT $7 OR run IS NOT NULL OR (is_known AND NOT $5)
-    RETURNING run, created, state, attempt, origin, started, finished, changes,
+    RETURNING run, id, owner, key, state, origin, label, tags, warnings, created, started, finished, attempt, priority,
+        changes, NULL AS recomputed,
         (SELECT progress FROM run WHERE run.id = job.run) AS progress,
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
             AS summary";
