@@ -121,6 +121,31 @@ impl Claim {
     }
 }
 
+/// How many pieces of an unfinished study are in which state.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Study {
+    pub(super) chunks: u32,
+    /// The first piece that was never claimed.
+    pub(super) next: u32,
+    /// Pieces that were claimed, and are queued again.
+    pub(super) queued: u32,
+    pub(super) running: u32,
+}
+
+impl Study {
+    /// Whether a worker can claim a piece. The last piece, the assembly, waits for all others.
+    pub(super) fn is_ready(&self) -> bool {
+        self.next < self.chunks
+            || self.queued > 0
+            || (self.next == self.chunks && self.running == 0)
+    }
+
+    /// Pieces that were claimed, and are finished.
+    pub(super) fn done(&self) -> u32 {
+        self.next - self.queued - self.running
+    }
+}
+
 /// A chunk and what was computed for it.
 pub(super) struct FinishedChunk {
     pub(super) claim: Claim,

@@ -420,7 +420,10 @@ impl Store {
     /// The sizes of the database and of its log.
     #[must_use]
     pub fn file_sizes(&self) -> FileSizes {
-        each!(self, db => db.file_sizes())
+        match &self.engine {
+            Engine::Sqlite(db) => db.file_sizes(),
+            Engine::Postgres(_) => FileSizes::default(),
+        }
     }
 
     /// Open connections to the database; `None` if it is not on a server.

@@ -51,15 +51,7 @@ pub fn check(dir: &Path) -> Command<'_, Checked, Moving> {
         if let Err(error) = schema::compare(&mut db, &path).await {
             return of_schema(error);
         }
-        let (found, known) = (schema::version(&mut db).await?, schema::latest());
-        if found != known {
-            let error = if found < known {
-                Error::Older { path, found, known }
-            } else {
-                Error::Newer { path, found, known }
-            };
-            return Err(error.into());
-        }
+        schema::require_latest(&mut db, &path).await?;
         let mut damage = of_pages(&mut db).await?;
         damage.extend(of_rows(&mut db).await?);
         let count = "SELECT (SELECT count(*) FROM job), (SELECT count(*) FROM result)";

@@ -17,7 +17,7 @@ use super::Moving;
 use super::untrusted::{ExportFile, Found, unreadable};
 use crate::administration::Administration;
 use crate::error::{Command, Error};
-use crate::imports::{Before, Import, NoteTaken};
+use crate::imports::{self, Before, Import, NoteTaken};
 use crate::keep::Answered;
 use crate::library::{Note, Program};
 use crate::place::Place;
@@ -111,7 +111,7 @@ impl Importer {
             Ok(read) => read,
             Err(why) => return Ok(Err(why)),
         };
-        let before = self.db.before(&entry.key, &digest).await?;
+        let before = Before::of(&entry.key, &digest, &mut self.db).await?;
         if let Some(why) = before.refusal() {
             return Ok(Err(why));
         }
@@ -119,7 +119,7 @@ impl Importer {
             return Ok(Ok(Some(entry)));
         }
         self.done.known += 1;
-        let note = self.db.take_note(&entry.key, entry.note.as_ref()).await?;
+        let note = self.db.change(imports::take_note, &(entry.key, entry.note)).await?;
         self.count_note(note, entry.key);
         Ok(Ok(None))
     }
@@ -137,7 +137,7 @@ impl Importer {
         Box::pin(async move {
             let file = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let (key, size, verified) = (import.key, import.answer.size, import.verified);
-            let (before, note) = self.db.import(&(import, file)).await?;
+            let (before, note) = self.db.change(imports::import, &(import, file)).await?;
             match before {
                 Before::Nothing => {
                     self.done.results += 1;

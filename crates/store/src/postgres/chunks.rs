@@ -5,50 +5,20 @@
 use super::follow::follow;
 use super::lease;
 use super::transaction::Transaction;
-use crate::claimed::{Claim, Claimed, FinishedChunk, is_step};
+use crate::claimed::{Claim, Claimed, FinishedChunk, Study, is_step};
 use crate::error::Error;
-use crate::row::{Columns, Row, RunId};
+use crate::row::{Columns, RunId, read};
 use crate::signals::Effect;
 use crate::statement::sql;
 use crate::tables::{Connected, Tables};
 
-/// How many pieces of a study are in which state.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Study {
-    chunks: i64,
-    /// The first piece that was never claimed.
-    next: i64,
-    /// Pieces that were claimed, and are queued again.
-    queued: i64,
-    running: i64,
-    done: i64,
-}
-
-impl Study {
-    fn read(row: &Row) -> Result<Self, sqlx::Error> {
-        Ok(Self {
-            chunks: row.get("chunks")?,
-            next: row.get("next")?,
-            queued: row.get("queued")?,
-            running: row.get("running")?,
-            done: row.get("done")?,
-        })
-    }
-
-    /// Whether a worker can claim a piece. The last piece, the assembly, waits for all others.
-    pub(super) fn is_ready(&self) -> bool {
-        self.next < self.chunks
-            || self.queued > 0
-            || (self.next == self.chunks && self.running == 0)
-    }
-}
-
 /// Locks a study until the end of the transaction. Returns `None` if the run is no study.
 pub(super) async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Study>, Error> {
     let query = sql!(
-        "SELECT chunks, next, queued, running, done FROM study WHERE run = $1 FOR NO KEY UPDATE"; run
+        "SELECT chunks, next, queued, running FROM study WHERE run = $1 FOR NO KEY UPDATE"; run
     );
-    Ok(tx.db.row(query).await?.as_ref().map(Study::read).transpose()?)
+    let Some(row) = tx.db.row(query).await? else { return Ok(None) };
+    Ok(Some(read!(row => Study { chunks, next, queued, running })))
 }
 
 /// Stores the counts of a locked study. Its jobs are in the queue while it has a piece for a worker.
@@ -59,7 +29,7 @@ async fn store(
 ) -> Result<(), Error> {
     let query = sql!(
         "UPDATE study SET next = $2, queued = $3, running = $4, done = $5 WHERE run = $1";
-        run, after.next, after.queued, after.running, after.done
+        run, after.next, after.queued, after.running, after.done()
     );
     tx.db.execute(query).await?;
     if before.is_ready() != after.is_ready() {
@@ -76,7 +46,9 @@ async fn store(
 /// Claims a piece of a study: a new chunk; otherwise one that was released or lost; otherwise the assembly. So a chunk that
 /// may have caused a crash is computed last. Returns `None` if no piece can be claimed any more.
 pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Claimed>, Error> {
-    let Some(before) = lock(tx, run).await?.filter(Study::is_ready) else { return Ok(None) };
+    let Some(before) = lock(tx, run).await?.filter(Study::is_ready) else {
+        return Ok(None);
+    };
     let query = sql!(
         "SELECT state, key, trace, wall, cpu, (
              SELECT number FROM chunk WHERE chunk.run = $1 AND chunk.state = 'queued'
@@ -110,8 +82,7 @@ pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option
         tx.effects.push(Effect::Changed(row.get("key")?));
     }
     store(tx, run, (before, after)).await?;
-    let [number, of] = [number, before.chunks].map(|number| number as u32);
-    Ok(Some(Claimed::piece(run, (number, of), attempt.get("attempt")?, &row)?))
+    Ok(Some(Claimed::piece(run, (number, before.chunks), attempt.get("attempt")?, &row)?))
 }
 
 /// Starts the run of a study.
@@ -140,7 +111,7 @@ pub(crate) async fn finish_chunk(
     if tx.db.execute(query).await? == 0 {
         return Ok(false);
     }
-    let after = Study { running: before.running - 1, done: before.done + 1, ..before };
+    let after = Study { running: before.running - 1, ..before };
     let query = sql!(
         "UPDATE study SET lost = 0, wall = wall + $2, cpu = cpu + $3 WHERE run = $1";
         run, cost.wall.as_secs_f64(), cost.cpu.map(|cpu| cpu.as_secs_f64())
@@ -149,11 +120,10 @@ pub(crate) async fn finish_chunk(
     store(tx, run, (before, after)).await?;
     lease::end(tx, claim.part).await?;
     tx.effects.push(Effect::LetGo(claim.part));
-    if after.done == after.chunks {
+    if after.done() == after.chunks {
         tx.effects.push(Effect::Queued);
     }
-    let [done, chunks] = [after.done, after.chunks].map(|count| count as u32);
-    if is_step(done, chunks) {
+    if is_step(after.done(), after.chunks) {
         tx.effects.push(Effect::Changed(claim.key));
     }
     Ok(true)
@@ -207,7 +177,7 @@ pub(super) async fn lose(
     .bind(lease::milliseconds(tx.of.node.lease))
     .fetch_one(tx.db.connection())
     .await?;
-    let pieces: i64 = lost.get("pieces")?;
+    let pieces: u32 = lost.get("pieces")?;
     let after =
         Study { running: before.running - pieces, queued: before.queued + pieces, ..before };
     store(tx, run, (before, after)).await?;

@@ -33,7 +33,6 @@ use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
 
 use super::error::Error;
-use super::options::FileSizes;
 use super::row::{Columns, Row};
 use super::signals::Signals;
 use super::statement::{Statement, sql};
@@ -88,11 +87,6 @@ impl Database {
     /// PostgreSQL does not tell it, and may be on another machine.
     pub(super) fn free_bytes(&self) -> Option<u64> {
         fs4::available_space(self.0.disk.as_ref()?).ok()
-    }
-
-    #[expect(clippy::unused_self, reason = "the other engine needs it")]
-    pub(super) fn file_sizes(&self) -> FileSizes {
-        FileSizes::default()
     }
 
     /// Those for verbs and leases. One more waits for notifications.

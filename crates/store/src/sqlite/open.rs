@@ -1,6 +1,5 @@
 //! Opens the data directory: lock, check of the file, migrations, connections.
 
-use std::cmp::Ordering;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
@@ -18,7 +17,7 @@ use super::log::Log;
 use super::outline;
 use super::queue::Queue;
 use super::readers::{BUSY, Readers};
-use super::schema::{self, latest, migrate, version};
+use super::schema::{self, migrate};
 use super::transaction::Transaction;
 use super::upkeep::Upkeep;
 use super::writer::Writer;
@@ -298,10 +297,6 @@ pub(crate) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConne
     }
     inspect(&path).await?;
     let mut db = SqliteConnection::connect_with(&options).await?;
-    let (found, known) = (version(&mut db).await?, latest());
-    match found.cmp(&known) {
-        Ordering::Less => Err(Error::Older { path, found, known }),
-        Ordering::Equal => Ok(db),
-        Ordering::Greater => Err(Error::Newer { path, found, known }),
-    }
+    schema::require_latest(&mut db, &path).await?;
+    Ok(db)
 }

@@ -14,6 +14,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use sqlx::SqliteConnection;
 
+use crate::claimed::Study;
 use crate::error::Error;
 use crate::row::{Part, RunId, job_id};
 use fretwork_job::JobId;
@@ -41,26 +42,6 @@ struct Lane {
     working: usize,
     /// The number of the last turn of this owner. A later turn has a larger number.
     served: u64,
-}
-
-/// How many pieces of a study are in which state.
-#[derive(Debug)]
-struct Study {
-    chunks: u32,
-    /// The first piece that was never claimed.
-    next: u32,
-    /// Pieces that were claimed, and are queued again.
-    queued: u32,
-    running: u32,
-}
-
-impl Study {
-    /// Whether a worker can claim a piece. The last piece, the assembly, waits for all others.
-    fn is_ready(&self) -> bool {
-        self.next < self.chunks
-            || self.queued > 0
-            || (self.next == self.chunks && self.running == 0)
-    }
 }
 
 impl Queue {
