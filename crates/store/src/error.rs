@@ -187,6 +187,13 @@ impl From<sqlx::Error> for Error {
     }
 }
 
+/// Whether SQLite says that a file is not a database.
+pub(super) fn is_other_file(error: &sqlx::Error) -> bool {
+    const SQLITE_NOTADB: &str = "26";
+    let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
+    code.is_some_and(|code| code == SQLITE_NOTADB)
+}
+
 impl Error {
     /// Whether the transaction collided with another one in PostgreSQL, so that it may succeed when it is repeated: a
     /// serialization failure, a deadlock, or two first submissions with the same idempotency key.

@@ -50,11 +50,7 @@ pub fn backup<'a>(dir: &'a Path, file: &'a Path) -> Command<'a, Saved, Moving> {
         }
         let part = Part::of(file, ".part")?;
         let from = Source::of(&path, file)?;
-        open::inspect(from.path()).await?;
-        let mut db = reading(from.path()).await?;
-        schema::compare(&mut db, &path).await?;
-        refuse(of_pages(&mut db).await?, &path)?;
-        db.close().await?;
+        inspect(from.path(), &path).await?;
         copy(from.path(), &part.0).await?;
         let saved = check(&part.0, &path).await?;
         part.name(file)?;
@@ -121,12 +117,7 @@ async fn put_in_place(
     }
     let part = Part::of(&path, ".part")?;
     let from = Source::of(file, &path)?;
-    open::inspect(from.path()).await?;
-    let mut db = reading(from.path()).await?;
-    schema::compare(&mut db, file).await?;
-    refuse(of_pages(&mut db).await?, file)?;
-    let (found, known) = (schema::version(&mut db).await?, schema::latest());
-    db.close().await?;
+    let (found, known) = (inspect(from.path(), file).await?, schema::latest());
     if found > known {
         return Err(Error::Newer { path: file.to_owned(), found, known }.into());
     }
@@ -143,6 +134,17 @@ async fn put_in_place(
     supplant(&part.0, &path, former.as_deref())
         .map_err(|source| Moving::NotReplaced { path: path.clone(), source })?;
     Ok((saved, former))
+}
+
+/// Refuses a file whose schema or pages a copy would repair or hide. Errors call it `name`. Returns the version of its schema.
+async fn inspect(file: &Path, name: &Path) -> Result<i64, Moving> {
+    open::inspect(file).await?;
+    let mut db = reading(file).await?;
+    schema::compare(&mut db, name).await?;
+    refuse(of_pages(&mut db).await?, name)?;
+    let version = schema::version(&mut db).await?;
+    db.close().await?;
+    Ok(version)
 }
 
 /// Lets SQLite end what a crash has interrupted in a database, so that neither a log nor a journal is left beside it. A

@@ -16,7 +16,7 @@ use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
 use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
 use super::{Moving, reading};
 use crate::body::Body;
-use crate::error::{Command, Error};
+use crate::error::{Command, Error, is_other_file};
 use crate::row::{Columns, Sum, changes, checksum};
 use crate::search::names;
 use crate::sqlite::open::{self, DATABASE};
@@ -75,14 +75,6 @@ fn of_schema(error: Error) -> Result<Checked, Moving> {
         error => return Err(error.into()),
     };
     Ok(Checked { counts: None, damage: vec![damage] })
-}
-
-/// Whether SQLite says that a file is not a database (`SQLITE_NOTADB`).
-fn is_other_file(error: &sqlx::Error) -> bool {
-    error
-        .as_database_error()
-        .and_then(sqlx::error::DatabaseError::code)
-        .is_some_and(|code| code == "26")
 }
 
 /// Compares all indexes with their tables, and checks the structure of all pages.

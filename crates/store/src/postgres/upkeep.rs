@@ -135,7 +135,7 @@ impl Upkeep {
             // Another server may have evicted some before this transaction, so it sums.
             let room = db.write(make_room, budget).await?;
             let Some((stored, evicted, took)) = room else { return Ok(()) };
-            db.0.signals.tally.room_is(stored.unsigned_abs());
+            db.0.signals.tally.bytes.set(stored);
             if evicted == 0 {
                 if stored <= budget {
                     self.exceeds = false;

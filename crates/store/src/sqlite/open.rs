@@ -76,7 +76,7 @@ impl Database {
         let queue = Queue::load(&mut db).await?;
         let program = Program::this().id(&mut db).await?;
         let ledger = Ledger::open(lock, &mut db).await?;
-        signals.tally.has_lost(ledger.missing());
+        signals.tally.lost.set(ledger.missing);
         let files =
             [path.clone(), with_suffix(&path, "-wal"), with_suffix(&path, "-shm"), dir.join(LOCK)];
         let files = Files::at(files)

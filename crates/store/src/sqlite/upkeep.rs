@@ -269,6 +269,6 @@ async fn evict(key: &[u8], leave_body: bool, tx: &mut Transaction) -> Result<(),
 }
 
 /// Bytes of the stored results.
-pub(super) async fn stored((): &(), tx: &mut Transaction) -> Result<u64, Error> {
+pub(super) async fn stored((): &(), tx: &mut Transaction) -> Result<i64, Error> {
     Ok(sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?)
 }

@@ -293,7 +293,7 @@ impl Writer {
             _ => false,
         };
         if let Ok(bytes) = self.chore(upkeep::stored, ()).await {
-            self.signals.tally.room_is(bytes);
+            self.signals.tally.bytes.set(bytes);
         }
         let spare = self.give_back().await;
         let more = many || old || chunks || exceeds || spare;
