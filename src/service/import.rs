@@ -44,7 +44,7 @@ const HOPELESS: f64 = 10.0;
 /// # Errors
 /// The file is not an export, or a database fails.
 pub async fn import(
-    place: impl Into<Place>,
+    place: Place,
     file: &Path,
     limit: Duration,
     mut progress: impl FnMut(f64, usize),

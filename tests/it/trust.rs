@@ -72,7 +72,7 @@ pub async fn exported(jobs: &[Value]) -> (TempDir, std::path::PathBuf, Vec<(Stri
     }
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
-    export(server.place(), &file, &Search::default(), &[], quiet).await.unwrap();
+    export(server.place(), &file, &Search::default(), &[], &mut quiet).await.unwrap();
     (dir, file, results)
 }
 

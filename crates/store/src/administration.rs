@@ -41,11 +41,7 @@ impl Connected for Administration {
 
 impl Administration {
     /// Opens the database at a place. Creates or migrates it where necessary, unless a server uses a directory.
-    pub fn open(place: impl Into<Place>) -> Command<'static, Self> {
-        Self::at(place.into())
-    }
-
-    fn at(place: Place) -> Command<'static, Self> {
+    pub fn open(place: Place) -> Command<'static, Self> {
         Box::pin(async move {
             Ok(Self(match place {
                 Place::Directory(dir) => {

@@ -33,21 +33,11 @@ pub struct Exported {
 /// # Errors
 /// The file exists, a key is unknown, or a database fails.
 pub fn export<'a>(
-    place: impl Into<Place>,
-    file: &'a Path,
-    search: &'a Search,
-    keys: &'a [Key],
-    progress: impl FnMut(usize, usize) + 'a,
-) -> Command<'a, Exported, Moving> {
-    write_all(place.into(), file, search, keys, Box::new(progress))
-}
-
-fn write_all<'a>(
     place: Place,
     file: &'a Path,
     search: &'a Search,
     keys: &'a [Key],
-    mut progress: Box<dyn FnMut(usize, usize) + 'a>,
+    progress: &'a mut dyn FnMut(usize, usize),
 ) -> Command<'a, Exported, Moving> {
     Box::pin(async move {
         if file.exists() {

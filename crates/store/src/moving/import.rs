@@ -61,16 +61,11 @@ impl Importer {
     ///
     /// # Errors
     /// The file is not an export, or a database fails.
-    pub fn open(place: impl Into<Place>, file: &Path) -> Command<'_, Self, Moving> {
-        let db = Administration::open(place);
-        Self::read_from(file, db)
-    }
-
-    fn read_from<'a>(file: &'a Path, db: Command<'a, Administration>) -> Command<'a, Self, Moving> {
+    pub fn open(place: Place, file: &Path) -> Command<'_, Self, Moving> {
         Box::pin(async move {
             let mut from = ExportFile::open(file).await?;
             let rows = from.rows().await?.into_iter();
-            let (db, path) = (db.await?, file.to_owned());
+            let (db, path) = (Administration::open(place).await?, file.to_owned());
             Ok(Self { from, db, path, rows, done: Imported::default() })
         })
     }
