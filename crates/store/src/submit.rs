@@ -126,25 +126,6 @@ impl EncodedJob {
         Self { job, tags, warnings, submission_warnings }
     }
 
-    /// Why a submission is refused if its queue is full, or if it needs a known result. `result` says whether the result is
-    /// stored, and `live` is the state of the live run.
-    pub(super) fn refused_because(
-        &self,
-        result: bool,
-        live: Option<&str>,
-        queued: Queued,
-    ) -> Option<Submitted> {
-        let admission = self.job.admission;
-        // A job that needs neither a worker nor a place in the queue is always accepted.
-        match live {
-            _ if result && !self.job.afresh => None,
-            _ if admission == Admission::OnlyKnown => Some(Submitted::Unknown),
-            Some("running") => None,
-            None if admission == Admission::NoNewRun => Some(Submitted::NeedsRun),
-            _ => Some(Submitted::QueueFull { queued: queued.all }),
-        }
-    }
-
     /// The job that this submission made when it was first sent.
     pub(super) async fn repeated(
         &self,

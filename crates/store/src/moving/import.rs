@@ -186,8 +186,10 @@ const MAX_WARNINGS: usize = 4000;
 /// A result of an export whose row has passed all checks, but whose body is not trusted.
 #[derive(Debug)]
 pub struct Entry {
-    key: Key,
-    body: Bytes,
+    /// Its key.
+    pub key: Key,
+    /// The JSON of the result.
+    pub body: Bytes,
     cost: Option<Cost>,
     owner: Option<String>,
     computed: Option<i64>,
@@ -241,18 +243,6 @@ impl Entry {
             note: note(row)?,
         };
         Ok((entry, digest))
-    }
-
-    /// Its key.
-    #[must_use]
-    pub fn key(&self) -> Key {
-        self.key
-    }
-
-    /// Its bytes.
-    #[must_use]
-    pub fn body(&self) -> &Bytes {
-        &self.body
     }
 
     /// Accepts the result, which says this. Compresses its body.

@@ -36,7 +36,7 @@ impl<'a> Transaction<'a> {
             let mut db = of.pool.get().await?;
             match db.connection().fetch_one("BEGIN; SELECT moment()").await.map_err(Error::from) {
                 Ok(row) => return Ok(Self { of, db, now: row.try_get(0)?, effects: Vec::new() }),
-                Err(Error::Unreachable(_)) if !db.is_new() => {}
+                Err(Error::Unreachable(_)) if !db.is_new => {}
                 Err(error) => return Err(error),
             }
         }
@@ -66,7 +66,7 @@ impl<'a> Transaction<'a> {
         let end = if answer.is_ok() { "COMMIT" } else { "ROLLBACK" };
         let ended = Executor::execute(self.db.connection(), end).await;
         if ended.is_ok() {
-            self.db.answered();
+            self.db.has_answered = true;
         }
         let answer = answer?;
         ended?;
@@ -143,10 +143,10 @@ macro_rules! reading {
                 let $db = borrowed.connection();
                 let answer: Result<_, Error> = async { $query }.await;
                 match answer {
-                    Err(Error::Unreachable(_)) if !borrowed.is_new() => {}
+                    Err(Error::Unreachable(_)) if !borrowed.is_new => {}
                     Err(error @ Error::Unreachable(_)) => return Err(error),
                     answer => {
-                        borrowed.answered();
+                        borrowed.has_answered = true;
                         return answer;
                     }
                 }

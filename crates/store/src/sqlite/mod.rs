@@ -94,7 +94,7 @@ impl Database {
                 Purpose::Keys => (&self.keys, None),
             };
             let _permit = permit.transpose().map_err(|_| Error::Closed)?;
-            readers.get().await?.connection().read(statement, most).await
+            readers.get().await?.connection.read(statement, most).await
         };
         self.signals.counted(done.await)
     }

@@ -79,8 +79,7 @@ impl Database {
         signals.tally.lost.set(ledger.missing);
         let files =
             [path.clone(), with_suffix(&path, "-wal"), with_suffix(&path, "-shm"), dir.join(LOCK)];
-        let files = Files::at(files)
-            .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
+        let files = Files::at(files).map_err(|error| unusable(dir, error))?;
         // A new database has no clock.
         let clock = sqlx::query_scalar("SELECT clock FROM room").fetch_one(&mut db).await?;
         let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::at(clock));
@@ -97,7 +96,7 @@ impl Database {
 /// Opens or creates the database of a locked directory, and migrates it to this version.
 async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConnection, Error> {
     let path = dir.join(DATABASE);
-    let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
+    let refused = |error| unusable(dir, error);
     forget_foreign_log(&path).map_err(refused)?;
     inspect(&path).await?;
     if !path.exists() || uses_log(&path).map_err(refused)? != Some(true) {
@@ -190,8 +189,12 @@ pub(crate) fn connecting(path: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new().filename(path).busy_timeout(BUSY).disable_statement_logging()
 }
 
+fn unusable(dir: &Path, error: io::Error) -> Error {
+    Error::Directory { dir: dir.to_owned(), source: Arc::new(error) }
+}
+
 pub(crate) fn lock(dir: &Path) -> Result<File, Error> {
-    let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
+    let refused = |error| unusable(dir, error);
     fs::create_dir_all(dir).map_err(refused)?;
     let path = dir.join(LOCK);
     let file = File::options().create(true).truncate(false).read(true).write(true).open(&path);

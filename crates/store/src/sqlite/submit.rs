@@ -21,7 +21,7 @@ impl EncodedJob {
     /// Why the submission is refused, if it is.
     async fn refusal(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
         let admission = self.job.admission;
-        let queued = Queued { all: tx.queue.jobs(), own: tx.queue.waiting_of(&self.job.owner) };
+        let queued = Queued { all: tx.queue.jobs, own: tx.queue.waiting_of(&self.job.owner) };
         if admission != Admission::OnlyKnown && !queued.is_full(tx.queue_limit) {
             return Ok(None);
         }
@@ -33,7 +33,14 @@ impl EncodedJob {
             self.job.key
         );
         let row = tx.db.one(query).await?;
-        Ok(self.refused_because(row.get("is_known")?, row.text("live")?, queued))
+        // A job that needs neither a worker nor a place in the queue is always accepted.
+        Ok(match row.text("live")? {
+            _ if row.get("is_known")? && !self.job.afresh => None,
+            _ if admission == Admission::OnlyKnown => Some(Submitted::Unknown),
+            Some("running") => None,
+            None if admission == Admission::NoNewRun => Some(Submitted::NeedsRun),
+            _ => Some(Submitted::QueueFull { queued: queued.all }),
+        })
     }
 
     /// Inserts the job, and a run if it needs one. The new run is queued.
