@@ -187,6 +187,15 @@ impl From<sqlx::Error> for Error {
     }
 }
 
+/// What was read, or what SQLite says of the damage that prevents it.
+pub(super) fn unless_damaged<T>(read: Result<T, sqlx::Error>) -> Result<Result<T, String>, Error> {
+    match read.map_err(Error::from) {
+        Ok(found) => Ok(Ok(found)),
+        Err(Error::Damaged(error)) => Ok(Err(error.to_string())),
+        Err(error) => Err(error),
+    }
+}
+
 /// Whether SQLite says that a file is not a database.
 pub(super) fn is_other_file(error: &sqlx::Error) -> bool {
     const SQLITE_NOTADB: &str = "26";

@@ -14,7 +14,7 @@ use super::damage::Damage;
 use super::{COMPANIONS, Moving, Part, put, reading, refused, remove, sync_directory};
 use crate::administration::PATIENCE;
 use crate::body::Body;
-use crate::error::{Command, Error};
+use crate::error::{Command, Error, unless_damaged};
 use crate::row::{Columns as _, Sum};
 use crate::sqlite::open::{self, DATABASE, LOCK};
 use crate::sqlite::{ledger, schema};
@@ -161,10 +161,9 @@ async fn settle(path: &Path) -> Result<(), Moving> {
         db.close().await?;
         Ok(is_used)
     };
-    match settled.await.map_err(|error: sqlx::Error| Error::from(error)) {
-        Ok(false) | Err(Error::Damaged(_)) => Ok(()),
+    match unless_damaged(settled.await)? {
+        Ok(false) | Err(_) => Ok(()),
         Ok(true) => Err(not_replaced(io::Error::other("another command is using it"))),
-        Err(error) => Err(error.into()),
     }
 }
 
@@ -255,15 +254,12 @@ async fn copy(from: &Path, to: &Path) -> Result<(), Moving> {
     let target = to.to_string_lossy().into_owned();
     let copied = sqlx::query("VACUUM INTO ?1").bind(target).execute(&mut db).await;
     db.close().await?;
-    match copied.map_err(Error::from) {
-        Ok(_) => Ok(()),
-        // Pages are damaged. If they belong to bodies of results, the rest can still be read.
-        Err(Error::Damaged(_)) => {
-            fs::remove_file(to).map_err(refused(to))?;
-            copy_readable(from, to).await
-        }
-        Err(error) => Err(error.into()),
+    if unless_damaged(copied)?.is_err() {
+        // If the damaged pages belong to bodies of results, the rest can still be read.
+        fs::remove_file(to).map_err(refused(to))?;
+        copy_readable(from, to).await?;
     }
+    Ok(())
 }
 
 /// Copies a snapshot of a database row by row, without the bodies that cannot be read, and without chunks: a server computes
@@ -300,10 +296,8 @@ async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
     let mut reader = reading(from).await?;
     for body in bodies {
         let read = sqlx::query("SELECT body FROM result_blob WHERE rowid = ?1").bind(body);
-        match read.fetch_optional(&mut reader).await.map_err(Error::from) {
-            Ok(_) => {}
-            Err(Error::Damaged(_)) => continue,
-            Err(error) => return Err(error.into()),
+        if unless_damaged(read.fetch_optional(&mut reader).await)?.is_err() {
+            continue;
         }
         sqlx::query(
             "INSERT INTO main.result_blob (key, body)
