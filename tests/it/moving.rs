@@ -733,7 +733,7 @@ async fn a_manually_copied_backup_ignores_an_old_write_ahead_log() {
     assert_eq!(said, "ok");
     // A database keeps its own log.
     let own = crate::store::crash(server.dir.path());
-    let store = Store::open(own.path(), &Options::default()).await.unwrap();
+    let store = Store::open(own.path().into(), &Options::default()).await.unwrap();
     assert!(store.has_result(&later[0].parse().unwrap()).await.unwrap());
     store.close().await;
 }

@@ -439,11 +439,7 @@ impl Store {
     ///
     /// No other process can open a directory until the store is closed. Call [`Store::recover`] before the first
     /// [`Store::claim`].
-    pub fn open(place: impl Into<Place>, options: &Options) -> Command<'_, Self> {
-        Self::at(place.into(), options)
-    }
-
-    fn at(place: Place, options: &Options) -> Command<'_, Self> {
+    pub fn open(place: Place, options: &Options) -> Command<'_, Self> {
         Box::pin(async move {
             let signals = Arc::new(Signals::default());
             let shared = Arc::clone(&signals);
