@@ -4,7 +4,7 @@
 //! that it cancels or deletes itself. So no client can fill the log with ordinary requests.
 
 use super::error::Error;
-use super::row::{Columns, Row, read};
+use super::row::{Columns, Row, cells, read};
 use super::statement::sql;
 use super::tables::{Connected, Tables};
 use fretwork_job::words;
@@ -26,6 +26,8 @@ words! {
         DeleteResult = "delete_result",
     }
 }
+
+cells! { text by str::parse: Act; }
 
 /// Who acts.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use subtle::ConstantTimeEq as _;
 use super::audit::{Act, Actor, record};
 use super::change::Change;
 use super::error::Error;
-use super::row::{Columns, Row, read};
+use super::row::{Columns, Row, cells, read};
 use super::statement::sql;
 use super::tables::{Connected, Tables};
 use fretwork_job::words;
@@ -35,6 +35,8 @@ words! {
         Admin = "admin",
     }
 }
+
+cells! { text by str::parse: Role; }
 
 /// A stored access key.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -10,9 +10,7 @@ use sqlx::postgres::PgRow;
 use sqlx::sqlite::SqliteRow;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::audit::Act;
 use super::body::Body;
-use super::keys::Role;
 use fretwork_job::{Change, FailureKind, JobId, JobState, Key, Origin, Recomputed, Verified};
 
 /// The id of a run.
@@ -73,22 +71,24 @@ pub(super) trait Cell<'r>: Sized {
 }
 
 /// The value of a column.
-fn decoded<T, E: Into<BoxDynError>>(value: Option<Result<T, E>>) -> Result<Option<T>, sqlx::Error> {
+pub(super) fn decoded<T, E: Into<BoxDynError>>(
+    value: Option<Result<T, E>>,
+) -> Result<Option<T>, sqlx::Error> {
     value.transpose().map_err(|error| sqlx::Error::Decode(error.into()))
 }
 
 /// Implements [`Cell`] for types: the column by a method of [`Columns`], and its value by a function.
 macro_rules! cells {
     ($($method:ident by $convert:path: $($kind:ty),+;)*) => { $($(
-        impl<'r> Cell<'r> for Option<$kind> {
-            fn read(row: &'r impl Columns, column: &str) -> Result<Self, sqlx::Error> {
-                decoded(row.$method(column)?.map(|value| $convert(value)))
+        impl<'r> $crate::row::Cell<'r> for Option<$kind> {
+            fn read(row: &'r impl $crate::row::Columns, column: &str) -> Result<Self, sqlx::Error> {
+                $crate::row::decoded(row.$method(column)?.map(|value| $convert(value)))
             }
         }
 
-        impl<'r> Cell<'r> for $kind {
-            fn read(row: &'r impl Columns, column: &str) -> Result<Self, sqlx::Error> {
-                Option::<$kind>::read(row, column)?
+        impl<'r> $crate::row::Cell<'r> for $kind {
+            fn read(row: &'r impl $crate::row::Columns, column: &str) -> Result<Self, sqlx::Error> {
+                row.get::<Option<$kind>>(column)?
                     .ok_or_else(|| sqlx::Error::Decode(format!("{column} is null").into()))
             }
         }
@@ -100,7 +100,7 @@ cells! {
     real by TryFrom::try_from: f64;
     truth by TryFrom::try_from: bool;
     text by TryFrom::try_from: &'r str, String;
-    text by str::parse: Act, FailureKind, JobState, Origin, Recomputed, Role, Verified;
+    text by str::parse: FailureKind, JobState, Origin, Recomputed, Verified;
     text by changes: Vec<Change>;
     text by serde_json::from_str: Vec<String>, Value;
     bytes by TryFrom::try_from: &'r [u8], Vec<u8>;
@@ -115,7 +115,7 @@ macro_rules! read {
     };
 }
 
-pub(super) use read;
+pub(super) use {cells, read};
 
 /// The rows of a page, and the last of them if there is a next page. A statement reads one row more than the page has.
 pub(super) fn page_of(rows: &[Row], limit: u32) -> (&[Row], Option<&Row>) {
