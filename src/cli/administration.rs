@@ -60,7 +60,7 @@ async fn add(new: AddKey) -> Result<(), Error> {
     let AddKey { name, role, expires, rate, data } = new;
     let place = data.place()?;
     let new_database = !Administration::is_at(&place);
-    let mut tables = Administration::open(&place).await?;
+    let mut tables = Administration::open(place.clone()).await?;
     let expires = expires.map(|time| now() + time.as_millis() as i64);
     let first = tables.keys().await?.is_empty();
     let key =
@@ -85,7 +85,7 @@ async fn add(new: AddKey) -> Result<(), Error> {
 /// Makes the first key, for an administrator, and prints it.
 pub async fn add_first_key(place: &Place, logging: &Logging) -> Result<(), Error> {
     const NAME: &str = "first";
-    let mut tables = Administration::open(place).await?;
+    let mut tables = Administration::open(place.clone()).await?;
     let new = NewKey { name: NAME.to_owned(), role: Role::Admin, per_minute: None, expires: None };
     let key = tables.add_key(&new).await?;
     let message = "Other machines can reach this server, so it requires an access key. This is the key of an administrator. \

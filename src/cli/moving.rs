@@ -56,7 +56,7 @@ pub fn export(settings: &Export) -> Result<(), Error> {
     }
     let Export { file, keys, data, .. } = settings;
     let mut progress = progress("exported");
-    let progress = |done: usize, of| progress(done as f64, of);
+    let progress = &mut |done: usize, of| progress(done as f64, of);
     let done = block_on(store::export(data.place()?, file, &search, keys, progress))?;
     for key in &done.left_out {
         writeln!(io::stderr(), "left out {key}: it is damaged, or was evicted during the export")?;
@@ -170,7 +170,7 @@ pub fn restore(settings: &Restore) -> Result<ExitCode, Error> {
 
 /// The keys that are neither revoked nor expired.
 async fn valid_keys(dir: &Path) -> Result<Vec<AccessKey>, store::Moving> {
-    let mut administration = Administration::open(dir).await?;
+    let mut administration = Administration::open(dir.into()).await?;
     let mut keys = administration.keys().await?;
     administration.close().await?;
     let now = clock::now();

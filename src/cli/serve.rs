@@ -75,7 +75,7 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
     let mut signals = ShutdownSignals::new()?;
     let connections = allow_open_files(settings.connections);
     let place = settings.place()?;
-    let store = Store::open(&place, &settings.storage()).await?;
+    let store = Store::open(place.clone(), &settings.storage()).await?;
     let listener = listen(settings.listen, "--listen")?;
     let address = listener.local_addr()?;
     let umbridge = settings.umbridge_listen.map(|address| listen(address, "--umbridge-listen"));

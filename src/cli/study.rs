@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io::{self, IsTerminal as _, Write as _};
+use std::iter;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{self, ScopedJoinHandle};
@@ -25,12 +26,8 @@ pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
                 return computed;
             }
             let mut points = Points::chunk(Arc::clone(study), number, count);
-            let rows = loop {
-                if let Some(rows) = points.step() {
-                    break rows;
-                }
-            };
-            computed.push((number, rows));
+            let rows = iter::repeat_with(|| points.step()).find_map(|rows| rows);
+            computed.extend(rows.map(|rows| (number, rows)));
             done.fetch_add(1, Ordering::Relaxed);
         }
     };

@@ -42,7 +42,8 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
     let listener = settings.listen.map(|address| listen(address, "--listen")).transpose()?;
     // A worker deletes nothing to make room. The servers do, by their own limits.
     let store =
-        Store::open(place, &Options { lease: settings.lease, ..Options::default() }).await?;
+        Store::open(place.clone(), &Options { lease: settings.lease, ..Options::default() })
+            .await?;
     let count = worker_threads(settings.workers);
     let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limits());
     let workers = Workers::start(&store, count, settings.limits(), &service.compute())?;

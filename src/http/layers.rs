@@ -275,7 +275,8 @@ mod tests {
     /// A server with one route, and the directory of its database.
     async fn surrounded(route: MethodRouter, access: &Access) -> (Router, TempDir) {
         let dir = TempDir::new().unwrap();
-        let store = Store::open(dir.path(), &fretwork_store::Options::default()).await.unwrap();
+        let store =
+            Store::open(dir.path().into(), &fretwork_store::Options::default()).await.unwrap();
         let shares = Arc::new(Shares::new(1 << 20, 1));
         let admission = Admission::new(Connections::default());
         let metrics = Arc::new(Metrics::new(store.tally(), 1, &admission, &shares));

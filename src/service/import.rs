@@ -44,7 +44,7 @@ const HOPELESS: f64 = 10.0;
 /// # Errors
 /// The file is not an export, or a database fails.
 pub async fn import(
-    place: impl Into<Place>,
+    place: Place,
     file: &Path,
     limit: Duration,
     mut progress: impl FnMut(f64, usize),
@@ -57,7 +57,7 @@ pub async fn import(
         if import.unread() > 0 && busy < AHEAD * processors() && bytes < AHEAD_BYTES {
             if let Some(entry) = import.next_entry().await? {
                 busy += 1;
-                bytes += entry.body().len();
+                bytes += entry.body.len();
                 // The threads end after the queue.
                 let _ = queue.send(entry);
             }
@@ -123,7 +123,7 @@ impl Verifier {
 
     fn work(&self) {
         while let Some(entry) = self.next() {
-            let (key, size) = (entry.key(), entry.body().len());
+            let (key, size) = (entry.key, entry.body.len());
             // A defect of the engine must not end the import.
             let verdict = catch_unwind(AssertUnwindSafe(|| self.verify(entry)));
             let defect = || Err("to compute it failed: this is a defect of fretwork".to_owned());
@@ -138,11 +138,10 @@ impl Verifier {
     }
 
     fn verify(&self, entry: Entry) -> Result<Accepted, String> {
-        let received = Received::read(&entry.key(), entry.body()).map_err(|why| why.to_string())?;
-        let verified = self.compute(&received, entry.body()).map_err(|why| why.to_string())?;
+        let received = Received::read(&entry.key, &entry.body).map_err(|why| why.to_string())?;
+        let verified = self.compute(&received, &entry.body).map_err(|why| why.to_string())?;
         if verified != Verified::All {
-            format::check(entry.body())
-                .map_err(|why| format!("its tables are not whole: {why}"))?;
+            format::check(&entry.body).map_err(|why| format!("its tables are not whole: {why}"))?;
         }
         Ok(entry.accept(&received.document, verified))
     }

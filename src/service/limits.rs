@@ -1,6 +1,5 @@
 //! How much one job may take.
 
-use std::fmt;
 use std::time::Duration;
 
 use fretwork_engine::scenario::MAX_ANSWER;
@@ -49,9 +48,15 @@ impl WorkLimits {
 }
 
 /// What a task would take, and the limit. In words, it also says what to change.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Excess {
     /// Processor time.
+    #[error(
+        "It would take about {}, and the limit of this server is {}. Request fewer points, output cycles or profiles, an \
+         earlier last cycle, or a larger tolerance.",
+        humantime::format_duration(Duration::from_secs(time.as_secs())),
+        humantime::format_duration(*limit)
+    )]
     Time {
         /// The estimate.
         time: Duration,
@@ -59,6 +64,9 @@ pub enum Excess {
         limit: Duration,
     },
     /// Points of a study.
+    #[error(
+        "The study has {points} points, and the limit of this server is {limit}. Request fewer values or samples."
+    )]
     Points {
         /// Its points.
         points: usize,
@@ -66,36 +74,16 @@ pub enum Excess {
         limit: usize,
     },
     /// Size of the result of a study.
+    #[error(
+        "The result of the study could have {:.1} MB, and the limit of this server is {:.1} MB. Request fewer values, \
+         samples, outputs or radii.",
+        *bytes as f64 / 1e6,
+        *limit as f64 / 1e6
+    )]
     Bytes {
         /// The largest possible size.
         bytes: usize,
         /// The limit.
         limit: usize,
     },
-}
-
-impl fmt::Display for Excess {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Time { time, limit } => write!(
-                f,
-                "It would take about {}, and the limit of this server is {}. Request fewer points, output cycles or \
-                 profiles, an earlier last cycle, or a larger tolerance.",
-                humantime::format_duration(Duration::from_secs(time.as_secs())),
-                humantime::format_duration(limit),
-            ),
-            Self::Points { points, limit } => write!(
-                f,
-                "The study has {points} points, and the limit of this server is {limit}. Request fewer values or \
-                 samples."
-            ),
-            Self::Bytes { bytes, limit } => write!(
-                f,
-                "The result of the study could have {:.1} MB, and the limit of this server is {:.1} MB. Request fewer \
-                 values, samples, outputs or radii.",
-                bytes as f64 / 1e6,
-                limit as f64 / 1e6,
-            ),
-        }
-    }
 }

@@ -41,7 +41,7 @@ pub async fn made(place: impl Into<Place>, name: &str, role: Role) -> String {
 }
 
 async fn made_with(place: impl Into<Place>, new: NewKey) -> String {
-    let mut administration = Administration::open(place).await.unwrap();
+    let mut administration = Administration::open(place.into()).await.unwrap();
     let key = administration.add_key(&new).await.unwrap();
     administration.close().await.unwrap();
     key

@@ -222,7 +222,7 @@ async fn a_changed_bit_in_the_schema_names_the_index() {
     assert!(said.starts_with("damaged: sqlite_schema job_key: "), "{said}");
     assert!(output.stdout.ends_with(b"cannot be counted; damage in 1 places\n"));
     // The server says it, too.
-    let refused = Store::open(dir.path(), &Options::default()).await.unwrap_err();
+    let refused = Store::open(dir.path().into(), &Options::default()).await.unwrap_err();
     assert!(refused.source().unwrap().to_string().contains("job_key"), "{refused:?}");
 }
 

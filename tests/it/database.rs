@@ -147,8 +147,8 @@ impl Database {
 
     pub async fn open_with(&self, options: &Options) -> Store {
         match self {
-            Self::Sqlite(dir) => Store::open(dir.path(), options).await.unwrap(),
-            Self::Postgres(_) => Store::open(self.url(), options).await.unwrap(),
+            Self::Sqlite(dir) => Store::open(dir.path().into(), options).await.unwrap(),
+            Self::Postgres(_) => Store::open(self.url().into(), options).await.unwrap(),
         }
     }
 

@@ -251,7 +251,7 @@ async fn many_jobs_can_be_cancelled_with_a_filter(on: Engine) {
 async fn old_jobs_are_deleted_and_their_results_stay() {
     let dir = TempDir::new().unwrap();
     let options = Options { keep_jobs: Some(Duration::from_millis(50)), ..Options::default() };
-    let store = Store::open(dir.path(), &options).await.unwrap();
+    let store = Store::open(dir.path().into(), &options).await.unwrap();
     let waiting = accepted(store.submit(new_job(1)).await);
     let job = compute(&store, 1, 0).await;
     let later = accepted(store.submit(new_job(2)).await);
@@ -271,7 +271,7 @@ async fn old_jobs_are_deleted_and_their_results_stay() {
 async fn the_least_recently_read_result_is_evicted_unless_it_is_pinned() {
     let dir = TempDir::new().unwrap();
     let options = Options { budget: Some(1_700_000), ..Options::default() };
-    let store = Store::open(dir.path(), &options).await.unwrap();
+    let store = Store::open(dir.path().into(), &options).await.unwrap();
     for number in 0..3 {
         compute(&store, number, 500_000).await;
         // Times of reading have a resolution of 1 ms.

@@ -41,7 +41,7 @@ async fn the_first_list_after_an_import_takes_at_most_half_a_second() {
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
     let all = Search::default();
-    let exported = export(from.place(), &file, &all, &[], quiet).await.unwrap();
+    let exported = export(from.place(), &file, &all, &[], &mut quiet).await.unwrap();
     let imported = import(to.place(), &file).await.unwrap();
     assert_eq!((exported.results, imported.results), (count.into(), count.into()));
     for list in ["/v1/results", "/v1/results?sort=-wear_volume"] {

@@ -36,7 +36,7 @@ pub async fn import_within(
     file: &Path,
     limit: Duration,
 ) -> Result<Imported, Moving> {
-    service::import(place, file, limit, |_, _| {}).await
+    service::import(place.into(), file, limit, |_, _| {}).await
 }
 
 /// The SHA-256 of a body in hexadecimal.
@@ -57,7 +57,7 @@ async fn computed(server: &Server, amplitudes: &[f64]) -> Vec<String> {
 /// Exports all results; returns how many.
 pub async fn export_all(server: &Server, file: &Path) -> u64 {
     let all = Search::default();
-    export(server.place(), file, &all, &[], quiet).await.unwrap().results
+    export(server.place(), file, &all, &[], &mut quiet).await.unwrap().results
 }
 
 pub async fn open_file(file: &Path) -> SqliteConnection {
@@ -174,7 +174,7 @@ async fn an_export_is_a_database_with_readable_columns_and_units() {
     let file = dir.path().join("results.db");
     let mut search = Search::default();
     search.set("amplitude", "2 um").unwrap();
-    let done = export(server.place(), &file, &search, &[], quiet).await.unwrap();
+    let done = export(server.place(), &file, &search, &[], &mut quiet).await.unwrap();
     assert_eq!(done.results, 1);
     let result = server.get(&format!("/v1/results/{}", keys[1])).await;
     let (body, result) = (result.body.clone(), result.json());
@@ -622,12 +622,12 @@ async fn export_and_restore_refuse_a_database_of_another_version() {
     )
     .await
     .unwrap();
-    let refused = export(dir.path(), &file, &all, &[], quiet).await;
+    let refused = export(dir.path().into(), &file, &all, &[], &mut quiet).await;
     assert!(matches!(refused, Err(Moving::Store(Error::Older { .. }))), "{refused:?}");
     db.execute("INSERT INTO _sqlx_migrations VALUES (999, 'later', 0, TRUE, x'', 0)")
         .await
         .unwrap();
-    let refused = export(dir.path(), &file, &all, &[], quiet).await;
+    let refused = export(dir.path().into(), &file, &all, &[], &mut quiet).await;
     assert!(matches!(refused, Err(Moving::Store(Error::Newer { found: 999, .. }))), "{refused:?}");
     // A backup is possible, but not a restore.
     backup(dir.path(), &file).await.unwrap();
@@ -733,7 +733,7 @@ async fn a_manually_copied_backup_ignores_an_old_write_ahead_log() {
     assert_eq!(said, "ok");
     // A database keeps its own log.
     let own = crate::store::crash(server.dir.path());
-    let store = Store::open(own.path(), &Options::default()).await.unwrap();
+    let store = Store::open(own.path().into(), &Options::default()).await.unwrap();
     assert!(store.has_result(&later[0].parse().unwrap()).await.unwrap());
     store.close().await;
 }

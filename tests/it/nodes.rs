@@ -280,7 +280,7 @@ async fn a_server_runs_beside_a_later_one_until_the_tables_require_the_later_one
     assert!(store.submit(new_job(2)).await.is_err_and(refuses));
     assert!(store.finish(&claimed, &answer("a"), Cost::ZERO).await.is_err_and(refuses));
     assert_eq!(job(&store, submitted.id).await.state, JobState::Running);
-    let started = Store::open(db.url(), &Options::default()).await;
+    let started = Store::open(db.url().into(), &Options::default()).await;
     let text = started.unwrap_err().to_string();
     assert!(text.contains("was written by a later version"), "{text}");
 }

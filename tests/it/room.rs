@@ -110,7 +110,7 @@ async fn space_is_given_back_while_the_server_is_busy() {
     let limit = 6 << 20;
     assert!(before > 3 * limit, "{before}");
     let options = Options { budget: Some(limit), ..Options::default() };
-    let store = Store::open(dir.path(), &options).await.unwrap();
+    let store = Store::open(dir.path().into(), &options).await.unwrap();
     // The pauses are too short for an idle writer task.
     for number in 200..=255 {
         compute(&store, number, 10).await;
@@ -125,7 +125,7 @@ async fn space_is_given_back_while_the_server_is_busy() {
 async fn pinned_results_stay_when_jobs_and_other_results_are_deleted() {
     let dir = TempDir::new().unwrap();
     let options = Options { budget: Some(2 << 20), ..Options::default() };
-    let store = Store::open(dir.path(), &options).await.unwrap();
+    let store = Store::open(dir.path().into(), &options).await.unwrap();
     let first = compute(&store, 0, 400_000).await;
     let ada = Editor { owner: "ada".into(), may_change_all: false };
     assert_eq!(store.pin(&key(0), true, ada).await.unwrap(), Changed::Done);
@@ -143,7 +143,7 @@ async fn pinned_results_stay_when_jobs_and_other_results_are_deleted() {
 async fn the_scenario_of_an_evicted_result_stays_while_it_has_a_job() {
     let dir = TempDir::new().unwrap();
     let options = Options { budget: Some(2 << 20), ..Options::default() };
-    let store = Store::open(dir.path(), &options).await.unwrap();
+    let store = Store::open(dir.path().into(), &options).await.unwrap();
     for number in [0, 1] {
         compute(&store, number, 10).await;
         assert!(matches!(
@@ -192,7 +192,7 @@ async fn a_jump_of_the_system_clock_deletes_no_jobs() {
     drop(db);
     let keep_jobs = Some(Duration::from_hours(90 * 24));
     let store =
-        Store::open(dir.path(), &Options { keep_jobs, ..Options::default() }).await.unwrap();
+        Store::open(dir.path().into(), &Options { keep_jobs, ..Options::default() }).await.unwrap();
     let (store, old) = (&store, ids[0]);
     eventually(|| async move { store.job(old).await.unwrap().is_none() }).await;
     assert!(store.job(ids[1]).await.unwrap().is_some(), "it was not old before the jump");

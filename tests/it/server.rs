@@ -87,7 +87,7 @@ impl Server {
         let shared = in_postgres().then(|| Database::new(Engine::Postgres));
         let store = match &shared {
             Some(shared) => shared.open_with(options).await,
-            None => Store::open(dir.path(), options).await.unwrap(),
+            None => Store::open(dir.path().into(), options).await.unwrap(),
         };
         store.recover().await.unwrap();
         let service = Service::new(store.clone(), begin, 2, limits);

@@ -56,7 +56,7 @@ pub fn accepted(submitted: Result<Submitted, Error>) -> Job {
 
 pub async fn open(dir: &Path) -> Store {
     for _ in 0..100 {
-        match Store::open(dir, &Options::default()).await {
+        match Store::open(dir.into(), &Options::default()).await {
             // A program that another test is starting holds a copy of each open lock until it runs.
             Err(Error::Locked { .. }) => sleep(Duration::from_millis(10)).await,
             opened => return opened.unwrap(),
@@ -506,7 +506,7 @@ async fn the_live_job_of_a_key_is_the_oldest_unfinished_one(on: Engine) {
 #[tokio::test]
 async fn a_second_server_on_the_same_directory_is_refused() {
     let (dir, store) = fresh().await;
-    let second = Store::open(dir.path(), &Options::default()).await;
+    let second = Store::open(dir.path().into(), &Options::default()).await;
     let Err(error @ Error::Locked { .. }) = second else { panic!("{second:?}") };
     assert!(error.to_string().contains(&dir.path().display().to_string()));
     store.close().await;
@@ -528,7 +528,7 @@ async fn a_database_of_a_later_version_is_refused() {
     store.close().await;
     let later = "INSERT INTO _sqlx_migrations VALUES (9999, 'later', 0, TRUE, x'00', 0)";
     raw(dir.path()).await.execute(later).await.unwrap();
-    let opened = Store::open(dir.path(), &Options::default()).await;
+    let opened = Store::open(dir.path().into(), &Options::default()).await;
     assert!(matches!(opened, Err(Error::Newer { found: 9999, .. })), "{opened:?}");
 }
 
@@ -539,7 +539,7 @@ async fn the_database_of_another_program_is_refused_and_not_changed() {
     foreign.execute("CREATE TABLE song (title TEXT)").await.unwrap();
     foreign.close().await.unwrap();
     let before = fs::read(dir.path().join("fretwork.db")).unwrap();
-    let opened = Store::open(dir.path(), &Options::default()).await;
+    let opened = Store::open(dir.path().into(), &Options::default()).await;
     assert!(matches!(opened, Err(Error::Foreign { .. })), "{opened:?}");
     assert_eq!(fs::read(dir.path().join("fretwork.db")).unwrap(), before);
 }
@@ -549,7 +549,7 @@ async fn a_file_that_is_not_a_database_is_refused_and_not_changed() {
     let dir = TempDir::new().unwrap();
     let text = "radius, wear\n".repeat(1000);
     fs::write(dir.path().join("fretwork.db"), &text).unwrap();
-    let opened = Store::open(dir.path(), &Options::default()).await;
+    let opened = Store::open(dir.path().into(), &Options::default()).await;
     assert!(matches!(opened, Err(Error::NotADatabase { .. })), "{opened:?}");
     assert_eq!(fs::read_to_string(dir.path().join("fretwork.db")).unwrap(), text);
 }
@@ -565,7 +565,7 @@ async fn an_empty_database_file_is_initialised() {
 async fn the_error_names_a_directory_that_cannot_be_created() {
     let dir = TempDir::new().unwrap();
     fs::write(dir.path().join("file"), "").unwrap();
-    let opened = Store::open(&*dir.path().join("file/data"), &Options::default()).await;
+    let opened = Store::open((&*dir.path().join("file/data")).into(), &Options::default()).await;
     let Err(error @ Error::Directory { .. }) = opened else { panic!("{opened:?}") };
     assert!(error.to_string().contains("file/data"));
 }

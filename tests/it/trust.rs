@@ -72,7 +72,7 @@ pub async fn exported(jobs: &[Value]) -> (TempDir, std::path::PathBuf, Vec<(Stri
     }
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
-    export(server.place(), &file, &Search::default(), &[], quiet).await.unwrap();
+    export(server.place(), &file, &Search::default(), &[], &mut quiet).await.unwrap();
     (dir, file, results)
 }
 
@@ -490,7 +490,7 @@ async fn no_wrong_result_of_a_thousand_mutated_exports_is_served() {
     let count = if std::env::var_os("FRETWORK_TEST_LONG").is_some() { 20_000 } else { 1000 };
     let (mut stored, mut refused, mut unreadable) = (0, 0, 0);
     let to = TempDir::new().unwrap();
-    Store::open(to.path(), &Options::default()).await.unwrap().close().await;
+    Store::open(to.path().into(), &Options::default()).await.unwrap().close().await;
     let empty = fs::read(to.path().join("fretwork.db")).unwrap();
     for number in 0..count {
         let mutated = dir.path().join("mutated.db");
@@ -566,7 +566,7 @@ async fn a_compressed_request_body_is_refused() {
 async fn a_file_whose_schema_is_not_text_is_refused() {
     let (_dir, file, _) = exported(&[small(2.0, "simplified")]).await;
     let to = TempDir::new().unwrap();
-    Store::open(to.path(), &Options::default()).await.unwrap().close().await;
+    Store::open(to.path().into(), &Options::default()).await.unwrap().close().await;
     let database = to.path().join("fretwork.db");
     for (path, kind) in [(&file, "export"), (&database, "database")] {
         let mut bytes = fs::read(path).unwrap();
@@ -585,6 +585,6 @@ async fn a_file_whose_schema_is_not_text_is_refused() {
     assert!(refused.contains("damaged"), "{refused}");
     let refused = restore(other.path(), &database, true).await.unwrap_err().to_string();
     assert!(refused.contains("damaged"), "{refused}");
-    let refused = Store::open(to.path(), &Options::default()).await.unwrap_err().to_string();
+    let refused = Store::open(to.path().into(), &Options::default()).await.unwrap_err().to_string();
     assert!(refused.contains("damaged"), "{refused}");
 }

@@ -139,7 +139,7 @@ async fn results_of_both_versions_are_exported_and_imported() {
     let queued = finished(&server, "queued").await;
     let there = TempDir::new().unwrap();
     let file = there.path().join("all.db");
-    let exported = export(server.place(), &file, &Search::default(), &[], |_, _| {}).await;
+    let exported = export(server.place(), &file, &Search::default(), &[], &mut |_, _| {}).await;
     let exported = exported.unwrap();
     assert!(exported.results >= 3 && exported.left_out.is_empty(), "{exported:?}");
     let imported = import(there.path(), &file).await.unwrap();

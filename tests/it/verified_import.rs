@@ -206,7 +206,7 @@ async fn an_import_that_is_killed_goes_on() {
     }
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
-    export(from.place(), &file, &Search::default(), &[], quiet).await.unwrap();
+    export(from.place(), &file, &Search::default(), &[], &mut quiet).await.unwrap();
     let data = dir.path().join("data");
     let words = ["import", file.to_str().unwrap(), "--data-dir", data.to_str().unwrap()];
     let mut child = fretwork(&words).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use serde::ser::SerializeMap as _;
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 use serde_json::value::RawValue;
@@ -113,9 +112,7 @@ impl Canonical {
 
 impl Serialize for Canonical {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut members = serializer.serialize_map(Some(1))?;
-        members.serialize_entry(self.kind.member(), &self.value)?;
-        members.end()
+        serializer.collect_map([(self.kind.member(), &self.value)])
     }
 }
 

@@ -78,12 +78,8 @@ pub struct BadKey;
 impl FromStr for Key {
     type Err = BadKey;
     fn from_str(text: &str) -> Result<Self, BadKey> {
-        let mut bytes = [0; 32];
-        if text.len() != 64 {
-            return Err(BadKey);
-        }
-        HEXLOWER.decode_mut(text.as_bytes(), &mut bytes).map_err(|_| BadKey)?;
-        Ok(Self(bytes))
+        let bytes = HEXLOWER.decode(text.as_bytes()).ok().and_then(|bytes| bytes.try_into().ok());
+        bytes.map(Self).ok_or(BadKey)
     }
 }
 

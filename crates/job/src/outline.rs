@@ -6,9 +6,8 @@ use serde_json::{Map, Value, json};
 
 use fretwork_engine::outcome::Quantity;
 use fretwork_engine::request::quantity::Dimension::{
-    self, Angle, Force, Length, Number, Stiffness, Stress,
+    self, Angle, Energy, Force, Length, Number, Stiffness, Stress, Volume, WearCoefficient,
 };
-use fretwork_engine::request::quantity::Dimension::{Energy, Volume, WearCoefficient};
 use fretwork_study::Kind;
 
 /// A number that users can search by.
@@ -153,11 +152,8 @@ impl Outline {
     /// The words as members of a JSON object.
     #[must_use]
     pub fn words(&self) -> Map<String, Value> {
-        WORDS
-            .iter()
-            .zip(&self.words)
-            .map(|(word, value)| (word.name.into(), json!(value)))
-            .collect()
+        let members = WORDS.iter().zip(&self.words);
+        members.map(|(word, value)| (word.name.into(), json!(value))).collect()
     }
 
     /// The numbers as members of a JSON object.

@@ -41,10 +41,9 @@ impl Submission {
     }
 
     fn read(mut body: Value) -> Result<Self, Faults> {
-        let asked = take_asked(&mut body)?;
+        let (kind, asked) = take_asked(&mut body)?;
         let envelope: Result<Envelope, Faults> =
             Envelope::deserialize_from_value(body.into_value(), ValuePointerRef::Origin);
-        let (kind, asked) = asked;
         let submitted = Some(asked.to_string()).filter(|text| text.len() <= MAX_SUBMITTED);
         let (Envelope { label, tags }, prepared) = both(envelope, Prepared::read(kind, asked))?;
         Ok(Self {

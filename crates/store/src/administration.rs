@@ -8,17 +8,12 @@ use sqlx::{Connection as _, SqliteConnection};
 use super::audit::{self, AuditEntry};
 use super::change::{Change, Verb};
 use super::error::{Command, Error};
-use super::imports::{self, Before, Import, NoteTaken};
 use super::keys::{self, AccessKey, NewKey};
-use super::library::{Note, Provenance};
 use super::place::Place;
-use super::read::{self, StoredResult};
-use super::row::{Columns, Sum};
-use super::search::{Cursor, Found, Search};
+use super::row::Columns;
 use super::statement::sql;
 use super::tables::{Connected, Connection, Tables};
 use super::{postgres, sqlite};
-use fretwork_job::Key;
 
 /// How long a command waits while a server writes to a directory.
 pub(super) const PATIENCE: Duration = Duration::from_secs(30);
@@ -46,11 +41,7 @@ impl Connected for Administration {
 
 impl Administration {
     /// Opens the database at a place. Creates or migrates it where necessary, unless a server uses a directory.
-    pub fn open(place: impl Into<Place>) -> Command<'static, Self> {
-        Self::at(place.into())
-    }
-
-    fn at(place: Place) -> Command<'static, Self> {
+    pub fn open(place: Place) -> Command<'static, Self> {
         Box::pin(async move {
             Ok(Self(match place {
                 Place::Directory(dir) => {
@@ -95,22 +86,36 @@ impl Administration {
     }
 
     /// Makes a change in a transaction.
-    async fn change<Input, V, Answer>(&mut self, verb: V, input: &Input) -> Result<Answer, Error>
+    pub(super) async fn change<Input, V, Answer>(
+        &mut self,
+        verb: V,
+        input: &Input,
+    ) -> Result<Answer, Error>
     where
         V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
     {
         self.execute(sql!("BEGIN" [" IMMEDIATE" | ""] "")).await?;
+        let done = self.commit(verb, input).await;
+        if done.is_err() {
+            // This fails if the database has rolled back by itself, or cannot be reached any more.
+            let _ = self.execute(sql!("ROLLBACK")).await;
+        }
+        done
+    }
+
+    /// Makes a change in the open transaction, and commits it.
+    async fn commit<Input, V, Answer>(&mut self, verb: V, input: &Input) -> Result<Answer, Error>
+    where
+        V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
+    {
         let query = sql!(
             "SELECT " ["CAST(round(unixepoch('subsec') * 1000) AS INTEGER)" | "moment()"] " AS now"
         );
         let now = self.one(query).await?.get("now")?;
         // The acts of commands are not signalled.
         let (db, effects) = (self.connection(), &mut Vec::new());
-        let done = verb.apply(input, Change { db, now, effects }).await;
-        let end = if done.is_ok() { sql!("COMMIT") } else { sql!("ROLLBACK") };
-        let ended = self.execute(end).await;
-        let answer = done?;
-        ended?;
+        let answer = verb.apply(input, Change { db, now, effects }).await?;
+        self.execute(sql!("COMMIT")).await?;
         Ok(answer)
     }
 
@@ -122,44 +127,5 @@ impl Administration {
                 Opened::Postgres(db) => Ok(db.close().await?),
             }
         })
-    }
-
-    pub(super) async fn page(
-        &mut self,
-        search: &Search,
-        cursor: Option<Cursor>,
-        limit: u32,
-    ) -> Result<Found, Error> {
-        Found::page(search, cursor, limit, self).await
-    }
-
-    pub(super) async fn result(&mut self, key: &Key) -> Result<Option<(StoredResult, Sum)>, Error> {
-        read::result(key, i64::MAX, self).await
-    }
-
-    pub(super) async fn provenance(&mut self, key: &Key) -> Result<Option<Provenance>, Error> {
-        Provenance::of(key, self).await
-    }
-
-    /// What the database has under the key of a result with this digest.
-    pub(super) async fn before(&mut self, key: &Key, digest: &[u8]) -> Result<Before, Error> {
-        Before::of(key, digest, self).await
-    }
-
-    /// Stores the note of a result, unless the result already has a note.
-    pub(super) async fn take_note(
-        &mut self,
-        key: &Key,
-        note: Option<&Note>,
-    ) -> Result<NoteTaken, Error> {
-        imports::take_note(key, note, self).await
-    }
-
-    /// Stores a result from the file with this name, if the database does not have it, and its note if the result has none.
-    pub(super) async fn import(
-        &mut self,
-        import: &(Import, String),
-    ) -> Result<(Before, NoteTaken), Error> {
-        self.change(imports::import, import).await
     }
 }

@@ -4,7 +4,7 @@
 //! that it cancels or deletes itself. So no client can fill the log with ordinary requests.
 
 use super::error::Error;
-use super::row::{Columns, Row, word};
+use super::row::{Columns, Row, cells, read};
 use super::statement::sql;
 use super::tables::{Connected, Tables};
 use fretwork_job::words;
@@ -26,6 +26,8 @@ words! {
         DeleteResult = "delete_result",
     }
 }
+
+cells! { text by str::parse: Act; }
 
 /// Who acts.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -71,16 +73,8 @@ pub struct AuditEntry {
 
 impl AuditEntry {
     fn read(row: &Row) -> Result<Self, sqlx::Error> {
-        Ok(Self {
-            id: row.get("id")?,
-            first: row.get("first")?,
-            last: row.get("last")?,
-            times: row.get("times")?,
-            act: word(row, "act")?,
-            actor: Actor { name: row.get("actor")?, key: row.get("key")? },
-            subject: row.get("subject")?,
-            owner: row.get("owner")?,
-        })
+        let actor = Actor { name: row.get("actor")?, key: row.get("key")? };
+        Ok(read!(row => Self { id, first, last, times, act, subject, owner; actor }))
     }
 }
 

@@ -21,6 +21,24 @@ impl Connected for Change<'_> {
     }
 }
 
+/// A verb that both databases have, for a transaction of one of them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shared<V>(pub(super) V);
+
+impl<'a, 'tx, Input, V, Tx> Verb<'a, Input, &'tx mut Tx> for Shared<V>
+where
+    Input: 'a,
+    V: Verb<'a, Input, Change<'tx>>,
+    Change<'tx>: From<&'tx mut Tx>,
+{
+    type Answer = V::Answer;
+    type Done = V::Done;
+
+    fn apply(self, input: &'a Input, tx: &'tx mut Tx) -> V::Done {
+        self.0.apply(input, tx.into())
+    }
+}
+
 /// A function that changes the database in a transaction `Tx`.
 ///
 /// It may be called more than once, each time after a rollback of the call before.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::body::Body;
 use super::error::Error;
-use super::row::{Columns, Part, Row, RunId, key};
+use super::row::{Columns, Part, Row, RunId, read};
 use super::signals::Stop;
 use super::statement::sql;
 use super::tables::{Connected, Tables};
@@ -55,15 +55,9 @@ pub enum Piece {
 impl Claimed {
     /// A whole run, from its row.
     pub(super) fn whole(run: RunId, row: &Row) -> Result<Self, sqlx::Error> {
-        Ok(Self {
-            run,
-            attempt: row.get("attempt")?,
-            key: key(row, "key")?,
-            piece: Piece::Whole { task: row.get("task")? },
-            spent: Cost::ZERO,
-            trace: row.get("trace")?,
-            stop: Stop::default(),
-        })
+        let piece = Piece::Whole { task: row.get("task")? };
+        let (spent, stop) = (Cost::ZERO, Stop::default());
+        Ok(read!(row => Self { attempt, key, trace; run, piece, spent, stop }))
     }
 
     /// A piece of a study with this number of chunks, read from the row of the study and its run.
@@ -74,8 +68,8 @@ impl Claimed {
         row: &Row,
     ) -> Result<Self, sqlx::Error> {
         let piece = if number == of { Piece::Assembly { of } } else { Piece::Chunk { number, of } };
-        let (key, spent, trace) = (key(row, "key")?, cost(row)?, row.get("trace")?);
-        Ok(Self { run, attempt, key, piece, spent, trace, stop: Stop::default() })
+        let (spent, stop) = (cost(row)?, Stop::default());
+        Ok(read!(row => Self { key, trace; run, attempt, piece, spent, stop }))
     }
 
     /// The task in its stored form.
@@ -97,7 +91,7 @@ impl Claimed {
     }
 
     pub(super) fn claim(&self) -> Claim {
-        Claim { part: self.part(), attempt: self.attempt }
+        Claim { part: self.part(), attempt: self.attempt, key: self.key }
     }
 }
 
@@ -106,6 +100,7 @@ impl Claimed {
 pub(super) struct Claim {
     pub(super) part: Part,
     pub(super) attempt: u32,
+    pub(super) key: Key,
 }
 
 impl Claim {
@@ -123,6 +118,31 @@ impl Claim {
             run, number, self.attempt
         );
         Ok(db.row(query).await?.map(|row| row.get("attempt")).transpose()?)
+    }
+}
+
+/// How many pieces of an unfinished study are in which state.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Study {
+    pub(super) chunks: u32,
+    /// The first piece that was never claimed.
+    pub(super) next: u32,
+    /// Pieces that were claimed, and are queued again.
+    pub(super) queued: u32,
+    pub(super) running: u32,
+}
+
+impl Study {
+    /// Whether a worker can claim a piece. The last piece, the assembly, waits for all others.
+    pub(super) fn is_ready(&self) -> bool {
+        self.next < self.chunks
+            || self.queued > 0
+            || (self.next == self.chunks && self.running == 0)
+    }
+
+    /// Pieces that were claimed, and are finished.
+    pub(super) fn done(&self) -> u32 {
+        self.next - self.queued - self.running
     }
 }
 

@@ -187,6 +187,22 @@ impl From<sqlx::Error> for Error {
     }
 }
 
+/// What was read, or what SQLite says of the damage that prevents it.
+pub(super) fn unless_damaged<T>(read: Result<T, sqlx::Error>) -> Result<Result<T, String>, Error> {
+    match read.map_err(Error::from) {
+        Ok(found) => Ok(Ok(found)),
+        Err(Error::Damaged(error)) => Ok(Err(error.to_string())),
+        Err(error) => Err(error),
+    }
+}
+
+/// Whether SQLite says that a file is not a database.
+pub(super) fn is_other_file(error: &sqlx::Error) -> bool {
+    const SQLITE_NOTADB: &str = "26";
+    let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
+    code.is_some_and(|code| code == SQLITE_NOTADB)
+}
+
 impl Error {
     /// Whether the transaction collided with another one in PostgreSQL, so that it may succeed when it is repeated: a
     /// serialization failure, a deadlock, or two first submissions with the same idempotency key.

@@ -97,7 +97,7 @@ pub(super) async fn import(
     if found.refusal().is_some() {
         return Ok((found, NoteTaken::Unchanged));
     }
-    Ok((found, take_note(key, import.note.as_ref(), &mut tx).await?))
+    Ok((found, note_result(key, import.note.as_ref(), &mut tx).await?))
 }
 
 /// Returns whether the result was stored.
@@ -135,24 +135,32 @@ async fn insert(import: &Import, file: &str, tx: &mut Change<'_>) -> Result<bool
     Ok(stored)
 }
 
-/// Stores the note of a result, unless the result already has a note.
+/// Stores the note of a result that the database has, unless the result already has a note.
 pub(super) async fn take_note(
+    (key, note): &(Key, Option<Note>),
+    mut tx: Change<'_>,
+) -> Result<NoteTaken, Error> {
+    note_result(key, note.as_ref(), &mut tx).await
+}
+
+async fn note_result(
     key: &Key,
     note: Option<&Note>,
-    mut db: impl Connected,
+    tx: &mut Change<'_>,
 ) -> Result<NoteTaken, Error> {
     let Some(Note { text, owner, at }) = note else { return Ok(NoteTaken::Unchanged) };
+    // Someone may have deleted the result since it was found.
     let insert = sql!(
-        "INSERT INTO note (key, text, owner, at) VALUES ($1, $2, $3, $4) ON CONFLICT (key) DO NOTHING";
+        "INSERT INTO note (key, text, owner, at) SELECT key, $2, $3, $4 FROM result WHERE key = $1
+         ON CONFLICT (key) DO NOTHING";
         key, text, owner, *at
     );
-    if db.execute(insert).await? > 0 {
+    if tx.execute(insert).await? > 0 {
         return Ok(NoteTaken::Stored);
     }
-    let there = db.one(sql!("SELECT text FROM note WHERE key = $1"; key)).await?;
-    Ok(if there.get::<String>("text")? == *text {
-        NoteTaken::Unchanged
-    } else {
-        NoteTaken::Refused
+    let there = tx.row(sql!("SELECT text FROM note WHERE key = $1"; key)).await?;
+    Ok(match there.map(|row| row.get::<String>("text")).transpose()? {
+        Some(there) if there != *text => NoteTaken::Refused,
+        _ => NoteTaken::Unchanged,
     })
 }

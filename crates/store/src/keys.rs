@@ -10,7 +10,7 @@ use subtle::ConstantTimeEq as _;
 use super::audit::{Act, Actor, record};
 use super::change::Change;
 use super::error::Error;
-use super::row::{Columns, Row, word};
+use super::row::{Columns, Row, cells, read};
 use super::statement::sql;
 use super::tables::{Connected, Tables};
 use fretwork_job::words;
@@ -36,6 +36,8 @@ words! {
     }
 }
 
+cells! { text by str::parse: Role; }
+
 /// A stored access key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AccessKey {
@@ -60,17 +62,9 @@ pub struct AccessKey {
 
 impl AccessKey {
     fn read(row: &Row) -> Result<Self, sqlx::Error> {
-        Ok(Self {
-            id: row.get("id")?,
-            name: row.get("name")?,
-            role: word(row, "role")?,
-            per_minute: row.get("per_minute")?,
-            created: row.get("created")?,
-            expires: row.get("expires")?,
-            revoked: row.get("revoked")?,
-            last_used: row.get("last_used")?,
-            digest: row.get("digest")?,
-        })
+        Ok(read!(row => Self {
+            id, name, role, per_minute, created, expires, revoked, last_used, digest
+        }))
     }
 
     /// Whether this is the digest of the key. The comparison takes constant time.

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::error::Error;
-use super::row::{self, Columns, Row};
+use super::row::{Columns, Row, read};
 use super::statement::{Statement, sql};
 use super::tables::{Connected, Tables};
 use fretwork_job::{Canonical, ENGINE, JobId, Key, Verified};
@@ -106,28 +106,14 @@ impl Provenance {
     }
 
     fn read(row: &Row) -> Result<Self, sqlx::Error> {
-        let job: Option<&[u8]> = row.get("job")?;
-        Ok(Self {
-            created: row.get("created")?,
-            owner: row.get("owner")?,
-            computed: row.get("computed")?,
-            wall: row.get("wall")?,
-            cpu: row.get("cpu")?,
-            job: job.map(row::job_id).transpose()?,
-            trace: row.get("trace")?,
-            warnings: row.get::<Option<&str>>("warnings")?.map(row::json).transpose()?,
+        Ok(read!(row => Self {
+            created, owner, computed, wall, cpu, job, trace, warnings, jobs, pinned, pinned_by, last_access, evicted, deleted_by,
+            size;
             program: Program::read(row)?,
-            jobs: row.get("jobs")?,
-            pinned: row.get("pinned")?,
-            pinned_by: row.get("pinned_by")?,
-            last_access: row.get("last_access")?,
-            evicted: row.get("evicted")?,
-            deleted_by: row.get("deleted_by")?,
             note: Note::read(row)?,
-            size: row.get("size")?,
-            sha256: row::key(row, "digest")?,
+            sha256: row.get("digest")?,
             imported: FromFile::read(row)?,
-        })
+        }))
     }
 }
 
@@ -143,13 +129,9 @@ pub struct FromFile {
 }
 
 impl FromFile {
-    fn read(row: &impl Columns) -> Result<Option<Self>, sqlx::Error> {
+    fn read(row: &Row) -> Result<Option<Self>, sqlx::Error> {
         let Some(at) = row.get("imported")? else { return Ok(None) };
-        Ok(Some(Self {
-            at,
-            from: row.get("imported_from")?,
-            verified: row::optional_word(row, "verified")?,
-        }))
+        Ok(Some(Self { at, from: row.get("imported_from")?, verified: row.get("verified")? }))
     }
 }
 
@@ -205,13 +187,7 @@ impl Program {
     /// Reads the columns of the table `program`.
     fn read(row: &Row) -> Result<Option<Self>, sqlx::Error> {
         let Some(version) = row.get("version")? else { return Ok(None) };
-        Ok(Some(Self {
-            version,
-            numerics: row.get("numerics")?,
-            host: row.get("host")?,
-            architecture: row.get("architecture")?,
-            processors: row.get("processors")?,
-        }))
+        Ok(Some(read!(row => Self { numerics, host, architecture, processors; version })))
     }
 }
 
@@ -243,7 +219,7 @@ impl Known {
             Some(numerics) => numerics,
             None => numerics_of(key, &asked),
         };
-        let summary = row::json(row.get("summary")?).map_err(|_| damaged())?;
+        let summary = row.get("summary").map_err(|_| damaged())?;
         Ok(Some(Self { asked, summary, numerics, held: row.get("held")? }))
     }
 }

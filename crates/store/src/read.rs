@@ -2,12 +2,10 @@
 
 use super::body::Body;
 use super::error::Error;
-use super::row::{
-    Columns, Row, RunId, Sum, changes, job_id, json, key, optional_word, page_of, word,
-};
+use super::row::{Columns, Row, RunId, Sum, page_of, read};
 use super::statement::{Statement, sql};
 use super::tables::Tables;
-use fretwork_job::{Canonical, Failure, FailureKind, Job, JobId, JobState, Key};
+use fretwork_job::{Canonical, Failure, Job, JobId, JobState, Key};
 
 /// Conditions on the jobs of a list; `None` is no condition.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -82,40 +80,24 @@ pub struct Asked {
     pub submitted: Option<String>,
 }
 
-fn read_job(row: &Row) -> Result<Job, sqlx::Error> {
-    let state: JobState = word(row, "state")?;
+/// Reads the columns of a job.
+pub(super) fn read_job(row: &Row) -> Result<Job, sqlx::Error> {
+    let state = row.get("state")?;
     let failure = match state {
-        JobState::Failed => Some(Failure {
-            kind: word::<FailureKind>(row, "error_kind")?,
-            message: row.get("error")?,
-        }),
+        JobState::Failed => {
+            Some(Failure { kind: row.get("error_kind")?, message: row.get("error")? })
+        }
         _ => None,
     };
-    let summary: Option<&str> = row.get("summary")?;
-    Ok(Job {
-        id: job_id(row.get("id")?)?,
-        state,
-        key: key(row, "key")?,
-        owner: row.get("owner")?,
-        origin: word(row, "origin")?,
-        attempt: row.get("attempt")?,
-        progress: match state {
-            JobState::Succeeded => 1.0,
-            JobState::Canceled => 0.0,
-            _ => row.get("progress")?,
-        },
-        priority: row.get("priority")?,
-        label: row.get("label")?,
-        tags: json(row.get("tags")?)?,
-        warnings: json(row.get("warnings")?)?,
-        created: row.get("created")?,
-        started: row.get("started")?,
-        finished: row.get("finished")?,
-        changes: changes(row.get("changes")?)?,
-        failure,
-        summary: summary.map(json).transpose()?,
-        recomputed: optional_word(row, "recomputed")?,
-    })
+    let progress = match state {
+        JobState::Succeeded => 1.0,
+        JobState::Canceled => 0.0,
+        _ => row.get("progress")?,
+    };
+    Ok(read!(row => Job {
+        id, key, owner, origin, attempt, priority, label, tags, warnings, created, started, finished, changes, summary,
+        recomputed; state, progress, failure
+    }))
 }
 
 /// A statement that reads jobs with these conditions, and with columns of their runs and results. A run may continue or fail
@@ -160,7 +142,7 @@ pub(super) async fn jobs(
     query.push(" ORDER BY job.id DESC LIMIT ").push_bind(i64::from(limit) + 1);
     let rows = db.rows(query).await?;
     let (rows, last) = page_of(&rows, limit);
-    let next = last.map(|row| job_id(row.get("id")?)).transpose()?;
+    let next = last.map(|row| row.get("id")).transpose()?;
     Ok(Page { jobs: rows.iter().map(read_job).collect::<Result<_, _>>()?, next })
 }
 
@@ -180,7 +162,7 @@ pub(super) async fn unfinished(
         .push(" ORDER BY job.id DESC LIMIT ")
         .push_bind(at_most);
     let rows = db.rows(query).await?;
-    Ok(rows.iter().map(|row| job_id(row.get("id")?)).collect::<Result<_, _>>()?)
+    Ok(rows.iter().map(|row| row.get("id")).collect::<Result<_, _>>()?)
 }
 
 /// The number of queued jobs of an owner, and of running ones.
@@ -227,7 +209,7 @@ pub(super) async fn live_job(
          ORDER BY job.id LIMIT 1";
         key, owner
     );
-    Ok(db.row(query).await?.map(|row| job_id(row.get("id")?)).transpose()?)
+    Ok(db.row(query).await?.map(|row| row.get("id")).transpose()?)
 }
 
 /// A result and the hash of its body. The body is read if its JSON has at most `most` bytes.

@@ -1,14 +1,17 @@
 //! How columns of the tables are read, the same way from both databases.
 
-use serde::de::DeserializeOwned;
+use std::array::TryFromSliceError;
+
+use serde_json::Value;
 use sha2::{Digest as _, Sha256};
 use sqlx::Row as _;
+use sqlx::error::BoxDynError;
 use sqlx::postgres::PgRow;
 use sqlx::sqlite::SqliteRow;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::body::Body;
-use fretwork_job::{Change, JobId, Key};
+use fretwork_job::{Change, FailureKind, JobId, JobState, Key, Origin, Recomputed, Verified};
 
 /// The id of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -67,29 +70,52 @@ pub(super) trait Cell<'r>: Sized {
     fn read(row: &'r impl Columns, column: &str) -> Result<Self, sqlx::Error>;
 }
 
-/// Implements [`Cell`] for types, each by a method of [`Columns`].
+/// The value of a column.
+pub(super) fn decoded<T, E: Into<BoxDynError>>(
+    value: Option<Result<T, E>>,
+) -> Result<Option<T>, sqlx::Error> {
+    value.transpose().map_err(|error| sqlx::Error::Decode(error.into()))
+}
+
+/// Implements [`Cell`] for types: the column by a method of [`Columns`], and its value by a function.
 macro_rules! cells {
-    ($($kind:ty: $method:ident),* $(,)?) => { $(
-        impl<'r> Cell<'r> for Option<$kind> {
-            fn read(row: &'r impl Columns, column: &str) -> Result<Self, sqlx::Error> {
-                let value = row.$method(column)?.map(<$kind>::try_from).transpose();
-                value.map_err(|error| sqlx::Error::Decode(error.into()))
+    ($($method:ident by $convert:path: $($kind:ty),+;)*) => { $($(
+        impl<'r> $crate::row::Cell<'r> for Option<$kind> {
+            fn read(row: &'r impl $crate::row::Columns, column: &str) -> Result<Self, sqlx::Error> {
+                $crate::row::decoded(row.$method(column)?.map(|value| $convert(value)))
             }
         }
 
-        impl<'r> Cell<'r> for $kind {
-            fn read(row: &'r impl Columns, column: &str) -> Result<Self, sqlx::Error> {
-                Option::<$kind>::read(row, column)?
+        impl<'r> $crate::row::Cell<'r> for $kind {
+            fn read(row: &'r impl $crate::row::Columns, column: &str) -> Result<Self, sqlx::Error> {
+                row.get::<Option<$kind>>(column)?
                     .ok_or_else(|| sqlx::Error::Decode(format!("{column} is null").into()))
             }
         }
-    )* };
+    )+)* };
 }
 
 cells! {
-    i64: integer, u64: integer, u32: integer, u8: integer, f64: real, bool: truth, &'r str: text, String: text,
-    &'r [u8]: bytes, Vec<u8>: bytes,
+    integer by TryFrom::try_from: i64, u64, u32, u8;
+    real by TryFrom::try_from: f64;
+    truth by TryFrom::try_from: bool;
+    text by TryFrom::try_from: &'r str, String;
+    text by str::parse: FailureKind, JobState, Origin, Recomputed, Verified;
+    text by changes: Vec<Change>;
+    text by serde_json::from_str: Vec<String>, Value;
+    bytes by TryFrom::try_from: &'r [u8], Vec<u8>;
+    bytes by key: Key;
+    bytes by job_id: JobId;
 }
+
+/// Reads a struct: fields from the columns of their names, and after a semicolon those that are read otherwise.
+macro_rules! read {
+    ($row:ident => $type:ident { $($column:ident),* $(,)? $(; $($field:ident $(: $value:expr)?),* $(,)?)? }) => {
+        $type { $($column: $row.get(stringify!($column))?,)* $($($field $(: $value)?,)*)? }
+    };
+}
+
+pub(super) use {cells, read};
 
 /// The rows of a page, and the last of them if there is a next page. A statement reads one row more than the page has.
 pub(super) fn page_of(rows: &[Row], limit: u32) -> (&[Row], Option<&Row>) {
@@ -97,36 +123,18 @@ pub(super) fn page_of(rows: &[Row], limit: u32) -> (&[Row], Option<&Row>) {
     (page, page.last().filter(|_| page.len() < rows.len()))
 }
 
-/// Reads a word that stands for a variant of an enum.
-pub(super) fn word<T>(row: &impl Columns, column: &str) -> Result<T, sqlx::Error>
-where
-    T: std::str::FromStr<Err: std::error::Error + Send + Sync + 'static>,
-{
-    row.get::<&str>(column)?.parse().map_err(|error| sqlx::Error::Decode(Box::new(error)))
-}
-
-/// Reads a word, if there is one.
-pub(super) fn optional_word<T>(row: &impl Columns, column: &str) -> Result<Option<T>, sqlx::Error>
-where
-    T: std::str::FromStr<Err: std::error::Error + Send + Sync + 'static>,
-{
-    row.text(column)?.map(|_| word(row, column)).transpose()
-}
-
 /// Reads a key.
-pub(super) fn key(row: &impl Columns, column: &str) -> Result<Key, sqlx::Error> {
-    let bytes = row.get::<&[u8]>(column)?;
-    let bytes = bytes.try_into().map_err(|error| sqlx::Error::Decode(Box::new(error)))?;
-    Ok(Key::from_bytes(bytes))
+fn key(bytes: &[u8]) -> Result<Key, TryFromSliceError> {
+    bytes.try_into().map(Key::from_bytes)
 }
 
 /// Reads the id of a job.
-pub(super) fn job_id(bytes: &[u8]) -> Result<JobId, sqlx::Error> {
-    uuid::Uuid::from_slice(bytes).map(JobId).map_err(|error| sqlx::Error::Decode(Box::new(error)))
+pub(super) fn job_id(bytes: &[u8]) -> Result<JobId, uuid::Error> {
+    uuid::Uuid::from_slice(bytes).map(JobId)
 }
 
 /// Reads the changes of a job, one per line: state, attempt, time.
-pub(super) fn changes(text: &str) -> Result<Vec<Change>, sqlx::Error> {
+pub(super) fn changes(text: &str) -> Result<Vec<Change>, &'static str> {
     let read = |line: &str| {
         let mut words = line.split(' ');
         Some(Change {
@@ -135,14 +143,7 @@ pub(super) fn changes(text: &str) -> Result<Vec<Change>, sqlx::Error> {
             at: words.next()?.parse().ok()?,
         })
     };
-    text.lines()
-        .map(|line| read(line).ok_or_else(|| sqlx::Error::Decode("not a change of state".into())))
-        .collect()
-}
-
-/// Reads a JSON document.
-pub(super) fn json<T: DeserializeOwned>(text: &str) -> Result<T, sqlx::Error> {
-    serde_json::from_str(text).map_err(|error| sqlx::Error::Decode(Box::new(error)))
+    text.lines().map(|line| read(line).ok_or("not a change of state")).collect()
 }
 
 /// A hash of a stored text, by which damage is detected.

@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use super::error::Error;
 use super::library::Note;
-use super::row::{Columns, Row, key, page_of};
+use super::row::{Columns, Row, page_of, read};
 use super::statement::{Statement, sql};
 use super::tables::Tables;
 use fretwork_engine::request::quantity::{self, Dimension};
@@ -282,7 +282,7 @@ pub(super) async fn nearest(
         query.push("), ").push_bind(value.abs()).push(", 1e-300), 1.0)");
     }
     query.push(", outline.id DESC LIMIT 1)");
-    Ok(db.row(query).await?.map(|row| key(&row, "key")).transpose()?)
+    Ok(db.row(query).await?.map(|row| row.get("key")).transpose()?)
 }
 
 /// The position of the last result of a page: its value in the sort column, and its row number.
@@ -354,16 +354,8 @@ impl Listed {
         for (scalar, value) in SCALARS.iter().zip(&mut outline.scalars) {
             *value = row.get(scalar.name)?;
         }
-        Ok(Self {
-            key: key(row, "key")?,
-            created: row.get("created")?,
-            owner: row.get("owner")?,
-            size: row.get("size")?,
-            pinned: row.get("pinned")?,
-            evicted: row.get("evicted")?,
-            note: Note::read(row)?,
-            outline,
-        })
+        let note = Note::read(row)?;
+        Ok(read!(row => Self { key, created, owner, size, pinned, evicted; note, outline }))
     }
 }
 

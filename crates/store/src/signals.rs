@@ -152,7 +152,7 @@ impl Signals {
                     self.tally.recomputed(how);
                 }
                 Effect::Read(key) => tables.note(key, now()),
-                Effect::Evicted => self.tally.evicted(),
+                Effect::Evicted => _ = self.tally.evicted.inc(),
                 Effect::Deleted(key) => self.deleted(Some(key)),
             }
         }

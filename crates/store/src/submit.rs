@@ -7,11 +7,11 @@ use serde_json::Value;
 use super::error::{Error, IDEMPOTENCY};
 use super::keep::Source;
 use super::read;
-use super::row::{Columns, changes, job_id, json, word};
+use super::row::Columns;
 use super::statement::sql;
 use super::tables::{Connected, Tables};
 use fretwork_engine::scenario::Warning;
-use fretwork_job::{Job, JobId, JobState, Key};
+use fretwork_job::{Job, JobId, Key};
 
 /// A submission, checked and with its key.
 #[derive(Debug, Clone)]
@@ -112,39 +112,18 @@ impl Queued {
 pub(super) struct EncodedJob {
     pub(super) job: NewJob,
     pub(super) tags: String,
-    pub(super) warnings: Value,
+    pub(super) warnings: String,
     pub(super) submission_warnings: String,
-    /// The largest number of queued jobs; `None` if the queue cannot be full.
-    pub(super) limit: Option<usize>,
 }
 
 impl EncodedJob {
     #[expect(clippy::expect_used, reason = "a job without its warnings would mislead its client")]
-    pub(super) fn new(job: NewJob, limit: Option<usize>) -> Self {
+    pub(super) fn new(job: NewJob) -> Self {
         let tags = Value::from(job.tags.clone()).to_string();
-        let json = |warnings| serde_json::to_value(warnings).expect("warnings are plain texts");
+        let json = |warnings| serde_json::to_string(warnings).expect("warnings are plain texts");
         let warnings = json(&job.warnings);
-        let submission_warnings = json(&job.submission_warnings).to_string();
-        Self { job, tags, warnings, submission_warnings, limit }
-    }
-
-    /// Why a submission is refused if its queue is full, or if it needs a known result. `result` says whether the result is
-    /// stored, and `live` is the state of the live run.
-    pub(super) fn refused_because(
-        &self,
-        result: bool,
-        live: Option<&str>,
-        queued: Queued,
-    ) -> Option<Submitted> {
-        let admission = self.job.admission;
-        // A job that needs neither a worker nor a place in the queue is always accepted.
-        match live {
-            _ if result && !self.job.afresh => None,
-            _ if admission == Admission::OnlyKnown => Some(Submitted::Unknown),
-            Some("running") => None,
-            None if admission == Admission::NoNewRun => Some(Submitted::NeedsRun),
-            _ => Some(Submitted::QueueFull { queued: queued.all }),
-        }
+        let submission_warnings = json(&job.submission_warnings);
+        Self { job, tags, warnings, submission_warnings }
     }
 
     /// The job that this submission made when it was first sent.
@@ -161,7 +140,7 @@ impl EncodedJob {
         if row.get::<&[u8]>("fingerprint")? != repeatable.fingerprint {
             return Ok(Some(Submitted::IdempotencyConflict));
         }
-        Ok(read::job(job_id(row.get("id")?)?, db).await?.map(Submitted::Repeated))
+        Ok(read::job(row.get("id")?, db).await?.map(Submitted::Repeated))
     }
 
     /// The provenance of an answer that was computed before this job was submitted.
@@ -183,34 +162,5 @@ impl EncodedJob {
             }
             _ => error.into(),
         }
-    }
-
-    /// The job in the row that was inserted for it.
-    pub(super) fn job(&self, row: &impl Columns) -> Result<Job, sqlx::Error> {
-        let new = &self.job;
-        let state = word(row, "state")?;
-        Ok(Job {
-            id: new.id,
-            state,
-            key: new.key,
-            owner: new.owner.clone(),
-            origin: word(row, "origin")?,
-            attempt: row.get("attempt")?,
-            progress: match state {
-                JobState::Succeeded => 1.0,
-                _ => row.get("progress")?,
-            },
-            priority: new.priority,
-            label: new.label.clone(),
-            tags: new.tags.clone(),
-            warnings: self.warnings.clone(),
-            created: row.get("created")?,
-            started: row.get("started")?,
-            finished: row.get("finished")?,
-            changes: changes(row.get("changes")?)?,
-            failure: None,
-            summary: row.get::<Option<&str>>("summary")?.map(json).transpose()?,
-            recomputed: None,
-        })
     }
 }

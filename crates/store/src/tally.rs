@@ -45,12 +45,15 @@ pub struct Tally {
     runs: Counters,
     seconds: Histogram,
     recomputes: Counters,
-    evicted: Counter,
-    lost: Gauge,
+    /// Results that were evicted.
+    pub(super) evicted: Counter,
+    /// Acknowledged commits that were missing at the start.
+    pub(super) lost: Gauge,
     errors: Counters,
     queued: Gauge,
     working: Gauge,
-    bytes: Gauge,
+    /// Size of the stored results.
+    pub(super) bytes: Gauge,
     /// Exponential moving average of the duration of a run, in seconds.
     usual: Gauge<f64, AtomicU64>,
 }
@@ -142,15 +145,6 @@ impl Tally {
         count(&self.recomputes, "result", how.as_str());
     }
 
-    /// This many acknowledged commits were missing at the start.
-    pub(super) fn has_lost(&self, commits: u64) {
-        self.lost.set(commits.cast_signed());
-    }
-
-    pub(super) fn evicted(&self) {
-        self.evicted.inc();
-    }
-
     pub(super) fn failed(&self, error: &Error) {
         let kind = match error {
             Error::Full(_) => "full",
@@ -166,9 +160,5 @@ impl Tally {
     pub(super) fn queue_is(&self, queued: usize, working: usize) {
         self.queued.set((queued as u64).cast_signed());
         self.working.set((working as u64).cast_signed());
-    }
-
-    pub(super) fn room_is(&self, bytes: u64) {
-        self.bytes.set(bytes.cast_signed());
     }
 }

@@ -10,7 +10,7 @@ use futures_util::stream::iter;
 
 use super::audit::{self, Actor, AuditEntry};
 use super::cancel::{self, Canceled, Deleted};
-use super::change::{Change, Verb};
+use super::change::{Change, Shared, Verb};
 use super::claimed::{Claimed, FinishedChunk, Piece};
 use super::error::{Command, Doing, Error};
 use super::keep::{self, Answered, Changed, Editor, Finish, PinQuota, Removed};
@@ -23,7 +23,7 @@ use super::row::{Columns, Row, Sum};
 use super::search::{self, Cursor, Found, Search};
 use super::signals::{Changes, Deletions, Signals};
 use super::statement::{Statement, sql};
-use super::submit::{NewJob, Submitted};
+use super::submit::{Admission, EncodedJob, NewJob, Submitted};
 use super::tables::{Most, Purpose, Tables};
 use super::tally::Tally;
 use super::{postgres, sqlite};
@@ -55,6 +55,16 @@ macro_rules! each {
     };
 }
 
+/// Makes a change by the verb of the engine.
+macro_rules! change {
+    ($store:expr, $module:ident::$verb:ident, $input:expr) => {
+        match &$store.engine {
+            Engine::Sqlite(db) => Box::pin(db.write(sqlite::$module::$verb, $input)),
+            Engine::Postgres(db) => Box::pin(db.write(postgres::$module::$verb, $input)),
+        }
+    };
+}
+
 /// The tables of a store, read by connections of this purpose.
 struct Reading<'a>(&'a Store, Purpose);
 
@@ -76,19 +86,19 @@ impl Store {
     async fn change<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer, Error>
     where
         Input: Send + Sync + 'static,
-        V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
+        V: for<'a, 'tx> Verb<'a, Input, Change<'tx>, Answer = Answer>,
         Answer: Send + 'static,
     {
         match &self.engine {
-            Engine::Sqlite(db) => db.write(sqlite::Shared(verb), input).await,
-            Engine::Postgres(db) => db.write(verb, input).await,
+            Engine::Sqlite(db) => db.write(Shared(verb), input).await,
+            Engine::Postgres(db) => db.write(Shared(verb), input).await,
         }
     }
 
     /// Accepts a job. It ends at once if the result is known. Otherwise it joins the live run, or a new run
     /// is queued if the queue is not full.
     pub fn submit(&self, job: NewJob) -> Doing<'_, Submitted> {
-        each!(self, db => Box::pin(db.submit(job)))
+        change!(self, submit::submit, EncodedJob::new(job))
     }
 
     /// Accepts jobs of one key with their answer and its cost, and finishes them in the same commit. If the
@@ -99,7 +109,9 @@ impl Store {
         answer: Answered,
         wall: Duration,
     ) -> Doing<'_, Vec<Submitted>> {
-        each!(self, db => Box::pin(db.record(jobs, answer, wall)))
+        let finished = |job| EncodedJob::new(NewJob { admission: Admission::NoNewRun, ..job });
+        let jobs: Vec<_> = jobs.into_iter().map(finished).collect();
+        change!(self, submit::record, (jobs, answer, wall))
     }
 
     /// Claims the next queued run, or a piece of a study.
@@ -108,14 +120,14 @@ impl Store {
     /// [`stopped`](Self::stopped) or [`release`](Self::release). Otherwise it stays claimed until the next
     /// start of the server.
     pub fn claim(&self) -> Doing<'_, Option<Claimed>> {
-        each!(self, db => Box::pin(db.claim()))
+        change!(self, runs::claim, ())
     }
 
     /// Stores the progress of a whole run, in 0…1; that of a study follows from its chunks. Returns false if the worker has
     /// lost what it computes.
     pub fn progress<'a>(&'a self, claimed: &'a Claimed, share: f64) -> Doing<'a, bool> {
         let share = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
-        each!(self, db => Box::pin(db.progress(claimed, share)))
+        change!(self, runs::progress, (claimed.claim(), share))
     }
 
     /// Stores the result of a run or of an assembly, and the cost of this attempt and of the chunks.
@@ -130,7 +142,7 @@ impl Store {
     ) -> Doing<'a, Finish> {
         assert!(!matches!(claimed.piece, Piece::Chunk { .. }), "a chunk has no result");
         let answer = Answered::new(answer, Some(claimed.spent + cost));
-        each!(self, db => Box::pin(db.finish(claimed, answer)))
+        change!(self, runs::finish, (claimed.clone(), answer))
     }
 
     /// Ends a run by a failure, and stops the workers that compute other pieces of it. Returns false if the worker has lost what
@@ -141,18 +153,18 @@ impl Store {
         kind: FailureKind,
         message: &'a str,
     ) -> Doing<'a, bool> {
-        each!(self, db => Box::pin(db.fail(claimed, kind, message)))
+        change!(self, runs::fail, (claimed.claim(), kind, message.to_owned()))
     }
 
     /// Confirms that the worker has stopped a run that is being canceled. Returns false if the run is not
     /// being canceled. A study never is: it is canceled at once.
     pub fn stopped<'a>(&'a self, claimed: &'a Claimed) -> Doing<'a, bool> {
-        each!(self, db => Box::pin(db.stopped(claimed)))
+        change!(self, runs::stopped, claimed.claim())
     }
 
     /// Queues a running run, or piece of a study, again. It does not count as lost. Returns false if the worker has lost it.
     pub fn release<'a>(&'a self, claimed: &'a Claimed) -> Doing<'a, bool> {
-        each!(self, db => Box::pin(db.release(claimed)))
+        change!(self, runs::release, claimed.claim())
     }
 
     /// Ends or queues all runs that the last process left unfinished. Call it before the first claim: for one server, it
@@ -172,8 +184,7 @@ impl Store {
         bytes: &'a [u8],
         cost: Cost,
     ) -> Doing<'a, bool> {
-        let finished = FinishedChunk::new(claimed, bytes, cost);
-        each!(self, db => Box::pin(db.finish_chunk(finished)))
+        change!(self, chunks::finish_chunk, FinishedChunk::new(claimed, bytes, cost))
     }
 
     /// What was stored for a finished chunk. Returns `None` if the study has ended.
@@ -195,7 +206,7 @@ impl Store {
 
     /// Cancels a job, and its run if no other unfinished job shares it.
     pub fn cancel(&self, id: JobId, by: Actor) -> Doing<'_, Canceled> {
-        each!(self, db => Box::pin(db.cancel(id, by)))
+        change!(self, cancel::cancel, (id, by))
     }
 
     /// Cancels every unfinished job that matches and was submitted before this call. Returns how many.
@@ -323,7 +334,7 @@ impl Store {
 
     /// Checks that the disk has room for a submission, by a write of the same size.
     pub fn probe(&self) -> Doing<'_, ()> {
-        each!(self, db => Box::pin(db.probe()))
+        change!(self, upkeep::probe, ())
     }
 
     /// Returns the job once it has finished, or in its current state once `until` has completed.
@@ -409,7 +420,10 @@ impl Store {
     /// The sizes of the database and of its log.
     #[must_use]
     pub fn file_sizes(&self) -> FileSizes {
-        each!(self, db => db.file_sizes())
+        match &self.engine {
+            Engine::Sqlite(db) => db.file_sizes(),
+            Engine::Postgres(_) => FileSizes::default(),
+        }
     }
 
     /// Open connections to the database; `None` if it is not on a server.
@@ -425,11 +439,7 @@ impl Store {
     ///
     /// No other process can open a directory until the store is closed. Call [`Store::recover`] before the first
     /// [`Store::claim`].
-    pub fn open(place: impl Into<Place>, options: &Options) -> Command<'_, Self> {
-        Self::at(place.into(), options)
-    }
-
-    fn at(place: Place, options: &Options) -> Command<'_, Self> {
+    pub fn open(place: Place, options: &Options) -> Command<'_, Self> {
         Box::pin(async move {
             let signals = Arc::new(Signals::default());
             let shared = Arc::clone(&signals);

@@ -14,8 +14,8 @@ use super::damage::Damage;
 use super::{COMPANIONS, Moving, Part, put, reading, refused, remove, sync_directory};
 use crate::administration::PATIENCE;
 use crate::body::Body;
-use crate::error::{Command, Error};
-use crate::row::{Columns as _, Sum, key};
+use crate::error::{Command, Error, unless_damaged};
+use crate::row::{Columns as _, Sum};
 use crate::sqlite::open::{self, DATABASE, LOCK};
 use crate::sqlite::{ledger, schema};
 use fretwork_job::{Key, clock};
@@ -50,11 +50,7 @@ pub fn backup<'a>(dir: &'a Path, file: &'a Path) -> Command<'a, Saved, Moving> {
         }
         let part = Part::of(file, ".part")?;
         let from = Source::of(&path, file)?;
-        open::inspect(from.path()).await?;
-        let mut db = reading(from.path()).await?;
-        schema::compare(&mut db, &path).await?;
-        refuse(of_pages(&mut db).await?, &path)?;
-        db.close().await?;
+        inspect(from.path(), &path).await?;
         copy(from.path(), &part.0).await?;
         let saved = check(&part.0, &path).await?;
         part.name(file)?;
@@ -121,12 +117,7 @@ async fn put_in_place(
     }
     let part = Part::of(&path, ".part")?;
     let from = Source::of(file, &path)?;
-    open::inspect(from.path()).await?;
-    let mut db = reading(from.path()).await?;
-    schema::compare(&mut db, file).await?;
-    refuse(of_pages(&mut db).await?, file)?;
-    let (found, known) = (schema::version(&mut db).await?, schema::latest());
-    db.close().await?;
+    let (found, known) = (inspect(from.path(), file).await?, schema::latest());
     if found > known {
         return Err(Error::Newer { path: file.to_owned(), found, known }.into());
     }
@@ -145,6 +136,17 @@ async fn put_in_place(
     Ok((saved, former))
 }
 
+/// Refuses a file whose schema or pages a copy would repair or hide. Errors call it `name`. Returns the version of its schema.
+async fn inspect(file: &Path, name: &Path) -> Result<i64, Moving> {
+    open::inspect(file).await?;
+    let mut db = reading(file).await?;
+    schema::compare(&mut db, name).await?;
+    refuse(of_pages(&mut db).await?, name)?;
+    let version = schema::version(&mut db).await?;
+    db.close().await?;
+    Ok(version)
+}
+
 /// Lets SQLite end what a crash has interrupted in a database, so that neither a log nor a journal is left beside it. A
 /// database that SQLite cannot read stays as it is.
 async fn settle(path: &Path) -> Result<(), Moving> {
@@ -159,10 +161,9 @@ async fn settle(path: &Path) -> Result<(), Moving> {
         db.close().await?;
         Ok(is_used)
     };
-    match settled.await.map_err(|error: sqlx::Error| Error::from(error)) {
-        Ok(false) | Err(Error::Damaged(_)) => Ok(()),
+    match unless_damaged(settled.await)? {
+        Ok(false) | Err(_) => Ok(()),
         Ok(true) => Err(not_replaced(io::Error::other("another command is using it"))),
-        Err(error) => Err(error.into()),
     }
 }
 
@@ -253,15 +254,12 @@ async fn copy(from: &Path, to: &Path) -> Result<(), Moving> {
     let target = to.to_string_lossy().into_owned();
     let copied = sqlx::query("VACUUM INTO ?1").bind(target).execute(&mut db).await;
     db.close().await?;
-    match copied.map_err(Error::from) {
-        Ok(_) => Ok(()),
-        // Pages are damaged. If they belong to bodies of results, the rest can still be read.
-        Err(Error::Damaged(_)) => {
-            fs::remove_file(to).map_err(refused(to))?;
-            copy_readable(from, to).await
-        }
-        Err(error) => Err(error.into()),
+    if unless_damaged(copied)?.is_err() {
+        // If the damaged pages belong to bodies of results, the rest can still be read.
+        fs::remove_file(to).map_err(refused(to))?;
+        copy_readable(from, to).await?;
     }
+    Ok(())
 }
 
 /// Copies a snapshot of a database row by row, without the bodies that cannot be read, and without chunks: a server computes
@@ -298,10 +296,8 @@ async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
     let mut reader = reading(from).await?;
     for body in bodies {
         let read = sqlx::query("SELECT body FROM result_blob WHERE rowid = ?1").bind(body);
-        match read.fetch_optional(&mut reader).await.map_err(Error::from) {
-            Ok(_) => {}
-            Err(Error::Damaged(_)) => continue,
-            Err(error) => return Err(error.into()),
+        if unless_damaged(read.fetch_optional(&mut reader).await)?.is_err() {
+            continue;
         }
         sqlx::query(
             "INSERT INTO main.result_blob (key, body)
@@ -380,7 +376,7 @@ async fn damaged(db: &mut SqliteConnection) -> Result<Vec<Key>, Moving> {
         let sum = Sum::read(&row)?;
         let is_sound = |body| sum.is_of(&Body::stored(body));
         if evicted.is_none() && !body.is_some_and(is_sound) {
-            damaged.push(key(&row, "key")?);
+            damaged.push(row.get("key")?);
         }
     }
 }

@@ -16,8 +16,8 @@ use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
 use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
 use super::{Moving, reading};
 use crate::body::Body;
-use crate::error::{Command, Error};
-use crate::row::{Columns, Sum, changes, checksum, json, key};
+use crate::error::{Command, Error, is_other_file, unless_damaged};
+use crate::row::{Columns, Sum, changes, checksum};
 use crate::search::names;
 use crate::sqlite::open::{self, DATABASE};
 use crate::sqlite::schema;
@@ -51,23 +51,11 @@ pub fn check(dir: &Path) -> Command<'_, Checked, Moving> {
         if let Err(error) = schema::compare(&mut db, &path).await {
             return of_schema(error);
         }
-        let (found, known) = (schema::version(&mut db).await?, schema::latest());
-        if found != known {
-            let error = if found < known {
-                Error::Older { path, found, known }
-            } else {
-                Error::Newer { path, found, known }
-            };
-            return Err(error.into());
-        }
+        schema::require_latest(&mut db, &path).await?;
         let mut damage = of_pages(&mut db).await?;
         damage.extend(of_rows(&mut db).await?);
         let count = "SELECT (SELECT count(*) FROM job), (SELECT count(*) FROM result)";
-        let counts = match sqlx::query_as(count).fetch_one(&mut db).await.map_err(Error::from) {
-            Ok(counts) => Some(counts),
-            Err(Error::Damaged(_)) => None,
-            Err(error) => return Err(error.into()),
-        };
+        let counts = unless_damaged(sqlx::query_as(count).fetch_one(&mut db).await)?.ok();
         db.close().await?;
         damage.dedup();
         Ok(Checked { counts, damage })
@@ -83,14 +71,6 @@ fn of_schema(error: Error) -> Result<Checked, Moving> {
         error => return Err(error.into()),
     };
     Ok(Checked { counts: None, damage: vec![damage] })
-}
-
-/// Whether SQLite says that a file is not a database (`SQLITE_NOTADB`).
-fn is_other_file(error: &sqlx::Error) -> bool {
-    error
-        .as_database_error()
-        .and_then(sqlx::error::DatabaseError::code)
-        .is_some_and(|code| code == "26")
 }
 
 /// Compares all indexes with their tables, and checks the structure of all pages.
@@ -121,43 +101,29 @@ pub(super) async fn of_pages(db: &mut SqliteConnection) -> Result<Vec<Damage>, E
 
 /// The lines of an integrity check.
 async fn said(db: &mut SqliteConnection, check: String) -> Result<Vec<String>, Error> {
-    let said: Result<Vec<String>, sqlx::Error> =
-        sqlx::query_scalar(AssertSqlSafe(check)).fetch_all(db).await;
-    match said.map_err(Error::from) {
-        Ok(said) => Ok(said
-            .iter()
-            .flat_map(|said| said.lines())
-            .filter(|line| !line.starts_with("***"))
-            .map(str::to_owned)
-            .collect()),
-        Err(Error::Damaged(error)) => Ok(vec![error.to_string()]),
-        Err(error) => Err(error),
-    }
+    let said = unless_damaged(sqlx::query_scalar(AssertSqlSafe(check)).fetch_all(db).await)?;
+    let said: Vec<String> = said.unwrap_or_else(|error| vec![error]);
+    let lines = said.iter().flat_map(|said| said.lines());
+    Ok(lines.filter(|line| !line.starts_with("***")).map(str::to_owned).collect())
 }
 
 /// Compares rows with each other and with the bodies of results.
 pub(super) async fn of_rows(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
     let mut damage = Vec::new();
     for (table, column, statement) in COMPARISONS {
-        let keys: Result<Vec<String>, sqlx::Error> =
-            sqlx::query_scalar(statement).fetch_all(&mut *db).await;
-        match keys.map_err(Error::from) {
+        match unless_damaged(sqlx::query_scalar(statement).fetch_all(&mut *db).await)? {
             Ok(keys) => {
                 let what = format!("{column} contradicts other rows");
-                damage.extend(keys.iter().map(|key| Damage::at(table, key, &*what)));
+                damage.extend(keys.iter().map(|key: &String| Damage::at(table, key, &*what)));
             }
-            Err(Error::Damaged(error)) => damage.push(Damage::of(table, error.to_string())),
-            Err(error) => return Err(error),
+            Err(error) => damage.push(Damage::of(table, error)),
         }
     }
-    match schema::wrong_records(db).await.map_err(Error::from) {
+    match unless_damaged(schema::wrong_records(db).await)? {
         Ok(versions) => damage.extend(versions.iter().map(|version| {
             Damage::at("_sqlx_migrations", &version.to_string(), "the record is changed or missing")
         })),
-        Err(Error::Damaged(error)) => {
-            damage.push(Damage::of("_sqlx_migrations", error.to_string()));
-        }
-        Err(error) => return Err(error),
+        Err(error) => damage.push(Damage::of("_sqlx_migrations", error)),
     }
     damage.extend(of_jobs(db).await?);
     damage.extend(of_results(db).await?);
@@ -202,18 +168,17 @@ async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
     )
     .fetch(db);
     loop {
-        match rows.try_next().await.map_err(Error::from) {
+        match unless_damaged(rows.try_next().await)? {
             Ok(Some(row)) => {
                 let wrong = contradiction(&row).unwrap_or_else(|error| Some(error.to_string()));
                 let id = row.get::<&str>("id").unwrap_or_default();
                 damage.extend(wrong.map(|what| Damage::at("job", id, what)));
             }
             Ok(None) => return Ok(damage),
-            Err(Error::Damaged(error)) => {
-                damage.push(Damage::of("job", error.to_string()));
+            Err(error) => {
+                damage.push(Damage::of("job", error));
                 return Ok(damage);
             }
-            Err(error) => return Err(error),
         }
     }
 }
@@ -263,7 +228,7 @@ async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
     // One body at a time, to keep memory small.
     loop {
         let query = sqlx::query(AssertSqlSafe(Arc::clone(&statement))).bind(&last);
-        match query.fetch_optional(&mut *db).await.map_err(Error::from) {
+        match unless_damaged(query.fetch_optional(&mut *db).await)? {
             Ok(None) => return Ok(damage),
             Ok(Some(row)) => {
                 last = row.get("key")?;
@@ -273,18 +238,17 @@ async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
                 let key = HEXLOWER.encode(&last);
                 damage.extend(wrong.into_iter().map(|(table, what)| Damage::at(table, &key, what)));
             }
-            Err(Error::Damaged(error)) => {
+            Err(error) => {
                 let next = "SELECT key FROM result WHERE key > ?1 ORDER BY key LIMIT 1";
                 let next = sqlx::query_scalar(next).bind(&last).fetch_optional(&mut *db).await;
                 let Ok(Some(next)) = next else {
-                    damage.push(Damage::of("result", error.to_string()));
+                    damage.push(Damage::of("result", error));
                     return Ok(damage);
                 };
                 last = next;
                 let what = format!("body, task or outline cannot be read: {error}");
                 damage.push(Damage::at("result_blob", &HEXLOWER.encode(&last), what));
             }
-            Err(error) => return Err(error),
         }
     }
 }
@@ -304,7 +268,7 @@ fn table_of(error: &sqlx::Error) -> &'static str {
 
 /// What is wrong with a result: tables and descriptions.
 fn of_result(row: &SqliteRow) -> Result<Vec<(&'static str, String)>, sqlx::Error> {
-    let (key, task) = (key(row, "key")?, row.get::<Option<&str>>("task")?);
+    let (key, task) = (row.get("key")?, row.get::<Option<&str>>("task")?);
     let is_real = row.get::<Option<&str>>("kind")?.is_some();
     let of_task = |task| Canonical::in_stored(task).is_some_and(|asked| is_key_of(&key, &asked));
     let mut wrong = Vec::new();
@@ -341,11 +305,7 @@ fn of_result(row: &SqliteRow) -> Result<Vec<(&'static str, String)>, sqlx::Error
 /// Compares what lists and search show with the result itself.
 fn of_document(row: &SqliteRow, document: &Document) -> Vec<(&'static str, String)> {
     let mut wrong = Vec::new();
-    if !row
-        .get::<&str>("summary")
-        .and_then(json)
-        .is_ok_and(|found: Value| equal(&found, &document.summary))
-    {
+    if !row.get("summary").is_ok_and(|found: Value| equal(&found, &document.summary)) {
         wrong.push(("result", "summary contradicts the body".to_owned()));
     }
     let Outline { words, scalars } = &document.outline;

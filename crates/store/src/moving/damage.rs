@@ -95,10 +95,24 @@ fn of_column(line: &str) -> Option<(&str, &str)> {
     Some((kind, place.split_once('.')?.1))
 }
 
+/// The names that a statement with the parameter `of` returns.
+async fn names(
+    db: &mut SqliteConnection,
+    query: &'static str,
+    of: &str,
+) -> Result<Vec<String>, sqlx::Error> {
+    sqlx::query_scalar(query).bind(of).fetch_all(db).await
+}
+
+/// The columns of an index that are columns of its table.
+async fn columns_of(db: &mut SqliteConnection, index: &str) -> Result<Vec<String>, sqlx::Error> {
+    names(db, "SELECT name FROM pragma_index_info(?1) WHERE name IS NOT NULL", index).await
+}
+
 /// The columns of the primary key, or `rowid`.
 async fn keys_of(db: &mut SqliteConnection, table: &str) -> Result<Vec<String>, sqlx::Error> {
     let query = "SELECT name FROM pragma_table_info(?1) WHERE pk > 0 ORDER BY pk";
-    let keys: Vec<String> = sqlx::query_scalar(query).bind(table).fetch_all(db).await?;
+    let keys = names(db, query, table).await?;
     Ok(if keys.is_empty() { vec!["rowid".to_owned()] } else { keys })
 }
 
@@ -136,8 +150,7 @@ async fn in_index(
     let found: Option<(String, String)> =
         sqlx::query_as(AssertSqlSafe(query)).bind(row - 1).fetch_optional(&mut *db).await?;
     let Some((name, is_row)) = found else { return Ok(Vec::new()) };
-    let query = "SELECT name FROM pragma_index_info(?1) WHERE name IS NOT NULL";
-    let columns: Vec<String> = sqlx::query_scalar(query).bind(index).fetch_all(&mut *db).await?;
+    let columns = columns_of(db, index).await?;
     let column = match differing(db, table, index, &is_row, &columns).await {
         Ok(Some(column)) => column,
         // The index has no entry for the row.
@@ -218,8 +231,7 @@ async fn last_readable(
     order: &str,
 ) -> Result<Readable, sqlx::Error> {
     let (keys, rows) = (keys_of(db, table).await?, rows_of(db, table).await?);
-    let query = "SELECT name FROM pragma_table_info(?1)";
-    let columns: Vec<String> = sqlx::query_scalar(query).bind(table).fetch_all(&mut *db).await?;
+    let columns = names(db, "SELECT name FROM pragma_table_info(?1)", table).await?;
     // The call makes SQLite read the whole value, also from other pages.
     let read: Vec<String> = columns.iter().map(|name| format!("instr({name}, '') IS 0")).collect();
     // Rows in the order of the file need no sorting, for which SQLite would read all of them first.
@@ -264,7 +276,7 @@ async fn damaged_index(
 ) -> Result<Option<String>, sqlx::Error> {
     let query = "SELECT name FROM pragma_index_list(?1) WHERE origin <> 'pk' OR NOT (
          SELECT wr FROM pragma_table_list WHERE schema = 'main' AND name = ?1)";
-    let indexes: Vec<String> = sqlx::query_scalar(query).bind(table).fetch_all(&mut *db).await?;
+    let indexes = names(db, query, table).await?;
     let root =
         line.strip_prefix("Tree ").and_then(|rest| rest.split(' ').next()?.parse::<i64>().ok());
     if let Some(root) = root {
@@ -273,9 +285,7 @@ async fn damaged_index(
         return Ok(name.filter(|name| indexes.contains(name)));
     }
     for index in indexes {
-        let query = "SELECT name FROM pragma_index_info(?1) WHERE name IS NOT NULL";
-        let columns: Vec<String> =
-            sqlx::query_scalar(query).bind(&index).fetch_all(&mut *db).await?;
+        let columns = columns_of(db, &index).await?;
         let part = filter_of(db, &index).await?;
         let query = format!(
             "SELECT count(*) FROM (SELECT {} FROM {table} INDEXED BY {index} WHERE {part})",

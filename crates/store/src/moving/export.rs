@@ -11,8 +11,8 @@ use crate::administration::Administration;
 use crate::error::{Command, Error};
 use crate::library::Provenance;
 use crate::place::Place;
-use crate::read::StoredResult;
-use crate::search::Search;
+use crate::read::{self, StoredResult};
+use crate::search::{Found, Search};
 use fretwork_engine::outcome::{History, QUANTITIES};
 use fretwork_job::{Document, ENGINE, Key, SCALARS, WORDS, clock};
 
@@ -33,21 +33,11 @@ pub struct Exported {
 /// # Errors
 /// The file exists, a key is unknown, or a database fails.
 pub fn export<'a>(
-    place: impl Into<Place>,
-    file: &'a Path,
-    search: &'a Search,
-    keys: &'a [Key],
-    progress: impl FnMut(usize, usize) + 'a,
-) -> Command<'a, Exported, Moving> {
-    write_all(place.into(), file, search, keys, Box::new(progress))
-}
-
-fn write_all<'a>(
     place: Place,
     file: &'a Path,
     search: &'a Search,
     keys: &'a [Key],
-    mut progress: Box<dyn FnMut(usize, usize) + 'a>,
+    progress: &'a mut dyn FnMut(usize, usize),
 ) -> Command<'a, Exported, Moving> {
     Box::pin(async move {
         if file.exists() {
@@ -87,7 +77,7 @@ fn write_all<'a>(
 async fn matching(db: &mut Administration, search: &Search) -> Result<Vec<Key>, Moving> {
     let (mut keys, mut cursor) = (Vec::new(), None);
     loop {
-        let found = db.page(search, cursor, 1000).await?;
+        let found = Found::page(search, cursor, 1000, &mut *db).await?;
         keys.extend(found.results.into_iter().map(|listed| listed.key));
         cursor = found.next;
         if cursor.is_none() {
@@ -110,13 +100,13 @@ enum Absent {
 }
 
 async fn entry(db: &mut Administration, key: &Key) -> Result<Result<Entry, Absent>, Error> {
-    let (body, sum) = match db.result(key).await {
+    let (body, sum) = match read::result(key, i64::MAX, &mut *db).await {
         Ok(Some((StoredResult::Whole(body), sum))) => (body, sum),
         Ok(_) => return Ok(Err(Absent::Unknown)),
         Err(Error::Damaged(_)) => return Ok(Err(Absent::Damaged)),
         Err(error) => return Err(error),
     };
-    let Some(provenance) = db.provenance(key).await? else {
+    let Some(provenance) = Provenance::of(key, &mut *db).await? else {
         return Ok(Err(Absent::Unknown));
     };
     if !sum.is_of(&body) {

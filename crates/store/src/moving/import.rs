@@ -17,7 +17,7 @@ use super::Moving;
 use super::untrusted::{ExportFile, Found, unreadable};
 use crate::administration::Administration;
 use crate::error::{Command, Error};
-use crate::imports::{Before, Import, NoteTaken};
+use crate::imports::{self, Before, Import, NoteTaken};
 use crate::keep::Answered;
 use crate::library::{Note, Program};
 use crate::place::Place;
@@ -61,16 +61,11 @@ impl Importer {
     ///
     /// # Errors
     /// The file is not an export, or a database fails.
-    pub fn open(place: impl Into<Place>, file: &Path) -> Command<'_, Self, Moving> {
-        let db = Administration::open(place);
-        Self::read_from(file, db)
-    }
-
-    fn read_from<'a>(file: &'a Path, db: Command<'a, Administration>) -> Command<'a, Self, Moving> {
+    pub fn open(place: Place, file: &Path) -> Command<'_, Self, Moving> {
         Box::pin(async move {
             let mut from = ExportFile::open(file).await?;
             let rows = from.rows().await?.into_iter();
-            let (db, path) = (db.await?, file.to_owned());
+            let (db, path) = (Administration::open(place).await?, file.to_owned());
             Ok(Self { from, db, path, rows, done: Imported::default() })
         })
     }
@@ -111,7 +106,7 @@ impl Importer {
             Ok(read) => read,
             Err(why) => return Ok(Err(why)),
         };
-        let before = self.db.before(&entry.key, &digest).await?;
+        let before = Before::of(&entry.key, &digest, &mut self.db).await?;
         if let Some(why) = before.refusal() {
             return Ok(Err(why));
         }
@@ -119,7 +114,7 @@ impl Importer {
             return Ok(Ok(Some(entry)));
         }
         self.done.known += 1;
-        let note = self.db.take_note(&entry.key, entry.note.as_ref()).await?;
+        let note = self.db.change(imports::take_note, &(entry.key, entry.note)).await?;
         self.count_note(note, entry.key);
         Ok(Ok(None))
     }
@@ -137,7 +132,7 @@ impl Importer {
         Box::pin(async move {
             let file = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let (key, size, verified) = (import.key, import.answer.size, import.verified);
-            let (before, note) = self.db.import(&(import, file)).await?;
+            let (before, note) = self.db.change(imports::import, &(import, file)).await?;
             match before {
                 Before::Nothing => {
                     self.done.results += 1;
@@ -191,8 +186,10 @@ const MAX_WARNINGS: usize = 4000;
 /// A result of an export whose row has passed all checks, but whose body is not trusted.
 #[derive(Debug)]
 pub struct Entry {
-    key: Key,
-    body: Bytes,
+    /// Its key.
+    pub key: Key,
+    /// The JSON of the result.
+    pub body: Bytes,
     cost: Option<Cost>,
     owner: Option<String>,
     computed: Option<i64>,
@@ -246,18 +243,6 @@ impl Entry {
             note: note(row)?,
         };
         Ok((entry, digest))
-    }
-
-    /// Its key.
-    #[must_use]
-    pub fn key(&self) -> Key {
-        self.key
-    }
-
-    /// Its bytes.
-    #[must_use]
-    pub fn body(&self) -> &Bytes {
-        &self.body
     }
 
     /// Accepts the result, which says this. Compresses its body.

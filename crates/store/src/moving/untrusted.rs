@@ -14,7 +14,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, Connection as _, Encode, Sqlite, SqliteConnection, Type};
 
 use super::{EXPORT, FORM, Moving};
-use crate::error::Error;
+use crate::error::{Error, is_other_file};
 use crate::row::Columns as _;
 use crate::sqlite::{open, schema};
 
@@ -223,17 +223,10 @@ fn size(columns: &[String]) -> String {
 
 /// Translates an error of the export file.
 pub(super) fn unreadable(file: &Path, error: Error) -> Moving {
-    const SQLITE_NOTADB: &str = "26";
     let path = file.to_owned();
     match error {
-        Error::Damaged(error) => {
-            let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
-            if code.is_some_and(|code| code == SQLITE_NOTADB) {
-                Moving::NoExport(path)
-            } else {
-                Moving::Damaged { path, said: error.to_string() }
-            }
-        }
+        Error::Damaged(error) if is_other_file(&error) => Moving::NoExport(path),
+        Error::Damaged(error) => Moving::Damaged { path, said: error.to_string() },
         Error::Database(error) if error.as_database_error().is_some() => Moving::NoExport(path),
         error => error.into(),
     }

@@ -1,8 +1,8 @@
 //! Canceling jobs.
 
+use super::chunks;
 use super::follow::{ended_by, follow};
-use super::transaction::{Transaction, writing};
-use super::{Database, chunks};
+use super::transaction::Transaction;
 use crate::audit::{Act, Actor, record};
 use crate::cancel::Canceled;
 use crate::error::Error;
@@ -14,13 +14,12 @@ use crate::tables::{Connected, Tables};
 use crate::tally::Ending;
 use fretwork_job::{JobId, JobState};
 
-impl Database {
-    pub(crate) async fn cancel(&self, id: JobId, by: Actor) -> Result<Canceled, Error> {
-        writing!(self, tx => cancel(tx, id, &by).await)
-    }
-}
-
-async fn cancel(tx: &mut Transaction<'_>, id: JobId, by: &Actor) -> Result<Canceled, Error> {
+/// Cancels a job, and its run if no other unfinished job shares it.
+pub(crate) async fn cancel(
+    (id, by): &(JobId, Actor),
+    tx: &mut Transaction<'_>,
+) -> Result<Canceled, Error> {
+    let id = *id;
     let Some(row) = tx.db.row(sql!("SELECT run FROM job WHERE id = $1"; id)).await? else {
         return Ok(Canceled::NotFound);
     };

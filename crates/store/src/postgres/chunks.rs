@@ -2,61 +2,23 @@
 //!
 //! The row of the study is the lock of its pieces. It counts them by state, so no verb counts rows.
 
-use super::Database;
-use super::Node;
 use super::follow::follow;
 use super::lease;
-use super::transaction::{Transaction, writing};
-use crate::claimed::{Claim, Claimed, FinishedChunk, is_step};
+use super::transaction::Transaction;
+use crate::claimed::{Claim, Claimed, FinishedChunk, Study, is_step};
 use crate::error::Error;
-use crate::row::{Columns, Row, RunId, key};
+use crate::row::{Columns, RunId, read};
 use crate::signals::Effect;
 use crate::statement::sql;
 use crate::tables::{Connected, Tables};
 
-/// How many pieces of a study are in which state.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Study {
-    chunks: i64,
-    /// The first piece that was never claimed.
-    next: i64,
-    /// Pieces that were claimed, and are queued again.
-    queued: i64,
-    running: i64,
-    done: i64,
-}
-
-impl Study {
-    fn read(row: &Row) -> Result<Self, sqlx::Error> {
-        Ok(Self {
-            chunks: row.get("chunks")?,
-            next: row.get("next")?,
-            queued: row.get("queued")?,
-            running: row.get("running")?,
-            done: row.get("done")?,
-        })
-    }
-
-    /// Whether a worker can claim a piece. The last piece, the assembly, waits for all others.
-    pub(super) fn is_ready(&self) -> bool {
-        self.next < self.chunks
-            || self.queued > 0
-            || (self.next == self.chunks && self.running == 0)
-    }
-}
-
-impl Database {
-    pub(crate) async fn finish_chunk(&self, finished: FinishedChunk) -> Result<bool, Error> {
-        writing!(self, tx => finish_chunk(tx, &finished).await)
-    }
-}
-
 /// Locks a study until the end of the transaction. Returns `None` if the run is no study.
 pub(super) async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Study>, Error> {
     let query = sql!(
-        "SELECT chunks, next, queued, running, done FROM study WHERE run = $1 FOR NO KEY UPDATE"; run
+        "SELECT chunks, next, queued, running FROM study WHERE run = $1 FOR NO KEY UPDATE"; run
     );
-    Ok(tx.db.row(query).await?.as_ref().map(Study::read).transpose()?)
+    let Some(row) = tx.db.row(query).await? else { return Ok(None) };
+    Ok(Some(read!(row => Study { chunks, next, queued, running })))
 }
 
 /// Stores the counts of a locked study. Its jobs are in the queue while it has a piece for a worker.
@@ -67,7 +29,7 @@ async fn store(
 ) -> Result<(), Error> {
     let query = sql!(
         "UPDATE study SET next = $2, queued = $3, running = $4, done = $5 WHERE run = $1";
-        run, after.next, after.queued, after.running, after.done
+        run, after.next, after.queued, after.running, after.done()
     );
     tx.db.execute(query).await?;
     if before.is_ready() != after.is_ready() {
@@ -84,7 +46,9 @@ async fn store(
 /// Claims a piece of a study: a new chunk; otherwise one that was released or lost; otherwise the assembly. So a chunk that
 /// may have caused a crash is computed last. Returns `None` if no piece can be claimed any more.
 pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Claimed>, Error> {
-    let Some(before) = lock(tx, run).await?.filter(Study::is_ready) else { return Ok(None) };
+    let Some(before) = lock(tx, run).await?.filter(Study::is_ready) else {
+        return Ok(None);
+    };
     let query = sql!(
         "SELECT state, key, trace, wall, cpu, (
              SELECT number FROM chunk WHERE chunk.run = $1 AND chunk.state = 'queued'
@@ -115,11 +79,10 @@ pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option
     let attempt = tx.db.one(query).await?;
     if row.text("state")? == Some("queued") {
         start(tx, run).await?;
-        tx.effects.push(Effect::Changed(key(&row, "key")?));
+        tx.effects.push(Effect::Changed(row.get("key")?));
     }
     store(tx, run, (before, after)).await?;
-    let [number, of] = [number, before.chunks].map(|number| number as u32);
-    Ok(Some(Claimed::piece(run, (number, of), attempt.get("attempt")?, &row)?))
+    Ok(Some(Claimed::piece(run, (number, before.chunks), attempt.get("attempt")?, &row)?))
 }
 
 /// Starts the run of a study.
@@ -133,21 +96,22 @@ async fn start(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
     follow(tx, run).await
 }
 
-async fn finish_chunk(
-    tx: &mut Transaction<'_>,
+pub(crate) async fn finish_chunk(
     FinishedChunk { claim, body, cost }: &FinishedChunk,
+    tx: &mut Transaction<'_>,
 ) -> Result<bool, Error> {
-    let Claim { part: (run, Some(number)), attempt } = *claim else { return Ok(false) };
+    let Claim { part: (run, Some(number)), attempt, .. } = *claim else { return Ok(false) };
     let Some(before) = lock(tx, run).await? else { return Ok(false) };
     let query = sql!(
         "UPDATE chunk SET state = 'done', body = $4, checksum = $5
          FROM run WHERE chunk.run = $1 AND number = $2 AND chunk.attempt = $3
-             AND chunk.state = 'running' AND run.id = $1 AND run.state = 'running'
-         RETURNING run.key AS key";
+             AND chunk.state = 'running' AND run.id = $1 AND run.state = 'running'";
         run, number, attempt, &**body.bytes(), body.checksum()
     );
-    let Some(row) = tx.db.row(query).await? else { return Ok(false) };
-    let after = Study { running: before.running - 1, done: before.done + 1, ..before };
+    if tx.db.execute(query).await? == 0 {
+        return Ok(false);
+    }
+    let after = Study { running: before.running - 1, ..before };
     let query = sql!(
         "UPDATE study SET lost = 0, wall = wall + $2, cpu = cpu + $3 WHERE run = $1";
         run, cost.wall.as_secs_f64(), cost.cpu.map(|cpu| cpu.as_secs_f64())
@@ -156,12 +120,11 @@ async fn finish_chunk(
     store(tx, run, (before, after)).await?;
     lease::end(tx, claim.part).await?;
     tx.effects.push(Effect::LetGo(claim.part));
-    if after.done == after.chunks {
+    if after.done() == after.chunks {
         tx.effects.push(Effect::Queued);
     }
-    let [done, chunks] = [after.done, after.chunks].map(|count| count as u32);
-    if is_step(done, chunks) {
-        tx.effects.push(Effect::Changed(key(&row, "key")?));
+    if is_step(after.done(), after.chunks) {
+        tx.effects.push(Effect::Changed(claim.key));
     }
     Ok(true)
 }
@@ -197,7 +160,7 @@ pub(super) async fn lose(
     tx: &mut Transaction<'_>,
     run: RunId,
     before: Study,
-    (node, pieces): (&Node, &[i64]),
+    pieces: &[i64],
 ) -> Result<u32, Error> {
     let lost = sqlx::query(
         "WITH requeued AS (
@@ -211,10 +174,10 @@ pub(super) async fn lose(
     )
     .bind(run.0)
     .bind(pieces)
-    .bind(lease::milliseconds(node.lease))
+    .bind(lease::milliseconds(tx.of.node.lease))
     .fetch_one(tx.db.connection())
     .await?;
-    let pieces: i64 = lost.get("pieces")?;
+    let pieces: u32 = lost.get("pieces")?;
     let after =
         Study { running: before.running - pieces, queued: before.queued + pieces, ..before };
     store(tx, run, (before, after)).await?;

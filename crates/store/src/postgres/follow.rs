@@ -3,7 +3,7 @@
 use super::lease;
 use super::transaction::Transaction;
 use crate::error::Error;
-use crate::row::{Columns, Row, RunId, key};
+use crate::row::{Columns, Row, RunId};
 use crate::signals::Effect;
 use crate::statement::sql;
 use crate::tables::Connected;
@@ -42,7 +42,7 @@ pub(super) async fn ended_by(
     if ending != Ending::Released {
         tx.effects.push(Effect::Unwanted(run));
     }
-    tx.effects.push(Effect::Ended(key(row, "key")?));
+    tx.effects.push(Effect::Ended(row.get("key")?));
     tx.effects.push(Effect::Settled(ending, took.map(|(finished, started)| finished - started)));
     Ok(())
 }

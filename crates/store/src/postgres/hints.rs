@@ -30,8 +30,8 @@ const AT_ONCE: usize = 100;
 enum Hint {
     Queued,
     Unwanted(i64),
-    Ended([u8; 32]),
-    Changed([u8; 32]),
+    Ended(Key),
+    Changed(Key),
 }
 
 /// The hints that are to be sent.
@@ -47,8 +47,8 @@ impl Hints {
         let hints = effects.iter().filter_map(|effect| match effect {
             Effect::Queued => Some(Hint::Queued),
             Effect::Unwanted(run) => Some(Hint::Unwanted(run.0)),
-            Effect::Ended(key) => Some(Hint::Ended(*key.bytes())),
-            Effect::Changed(key) => Some(Hint::Changed(*key.bytes())),
+            Effect::Ended(key) => Some(Hint::Ended(*key)),
+            Effect::Changed(key) => Some(Hint::Changed(*key)),
             _ => None,
         });
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
@@ -62,11 +62,10 @@ impl Hints {
     /// Waits for hints, and takes some of them as the text of one notification.
     pub(super) async fn next(&self, node: &str) -> String {
         loop {
-            let text = self.take(node);
-            match text {
-                Some(text) => return text,
-                None => self.added.notified().await,
+            if let Some(text) = self.take(node) {
+                return text;
             }
+            self.added.notified().await;
         }
     }
 
@@ -81,8 +80,8 @@ impl Hints {
                 let _ = match hint {
                     Hint::Queued => write!(text, "\nqueued"),
                     Hint::Unwanted(run) => write!(text, "\nunwanted {run}"),
-                    Hint::Ended(key) => write!(text, "\nended {}", Key::from_bytes(key)),
-                    Hint::Changed(key) => write!(text, "\nchanged {}", Key::from_bytes(key)),
+                    Hint::Ended(key) => write!(text, "\nended {key}"),
+                    Hint::Changed(key) => write!(text, "\nchanged {key}"),
                 };
             }
             text

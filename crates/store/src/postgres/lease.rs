@@ -49,10 +49,10 @@ fn number(part: Part) -> i64 {
 /// Begins the lease of what a worker has claimed, and ends the turn of its owner.
 pub(super) async fn begin(
     tx: &mut Transaction<'_>,
-    node: &Node,
     owner: &str,
     claimed: &Claimed,
 ) -> Result<(), Error> {
+    let node = &tx.of.node;
     let query = sql!(
         "WITH served AS (
              INSERT INTO turn (owner, served)
@@ -127,11 +127,8 @@ pub(super) async fn lost(db: &mut PgConnection, node: &Node) -> Result<(i64, Vec
 }
 
 /// Takes away the leases of a run that are over. Returns the numbers of its pieces.
-pub(super) async fn take_lost(
-    tx: &mut Transaction<'_>,
-    node: &Node,
-    run: RunId,
-) -> Result<Vec<i64>, Error> {
+pub(super) async fn take_lost(tx: &mut Transaction<'_>, run: RunId) -> Result<Vec<i64>, Error> {
+    let node = &tx.of.node;
     let query = format!("DELETE FROM lease WHERE ({IS_OVER}) AND run = $3 RETURNING number");
     let query = sqlx::query_scalar(AssertSqlSafe(query));
     let query = query.bind(milliseconds(node.lease)).bind(node.margin()).bind(run.0);

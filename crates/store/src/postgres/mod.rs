@@ -10,8 +10,8 @@
 //! result was deleted must be heard, so a listener that may have missed something forgets all results in memory.
 
 mod backlog;
-mod cancel;
-mod chunks;
+pub(super) mod cancel;
+pub(super) mod chunks;
 mod contact;
 mod follow;
 mod hints;
@@ -20,11 +20,11 @@ mod lease;
 mod node;
 pub(super) mod open;
 mod pool;
-mod runs;
+pub(super) mod runs;
 mod schema;
-mod submit;
+pub(super) mod submit;
 mod transaction;
-mod upkeep;
+pub(super) mod upkeep;
 
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -32,25 +32,17 @@ use std::time::Duration;
 
 use tokio::sync::{Semaphore, watch};
 
-use super::change::{Change, Verb};
 use super::error::Error;
-use super::options::FileSizes;
 use super::row::{Columns, Row};
-use super::signals::{Effect, Signals};
+use super::signals::Signals;
 use super::statement::{Statement, sql};
-use super::tables::{Connected, Most, Purpose, Tables};
+use super::tables::{Most, Purpose, Tables};
 
 use backlog::Backlog;
 use contact::Contact;
 use hints::Hints;
 use pool::Pool;
-use transaction::{Transaction, reading, writing};
-
-/// Sorts 256 KiB.
-const SPILL: &str = "
-    SELECT count(*) FROM (
-        SELECT repeat(md5(n::TEXT), 256) COLLATE \"C\" AS bytes FROM generate_series(1, 32) AS n ORDER BY bytes
-    ) AS sorted";
+use transaction::reading;
 
 /// This process among those that share the database.
 #[derive(Debug)]
@@ -97,11 +89,6 @@ impl Database {
         fs4::available_space(self.0.disk.as_ref()?).ok()
     }
 
-    #[expect(clippy::unused_self, reason = "the other engine needs it")]
-    pub(super) fn file_sizes(&self) -> FileSizes {
-        FileSizes::default()
-    }
-
     /// Those for verbs and leases. One more waits for notifications.
     pub(super) fn connections(&self) -> u64 {
         self.0.pool.open() + self.0.renewals.open()
@@ -129,18 +116,6 @@ impl Database {
         reading!(self, db => db.read(statement.clone(), most).await)
     }
 
-    /// Calls a function that both databases have in a transaction.
-    pub(super) async fn write<Input, V, Answer>(
-        &self,
-        verb: V,
-        input: Input,
-    ) -> Result<Answer, Error>
-    where
-        V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
-    {
-        writing!(self, tx => verb.apply(&input, tx.change()).await)
-    }
-
     /// How long the oldest queued run has waited. Counts what is queued and running for the metrics.
     pub(super) async fn longest_wait(&self) -> Result<Duration, Error> {
         let query = sql!(
@@ -158,27 +133,8 @@ impl Database {
         Ok(Duration::from_millis(waited.unwrap_or(0).max(0).unsigned_abs()))
     }
 
-    pub(super) async fn probe(&self) -> Result<(), Error> {
-        writing!(self, tx => {
-            // A temporary file of 256 KiB, about what a default result takes with its job. It always takes new space. A table
-            // may have free pages, and many servers would make it grow.
-            tx.db.execute(sql!("SET LOCAL work_mem = '64kB'")).await?;
-            tx.db.execute(Statement::of(SPILL)).await?;
-            tx.db.execute(sql!("UPDATE upkeep SET probe = moment()")).await?;
-            Ok(())
-        })
-    }
-
     /// Refuses to change tables that only later programs may write.
     fn may_write(&self) -> Result<(), Error> {
         self.0.refusal.get().cloned().map_or(Ok(()), Err)
-    }
-
-    /// Signals the changes of a verb after their commit, here and to the other servers.
-    fn settle<T>(&self, done: Result<(T, Vec<Effect>), Error>) -> Result<T, Error> {
-        let (answer, effects) = self.0.signals.counted(done)?;
-        self.0.hints.add(&effects);
-        self.0.signals.apply(effects);
-        Ok(answer)
     }
 }

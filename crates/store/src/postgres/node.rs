@@ -71,7 +71,7 @@ impl Chore {
                 db.longest_wait().await?;
             }
             Self::Renew => db.renew().await?,
-            Self::Reclaim => drop(db.reclaim(|now| db.0.contact.goes_on(now)).await?),
+            Self::Reclaim => drop(db.reclaim(false).await?),
             Self::Look => db.0.signals.wake(),
             Self::Upkeep(upkeep) => upkeep.round(db).await?,
         }

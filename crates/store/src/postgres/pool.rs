@@ -34,8 +34,10 @@ pub(super) struct Pool {
 pub(super) struct Borrowed<'a> {
     pool: &'a Pool,
     connection: Option<PgConnection>,
-    is_new: bool,
-    has_answered: bool,
+    /// Whether it was made for this caller.
+    pub(super) is_new: bool,
+    /// Whether the last statement was answered, and no transaction is open.
+    pub(super) has_answered: bool,
     // Dropped after the connection was returned.
     _permit: SemaphorePermit<'a>,
 }
@@ -90,16 +92,6 @@ impl Borrowed<'_> {
     #[expect(clippy::expect_used, reason = "it is only taken when this is dropped")]
     pub(super) fn connection(&mut self) -> &mut PgConnection {
         self.connection.as_mut().expect("it was not dropped")
-    }
-
-    /// Whether it was made for this caller.
-    pub(super) fn is_new(&self) -> bool {
-        self.is_new
-    }
-
-    /// Notes that the last statement was answered, and no transaction is open.
-    pub(super) fn answered(&mut self) {
-        self.has_answered = true;
     }
 }
 

@@ -2,16 +2,16 @@
 //!
 //! Each change names the run and the attempt. So a worker that has lost its run changes nothing.
 
+use super::Database;
 use super::chunks;
 use super::follow::{ended_by, follow};
 use super::lease;
-use super::transaction::{Transaction, reading, writing};
-use super::{Database, Node};
+use super::transaction::{Transaction, reading};
 use crate::claimed::{Claim, Claimed};
 use crate::error::Error;
 use crate::keep::{self, Answered, Finish, Source};
 use crate::options::{MAX_LOST, Recovered};
-use crate::row::{Columns, RunId, job_id};
+use crate::row::{Columns, RunId};
 use crate::signals::Effect;
 use crate::statement::{Statement, sql};
 use crate::tables::{Connected, Tables};
@@ -41,79 +41,21 @@ const TURNS: &str = "
 const TRIES: usize = 4;
 
 impl Database {
-    pub(crate) async fn claim(&self) -> Result<Option<Claimed>, Error> {
-        writing!(self, tx => claim(tx, &self.0.node).await)
-    }
-
-    pub(crate) async fn progress(&self, claimed: &Claimed, share: f64) -> Result<bool, Error> {
-        writing!(self, tx => progress(tx, claimed, share).await)
-    }
-
-    pub(crate) async fn finish(
-        &self,
-        claimed: &Claimed,
-        answer: Answered,
-    ) -> Result<Finish, Error> {
-        writing!(self, tx => finish(tx, claimed, &answer, self.0.node.program).await)
-    }
-
-    pub(crate) async fn fail(
-        &self,
-        claimed: &Claimed,
-        kind: FailureKind,
-        message: &str,
-    ) -> Result<bool, Error> {
-        let claim = claimed.claim();
-        writing!(self, tx => {
-            let Some(attempt) = attempt_of_run(tx, claim).await? else { return Ok(false) };
-            fail(tx, claimed.run, attempt, (kind, message)).await
-        })
-    }
-
-    pub(crate) async fn stopped(&self, claimed: &Claimed) -> Result<bool, Error> {
-        let (run, attempt) = (claimed.run, claimed.attempt);
-        writing!(self, tx => {
-            let query = sql!(
-                "UPDATE run SET state = 'canceled', finished = moment(), changed = moment()
-                 WHERE id = $1 AND attempt = $2 AND state = 'canceling'
-                 RETURNING key, started, finished, FALSE AS study";
-                run, attempt
-            );
-            let Some(row) = tx.db.row(query).await? else { return Ok(false) };
-            ended_by(tx, run, &row, Ending::Canceled).await?;
-            Ok(true)
-        })
-    }
-
-    pub(crate) async fn release(&self, claimed: &Claimed) -> Result<bool, Error> {
-        let Claim { part: (run, number), attempt } = claimed.claim();
-        writing!(self, tx => match number {
-            Some(number) => chunks::release(tx, run, number, attempt).await,
-            // It was counted as lost at the claim.
-            None => requeue(tx, run, attempt, 1).await,
-        })
-    }
-
     /// Takes all leases away that are over.
     pub(crate) async fn recover(&self) -> Result<Recovered, Error> {
-        self.reclaim(|_| true).await
+        self.reclaim(true).await
     }
 
-    /// Takes leases away that are over, if it may at the time of the database. Each transaction has a time of its own, and may
-    /// begin late.
-    pub(super) async fn reclaim(
-        &self,
-        may: impl Fn(i64) -> bool + Send + Sync,
-    ) -> Result<Recovered, Error> {
+    /// Takes leases away that are over. Unless `always`, only while the clock of the database goes on, because its node could not
+    /// renew a lease over which the clock has jumped. Each transaction has a time of its own, and may begin late.
+    pub(super) async fn reclaim(&self, always: bool) -> Result<Recovered, Error> {
         let mut recovered = Recovered::default();
         let (now, runs) = reading!(self, db => lease::lost(db, &self.0.node).await)?;
-        if !may(now) {
+        if !always && !self.0.contact.goes_on(now) {
             return Ok(recovered);
         }
         for run in runs {
-            let found = writing!(self, tx => {
-                if may(tx.now) { reclaim(tx, &self.0.node, run).await } else { Ok(Recovered::default()) }
-            })?;
+            let found = self.write(reclaim, (run, always)).await?;
             recovered.requeued += found.requeued;
             recovered.failed += found.failed;
             recovered.canceled += found.canceled;
@@ -122,14 +64,14 @@ impl Database {
     }
 }
 
-async fn claim(tx: &mut Transaction<'_>, node: &Node) -> Result<Option<Claimed>, Error> {
+pub(crate) async fn claim((): &(), tx: &mut Transaction<'_>) -> Result<Option<Claimed>, Error> {
     for _ in 0..TRIES {
         let owners = tx.db.rows(Statement::of(TURNS).with(ENGINE.numerics)).await?;
         if owners.is_empty() {
             return Ok(None);
         }
         for row in owners {
-            if let Some(claimed) = claim_of(tx, node, row.get("owner")?).await? {
+            if let Some(claimed) = claim_of(tx, row.get("owner")?).await? {
                 let part = claimed.part();
                 tx.effects.push(Effect::Started(part, claimed.stop.clone()));
                 return Ok(Some(claimed));
@@ -140,11 +82,7 @@ async fn claim(tx: &mut Transaction<'_>, node: &Node) -> Result<Option<Claimed>,
 }
 
 /// Claims the most urgent work of an owner. Returns `None` if other workers have taken it meanwhile.
-async fn claim_of(
-    tx: &mut Transaction<'_>,
-    node: &Node,
-    owner: &str,
-) -> Result<Option<Claimed>, Error> {
+async fn claim_of(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Claimed>, Error> {
     let query = sql!(
         "SELECT run, study FROM job WHERE claimable = $1 AND owner = $2
          ORDER BY priority, study, id LIMIT 1";
@@ -157,7 +95,7 @@ async fn claim_of(
         claim_whole(tx, owner).await?
     };
     if let Some(claimed) = &claimed {
-        lease::begin(tx, node, owner, claimed).await?;
+        lease::begin(tx, owner, claimed).await?;
     }
     Ok(claimed)
 }
@@ -181,29 +119,28 @@ async fn claim_whole(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Cla
     Ok(Some(claimed))
 }
 
-async fn progress(tx: &mut Transaction<'_>, claimed: &Claimed, share: f64) -> Result<bool, Error> {
-    let claim = claimed.claim();
-    if claim.part.1.is_some() {
+pub(crate) async fn progress(
+    (claim, share): &(Claim, f64),
+    tx: &mut Transaction<'_>,
+) -> Result<bool, Error> {
+    let Claim { part: (run, None), attempt, key } = *claim else {
         return Ok(claim.attempt_of_run(&mut tx.db).await?.is_some());
-    }
+    };
     let query = sql!(
         "UPDATE lease SET progress = $3 WHERE run = $1 AND number = -1 AND attempt = $2
              AND EXISTS (SELECT 1 FROM run WHERE id = $1 AND attempt = $2 AND state = 'running')";
-        claimed.run, claimed.attempt, share
+        run, attempt, *share
     );
-    let done = tx.db.execute(query).await?;
-    if done == 0 {
+    if tx.db.execute(query).await? == 0 {
         return Ok(false);
     }
-    tx.effects.push(Effect::Changed(claimed.key));
+    tx.effects.push(Effect::Changed(key));
     Ok(true)
 }
 
-async fn finish(
+pub(crate) async fn finish(
+    (claimed, answer): &(Claimed, Answered),
     tx: &mut Transaction<'_>,
-    claimed: &Claimed,
-    answer: &Answered,
-    program: i64,
 ) -> Result<Finish, Error> {
     let Claimed { run, key, ref trace, .. } = *claimed;
     let Some(attempt) = attempt_of_run(tx, claimed.claim()).await? else {
@@ -223,12 +160,54 @@ async fn finish(
     let Some(row) = tx.db.row(query).await? else { return Ok(Finish::Refused) };
     let task = claimed.task(&mut tx.db).await?;
     let (owner, warnings) = (row.text("owner")?, row.text("warnings")?);
-    let job = row.bytes("first_job")?.map(job_id).transpose()?;
-    let (trace, program, now) = (trace.as_deref(), Some(program), tx.now);
+    let job = row.get("first_job")?;
+    let (trace, program, now) = (trace.as_deref(), Some(tx.of.node.program), tx.now);
     let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
     super::keep::store(&mut tx.db, answer, &source, true).await?;
     ended_by(tx, run, &row, Ending::Succeeded).await?;
-    keep::kept(answer, key, &row, tx.change()).await
+    keep::kept(answer, key, &row, tx.into()).await
+}
+
+pub(crate) async fn fail(
+    (claim, kind, message): &(Claim, FailureKind, String),
+    tx: &mut Transaction<'_>,
+) -> Result<bool, Error> {
+    let (run, _) = claim.part;
+    let Some(attempt) = attempt_of_run(tx, *claim).await? else { return Ok(false) };
+    fail_run(tx, run, attempt, (*kind, message)).await
+}
+
+pub(crate) async fn stopped(claim: &Claim, tx: &mut Transaction<'_>) -> Result<bool, Error> {
+    let (run, _) = claim.part;
+    let query = sql!(
+        "UPDATE run SET state = 'canceled', finished = moment(), changed = moment()
+         WHERE id = $1 AND attempt = $2 AND state = 'canceling'
+         RETURNING key, started, finished, FALSE AS study";
+        run, claim.attempt
+    );
+    end(tx, query, run, Ending::Canceled).await
+}
+
+pub(crate) async fn release(claim: &Claim, tx: &mut Transaction<'_>) -> Result<bool, Error> {
+    let Claim { part: (run, number), attempt, .. } = *claim;
+    match number {
+        Some(number) => chunks::release(tx, run, number, attempt).await,
+        // It was counted as lost at the claim.
+        None => requeue(tx, run, attempt, 1).await,
+    }
+}
+
+/// Takes a run from its worker with the statement `update`, which returns what [`ended_by`] reads. Returns false if the worker
+/// has lost the run.
+async fn end(
+    tx: &mut Transaction<'_>,
+    update: Statement,
+    run: RunId,
+    ending: Ending,
+) -> Result<bool, Error> {
+    let Some(row) = tx.db.row(update).await? else { return Ok(false) };
+    ended_by(tx, run, &row, ending).await?;
+    Ok(true)
 }
 
 /// Queues a running run again. `uncounted` claims do not count as lost. Returns false if the worker has lost it.
@@ -245,14 +224,15 @@ async fn requeue(
          RETURNING key, started, finished, FALSE AS study";
         run, attempt, uncounted
     );
-    let Some(row) = tx.db.row(query).await? else { return Ok(false) };
-    ended_by(tx, run, &row, Ending::Released).await?;
-    tx.effects.push(Effect::Queued);
-    Ok(true)
+    let released = end(tx, query, run, Ending::Released).await?;
+    if released {
+        tx.effects.push(Effect::Queued);
+    }
+    Ok(released)
 }
 
 /// Ends a running run by a failure. Returns false if it has another attempt or is not running.
-async fn fail(
+async fn fail_run(
     tx: &mut Transaction<'_>,
     run: RunId,
     attempt: u32,
@@ -268,13 +248,18 @@ async fn fail(
          RETURNING key, started, finished, EXISTS (SELECT 1 FROM study WHERE run = id) AS study";
         run, attempt, kind.as_str(), message.replace('\0', " ")
     );
-    let Some(row) = tx.db.row(query).await? else { return Ok(false) };
-    ended_by(tx, run, &row, Ending::Failed).await?;
-    Ok(true)
+    end(tx, query, run, Ending::Failed).await
 }
 
 /// Takes the lost leases of a run away. Fails the run if that has happened too often.
-async fn reclaim(tx: &mut Transaction<'_>, node: &Node, run: RunId) -> Result<Recovered, Error> {
+async fn reclaim(
+    (run, always): &(RunId, bool),
+    tx: &mut Transaction<'_>,
+) -> Result<Recovered, Error> {
+    let (run, mut recovered) = (*run, Recovered::default());
+    if !always && !tx.of.contact.goes_on(tx.now) {
+        return Ok(recovered);
+    }
     let study = chunks::lock(tx, run).await?;
     let query = sql!(
         "SELECT key, started, moment() AS finished, state, attempt, lost, FALSE AS study
@@ -282,12 +267,11 @@ async fn reclaim(tx: &mut Transaction<'_>, node: &Node, run: RunId) -> Result<Re
         run
     );
     let row = tx.db.row(query).await?;
-    let pieces = lease::take_lost(tx, node, run).await?;
-    let mut recovered = Recovered::default();
+    let pieces = lease::take_lost(tx, run).await?;
     let Some(row) = row.filter(|_| !pieces.is_empty()) else { return Ok(recovered) };
     let attempt = row.get("attempt")?;
     let lost = match study {
-        Some(study) => chunks::lose(tx, run, study, (node, &pieces)).await?,
+        Some(study) => chunks::lose(tx, run, study, &pieces).await?,
         None => row.get::<u32>("lost")?,
     };
     if row.text("state")? == Some(JobState::Canceling.as_str()) {
@@ -300,7 +284,7 @@ async fn reclaim(tx: &mut Transaction<'_>, node: &Node, run: RunId) -> Result<Re
         recovered.canceled = 1;
     } else if lost >= MAX_LOST {
         let message = format!("the server died {MAX_LOST} times while computing this");
-        let failed = fail(tx, run, attempt, (FailureKind::WorkerLost, &message)).await?;
+        let failed = fail_run(tx, run, attempt, (FailureKind::WorkerLost, &message)).await?;
         recovered.failed = u64::from(failed);
     } else if study.is_some() {
         recovered.requeued = pieces.len() as u64;

@@ -3,49 +3,23 @@
 
 use std::time::Duration;
 
-use super::transaction::{Transaction, writing};
-use super::{Database, chunks, keep};
+use super::transaction::Transaction;
+use super::{chunks, keep};
 use crate::error::Error;
 use crate::keep::Answered;
+use crate::read::read_job;
 use crate::row::{Columns, Row, RunId};
 use crate::signals::Effect;
 use crate::statement::sql;
-use crate::submit::{Admission, EncodedJob, NewJob, Queued, Submitted};
+use crate::submit::{Admission, EncodedJob, Queued, Submitted};
 use crate::tables::{Connected, Tables};
 use crate::tally::Ending;
-use fretwork_job::{ENGINE, Job, JobState, Origin};
+use fretwork_job::{ENGINE, JobState, Origin};
 
 /// How often a submission looks again for a result or a run that others store or end meanwhile.
 const TRIES: usize = 10;
 
-impl Database {
-    pub(crate) async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
-        let submission = EncodedJob::new(job, self.0.backlog.limit());
-        let submitted = writing!(self, tx => submit(tx, &submission).await)?;
-        if let Submitted::Accepted(Job { state: JobState::Queued, .. }) = submitted {
-            self.0.backlog.grows();
-        }
-        Ok(submitted)
-    }
-
-    pub(crate) async fn record(
-        &self,
-        jobs: Vec<NewJob>,
-        answer: Answered,
-        wall: Duration,
-    ) -> Result<Vec<Submitted>, Error> {
-        let limit = self.0.backlog.limit();
-        let jobs: Vec<_> = jobs
-            .into_iter()
-            .map(|job| NewJob { admission: Admission::NoNewRun, ..job })
-            .map(|job| EncodedJob::new(job, limit))
-            .collect();
-        let program = self.0.node.program;
-        writing!(self, tx => record(tx, &jobs, &answer, wall, program).await)
-    }
-}
-
-async fn submit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted, Error> {
+pub(crate) async fn submit(new: &EncodedJob, tx: &mut Transaction<'_>) -> Result<Submitted, Error> {
     match new.repeated(&mut tx.db).await? {
         Some(repeated) => Ok(repeated),
         None => admit(tx, new).await,
@@ -106,7 +80,7 @@ async fn join(tx: &mut Transaction<'_>, new: &EncodedJob, run: RunId) -> Result<
         run
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(Ok(None)) };
-    let state: JobState = crate::row::word(&row, "state")?;
+    let state: JobState = row.get("state")?;
     if state == JobState::Queued
         && let Some(full) = queue_is_full(tx, new).await?
     {
@@ -152,7 +126,7 @@ async fn queue_is_full(
     tx: &mut Transaction<'_>,
     new: &EncodedJob,
 ) -> Result<Option<Submitted>, Error> {
-    let Some(limit) = new.limit else { return Ok(None) };
+    let Some(limit) = tx.of.backlog.limit() else { return Ok(None) };
     let query = sql!(
         "SELECT count(*) AS all_jobs, count(*) FILTER (WHERE owner = $1) AS own FROM job WHERE state = 'queued'";
         &new.job.owner
@@ -170,7 +144,7 @@ async fn insert(
     place: &Place,
 ) -> Result<Submitted, Error> {
     let row = insert_row(tx, new, place).await?;
-    let job = new.job(&row)?;
+    let job = read_job(&row)?;
     if !new.job.tags.is_empty() {
         sqlx::query("INSERT INTO job_tag (tag, job) SELECT DISTINCT unnest($1::TEXT[]), $2")
             .bind(&new.job.tags)
@@ -178,7 +152,10 @@ async fn insert(
             .execute(tx.db.connection())
             .await?;
     }
-    if let Place::Run { .. } = place {
+    if let Place::Run { state, .. } = place {
+        if *state == JobState::Queued {
+            tx.of.backlog.grows();
+        }
         tx.effects.push(Effect::Queued);
     }
     if job.origin == Origin::Cached {
@@ -212,13 +189,14 @@ async fn insert_row(
               WHERE run.id = $4 AND CASE WHEN $15
                   THEN next < chunks OR queued > 0 OR (next = chunks AND running = 0)
                   ELSE run.state = 'queued' END)
-         RETURNING run, created, state, attempt, origin, started, finished, changes,
+         RETURNING id, owner, key, state, origin, label, tags, warnings, created, started, finished, attempt, priority,
+             changes, NULL AS recomputed,
              coalesce((SELECT progress FROM lease WHERE lease.run = job.run AND number = -1),
                  (SELECT least(done, chunks)::DOUBLE PRECISION / chunks FROM study WHERE study.run = job.run),
                  0) AS progress,
              (SELECT summary FROM result WHERE result.key = job.key AND job.state = 'succeeded') AS summary";
         job.id, &job.owner, job.key, run, state.as_str(), attempt, origin.as_str(), job.label.as_ref(), &new.tags,
-        new.warnings.to_string(), job.priority, repeatable.map(|repeatable| &repeatable.key),
+        &new.warnings, job.priority, repeatable.map(|repeatable| &repeatable.key),
         repeatable.map(|repeatable| &repeatable.fingerprint), job.submitted.as_ref(), job.chunks.is_some(), began
     );
     let row = query.postgres().fetch_one(tx.db.connection()).await;
@@ -227,16 +205,13 @@ async fn insert_row(
 
 /// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
 /// live, the jobs use that instead, and the answer is dropped. If it is evicted and no run is live, the jobs need one.
-async fn record(
+pub(crate) async fn record(
+    (jobs, answer, wall): &(Vec<EncodedJob>, Answered, Duration),
     tx: &mut Transaction<'_>,
-    jobs: &[EncodedJob],
-    answer: &Answered,
-    wall: Duration,
-    program: i64,
 ) -> Result<Vec<Submitted>, Error> {
     let Some(first) = jobs.first() else { return Ok(Vec::new()) };
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
-    let (key, source) = (first.job.key, first.source(program, tx.now));
+    let (key, source) = (first.job.key, first.source(tx.of.node.program, tx.now));
     let is_stored = keep::store(&mut tx.db, answer, &source, false).await?;
     if is_stored {
         tx.effects.push(Effect::Ended(key));

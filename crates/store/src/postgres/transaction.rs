@@ -3,10 +3,11 @@
 use std::time::Duration;
 
 use sqlx::{Executor, Row as _};
+use tokio::time::timeout;
 
-use super::hints;
-use super::pool::{Borrowed, Pool};
-use crate::change::Change;
+use super::pool::Borrowed;
+use super::{Database, Parts, hints};
+use crate::change::{Change, Verb};
 use crate::error::Error;
 use crate::signals::Effect;
 use crate::tables::Connected;
@@ -19,7 +20,9 @@ const CONFLICTS: u32 = 10;
 
 /// An open transaction, and what to signal after its commit. If it is dropped, its connection is closed, and the database rolls
 /// it back.
-pub(super) struct Transaction<'a> {
+pub(crate) struct Transaction<'a> {
+    /// The database.
+    pub(super) of: &'a Parts,
     pub(super) db: Borrowed<'a>,
     /// When it began by the clock of the database, in milliseconds since 1970. `moment()` returns it, too.
     pub(super) now: i64,
@@ -28,23 +31,14 @@ pub(super) struct Transaction<'a> {
 
 impl<'a> Transaction<'a> {
     /// Begins a transaction. If a connection is broken, takes another one.
-    pub(super) async fn begin(pool: &'a Pool) -> Result<Self, Error> {
+    pub(super) async fn begin(of: &'a Parts) -> Result<Self, Error> {
         loop {
-            let mut db = pool.get().await?;
+            let mut db = of.pool.get().await?;
             match db.connection().fetch_one("BEGIN; SELECT moment()").await.map_err(Error::from) {
-                Ok(row) => return Ok(Self { db, now: row.try_get(0)?, effects: Vec::new() }),
-                Err(Error::Unreachable(_)) if !db.is_new() => {}
+                Ok(row) => return Ok(Self { of, db, now: row.try_get(0)?, effects: Vec::new() }),
+                Err(Error::Unreachable(_)) if !db.is_new => {}
                 Err(error) => return Err(error),
             }
-        }
-    }
-
-    /// The part of it that both databases have.
-    pub(super) fn change(&mut self) -> Change<'_> {
-        Change {
-            db: Connected::connection(&mut self.db),
-            now: self.now,
-            effects: &mut self.effects,
         }
     }
 
@@ -72,11 +66,18 @@ impl<'a> Transaction<'a> {
         let end = if answer.is_ok() { "COMMIT" } else { "ROLLBACK" };
         let ended = Executor::execute(self.db.connection(), end).await;
         if ended.is_ok() {
-            self.db.answered();
+            self.db.has_answered = true;
         }
         let answer = answer?;
         ended?;
         Ok((answer, self.effects))
+    }
+}
+
+impl<'a> From<&'a mut Transaction<'_>> for Change<'a> {
+    fn from(tx: &'a mut Transaction<'_>) -> Self {
+        let Transaction { db, now, effects, .. } = tx;
+        Self { db: Connected::connection(db), now: *now, effects }
     }
 }
 
@@ -99,32 +100,37 @@ impl Conflicts {
     }
 }
 
-/// Does a verb in a transaction, again after a conflict, and signals its changes after the commit. This is a macro because
-/// the compiler cannot show that the future of a closure with borrowed arguments may move between threads.
-macro_rules! writing {
-    ($database:expr, $tx:ident => $verb:expr) => {{
-        let database: &Database = $database;
-        let mut conflicts = $crate::postgres::transaction::Conflicts::default();
+impl Database {
+    /// Does a verb in a transaction, again after a conflict, and signals its changes after the commit.
+    pub(crate) async fn write<Input, V, Answer>(
+        &self,
+        verb: V,
+        input: Input,
+    ) -> Result<Answer, Error>
+    where
+        V: for<'a, 'of> Verb<'a, Input, &'a mut Transaction<'of>, Answer = Answer>,
+    {
+        let mut conflicts = Conflicts::default();
         loop {
             let attempt = async {
-                database.may_write()?;
-                let mut transaction =
-                    $crate::postgres::Transaction::begin(&database.0.pool).await?;
-                let $tx = &mut transaction;
-                let answer: Result<_, Error> = async { $verb }.await;
-                transaction.end(answer).await
+                self.may_write()?;
+                let mut tx = Transaction::begin(&self.0).await?;
+                let answer = verb.apply(&input, &mut tx).await;
+                tx.end(answer).await
             };
-            let done = tokio::time::timeout($crate::postgres::transaction::PATIENCE, attempt)
-                .await
-                .unwrap_or(Err(Error::Exhausted));
+            let done = timeout(PATIENCE, attempt).await.unwrap_or(Err(Error::Exhausted));
             if !conflicts.again(&done).await {
-                break database.settle(done);
+                let (answer, effects) = self.0.signals.counted(done)?;
+                self.0.hints.add(&effects);
+                self.0.signals.apply(effects);
+                return Ok(answer);
             }
         }
-    }};
+    }
 }
 
-/// Reads with a connection of the pool. If the connection is broken, reads again with another one.
+/// Reads with a connection of the pool. If the connection is broken, reads again with another one. This is a macro because
+/// the compiler cannot show that the future of a closure with borrowed arguments may move between threads.
 macro_rules! reading {
     ($database:expr, $db:ident => $query:expr) => {
         reading!($database, pool, $db => $query)
@@ -137,10 +143,10 @@ macro_rules! reading {
                 let $db = borrowed.connection();
                 let answer: Result<_, Error> = async { $query }.await;
                 match answer {
-                    Err(Error::Unreachable(_)) if !borrowed.is_new() => {}
+                    Err(Error::Unreachable(_)) if !borrowed.is_new => {}
                     Err(error @ Error::Unreachable(_)) => return Err(error),
                     answer => {
-                        borrowed.answered();
+                        borrowed.has_answered = true;
                         return answer;
                     }
                 }
@@ -153,4 +159,4 @@ macro_rules! reading {
     }};
 }
 
-pub(super) use {reading, writing};
+pub(super) use reading;

@@ -3,14 +3,15 @@
 use std::time::{Duration, Instant};
 
 use super::Database;
-use super::transaction::{Transaction, reading, writing};
+use super::transaction::{Transaction, reading};
 use crate::ages::AgeClock;
+use crate::change::Verb;
 use crate::error::Error;
 use crate::keep;
 use crate::options::Options;
 use crate::row::{Columns, RunId};
 use crate::signals::Effect;
-use crate::statement::sql;
+use crate::statement::{Statement, sql};
 use crate::tables::{Connected, Lock, Tables};
 use fretwork_job::Key;
 
@@ -32,6 +33,12 @@ const ENTRIES: i64 = 100_000;
 /// How long the scenario of an evicted result is kept at most: one year in milliseconds.
 const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
 
+/// Sorts 256 KiB.
+const SPILL: &str = "
+    SELECT count(*) FROM (
+        SELECT repeat(md5(n::TEXT), 256) COLLATE \"C\" AS bytes FROM generate_series(1, 32) AS n ORDER BY bytes
+    ) AS sorted";
+
 /// What the maintenance of one server remembers.
 #[derive(Debug)]
 pub(super) struct Upkeep {
@@ -46,18 +53,20 @@ pub(super) struct Upkeep {
     exceeds: bool,
 }
 
-/// Does a part of the maintenance in some transactions, unless another server does maintenance. Returns whether there may be
-/// more to do.
-macro_rules! again {
-    ($db:expr, $tx:ident => $part:expr) => {{
-        for _ in 0..AT_ONCE {
-            match writing!($db, $tx => Ok(if is_alone($tx).await? { Some($part) } else { None }))? {
-                Some(true) => {}
-                done => return Ok(done.is_none()),
-            }
+/// Does a part of the maintenance in some transactions, unless another server does maintenance: then the part returns `None`.
+/// Returns whether there may be more to do.
+async fn again<Input, V>(db: &Database, part: V, input: Input) -> Result<bool, Error>
+where
+    V: for<'a, 'of> Verb<'a, Input, &'a mut Transaction<'of>, Answer = Option<bool>>,
+    Input: Copy,
+{
+    for _ in 0..AT_ONCE {
+        match db.write(part, input).await? {
+            Some(true) => {}
+            done => return Ok(done.is_none()),
         }
-        Ok(true)
-    }};
+    }
+    Ok(true)
 }
 
 impl Upkeep {
@@ -71,11 +80,7 @@ impl Upkeep {
     /// does not keep the others from being done; the first one is returned.
     pub(super) async fn round(&mut self, db: &Database) -> Result<(), Error> {
         let reads = db.0.signals.take_read();
-        let written = if reads.is_empty() {
-            Ok(())
-        } else {
-            writing!(db, tx => write_reads(tx, &reads).await)
-        };
+        let written = if reads.is_empty() { Ok(()) } else { db.write(write_reads, reads).await };
         let cleaned = self.clean(db).await;
         let has_room = self.make_room(db).await;
         if has_room.is_err() {
@@ -90,8 +95,8 @@ impl Upkeep {
             return Ok(());
         }
         let time = self.time(db).await?;
-        let (jobs, chunks) = (self.delete_old(db, time).await, Self::delete_chunks(db).await);
-        writing!(db, tx => forget(tx, time).await)?;
+        let (jobs, chunks) = (self.delete_old(db, time).await, again(db, delete_chunks, ()).await);
+        db.write(forget, time).await?;
         let more = jobs? | chunks?;
         if !more {
             self.due = Instant::now() + OFTEN;
@@ -103,12 +108,7 @@ impl Upkeep {
     async fn delete_old(&self, db: &Database, time: i64) -> Result<bool, Error> {
         let Some(age) = self.keep_jobs else { return Ok(false) };
         let before = time.saturating_sub(i64::try_from(age.as_millis()).unwrap_or(i64::MAX));
-        again!(db, tx => delete_old(tx, before).await?)
-    }
-
-    /// Deletes chunks of studies that have ended. Returns whether there may be more.
-    async fn delete_chunks(db: &Database) -> Result<bool, Error> {
-        again!(db, tx => delete_chunks(tx).await?)
+        again(db, delete_old, before).await
     }
 
     /// The time by which ages are measured.
@@ -119,10 +119,7 @@ impl Upkeep {
         let clock = self.clock.get_or_insert_with(|| AgeClock::at(Some(stored)));
         let time = clock.advance(now);
         if let Some(time) = clock.unstored() {
-            writing!(db, tx => {
-                tx.db.execute(sql!("UPDATE upkeep SET clock = greatest(clock, $1)"; time)).await?;
-                Ok(())
-            })?;
+            db.write(write_clock, time).await?;
         }
         Ok(time)
     }
@@ -136,20 +133,9 @@ impl Upkeep {
             self.budget.map_or(i64::MAX, |budget| i64::try_from(budget).unwrap_or(i64::MAX));
         for _ in 0..AT_ONCE {
             // Another server may have evicted some before this transaction, so it sums.
-            let room = writing!(db, tx => {
-                if !is_alone(tx).await? {
-                    return Ok(None);
-                }
-                let started = Instant::now();
-                let query = "SELECT coalesce(sum(stored), 0)::BIGINT FROM result WHERE evicted IS NULL";
-                let stored: i64 = sqlx::query_scalar(query).fetch_one(tx.db.connection()).await?;
-                let took = started.elapsed();
-                let excess = stored - budget;
-                let evicted = if excess > 0 { evict_some(tx, excess).await? } else { 0 };
-                Ok(Some((stored, evicted, took)))
-            })?;
+            let room = db.write(make_room, budget).await?;
             let Some((stored, evicted, took)) = room else { return Ok(()) };
-            db.0.signals.tally.room_is(stored.unsigned_abs());
+            db.0.signals.tally.bytes.set(stored);
             if evicted == 0 {
                 if stored <= budget {
                     self.exceeds = false;
@@ -188,8 +174,24 @@ async fn is_alone(tx: &mut Transaction<'_>) -> Result<bool, Error> {
     Ok(query.bind(Lock::Upkeep as i64).fetch_one(tx.db.connection()).await?)
 }
 
+/// Checks that the disk has room for a submission.
+pub(crate) async fn probe((): &(), tx: &mut Transaction<'_>) -> Result<(), Error> {
+    // A temporary file of 256 KiB, about what a default result takes with its job. It always takes new space. A table may have
+    // free pages, and many servers would make it grow.
+    tx.db.execute(sql!("SET LOCAL work_mem = '64kB'")).await?;
+    tx.db.execute(Statement::of(SPILL)).await?;
+    tx.db.execute(sql!("UPDATE upkeep SET probe = moment()")).await?;
+    Ok(())
+}
+
+/// Stores the [`AgeClock`].
+async fn write_clock(time: &i64, tx: &mut Transaction<'_>) -> Result<(), Error> {
+    tx.db.execute(sql!("UPDATE upkeep SET clock = greatest(clock, $1)"; *time)).await?;
+    Ok(())
+}
+
 /// Stores when results were last read.
-async fn write_reads(tx: &mut Transaction<'_>, reads: &[(Key, i64)]) -> Result<(), Error> {
+async fn write_reads(reads: &Vec<(Key, i64)>, tx: &mut Transaction<'_>) -> Result<(), Error> {
     let (mut keys, mut times) = (Vec::new(), Vec::new());
     for (key, at) in reads {
         keys.push(key.bytes().to_vec());
@@ -207,10 +209,13 @@ async fn write_reads(tx: &mut Transaction<'_>, reads: &[(Key, i64)]) -> Result<(
 }
 
 /// Deletes jobs that ended before this time, the oldest first, and runs without jobs.
-async fn delete_old(tx: &mut Transaction<'_>, before: i64) -> Result<bool, Error> {
+async fn delete_old(before: &i64, tx: &mut Transaction<'_>) -> Result<Option<bool>, Error> {
+    if !is_alone(tx).await? {
+        return Ok(None);
+    }
     // A job id begins with the time in milliseconds, so the primary key finds the oldest jobs.
     let mut oldest = [0; 16];
-    oldest[..6].copy_from_slice(&before.max(0).to_be_bytes()[2..]);
+    oldest[..6].copy_from_slice(&(*before).max(0).to_be_bytes()[2..]);
     let ids: Vec<Vec<u8>> = sqlx::query_scalar(
         "SELECT id FROM job WHERE id < $1 AND finished < $2 ORDER BY id LIMIT $3",
     )
@@ -220,7 +225,7 @@ async fn delete_old(tx: &mut Transaction<'_>, before: i64) -> Result<bool, Error
     .fetch_all(tx.db.connection())
     .await?;
     delete_jobs(tx, &ids).await?;
-    Ok(ids.len() as u64 == JOBS.unsigned_abs())
+    Ok(Some(ids.len() as u64 == JOBS.unsigned_abs()))
 }
 
 /// Deletes finished jobs, and their runs if these have ended and have no other job.
@@ -251,12 +256,15 @@ async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<(), Er
 }
 
 /// Deletes some chunks of a study that has ended, and the study after its last chunk.
-async fn delete_chunks(tx: &mut Transaction<'_>) -> Result<bool, Error> {
+async fn delete_chunks((): &(), tx: &mut Transaction<'_>) -> Result<Option<bool>, Error> {
+    if !is_alone(tx).await? {
+        return Ok(None);
+    }
     let query = sql!(
         "SELECT study.run AS run FROM study LEFT JOIN run ON run.id = study.run
          WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1"
     );
-    let Some(ended) = tx.db.row(query).await? else { return Ok(false) };
+    let Some(ended) = tx.db.row(query).await? else { return Ok(Some(false)) };
     let run = RunId(ended.get("run")?);
     let query = sql!(
         "DELETE FROM chunk WHERE run = $1 AND number IN (
@@ -268,12 +276,12 @@ async fn delete_chunks(tx: &mut Transaction<'_>) -> Result<bool, Error> {
         "DELETE FROM study WHERE run = $1 AND NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = $1)"; run
     );
     tx.db.execute(query).await?;
-    Ok(true)
+    Ok(Some(true))
 }
 
 /// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs, the turns of
 /// owners without jobs, and the oldest entries of the audit log.
-async fn forget(tx: &mut Transaction<'_>, time: i64) -> Result<(), Error> {
+async fn forget(time: &i64, tx: &mut Transaction<'_>) -> Result<(), Error> {
     // Among the oldest 1000 only, so that many results with jobs do not slow every round.
     let query = sql!(
         "WITH idle AS (
@@ -289,6 +297,24 @@ async fn forget(tx: &mut Transaction<'_>, time: i64) -> Result<(), Error> {
     );
     tx.db.execute(query).await?;
     Ok(())
+}
+
+/// Evicts some results, if all take more than the budget. Returns how many bytes they took before, how many bytes were evicted,
+/// and how long the sum has taken; `None` if another server does maintenance.
+async fn make_room(
+    budget: &i64,
+    tx: &mut Transaction<'_>,
+) -> Result<Option<(i64, i64, Duration)>, Error> {
+    if !is_alone(tx).await? {
+        return Ok(None);
+    }
+    let started = Instant::now();
+    let query = "SELECT coalesce(sum(stored), 0)::BIGINT FROM result WHERE evicted IS NULL";
+    let stored: i64 = sqlx::query_scalar(query).fetch_one(tx.db.connection()).await?;
+    let took = started.elapsed();
+    let excess = stored - budget;
+    let evicted = if excess > 0 { evict_some(tx, excess).await? } else { 0 };
+    Ok(Some((stored, evicted, took)))
 }
 
 /// Evicts results of this many bytes, or some of them. Returns how many bytes they had; 0 if there are

@@ -13,7 +13,7 @@ use crate::tally::Ending;
 use fretwork_job::{JobId, JobState};
 
 /// Cancels a job, and its run if no other unfinished job shares it.
-pub(super) async fn cancel(
+pub(crate) async fn cancel(
     (id, by): &(JobId, Actor),
     tx: &mut Transaction,
 ) -> Result<Canceled, Error> {

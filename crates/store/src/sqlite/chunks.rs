@@ -3,20 +3,13 @@
 //! The run of a study is running from its first claim to its end, even while no worker computes a piece of it. A crash or a
 //! release queues only the pieces again that were running.
 
-use super::Database;
 use super::transaction::Transaction;
 use crate::claimed::{Claim, Claimed, FinishedChunk, is_step};
 use crate::error::Error;
-use crate::row::{Columns, RunId, key};
+use crate::row::{Columns, RunId};
 use crate::signals::Effect;
 use crate::statement::sql;
 use crate::tables::{Connected, Tables};
-
-impl Database {
-    pub(crate) async fn finish_chunk(&self, finished: FinishedChunk) -> Result<bool, Error> {
-        self.write(finish_chunk, finished).await
-    }
-}
 
 /// Claims a piece of a study: a new chunk; otherwise one that was released or lost; otherwise the assembly. So a chunk that
 /// may have caused a crash is computed last.
@@ -59,16 +52,16 @@ async fn start(run: RunId, tx: &mut Transaction) -> Result<(), Error> {
         run, tx.now
     );
     if let Some(row) = tx.db.row(query).await? {
-        tx.effects.push(Effect::Changed(key(&row, "key")?));
+        tx.effects.push(Effect::Changed(row.get("key")?));
     }
     Ok(())
 }
 
-async fn finish_chunk(
+pub(crate) async fn finish_chunk(
     FinishedChunk { claim, body, cost }: &FinishedChunk,
     tx: &mut Transaction,
 ) -> Result<bool, Error> {
-    let Claim { part: (run, Some(number)), attempt } = *claim else { return Ok(false) };
+    let Claim { part: (run, Some(number)), attempt, .. } = *claim else { return Ok(false) };
     let update = sql!(
         "UPDATE chunk SET state = 'done', body = $4, checksum = $5
          WHERE run = $1 AND number = $2 AND attempt = $3 AND state = 'running'
@@ -89,11 +82,11 @@ async fn finish_chunk(
     }
     if is_step(done, chunks) {
         let query = sql!(
-            "UPDATE run SET progress = $2 WHERE id = $1 RETURNING key";
+            "UPDATE run SET progress = $2 WHERE id = $1";
             run, f64::from(done) / f64::from(chunks)
         );
-        let row = tx.db.one(query).await?;
-        tx.effects.push(Effect::Changed(key(&row, "key")?));
+        tx.db.execute(query).await?;
+        tx.effects.push(Effect::Changed(claim.key));
     }
     Ok(true)
 }

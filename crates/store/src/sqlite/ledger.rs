@@ -30,7 +30,7 @@ pub(super) struct Ledger {
     /// Whether the last number could not be written.
     failed: bool,
     /// How many commits were missing at the start.
-    missing: u64,
+    pub(super) missing: i64,
 }
 
 impl Ledger {
@@ -42,7 +42,7 @@ impl Ledger {
         // A file of an earlier version is empty.
         let mut missing = 0;
         if let Some(noted) = read(&mut lock).filter(|noted| noted.commits > commits) {
-            missing = (noted.commits - commits).unsigned_abs();
+            missing = noted.commits - commits;
             tracing::error!(
                 missing,
                 since = rfc3339(stored.at),
@@ -54,11 +54,6 @@ impl Ledger {
         let mut ledger = Self { lock, failed: false, missing };
         ledger.note(stored.commits, stored.at);
         Ok(ledger)
-    }
-
-    /// How many commits were missing at the start.
-    pub(super) fn missing(&self) -> u64 {
-        self.missing
     }
 
     /// Writes the number of commits and the time of the last one.

@@ -4,8 +4,8 @@
 //! transaction, and answers after the commit. So an acknowledged change survives a crash of the process.
 //! A pool of read-only connections serves reads.
 
-mod cancel;
-mod chunks;
+pub(super) mod cancel;
+pub(super) mod chunks;
 mod files;
 pub(super) mod keep;
 pub(super) mod ledger;
@@ -14,11 +14,11 @@ pub(super) mod open;
 mod outline;
 mod queue;
 mod readers;
-mod runs;
+pub(super) mod runs;
 pub(super) mod schema;
-mod submit;
+pub(super) mod submit;
 mod transaction;
-mod upkeep;
+pub(super) mod upkeep;
 mod writer;
 
 use std::path::Path;
@@ -27,7 +27,7 @@ use std::time::Duration;
 
 use tokio::sync::{Semaphore, mpsc};
 
-use super::change::{Change, Verb};
+use super::change::Verb;
 use super::error::Error;
 use super::row::{Columns, Row};
 use super::signals::Signals;
@@ -51,7 +51,6 @@ pub(super) struct Database {
     /// Permits for scans of all results. They limit the number of concurrent scans.
     scans: Arc<Semaphore>,
     signals: Arc<Signals>,
-    queue_limit: usize,
     /// The data directory.
     dir: Arc<Path>,
 }
@@ -80,10 +79,6 @@ impl Database {
         Ok(Duration::from_millis(waited.map_or(0, |oldest| now() - oldest).max(0).unsigned_abs()))
     }
 
-    pub(super) async fn probe(&self) -> Result<(), Error> {
-        self.write(upkeep::probe, ()).await
-    }
-
     /// Reads with a connection of the pool.
     pub(super) async fn read(
         &self,
@@ -99,7 +94,7 @@ impl Database {
                 Purpose::Keys => (&self.keys, None),
             };
             let _permit = permit.transpose().map_err(|_| Error::Closed)?;
-            readers.get().await?.connection().read(statement, most).await
+            readers.get().await?.connection.read(statement, most).await
         };
         self.signals.counted(done.await)
     }
@@ -121,21 +116,6 @@ impl Database {
             answer.await.map_err(|_| Error::Closed)?
         };
         self.signals.counted(done.await)
-    }
-}
-
-/// A verb that both databases have.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Shared<V>(pub(super) V);
-
-impl<'a, Input: 'a, V: Verb<'a, Input, Change<'a>>> Verb<'a, Input, &'a mut Transaction>
-    for Shared<V>
-{
-    type Answer = V::Answer;
-    type Done = V::Done;
-
-    fn apply(self, input: &'a Input, tx: &'a mut Transaction) -> V::Done {
-        self.0.apply(input, tx.change())
     }
 }
 

@@ -1,6 +1,5 @@
 //! Opens the data directory: lock, check of the file, migrations, connections.
 
-use std::cmp::Ordering;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
@@ -18,7 +17,7 @@ use super::log::Log;
 use super::outline;
 use super::queue::Queue;
 use super::readers::{BUSY, Readers};
-use super::schema::{self, latest, migrate, version};
+use super::schema::{self, migrate};
 use super::transaction::Transaction;
 use super::upkeep::Upkeep;
 use super::writer::Writer;
@@ -77,27 +76,27 @@ impl Database {
         let queue = Queue::load(&mut db).await?;
         let program = Program::this().id(&mut db).await?;
         let ledger = Ledger::open(lock, &mut db).await?;
-        signals.tally.has_lost(ledger.missing());
+        signals.tally.lost.set(ledger.missing);
         let files =
             [path.clone(), with_suffix(&path, "-wal"), with_suffix(&path, "-shm"), dir.join(LOCK)];
-        let files = Files::at(files)
-            .map_err(|source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) })?;
+        let files = Files::at(files).map_err(|error| unusable(dir, error))?;
         // A new database has no clock.
         let clock = sqlx::query_scalar("SELECT clock FROM room").fetch_one(&mut db).await?;
         let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::at(clock));
-        let tx = Transaction { db, now: now(), queue, program, effects: Vec::new() };
+        let queue_limit = options.queue_limit;
+        let effects = Vec::new();
+        let tx = Transaction { db, now: now(), queue, queue_limit, program, effects };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer = Writer::new(tx, Arc::clone(&signals), upkeep, (ledger, log, files)).start();
-        let (scans, queue_limit) = (Arc::new(Semaphore::new(SCANS)), options.queue_limit);
-        let dir = dir.into();
-        Ok(Self { writer, readers, large, keys, scans, signals, queue_limit, dir })
+        let (scans, dir) = (Arc::new(Semaphore::new(SCANS)), dir.into());
+        Ok(Self { writer, readers, large, keys, scans, signals, dir })
     }
 }
 
 /// Opens or creates the database of a locked directory, and migrates it to this version.
 async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConnection, Error> {
     let path = dir.join(DATABASE);
-    let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
+    let refused = |error| unusable(dir, error);
     forget_foreign_log(&path).map_err(refused)?;
     inspect(&path).await?;
     if !path.exists() || uses_log(&path).map_err(refused)? != Some(true) {
@@ -190,8 +189,12 @@ pub(crate) fn connecting(path: &Path) -> SqliteConnectOptions {
     SqliteConnectOptions::new().filename(path).busy_timeout(BUSY).disable_statement_logging()
 }
 
+fn unusable(dir: &Path, error: io::Error) -> Error {
+    Error::Directory { dir: dir.to_owned(), source: Arc::new(error) }
+}
+
 pub(crate) fn lock(dir: &Path) -> Result<File, Error> {
-    let refused = |source| Error::Directory { dir: dir.to_owned(), source: Arc::new(source) };
+    let refused = |error| unusable(dir, error);
     fs::create_dir_all(dir).map_err(refused)?;
     let path = dir.join(LOCK);
     let file = File::options().create(true).truncate(false).read(true).write(true).open(&path);
@@ -297,10 +300,6 @@ pub(crate) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConne
     }
     inspect(&path).await?;
     let mut db = SqliteConnection::connect_with(&options).await?;
-    let (found, known) = (version(&mut db).await?, latest());
-    match found.cmp(&known) {
-        Ordering::Less => Err(Error::Older { path, found, known }),
-        Ordering::Equal => Ok(db),
-        Ordering::Greater => Err(Error::Newer { path, found, known }),
-    }
+    schema::require_latest(&mut db, &path).await?;
+    Ok(db)
 }

@@ -6,7 +6,7 @@ use sqlx::SqliteConnection;
 use crate::body::Body;
 use crate::error::Error;
 use crate::keep::outlined;
-use crate::row::{Columns, json, key};
+use crate::row::Columns;
 use crate::statement::{Statement, sql};
 use crate::tables::{Connected, Tables};
 use fretwork_job::{Document, Key, Outline, TaskKind, asked_in};
@@ -32,7 +32,7 @@ pub(super) async fn complete(db: &mut SqliteConnection) -> Result<(), Error> {
     );
     let insert = Statement::of(insert("WHERE result.key = $1", 2));
     while let Some(row) = db.row(next.clone()).await? {
-        let key = key(&row, "key")?;
+        let key = row.get("key")?;
         let outline = if let Some(document) = document(db, key).await? {
             document.outline
         } else {
@@ -40,7 +40,7 @@ pub(super) async fn complete(db: &mut SqliteConnection) -> Result<(), Error> {
             let kind = asked.map(|(kind, _)| kind.word());
             let scenario = asked.filter(|(kind, _)| *kind == TaskKind::Run).map(|(_, text)| text);
             // Without a readable summary, search still finds the result by its inputs.
-            let summary: Value = json(row.get("summary")?).unwrap_or(Value::Null);
+            let summary = row.get("summary").unwrap_or(Value::Null);
             Outline::of(&json!({"kind": kind, "scenario": scenario, "summary": summary}))
         };
         db.execute(insert.clone().with(key).with_outline(&outline)).await?;

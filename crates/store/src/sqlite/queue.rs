@@ -14,6 +14,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use sqlx::SqliteConnection;
 
+use crate::claimed::Study;
 use crate::error::Error;
 use crate::row::{Part, RunId, job_id};
 use fretwork_job::JobId;
@@ -31,8 +32,8 @@ pub(super) struct Queue {
     /// The owner in whose turn each running part was claimed.
     working: HashMap<Part, String>,
     turns: u64,
-    /// The number of waiting jobs.
-    jobs: usize,
+    /// The number of jobs that wait for a worker.
+    pub(super) jobs: usize,
 }
 
 #[derive(Debug, Default)]
@@ -41,26 +42,6 @@ struct Lane {
     working: usize,
     /// The number of the last turn of this owner. A later turn has a larger number.
     served: u64,
-}
-
-/// How many pieces of a study are in which state.
-#[derive(Debug)]
-struct Study {
-    chunks: u32,
-    /// The first piece that was never claimed.
-    next: u32,
-    /// Pieces that were claimed, and are queued again.
-    queued: u32,
-    running: u32,
-}
-
-impl Study {
-    /// Whether a worker can claim a piece. The last piece, the assembly, waits for all others.
-    fn is_ready(&self) -> bool {
-        self.next < self.chunks
-            || self.queued > 0
-            || (self.next == self.chunks && self.running == 0)
-    }
 }
 
 impl Queue {
@@ -103,7 +84,12 @@ impl Queue {
         .fetch_all(db)
         .await?;
         for (run, owner, priority, job) in rows {
-            queue.add(RunId(run), &owner, priority, job_id(&job)?);
+            queue.add(
+                RunId(run),
+                &owner,
+                priority,
+                job_id(&job).map_err(|error| sqlx::Error::Decode(error.into()))?,
+            );
         }
         Ok(queue)
     }
@@ -116,11 +102,6 @@ impl Queue {
     /// The number of running parts.
     pub(super) fn working(&self) -> usize {
         self.working.len()
-    }
-
-    /// The number of jobs that wait for a worker.
-    pub(super) fn jobs(&self) -> usize {
-        self.jobs
     }
 
     /// The number of jobs of an owner that wait for a worker.
@@ -439,20 +420,20 @@ mod tests {
         let (study, job) = (RunId(1), JobId::generate());
         queue.add_study(study, 2);
         queue.add(study, "ada", 3, job);
-        assert_eq!((queue.len(), queue.jobs()), (1, 1));
+        assert_eq!((queue.len(), queue.jobs), (1, 1));
         for number in 0..2 {
             assert_eq!(take(&mut queue), Some((study, Some(number))));
             assert_eq!(queue.len(), 0, "it is running");
         }
-        assert_eq!((take(&mut queue), queue.working(), queue.jobs()), (None, 2, 0));
+        assert_eq!((take(&mut queue), queue.working(), queue.jobs), (None, 2, 0));
         // A job that joins now waits for the remaining pieces, too.
         queue.add(study, "bob", 3, JobId::generate());
-        assert_eq!(queue.jobs(), 0);
+        assert_eq!(queue.jobs, 0);
         queue.release(study, 0);
         assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob")), (1, 1));
         queue.leave(study, 3, job);
         // Jobs of a study that was begun do not fill the queue.
-        assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob"), queue.jobs()), (0, 1, 0));
+        assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob"), queue.jobs), (0, 1, 0));
         assert_eq!(queue.next(), Some((study, "bob".into())));
         queue.take((study, Some(0)), "bob".into());
         queue.done(study, 1);

@@ -24,15 +24,9 @@ pub(super) struct Readers {
 
 /// A borrowed connection.
 pub(super) struct Reader<'a> {
-    connection: MappedMutexGuard<'a, SqliteConnection>,
+    pub(super) connection: MappedMutexGuard<'a, SqliteConnection>,
     // Dropped after the connection.
     _permit: SemaphorePermit<'a>,
-}
-
-impl Reader<'_> {
-    pub(super) fn connection(&mut self) -> &mut SqliteConnection {
-        &mut self.connection
-    }
 }
 
 impl Readers {

@@ -4,68 +4,28 @@
 
 use std::sync::LazyLock;
 
-use super::Database;
 use super::keep::{Reason, keeping};
 use super::queue::Queue;
 use super::transaction::Transaction;
-use super::{cancel, chunks};
-use crate::audit::Actor;
-use crate::cancel::Canceled;
+use super::{Database, chunks};
 use crate::claimed::{Claim, Claimed};
 use crate::error::Error;
 use crate::keep::{self, Answered, Finish, Source};
 use crate::options::{MAX_LOST, Recovered};
-use crate::row::{Columns, RunId, job_id, key};
+use crate::row::{Columns, RunId};
 use crate::signals::Effect;
 use crate::statement::{Statement, sql};
-use crate::tables::Tables;
+use crate::tables::{Connected, Tables};
 use crate::tally::Ending;
-use fretwork_job::{FailureKind, JobId, Key};
+use fretwork_job::{FailureKind, Key};
 
 impl Database {
-    pub(crate) async fn claim(&self) -> Result<Option<Claimed>, Error> {
-        self.write(claim, ()).await
-    }
-
-    pub(crate) async fn progress(&self, claimed: &Claimed, share: f64) -> Result<bool, Error> {
-        self.write(progress, (claimed.claim(), share)).await
-    }
-
-    pub(crate) async fn finish(
-        &self,
-        claimed: &Claimed,
-        answer: Answered,
-    ) -> Result<Finish, Error> {
-        self.write(finish, (claimed.clone(), answer)).await
-    }
-
-    pub(crate) async fn fail(
-        &self,
-        claimed: &Claimed,
-        kind: FailureKind,
-        message: &str,
-    ) -> Result<bool, Error> {
-        self.write(fail, (claimed.claim(), kind, message.to_owned())).await
-    }
-
-    pub(crate) async fn stopped(&self, claimed: &Claimed) -> Result<bool, Error> {
-        self.write(stopped, (claimed.run, claimed.attempt)).await
-    }
-
-    pub(crate) async fn release(&self, claimed: &Claimed) -> Result<bool, Error> {
-        self.write(release, claimed.claim()).await
-    }
-
-    pub(crate) async fn cancel(&self, id: JobId, by: Actor) -> Result<Canceled, Error> {
-        self.write(cancel::cancel, (id, by)).await
-    }
-
     pub(crate) async fn recover(&self) -> Result<Recovered, Error> {
         self.write(recover, ()).await
     }
 }
 
-async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claimed>, Error> {
+pub(crate) async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claimed>, Error> {
     let Some((run, owner)) = tx.queue.next() else { return Ok(None) };
     let claimed = if tx.queue.is_study(run) {
         chunks::claim(run, tx).await?
@@ -89,21 +49,25 @@ async fn claim_whole(run: RunId, tx: &mut Transaction) -> Result<Claimed, Error>
     Ok(claimed)
 }
 
-async fn progress((claim, share): &(Claim, f64), tx: &mut Transaction) -> Result<bool, Error> {
-    let Claim { part: (run, None), attempt } = *claim else {
+pub(crate) async fn progress(
+    (claim, share): &(Claim, f64),
+    tx: &mut Transaction,
+) -> Result<bool, Error> {
+    let Claim { part: (run, None), attempt, key } = *claim else {
         return Ok(claim.attempt_of_run(&mut tx.db).await?.is_some());
     };
     let query = sql!(
-        "UPDATE run SET progress = $3 WHERE id = $1 AND attempt = $2 AND state = 'running'
-         RETURNING key";
+        "UPDATE run SET progress = $3 WHERE id = $1 AND attempt = $2 AND state = 'running'";
         run, attempt, *share
     );
-    let Some(row) = tx.db.row(query).await? else { return Ok(false) };
-    tx.effects.push(Effect::Changed(key(&row, "key")?));
+    if tx.db.execute(query).await? == 0 {
+        return Ok(false);
+    }
+    tx.effects.push(Effect::Changed(key));
     Ok(true)
 }
 
-async fn finish(
+pub(crate) async fn finish(
     (claimed, answer): &(Claimed, Answered),
     tx: &mut Transaction,
 ) -> Result<Finish, Error> {
@@ -120,10 +84,10 @@ async fn finish(
     // The first statement returns a row. The others must be executed, too.
     let Some(row) = tx.db.rows(query).await?.pop() else { return Ok(Finish::Refused) };
     ended(tx, run, key, row.get("started")?, Ending::Succeeded);
-    keep::kept(answer, key, &row, tx.change()).await
+    keep::kept(answer, key, &row, tx.into()).await
 }
 
-async fn fail(
+pub(crate) async fn fail(
     (claim, kind, message): &(Claim, FailureKind, String),
     tx: &mut Transaction,
 ) -> Result<bool, Error> {
@@ -137,17 +101,18 @@ async fn fail(
     end(tx, update, run, Ending::Failed).await
 }
 
-async fn stopped((run, attempt): &(RunId, u32), tx: &mut Transaction) -> Result<bool, Error> {
+pub(crate) async fn stopped(claim: &Claim, tx: &mut Transaction) -> Result<bool, Error> {
+    let (run, _) = claim.part;
     let update = sql!(
         "UPDATE run SET state = 'canceled', finished = $3, changed = $3
          WHERE id = $1 AND attempt = $2 AND state = 'canceling' RETURNING key, started";
-        *run, *attempt, tx.now
+        run, claim.attempt, tx.now
     );
-    end(tx, update, *run, Ending::Canceled).await
+    end(tx, update, run, Ending::Canceled).await
 }
 
-async fn release(claim: &Claim, tx: &mut Transaction) -> Result<bool, Error> {
-    let Claim { part: (run, number), attempt } = *claim;
+pub(crate) async fn release(claim: &Claim, tx: &mut Transaction) -> Result<bool, Error> {
+    let Claim { part: (run, number), attempt, .. } = *claim;
     if let Some(number) = number {
         return chunks::release(run, number, attempt, tx).await;
     }
@@ -164,7 +129,7 @@ async fn release(claim: &Claim, tx: &mut Transaction) -> Result<bool, Error> {
         "SELECT owner, priority, id FROM job WHERE run = $1 AND finished IS NULL"; run
     );
     for row in tx.db.rows(query).await? {
-        tx.queue.add(run, row.get("owner")?, row.get("priority")?, job_id(row.get("id")?)?);
+        tx.queue.add(run, row.get("owner")?, row.get("priority")?, row.get("id")?);
     }
     tx.effects.push(Effect::Queued);
     Ok(true)
@@ -206,7 +171,7 @@ async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
     {
         for row in rows {
             // No duration is recorded, because it would include the time during which the server was down.
-            tx.effects.extend([Effect::Ended(key(&row, "key")?), Effect::Settled(ending, None)]);
+            tx.effects.extend([Effect::Ended(row.get("key")?), Effect::Settled(ending, None)]);
         }
     }
     tx.queue = Queue::load(&mut tx.db).await?;
@@ -223,7 +188,7 @@ async fn end(
     ending: Ending,
 ) -> Result<bool, Error> {
     let Some(row) = tx.db.row(update).await? else { return Ok(false) };
-    ended(tx, run, key(&row, "key")?, row.get("started")?, ending);
+    ended(tx, run, row.get("key")?, row.get("started")?, ending);
     Ok(true)
 }
 

@@ -3,6 +3,7 @@
 //! A foreign trigger could delete results when a job is submitted. So a database whose schema differs is neither backed up nor
 //! restored.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
@@ -154,6 +155,16 @@ pub(crate) async fn wrong_records(db: &mut SqliteConnection) -> Result<Vec<i64>,
 #[expect(clippy::expect_used, reason = "the migrations are compiled in")]
 pub(crate) fn latest() -> i64 {
     CHANGES.iter().map(|(version, ..)| *version).max().expect("there are migrations")
+}
+
+/// Refuses a database that has another schema version than this program knows.
+pub(crate) async fn require_latest(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+    let (path, found, known) = (path.to_owned(), version(db).await?, latest());
+    match found.cmp(&known) {
+        Ordering::Less => Err(Error::Older { path, found, known }),
+        Ordering::Equal => Ok(()),
+        Ordering::Greater => Err(Error::Newer { path, found, known }),
+    }
 }
 
 /// The schema version of a database.

@@ -4,44 +4,25 @@
 use std::sync::LazyLock;
 use std::time::Duration;
 
-use super::Database;
 use super::keep::{Reason, keeping};
 use super::transaction::Transaction;
 use crate::error::Error;
 use crate::keep::Answered;
-use crate::row::{Columns, Row, RunId, checksum, word};
+use crate::read::read_job;
+use crate::row::{Columns, Row, RunId, checksum};
 use crate::signals::Effect;
 use crate::statement::{Statement, sql};
-use crate::submit::{Admission, EncodedJob, NewJob, Queued, Submitted};
+use crate::submit::{Admission, EncodedJob, Queued, Submitted};
 use crate::tables::{Connected, Tables};
 use crate::tally::Ending;
 use fretwork_job::{JobState, Origin};
-
-impl Database {
-    pub(crate) async fn submit(&self, job: NewJob) -> Result<Submitted, Error> {
-        self.write(submit, EncodedJob::new(job, Some(self.queue_limit))).await
-    }
-
-    pub(crate) async fn record(
-        &self,
-        jobs: Vec<NewJob>,
-        answer: Answered,
-        wall: Duration,
-    ) -> Result<Vec<Submitted>, Error> {
-        let limit = Some(self.queue_limit);
-        let jobs: Vec<_> = jobs.into_iter().map(|job| EncodedJob::new(job, limit)).collect();
-        self.write(record, (jobs, answer, wall)).await
-    }
-}
 
 impl EncodedJob {
     /// Why the submission is refused, if it is.
     async fn refusal(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
         let admission = self.job.admission;
-        let queued = Queued { all: tx.queue.jobs(), own: tx.queue.waiting_of(&self.job.owner) };
-        if admission != Admission::OnlyKnown
-            && !self.limit.is_some_and(|limit| queued.is_full(limit))
-        {
+        let queued = Queued { all: tx.queue.jobs, own: tx.queue.waiting_of(&self.job.owner) };
+        if admission != Admission::OnlyKnown && !queued.is_full(tx.queue_limit) {
             return Ok(None);
         }
         let query = sql!(
@@ -52,7 +33,14 @@ impl EncodedJob {
             self.job.key
         );
         let row = tx.db.one(query).await?;
-        Ok(self.refused_because(row.get("is_known")?, row.text("live")?, queued))
+        // A job that needs neither a worker nor a place in the queue is always accepted.
+        Ok(match row.text("live")? {
+            _ if row.get("is_known")? && !self.job.afresh => None,
+            _ if admission == Admission::OnlyKnown => Some(Submitted::Unknown),
+            Some("running") => None,
+            None if admission == Admission::NoNewRun => Some(Submitted::NeedsRun),
+            _ => Some(Submitted::QueueFull { queued: queued.all }),
+        })
     }
 
     /// Inserts the job, and a run if it needs one. The new run is queued.
@@ -60,7 +48,7 @@ impl EncodedJob {
         let query = self.bind(Statement::of(SUBMIT.as_str()), tx.now, None);
         let row = self.inserted(query, tx).await?;
         if let (Some(chunks), Some(row)) = (self.job.chunks, &row)
-            && word::<Origin>(row, "origin")? == Origin::Computed
+            && row.get::<Origin>("origin")? == Origin::Computed
         {
             let (run, chunks) = (RunId(row.get("run")?), chunks.get());
             let insert = sql!("INSERT INTO study (run, chunks) VALUES ($1, $2)"; run, chunks);
@@ -87,12 +75,12 @@ impl EncodedJob {
             .with(&new.task)
             .with(new.afresh)
             .with(new.trace.as_ref())
-            .with(recorded.is_some() || new.admission == Admission::NoNewRun)
+            .with(new.admission == Admission::NoNewRun)
             .with(recorded.and_then(|recorded| recorded.origin).map(Origin::as_str))
             .with(new.id)
             .with(new.label.as_ref())
             .with(&self.tags)
-            .with(self.warnings.to_string())
+            .with(&self.warnings)
             .with(new.priority)
             .with(repeatable.map(|repeatable| &repeatable.key))
             .with(repeatable.map(|repeatable| &repeatable.fingerprint))
@@ -106,7 +94,7 @@ impl EncodedJob {
     fn submitted(&self, tx: &mut Transaction, row: Option<Row>) -> Result<Submitted, Error> {
         let new = &self.job;
         let Some(row) = row else { return Ok(Submitted::NeedsRun) };
-        let job = self.job(&row)?;
+        let job = read_job(&row)?;
         let (origin, state) = (job.origin, job.state);
         let run = row.get::<Option<i64>>("run")?.map(RunId);
         // A study has pieces for workers while it is running, too.
@@ -154,7 +142,8 @@ const JOB: &str = "
             || 'succeeded 1 ' || $17, state || ' ' || attempt || ' ' || $17)
     FROM found
     WHERE NOT $7 OR run IS NOT NULL OR (is_known AND NOT $5)
-    RETURNING run, created, state, attempt, origin, started, finished, changes,
+    RETURNING run, id, owner, key, state, origin, label, tags, warnings, created, started, finished, attempt, priority,
+        changes, NULL AS recomputed,
         (SELECT progress FROM run WHERE run.id = job.run) AS progress,
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
             AS summary";
@@ -163,7 +152,10 @@ const JOB: &str = "
 /// the statements after it.
 static SUBMIT: LazyLock<String> = LazyLock::new(|| format!("{RUN}; {JOB}"));
 
-async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitted, Error> {
+pub(crate) async fn submit(
+    submission: &EncodedJob,
+    tx: &mut Transaction,
+) -> Result<Submitted, Error> {
     if let Some(repeated) = submission.repeated(&mut tx.db).await? {
         return Ok(repeated);
     }
@@ -187,7 +179,7 @@ static RECORD: LazyLock<String> = LazyLock::new(|| format!("{}; {JOB}", keeping(
 
 /// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
 /// live, the jobs use that instead, and the answer is dropped. If it is evicted and no run is live, the jobs need one.
-async fn record(
+pub(crate) async fn record(
     (jobs, answer, wall): &(Vec<EncodedJob>, Answered, Duration),
     tx: &mut Transaction,
 ) -> Result<Vec<Submitted>, Error> {

@@ -14,16 +14,17 @@ pub(crate) struct Transaction {
     pub(super) now: i64,
     /// The queued runs. They change together with the tables.
     pub(super) queue: Queue,
+    /// The largest number of queued jobs.
+    pub(super) queue_limit: usize,
     /// The row of this program on this machine.
     pub(super) program: i64,
     /// What to signal after the commit.
     pub(super) effects: Vec<Effect>,
 }
 
-impl Transaction {
-    /// The part of it that both databases have.
-    pub(super) fn change(&mut self) -> Change<'_> {
-        let Self { db, now, effects, .. } = self;
-        Change { db: Connection::Sqlite(db), now: *now, effects }
+impl<'a> From<&'a mut Transaction> for Change<'a> {
+    fn from(tx: &'a mut Transaction) -> Self {
+        let Transaction { db, now, effects, .. } = tx;
+        Self { db: Connection::Sqlite(db), now: *now, effects }
     }
 }

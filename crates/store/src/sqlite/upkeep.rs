@@ -109,7 +109,7 @@ pub(super) async fn write_clock(time: &i64, tx: &mut Transaction) -> Result<(), 
 
 /// Checks that the disk has room for a submission, by writing about as many bytes as a default result with its job
 /// takes.
-pub(super) async fn probe((): &(), tx: &mut Transaction) -> Result<(), Error> {
+pub(crate) async fn probe((): &(), tx: &mut Transaction) -> Result<(), Error> {
     // SQLite does not write bytes that have not changed, hence random ones.
     let query = sql!("INSERT OR REPLACE INTO probe (id, bytes) VALUES (1, randomblob(262144))");
     tx.db.execute(query).await?;
@@ -269,6 +269,6 @@ async fn evict(key: &[u8], leave_body: bool, tx: &mut Transaction) -> Result<(),
 }
 
 /// Bytes of the stored results.
-pub(super) async fn stored((): &(), tx: &mut Transaction) -> Result<u64, Error> {
+pub(super) async fn stored((): &(), tx: &mut Transaction) -> Result<i64, Error> {
     Ok(sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?)
 }

@@ -293,7 +293,7 @@ impl Writer {
             _ => false,
         };
         if let Ok(bytes) = self.chore(upkeep::stored, ()).await {
-            self.signals.tally.room_is(bytes);
+            self.signals.tally.bytes.set(bytes);
         }
         let spare = self.give_back().await;
         let more = many || old || chunks || exceeds || spare;
@@ -426,7 +426,8 @@ mod tests {
         let queue = Queue::default();
         let ledger = Ledger::open(tempfile::tempfile().unwrap(), &mut db).await.unwrap();
         let upkeep = Upkeep::new(None, None, AgeClock::at(None));
-        let tx = Transaction { db, now: 0, queue, program: 1, effects: Vec::new() };
+        let (queue_limit, effects) = (1, Vec::new());
+        let tx = Transaction { db, now: 0, queue, queue_limit, program: 1, effects };
         let parts = (ledger, Log::new("".into(), 0), Files::default());
         Writer::new(tx, Arc::default(), upkeep, parts)
     }
