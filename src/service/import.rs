@@ -35,8 +35,8 @@ const HOPELESS: f64 = 10.0;
 /// database.
 ///
 /// Each result may take `limit` of processor time. It is refused if it differs from what this program computes. If a study
-/// takes longer, random rows of it are verified. If a run takes longer, or an earlier version of the engine computed it, only its
-/// form is checked. The provenance says which.
+/// takes longer, random rows of it are verified: those that take less than the limit divided by the number of threads. If a run
+/// takes longer, or an earlier version of the engine computed it, only its form is checked. The provenance says which.
 ///
 /// Each result has its own transaction, and those of the database are not computed again. So an interrupted import can be
 /// repeated. `progress` is called with the number of results done, with a share of the present study, and the number of all.
