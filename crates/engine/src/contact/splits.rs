@@ -13,13 +13,13 @@
 //! neglected load   2 ∫ (d − g)₊ dx over x > s,   g(x) = g₀(x) + x ∫ w′(r)/√(x²−r²) dr
 //! x > s            x ∫ w′(r)/√(x²−r²) dr = −x ∫ w r/(x²−r²)^{3/2} dr  ≥  −V/(2π) · x/(x²−s²)^{3/2}
 //! ```
-//! The image of the wear is negative outside the scar, and it increases with x. If g₀ increases as
-//! well, so does g, and there is no ring. Wear therefore splits a contact only where g₀ falls. The
-//! load of a ring is at most that of the springs between g₀ and its largest value further inside.
+//! The image of the wear is negative outside the scar, and it increases with x. If g₀ increases too, g increases, and
+//! there is no ring. Wear therefore splits a contact only where g₀ falls. The load of a ring is at most the load of
+//! springs whose compression is the largest value of g₀ further inside minus g₀.
 
 use crate::numeric::positive_area;
 
-/// Minimum share of the normal force that a neglected ring carries.
+/// The load of a ring matters if it is at least this share of the normal force.
 pub(crate) const NEGLECTED: f64 = 1e-3;
 
 /// The image of the smoothed points of a table. It is linear between the nodes.
@@ -36,7 +36,7 @@ pub(super) struct Rings {
     pub(super) core: f64,
     /// The radius at which the first ring begins.
     pub(super) begin: f64,
-    /// ∫ (d − g)₊ dx outside the core.
+    /// The load of the rings, ∫ (d − g)₊ dx outside the core.
     pub(super) load: f64,
 }
 
@@ -104,7 +104,7 @@ pub(crate) struct Scar {
     wear: Vec<f64>,
     /// The radius at which the contact and the scar end.
     edge: f64,
-    /// V/(2π).
+    /// The wear volume divided by 2π.
     volume: f64,
 }
 
@@ -150,7 +150,7 @@ impl Falls {
         self.possible.get(next.saturating_sub(1)).copied().unwrap_or(0.0)
     }
 
-    /// ∫ (d − g)₊ dx outside the contact and the scar.
+    /// The load that the run neglects: ∫ (d − g)₊ dx outside the contact and the scar.
     pub(crate) fn neglected(&self, depth: f64, scar: &Scar) -> f64 {
         let first = self.radii.partition_point(|r| *r <= scar.edge);
         // At the edge itself the compression is 0.
@@ -163,7 +163,7 @@ impl Falls {
             } else {
                 unworn - scar.image(*x)
             };
-            // The bound matters for the simplified rule, whose wear ends abruptly.
+            // The bound matters for the simplified rule, because its wear ends abruptly at the edge of the scar.
             let compression = compression.min(*drop);
             load += positive_area([before.0, *x], [before.1, compression]);
             before = (*x, compression);

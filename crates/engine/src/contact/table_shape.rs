@@ -33,8 +33,8 @@ use crate::numeric::{maximum, root};
 
 /// Minimum number of nodes of the image.
 const NODES: usize = 160;
-/// The contact is not unique beyond the radius at which the image decreases. A decrease counts if
-/// it exceeds this share of the image.
+/// The table is cut off where its image decreases, because the contact is not unique beyond this radius. A decrease
+/// counts only if it exceeds this share of the image.
 const FALL: f64 = 0.02;
 /// A decrease counts only if the radius has increased by more than this share since the maximum.
 const FAR: f64 = 0.1;
@@ -62,20 +62,20 @@ pub(crate) struct TableShape {
     cells: Vec<Powers>,
     /// The changes of the coefficients at each node.
     changes: Vec<Powers>,
-    /// ∫ g from the axis to each node.
+    /// The integral of the image, ∫ g dx, from the axis to each node.
     areas: Vec<f64>,
     /// The image before it is forced to increase, up to the last radius.
     true_image: TrueImage,
 }
 
-/// A smoothed height below that on the axis, in m.
+/// A point whose smoothed height is below the height on the axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LowPoint {
     /// The radius of the lowest such point.
     pub(crate) radius: f64,
-    /// The distance below the height on the axis.
+    /// The distance below the height on the axis, in m.
     pub(crate) below: f64,
-    /// Whether other heights are too low as well.
+    /// Whether the heights of other points are too low as well.
     pub(crate) others: bool,
 }
 
@@ -391,7 +391,7 @@ impl TableShape {
     }
 
     fn image_rise(&self, c: f64, delta: f64) -> f64 {
-        /// P(u + δ) − P(u).
+        /// The rise of a polynomial, P(u + δ) − P(u), without cancellation.
         fn within(powers: &Powers, u: f64, delta: f64) -> f64 {
             let [_, rest @ ..] = shifted(powers, u);
             delta * value(&[rest[0], rest[1], rest[2], rest[3], 0.0], delta)
@@ -414,7 +414,7 @@ impl TableShape {
         }
     }
 
-    /// ∫ g dx from the axis to `x`.
+    /// The integral of the image, ∫ g dx, from the axis to `x`.
     fn area(&self, x: f64) -> f64 {
         let (cell, u) = self.locate(x);
         self.areas[cell] + area(&self.cells[cell], u)
@@ -429,7 +429,7 @@ impl TableShape {
             .chain(later.take_while(move |(node, _)| **node < to).map(|(x, c)| (*x, *c)))
     }
 
-    /// (2/π) ∫ g/√(r²−x²) dx over c…r.
+    /// The inverse transform outside c: (2/π) ∫ g/√(r²−x²) dx over c…r.
     fn inverse_outside(&self, c: f64, r: f64) -> f64 {
         if r <= c {
             return 0.0;

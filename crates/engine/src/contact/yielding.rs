@@ -65,7 +65,7 @@ impl Rubbing {
     /// ```
     #[must_use]
     pub fn largest_von_mises(&self, poisson: f64) -> f64 {
-        // The surface and the inside can have a maximum each.
+        // The surface and the interior can each have a maximum.
         self.search(poisson, 0..=0).max(self.search(poisson, 1..=STEPS))
     }
 
@@ -119,7 +119,7 @@ impl Rubbing {
     }
 }
 
-/// The bilinear form whose square is the square of the von Mises stress.
+/// The bilinear form B(a, b) for which B(a, a) is the square of the von Mises stress of a.
 fn product(a: &Stress, b: &Stress) -> f64 {
     let normal = (a[0] - a[1]) * (b[0] - b[1])
         + (a[1] - a[2]) * (b[1] - b[2])

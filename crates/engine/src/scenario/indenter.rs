@@ -96,8 +96,8 @@ impl Flat {
                 2.0 / 3.0 * (3.0 * b * b + 2.0 * rim * rim) * rim
             }
         };
-        // The force is at least that of the sharp shape, and at least that of the flat alone. Both give an
-        // upper bound of the root.
+        // The force is at least the force of the sharp shape, and at least the force of the flat alone. Each of the two
+        // gives an upper bound of the root.
         let most = if self.conical {
             product.sqrt().min(product / b)
         } else {

@@ -64,7 +64,7 @@ pub enum Tangential {
     Rig { amplitude: f64, compliance: f64 },
     /// The amplitude Δ and the end time of each block. The last block does not end.
     Blocks(Vec<(f64, f64)>),
-    /// ω as a function of y, and the smallest y at which ω is 0.
+    /// The slip ω as a function of y, and the smallest y at which ω is 0.
     Record { omega: Box<dyn Fn(f64) -> f64>, limit: f64 },
 }
 
@@ -98,7 +98,7 @@ pub struct State {
     pub scar_radius: f64,
     /// The radius where y = Δ; 0 in gross slip.
     pub stick_radius: f64,
-    /// ∫ y ω dx, half of dV/dÑ.
+    /// The energy integral ∫ y ω dx, which is half of dV/dÑ.
     pub energy: f64,
     /// The radii of the points.
     pub radii: Vec<f64>,
@@ -332,7 +332,7 @@ struct Run<'a> {
     wear: Vec<f64>,
     states: Vec<State>,
     gross_slip: Option<f64>,
-    /// The stick radii at the looks so far.
+    /// The stick radii recorded so far.
     trace: Vec<f64>,
     /// The largest contact radius so far.
     outer: f64,
@@ -347,7 +347,7 @@ const LONGEST: f64 = 0.1;
 /// If a step would have to be shorter than this, the contact can no longer carry the tangential
 /// force.
 const SHORTEST: f64 = 1e-5;
-/// Number of times at which the position of the stick edge is recorded.
+/// Number of times at which a run records the stick radius.
 const LOOKS: usize = 16;
 
 impl<'a> Run<'a> {
@@ -673,8 +673,8 @@ const DEPTH: Quantity = ("wear_depth", |state| state.wear_depth);
 const CONTACT: Quantity = ("contact_radius", |state| state.contact_radius);
 const STICK: Quantity = ("stick_radius", |state| state.stick_radius);
 
-/// Compares a pair with columns of a row. The difference must be below `tolerance`. It must also be
-/// below the estimated error of the pair plus the error `open` of the row.
+/// Compares columns of a pair of runs with columns of a row of the table. The difference must be below `tolerance`. It
+/// must also be below the sum of the estimated error of the pair and the error `open` of the row.
 fn compare(pair: &Pair, row: &Value, open: f64, columns: &[(Quantity, f64)]) {
     for ((name, of), tolerance) in columns {
         let (values, error) = pair.column(of);

@@ -24,9 +24,8 @@ use fretwork_engine::reference::{shakedown_limit, stick_ratio};
 /// w(r) = (2/π) (dϑ − rⁿCₙ(ϑ)),  cos ϑ = c/r
 /// ```
 ///
-/// Radii: 1e-12. Volume and depth: 1e-15/(1−c)², because of cancellation. The errors were measured
-/// with 40 digits for n from 1 to 11.3 and c from 0.001 to 0.999.
-/// from 1 to 11.3 and c from 0.001 to 0.999.
+/// Accuracy of the radii: 1e-12. Accuracy of volume and depth: 1e-15/(1−c)², because of cancellation. The errors were
+/// measured with 40 digits for n from 1 to 11.3 and c from 0.001 to 0.999.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimitingState {
     /// Stick radius c.

@@ -51,7 +51,7 @@ impl StopSearch {
     }
 }
 
-/// The events up to the time `last`. `events` are those that are already known.
+/// All events up to the time `last`: the given `events`, and those that this function finds.
 pub(crate) fn events(
     solver: &Simplified,
     xi: f64,

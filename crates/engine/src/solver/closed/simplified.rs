@@ -57,9 +57,9 @@ const CURVE_OPERATIONS: f64 = 40.0;
 #[derive(Debug)]
 pub(super) struct Ring {
     pub(super) radii: Vec<f64>,
-    /// y₀ = 1 − g₀.
+    /// The unworn compressions y₀ = 1 − g₀.
     unworn: Vec<f64>,
-    /// Δ − y₀ inside a₀.
+    /// The compressions that are missing for stick, Δ − y₀, inside a₀.
     rest: Vec<f64>,
     /// The limiting wear inside a₀, which few states need.
     limiting: OnceLock<Vec<f64>>,
@@ -127,17 +127,17 @@ pub struct Simplified {
     pub(super) contact: Contact,
     pub(crate) row: SpringRow,
     kernels: Arc<Kernels>,
-    /// Θ = ã² − c².
+    /// The range of x² that the mesh covers, Θ = ã² − c².
     theta: f64,
     /// 1/x at the mesh nodes; 0 on the axis.
     reciprocal: Vec<f64>,
     pub(super) mesh: Ring,
     grid: Grid,
-    /// Most runs need no curves.
+    /// Computed when a curve is first needed. Most runs need no curves.
     unworn: OnceLock<Box<UnwornCurves>>,
 }
 
-/// What curves over the output radii are made from.
+/// The quantities of the unworn contact from which the curves over the output radii are computed.
 #[derive(Debug)]
 pub struct UnwornCurves {
     /// The number of radii before the ring.
@@ -150,7 +150,7 @@ pub struct UnwornCurves {
     slip_excess: Vec<f64>,
     /// The pressure of the unworn contact in the ring inside a₀.
     pressure: Vec<f64>,
-    /// g₀ at every radius.
+    /// The unworn image g₀ at every radius.
     images: Vec<f64>,
     /// The unworn profile f₀ at every radius.
     pub initial: Vec<f64>,
@@ -399,7 +399,7 @@ impl Simplified {
             if stick > 0.0 {
                 rest[0] = inside[0] - left * inside[0];
             }
-            // R is 0 at a₀ and outside it. One more node lets the curve end at 0.
+            // R is 0 from a₀ outwards. One more node lets the curve of R end at 0.
             rest.push(0.0);
             self.kernels.slope_changes(&mut rest);
         }
@@ -436,8 +436,8 @@ impl Simplified {
         })
     }
 
-    /// The errors of a state with wear: of the volume against that of the image, and of the depth against a
-    /// quadrature at the deepest node.
+    /// The estimated errors of a state with wear. The volume is compared with the volume of the image, and the depth
+    /// with a quadrature at the deepest node.
     fn errors(
         &self,
         wear: &[f64],

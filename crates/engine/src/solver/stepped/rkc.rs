@@ -103,8 +103,8 @@ const LONGEST_STEP: (f64, f64) = (1.5, 0.15);
 const GROWN: f64 = 0.01;
 /// Maximum number of stages of a step.
 const MOST_STAGES: usize = 1000;
-/// Above the first number, the number of stages is a multiple of the second. Fewer sets of
-/// coefficients are then needed.
+/// Above the first number of stages, only multiples of the second number are used, so that fewer sets of coefficients
+/// are needed.
 const STAGES_APART: (usize, usize) = (200, 50);
 /// The tolerance doubles after this number of steps, and again each time the number of steps has
 /// doubled. Every run therefore ends, and its error estimate includes the larger tolerance.
@@ -161,8 +161,8 @@ impl Rkc {
         self.before = (self.time, self.values.clone(), self.rates.clone());
     }
 
-    /// Limits the next step, because the rates are now `times` times as large as those that belong to the
-    /// time scale.
+    /// Limits the next step, because the rates have grown: they are `times` times as large as the rates that correspond
+    /// to the time scale.
     pub(crate) fn hurry(&mut self, times: f64) {
         self.step = self.step.min(FIRST_STEP * self.scale / times.max(1.0));
     }
