@@ -172,7 +172,7 @@ pub fn maximum(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
         }
     }
     let step = high - low;
-    // Stays inside, because `f` may be undefined outside.
+    // Keep the parabola inside the interval, because `f` may be undefined outside.
     let middle = (0.5 * (low + high)).clamp(first + step, last - step);
     let (before, here, after) = (f(middle - step), f(middle), f(middle + step));
     let curvature = before - 2.0 * here + after;
@@ -383,7 +383,7 @@ pub fn twelve_digits(x: f64) -> f64 {
         1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
     ];
     let decimal = Decimal::of(x).and_then(|decimal| {
-        // One division of two exact numbers, so it is rounded once.
+        // The code divides two exact numbers, so the result is rounded only once.
         let ten = TENS.get(usize::from(decimal.places))?;
         Some((decimal.digits as f64 / ten).copysign(x))
     });
@@ -425,7 +425,7 @@ impl Decimal {
         let power = (exponent * 78_913) >> 18;
         let places = 11 - power;
         let rounded = |places: i32| {
-            // significand·10^places/2^shift, exactly.
+            // The exact value of significand·10^places/2^shift.
             let product = u128::from(significand) * u128::from(FIVES[places as usize]);
             let shift = (shift - places) as u32;
             let digits = (product >> shift) as u64;
@@ -439,7 +439,7 @@ impl Decimal {
     }
 }
 
-/// [`twelve_digits`] for all numbers, by printing and parsing.
+/// The same result as [`twelve_digits`], for any number, by printing and parsing.
 #[expect(clippy::expect_used, reason = "a formatted number always parses")]
 fn printed_with_twelve_digits(x: f64) -> f64 {
     format!("{x:.11e}").parse::<f64>().expect("a formatted number parses") + 0.0

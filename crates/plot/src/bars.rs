@@ -22,7 +22,7 @@ const WHISKER: Style = Style { color: "#000000", dash: Dash::Solid, width: 1.2, 
 pub struct Bar {
     /// The value of the bar; not finite if it is unknown.
     pub value: f64,
-    /// The interval of the value.
+    /// The interval of the value, drawn as a whisker.
     pub interval: Option<(f64, f64)>,
 }
 

@@ -5,7 +5,7 @@ use super::text::{escape, markup};
 
 /// A curve may be simplified by this distance in px without a visible change.
 const TOLERANCE: f64 = 0.02;
-/// Distance of markers on a curve with dense points, in px.
+/// Distance between markers on a curve with dense points, in px.
 const MARK_DISTANCE: f64 = 64.0;
 /// If the distance between points is smaller than this number of px, they are dense: only some of them get markers.
 const DENSE: f64 = 9.0;
@@ -221,7 +221,7 @@ impl Canvas {
         self.put("</svg>");
     }
 
-    /// The drawing as a document. Screen readers read its name.
+    /// The drawing as an SVG document. Screen readers read its name.
     pub fn document(
         self,
         (width, height): (f64, f64),

@@ -7,7 +7,7 @@ use super::scale::{Axis, Scale, TICK_ROOM};
 use super::series::{Dash, Style};
 use super::text::{GAP, LABEL, LEADING, SINK, SMALL};
 
-/// Number of colours.
+/// Number of different colours in a heat map.
 const COLORS: usize = 64;
 /// Width of the colour bar, in px.
 const BAR: f64 = 14.0;
@@ -202,7 +202,7 @@ mod tests {
         assert!(levels(&linear).iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12));
         let log = field(true, &[1e-3, 1e3, 0.0]).shades(400.0);
         assert!((levels(&log)[0] - 1.0 / 6.0).abs() < 1e-12, "{:?}", levels(&log));
-        // 2, 5, 10, 20, 50, 100, 200 from 1 to 250.
+        // The round numbers from 1 to 250 are 2, 5, 10, 20, 50, 100 and 200.
         let short = field(true, &[1.0, 250.0]).shades(400.0);
         assert_eq!(levels(&short).len(), 7, "{:?}", levels(&short));
         assert!(field(false, &[3.0]).shades(200.0).share(3.0).is_some());

@@ -67,7 +67,7 @@ pub struct Figure {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// Regions below everything else.
+    /// Coloured regions, drawn below everything else.
     pub bands: Vec<Band>,
     /// A heat map below the curves.
     pub field: Option<Field>,
@@ -251,13 +251,13 @@ impl Figure {
         (scale, least)
     }
 
-    /// The layout with a free margin of width `beside` on the right.
+    /// The layout with a free margin of width `beside` on the right side.
     fn plan(&self, corner: Point, indent: f64, beside: f64) -> Plan {
         let (y, least) = self.vertical();
         let names = |axis: &Axis| {
             axis.marks.iter().map(|(_, name)| width(name) * SMALL).fold(0.0, f64::max)
         };
-        // The factor of a colour bar stands above it.
+        // The factor of a colour bar is written above the bar.
         let above = names(&self.x) > 0.0 || y.power != 0 || self.field.is_some();
         let top =
             corner.1 + line(TITLE, &self.title) + GAP + if above { SMALL * LEADING } else { 0.0 };

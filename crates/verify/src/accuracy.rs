@@ -102,7 +102,7 @@ impl Accuracy {
         OutputErrors(errors.copied().collect())
     }
 
-    /// The quantile of the error of one of [`OTHERS`]: a share `share` of the runs has no larger error. `None` if no
+    /// The quantile of the error of one of `OTHERS`: a share `share` of the runs has no larger error. `None` if no
     /// run has this quantity or event.
     #[must_use]
     pub fn below(&self, other: &str, share: f64) -> Option<f64> {

@@ -34,7 +34,7 @@ pub struct Check {
     pub source: &'static str,
     /// The expected value.
     pub reference: f64,
-    /// The value that this program computes; NaN if it cannot.
+    /// The value that this program computes; NaN if it cannot compute the value.
     pub value: f64,
     /// The expected relative error, which an inexact reference causes. It is 0 if the reference is exact.
     pub expected: f64,
@@ -73,7 +73,7 @@ impl Check {
         }
     }
 
-    /// Whether the error is accepted.
+    /// Whether the error is accepted. A number that is only reported always passes.
     #[must_use]
     pub fn passes(&self) -> bool {
         self.share() <= 1.0

@@ -170,7 +170,7 @@ impl Backbone {
         };
         let (displacement, force) = (cycle(0), cycle(1));
         if threshold == 0.0 {
-            // At rest.
+            // The contact is at rest, so the loop is a point.
             let (energy_ratio, slip_ratio, free_ratio) = (0.0, 0.0, 0.0);
             return Loop { displacement, force, energy_ratio, slip_ratio, free_ratio };
         }

@@ -100,7 +100,7 @@ pub(crate) struct Falls {
 #[derive(Debug, Clone)]
 pub(crate) struct Scar {
     radii: Vec<f64>,
-    /// The wear at the radii up to the edge, which is at least 0.
+    /// The wear at the radii up to the edge. It is never negative.
     wear: Vec<f64>,
     /// The radius at which the contact and the scar end.
     edge: f64,
@@ -153,7 +153,7 @@ impl Falls {
     /// The load that the run neglects: ∫ (d − g)₊ dx outside the contact and the scar.
     pub(crate) fn neglected(&self, depth: f64, scar: &Scar) -> f64 {
         let first = self.radii.partition_point(|r| *r <= scar.edge);
-        // At the edge itself the compression is 0.
+        // At the edge of the scar the compression is 0.
         let (mut before, mut load) = ((scar.edge, 0.0), 0.0);
         let images = self.images[first..].iter().zip(&self.drops[first..]);
         for (x, (image, drop)) in self.radii[first..].iter().zip(images) {
@@ -187,7 +187,7 @@ mod tests {
     fn the_image_of_a_scar_agrees_with_its_closed_form_and_exceeds_its_bound() {
         let (radii, wear) = cap(10);
         let scar = Scar::new(radii.clone(), &wear, 0.0);
-        // V = π s⁴/2
+        // The exact volume is V = π s⁴/2.
         assert!((scar.volume - 0.25 * 0.4096).abs() < 1e-15, "{}", scar.volume);
         assert!((scar.edge - 0.8).abs() < 1e-15);
         for x in [0.81, 0.9, 1.2, 5.0] {
@@ -195,7 +195,7 @@ mod tests {
             assert!((scar.image(x) - exact).abs() < 1e-13, "{x}: {} {exact}", scar.image(x));
             assert!(scar.least_image(x) < exact && exact < 0.0);
         }
-        // A contact wider than the scar bounds the ring.
+        // If the contact is wider than the scar, `edge` is the edge of the contact.
         assert!((Scar::new(radii, &wear, 0.9).edge - 0.9).abs() < 1e-15);
     }
 

@@ -94,9 +94,9 @@ impl Serialize for ResultUnits {
 /// A number of a section of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Member {
-    /// The name of its quantity.
+    /// The name of the quantity.
     pub name: &'static str,
-    /// What it means in this section.
+    /// The meaning of the quantity in this section.
     pub meaning: &'static str,
 }
 

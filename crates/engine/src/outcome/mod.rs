@@ -142,7 +142,7 @@ pub struct BodyWear {
 /// The simplified rule compared with an exact run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
-    /// The parameter ξ of the history.
+    /// The parameter ξ of the simplified rule in `history`.
     pub xi: f64,
     /// The history by the rule at the same output cycles. A run of the rule can end earlier, with a
     /// different last row.
@@ -230,9 +230,9 @@ pub struct Outcome {
     pub bodies: [BodyWear; 2],
     /// Profiles, if requested.
     pub profiles: Option<Profiles>,
-    /// Force–displacement loops at the same output cycles.
+    /// Force–displacement loops at the output cycles with profiles.
     pub loops: Option<Loops>,
-    /// Changes of regime and an early end.
+    /// The events of the run, for example the start of gross slip or an early end.
     pub events: Vec<OutcomeEvent>,
     /// Estimates of the numerical error.
     pub accuracy: Accuracy,

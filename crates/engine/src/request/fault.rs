@@ -69,7 +69,7 @@ impl Faults {
         if self.0.is_empty() { Ok(value) } else { Err(self) }
     }
 
-    /// Keeps the first [`MAX_FAULTS`] faults, and adds an entry with the number of the other faults.
+    /// Keeps the first `MAX_FAULTS` faults, and adds an entry with the number of the other faults.
     #[must_use]
     pub fn capped(mut self) -> Self {
         if self.0.len() > MAX_FAULTS {

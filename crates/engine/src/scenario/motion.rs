@@ -117,7 +117,7 @@ impl UnwornContact {
         case::threshold(amplitude, self.gross_slip)
     }
 
-    /// The given tangential force, if friction can carry it.
+    /// Returns the given tangential force, or a fault if friction cannot carry it.
     fn carried(&self, tangential_force: f64) -> Result<f64, Faults> {
         let most = 2.0 * self.friction * self.force * self.shape.half_force();
         if tangential_force < most * (1.0 - 1e-9) {

@@ -69,7 +69,7 @@ struct Row {
 }
 
 impl Row {
-    /// Reads a line of the table. Its first four cells name the row.
+    /// Reads a line of the table. Its first four cells contain the parameters of the row, and are skipped.
     #[expect(clippy::expect_used, reason = "a test reads the whole table")]
     fn read(line: &str) -> Self {
         let number = |cell: &str| cell.parse().expect("a cell of the table is a number");
@@ -292,7 +292,7 @@ mod tests {
                     let (index, line) = lines.next().expect("a row");
                     let name = format!("{words},{exponent},{stick},");
                     let cells = line.strip_prefix(&name).expect(&name);
-                    // Some rows, from all parts of the table.
+                    // Compare only some rows, from all parts of the table.
                     if index % 23 == 7 {
                         assert_eq!(cells, row(pair, exponent, stick), "{name}");
                     }

@@ -114,7 +114,7 @@ impl Recording {
                 second[row] = if second[row] <= end {
                     end + shift * (1.0 + slope)
                 } else {
-                    // An earlier block of larger amplitude has reached further.
+                    // In an earlier block of larger amplitude, the contact has slid further.
                     scar_radius[row] + second[row] - first[row]
                 };
                 first[row] = scar_radius[row];

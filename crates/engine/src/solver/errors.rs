@@ -19,7 +19,7 @@ impl RunErrors {
         Self { volume: apart(volume), depth: apart(depth) }
     }
 
-    /// The larger volume error and the larger depth error of both.
+    /// The larger of the two volume errors, and the larger of the two depth errors.
     pub(crate) fn or(self, other: Self) -> Self {
         Self { volume: self.volume.max(other.volume), depth: self.depth.max(other.depth) }
     }

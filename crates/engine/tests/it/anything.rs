@@ -273,7 +273,7 @@ fn judge_profiles(outcome: &Outcome) {
     assert!(initial.iter().all(|x| x.is_finite()));
     for rows in wear.windows(2) {
         for (before, after) in rows[0].iter().zip(&rows[1]) {
-            assert!(before <= after && *before >= 0.0, "wear heals: {before} {after}");
+            assert!(before <= after && *before >= 0.0, "wear decreases: {before} {after}");
         }
     }
     for row in pressure {

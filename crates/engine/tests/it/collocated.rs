@@ -108,7 +108,7 @@ pub struct State {
     pub image: Vec<f64>,
     /// Pressure p at the points.
     pub pressure: Vec<f64>,
-    /// Slip s at the points, multiplied by Δ/Δ(0).
+    /// Slip s at the points, as a share of the initial amplitude: s·Δ/Δ(0).
     pub slip: Vec<f64>,
 }
 
@@ -309,7 +309,7 @@ struct Springs {
     /// The largest y.
     most: f64,
     threshold: f64,
-    /// η at the points.
+    /// The signed compression η at the points.
     eta: Vec<f64>,
     normal_force: f64,
     tangential_force: f64,
@@ -455,7 +455,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// ∫ f(y) dx over the mesh, for f that is smooth between 0 and Δ and above Δ.
+    /// The integral ∫ f(y) dx over the mesh, for f that is smooth between 0 and Δ and above Δ.
     fn sum(&self, eta: &[f64], threshold: f64, f: impl Fn(f64) -> f64) -> f64 {
         let radii = &self.mesh.radii;
         let mut sum = 0.0;
@@ -464,7 +464,7 @@ impl<'a> Run<'a> {
             let at = |share: f64| f((eta[0] + share * (eta[1] - eta[0])).max(0.0));
             for pair in shares.windows(2) {
                 if pair[1] > pair[0] {
-                    // Simpson's rule.
+                    // Integrate by Simpson's rule.
                     let middle = at(0.5 * (pair[0] + pair[1]));
                     let mean = (at(pair[0]) + 4.0 * middle + at(pair[1])) / 6.0;
                     sum += (x[1] - x[0]) * (pair[1] - pair[0]) * mean;
@@ -886,10 +886,10 @@ fn gross_slip_under_constant_force_obeys_archards_law() {
         assert!((0.993 - error..0.998 + error).contains(&share), "{share} at Ñ = {time}");
     }
     assert!(error < 2e-2, "{error}");
-    assert!(pair.fine.states[2].contact_radius > 2.0, "it has grown");
+    assert!(pair.fine.states[2].contact_radius > 2.0, "the contact must grow");
 }
 
-/// The same problem in the types of the engine.
+/// Converts the problem to the types of the engine.
 fn engine(problem: &Problem, record: Option<&DisplacementRecord>, last: f64) -> (Contact, March) {
     let threshold = unworn_threshold(problem);
     let contact = Contact::new(problem.shape.clone(), threshold).expect("a limit");

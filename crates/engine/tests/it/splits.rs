@@ -32,7 +32,7 @@ fn has_split(outcome: &Outcome) -> bool {
     outcome.events.iter().any(|event| event.kind == EventKind::ContactSplits)
 }
 
-/// The image (3) at `x` of the straight lines through points.
+/// The image (3) at `x` of a profile that consists of straight lines through the points.
 fn image(radius: &[f64], height: &[f64], x: f64) -> f64 {
     let cells = radius.windows(2).zip(height.windows(2)).take_while(|(r, _)| r[0] < x);
     let sum: f64 = cells
@@ -334,7 +334,7 @@ fn a_run_ends_when_wear_splits_its_contact() {
         (near, "force", "exact", &[0, 1, 2, 3, 4, 5]),
         (near, "force", "simplified", &[1, 2]),
         (far, "depth", "exact", &[0, 4, 5]),
-        // The first of these has a closed form.
+        // The run with the first of these motions is computed in closed form.
         (far, "depth", "simplified", &[0, 4, 5]),
     ];
     for ((at, size, width), held, method, ending) in cases {

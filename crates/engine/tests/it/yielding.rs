@@ -107,8 +107,8 @@ fn on_the_axis(nu: f64, z: f64) -> (f64, f64) {
     (along, -(1.0 + nu) * (1.0 - z * (FRAC_PI_2 - z.atan())) - 0.5 * along)
 }
 
-/// The largest von Mises stress on the surface behind the axis of sliding. Sources: Johnson §3.4(c) for
-/// the pressure, Hamilton (1983) for the traction.
+/// The largest von Mises stress on the surface along the line of sliding, behind the centre of the contact. Sources:
+/// Johnson §3.4(c) for the pressure, Hamilton (1983) for the traction.
 fn on_the_surface(nu: f64, friction: f64) -> f64 {
     let at = |step: u32| {
         let r = f64::from(step) / 1e4;

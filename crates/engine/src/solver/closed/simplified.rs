@@ -61,7 +61,7 @@ pub(super) struct Ring {
     unworn: Vec<f64>,
     /// The compressions that are missing for stick, Δ − y₀, inside a₀.
     rest: Vec<f64>,
-    /// The limiting wear inside a₀, which few states need.
+    /// The limiting wear inside a₀. It is computed when first needed, because few states need it.
     limiting: OnceLock<Vec<f64>>,
 }
 
@@ -103,7 +103,7 @@ impl Ring {
         self.rest.len()
     }
 
-    /// y/(Δe) at the radii inside a₀, by (14).
+    /// The relative compressions y/(Δe) at the radii inside a₀, by (14).
     fn shares(&self, decay: Decay) -> impl Iterator<Item = f64> {
         self.unworn.iter().zip(&self.rest).map(move |(y, rest)| y / (y * decay.left + rest))
     }
@@ -129,7 +129,7 @@ pub struct Simplified {
     kernels: Arc<Kernels>,
     /// The range of x² that the mesh covers, Θ = ã² − c².
     theta: f64,
-    /// 1/x at the mesh nodes; 0 on the axis.
+    /// The reciprocal 1/x at the mesh nodes; 0 on the axis.
     reciprocal: Vec<f64>,
     pub(super) mesh: Ring,
     grid: Grid,
@@ -140,7 +140,7 @@ pub struct Simplified {
 /// The quantities of the unworn contact from which the curves over the output radii are computed.
 #[derive(Debug)]
 pub struct UnwornCurves {
-    /// The number of radii before the ring.
+    /// The number of radii inside the stick radius.
     core: usize,
     /// The output radii between c and ã, if they are not the mesh nodes.
     ring: Option<Ring>,
@@ -285,7 +285,7 @@ impl Simplified {
         self.unworn().ring.as_ref().unwrap_or(&self.mesh)
     }
 
-    /// (k_w/μ)·ΣW in units of a₀²d₀.
+    /// The dissipated energy as (k_w/μ)·ΣW, in units of a₀²d₀.
     pub(crate) fn dissipated(&self, xi: f64, sums: &Sums) -> f64 {
         dissipated(&self.contact, xi, sums)
     }
@@ -298,7 +298,7 @@ impl Simplified {
         threshold * unstuck - dot(&self.row.weights_outside(r), &compressions)
     }
 
-    /// e = exp(−ξÑ/ã).
+    /// The decay factor e = exp(−ξÑ/ã).
     #[must_use]
     pub fn decay(&self, xi: f64, normalized_cycles: f64) -> Decay {
         Decay::after(xi * normalized_cycles / self.contact.limit.radius)
@@ -309,7 +309,7 @@ impl Simplified {
         self.states(&[(decay, false)]).swap_remove(0)
     }
 
-    /// The states at several decays. The flag requests curves.
+    /// The states at several decays. The flag of each decay requests curves.
     #[must_use]
     pub fn states(&self, wanted: &[(Decay, bool)]) -> Vec<State> {
         let (mut worn, mut changes) = (Vec::new(), Vec::new());

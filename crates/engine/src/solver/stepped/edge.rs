@@ -139,7 +139,7 @@ struct Edge<'a> {
     radii: &'a [f64],
     /// The first spring outside the contact.
     next: usize,
-    /// d − g of the springs from `next` − 2 to `next` + 1.
+    /// The compressions d − g of the springs from `next` − 2 to `next` + 1.
     gaps: [f64; 4],
     /// The weight, from 0 to 1, of the radius that follows from the springs. The radius that follows from the wear has
     /// the rest of the weight.

@@ -252,7 +252,7 @@ impl March {
         }
         let mut events = Vec::new();
         if fine.wearing.springs.slides {
-            // The contact is too close to gross slip for this mesh.
+            // The contact is so close to gross slip that friction cannot carry the tangential force on this mesh.
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
         Some(Self {

@@ -73,9 +73,9 @@ pub struct Rkc {
     pub(super) size: f64,
     /// The present time.
     pub(crate) time: f64,
-    /// y now.
+    /// The values y at the present time.
     pub(crate) values: Vec<f64>,
-    /// f(y) at the present time.
+    /// The rates f(y) at the present time.
     pub(super) rates: Vec<f64>,
     /// The state before the last step, for interpolation within the step.
     before: (f64, Vec<f64>, Vec<f64>),
@@ -246,7 +246,7 @@ impl Rkc {
         self.evaluations += stages;
     }
 
-    /// The root mean square of the estimated local error, divided by the maximum error.
+    /// The root mean square of the estimated local error, divided by the permitted error.
     fn error(&self, h: f64, live: usize, limit: f64) -> f64 {
         let [next, next_rates, _] = &self.scratch;
         let most = next.iter().copied().fold(0.0, f64::max);

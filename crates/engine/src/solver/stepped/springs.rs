@@ -269,7 +269,7 @@ impl Springs {
         self.slips.resize(self.images.len(), 1.0);
     }
 
-    /// min(Δ, y) of each cell in contact.
+    /// The tangential load min(Δ, y) of each cell in contact.
     pub(crate) fn loads(&self) -> Vec<f64> {
         (0..self.compressions.len()).map(|q| self.carried(q, self.threshold).0).collect()
     }
@@ -369,7 +369,7 @@ impl Springs {
         from_inside.clamp(between, middle(last + 1).max(between))
     }
 
-    /// The compression y at r₀.
+    /// The compression y at r₀, inside which nothing wears.
     fn edge(&self) -> f64 {
         self.edge + self.depth - 1.0
     }
