@@ -8,7 +8,7 @@
     clippy::disallowed_methods,
     clippy::expect_used,
     clippy::print_stdout,
-    reason = "a benchmark prints, and may stop where it stands"
+    reason = "a benchmark prints its results, and may panic"
 )]
 
 use std::hint::black_box;

@@ -10,7 +10,7 @@ use crate::solver::events::StopCondition;
 use crate::solver::stepped::law::{Law, WearProblem};
 use crate::solver::stepped::march::March;
 
-/// Speed of one processor core, in the operations of [`Case::operations`] per second.
+/// Number of operations, as [`Case::operations`] counts them, that one processor core does per second.
 const OPERATIONS_PER_SECOND: f64 = 1e9;
 
 /// Tolerance of the time integration for the simplified rule. The rule is integrated only if it has
@@ -22,7 +22,7 @@ pub(crate) const COMPARISON_RUNS: usize = 31;
 /// change by less than its error.
 const COMPARISON_POINTS: usize = 256;
 
-/// Evaluations of the wear rate by which a time integration finds the cycle of an energy.
+/// Number of evaluations of the wear rate that a time integration needs to find the cycle of an energy.
 pub(crate) const SEARCH_EVALUATIONS: usize = 20;
 
 /// If Δ differs from 1 by less than this, it is set to 1, the gross-slip threshold. Rounding U to
@@ -240,7 +240,7 @@ impl Case {
         cells.max(ROW_POINTS)
     }
 
-    /// The contact as it wears by a law.
+    /// The wear problem of this contact with a wear law.
     pub(crate) fn problem(&self, law: Law) -> WearProblem<'_> {
         WearProblem { contact: &self.contact, control: &self.control, law }
     }
@@ -256,7 +256,7 @@ impl Case {
         self.control.largest_threshold(&self.contact) / self.contact.threshold
     }
 
-    /// The slip path of a free spring per cycle, divided by that of one harmonic cycle.
+    /// The slip path of a spring without load per cycle, divided by that of one harmonic cycle.
     pub(crate) fn loops_per_cycle(&self) -> f64 {
         match &self.control.tangential {
             Tangential::Record(record) => record.slip(0.0),

@@ -41,7 +41,7 @@ impl<const N: usize> Gauss<N> {
     }
 }
 
-/// Pₙ(z) and its derivative.
+/// The Legendre polynomial Pₙ(z) and its derivative.
 fn legendre(n: usize, z: f64) -> (f64, f64) {
     let (mut before, mut value) = (1.0, z);
     for k in 2..=n {
@@ -76,8 +76,9 @@ pub(crate) fn integrate_pieces(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64
     sum + piece(last, to)
 }
 
-/// ∫ f over `from`…`to`, where a kink can lie just before `from`. It then integrates from the kink, where f
-/// begins to be smooth, and subtracts the part before `from`. Without a kink nearby it is [`integrate`].
+/// ∫ f over `from`…`to`, also if f has a kink just before `from`. In this case the function integrates from the kink to
+/// `to` and subtracts the integral from the kink to `from`, because f is smooth beyond the kink. Without a kink nearby
+/// the function is [`integrate`].
 pub(crate) fn integrate_beyond(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64) -> f64) -> f64 {
     let near = |kink: &&f64| **kink < to && from - **kink < to - from;
     match kinks.iter().find(near) {
@@ -116,7 +117,7 @@ impl Bracket {
         Self { low, high, at_low, at_high, round: 0 }
     }
 
-    /// The distance of the two ends, relative to the larger one.
+    /// The distance between the two ends of the bracket, divided by the larger of their absolute values.
     pub(crate) fn width(&self) -> f64 {
         (self.high - self.low).abs() / self.high.abs().max(self.low.abs())
     }
@@ -171,7 +172,7 @@ pub fn maximum(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
         }
     }
     let step = high - low;
-    // Stays inside, because `f` may be undefined outside.
+    // Keep the parabola inside the interval, because `f` may be undefined outside.
     let middle = (0.5 * (low + high)).clamp(first + step, last - step);
     let (before, here, after) = (f(middle - step), f(middle), f(middle + step));
     let curvature = before - 2.0 * here + after;
@@ -181,10 +182,11 @@ pub fn maximum(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
     (middle + 0.5 * step * (before - after) / curvature).clamp(first, last)
 }
 
-/// Number of partial sums and maxima side by side: each step of a single one has to wait for the one before it.
+/// Number of partial sums, or maxima, that are computed side by side. With a single sum, each addition would have to
+/// wait for the addition before it.
 const LANES: usize = 8;
 
-/// ∫ f′(t)/√(t − `from`) dt for a function that is linear between the knots t ≥ `from`.
+/// The Abel integral ∫ f′(t)/√(t − `from`) dt for a function that is linear between the knots t ≥ `from`.
 pub(crate) fn abel(knots: &[f64], values: &[f64], from: f64) -> f64 {
     let root = |t: f64| (t - from).max(0.0).sqrt();
     let (Some((first, knots)), Some((mut low, values))) =
@@ -321,7 +323,8 @@ impl Monotone {
         value(self.piece(self.x.partition_point(|knot| *knot <= x)), x)
     }
 
-    /// A function that gives the values at ascending `x`. It does not search from the start each time.
+    /// A function that gives the values at ascending `x`. It searches each interval from the last one on, not from the
+    /// start.
     pub fn along(&self) -> impl FnMut(f64) -> f64 {
         let mut right = 0;
         let mut piece = self.piece(0);
@@ -335,7 +338,8 @@ impl Monotone {
         }
     }
 
-    /// The cubic that ends at the point `right`, in powers of the distance from its start.
+    /// The cubic that ends at the point `right`: the abscissa of its start, and its coefficients in powers of the
+    /// distance from there.
     fn piece(&self, right: usize) -> (f64, [f64; 4]) {
         if right == 0 || right == self.x.len() {
             return (0.0, [self.y[right.saturating_sub(1)], 0.0, 0.0, 0.0]);
@@ -350,7 +354,7 @@ impl Monotone {
     }
 }
 
-/// Evaluates such a cubic at x.
+/// Evaluates a cubic that [`Monotone::piece`] has returned.
 fn value((from, [value, slope, square, cube]): (f64, [f64; 4]), x: f64) -> f64 {
     let x = x - from;
     value + x * (slope + x * (square + x * cube))
@@ -379,7 +383,7 @@ pub fn twelve_digits(x: f64) -> f64 {
         1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
     ];
     let decimal = Decimal::of(x).and_then(|decimal| {
-        // One division of two exact numbers, so it is rounded once.
+        // The code divides two exact numbers, so the result is rounded only once.
         let ten = TENS.get(usize::from(decimal.places))?;
         Some((decimal.digits as f64 / ten).copysign(x))
     });
@@ -421,7 +425,7 @@ impl Decimal {
         let power = (exponent * 78_913) >> 18;
         let places = 11 - power;
         let rounded = |places: i32| {
-            // significand·10^places/2^shift, exactly.
+            // The exact value of significand·10^places/2^shift.
             let product = u128::from(significand) * u128::from(FIVES[places as usize]);
             let shift = (shift - places) as u32;
             let digits = (product >> shift) as u64;
@@ -435,7 +439,7 @@ impl Decimal {
     }
 }
 
-/// [`twelve_digits`] for all numbers, by printing and parsing.
+/// The same result as [`twelve_digits`], for any number, by printing and parsing.
 #[expect(clippy::expect_used, reason = "a formatted number always parses")]
 fn printed_with_twelve_digits(x: f64) -> f64 {
     format!("{x:.11e}").parse::<f64>().expect("a formatted number parses") + 0.0
@@ -477,7 +481,7 @@ mod tests {
         assert!((root(0.0, 2.0, |x| x * x - 2.0) - std::f64::consts::SQRT_2).abs() < 1e-15);
         assert!((root(0.0, 1.0, |x| libm::pow(x, 9.0) - 1e-9) - 0.1).abs() < 1e-15);
         assert!((maximum(0.0, 3.0, |x| x * (2.0 - x)) - 1.0).abs() < 1e-7);
-        // Without a value beyond the ends.
+        // These functions are undefined (NaN) outside the interval. The maximum is at one of its ends.
         assert!(maximum(0.0, 1.0, |x| 1.0 - x * x.sqrt()) < 1e-3);
         assert!(maximum(0.0, 1.0, |x| 1.0 - (1.0 - x) * (1.0 - x).sqrt()) > 0.999);
     }

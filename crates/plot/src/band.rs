@@ -3,27 +3,28 @@
 use super::canvas::{Anchor, Area, Canvas, Point};
 use super::text::{GAP, LABEL, SINK, width};
 
-/// How much height a name gives up for each px that it comes nearer to the middle.
+/// The weight of the position of a name: a name moves 1 px towards the middle of its band if it loses less than this
+/// height, in px.
 const ASIDE: f64 = 0.8;
-/// Largest distance of two places that are tried for a name, in px.
+/// Largest distance, in px, between two positions that are tried for a name.
 const STEP: f64 = 8.0;
 
 /// A coloured region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Band {
-    /// Its name, written where there is room.
+    /// The name of the band, written inside it if there is enough space.
     pub label: String,
     /// An SVG colour.
     pub color: &'static str,
     /// Abscissae.
     pub x: Vec<f64>,
-    /// Lower and upper ordinates. The band has a gap where one is not finite.
+    /// Lower and upper ordinates. The band has a gap where one of them is not finite.
     pub between: Vec<(f64, f64)>,
 }
 
 impl Band {
-    /// Draws the pieces of the band between its gaps: points of its lower and of its upper curve, in px. They may be outside
-    /// the area, its name may not.
+    /// Draws the pieces of the band between its gaps. Each piece is a list of points of the lower and of the upper
+    /// curve, in px. The points may lie outside `area`, but the name must not.
     pub(super) fn draw(&self, canvas: &mut Canvas, area: &Area, pieces: &[Vec<(Point, Point)>]) {
         for piece in pieces {
             let low = piece.iter().map(|(low, _)| *low);
@@ -45,7 +46,7 @@ impl Band {
     }
 }
 
-/// The points of a piece, and points between them.
+/// The points of a piece, with additional points between them.
 fn dense(piece: &[(Point, Point)]) -> impl Iterator<Item = (Point, Point)> {
     let between =
         |a: Point, b: Point, share: f64| (a.0 + share * (b.0 - a.0), a.1 + share * (b.1 - a.1));
@@ -60,8 +61,8 @@ fn dense(piece: &[(Point, Point)]) -> impl Iterator<Item = (Point, Point)> {
     added.chain(piece.last().copied())
 }
 
-/// The middle of a high box of this half width in a piece, and the height of the box. A box near the middle of the
-/// piece is preferred to a slightly higher one at its end.
+/// Finds a place for a name in a piece: a box with the half width `half`. Returns the middle of the box and its height.
+/// A box near the middle of the piece is preferred to a slightly higher box at its end.
 fn widest(piece: &[(Point, Point)], half: f64) -> Option<(Point, f64)> {
     let (first, last) = (piece.first()?.0.0, piece.last()?.0.0);
     let room = |at: &f64| {
@@ -84,7 +85,7 @@ fn widest(piece: &[(Point, Point)], half: f64) -> Option<(Point, f64)> {
     fitting.map(|x| room(&x)).max_by(|a, b| rank(a).total_cmp(&rank(b)))
 }
 
-/// The points of a piece on both sides of an abscissa.
+/// The two points of a piece next to an abscissa, one on each side.
 fn beside(piece: &[(Point, Point)], x: f64) -> &[(Point, Point)] {
     let next = piece.partition_point(|((own, _), _)| *own < x);
     &piece[next.saturating_sub(1)..(next + 1).min(piece.len())]

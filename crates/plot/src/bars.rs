@@ -6,13 +6,13 @@ use super::scale::{Axis, Scale, TICK_ROOM};
 use super::series::{Dash, Series, Style};
 use super::text::{GAP, LABEL, LEADING, SINK, SMALL, TITLE, width};
 
-/// Share of the height of a group that its bars take.
+/// The bars of a group fill this share of its height.
 const FILLED: f64 = 0.72;
-/// Highest bar, in px.
+/// Largest height of a bar, in px.
 const HIGHEST: f64 = 26.0;
-/// Largest share of the width that names take. Longer names lose their beginning.
+/// Largest share of the width that the names of the groups may take. The beginning of a longer name is cut off.
 const NAMES: f64 = 0.45;
-/// The colours of the bars of a group: the second is much lighter, also in greyscale.
+/// The colours of the bars of a group. The second colour is much lighter, so that it differs also in greyscale.
 const FILLS: [&str; 2] = ["#0072b2", "#a6cbe3"];
 const ZERO: Style = Style { color: "#000000", dash: Dash::Solid, width: 1.0, mark: None };
 const WHISKER: Style = Style { color: "#000000", dash: Dash::Solid, width: 1.2, mark: None };
@@ -20,18 +20,18 @@ const WHISKER: Style = Style { color: "#000000", dash: Dash::Solid, width: 1.2, 
 /// A bar from 0 to a value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bar {
-    /// Its value; not finite if it is unknown.
+    /// The value of the bar; not finite if it is unknown.
     pub value: f64,
-    /// The interval of the value.
+    /// The interval of the value, drawn as a whisker.
     pub interval: Option<(f64, f64)>,
 }
 
-/// Bars with a common name.
+/// A group of bars with a common name.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Group {
     /// The name.
     pub label: String,
-    /// One bar for each name of the legend.
+    /// The bars of the group, in the order of `names` of the chart.
     pub bars: Vec<Bar>,
 }
 
@@ -42,7 +42,7 @@ pub struct BarChart {
     pub title: String,
     /// The axis of the values.
     pub axis: Axis,
-    /// The names of the bars of each group, at most two.
+    /// The names of the bars of each group for the legend, at most two.
     pub names: Vec<String>,
     /// The groups, from top to bottom.
     pub groups: Vec<Group>,
@@ -137,7 +137,7 @@ fn draw_group(canvas: &mut Canvas, area: &Area, scale: &Scale, group: &Group) {
     }
 }
 
-/// The end of a name, cut to a width in font sizes.
+/// The end of a name that fits into the width `measure` (in font sizes), after an ellipsis.
 fn shortened(name: &str, measure: f64) -> String {
     if width(name) <= measure {
         return name.to_owned();

@@ -3,11 +3,11 @@
 use super::series::{Dash, Mark, Style};
 use super::text::{escape, markup};
 
-/// Largest invisible deviation of a curve, in px.
+/// A curve may be simplified by this distance in px without a visible change.
 const TOLERANCE: f64 = 0.02;
-/// Distance of markers on a curve with dense points, in px.
+/// Distance between markers on a curve with dense points, in px.
 const MARK_DISTANCE: f64 = 64.0;
-/// Points with a smaller distance than this are dense, in px.
+/// If the distance between points is smaller than this number of px, they are dense: only some of them get markers.
 const DENSE: f64 = 9.0;
 
 /// A point in px, from the left and from the top.
@@ -171,7 +171,7 @@ impl Canvas {
         });
     }
 
-    /// Dots, as one element: there can be thousands.
+    /// Dots. They are one SVG element, because there can be thousands.
     fn dots(&mut self, points: &[Point], color: &str) {
         let place = |(x, y): &Point| format!("M{} {}h0", px(*x), px(*y));
         let places = points.iter().map(place).collect::<Vec<_>>().concat();
@@ -181,7 +181,7 @@ impl Canvas {
         ));
     }
 
-    /// Rectangles of one colour, each by two opposite corners. Neighbours touch each other without a seam.
+    /// Rectangles of one colour. Each is given by two opposite corners. Neighbours touch each other without a seam.
     pub fn cells(&mut self, color: &str, cells: &[[Point; 2]]) {
         if cells.is_empty() {
             return;
@@ -199,7 +199,7 @@ impl Canvas {
         self.put(&format!("<path d=\"{}Z\" fill=\"{color}\"/>", path(outline)));
     }
 
-    /// A rectangle, filled with white or with a black border.
+    /// A rectangle: filled with white, or with a black border.
     pub fn rectangle(&mut self, area: &Area, filled: bool) {
         let paint = if filled {
             "fill=\"#fff\" fill-opacity=\"0.85\""
@@ -216,12 +216,12 @@ impl Canvas {
         self.put(&format!("<svg {} viewBox=\"{view}\">", bounds(area)));
     }
 
-    /// Ends [`open_window`](Self::open_window).
+    /// Ends the clipping that [`open_window`](Self::open_window) started.
     pub fn close_window(&mut self) {
         self.put("</svg>");
     }
 
-    /// The drawing as a document. Screen readers read its name.
+    /// The drawing as an SVG document. Screen readers read its name.
     pub fn document(
         self,
         (width, height): (f64, f64),
@@ -289,8 +289,8 @@ fn stroke(style: &Style) -> String {
     )
 }
 
-/// The points that have markers. Distances are measured along the curve, or along the horizontal axis if
-/// the curve never turns back: otherwise markers would cover steep flanks.
+/// The positions of the markers. Distances are measured along the curve if it turns back. Otherwise they are measured
+/// along the horizontal axis, because markers would cover a steep flank.
 fn marked(points: &[Point], lead: f64) -> Vec<Point> {
     let length = |pair: &[Point]| libm::hypot(pair[1].0 - pair[0].0, pair[1].1 - pair[0].1);
     if points.windows(2).all(|pair| length(pair) >= DENSE) {
@@ -313,7 +313,7 @@ fn marked(points: &[Point], lead: f64) -> Vec<Point> {
     out
 }
 
-/// The points without which a curve would look different.
+/// A subset of the points that gives a curve without a visible difference from the curve through all points.
 fn thinned(points: &[Point]) -> Vec<Point> {
     let mut kept: Vec<Point> = points.first().copied().into_iter().collect();
     let mut start = 0;

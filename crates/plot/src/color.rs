@@ -18,7 +18,7 @@ const VIRIDIS: [[u8; 3]; 10] = [
     [0xfd, 0xe7, 0x25],
 ];
 
-/// The colour at a share from 0 (dark) to 1 (light).
+/// The colour of the map at a position from 0 (dark) to 1 (light).
 pub fn shade(share: f64) -> [u8; 3] {
     let place = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f64;
     let first = (place as usize).min(VIRIDIS.len() - 2);
@@ -32,7 +32,7 @@ pub fn hex([red, green, blue]: [u8; 3]) -> String {
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
-/// Black or white, whichever stands out on the shade.
+/// Black or white, whichever has more contrast with the shade.
 pub fn ink_on(share: f64) -> &'static str {
     if luminance(shade(share)) > 0.3 { "#000000" } else { "#ffffff" }
 }

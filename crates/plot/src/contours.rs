@@ -48,7 +48,7 @@ fn of_cell(
     let middle = corners.iter().sum::<f64>() / 4.0 > level;
     let found = match crossed[..] {
         [first, second] => [Some((first, second)), None],
-        // The segments cut off the corners that differ from the middle.
+        // The segments cut off the two corners that are not on the same side of the level as the middle.
         [a, b, c, d] if above[0] == middle => [Some((a, b)), Some((c, d))],
         [a, b, c, d] => [Some((d, a)), Some((b, c))],
         _ => [None, None],

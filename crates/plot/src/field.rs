@@ -7,13 +7,13 @@ use super::scale::{Axis, Scale, TICK_ROOM};
 use super::series::{Dash, Style};
 use super::text::{GAP, LABEL, LEADING, SINK, SMALL};
 
-/// Number of colours.
+/// Number of different colours in a heat map.
 const COLORS: usize = 64;
 /// Width of the colour bar, in px.
 const BAR: f64 = 14.0;
-/// Relative difference of numbers with 12 digits that are equal but for rounding.
+/// Largest relative difference of two numbers that differ only because they are rounded to 12 digits.
 const ROUNDING: f64 = 1e-9;
-/// Fewest contour lines, if the scale of the values has enough ticks.
+/// Minimum number of contour lines, if the scale of the values has enough ticks.
 const FEWEST_LINES: usize = 3;
 
 /// Values at the points of a rectangular grid, drawn as colours.
@@ -30,7 +30,7 @@ pub struct Field {
 }
 
 impl Field {
-    /// The axis, which ends at the outer edges of the cells unless it has a range.
+    /// The axis of the cells. If it has no range, it ends at the outer edges of the cells.
     pub(super) fn ends(axis: &Axis, places: &[f64]) -> Axis {
         let place = |value: &f64| if axis.log { libm::log10(*value) } else { *value };
         let value = |place: f64| if axis.log { libm::exp10(place) } else { place };
@@ -45,7 +45,8 @@ impl Field {
         let usable = |value: &f64| value.is_finite() && (*value > 0.0 || !self.scale.log);
         let low = values().filter(usable).fold(f64::INFINITY, f64::min);
         let high = values().filter(usable).fold(f64::NEG_INFINITY, f64::max);
-        // The colours need no margin. Values that differ by rounding have one, so that the colours do not show the rounding.
+        // The colours need no margin. If the values differ only by rounding, a margin keeps the colours from showing
+        // these differences.
         let is_wide = high - low > ROUNDING * low.abs().max(high.abs());
         let margin = if is_wide { 0.0 } else { 0.1 * low.abs() };
         let tight = (low - margin, high + margin);
@@ -54,7 +55,7 @@ impl Field {
         Scale::new(&axis, values(), height / TICK_ROOM.1)
     }
 
-    /// The room of a colour bar with its labels, in px.
+    /// The width of a colour bar with its labels, in px.
     pub(super) fn room(scale: &Scale) -> f64 {
         3.0 * GAP + BAR + scale.widest_label() + LABEL * LEADING + GAP
     }
@@ -112,8 +113,8 @@ impl Field {
     }
 }
 
-/// The shares of the contour lines: those of the labels of the bar, which are round numbers. If a logarithmic bar has
-/// few labels, also those of the ticks at 2 and 5.
+/// The positions of the contour lines on the scale (0 to 1). The lines are at the labels of the colour bar, which are
+/// round numbers. If a logarithmic bar has few labels, there are also lines at its ticks at 2 and 5.
 fn levels(scale: &Scale) -> Vec<f64> {
     let inside = |share: &f64| (1e-6..1.0 - 1e-6).contains(share);
     let all = || scale.ticks.iter();
@@ -134,7 +135,8 @@ fn contour(share: f64) -> Style {
     Style { color: ink_on(share), dash: Dash::Solid, width: 0.8, mark: None }
 }
 
-/// The edges between cells: in the middle between two points, and as far beyond the outer points.
+/// The edges between the cells: the middle between two points, and as far from the first and last point on their outer
+/// sides.
 fn edges(places: &[f64]) -> Vec<f64> {
     let [first, .., last] = places else {
         return places.iter().flat_map(|place| [place - 0.5, place + 0.5]).collect();
@@ -200,7 +202,7 @@ mod tests {
         assert!(levels(&linear).iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12));
         let log = field(true, &[1e-3, 1e3, 0.0]).shades(400.0);
         assert!((levels(&log)[0] - 1.0 / 6.0).abs() < 1e-12, "{:?}", levels(&log));
-        // 2, 5, 10, 20, 50, 100, 200 from 1 to 250.
+        // The round numbers from 1 to 250 are 2, 5, 10, 20, 50, 100 and 200.
         let short = field(true, &[1.0, 250.0]).shades(400.0);
         assert_eq!(levels(&short).len(), 7, "{:?}", levels(&short));
         assert!(field(false, &[3.0]).shades(200.0).share(3.0).is_some());

@@ -6,7 +6,7 @@ use super::text::{GAP, LEADING, SINK, SMALL, width};
 
 /// Length of a line sample, in px.
 const SAMPLE: f64 = 30.0;
-/// Distance of two lines, in px.
+/// Distance between two lines of the legend, in px.
 const LINE: f64 = SMALL * LEADING;
 /// Number of positions to try in each direction.
 const PLACES: u32 = 8;
@@ -32,13 +32,13 @@ impl Legend {
         SAMPLE + width(label) * SMALL + 3.0 * GAP
     }
 
-    /// Width and height as a column.
+    /// Width and height of the legend as a column.
     pub fn size(&self) -> Point {
         let widest = self.entries.iter().map(|(label, _)| Self::advance(label)).fold(0.0, f64::max);
         (widest, self.entries.len() as f64 * LINE + GAP)
     }
 
-    /// A position in the area, preferably in a corner, that no line crosses.
+    /// A position in the area at which no line crosses the legend, preferably in a corner.
     pub fn place(&self, area: &Area, lines: &[(Point, Point)]) -> Option<Point> {
         let (width, height) = self.size();
         let room = (area.width - width - 2.0 * GAP, area.height - height - 2.0 * GAP);
@@ -46,7 +46,7 @@ impl Legend {
             return None;
         }
         let (left, top) = (area.left + GAP, area.top + GAP);
-        // Positions alternate between both ends and move inwards.
+        // The tried positions alternate between both ends of the area and move inwards.
         let share = |i: u32| {
             let inward = f64::from(i / 2) / f64::from(PLACES);
             if i.is_multiple_of(2) { inward } else { 1.0 - inward }

@@ -1,10 +1,10 @@
 //! Figures as SVG: curves on linear or logarithmic axes, for the screen and for print.
 //!
-//! A [`Figure`] is one diagram; a [`Sheet`] contains several, with a common legend and a caption. The same
-//! figure gives the same bytes on every machine. By default, series have the colours of Okabe and Ito,
-//! which colour-blind readers can distinguish, and different dashes, so that they also differ in
-//! greyscale. The legend is where no curve is, or beside the diagram if there is no such place. In labels,
-//! `$` signs enclose italics: `"$r$/$a$₀"`.
+//! A [`Figure`] is one diagram; a [`Sheet`] contains several diagrams, with a common legend and a caption. The same
+//! figure gives the same bytes on every machine. By default, series have the colours of Okabe and Ito, which
+//! colour-blind readers can distinguish, and different dashes, so that they also differ in greyscale. The legend is
+//! placed where it covers no curve, or beside the diagram if there is no such place. In labels, `$` signs enclose
+//! italics: `"$r$/$a$₀"`.
 //!
 //! # Examples
 //! ```
@@ -50,11 +50,11 @@ use text::{GAP, HEADING, LABEL, LEADING, SINK, SMALL, TITLE, width, wrap};
 
 /// The largest share of the width that a legend beside the curves may take.
 const WIDEST_MARGIN: f64 = 0.5;
-/// Most lines of the note. The description has all of it.
+/// Maximum number of lines of the note. The description contains the whole note.
 const NOTE_LINES: usize = 3;
 /// Height of a line of the note.
 const NOTE: f64 = SMALL * LEADING;
-/// Height at which a curve with an infinite value ends: above the diagram, in heights of the diagram.
+/// A curve with an infinite value ends at this height, in heights of the diagram. It is above the diagram.
 const ABOVE: f64 = 1.1;
 const RULE: Style = Style { color: "#555", dash: Dash::ShortDashed, width: 0.8, mark: None };
 
@@ -67,13 +67,13 @@ pub struct Figure {
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// Regions below everything else.
+    /// Coloured regions, drawn below everything else.
     pub bands: Vec<Band>,
     /// A heat map below the curves.
     pub field: Option<Field>,
     /// Curves; the last one is on top.
     pub series: Vec<Series>,
-    /// What the figure does not show, in words below it.
+    /// A note below the figure about data that the figure does not show.
     pub note: String,
     /// Width and height in px (1/96 inch).
     pub size: (f64, f64),
@@ -155,14 +155,14 @@ impl Figure {
         canvas.document(self.size, &self.title, self.about.as_ref())
     }
 
-    /// Draws the figure. `corner` is its upper left corner, `indent` the least indentation of its area.
+    /// Draws the figure. `corner` is its upper left corner, `indent` the minimum indentation of its area.
     fn draw(&self, canvas: &mut Canvas, corner: Point, indent: f64) {
         let styles: Vec<Style> = (0..)
             .zip(&self.series)
             .map(|(i, series)| series.style.unwrap_or_else(|| Style::numbered(i)))
             .collect();
         let legend = Legend::of(self.series.iter().zip(styles.iter().copied()));
-        // The height of the area is not known yet.
+        // The exact height is not known yet, so the scale is computed for an estimate.
         let shades = self.field.as_ref().map(|field| (field, field.shades(0.8 * self.size.1)));
         let bar = shades.as_ref().map_or(0.0, |(_, scale)| Field::room(scale));
         let mut plan = self.plan(corner, indent, bar);
@@ -221,7 +221,7 @@ impl Figure {
             let mut runs: Vec<Vec<Point>> = vec![Vec::new()];
             for (x, y) in series.x.iter().zip(&series.y) {
                 let rises = *y == f64::INFINITY;
-                // The clip window ends it at the frame.
+                // The clip window cuts the curve off at the frame.
                 let place = if rises {
                     plan.x.share(*x).map(|x| plan.area.at(x, ABOVE))
                 } else {
@@ -251,13 +251,13 @@ impl Figure {
         (scale, least)
     }
 
-    /// The layout with a free margin of width `beside` on the right.
+    /// The layout with a free margin of width `beside` on the right side.
     fn plan(&self, corner: Point, indent: f64, beside: f64) -> Plan {
         let (y, least) = self.vertical();
         let names = |axis: &Axis| {
             axis.marks.iter().map(|(_, name)| width(name) * SMALL).fold(0.0, f64::max)
         };
-        // The factor of a colour bar stands above it.
+        // The factor of a colour bar is written above the bar.
         let above = names(&self.x) > 0.0 || y.power != 0 || self.field.is_some();
         let top =
             corner.1 + line(TITLE, &self.title) + GAP + if above { SMALL * LEADING } else { 0.0 };
@@ -307,7 +307,7 @@ impl Figure {
         let above = area.top - 0.5 * GAP;
         canvas.title((area.left, corner.1 + TITLE), TITLE, &self.title);
         canvas.upward_text((corner.0 + LABEL + 2.0, area.at(0.0, 0.5).1), LABEL, &self.y.label);
-        // Powers of ten are at the ends of the axes; labels beside them move away.
+        // The powers of ten are at the ends of the axes. Labels that would overlap them are moved.
         let (across, up) = (plan.x.factor(), plan.y.factor());
         canvas.text((area.right(), below), Anchor::End, SMALL, &across);
         canvas.text((area.left, above), Anchor::Start, SMALL, &up);
@@ -328,8 +328,8 @@ impl Figure {
     }
 }
 
-/// Moves names forward until they do not overlap each other or the start, then back from the end. If there is no room for
-/// all names, the last ones are left out.
+/// Moves names along an axis so that they do not overlap: first upwards from the start, then back from the end. If
+/// there is not enough space for all names, the last ones are left out.
 fn apart(
     mut names: Vec<(f64, &str)>,
     (start, end): (f64, f64),

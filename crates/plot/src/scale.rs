@@ -7,22 +7,22 @@ use super::text::{GAP, SMALL, power_of_ten, width};
 /// Decimal exponents of numbers that tick labels show without a power of ten.
 const PLAIN: std::ops::RangeInclusive<i32> = -3..=4;
 
-/// Values with a smaller relative difference than this are drawn as equal.
+/// Values with a smaller relative difference than this are drawn as one value.
 const SAME: f64 = 1e-6;
-/// A logarithmic axis with fewer decades than this has ticks at equal steps.
+/// A logarithmic axis over fewer decades than this has ticks at equal steps, like a linear axis.
 const MIN_DECADES: f64 = 0.6;
 
-/// Width and height of a tick with its label, in px.
+/// Width and height in px that a tick with its label needs.
 pub const TICK_ROOM: (f64, f64) = (58.0, 42.0);
 
 /// An axis.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Axis {
-    /// Its quantity and unit.
+    /// The quantity and the unit of the axis.
     pub label: String,
-    /// Whether it is logarithmic.
+    /// Whether the axis is logarithmic.
     pub log: bool,
-    /// Its ends, by default those of the data.
+    /// The ends of the axis. By default they are the ends of the data.
     pub range: Option<(f64, f64)>,
     /// Named values, marked by dashed lines across the figure.
     pub marks: Vec<(f64, String)>,
@@ -50,14 +50,14 @@ impl Axis {
 /// A tick of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tick {
-    /// Its position: 0 at the lower and 1 at the upper end.
+    /// The position of the tick on its axis: 0 at the lower and 1 at the upper end.
     pub share: f64,
-    /// Its label; a minor tick has none.
+    /// The label of the tick; a minor tick has none.
     pub label: Option<String>,
 }
 
 impl Tick {
-    /// Its length, in px.
+    /// The length of the tick, in px.
     pub fn length(&self) -> f64 {
         if self.label.is_some() { 4.0 } else { 2.0 }
     }
@@ -98,7 +98,8 @@ impl Scale {
         scale
     }
 
-    /// The position of a value: 0 at the lower and 1 at the upper end. `None` if it has none.
+    /// The position of a value: 0 at the lower and 1 at the upper end. `None` if the value has no position, for example
+    /// a negative value on a logarithmic axis.
     pub fn share(&self, value: f64) -> Option<f64> {
         let place = if self.log { libm::log10(value) } else { value };
         let share = (place - self.low) / (self.high - self.low);
@@ -113,7 +114,7 @@ impl Scale {
         self.log && [1.0, 2.0, 5.0].iter().any(|round| (digit - round).abs() < 1e-6)
     }
 
-    /// The factor of the labels, or an empty text.
+    /// The factor by which the labels are multiplied, as text; empty if it is 1.
     pub fn factor(&self) -> String {
         if self.power == 0 { String::new() } else { format!("×{}", power_of_ten(self.power)) }
     }
@@ -146,7 +147,7 @@ impl Scale {
         let ends = |step: f64| {
             (libm::ceil((low - slack) / step) as i64, libm::floor((high + slack) / step) as i64)
         };
-        // One tick alone does not define the scale.
+        // A scale needs at least two ticks: with a single tick the reader does not know the step.
         let alone = ends(steps[wide]).0 >= ends(steps[wide]).1;
         let step = steps[if alone { wide - 1 } else { wide }];
         let most = libm::floor(libm::log10(low.abs().max(high.abs())) + 1e-9) as i32;
@@ -210,8 +211,8 @@ impl Scale {
     }
 }
 
-/// The digits that are labelled in each decade: as many as fit without overlap, given space for about
-/// `count` labels.
+/// The digits that are labelled in each decade. There are as many as fit without overlap, if the axis has space for
+/// about `count` labels.
 fn labelled(decades: f64, count: f64) -> &'static [i32] {
     let sets: [(f64, &[i32]); 3] =
         [(1.2, &[1, 2, 3, 4, 5, 6, 7, 8, 9]), (1.2, &[1, 2, 3, 5, 7]), (2.2, &[1, 2, 5])];

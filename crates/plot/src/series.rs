@@ -1,6 +1,6 @@
-//! Series of points, and how they look.
+//! Series of points, and their styles.
 
-/// The colours of Okabe and Ito, without yellow, which is invisible on white paper.
+/// The colours of Okabe and Ito without yellow, which is hardly visible on white paper.
 pub const PALETTE: [&str; 7] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000"];
 /// Grey, for reference curves.
@@ -27,7 +27,7 @@ impl Dash {
         [Self::Solid, Self::Dashed, Self::DashDotted, Self::ShortDashed, Self::Dotted];
 }
 
-/// The look of a series.
+/// The style of a series.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Style {
     /// An SVG colour.
@@ -54,7 +54,7 @@ pub enum Mark {
     Ring,
     /// An empty square.
     Square,
-    /// An empty square on its corner.
+    /// An empty square that stands on its corner.
     Diamond,
     /// An empty triangle that points up.
     Triangle,
@@ -89,14 +89,14 @@ impl Style {
 /// A curve through points.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Series {
-    /// Its name in the legend; an empty name is omitted.
+    /// The name of the series in the legend. A series with an empty name is not in the legend.
     pub label: String,
     /// Abscissae.
     pub x: Vec<f64>,
     /// Ordinates. The curve has a gap where a value is not finite, or not positive on a logarithmic axis.
     /// At +∞ it rises to the frame on both sides.
     pub y: Vec<f64>,
-    /// Its style, by default [`Style::numbered`].
+    /// The style of the series, by default [`Style::numbered`].
     pub style: Option<Style>,
 }
 

@@ -1,18 +1,18 @@
 //! Text of a figure: its width, its line breaks, its SVG markup.
 //!
-//! Widths are the larger of two fonts: Helvetica, whose widths Arial and Liberation Sans share, and DejaVu
-//! Sans, which replaces it if no other font is installed.
+//! The width of a character is the larger width of two fonts: Helvetica, which has the same widths as Arial and
+//! Liberation Sans, and DejaVu Sans, which is used if no other font is installed.
 
 /// Font sizes in px: titles of sheets, titles of figures, labels of axes, all other text.
 pub(super) const HEADING: f64 = 15.0;
 pub(super) const TITLE: f64 = 12.5;
 pub(super) const LABEL: f64 = 12.0;
 pub(super) const SMALL: f64 = 10.5;
-/// Distance of two lines of text, in font sizes.
+/// Distance between two lines of text, in font sizes.
 pub(super) const LEADING: f64 = 1.3;
 /// Distance between elements, in px.
 pub(super) const GAP: f64 = 6.0;
-/// Distance of the baseline below the middle of small text, in px.
+/// Distance from the middle of small text down to its baseline, in px.
 pub(super) const SINK: f64 = 0.35 * SMALL;
 
 /// The width of a label in units of its font size. `$` signs mark italics and have no width.

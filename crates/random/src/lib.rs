@@ -1,13 +1,14 @@
-//! Seeded random numbers, so that the same cases always run and the same seed always gives the same study.
+//! Seeded random numbers. Tests always run the same cases, and a study with the same seed always has the same result.
 //!
-//! The generator is SplitMix64. Its n-th number is a hash of its seed and n, so a [`Stream`] gives
-//! any number without those before it. It consists of integer operations only: its numbers depend neither on
-//! the processor nor on the version of a library, and they must never change.
+//! The generator is SplitMix64. Its n-th number is a hash of its seed and n, so a [`Stream`] computes any number
+//! without the numbers before it. It consists of integer operations only, so its numbers depend neither on the
+//! processor nor on the version of a library. The numbers must never change, because a repeated study must have the
+//! same result.
 //!
 //! # Sources
 //! G. L. Steele, D. Lea, C. H. Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014.
 
-/// 2⁶⁴ divided by the golden ratio, odd.
+/// The increment of SplitMix64: 2⁶⁴ divided by the golden ratio, rounded to an odd number.
 const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// An endless list of random numbers, each of which is computed from its index.
@@ -15,16 +16,16 @@ const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
 pub struct Stream(u64);
 
 impl Stream {
-    /// The numbers of this seed.
+    /// The stream of this seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// A stream that is independent of this one and of the children with other labels.
+    /// A stream whose numbers are independent of those of this stream and of its children with other labels.
     #[must_use]
     pub fn child(self, label: u64) -> Self {
-        // Mixed twice: the first number of a child is not a number of its parent.
+        // Without the second `mix`, the seed of the child would be a number of its parent.
         Self(mix(self.at(label)))
     }
 
@@ -34,21 +35,22 @@ impl Stream {
         mix(self.0.wrapping_add(index.wrapping_add(1).wrapping_mul(GAMMA)))
     }
 
-    /// The whole number at an index, from 0 to `end` − 1. The probabilities differ by less than `end`/2⁶⁴.
+    /// The random whole number at an index, from 0 to `end` − 1. The probabilities of two numbers differ by less than
+    /// `end`/2⁶⁴.
     #[must_use]
     pub fn below(self, index: u64, end: u64) -> u64 {
         ((u128::from(self.at(index)) * u128::from(end)) >> 64) as u64
     }
 }
 
-/// A bijection of 64 bits in which each bit depends on all others.
+/// A bijection of 64 bits. Each bit of the result depends on all bits of the argument.
 fn mix(bits: u64) -> u64 {
     let bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     bits ^ (bits >> 31)
 }
 
-/// The numbers of a [`Stream`], one after the other.
+/// Returns the numbers of a [`Stream`] one after the other.
 #[derive(Debug)]
 pub struct Random {
     stream: Stream,
@@ -56,30 +58,30 @@ pub struct Random {
 }
 
 impl Random {
-    /// Numbers that depend on the seed only.
+    /// Starts at the first number of the stream of this seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self { stream: Stream::new(seed), next: 0 }
     }
 
-    /// A number from 0 to 1, without 1.
+    /// A random number from 0 (included) to 1 (excluded).
     fn unit(&mut self) -> f64 {
         let bits = self.stream.at(self.next);
         self.next += 1;
         (bits >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// A number between two bounds.
+    /// A random number between two bounds, evenly distributed.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// A number between two positive bounds, evenly distributed on a logarithmic scale.
+    /// A random number between two positive bounds, evenly distributed on a logarithmic scale.
     pub fn log_between(&mut self, low: f64, high: f64) -> f64 {
         low * libm::pow(high / low, self.unit())
     }
 
-    /// One of the options.
+    /// A random element of `options`.
     pub fn one_of<T: Copy>(&mut self, options: &[T]) -> T {
         options[(self.unit() * options.len() as f64) as usize]
     }
@@ -107,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn children_are_uncorrelated() {
+    fn the_numbers_of_child_streams_are_uncorrelated() {
         let parent = Stream::new(7);
         let (one, other) = (parent.child(1), parent.child(2));
         for pair in

@@ -7,9 +7,10 @@ use super::page::digits;
 use super::random_scenario::{HELD, MODES, RandomScenario, SHAPES};
 use fretwork_random::Random;
 
-/// A larger error needs a warning.
+/// Relative error above which a run must have a warning.
 const LARGE: f64 = 0.02;
-/// What is compared once per run.
+/// The names of the quantities and events that are compared once per run. The wear volume and depth are compared at
+/// each output cycle.
 const OTHERS: [&str; 4] = ["contact radius", "energy per cycle", "contact_lost", "shakedown"];
 
 /// A quantity whose error the run states at each output cycle.
@@ -21,19 +22,19 @@ pub enum Worn {
     Depth,
 }
 
-/// The errors of random runs. It is printed as Markdown.
+/// The errors of random runs. `Display` writes them as Markdown.
 pub struct Accuracy {
     runs: Vec<(RandomScenario, Deviation)>,
 }
 
-/// The value below which a share of the values lies.
+/// The quantile of the values: a share `share` of them does not exceed it.
 fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let index = (share * values.len() as f64).ceil() as usize;
     values[index.clamp(1, values.len()) - 1]
 }
 
-/// Median, 95 of 100 and largest error, as cells of a table.
+/// The median, the 95th percentile and the maximum of the errors, as cells of a table.
 fn spread(errors: &[f64]) -> String {
     let at = |share| digits(100.0 * quantile(errors.to_vec(), share), 2);
     format!("{} | {} % | {} % | {} % |", errors.len(), at(0.5), at(0.95), at(1.0))
@@ -43,19 +44,19 @@ fn spread(errors: &[f64]) -> String {
 pub struct OutputErrors(Vec<OutputError>);
 
 impl OutputErrors {
-    /// The error that a share of the outputs does not exceed.
+    /// The quantile of the error: a share `share` of the outputs has no larger error.
     #[must_use]
     pub fn below(&self, share: f64) -> f64 {
         quantile(self.0.iter().map(|output| output.error).collect(), share)
     }
 
-    /// The share of the outputs whose stated error is not below the true one.
+    /// The share of the outputs whose stated error is at least as large as the true error.
     #[must_use]
     pub fn covered(&self) -> f64 {
         self.0.iter().filter(|output| output.is_covered()).count() as f64 / self.0.len() as f64
     }
 
-    /// The median of the stated error over the true one.
+    /// The median of the ratio of the stated error to the true error.
     #[must_use]
     pub fn caution(&self) -> f64 {
         quantile(self.0.iter().map(|output| output.caution()).collect(), 0.5)
@@ -91,7 +92,7 @@ impl Accuracy {
         self.among(worn, |_| true)
     }
 
-    /// The errors of a quantity at the output cycles of some scenarios.
+    /// The errors of a quantity at all output cycles of the wanted scenarios.
     fn among(&self, worn: Worn, is_wanted: impl Fn(&RandomScenario) -> bool) -> OutputErrors {
         let some = self.runs.iter().filter(|(scenario, _)| is_wanted(scenario));
         let errors = some.flat_map(|(_, deviation)| match worn {
@@ -101,8 +102,8 @@ impl Accuracy {
         OutputErrors(errors.copied().collect())
     }
 
-    /// The error of another quantity or of an event that a share of the runs does not exceed. `None` if no run
-    /// has it.
+    /// The quantile of the error of one of `OTHERS`: a share `share` of the runs has no larger error. `None` if no
+    /// run has this quantity or event.
     #[must_use]
     pub fn below(&self, other: &str, share: f64) -> Option<f64> {
         let errors = self.others(OTHERS.iter().position(|name| *name == other)?);
@@ -121,7 +122,7 @@ impl Accuracy {
         errors.filter(|output| output.error > LARGE).count()
     }
 
-    /// The number of runs without an error above 2 %, and how many of them have a warning.
+    /// The number of runs in which no error exceeds 2 %, and the number of these runs that have a warning.
     #[must_use]
     pub fn sound(&self) -> (usize, usize) {
         let is_sound =

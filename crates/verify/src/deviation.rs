@@ -1,4 +1,4 @@
-//! How far a run with the default tolerance is from a run with a finer one.
+//! The errors of a run with the default tolerance, measured by comparison with a run with a finer tolerance.
 
 use serde_json::{Value, json};
 
@@ -6,27 +6,27 @@ use super::known::run;
 use fretwork_engine::outcome::{History, Outcome};
 use fretwork_engine::solver::events::EventKind;
 
-/// The tolerance of the runs with which the default runs are compared.
+/// The tolerance of the fine run, with which the default run is compared.
 pub const FINE: f64 = 1e-4;
-/// The energy per cycle is compared down to this share of its largest value.
+/// The energy per cycle is compared only where it is at least this share of its largest value.
 const LEAST_ENERGY: f64 = 0.01;
 
 /// A relative error at one output cycle, and the error that the run states there.
 #[derive(Clone, Copy)]
 pub struct OutputError {
-    /// The distance from the fine run.
+    /// The relative difference from the fine run.
     pub error: f64,
     /// The stated error.
     pub stated: f64,
 }
 
 impl OutputError {
-    /// Whether the stated error covers the error.
+    /// Whether the stated error is at least as large as the true error.
     pub fn is_covered(self) -> bool {
         self.error <= self.stated
     }
 
-    /// The stated error relative to the true one.
+    /// The ratio of the stated error to the true error.
     pub fn caution(self) -> f64 {
         self.stated / self.error
     }
@@ -38,15 +38,16 @@ pub struct Deviation {
     pub volume: Vec<OutputError>,
     /// Errors of the largest wear depth, one per output cycle.
     pub depth: Vec<OutputError>,
-    /// The largest errors of contact radius and energy per cycle, and those of the moments of `contact_lost` and
-    /// `shakedown`. `None` without such an event, or if too little energy is lost.
+    /// The largest errors of the contact radius and of the energy per cycle, and the errors of the times of the events
+    /// `contact_lost` and `shakedown`. `None` without such an event, or if too little energy is lost.
     pub others: [Option<f64>; 4],
     /// Whether the run has the warning `numerical_error`.
     pub is_warned: bool,
 }
 
 impl Deviation {
-    /// `None` if a run is refused, or if both runs have no output cycle with wear in common.
+    /// Compares the default run with the fine run. `None` if a run is refused, or if both runs have no output cycle
+    /// with wear in common.
     pub fn of(request: &Value) -> Option<Self> {
         let mut fine = request.clone();
         fine["model"] = json!({"tolerance": FINE});
@@ -86,7 +87,7 @@ impl Deviation {
     }
 }
 
-/// The rows with wear that both histories have in common.
+/// The indices of the rows with wear that both histories have in common.
 fn worn_rows(found: &History, exact: &History) -> Vec<usize> {
     let pairs = found.cycles.iter().zip(&exact.cycles);
     let common = pairs.take_while(|(a, b)| a.total_cmp(b).is_eq()).count();
@@ -101,7 +102,8 @@ fn largest(errors: impl Iterator<Item = f64>) -> Option<f64> {
     errors.max_by(f64::total_cmp)
 }
 
-/// The relative error of the moment of an event. If one run does not report it, the error is at least that of its end.
+/// The relative error of the time of an event. If only one of the runs reports the event, the end of the other run
+/// gives a lower bound of the error.
 fn moment(kind: EventKind, run: &Outcome, fine: &Outcome) -> Option<f64> {
     let at = |outcome: &Outcome| {
         outcome.events.iter().find(|event| event.kind == kind).map(|event| event.cycles)

@@ -1,5 +1,5 @@
-//! Checks against the literature: the unworn contact, the start of wear and gross slip. Each value comes
-//! from a scenario in SI, as a user writes it.
+//! Checks against the literature: the unworn contact, the start of wear and gross slip. The program computes each value
+//! from a scenario in SI units, as a user writes it.
 
 use serde_json::{Value, json};
 
@@ -16,10 +16,10 @@ const MODULUS: f64 = 112.64e9;
 const RADIUS: f64 = 0.01;
 const LOAD: f64 = 100.0;
 const WEAR: f64 = 3.03e-14;
-/// A scenario rounds its numbers to 12 digits.
+/// Accepted relative error of values that differ only by rounding: a scenario rounds its numbers to 12 digits.
 const ROUNDED: f64 = 1e-9;
 
-/// The paraboloid of all sections.
+/// The contact of a paraboloid that all sections use.
 const CONTACT: fn() -> CattaneoMindlin = || CattaneoMindlin {
     hertz: Hertz::under(LOAD, MODULUS, RADIUS),
     tangential_modulus: 92.76e9,

@@ -1,11 +1,12 @@
 //! The verification page compares numbers of this program with the same numbers from other sources.
 //!
-//! A [`VerificationPage`] consists of sections, and a [`Section`] of checks. A [`Check`] holds a reference
-//! with its source, the computed value, and the accepted error. The words of the page are in `page.md`.
-//! [`page()`] computes the values in a fixed order, so that the same engine prints the same bytes.
+//! A [`VerificationPage`] consists of sections, and a [`Section`] of checks. A [`Check`] contains a reference value
+//! with its source, the computed value, and the accepted error. The text of the page is in `page.md`. [`page()`]
+//! computes the values in a fixed order, so that the same engine always prints the same bytes.
 //!
 //! # Units
-//! Those of the [reference solutions](fretwork_engine::reference). Scenarios and their results are in SI.
+//! The units are those of the [reference solutions](fretwork_engine::reference). Scenarios and their results are in SI
+//! units.
 
 mod accuracy;
 mod deviation;

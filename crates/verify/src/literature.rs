@@ -1,5 +1,5 @@
-//! Checks against results that others published. Their inputs are the files of `examples/literature`, which
-//! also names sources and licences.
+//! Checks against published results. The inputs are the files of `examples/literature`, which also names the sources
+//! and licences.
 
 use serde_json::{Value, json};
 
@@ -12,7 +12,8 @@ const CONTACT: &str = "CONTACT";
 const BALL: &str = include_str!("../../../examples/literature/contact-cattaneo.json");
 const SPHERES: &str = include_str!("../../../examples/literature/contact-catt-to-cart.json");
 
-/// Slip on rings of the ball, as CONTACT and the closed form give it: radius in mm, slip in µm.
+/// Slip on rings of the ball: the radius in mm, the slip in µm by the program CONTACT, and the slip in µm by the closed
+/// form.
 const RINGS: [(f64, f64, f64); 6] = [
     (0.596_28, 0.286, 0.2747),
     (0.666_67, 0.626, 0.6255),
@@ -21,7 +22,7 @@ const RINGS: [(f64, f64, f64); 6] = [
     (0.894_43, 2.301, 2.3034),
     (0.942_81, 2.743, 2.7509),
 ];
-/// Slip of CONTACT along and across the motion: radius in mm, slip in µm.
+/// Slip by CONTACT: the radius in mm, and the slip along and across the motion in µm.
 const DIRECTIONS: [(f64, f64, f64); 4] = [
     (0.533_33, 0.0399, 0.0789),
     (0.666_67, 0.488, 0.767),
@@ -30,7 +31,7 @@ const DIRECTIONS: [(f64, f64, f64); 4] = [
 ];
 
 const FOUVRY: &str = "Fouvry et al. 2007";
-/// The amplitude of each test in µm, and its input.
+/// The amplitude of each test in µm, and its job body.
 const STROKES: [(u32, &str); 2] = [
     (50, include_str!("../../../examples/literature/fouvry-2007-50um.json")),
     (100, include_str!("../../../examples/literature/fouvry-2007-100um.json")),
@@ -48,7 +49,7 @@ pub fn sections() -> Vec<Section> {
     vec![ball(), spheres(), gross_slip(), coefficients()]
 }
 
-/// The scenario of a job body.
+/// The scenario in a job body.
 fn scenario(body: &str) -> Option<Value> {
     Some(serde_json::from_str::<Value>(body).ok()?["scenario"].take())
 }
@@ -105,7 +106,8 @@ fn spheres() -> Section {
     })
 }
 
-/// A number of CONTACT, which is as far from the closed form as its elements are coarse.
+/// Compares a value with that of CONTACT. CONTACT differs from the closed form because its elements are coarse, so this
+/// difference is the expected error.
 fn beside(what: impl Into<String>, (contact, closed): (f64, f64), value: f64) -> Check {
     let number = Check::reported(what, CONTACT, contact, value);
     Check { expected: closed / contact - 1.0, accepted: Some(3e-3), ..number }
@@ -116,7 +118,7 @@ fn normal_energy(outcome: &Outcome) -> f64 {
     0.4 * outcome.scales.normal_force * outcome.scales.indentation_depth
 }
 
-/// Compares the state after the first loading. The known numbers are those of CONTACT and of the closed form.
+/// Compares the state after the first loading. Each pair `known` is the value of CONTACT and that of the closed form.
 fn first_loading(section: &mut Section, outcome: &Outcome, known: [(f64, f64); 6]) {
     let Outcome { scales, unworn, .. } = outcome;
     let (force, shift, loss) = (unworn.tangential_force, unworn.amplitude, unworn.energy_per_cycle);
@@ -159,7 +161,7 @@ impl Worn {
         Some(self.volume.last()? / self.energy.last()?)
     }
 
-    /// Volume and depth at the output cycle that has this energy.
+    /// Volume and depth of the flat at the output cycle with this dissipated energy.
     fn at(&self, energy: f64) -> Option<(f64, f64)> {
         let row = self.energy.iter().position(|found| (found / energy - 1.0).abs() < 1e-6)?;
         Some((self.volume[row], self.depth[row]))
@@ -234,7 +236,7 @@ fn between(x: &[f64], y: &[f64], at: f64) -> Option<f64> {
     Some(y[i] + (y[i + 1] - y[i]) * (at - x[i]) / (x[i + 1] - x[i]))
 }
 
-/// Wear volume over dissipated energy in gross slip, measured and computed. None if it cannot be computed.
+/// A figure of the wear volume over the dissipated energy in gross slip, measured and computed. `None` if a run fails.
 #[must_use]
 pub fn volume_over_energy() -> Option<Sheet> {
     let scaled = |volume: &[f64]| volume.iter().map(|v| 1e-4 * v).collect();

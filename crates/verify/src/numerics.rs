@@ -10,7 +10,7 @@ use fretwork_engine::scenario::DEFAULT_TOLERANCE;
 use fretwork_engine::solver::stepped::law::{Law, PAPER_XI};
 use fretwork_engine::solver::stepped::march::March;
 
-/// Tolerance of the time steps at which only the mesh causes errors.
+/// Tolerance of the time steps. The steps are so small that practically only the mesh causes errors.
 const FINE_STEPS: f64 = 1e-5;
 
 pub fn sections() -> Vec<Section> {
@@ -34,7 +34,7 @@ fn sums() -> Section {
     })
 }
 
-/// V at Ñ = 2 on a mesh of `cells` cells, and the multiplications of the run.
+/// V at Ñ = 2 on a mesh of `cells` cells, and the number of multiplications of the run.
 fn volume(problem: &ContactProblem, cells: usize) -> Option<(f64, f64)> {
     let mut run = March::with_cells(problem.under(Law::Exact), cells, FINE_STEPS, 2.0)?;
     let volume = at(&mut run, 2.0).worn.volume;

@@ -5,7 +5,8 @@ use std::fmt;
 /// The introduction, then a heading and a text for each section.
 const WORDS: &str = include_str!("page.md");
 
-/// The heading of the runs in `accuracy.md`, which take too long to be repeated with the page.
+/// The heading and the text of the section about the random runs in `accuracy.md`. These runs take too long to be
+/// repeated whenever the page is computed.
 const RANDOM: &str = "\
 ## Random scenarios
 
@@ -24,25 +25,26 @@ For an event it is the error of its moment, or what is known of it if only one r
 `fretwork verify --random 1000 > crates/verify/src/accuracy.md` prints these tables again.
 ";
 
-/// One number that another source knows.
+/// The comparison of one computed number with the same number from another source.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
-    /// Its description.
+    /// The name of the number.
     pub what: String,
     /// The source of the reference.
     pub source: &'static str,
     /// The expected value.
     pub reference: f64,
-    /// The value that this program computes; NaN if it cannot.
+    /// The value that this program computes; NaN if it cannot compute the value.
     pub value: f64,
-    /// The error that is due to the reference: 0 if the reference is exact.
+    /// The expected relative error, which an inexact reference causes. It is 0 if the reference is exact.
     pub expected: f64,
-    /// The largest distance from the expected error that passes; none if the error is only reported.
+    /// The check passes if the error differs from `expected` by at most this number. `None` if the error is only
+    /// reported.
     pub accepted: Option<f64>,
 }
 
 impl Check {
-    /// A number without an accepted error.
+    /// A check without an accepted error, which cannot fail.
     pub fn reported(
         what: impl Into<String>,
         source: &'static str,
@@ -71,7 +73,7 @@ impl Check {
         }
     }
 
-    /// Whether the error is accepted.
+    /// Whether the error is accepted. A number that is only reported always passes.
     #[must_use]
     pub fn passes(&self) -> bool {
         self.share() <= 1.0
@@ -109,14 +111,14 @@ impl fmt::Display for Check {
 /// A group of checks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Section {
-    /// Its heading.
+    /// The heading of the section.
     pub title: &'static str,
-    /// Its checks.
+    /// The checks of the section.
     pub checks: Vec<Check>,
 }
 
 impl Section {
-    /// A section that `fill` adds checks to. If `fill` returns none, a check fails.
+    /// A section to which `fill` adds checks. If `fill` returns `None`, the section gets a check that fails.
     pub fn of(title: &'static str, fill: impl FnOnce(&mut Self) -> Option<()>) -> Self {
         let mut section = Self { title, checks: Vec::new() };
         if fill(&mut section).is_none() {
@@ -145,7 +147,7 @@ impl Section {
         judged.max_by(|a, b| a.share().total_cmp(&b.share()))
     }
 
-    /// The text below its heading.
+    /// The text below the heading in `page.md`.
     fn words(&self) -> Option<&'static str> {
         let mut sections = WORDS.split("\n## ").skip(1);
         sections.find_map(|words| words.strip_prefix(self.title)?.strip_prefix('\n'))
@@ -161,10 +163,10 @@ impl fmt::Display for Section {
     }
 }
 
-/// The whole page.
+/// The whole verification page.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VerificationPage {
-    /// Its sections.
+    /// The sections of the page.
     pub sections: Vec<Section>,
 }
 

@@ -1,4 +1,5 @@
-//! Contacts and what is held while they wear, in units of the unworn contact.
+//! Wear problems for the checks: a contact, and the quantities that are held constant while it wears. In units of the
+//! unworn contact.
 
 use std::sync::Arc;
 
@@ -18,7 +19,7 @@ use fretwork_engine::solver::stepped::wearing::WornContact;
 /// The tolerance with which a scenario integrates the simplified rule in time.
 pub const RULE_TOLERANCE: f64 = 7e-4;
 
-/// A column of the table: its symbol, its name, and its value for a worn contact.
+/// A column of the table: its symbol, its name, and the function that computes its value for a worn contact.
 pub type TableColumn = (&'static str, &'static str, fn(&WornContact) -> f64);
 
 pub const VOLUME: TableColumn = ("V", "wear_volume", |worn| worn.volume);
@@ -28,7 +29,7 @@ pub const DEPTH: TableColumn = ("d", "indentation_depth", |worn| worn.depth);
 pub const STICK: TableColumn = ("c", "stick_radius", |worn| worn.stick);
 pub const RADIUS: TableColumn = ("a", "contact_radius", |worn| worn.contact_radius);
 
-/// A contact and what is held while it wears.
+/// A contact, and the quantities that are held constant while it wears.
 pub struct ContactProblem {
     pub name: String,
     pub contact: Contact,
@@ -94,12 +95,12 @@ impl ContactProblem {
         Some(modes)
     }
 
-    /// What a run integrates by a law.
+    /// The wear problem of this contact with a wear law.
     pub fn under(&self, law: Law) -> WearProblem<'_> {
         WearProblem { contact: &self.contact, control: &self.control, law }
     }
 
-    /// Starts a run.
+    /// Starts a run up to the output cycle `last`.
     pub fn march(&self, law: Law, tolerance: f64, last: f64) -> Option<March> {
         March::new(self.under(law), tolerance, last)
     }

@@ -6,12 +6,12 @@ use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario;
 use fretwork_random::Random;
 
-/// What the normal load keeps constant.
+/// The quantities that can be held constant in the normal direction.
 pub const HELD: [&str; 2] = ["depth", "force"];
-/// How the contact moves.
+/// The kinds of motion.
 pub const MODES: [&str; 6] =
     ["amplitude", "tangential force", "rig", "blocks", "record", "gross slip"];
-/// The shapes of the profile. The power laws follow with their exponent.
+/// The shapes of the profile. The names of the power laws contain the exponent.
 pub const SHAPES: [&str; 9] = [
     "sphere",
     "truncated paraboloid",
@@ -119,7 +119,7 @@ fn motion(mode: &str, stick_ratio: f64, preview: &Preview, random: &mut Random) 
     }
 }
 
-/// Two to five blocks, and output cycles in each of them. The last block takes what the others leave of the run.
+/// Two to five random blocks, and output cycles in each of them. The last block lasts until the end of the run.
 fn blocks(preview: &Preview, random: &mut Random) -> (Value, Value) {
     let count = random.one_of(&[2_u8, 3, 4, 5]);
     let amplitudes: Vec<f64> = (0..count)

@@ -1,4 +1,5 @@
-//! Checks of the simplified rule: its closed form, and its distance from the exact method.
+//! Checks of the simplified rule: a time integration against its closed form, and its errors relative to the exact
+//! method.
 
 use super::page::{Check, Section};
 use super::problem::{
@@ -12,7 +13,7 @@ use fretwork_engine::scenario::{DEFAULT_POINTS, DEFAULT_TOLERANCE};
 use fretwork_engine::solver::closed::simplified::Simplified;
 use fretwork_engine::solver::stepped::law::{Law, PAPER_XI, fitted_xi};
 
-/// Output cycles Ñ, and stick ratios, at which the errors of the rule are shown.
+/// Output cycles Ñ, and stick ratios, at which the page shows the errors of the simplified rule.
 const INSTANTS: [f64; 6] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0];
 const STICK_RATIOS: [f64; 8] = [0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95];
 
@@ -64,7 +65,7 @@ fn differences() -> Section {
                                 format!("{held}, {}: {symbol} at Ñ = {instant}", problem.name);
                             Check::reported(what, "exact method", of(&exact.worn), of(&rule.worn))
                         })
-                        // A held quantity does not differ.
+                        // A held quantity is equal for both methods, so it needs no line.
                         .filter(|check| check.error().abs() > 1e-9)
                         .collect();
                     lines.sort_by(|a, b| a.error().total_cmp(&b.error()));
@@ -79,7 +80,8 @@ fn differences() -> Section {
     })
 }
 
-/// The largest errors of the volume for a paraboloid, over the stick ratio and the held quantities.
+/// The largest errors of the volume by the simplified rule for a paraboloid, for several stick ratios and held
+/// quantities.
 fn errors() -> Section {
     Section::of("Error of the simplified rule", |section| {
         for (held, normal, by_force) in [
@@ -101,8 +103,8 @@ fn errors() -> Section {
     })
 }
 
-/// The largest error of the volume while both runs go on. `None` if they end before the first
-/// output cycle.
+/// The largest error of the volume by the simplified rule, over the output cycles that both runs reach. `None` if one
+/// of them ends before the first output cycle.
 fn largest_error(name: &str, problem: &ContactProblem) -> Option<Check> {
     let xi = fitted_xi(problem.contact.stick);
     let volumes = |law, tolerance| -> Option<Vec<f64>> {

@@ -13,10 +13,11 @@ use fretwork_engine::scenario::DEFAULT_TOLERANCE;
 use fretwork_engine::solver::events::EventKind;
 use fretwork_engine::solver::stepped::law::Law;
 
-/// Ñ at which a run has practically reached its limit.
+/// Ñ at which a run has practically reached its limiting state.
 const ARRIVED: f64 = 200.0;
 
-/// The runs of the table: section title, part of the table, and what is held in the normal direction.
+/// The runs of the table: section title, part of the table, and the quantity that is held constant in the normal
+/// direction.
 pub const RUNS: [(&str, &str, Normal); 4] = [
     ("Runs, depth and amplitude held", "exact_depth_and_amplitude_held", Depth),
     ("Runs, force and amplitude held", "exact_force_and_amplitude_held", Force),
@@ -59,7 +60,7 @@ fn limits(title: &'static str, part: &str, normal: Normal) -> Section {
             let inside = integrate(0.0, end.stick, |x| end.depth - shape.image(x));
             let worn = problem.states(Law::Exact, &[ARRIVED])?.pop()?.worn;
             let (limit, whole, name) = (end.limit, shape.half_force(), &problem.name);
-            // Without q, c is an input and not a result. Without a depth, d stays 1.
+            // Without `q`, the stick radius is an input of the row and no result, so it is not compared.
             let known = |column: &str| {
                 let given = column == "stick_radius" && row.get("q").is_none();
                 number(row, column).filter(|_| !given)
@@ -74,7 +75,7 @@ fn limits(title: &'static str, part: &str, normal: Normal) -> Section {
                 ("ã", "limiting_radius", limit.radius, None),
             ] {
                 let Some(reference) = known(column) else { continue };
-                // Half a unit of the last decimal, plus rounding.
+                // The table is rounded, so half a unit of its last decimal is accepted, plus rounding errors.
                 let unit = if column == "depth_radius" { 6e-5 } else { 6e-6 };
                 let what = format!("{name}: {symbol}");
                 section.check(what, "table", reference, value, unit / reference);
@@ -106,7 +107,7 @@ fn runs(
                 }
             }
             if let Some(text) = row.get("gross_slip_at") {
-                // "21.28 +- 0.03"
+                // The text is a number with its error, for example "21.28 +- 0.03".
                 let reference: f64 = text.as_str()?.split(' ').next()?.parse().ok()?;
                 let value = slides_at(&problem, 2.0 * reference)?;
                 let what = format!("{name}: Ñ at which all slips");

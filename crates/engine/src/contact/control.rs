@@ -71,7 +71,7 @@ pub struct Control {
     pub tangential: Tangential,
 }
 
-/// The limiting state of a control whose limit can be computed without a run.
+/// A limiting state that can be computed without a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Final {
     /// d∞, the limiting indentation depth.

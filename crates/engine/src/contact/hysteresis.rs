@@ -52,7 +52,7 @@ pub struct Backbone {
     corners: Vec<[f64; 2]>,
     /// The displacement u at which the force reaches half of its maximum.
     half: f64,
-    /// ∫ y ω dx.
+    /// The energy integral ∫ y ω dx.
     loss: f64,
 }
 
@@ -119,7 +119,7 @@ impl Backbone {
             let springs = compressions.iter().zip(widths);
             springs.map(|(y, width)| width * y * (1.0 - y / threshold).max(0.0)).sum()
         });
-        // First y and width of each spring. Usually y decreases outwards, so the reversed order is
+        // At first, each corner holds y and width of a spring. Usually y decreases outwards, so the reversed order is
         // nearly sorted.
         let mut corners = Vec::with_capacity(compressions.len() + 2);
         corners.push([0.0, 0.0]);
@@ -128,8 +128,8 @@ impl Backbone {
         let slipping = corners.partition_point(|[y, _]| *y < threshold).max(1);
         let mut slope = start + corners[slipping..].iter().map(|[_, width]| width).sum::<f64>();
         corners.truncate(slipping);
-        // Sum the sticking width from the inside outwards, because it may be 0 there and must not
-        // be a difference.
+        // Replace the width of each spring by the total width of the springs with a larger y. The sum starts with the
+        // largest y. There the width can be 0, and a difference would leave a rounding error.
         for [_, width] in corners[1..].iter_mut().rev() {
             let all = slope + *width;
             *width = std::mem::replace(&mut slope, all);
@@ -170,7 +170,7 @@ impl Backbone {
         };
         let (displacement, force) = (cycle(0), cycle(1));
         if threshold == 0.0 {
-            // At rest.
+            // The contact is at rest, so the loop is a point.
             let (energy_ratio, slip_ratio, free_ratio) = (0.0, 0.0, 0.0);
             return Loop { displacement, force, energy_ratio, slip_ratio, free_ratio };
         }
@@ -179,8 +179,7 @@ impl Backbone {
         // W = 4·2 ∫ y ω dx·Δ in units of 2·(Q̃/2)·u.
         let lost = 4.0 * self.loss * threshold;
         let slip_ratio = aperture / threshold;
-        // If the contact is lost, the ratio has its limit for small forces, which slip over the whole
-        // motion.
+        // Without force the ratio is set to its limit for small forces: then all springs slip over the whole motion.
         let energy_ratio = if most == 0.0 { 1.0 } else { lost / (4.0 * most * threshold) };
         let free_ratio = if slip_ratio > 1e-9 { energy_ratio / slip_ratio } else { 0.0 };
         Loop { displacement, force, energy_ratio, slip_ratio, free_ratio }

@@ -25,8 +25,8 @@ use super::table_shape::{PressedTable, Split};
 use super::truncated::Truncated;
 use crate::numeric::{integrate, integrate_beyond, maximum, root, whole_power};
 
-/// A sphere with a larger radius, in contact radii, differs from a paraboloid by less than 1 % of
-/// d₀.
+/// A sphere with a larger radius than this, in contact radii, is described by the power law of
+/// a paraboloid, from which it differs by less than 1 % of d₀.
 const SHALLOW: f64 = 3.0;
 
 /// κₙ: the image of rⁿ is κₙ xⁿ.
@@ -46,7 +46,7 @@ pub fn kappa(n: f64) -> f64 {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shape {
     kind: ShapeKind,
-    /// f₀ at r = 1.
+    /// The height of the profile at the contact radius, f₀(1).
     height: f64,
 }
 
@@ -188,7 +188,7 @@ impl Shape {
         }
     }
 
-    /// f₀′(r).
+    /// The slope of the profile, f₀′(r).
     pub(crate) fn slope(&self, r: f64) -> f64 {
         match self.kind {
             ShapeKind::Whole(n) => self.height * f64::from(n) * whole_power(r, n - 1),
@@ -211,7 +211,7 @@ impl Shape {
         }
     }
 
-    /// g₀(c + δ) − g₀(c), without cancellation.
+    /// The rise of the image, g₀(c + δ) − g₀(c), without cancellation.
     pub(crate) fn image_rise(&self, c: f64, delta: f64) -> f64 {
         let x = c + delta;
         match self.kind {
@@ -244,7 +244,7 @@ impl Shape {
         self.pressure_inside(at, 1.0)
     }
 
-    /// g₀′(x).
+    /// The slope of the image, g₀′(x).
     #[must_use]
     pub fn image_slope(&self, x: f64) -> f64 {
         match self.kind {
@@ -290,7 +290,7 @@ impl Shape {
         }
     }
 
-    /// ∫₀ˣ g₀ dx.
+    /// The integral of the image, ∫₀ˣ g₀ dx.
     pub(crate) fn area(&self, x: f64) -> f64 {
         match self.kind {
             ShapeKind::Whole(n) => whole_power(x, n + 1) / f64::from(n + 1),

@@ -48,9 +48,9 @@ pub struct DisplacementRecord {
 /// A corner of ω(ρ): a spring with a lower limit slips in more loops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Corner {
-    /// ρ = R/2U.
+    /// The position of the corner, ρ = R/2U, for loops of range R.
     ratio: f64,
-    /// ω(ρ).
+    /// The slip at the corner, ω(ρ).
     slip: f64,
     /// Number of loops of at least this size: −dω/dρ just below ρ.
     loops: usize,

@@ -26,14 +26,14 @@ use super::profile::Shape;
 use super::unworn::{Contact, Decay};
 use crate::numeric::{Gauss, integrate};
 
-/// Half of the sums over the springs of an unworn contact.
+/// Sums over the springs of an unworn contact, for half of the row.
 #[derive(Debug, Clone)]
 pub struct UnwornSums {
-    /// ∫₀ᵃ y dx.
+    /// Half of the normal force, ∫₀ᵃ y dx.
     pub normal: f64,
-    /// ∫₀ᵃ min(Δ, y) dx.
+    /// Half of the amplitude of the tangential force, ∫₀ᵃ min(Δ, y) dx.
     pub tangential: f64,
-    /// ∫₀ᵃ y ω dx.
+    /// The energy integral ∫₀ᵃ y ω dx.
     pub loss: f64,
     /// The backbone of the force–displacement loop.
     pub backbone: Backbone,
@@ -69,13 +69,13 @@ impl UnwornSums {
 /// the energy integral and the volume. All are dimensionless.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sums {
-    /// ∫₀ᵃ y dx.
+    /// Half of the normal force, ∫₀ᵃ y dx.
     pub normal: f64,
     /// The decrease of `normal` since the unworn state.
     pub unloaded: f64,
-    /// ∫₀ᵃ min(Δ, y) dx.
+    /// Half of the amplitude of the tangential force, ∫₀ᵃ min(Δ, y) dx.
     pub tangential: f64,
-    /// ∫₀ᵃ y (Δ − y)₊ dx.
+    /// The energy integral ∫₀ᵃ y (Δ − y)₊ dx.
     pub energy: f64,
     /// 4 ∫ (g − g₀) √(ã²−x²) dx: the volume of the inverse transform of the image, (4).
     pub volume: f64,
@@ -87,7 +87,8 @@ const RECORD_INTERVALS: usize = 64;
 const FLAT_POINTS: usize = 8;
 static WHOLE: OnceLock<Gauss<ROW_POINTS>> = OnceLock::new();
 
-/// ∫ min(Δ, y₀) dx and ∫ y₀ (Δ − y₀)₊ dx over the springs of an unworn contact with stick radius c.
+/// ∫ min(Δ, y₀) dx and ∫ y₀ (Δ − y₀)₊ dx over the springs of an unworn contact with stick radius c, for half of the
+/// row.
 pub(crate) fn unworn_integrals(shape: &Shape, c: f64, threshold: f64) -> (f64, f64) {
     let (mut normal, mut energy) = (0.0, 0.0);
     for (delta, weight) in layout(shape, c) {
@@ -131,7 +132,7 @@ pub struct SpringRow {
     weights: [f64; ROW_POINTS],
     positions: [f64; ROW_POINTS],
     unworn: [f64; ROW_POINTS],
-    /// Δ − y₀, never 0.
+    /// The compression that is missing for stick, Δ − y₀. It is never 0.
     rest: [f64; ROW_POINTS],
     chords: [f64; ROW_POINTS],
     core_normal: f64,

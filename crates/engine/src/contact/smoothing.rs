@@ -37,8 +37,8 @@ const NEIGHBOURS: usize = 25;
 /// The largest m with a misfit of at most this many times the smallest misfit is chosen. With 51
 /// points such a difference is not significant.
 const EQUAL_MISFIT: f64 = 1.5;
-/// Maximum distance of a smoothed height below that on the axis, in units of the noise before
-/// smoothing. Both keep a part of the noise. The axis keeps most, because it has neighbours on one
+/// Maximum distance of a smoothed height below the height on the axis, in units of the noise before smoothing. Both
+/// heights keep a part of their noise. The height on the axis keeps the larger part, because it has neighbours on one
 /// side only.
 const REMAINDER: f64 = 5.0;
 /// Maximum ratio of the noise of the worst point to the noise assumed for any other point.
@@ -152,7 +152,8 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Smoothed {
         .collect();
     let mut heights: Vec<f64> = (0..n)
         .map(|i| {
-            // Average over the neighbours, so that the result changes gradually where m changes.
+            // Average over the m that were chosen for the neighbours, so that the result changes gradually where m
+            // changes.
             let mut counts = vec![0; reaches.len()];
             near(i, n).for_each(|j| counts[chosen[j]] += 1);
             let sum: f64 = counts
@@ -267,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_keep_both_ends_and_stay_narrow() {
+    fn grouped_points_keep_both_ends_and_the_shape() {
         let (x, _) = uneven(10_000);
         let z = x.iter().map(|x| x * x).collect::<Vec<f64>>();
         let (means, heights) = grouped(&x, &z);

@@ -13,13 +13,13 @@
 //! neglected load   2 ∫ (d − g)₊ dx over x > s,   g(x) = g₀(x) + x ∫ w′(r)/√(x²−r²) dr
 //! x > s            x ∫ w′(r)/√(x²−r²) dr = −x ∫ w r/(x²−r²)^{3/2} dr  ≥  −V/(2π) · x/(x²−s²)^{3/2}
 //! ```
-//! The image of the wear is negative outside the scar, and it increases with x. If g₀ increases as
-//! well, so does g, and there is no ring. Wear therefore splits a contact only where g₀ falls. The
-//! load of a ring is at most that of the springs between g₀ and its largest value further inside.
+//! The image of the wear is negative outside the scar, and it increases with x. If g₀ increases too, g increases, and
+//! there is no ring. Wear therefore splits a contact only where g₀ falls. The load of a ring is at most the load of
+//! springs whose compression is the largest value of g₀ further inside minus g₀.
 
 use crate::numeric::positive_area;
 
-/// Minimum share of the normal force that a neglected ring carries.
+/// The load of a ring matters if it is at least this share of the normal force.
 pub(crate) const NEGLECTED: f64 = 1e-3;
 
 /// The image of the smoothed points of a table. It is linear between the nodes.
@@ -36,7 +36,7 @@ pub(super) struct Rings {
     pub(super) core: f64,
     /// The radius at which the first ring begins.
     pub(super) begin: f64,
-    /// ∫ (d − g)₊ dx outside the core.
+    /// The load of the rings, ∫ (d − g)₊ dx outside the core.
     pub(super) load: f64,
 }
 
@@ -100,11 +100,11 @@ pub(crate) struct Falls {
 #[derive(Debug, Clone)]
 pub(crate) struct Scar {
     radii: Vec<f64>,
-    /// The wear at the radii up to the edge, which is at least 0.
+    /// The wear at the radii up to the edge. It is never negative.
     wear: Vec<f64>,
     /// The radius at which the contact and the scar end.
     edge: f64,
-    /// V/(2π).
+    /// The wear volume divided by 2π.
     volume: f64,
 }
 
@@ -150,10 +150,10 @@ impl Falls {
         self.possible.get(next.saturating_sub(1)).copied().unwrap_or(0.0)
     }
 
-    /// ∫ (d − g)₊ dx outside the contact and the scar.
+    /// The load that the run neglects: ∫ (d − g)₊ dx outside the contact and the scar.
     pub(crate) fn neglected(&self, depth: f64, scar: &Scar) -> f64 {
         let first = self.radii.partition_point(|r| *r <= scar.edge);
-        // At the edge itself the compression is 0.
+        // At the edge of the scar the compression is 0.
         let (mut before, mut load) = ((scar.edge, 0.0), 0.0);
         let images = self.images[first..].iter().zip(&self.drops[first..]);
         for (x, (image, drop)) in self.radii[first..].iter().zip(images) {
@@ -163,7 +163,7 @@ impl Falls {
             } else {
                 unworn - scar.image(*x)
             };
-            // The bound matters for the simplified rule, whose wear ends abruptly.
+            // The bound matters for the simplified rule, because its wear ends abruptly at the edge of the scar.
             let compression = compression.min(*drop);
             load += positive_area([before.0, *x], [before.1, compression]);
             before = (*x, compression);
@@ -187,7 +187,7 @@ mod tests {
     fn the_image_of_a_scar_agrees_with_its_closed_form_and_exceeds_its_bound() {
         let (radii, wear) = cap(10);
         let scar = Scar::new(radii.clone(), &wear, 0.0);
-        // V = π s⁴/2
+        // The exact volume is V = π s⁴/2.
         assert!((scar.volume - 0.25 * 0.4096).abs() < 1e-15, "{}", scar.volume);
         assert!((scar.edge - 0.8).abs() < 1e-15);
         for x in [0.81, 0.9, 1.2, 5.0] {
@@ -195,7 +195,7 @@ mod tests {
             assert!((scar.image(x) - exact).abs() < 1e-13, "{x}: {} {exact}", scar.image(x));
             assert!(scar.least_image(x) < exact && exact < 0.0);
         }
-        // A contact wider than the scar bounds the ring.
+        // If the contact is wider than the scar, `edge` is the edge of the contact.
         assert!((Scar::new(radii, &wear, 0.9).edge - 0.9).abs() < 1e-15);
     }
 

@@ -33,19 +33,19 @@ use crate::numeric::{maximum, root};
 
 /// Minimum number of nodes of the image.
 const NODES: usize = 160;
-/// The contact is not unique beyond the radius at which the image decreases. A decrease counts if
-/// it exceeds this share of the image.
+/// The table is cut off where its image decreases, because the contact is not unique beyond this radius. A decrease
+/// counts only if it exceeds this share of the image.
 const FALL: f64 = 0.02;
 /// A decrease counts only if the radius has increased by more than this share since the maximum.
 const FAR: f64 = 0.1;
 /// A decrease counts only if it also exceeds this share of the greatest height. Near the axis the
 /// image itself is small.
 const FALL_AT_AXIS: f64 = 1e-3;
-/// A decrease counts only if it also exceeds the noise of the points by this factor.
+/// A decrease counts only if it also exceeds this many times the noise of the points.
 const FALL_OF_NOISE: f64 = 3.0;
 /// A decrease by more than this share of the image is not noise. The table is cut off there.
 const DEEP: f64 = 0.3;
-/// Coefficients of (x − xᵢ)ᵏ for k = 0 … 4.
+/// Coefficients of a polynomial: of (x − xᵢ)ᵏ for k = 0 … 4.
 type Powers = [f64; 5];
 
 /// The shape of a measured table. All lists run from the axis outwards.
@@ -62,20 +62,20 @@ pub(crate) struct TableShape {
     cells: Vec<Powers>,
     /// The changes of the coefficients at each node.
     changes: Vec<Powers>,
-    /// ∫ g from the axis to each node.
+    /// The integral of the image, ∫ g dx, from the axis to each node.
     areas: Vec<f64>,
     /// The image before it is forced to increase, up to the last radius.
     true_image: TrueImage,
 }
 
-/// A smoothed height below that on the axis, in m.
+/// A point whose smoothed height is below the height on the axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LowPoint {
-    /// The radius of the lowest such point.
+    /// The radius of the lowest point.
     pub(crate) radius: f64,
-    /// The distance below the height on the axis.
+    /// The distance below the height on the axis, in m.
     pub(crate) below: f64,
-    /// Whether other heights are too low as well.
+    /// Whether the heights of other points are too low as well.
     pub(crate) others: bool,
 }
 
@@ -110,7 +110,7 @@ fn pressure_kernel(b: f64, r: f64, end: f64, last: f64) -> [f64; 4] {
     s
 }
 
-/// The coefficients of the same polynomial about a point at the distance `u`.
+/// The coefficients of the same polynomial in powers of the distance from the point `u`.
 fn shifted(powers: &Powers, u: f64) -> Powers {
     let mut shifted = *powers;
     for from in 0..4 {
@@ -130,7 +130,7 @@ fn slope(powers: &Powers, u: f64) -> f64 {
     value(&derivative, u)
 }
 
-/// ∫ of the polynomial over 0…u.
+/// The integral of the polynomial over 0…u.
 fn area(powers: &Powers, u: f64) -> f64 {
     let [a, b, c, d, e] = *powers;
     u * value(&[a, b / 2.0, c / 3.0, d / 4.0, e / 5.0], u)
@@ -238,7 +238,7 @@ fn rising_part(nodes: &[f64], images: &[(f64, f64)], values: &[f64], noise: &[f6
         let fall = values[i] - images[i].0;
         let far = nodes[i] - nodes[first] > FAR * nodes[i];
         if first > 0 && far && fall > FALL * values[i] + FALL_AT_AXIS + FALL_OF_NOISE * noise[i] {
-            // Always keep the first cell.
+            // Always keep the first cell, because a shape needs one.
             return first.max(2);
         }
     }
@@ -327,7 +327,7 @@ impl TableShape {
             .map(|i| {
                 let width = nodes[i + 1] - nodes[i];
                 if i == 0 {
-                    // a u² + b u⁴ with u = x/width.
+                    // The even quartic a u² + b u⁴ of the first cell, with u = x/width.
                     let steepness = slopes[1] * width;
                     let (a, b) =
                         (0.5 * (4.0 * values[1] - steepness), 0.5 * (steepness - 2.0 * values[1]));
@@ -348,7 +348,7 @@ impl TableShape {
                     for (change, before) in change.iter_mut().zip(before) {
                         *change -= before;
                     }
-                    // Value and slope are continuous: remove rounding errors.
+                    // Value and slope are continuous, so the computed changes are rounding errors. Remove them.
                     change[0] = 0.0;
                     if i < last {
                         change[1] = 0.0;
@@ -391,7 +391,7 @@ impl TableShape {
     }
 
     fn image_rise(&self, c: f64, delta: f64) -> f64 {
-        /// P(u + δ) − P(u).
+        /// The rise of a polynomial, P(u + δ) − P(u), without cancellation.
         fn within(powers: &Powers, u: f64, delta: f64) -> f64 {
             let [_, rest @ ..] = shifted(powers, u);
             delta * value(&[rest[0], rest[1], rest[2], rest[3], 0.0], delta)
@@ -414,7 +414,7 @@ impl TableShape {
         }
     }
 
-    /// ∫ g dx from the axis to `x`.
+    /// The integral of the image, ∫ g dx, from the axis to `x`.
     fn area(&self, x: f64) -> f64 {
         let (cell, u) = self.locate(x);
         self.areas[cell] + area(&self.cells[cell], u)
@@ -429,7 +429,7 @@ impl TableShape {
             .chain(later.take_while(move |(node, _)| **node < to).map(|(x, c)| (*x, *c)))
     }
 
-    /// (2/π) ∫ g/√(r²−x²) dx over c…r.
+    /// The inverse transform outside c: (2/π) ∫ g/√(r²−x²) dx over c…r.
     fn inverse_outside(&self, c: f64, r: f64) -> f64 {
         if r <= c {
             return 0.0;
@@ -444,7 +444,7 @@ impl TableShape {
         FRAC_2_PI * sum
     }
 
-    /// f′ = (2/πr) ∫ x g′/√(r²−x²) dx.
+    /// The slope of the profile: f′ = (2/πr) ∫ x g′/√(r²−x²) dx.
     fn slope(&self, r: f64) -> f64 {
         if r <= 0.0 {
             return 0.0;
@@ -459,7 +459,7 @@ impl TableShape {
         FRAC_2_PI * sum / r
     }
 
-    /// (1/π) ∫ g′/√(x²−r²) dx over r…end.
+    /// The pressure inside the contact: (1/π) ∫ g′/√(x²−r²) dx over r…end.
     fn pressure_inside(&self, r: f64, end: f64) -> f64 {
         if r >= end {
             return 0.0;
@@ -493,7 +493,7 @@ impl TableShape {
     }
 }
 
-/// A contact that is split into a core and rings.
+/// The description of a contact that is split into a core and rings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Split {
     /// The radius of the core, in m.
@@ -508,9 +508,9 @@ pub(crate) struct Split {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PressedTable {
     table: Arc<TableShape>,
-    /// a₀ in units of the last radius of the table.
+    /// The contact radius a₀, in units of the last radius of the table.
     radius: f64,
-    /// d₀ in units of the greatest height of the table.
+    /// The indentation depth d₀, in units of the greatest height of the table.
     depth: f64,
     /// The last radius of the table, in a₀.
     pub(crate) extent: f64,
@@ -586,7 +586,7 @@ impl PressedTable {
         pressure * self.radius / self.depth
     }
 
-    /// The largest pressure, from a search in steps.
+    /// The largest pressure. It is found by a search in steps.
     pub(crate) fn peak_pressure(&self) -> f64 {
         const STEP: f64 = 1.0 / 64.0;
         let at = |r: f64| self.pressure_inside(r, 1.0);
@@ -672,7 +672,7 @@ mod tests {
             for value in [0.01, 0.3, 0.9] {
                 assert!((shape.image(shape.image_inverse(value)) - value).abs() < 1e-13);
             }
-            // The pressure is continuous at the axis.
+            // The pressure on the axis and next to the axis must be equal.
             let (axis, beside) =
                 (shape.pressure_inside(0.0, 0.9), shape.pressure_inside(1e-7, 0.9));
             assert!((axis - beside).abs() < 1e-6 * (1.0 + axis), "{axis} {beside}");
@@ -684,7 +684,7 @@ mod tests {
         let shape = Arc::new(table(100, |r| 0.5 * r * r));
         for force in [1e-6, 0.1, 3.0, 8.0] {
             let depth = shape.depth_under(force);
-            // Hertz with R = 1.
+            // The depth by the formula of Hertz, with R = 1.
             let hertz = libm::pow(0.75 * force, 2.0 / 3.0);
             assert!((depth / hertz - 1.0).abs() < 1e-4, "{depth} {hertz}");
             let (radius, pressed) = PressedTable::new(&shape, depth, true).expect("endless");

@@ -63,7 +63,7 @@ pub(crate) fn graded(cells: usize) -> impl Iterator<Item = f64> {
 #[derive(Debug)]
 pub struct Kernels {
     tau: Vec<f64>,
-    /// 1/(τⱼ₊₁ − τⱼ).
+    /// The reciprocal width of each cell, 1/(τⱼ₊₁ − τⱼ).
     per_cell: Vec<f64>,
     /// Simpson's weights of ∫ dτ = ∫ 3u² du over the nodes, for an even n.
     areas: Vec<f64>,

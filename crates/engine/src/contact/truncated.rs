@@ -56,7 +56,7 @@ impl Truncated {
         Self { flank: Flank::Cone, flat, scale }
     }
 
-    /// The only kink, β, as a slice.
+    /// The kinks of the image: only β.
     pub(super) fn kinks(&self) -> &[f64] {
         std::slice::from_ref(&self.flat)
     }
@@ -90,7 +90,7 @@ impl Truncated {
         }
     }
 
-    /// g(c + δ) − g(c), without cancellation.
+    /// The rise of the image, g(c + δ) − g(c), without cancellation.
     pub(super) fn image_rise(&self, c: f64, delta: f64) -> f64 {
         let b = self.flat;
         if c <= b {
@@ -99,7 +99,7 @@ impl Truncated {
         let x = c + delta;
         let inner = chord(c, b);
         let outer = ((c - b + delta) * (x + b)).sqrt();
-        // √(x²−β²) − √(c²−β²)
+        // The difference √(x²−β²) − √(c²−β²), without cancellation.
         let growth = delta * (x + c) / (outer + inner);
         self.scale
             * match self.flank {
@@ -127,7 +127,7 @@ impl Truncated {
     pub(super) fn image_inverse(&self, value: f64) -> f64 {
         match self.flank {
             Flank::Paraboloid => {
-                // x²(x² − β²) = q²
+                // The solution x of x²(x² − β²) = q².
                 let (b, q) = (self.flat * self.flat, value / self.scale);
                 (0.5 * (b + (b * b + 4.0 * q * q).sqrt())).sqrt()
             }
@@ -184,7 +184,7 @@ impl Truncated {
         let integrand = |v: f64| {
             let sine = gap * libm::sinh(v);
             let x = (larger * larger + sine * sine).sqrt();
-            // √(x²−β²)
+            // The root √(x²−β²).
             let beyond = if r < b { sine } else { gap * libm::cosh(v) };
             match self.flank {
                 Flank::Paraboloid => (x * x + beyond * beyond) / x,

@@ -20,9 +20,9 @@ pub enum Regime {
 pub struct Contact {
     /// The unworn shape.
     pub shape: Shape,
-    /// Δ = G*U/(μE*d₀): the compression below which a spring slips.
+    /// Dimensionless amplitude Δ = G*U/(μE*d₀). A spring with a smaller compression slips.
     pub threshold: f64,
-    /// c/a₀; 0 in gross slip.
+    /// Stick ratio c/a₀; 0 in gross slip.
     pub stick: f64,
     /// The slip regime: partial or gross slip.
     pub regime: Regime,
@@ -81,9 +81,9 @@ impl Contact {
 /// The decay factor of the simplified rule, e = exp(−ξÑ/ã), and 1 − e without cancellation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decay {
-    /// e.
+    /// The decay factor e.
     pub left: f64,
-    /// 1 − e.
+    /// 1 − e, computed without cancellation.
     pub gone: f64,
 }
 

@@ -65,7 +65,7 @@ impl Rubbing {
     /// ```
     #[must_use]
     pub fn largest_von_mises(&self, poisson: f64) -> f64 {
-        // The surface and the inside can have a maximum each.
+        // The surface and the interior can each have a maximum.
         self.search(poisson, 0..=0).max(self.search(poisson, 1..=STEPS))
     }
 
@@ -97,7 +97,7 @@ impl Rubbing {
         let [pressed, [radial, hoop, normal, shear, beside @ ..]] = self.stresses(poisson, r, z);
         let ahead = [radial, hoop, normal, shear, 0.0, 0.0];
         let beside = [0.0, 0.0, 0.0, 0.0, beside[0], beside[1]];
-        // constant + 2 linear·cos θ + square·cos² θ
+        // The square of the stress is constant + 2 linear·cos θ + square·cos² θ.
         let across = product(&beside, &beside);
         let constant = product(&pressed, &pressed) + across;
         let linear = product(&pressed, &ahead).abs();
@@ -119,7 +119,7 @@ impl Rubbing {
     }
 }
 
-/// The bilinear form whose square is the square of the von Mises stress.
+/// The bilinear form B(a, b) for which B(a, a) is the square of the von Mises stress of a.
 fn product(a: &Stress, b: &Stress) -> f64 {
     let normal = (a[0] - a[1]) * (b[0] - b[1])
         + (a[1] - a[2]) * (b[1] - b[2])
@@ -136,7 +136,7 @@ fn product(a: &Stress, b: &Stress) -> f64 {
 /// `d_v` is DV, `d_d_h` is D²H, `v_z` is ∂V/∂z, and `z_v_zz` is z ∂²V/∂z². The other derivatives
 /// follow from the equation of Laplace.
 fn hertz(poisson: f64, r: f64, z: f64) -> [Stress; 2] {
-    // R = m + in. Neither part is negative, and mn = z.
+    // Write R as m + in. Neither part is negative, and mn = z.
     let excess = (r - 1.0) * (r + 1.0) + z * z;
     let square = (excess * excess + 4.0 * z * z).sqrt();
     let larger = (0.5 * (square + excess.abs())).sqrt();
@@ -150,7 +150,7 @@ fn hertz(poisson: f64, r: f64, z: f64) -> [Stress; 2] {
     let (q_re, q_im) = (re / norm, -im / norm);
     let (w_re, w_im) = ((z * re + im) / norm, (m - z * n) / norm);
     let phi = libm::atan2(im, re);
-    // q(2 − w)
+    // The product q(2 − w).
     let product_re = q_re * (2.0 - w_re) + q_im * w_im;
     let product_im = q_im * (2.0 - w_re) - q_re * w_im;
 

@@ -1,7 +1,9 @@
-//! The table of the numbers of a result: their units, symbols and names, where they are, and what they mean there.
+//! The table of the numbers of a result: their units, symbols and names, the sections that contain them, and their
+//! meaning in each section.
 //!
-//! A new column of the history is a line in [`QUANTITIES`], a line in [`History`], and its computation. Units, outputs of
-//! studies, derivatives, figures, exports, schemas and the words of the page follow.
+//! A new column of the history is a line in [`QUANTITIES`], a line in [`History`], and its computation. The units, the
+//! outputs of studies, the derivatives, figures, exports, schemas and the texts of the page are derived from these
+//! lines.
 
 use std::array;
 
@@ -92,9 +94,9 @@ impl Serialize for ResultUnits {
 /// A number of a section of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Member {
-    /// The name of its quantity.
+    /// The name of the quantity.
     pub name: &'static str,
-    /// What it means in this section.
+    /// The meaning of the quantity in this section.
     pub meaning: &'static str,
 }
 
@@ -121,7 +123,7 @@ macro_rules! section {
     };
 }
 
-/// A number that some results do not have.
+/// Converts a number, or a number that some results do not have, to an `Option`.
 fn number<T: Copy + Into<Option<f64>>>(number: &T) -> Option<f64> {
     (*number).into()
 }

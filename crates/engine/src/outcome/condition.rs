@@ -15,9 +15,9 @@ use crate::contact::unworn::Regime;
 pub struct Condition {
     /// The slip regime: partial or gross slip.
     pub regime: Regime,
-    /// Q/μF.
+    /// The tangential force as a share of the friction limit, Q/(μF).
     pub force_ratio: f64,
-    /// c/a; 0 in gross slip.
+    /// The stick ratio c/a; 0 in gross slip.
     pub stick_ratio: f64,
     /// Energy W lost per cycle, in J.
     pub energy_per_cycle: f64,
@@ -50,7 +50,7 @@ mod tests {
     use crate::scenario;
 
     #[test]
-    fn a_condition_is_the_unworn_contact_of_a_case_with_this_amplitude() {
+    fn a_condition_agrees_with_the_unworn_contact_of_a_case_with_its_amplitude() {
         for profile in [
             json!({"shape": "paraboloid", "radius": "10 mm"}),
             json!({"shape": "cone", "slope_angle": "2 deg"}),

@@ -51,14 +51,13 @@ pub struct CostEstimate {
     pub answer_bytes: usize,
 }
 
-/// Relative difference of two equal numbers of cycles, of which one was written with 12 digits.
+/// Maximum relative difference of two numbers of cycles that count as equal. One of them may be rounded to 12 digits.
 const CYCLE_ERROR: f64 = 1e-10;
-/// Relative error of the energy at an output cycle that a run has found.
+/// Maximum relative error of the energy at an output cycle that a run has found.
 const ENERGY_ERROR: f64 = 1e-5;
 
 impl History {
-    /// Whether the row with this index is at the output cycle of the case with this index. If not, the run ended
-    /// before.
+    /// Whether row `row` is at output cycle `row` of the case. If not, the run ended before this output cycle.
     #[must_use]
     pub fn has_reached(&self, case: &Case, row: usize) -> bool {
         let agrees = |a: f64, b: f64, error: f64| (a - b).abs() <= error * a.abs().max(b.abs());
@@ -133,17 +132,17 @@ pub struct BodyWear {
     /// The wear volume of this body, if the scenario has a `share`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wear_volume: Option<Vec<f64>>,
-    /// Half of the length of its scar along the motion, the largest so far. The contact does not move on the body
-    /// that carries the profile: there it is the largest radius x that has slid. On the counterbody this radius
-    /// moves to both sides by the amplitude s of the local slip: there it is the largest x + s(x). It is 0 without
-    /// wear.
+    /// Half of the length of the scar on this body along the motion, up to each row of the history. It is 0 without
+    /// wear. The contact does not move on the body that carries the profile, so the half-length is the largest radius x
+    /// that has slid. On the counterbody, the contact moves to both sides by the amplitude s of the local slip, so the
+    /// half-length is the largest x + s(x).
     pub scar_half_length: Vec<f64>,
 }
 
 /// The simplified rule compared with an exact run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
-    /// The parameter ξ of the history.
+    /// The parameter ξ of the simplified rule in `history`.
     pub xi: f64,
     /// The history by the rule at the same output cycles. A run of the rule can end earlier, with a
     /// different last row.
@@ -231,9 +230,9 @@ pub struct Outcome {
     pub bodies: [BodyWear; 2],
     /// Profiles, if requested.
     pub profiles: Option<Profiles>,
-    /// Force–displacement loops at the same output cycles.
+    /// Force–displacement loops at the output cycles with profiles.
     pub loops: Option<Loops>,
-    /// Changes of regime and an early end.
+    /// The events of the run, for example the start of gross slip or an early end.
     pub events: Vec<OutcomeEvent>,
     /// Estimates of the numerical error.
     pub accuracy: Accuracy,
@@ -308,7 +307,7 @@ pub(crate) fn limit_state(case: &Case) -> Option<LimitState> {
     })
 }
 
-/// The counterbody is worn beyond the contact if its scar is longer than that of the other body by more than this
+/// The result has a warning if the scar of the counterbody is longer than that of the other body by more than this
 /// share.
 const LONG: f64 = 0.1;
 

@@ -247,7 +247,7 @@ impl CattaneoMindlin {
         4.8 * self.sliding_force() * self.sliding_displacement() * braces
     }
 
-    /// 1 − Q/(μF).
+    /// The share of the friction limit that the tangential force does not use, 1 − Q/(μF).
     fn reserve(&self, force: f64) -> f64 {
         (1.0 - force / self.sliding_force()).max(0.0)
     }

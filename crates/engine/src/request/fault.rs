@@ -43,12 +43,12 @@ impl Faults {
         self.0.push(Fault { pointer: pointer.into(), detail: detail.into() });
     }
 
-    /// What was read at a place, or `None`: then its faults are added.
+    /// Returns the value that was read at `place`. If it was not read, adds its faults and returns `None`.
     pub fn keep<T>(&mut self, place: &str, read: Result<T, impl Into<Self>>) -> Option<T> {
         read.map_err(|faults| self.0.extend(faults.into().below(place).0)).ok()
     }
 
-    /// What was read at the places `/0`, `/1` and so on.
+    /// Returns the items that were read at the places `/0`, `/1` and so on.
     ///
     /// # Errors
     /// The faults of all items.
@@ -61,15 +61,15 @@ impl Faults {
         faults.or(list)
     }
 
-    /// The value, unless there are faults.
+    /// Returns `value` if there are no faults.
     ///
     /// # Errors
-    /// These faults.
+    /// The collected faults.
     pub fn or<T>(self, value: T) -> Result<T, Self> {
         if self.0.is_empty() { Ok(value) } else { Err(self) }
     }
 
-    /// The first faults, and one more entry with the number of the others.
+    /// Keeps the first `MAX_FAULTS` faults, and adds an entry with the number of the other faults.
     #[must_use]
     pub fn capped(mut self) -> Self {
         if self.0.len() > MAX_FAULTS {
@@ -83,7 +83,7 @@ impl Faults {
         self
     }
 
-    /// Puts `prefix` before every pointer.
+    /// Inserts `prefix` before the pointer of every fault.
     #[must_use]
     pub fn below(mut self, prefix: &str) -> Self {
         for fault in &mut self.0 {
@@ -93,7 +93,7 @@ impl Faults {
     }
 }
 
-/// A sentence about the place that was read.
+/// Makes a fault from a sentence about the place that was read.
 impl From<String> for Faults {
     fn from(detail: String) -> Self {
         Self::one("", detail)
@@ -145,7 +145,7 @@ impl DeserializeError for Faults {
     }
 }
 
-/// The fault of a value of the wrong kind.
+/// The fault of a value whose JSON type is wrong.
 pub(crate) fn wrong_kind<V: IntoValue>(
     actual: Value<V>,
     accepted: &[ValueKind],
@@ -176,7 +176,7 @@ fn kind_name(kind: ValueKind) -> &'static str {
     }
 }
 
-/// The sentence about an unknown name: the nearest accepted one, and all of them.
+/// The error text for an unknown name. It contains the most similar accepted name and all accepted names.
 #[must_use]
 pub fn unknown(what: &str, given: &str, accepted: &[&str]) -> String {
     let near = accepted

@@ -79,10 +79,11 @@ pub struct FlatConeProfile {
     pub flat_radius: Rounded<Length>,
 }
 
-/// Minimum number of points from which the noise of a table can be estimated. Fewer are not smoothed.
+/// Minimum number of points from which the noise of a table can be estimated. A table with fewer points is not
+/// smoothed.
 pub(crate) const FEWEST_SMOOTHED: usize = 12;
-/// Maximum distance of a smoothed height below that on the axis, as a share of the greatest height.
-/// It changes the image no more than smoothing does.
+/// Maximum distance of a smoothed height below the height on the axis, as a share of the greatest height. A height that
+/// is lower by so little changes the image no more than smoothing does.
 pub(crate) const LEVEL: f64 = 1e-4;
 
 /// Measured points, from the axis outwards.
@@ -118,7 +119,8 @@ impl TableProfile {
                 fault("radius", row + 1, &detail);
             }
         }
-        // Only many points are smoothed. Then a low height can be noise, unless it is so low.
+        // A table with enough points is smoothed, so a height below that on the axis can be noise. It is no noise if it
+        // is further below than the greatest height is above.
         let most = height.iter().copied().fold(height[0], f64::max) - height[0];
         let noise = if height.len() < FEWEST_SMOOTHED { LEVEL * most } else { most };
         let lower: Vec<usize> =

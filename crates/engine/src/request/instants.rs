@@ -12,7 +12,7 @@ use crate::numeric::twelve_digits;
 pub struct Cycles {
     /// The numbers that define the output cycles, strictly ascending, rounded to 12 digits.
     pub instants: Vec<f64>,
-    /// What these numbers are.
+    /// The measure of these numbers: cycles, cycles in units of N₀, or dissipated energies.
     pub measure: Measure,
 }
 

@@ -74,11 +74,11 @@ impl Flat {
         self.steepness * radius * width
     }
 
-    /// √(a²−b²) at a depth.
+    /// `rim` = √(a²−b²) at an indentation depth.
     fn rim_at(self, depth: f64) -> f64 {
         let product = depth / self.steepness;
         if self.conical {
-            // a·arccos(b/a) is at least √(a²−b²).
+            // a·arccos(b/a) = d/tan θ is at least √(a²−b²), so it is an upper bound of the root.
             return root(0.0, product, |rim| self.depth(rim) - depth);
         }
         let square = self.tip * self.tip;
@@ -86,7 +86,7 @@ impl Flat {
         product * (2.0 / (square * (1.0 + (1.0 + ratio * ratio).sqrt()))).sqrt()
     }
 
-    /// √(a²−b²) under a force, given as F/E*.
+    /// `rim` = √(a²−b²) under a force F, given as F/E*.
     fn rim_under(self, force: f64) -> f64 {
         let (b, product) = (self.tip, force / self.steepness);
         let load = |rim: f64| {
@@ -96,8 +96,8 @@ impl Flat {
                 2.0 / 3.0 * (3.0 * b * b + 2.0 * rim * rim) * rim
             }
         };
-        // The force is at least that of the sharp shape, and at least that of the flat alone. Both give an
-        // upper bound of the root.
+        // The force is at least the force of the sharp shape, and at least the force of the flat alone. Each of the two
+        // gives an upper bound of the root.
         let most = if self.conical {
             product.sqrt().min(product / b)
         } else {
@@ -217,7 +217,7 @@ impl Table {
         Ok(Self { radius: radius.to_vec(), shape: Arc::new(shape) })
     }
 
-    /// The fault if the contact splits.
+    /// The fault of a profile whose contact splits.
     fn splits(&self, split: Split) -> Faults {
         let Split { core, begin, share } = split;
         let row = nearest_row(&self.radius, begin);

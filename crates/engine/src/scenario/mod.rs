@@ -111,7 +111,7 @@ enum CanonicalModel {
     },
 }
 
-/// The condition that ends a run, without units.
+/// The condition that ends a run, in dimensionless form.
 fn stop_condition(until: &Until, scales: &Scales) -> StopCondition {
     StopCondition {
         depth: until.wear_depth.0.map(|depth| depth.0 / scales.indentation_depth),
@@ -282,7 +282,7 @@ impl Scenario {
     #[must_use]
     pub fn warnings(&self, case: &Case) -> Vec<Warning> {
         let Scales { contact_radius: a, indentation_depth: d, .. } = case.scales;
-        // The largest block determines the warnings. A record can contain many loops per cycle.
+        // The block with the largest amplitude determines the warnings. A record can contain many loops per cycle.
         let times = case.largest_amplitude();
         let amplitude = times * case.scales.amplitude;
         let cycles = case.scales.cycles / (times * case.loops_per_cycle());
@@ -320,7 +320,7 @@ impl Scenario {
     }
 }
 
-/// E* and G*, (6).
+/// The effective moduli E* and G*, by (6).
 fn moduli(request: &Request) -> Result<CanonicalModuli, Faults> {
     let (normal, tangential) = match (&request.moduli.0, &request.bodies.0) {
         (Some(moduli), _) => (moduli.normal.0, moduli.tangential.0),

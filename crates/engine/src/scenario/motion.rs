@@ -28,7 +28,7 @@ use crate::request::held::{self, Motion, MotionHeld};
 const MIN_THRESHOLD: f64 = 1e-6;
 /// Minimum width of the slip ring, in a₀, if the stick edge can move.
 const MIN_RING: f64 = 1e-4;
-/// A ring may be narrower by this factor, because the largest stick ratio gives exactly the minimum
+/// A ring may be narrower than the minimum by this factor. The largest stick ratio gives exactly the minimum, but only
 /// before its amplitude is rounded.
 const ROUNDED: f64 = 1.0 - 1e-6;
 /// Maximum relative difference between the given stick ratio and the ratio that follows from the
@@ -64,7 +64,7 @@ pub(super) struct UnwornContact {
     normal: Normal,
 }
 
-/// ∫₀¹ min(Δ, 1 − g₀) dx.
+/// Half of the tangential force of the unworn contact: ∫₀¹ min(Δ, 1 − g₀) dx.
 fn half_tangential(shape: &Shape, threshold: f64) -> f64 {
     if threshold >= 1.0 {
         return shape.half_force();
@@ -117,7 +117,7 @@ impl UnwornContact {
         case::threshold(amplitude, self.gross_slip)
     }
 
-    /// The given tangential force, if friction can carry it.
+    /// Returns the given tangential force, or a fault if friction cannot carry it.
     fn carried(&self, tangential_force: f64) -> Result<f64, Faults> {
         let most = 2.0 * self.friction * self.force * self.shape.half_force();
         if tangential_force < most * (1.0 - 1e-9) {
@@ -193,8 +193,8 @@ impl CanonicalMotion {
         (amplitude, pointer): (f64, &str),
         pressed: &UnwornContact,
     ) -> Result<Self, Faults> {
-        // An amplitude in the request is that of the actuator. An amplitude computed from a force
-        // or a stick ratio is that of the contact.
+        // An amplitude in the request is the amplitude of the actuator. An amplitude that is computed from a force or a
+        // stick ratio is the amplitude of the contact.
         let amplitude = twelve_digits(if let Some(actuator) = motion.amplitude.0 {
             actuator.0
         } else {

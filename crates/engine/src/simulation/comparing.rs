@@ -42,7 +42,7 @@ enum Trial {
 }
 
 impl Comparing {
-    /// Compares the rule with the history of an exact run.
+    /// Starts a comparison of the simplified rule with the history of an exact run.
     pub(super) fn new(case: &Case, xi: f64, exact: &History) -> Self {
         let mut case = case.rule(xi);
         case.outputs = Outputs::Cycles(exact.cycles.clone());
@@ -98,7 +98,7 @@ impl Comparing {
 
     /// Does one round of golden section.
     fn narrow(&mut self) -> Option<Trial> {
-        // The present run is complete, too.
+        // `runs` does not yet count the present run, which is complete too.
         if self.runs + 1 == COMPARISON_RUNS {
             return None;
         }

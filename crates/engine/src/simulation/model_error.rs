@@ -37,17 +37,17 @@ const STICK_RATIOS: [f64; 15] =
 /// Times Ñ of the table.
 const TIMES: [f64; 15] =
     [0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 64.0, 128.0];
-/// Usual largest relative error of an interpolated volume. It is part of the stated error.
+/// The relative error that interpolation in the table usually does not exceed. It is part of the stated error.
 const TABLE_ERROR: f64 = 0.015;
-/// A run has settled if V is at least this share of the limiting volume.
+/// A run has practically reached its limiting state if V is at least this share of the limiting volume.
 const SETTLED: f64 = 0.99;
-/// A larger expected error needs a warning.
+/// Expected relative error above which a run has a warning.
 const LARGE: f64 = 0.1;
 /// Tolerance of the runs of the table.
 const TOLERANCE: f64 = 1e-3;
 
-/// The pairs of held quantities in the table: the words of `held`, and whether force replaces depth
-/// and amplitude.
+/// The pairs of held quantities in the table: their names, the held quantity of the normal direction, and whether the
+/// tangential force is held and not the amplitude.
 const PAIRS: [(&str, Normal, bool); 4] = [
     ("depth,amplitude", Normal::Depth, false),
     ("force,amplitude", Normal::Force, false),
@@ -60,16 +60,16 @@ static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| TABLE.lines().skip(1).map(Row
 
 /// The volume of one run of the table over time.
 struct Row {
-    /// ln(V/V̇(0)) over ln Ñ.
+    /// The logarithm ln(V/V̇(0)) as a function of ln Ñ.
     curve: Monotone,
-    /// V/(V̇(0)·Ñ) at the first known time.
+    /// The relative volume V/(V̇(0)·Ñ) at the first known time.
     first: f64,
     /// The time at which the run ended, if it ended before the last time of the table.
     end: Option<f64>,
 }
 
 impl Row {
-    /// Reads a line of the table. Its first four cells name the row.
+    /// Reads a line of the table. Its first four cells contain the parameters of the row, and are skipped.
     #[expect(clippy::expect_used, reason = "a test reads the whole table")]
     fn read(line: &str) -> Self {
         let number = |cell: &str| cell.parse().expect("a cell of the table is a number");
@@ -89,7 +89,7 @@ impl Row {
         Self { curve: Monotone::through(knots, volumes), first, end: end.map(|(time, _)| time) }
     }
 
-    /// V/(V̇(0)·Ñ) at a time up to the end. Before the first known time it tends to 1.
+    /// The relative volume V/(V̇(0)·Ñ) at a time up to the end. Before the first known time it tends to 1.
     fn at(&self, time: f64) -> f64 {
         let first = self.end.unwrap_or(TIMES[0]).min(TIMES[0]);
         if time < first {
@@ -109,10 +109,11 @@ struct Interpolated {
 }
 
 impl Interpolated {
-    /// `None` if the table contains no such contact, or if only some of the rows end early.
+    /// Selects the rows around a case. `None` if the table does not cover its contact, or if only some of the rows end
+    /// early.
     fn of(case: &Case) -> Option<Self> {
         let pair = pair(&case.control)?;
-        // 1/n and √(1 − c/a₀) decrease.
+        // The lists are negated, because `between` needs ascending numbers, but 1/n and √(1 − c/a₀) decrease.
         let exponent = case.contact.shape.exponent()?;
         let (n, of_n) = between(&EXPONENTS.map(|n| -1.0 / n), -1.0 / exponent)?;
         let ratios = STICK_RATIOS.map(|c| -(1.0 - c).sqrt());
@@ -143,13 +144,13 @@ impl Interpolated {
         Some(Self { rows, end })
     }
 
-    /// V/V̇(0) at a time. `None` after the last time of the table, if the run has not ended before.
+    /// The volume V/V̇(0) at a time. `None` after the last time of the table, if the run has not ended before.
     fn volume(&self, time: f64) -> Option<f64> {
         let time = time.min(self.end.unwrap_or(f64::INFINITY));
         if time > TIMES[TIMES.len() - 1] {
             return None;
         }
-        // If the rows end early, they are compared at equal shares of their durations.
+        // If the rows end early, interpolate between volumes at equal shares of their durations.
         let at =
             |row: &Row| row.at(row.end.zip(self.end).map_or(time, |(own, end)| time * own / end));
         let mean: f64 = self.rows.iter().map(|(weight, row)| weight * at(row)).sum();
@@ -211,7 +212,7 @@ pub(super) fn warning(model_error: Option<f64>) -> Option<Warning> {
     Some(Warning { kind: kind.into(), detail })
 }
 
-/// The index of the pair of held quantities in [`PAIRS`].
+/// The index in [`PAIRS`] of the pair of held quantities.
 fn pair(control: &Control) -> Option<usize> {
     let by_force = match control.tangential {
         Tangential::Amplitude => false,
@@ -224,7 +225,7 @@ fn pair(control: &Control) -> Option<usize> {
 /// The interval of ascending `knots` that contains `x`, and the position in it from 0 to 1.
 fn between(knots: &[f64], x: f64) -> Option<(usize, f64)> {
     let (first, last) = (*knots.first()?, *knots.last()?);
-    // Rounding may move a value slightly out of the table.
+    // Rounding may move a value slightly outside the table.
     let x = if (x - first).abs().min((x - last).abs()) < 1e-6 { x.clamp(first, last) } else { x };
     let next = knots.partition_point(|knot| *knot <= x);
     let low = next.checked_sub(1)?;
@@ -234,7 +235,7 @@ fn between(knots: &[f64], x: f64) -> Option<(usize, f64)> {
     }
 }
 
-/// Computes the table again. This takes some ten seconds.
+/// Computes the table `exact_volumes.csv` again, which takes about ten seconds.
 #[must_use]
 pub fn exact_volumes() -> String {
     let names = "load_held,motion_held,exponent,stick_ratio,end,end_value";
@@ -283,7 +284,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_has_a_row_for_each_contact_and_its_numbers_are_those_of_the_exact_method() {
+    fn the_table_has_a_row_for_each_contact_and_agrees_with_the_exact_method() {
         let mut lines = TABLE.lines().skip(1).enumerate();
         for (pair, (words, ..)) in PAIRS.iter().enumerate() {
             for exponent in EXPONENTS {
@@ -291,7 +292,7 @@ mod tests {
                     let (index, line) = lines.next().expect("a row");
                     let name = format!("{words},{exponent},{stick},");
                     let cells = line.strip_prefix(&name).expect(&name);
-                    // Some rows, from all parts of the table.
+                    // Compare only some rows, from all parts of the table.
                     if index % 23 == 7 {
                         assert_eq!(cells, row(pair, exponent, stick), "{name}");
                     }

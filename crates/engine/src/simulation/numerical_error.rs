@@ -4,10 +4,10 @@ use crate::case::{Case, Method};
 use crate::scenario::Warning;
 use crate::solver::errors::RunErrors;
 
-/// A larger estimated error needs a warning.
+/// Estimated relative error above which a run has a warning.
 const LARGE: f64 = 0.02;
 
-/// The warning about the largest errors of a run, if one of them is large.
+/// A warning about the largest errors of a run, if one of them exceeds the limit.
 pub(super) fn warning(case: &Case, errors: Option<RunErrors>) -> Option<Warning> {
     let RunErrors { volume, depth } = errors?;
     if volume.max(depth) <= LARGE {

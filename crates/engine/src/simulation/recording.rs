@@ -55,11 +55,11 @@ pub(super) struct HistoryEntry {
     pub(super) depth: f64,
     /// Amplitude Δ.
     pub(super) threshold: f64,
-    /// ∫ y dx over half of the row.
+    /// Half of the normal force, ∫ y dx over half of the row.
     pub(super) normal: f64,
-    /// ∫ min(Δ, y) dx over half of the row.
+    /// Half of the tangential force, ∫ min(Δ, y) dx over half of the row.
     pub(super) tangential: f64,
-    /// ∫ y ω dx over half of the row.
+    /// The energy integral ∫ y ω dx over half of the row.
     pub(super) loss: f64,
     /// The volume that follows from the energy, (k_w/μ)·ΣW.
     pub(super) worn_by_energy: f64,
@@ -114,7 +114,7 @@ impl Recording {
                 second[row] = if second[row] <= end {
                     end + shift * (1.0 + slope)
                 } else {
-                    // An earlier block of larger amplitude has reached further.
+                    // In an earlier block of larger amplitude, the contact has slid further.
                     scar_radius[row] + second[row] - first[row]
                 };
                 first[row] = scar_radius[row];
@@ -127,7 +127,10 @@ impl Recording {
 
     /// Adjusts the curves next to the edge of the contact: g = d at the edge, and no pressure and no
     /// wear outside.
-    #[expect(clippy::expect_used, reason = "profiles that do not match the history would mislead")]
+    #[expect(
+        clippy::expect_used,
+        reason = "rows without a match would give wrong profiles, so the run stops"
+    )]
     fn end_profiles_at_contact_radii(&mut self) {
         let Self { history, profiles, .. } = self;
         let mut rows = 0..history.cycles.len();

@@ -58,8 +58,8 @@ struct Marching {
 }
 
 impl Marching {
-    /// The output cycle with this index. `None` if the run has to continue to find it. Infinite if the run ends
-    /// before.
+    /// The output cycle with this index. `None` if the run has to take more steps to find it. Infinite if the run ends
+    /// before this output cycle.
     fn output_cycle(&mut self, case: &Case, index: usize) -> Option<f64> {
         let outputs = match &case.outputs {
             Outputs::Cycles(cycles) => return Some(cycles[index]),
@@ -67,7 +67,8 @@ impl Marching {
         };
         if self.found.is_none() {
             let time = self.march.seek(outputs.energies[index], outputs.horizon)?;
-            // With 12 digits, the cycle is valid in a scenario. A run with this output cycle gives the same row.
+            // Rounded to 12 digits, so that a scenario can contain the cycle. A run with this output cycle then gives
+            // the same row.
             self.found = Some(twelve_digits(time * case.scales.cycles));
         }
         self.found
@@ -127,7 +128,7 @@ impl SingleRun {
     pub(super) fn has_ended(&self) -> bool {
         let recorded = &self.recording.history.cycles;
         let unit = self.case.scales.cycles;
-        // The closed form knows its end before the rows up to the end are recorded.
+        // The closed form gives the time of the end before the rows up to the end are recorded.
         let is_reached = |end: &Event| recorded.last().is_some_and(|last| *last >= end.at * unit);
         recorded.len() == self.case.outputs.count()
             || self.events.iter().any(|event| event.ends && is_reached(event))
@@ -181,7 +182,7 @@ impl SingleRun {
     }
 
     /// Prepares the time integration. If the stick edge moves, a coarse run comes first.
-    #[expect(clippy::expect_used, reason = "the scenario was refused otherwise")]
+    #[expect(clippy::expect_used, reason = "`Scenario::case` has refused such a scenario")]
     fn begin_march(&mut self) -> Marching {
         let Case { contact, control, tends_to, points, .. } = &self.case;
         let (shape, problem) = (&contact.shape, self.case.problem(self.case.law()));
@@ -257,7 +258,7 @@ impl SingleRun {
                 let shows = case.profiles[next] || ended.is_some() && case.profile_rows() > 0;
                 recorded += march.state_operations();
                 if shows {
-                    // At some radii, a curve is a sum over all cells.
+                    // Inside the sticking core and outside the mesh, each value of a curve is a sum over all cells.
                     recorded += (radii.len() * march.cells()) as f64;
                 }
                 for edge in march.block_edges() {
@@ -339,8 +340,8 @@ impl SingleRun {
     }
 }
 
-/// Replaces energies by the output cycles of the closed form. Returns the end of the run if it cannot reach them
-/// all.
+/// Replaces the energies by the output cycles at which the closed form reaches them. Returns the event of the end if
+/// the run cannot reach all energies.
 fn find_outputs(case: &mut Case, xi: f64) -> Option<Event> {
     let Outputs::Energies(EnergyOutputs { energies, horizon, .. }) = &case.outputs else {
         return None;
@@ -352,7 +353,7 @@ fn find_outputs(case: &mut Case, xi: f64) -> Option<Event> {
     let shows = case.profile_rows() > 0;
     case.profiles.truncate(cycles.len());
     if let Some(last) = case.profiles.last_mut() {
-        // The end shows its profiles if any output cycle was to.
+        // The row at the end has profiles if any output cycle was to have them.
         *last |= shows;
     }
     case.outputs = Outputs::Cycles(cycles);
@@ -388,7 +389,7 @@ fn closed_entry(
         worn_by_energy: solver.dissipated(xi, &sums),
         errors: state.errors,
         curves: state.curves.zip(state.backbone.map(|backbone| backbone.wind())),
-        // The rule does not change the radius afterwards, so it needs no slope.
+        // The contact radius of the rule does not change later, so the slope at the edge of the scar is not needed.
         ..HistoryEntry::default()
     }
 }

@@ -37,7 +37,7 @@ pub struct Grid {
 pub(crate) fn ring(c: f64, scar: f64, cells: usize) -> Vec<f64> {
     let theta = (scar - c) * (scar + c);
     let mut radii: Vec<f64> = graded(cells).map(|tau| (c * c + theta * tau).sqrt()).collect();
-    // Removes the rounding errors of both ends.
+    // The two ends are known exactly, so this removes their rounding errors.
     (radii[0], radii[cells]) = (c, scar);
     radii
 }

@@ -10,7 +10,8 @@ pub struct RunErrors {
 }
 
 impl RunErrors {
-    /// How far other values are from known ones. It is 0 without wear.
+    /// The relative differences of two volumes and of two depths. In each pair, the second value is the known one. The
+    /// difference is 0 without wear.
     pub(crate) fn between(volume: [f64; 2], depth: [f64; 2]) -> Self {
         let apart = |[other, known]: [f64; 2]| {
             if known > 0.0 { (other / known - 1.0).abs() } else { 0.0 }
@@ -18,12 +19,12 @@ impl RunErrors {
         Self { volume: apart(volume), depth: apart(depth) }
     }
 
-    /// The larger of each error.
+    /// The larger of the two volume errors, and the larger of the two depth errors.
     pub(crate) fn or(self, other: Self) -> Self {
         Self { volume: self.volume.max(other.volume), depth: self.depth.max(other.depth) }
     }
 
-    /// Both errors times a factor.
+    /// Both errors multiplied by a factor.
     pub(crate) fn times(self, factor: f64) -> Self {
         Self { volume: factor * self.volume, depth: factor * self.depth }
     }

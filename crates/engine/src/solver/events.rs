@@ -5,8 +5,8 @@ use serde::Serialize;
 /// Contact is lost when the normal force is below this share of its initial value. A mesh does not
 /// resolve the decay of much smaller forces.
 pub const LOST: f64 = 3e-3;
-/// Shakedown: the energy per cycle is below this share of that of the unworn contact at the same
-/// amplitude. A mesh does not resolve the decay of much smaller energies.
+/// The contact is in shakedown if its energy per cycle is below this share of the energy per cycle of the unworn
+/// contact at the same amplitude. A mesh does not resolve the decay of much smaller energies.
 pub const SHAKEN: f64 = 1e-2;
 
 /// The kind of an event.
@@ -17,7 +17,7 @@ pub enum EventKind {
     GrossSlip,
     /// The normal force is below 0.3 % of its initial value. The run continues.
     ContactLost,
-    /// The energy per cycle is below 1 % of that of the unworn contact at the same amplitude.
+    /// The energy per cycle is below 1 % of the energy per cycle of the unworn contact at the same amplitude.
     Shakedown,
     /// The stop condition is met.
     UntilReached,

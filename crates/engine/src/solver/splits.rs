@@ -9,7 +9,7 @@ use crate::solver::events::LOST;
 #[derive(Debug)]
 pub(super) struct SplitWatch {
     falls: Falls,
-    /// ∫₀ᵃ y dx below which the contact counts as lost.
+    /// Half of the normal force, ∫₀ᵃ y dx, below which the contact counts as lost.
     least: f64,
 }
 
@@ -18,7 +18,7 @@ pub(super) struct SplitWatch {
 pub(super) struct WornCore {
     /// The depth d.
     pub(super) depth: f64,
-    /// ∫₀ᵃ y dx.
+    /// Half of the normal force, ∫₀ᵃ y dx.
     pub(super) normal: f64,
     /// The outer radius of the cells in contact.
     pub(super) edge: f64,

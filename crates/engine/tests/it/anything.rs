@@ -181,7 +181,7 @@ fn is_long() -> bool {
     std::env::var_os("FRETWORK_TEST_LONG").is_some()
 }
 
-/// The held quantities must be constant.
+/// Checks that the held quantities are constant.
 fn judge_held(case: &Case, outcome: &Outcome) {
     let History { normal_force, indentation_depth, tangential_force, .. } = &outcome.history;
     let same = |column: &[f64], digits: f64| {
@@ -208,7 +208,7 @@ fn judge_held(case: &Case, outcome: &Outcome) {
     }
 }
 
-/// The properties that the results of both methods must have.
+/// Checks the properties that the results of both methods must have.
 fn judge(scenario: &Scenario, outcome: &Outcome) {
     let case = scenario.case().expect("a case");
     let history = &outcome.history;
@@ -238,8 +238,8 @@ fn judge(scenario: &Scenario, outcome: &Outcome) {
     judge_profiles(outcome);
 }
 
-/// The wear of the two bodies adds up. Both scars grow, and that of the counterbody is longer, by at most the largest
-/// amplitude.
+/// Checks that the wear of the two bodies adds up, that both scars grow, and that the scar of the counterbody is
+/// longer, by at most the largest amplitude.
 fn judge_bodies(case: &Case, outcome: &Outcome) {
     let History { wear_volume, scar_radius, amplitude, .. } = &outcome.history;
     let [first, second] = &outcome.bodies;
@@ -259,7 +259,7 @@ fn judge_bodies(case: &Case, outcome: &Outcome) {
     assert!(second.scar_half_length.windows(2).all(|pair| pair[0] <= pair[1]));
 }
 
-/// The properties of the profiles and of the loops.
+/// Checks the properties of the profiles and of the loops.
 fn judge_profiles(outcome: &Outcome) {
     let Profiles { radius, initial, worn, wear, image, pressure, slip, .. } =
         outcome.profiles.as_ref().expect("profiles");
@@ -273,7 +273,7 @@ fn judge_profiles(outcome: &Outcome) {
     assert!(initial.iter().all(|x| x.is_finite()));
     for rows in wear.windows(2) {
         for (before, after) in rows[0].iter().zip(&rows[1]) {
-            assert!(before <= after && *before >= 0.0, "wear heals: {before} {after}");
+            assert!(before <= after && *before >= 0.0, "wear decreases: {before} {after}");
         }
     }
     for row in pressure {

@@ -64,7 +64,7 @@ pub enum Tangential {
     Rig { amplitude: f64, compliance: f64 },
     /// The amplitude Δ and the end time of each block. The last block does not end.
     Blocks(Vec<(f64, f64)>),
-    /// ω as a function of y, and the smallest y at which ω is 0.
+    /// The slip ω as a function of y, and the smallest y at which ω is 0.
     Record { omega: Box<dyn Fn(f64) -> f64>, limit: f64 },
 }
 
@@ -98,7 +98,7 @@ pub struct State {
     pub scar_radius: f64,
     /// The radius where y = Δ; 0 in gross slip.
     pub stick_radius: f64,
-    /// ∫ y ω dx, half of dV/dÑ.
+    /// The energy integral ∫ y ω dx, which is half of dV/dÑ.
     pub energy: f64,
     /// The radii of the points.
     pub radii: Vec<f64>,
@@ -108,7 +108,7 @@ pub struct State {
     pub image: Vec<f64>,
     /// Pressure p at the points.
     pub pressure: Vec<f64>,
-    /// Slip s at the points, multiplied by Δ/Δ(0).
+    /// Slip s at the points, as a share of the initial amplitude: s·Δ/Δ(0).
     pub slip: Vec<f64>,
 }
 
@@ -309,7 +309,7 @@ struct Springs {
     /// The largest y.
     most: f64,
     threshold: f64,
-    /// η at the points.
+    /// The signed compression η at the points.
     eta: Vec<f64>,
     normal_force: f64,
     tangential_force: f64,
@@ -332,7 +332,7 @@ struct Run<'a> {
     wear: Vec<f64>,
     states: Vec<State>,
     gross_slip: Option<f64>,
-    /// The stick radii at the looks so far.
+    /// The stick radii recorded so far.
     trace: Vec<f64>,
     /// The largest contact radius so far.
     outer: f64,
@@ -347,7 +347,7 @@ const LONGEST: f64 = 0.1;
 /// If a step would have to be shorter than this, the contact can no longer carry the tangential
 /// force.
 const SHORTEST: f64 = 1e-5;
-/// Number of times at which the position of the stick edge is recorded.
+/// Number of times at which a run records the stick radius.
 const LOOKS: usize = 16;
 
 impl<'a> Run<'a> {
@@ -455,7 +455,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// ∫ f(y) dx over the mesh, for f that is smooth between 0 and Δ and above Δ.
+    /// The integral ∫ f(y) dx over the mesh, for f that is smooth between 0 and Δ and above Δ.
     fn sum(&self, eta: &[f64], threshold: f64, f: impl Fn(f64) -> f64) -> f64 {
         let radii = &self.mesh.radii;
         let mut sum = 0.0;
@@ -464,7 +464,7 @@ impl<'a> Run<'a> {
             let at = |share: f64| f((eta[0] + share * (eta[1] - eta[0])).max(0.0));
             for pair in shares.windows(2) {
                 if pair[1] > pair[0] {
-                    // Simpson's rule.
+                    // Integrate by Simpson's rule.
                     let middle = at(0.5 * (pair[0] + pair[1]));
                     let mean = (at(pair[0]) + 4.0 * middle + at(pair[1])) / 6.0;
                     sum += (x[1] - x[0]) * (pair[1] - pair[0]) * mean;
@@ -673,8 +673,8 @@ const DEPTH: Quantity = ("wear_depth", |state| state.wear_depth);
 const CONTACT: Quantity = ("contact_radius", |state| state.contact_radius);
 const STICK: Quantity = ("stick_radius", |state| state.stick_radius);
 
-/// Compares a pair with columns of a row. The difference must be below `tolerance`. It must also be
-/// below the estimated error of the pair plus the error `open` of the row.
+/// Compares columns of a pair of runs with columns of a row of the table. The difference must be below `tolerance`. It
+/// must also be below the sum of the estimated error of the pair and the error `open` of the row.
 fn compare(pair: &Pair, row: &Value, open: f64, columns: &[(Quantity, f64)]) {
     for ((name, of), tolerance) in columns {
         let (values, error) = pair.column(of);
@@ -886,10 +886,10 @@ fn gross_slip_under_constant_force_obeys_archards_law() {
         assert!((0.993 - error..0.998 + error).contains(&share), "{share} at Ñ = {time}");
     }
     assert!(error < 2e-2, "{error}");
-    assert!(pair.fine.states[2].contact_radius > 2.0, "it has grown");
+    assert!(pair.fine.states[2].contact_radius > 2.0, "the contact must grow");
 }
 
-/// The same problem in the types of the engine.
+/// Converts the problem to the types of the engine.
 fn engine(problem: &Problem, record: Option<&DisplacementRecord>, last: f64) -> (Contact, March) {
     let threshold = unworn_threshold(problem);
     let contact = Contact::new(problem.shape.clone(), threshold).expect("a limit");

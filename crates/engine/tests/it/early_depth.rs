@@ -6,9 +6,9 @@ use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
 use serde_json::{Value, json};
 
-/// A larger error must be stated.
+/// Only true errors above this number are compared with the stated error.
 const SMALL: f64 = 0.02;
-/// The largest stated error, relative to a true error that is not small.
+/// Largest ratio of the stated error to a true error above [`SMALL`].
 const MOST_CAUTION: f64 = 4.0;
 
 fn shapes() -> [Value; 7] {
@@ -19,7 +19,7 @@ fn shapes() -> [Value; 7] {
         json!({"shape": "cone", "slope_angle": 0.02}),
         json!({"shape": "power", "exponent": 1.3, "height": "5 um", "at_radius": "0.2 mm"}),
         json!({"shape": "paraboloid", "radius": "10 mm"}),
-        // The contact radii are 0.15 mm and 0.12 mm without a flat.
+        // Without a flat, the contact radius is 0.15 mm for the paraboloid and 0.12 mm for the cone.
         paraboloid(1e-5),
         paraboloid(1.2e-4),
         cone(1e-5),
@@ -52,8 +52,8 @@ fn run(request: &Value, tolerance: f64) -> Outcome {
     Simulation::of(&scenario).expect("a contact").run()
 }
 
-/// The outputs whose depth is wrong by more than 2 % while the stated error is not between the true one and four times
-/// the true one.
+/// The outputs with a true error of the depth above [`SMALL`] and a stated error that is below the true error or above
+/// [`MOST_CAUTION`] times the true error.
 fn misstated(request: &Value) -> Vec<String> {
     let (found, fine) = (run(request, scenario::DEFAULT_TOLERANCE), run(request, 1e-4));
     let (found, fine) = (found.history, fine.history);

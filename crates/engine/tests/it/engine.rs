@@ -174,7 +174,7 @@ fn contacts() -> Vec<Contact> {
     .collect()
 }
 
-/// arccos(c/r); 0 for r < c.
+/// The angle arccos(c/r); 0 for r < c.
 fn angle(c: f64, r: f64) -> f64 {
     (c / r).min(1.0).acos()
 }
@@ -293,7 +293,7 @@ fn the_curves_agree_with_numerical_integrals() {
                     "wear {} for {wear} at r = {r}, Ñ = {normalized}: {contact:?}",
                     curves.wear[index]
                 );
-                // Slip: the same integral of ω.
+                // The slip is the same integral of ω.
                 let slip = FRAC_2_PI
                     * panels(0.0, angle(c, r), &kinks, |psi| {
                         (1.0 - eta(r * psi.cos()).max(0.0) / contact.threshold).max(0.0)
@@ -370,7 +370,7 @@ fn the_pressure_agrees_with_the_integral_of_the_image_slope() {
         for normalized in [0.0, 0.5, 4.0] {
             let decay = solver.decay(0.8, normalized);
             let curves = solver.states(&[(decay, true)]).remove(0).curves.expect("curves");
-            // −y′(x) = g₀′·Δ²e/(y₀e + Δ − y₀)² outside c.
+            // The exact slope −y′(x) = g₀′·Δ²e/(y₀e + Δ − y₀)² outside c.
             let slope = |x: f64| {
                 let unworn = 1.0 - contact.shape.image(x);
                 let rest = contact.threshold - unworn;
@@ -558,7 +558,7 @@ fn splitting_a_simplified_run_into_steps_changes_no_digit() {
             Advance::Done(outcome) => break outcome,
         }
     };
-    assert!(progress.len() > 3, "the run was to take several steps");
+    assert!(progress.len() > 3, "the run must take several steps");
     for index in [1, 150, 300] {
         request["cycles"] = json!([outcome.history.cycles[index]]);
         let alone = run(&request);

@@ -39,7 +39,7 @@ fn at(run: &mut March, time: f64) -> MarchState {
     run.at(time)
 }
 
-/// Source: reference.json, extrapolated from two discretisations.
+/// The reference values are those of reference.json, which were extrapolated from two discretisations.
 #[test]
 fn runs_at_the_default_tolerance_agree_with_the_reference_table() {
     let table: Value =
@@ -152,7 +152,10 @@ fn the_profiles_of_a_result_agree_with_its_history() {
                 let inside = *r <= edge && edge > 0.0;
                 assert!(if inside { *s == 0.0 } else { *s >= 0.0 }, "slip {s} at {r}");
             }
-            assert!(slip.iter().all(|s| *s <= outcome.unworn.amplitude), "the surface outruns U");
+            assert!(
+                slip.iter().all(|s| *s <= outcome.unworn.amplitude),
+                "the slip exceeds the amplitude U"
+            );
             assert!(edge > 0.0 || slip[0] > 0.0, "in gross slip the axis slips too");
             let edge = radius.partition_point(|r| *r < outcome.history.contact_radius[i]);
             let depth = outcome.history.indentation_depth[i];
@@ -160,7 +163,7 @@ fn the_profiles_of_a_result_agree_with_its_history() {
             assert!(inside.iter().all(|g| *g <= depth) && inside[edge - 8] > 0.95 * depth);
             assert!(
                 outside.iter().all(|g| *g >= depth),
-                "beyond the contact the springs hang free"
+                "no spring outside the contact is compressed"
             );
         }
         let mismatch = outcome.accuracy.energy_mismatch.expect("wear");
@@ -260,7 +263,7 @@ fn splitting_an_exact_run_into_steps_changes_no_digit() {
         }
     };
     assert_eq!(outcome, whole);
-    assert!(shares.len() > 2, "one step only");
+    assert!(shares.len() > 2, "the run must take several steps");
     assert!(shares.windows(2).all(|pair| pair[0] <= pair[1] && pair[1] < 1.0), "{shares:?}");
 }
 
@@ -356,8 +359,8 @@ fn a_first_block_with_almost_no_slip_does_not_change_the_next_block() {
     }
 }
 
-/// A blunt tip on a rig just above the gross-slip threshold: the springs stick only within
-/// rounding. The reported stick radius must be finite and small.
+/// A blunt tip on a rig just above the gross-slip threshold. Rounding errors decide whether the springs stick. The
+/// reported stick radius must be finite and small.
 #[test]
 fn a_blunt_tip_near_the_gross_slip_threshold_has_a_valid_stick_radius() {
     let request = json!({
@@ -400,7 +403,7 @@ fn the_energy_per_cycle_decreases_within_late_time_steps() {
         Simulation::of(&scenario).expect("a contact").run()
     };
     let often = run(json!({"from": 2e10, "to": 1e12, "count": 60}));
-    // Only output cycles before shakedown.
+    // Only output cycles before shakedown are compared.
     let energy = &often.history.energy_per_cycle;
     let alive =
         energy.iter().filter(|energy| **energy > 1e-3 * often.history.energy_per_cycle[0]).count();

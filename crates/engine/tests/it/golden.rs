@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::engine::steel_ball;
 
-/// FNV-1a with 64 bits.
+/// The 64-bit FNV-1a hash of a text.
 fn checksum(text: &str) -> u64 {
     text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
@@ -93,7 +93,7 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
     ]
 }
 
-/// The same for other shapes of the indenter.
+/// The same list for other shapes of the indenter.
 fn shapes() -> Vec<(&'static str, Value, u64)> {
     let table = json!({"shape": "table", "radius": [0, 1e-4, 2e-4, 3e-4, 4e-4, 6e-4, 8e-4],
                        "height": [0, 5.1e-7, 2e-6, 4.4e-6, 8e-6, 1.81e-5, 3.2e-5]});
@@ -124,7 +124,7 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
 
 #[test]
 fn results_have_the_digits_of_this_numerics_version() {
-    assert_eq!(scenario::NUMERICS, 3, "new digits: compute the checksums below anew");
+    assert_eq!(scenario::NUMERICS, 3, "new digits: compute the checksums below again");
     let mut changed = Vec::new();
     for (name, changes, expected) in paraboloids().into_iter().chain(shapes()) {
         let request = ball_with(&changes);

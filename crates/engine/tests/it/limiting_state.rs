@@ -24,9 +24,8 @@ use fretwork_engine::reference::{shakedown_limit, stick_ratio};
 /// w(r) = (2/π) (dϑ − rⁿCₙ(ϑ)),  cos ϑ = c/r
 /// ```
 ///
-/// Radii: 1e-12. Volume and depth: 1e-15/(1−c)², because of cancellation. The errors were measured
-/// with 40 digits for n from 1 to 11.3 and c from 0.001 to 0.999.
-/// from 1 to 11.3 and c from 0.001 to 0.999.
+/// Accuracy of the radii: 1e-12. Accuracy of volume and depth: 1e-15/(1−c)², because of cancellation. The errors were
+/// measured with 40 digits for n from 1 to 11.3 and c from 0.001 to 0.999.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimitingState {
     /// Stick radius c.
@@ -115,7 +114,7 @@ impl LimitingState {
     }
 }
 
-/// ∫ cosⁿψ dψ over 0…φ ≤ π/2.
+/// The integral ∫ cosⁿψ dψ over 0…φ ≤ π/2.
 fn cosine_integral(n: f64, phi: f64) -> f64 {
     // Graded towards φ, because a non-integer power has a kink at π/2.
     phi * integrate(0.0, 1.0, |t| {
@@ -131,16 +130,16 @@ fn close(value: f64, expected: f64, tolerance: f64) {
 #[test]
 fn the_limiting_radius_satisfies_the_conditions_of_the_paper() {
     for c in [1e-3, 0.05, 0.21, 0.5, 0.9, 0.999] {
-        // (20).
+        // Equation (20) of the paper, for the cone.
         let a = LimitingState::depth_and_amplitude_held(1.0, c).radius;
         let left = FRAC_PI_2 - libm::asin(c / a);
         assert!((left - ((a - c) * (a + c)).sqrt()).abs() < 1e-12, "cone {c}");
-        // (13) with g₀ = x² and f₀ = r²/2, integrated analytically.
+        // Equation (13) of the paper with g₀ = x² and f₀ = r²/2, integrated analytically.
         let a = LimitingState::depth_and_amplitude_held(2.0, c).radius;
         let (angle, chord) = (libm::acos(c / a), ((a - c) * (a + c)).sqrt());
         let core = 0.5 * (a * a * (FRAC_PI_2 - angle) - c * chord);
         assert!((FRAC_2_PI * (core + angle) - 0.5 * a * a).abs() < 1e-12, "paraboloid {c}");
-        // (19) gives lower values, by at most 3.6 %.
+        // Equation (19) of the paper gives lower values, by at most 3.6 %.
         let printed = (0.25 * c * c + 2.0).sqrt() - 0.5 * c;
         assert!((0.0..0.037).contains(&(1.0 - printed / a)), "{printed} {a}");
     }
@@ -170,7 +169,7 @@ fn volume_depth_and_force_agree_with_the_limiting_profile() {
             for near in [0.99, 1.01] {
                 assert!(wear(near * state.depth_radius) < state.depth);
             }
-            // F∞ = 2 ∫ (d − g₀) dx over the core.
+            // Compare with F∞ = 2 ∫ (d − g₀) dx over the core.
             let core = integrate(0.0, c, |x| d - libm::pow(x, n));
             close(state.force_ratio, core * (n + 1.0) / n, 1e-7);
         }
@@ -187,7 +186,7 @@ fn the_limiting_state_preserves_the_constant_forces() {
                 assert!(q > shakedown_limit(n));
                 continue;
             };
-            // Q = 2G*U·c with G*U = μE*(d − g₀(c)).
+            // Compare with Q = 2G*U·c, where G*U = μE*(d − g₀(c)).
             let c = state.stick_radius;
             close(2.0 * c * (1.0 - libm::pow(c, n)) * (n + 1.0) / (2.0 * n), q, 1e-12);
             assert!(c > shakedown_limit(n));

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::engine::steel_ball;
 
-/// ∮ Q du along straight lines.
+/// The area ∮ Q du of a loop of straight lines.
 fn area(displacement: &[f64], force: &[f64]) -> f64 {
     let sides = displacement.windows(2).zip(force.windows(2));
     sides.map(|(u, force)| 0.5 * (u[1] - u[0]) * (force[0] + force[1])).sum::<f64>().abs()

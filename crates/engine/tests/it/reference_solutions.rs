@@ -21,7 +21,7 @@ fn table() -> Value {
     serde_json::from_str(fretwork_engine::reference::TABLE).expect("a JSON table")
 }
 
-/// Source: reference.json, closed forms with five digits.
+/// The table is reference.json, which contains closed forms with five digits.
 #[test]
 fn reference_limiting_states_agree_with_the_table() {
     let table = table();

@@ -1,5 +1,5 @@
-//! What a rig measures: the length of both scars, output cycles by dissipated energy, and the criteria of the
-//! sliding transition for the stroke at the actuator.
+//! The quantities that an experiment with a rig measures: the length of both scars, output cycles at given dissipated
+//! energies, and the criteria of the sliding transition for the stroke at the actuator.
 
 use std::f64::consts::{FRAC_2_PI, SQRT_2};
 
@@ -61,7 +61,7 @@ fn slip_outside(threshold: f64, r: f64) -> f64 {
 }
 
 #[test]
-fn when_wear_begins_the_scar_of_the_counterbody_is_longer_by_the_slip_at_the_edge() {
+fn the_first_scar_of_the_counterbody_is_longer_by_the_slip_at_the_edge() {
     for method in ["simplified", "exact"] {
         for held in ["depth", "force"] {
             for um in [0.5, 2.256, 4.0, 50.0] {
@@ -82,8 +82,8 @@ fn when_wear_begins_the_scar_of_the_counterbody_is_longer_by_the_slip_at_the_edg
     }
 }
 
-/// In gross slip at constant depth, nothing presses in the end. The whole motion is then slip: a + U, with
-/// a = √2·a₀ for a paraboloid.
+/// In gross slip at constant depth, the contact finally carries no load. The whole motion is then slip. The half-length
+/// of the scar of the counterbody is a + U, with a = √2·a₀ for a paraboloid.
 #[test]
 fn without_pressure_the_scar_of_the_counterbody_is_longer_by_the_amplitude() {
     for method in ["simplified", "exact"] {
@@ -97,8 +97,8 @@ fn without_pressure_the_scar_of_the_counterbody_is_longer_by_the_amplitude() {
     }
 }
 
-/// The slip curve comes from a solution of the linear system of the mesh, or from the closed form; the half-length
-/// from a sum over the springs.
+/// The slip curve and the half-length are computed independently. The curve comes from the linear system of the mesh or
+/// from the closed form, the half-length from a sum over the springs.
 #[test]
 fn the_scar_of_the_counterbody_agrees_with_the_slip_curve() {
     for (held, motion) in modes() {
@@ -120,8 +120,8 @@ fn the_scar_of_the_counterbody_agrees_with_the_slip_curve() {
     }
 }
 
-/// The scars grow at a constant amplitude, and the run remembers the end of each block. So the largest value does
-/// not depend on the output cycles.
+/// The scars grow at a constant amplitude, and the run records the scar at the end of each block. So the largest
+/// half-length does not depend on the output cycles.
 #[test]
 fn the_scar_of_the_counterbody_does_not_depend_on_the_output_cycles() {
     for (held, motion) in modes() {
@@ -148,7 +148,7 @@ fn small_loops_of_a_record_do_not_lengthen_the_scar() {
     assert!((record[1] / plain[1] - 1.0).abs() < 1e-6, "{record:?} {plain:?}");
 }
 
-/// The rows of a run for energies are those of a run for the cycles that it has found.
+/// A run for dissipated energies finds output cycles. A second run for these output cycles must have the same rows.
 #[test]
 fn a_run_for_energies_equals_a_run_for_the_cycles_that_it_finds() {
     for (held, motion) in modes() {
@@ -164,8 +164,8 @@ fn a_run_for_energies_equals_a_run_for_the_cycles_that_it_finds() {
                 assert!((found / energy - 1.0).abs() < 1e-9, "{method} {held} {motion}: {found}");
             }
             let again = run(&ball(method, held, &motion, json!(history.cycles[1..])));
-            // Under a constant force the stick edge moves into worn material, and the mesh depends on the last
-            // cycle, which is not yet known.
+            // Under a constant force the stick edge moves into worn material, and the mesh then depends on the last
+            // output cycle, which a run for energies does not know at its start.
             let scouts = held == "force"
                 && motion["tangential_force"].is_null()
                 && motion["amplitude"] != "5 um";
@@ -184,7 +184,8 @@ fn a_run_for_energies_equals_a_run_for_the_cycles_that_it_finds() {
     }
 }
 
-/// A stop condition and an output cycle find the same energy by different searches.
+/// The run searches for the energy of a stop condition and for the energy of an output cycle in different ways. Both
+/// must find the same cycle.
 #[test]
 fn a_run_ends_at_the_energy_of_its_stop_condition() {
     for (held, motion) in modes() {
@@ -206,7 +207,7 @@ fn a_run_ends_at_the_energy_of_its_stop_condition() {
     }
 }
 
-/// The run ends where wear practically stops, with the last block, or where it cannot continue.
+/// The run ends when wear practically stops, when the last block ends, or when it cannot continue.
 #[test]
 fn a_run_ends_even_if_it_cannot_dissipate_the_energies() {
     use EventKind::{EnergyNotReached, GrossSlip};
@@ -239,7 +240,7 @@ fn a_run_ends_even_if_it_cannot_dissipate_the_energies() {
                 assert!(last < 1e-4 * first, "{method} {held} {motion}: wear goes on, {last}");
             }
         }
-        // So little wears that the contact is as good as new after the largest number of cycles.
+        // The wear is so slow that the contact is still practically unworn after the maximum number of cycles.
         let mut request = ball(
             method,
             "depth",
@@ -256,7 +257,7 @@ fn a_run_ends_even_if_it_cannot_dissipate_the_energies() {
 
 /// The canonical scenario keeps the energies, and energies accept the same forms and words as cycles.
 #[test]
-fn energies_stay_unresolved_in_the_canonical_scenario() {
+fn the_canonical_scenario_contains_energies_and_not_their_cycles() {
     let motion = json!({"amplitude": "2.256 um"});
     let check = |cycles: Value, profiles: Value| {
         let mut request = ball("exact", "depth", &motion, cycles);
@@ -276,7 +277,7 @@ fn energies_stay_unresolved_in_the_canonical_scenario() {
 /// Adds the displacement of the rig, Q/k, to each point of a loop. The criteria follow from the area, the width and
 /// the ends of the new loop.
 #[test]
-fn the_criteria_at_the_actuator_are_those_of_a_loop_with_the_rig_in_series() {
+fn the_criteria_at_the_actuator_agree_with_a_loop_that_includes_the_rig() {
     let (stroke, stiffness) = (2.5e-6, 50e6);
     for method in ["simplified", "exact"] {
         for held in ["depth", "force"] {

@@ -313,7 +313,7 @@ fn canonical_truncated_shapes_and_tables_are_their_own_canonical_form() {
         if profile["shape"] == "table" {
             let given = profile["height"][7].as_f64().expect("a height");
             let kept = echo["profile"]["height"][7].as_f64().expect("a height");
-            assert!((kept / given - 1.0).abs() < 1e-11, "the points are kept as they are");
+            assert!((kept / given - 1.0).abs() < 1e-11, "the canonical form must keep the points");
         }
     }
 }
@@ -375,7 +375,7 @@ fn faults_in_tables_point_to_the_faulty_row() {
     }
     let many = json!({"shape": "table", "radius": vec![0; 9000], "height": vec![0; 9000]});
     let faults = scenario::check(&pressed(many, "exact", "2.2 um"), "").expect_err("faults");
-    assert_eq!(faults.0.len(), 101, "long lists of faults end");
+    assert_eq!(faults.0.len(), 101, "a long list of faults must be cut off");
 }
 
 #[test]

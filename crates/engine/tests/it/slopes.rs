@@ -1,19 +1,19 @@
-//! Derivatives by the independent solver, with which a test of the service compares its own.
+//! Derivatives of the wear by the independent solver. A test of the service compares its derivatives with this table.
 
 use fretwork_engine::contact::profile::Shape;
 use serde_json::Value;
 
 use crate::collocated::{Normal, Pair, Problem, State, Tangential};
 
-/// The derivatives of logarithms with respect to ln Δ for a paraboloid with c = 0.5 at constant depth and amplitude, at
-/// Ñ = 1, and their errors.
+/// Derivatives d ln(quantity)/d ln Δ and their errors, for a paraboloid with c = 0.5 at constant depth and amplitude,
+/// at Ñ = 1.
 const TABLE: &str = include_str!("slopes.json");
 
 /// A quantity of a state.
 type Quantity = fn(&State) -> f64;
 
 #[test]
-fn the_table_of_slopes_is_that_of_the_independent_solver() {
+fn the_table_of_slopes_agrees_with_the_independent_solver() {
     const STEP: f64 = 0.04;
     let table: Value = serde_json::from_str(TABLE).expect("a JSON table");
     let run = |factor: f64| {

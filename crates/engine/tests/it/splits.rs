@@ -32,7 +32,7 @@ fn has_split(outcome: &Outcome) -> bool {
     outcome.events.iter().any(|event| event.kind == EventKind::ContactSplits)
 }
 
-/// The image (3) at `x` of the straight lines through points.
+/// The image (3) at `x` of a profile that consists of straight lines through the points.
 fn image(radius: &[f64], height: &[f64], x: f64) -> f64 {
     let cells = radius.windows(2).zip(height.windows(2)).take_while(|(r, _)| r[0] < x);
     let sum: f64 = cells
@@ -150,7 +150,7 @@ fn scratched(chance: &mut Chance, at: f64) -> Value {
 
 /// Half of the flaws lie inside the unworn contact, and half outside, where wear reaches them.
 #[test]
-fn no_scratched_profile_is_computed_as_the_core_alone() {
+fn no_run_of_a_scratched_profile_neglects_a_ring_that_carries_load() {
     let (mut refused, mut ended, mut sound) = (0, 0, 0);
     let count = draws(100);
     for seed in 0..count {
@@ -249,7 +249,7 @@ fn distance(found: &Outcome, exact: &Outcome) -> f64 {
     volumes.map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max)
 }
 
-/// Each row has the same noise, also the row on the axis. It is given as a share of d₀.
+/// Every row has the same noise, including the row on the axis. The noise is given as a share of d₀.
 #[test]
 fn tables_with_noise_are_smoothed_before_they_are_checked() {
     let shapes: [(Value, f64, Height); 3] = [
@@ -315,8 +315,8 @@ fn a_hollow_on_the_axis_is_refused() {
     }
 }
 
-/// Grooves that lie outside the unworn contact, until wear reaches them. Each run names the held
-/// quantities with which it ends.
+/// The grooves lie outside the unworn contact until wear reaches them. Each case lists the indices of the motions with
+/// which the contact splits.
 #[test]
 fn a_run_ends_when_wear_splits_its_contact() {
     let motions = [
@@ -334,7 +334,7 @@ fn a_run_ends_when_wear_splits_its_contact() {
         (near, "force", "exact", &[0, 1, 2, 3, 4, 5]),
         (near, "force", "simplified", &[1, 2]),
         (far, "depth", "exact", &[0, 4, 5]),
-        // The first of these has a closed form.
+        // The run with the first of these motions is computed in closed form.
         (far, "depth", "simplified", &[0, 4, 5]),
     ];
     for ((at, size, width), held, method, ending) in cases {

@@ -107,8 +107,8 @@ fn on_the_axis(nu: f64, z: f64) -> (f64, f64) {
     (along, -(1.0 + nu) * (1.0 - z * (FRAC_PI_2 - z.atan())) - 0.5 * along)
 }
 
-/// The largest von Mises stress on the surface behind the axis of sliding. Sources: Johnson §3.4(c) for
-/// the pressure, Hamilton (1983) for the traction.
+/// The largest von Mises stress on the surface along the line of sliding, behind the centre of the contact. Sources:
+/// Johnson §3.4(c) for the pressure, Hamilton (1983) for the traction.
 fn on_the_surface(nu: f64, friction: f64) -> f64 {
     let at = |step: u32| {
         let r = f64::from(step) / 1e4;
@@ -241,7 +241,7 @@ fn no_point_of_a_fine_grid_has_a_larger_stress() {
 }
 
 #[test]
-fn the_stress_of_a_contact_that_sticks_is_that_without_friction() {
+fn friction_does_not_change_the_stress_of_a_contact_that_sticks() {
     let largest = |stick| Rubbing { friction: 0.7, stick }.largest_von_mises(0.3);
     assert_close(largest(1.0), NO_FRICTION.largest_von_mises(0.3), 1e-12, 1.0);
     let ratios = [1.0, 0.9, 0.7, 0.5, 0.0];
@@ -258,7 +258,7 @@ fn yields(request: &Value, strength: f64) -> Vec<String> {
 }
 
 #[test]
-fn a_ball_warns_from_the_von_mises_stress_on() {
+fn a_ball_has_a_warning_if_its_von_mises_stress_exceeds_the_yield_strength() {
     for (motion, stick) in [
         (json!({"stick_ratio": 0.5}), 0.5),
         (json!({"stick_ratio": 0.5, "held": "tangential_force"}), 0.5),
@@ -289,7 +289,7 @@ fn a_ball_warns_from_the_von_mises_stress_on() {
 }
 
 #[test]
-fn other_shapes_warn_from_the_peak_pressure_on() {
+fn other_shapes_have_a_warning_if_their_peak_pressure_exceeds_1_6_times_the_yield_strength() {
     let mut request = steel_ball();
     request["profile"] = json!({"shape": "cone", "slope_angle": "2 deg"});
     let told = yields(&request, 1e15);

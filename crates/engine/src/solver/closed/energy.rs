@@ -14,7 +14,7 @@ use crate::numeric::root;
 /// duration of the run so far. The time integration uses the same condition.
 const STOPPED: f64 = 1e-6;
 
-/// (k_w/μ)·ΣW in units of a₀²d₀.
+/// The dissipated energy as (k_w/μ)·ΣW, in units of a₀²d₀.
 pub(crate) fn dissipated(contact: &Contact, xi: f64, sums: &Sums) -> f64 {
     2.0 * contact.limit.radius * sums.unloaded / xi
 }

@@ -51,7 +51,7 @@ impl StopSearch {
     }
 }
 
-/// The events up to the time `last`. `events` are those that are already known.
+/// All events up to the time `last`: the given `events`, and those that this function finds.
 pub(crate) fn events(
     solver: &Simplified,
     xi: f64,
@@ -77,7 +77,7 @@ pub(crate) fn events(
     if let Some(splits) = SplitWatch::new(&solver.contact, Normal::Depth) {
         look(ContactSplits, true, &|time| {
             let decay = solver.decay(xi, time);
-            // The contact radius stays a₀.
+            // In the closed form, the contact radius stays a₀.
             let core = WornCore { depth: 1.0, normal: sums(time).normal, edge: 1.0 };
             splits.signal(&core, || (solver.mesh.radii.clone(), solver.wear(decay)))
         });

@@ -57,11 +57,11 @@ const CURVE_OPERATIONS: f64 = 40.0;
 #[derive(Debug)]
 pub(super) struct Ring {
     pub(super) radii: Vec<f64>,
-    /// y₀ = 1 − g₀.
+    /// The unworn compressions y₀ = 1 − g₀.
     unworn: Vec<f64>,
-    /// Δ − y₀ inside a₀.
+    /// The compressions that are missing for stick, Δ − y₀, inside a₀.
     rest: Vec<f64>,
-    /// The limiting wear inside a₀, which few states need.
+    /// The limiting wear inside a₀. It is computed when first needed, because few states need it.
     limiting: OnceLock<Vec<f64>>,
 }
 
@@ -103,7 +103,7 @@ impl Ring {
         self.rest.len()
     }
 
-    /// y/(Δe) at the radii inside a₀, by (14).
+    /// The relative compressions y/(Δe) at the radii inside a₀, by (14).
     fn shares(&self, decay: Decay) -> impl Iterator<Item = f64> {
         self.unworn.iter().zip(&self.rest).map(move |(y, rest)| y / (y * decay.left + rest))
     }
@@ -127,20 +127,20 @@ pub struct Simplified {
     pub(super) contact: Contact,
     pub(crate) row: SpringRow,
     kernels: Arc<Kernels>,
-    /// Θ = ã² − c².
+    /// The range of x² that the mesh covers, Θ = ã² − c².
     theta: f64,
-    /// 1/x at the mesh nodes; 0 on the axis.
+    /// The reciprocal 1/x at the mesh nodes; 0 on the axis.
     reciprocal: Vec<f64>,
     pub(super) mesh: Ring,
     grid: Grid,
-    /// Most runs need no curves.
+    /// Computed when a curve is first needed. Most runs need no curves.
     unworn: OnceLock<Box<UnwornCurves>>,
 }
 
-/// What curves over the output radii are made from.
+/// The quantities of the unworn contact from which the curves over the output radii are computed.
 #[derive(Debug)]
 pub struct UnwornCurves {
-    /// The number of radii before the ring.
+    /// The number of radii inside the stick radius.
     core: usize,
     /// The output radii between c and ã, if they are not the mesh nodes.
     ring: Option<Ring>,
@@ -150,7 +150,7 @@ pub struct UnwornCurves {
     slip_excess: Vec<f64>,
     /// The pressure of the unworn contact in the ring inside a₀.
     pressure: Vec<f64>,
-    /// g₀ at every radius.
+    /// The unworn image g₀ at every radius.
     images: Vec<f64>,
     /// The unworn profile f₀ at every radius.
     pub initial: Vec<f64>,
@@ -285,7 +285,7 @@ impl Simplified {
         self.unworn().ring.as_ref().unwrap_or(&self.mesh)
     }
 
-    /// (k_w/μ)·ΣW in units of a₀²d₀.
+    /// The dissipated energy as (k_w/μ)·ΣW, in units of a₀²d₀.
     pub(crate) fn dissipated(&self, xi: f64, sums: &Sums) -> f64 {
         dissipated(&self.contact, xi, sums)
     }
@@ -298,7 +298,7 @@ impl Simplified {
         threshold * unstuck - dot(&self.row.weights_outside(r), &compressions)
     }
 
-    /// e = exp(−ξÑ/ã).
+    /// The decay factor e = exp(−ξÑ/ã).
     #[must_use]
     pub fn decay(&self, xi: f64, normalized_cycles: f64) -> Decay {
         Decay::after(xi * normalized_cycles / self.contact.limit.radius)
@@ -309,7 +309,7 @@ impl Simplified {
         self.states(&[(decay, false)]).swap_remove(0)
     }
 
-    /// The states at several decays. The flag requests curves.
+    /// The states at several decays. The flag of each decay requests curves.
     #[must_use]
     pub fn states(&self, wanted: &[(Decay, bool)]) -> Vec<State> {
         let (mut worn, mut changes) = (Vec::new(), Vec::new());
@@ -399,7 +399,7 @@ impl Simplified {
             if stick > 0.0 {
                 rest[0] = inside[0] - left * inside[0];
             }
-            // R is 0 at a₀ and outside it. One more node lets the curve end at 0.
+            // R is 0 from a₀ outwards. One more node lets the curve of R end at 0.
             rest.push(0.0);
             self.kernels.slope_changes(&mut rest);
         }
@@ -436,8 +436,8 @@ impl Simplified {
         })
     }
 
-    /// The errors of a state with wear: of the volume against that of the image, and of the depth against a
-    /// quadrature at the deepest node.
+    /// The estimated errors of a state with wear. The volume is compared with the volume of the image, and the depth
+    /// with a quadrature at the deepest node.
     fn errors(
         &self,
         wear: &[f64],

@@ -19,14 +19,14 @@ use super::run::MeshRun;
 use super::wearing::Wearing;
 use crate::numeric::{Monotone, root};
 
-/// The slope of y inside the edge, relative to that of the unworn contact, at which the springs and
-/// the wear have equal weight.
+/// The radius is the mean of an estimate from the springs and an estimate from the wear. Both estimates have the same
+/// weight if the slope of y inside the edge is this share of the slope in the unworn contact.
 const FLAT: f64 = 0.2;
-/// Below this weight of the springs, the radius is taken from the wear only.
+/// Below this weight of the estimate from the springs, the radius is taken from the wear only.
 const WORN: f64 = 0.5;
-/// The radius from the wear is learned if the time has grown by this factor.
+/// The radius that follows from the wear is recorded again when the time has grown by this factor.
 const PAUSE: f64 = 1.15;
-/// At first the contact grows about like this power of the time.
+/// At first the contact radius grows about like this power of the time.
 const GROWTH: f64 = 0.75;
 
 /// The radius at the times when springs came into contact.
@@ -45,7 +45,7 @@ impl ContactEdge {
         Self { known: vec![(0.0, 1.0)], reached }
     }
 
-    /// Looks for springs that came into contact in the last step.
+    /// Records the radius if springs came into contact in the last step.
     pub(super) fn follow(&mut self, run: &mut MeshRun) {
         if run.rests {
             // Nothing wears until the next block, so the radius is constant.
@@ -74,13 +74,13 @@ impl ContactEdge {
         }
     }
 
-    /// Learns the radius at the time in the last step when a spring came into contact.
+    /// Records the radius at the time in the last step at which a spring came into contact.
     fn touch(&mut self, run: &mut MeshRun, spring: usize) {
         let (began, time) = (run.rkc.began(), run.rkc.time);
         let mut at = |time| run.under(time, |wearing, wear| gap(wearing, wear, spring));
         let (before, after) = (at(began), at(time));
         if after <= 0.0 {
-            // Only springs further out are in contact.
+            // The spring is not in contact: only springs further out are.
             return;
         }
         let share = if before < 0.0 { before / (before - after) } else { 0.0 };
@@ -139,10 +139,10 @@ struct Edge<'a> {
     radii: &'a [f64],
     /// The first spring outside the contact.
     next: usize,
-    /// d − g of the springs from `next` − 2 to `next` + 1.
+    /// The compressions d − g of the springs from `next` − 2 to `next` + 1.
     gaps: [f64; 4],
-    /// The weight of the radius that follows from the springs. The rest of the weight is that of the
-    /// radius that follows from the wear.
+    /// The weight, from 0 to 1, of the radius that follows from the springs. The radius that follows from the wear has
+    /// the rest of the weight.
     share: f64,
 }
 

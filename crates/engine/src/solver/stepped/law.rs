@@ -1,4 +1,4 @@
-//! The two laws of wear, and what a run integrates.
+//! The two wear laws, and the wear problem that a run integrates.
 
 use crate::contact::control::Control;
 use crate::contact::unworn::Contact;
@@ -27,7 +27,8 @@ pub enum Law {
     Simplified(f64),
 }
 
-/// What a run integrates: a contact, what is held while it wears, and the law by which it wears.
+/// The wear problem that a run integrates: a contact, the quantities that are held constant while it wears, and the
+/// wear law.
 #[derive(Debug, Clone, Copy)]
 pub struct WearProblem<'a> {
     /// The unworn contact.
@@ -39,7 +40,7 @@ pub struct WearProblem<'a> {
 }
 
 impl<'a> WearProblem<'a> {
-    /// By the exact law.
+    /// The wear problem with the exact law.
     #[must_use]
     pub fn exact(contact: &'a Contact, control: &'a Control) -> Self {
         Self { contact, control, law: Law::Exact }

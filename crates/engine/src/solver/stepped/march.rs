@@ -36,32 +36,34 @@ const COMMON_CELLS: f64 = 52.0;
 const COMMON_TOLERANCE: f64 = 3e-3;
 /// Minimum and maximum number of cells.
 const CELLS_RANGE: (f64, f64) = (24.0, 360.0);
-/// Tolerance of the steps in time, as a share of that of the run. Late in a run the contact loses little energy. The errors of
-/// all steps before are then larger than those of the mesh.
+/// Tolerance of the time steps, as a share of the tolerance of the run. Late in a run the contact loses little energy,
+/// and the errors of all earlier steps would otherwise exceed the error of the mesh.
 const STEPS: f64 = 0.5;
 /// Maximum number of cells if the stick edge moves.
 const MOST_CELLS: usize = 512;
-/// The two runs are compared at times that grow by this factor.
+/// The fine and the coarse run are compared at times that grow by this factor.
 const CHECKS: f64 = 1.3;
-/// Weight of the previous comparisons at each new comparison. Earlier differences count too,
-/// because a difference can be 0 by chance when it changes its sign.
+/// At each comparison, the previous differences of the volume and of the depth are multiplied by these factors, and
+/// kept if they are then still larger than the new ones. A new difference alone is not enough, because it can be 0 by
+/// chance when it changes its sign.
 const FORGET: (f64, f64) = (0.7, 0.5);
-/// Error estimate divided by the difference of the two runs, for the volume and the depth. For second order the
-/// error of the finer run is a third of the difference, so this estimate usually exceeds the error. A test counts
-/// how often it does.
+/// Error estimate divided by the difference of the two runs, for the volume and the depth. For a method of second
+/// order, the error of the fine run is a third of the difference, so this estimate usually exceeds the error. A test
+/// counts how often it does.
 const SHARES: (f64, f64) = (0.95, 1.05);
-/// A larger difference of the depths is mostly the error of the coarse run, which has few cells in a narrow ring or at
-/// a tip: in general, and in later blocks.
+/// Relative difference of the depths above which the difference is mostly the error of the coarse run, which has few
+/// cells in a narrow ring or at a tip. The first number applies in general, the second in later blocks.
 const COARSE: (f64, f64) = (0.032, 0.05);
-/// Minimum error estimates, in units of the tolerance of the steps: in general, and for later blocks under a force.
+/// Minimum error estimates, in units of the tolerance of the time steps: in general, and for later blocks under a held
+/// force.
 const LEAST_ERRORS: (f64, f64) = (0.3, 0.6);
 /// Number of cells and tolerance of the coarse run that finds the final position of the stick edge.
 const SCOUT: (usize, f64) = (64, 1e-2);
-/// The same with blocks, each of which has a mesh of its own.
+/// The same for a run with blocks, in which each block has its own mesh.
 const BLOCK_SCOUT: (usize, f64) = (44, 1e-2);
 /// Maximum number of evaluations of the wear rate in a coarse run.
 const MOST_LOOKS: usize = 100_000;
-/// A scar smaller than this share of the indenter always fits.
+/// The scar certainly fits if its radius is at most this share of the radius of the indenter.
 const ROOMY: f64 = 0.7;
 /// A run with its error estimate and its events.
 #[derive(Debug)]
@@ -78,11 +80,11 @@ pub struct March {
     check: f64,
     /// The relative differences of the two runs so far.
     apart: RunErrors,
-    /// The number of blocks that have ended.
+    /// The number of blocks whose end both runs have reached.
     left_blocks: usize,
-    /// The error of V from the stick edges of these blocks.
+    /// The largest error of V that remains from the stick edges of these blocks.
     old_edges: f64,
-    /// V at the last comparison.
+    /// V of the fine run at the last comparison.
     volume: f64,
     events: Vec<Event>,
     /// Events that have happened, and events that the run does not search for.
@@ -112,7 +114,7 @@ fn cells(tolerance: f64) -> usize {
     cells.clamp(CELLS_RANGE.0, CELLS_RANGE.1).round() as usize
 }
 
-/// The number of blocks that need another mesh. Successive blocks in gross slip share one.
+/// The number of blocks that need a mesh of their own after the first. Successive blocks in gross slip share a mesh.
 fn further_meshes(control: &Control) -> usize {
     let Tangential::Blocks(blocks) = &control.tangential else { return 0 };
     blocks.windows(2).filter(|pair| pair.iter().any(|block| block.threshold < 1.0)).count()
@@ -128,7 +130,8 @@ fn effort(problem: WearProblem<'_>, tolerance: f64) -> (usize, f64) {
         Law::Simplified(_) => tolerance,
     };
     if matches!(control.tangential, Tangential::Blocks(_)) {
-        // Where an earlier block has left an edge, and where the present edge moves, more cells are needed.
+        // More cells are needed at the stick edges that earlier blocks have left, and where the present stick edge
+        // moves.
         let more = if control.normal == Normal::Force { 5 * cells / 3 } else { 3 * cells / 2 };
         return (more.min(MOST_CELLS), steps);
     }
@@ -148,7 +151,8 @@ fn effort(problem: WearProblem<'_>, tolerance: f64) -> (usize, f64) {
     (cells.min(MOST_CELLS), finer * steps)
 }
 
-/// The mesh plan of the first block, or of the whole run without blocks, and what is known about each block.
+/// The mesh plan of the first block (or of the whole run without blocks), and the [`Outlook`] of each block, if there
+/// is one.
 type Plans = (MeshPlan, Arc<[Option<Outlook>]>);
 
 /// The expected outer radius of the last mesh.
@@ -248,7 +252,7 @@ impl March {
         }
         let mut events = Vec::new();
         if fine.wearing.springs.slides {
-            // The contact is too close to gross slip for this mesh.
+            // The contact is so close to gross slip that friction cannot carry the tangential force on this mesh.
             events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
         }
         Some(Self {
@@ -270,9 +274,9 @@ impl March {
         })
     }
 
-    /// Finds the mesh plans for a stick edge that comes to rest in worn material, by coarse runs: the plan of
-    /// the first block, or of the whole run without blocks, and what is known about each block. `None` if the
-    /// scar would become larger than the shape.
+    /// Finds the mesh plans by coarse runs, for a stick edge that comes to rest in worn material: the plan of the first
+    /// block (or of the whole run without blocks), and the [`Outlook`] of each block. `None` if the scar would become
+    /// larger than the shape.
     fn scouted(problem: WearProblem<'_>, last: f64) -> Option<Plans> {
         let WearProblem { contact, control, .. } = problem;
         let first = MeshPlan::first(contact, control, SCOUT.0)?;
@@ -296,7 +300,8 @@ impl March {
             if scout.wearing.outgrows() {
                 return None;
             }
-            // A mesh that is large from the start would be too coarse then.
+            // If the mesh of a block grows much during the block, its final size is not used from the start, because
+            // its cells would be too wide.
             let known = |block: usize| outlooks.get(block).is_none_or(Option::is_some);
             let near = |began: f64, outlook: &Outlook| outlook.reach <= FAR * began;
             let found = found.into_iter().enumerate();
@@ -316,8 +321,8 @@ impl March {
     /// Takes one step towards a time in N₀. Returns false if this time is reached or the run has
     /// ended.
     pub fn advance(&mut self, until: f64) -> bool {
-        // The fine run goes first, because it can end early. The coarse run follows it, so that both can be
-        // compared at every time that the caller may ask for.
+        // The fine run takes its steps first, because it can end early. The coarse run then follows to the same time,
+        // so that the two runs can be compared at every time that the caller may ask for.
         let last = until.min(self.ended().unwrap_or(f64::INFINITY));
         let block = self.fine.control().block(self.left_blocks);
         let check = self.check.min(block.map_or(f64::INFINITY, |block| block.end));
@@ -347,7 +352,7 @@ impl March {
             return true;
         }
         let volume = self.fine.volume_and_depth(check).0;
-        // Where the stick edge moves, later wear does not undo an error of the volume.
+        // Where the stick edge moves, later wear does not correct an earlier error of the volume.
         let share = if self.fine.keeps_errors() { self.volume / volume } else { 0.0 };
         let known = RunErrors {
             volume: share.max(FORGET.0) * self.apart.volume,
@@ -359,7 +364,7 @@ impl March {
         true
     }
 
-    /// Notes the error of the volume that remains from a block.
+    /// Records the error of the volume that remains from a block.
     fn leave_block(&mut self) {
         self.left_blocks += 1;
         if self.fine.keeps_errors() {
@@ -406,7 +411,7 @@ impl March {
         last.min(if reached { scout.time_of(energy) } else { scout.rkc.time })
     }
 
-    /// Scar radius and slip amplitude Δ·s at its edge, at the end of each block since the last call.
+    /// Scar radius and slip amplitude Δ·s at the edge of the scar, for each block that has ended since the last call.
     pub(crate) fn block_edges(&mut self) -> Vec<(f64, f64)> {
         std::mem::take(&mut self.fine.block_edges)
     }
@@ -431,8 +436,9 @@ impl March {
         };
         let new_block = self.fine.block != self.block;
         if new_block {
-            // At another amplitude the contact can stick or wear again. An event can then occur a second time. What is so from
-            // the start of a block is no shakedown, because then the mesh may not resolve the narrow ring that wears.
+            // At another amplitude the contact can stick or wear again, so these events can occur a second time. A
+            // block with little wear from its start on is no shakedown, because the mesh may not resolve its narrow
+            // ring.
             self.block = self.fine.block;
             self.known.retain(|known| !matches!(known, GrossSlip | Shakedown));
             let began = self.fine.rkc.began();
@@ -451,7 +457,8 @@ impl March {
             }
             let (began, time) = (self.fine.rkc.began(), self.fine.rkc.time);
             let after = self.signal(kind, time) <= 0.0;
-            // The change of amplitude can cause the event. In gross slip, the contact may stick again within the first step.
+            // The change of the amplitude can cause the event. The contact may stick again within the first step, so
+            // gross slip is checked at the start of the block too.
             let looks = after || new_block && kind == GrossSlip;
             let at_once = looks && self.signal(kind, began) <= 0.0;
             if !after && !at_once {
@@ -500,7 +507,7 @@ impl March {
                     until.missing(worn.deepest, worn.volume, energy)
                 })
             }
-            // The core of a constant depth and amplitude sticks for ever, even if the mesh neglects it.
+            // At constant depth and amplitude the core sticks for ever, even if the mesh neglects it.
             EventKind::GrossSlip if run.keeps_core() => 1.0,
             EventKind::GrossSlip => run.under(time, |wearing, _| wearing.springs.margin()),
             EventKind::ContactLost => run.under(time, |wearing, _| wearing.springs.share() - LOST),

@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn the_image_is_that_of_the_transform_and_its_integral_agrees_with_a_sum() {
+    fn the_image_and_its_integral_agree_with_midpoint_sums() {
         let prior = ring();
         // x ∫ w′(r)/√(x²−r²) dr by the substitution r = x sin θ.
         let slope = |t: f64| match t {

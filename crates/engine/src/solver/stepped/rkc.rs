@@ -73,9 +73,9 @@ pub struct Rkc {
     pub(super) size: f64,
     /// The present time.
     pub(crate) time: f64,
-    /// y now.
+    /// The values y at the present time.
     pub(crate) values: Vec<f64>,
-    /// f(y) at the present time.
+    /// The rates f(y) at the present time.
     pub(super) rates: Vec<f64>,
     /// The state before the last step, for interpolation within the step.
     before: (f64, Vec<f64>, Vec<f64>),
@@ -103,8 +103,8 @@ const LONGEST_STEP: (f64, f64) = (1.5, 0.15);
 const GROWN: f64 = 0.01;
 /// Maximum number of stages of a step.
 const MOST_STAGES: usize = 1000;
-/// Above the first number, the number of stages is a multiple of the second. Fewer sets of
-/// coefficients are then needed.
+/// Above the first number of stages, only multiples of the second number are used, so that fewer sets of coefficients
+/// are needed.
 const STAGES_APART: (usize, usize) = (200, 50);
 /// The tolerance doubles after this number of steps, and again each time the number of steps has
 /// doubled. Every run therefore ends, and its error estimate includes the larger tolerance.
@@ -161,8 +161,8 @@ impl Rkc {
         self.before = (self.time, self.values.clone(), self.rates.clone());
     }
 
-    /// Limits the next step, because the rates are now `times` times as large as those that belong to the
-    /// time scale.
+    /// Limits the next step, because the rates have grown: they are `times` times as large as the rates that correspond
+    /// to the time scale.
     pub(crate) fn hurry(&mut self, times: f64) {
         self.step = self.step.min(FIRST_STEP * self.scale / times.max(1.0));
     }
@@ -246,7 +246,7 @@ impl Rkc {
         self.evaluations += stages;
     }
 
-    /// The root mean square of the estimated local error, divided by the maximum error.
+    /// The root mean square of the estimated local error, divided by the permitted error.
     fn error(&self, h: f64, live: usize, limit: f64) -> f64 {
         let [next, next_rates, _] = &self.scratch;
         let most = next.iter().copied().fold(0.0, f64::max);

@@ -31,9 +31,9 @@ pub struct Springs {
     pub mesh: Mesh,
     /// The held quantities.
     pub(crate) control: Control,
-    /// ∫₀ᵃ y dx of the unworn contact.
+    /// Half of the normal force of the unworn contact, ∫₀ᵃ y dx.
     half_force: f64,
-    /// The present amplitude: Δ, or Δ_rig with a rig.
+    /// The prescribed amplitude: that of the contact (Δ), or that of the actuator (Δ_rig) if the scenario has a rig.
     pub(super) amplitude: f64,
     /// Compression of the spring at r₀ at the depth d₀, before any wear on this mesh.
     edge: f64,
@@ -43,7 +43,7 @@ pub struct Springs {
     pub(crate) depth: f64,
     /// Amplitude Δ of the contact.
     pub(crate) threshold: f64,
-    /// Whether friction cannot carry the held tangential force.
+    /// Whether the held tangential force is larger than friction can carry.
     pub(crate) slides: bool,
     /// Image g of each of the first cells.
     pub(crate) images: Vec<f64>,
@@ -269,7 +269,7 @@ impl Springs {
         self.slips.resize(self.images.len(), 1.0);
     }
 
-    /// min(Δ, y) of each cell in contact.
+    /// The tangential load min(Δ, y) of each cell in contact.
     pub(crate) fn loads(&self) -> Vec<f64> {
         (0..self.compressions.len()).map(|q| self.carried(q, self.threshold).0).collect()
     }
@@ -288,8 +288,8 @@ impl Springs {
         }
     }
 
-    /// The smallest y of a cell, and half of the difference between its largest and smallest y. y
-    /// is linear across the cell, with the smaller of the slopes to the two neighbours.
+    /// The smallest y of a cell, and half of the difference between its largest and smallest y. y is assumed to be
+    /// linear across the cell, with the smaller of the slopes to the two neighbouring cells.
     fn across(&self, q: usize) -> (f64, f64) {
         let (widths, y) = (&self.mesh.widths, &self.compressions);
         let here = y[q];
@@ -306,20 +306,20 @@ impl Springs {
         (here - half_rise, half_rise)
     }
 
-    /// ∫₀ᵃ y dx.
+    /// Half of the normal force, ∫₀ᵃ y dx.
     pub(crate) fn normal(&self) -> f64 {
         let core = self.mesh.core + self.mesh.radii[0] * (self.depth - 1.0);
         core + self.compressions.iter().zip(&self.mesh.widths).map(|(y, d)| y * d).sum::<f64>()
     }
 
-    /// ∫₀ᵃ min(Δ, y) dx.
+    /// Half of the amplitude of the tangential force, ∫₀ᵃ min(Δ, y) dx.
     pub(crate) fn tangential(&self) -> f64 {
         let widths = self.mesh.widths[..self.compressions.len()].iter().enumerate();
         let sum: f64 = widths.map(|(q, d)| d * self.carried(q, self.threshold).0).sum();
         self.threshold * self.mesh.radii[0] + sum
     }
 
-    /// ∫₀ᵃ y ω dx.
+    /// The energy integral ∫₀ᵃ y ω dx, which is proportional to the energy per cycle.
     pub(crate) fn loss(&self) -> f64 {
         let springs = self.compressions.iter().zip(&self.slips).zip(&self.mesh.widths);
         springs.map(|((y, slip), d)| d * y * slip).sum()
@@ -369,7 +369,7 @@ impl Springs {
         from_inside.clamp(between, middle(last + 1).max(between))
     }
 
-    /// The compression y at r₀.
+    /// The compression y at r₀, inside which nothing wears.
     fn edge(&self) -> f64 {
         self.edge + self.depth - 1.0
     }
