@@ -1,4 +1,4 @@
-//! A run, computed as far as some outputs need it.
+//! A run of a study. It is simulated only if its outputs need a simulation.
 
 use fretwork_engine::case::Case;
 use fretwork_engine::outcome::{Outcome, Preview};
@@ -7,14 +7,14 @@ use fretwork_engine::simulation::{Advance, Simulation};
 
 use super::output::{NoValue, Output};
 
-/// A run in progress. It ends at once if the unworn contact gives all outputs.
+/// A run in progress. It ends at once if all outputs follow from the unworn contact.
 #[derive(Debug)]
 pub struct Run {
     case: Case,
     simulation: Option<Simulation>,
 }
 
-/// A run at its end.
+/// A run that has ended.
 #[derive(Debug)]
 pub struct Ended<'a> {
     pub(super) case: &'a Case,
@@ -33,7 +33,7 @@ impl Run {
         if self.simulation.is_some() { self.case.seconds() } else { 0.0 }
     }
 
-    /// Computes for at most about 30 ms.
+    /// Computes for at most about 30 ms. Returns the run when it has ended.
     pub fn step(&mut self) -> Option<Ended<'_>> {
         let case = &self.case;
         let found = match self.simulation.as_mut().map(Simulation::step) {
