@@ -58,7 +58,7 @@ pub async fn get(server: &Server, key: &str, target: &str) -> Reply {
     ask(server, key, "GET", target, "").await
 }
 
-/// Every documented operation: its method, its address with an id and a key that do not exist.
+/// Every documented operation: its method, and its address with the id of no job or the key of no result.
 fn operations() -> Vec<(String, String)> {
     let document: Value = serde_json::from_slice(&http::document()).unwrap();
     let mut operations = Vec::new();
@@ -284,7 +284,7 @@ async fn the_pins_of_one_owner_have_a_quota() {
         }
     }
     let refused = refused.expect("the quota is less than three results");
-    // Others have their own quota, and an unpinned result frees room.
+    // Other owners have their own quotas. Removing a pin frees a part of the quota.
     assert_eq!(ask(&server, &ben, "PUT", refused, "").await.status, 204);
     assert_eq!(ask(&server, &ben, "DELETE", refused, "").await.status, 204);
     assert_eq!(ask(&server, &anna, "DELETE", &pins[0], "").await.status, 204);
@@ -292,7 +292,7 @@ async fn the_pins_of_one_owner_have_a_quota() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_pins_of_all_owners_leave_half_of_the_room_to_new_results() {
+async fn the_pins_of_all_owners_leave_half_of_the_space_for_new_results() {
     let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     let options = Options { budget: Some(2_000_000), ..Options::default() };
@@ -301,7 +301,7 @@ async fn the_pins_of_all_owners_leave_half_of_the_room_to_new_results() {
     for (name, amplitude) in [("anna", 1.5), ("ben", 2.0)] {
         let key = made(server.place(), name, Role::Submit).await;
         let mut body = ball(amplitude);
-        // Each takes about 0.6 MB of the 1 MB.
+        // Each result takes about 0.6 MB, and all results may take 1 MB.
         body["scenario"]["model"]["points"] = json!(4096);
         let job = ask(&server, &key, "POST", "/v1/jobs", &body.to_string()).await.json();
         let pin = format!("{}/pin", job["links"]["result"].as_str().unwrap());
@@ -435,7 +435,7 @@ async fn a_link_opens_the_warnings_about_the_bodies_but_not_the_provenance() {
     let warnings = server.get(&format!("{result}/warnings?{link}")).await;
     assert_eq!(warnings.header("cache-control"), Some("no-store"));
     assert_yields(&warnings.json()["warnings"]);
-    // The provenance names people and machines.
+    // A link does not open the provenance, because it names people and machines.
     server.get(&format!("{result}/provenance?{link}")).await.problem(403, "bad-link");
     server.get(&format!("{result}/warnings")).await.problem(401, "unauthorized");
 }
@@ -603,7 +603,7 @@ async fn a_rate_limited_key_gets_retry_after_and_other_keys_are_unaffected() {
     let wait: u32 = refused.header("retry-after").unwrap().parse().unwrap();
     assert_eq!((wait, number(&refused, "ratelimit", "r")), (1, 0));
     assert_eq!(number(&refused, "ratelimit", "t"), wait);
-    // Canceling a job is never refused.
+    // The rate limit never refuses a cancellation.
     let cancel = ask(&server, &anna, "POST", "/v1/jobs/cancel?owner=me", "").await;
     assert_eq!((cancel.json(), cancel.header("ratelimit")), (json!({"canceled": 0}), None));
     for _ in 0..5 {
@@ -637,7 +637,7 @@ async fn a_key_has_a_limited_number_of_concurrent_requests() {
                 let problem = refused.problem(429, "too-many-at-once");
                 let detail = problem["detail"].as_str().unwrap();
                 assert!(detail.contains("limit of 2 concurrent requests"), "{detail}");
-                // The server cannot know when a request ends.
+                // The server cannot tell when another request will end, so it names no time.
                 assert_eq!(refused.header("retry-after"), None);
                 assert_eq!(refused.header("ratelimit"), Some("\"at-once\";r=0"));
                 let policy = "\"at-once\";q=2;qu=\"concurrent-requests\"";
@@ -886,7 +886,7 @@ async fn the_key_of_the_administrator_can_be_in_a_file() {
 }
 
 #[test]
-fn all_origins_without_keys_are_warned_of_at_the_start() {
+fn a_server_without_keys_that_allows_all_origins_warns_at_the_start() {
     let dir = TempDir::new().unwrap();
     let log = dir.path().join("log");
     let warned = |origin: &str| {
@@ -949,7 +949,7 @@ fn secrets_do_not_appear_in_logs_answers_or_files() {
     assert!(!String::from_utf8_lossy(&made.stderr).contains(secret));
 
     let log = dir.path().join("log");
-    // The helper switches the log off, but this test reads the log.
+    // The helper `fretwork` switches the log off. This test reads the log, so it starts the program itself.
     let mut command = Command::new("sh");
     let program = env!("CARGO_BIN_EXE_fretwork");
     let script = format!("FRETWORK_LOG=trace exec '{program}' \"$@\" 2>'{}'", log.display());
@@ -1059,7 +1059,7 @@ async fn all_refusals_are_counted_and_the_log_shows_some_of_them() {
         lines.lines().filter(|line| line.contains(&format!("status={status} milliseconds"))).count()
     };
     assert_eq!((shown(401), shown(403)), (60, 60), "{lines}");
-    // Each status has a line that says that there are more.
+    // For each status, one line says that the log does not show all refusals.
     assert_eq!(lines.matches("the metrics count them").count(), 2, "{lines}");
     let bearer = format!("Bearer {MASTER}");
     let metrics =

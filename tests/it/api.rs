@@ -211,7 +211,7 @@ async fn a_job_has_its_scenario_in_every_state() {
         assert!(server.get(address).await.json().get("scenario").is_none());
         job["state"].take()
     };
-    // There are two workers: two run before anything is canceled, and the last two wait.
+    // There are two workers. So two jobs run and the last two wait before the first cancellation.
     while show(&jobs[1]).await != "running" {}
     assert_eq!(show(&jobs[3]).await, "queued");
     server.send("POST", &format!("{}/cancel", jobs[3].0), &[], "").await;
@@ -247,7 +247,8 @@ async fn a_job_keeps_its_scenario_as_its_client_wrote_it() {
     let shown = server.get(&format!("{address}?include=submitted&wait=60")).await.json();
     assert_eq!(shown["submitted"], typed);
     assert!(shown.get("scenario").is_none());
-    // Another job with the same key has its own text. A repetition is the first job, with the first text.
+    // Another job with the same result key has its own text. A submission that repeats the idempotency key returns the
+    // first job, with the text of the first submission.
     let (other, _, kilo) = submit("0.1 kN", &[JSON]).await;
     assert_eq!((&other["key"], &other["submitted"]), (&job["key"], &kilo));
     let (again, _, _) = submit("0.1 kN", &named).await;
@@ -272,7 +273,7 @@ async fn a_job_keeps_its_scenario_after_its_result_is_deleted() {
         (reply, job, own)
     };
     let (reply, job, computed) = submit(&steel_ball()).await;
-    // Equal in every digit.
+    // The scenario of the job equals that of the result in every digit.
     let scenario = format!("\"scenario\":{}", job["result"]["scenario"]);
     assert_eq!(reply.text().matches(&scenario).count(), 2, "{scenario}");
     let again = json!({"scenario": job["scenario"]});
@@ -582,7 +583,7 @@ async fn output_cycles_can_be_given_as_dissipated_energies() {
     for (found, energy) in found.iter().zip([0.0, 0.01, 0.1]) {
         assert!((found - energy).abs() <= 1e-10 * energy, "{found}");
     }
-    // The run for the found cycles has another key and the same numbers.
+    // A run with the output cycles of the first result has another key and the same numbers.
     body["scenario"]["cycles"] = json!(column(&first, "/history/cycles")[1..]);
     let second = result(&server, &body).await;
     assert_ne!(first["key"], second["key"]);

@@ -43,7 +43,7 @@ async fn the_audit_log_says_who_did_what_to_whom() {
     let [id, key] = ["id", "key"].map(|name| jobs[2][name].as_str().unwrap().to_owned());
     for job in &jobs[..2] {
         let own = format!("/v1/jobs/{}", job["id"].as_str().unwrap());
-        // What did not happen is not recorded.
+        // A deletion that is refused is not recorded.
         assert_eq!(ask(&server, &ben, "DELETE", &own, "").await.status, 404);
         assert_eq!(ask(&server, &anna, "DELETE", &own, "").await.status, 204);
     }
@@ -66,7 +66,7 @@ async fn the_audit_log_says_who_did_what_to_whom() {
             json!(["revoke_key", user, id_in(&ben), "ben", 1]),
         ]
     );
-    // A use is recorded in the background.
+    // The use of a key is recorded in the background.
     let used = async || {
         let mut used = entries(&server, &["use_key"]).await;
         used.sort_by_key(Value::to_string);
@@ -124,7 +124,7 @@ async fn canceled_jobs_are_recorded_with_their_owner() {
 }
 
 #[tokio::test]
-async fn the_audit_log_has_pages_and_a_largest_number_of_entries() {
+async fn the_audit_log_has_pages_and_a_maximum_number_of_entries() {
     let server = server(Limits::default()).await;
     let mut db = raw(server.dir.path()).await;
     // The longest texts: names have 64 letters, and keys of results have 64 digits.
@@ -146,7 +146,7 @@ async fn the_audit_log_has_pages_and_a_largest_number_of_entries() {
     .unwrap();
     assert_eq!(entries, 100_000);
     assert!(bytes < 60_000_000, "{bytes}");
-    // The use of the key is newer.
+    // The newest entry is the use of a key.
     let mut next = "/v1/audit?limit=3".to_owned();
     let mut subjects = Vec::new();
     for _ in 0..3 {
@@ -157,7 +157,7 @@ async fn the_audit_log_has_pages_and_a_largest_number_of_entries() {
         let entries = log["entries"].as_array().unwrap();
         subjects.extend(entries.iter().map(|entry| entry["subject"].as_str().unwrap().to_owned()));
     }
-    // The entry for the use of the key is among them.
+    // The entry for the use of the key is not compared.
     subjects.retain(|subject| subject.starts_with('0'));
     let expected: Vec<String> = (0..8).map(|back| format!("{:064}", 100_007 - back)).collect();
     assert_eq!(subjects[..8], expected);

@@ -43,11 +43,11 @@ on_both! {
     a_study_is_computed_chunk_by_chunk_and_then_assembled,
     a_cancelled_study_ends_at_once_and_stops_all_its_workers,
     a_piece_that_fails_ends_its_study_and_stops_the_other_workers,
-    after_a_crash_only_the_running_chunks_are_computed_again_and_last,
+    after_a_crash_only_interrupted_chunks_are_computed_again_after_all_others,
     a_study_fails_after_three_crashes_during_the_same_chunk,
     a_study_fails_after_three_crashes_without_a_finished_chunk,
     studies_share_the_workers_and_a_run_waits_for_one_piece_of_each_owner,
-    the_verbs_of_chunks_agree_in_random_order,
+    operations_on_chunks_in_random_order_lose_no_chunk,
     chunks_are_deleted_after_their_study_has_ended,
     a_damaged_chunk_is_reported,
 }
@@ -64,7 +64,7 @@ async fn a_study_is_computed_chunk_by_chunk_and_then_assembled(on: Engine) {
         assert_eq!(store.task(&claimed).await.unwrap().as_deref(), Some("task 1"));
         claims.push(claimed);
     }
-    // They end in any order.
+    // The chunks may end in any order.
     for (done, number) in [(1, 1_u8), (2, 0), (3, 2)] {
         assert!(store.claim().await.unwrap().is_none(), "the assembly waits for all chunks");
         let claimed = &claims[usize::from(number)];
@@ -105,10 +105,10 @@ async fn a_cancelled_study_ends_at_once_and_stops_all_its_workers(on: Engine) {
     assert!(!finish_chunk(&store, &third).await);
     assert!(!store.release(&third).await.unwrap());
     assert!(!store.stopped(&third).await.unwrap());
-    // Several servers share the tables of PostgreSQL. So the metrics are counted from time to time.
+    // Other servers can change the tables of PostgreSQL. So a store counts them from time to time, in `longest_wait`.
     store.longest_wait().await.unwrap();
     assert_eq!(store.tally().running(), 0);
-    // A later submission starts again.
+    // A later submission of the same study starts a new run.
     let again = accepted(store.submit(study(1, 5)).await);
     assert_eq!((again.origin, again.state), (Origin::Computed, JobState::Queued));
     assert_ne!(claim_chunk(&store, 0).await.run, third.run);
@@ -130,7 +130,7 @@ async fn a_piece_that_fails_ends_its_study_and_stops_the_other_workers(on: Engin
     assert!(store.claim().await.unwrap().is_none());
 }
 
-async fn after_a_crash_only_the_running_chunks_are_computed_again_and_last(on: Engine) {
+async fn after_a_crash_only_interrupted_chunks_are_computed_again_after_all_others(on: Engine) {
     let (db, store) = Database::fresh(on).await;
     let submitted = accepted(store.submit(study(1, 4)).await);
     let done = claim_chunk(&store, 0).await;
@@ -151,7 +151,7 @@ async fn after_a_crash_only_the_running_chunks_are_computed_again_and_last(on: E
         assert!(finish_chunk(&store, claimed).await);
     }
     assert_eq!(claim(&store).await.piece, Piece::Assembly { of: 4 });
-    // The assembly is lost, too.
+    // The next crash interrupts the assembly.
     let (_db, store) = db.after_a_crash().await;
     store.recover().await.unwrap();
     let assembly = claim(&store).await;
@@ -182,7 +182,7 @@ async fn a_study_fails_after_three_crashes_during_the_same_chunk(on: Engine) {
     }
     let job = job(&store, submitted.id).await;
     assert_eq!(job.failure.unwrap().kind, FailureKind::WorkerLost);
-    // PostgreSQL counts at the claim.
+    // PostgreSQL counts a loss when the chunk is claimed again.
     let lost = if on == Engine::Sqlite { 2 } else { 3 };
     assert_eq!(db.count("SELECT max(lost) FROM chunk").await, lost);
 }
@@ -227,8 +227,8 @@ async fn studies_share_the_workers_and_a_run_waits_for_one_piece_of_each_owner(o
     assert!(next.contains(&key(3)) && next.contains(&key(4)), "{next:?}");
 }
 
-/// Claims, finishes, releases and loses chunks at random, also many at once.
-async fn the_verbs_of_chunks_agree_in_random_order(on: Engine) {
+/// Claims, finishes, releases and loses chunks in random order. Up to three chunks are claimed at the same time.
+async fn operations_on_chunks_in_random_order_lose_no_chunk(on: Engine) {
     for seed in 0..20_u64 {
         let stream = fretwork_random::Stream::new(seed);
         let mut draws = 0;
@@ -304,13 +304,13 @@ async fn chunks_are_deleted_after_their_study_has_ended(on: Engine) {
     assert_eq!(canceled, Some(key(2)));
     let job = store.live_job(&key(2), None).await.unwrap().unwrap();
     cancel(&store, job).await;
-    // Its run is deleted with its job.
+    // The run of the study is deleted with its job.
     assert_eq!(store.delete(job, Actor::default()).await.unwrap(), Deleted::Done);
     let first = claim_chunk(&store, 0).await;
     assert!(finish_chunk(&store, &first).await);
     eventually(async || db.count("SELECT count(*) FROM study").await == 1).await;
     assert_eq!(db.count("SELECT count(*) FROM chunk").await, 1);
-    // The unfinished study goes on.
+    // The unfinished study keeps its chunks and continues.
     assert_eq!(store.chunk(&first, 0).await.unwrap().as_deref(), Some(&b"1,2"[..]));
     claim_chunk(&store, 1).await;
 }
@@ -361,7 +361,7 @@ async fn another_numerics_version_computes_all_chunks_again() {
 /// Chunks that the workers of the next test have finished.
 const CHUNKS: u32 = 1000;
 
-/// What a chunk of the next test contains.
+/// The rows of a chunk of the next test.
 fn rows(number: u32) -> Vec<u8> {
     format!("{number},").repeat(200).into_bytes()
 }
@@ -386,7 +386,7 @@ async fn work(store: Store, finished: Arc<Vec<AtomicU32>>) -> Result<(), Error> 
     Ok(())
 }
 
-/// Opens the store as a new process does, and starts four workers. The counters are of the chunks that they finish.
+/// Opens the store as a new process does, and starts four workers. The counters say how often each chunk was finished.
 async fn start(dir: &Path) -> (Store, JoinSet<Result<(), Error>>, Arc<Vec<AtomicU32>>) {
     let store = open(dir).await;
     store.recover().await.unwrap();
@@ -410,13 +410,13 @@ async fn a_store_that_is_killed_at_random_moments_loses_no_chunk_and_computes_no
     };
     for kill in 0..10 {
         let (store, mut workers, finished) = start(dir.path()).await;
-        // A run ends as lost if three processes in a row finish nothing.
+        // A study fails if three processes in a row finish no chunk. So this process must finish one.
         while finished.iter().all(|count| count.load(Ordering::SeqCst) == 0) {
             tokio::time::sleep(Duration::from_millis(1)).await;
         }
         tokio::time::sleep(Duration::from_micros(4_321 * kill % 17_000)).await;
-        // The next process finds the files of this moment, in the middle of a transaction or not. They contain what was
-        // acknowledged before.
+        // The next process opens a copy of the files at this moment, perhaps in the middle of a transaction. The copy
+        // must contain all chunks that were acknowledged before.
         let before = count(&finished);
         let files = crash(dir.path());
         workers.shutdown().await;

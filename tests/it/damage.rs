@@ -1,4 +1,5 @@
-//! Flipped bits: whenever one changes an answer of the server, `fretwork check` names the damaged row.
+//! Flipped bits in a database. If a flipped bit changes an answer of the server, `fretwork check` names the damaged
+//! row.
 
 use std::env;
 use std::error::Error as _;
@@ -28,7 +29,7 @@ async fn library() -> TempDir {
         job["tags"] = json!(["series", format!("tag-{}", number % 3)]);
         let job = server.compute(&job).await.json();
         keys.push(job["key"].as_str().unwrap().to_owned());
-        // Its result is known.
+        // The second job gets the stored result.
         server.compute(&ball(1.0 + 0.1 * f64::from(number))).await;
     }
     server.compute(&yielding_ball()).await;
@@ -63,7 +64,8 @@ fn copy(from: &Path) -> TempDir {
     copy
 }
 
-/// The answers to these requests; a server that does not start gives none. With `targets` empty, asks for all.
+/// The answers of a server to requests for `targets`; none if the server does not start. If `targets` is empty, it is
+/// first filled with the addresses of all lists, jobs and results.
 async fn answers(dir: &Path, targets: &mut Vec<String>) -> Vec<String> {
     let mut command = fretwork(&["--listen", "127.0.0.1:0", "--workers", "1", "--data-dir"]);
     command.arg(dir).env("FRETWORK_LOG", "off").stdout(Stdio::piped()).stderr(Stdio::null());
@@ -76,12 +78,12 @@ async fn answers(dir: &Path, targets: &mut Vec<String>) -> Vec<String> {
         let reply = send(address, "GET", target, &[], "").await.unwrap();
         let mut text = format!("{target} {} {}", reply.status, reply.text());
         if target.ends_with("/provenance") {
-            // When it was read last changes with each answer.
+            // The time of the last access changes with each answer.
             let mut value: Value = serde_json::from_slice(&reply.body).unwrap_or_default();
             value["last_access"] = Value::Null;
             text = format!("{target} {} {value}", reply.status);
         }
-        // The id of a request differs.
+        // `instance` is the id of the request, which differs in each answer.
         text.split("\"instance\"").next().unwrap().to_owned()
     };
     if targets.is_empty() {
@@ -126,7 +128,7 @@ async fn all_targets(address: std::net::SocketAddr) -> Vec<String> {
     targets
 }
 
-/// The first bytes of the pages of the bodies, and of all others that are in use.
+/// The offsets of the pages that contain bodies of results, and of all other pages in use.
 async fn pages(dir: &Path) -> [Vec<u64>; 2] {
     let mut db = raw(dir).await;
     let pages =
@@ -145,8 +147,8 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The first line that says where the damage is: in a row, in an index, in a part of the schema, or in a table of which no row can be
-/// read.
+/// The first line that says where the damage is: in a row, in an index, in a part of the schema, or in a table of which
+/// no row can be read.
 fn naming_line(said: &str) -> Option<&str> {
     let names = |line: &&str| {
         let Some(damage) = line.strip_prefix("damaged: ") else {
@@ -208,7 +210,7 @@ async fn every_flipped_bit_that_changes_an_answer_is_found() {
 }
 
 #[tokio::test]
-async fn a_changed_bit_in_the_schema_names_the_index() {
+async fn the_report_of_a_changed_bit_in_the_schema_names_the_index() {
     let dir = copy(library().await.path());
     let file = dir.path().join("fretwork.db");
     let mut bytes = fs::read(&file).unwrap();
@@ -221,13 +223,13 @@ async fn a_changed_bit_in_the_schema_names_the_index() {
     let said = said(&output);
     assert!(said.starts_with("damaged: sqlite_schema job_key: "), "{said}");
     assert!(output.stdout.ends_with(b"cannot be counted; damage in 1 places\n"));
-    // The server says it, too.
+    // The server names the index too.
     let refused = Store::open(dir.path().into(), &Options::default()).await.unwrap_err();
     assert!(refused.source().unwrap().to_string().contains("job_key"), "{refused:?}");
 }
 
 #[tokio::test]
-async fn a_damaged_page_names_the_row_beside_it() {
+async fn the_report_of_a_damaged_page_names_the_row_beside_it() {
     let library = library().await;
     for (which, expected) in [
         ("min", "the row before this one cannot be read"),
@@ -243,7 +245,7 @@ async fn a_damaged_page_names_the_row_beside_it() {
         let page: i64 = sqlx::query_scalar(AssertSqlSafe(query)).fetch_one(&mut db).await.unwrap();
         db.close().await.unwrap();
         let file = fs::File::options().write(true).open(dir.path().join("fretwork.db")).unwrap();
-        // No page has this kind.
+        // The first byte of a page is its kind. No kind is 0.
         file.write_all_at(&[0], page.unsigned_abs()).unwrap();
         let damage = check(dir.path()).await.unwrap().damage;
         let named = damage.iter().find(|damage| damage.what.starts_with(expected));
@@ -253,7 +255,7 @@ async fn a_damaged_page_names_the_row_beside_it() {
 }
 
 #[tokio::test]
-async fn a_changed_key_names_the_row_that_is_out_of_order() {
+async fn the_report_of_a_changed_key_names_the_row_that_is_out_of_order() {
     let dir = library().await;
     let mut db = raw(dir.path()).await;
     let query = "SELECT key FROM result ORDER BY key LIMIT 1 OFFSET 5";
@@ -277,7 +279,7 @@ async fn a_changed_key_names_the_row_that_is_out_of_order() {
 }
 
 #[tokio::test]
-async fn a_changed_column_is_named_and_prevents_a_backup() {
+async fn a_changed_column_is_reported_and_prevents_a_backup() {
     let library = library().await;
     for (statement, expected) in [
         (
@@ -325,7 +327,7 @@ async fn a_changed_column_is_named_and_prevents_a_backup() {
 }
 
 #[tokio::test]
-async fn a_changed_copy_names_the_row_and_the_column() {
+async fn the_report_of_a_changed_index_names_the_row_and_the_column() {
     let library = library().await;
     for (table, index, column, change) in [
         ("job", "job_copy", "priority", "5"),
@@ -337,7 +339,7 @@ async fn a_changed_copy_names_the_row_and_the_column() {
     ] {
         let dir = copy(library.path());
         let mut db = raw(dir.path()).await;
-        // Without its statement, SQLite does not change the index together with the table.
+        // While the statement of the index is not in the schema, SQLite does not update the index with the table.
         let hide = format!(
             "PRAGMA writable_schema = ON; CREATE TEMP TABLE held AS SELECT * FROM sqlite_schema WHERE name = '{index}';
              DELETE FROM sqlite_schema WHERE name = '{index}'; PRAGMA writable_schema = RESET"

@@ -19,15 +19,15 @@ pub enum Engine {
     Postgres,
 }
 
-/// A private PostgreSQL. It stops when its standard input is closed.
+/// A PostgreSQL server for tests. It stops when its standard input is closed.
 pub struct Cluster {
     process: Child,
     output: BufReader<ChildStdout>,
-    /// Its address, without the name of a database.
+    /// The address of the database `postgres` on this server.
     address: String,
 }
 
-/// The one that the tests of this process share.
+/// The PostgreSQL server that all tests of this process share.
 static CLUSTER: LazyLock<Cluster> = LazyLock::new(|| Cluster::start(&[]));
 
 impl Cluster {
@@ -48,23 +48,24 @@ impl Cluster {
         address.trim().to_owned()
     }
 
-    /// Its database `postgres`.
+    /// The address of the database `postgres` on this server.
     pub fn address(&self) -> &str {
         &self.address
     }
 
-    /// Sends a signal to all its processes: to each before its children are listed, so that a stopped one starts no others.
+    /// Sends a signal to all processes of the server. Each process gets it before its children are listed, so that a
+    /// stopped process cannot start another one.
     pub fn signal(&self, name: &str) {
         let mut processes = vec![self.process.id().to_string()];
         while let Some(process) = processes.pop() {
-            // It may have ended meanwhile.
+            // The process may have ended meanwhile.
             let _ = Command::new("kill").args([name, &process]).status();
             let found = Command::new("pgrep").args(["-P", &process]).output().expect("pgrep");
             processes.extend(String::from_utf8_lossy(&found.stdout).lines().map(str::to_owned));
         }
     }
 
-    /// Kills all its processes, and starts it again.
+    /// Kills all processes of the server, and starts it again.
     pub fn restart(&mut self) {
         let input = self.process.stdin.as_mut().expect("its input is a pipe");
         input.write_all(b"restart\n").expect("it reads its input");
@@ -81,7 +82,7 @@ impl Drop for Cluster {
 
 static NUMBER: AtomicU32 = AtomicU32::new(0);
 
-/// The address of a database of the private PostgreSQL.
+/// The address of a database on the shared PostgreSQL server.
 fn address(name: &str) -> String {
     CLUSTER.address.replace("/postgres?", &format!("/{name}?"))
 }
@@ -93,7 +94,7 @@ pub enum Database {
     Postgres(Shared),
 }
 
-/// A database of the private PostgreSQL. It is removed in the end.
+/// A database on the shared PostgreSQL server. It is removed when this value is dropped.
 #[derive(Debug)]
 pub struct Shared {
     name: String,
@@ -106,7 +107,7 @@ impl Drop for Shared {
             return;
         }
         let drop = format!("DROP DATABASE {} WITH (FORCE)", self.name);
-        // The runtime of the test cannot wait here.
+        // `drop` is not async. So another thread waits until the database is removed.
         let dropping = thread::spawn(|| administer(drop));
         dropping.join().expect("the database can be removed");
     }
@@ -164,8 +165,8 @@ impl Database {
         self.address().parse().unwrap()
     }
 
-    /// The database as it would be if the server that has opened it crashed now. The leases of its workers are over, as if
-    /// time had passed.
+    /// The database as a crash of its server would leave it now. The leases of its workers have expired, as if time had
+    /// passed.
     pub async fn crashed(self) -> Self {
         match self {
             Self::Sqlite(dir) => {
@@ -178,7 +179,7 @@ impl Database {
                 Self::Sqlite(copy)
             }
             Self::Postgres(_) => {
-                // It was long after the crash before.
+                // The crash counts as separate from the crash before it, as if much time had passed.
                 self.execute(
                     "UPDATE lease SET expires = 0, node = 'crashed'; UPDATE study SET died = 0",
                 )

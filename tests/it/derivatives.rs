@@ -18,9 +18,9 @@ fn ball() -> Value {
     job
 }
 
-/// Hertz: a = √(Rd), p₀ = (2E/π) √(d/R). N₀ = a/(4UkE).
+/// The expected derivatives follow from Hertz, a = √(Rd) and p₀ = (2E/π) √(d/R), and from N₀ = a/(4UkE).
 #[tokio::test(flavor = "multi_thread")]
-async fn closed_derivatives_are_those_of_the_formulas() {
+async fn derivatives_in_closed_form_agree_with_the_formulas() {
     let server = Server::start().await;
     let path = address(&server, &ball()).await;
     let query = "?outputs=scales.contact_radius,unworn.peak_pressure,scales.cycles\
@@ -53,7 +53,8 @@ async fn closed_derivatives_are_those_of_the_formulas() {
     }
 }
 
-/// With Δ = G*U/(μE*d₀), ln V and ln F depend on ln μ as on −ln Δ, and the scale of Q is proportional to μ.
+/// The table has derivatives with respect to the dimensionless amplitude Δ = G*U/(μE*d₀). The wear volume and the
+/// normal force depend on ln μ as on −ln Δ. The scale of the tangential force Q is also proportional to μ.
 #[tokio::test(flavor = "multi_thread")]
 async fn stated_errors_cover_the_difference_to_the_independent_solver() {
     let table: Value =
@@ -119,7 +120,7 @@ async fn by_default_all_outputs_and_numbers_have_derivatives() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn faults_and_long_runs_are_refused() {
+async fn requests_with_faults_and_long_runs_are_refused() {
     let server = Server::start().await;
     let path = address(&server, &ball()).await;
     let problem =

@@ -17,7 +17,7 @@ fn ball(outputs: &Value) -> Value {
     json!({"scenario": steel_ball()["scenario"], "outputs": outputs})
 }
 
-/// The value of an output without an output cycle in a result.
+/// The value that a result has for an output whose name has no output cycle.
 fn in_result<'a>(result: &'a Value, name: &str) -> Option<&'a Value> {
     match name.split_once('.') {
         Some(("events", kind)) => {
@@ -30,7 +30,7 @@ fn in_result<'a>(result: &'a Value, name: &str) -> Option<&'a Value> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_numbers_of_an_evaluation_are_those_of_the_stored_result() {
+async fn the_numbers_of_an_evaluation_equal_those_of_the_stored_result() {
     let server = Server::start().await;
     let names: Vec<_> = OutputName::all().collect();
     let mut evaluated = 0;

@@ -29,8 +29,8 @@ use crate::program::{fails, run};
 use crate::server::{Gate, JSON, Reply, Server, ball, metric, send, steel_ball};
 use crate::store::{accepted, fresh, new_job, open, raw};
 
-/// A run of at most 1 s with the longest steps: most points, smallest tolerance, and the comparison with
-/// the simplified rule.
+/// A run of at most 1 s with the longest steps: the maximum number of points, the smallest tolerance, and the
+/// comparison with the simplified rule.
 fn heavy() -> Value {
     let mut body = steel_ball();
     let scenario = &mut body["scenario"];
@@ -80,7 +80,7 @@ async fn a_shutdown_under_load_refuses_new_jobs_and_keeps_accepted_ones() {
     let address = server.address;
     let first = id(&post(address, &heavy()).await.unwrap().json());
     while server.get(&format!("/v1/jobs/{first}")).await.json()["state"] != "running" {}
-    // Some jobs come before the shutdown, some during it; the first run takes long enough for both.
+    // Some jobs are submitted before the shutdown and some during it. The first run takes long enough for both.
     let before = submitting(address, 0..10).await;
     server.tell_to_end();
     let mut clients = JoinSet::new();
@@ -122,7 +122,7 @@ pub fn mounting(mount: &str, dir: &Path) -> Option<Command> {
     None
 }
 
-/// Fills a file system to the last block with a file, or with more of it.
+/// Fills a file system to the last block by appending to a file.
 pub fn fill(path: &Path) {
     let mut file = File::options().create(true).append(true).open(path).unwrap();
     for size in [1 << 16, 1 << 12] {
@@ -274,7 +274,7 @@ struct Control {
     /// The directories in /proc of the threads that have computed.
     threads: Mutex<HashSet<String>>,
     begun: AtomicU32,
-    /// The work ends when it is next done.
+    /// If this is set, the work ends when it is next done, instead of starting again.
     enough: AtomicBool,
     /// A test that holds the only permit stops the work before its next step.
     go: Semaphore,
@@ -397,7 +397,7 @@ async fn a_submission_during_cancellation_starts_a_new_run() {
     let server = server(control.compute()).await;
     let dying = id(&server.post("/v1/jobs", &heavy()).await.json());
     until_state(&server, &dying, "running").await;
-    // The run stops before its next step, so it cannot see the cancellation yet.
+    // While the test holds the permit, the run waits before its next step, so it does not notice the cancellation.
     let held = control.go.acquire().await.unwrap();
     assert_eq!(cancel(&server, &dying).await["state"], "canceling");
     let new = server.post("/v1/jobs", &heavy()).await.json();
@@ -470,7 +470,7 @@ async fn jobs_can_be_read_and_cancelled_while_the_queue_is_full() {
     let server = Server::with(gate.compute(), &Settings::default(), &options).await;
     let address = server.address;
     let over = Arc::new(AtomicBool::new(false));
-    // This client submits without pause, so it mostly meets a full queue.
+    // This client submits without pause, so the queue is full most of the time.
     let filling = tokio::spawn({
         let over = Arc::clone(&over);
         async move {

@@ -79,7 +79,7 @@ fn texts_of_the_figures_do_not_overlap() {
     }
 }
 
-/// Marks whose names would overlap.
+/// Marks that are so close that their names would overlap.
 fn marks(values: &[f64]) -> Vec<(f64, String)> {
     values.iter().map(|value| (*value, "limit".to_owned())).collect()
 }

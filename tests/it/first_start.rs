@@ -47,7 +47,7 @@ async fn interrupted(from: &Path) -> TempDir {
     let options = SqliteConnectOptions::new().filename(dir.path().join("fretwork.db"));
     let mut db = SqliteConnection::connect_with(&options).await.unwrap();
     db.execute("PRAGMA cache_size = 1; BEGIN IMMEDIATE").await.unwrap();
-    // Each statement changes pages, for which the cache has no place.
+    // Each statement changes more pages than the cache can hold. So SQLite writes pages before the commit.
     for statement in [
         "UPDATE result_blob SET body = zeroblob(length(body))",
         "UPDATE job SET label = hex(zeroblob(500))",
@@ -88,7 +88,7 @@ async fn a_restored_database_does_not_get_the_journal_of_the_former_one() {
     let file = new.path().join("fretwork.db");
     let crashed = interrupted(old.path()).await;
     let (_, former) = restore(crashed.path(), &file, true).await.unwrap();
-    // Without a database, a journal may still be there.
+    // The journal may remain although the database file is gone.
     let alone = interrupted(old.path()).await;
     fs::remove_file(alone.path().join("fretwork.db")).unwrap();
     restore(alone.path(), &file, false).await.unwrap();
@@ -102,14 +102,14 @@ async fn a_restored_database_does_not_get_the_journal_of_the_former_one() {
         store.close().await;
         is_intact(dir).await;
     }
-    // The former database is whole.
+    // The database that the restore has moved aside is intact.
     let dir = TempDir::new().unwrap();
     restore(dir.path(), &former.unwrap(), false).await.unwrap();
     let store = open(dir.path()).await;
     assert!(body(&store, 1).await.len() > 20_000 && !store.has_result(&key(4)).await.unwrap());
 }
 
-/// `number` in tests/long, otherwise a tenth.
+/// The number of rounds: `number` in tests/long, otherwise a tenth of it.
 fn rounds(number: u64) -> u64 {
     if env::var_os("FRETWORK_TEST_LONG").is_some() { number } else { number / 10 }
 }
@@ -124,7 +124,7 @@ fn kill_after(words: &[&str], dir: &Path, time: Duration) {
     command.arg("--data-dir").arg(dir).stdout(Stdio::null()).stderr(Stdio::null());
     let mut child = command.spawn().unwrap();
     sleep(time);
-    // It may have ended already.
+    // The command may have ended already.
     let _ = child.kill();
     child.wait().unwrap();
 }
@@ -149,7 +149,8 @@ async fn every_directory_starts_again_after_a_kill_in_its_first_milliseconds() {
     let (old, oldest) = (TempDir::new().unwrap(), TempDir::new().unwrap());
     upgrade::write_database(old.path());
     write_first_version(oldest.path()).await;
-    // With the number of results and jobs of each. A server also computes the unfinished runs of an earlier version.
+    // Each directory has its number of results and of jobs. A server also computes the unfinished runs of an earlier
+    // version.
     let kinds = [(&saved, 3, 3), (&empty, 0, 0), (&saved, 3, 3), (&old, 2, 7), (&oldest, 0, 1)];
     let mut dice = dice();
     for round in 0..rounds(300) {

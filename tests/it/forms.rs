@@ -183,7 +183,7 @@ async fn numbers_are_equal_in_all_text_formats_and_rounded_on_request() {
     for part in RUN_TABLES {
         let path = format!("{address}/{}", part.name());
         let table = server.get(&path).await;
-        // Character by character as in the stored document.
+        // The table equals that of the stored document character by character.
         let (_, text) = table.text().split_once(&format!("\"{}\":", part.name())).unwrap();
         assert!(whole.text().contains(&text[..text.len() - 1]), "{part:?}");
 
@@ -427,7 +427,7 @@ async fn a_large_table_is_sent_while_it_is_written() {
     let tag = streamed.header("etag").unwrap();
     let again = server.send("GET", &target, &[("If-None-Match", tag)], "").await;
     assert_eq!(again.status, 304);
-    // A fault is found before the first row.
+    // A fault of the request is reported before the first row is sent.
     let missing = server.get(&format!("{address}/profiles?format=ndjson&fields=volume")).await;
     missing.problem(422, "invalid-parameters");
 }
@@ -446,7 +446,7 @@ async fn a_result_too_large_for_memory_is_decompressed_while_it_is_sent() {
         assert_eq!(plain.header("content-length"), Some(json.len().to_string().as_str()));
         assert!(plain.body == json && plain.header("content-encoding").is_none());
     }
-    // A view of it is as long, and a selection is short.
+    // A view with rounded numbers is also streamed. A selection is short.
     let view = server.get(&format!("{address}?digits=4")).await;
     assert_eq!(view.header("transfer-encoding"), Some("chunked"));
     let view: Value = serde_json::from_slice(&joined(&view.body)).unwrap();

@@ -1,5 +1,5 @@
-//! The disk is full again and again, at random moments under load. No acknowledged job is lost, `/readyz` tells, lists
-//! can be read, and the service resumes.
+//! The disk becomes full again and again, at random moments under load. No acknowledged job is lost, `/readyz` reports
+//! the full disk, lists can be read, and the service resumes.
 
 use std::collections::HashMap;
 use std::env;
@@ -23,10 +23,11 @@ use crate::program::fretwork;
 use crate::server::{JSON, Server, ball, metric, send};
 use crate::store::raw;
 
-/// `/readyz` must tell within this time, and the service must resume within it.
+/// `/readyz` must report a full disk within this time. After the disk is freed, the service must resume within this
+/// time.
 const BOUND: Duration = Duration::from_secs(5);
 
-/// What the clients share.
+/// The state that the clients share.
 #[derive(Default)]
 struct Shared {
     submitted: AtomicU32,
@@ -72,13 +73,13 @@ async fn within_bound(what: &str, mut holds: impl AsyncFnMut() -> bool) {
     }
 }
 
-/// Fills the disk until `/readyz` tells, and frees it again.
+/// Fills the disk until `/readyz` reports it, and frees it again.
 async fn one_full_disk(server: &Program, filler: &Path, shared: &Shared) {
     let accepted = || shared.accepted.load(Ordering::SeqCst);
     let refused = || shared.refused.load(Ordering::SeqCst);
     let (mut since, mut before) = (Instant::now(), (accepted(), refused()));
     loop {
-        // The server writes meanwhile, so the last blocks may be its own.
+        // The server writes at the same time, so it may have taken the last blocks and still have space.
         fill(filler);
         let reply = server.get("/readyz").await;
         if reply.status != 200 {
@@ -86,7 +87,7 @@ async fn one_full_disk(server: &Program, filler: &Path, shared: &Shared) {
             assert!(problem["detail"].as_str().unwrap().contains("no space is left"), "{problem}");
             break;
         }
-        // Jobs are accepted on a full disk while the log has space that is used again.
+        // On a full disk, jobs are accepted as long as the log has space that can be reused.
         if accepted() > before.0 || refused() == before.1 {
             (since, before) = (Instant::now(), (accepted(), refused()));
         }
@@ -109,7 +110,7 @@ async fn one_full_disk(server: &Program, filler: &Path, shared: &Shared) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn full_disks_at_random_moments_lose_no_acknowledged_job() {
-    // tests/long runs all.
+    // By default 2 rounds are run; tests/long runs all 100.
     let disks = if env::var_os("FRETWORK_TEST_LONG").is_some() { 100 } else { 2 };
     let seed = env::var("FRETWORK_TEST_SEED").map_or(1, |seed| seed.parse().unwrap());
     let dir = TempDir::new().unwrap();
@@ -166,9 +167,10 @@ async fn fill_database(db: &mut PgConnection) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn readyz_tells_that_the_disk_of_postgresql_is_full() {
+async fn readyz_reports_that_the_disk_of_postgresql_is_full() {
     let dir = TempDir::new().unwrap();
-    // The server of PostgreSQL does not run as root, and so in no namespace of an unprivileged user.
+    // The PostgreSQL server does not run as root, so it cannot run in the mount namespace of an unprivileged user.
+    // Only root can create a namespace that works here.
     let is_root = rustix::process::geteuid().is_root();
     if !is_root || mounting("mount -t tmpfs tmpfs \"$0\"", dir.path()).is_none() {
         return;
@@ -204,7 +206,7 @@ async fn readyz_tells_that_the_disk_of_postgresql_is_full() {
     assert!(problem["detail"].as_str().unwrap().contains("no space is left"), "{problem}");
     let full = "fretwork_store_errors_total{kind=\"full\"}";
     assert!(metric(server.address, full).await >= f64::from(refused));
-    // That of the directory which the settings name.
+    // The metric is the free space of the directory that the settings name.
     assert!(metric(server.address, "fretwork_disk_free_bytes").await > 0.0);
 
     db.execute("DROP TABLE filler").await.unwrap();
@@ -213,7 +215,7 @@ async fn readyz_tells_that_the_disk_of_postgresql_is_full() {
     server.end();
 }
 
-/// A change in a data directory, by its path.
+/// A function that changes the data directory at a path.
 type Change = fn(&Path);
 
 #[tokio::test(flavor = "multi_thread")]
@@ -244,7 +246,7 @@ async fn the_server_stops_writing_when_a_file_of_its_database_is_gone() {
     for (what, change, back) in changes {
         let parent = TempDir::new().unwrap();
         let dir = parent.path().join("data");
-        // The worker cannot store what it computes, and gives up early.
+        // The worker cannot store its result. With this option it gives up after 1 s.
         let command = fretwork(&["--workers", "1", "--drain-seconds", "1"]);
         let server = Program::start_by(command, &dir);
         let mut acknowledged = Vec::new();
@@ -264,7 +266,7 @@ async fn the_server_stops_writing_when_a_file_of_its_database_is_gone() {
         reply.unwrap().problem(503, "not-ready");
         assert!(metric(server.address, "fretwork_store_errors_total{kind=\"moved\"}").await >= 2.0);
 
-        // Its end saves what it has acknowledged.
+        // When the server ends, it saves everything that it has acknowledged.
         server.end();
         back(&dir);
         let server = Program::start(&dir, "1");

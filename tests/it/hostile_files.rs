@@ -68,7 +68,7 @@ async fn a_hostile_export_is_refused_quickly_and_in_little_memory() {
     let cases = [
         (view("results"), no_export),
         (view("bodies"), no_export),
-        // The name of the view is in the schema as that of a table.
+        // The schema lists the view as if it were a table.
         (
             format!(
                 "{}; PRAGMA writable_schema = ON;
@@ -88,7 +88,7 @@ async fn a_hostile_export_is_refused_quickly_and_in_little_memory() {
         (format!("UPDATE bodies SET body = zeroblob({HUGE})"), "its body has more than"),
         (format!("UPDATE bodies SET key = CAST(zeroblob({HUGE}) AS TEXT)"), no_export),
         (format!("UPDATE results SET key = zeroblob({HUGE})"), no_export),
-        // Without an index each body is looked for in all rows.
+        // Without an index, the search for each body would read all rows.
         (
             format!(
                 "{}; {ENDLESS} INSERT INTO bodies (key) SELECT i FROM n LIMIT 300000",
@@ -179,7 +179,7 @@ async fn a_backup_with_a_foreign_trigger_or_table_is_refused() {
         assert!(said.contains(name) && said.contains(file.to_str().unwrap()), "{said}");
         assert!(!data.exists());
     }
-    // The backup itself is sound.
+    // The unchanged backup can be restored.
     let data = target.path().join("data");
     restore(&data, &sound, false).await.unwrap();
     open(&data).await.close().await;

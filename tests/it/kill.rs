@@ -135,12 +135,12 @@ async fn submit(address: SocketAddr, body: &Value, headers: &[(&str, &str)]) -> 
     Ok(id(&job))
 }
 
-/// Results of scenarios by their numbers, with the scenarios themselves.
+/// The job bodies of the numbered scenarios, each with its result.
 fn bodies_of(results: HashMap<u32, Vec<u8>>) -> impl Iterator<Item = (Value, Vec<u8>)> {
     results.into_iter().map(|(number, result)| (long(number), result))
 }
 
-/// Asserts that a server that is not killed computes the same results of these bodies.
+/// Asserts that a server that is not killed computes the same results from these job bodies.
 pub async fn equal_undisturbed_results(results: impl IntoIterator<Item = (Value, Vec<u8>)>) {
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "2");
@@ -173,7 +173,7 @@ async fn each_key_was_completed_once(dir: &Path, keys: u32) {
 async fn every_acknowledged_job_is_completed_once_after_a_kill() {
     let dir = TempDir::new().unwrap();
     let server = Program::start(dir.path(), "1");
-    // Many at once, so that the worker cannot keep up with them on a busy machine.
+    // Many jobs are submitted at once, so that the worker cannot keep up with them on a busy machine.
     let mut ids = Vec::new();
     for first in (0..JOBS).step_by(20) {
         ids.extend(join_all((first..first + 20).map(|number| server.submit(number))).await);
@@ -242,13 +242,13 @@ struct Asked {
     number: u32,
     /// The Idempotency-Key.
     name: String,
-    /// It has the tag by which many jobs are canceled at once.
+    /// Whether it has the tag by which many jobs are canceled at once.
     tagged: bool,
     /// `None` before it is acknowledged.
     id: Option<String>,
-    /// A client has asked to cancel it.
+    /// Whether the client has asked to cancel it.
     canceled: bool,
-    /// A client has asked to delete it.
+    /// Whether the client has asked to delete it.
     deleted: bool,
     /// The states that were received as events.
     heard: Vec<String>,
@@ -271,7 +271,8 @@ impl Client {
 
     async fn act(&mut self, address: SocketAddr, numbers: u32) -> io::Result<()> {
         if let Some(lost) = self.asked.iter().position(|asked| asked.id.is_none()) {
-            // The server may have received it. With its idempotency key it stays one job.
+            // The server may have received this submission although its answer was lost. The idempotency key prevents
+            // a second job.
             return self.send(address, lost).await;
         }
         let some = self.dice.below(self.asked.len().max(1) as u64) as usize;
@@ -300,7 +301,7 @@ impl Client {
     async fn send(&mut self, address: SocketAddr, some: usize) -> io::Result<()> {
         let asked = &mut self.asked[some];
         if asked.deleted {
-            // Its idempotency key is free again, and would create a new job.
+            // The deletion has freed the idempotency key, so another submission would create a new job.
             return Ok(());
         }
         let mut body = long(asked.number);
@@ -339,7 +340,7 @@ impl Client {
         Ok(())
     }
 
-    /// Listens to events for a moment, and continues after the last one it has received.
+    /// Reads events for a short time, starting after the last event that it has received.
     async fn listen(&mut self, address: SocketAddr, some: usize) -> io::Result<()> {
         let asked = &mut self.asked[some];
         let (id, last) = (asked.id.as_ref().unwrap(), asked.heard.len() as u32);
@@ -441,7 +442,7 @@ async fn repeated_kills_under_load_lose_no_job_and_change_no_result() {
     let lost = asked().filter(|asked| asked.id.is_none()).count();
     let unknown: Vec<_> = server.jobs("").await.into_iter().map(|job| id(&job)).collect();
     let unknown = unknown.iter().filter(|id| !known.contains(*id)).count();
-    assert!(unknown <= lost, "{unknown} jobs that nobody knows, {lost} answers lost at the end");
+    assert!(unknown <= lost, "{unknown} jobs that no client knows, {lost} answers lost at the end");
     server.end();
     no_key_was_completed_twice(dir.path()).await;
     equal_undisturbed_results(bodies_of(results)).await;

@@ -93,7 +93,7 @@ async fn results_are_found_by_inputs_and_outputs() {
         let expected: Vec<&str> = places.iter().map(|place| all[*place].as_str()).collect();
         assert_eq!(keys(&found), expected, "{query}");
     }
-    // The values in the list are those of the result.
+    // Each value in the list equals that of the result.
     for entry in list(&server, "").await {
         let link = entry["link"].as_str().unwrap();
         let body = server.get(link).await;
@@ -264,7 +264,7 @@ async fn a_result_keeps_the_warnings_of_a_queued_job_and_of_a_new_computation() 
     let at = job["links"]["result"].as_str().unwrap();
     let warnings = format!("{at}/warnings");
     assert_yields(&server.get(&warnings).await.json()["warnings"]);
-    // They outlive the result, until another job computes it again.
+    // The warnings are kept after the result is deleted, until another job computes it again.
     assert_eq!(server.send("DELETE", at, &[], "").await.status, 204);
     assert_yields(&server.get(&warnings).await.json()["warnings"]);
     assert_eq!(server.compute(&steel_ball()).await.json()["origin"], "computed");
@@ -448,7 +448,7 @@ async fn a_diff_lists_the_parameters_and_outputs_that_differ() {
         (&again["b"]["result"], &again["parameters"]),
         (&json!("dropped"), &diff["parameters"])
     );
-    // Units do not matter.
+    // Scenarios that differ only in units are the same.
     let sides = json!({"a": {"key": a["key"]}, "b": {"scenario": steel_ball()["scenario"]}});
     let same = server.post("/v1/results/diff", &sides).await.json();
     assert_eq!((&same["same_scenario"], &same["parameters"]), (&json!(true), &json!([])));
@@ -472,7 +472,7 @@ async fn an_unknown_scenario_is_compared_with_the_nearest_result() {
     assert!(diff["outputs"].is_null());
     let known = server.post("/v1/results/diff", &scenario(&ball(2.5))).await.json();
     assert_eq!((&known["b"]["key"], &known["same_scenario"]), (&json!(all[2]), &json!(true)));
-    // A stored result is compared with another one.
+    // A stored result is compared with the nearest other result.
     let other = server.post("/v1/results/diff", &json!({"a": {"key": all[1]}})).await.json();
     assert_eq!(other["b"]["key"], all[2].as_str(), "{other}");
 }
@@ -529,7 +529,7 @@ async fn the_outline_table_has_a_column_for_each_searchable_value() {
         .chain(WORDS.iter().map(|word| word.name))
         .chain(SCALARS.iter().map(|scalar| scalar.name));
     assert_eq!(columns, known.map(str::to_owned).collect::<HashSet<_>>());
-    // The shapes are those of the engine.
+    // The schema of the engine has all shapes that users can search by.
     let schema: Value = serde_json::from_str(fretwork_engine::scenario::SCHEMA).unwrap();
     let schema = schema.to_string();
     let shapes = WORDS.iter().find(|word| word.name == "shape").unwrap();
@@ -671,7 +671,7 @@ async fn opening_a_database_adds_missing_outlines() {
     sqlx::query("DELETE FROM outline").execute(&mut raw(copy.path()).await).await.unwrap();
     let store = crate::store::open(copy.path()).await;
     assert_eq!(store.search(&all, None, 9).await.unwrap(), whole);
-    // Without its body, only the scenario and the summary of the deleted result are known.
+    // A deleted result has no body. Its outline comes from its scenario and its summary.
     let listed = store.search(&evicted, None, 9).await.unwrap().results.remove(0);
     let numbers = listed.outline.scalars();
     assert_eq!((listed.key.to_string(), &numbers["friction"]), (keys[1].clone(), &json!(0.7)));

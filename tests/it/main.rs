@@ -9,7 +9,7 @@
     reason = "tests check the program by other means, and may stop at the first failure"
 )]
 
-/// Makes a test of each function for each engine.
+/// Makes two tests of each function: one with SQLite and one with PostgreSQL.
 macro_rules! on_both {
     ($($name:ident),* $(,)?) => {
         mod sqlite {

@@ -9,7 +9,7 @@ async fn the_metrics_are_prometheus_text_unless_openmetrics_is_preferred() {
     let server = Server::start().await;
     let plain = server.get("/metrics").await;
     assert_eq!(plain.header("content-type"), Some("text/plain; version=0.0.4; charset=utf-8"));
-    // The header of Prometheus 2.42.
+    // The `Accept` header of Prometheus 2.42.
     let wanted = "application/openmetrics-text;version=1.0.0,application/openmetrics-text;version=0.0.1;q=0.75,\
         text/plain;version=0.0.4;q=0.5,*/*;q=0.1";
     let open = server.send("GET", "/metrics", &[("Accept", wanted)], "").await;
@@ -25,7 +25,7 @@ async fn the_metrics_are_prometheus_text_unless_openmetrics_is_preferred() {
         assert!(plain.text().lines().any(|line| line == prometheus), "{}", plain.text());
         assert!(open.text().lines().any(|line| line == open_metrics), "{}", open.text());
     }
-    // Both have the same samples.
+    // Both formats have the same samples.
     let samples = |text: &str| -> Vec<String> {
         let lines = text.lines().filter(|line| !line.starts_with('#'));
         lines.filter_map(|line| Some(line.rsplit_once(' ')?.0.to_owned())).collect()
@@ -45,10 +45,10 @@ async fn metrics_show_the_process_and_its_files() {
     let now = fretwork_job::clock::now() as f64 / 1e3;
     assert!((now - 60.0..=now).contains(&started), "{started} {now}");
     let idle = [(); 20].map(|()| std::net::TcpStream::connect(address).unwrap());
-    // The listener accepts the connections in their order, and the one that asks is the last.
+    // The server accepts connections in order. So all idle connections are open when it answers this request.
     let files = metric(address, "process_open_fds").await;
     drop(idle);
-    // The server may close other files too, which it has opened to start.
+    // The server may also close files that it opened only for its start.
     eventually(async || metric(address, "process_open_fds").await <= files - 20.0).await;
     assert!(metric(address, "process_max_fds").await > files);
     assert!(metric(address, "process_cpu_seconds_total").await > 0.0);

@@ -54,7 +54,7 @@ async fn computed(server: &Server, amplitudes: &[f64]) -> Vec<String> {
     keys
 }
 
-/// Exports all results; returns how many.
+/// Exports all results; returns their number.
 pub async fn export_all(server: &Server, file: &Path) -> u64 {
     let all = Search::default();
     export(server.place(), file, &all, &[], &mut quiet).await.unwrap().results
@@ -248,7 +248,7 @@ async fn altered_results_are_refused_and_the_others_are_imported() {
     .execute(&mut db)
     .await
     .unwrap();
-    // No body, no digest, no key.
+    // A result without a body, one with an invalid digest, and one with an invalid key.
     sqlx::query("DELETE FROM bodies WHERE key = ?1").bind(&keys[4]).execute(&mut db).await.unwrap();
     sqlx::query("UPDATE results SET sha256 = 'none' WHERE key = ?1")
         .bind(&keys[5])
@@ -287,7 +287,7 @@ async fn importing_a_different_result_under_a_known_key_is_refused() {
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("results.db");
     export_all(&from, &file).await;
-    // A sound result, as a machine that computes other digits would export it.
+    // A valid result, as a machine that computes other digits would export it.
     let mut db = open_file(&file).await;
     let body: String =
         sqlx::query_scalar("SELECT body FROM bodies").fetch_one(&mut db).await.unwrap();
@@ -629,7 +629,7 @@ async fn export_and_restore_refuse_a_database_of_another_version() {
         .unwrap();
     let refused = export(dir.path().into(), &file, &all, &[], &mut quiet).await;
     assert!(matches!(refused, Err(Moving::Store(Error::Newer { found: 999, .. }))), "{refused:?}");
-    // A backup is possible, but not a restore.
+    // A database of a later version can be backed up, but not restored.
     backup(dir.path(), &file).await.unwrap();
     let refused = restore(&dir.path().join("other"), &file, false).await;
     assert!(matches!(refused, Err(Moving::Store(Error::Newer { .. }))), "{refused:?}");
@@ -731,7 +731,7 @@ async fn a_manually_copied_backup_ignores_an_old_write_ahead_log() {
         .await
         .unwrap();
     assert_eq!(said, "ok");
-    // A database keeps its own log.
+    // A database that was not replaced keeps its log.
     let own = crate::store::crash(server.dir.path());
     let store = Store::open(own.path().into(), &Options::default()).await.unwrap();
     assert!(store.has_result(&later[0].parse().unwrap()).await.unwrap());

@@ -28,7 +28,8 @@ use crate::store::{accepted, answer, claim, job, key, new_job};
 use crate::studies::{long_sweep, processor_time};
 use crate::team::{Listener, has, states};
 
-/// A notification arrives after some milliseconds. Without one, a server looks after 5 s.
+/// Limit for an effect of a notification, which arrives within milliseconds. Without one, a server reads the tables
+/// after 5 s.
 const SOON: Duration = Duration::from_secs(1);
 
 /// An empty database, opened by a number of servers.
@@ -38,7 +39,7 @@ async fn servers<const COUNT: usize>() -> (Database, [Store; COUNT]) {
     for _ in 0..COUNT {
         stores.push(db.open().await);
     }
-    // They begin to listen in the background.
+    // The servers begin to listen to notifications in the background.
     let listening = "SELECT count(*) FROM pg_stat_activity
         WHERE datname = current_database() AND query ILIKE 'LISTEN%'";
     eventually(async || db.count(listening).await.unsigned_abs() == COUNT as u64).await;
@@ -143,7 +144,7 @@ async fn a_wait_at_one_server_ends_when_another_one_ends_the_job() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_worker_hears_of_a_run_that_another_server_has_queued() {
+async fn a_worker_is_notified_of_a_run_that_another_server_has_queued() {
     let (_db, [front, worker]) = servers().await;
     assert!(worker.claim().await.unwrap().is_none());
     let mut queue = worker.watch_queue();
@@ -177,12 +178,12 @@ async fn a_lease_that_is_not_renewed_is_taken_away_and_its_worker_changes_nothin
     let dying = db.open_with(&lease).await;
     let submitted = accepted(dying.submit(new_job(1)).await);
     let claimed = claim(&dying).await;
-    // Its tasks renew the lease.
+    // The background tasks of the store renew its lease.
     let other = db.open_with(&lease).await;
     sleep(Duration::from_secs(2)).await;
     assert_eq!(other.recover().await.unwrap(), Recovered::default());
     assert_eq!(job(&other, submitted.id).await.state, JobState::Running);
-    // It stops as if the machine were switched off: it closes nothing.
+    // The store stops as if its machine were switched off. It does not give the lease back.
     dying.close().await;
     eventually(async || job(&other, submitted.id).await.state == JobState::Queued).await;
     let second = claim(&other).await;
@@ -196,7 +197,8 @@ async fn a_lease_that_is_not_renewed_is_taken_away_and_its_worker_changes_nothin
     assert_eq!(other.finish(&second, &answer("a"), Cost::ZERO).await.unwrap(), Finish::Stored);
 }
 
-/// Sets the clock of a database ahead by a number of seconds, or back. The service reads it only by this function.
+/// Replaces the SQL function by which the service reads the clock of a database. The new clock is ahead by a number of
+/// seconds, which may be negative.
 async fn set_clock(db: &mut PgConnection, ahead: i64) {
     let change = format!(
         "CREATE OR REPLACE FUNCTION moment() RETURNS BIGINT LANGUAGE sql STABLE
@@ -206,11 +208,11 @@ async fn set_clock(db: &mut PgConnection, ahead: i64) {
     sqlx::raw_sql(sqlx::AssertSqlSafe(change)).execute(db).await.unwrap();
 }
 
-/// An hour and a day, in seconds.
+/// Steps of the clock by an hour or a day, in seconds.
 const STEPS: [i64; 6] = [3600, 3600, 86_400, -3600, -86_400, 86_400];
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn steps_of_the_clock_of_the_database_take_no_lease_of_a_living_node() {
+async fn no_living_node_loses_its_lease_when_the_clock_of_the_database_steps() {
     let db = Database::new(Engine::Postgres);
     let lease = Options { lease: Duration::from_secs(1), ..Options::default() };
     let (worker, other) = (db.open_with(&lease).await, db.open_with(&lease).await);
@@ -219,7 +221,7 @@ async fn steps_of_the_clock_of_the_database_take_no_lease_of_a_living_node() {
     let mut raw = PgConnection::connect(&db.address()).await.unwrap();
     let mut ahead = 0;
     for step in STEPS {
-        // The other server could take leases before the step.
+        // After this time the other server could take leases away, if they had expired.
         sleep(Duration::from_millis(800)).await;
         ahead += step;
         set_clock(&mut raw, ahead).await;
@@ -244,7 +246,7 @@ async fn the_lease_of_a_dead_node_ends_after_a_step_of_the_clock_in_each_directi
         set_clock(&mut raw, ahead).await;
         let stepped = Instant::now();
         eventually(async || job(&other, submitted.id).await.state == JobState::Queued).await;
-        // Lease and margin take 1.2 s. The rest is for a slow machine.
+        // The lease and its margin take 1.2 s. The limit is longer for slow machines.
         assert!(stepped.elapsed() < Duration::from_secs(4), "{:?}", stepped.elapsed());
         let again = claim(&other).await;
         assert_eq!(again.key, key(number));
@@ -253,7 +255,7 @@ async fn the_lease_of_a_dead_node_ends_after_a_step_of_the_clock_in_each_directi
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_server_with_a_shorter_lease_leaves_longer_ones_alone() {
+async fn a_server_with_a_short_lease_takes_no_longer_lease_away() {
     let db = Database::new(Engine::Postgres);
     let lease = |seconds| Options { lease: Duration::from_secs(seconds), ..Options::default() };
     let (worker, other) = (db.open_with(&lease(30)).await, db.open_with(&lease(1)).await);
@@ -286,7 +288,7 @@ async fn a_server_runs_beside_a_later_one_until_the_tables_require_the_later_one
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn nodes_that_die_together_count_once_for_a_study() {
+async fn nodes_that_die_together_count_as_one_loss_of_a_study() {
     let (db, [store]) = servers().await;
     let submitted = accepted(store.submit(study(1, 5)).await);
     for _ in 0..4 {
@@ -301,7 +303,7 @@ async fn nodes_that_die_together_count_once_for_a_study() {
         assert_eq!(lost(number).await, requeued, "chunk {number}");
     }
     assert_eq!(job(&store, submitted.id).await.state, JobState::Running);
-    // Without a finished chunk, the third time in all ends it.
+    // If no chunk is finished in between, the third loss ends the study.
     db.execute("UPDATE study SET died = 0, lost = 2").await;
     assert_eq!(lost(3).await.failed, 1);
 }
@@ -318,20 +320,20 @@ async fn workers_of_another_numerics_version_leave_a_run_in_the_queue() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn connections_that_were_cut_are_made_again() {
+async fn a_store_reconnects_after_its_connections_were_cut() {
     let (db, [store, other]) = servers().await;
     for number in 0..3 {
         accepted(store.submit(new_job(number)).await);
         let cut = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
             WHERE datname = current_database() AND pid <> pg_backend_pid()";
         assert!(db.count(cut).await >= 2);
-        // Reads and changes go on at once.
+        // Reads and changes work again at once.
         let claimed = claim(&store).await;
         assert_eq!(claimed.key, key(number));
         let finish = store.finish(&claimed, &answer("a"), Cost::ZERO).await.unwrap();
         assert_eq!(finish, Finish::Stored);
     }
-    // So do notifications.
+    // Notifications work again too.
     let told = async || {
         let mut queue = other.watch_queue();
         store.submit(new_job(next_number())).await.unwrap();
@@ -340,13 +342,13 @@ async fn connections_that_were_cut_are_made_again() {
     eventually(told).await;
 }
 
-/// The number of a job that no other submission has.
+/// A number for a job that no other submission has.
 fn next_number() -> u8 {
     static NEXT: AtomicU8 = AtomicU8::new(100);
     NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
-/// A server or worker of its own process.
+/// A command that starts a server or a worker on this PostgreSQL server.
 fn node(command: Command, cluster: &Cluster) -> Command {
     let mut command = command;
     command.env("FRETWORK_DATABASE", cluster.address()).env("FRETWORK_LEASE", "1s");
@@ -401,7 +403,8 @@ async fn stop_while_computing(workers: &[Running], db: &mut PgConnection) {
     }
 }
 
-/// Submits bodies to a server. Tries again while the server cannot reach the database. Returns each with the id of its job.
+/// Submits bodies to a server. Tries again while the server cannot reach the database. Returns each with the id of its
+/// job.
 async fn submit_all(server: &Program, bodies: Vec<Value>) -> Vec<(Value, String)> {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     let mut ids = Vec::new();
@@ -464,7 +467,7 @@ async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
     let mut all = Vec::new();
     let mut db = PgConnection::connect(cluster.address()).await.unwrap();
     let (mut round, mut interrupted) = (0, 0);
-    // A worker that is killed while it is idle proves nothing.
+    // Killing an idle worker proves nothing. So rounds follow until a worker was interrupted while it computed.
     while round < rounds() || interrupted == 0 {
         assert!(round < 80, "no worker was interrupted while it computed");
         let submitting = submit_all(&front, load(round));
@@ -473,7 +476,7 @@ async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
             signal_all(&workers, "-KILL");
             workers = [(); 3].map(|()| worker(&cluster));
         } else {
-            // Another worker takes their runs. They wake after their leases.
+            // Another worker takes over the runs of the frozen workers, which continue after their leases have expired.
             let _other = worker(&cluster);
             sleep(Duration::from_millis(2500)).await;
             signal_all(&workers, "-CONT");
@@ -506,7 +509,7 @@ fn very_long() -> Value {
     blocks(10)
 }
 
-/// A run that adapts to each of its blocks, with the smallest tolerance, which takes about half a second for each.
+/// A run of blocks with the smallest tolerance. Each block takes about half a second.
 fn blocks(count: u32) -> Value {
     let mut body = long(0);
     let scenario = &mut body["scenario"];
@@ -532,7 +535,7 @@ async fn no_lease_is_lost_while_the_database_does_not_answer() {
     while count().await == 0 {
         sleep(Duration::from_millis(5)).await;
     }
-    // Longer than a lease. All nodes then find it over at the same time.
+    // The database stops for longer than a lease. Then all nodes see at the same time that the lease has expired.
     cluster.signal("-STOP");
     sleep(Duration::from_secs(2)).await;
     cluster.signal("-CONT");
@@ -542,7 +545,7 @@ async fn no_lease_is_lost_while_the_database_does_not_answer() {
     assert_eq!((&job["state"], &job["attempt"]), (&json!("running"), &json!(1)), "{job}");
 }
 
-/// A scenario of some seconds that no other round has.
+/// A scenario that takes some seconds and that no other round has.
 fn slow(round: u32, number: u32) -> Value {
     let mut body = blocks(12);
     body["scenario"]["friction"] = json!(0.5 + 1e-6 * f64::from(2 * round + number));
@@ -551,13 +554,14 @@ fn slow(round: u32, number: u32) -> Value {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn every_run_ends_in_time_after_a_step_of_the_clock_of_the_database() {
-    // A lease of 1 s and its margin.
+    // The time after which a lease of 1 s is taken away, including the margin.
     const TAKEN: Duration = Duration::from_millis(1200);
     let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
     let file = NamedTempFile::new().unwrap();
     fs::set_permissions(file.path(), Permissions::from_mode(0o644)).unwrap();
     fs::write(file.path(), "+0").unwrap();
-    // PostgreSQL with the clock of the file takes a package to install, and is slow.
+    // A PostgreSQL server that reads its clock from a file needs another package and is slow. So only tests/long uses
+    // it.
     let options = ["--clock", file.path().to_str().unwrap()];
     let cluster = Cluster::start(if is_long { &options } else { &[] });
     let dir = TempDir::new().unwrap();
@@ -576,7 +580,7 @@ async fn every_run_ends_in_time_after_a_step_of_the_clock_of_the_database() {
         while sqlx::query_scalar::<_, i64>(running).fetch_one(&mut db).await.unwrap() < 2 {
             sleep(Duration::from_millis(5)).await;
         }
-        // The other servers are in contact with the database for as long as they need to take leases away.
+        // The other servers must be in contact with the database for some time before they take leases away.
         sleep(Duration::from_millis(600)).await;
         drop(dying);
         let third = worker(&cluster);
@@ -600,7 +604,7 @@ async fn every_run_ends_in_time_after_a_step_of_the_clock_of_the_database() {
     drop(living);
 }
 
-/// Waits until a server says that a job is canceled, for a second.
+/// Asserts that a server shows a job as canceled within a second.
 async fn is_soon_canceled(front: &Program, job: &str, since: Instant) {
     while front.get(&format!("/v1/jobs/{job}")).await.json()["state"] != "canceled" {
         assert!(since.elapsed() < SOON, "the job was not canceled within a second");
@@ -609,14 +613,14 @@ async fn is_soon_canceled(front: &Program, job: &str, since: Instant) {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn servers_and_workers_in_processes_of_their_own_act_as_one() {
+async fn separate_server_and_worker_processes_share_runs_results_and_cancellations() {
     let cluster = Cluster::start(&[]);
     let dirs = [(); 3].map(|()| TempDir::new().unwrap());
     let fronts = dirs.each_ref().map(|dir| front(&cluster, dir));
     let worker = worker(&cluster);
     let mut db = PgConnection::connect(cluster.address()).await.unwrap();
 
-    // Equal submissions through all of them are one run. A server computes a shorter one itself, without the queue.
+    // Equal submissions to all servers share one run. A server would compute a shorter run itself, without the queue.
     let mut submissions = JoinSet::new();
     for number in 0..64 {
         let address = fronts[number % 3].address;
@@ -632,7 +636,7 @@ async fn servers_and_workers_in_processes_of_their_own_act_as_one() {
     let runs = sqlx::query_scalar::<_, i64>("SELECT count(*) FROM run");
     assert_eq!(runs.fetch_one(&mut db).await.unwrap(), 1);
 
-    // A deleted result is forgotten by the server that has it in memory.
+    // A server that has a deleted result in memory stops serving it.
     let result = jobs[0].1["links"]["result"].as_str().unwrap();
     assert_eq!(fronts[0].get(result).await.status, 200);
     let deleted = send(fronts[1].address, "DELETE", result, &[], "").await.unwrap();
@@ -642,7 +646,7 @@ async fn servers_and_workers_in_processes_of_their_own_act_as_one() {
         assert!(since.elapsed() < SOON, "a deleted result is still served");
     }
 
-    // Events come through one of them, a cancellation through another one.
+    // One server sends the events of a job, and another server cancels the job.
     for body in [very_long(), long_sweep(250_000)] {
         let job = submit_all(&fronts[0], vec![body]).await.remove(0).1;
         let mut listener = Listener::connect(fronts[0].address, &job, None).await.unwrap();
@@ -675,7 +679,7 @@ async fn a_worker_answers_monitors_and_serves_nothing_else() {
     assert_eq!(metric(worker.address, "fretwork_workers").await, 1.0);
     let connections = metric(worker.address, "fretwork_database_connections").await;
     assert!((1.0..=9.0).contains(&connections), "{connections}");
-    // An alert must not call for `fretwork backup`, which refuses here.
+    // `fretwork backup` does not support PostgreSQL. So the metric must not cause an alert that asks for a backup.
     assert!(metric(worker.address, "fretwork_last_backup_timestamp_seconds").await.is_nan());
     for target in ["/", "/v1/jobs", "/version"] {
         let reply = worker.get(target).await;
@@ -704,7 +708,7 @@ async fn a_worker_that_drains_is_not_ready_and_releases_its_run() {
     let dir = TempDir::new().unwrap();
     let front = front(&cluster, &dir);
     let worker = monitored_worker(&cluster);
-    // It takes longer than the worker may drain.
+    // The job takes longer than the worker may drain.
     let job = submit_all(&front, vec![very_long()]).await.remove(0).1;
     let job = format!("/v1/jobs/{job}");
     eventually(async || front.get(&job).await.json()["state"] == "running").await;

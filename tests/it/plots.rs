@@ -1,5 +1,4 @@
-//! Figures of results: of every example and every quantity, well formed and legible, on the wire and
-//! from the command line.
+//! Figures of results: every quantity of every example is well formed and legible, over HTTP and from the command line.
 
 use std::fs;
 use std::path::PathBuf;
@@ -113,7 +112,7 @@ pub fn frame(document: &Document) -> [f64; 4] {
     [side("x"), side("y"), side("x") + side("width"), side("y") + side("height")]
 }
 
-/// Checks what all figures have in common.
+/// Checks the properties that all figures must have.
 fn sound(svg: &str, size: (u16, u16), name: &str) {
     assert!(legible(svg) > 5, "{name}");
     let document = Document::parse(svg).unwrap();

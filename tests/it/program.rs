@@ -216,7 +216,7 @@ fn the_announcements_of_a_server_follow_the_format_of_its_log() {
     assert_eq!(announced["data"], data[1]);
     assert_eq!(text(&run(&["health", "--url", address], "").stdout), "ok\n");
 
-    // The first key of a server that other machines can reach.
+    // A server that other machines can reach also announces its first key.
     let dir = TempDir::new().unwrap();
     let data = ["--listen", "0.0.0.0:0", "--data-dir", dir.path().to_str().unwrap()];
     let (_child, announced) = announcing(fretwork(&data));

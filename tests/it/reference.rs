@@ -7,7 +7,7 @@ use crate::server::{JSON, Server};
 /// All profiles that describe the indenter f = rⁿ/κₙ in units of a₀ = 1 mm and d₀ = 1 µm.
 fn profiles(exponent: f64) -> Vec<Value> {
     let (radius, depth) = (1e-3, 1e-6);
-    // κ_n = √π·Γ(n/2 + 1)/Γ(n/2 + 1/2), so that g = x^n: (3).
+    // κₙ = √π·Γ(n/2 + 1)/Γ(n/2 + 1/2), so that g = xⁿ: equation (3) of the source.
     let kappa = match exponent {
         1.0 => std::f64::consts::FRAC_PI_2,
         2.0 => 2.0,

@@ -158,11 +158,11 @@ async fn a_damaged_result_is_left_out_and_named_and_the_rest_is_restored() {
         assert!(store.known(&key(1)).await.unwrap().is_some(), "its scenario is kept");
         compute(&store, 1, 20_000).await;
         assert!(!body(&store, 1).await.is_empty());
-        // A database that cannot be copied as a whole is copied without chunks.
+        // If a link is damaged, the database is copied row by row, without the chunks of unfinished studies.
         let next = Piece::Chunk { number: u32::from(!a_link), of: 2 };
         assert_eq!(claim(&store).await.piece, next);
         store.close().await;
-        // The backup has no damage any more.
+        // The backup does not contain the damage.
         let (saved, _) = restore(&target.path().join("again"), &file, false).await.unwrap();
         assert_eq!((saved.results, saved.evicted, saved.damaged.len()), (4, 1, 0));
     }
@@ -182,7 +182,7 @@ async fn a_failed_restore_leaves_nothing_behind_and_names_the_option_to_replace(
     fails(&run(&words, ""), "add --replace");
     assert_eq!(names(dir.path()), before);
 
-    // An index of the tables is damaged, which no copy can leave out.
+    // The root page of the table `job` is damaged. A restore cannot leave out this table.
     let root = "SELECT rootpage FROM sqlite_schema WHERE name = 'job'";
     let copy = target.path().join("fretwork.db");
     fs::copy(&file, &copy).unwrap();

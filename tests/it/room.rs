@@ -35,12 +35,12 @@ fn logging(options: &[&str], log: &Path) -> Command {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_files_stay_within_keep_results_at_the_full_rate_of_writing() {
-    // tests/long takes as long as the issue of a user: 457 MB were kept, 20 MiB were allowed.
+    // tests/long runs as long as the server of a user whose files had 457 MB although 20 MiB were allowed.
     let long = env::var_os("FRETWORK_TEST_LONG").is_some();
     let (limit, time) = if long { (20 << 20, 120) } else { (4 << 20, 4) };
     let dir = TempDir::new().unwrap();
     let (limit_text, log) = (format!("{limit}B"), dir.path().join("log"));
-    // Unfinished jobs are never deleted. A long queue would leave no room for evicted scenarios.
+    // Unfinished jobs are never deleted. A long queue would leave no space for evicted scenarios.
     let options = ["--keep-results", &limit_text, "--queue-limit", "1000"];
     let server = Program::start_by(logging(&options, &log), dir.path());
     let address = server.address;
@@ -71,16 +71,16 @@ async fn the_files_stay_within_keep_results_at_the_full_rate_of_writing() {
     while !clients.is_empty() {
         let (file, log) = sizes(dir.path());
         (database, both) = (database.max(file), both.max(file + log));
-        // Readers must not prevent that the log starts anew.
+        // Readers must not prevent the server from reusing the log from its beginning.
         assert_eq!(server.get("/v1/results?limit=20").await.status, 200);
         while clients.try_join_next().is_some() {}
     }
     let evicted = metric(address, "fretwork_results_evicted_total").await;
     assert!(evicted > 100.0, "only {evicted} results were evicted");
     assert!(database * 10 <= limit * 12, "{database} bytes, {limit} are allowed");
-    // The log has a sixteenth of the limit, but at least 1 MB, until it starts anew.
+    // The log grows to a sixteenth of the limit, but at least to 1 MB, before it is reused from its beginning.
     assert!(both <= limit + limit / 5 + (4 << 20), "{both} bytes with the log");
-    // Some evicted results are still known; what was used longest ago is forgotten.
+    // Some evicted results are still listed. Those that were used longest ago are deleted completely.
     let listed = server.get("/v1/results?evicted=true&limit=1").await.json();
     let key = listed["results"][0]["key"].as_str();
     let gone = format!("/v1/results/{}", key.unwrap_or_else(|| panic!("{listed}")));
@@ -90,7 +90,7 @@ async fn the_files_stay_within_keep_results_at_the_full_rate_of_writing() {
     }
     server.end();
     let log = fs::read_to_string(&log).unwrap();
-    // On a busy machine the queue is full again and again.
+    // On a busy machine the queue may be full again and again, which adds these lines to the log.
     let full =
         |line: &str| line.contains("many answers with this status") && line.ends_with("status=503");
     let faults = log.lines().filter(|line| !full(line));
@@ -111,7 +111,7 @@ async fn space_is_given_back_while_the_server_is_busy() {
     assert!(before > 3 * limit, "{before}");
     let options = Options { budget: Some(limit), ..Options::default() };
     let store = Store::open(dir.path().into(), &options).await.unwrap();
-    // The pauses are too short for an idle writer task.
+    // The pauses between these writes are too short for the writer task to become idle.
     for number in 200..=255 {
         compute(&store, number, 10).await;
         tokio::time::sleep(Duration::from_millis(50)).await;

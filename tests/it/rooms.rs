@@ -1,5 +1,6 @@
-//! Reads the sources of all crates. Fails where a room uses a later room of its crate, where a room uses a library that
-//! is reserved to others, and where files use each other in a circle. Cargo.toml states which crate uses which.
+//! Checks the dependencies between modules in the sources of all crates. A room is a module with everything below it.
+//! The tests fail if a room uses a later room of its crate or a library that is reserved to other rooms, or if files
+//! depend on each other in a cycle. Cargo.toml states the dependencies between crates.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -12,13 +13,14 @@ use proc_macro2::{Delimiter, TokenStream, TokenTree};
 struct Layout {
     /// The directory of the sources.
     dir: &'static str,
-    /// A room is a module with everything below it, and may use the rooms before it. A crate can be a single room.
+    /// The rooms. Each may use the rooms before it. A crate can be a single room.
     rooms: &'static [&'static str],
-    /// A path, and the rooms that may use it.
+    /// Paths, each with the rooms that may use it.
     reserved: &'static [(&'static str, &'static [&'static str])],
 }
 
-/// What reads a clock, a file or the environment, or starts a thread. Physics and statistics depend on their input alone.
+/// What reads a clock, a file or the environment, or starts a thread. Physics and statistics depend on their input
+/// alone.
 const IMPURE: &[(&str, &[&str])] = &[
     ("std::env", &[]),
     ("std::fs", &[]),
@@ -96,11 +98,11 @@ fn is_in(room: &str, rooms: &[&str]) -> bool {
     })
 }
 
-/// The file that a crate begins with.
+/// The root module of a crate.
 const ROOT: &str = "lib";
 
 impl Layout {
-    /// The place of the room that owns a file or module, named like `store/read`. A room inside another room owns its
+    /// The index of the room that owns a file or module, named like `store/read`. A room inside another room owns its
     /// files alone.
     fn room(&self, name: &str) -> Option<usize> {
         let rooms = self.rooms.iter().enumerate().filter(|(_, room)| is_in(name, &[**room]));
@@ -113,14 +115,14 @@ type Names = Vec<String>;
 
 /// A path as a file writes it, such as `super::read::Page`.
 struct Mention {
-    /// The module in which it stands.
+    /// The module in which the path is written.
     at: Names,
     path: Names,
-    /// The path is re-exported by a `pub use`.
+    /// Whether a `pub use` re-exports the path.
     exported: bool,
-    /// The path stands inside `#[cfg(test)]`.
+    /// Whether the path is written inside `#[cfg(test)]`.
     test: bool,
-    /// The path stands in a documentation comment.
+    /// Whether the path is written in a documentation comment.
     doc: bool,
 }
 
@@ -351,7 +353,7 @@ impl Sources {
             }
             name => {
                 let import = self.imports.get(&(here.clone(), name.to_owned()))?;
-                // `use serde;` stands for itself.
+                // `use serde;` imports another crate, so there is no path to follow.
                 let known = import.first() != path.first();
                 return known.then(|| self.resolve(at, &[import, &path[1..]].concat()))?;
             }
@@ -407,7 +409,7 @@ impl Sources {
         out
     }
 
-    /// The files that each file uses, and a path by which it does.
+    /// The files that each file uses, each with a path that the using file contains.
     fn uses(&self) -> BTreeMap<&str, BTreeMap<&str, String>> {
         let mut out: BTreeMap<&str, BTreeMap<&str, String>> = BTreeMap::new();
         for mention in self.mentions.iter().filter(|mention| !mention.test && !mention.doc) {
@@ -422,7 +424,7 @@ impl Sources {
         out
     }
 
-    /// Each use that is part of a circle: the file that is used leads back to its user.
+    /// Each use that is part of a cycle: the used file depends, perhaps through others, on the file that uses it.
     fn circles(&self) -> BTreeSet<String> {
         let uses = self.uses();
         let leads_to = |from: &str, to: &str| {
@@ -500,7 +502,7 @@ fn every_file_belongs_to_one_room() {
 }
 
 #[test]
-fn statistics_know_no_json() {
+fn statistics_do_not_use_json() {
     for (file, text) in read_sources("crates/study/src/stats") {
         for word in ["json", "serde", "deserr"] {
             assert!(!text.contains(word), "stats/{file} uses {word}");

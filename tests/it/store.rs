@@ -57,7 +57,7 @@ pub fn accepted(submitted: Result<Submitted, Error>) -> Job {
 pub async fn open(dir: &Path) -> Store {
     for _ in 0..100 {
         match Store::open(dir.into(), &Options::default()).await {
-            // A program that another test is starting holds a copy of each open lock until it runs.
+            // While another test starts a program, the new process holds copies of all open locks for a moment.
             Err(Error::Locked { .. }) => sleep(Duration::from_millis(10)).await,
             opened => return opened.unwrap(),
         }
@@ -139,8 +139,8 @@ on_both! {
     the_live_job_of_a_key_is_the_oldest_unfinished_one,
     changes_requested_before_closing_are_committed,
     a_refused_recomputation_is_not_answered_from_the_cache,
-    an_answer_recorded_beside_a_live_run_is_stored_and_the_run_finds_the_same,
-    jobs_that_are_recorded_together_share_the_fate_of_the_first,
+    an_answer_that_is_recorded_during_a_run_is_stored_and_the_run_finds_it_equal,
+    equal_jobs_that_are_recorded_together_end_like_the_first,
 }
 
 async fn sixty_four_equal_submissions_share_one_run(on: Engine) {
@@ -572,7 +572,7 @@ async fn the_error_names_a_directory_that_cannot_be_created() {
 
 #[cfg(unix)]
 #[test]
-fn the_error_says_whose_a_directory_must_be() {
+fn the_error_names_the_required_owner_of_a_directory() {
     let source = std::sync::Arc::new(std::io::ErrorKind::PermissionDenied.into());
     let error = Error::Directory { dir: "/data".into(), source }.to_string();
     let (user, group) = (rustix::process::geteuid(), rustix::process::getegid());
@@ -601,7 +601,7 @@ fn chunks(number: u8) -> Option<NonZeroU32> {
     NonZeroU32::new([0, 0, 0, 2, 5][usize::from(number)])
 }
 
-/// What a chunk of the trial computes.
+/// The content of a chunk of the trial.
 fn chunk(key: &Key, number: u32) -> String {
     format!("chunk {number} of {key}\n")
 }
@@ -715,7 +715,7 @@ const INVARIANTS: [(&str, &str); 15] = [
     ),
 ];
 
-/// Invariants of what only SQLite stores.
+/// Invariants of columns that only SQLite has.
 const SQLITE_INVARIANTS: [(&str, &str); 2] = [
     (
         "an unfinished study with a piece that was lost too often",
@@ -730,7 +730,7 @@ const SQLITE_INVARIANTS: [(&str, &str); 2] = [
     ),
 ];
 
-/// Invariants of what only PostgreSQL stores.
+/// Invariants of tables and columns that only PostgreSQL has.
 const POSTGRES_INVARIANTS: [(&str, &str); 6] = [
     (
         "a piece or a run that was lost too often and is queued",
@@ -767,7 +767,7 @@ const POSTGRES_INVARIANTS: [(&str, &str); 6] = [
                          AND lease.number = chunk.number AND lease.attempt = chunk.attempt))",
     ),
     (
-        "a lease of what is not running",
+        "a lease of a run or a piece that is not running",
         "SELECT count(*) FROM lease JOIN run ON run.id = lease.run LEFT JOIN chunk USING (run, number)
          WHERE run.finished IS NOT NULL OR run.state = 'queued'
              OR coalesce(chunk.state, 'running') <> 'running'",
@@ -926,7 +926,8 @@ impl Trial {
             assert_eq!(raw.count(count).await, 0, "{fault}");
         }
         let counts = (raw.count(QUEUED).await, raw.count(RUNNING).await);
-        // Several servers share the tables of PostgreSQL. So the metrics are counted from time to time.
+        // Other servers can change the tables of PostgreSQL. So a store counts them from time to time, in
+        // `longest_wait`.
         self.store.longest_wait().await.unwrap();
         let tally = self.store.tally();
         let counted = (tally.queued().cast_signed(), tally.running().cast_signed());
@@ -1023,7 +1024,7 @@ async fn a_refused_recomputation_is_not_answered_from_the_cache(on: Engine) {
     assert_eq!(accepted(store.submit(known).await).origin, Origin::Cached);
 }
 
-async fn an_answer_recorded_beside_a_live_run_is_stored_and_the_run_finds_the_same(on: Engine) {
+async fn an_answer_that_is_recorded_during_a_run_is_stored_and_the_run_finds_it_equal(on: Engine) {
     let (_db, store) = Database::fresh(on).await;
     let cost = Cost { wall: Duration::from_mins(1), cpu: None };
     let record = async |job| {
@@ -1040,7 +1041,7 @@ async fn an_answer_recorded_beside_a_live_run_is_stored_and_the_run_finds_the_sa
     let (started, finished) = (job.started.unwrap(), job.finished.unwrap());
     assert_eq!((job.created, finished - started), (started, 60_000));
     assert_eq!(store.job(job.id).await.unwrap(), Some(job.clone()));
-    // Another one finds the result.
+    // Another job finds the stored result.
     assert_eq!(accepted(Ok(record(new_job(1)).await)).origin, Origin::Cached);
     let finish = store.finish(&claimed, &answer("a"), Cost::default()).await.unwrap();
     assert_eq!(finish, Finish::Same);
@@ -1049,7 +1050,7 @@ async fn an_answer_recorded_beside_a_live_run_is_stored_and_the_run_finds_the_sa
 }
 
 /// Equal submissions of a short run are recorded together.
-async fn jobs_that_are_recorded_together_share_the_fate_of_the_first(on: Engine) {
+async fn equal_jobs_that_are_recorded_together_end_like_the_first(on: Engine) {
     let (_db, store) = Database::fresh(on).await;
     let record = async || {
         let answered = Answered::new(&answer("a"), None);
@@ -1065,7 +1066,7 @@ async fn jobs_that_are_recorded_together_share_the_fate_of_the_first(on: Engine)
     let new = [(succeeded, computed), (succeeded, coalesced), (succeeded, coalesced)];
     assert_eq!(origins(record().await), new);
     assert_eq!(origins(record().await), [(succeeded, cached); 3]);
-    // An evicted result is compared with the new one by the run that computes it again.
+    // The result was deleted, so it must be computed again by a run, which compares it with the former result.
     store.remove(&key(1), Actor::default()).await.unwrap();
     assert_eq!(record().await, [const { Submitted::NeedsRun }; 3]);
     accepted(store.submit(new_job(1)).await);

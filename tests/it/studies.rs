@@ -50,7 +50,7 @@ async fn table(server: &Server, key: &str, format: &str) -> Reply {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn each_row_has_the_outputs_of_its_scenario() {
+async fn each_row_of_a_study_has_the_outputs_of_a_single_evaluation() {
     let server = Server::start().await;
     let body = sweep();
     let (key, job) = computed(&server, &body).await;
@@ -260,7 +260,7 @@ async fn every_fault_of_a_study_is_listed_with_its_pointer() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_small_body_cannot_ask_for_much_work() {
+async fn a_small_body_that_needs_much_work_is_refused() {
     let server = Server::start().await;
     let count =
         |pointer: &str| json!({"pointer": pointer, "from": 1.0, "to": 2.0, "count": 100_000});
@@ -309,7 +309,7 @@ async fn impossible_amplitudes_of_a_map_are_rows_with_reasons() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_study_beyond_a_limit_is_told_what_it_would_take() {
+async fn the_refusal_of_a_study_beyond_a_limit_states_its_size() {
     let limits = WorkLimits { study_points: 5, study_bytes: 5000, ..WorkLimits::default() };
     let (settings, options) = (Settings::default(), Options::default());
     let server = Server::limited(
@@ -431,7 +431,7 @@ async fn a_client_can_read_the_first_rows_only() {
         let reply = server.get(&format!("{address}?rows={rows}")).await;
         assert_eq!(reply.problem(422, "invalid-parameters")["errors"][0]["parameter"], "rows");
     }
-    // A run has no rows: its answer is the stored result, also for a cache.
+    // A run has no rows. So the parameter changes neither the answer nor its ETag.
     let (run, _) = computed(&server, &steel_ball()).await;
     let whole = server.get(&format!("/v1/results/{run}")).await;
     let part = server.get(&format!("/v1/results/{run}?rows=3")).await;
@@ -519,7 +519,7 @@ async fn chunks_done(dir: &Path) -> HashMap<i64, i64> {
     rows.into_iter().collect()
 }
 
-/// Kills the server ten times, each time it has stored another part of the study. Returns the last server.
+/// Kills the server ten times, each time after it has stored another part of the study. Returns the last server.
 async fn kill_after_each_step(dir: &Path, mut server: Program, job: &Value) -> Program {
     let (mut progress, mut done) = (0.0, HashMap::new());
     for _ in 0..10 {
@@ -544,10 +544,10 @@ async fn kill_after_each_step(dir: &Path, mut server: Program, job: &Value) -> P
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_study_goes_on_after_each_of_ten_kills() {
+async fn a_study_continues_after_each_of_ten_kills() {
     let studies = if env::var_os("FRETWORK_TEST_LONG").is_some() { 10 } else { 1 };
     for number in 0..studies {
-        // The chunks of each study are others.
+        // Each study has another number of points, so its chunks differ from those of the others.
         let body = long_sweep(60_000 + 1230 * number);
         let dir = TempDir::new().unwrap();
         let server = Program::start(dir.path(), "2");

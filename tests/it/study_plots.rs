@@ -1,4 +1,4 @@
-//! Figures of studies on the wire: what is drawn, that it is legible, and which parameters are refused.
+//! Figures of studies over HTTP: their content, their legibility, and the parameters that are refused.
 
 use roxmltree::{Document, Node};
 use serde_json::{Value, json};
@@ -53,7 +53,7 @@ fn area(cells: &[[f64; 4]]) -> f64 {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_grid_is_a_family_of_curves_or_a_heat_map() {
+async fn a_grid_is_drawn_as_a_family_of_curves_or_a_heat_map() {
     let server = Server::start().await;
     let (key, _) = computed(&server, &sweep()).await;
     let svg = figure(&server, &key, "").await;
@@ -76,7 +76,7 @@ async fn a_grid_is_a_family_of_curves_or_a_heat_map() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_row_without_the_output_is_a_gap() {
+async fn a_row_without_the_output_leaves_a_gap_in_the_figure() {
     let server = Server::start().await;
     let mut body = sweep();
     body["sweep"]["vary"][0]["values"] = json!([-0.1, 0.5, 0.7]);
@@ -91,7 +91,7 @@ async fn a_row_without_the_output_is_a_gap() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn drawn_values_are_a_scatter_plot() {
+async fn a_sweep_with_random_values_is_drawn_as_a_scatter_plot() {
     let server = Server::start().await;
     let mut body = sweep();
     body["sweep"]["vary"] = json!([
@@ -112,7 +112,7 @@ async fn drawn_values_are_a_scatter_plot() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_map_has_its_regimes_and_the_boundary_between_them() {
+async fn the_figure_of_a_map_shows_the_regimes_and_their_boundary() {
     let server = Server::start().await;
     let mut body = example("map");
     for axis in ["normal_force", "amplitude"] {
@@ -184,7 +184,7 @@ async fn regimes_end_at_the_boundary_also_where_it_leaves_the_figure() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn indices_are_bars_from_the_largest_to_the_smallest() {
+async fn indices_are_drawn_as_bars_in_order_of_size() {
     let server = Server::start().await;
     let mut body = example("sensitivity");
     body["sensitivity"]["samples"] = json!(64);

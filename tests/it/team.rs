@@ -297,7 +297,7 @@ async fn a_submission_to_a_full_queue_is_refused_with_a_retry_time() {
 #[tokio::test]
 async fn urgent_jobs_of_one_owner_come_first() {
     let (server, gate) = gated().await;
-    // Two runs are blocked, the others wait.
+    // Two runs occupy both workers, so the other runs wait in the queue.
     for amplitude in [2.0, 2.1] {
         let id = id(&submit(&server, amplitude, &[]).await);
         while server.get(&format!("/v1/jobs/{id}")).await.json()["state"] == "queued" {}

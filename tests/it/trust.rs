@@ -94,7 +94,7 @@ async fn a_result_of_a_later_engine_is_refused() {
     assert!(matches!(refused, Refused::Later(99)), "{refused}");
 }
 
-/// A part of an input that mutations insert.
+/// Texts that mutations insert into an input.
 const TOKENS: [&str; 22] = [
     "0",
     "-1",
@@ -277,11 +277,11 @@ fn an_imported_body_of_random_bytes_is_refused_unless_it_is_the_result() {
     for_random_inputs(&any_bytes(valid), |bytes| {
         for (task, body) in &results {
             let Ok(received) = Received::read(&task.key, bytes) else { continue };
-            // It has a form, or is refused.
+            // The check may accept or refuse the bytes, but it must not panic.
             let _ = format::check(bytes);
             let is_true = bytes == body.as_bytes();
             differing.set(differing.get() + u32::from(!is_true));
-            // Of a run, the bytes are compared.
+            // A run is verified by comparing its bytes, so only the verification of studies is tested.
             if let Task::Study(_) = task.task {
                 assert_eq!(is_verified(&received, bytes), is_true);
             }
@@ -405,8 +405,8 @@ async fn a_damaged_result_names_its_key_and_the_remedy() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn the_client_of_a_recomputation_that_differs_is_told_and_an_administrator_can_replace_the_result()
- {
+async fn a_recomputation_that_differs_warns_the_client_and_an_administrator_can_replace_the_result()
+{
     let server = without_memory().await;
     let job = small(2.0, "simplified");
     let first = server.compute(&job).await.json();
@@ -425,7 +425,7 @@ async fn the_client_of_a_recomputation_that_differs_is_told_and_an_administrator
     assert_eq!(warning["kind"], "recompute_differs");
     let delete = format!("DELETE {path}");
     assert!(warning["detail"].as_str().unwrap().contains(&delete), "{warning}");
-    // The job keeps it, and the stored result stays.
+    // The job keeps the warning, and the stored result is not replaced.
     let id = told["id"].as_str().unwrap();
     assert_eq!(server.get(&format!("/v1/jobs/{id}")).await.json()["warnings"], told["warnings"]);
     assert_eq!(server.get(&path).await.body, wrong.as_bytes());
@@ -469,7 +469,7 @@ async fn mutate(
             let sql = format!("UPDATE results SET {column} = ?1 WHERE rowid % 2 = 0");
             let mut db = open_file(file).await;
             let update = sqlx::query(sqlx::AssertSqlSafe(sql)).bind(token);
-            // Two results cannot have the same key.
+            // The update fails if two results would have the same key.
             let _ = update.execute(&mut db).await;
             db.close().await.unwrap();
         }
@@ -514,7 +514,7 @@ async fn no_wrong_result_of_a_thousand_mutated_exports_is_served() {
     assert!(stored > 0 && refused > 100 && unreadable > 10, "{stored} {refused} {unreadable}");
 }
 
-/// What is stored is true, and is served in every form.
+/// Asserts that each stored result equals the original, and that the server serves it in every form.
 async fn check_served(dir: &Path, results: &[(String, Vec<u8>)]) {
     let copy = TempDir::new().unwrap();
     fs::copy(dir.join("fretwork.db"), copy.path().join("fretwork.db")).unwrap();

@@ -45,7 +45,7 @@ fn config(parameters: &Value, outputs: &Value) -> Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_evaluation_has_the_numbers_of_the_result() {
+async fn an_evaluation_returns_the_numbers_of_the_result() {
     let server = Server::start().await;
     let info = server.get("/Info").await.json();
     assert_eq!(info, json!({"protocolVersion": 1.0, "models": ["wear"]}));
@@ -76,7 +76,7 @@ async fn an_evaluation_has_the_numbers_of_the_result() {
         let body = json!({"name": "wear", "input": [[0.6, 3e-6]], "config": config});
         assert_eq!(call(&server, "/Evaluate", &body).await.json(), expected);
     }
-    // Without a config, the model is that of the example.
+    // Without a config, the model has the scenario of the example.
     let known = server.compute(&steel_ball()).await.json()["links"]["result"].clone();
     let known = server.get(known.as_str().unwrap()).await.json();
     let expected = json!({"output": [[known["history"]["wear_volume"][5]]]});
@@ -220,7 +220,7 @@ async fn keys_and_limits_apply_and_a_key_may_be_a_basic_password() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_port_of_its_own_serves_nothing_else() {
+async fn a_separate_port_serves_only_um_bridge() {
     let dir = TempDir::new().unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_fretwork"));
     command.args(["--listen", "127.0.0.1:0", "--umbridge-listen", "127.0.0.1:0", "--data-dir"]);

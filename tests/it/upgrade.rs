@@ -1,5 +1,5 @@
-//! A database that version 0.2.0 has written, as a crash of that version left it: two results, a deleted result, a running
-//! run, and a queued run of three jobs, one of which is canceled.
+//! A database that version 0.2.0 has written, as a crash of that version left it: two results, a deleted result, a
+//! running run, and a queued run of three jobs, one of which is canceled.
 
 use std::fs;
 use std::path::Path;
@@ -86,7 +86,7 @@ async fn unfinished_runs_of_the_previous_version_get_new_keys_and_are_computed()
         assert_eq!(job["state"], "succeeded", "{job}");
         let result = server.get(job["links"]["result"].as_str().unwrap()).await.json();
         assert_eq!((&result["key"], &result["engine"]["numerics"]), (&job["key"], &json!(3)));
-        // A submission of the same scenario finds it.
+        // A submission of the same scenario finds the new result.
         let cached = server.compute(&json!({"scenario": result["scenario"]})).await.json();
         assert_eq!((&cached["key"], &cached["origin"]), (&job["key"], &json!("cached")));
     }
@@ -125,7 +125,7 @@ async fn a_result_of_the_previous_version_has_the_warnings_about_bodies_that_its
 }
 
 #[tokio::test]
-async fn a_job_keeps_its_scenario_although_the_previous_version_forgot_its_result() {
+async fn a_job_of_the_previous_version_keeps_its_scenario_without_its_result() {
     let server = upgraded().await;
     crate::store::raw(server.dir.path()).await.execute("DELETE FROM result").await.unwrap();
     let found = server.get("/v1/jobs?label=deleted").await.json();

@@ -52,8 +52,8 @@ fn the_inputs_from_the_literature_are_job_bodies_and_their_sources_are_named() {
     assert_eq!(inputs, 4);
 }
 
-/// The figures of the README. Except in a long test, for fewer runs than on the page: one underestimated error then
-/// counts at many outputs.
+/// Checks the accuracy that the README states. Except in tests/long, fewer runs are computed than for the page, so a
+/// smaller share of covered errors is accepted: one underestimated error counts more.
 #[test]
 fn the_exact_method_is_as_accurate_as_the_readme_says() {
     let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();

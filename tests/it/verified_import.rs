@@ -1,4 +1,4 @@
-//! What an import computes again, what it refuses, and what the provenance of its results says.
+//! Verified imports: which results are computed again, which are refused, and what the provenance says about it.
 
 use std::path::Path;
 use std::process::Stdio;
@@ -30,7 +30,7 @@ fn each_kind() -> [Value; 5] {
     [small(2.0, "exact"), small(2.0, "simplified"), sweep(), sensitivity, map]
 }
 
-/// Replaces the digit number `place` of a text, counted from its end to its start again and again.
+/// Changes one digit of a text. `place` is its number; after the last digit, counting continues with the first.
 fn altered(body: &str, place: u64, other: u64) -> String {
     let digits = body.bytes().enumerate().filter(|(_, byte)| byte.is_ascii_digit());
     let digits: Vec<usize> = digits.map(|(at, _)| at).collect();
@@ -90,20 +90,20 @@ async fn a_refusal_names_the_place_and_both_values() {
     }
     db.close().await.unwrap();
     let done = import(TempDir::new().unwrap().path(), &file).await.unwrap();
-    // What follows from the rows of the sensitivity study differs first.
+    // In the sensitivity study, the first difference is in the table that follows from the changed row.
     for ((key, _), (table, _, words)) in results.iter().zip(&names) {
         assert_refused(&done, key, if *table == "samples" { "the file has" } else { words });
     }
 }
 
-/// What the provenance of an import says of its verification.
+/// The members `verified` and `verified_rows` in the provenance of an import.
 async fn verified(server: &Server, key: &str) -> (Value, Value) {
     let told = server.get(&format!("/v1/results/{key}/provenance")).await.json();
     (told["imported"]["verified"].clone(), told["imported"]["verified_rows"].clone())
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn without_time_results_are_stored_unverified_if_their_tables_are_whole() {
+async fn an_import_without_time_to_verify_stores_results_whose_tables_are_whole() {
     let (_dir, file, results) = exported(&each_kind()).await;
     let mut db = open_file(&file).await;
     // A wrong number, a short row, a number that is not finite, and a study whose rows contradict its findings.
@@ -131,7 +131,7 @@ async fn without_time_results_are_stored_unverified_if_their_tables_are_whole() 
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn of_a_study_that_takes_too_long_random_rows_are_verified() {
+async fn random_rows_are_verified_of_a_study_that_takes_too_long() {
     // Each row takes about 20 µs.
     let study = json!({"sweep": {
         "scenario": steel_ball()["scenario"],
@@ -166,7 +166,7 @@ async fn in_numerics(file: &Path, numerics: u32, key: &str, body: &str) -> Strin
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn of_an_earlier_engine_runs_are_unverified_and_studies_are_refused() {
+async fn runs_of_an_earlier_engine_are_unverified_and_its_studies_are_refused() {
     let jobs = [small(2.0, "simplified"), small(1.5, "simplified"), small(1.6, "exact"), sweep()];
     let (_dir, file, results) = exported(&jobs).await;
     let changes = [
@@ -199,7 +199,7 @@ async fn stored(data: &Path) -> i64 {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn an_import_that_is_killed_goes_on() {
+async fn an_import_that_was_killed_continues_when_it_is_repeated() {
     let from = Server::start().await;
     for number in 0..40 {
         from.compute(&small(1.5 + 0.01 * f64::from(number), "exact")).await;

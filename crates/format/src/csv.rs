@@ -23,7 +23,7 @@ pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> R
                 out.write_all(b",")?;
             }
             match values.cell(cycle, point) {
-                // The same digits as in JSON.
+                // serde_json writes the number, so that it has the same digits as in JSON.
                 Cell::Number(number) if number.is_finite() => {
                     serde_json::to_writer(&mut *out, &number)?;
                 }

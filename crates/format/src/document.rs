@@ -29,8 +29,8 @@ impl fmt::Display for Engine {
     }
 }
 
-/// A member of a document as it is written. It has a copy of what it needs, so that the stored bytes can be dropped
-/// before a slow client reads it.
+/// A member of a document in the form in which it is written. It owns its data, so that the stored bytes can be dropped
+/// before a slow client has read the answer.
 #[derive(Serialize)]
 #[serde(untagged)]
 pub enum Member {
@@ -38,13 +38,13 @@ pub enum Member {
     Stored(Box<RawValue>),
     /// A value with rounded or converted numbers.
     Converted(Value),
-    /// The units.
+    /// The member `units`.
     Units(Units),
     /// A table, cut to the selection.
     Table(Table),
 }
 
-/// The members of a document as they are written, in order.
+/// The members of a document in the form and the order in which they are written.
 pub struct Object(pub Vec<(String, Member)>);
 
 impl Serialize for Object {
@@ -59,7 +59,7 @@ pub struct Head {
     pub key: String,
     /// The member `engine`.
     pub engine_text: Box<RawValue>,
-    /// The same, parsed.
+    /// The member `engine`, parsed.
     pub engine: Engine,
     /// Units and rounding of all numbers.
     pub units: Units,
@@ -89,7 +89,7 @@ impl<'a> Document<'a> {
         Ok(Self { head, members, view })
     }
 
-    /// Whether a result of this kind can have the part.
+    /// Checks that a result of this kind can have the part. The error says which parts it has.
     pub fn must_have(&self, part: Part) -> Result<(), Error> {
         let has = match (self.kind(), part) {
             (TaskKind::Run, Part::Table) => "history, profiles and loops, because it is a run",
@@ -141,7 +141,7 @@ impl<'a> Document<'a> {
         Ok(value)
     }
 
-    /// All members as they are written.
+    /// All members in the form in which they are written.
     pub fn object(&self) -> Result<Object, Error> {
         let members = self.members.0.iter();
         let members = members.map(|(name, text)| Ok((name.to_string(), self.member(name, text)?)));
@@ -157,14 +157,15 @@ impl<'a> Document<'a> {
         }
         if let Some(part) = Part::TABLES.into_iter().find(|part| part.name() == name) {
             let selection = match part {
-                // The history is short, and other members refer to its rows.
+                // The whole history is written: it is short, and other members refer to its rows.
                 Part::History => View::default(),
                 Part::Loops => View { points: None, ..self.view.clone() },
                 _ => self.view.clone(),
             };
             return Ok(Member::Table(self.table(part, &selection)?));
         }
-        // What was asked for stays in SI and unrounded: submitted again, it must have the same key.
+        // The canonical scenario or study stays in SI and unrounded. If a client submits it again, it must have the
+        // same key.
         let asked = TaskKind::of_member(name).is_some();
         let computed =
             !asked && !matches!(name, "key" | "engine" | "regime" | "warnings" | "counts");

@@ -24,7 +24,7 @@ pub enum Error {
     /// The result does not have everything that was requested.
     #[error("{}", .0.iter().map(|item| item.detail.as_str()).collect::<Vec<_>>().join("; "))]
     Missing(Vec<Missing>),
-    /// A study does not have this part of a run, or a run does not have that of a study.
+    /// The part belongs to results of another kind: to runs or to studies. The text lists the parts of this result.
     #[error("the result has no {}: it has {}", .0.name(), .1)]
     OtherKind(Part, &'static str),
     /// The stored document does not have the structure of a result.

@@ -39,8 +39,8 @@ pub use quantity::{QUANTITIES, Quantity};
 pub use table::missing_cycles;
 pub use view::{FigureOptions, StudyOptions, View};
 
-/// The version of the formats. Clients may cache answers for ever, so it must rise when the same request
-/// gives other bytes.
+/// The version of the formats. Clients may cache answers for ever, so increase the version when the same
+/// request gives other bytes.
 pub const VERSION: u8 = 6;
 
 /// Writes a stored result, or a part of it. Large results take seconds. The stored bytes are dropped before the first
@@ -87,10 +87,10 @@ pub fn write(
     }
 }
 
-/// Checks the form of a result: each of its tables has whole columns of finite numbers.
+/// Checks the form of a result: each table must be readable, and its columns must have the lengths of their axes.
 ///
 /// # Errors
-/// A table has another form.
+/// The document is not JSON of this form.
 pub fn check(stored: &[u8]) -> Result<(), Error> {
     Document::open(stored, &View::default())?.object().map(drop)
 }

@@ -1,7 +1,7 @@
 //! Results as NPZ, the archive of arrays that NumPy writes and reads (`numpy.load`), without pickle.
 //!
 //! An archive is a ZIP file with one NPY file per array: a header with type and shape, then the numbers.
-//! Loops differ in their number of points; NaN fills the shorter rows.
+//! Loops can have different numbers of points. NaN fills the shorter rows.
 
 use std::io::Write;
 use std::iter;

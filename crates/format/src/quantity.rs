@@ -40,7 +40,7 @@ pub static QUANTITIES: LazyLock<Vec<Quantity>> = LazyLock::new(|| {
     let columns =
         History::MEMBERS.iter().filter_map(|column| outcome::Quantity::named(column.name));
     let columns = columns.map(|column| match column.name {
-        // It is drawn together with the stick radius.
+        // The figure has two curves, the contact radius and the stick radius, so its axis has no symbol.
         "contact_radius" => Quantity {
             symbol: "",
             ..of(Part::History, column.name, "Contact and stick radius", "Radius")

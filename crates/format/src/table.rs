@@ -46,7 +46,7 @@ pub enum Values {
     Absent,
 }
 
-/// What a row has in a column. serde_json writes numbers that are not finite as null.
+/// The cell of a row in a column. serde_json writes numbers that are not finite as null.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Cell<'a> {
@@ -56,7 +56,8 @@ pub enum Cell<'a> {
     Text(&'a str),
 }
 
-/// Indices of the selected output cycles and points; `None` selects all. A study has at most this many rows.
+/// Indices of the selected output cycles and points; `None` selects all. `rows` is the maximum number of rows of a
+/// study.
 struct Selection {
     cycles: Option<Vec<usize>>,
     points: Option<Vec<usize>>,
@@ -148,7 +149,7 @@ impl Values {
         found.copied().unwrap_or(f64::NAN)
     }
 
-    /// What the column has at an output cycle and a point.
+    /// The cell of the column at an output cycle and a point.
     pub fn cell(&self, cycle: usize, point: usize) -> Cell<'_> {
         let text = match self {
             Self::Texts(texts) => texts.get(cycle).and_then(Option::as_deref),
@@ -165,7 +166,7 @@ fn pick<T: Copy>(items: Vec<T>, indices: Option<&[usize]>) -> Vec<T> {
     }
 }
 
-/// The columns that number the rows of a run and the points of a study.
+/// The columns that identify rows: `cycles` in a run, and `point` in the profiles of a study.
 const ROWS: [&str; 2] = ["cycles", "point"];
 
 /// The axes of a table: columns that are always included.
@@ -181,7 +182,7 @@ fn axes(part: Part, members: &Members<'_>) -> &'static [&'static str] {
 /// A table.
 #[derive(Debug)]
 pub struct Table {
-    /// Which one.
+    /// The part of the result to which the table belongs.
     pub part: Part,
     /// Names and numbers, in the order of the document.
     pub columns: Vec<(String, Values)>,
@@ -217,7 +218,7 @@ impl Table {
         };
         let columns = members.0.iter().filter(|(name, _)| selected(name));
         let columns = columns.map(|(name, text)| {
-            // Only columns of numbers have a unit, if only `1`.
+            // Each column of numbers has a unit, possibly `1`. Columns of texts have none.
             let is_text = part == Part::Table && !units.have(name);
             let values = if is_text {
                 Values::Texts(First::read(text.get(), selection.rows)?)
@@ -365,7 +366,7 @@ pub fn missing_cycles(view: &View, cycles: &[f64]) -> Vec<Missing> {
     missing.map(|wanted| Missing { parameter: "cycles", detail: detail(wanted) }).collect()
 }
 
-/// Whether two numbers are the same output cycle: a canonical scenario keeps 12 digits.
+/// Whether two numbers are the same output cycle. They may differ in the last of the 12 digits that results have.
 fn same(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-11 * a.abs().max(b.abs())
 }

@@ -97,7 +97,7 @@ impl Units {
         self.entries.iter().find(|entry| entry.quantity == quantity)
     }
 
-    /// Whether the document states a unit of a quantity, if only `1`.
+    /// Whether the document states a unit of a quantity, possibly `1`.
     pub fn have(&self, quantity: &str) -> bool {
         self.find(quantity).is_some()
     }
@@ -117,7 +117,7 @@ impl Units {
 
     /// Conversion of the numbers of a quantity, or `None` if they do not change.
     pub fn conversion(&self, quantity: &str) -> Option<impl Fn(f64) -> f64 + use<>> {
-        // The points of a study are numbered.
+        // `point` is the index of a point in a study, so it is not rounded.
         let digits = self.digits.filter(|_| quantity != "point");
         let unit = self.find(quantity).and_then(|entry| entry.engineering);
         (unit.is_some() || digits.is_some()).then_some(move |number| {

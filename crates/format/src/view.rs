@@ -8,7 +8,7 @@ use fretwork_study::StudyFigure;
 /// The default selects everything as it was computed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct View {
-    /// Rows instead of columns; JSON only.
+    /// Whether JSON has a list of rows instead of columns.
     pub records: bool,
     /// Rounds all numbers to this many significant decimal digits, 1 to 17. Up to 7 digits, arrays in
     /// NPZ and Arrow are float32, whose relative step of 6e-8 is smaller than the rounding. A column

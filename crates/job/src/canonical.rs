@@ -1,4 +1,4 @@
-//! What a job asks for, in its canonical form.
+//! The canonical form of a job: the canonical scenario of a run, or the canonical form of a study.
 
 use std::collections::BTreeMap;
 
@@ -10,8 +10,8 @@ use super::{ENGINE, Key};
 use fretwork_json as json;
 use fretwork_study::Kind;
 
-/// The version of the form in which runs are stored. Version 1 had no version number: it was the job body of the HTTP
-/// interface.
+/// The version of the form in which runs are stored. Version 1 was the job body of the HTTP interface, without a
+/// version number.
 const RUN_VERSION: u32 = 2;
 /// The version of the form in which studies are stored.
 const STUDY_VERSION: u32 = 3;
@@ -79,18 +79,18 @@ impl TaskKind {
     }
 }
 
-/// What a job asks for: the canonical scenario of a run, or the canonical form of a study. As JSON it is the job body that
-/// computes it.
+/// The canonical scenario of a run, or the canonical form of a study. Its JSON is a job body: if a client submits it,
+/// the server computes the same result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Canonical {
-    /// What it is.
+    /// Whether it is a run or a study, and of which kind.
     pub kind: TaskKind,
     /// The canonical scenario or study.
     pub value: Value,
 }
 
 impl Canonical {
-    /// The key of its result under this `numerics` version.
+    /// The key of the result under this `numerics` version.
     #[must_use]
     pub fn key(&self, numerics: u32) -> Key {
         self.kind.key(numerics, &self.value)
@@ -125,19 +125,19 @@ impl<'a> StoredText<'a> {
         serde_json::from_str(stored).map(Self)
     }
 
-    /// Whether a later version of the program stored it. Version 1 has no number.
+    /// Whether a later version of the program stored this task. A task of version 1 has no version number.
     pub(super) fn is_later(&self) -> bool {
         let version = self.0.get("version").map(|text| text.get().parse());
         version.is_some_and(|version| version.map_or(true, |version: u32| version > STUDY_VERSION))
     }
 
-    /// What it asks for.
+    /// The kind of the task, and the stored scenario or study.
     pub(super) fn asked(&self) -> Option<(TaskKind, &'a RawValue)> {
         TaskKind::all().find_map(|kind| Some((kind, *self.0.get(kind.member())?)))
     }
 }
 
-/// What a stored task asks for, as it is written there; `None` if the text is not a stored task.
+/// The kind of a stored task, and the stored text of its scenario or study; `None` if the text is not a stored task.
 #[must_use]
 pub fn asked_in(stored: &str) -> Option<(TaskKind, &RawValue)> {
     StoredText::read(stored).ok()?.asked()

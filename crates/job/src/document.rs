@@ -19,7 +19,7 @@ pub struct Document {
     pub engine: String,
     /// The `numerics` version of this engine.
     pub numerics: u32,
-    /// What was asked for.
+    /// The canonical scenario or study that was computed.
     pub asked: Canonical,
     /// The columns of the history of a run; empty for a study.
     pub history: Map<String, Value>,
@@ -53,9 +53,10 @@ struct Producer {
     numerics: u32,
 }
 
-/// Largest number of values in a member. A record of 100 000 reversals has the most. A value takes about 100 bytes of memory.
+/// Maximum number of JSON values in a member. The member with the largest number is a record of 100 000 reversals. A
+/// value takes about 100 bytes of memory.
 const MAX_VALUES: usize = 500_000;
-/// Largest member, in bytes. A request has at most 4 MiB, and canonical numbers are longer.
+/// Largest member, in bytes. It exceeds the 4 MiB of the largest request, because canonical numbers can be longer.
 const MAX_MEMBER: usize = 16_000_000;
 
 impl Document {
@@ -102,7 +103,7 @@ fn of_run(
     Ok((history, members["summary"].take(), outline))
 }
 
-/// Parses a member, unless it is too large: an import may contain anything.
+/// Parses a member. Refuses a member that is too large, because an imported result can contain anything.
 fn required<T: DeserializeOwned>(
     members: &Members<'_>,
     name: &'static str,
@@ -150,7 +151,7 @@ fn round(value: &mut Value) {
     }
 }
 
-/// The document of [`Outline::of`].
+/// The document from which [`Outline::of`] reads.
 fn members(scenario: Value, scales: Value, unworn: Value, summary: Value) -> Value {
     let names = ["kind", "scenario", "scales", "unworn", "summary"].map(str::to_owned);
     let kind = TaskKind::Run.word().into();

@@ -17,7 +17,7 @@ pub struct Scalar {
     pub name: &'static str,
     /// Its physical dimension.
     pub dimension: Dimension,
-    /// Whether it is an input. Inputs decide how near two scenarios are.
+    /// Whether it is an input. The distance of two scenarios is computed from their inputs.
     pub is_input: bool,
     /// JSON pointer into the document of [`Outline::of`].
     pointer: &'static str,
@@ -124,7 +124,7 @@ pub const WORDS: [Word; 6] = [
     },
 ];
 
-/// The values of [`WORDS`] and [`SCALARS`] for one result, in their order. Numbers are in SI.
+/// The values of [`WORDS`] and [`SCALARS`] for one result, in the same order. Numbers are in SI.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Outline {
     /// The values of [`WORDS`].

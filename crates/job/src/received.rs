@@ -1,4 +1,5 @@
-//! A result that another server computed: whether it belongs to its key, and whether this program computes the same.
+//! Verifies a result that another server computed: its key must belong to its scenario, and this program must compute
+//! the same numbers.
 
 use std::fmt;
 use std::str::{self, FromStr};
@@ -10,13 +11,13 @@ use super::{BadDocument, BadWord, Document, ENGINE, Key, Prepared, Step, Task, T
 use fretwork_json as json;
 use fretwork_study::{Claimed, Points, Study};
 
-/// Bytes that a result may have in addition to twice the estimate.
+/// A result may be larger than twice its estimated size by this number of bytes.
 const SLACK: usize = 100_000;
 
 /// Deepest nesting of a result. The parser needs memory for each level. A result has less than 10.
 const MAX_DEPTH: usize = 100;
 
-/// How deep a text is nested. Brackets in strings count, too; those of results have none.
+/// How deep a text is nested. Brackets in strings count too. The strings of results contain no brackets.
 fn depth(json: &[u8]) -> usize {
     let (mut depth, mut deepest) = (0_usize, 0);
     for byte in json {
@@ -33,15 +34,15 @@ fn depth(json: &[u8]) -> usize {
 /// A result whose key belongs to its scenario.
 #[derive(Debug)]
 pub struct Received {
-    /// What the result says.
+    /// The members of the result.
     pub document: Document,
     work: Work,
 }
 
-/// How the result is computed again.
+/// The work that computes the result again.
 #[derive(Debug)]
 enum Work {
-    /// Not at all: an earlier version of the engine computed it.
+    /// Nothing is computed again, because an earlier version of the engine computed the result.
     Earlier,
     Run(Prepared),
     Study(Arc<Study>, Claimed),
@@ -52,7 +53,7 @@ enum Work {
 pub enum Verified {
     /// All of it.
     All,
-    /// This number of random rows of a study.
+    /// This number of randomly chosen rows of a study.
     Rows(u64),
     /// Nothing. Only its form was checked.
     No,
@@ -86,19 +87,19 @@ pub enum Refused {
     /// The body is not a result.
     #[error(transparent)]
     Document(#[from] BadDocument),
-    /// Its key is not the key of its scenario.
+    /// The key is not the key of the scenario.
     #[error(
         "its key does not belong to its scenario: one of them was changed, or another version of fretwork makes keys \
          differently"
     )]
     Key,
-    /// A later version computed it.
+    /// A later version of the engine computed the result.
     #[error("a later version of fretwork computed it (numerics {0}); update this program first")]
     Later(u32),
     /// This version refuses the scenario.
     #[error("its scenario is not valid: {0}")]
     Scenario(String),
-    /// It is nested too deeply, too large, or not text.
+    /// The body is nested too deeply, too large, or not UTF-8.
     #[error("its body does not have the form of a result")]
     Form,
     /// An earlier version of the engine computed this study: its rows cannot be checked.
@@ -141,7 +142,7 @@ impl Received {
         Ok(Self { document, work })
     }
 
-    /// The number of rows that can be computed again, each by itself. A run is one row.
+    /// The number of rows that can be computed again independently. A run is one row.
     #[must_use]
     pub fn rows(&self) -> usize {
         match &self.work {
@@ -160,8 +161,8 @@ impl Received {
         }
     }
 
-    /// Computes a row again and compares it. Asks `goes_on` after each step of about 30 ms, and returns `None` if that is
-    /// false.
+    /// Computes a row again and compares it. Calls `goes_on` after each step of about 30 ms, and returns `None` if it
+    /// is false.
     ///
     /// # Errors
     /// The new row differs.
@@ -201,7 +202,7 @@ impl Received {
         }
     }
 
-    /// What is verified after this number of rows agreed with a new computation.
+    /// How much of the result is verified if this number of rows agrees with a new computation.
     ///
     /// # Errors
     /// The result contradicts its rows.
@@ -220,7 +221,7 @@ impl Received {
 }
 
 impl Work {
-    /// The work of a result of this version.
+    /// The work that computes a result of this version of the engine again.
     fn of(key: &Key, document: &Document, body: &str) -> Result<Self, Refused> {
         let told = |Faults(faults): Faults| {
             let first = faults.into_iter().next();
@@ -246,7 +247,7 @@ impl Work {
     }
 }
 
-/// The refusal of a body that differs from a new one.
+/// The refusal of a body that differs from the one that this program computes.
 fn differs(body: &[u8], own: &[u8]) -> Refused {
     let [file, own] = [body, own].map(String::from_utf8_lossy);
     Refused::Differs(json::difference("", &file, &own))

@@ -31,7 +31,7 @@ impl fmt::Display for JobId {
 impl FromStr for JobId {
     type Err = BadWord;
     fn from_str(text: &str) -> Result<Self, BadWord> {
-        // Only the form that `Display` writes is valid, so that a job has one URL.
+        // Only the form that `Display` writes is valid, so that each job has only one URL.
         let id = uuid::Uuid::try_parse(text).map(Self).map_err(|_| BadWord("job id"))?;
         if id.to_string() == text { Ok(id) } else { Err(BadWord("job id")) }
     }
@@ -50,7 +50,7 @@ words! {
         Queued = "queued",
         /// A worker computes it.
         Running = "running",
-        /// Its last job was canceled, and its worker has not stopped yet.
+        /// The last job of the run was canceled, and the worker has not stopped yet.
         Canceling = "canceling",
         /// The result is stored.
         Succeeded = "succeeded",
@@ -74,15 +74,15 @@ words! {
     pub enum Origin: "job origin" {
         /// This job started the run.
         Computed = "computed",
-        /// It joined a run that was queued or running.
+        /// The job shares a run that was already queued or running.
         Coalesced = "coalesced",
-        /// The result was known.
+        /// The result was already stored.
         Cached = "cached",
     }
 }
 
 words! {
-    /// How the result of a new computation compares with the one that its key had before.
+    /// How the result of a new computation compares with the earlier result of the same key.
     pub enum Recomputed: "comparison of a result" {
         /// Both are equal.
         Same = "same",

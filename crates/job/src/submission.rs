@@ -10,7 +10,7 @@ use fretwork_json::{BadBody, Distinct, both, read_body};
 
 /// Longest label in characters.
 pub const MAX_LABEL: usize = 200;
-/// Most tags of a job.
+/// Maximum number of tags of a job.
 pub const MAX_TAGS: usize = 20;
 /// Longest tag in characters.
 pub const MAX_TAG: usize = 50;
@@ -57,7 +57,7 @@ impl Submission {
     }
 }
 
-/// Takes the member out of a job body that says what to compute.
+/// Takes the scenario or the study out of a job body.
 fn take_asked(body: &mut Value) -> Result<(TaskKind, Value), Faults> {
     let names = || TaskKind::all().map(TaskKind::member).collect::<Vec<_>>().join("` or `");
     let Some(members) = body.as_object_mut() else {

@@ -1,4 +1,4 @@
-//! What a job computes: it is prepared once and computed step by step.
+//! Tasks: what a job computes. A task is prepared once and computed step by step.
 
 use std::num::NonZeroU32;
 use std::ops::Add;
@@ -56,7 +56,7 @@ impl Answer {
         Self::with_document(study, rows, study.document(&key, &ENGINE, rows))
     }
 
-    /// As [`of_study`](Self::of_study), but `None` if `goes_on` becomes false.
+    /// As [`of_study`](Self::of_study), but returns `None` if `goes_on` becomes false.
     #[must_use]
     pub fn of_study_while(
         key: Key,
@@ -74,7 +74,7 @@ impl Answer {
         Self { body: document.into(), summary, outline: Box::new(outline) }
     }
 
-    /// A result with its JSON, and what the JSON says.
+    /// The answer whose JSON is `body`. `document` is the parsed body.
     #[must_use]
     pub fn new(body: Bytes, document: &Document) -> Self {
         Self {
@@ -134,7 +134,8 @@ pub enum Task {
 }
 
 impl Prepared {
-    /// Prepares a task; `asked` is the member of a job body of this kind. The pointers of faults begin with its name.
+    /// Prepares a task. `asked` is the scenario or the study of a job body. The pointers of faults begin with the name
+    /// of this member.
     ///
     /// # Errors
     /// Every fault.
@@ -188,14 +189,14 @@ impl Prepared {
             let told = |Fault { pointer, detail }: &Fault| format!("{pointer}: {detail}");
             faults.0.iter().map(told).collect::<Vec<_>>().join("; ")
         })?;
-        // After a change of `numerics` this version would leave other digits under the old key.
+        // If `numerics` has changed since, this version would store other digits under the old key.
         if prepared.key != *key {
             return Err("it was stored for another version of the engine".to_owned());
         }
         Ok(prepared)
     }
 
-    /// The number of chunks into which workers divide it; `None` if one worker computes all.
+    /// The number of chunks into which the task is divided; `None` if one worker computes all of it.
     #[must_use]
     pub fn chunks(&self) -> Option<NonZeroU32> {
         match &self.task {
@@ -207,7 +208,7 @@ impl Prepared {
         }
     }
 
-    /// What it asks for.
+    /// The canonical scenario or study.
     ///
     /// # Panics
     /// The stored form was changed.
@@ -277,7 +278,7 @@ impl Task {
         }
     }
 
-    /// Begins the work of a task. If it is not given as prepared, it is prepared again from its stored form.
+    /// Begins the work of a task. Without `prepared`, the task is prepared again from its stored form.
     ///
     /// # Errors
     /// As [`Prepared::from_stored`].
@@ -291,7 +292,7 @@ impl Task {
     }
 }
 
-/// Begins the work of a task. The program uses [`Task::start`], and tests use work of their own.
+/// A function that begins the work of a task. The program uses [`Task::start`]; tests use functions of their own.
 pub type Begin =
     Arc<dyn Fn(&Key, &str, Option<Prepared>) -> Result<Box<dyn Work>, String> + Send + Sync>;
 
@@ -315,7 +316,7 @@ impl RunWork {
     fn answer(&self, outcome: &Outcome) -> Answer {
         let scenario = &self.run.0;
         let mut body = write(self.key, scenario, outcome, self.run.1.answer_bytes()).into_bytes();
-        // The memory cache may keep it for long.
+        // The memory cache may keep the body for a long time.
         body.shrink_to_fit();
         let (summary, outline) = summarize(scenario, outcome);
         Answer { body: body.into(), summary, outline: Box::new(outline) }
@@ -441,7 +442,7 @@ pub(super) mod tests {
         assert_eq!(key(&unnamed), key(&exact));
     }
 
-    /// Catches a change of digits without a new `NUMERICS`: the digests change with every digit of a result.
+    /// Fails if digits of a result change without a new `NUMERICS`. The digests depend on every digit.
     #[test]
     fn results_of_numerics_3_are_unchanged() {
         assert_eq!(ENGINE.numerics, 3, "new digits: compute the digests below anew");

@@ -1,6 +1,6 @@
 //! JSON with the digits of results, and a parser that reports repeated members.
 //!
-//! All bodies of requests are read here, so that each names all its faults.
+//! All bodies of requests are read here, so that a refusal lists all faults of the body.
 
 mod members;
 
@@ -19,9 +19,9 @@ use serde_json::{Deserializer, Map, Number, Serializer, Value};
 
 pub use self::members::Members;
 
-/// Most repeated members that are listed, one by one.
+/// Maximum number of repeated members that are listed one by one.
 const MAX_LISTED: usize = 100;
-/// Most bytes that the pointers of all listed members may take.
+/// Maximum total length of the pointers of all listed members, in bytes.
 const MAX_POINTERS: usize = 1 << 16;
 
 /// Writes a scenario or a result of about `bytes` bytes, with numbers of 12 significant digits. Infinite numbers are
@@ -73,7 +73,7 @@ fn write_decimal<W: ?Sized + Write>(
         digits /= 10;
         power += 1;
     }
-    // The digits end at `end`, and zeros follow. The number is written as a whole from `start` to `stop`.
+    // The digits are written backwards from `end`, and zeros follow. The text of the number is from `start` to `stop`.
     let mut text = [b'0'; 40];
     let end = 24;
     let (mut start, mut stop) = (end, end);
@@ -173,8 +173,8 @@ pub fn both<A, B>(a: Result<A, Faults>, b: Result<B, Faults>) -> Result<(A, B), 
     }
 }
 
-/// Parses JSON, and returns a fault for each member that appears more than once: keeping one of them
-/// silently would drop a parameter. The returned value keeps the last.
+/// Parses JSON, and returns a fault for each member that appears more than once, because dropping one of them silently
+/// would lose a parameter. The returned value has the last one.
 ///
 /// # Errors
 /// The text is not JSON.
@@ -187,8 +187,8 @@ pub fn parse(text: &[u8]) -> Result<(Value, Vec<Fault>), serde_json::Error> {
     Ok((value, repeated.faults()))
 }
 
-/// Repeated members. A short text can hold many of them below a long name, so the list is bounded and
-/// the rest is only counted.
+/// Repeated members. A short text can contain many of them below a long name, so that their pointers would take much
+/// memory. So the list is limited, and the rest is only counted.
 #[derive(Default)]
 struct Repeated {
     listed: Vec<Fault>,
@@ -220,7 +220,7 @@ impl Repeated {
     }
 }
 
-/// Builds a [`Value`] and notes repeated members on the way.
+/// Builds a [`Value`] and records repeated members.
 struct Reader<'a> {
     location: ValuePointerRef<'a>,
     repeated: &'a mut Repeated,
@@ -293,7 +293,7 @@ impl<'de> Visitor<'de> for Reader<'_> {
     }
 }
 
-/// A list of at most `MOST` items, all of which differ.
+/// A list of at most `MOST` different items.
 #[derive(Debug)]
 pub struct Distinct<T, const MOST: usize>(pub Vec<T>);
 
@@ -332,15 +332,16 @@ impl<const LOW: u64, const HIGH: u64> Deserr<Faults> for Whole<LOW, HIGH> {
     }
 }
 
-/// Most characters of a value in the text of a difference.
+/// Maximum number of characters of a value in the text of a difference.
 const MAX_VALUE: usize = 60;
 
-/// Longest text whose parts are compared, in bytes. Those of a hostile text would take many times its memory.
+/// Longest text whose members are compared one by one, in bytes. The parsed members of a hostile text would take many
+/// times its memory.
 const MAX_COMPARED: usize = 2_000_000;
 
 /// Says where JSON from a file first differs from the JSON that this program computes, such as
-/// `history.wear_volume[3]: the file has 1.2e-13, this server computes 1.1e-13`. Members are compared in alphabetical order.
-/// `at` goes before the place.
+/// `history.wear_volume[3]: the file has 1.2e-13, this server computes 1.1e-13`. Members are compared in alphabetical
+/// order. The returned place begins with `at`.
 #[must_use]
 pub fn difference(at: &str, file: &str, own: &str) -> String {
     if file.len().max(own.len()) > MAX_COMPARED {

@@ -8,10 +8,10 @@ use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::value::RawValue;
 
-/// Most members of an object: more than the largest table of a study has.
+/// Maximum number of members of an object. It is larger than the number of columns in any table of a study.
 const MOST: usize = 10_000;
 
-/// The members of an object, each with another name. Their values are not parsed.
+/// The members of an object, whose names all differ. Their values are not parsed.
 #[derive(Debug)]
 pub struct Members<'a>(pub Vec<(Cow<'a, str>, &'a RawValue)>);
 

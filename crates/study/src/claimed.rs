@@ -1,4 +1,4 @@
-//! The rows that the document of a study claims, if another program has computed it.
+//! The rows of a study's document that another program has computed. They are compared with new computations.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ pub struct Claimed {
     reasons: Vec<Option<String>>,
     curves: Vec<Vec<Vec<Option<f64>>>>,
     counts: Counts,
-    /// Points whose scenario is not valid, among those that were computed again.
+    /// Number of points whose scenario is not valid, among the points that were computed again.
     refused: AtomicU64,
 }
 
@@ -30,7 +30,7 @@ struct Counts {
     incomplete: u64,
 }
 
-/// The members of a document that do not follow from the study alone.
+/// The members of a document that must be read from it, because the study alone does not determine them.
 #[derive(Deserialize)]
 struct Members<'a> {
     counts: Counts,
@@ -54,10 +54,10 @@ fn read<T: DeserializeOwned>(
 }
 
 impl Claimed {
-    /// Reads the rows of a document. All other numbers of the document must follow from its rows.
+    /// Reads the rows of a document. Checks that all other numbers of the document follow from the rows.
     ///
     /// # Errors
-    /// A message: what is wrong.
+    /// A message that says what is wrong.
     pub fn read(
         study: &Study,
         key: &impl Serialize,
@@ -90,7 +90,7 @@ impl Claimed {
         }
         let Counts { refused, incomplete } = self.counts;
         if refused.checked_add(incomplete) != Some(rows.incomplete) {
-            return Err("its counts contradict its rows".to_owned());
+            return Err("`counts` contradicts the number of rows that have a reason".to_owned());
         }
         (rows.refused, rows.incomplete) = (refused, incomplete);
         Ok(rows)
@@ -100,7 +100,8 @@ impl Claimed {
         Found {
             outputs: self.outputs.iter().map(|column| column[number]).collect(),
             profiles: self.curves.iter().map(|column| column[number].clone()).collect(),
-            // A row does not say whether its point was refused. The counts do.
+            // A row does not say whether its point was refused or only incomplete. Only `counts` says how many were
+            // refused.
             lack: self.reasons[number].clone().map(Lack::Incomplete),
         }
     }
@@ -108,7 +109,7 @@ impl Claimed {
     /// Compares a row with the row that this program computes.
     ///
     /// # Errors
-    /// Where they differ.
+    /// A message that names the place where the rows differ.
     pub fn compare(&self, study: &Study, number: usize, own: &Rows) -> Result<(), String> {
         self.refused.fetch_add(own.refused, Ordering::Relaxed);
         let mut row = Rows::default();
@@ -125,10 +126,11 @@ impl Claimed {
         }
     }
 
-    /// Compares the number of refused points with that of all rows, when all were computed again.
+    /// Compares `counts.refused` with the number of refused points that this program has found. All rows must have been
+    /// computed again.
     ///
     /// # Errors
-    /// They differ.
+    /// A message with both numbers, if they differ.
     pub fn compare_counts(&self) -> Result<(), String> {
         let (theirs, own) = (self.counts.refused, self.refused.load(Ordering::Relaxed));
         let told = || json::difference("counts.refused", &theirs.to_string(), &own.to_string());

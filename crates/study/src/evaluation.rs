@@ -1,4 +1,4 @@
-//! An evaluation: a run that is computed for some outputs and kept nowhere.
+//! An evaluation: a run that is computed for some outputs. Its result is not stored.
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
@@ -13,9 +13,9 @@ use super::output::{NoValue, Output, OutputName};
 use super::run::Run;
 use fretwork_json::{self as json, BadBody, Distinct, both};
 
-/// Most outputs of an evaluation.
+/// Maximum number of outputs of an evaluation.
 const MAX_OUTPUTS: usize = 100;
-/// Bytes of an output in the answer: its name, its value, its unit, and perhaps a reason.
+/// Estimated bytes of an output in the answer: its name, value and unit, and perhaps the reason why it has no value.
 const OUTPUT_BYTES: usize = 200;
 
 /// A table of a result.
@@ -44,7 +44,7 @@ pub struct Evaluated {
     /// Values by the names of the outputs.
     outputs: Map<String, Value>,
     units: Map<String, Value>,
-    /// Why outputs have no value.
+    /// The reasons of outputs without a value, by the names of the outputs.
     #[serde(skip_serializing_if = "Map::is_empty")]
     reasons: Map<String, Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -70,7 +70,7 @@ impl Evaluation {
         let scenario = body.get_mut("scenario").map(Value::take);
         let envelope: Result<Envelope, Faults> =
             Envelope::deserialize_from_value(body.into_value(), ValuePointerRef::Origin);
-        // Without a scenario, the envelope has the fault that the member is missing.
+        // The faults of the envelope say that the member `scenario` is missing.
         let Some(scenario) = scenario else {
             return Err(envelope.err().unwrap_or_else(|| Faults::one("", "must be an object")));
         };
@@ -104,8 +104,8 @@ impl Evaluation {
         tables + OUTPUT_BYTES * (self.outputs.len() + self.warnings.len())
     }
 
-    /// Computes the outputs, and the parts of the result. Asks after each step of about 30 ms whether to continue.
-    /// Returns `None` if not.
+    /// Computes the outputs and the requested parts of the result. Calls `may_continue` after each step of about 30 ms,
+    /// and returns `None` if it is false.
     pub fn compute(self, may_continue: impl Fn() -> bool) -> Option<Evaluated> {
         let needs_run = self.needs_run();
         let Self { case, outputs, parts, warnings, .. } = self;
@@ -151,7 +151,7 @@ impl Evaluated {
     }
 }
 
-/// A body whose scenario was taken out.
+/// The members of a body other than the scenario.
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Envelope::validate -> Faults)]
 struct Envelope {
@@ -175,7 +175,7 @@ impl Envelope {
         Ok(self)
     }
 
-    /// The outputs and the parts.
+    /// The outputs of the scenario with the requested names, and the requested parts.
     fn resolve(self, scenario: &Value) -> Result<(Vec<Output>, Vec<Part>), Faults> {
         let names = self.outputs.0.map_or_else(Vec::new, |outputs| outputs.0);
         let outputs =
@@ -189,7 +189,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_that_may_not_continue_is_stopped_between_two_steps() {
+    fn an_evaluation_that_may_not_continue_stops_after_a_step() {
         let body = br#"{"scenario": {
             "profile": {"shape": "paraboloid", "radius": "10 mm"},
             "moduli": {"normal": "113 GPa", "tangential": "93 GPa"}, "friction": 0.7,

@@ -1,7 +1,7 @@
 //! The derivatives of all outputs of a model with respect to some of its numbers.
 //!
-//! The runs around the point are computed one after another, in steps of about 30 ms, so that the caller can stop or make a
-//! pause. See [`derivative`](super::stats::derivative) for the search and for the stated errors.
+//! The runs around the point are computed one after another, in steps of about 30 ms. Between two steps the caller can
+//! pause or stop. See [`derivative`](super::stats::derivative) for the search and for the stated errors.
 
 use std::sync::Arc;
 use std::{mem, vec};
@@ -13,7 +13,7 @@ use super::model::{Model, PointValues};
 use super::run::Run;
 use super::stats::derivative::{Derivative, Place, Search};
 
-/// Runs for each number in most cases: those of one interval.
+/// Typical number of runs for each number that varies: one interval usually suffices.
 const RUNS: f64 = 17.0;
 
 /// Estimated time to prepare a run, in seconds.
@@ -30,7 +30,7 @@ pub struct Jacobian {
     values: Option<PointValues>,
     /// The run that is being computed.
     run: Option<Run>,
-    /// The numbers that come next, by their places.
+    /// The indices of the numbers whose derivatives are not computed yet.
     next: vec::IntoIter<usize>,
     column: Option<Column>,
     found: Vec<Entry>,
@@ -41,19 +41,19 @@ pub struct Jacobian {
 struct Column {
     member: usize,
     search: Search,
-    /// The points of this round that are not computed yet, the last one first.
+    /// The points of this interval that are not computed yet, in reverse order.
     points: Vec<f64>,
     values: Vec<Vec<Option<f64>>>,
-    /// The first fault of a scenario around the point.
+    /// The fault of the first scenario around the point that is not valid.
     fault: Option<String>,
 }
 
 /// The derivative of one output with respect to one number.
 #[derive(Debug, Clone)]
 pub struct Entry {
-    /// The place of the output.
+    /// The index of the output.
     pub output: usize,
-    /// The place of the number.
+    /// The index of the number.
     pub member: usize,
     /// The derivative, or why there is none.
     pub derivative: Result<Derivative, String>,
@@ -64,7 +64,8 @@ pub struct Entry {
 }
 
 impl Jacobian {
-    /// Starts a search at a point, with respect to the numbers at these places.
+    /// Starts a search at a point. `members` has the indices of the numbers with respect to which derivatives are
+    /// computed.
     ///
     /// # Errors
     /// The scenario of the point has faults.
@@ -82,13 +83,13 @@ impl Jacobian {
         })
     }
 
-    /// Estimated processor time, in seconds. A search in several intervals takes longer.
+    /// Estimated processor time, in seconds, if one interval suffices for each number. More intervals take longer.
     #[must_use]
     pub fn seconds(&self) -> f64 {
         (self.seconds + PREPARATION) * (1.0 + RUNS * self.next.len() as f64)
     }
 
-    /// Computes for about 30 ms, or one run. Returns the derivatives at the end.
+    /// Computes one step: about 30 ms of a run. Returns the derivatives after the last run.
     pub fn step(&mut self) -> Option<Vec<Entry>> {
         if let Some(run) = &mut self.run {
             let values = self.model.values(&run.step()?);
@@ -101,7 +102,7 @@ impl Jacobian {
         self.start_run()
     }
 
-    /// Starts the next run. Returns the derivatives if there is none.
+    /// Starts the next run. Returns the derivatives if no more run is needed.
     fn start_run(&mut self) -> Option<Vec<Entry>> {
         let at_point = self.values.as_ref()?;
         loop {
@@ -153,19 +154,19 @@ impl Column {
             return Err("the number is 0, so its size is not known".to_owned());
         }
         let scale = if x == 0.0 { 1.0 } else { x.abs() };
-        // Beyond the ends of its domain, the scenario has faults, and the point has no values.
+        // The domain of the number is not known. Beyond it the scenario has faults, so the point has no values.
         let place = Place { x, scale, low: f64::NEG_INFINITY, high: f64::INFINITY };
         let search = Search::new(place, &at_point.accuracies);
         let (points, values) = (Vec::new(), Vec::new());
         let mut column = Self { member, search, points, values, fault: None };
         column.begin_round();
-        // The first point is that of the model.
+        // The first point is x₀, whose values are known.
         column.points.pop();
         column.values.push(numbers(at_point));
         Ok(column)
     }
 
-    /// Takes the points of the next round. Returns whether there is one.
+    /// Takes the points of the next interval from the search. Returns whether there is one.
     fn begin_round(&mut self) -> bool {
         let points = self.search.points();
         let has_begun = points.is_some();
@@ -174,7 +175,7 @@ impl Column {
         has_begun
     }
 
-    /// Completes a round.
+    /// Gives the values of an interval to the search, and begins the next one. Returns whether there is one.
     fn next_round(&mut self) -> bool {
         self.search.take(mem::take(&mut self.values));
         self.begin_round()
@@ -247,7 +248,7 @@ mod tests {
         })
     }
 
-    /// Hertz, Cattaneo and Mindlin.
+    /// The expected derivatives follow from the formulas of Hertz, Cattaneo and Mindlin.
     #[test]
     fn closed_derivatives_agree_with_hertz_and_mindlin() {
         let found = found(json!({"scenario": ball(),
@@ -293,7 +294,8 @@ mod tests {
         }
     }
 
-    /// dV/dN = (k/μ)·W, and V depends on the product k·N only.
+    /// The wear volume V, the wear coefficient k and the energy per cycle W satisfy dV/dN = (k/μ)·W after N cycles. V
+    /// depends on k and N only by their product, so dV/dk follows from W.
     #[test]
     fn derivatives_of_exact_runs_satisfy_the_energy_balance() {
         let mut scenario = ball();
@@ -326,10 +328,10 @@ mod tests {
         "dissipated_energy",
     ];
 
-    /// Runs with a tolerance of 1e-4 have 0.265 and 0.286. The radius has waves of 0.4 %, one for each cell that its edge
-    /// crosses.
+    /// The expected values 0.265 and 0.286 are from runs with a tolerance of 1e-4. The computed radius has waves of
+    /// 0.4 %: one for each cell that the edge of the contact crosses.
     #[test]
-    fn the_derivative_of_the_radius_in_gross_slip_contains_its_roughness() {
+    fn the_stated_error_covers_the_noise_of_the_contact_radius_in_gross_slip() {
         let scenario = json!({
             "profile": {"shape": "paraboloid", "radius": 0.01},
             "moduli": {"normal": 113e9, "tangential": 93e9}, "friction": 0.7,
@@ -377,9 +379,9 @@ mod tests {
         (scenario, chance.one_of(&numbers))
     }
 
-    /// The module `output` quotes this test. The truth is a run with a smaller tolerance.
+    /// The module `output` refers to this test. The derivatives of runs with a smaller tolerance count as true.
     #[test]
-    fn derivatives_of_all_columns_contain_their_roughness() {
+    fn stated_errors_of_derivatives_cover_the_noise_of_all_columns() {
         let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
         let count = if is_long { 200 } else { 12 };
         let mut chance = Random::new(1);
@@ -393,7 +395,7 @@ mod tests {
             for (entry, truth) in tested.into_iter().zip(found(config)) {
                 let (tested, truth) = (entry.derivative.unwrap(), truth.derivative.unwrap());
                 let true_error = (tested.value - truth.value).abs();
-                // Held quantities are exact.
+                // The true error of a held quantity is 0, so the ratio is limited.
                 ratios[entry.output].push((tested.error / true_error).min(1e3));
             }
         }

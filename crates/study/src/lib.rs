@@ -1,5 +1,5 @@
-//! Studies: what is computed from many runs, and the scalars that are taken from each of them. This room has no input or
-//! output, no clock and no threads.
+//! Studies: results that are computed from many runs, and the scalars that are taken from each run. This crate has no
+//! input or output, no clock and no threads.
 
 mod claimed;
 mod evaluation;

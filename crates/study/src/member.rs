@@ -10,9 +10,10 @@ use serde_json::{Number, Value};
 
 use fretwork_json::escaped;
 
-/// Most numbers that an error text lists.
+/// Maximum number of pointers that an error text lists.
 const LISTED: usize = 40;
-/// A text that is no quantity. The fault of a scenario that has it in place of a quantity says what is measured there.
+/// A text that is no quantity. If a scenario has it in place of a quantity, the fault says which dimension is expected
+/// there.
 const PROBE: &str = "?";
 
 /// A number of a scenario, which a JSON pointer names.
@@ -20,7 +21,7 @@ const PROBE: &str = "?";
 pub struct Member {
     /// The pointer (RFC 6901), such as `/friction`.
     pub pointer: String,
-    /// What the number measures.
+    /// The dimension of the number.
     pub dimension: Dimension,
     /// Its value in the scenario, in SI.
     pub value: f64,
@@ -43,7 +44,7 @@ impl Member {
         Self::find_all(scenario, [pointer]).remove(0)
     }
 
-    /// Finds numbers in a scenario, as its client wrote it.
+    /// Finds numbers in a scenario that has the form in which the client wrote it.
     ///
     /// # Errors
     /// For each pointer that names no number, a sentence for the client.
@@ -77,7 +78,7 @@ impl Member {
     /// The scenario is not the one in which the number was found.
     #[expect(clippy::expect_used, reason = "the pointer was found in this scenario")]
     pub fn put(&self, scenario: &mut Value, value: f64) {
-        // Some members accept only integers.
+        // Some members accept only integers. A value such as 64.0 is written as 64.
         let whole = value.fract() == 0.0 && value.abs() < 1e15;
         let number = if whole { Some((value as i64).into()) } else { Number::from_f64(value) };
         *scenario.pointer_mut(&self.pointer).expect("the scenario has this number") =
@@ -103,7 +104,7 @@ fn read(value: &Value, dimension: Dimension) -> Result<f64, String> {
     }
 }
 
-/// The number with this pointer, as its client wrote it.
+/// The value at this pointer, as the client wrote it: a number, or a text with a unit.
 fn found<'a>(scenario: &'a Value, pointer: &str) -> Result<&'a Value, String> {
     let found = scenario.pointer(pointer).ok_or_else(|| {
         let mut known = Vec::new();
@@ -118,8 +119,8 @@ fn found<'a>(scenario: &'a Value, pointer: &str) -> Result<&'a Value, String> {
     }
 }
 
-/// What numbers of a scenario measure. A text says it by its unit. For plain numbers, the scenario says it: it is read with
-/// [`PROBE`] in their places.
+/// The dimensions of numbers in a scenario. The unit of a text gives its dimension. To find those of the plain numbers,
+/// the scenario is read with [`PROBE`] in place of each of them: the faults name the expected dimensions.
 fn dimensions<'a>(
     scenario: &Value,
     found: impl Iterator<Item = (&'a str, &'a Value)>,
@@ -170,7 +171,8 @@ fn first(is_measured: impl Fn(Dimension) -> bool) -> Dimension {
     Dimension::ALL.into_iter().find(|it| is_measured(*it)).unwrap_or(Dimension::Number)
 }
 
-/// The pointers of the numbers of a document: of the first `most`, or of all that are not in lists.
+/// Collects the pointers of the numbers in a document: those of the first `most` numbers, or of all that are not in
+/// lists.
 fn numbers(value: &Value, most: Option<usize>, pointer: &mut String, found: &mut Vec<String>) {
     let length = pointer.len();
     let mut enter = |name: &str, inner: &Value| {
@@ -256,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_found_together_are_those_that_are_found_alone() {
+    fn find_all_finds_the_same_numbers_as_find() {
         let mut scenario = scenario();
         let together = |scenario: &Value| {
             let mut pointers = Vec::new();
@@ -292,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_says_which_numbers_there_are_or_which_units() {
+    fn a_fault_names_a_similar_number_or_the_expected_dimension() {
         let refused = |pointer| Member::find(&scenario(), pointer).unwrap_err();
         assert!(refused("/frction").contains("Did you mean `/friction`?"));
         assert!(refused("/profile/shape").contains("is not a number"));

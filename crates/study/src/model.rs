@@ -14,11 +14,11 @@ use super::problem::Problem;
 use super::run::{Ended, Run};
 use fretwork_json::Distinct;
 
-/// Most numbers that a model varies, and most outputs of a model.
+/// Maximum number of parameters of a model, and of its outputs.
 const MOST: usize = 100;
 /// Approximate memory of a value of a scenario with its name, in bytes.
 const VALUE_BYTES: usize = 150;
-/// The job whose scenario is the default: a steel ball under the simplified rule.
+/// The example job whose scenario is the default: a steel ball, computed by the simplified rule.
 const DEFAULT: &str = include_str!("../../../examples/steel-ball-simplified.json");
 
 /// A function from numbers of a scenario to outputs of its result.
@@ -28,7 +28,7 @@ pub struct Model(Problem);
 /// The values of the outputs at a point.
 #[derive(Debug)]
 pub struct PointValues {
-    /// The values, or why there are none.
+    /// Each value, or why there is none.
     pub values: Vec<Result<f64, NoValue>>,
     /// The relative error that each value can have.
     pub accuracies: Vec<f64>,
@@ -48,8 +48,8 @@ struct Config {
 }
 
 impl Model {
-    /// Reads `{"scenario"?: {…}, "parameters"?: ["/friction", …], "outputs"?: ["wear_volume", …]}`. The defaults are the
-    /// example `steel-ball-simplified`, `/friction` and `wear_volume`.
+    /// Reads `{"scenario"?: {…}, "parameters"?: ["/friction", …], "outputs"?: ["wear_volume", …]}`. The defaults are
+    /// the example `steel-ball-simplified`, `/friction` and `wear_volume`.
     ///
     /// # Errors
     /// All faults, with pointers relative to this object.
@@ -62,7 +62,7 @@ impl Model {
         Self::new(config.scenario.0.unwrap_or_else(default_scenario), &parameters, outputs)
     }
 
-    /// A model of a scenario.
+    /// A model with the scenario `base`.
     ///
     /// # Errors
     /// All faults, with pointers such as `/scenario/friction`, `/parameters/0` and `/outputs/0`.

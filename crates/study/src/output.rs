@@ -25,18 +25,19 @@ use fretwork_engine::solver::events::EventKind;
 
 /// Separates the name of a column from an output cycle.
 const AT: char = '@';
-/// Number of output cycles that an error text lists.
+/// Maximum number of output cycles that an error text lists.
 const LISTED: usize = 12;
-/// Relative error of what is computed in closed form: that of the sums over springs.
+/// Relative error of values in closed form. The sums over springs are the least accurate ones.
 const CLOSED: f64 = 1e-9;
-/// The columns that the closed form of the rule takes from a mesh.
+/// The columns of the simplified rule that are computed on a mesh, even if the others have a closed form.
 const ON_MESH: [&str; 5] =
     ["wear_volume", "wear_depth", "scar_radius", "wear_volume_error", "wear_depth_error"];
-/// Error of the contact radius and the scar radius, relative to a cell of a mesh with cells of equal width. It comes
-/// and goes as the edge of the contact crosses a cell.
+/// Error of the contact radius and the scar radius, in units of the cell width of a uniform mesh. The error rises and
+/// falls as the edge of the contact crosses a cell.
 const EDGE_IN_CELL: f64 = 0.5;
-/// Errors of the forces, of the indentation depth and of the energy per cycle, relative to the stated error of the wear
-/// volume and to the unworn value. They follow the edge of the contact too.
+/// Errors of the forces, of the indentation depth and of the energy per cycle, relative to the unworn value and in
+/// units of the stated relative error of the wear volume. These errors also vary as the edge of the contact crosses a
+/// cell.
 const BY_EDGE: [(&str, f64); 4] = [
     ("normal_force", 3.0),
     ("tangential_force", 3.0),
@@ -48,12 +49,12 @@ const BY_EDGE: [(&str, f64); 4] = [
 #[derive(Debug)]
 struct Quantity {
     name: Box<str>,
-    /// The name without that of the section.
+    /// The name without the name of the section.
     column: &'static str,
     source: Source,
 }
 
-/// Where the value of a quantity is in a result. Numbers are places in the table of a section.
+/// Where the value of a quantity is in a result. The numbers are indices into the columns or members of a section.
 #[derive(Debug, Clone, Copy)]
 enum Source {
     Column(usize),
@@ -74,7 +75,7 @@ const EVENTS: [(&str, EventKind); 7] = [
     ("energy_not_reached", EventKind::EnergyNotReached),
 ];
 
-/// All quantities. Those of a section have its name before their own.
+/// All quantities. A quantity of a section is named `section.member`, except the columns of the history.
 static QUANTITIES: LazyLock<Vec<Quantity>> = LazyLock::new(|| {
     let section = |section: &str, members: &[Member], source: fn(usize) -> Source| {
         let named = members.iter().enumerate().map(|(place, member)| {
@@ -102,11 +103,11 @@ static QUANTITIES: LazyLock<Vec<Quantity>> = LazyLock::new(|| {
 pub struct OutputName {
     text: Box<str>,
     quantity: &'static Quantity,
-    /// The place of the output cycle in the text, if the name has one.
+    /// The index in the text at which the output cycle begins, if the name has one.
     cycle: Option<usize>,
 }
 
-/// An output of the results of a scenario.
+/// An output of a scenario: a quantity, perhaps at one of its output cycles.
 #[derive(Debug, Clone)]
 pub struct Output {
     name: Box<str>,
@@ -139,13 +140,13 @@ pub enum NoValue {
 }
 
 impl OutputName {
-    /// The names of all outputs, without output cycles. The columns of the history come first. An output cycle can follow
-    /// them.
+    /// The names of all outputs, without output cycles. The columns of the history come first. An output cycle can
+    /// follow them.
     pub fn all() -> impl Iterator<Item = &'static str> {
         QUANTITIES.iter().map(|quantity| &*quantity.name)
     }
 
-    /// Finds the output cycle of the name among those of a scenario.
+    /// Finds the output cycle of this name among the output cycles of a scenario.
     ///
     /// # Errors
     /// A sentence for the client: the scenario does not have this output cycle.
@@ -155,8 +156,8 @@ impl OutputName {
         Ok(Output { name: text, quantity, row })
     }
 
-    /// The outputs of a scenario with these names. None if `cycles` of the scenario has faults: then the scenario is
-    /// refused.
+    /// The outputs of a scenario with these names. The list is empty if `cycles` of the scenario has faults, because
+    /// the scenario is refused then.
     ///
     /// # Errors
     /// The faults of the names, with pointers such as `/0`.
@@ -273,7 +274,7 @@ impl Output {
         }
     }
 
-    /// The value of a section that follows from the unworn contact.
+    /// The value, if it follows from the unworn contact: from the section `scales`, `unworn` or `limit`.
     fn of_contact(
         &self,
         scales: &ContactScales,
@@ -289,28 +290,29 @@ impl Output {
         finite(value.ok_or(NoValue::NoRig)?)
     }
 
-    /// Whether the value has a closed form, apart from quadratures and roots.
+    /// Whether the value has a closed form. Formulas with quadratures and roots count as closed.
     #[must_use]
     pub fn is_closed(&self, case: &Case) -> bool {
         !self.needs_run() || case.is_closed() && !ON_MESH.contains(&&*self.quantity.name)
     }
 
-    /// The relative error that the value can have, as far as it varies with the numbers of the scenario.
+    /// The largest expected relative error of the value. Only errors that vary with the numbers of the scenario count.
     ///
     /// A run states the errors of its wear volume and its wear depth. The test
-    /// `derivatives_of_all_columns_contain_their_roughness` shows what the other columns need.
+    /// `stated_errors_of_derivatives_cover_the_noise_of_all_columns` checks the errors that are assumed for the other
+    /// columns.
     #[must_use]
     pub fn accuracy(&self, case: &Case, outcome: Option<&Outcome>) -> f64 {
         let computed = outcome.filter(|_| !self.is_closed(case));
         computed.and_then(|outcome| self.roughness(outcome)).unwrap_or(CLOSED).max(CLOSED)
     }
 
-    /// See [`Self::accuracy`]. `None` without wear.
+    /// The relative error of an output of a run, see [`Self::accuracy`]. `None` if the run has no wear.
     fn roughness(&self, outcome: &Outcome) -> Option<f64> {
         let Outcome { accuracy, history, .. } = outcome;
         let volume = accuracy.numerical_error?;
         if self.is_error() {
-            // An estimate of an error has no digits.
+            // The estimate of an error may itself be wrong by 100 %.
             return Some(1.0);
         }
         if self.is_edge() {
@@ -413,7 +415,7 @@ mod tests {
     }
 
     #[test]
-    fn the_value_of_a_name_is_the_number_of_the_result() {
+    fn the_value_of_an_output_equals_the_number_in_the_result() {
         let (cycles, case, outcome) = run(&json!([1000, 30000, 1e6]), &json!({}));
         let value = |name: &str| output(name, &cycles).value(&case, &outcome);
         let history = &outcome.history;

@@ -1,7 +1,7 @@
-//! What a kind of study is: a [`Kind`] says how it is read and shown, and a [`Plan`] what a study of this kind computes.
+//! Kinds of studies. A [`Kind`] says how a study of this kind is read and shown. A [`Plan`] says what a study computes.
 //!
-//! A new kind is one file in `kinds/`, a line in its list, and its schema. Documents, formats, figures, search and the page
-//! ask the kind.
+//! A new kind needs one file in `kinds/`, a line in the list of kinds, and a schema. Documents, formats, figures,
+//! search and the dashboard get everything else from the [`Kind`].
 
 use std::fmt;
 
@@ -14,7 +14,7 @@ use super::output::Output;
 use super::problem::{Found, Problem};
 use super::rows::Rows;
 
-/// Most points of a study on any server.
+/// Maximum number of points of a study. A server can set a lower limit.
 pub const MAX_POINTS: u64 = 1 << 22;
 
 /// A kind of study. Kinds with the same name are equal.
@@ -24,17 +24,18 @@ pub struct Kind {
     pub name: &'static str,
     /// Its name for people.
     pub title: &'static str,
-    /// The member of the document that has the rows of all points. If it is not `table`, the findings have the table.
+    /// The member of the document that has the rows of all points. If it is not `table`, the findings contain the
+    /// member `table`.
     pub rows: &'static str,
     /// Whether the study can keep profiles.
     pub keeps_profiles: bool,
     /// The numbers that vary, by the names of their members in the study. Empty if the study has a list `vary`.
     pub axes: &'static [(&'static str, &'static str)],
-    /// The member of the study that decides how its points lie.
+    /// The name of the member of the study that selects its design or method.
     pub design: &'static str,
-    /// The figures for each value of this member. The last ones hold for all other values.
+    /// The figures for each value of the member `design`. The last entry is also used for all other values.
     pub designs: &'static [(&'static str, Hints)],
-    /// What the form of the page offers.
+    /// The studies of this kind that the form of the dashboard offers.
     pub offers: &'static [Offer],
     /// Reads a study. All faults have pointers relative to the study.
     #[serde(skip)]
@@ -69,10 +70,11 @@ impl Kind {
     }
 }
 
-/// A study in the form of the page: a scenario, ranges of some of its numbers, outputs, and perhaps a number of samples.
+/// A study that the form of the dashboard offers: a scenario, ranges of some of its numbers, outputs, and perhaps a
+/// number of samples.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Offer {
-    /// Its id in the page.
+    /// Its id in the dashboard.
     pub id: &'static str,
     /// Its name for people.
     pub title: &'static str,
@@ -80,7 +82,7 @@ pub struct Offer {
     pub meaning: &'static str,
     /// The other members of the study, as JSON.
     pub members: &'static str,
-    /// If the study draws samples: the points of a sample, as a constant and as a factor of the numbers that vary.
+    /// If the study draws samples: (a, b), where a sample has a + b·d points for d numbers that vary.
     pub sample: Option<(u8, u8)>,
 }
 
@@ -117,13 +119,13 @@ impl StudyFigure {
         }
     }
 
-    /// Whether it shows one of the outputs.
+    /// Whether the figure shows one of the outputs, which clients can choose.
     #[must_use]
     pub fn has_output(self) -> bool {
         self != Self::Regimes
     }
 
-    /// Whether it has axes for numbers that vary, which clients can choose.
+    /// Whether clients can choose the numbers that vary on the axes.
     #[must_use]
     pub fn has_axes(self) -> bool {
         !matches!(self, Self::Regimes | Self::Tornado)
@@ -144,19 +146,19 @@ pub struct Hints {
 }
 
 impl Hints {
-    /// Figures that need nothing but the rows.
+    /// Hints for figures that need only the rows.
     #[must_use]
     pub const fn of(figures: &'static [StudyFigure]) -> Self {
         Self { figures, is_grid: false, regions: None, bars: None }
     }
 }
 
-/// Two regions of a plane.
+/// Two regions of a plane, separated by a boundary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Regions {
     /// The table of the findings with the boundary: two columns with the names of the two numbers.
     pub boundary: &'static str,
-    /// What the boundary is.
+    /// The label of the boundary.
     pub label: &'static str,
     /// The title of the figure.
     pub title: &'static str,
@@ -191,13 +193,13 @@ impl Column {
     }
 }
 
-/// A study as its own kind reads it.
+/// A study as its kind has read it.
 pub struct Read {
-    /// What was read, with all defaults.
+    /// The members of the study, with all defaults.
     pub(crate) complete: Map<String, Value>,
     /// What is computed at each point.
     pub(crate) problem: Problem,
-    /// Which points the study has, and what it makes of their rows.
+    /// The points of the study, and the computation of the findings from their rows.
     pub(crate) plan: Box<dyn Plan>,
 }
 
@@ -217,7 +219,7 @@ impl Read {
     }
 }
 
-/// Values of the members, and what their run has given.
+/// A run of a point: the values of the members, and the outputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tried {
     /// The values, in SI.
@@ -228,12 +230,12 @@ pub struct Tried {
 
 /// Which points a study has, how each of them is computed, and what follows from their rows.
 ///
-/// Workers compute the points in any order and on several machines. So a point knows only the study, its own number, and
-/// the runs that it has tried itself. A kind whose later runs depend on earlier ones makes a sequence of runs one point:
-/// [`next`](Self::next) chooses the values of each run from the runs before it, and [`row`](Self::row) makes one row
-/// of all of them. A fit from several starts, for example, has one point for each start. Its
-/// [`findings`](Self::findings) compare the rows of all points. A point that is interrupted starts again, so `next` must
-/// depend on its arguments alone.
+/// Workers compute the points in any order and on several machines. So a point depends only on the study, on its own
+/// number, and on its own earlier runs. A kind whose later runs depend on earlier ones combines a sequence of runs into
+/// one point: [`next`](Self::next) chooses the values of each run from the runs before it, and [`row`](Self::row) makes
+/// one row of all of them. A fit from several starts, for example, has one point for each start. Its
+/// [`findings`](Self::findings) compare the rows of all points. A point that is interrupted starts again, so `next`
+/// must depend on its arguments alone.
 pub trait Plan: fmt::Debug + Send + Sync {
     /// The number of points.
     fn points(&self) -> usize;
@@ -241,7 +243,7 @@ pub trait Plan: fmt::Debug + Send + Sync {
     /// The values of the members in the first run of a point, in SI.
     fn point(&self, number: usize) -> Vec<f64>;
 
-    /// The values of the next run of a point, from those that it has tried; `None` if no more run is necessary.
+    /// The values of the next run of a point, from its earlier runs; `None` if no more run is necessary.
     fn next(&self, _: &Problem, number: usize, tried: &[Tried]) -> Option<Vec<f64>> {
         tried.is_empty().then(|| self.point(number))
     }
@@ -257,17 +259,18 @@ pub trait Plan: fmt::Debug + Send + Sync {
         problem.seconds(values)
     }
 
-    /// The columns that a row has before its outputs.
+    /// The columns of numbers that a row has between its members and its outputs.
     fn columns(&self) -> Vec<Column> {
         Vec::new()
     }
 
-    /// The columns of numbers that only the findings have.
+    /// The columns of numbers in the findings that rows do not have.
     fn found_columns(&self) -> Vec<Column> {
         Vec::new()
     }
 
-    /// What follows from the rows of all points. `goes_on` is asked before each long computation; `None` if it is false.
+    /// Computes the findings from the rows of all points. Calls `goes_on` before each long computation, and returns
+    /// `None` if that is false.
     fn findings(
         &self,
         _: &Problem,
@@ -287,20 +290,20 @@ pub trait Plan: fmt::Debug + Send + Sync {
         0
     }
 
-    /// Memory of what the plan has computed, in bytes.
+    /// Maximum memory of intermediate results that the plan keeps, in bytes.
     fn memory(&self) -> usize {
         0
     }
 }
 
-/// What follows from the rows of a study.
+/// Notes and tables that follow from the rows of a study.
 #[derive(Debug, Default)]
 pub struct Findings {
-    /// What its reader must know; `None` if the kind has no notes.
+    /// Remarks for readers of the study; `None` if the kind has no notes.
     pub notes: Option<Vec<Note>>,
-    /// Tables, by their members in the document.
+    /// Tables, by the names of their members in the document.
     pub tables: Vec<(&'static str, Vec<(String, Cells)>)>,
-    /// Columns that the table of rows has after its others: their names, and their cells as JSON, separated by commas.
+    /// Additional columns at the end of the table of rows: their names, and their cells as JSON, separated by commas.
     pub beside: Vec<(&'static str, String)>,
 }
 
@@ -318,7 +321,7 @@ pub enum Cells {
 pub struct Note {
     /// The name of the output.
     pub output: String,
-    /// What its reader must know.
+    /// The text of the remark.
     pub detail: String,
     /// The pointer of a number that varies, if the note is about one.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -1,4 +1,4 @@
-//! Computing the points of a study, step by step.
+//! Computes the points of a study, step by step.
 
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -65,9 +65,9 @@ impl Points {
     }
 }
 
-/// A bug of the engine at one point must not end the study.
+/// Returns `None` if the computation panics. A defect of the engine at one point must not end the study.
 fn guarded<T>(compute: impl FnOnce() -> T) -> Option<T> {
-    // This is unwind safe: after a panic, nothing that the closure has changed is used.
+    // The closure is unwind safe: after a panic, no value that it has changed is used.
     catch_unwind(AssertUnwindSafe(compute)).ok()
 }
 

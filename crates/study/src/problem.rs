@@ -1,4 +1,4 @@
-//! A scenario, the numbers of it that a study varies, and the outputs that the study wants.
+//! A scenario, the numbers in it that a study varies, and the outputs that the study takes from each result.
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
@@ -13,18 +13,18 @@ use super::run::{Ended, Run};
 use super::vary::{self, Varied};
 use fretwork_json::Distinct;
 
-/// The members of a study that take most of its memory. Its kind reads them without a copy.
+/// The members of a study that take most of its memory. They are read without copying them.
 const LARGE: [&str; 3] = ["scenario", "vary", "outputs"];
-/// Most outputs.
+/// Maximum number of outputs.
 const MAX_OUTPUTS: usize = 100;
-/// Processor time to prepare a run, in seconds, beside the time that the engine estimates for it: of any run, and for each
-/// value of its scenario.
+/// Processor time to prepare a run, in seconds: a constant part, and a part for each value in the scenario. The
+/// estimate of the engine does not contain it.
 const PREPARATION: (f64, f64) = (15e-6, 0.3e-6);
 
 /// Largest seed: the largest integer that every JSON parser reads exactly.
 pub(super) const MAX_SEED: u64 = 1 << 53;
 
-/// The members of a study with few values.
+/// The small members of a study: all except [`LARGE`].
 pub(super) fn small_members(study: &Value) -> Map<String, Value> {
     let members = study.as_object().into_iter().flatten();
     let small = members.filter(|(name, _)| !LARGE.contains(&name.as_str()));
@@ -38,15 +38,15 @@ pub struct Problem {
     pub base: Value,
     /// The numbers that vary.
     pub members: Vec<Member>,
-    /// What is taken from each result.
+    /// The scalars that are taken from each result.
     pub outputs: Vec<Output>,
     /// The curves that are taken from each result.
     pub profiles: Option<CommonProfiles>,
-    /// The number of values in the scenario.
+    /// The number of JSON values in the scenario.
     pub(super) size: usize,
 }
 
-/// What a point has given.
+/// The outputs and the curves of a point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
     /// The outputs, in the order of the problem; `None` where there is no value.
@@ -79,7 +79,8 @@ impl Problem {
         PREPARATION.0 + PREPARATION.1 * self.size as f64
     }
 
-    /// Begins the run with these values of the members, in SI. If its scenario is not valid, this is what it has found.
+    /// Begins the run with these values of the members, in SI. If its scenario is not valid, returns a [`Found`]
+    /// without outputs, which states the reason.
     pub(super) fn start(&self, values: &[f64]) -> Result<Run, Found> {
         let case = self.case(values).map_err(|reason| {
             let lack = Some(Lack::Refused(reason));
@@ -104,7 +105,7 @@ impl Problem {
         self.preparation() + run.map_or(0.0, |case| case.seconds())
     }
 
-    /// What a run has found.
+    /// The outputs and the curves of a run that has ended.
     pub(super) fn found(&self, run: &Ended) -> Found {
         let found = self.outputs_of(run);
         match self
@@ -130,7 +131,7 @@ impl Problem {
         let mut lack = None;
         let outputs = self.outputs.iter().map(|output| match run.value(output) {
             Ok(number) => Some(number),
-            // The output says so: it has no value.
+            // An event that did not happen is a valid answer, so the point is not incomplete.
             Err(NoValue::NoEvent) => None,
             Err(why) => {
                 lack.get_or_insert_with(|| Lack::Incomplete(format!("{}: {why}", output.name())));
@@ -140,7 +141,7 @@ impl Problem {
         Found { outputs: outputs.collect(), profiles: self.no_profiles(), lack }
     }
 
-    /// What is found without a run: nothing.
+    /// A [`Found`] without values, for a point without a run.
     pub(super) fn no_run(&self) -> Found {
         let outputs = vec![None; self.outputs.len()];
         Found { outputs, profiles: self.no_profiles(), lack: None }
@@ -177,7 +178,7 @@ impl Problem {
     }
 }
 
-/// The number of values in a document.
+/// The number of JSON values in a document: numbers, texts, lists, objects and so on.
 fn size_of_tree(value: &Value) -> usize {
     1 + match value {
         Value::Array(items) => items.iter().map(size_of_tree).sum(),
@@ -186,7 +187,7 @@ fn size_of_tree(value: &Value) -> usize {
     }
 }
 
-/// Checks a scenario, and reads what a study varies in it and which outputs it has.
+/// Checks a scenario, and reads which of its numbers a study varies and which outputs the study has.
 ///
 /// # Errors
 /// All faults, with pointers relative to the study.
@@ -205,8 +206,8 @@ pub(super) fn varied_and_outputs(
 /// The outputs of a scenario with these names. Faults have pointers such as `/0`.
 ///
 /// # Errors
-/// It is not a list of names, or the scenario does not have these outputs. If its `cycles` have faults, the list is empty:
-/// these faults are listed elsewhere.
+/// `names` is not a list of names, or the scenario does not have these outputs. If `cycles` of the scenario has faults,
+/// the list is empty: the check of the scenario reports them.
 pub fn outputs_of(names: Value, scenario: &Value) -> Result<Vec<Output>, Faults> {
     let Distinct(names) = Distinct::<OutputName, MAX_OUTPUTS>::deserialize_from_value::<Value>(
         names.into_value(),

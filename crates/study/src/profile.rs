@@ -62,9 +62,9 @@ impl Field {
         if self == Self::Pressure { "Pa" } else { "m" }
     }
 
-    /// Its last curve over the output radii of a run, and its value beyond the last of them.
+    /// The last curve of this field over the output radii of a run, and the value beyond the last radius.
     fn of(self, profiles: &Profiles) -> Option<(&[f64], Option<f64>)> {
-        // The output radii end outside of the contact.
+        // The last output radius lies outside of the contact, where wear and pressure are 0.
         let (rows, outside) = match self {
             Self::Wear => (&profiles.wear, Some(0.0)),
             Self::Pressure => (&profiles.pressure, Some(0.0)),
@@ -79,7 +79,7 @@ impl CommonProfiles {
     /// Reads the member `profiles` of a sweep.
     ///
     /// # Errors
-    /// All faults, with pointers relative to it.
+    /// All faults, with pointers relative to `profiles`.
     pub fn read(profiles: Value) -> Result<Self, Faults> {
         let Request { radius, fields } = Request::deserialize_from_value::<Value>(
             profiles.into_value(),
@@ -102,8 +102,9 @@ impl CommonProfiles {
         Ok(Self { radii, fields })
     }
 
-    /// The curves of a run after its last output cycle, linear between its output radii. A value is missing beyond them if it
-    /// is not 0 there, and where it is infinite.
+    /// The curves of a run after its last output cycle at the radii of the study, interpolated linearly between the
+    /// output radii of the run. Beyond them, a value is missing unless it is 0 there. An infinite value is also
+    /// missing.
     ///
     /// # Errors
     /// The run has no profiles after its last output cycle.
@@ -133,8 +134,8 @@ impl CommonProfiles {
 #[error("profiles: the run ended exactly at an earlier output cycle")]
 pub struct NoProfiles;
 
-/// The value of a curve at a radius from its first radius on. `None` beyond its last one. The value is not finite next to an
-/// infinite one.
+/// The value of a curve at a radius, interpolated linearly. `None` beyond the last radius of the curve. The value is
+/// not finite next to an infinite value.
 fn at(radii: &[f64], curve: &[f64], radius: f64) -> Option<f64> {
     let next = radii.partition_point(|known| *known < radius);
     let (known, value) = (*radii.get(next)?, *curve.get(next)?);

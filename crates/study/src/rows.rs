@@ -7,20 +7,20 @@ use serde::{Deserialize, Serialize};
 use super::problem::{Found, Lack};
 use fretwork_json as json;
 
-/// Most bytes of a reason as JSON, and of the comma after it. So the size of a document is known before it is computed.
+/// Maximum bytes of a reason as JSON, with the comma after it. So the largest size of a document is known in advance.
 pub const MAX_REASON: usize = 120;
-/// Most bytes of a number as JSON, and of the comma after it.
+/// Maximum bytes of a number as JSON, with the comma after it.
 pub const NUMBER: usize = 20;
 
-/// The rows of consecutive points, in columns: the values of the members in SI, the outputs, the reason why an output is
-/// missing, and the curves.
+/// The rows of consecutive points, in columns: the values of the members in SI, the outputs, the reason why an output
+/// is missing, and the curves.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rows {
     /// The number of rows.
     pub count: usize,
-    /// Points whose scenario is not valid.
+    /// Number of points whose scenario is not valid.
     pub refused: u64,
-    /// Points that lack an output.
+    /// Number of points with a valid scenario that lack an output.
     pub incomplete: u64,
     /// For each column, its cells as JSON, separated by commas.
     columns: Vec<String>,
@@ -51,7 +51,7 @@ impl Rows {
         }
     }
 
-    /// Adds the rows of the points that follow.
+    /// Appends the rows of the next chunk of points.
     pub fn append(&mut self, next: &Self) {
         self.columns.resize_with(next.columns.len().max(self.columns.len()), String::new);
         for (column, more) in self.columns.iter_mut().zip(&next.columns) {
@@ -72,7 +72,7 @@ impl Rows {
         serde_json::to_vec(self).expect("rows are numbers and texts")
     }
 
-    /// Reads [`Self::to_bytes`]; `None` if the bytes are not those of rows.
+    /// Reads what [`Self::to_bytes`] has written; `None` if the bytes are not rows.
     #[must_use]
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         serde_json::from_slice(bytes).ok()
@@ -86,7 +86,7 @@ impl Rows {
     /// The numbers of a column.
     ///
     /// # Panics
-    /// It is not a column of numbers.
+    /// The column does not contain numbers.
     #[must_use]
     #[expect(clippy::expect_used, reason = "the rows were written by this program")]
     pub fn numbers(&self, column: usize) -> Vec<Option<f64>> {
@@ -101,14 +101,14 @@ impl Rows {
     }
 }
 
-/// A reason as JSON, or its beginning.
+/// A reason as JSON, shortened to [`MAX_REASON`] bytes.
 fn written(reason: Option<&String>) -> String {
     let mut reason = reason.map(String::as_str);
     loop {
         let text = json::write(&reason, MAX_REASON);
         match reason {
             Some(long) if text.len() >= MAX_REASON => {
-                // A byte takes at most six as JSON.
+                // A byte of the text takes at most six bytes as JSON, so at least this many bytes must be removed.
                 let excess = (text.len() + 1 - MAX_REASON).div_ceil(6);
                 let kept = long.len().saturating_sub(excess);
                 reason = Some(&long[..long.floor_char_boundary(kept)]);
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_rows_of_three_chunks_are_the_rows_of_all_points() {
+    fn the_rows_of_three_chunks_equal_the_rows_of_all_points() {
         let lacks = [
             None,
             Some(Lack::Refused("\u{e9}\"".repeat(MAX_REASON))),

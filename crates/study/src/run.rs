@@ -1,4 +1,4 @@
-//! A run, computed as far as some outputs need it.
+//! A run of a study. It is simulated only if its outputs need a simulation.
 
 use fretwork_engine::case::Case;
 use fretwork_engine::outcome::{Outcome, Preview};
@@ -7,14 +7,14 @@ use fretwork_engine::simulation::{Advance, Simulation};
 
 use super::output::{NoValue, Output};
 
-/// A run in progress. It ends at once if the unworn contact gives all outputs.
+/// A run in progress. It ends at once if all outputs follow from the unworn contact.
 #[derive(Debug)]
 pub struct Run {
     case: Case,
     simulation: Option<Simulation>,
 }
 
-/// A run at its end.
+/// A run that has ended.
 #[derive(Debug)]
 pub struct Ended<'a> {
     pub(super) case: &'a Case,

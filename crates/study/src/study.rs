@@ -15,22 +15,23 @@ use super::run::Run;
 use fretwork_json as json;
 use fretwork_random::Stream;
 
-/// The version of the rules that make rows from a canonical study. It is a part of the study's key. A change of a random
-/// sequence, of a text in a row, or of a default of scenarios needs a new version.
+/// The version of the rules by which a canonical study gives its rows. It is a part of the study's key. Increase it
+/// when a random sequence, a text in a row or a default of scenarios changes.
 const VERSION: u32 = 1;
-/// Estimated time of a chunk, in seconds. A chunk takes about half of it, because estimates of short runs are twice too long.
+/// Estimated time of a chunk, in seconds. A chunk takes about half of it, because estimates of short runs are twice too
+/// long.
 const CHUNK: f64 = 0.1;
-/// Longest estimate of what follows from the rows, in seconds: it is computed in one step.
+/// Maximum estimated time of the findings, in seconds. It is limited because they are computed in one step.
 const MAX_FINDINGS: f64 = 5.0;
-/// Most points of a chunk.
+/// Maximum number of points of a chunk.
 const MAX_CHUNK: usize = 4096;
-/// Fewest and most points by which the cost of all points is estimated.
+/// Minimum and maximum number of sampled points from which the time of all points is estimated.
 const SAMPLES: (usize, usize) = (4, 64);
-/// Time to prepare these points, in seconds.
+/// Intended time to prepare the sampled points, in seconds. It decides how many points are sampled.
 const SAMPLING: f64 = 5e-3;
-/// Most listed values of a member that are counted as memory.
+/// Maximum number of values of a member that [`Study::memory`] counts.
 const LISTED: usize = 100_000;
-/// Bytes of a document beside its table and its canonical form.
+/// Maximum bytes of a document without its table, findings and canonical form.
 const HEAD: usize = 4096;
 
 /// A valid study.
@@ -75,7 +76,8 @@ impl Study {
             return Err(Faults::one("/outputs", detail));
         }
         drop((problem, plan));
-        // What is computed follows from the canonical form alone, with its order of members.
+        // The problem and the plan are read from the canonical form, so that studies with the same key give the same
+        // rows.
         let Read { complete, problem, plan } = (kind.read)(canonical(complete.into()))?;
         let mut canonical = Value::Object(complete);
         canonical.sort_all_objects();
@@ -87,14 +89,14 @@ impl Study {
     /// The mean of the estimates for some points, times the number of all points.
     fn estimate(&self) -> f64 {
         let of = |place| self.point_seconds(&self.point(place));
-        // A sample of a scenario with long lists takes milliseconds.
+        // To prepare one point of a scenario with long lists takes milliseconds, so fewer points are sampled.
         let samples = (SAMPLING / self.problem.preparation()) as usize;
         let samples = samples.clamp(SAMPLES.0, SAMPLES.1);
         let mean = self.sample(samples).map(of).sum::<f64>() / samples as f64;
         mean * self.points() as f64 + self.plan.findings_seconds(&self.problem)
     }
 
-    /// Some points, at random: evenly spaced ones could all lie on one line of a grid.
+    /// Random points. Evenly spaced points could all lie on one line of a grid.
     fn sample(&self, count: usize) -> impl Iterator<Item = usize> {
         let (stream, points) = (Stream::new(0), self.points() as u64);
         (0..count as u64).map(move |place| stream.below(place, points) as usize)
@@ -121,16 +123,16 @@ impl Study {
                 Ok(run) => point.running = Some((values, run)),
                 Err(found) => point.tried.push(Tried { values, found }),
             }
-            // A point of many short runs takes a step for each.
+            // Returns after each run, so that a point of many short runs does not exceed the time of a step.
             if !is_first {
                 return None;
             }
         }
     }
 
-    /// The row of a point without outputs.
+    /// The row of a point that lacks all outputs, for this reason.
     pub(super) fn lacks_all(&self, number: usize, lack: Lack) -> Tried {
-        // Beside the outputs there are the members and the reason.
+        // All columns are outputs except the members and the reason.
         let outputs = vec![None; self.columns().len() - self.problem.members.len() - 1];
         let found = Found { outputs, lack: Some(lack), ..self.problem.no_run() };
         Tried { values: self.point(number), found }
@@ -179,21 +181,21 @@ impl Study {
     #[must_use]
     pub fn bytes(&self) -> usize {
         let row = NUMBER * (self.columns().len() - 1) + MAX_REASON;
-        // A curve has brackets, and a point its number.
+        // The 3 bytes are the brackets and the comma of a curve. Each point also has its index.
         let curves = self.problem.profiles.as_ref().map_or(0, |profiles| {
             NUMBER + profiles.fields.len() * (NUMBER * profiles.radii.len() + 3)
         });
         self.head() + (row + curves) * self.points()
     }
 
-    /// Size of the document without its rows, about.
+    /// Estimated size of the document without its rows, in bytes.
     fn head(&self) -> usize {
         let radii = self.problem.profiles.as_ref().map_or(0, |it| NUMBER * it.radii.len());
         let found = radii + self.plan.findings_bytes(&self.problem);
         HEAD + self.canonical.to_string().len() + found
     }
 
-    /// Memory of a prepared study, in bytes, beside its canonical form as text.
+    /// Estimated memory of a prepared study without the text of its canonical form, in bytes.
     #[must_use]
     pub fn memory(&self) -> usize {
         size_of::<Self>()
@@ -243,8 +245,8 @@ impl Study {
         self.document_while(key, engine, rows, &mut || true).expect("it goes on")
     }
 
-    /// As [`document`](Self::document), but `None` if `goes_on` becomes false. It is asked before the intervals of each output
-    /// are estimated.
+    /// As [`document`](Self::document), but returns `None` if `goes_on` becomes false. It is called before the
+    /// intervals of each output are estimated.
     ///
     /// # Panics
     /// The members cannot be written as JSON.
@@ -290,14 +292,15 @@ impl Study {
         Some(text)
     }
 
-    /// How many points there are, and how many of them lack outputs.
+    /// The number of points, and how many of them are refused or incomplete.
     #[must_use]
     pub fn counts(&self, rows: &Rows) -> Value {
         json!({"points": self.points(), "refused": rows.refused, "incomplete": rows.incomplete})
     }
 }
 
-/// Writes an object of lists: names, and cells as JSON, separated by commas.
+/// Writes columns as a JSON object with a list for each column. Each column is a name and the cells as JSON, separated
+/// by commas.
 fn add_columns<'a>(text: &mut String, columns: impl Iterator<Item = (&'a str, &'a str)>) {
     for (place, (name, cells)) in columns.enumerate() {
         text.push(if place == 0 { '{' } else { ',' });
@@ -313,7 +316,8 @@ fn add_columns<'a>(text: &mut String, columns: impl Iterator<Item = (&'a str, &'
 #[expect(clippy::expect_used, reason = "another study would have another key")]
 fn canonical(mut study: Value) -> Value {
     study["version"] = json!(VERSION);
-    // The member `profiles` of the study says which curves are kept, so two studies that differ only here are one.
+    // A study ignores `profiles_at` of its scenario, so studies that differ only there must have the same key. Only the
+    // member `profiles` of a study says which curves are kept.
     study["scenario"]["profiles_at"] = json!("none");
     change(&mut study, to_si);
     let text = json::write(&study, 1 << 10);
@@ -324,7 +328,7 @@ fn canonical(mut study: Value) -> Value {
     study
 }
 
-/// Replaces the texts and the numbers of a document, where there is something to replace.
+/// Replaces each text or number of a document for which `new` returns a number.
 fn change(value: &mut Value, new: fn(&Value) -> Option<Number>) {
     match value {
         Value::Array(items) => items.iter_mut().for_each(|item| change(item, new)),

@@ -14,15 +14,15 @@ use super::stats::design::{Spacing, range};
 use super::stats::distribution::Distribution;
 use fretwork_json::Whole;
 
-/// Most values of one number, and most values of a range.
+/// Maximum number of values of one member, listed or in a range.
 const MAX_VALUES: u64 = 100_000;
-/// Most radii at which a study keeps profiles.
+/// Maximum number of radii at which a study keeps profiles.
 pub const MAX_RADII: u64 = 1000;
-/// Most numbers that a study varies.
+/// Maximum number of members that a study varies.
 const MAX_MEMBERS: usize = 100;
-/// Most values of all numbers together.
+/// Maximum number of values of all members together.
 const MAX_LISTED: u64 = 1 << 20;
-/// The fault of an entry whose values the study needs.
+/// The fault of an entry that does not say which values the number takes.
 pub const NO_VALUES: &str = "must have either `values`, or `from` and `to`, or a `distribution`";
 
 /// A number of the scenario, and how it varies.
@@ -30,18 +30,18 @@ pub const NO_VALUES: &str = "must have either `values`, or `from` and `to`, or a
 pub struct Varied {
     /// The number.
     pub member: Member,
-    /// Its values.
+    /// How the number varies.
     pub values: Values,
 }
 
 /// How a number varies.
 #[derive(Debug)]
 pub enum Values {
-    /// The value in the scenario.
+    /// The entry gives no values. The study uses the value in the scenario.
     Base,
     /// These values, in SI.
     List(Vec<f64>),
-    /// From the first to the second value.
+    /// All values from the first to the second one, without a count.
     Range(f64, f64, Spacing),
     /// A distribution of values in SI.
     Distribution(Distribution),
@@ -115,10 +115,11 @@ pub fn list(entries: &[Value], scenario: &Value) -> Result<Vec<Varied>, Faults> 
 }
 
 impl Values {
-    /// The distribution from which a study draws. A range is a uniform one.
+    /// The distribution from which a study draws values. A range gives a uniform or log-uniform
+    /// distribution.
     ///
     /// # Errors
-    /// A sentence for the client: these values are not drawn.
+    /// A sentence for the client: values cannot be drawn from a list or from the scenario.
     pub fn drawn(self) -> Result<Distribution, String> {
         let (from, to, spacing) = match self {
             Self::Distribution(distribution) => return Ok(distribution),
@@ -235,10 +236,10 @@ fn list_of(list: &[Value], member: &Member) -> Result<Vec<f64>, Faults> {
     Faults::list(list.iter().map(|value| member.read(value)))
 }
 
-/// A distribution as a client writes it: its name, its parameters, and how it is made of them.
+/// A form in which clients write a distribution: its name, its parameters, and the function that builds it from them.
 type Form = (&'static str, &'static [&'static str], fn(&[f64]) -> Result<Distribution, Fault>);
 
-/// A name with two forms is read in the first one if its first parameter is given.
+/// All forms. `lognormal` has two: the first one applies if its first parameter is given.
 const FORMS: [Form; 6] = [
     ("uniform", &["low", "high"], |p| Distribution::uniform(p[0], p[1])),
     ("log_uniform", &["low", "high"], |p| Distribution::log_uniform(p[0], p[1])),

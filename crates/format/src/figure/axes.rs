@@ -11,7 +11,8 @@ use fretwork_plot::{About, Axis, Figure, Series};
 pub const LOG_RATIO: f64 = 20.0;
 /// A vertical axis is logarithmic if its values are positive and the ratio of its ends is at least this.
 const LOG_HEIGHT: f64 = 100.0;
-/// Values are spaced evenly on a logarithmic axis if their steps are this much less equal on a linear one.
+/// Values count as spaced logarithmically if the ratio of the largest to the smallest step is larger by this factor on
+/// a linear axis than on a logarithmic one.
 const UNEVEN: f64 = 1.5;
 
 /// Gives a figure the size and the axes that the client requests. Refuses a logarithmic axis without positive values.
@@ -47,7 +48,7 @@ pub fn in_unit(label: &str, unit: Option<&str>) -> Axis {
     })
 }
 
-/// The names of all curves of a figure, in words; nothing if none has a name.
+/// A sentence with the names of all curves of a figure; empty if none has a name.
 pub fn curves_in_words(figure: &Figure, separator: &str) -> String {
     let names = figure.series.iter().map(|series| series.label.as_str());
     let names: Vec<&str> = names.filter(|name| !name.is_empty()).collect();
@@ -72,7 +73,7 @@ pub fn distinct(values: &[f64]) -> Vec<f64> {
     values
 }
 
-/// Whether ascending values are spaced like a geometric sequence, judged by five of them.
+/// Whether ascending values are spaced like a geometric sequence. Five of them are compared.
 pub fn is_log_spaced(ascending: &[f64]) -> bool {
     let places = evenly_spaced(ascending.len(), 5);
     let some: Vec<f64> = places.into_iter().map(|place| ascending[place]).collect();
@@ -87,7 +88,7 @@ pub fn is_log_spaced(ascending: &[f64]) -> bool {
     unevenness(&some) > UNEVEN * unevenness(&logs)
 }
 
-/// Whether values of an output need a logarithmic scale.
+/// Whether values of an output are positive and span so many decades that they need a logarithmic scale.
 pub fn spans_decades(values: impl Iterator<Item = f64>) -> bool {
     let values = values.filter(|value| value.is_finite());
     let (low, high) = values

@@ -1,14 +1,14 @@
-//! Which figure of a study is drawn, from what the study has and what the client requests.
+//! Chooses the figure of a study from the members and outputs of the study and the request of the client.
 
 use crate::error::Missing;
 use crate::quantity::QUANTITIES;
 use crate::view::{StudyOptions, View};
 use fretwork_study::{Hints, StudyFigure};
 
-/// A family of curves has at most this many.
+/// Maximum number of curves in a family.
 pub const MAX_CURVES: usize = 7;
 
-/// What a study has.
+/// What a study offers for figures.
 pub struct Offer {
     /// The figures of its kind.
     pub hints: Hints,
@@ -18,7 +18,7 @@ pub struct Offer {
     pub outputs: Vec<String>,
 }
 
-/// A figure of a study. `over` and `by` are places in the list of members, `output` is one in that of outputs.
+/// A figure of a study. `over` and `by` are indices of members, and `output` is the index of an output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
     /// One curve for each value of a second member.
@@ -89,7 +89,7 @@ impl Offer {
         })
     }
 
-    /// The first kind that can show what is requested.
+    /// The first kind of figure that supports the requested options.
     fn default_kind(&self, options: &StudyOptions) -> StudyFigure {
         let has_axes = options.over.is_some() || options.by.is_some();
         let fits = |kind: &StudyFigure| {
@@ -98,7 +98,8 @@ impl Offer {
         self.kinds().find(fits).unwrap_or(self.hints.figures[0])
     }
 
-    /// The members on the axes. By default these are those with most values. A plane with regions has its first member across.
+    /// The members on the axes. By default these are the members with the largest numbers of values. A figure with
+    /// regions has the first member on the horizontal axis.
     fn axes(&self, over: Option<usize>, by: Option<usize>) -> (usize, Option<usize>) {
         let most = |other: Option<usize>| {
             let free = (0..self.members.len()).rev().filter(|place| Some(*place) != other);
@@ -111,7 +112,7 @@ impl Offer {
         (over, by.or_else(|| most(Some(over))))
     }
 
-    /// Faults of parameters that belong to runs.
+    /// The faults of a request that uses parameters for figures of runs.
     fn run_options(&self, view: &View) -> Vec<Missing> {
         let mut faults = Vec::new();
         let mut wrong = |parameter, detail: String| faults.push(Missing { parameter, detail });
@@ -164,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn the_default_figure_follows_from_how_the_points_lie() {
+    fn the_default_figure_depends_on_the_design_of_the_study() {
         let default =
             |arrangement, counts: &[usize]| chosen(&offer(arrangement, counts), |_| ()).unwrap();
         let (output, curves) = (0, |over, by| Choice::Curves { output: 0, over, by });
@@ -194,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn all_faults_are_listed_with_what_is_possible() {
+    fn all_faults_are_listed_with_the_accepted_values() {
         let faults = chosen(&offer(GRID, &[4, 16]), |options| {
             options.kind = Some(StudyFigure::Tornado);
             options.output = Some("wear".to_owned());

@@ -7,7 +7,7 @@ use crate::table::{Table, evenly_spaced};
 use crate::units::Units;
 use fretwork_plot::{Axis, Band, Dash, Field, Series, Style};
 
-/// Most points of a curve, and most columns and rows of a heat map. More would be smaller than a pixel.
+/// Maximum number of points of a curve, and of columns and rows of a heat map. More would be smaller than a pixel.
 const MAX_POINTS: usize = 1000;
 const MAX_CELLS: usize = 128;
 /// The colours below and above a boundary, which also differ in greyscale.
@@ -16,16 +16,16 @@ const ABOVE: &str = "#f2bf8c";
 const BOUNDARY: Style = Style { color: "#000000", dash: Dash::Dashed, width: 1.8, mark: None };
 const HALO: Style = Style { color: "#ffffff", dash: Dash::Solid, width: 3.4, mark: None };
 
-/// The places of the members on the axes of a figure.
+/// The members on the axes of a figure, by their indices.
 #[derive(Clone, Copy)]
 pub struct Axes {
-    /// On the horizontal axis.
+    /// The member on the horizontal axis.
     pub over: usize,
-    /// On the vertical axis, or with one curve for each value.
+    /// The member on the vertical axis, or the one with a curve for each of its values.
     pub by: Option<usize>,
 }
 
-/// An output of a study over its members.
+/// An output of a study as a function of its members.
 pub struct Surface<'a> {
     pub offer: &'a Offer,
     pub rows: &'a Table,
@@ -69,7 +69,7 @@ impl Lattice {
         Self { over: x, by: y, values, held: held.collect() }
     }
 
-    /// The same lattice with these columns and rows only.
+    /// The lattice restricted to these columns and rows.
     fn thinned(self, columns: &[usize], rows: &[usize]) -> Self {
         let pick =
             |from: &[f64], places: &[usize]| places.iter().map(|place| from[*place]).collect();
@@ -88,8 +88,8 @@ impl Lattice {
     }
 }
 
-/// The values of these members in the row that is nearest to the middle of all of them and has an output. If no row has one,
-/// the middle values.
+/// The values of these members in the row that is nearest to the middle of all of them and has an output. If no row has
+/// one, the middle values.
 fn central(members: &[(usize, &[f64])], output: &[f64]) -> Vec<(usize, f64)> {
     let distances: Vec<Vec<usize>> = members
         .iter()
@@ -135,7 +135,8 @@ impl Surface<'_> {
         (series.collect(), note)
     }
 
-    /// The heat map of an output, and a note about the values that it does not show. `log`: whether each axis is logarithmic.
+    /// The heat map of an output, and a note about the values that it does not show. `log`: whether each axis is
+    /// logarithmic.
     pub fn field(&self, axes: Axes, log: (bool, bool), scale: Axis) -> (Field, String) {
         let lattice = Lattice::new(self, axes);
         let drawn = |values: &[f64], log: bool| -> Vec<usize> {

@@ -8,7 +8,7 @@
 //! | map | regimes, heat maps, families of curves ([`grid`]) |
 //! | sensitivity | bars of the indices ([`tornado`]), scatter plots |
 //!
-//! All can be read in greyscale and by colour-blind readers.
+//! All figures can be read in greyscale and by colour-blind readers.
 
 mod axes;
 mod choice;

@@ -20,7 +20,7 @@ use fretwork_plot::{Axis, Dash, Figure, GREY, Series, Style};
 const CURVES: usize = 6;
 /// The limiting value is drawn if it stretches the vertical axis at most by this factor.
 const STRETCH: f64 = 2.0;
-/// A pressure has a pole if its peak exceeds its typical height by this factor. The axis then ends at
+/// A pressure counts as having a pole if its peak exceeds its typical height by this factor. The axis then ends at
 /// `POLE_ROOM` times the typical height.
 const POLE: f64 = 5.0;
 const POLE_ROOM: f64 = 2.0;
@@ -48,7 +48,7 @@ pub fn svg(document: &Document<'_>, view: &View) -> Result<String, Error> {
     Ok(figure.svg())
 }
 
-/// Refuses what only figures of studies have.
+/// Refuses options that only figures of studies have.
 fn refuse_study_options(view: &View) -> Result<(), Error> {
     let given = view.figure.study.given();
     let missing = |parameter: &'static str| {
@@ -131,7 +131,7 @@ impl Drawing<'_> {
             (radius.to_vec(), y.collect())
         });
         series.splice(0..0, reference("initial", INITIAL));
-        // Drawn last: worn profiles approach the limiting one and would cover it.
+        // The limiting profile is drawn last. Otherwise the worn profiles, which approach it, would cover it.
         series.extend(reference("limiting", LIMITING));
         let along = if name == "image" { "Coordinate $x$" } else { "Radius $r$" };
         let (x, y) = (self.axis(along, "radius"), self.axis(&self.quantity.label(), name));

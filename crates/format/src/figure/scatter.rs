@@ -1,18 +1,18 @@
 //! Scatter plots of points with drawn values.
 //!
-//! A figure with 10⁵ dots would have megabytes and one dark stain. So only some points are drawn, evenly spaced in the
-//! order of the study. The median is that of all points. Where several points share each abscissa, as the levels of a screening,
-//! their percentiles are drawn, too. Otherwise the points of a bin also differ by their abscissae, and percentiles of them would
-//! look like those of the output at one abscissa.
+//! A figure with 10⁵ dots would have megabytes, and the dots would merge into one dark area. So only some points are
+//! drawn, evenly spaced in the order of the study. The median is that of all points. If each bin contains the points of
+//! one abscissa, such as a level of a screening, percentiles are drawn too. Otherwise the points of a bin also differ
+//! because of their abscissae, so percentiles would overstate the scatter of the output at one abscissa.
 
 use crate::table::evenly_spaced;
 use fretwork_plot::{Dash, Mark, PALETTE, Series, Style};
 
-/// Most dots in a figure.
+/// Maximum number of dots in a figure.
 const MAX_DOTS: usize = 4000;
-/// Up to this many points are drawn as discs. More have a median.
+/// Up to this many points are drawn as discs. If there are more, they are drawn as dots, with a median.
 const FEW: usize = 200;
-/// Number of bins with equally many points, and the fewest points of a bin.
+/// Maximum number of bins, which have equally many points, and the minimum number of points of a bin.
 const BINS: usize = 20;
 const FEWEST: usize = 25;
 /// The percentiles beside the median.
@@ -47,8 +47,8 @@ pub fn series(x: &[f64], y: &[f64]) -> (Vec<Series>, String) {
     (out, note)
 }
 
-/// The median in bins over the abscissa, and what the figure says about it. Points of one abscissa are in one bin. If each bin
-/// has one abscissa, also the tails.
+/// The median in bins over the abscissa, and the note about it. Points of one abscissa are in one bin. If each bin has
+/// only one abscissa, the percentiles [`TAILS`] are drawn too.
 fn percentiles(mut points: Vec<(f64, f64)>) -> (Vec<Series>, &'static str) {
     points.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let mut share_abscissae = true;
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn many_points_are_thinned_and_their_median_is_that_of_all() {
+    fn many_points_are_thinned_and_the_median_uses_all_points() {
         let x: Vec<f64> = (0..20_000).map(|i| f64::from(i * 7919 % 20_000) / 20_000.0).collect();
         let y: Vec<f64> = (0..20_000).map(|i| f64::from(i * 104_729 % 1000) / 999.0).collect();
         let (series, note) = series(&x, &y);

@@ -1,4 +1,4 @@
-//! Figures of a study: its rows, its choice, and what all its figures say about it.
+//! Figures of a study: reads the rows, draws the chosen figure, and describes it.
 
 use serde::de::Error as _;
 use serde_json::Value;
@@ -38,7 +38,8 @@ pub fn svg(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<
     }
 }
 
-/// What a study has: members are pointers, and every other column of numbers is an output.
+/// The members and outputs of a study. A column whose name is a JSON pointer is a member; every other column of numbers
+/// is an output.
 fn offer(hints: Hints, rows: &Table) -> Offer {
     let is_number = |values: &Values| matches!(values, Values::Cycles(_));
     let columns = || rows.columns.iter().filter(|(_, values)| is_number(values));
@@ -57,7 +58,7 @@ struct Study<'a> {
     document: &'a Document<'a>,
     view: &'a View,
     kind: &'static Kind,
-    /// The study as it was asked for, in SI.
+    /// The canonical study, in SI.
     asked: Value,
     /// The rows of all points.
     rows: Table,
@@ -82,14 +83,14 @@ impl Study<'_> {
         axes::in_unit(label, self.document.head.units.of(name))
     }
 
-    /// The axis of a member.
+    /// The axis for the values of a member.
     fn across(&self, place: usize) -> Axis {
         let name = self.member(place);
         let log = axes::is_log_spaced(&axes::distinct(self.column(name)));
         Axis { log, ..self.axis(&capital(&member(name)), name) }
     }
 
-    /// An output in words: the quantity, and when or where.
+    /// The name of an output in words: the quantity, and for example its output cycle.
     fn in_words(&self, name: &str) -> (String, String) {
         output(name, &self.asked["scenario"]["cycles"])
     }
@@ -138,8 +139,8 @@ impl Study<'_> {
         self.finished(figure, &(note + &self.gaps(name)), &format!(" Colours: {label}."))
     }
 
-    /// The boundary of two regions by its first and its second number, in the order of the first. A second number is NaN where
-    /// it has no value.
+    /// The boundary of two regions: the values of its first column, ascending, and those of its second column. A
+    /// missing value of the second column is NaN.
     fn boundary(&self, regions: &Regions) -> Result<[Vec<f64>; 2], Error> {
         let boundary = self.document.value(regions.boundary)?;
         let [first, second] = [0, 1].map(|place| -> Vec<f64> {
@@ -162,7 +163,7 @@ impl Study<'_> {
             Axis { range: range.filter(|(low, high)| low < high), ..self.across(place) }
         });
         let bands = grid::regions(regions.names, &boundary, y.range);
-        // The names of the regions tell what it separates.
+        // The boundary needs no label, because the regions have names.
         let series = grid::boundary(boundary, "");
         let title = regions.title.to_owned();
         self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, "", "")
@@ -223,7 +224,8 @@ impl Study<'_> {
         format!("from {} points of a {kind} study, computed by {engine}", self.rows.cycles())
     }
 
-    /// The figure with its metadata, as SVG. The note is below it, and `colours` only in its description.
+    /// The figure with its metadata, as SVG. The note is printed below the figure. `colours` is only in its
+    /// description.
     fn finished(&self, mut figure: Figure, note: &str, colours: &str) -> Result<String, Error> {
         axes::choose(&mut figure, &self.view.figure)?;
         note.trim().clone_into(&mut figure.note);

@@ -1,4 +1,4 @@
-//! Bars of what a study has found about each number that varies, the largest on top.
+//! Tornado charts: a group of bars for each number that varies, the largest on top.
 
 use super::axes;
 use super::words::member;
@@ -7,7 +7,7 @@ use crate::units::Units;
 use fretwork_plot::{Bar, BarChart, Group};
 use fretwork_study::Bars;
 
-/// Least height of a group, and the height of all that is not a group, in px.
+/// Minimum height of a group of bars, and the height of the title, the axis and the margins together, in px.
 const GROUP: f64 = 15.0;
 const AROUND: f64 = 95.0;
 
@@ -42,7 +42,7 @@ pub fn chart(table: &Table, output: &str, bars: &Bars, units: &Units) -> BarChar
     BarChart { title, axis, names, groups, size, about: None }
 }
 
-/// Keeps the largest groups, as many as have room. Returns a note if some are left out.
+/// Keeps as many of the largest groups as fit into the height. Returns a note if some are left out.
 pub fn keep_what_fits(chart: &mut BarChart) -> String {
     let (most, all) = (((chart.size.1 - AROUND) / GROUP).max(1.0) as usize, chart.groups.len());
     chart.groups.truncate(most);

@@ -33,12 +33,12 @@ pub fn member(pointer: &str) -> String {
     words.join(" ").trim().to_owned()
 }
 
-/// An output in words. The first text is the quantity; the second says when or where, such as ` after 1000 cycles`. Instants
-/// without a unit are in the measure of `cycles`, a member of the scenario.
+/// An output in words. The first text is the quantity. The second text says when or where, such as ` after 1000
+/// cycles`. An output cycle without a unit is in the measure of the member `cycles` of the scenario.
 pub fn output(name: &str, cycles: &Value) -> (String, String) {
     let spaced = |text: &str| text.replace('_', " ");
     if let Some((column, at)) = name.split_once('@') {
-        // An energy can have its unit in the name.
+        // A name such as `wear_depth@1 mJ` already contains the unit of the energy.
         let unit = match at.parse::<f64>() {
             Err(_) => "",
             Ok(_) if cycles.get("dissipated_energy").is_some() => " J",
@@ -56,13 +56,13 @@ pub fn output(name: &str, cycles: &Value) -> (String, String) {
     }
 }
 
-/// The text with a capital at its start.
+/// The text with a capital first letter.
 pub fn capital(text: &str) -> String {
     let mut rest = text.chars();
     rest.next().map_or_else(String::new, |first| first.to_uppercase().chain(rest).collect())
 }
 
-/// Labels such as `friction = 0.5`, with as many digits as distinguish them.
+/// Labels such as `friction = 0.5`, with enough digits to distinguish them.
 pub fn values_of(name: &str, unit: Option<&str>, values: &[f64]) -> Vec<String> {
     let unit = unit.map_or_else(String::new, |unit| format!(" {}", typeset(unit)));
     distinct(values, [4, 12], |value, digits| {

@@ -1,10 +1,10 @@
 //! Maps: regimes, forces and wear over normal force and amplitude (running-condition fretting maps).
 //!
-//! The unworn contact at each point is known in closed form, see [`Condition`]. A run is computed only for `outputs` that
-//! need one, such as the wear volume.
+//! The unworn contact at each point is known in closed form, see [`Condition`]. Runs are computed only if the map has
+//! `outputs`, such as the wear volume.
 //!
-//! The boundary of gross slip is the curve U = μ(E*/G*)·d(F). For a paraboloid it is that of Hertz and Mindlin,
-//! U = 3μF/(4G*a).
+//! Gross slip begins at the amplitude U = μ(E*/G*)·d(F), where d is the indentation depth at the normal force F. For a
+//! paraboloid with contact radius a this is the formula of Hertz and Mindlin, U = 3μF/(4G*a).
 //!
 //! # Sources
 //! O. Vingsbo, S. Söderberg, Wear 126 (1988) 131: fretting maps.
@@ -58,18 +58,18 @@ pub const KIND: Kind = Kind {
     read,
 };
 
-/// The pointers of the members of a map.
+/// The pointers of the two numbers that a map varies.
 const MEMBERS: [&str; 2] = ["/load/normal_force", "/motion/amplitude"];
-/// Their names in a study.
+/// The members of a map that give the values of these numbers.
 const AXES: [&str; 2] = ["normal_force", "amplitude"];
-/// Most values of an axis: a contact is computed and kept for each normal force.
+/// Maximum number of values of an axis. It is limited because a contact is kept in memory for each normal force.
 const MAX_VALUES: usize = 4096;
 /// The columns of the unworn contact and their units, between the members and the outputs.
 const CLOSED: [(&str, &str); 3] =
     [("unworn.force_ratio", "1"), ("unworn.stick_ratio", "1"), ("unworn.energy_per_cycle", "J")];
-/// Place of the stick ratio among them.
+/// Index of the stick ratio in [`CLOSED`].
 const STICK_RATIO: usize = 1;
-/// The name of the column of texts that follows from the others.
+/// The name of the column of texts that follows from the stick ratio.
 const REGIME: &str = "regime";
 /// Processor time of a point without a run, in seconds.
 const SECONDS: f64 = 2e-6;
@@ -92,7 +92,8 @@ struct Request {
 struct Map {
     forces: Vec<f64>,
     amplitudes: Vec<f64>,
-    /// For each normal force a case with any amplitude, or why there is none. They are computed when they are needed.
+    /// For each normal force a case with one of the amplitudes, or why there is none. Each is computed when it is first
+    /// needed.
     cases: Vec<OnceLock<Result<Box<Case>, String>>>,
 }
 
@@ -125,7 +126,7 @@ fn read(map: Value) -> Result<Read, Faults> {
     Ok(Read::new(complete, Problem::new(scenario, vec![force, amplitude], outputs), plan))
 }
 
-/// Checks that normal force and amplitude determine the unworn contact of a scenario.
+/// Checks that a scenario has a normal force and an amplitude of the contact, which a map varies.
 fn plain(scenario: &Value) -> Result<(), Faults> {
     let mut faults = Faults::default();
     for (pointer, name) in MEMBERS.into_iter().zip(AXES) {
@@ -145,7 +146,7 @@ fn plain(scenario: &Value) -> Result<(), Faults> {
     faults.or(())
 }
 
-/// The member of an axis, and its values. Faults have pointers relative to the map.
+/// The number that an axis varies, and its values. Faults have pointers relative to the map.
 fn axis(place: usize, mut entry: Value, scenario: &Value) -> Result<(Member, Vec<f64>), Faults> {
     let wrong = |detail: &str| Err(Faults::one("", detail));
     let read = match entry.as_object_mut() {
@@ -175,12 +176,12 @@ fn axis(place: usize, mut entry: Value, scenario: &Value) -> Result<(Member, Vec
 }
 
 impl Map {
-    /// A case with a normal force.
+    /// A case with this normal force. Its amplitude is the first, the middle or the last one.
     fn case(&self, problem: &Problem, force: usize) -> Result<&Case, &String> {
         let case = self.cases[force].get_or_init(|| {
             let of =
                 |amplitude: &f64| problem.case(&[self.forces[force], *amplitude]).map(Box::new);
-            // The smallest or the largest amplitudes may be out of bounds.
+            // The scenario may be invalid with the smallest or the largest amplitude. Then another amplitude is tried.
             let last = self.amplitudes.len() - 1;
             let [first, others @ ..] = [0, last / 2, last].map(|place| &self.amplitudes[place]);
             others.into_iter().fold(of(first), |case, other| case.or_else(|_| of(other)))
@@ -202,7 +203,7 @@ impl Map {
     }
 }
 
-/// The texts of the column of regimes, which follow from the stick ratio.
+/// The cells of the column of regimes, which follow from the stick ratios.
 fn regimes(rows: &Rows) -> String {
     let ratios = rows.numbers(MEMBERS.len() + STICK_RATIO);
     let regimes = ratios.into_iter().map(|ratio| match ratio {
@@ -228,12 +229,12 @@ impl Plan for Map {
         vec![self.forces[number / count], self.amplitudes[number % count]]
     }
 
-    /// Without outputs, no point needs a run.
+    /// A point needs one run, or none if the map has no outputs.
     fn next(&self, problem: &Problem, number: usize, tried: &[Tried]) -> Option<Vec<f64>> {
         (tried.is_empty() && !problem.outputs.is_empty()).then(|| self.point(number))
     }
 
-    /// The unworn contact of a point before what was found by its run.
+    /// The row of a point: first the columns of the unworn contact, then the outputs of its run.
     fn row(&self, problem: &Problem, number: usize, tried: Vec<Tried>) -> Tried {
         let run = tried.into_iter().next().map_or_else(|| problem.no_run(), |tried| tried.found);
         let (closed, refused) = match self.unworn(problem, number) {
@@ -254,7 +255,8 @@ impl Plan for Map {
         CLOSED.map(|(name, unit)| Column::new(name, unit)).to_vec()
     }
 
-    /// The amplitudes at which gross slip begins, which are known without the rows, and the regimes.
+    /// The boundary, which is known without the rows: the amplitude at which gross slip begins, for each normal force.
+    /// And the regimes of all rows.
     fn findings(
         &self,
         problem: &Problem,
@@ -273,7 +275,7 @@ impl Plan for Map {
         })
     }
 
-    /// Time to compute the cases.
+    /// Time to compute the cases of all normal forces.
     fn findings_seconds(&self, problem: &Problem) -> f64 {
         self.forces.len() as f64 * problem.preparation()
     }
@@ -339,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn the_boundary_of_gross_slip_is_that_of_hertz_and_mindlin() {
+    fn the_boundary_of_gross_slip_agrees_with_hertz_and_mindlin() {
         let document = document(&map(|_| {}).unwrap());
         let column = |name: &str| document["boundary"][name].as_array().unwrap().clone();
         let pairs = column(MEMBERS[0]).into_iter().zip(column(MEMBERS[1]));
@@ -364,13 +366,13 @@ mod tests {
     }
 
     #[test]
-    fn the_unworn_contact_is_that_of_cattaneo_and_mindlin() {
+    fn the_unworn_contact_agrees_with_cattaneo_and_mindlin() {
         let document = document(&map(|_| {}).unwrap());
         let [table, boundary] = [&document["table"], &document["boundary"][MEMBERS[1]]];
         for number in 0..7 * 12 {
             let cell = |name: &str| table[name][number].as_f64().unwrap();
             let threshold = cell(MEMBERS[1]) / boundary[number / 12].as_f64().unwrap();
-            // c/a = √(1 − Δ) and Q/μF = 1 − (1 − Δ)^(3/2).
+            // With the amplitude Δ in units of the gross-slip threshold: c/a = √(1 − Δ) and Q/μF = 1 − (1 − Δ)^(3/2).
             let rest = (1.0 - threshold).max(0.0).sqrt();
             assert!((cell("unworn.stick_ratio") - rest).abs() < 1e-9, "{number}");
             assert!(
@@ -381,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_has_the_numbers_of_a_run_with_its_values() {
+    fn the_outputs_of_a_row_equal_those_of_a_single_run() {
         let study = map(|map| map["outputs"] = json!(["wear_volume", "wear_depth@1000"])).unwrap();
         let table = document(&study)["table"].take();
         for number in [0, 30, 83] {
@@ -396,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn a_force_without_a_contact_gives_rows_with_the_reason() {
+    fn rows_of_a_force_without_a_valid_contact_state_the_reason() {
         let study = map(|map| {
             map["scenario"]["profile"] = json!({"shape": "sphere", "radius": "0.1 mm"});
             map["scenario"]["load"]["normal_force"] = json!("1 N");
@@ -414,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_say_what_a_map_needs() {
+    fn a_fault_of_a_map_says_what_to_enter() {
         let fault = |change: &dyn Fn(&mut Value)| {
             let fault = map(|map| change(map)).unwrap_err().0.swap_remove(0);
             format!("{}: {}", fault.pointer, fault.detail)

@@ -1,4 +1,4 @@
-//! The kinds of studies. This list is the only place that names them all.
+//! The kinds of studies. [`Kind::ALL`] is the only list of all kinds.
 
 mod map;
 mod sensitivity;
@@ -32,7 +32,7 @@ mod tests {
     use crate::{Kind, Points, Study, StudyFigure};
 
     #[test]
-    fn each_kind_says_what_its_figures_and_its_offers_need() {
+    fn the_figures_and_offers_of_each_kind_are_consistent() {
         let mut ids = HashSet::new();
         for kind in Kind::ALL {
             assert_eq!(Kind::named(kind.name), Some(kind));
@@ -49,7 +49,7 @@ mod tests {
         }
     }
 
-    /// The friction at which a contact begins to slip as a whole, for two amplitudes, by bisection.
+    /// The friction at which gross slip begins, for two amplitudes. Each point finds it by bisection.
     #[derive(Debug)]
     struct Thresholds;
 
@@ -107,7 +107,7 @@ mod tests {
         let mut points = Points::whole(Arc::clone(&study));
         let mut steps = 0;
         let rows = iter::repeat_with(|| points.step()).inspect(|_| steps += 1).find_map(|it| it);
-        // Each run but the first of a point takes a step.
+        // Each call of `step` completes one run. The last call returns the rows.
         assert_eq!(steps, AMPLITUDES.len() * STEPS + 1);
         let document: Value =
             serde_json::from_str(&study.document(&"key", &"engine", &rows.unwrap())).unwrap();

@@ -88,7 +88,7 @@ fn read(sweep: Value) -> Result<Read, Faults> {
     let Request { scenario, vary, design, samples, seed, outputs, profiles, .. } = request;
     let profiles = profiles.0.map(CommonProfiles::read).transpose();
     let profiles = profiles.map_err(|faults| faults.below("/profiles"));
-    // A design of faulty members has no meaning.
+    // If a member or an output has a fault, no design can be made.
     let read = varied_and_outputs(&scenario, &vary, outputs);
     let ((varied, outputs), profiles) = both(read, profiles)?;
     let members = varied.iter().map(|one| one.member.clone()).collect();
@@ -120,13 +120,13 @@ impl Plan for Design {
 }
 
 impl DesignName {
-    /// Whether the design draws the values.
+    /// Whether the design draws the values from distributions.
     fn is_random(self) -> bool {
         matches!(self, Self::LatinHypercube | Self::Sobol)
     }
 }
 
-/// The design of a sweep. Faults have pointers relative to the sweep.
+/// Builds the design of a sweep. Faults have pointers relative to the sweep.
 fn design_of(
     name: DesignName,
     varied: Vec<Varied>,
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn profiles_are_those_of_single_runs_after_their_last_output_cycle() {
+    fn profiles_of_a_sweep_agree_with_those_of_single_runs() {
         for (method, points) in [("simplified", 64), ("exact", 64)] {
             let study = sweep(|sweep| {
                 sweep["scenario"]["model"] = json!({"method": method, "points": points});
@@ -252,7 +252,8 @@ mod tests {
             let radii: Vec<f64> = serde_json::from_value(profiles["radius"].clone()).unwrap();
             assert_eq!((radii.len(), radii[1]), (81, 5e-6));
 
-            // The radii of a run of its own are others, so its curves are compared between them.
+            // A single run has profiles at other radii. So each value of the sweep must lie between two values of the
+            // run.
             let mut scenario = study.problem().base.clone();
             scenario["friction"] = json!(0.5);
             scenario["motion"]["amplitude"] = json!(4e-6);
@@ -292,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn profiles_of_a_run_that_ends_early_are_those_of_its_end() {
+    fn a_run_that_ends_early_has_the_profiles_of_its_end() {
         let study = sweep(|sweep| {
             sweep["vary"] = json!([{"pointer": "/until/wear_depth", "values": ["0.1 um", "1 m"]}]);
             sweep["scenario"]["until"] = json!({"wear_depth": "0.1 um"});
@@ -313,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_does_not_reach_its_energies_has_profiles_of_its_end() {
+    fn a_run_that_does_not_reach_its_energies_has_the_profiles_of_its_end() {
         for method in ["simplified", "exact"] {
             let study = sweep(|sweep| {
                 sweep["scenario"]["model"]["method"] = json!(method);
@@ -341,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_has_the_numbers_of_a_run_with_its_values() {
+    fn a_row_equals_the_outputs_of_a_single_run() {
         let study = sweep(|_| ()).unwrap();
         let rows = rows(&study);
         assert_eq!((study.points(), rows.len()), (8, 8));
@@ -365,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn the_canonical_form_has_no_units_and_is_its_own_canonical_form() {
+    fn the_canonical_form_is_in_si_and_reading_it_again_changes_nothing() {
         let study = sweep(|_| ()).unwrap();
         let in_si = sweep(|sweep| {
             sweep["scenario"]["profile"]["radius"] = json!(0.01);
@@ -383,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_without_a_valid_scenario_is_a_row_with_its_reason() {
+    fn the_row_of_an_invalid_scenario_states_the_reason() {
         let sweep = sweep(|sweep| {
             sweep["vary"][0]["values"] = json!([0.7, -0.1]);
         });
@@ -411,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn a_design_needs_the_values_that_it_can_use() {
+    fn a_design_refuses_values_that_it_cannot_use() {
         let fault = |change: &dyn Fn(&mut Value)| {
             let fault = sweep(|sweep| change(sweep)).unwrap_err().0.swap_remove(0);
             format!("{}: {}", fault.pointer, fault.detail)

@@ -1,7 +1,7 @@
-//! Bootstrap: how far an estimate may be from the true value, judged from the sample alone.
+//! Bootstrap: an interval for the true value of an estimate, from the sample alone.
 //!
-//! The rows of the sample are drawn anew with replacement many times, and the estimate is computed from
-//! each of these samples. The interval contains the middle share `level` of these estimates (percentile method).
+//! Many new samples are drawn from the rows of the sample, with replacement, and the estimate is computed from each of
+//! them. The interval contains the middle share `level` of these estimates (percentile method).
 //!
 //! A large sample is drawn in blocks of consecutive rows. This takes less time. In a Sobol sequence a block
 //! is itself evenly spread, so the intervals also come closer to the true error. They
@@ -35,8 +35,8 @@ pub struct Estimate {
 }
 
 impl Bootstrap {
-    /// Intervals that contain the share `level` of the estimates from `resamples` drawn samples. Some of these should lie in
-    /// each tail.
+    /// Intervals that contain the share `level` of the estimates from `resamples` drawn samples. Choose `resamples` so
+    /// that several estimates lie below and above each interval.
     ///
     /// # Errors
     /// What is wrong with the level.
@@ -56,9 +56,9 @@ impl Bootstrap {
 
     /// Estimates from the sums of all rows, with intervals. Each row has `width` numbers in `rows`.
     ///
-    /// `estimate` computes the estimates from the sums over a drawn sample. Rows without values are zeros, and
-    /// a column of ones counts the others. Where it gives none, another sample is drawn. It must give some for
-    /// the whole sample.
+    /// `estimate` computes the estimates from the sums over a sample. Rows without values are zeros, and a column of
+    /// ones counts the other rows. If `estimate` returns `None` for a drawn sample, another sample is drawn. It must
+    /// return estimates for the whole sample.
     pub(super) fn estimate(
         &self,
         rows: &[f64],
@@ -97,7 +97,7 @@ struct Blocks {
 impl Blocks {
     fn new(rows: &[f64], width: usize) -> Self {
         let count = rows.len() / width;
-        // A power of two, so that the blocks of a Sobol sequence are nets.
+        // The length is a power of two, so that each block of a Sobol sequence is evenly spread.
         let length = count.div_ceil(MAX_BLOCKS).next_power_of_two();
         let mut sums = Vec::with_capacity(count.div_ceil(length) * width);
         for block in rows.chunks(length * width) {
@@ -152,9 +152,9 @@ mod tests {
         Some(vec![sums[0] / sums[1]])
     }
 
-    /// The mean of normal numbers has the interval mean ± 1.96σ/√n.
+    /// The interval of 95 % for the mean of normal numbers is mean ± 1.96σ/√n.
     #[test]
-    fn the_interval_of_a_mean_has_the_width_of_theory() {
+    fn the_interval_of_a_mean_has_the_theoretical_width() {
         let mut random = Random::new(3);
         for rows in [400, 40_000] {
             let sample: Vec<f64> = (0..rows)

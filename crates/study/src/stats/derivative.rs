@@ -1,14 +1,14 @@
-//! Derivatives of computed functions, with an error that was checked.
+//! Derivatives of computed functions, with an estimated error. Tests check that it covers the true error.
 //!
 //! The values of a function in an interval around the point are fitted by polynomials of rising degree, by least
 //! squares. The derivative of a fit has two errors: noise in the values, which the scatter around the fit
 //! shows, and the terms of higher degree that are left out. The degree with the least sum of both is taken.
 //! So a smooth function gets a high degree and many digits, and a noisy one a low degree and an honest error.
 //!
-//! Narrower intervals are tried as long as the function is not resolved: each degree still explains much of what is
-//! left, or the scatter is more than noise can be. A kink or a jump may then lie near the point. Noise is no reason
-//! for a narrower interval, because its effect on the derivative grows as the interval shrinks. The errors of two
-//! intervals must overlap. If they do not, the stated error contains both.
+//! Narrower intervals are tried as long as the function is not resolved: higher degrees still reduce the
+//! residual much, or the scatter exceeds the accuracy of the values. A kink or a jump may then lie near the point.
+//! Noise is no reason for a narrower interval, because its effect on the derivative grows as the interval shrinks. The
+//! errors of two intervals must overlap. If they do not, the stated error contains both.
 //!
 //! The left and the right half of an interval are also fitted alone. If their derivatives differ by more than their
 //! errors, the stated error contains both.
@@ -26,7 +26,7 @@
 //! degrees, and for noise that is correlated from point to point.
 //!
 //! # Units
-//! Those of the output over those of x.
+//! A derivative has the unit of the output divided by the unit of x.
 //!
 //! # Accuracy
 //! The tests of this module use nine kinds of smooth functions. In units of the slope |f|/x or |f′|, whichever is
@@ -38,8 +38,8 @@
 //!   the relative size of the noise.
 //!
 //! An error of the values that changes slowly, such as that of a mesh, looks like the function itself. No search
-//! finds it. So the stated error of the derivative also contains the slope of an error that grows from 0 to the
-//! accuracy of the values over half of the scale of the number.
+//! detects such an error. So the stated error of the derivative also contains the slope of an error that grows from 0
+//! to the accuracy of the values over half of the scale of the number.
 //!
 //! # Examples
 //! ```
@@ -144,7 +144,7 @@ pub struct Search {
     outputs: Vec<Output>,
 }
 
-/// What is known of one output.
+/// The state of the search for one output.
 #[derive(Debug, Clone, Copy)]
 struct Output {
     accuracy: f64,
@@ -177,7 +177,7 @@ impl Search {
         if done || self.round == MAX_ROUNDS {
             return None;
         }
-        // The point itself comes first, and its value is kept.
+        // x₀ is a point of the first interval only. The search keeps its values.
         let point = (self.round == 0).then_some(self.place.x);
         Some(point.into_iter().chain(self.neighbours()).collect())
     }
@@ -206,7 +206,7 @@ impl Search {
         (0..POINTS).map(point).filter(|p| (p - x).abs() > 1e-3 * width).collect()
     }
 
-    /// Takes the values at [`points`](Self::points), in their order. A value that is not finite counts as none.
+    /// Takes the values at [`points`](Self::points), in their order. A value that is not finite counts as missing.
     ///
     /// # Panics
     /// If there are more or less values than points.
@@ -254,7 +254,7 @@ impl Search {
 }
 
 impl Derivative {
-    /// The better one of two estimates, the second of which is from a narrower interval.
+    /// The better of two estimates. `narrow` is from a narrower interval.
     fn or(self, narrow: Self) -> Self {
         let gap = (narrow.value - self.value).abs();
         if gap > self.error + narrow.error {
@@ -270,7 +270,7 @@ impl Derivative {
 /// The best derivative in one interval.
 struct Fit {
     derivative: Derivative,
-    /// What polynomials leave of the values looks like noise and is not more than noise can be.
+    /// Whether the scatter around the polynomials looks like noise and is not larger than the accuracy of the values.
     resolved: bool,
 }
 
@@ -298,7 +298,7 @@ impl Fit {
     /// Fits polynomials to the whole sample.
     fn of_all(sample: &[(f64, f64)], accuracy: f64) -> Option<Self> {
         let highest = sample.len().checked_sub(MIN_FREEDOM + 1)?.min(MAX_DEGREE);
-        // Scaled, so that squares neither overflow nor vanish.
+        // Points and values are scaled, so that squares neither overflow nor underflow.
         let width = sample.iter().map(|(x, _)| x.abs()).fold(0.0, f64::max);
         let size = sample.iter().map(|(_, y)| y.abs()).fold(f64::MIN_POSITIVE, f64::max);
         let (x, y): (Vec<_>, Vec<_>) = sample.iter().map(|(x, y)| (x / width, y / size)).unzip();
@@ -329,12 +329,12 @@ struct Term {
     coefficient: f64,
     /// p′(0).
     slope_of_polynomial: f64,
-    /// The sum of the squares of what is left of the values after this term.
+    /// The sum of the squares of the residual after this term.
     rest: f64,
 }
 
 impl Term {
-    /// The part of this term in the derivative at 0.
+    /// The contribution of this term to the derivative at 0.
     fn slope(&self) -> f64 {
         self.coefficient * self.slope_of_polynomial
     }
@@ -433,7 +433,7 @@ mod tests {
         2.0 * unit(bits.at(x.to_bits())) - 1.0
     }
 
-    /// What adaptive solvers do: errors that are random, constant, linear or curved between jumps, or wavy.
+    /// Errors like those of adaptive solvers: random, constant, linear or curved between jumps, or wavy.
     const NOISE: [(&str, Noise); 5] = [
         ("random errors", random),
         ("random steps", |x, bits| 2.0 * unit(bits.at(x.floor() as u64)) - 1.0),
@@ -507,9 +507,9 @@ mod tests {
         assert_eq!((all, stated[1800].round() as usize), (3592, 45), "of 3600");
     }
 
-    /// A jump or a kink within a fifth of x, much larger than the noise that is allowed.
+    /// The function has a jump or a kink at a distance of at most a fifth of x, much larger than the stated accuracy.
     #[test]
-    fn a_kink_or_a_jump_near_the_point_is_recognised() {
+    fn stated_errors_cover_the_effect_of_a_kink_or_a_jump_near_the_point() {
         let mut points = Random::new(2);
         for kind in ["kink", "jump"] {
             let mut covered = 0;
@@ -556,7 +556,7 @@ mod tests {
     }
 
     #[test]
-    fn points_stay_in_the_domain_and_one_interval_mostly_suffices() {
+    fn points_stay_in_the_domain_and_one_interval_suffices_for_a_smooth_function() {
         for (x, low, high) in [(1.0, 0.0, 2.0), (1.0, 1.0, 2.0), (1.0, 0.0, 1.0), (1.0, 0.97, 1.01)]
         {
             let place = Place { x, scale: 1.0, low, high };

@@ -56,7 +56,7 @@ impl Design {
     /// The i-th values of all members together are point i.
     ///
     /// # Errors
-    /// The fault at a member such as `/1`: it has another number of values than the first one.
+    /// The fault at a member such as `/1`: the number of its values differs from that of the first member.
     pub fn zip(values: Vec<Vec<f64>>) -> Result<Self, Fault> {
         let points = values[0].len();
         if let Some(place) = values.iter().position(|list| list.len() != points) {
@@ -126,8 +126,8 @@ pub enum Spacing {
     Logarithmic,
 }
 
-/// The values of a range: `count` values from `from` to `to`, both included. `to` may be less than `from`. There are at
-/// least two.
+/// The values of a range: `count` values from `from` to `to`, both included. `to` may be less than `from`. `count` is
+/// at least 2.
 ///
 /// # Errors
 /// The fault at `/from` or `/to`.
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn a_zip_takes_values_together() {
+    fn point_i_of_a_zip_has_the_ith_value_of_each_member() {
         let zip = Design::zip(vec![vec![1.0, 2.0], vec![5.0, 6.0]]).unwrap();
         assert_eq!((zip.points(), zip.point(0), zip.point(1)), (2, vec![1.0, 5.0], vec![2.0, 6.0]));
     }
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn another_seed_gives_other_points() {
+    fn different_seeds_give_different_points() {
         let point = |seed| Design::sobol(members(5), 10, seed).point(3);
         assert_ne!(point(1), point(2));
         let point = |seed| Design::latin_hypercube(members(5), 10, seed).point(3);

@@ -7,8 +7,8 @@
 //! Values have the unit of the number that varies; probabilities and factors have none.
 //!
 //! # Accuracy
-//! Relative 1e-15 for the quantile of the normal distribution, and rounding for the other formulas. Digits do not
-//! depend on the processor.
+//! The quantile of the normal distribution has a relative error of 1e-15. The other formulas only have rounding errors.
+//! All processors give the same digits.
 //!
 //! # Examples
 //! ```
@@ -25,7 +25,7 @@
 
 use fretwork_engine::request::fault::Fault;
 
-/// How a number varies. The constructors check the parameters.
+/// The distribution of a number that varies. The constructors check the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Distribution(Kind);
 
@@ -304,7 +304,7 @@ mod tests {
 
     /// `ppf` of the distributions in `scipy.stats`, SciPy 1.17.1.
     #[test]
-    fn the_distributions_are_those_of_scipy() {
+    fn the_quantiles_agree_with_scipy() {
         for (distribution, expected) in [
             (Distribution::uniform(2.0, 5.0), [2.003, 2.6, 3.5, 4.7, 4.9997]),
             (
@@ -394,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_parameter_is_named() {
+    fn the_fault_of_a_wrong_parameter_names_it() {
         let inf = f64::INFINITY;
         for (result, pointer, words) in [
             (Distribution::uniform(f64::NAN, 1.0), "/low", "finite"),

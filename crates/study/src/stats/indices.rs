@@ -1,12 +1,13 @@
 //! Sobol indices: which share of the variance of an output is due to which member.
 //!
-//! The first-order index Sᵢ is the share that member i causes alone: the expected fall of the variance if xᵢ were
-//! known. The total index Tᵢ is the share that it causes alone or together with others: what would remain if all
-//! others were known. Sᵢ ≤ Tᵢ, and the difference is due to interactions. A member with Tᵢ ≈ 0 can be fixed.
+//! The first-order index Sᵢ is the share of the variance that member i causes alone: the expected decrease of the
+//! variance if xᵢ were known. The total index Tᵢ is the share that member i causes alone or by interactions with other
+//! members: the share that would remain if all other members were known. Sᵢ ≤ Tᵢ, and the difference is due to
+//! interactions. A member with Tᵢ ≈ 0 can be fixed.
 //!
 //! The design has groups of d + 2 points for d members: A, then Aᵢ for every member, then B. A and B are independent
-//! points, the first and the second half of one point of a Sobol sequence in 2d dimensions. Aᵢ is A with
-//! xᵢ of B.
+//! points: the first and the second half of one point of a Sobol sequence in 2d dimensions. Aᵢ is A with the
+//! coordinate xᵢ of B.
 //!
 //! # Equations
 //! ```text
@@ -116,7 +117,7 @@ pub enum NoIndices {
     },
 }
 
-/// What to keep in mind when reading the indices. The text says what to change.
+/// A limitation of computed indices. The text says what to change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Caution {
     /// The number of groups in the design is no power of two.
@@ -158,7 +159,7 @@ impl fmt::Display for Caution {
 }
 
 impl Indices {
-    /// What to keep in mind when reading the indices.
+    /// The limitations of these indices.
     #[must_use]
     pub fn cautions(&self) -> Vec<Caution> {
         let planned = self.groups + self.left_out;
@@ -204,7 +205,7 @@ pub fn indices(
     let count = (complete * (members + 2)) as f64;
     let mean = values().flatten().map(|y| y / count).sum::<f64>();
 
-    // Scaled by the range, so that squares neither overflow nor vanish.
+    // Values are scaled by their range, so that squares neither overflow nor underflow.
     let scaled = |y: f64| (y - mean) / range;
     // The columns: 1, a + b, a² + b², then b(aᵢ − a) and (a − aᵢ)² of each member.
     let width = 3 + 2 * members;
@@ -301,7 +302,7 @@ mod tests {
             (0..groups * design.group()).map(|index| Some((self.f)(&design.point(index)))).collect()
         }
 
-        /// How many of the 2d intervals contain the index.
+        /// The number of intervals that contain the true index, of 2d intervals.
         fn covered(&self, found: &Indices) -> usize {
             let contains = |e: Estimate, index: f64| usize::from(e.low <= index && index <= e.high);
             let pairs = found.members.iter().zip(&self.indices);
@@ -314,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn indices_of_16384_groups_are_in_their_intervals() {
+    fn intervals_of_16384_groups_contain_the_true_indices() {
         for problem in [ishigami(), sobol_g()] {
             let count = problem.indices.len();
             let found = indices(&problem.outputs(1 << 14, 1), count, &bootstrap(200)).unwrap();
@@ -331,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn intervals_cover_the_indices() {
+    fn intervals_of_95_percent_contain_595_of_600_true_indices() {
         let problem = ishigami();
         let covered = (0..100).map(|seed| {
             let found = indices(&problem.outputs(256, seed), 3, &bootstrap(200)).unwrap();
@@ -341,9 +342,9 @@ mod tests {
         assert_eq!(covered.sum::<usize>(), 595, "of 600");
     }
 
-    /// `SALib.analyze.sobol` 1.6.0 without second order, from the same outputs.
+    /// The expected values are from `SALib.analyze.sobol` 1.6.0 without second-order indices, from the same outputs.
     #[test]
-    fn the_estimates_are_those_of_salib() {
+    fn the_estimates_agree_with_salib() {
         let found = indices(&ishigami().outputs(64, 1), 3, &bootstrap(200)).unwrap();
         for (member, (first, total)) in found.members.iter().zip([
             (0.276_222_368_039_952_7, 0.564_242_005_742_284_7),
@@ -356,9 +357,9 @@ mod tests {
         assert_eq!(found.cautions(), [Caution::Negative { member: 2 }]);
     }
 
-    /// The variance and the mean of the Ishigami function are known too.
+    /// The test also compares the mean and the variance with the known values of the Ishigami function.
     #[test]
-    fn scale_and_offset_of_the_output_do_not_matter() {
+    fn scaling_and_shifting_the_output_does_not_change_the_indices() {
         let outputs = ishigami().outputs(1024, 3);
         let found = indices(&outputs, 3, &bootstrap(100)).unwrap();
         assert!(
@@ -373,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_point_leaves_out_its_group() {
+    fn a_group_with_a_failed_point_is_left_out() {
         let problem = ishigami();
         let mut outputs = problem.outputs(1024, 1);
         (outputs[7], outputs[5 * 100], outputs[5 * 100 + 4]) = (None, None, Some(f64::NAN));
@@ -388,7 +389,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_that_are_no_power_of_two_are_allowed_and_said() {
+    fn a_number_of_groups_that_is_no_power_of_two_gives_a_caution() {
         let problem = ishigami();
         let found = indices(&problem.outputs(1000, 1), 3, &bootstrap(100)).unwrap();
         assert_eq!(found.cautions(), [Caution::NotPowerOfTwo { groups: 1000 }]);
@@ -408,7 +409,7 @@ mod tests {
         assert!(few.to_string().starts_with("Only 1 of 10 groups"));
     }
 
-    /// Many drawn samples have no variance here.
+    /// In many drawn samples of this output all values are equal. They give no estimate and are drawn again.
     #[test]
     fn an_output_that_differs_in_one_group_has_finite_indices() {
         let mut outputs = vec![Some(1.0); 100];
@@ -421,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn the_design_exchanges_one_coordinate() {
+    fn each_point_of_a_group_replaces_one_coordinate_of_a_by_that_of_b() {
         let design = Saltelli::new(3, 1);
         let [a, one, two, three, b] = [10, 11, 12, 13, 14].map(|index| design.point(index));
         assert_eq!(one, [b[0], a[1], a[2]]);

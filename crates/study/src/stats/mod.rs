@@ -1,4 +1,4 @@
-//! Statistics: designs, distributions, indices, intervals, derivatives. They know numbers and faults, but no JSON.
+//! Statistics: designs, distributions, indices, intervals, derivatives. These modules do not use JSON.
 
 mod bootstrap;
 

@@ -3,14 +3,14 @@
 //! A trajectory starts at a random point and changes one member after the other, in random order. Each change gives
 //! an elementary effect: the difference of the output over the difference of the coordinate. Over all trajectories,
 //! μ* shows how strong a member is, μ also shows the direction, and σ shows whether the effect depends on where it is
-//! measured (a curve, or an interaction with other members).
+//! measured, because of a nonlinearity or of an interaction with other members.
 //!
 //! The coordinates take p equidistant levels, and a change is p/2 levels. The levels reach from the first percentile
-//! to the 99th, because the ends of a normal distribution are infinite. An elementary effect is the change of the
-//! output over the whole distribution of a member, if the output changed everywhere as in the step.
+//! to the 99th, because the ends of a normal distribution are infinite. An elementary effect extrapolates the
+//! change in one step linearly to the whole distribution of the member.
 //!
 //! The trajectories are random and not optimised for their distance. So trajectory t is computed from the seed and t
-//! alone, and more trajectories with the same seed begin with the same ones.
+//! alone, and a larger design with the same seed begins with the same trajectories.
 //!
 //! # Equations
 //! ```text
@@ -19,7 +19,7 @@
 //! ```
 //!
 //! # Units
-//! Those of the output.
+//! Effects have the unit of the output.
 //!
 //! # Sources
 //! - M. D. Morris, Technometrics 33 (1991) 161: trajectories, μ and σ.
@@ -102,7 +102,7 @@ pub struct Effect {
     pub strength: Estimate,
     /// σ, their standard deviation.
     pub deviation: f64,
-    /// The number of elementary effects. Those with a point without a value are left out.
+    /// The number of elementary effects whose two points have a value. The others are left out.
     pub count: usize,
 }
 
@@ -195,10 +195,10 @@ mod tests {
         }
     }
 
-    /// `SALib.analyze.morris` 1.6.0 with 4 levels between 0.01 and 0.99, from the same 10 trajectories. SALib divides
-    /// by the step in units of these bounds, so its values are divided by 0.98.
+    /// The expected values are from `SALib.analyze.morris` 1.6.0 with 4 levels between 0.01 and 0.99, from the same 10
+    /// trajectories. SALib divides by the step in units of these bounds, so its values are divided by 0.98.
     #[test]
-    fn the_effects_are_those_of_salib() {
+    fn the_effects_agree_with_salib() {
         let found = screen(&Morris::new(3, 4, 1), 10, ishigami);
         for (effect, [mean, strength, deviation]) in found.into_iter().zip([
             [4.055_356_673_612_431, 4.055_356_673_612_431, 5.258_096_847_785_416],
@@ -212,7 +212,7 @@ mod tests {
         }
     }
 
-    /// The other members lie on any levels, so the expected values are means over the whole grid of levels.
+    /// The members that do not change lie on random levels. So the expected values are means over all levels.
     #[test]
     fn the_effects_approach_the_means_over_all_levels() {
         let design = Morris::new(3, 4, 7);
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_point_leaves_out_its_effects() {
+    fn effects_with_a_failed_point_are_left_out() {
         let design = Morris::new(3, 4, 1);
         let mut outputs: Vec<_> = (0..8).map(|i| Some(f64::from(i))).collect();
         outputs[0] = None;

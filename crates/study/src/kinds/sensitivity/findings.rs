@@ -1,5 +1,5 @@
-//! The table and the notes of a sensitivity study. An estimate is never hidden or changed: what its reader must know is said in a
-//! note beside it.
+//! The table and the notes of a sensitivity study. The table shows each estimate as it was computed. A note says what
+//! limits an estimate.
 
 use crate::plan::{Cells, Findings, Note};
 use crate::stats::derivative::Derivative;
@@ -7,7 +7,7 @@ use crate::stats::indices::{Caution, Index, indices};
 use crate::stats::morris::Effect;
 use crate::stats::{Bootstrap, Estimate};
 
-/// What the table says of an output.
+/// An output as the table names it.
 #[derive(Debug, Clone, Copy)]
 pub struct Named<'a> {
     /// Its name.
@@ -18,7 +18,7 @@ pub struct Named<'a> {
     pub accuracy: f64,
 }
 
-/// The table and the notes, while they are made.
+/// The table and the notes, built row by row.
 pub struct Table {
     outputs: Vec<String>,
     members: Vec<String>,
@@ -28,7 +28,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// An empty table with these columns, which come after the names.
+    /// An empty table. These columns of numbers come after the columns `output`, `unit` and `member`.
     pub fn new(columns: &[&'static str]) -> Self {
         let columns = columns.iter().map(|name| (*name, Vec::new())).collect();
         let (outputs, members, units, notes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -58,7 +58,7 @@ impl Table {
         self.notes.push(Note { output, detail, member: member.map(str::to_owned) });
     }
 
-    /// Sobol indices of an output.
+    /// Adds the rows of an output: its Sobol indices.
     pub fn shares(
         &mut self,
         output: Named<'_>,
@@ -88,7 +88,7 @@ impl Table {
         }
     }
 
-    /// Elementary effects on an output.
+    /// Adds the rows of an output: the elementary effects on it.
     pub fn effects<E: ToString>(
         &mut self,
         output: Named<'_>,
@@ -123,7 +123,7 @@ impl Table {
         }
     }
 
-    /// The elasticity of an output: x/y·dy/dx.
+    /// Adds a row: the elasticity of an output, x/y·dy/dx.
     pub fn elasticity(
         &mut self,
         output: Named<'_>,

@@ -55,7 +55,8 @@ pub const KIND: Kind = Kind {
     read,
 };
 
-/// The columns that are drawn, with their names in the legend.
+/// The columns that figures show as bars, with their names in the legend: for Morris screenings, then for Sobol
+/// indices.
 const EFFECTS: &[(&str, &str)] =
     &[("strength", "$μ$* (mean size)"), ("deviation", "$σ$ (deviation)")];
 const SHARES: &[(&str, &str)] = &[("total", "total"), ("first_order", "first order")];
@@ -69,23 +70,25 @@ const fn bars(
     Hints { bars: Some(Bars { label, columns, have_unit }), ..Hints::of(figures) }
 }
 
-/// Levels of a screening.
+/// Number of levels of each coordinate in a Morris screening.
 const LEVELS: usize = 4;
-/// Processor time of an addition of a resample, in seconds.
+/// Processor time of one addition when the sums of a resample are computed, in seconds.
 const ADDITION: f64 = 1e-9;
-/// Share of the resamples that an interval contains, if the study does not say it.
+/// Default of `confidence`: the share of the resamples whose estimates lie in an interval.
 const CONFIDENCE: f64 = 0.95;
-/// Fewest and most resamples of an interval. Ten of them lie in its tails.
+/// Minimum and maximum number of resamples of an interval. Between these limits, ten of them lie outside of the
+/// interval.
 const RESAMPLES: (f64, f64) = (400.0, 10_000.0);
-/// Relative error of outputs that are known without a run: they have 12 digits.
+/// Relative error of outputs that are known without a run. They are rounded to 12 digits.
 const ROUNDING: f64 = 1e-11;
-/// Most bytes of a note without its names.
+/// Maximum bytes of a note, without the names of the output and the member.
 const NOTE: usize = 320;
 /// Relative error of the simplified rule.
 const RULE: f64 = 1e-3;
 
-/// Relative error of the contact radius and the scar radius at a tolerance of 1: that of half a cell. The number of
-/// cells is inversely proportional to the square root of the tolerance: 52 cells at 0.003.
+/// Relative error of the contact radius and the scar radius, divided by the square root of the tolerance. The error is
+/// half a cell, and the number of cells is inversely proportional to the square root of the tolerance: 52 cells at
+/// 0.003.
 const EDGE: f64 = 0.18;
 
 /// The body of a sensitivity study.
@@ -124,11 +127,11 @@ enum Sensitivity {
     Local(Vec<Neighbourhood>),
 }
 
-/// The points around the value of one member.
+/// The points at which the derivative with respect to one member is computed.
 #[derive(Debug)]
 struct Neighbourhood {
     place: Place,
-    /// The number of the first point.
+    /// The index of the first of these points among the points of the study.
     first: usize,
     rounds: Vec<Vec<f64>>,
 }
@@ -159,7 +162,7 @@ fn read(study: Value) -> Result<Read, Faults> {
     let request: Request =
         Request::deserialize_from_value::<Value>(study.into_value(), ValuePointerRef::Origin)?;
     let Request { scenario, vary, method, samples, seed, confidence, outputs, .. } = request;
-    // A design of faulty members has no meaning.
+    // If a member or an output has a fault, no design can be made.
     let (varied, outputs) = varied_and_outputs(&scenario, &vary, outputs)?;
     let members = varied.iter().map(|one| one.member.clone()).collect();
     let name = method.0.unwrap_or(MethodName::Sobol);
@@ -183,7 +186,7 @@ fn read(study: Value) -> Result<Read, Faults> {
 }
 
 impl Sensitivity {
-    /// A study that draws the values of its members.
+    /// A study by the method Sobol or Morris, which draw the values of the members.
     fn drawn(
         name: MethodName,
         varied: Vec<Varied>,
@@ -218,7 +221,7 @@ impl Sensitivity {
         }
     }
 
-    /// A study with these distributions.
+    /// A study that draws the values of its members from these distributions.
     fn of(
         name: MethodName,
         from: Vec<Distribution>,
@@ -236,7 +239,7 @@ impl Sensitivity {
         }
     }
 
-    /// A study of the values in the scenario.
+    /// A study by the method `local`, at the values of the scenario.
     fn local(varied: Vec<Varied>, samples: Option<usize>) -> Result<Self, Faults> {
         let mut faults = Faults::default();
         if samples.is_some() {
@@ -352,7 +355,7 @@ impl Plan for Sensitivity {
 
     fn found_columns(&self) -> Vec<Column> {
         let unit = match self {
-            // That of the output, which each row names.
+            // These columns have the unit of the output, which the column `unit` states in each row.
             Self::Morris { .. } => "as in column unit",
             Self::Sobol { .. } | Self::Local(_) => "1",
         };
@@ -379,7 +382,7 @@ impl Plan for Sensitivity {
 
     fn findings_seconds(&self, problem: &Problem) -> f64 {
         let members = problem.members.len();
-        // Additions for each number that a resample draws.
+        // `drawn` is the number of rows or blocks in a resample, and `additions` the number of columns that are summed.
         let (bootstrap, drawn, additions) = match self {
             Self::Sobol { groups, bootstrap, .. } => (bootstrap, *groups, 2 * members + 4),
             Self::Morris { trajectories, bootstrap, .. } => (bootstrap, *trajectories, 8 * members),
@@ -390,7 +393,7 @@ impl Plan for Sensitivity {
     }
 
     fn findings_bytes(&self, problem: &Problem) -> usize {
-        // Each name is in the table and in a note.
+        // The names of the output and of the member are in the table, and again in a note.
         let cells = NUMBER * (self.numbers().len() + 1) + NOTE;
         let of_members = |output: &Output| -> usize {
             let members = problem.members.iter();
@@ -405,7 +408,7 @@ impl Plan for Sensitivity {
 fn accuracy(case: Option<&Case>, output: &Output) -> f64 {
     match case.map(|case| case.method) {
         _ if !output.needs_run() => ROUNDING,
-        // An estimate of an error has no digits.
+        // The estimate of an error may itself be wrong by 100 %.
         _ if output.is_error() => 1.0,
         Some(RunMethod::Exact { tolerance, .. }) if output.is_edge() => {
             tolerance.max(EDGE * tolerance.sqrt())
@@ -426,14 +429,14 @@ mod tests {
     use crate::{Points, Study};
     use serde_json::Map;
 
-    /// A function in place of the engine, with its indices Sᵢ and Tᵢ.
+    /// A test function in place of the engine, with the Sobol indices Sᵢ and Tᵢ of each member.
     struct Model {
         from: Distribution,
         f: fn(&[f64]) -> f64,
         indices: Vec<[f64; 2]>,
     }
 
-    /// The sources are at the tests of the Sobol indices.
+    /// The Ishigami function. The tests of the module `indices` name the sources of the test functions.
     fn ishigami() -> Model {
         let quartic = PI * PI * PI * PI;
         let first = 0.5 * (1.0 + 0.02 * quartic) * (1.0 + 0.02 * quartic);
@@ -463,7 +466,7 @@ mod tests {
     }
 
     impl Model {
-        /// The table and the notes of a study of this function, from rows as a study has them.
+        /// The table and the notes of a study of this function.
         fn study(&self, name: MethodName, samples: usize, seed: u64) -> Map<String, Value> {
             let from = vec![self.from; self.indices.len()];
             let bootstrap = Bootstrap::new(200, 0.95, 1).unwrap();
@@ -500,14 +503,14 @@ mod tests {
     }
 
     #[test]
-    fn indices_from_rows_are_in_their_intervals() {
+    fn intervals_of_16384_groups_contain_the_true_indices() {
         for model in [ishigami(), sobol_g()] {
             assert_eq!(model.covered(1 << 14, 1), 2 * model.indices.len());
         }
     }
 
     #[test]
-    fn intervals_from_rows_cover_the_indices() {
+    fn intervals_of_95_percent_contain_595_of_600_true_indices() {
         let model = ishigami();
         let covered: usize = (0..100).map(|seed| model.covered(256, seed)).sum();
         assert_eq!(covered, 595, "of 600");
@@ -550,7 +553,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_is_noticed_before_each_output() {
+    fn the_findings_ask_before_each_output_whether_to_continue() {
         let outputs = json!(["unworn.gross_slip_amplitude", "wear_volume", "wear_depth"]);
         let study = study(|study| study["outputs"] = outputs).unwrap();
         let mut asked = 0;
@@ -581,7 +584,7 @@ mod tests {
     }
 
     #[test]
-    fn elementary_effects_have_the_unit_of_their_row() {
+    fn the_unit_of_elementary_effects_is_the_unit_column_of_the_table() {
         let study = study(|study| study["method"] = json!("morris")).unwrap();
         let document = document(&study);
         assert_eq!(document["table"]["unit"][0], "m");
@@ -589,7 +592,7 @@ mod tests {
     }
 
     #[test]
-    fn elasticities_of_a_power_law_are_its_exponents() {
+    fn the_elasticities_of_a_power_law_equal_its_exponents() {
         // U = μ(E*/G*)·d with d³ = 9F²/(16E*²R).
         let study = study(|study| local(study, &json!(["unworn.gross_slip_amplitude"]))).unwrap();
         assert_eq!(study.points(), 1 + 80 * 3);
@@ -604,8 +607,8 @@ mod tests {
     }
 
     #[test]
-    fn wear_of_a_run_has_elasticities_in_their_stated_error() {
-        // In the beginning, wear is proportional to its coefficient.
+    fn the_interval_of_the_elasticity_of_wear_contains_the_true_value() {
+        // In the first cycles, the wear volume is proportional to the wear coefficient, so the elasticity is 1.
         let study = study(|study| {
             local(study, &json!(["wear_volume", "events.rim_reached"]));
             study["vary"] = json!([{"pointer": "/wear/coefficient"}]);
@@ -624,7 +627,7 @@ mod tests {
     }
 
     #[test]
-    fn what_limits_the_indices_is_said() {
+    fn notes_say_what_limits_the_estimates() {
         let details = |change: &dyn Fn(&mut Value)| {
             let document = document(&study(|study| change(study)).unwrap());
             let notes = document["notes"].as_array().unwrap().clone();
@@ -661,7 +664,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_say_what_the_method_needs() {
+    fn a_fault_of_a_sensitivity_study_says_what_to_enter() {
         let fault = |change: &dyn Fn(&mut Value)| {
             let fault = study(|study| change(study)).unwrap_err().0.swap_remove(0);
             format!("{}: {}", fault.pointer, fault.detail)

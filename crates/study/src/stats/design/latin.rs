@@ -1,8 +1,8 @@
 //! Latin hypercube: of n points, each lies in a stratum of its own in every dimension.
 //!
 //! A stratum is one of n intervals of equal width. In each dimension a random permutation gives the stratum of a
-//! point, and the point lies anywhere in it. The permutation is a Feistel network, so the stratum of point i is
-//! computed from i alone. Other numbers of points give other points.
+//! point, and the point lies at a random place in it. The permutation is a Feistel network, so the stratum of point i
+//! is computed from i alone. Designs with different numbers of points have different points.
 //!
 //! # Sources
 //! - M. D. McKay, R. J. Beckman, W. J. Conover, Technometrics 21 (1979) 239: the design.
@@ -46,7 +46,7 @@ impl LatinHypercube {
 /// one is below it. There are at most 4 times as many numbers as `end`, so this takes at most 4 permutations on
 /// average.
 fn permute(index: u64, end: u64, bits: Stream) -> u64 {
-    /// With 4 rounds, some pairs of places are more probable than others if `end` is small.
+    /// With 4 rounds, the strata of two points would not be independent if `end` is small.
     const ROUNDS: u64 = 8;
     let half = (64 - (end - 1).leading_zeros()).div_ceil(2).max(1);
     let mask = (1 << half) - 1;
@@ -93,9 +93,10 @@ mod tests {
         }
     }
 
-    /// The variance of a mean over the design depends on the strata of pairs of points. χ² over all pairs of strata.
+    /// The variance of a mean over the design depends on the strata of pairs of points. A χ² test over all pairs of
+    /// strata shows that they are equally probable.
     #[test]
-    fn the_strata_of_two_points_are_any_pair() {
+    fn all_pairs_of_strata_of_two_points_are_equally_probable() {
         for end in [2, 3, 4, 5, 6, 9, 17] {
             let pairs = end * (end - 1);
             let mut counts = std::collections::BTreeMap::new();

@@ -131,7 +131,7 @@ fn scramble(digits: u32, bits: Stream) -> f64 {
     const PLACES: u32 = 52;
     const WORD: u32 = 6;
     let digits = u64::from(digits) << (PLACES - DIGITS as u32);
-    // Six words for 36 digits. A 1 before the digits tells prefixes of different lengths apart.
+    // Six words flip the first 36 digits. A 1 before the digits distinguishes prefixes of different lengths.
     let prefix = |length: u32| 1 << length | digits >> (PLACES - length);
     let mut flips = 0;
     for length in (WORD..=36).step_by(WORD as usize) {
@@ -157,7 +157,7 @@ mod tests {
 
     /// The points of `scipy.stats.qmc.Sobol(256, scramble=False, bits=32)`, SciPy 1.17.1, as fractions of 2³².
     #[test]
-    fn the_unscrambled_points_are_those_of_scipy_in_the_same_order() {
+    fn the_unscrambled_points_equal_those_of_scipy_in_the_same_order() {
         let sobol = Sobol::new(MAX_DIMENSIONS, 0);
         let mut checksum = 0xcbf2_9ce4_8422_2325_u64;
         for index in 0..1 << 12 {
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn coordinates_are_inside_and_never_repeat() {
+    fn coordinates_are_between_0_and_1_and_never_repeat() {
         let sobol = Sobol::new(3, 1);
         let mut seen: Vec<_> =
             (0..4096).map(|index| sobol.coordinate(index, 2).to_bits()).collect();
