@@ -1,10 +1,10 @@
--- The script with which `wrk` sends one request again and again, for `cargo bench --bench service`.
+-- The script with which `wrk` sends one request repeatedly, for `cargo bench --bench service`.
 --
 -- Its arguments are the whole HTTP request and the number of requests that were sent before. If the request contains
 -- marks (`###`), each request has another number of as many digits in their place. The last line of output contains
 -- the number of answers, the time in microseconds, and the number of errors.
 
--- A prime, so that successive numbers are far apart and all numbers occur before one repeats.
+-- The difference of successive numbers. It is a prime, so that all numbers occur before one repeats.
 local STEP = 7368787
 
 function init(args)

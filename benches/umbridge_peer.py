@@ -19,8 +19,8 @@ CONTACT = (0.75 * 100 * 0.01 / NORMAL) ** (1 / 3)
 DEPTH = CONTACT**2 / 0.01
 CHARACTERISTIC = CONTACT / (4 * AMPLITUDE * WEAR * NORMAL)
 
-# Lengths in units of the contact radius, heights in units of the depth. f = WEIGHTS @ g is the inverse transform (4) with g
-# constant on each cell.
+# Lengths in units of the contact radius, heights in units of the depth. f = WEIGHTS @ g is the inverse transform (4),
+# with g constant on each cell.
 EDGES = numpy.linspace(0, 1.5, 257)
 X, R = 0.5 * (EDGES[1:] + EDGES[:-1]), EDGES[1:]
 ANGLES = numpy.arcsin(numpy.minimum(EDGES[None, :] / R[:, None], 1))
@@ -28,7 +28,7 @@ WEIGHTS = 2 / math.pi * numpy.diff(ANGLES, axis=1)
 
 
 def limiting_radius(stick):
-    """The radius at which the limiting profile meets the unworn one, (13)."""
+    """The radius at which the limiting profile meets the unworn profile, by (13)."""
     def excess(r):
         psi = math.asin(stick / r)
         core = 0.5 * (r * r * psi - stick * math.sqrt(r * r - stick * stick))

@@ -4,8 +4,9 @@ use std::process::ExitCode;
 
 use mimalloc::MiMalloc;
 
-/// Requests and results are many short allocations, freed by other threads than those that made them.
-/// On Linux, SQLite and Zstandard use this allocator, too. It asks for no huge pages: they make a server a third larger.
+/// The program makes many short-lived allocations, and other threads free them. mimalloc is fast at this. On Linux,
+/// SQLite and Zstandard use this allocator, too. It does not ask for huge pages, because they increase the memory of a
+/// server by a third.
 #[global_allocator]
 static ALLOCATOR: MiMalloc = MiMalloc;
 

@@ -32,8 +32,8 @@ pub struct Logging {
     log_format: LogFormat,
 }
 
-/// Parses the levels of the log: one for all modules, others for named modules. Clients can make the library of HTTP/2 warn of
-/// each of their frames, so it logs errors only, unless it is named.
+/// Parses the levels of the log: a level for all modules, and levels for named modules. Clients can make the HTTP/2
+/// library (`h2`) log a warning for each frame. So it logs errors only, unless the text names it.
 fn log_levels(text: &str) -> Result<Targets, String> {
     let levels = named_levels(text)?;
     let is_named = levels.iter().any(|(module, _)| module.starts_with("h2"));
@@ -57,8 +57,8 @@ fn named_levels(text: &str) -> Result<Targets, String> {
 }
 
 impl Logging {
-    /// Prints on standard output, at every level of the log, what a command tells at its start: for people a text, for
-    /// machines one sentence and its details by their names.
+    /// Prints the announcement of a command on standard output, at every level of the log. With the text format this is
+    /// `text`; with the JSON format it is an object with `message` and the `details`.
     pub fn announce(
         &self,
         text: &str,

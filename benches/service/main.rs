@@ -20,7 +20,7 @@
 //!   also parses and prepares the body for each run, as the server does. Each is measured with the closed form, and with
 //!   the default method. A closed run takes about as long as HTTP and the preparation together.
 //! - `study`: a point of a Sobol sweep, as a job that is computed and stored, compared with the engine alone on all
-//!   processor cores, which runs one prepared case again and again.
+//!   processor cores, which runs the same prepared case repeatedly.
 //! - `umbridge`: `POST /Evaluate` for a wear depth in closed form, compared with UM-Bridge's own Python server and the
 //!   same rule in NumPy (`umbridge_peer.py`, with the Python packages of `tests/clients/install`).
 //! - `table`: the time to read a result from a table of a million results, compared with a table of a thousand, with
@@ -90,9 +90,9 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_fretwork");
 const PYTHON: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/target/clients/bin/python");
 const PEER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/umbridge_peer.py");
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/load.lua");
-/// Turns of each server that count, after one that warms it up.
+/// Number of measured turns of each server, after one turn that warms it up.
 const TURNS: usize = 7;
-/// More requests than `wrk` sends in a turn.
+/// A number that is larger than the number of requests that `wrk` sends in a turn.
 const REQUESTS_PER_TURN: usize = 1_000_000;
 const WAIT: &str = "prefer: wait=10\r\n";
 const UNCACHED: &[&str] = &["--memory-cache", "0"];
@@ -163,7 +163,7 @@ fn jobs() {
         let job = Load::new(&server, submission(WAIT, body));
         compare(job, Load::new(&bare, request("POST /rows", "", &known)))
     };
-    // The load of a cached job sends it once before.
+    // `Load::new` has sent the same job once, so its result is cached.
     report("cached", 0.6, &compared(&known));
     let without_profiles = compared(&ball("none", "########"));
     report("computed, no profiles", 0.25, &without_profiles);
@@ -386,7 +386,7 @@ fn directory() -> TempDir {
 /// A request that `wrk` sends to a server again and again.
 struct Load<'a> {
     server: &'a Server,
-    /// `wrk` replaces the marks (`###`) in it by digits.
+    /// The text of the request. `wrk` replaces the marks (`###`) in it by digits.
     request: String,
     turns: usize,
     answers: f64,
@@ -407,9 +407,9 @@ impl<'a> Load<'a> {
     }
 }
 
-/// Something that is done again and again.
+/// A load that can be repeated and measured.
 trait Repeated {
-    /// Repeats it for a second, and returns how often per second.
+    /// Repeats the load for a second, and returns the number of repetitions per second.
     fn turn(&mut self) -> f64;
 
     /// Processor time of one repetition, in ms.
@@ -441,7 +441,7 @@ impl Repeated for Load<'_> {
     }
 }
 
-/// A sweep that a server computes again and again with other random numbers.
+/// A sweep that a server computes repeatedly, each time with another seed.
 struct Study<'a> {
     server: &'a Server,
     sweep: Value,
@@ -506,13 +506,13 @@ impl Repeated for Alone<'_> {
     }
 }
 
-/// Two repetitions, compared.
+/// The comparison of two loads.
 struct Compared {
     /// Median of the ratios of their rates.
     ratio: f64,
     /// Medians of the answers per second.
     rates: [f64; 2],
-    /// Processor times per answer, in ms. Other processes disturb them less.
+    /// Processor times per answer, in ms. Other processes disturb them less than the rates.
     costs: [f64; 2],
 }
 
@@ -620,12 +620,12 @@ impl Server {
         assert!(self.process.0.wait().expect("the server").success());
     }
 
-    /// Its processor time in ms.
+    /// The processor time of the server, in ms.
     fn used(&self) -> f64 {
         used(self.process.0.id())
     }
 
-    /// Its resident memory in MB.
+    /// The resident memory of the server, in MB.
     fn resident(&self) -> f64 {
         let status = status(self.process.0.id(), "status");
         let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
@@ -636,7 +636,7 @@ impl Server {
 
 /// The processor time of a process, in ms.
 fn used(process: u32) -> f64 {
-    // The unit of Linux is 10 ms.
+    // Linux reports processor time in units of 10 ms.
     const TICK: f64 = 10.0;
     let stat = status(process, "stat");
     let fields = stat.rsplit_once(')').expect("its name").1.split_whitespace();
@@ -644,7 +644,7 @@ fn used(process: u32) -> f64 {
     ticks.sum::<f64>() * TICK
 }
 
-/// What Linux reports about a process.
+/// The text of a file about a process under `/proc`.
 fn status(process: u32, file: &str) -> String {
     fs::read_to_string(format!("/proc/{process}/{file}")).expect("a process on Linux")
 }
@@ -726,7 +726,7 @@ fn list(dir: &Path, rows: u32) {
     );
 }
 
-/// Lets a server create its tables, stops it, and executes this SQL.
+/// Lets a server create its tables, stops it, and executes this SQL in its database.
 #[tokio::main(flavor = "current_thread")]
 async fn write(dir: &Path, sql: &str) {
     drop(Server::program(dir, &[]));

@@ -19,7 +19,7 @@ use super::{
 };
 
 const POSTGRES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/postgres");
-/// As many as a server has for its verbs.
+/// Number of connections to PostgreSQL: the same number that a server of the program opens for its operations.
 const CONNECTIONS: u32 = 8;
 /// Runs that the workers compute in one turn.
 const RUNS: u32 = 4;
@@ -76,7 +76,7 @@ pub fn submissions() {
     let cluster = Cluster::start();
     let server = front(&cluster.database("front"));
     let rows = cluster.database("rows");
-    // It creates the tables.
+    // This server creates the tables, and is then stopped.
     drop(front(&rows));
     let mut command = Command::new(std::env::current_exe().expect("this program"));
     let bare = Server::start(command.arg("bare-shared").arg(&rows), &[]);
@@ -128,17 +128,18 @@ async fn insert_rows(pool: &PgPool, body: &[u8]) -> sqlx::Result<i64> {
     Ok(run)
 }
 
-/// Workers of one thread that compute runs of several seconds. A turn ends with the last run.
+/// Workers of one thread that compute runs of several seconds. A turn ends when the last run is finished.
 struct Workers<'a> {
     front: &'a Server,
     database: &'a str,
     count: usize,
-    /// Distinguishes the runs of all turns.
+    /// The number of turns so far. It gives each run a number of its own.
     turns: &'a std::cell::Cell<u32>,
 }
 
-/// A run of several seconds: blocks of different amplitudes at a constant force, with a small tolerance. Runs of different
-/// numbers have different keys, but are the same problem on another scale of pressures. So each takes as long.
+/// A run of several seconds: blocks of different amplitudes at a constant force, with a small tolerance. Runs of
+/// different numbers have different keys, but are the same problem on another scale of pressures. So all of them take
+/// the same time.
 fn long_run(number: u32) -> String {
     let mut job: Value = serde_json::from_str(&ball("none", "00000000")).expect("a job");
     let scale = 1.0 + f64::from(number) * 1e-6;

@@ -97,7 +97,7 @@ pub async fn add_first_key(place: &Place, logging: &Logging) -> Result<(), Error
     let details = BTreeMap::from([("key", key)]);
     let printed = logging.announce(&text, message, &details);
     if printed.is_err() {
-        // No one could use it.
+        // The key was not printed, so no one could use it.
         tables.revoke_keys(NAME).await?;
     }
     tables.close().await?;

@@ -25,12 +25,13 @@ use fretwork_verify::{self as verification, Accuracy};
 /// The seed of the random scenarios on the verification page.
 const SEED: u64 = 16;
 
-/// Does what the arguments of the process say, and returns its exit code. It may change the umask and the panic hook.
+/// Executes the command in the arguments of the process, and returns the exit code. It may change the umask and the
+/// panic hook.
 #[must_use]
 pub fn main() -> ExitCode {
     let matches = Cli::command().get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    // The files of these two commands are made to be shared.
+    // The user may want to share the files of these two commands, so others may read them.
     if !matches!(cli.command, Some(Command::Run(_) | Command::Export(_))) {
         restrict_permissions();
     }

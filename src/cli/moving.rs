@@ -19,7 +19,8 @@ const LOG_INTERVAL: Duration = Duration::from_secs(10);
 /// Time between two updates of progress on a terminal.
 const TERMINAL_INTERVAL: Duration = Duration::from_millis(200);
 
-/// Shows progress on standard error. The number that is done may contain a share of the next.
+/// Shows progress on standard error. The first argument is the number of items that are done; its fraction is the part
+/// of the next item.
 fn progress(what: &'static str) -> impl FnMut(f64, usize) {
     let mut err = io::stderr();
     let is_terminal = err.is_terminal();
@@ -71,7 +72,7 @@ pub fn import(settings: &Import) -> Result<ExitCode, Error> {
     let Imported { results: count, bytes, known, sampled, unverified, notes, refused, other_notes } =
         done;
     for (key, why) in &refused {
-        // The file may contain what a terminal would obey.
+        // The text comes from the file and may contain control sequences, which a terminal would obey.
         let why = why.replace(char::is_control, "\u{fffd}");
         writeln!(io::stderr(), "refused {}: {why}", key.escape_debug())?;
     }
@@ -102,7 +103,7 @@ fn contents(saved: &Saved) -> String {
     format!("{results}, {jobs} jobs, scenarios of {evicted} evicted results; checked")
 }
 
-/// Names the damaged results on standard error. The exit code is 2 if there are any.
+/// Prints the keys of the damaged results to standard error. The exit code is 2 if there are any.
 fn name_damaged(saved: &Saved) -> Result<ExitCode, Error> {
     for key in &saved.damaged {
         writeln!(
@@ -113,7 +114,7 @@ fn name_damaged(saved: &Saved) -> Result<ExitCode, Error> {
     Ok(if saved.damaged.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) })
 }
 
-/// Names the damaged rows of a database. The exit code is 2 if there are any.
+/// Searches a database for damage, and prints the damaged rows to standard error. The exit code is 2 if there are any.
 pub fn check(data: &Data) -> Result<ExitCode, Error> {
     let dir =
         data.directory("check it with `pg_amcheck`, and with `pg_checksums` while it is stopped")?;

@@ -102,7 +102,7 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
     let mut err = io::stderr().lock();
     let label = job.label.as_deref().unwrap_or("computed");
     writeln!(err, "{label} ({:.1} ms)", time.as_secs_f64() * 1e3)?;
-    // A study can be large, so the rest is not kept.
+    // The result of a study can be large, so only its units are kept.
     let Units { units } = serde_json::from_slice(&answer.body)?;
     for (name, value) in answer.summary.as_object().into_iter().flatten() {
         let shown = match value.as_f64() {

@@ -1,4 +1,4 @@
-//! `fretwork serve`: connects the rooms, serves and drains.
+//! `fretwork serve`: connects the parts of the program, serves, and drains at a signal.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -54,7 +54,8 @@ pub fn serve(settings: &Serve, matches: &ArgMatches) -> Result<(), Error> {
 #[cfg(unix)]
 fn allow_open_files(connections: u32) -> u32 {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-    /// Files besides the connections: displaced connections, the database, its readers and the log.
+    /// Number of open files besides the admitted connections: displaced connections, the database, its readers and the
+    /// log.
     const OTHERS: u64 = 512;
     let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
     let raised = setrlimit(Resource::Nofile, Rlimit { current: maximum, maximum });
@@ -82,7 +83,8 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
     let umbridge = umbridge.transpose()?;
     let umbridge_address = umbridge.as_ref().map(TcpListener::local_addr).transpose()?;
     let requires_key = requires_key(settings, admin_key.is_some(), &place, &store).await?;
-    // Servers that share a database recover the work of dead ones when they have been in contact with it for a while.
+    // A server with a shared database recovers the runs of dead servers later, when it has been connected to the
+    // database for a while.
     let recovered = match place {
         Place::Directory(_) => store.recover().await?,
         Place::Shared(_) => Recovered::default(),
@@ -129,7 +131,7 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
     tokio::select! {
         () = drain => tracing::info!("drained"),
         () = signals.next() => {
-            // The drain has asked the workers to stop. A run that is too slow is lost.
+            // The drain has asked the workers to stop. A run that does not stop in time is interrupted.
             time::sleep(STOP_TIMEOUT).await;
             let _ = time::timeout(STOP_TIMEOUT, store.close()).await;
             tracing::warn!("stopped; interrupted runs start again at the next start");
@@ -138,7 +140,8 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
     Ok(())
 }
 
-/// Whether callers must send an access key. A server that other machines can reach makes the first key.
+/// Whether callers must send an access key. If other machines can reach the server and there is no key yet, this makes
+/// the first key.
 async fn requires_key(
     settings: &Serve,
     admin_key: bool,

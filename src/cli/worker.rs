@@ -17,7 +17,7 @@ use crate::telemetry::Logging;
 use fretwork_job::Task;
 use fretwork_store::{Options, Place, Store};
 
-/// The number of worker threads: as set, or one per processor.
+/// The number of worker threads: the number in the settings, or one per processor.
 pub fn worker_threads(set: Option<u16>) -> usize {
     set.map_or_else(|| thread::available_parallelism().map_or(1, usize::from), usize::from)
 }
@@ -40,7 +40,7 @@ pub fn work(settings: &Worker) -> Result<(), Error> {
 async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error> {
     let mut signals = ShutdownSignals::new()?;
     let listener = settings.listen.map(|address| listen(address, "--listen")).transpose()?;
-    // A worker deletes nothing to make room. The servers do, by their own limits.
+    // A worker deletes nothing to free disk space. The servers do that, by their own limits.
     let store =
         Store::open(place.clone(), &Options { lease: settings.lease, ..Options::default() })
             .await?;

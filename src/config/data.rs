@@ -31,7 +31,8 @@ impl Data {
         }
     }
 
-    /// The directory of the database. A database of PostgreSQL has none, and `instead` says what to do with it.
+    /// The directory of the database. A PostgreSQL database has none. The error then says what the user can do
+    /// `instead`.
     pub fn directory(&self, instead: &str) -> Result<&Path, String> {
         match self.database {
             None => Ok(&self.data_dir),

@@ -233,7 +233,7 @@ impl Serve {
         ))
     }
 
-    /// What new runs and studies may take.
+    /// The limits of new runs and studies.
     pub fn limits(&self) -> WorkLimits {
         WorkLimits {
             run: nonzero(self.run_limit),

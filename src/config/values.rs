@@ -4,8 +4,8 @@ use std::fmt;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::time::Duration;
 
-/// A text that contains a password or a key. Any text is accepted here, because an error of clap would print it: what reads it
-/// checks it.
+/// A text that contains a password or a key. This type accepts any text, because an error of clap would print it. The
+/// code that uses the secret checks it.
 #[derive(Clone)]
 pub struct Secret(pub String);
 
@@ -21,7 +21,7 @@ impl fmt::Debug for Secret {
     }
 }
 
-/// Parses the time of a lease. A shorter one would be lost by a busy server.
+/// Parses the time of a lease. A busy server could not renew a shorter lease in time.
 pub fn lease(text: &str) -> Result<Duration, String> {
     let time = duration(text)?;
     let sound = (Duration::from_secs(1)..=Duration::from_hours(1)).contains(&time);

@@ -48,7 +48,7 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// What a run may take.
+    /// The limits of a run.
     pub fn limits(&self) -> WorkLimits {
         WorkLimits { run: nonzero(self.run_limit), ..WorkLimits::default() }
     }

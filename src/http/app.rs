@@ -1,4 +1,4 @@
-//! What handlers share.
+//! The state that all handlers share.
 
 use std::ops::Deref;
 use std::sync::{Arc, LazyLock};
@@ -15,7 +15,7 @@ use super::shares::Shares;
 use crate::service::Service;
 use fretwork_store::{Error, Store};
 
-/// The state of all handlers. axum clones it for each request, so it is one counted reference.
+/// The state of all handlers. axum clones it for each request, so it is a single `Arc`.
 #[derive(Clone)]
 pub struct App(Arc<Shared>);
 
@@ -26,10 +26,10 @@ impl Deref for App {
     }
 }
 
-/// What all requests share.
+/// The state that all requests share.
 pub struct Shared {
     pub service: Service,
-    /// What the service adds nothing to.
+    /// The store, for operations to which the service adds nothing, such as finding a result.
     pub store: Store,
     pub gate: Arc<Gate>,
     pub memory: Memory,
@@ -39,12 +39,12 @@ pub struct Shared {
     pub models: Models,
     /// The OpenAPI document. It is made when it is first requested.
     pub document: LazyLock<Bytes>,
-    /// When the database was last probed, and what came of it.
+    /// When the server last probed the database, and the outcome.
     probed: Mutex<Option<(Instant, Result<(), Error>)>>,
 }
 
-/// Shortest time between two probes of the database. Each writes 256 KiB, and anyone may request one. A full disk, or a file that
-/// is gone, is noticed within this time.
+/// Shortest time between two probes of the database. Each probe writes 256 KiB, and anyone may request one. The server
+/// notices a full disk or a missing file within this time.
 const PROBE_INTERVAL: Duration = Duration::from_secs(2);
 
 impl App {

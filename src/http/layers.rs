@@ -1,4 +1,4 @@
-//! What surrounds all routes: request ids, log, problems, access control, compression, other origins.
+//! The layer around all routes: request ids, log, problems, access control, compression, other origins.
 
 use std::convert::Infallible;
 use std::panic::AssertUnwindSafe;
@@ -31,16 +31,16 @@ use crate::service::workers::message_of;
 /// The origins whose web pages may use the server.
 #[derive(Debug, Clone, Default)]
 pub enum Origins {
-    /// Only the server's own.
+    /// Only the server's own origin.
     #[default]
     Own,
-    /// All.
+    /// All origins.
     Any,
-    /// These, besides the server's own.
+    /// These origins, and the server's own.
     These(Vec<HeaderValue>),
 }
 
-/// Surrounds routes with one layer. It is one, because axum clones each layer for each request.
+/// Puts one layer around the routes. It is a single layer, because axum clones each layer for each request.
 pub fn with_layers<S: Clone + Send + Sync + 'static>(
     routes: Router<S>,
     gate: Arc<Gate>,
@@ -58,7 +58,7 @@ pub fn with_layers<S: Clone + Send + Sync + 'static>(
     }))
 }
 
-/// What all requests share here.
+/// What the layer uses for every request.
 struct Shared {
     gate: Arc<Gate>,
     metrics: Arc<Metrics>,
@@ -69,8 +69,8 @@ struct Shared {
     cors: Option<CorsLayer>,
 }
 
-/// Gives a request an id, refuses it if it comes from a foreign page, writes the problem of its answer, counts
-/// it and logs one line. Of many refusals it logs some.
+/// Handles a request: gives it an id, refuses it if a foreign web page sent it, writes the problem of its answer,
+/// counts it and logs one line. Of many refusals, it logs only some.
 async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Response {
     let Shared { gate, metrics, shares, refusals, origins, cors } = &*shared;
     let started = Instant::now();
@@ -125,7 +125,7 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
         (Some(_), _) => log!(error),
         // In UM-Bridge, an output without a value is an error of the model.
         (None, 500) if !is_umbridge => log!(error),
-        // Successful reads and evaluations are frequent.
+        // Successful reads and evaluations are too frequent for the default log.
         (None, ..400) if method.is_safe() || is_umbridge || pattern == evaluate::PATH => {
             log!(debug);
         }
@@ -144,8 +144,8 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
     response
 }
 
-/// The answer with permission for the memory of its body, or a refusal. The answer to a request that may have changed
-/// something is never refused.
+/// Adds a permit for the memory of the body to an answer. If the memory is in use, refuses the request instead, unless
+/// the request may have changed something.
 fn counted(
     shares: &Shares,
     mut answer: Response,
@@ -216,7 +216,7 @@ fn is_cross_site(known: &Origins, request: &Request) -> bool {
         Origins::Any => true,
         Origins::These(list) => list.iter().any(|known| Some(known.as_bytes()) == origin),
     };
-    // Over plain HTTP, browsers send only the origin.
+    // Over plain HTTP, browsers send `Origin`, but not `Sec-Fetch-Site`.
     let is_own = match (site, origin) {
         (Some(b"same-origin" | b"none"), _) | (None, None) => true,
         (_, Some(origin)) => {

@@ -1,8 +1,8 @@
 //! The HTTP API.
 //!
-//! A handler translates the request, calls the service, and translates its answer. `wire` reads the parts of requests, and
-//! `transport` their connections and bodies. `access` decides who may call a route. `answer` makes and keeps what results
-//! look like. `layers` surrounds all routes.
+//! A handler translates the request, calls the service, and translates its answer. `wire` reads query parameters and
+//! headers, and `transport` reads connections and bodies. `access` decides who may call a route. `answer` makes the
+//! representations of results, and `memory` caches them. `layers` surrounds all routes.
 
 mod access;
 mod answer;
@@ -55,9 +55,9 @@ use transport::server;
 pub struct Settings {
     /// Access control.
     pub access: Access,
-    /// Bytes of answers that are kept in memory.
+    /// Size of the memory cache of answers, in bytes.
     pub memory: u64,
-    /// Bytes of the bodies of requests and answers until they are read or sent.
+    /// Memory for the bodies of requests and answers until they are read or sent, in bytes.
     pub transfers: u64,
     /// Limits of connections.
     pub connections: Connections,
@@ -92,11 +92,11 @@ impl From<TcpListener> for Sockets {
     }
 }
 
-/// What the main socket serves, for those who ask for another address.
+/// The hint in a 404 answer of the main socket.
 const API: &str = "/docs lists all routes.";
-/// What the socket of UM-Bridge serves.
+/// The hint in a 404 answer of the socket of UM-Bridge.
 const UMBRIDGE: &str = "This port serves only UM-Bridge. GET /Info lists its models.";
-/// What the socket of a worker serves.
+/// The hint in a 404 answer of the socket of a worker.
 const MONITORING: &str = "A worker serves only /healthz, /readyz and /metrics.";
 
 /// Serves the API of a service, until `closing` ends and all connections are closed.
@@ -128,7 +128,7 @@ pub async fn serve_monitoring(listener: TcpListener, service: Service) {
     server.serve(listener, router, MONITORING, future::pending()).await;
 }
 
-/// What all sockets of a server share.
+/// The state that all sockets of a server share.
 struct Server {
     app: App,
     admission: Arc<Admission>,
@@ -147,8 +147,8 @@ impl Server {
         Self { app, admission, origins: settings.origins.clone() }
     }
 
-    /// Serves routes on a socket, until `closing` ends and its connections are closed. The answer to other addresses
-    /// says what is `served`.
+    /// Serves routes on a socket, until `closing` ends and the connections of the socket are closed. The 404 answer to
+    /// other addresses contains the hint `served`.
     async fn serve(
         &self,
         listener: TcpListener,

@@ -61,7 +61,7 @@ impl Routes {
             .add(Needs::READ, routes!(system::openapi))
             .add(Needs::READ, routes!(system::problems))
             .add(Needs::READ, routes!(system::explain))
-            // The page contains no data of users: its requests require a role.
+            // The page of the dashboard contains no data of users. The requests that it sends require a role.
             .page(Needs::NOTHING, "/", get(dashboard::page))
             .page(Needs::NOTHING, "/assets/{*name}", get(dashboard::asset))
             .page(Needs::READ, "/docs", get(|| async { Redirect::to("/docs/") }))
@@ -145,7 +145,7 @@ mod tests {
             (Method::PUT, "/v1/results/{key}/pin", Needs::SUBMIT),
             (Method::POST, "/v1/jobs/{id}/cancel", Needs::CANCEL),
             (Method::DELETE, "/v1/results/{key}", Needs::ADMIN),
-            // An unknown route is not open.
+            // An unknown route requires a key too.
             (Method::PATCH, "", Needs::SUBMIT),
             (Method::GET, "", Needs::READ),
         ] {

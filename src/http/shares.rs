@@ -1,7 +1,7 @@
 //! What requests may use at the same time, in total and for one caller: memory, and heavy work.
 //!
-//! Without these limits, one caller with many large answers that it does not read, or with many searches,
-//! would take the server from all others.
+//! Without these limits, one caller with many large answers that it does not read, or with many searches, would block
+//! all other callers.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -13,17 +13,18 @@ use tokio::time::{Instant, timeout_at};
 
 use super::problem::{Problem, kinds};
 
-/// Bodies up to this size, in bytes, are not counted. Only the numbers of connections and of requests bound their sum.
+/// Largest body that needs no permit, in bytes. The limits of connections and of concurrent requests bound the memory
+/// of such bodies.
 pub const SMALL: usize = 32 << 10;
 /// The unit in which memory is counted, in bytes.
 const UNIT: u64 = 1 << 10;
-/// How long a request waits in total for memory and for work that others use.
+/// Maximum time that a request waits in total for memory and for the work of other requests.
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 /// The seconds after which a refused client should try again.
 const RETRY: u32 = 5;
-/// Number of heavy requests of one caller at the same time. The others wait.
+/// Maximum number of heavy requests of one caller at the same time. Further ones wait.
 const HEAVY: usize = 2;
-/// Number of names from which unused ones are forgotten.
+/// A map with at least this number of names drops its unused names before it grows.
 pub const NAMES: usize = 64;
 
 /// The limits, and their use.
@@ -31,16 +32,17 @@ pub const NAMES: usize = 64;
 pub struct Shares {
     /// Memory for the bodies of requests. Slow readers of answers cannot use it.
     pub bodies: Budget,
-    /// Memory for the trees of these bodies while they are parsed. A request that waits for it holds its body. A request
-    /// that has it never waits for memory of bodies, so they never wait for each other.
+    /// Memory for the parsed values (the trees) of these bodies. A request waits for it while it holds memory of
+    /// `bodies`, and never waits for memory of `bodies` while it holds this. So two requests never wait for each other.
     pub trees: Budget,
     /// Memory for answers.
     pub answers: Budget,
-    /// For heavy work: reading many results, or comparing them.
+    /// Turns for heavy work: searching results, or comparing them.
     pub heavy: PerCaller,
-    /// For evaluations. Those of one caller wait for each other, and those of another caller do not wait for all of them.
+    /// Turns for evaluations. A caller computes at most as many at a time as there are workers, and its further
+    /// evaluations wait here. So an evaluation of another caller does not wait for all of them.
     pub evaluations: PerCaller,
-    /// Bytes in use.
+    /// The memory that all permits hold at present, in bytes.
     pub held: Gauge,
 }
 
@@ -48,9 +50,9 @@ pub struct Shares {
 #[derive(Debug)]
 pub struct Budget {
     memory: Arc<Semaphore>,
-    /// Units of memory for one caller.
+    /// Maximum number of units of one caller.
     share: u32,
-    /// What a caller can do who uses the whole share.
+    /// The advice in the problem for a caller that has used its whole share.
     advice: &'static str,
     shares: PerCaller,
     held: Gauge,
@@ -80,8 +82,8 @@ struct Held {
 pub type Turn = Option<OwnedSemaphorePermit>;
 
 impl Shares {
-    /// Shares of this many bytes, an eighth for bodies of requests, an eighth for their trees, and the rest for answers; and of computations on this many
-    /// workers.
+    /// Shares of this many bytes: an eighth for the bodies of requests, an eighth for their trees, and the rest for
+    /// answers. Each caller may compute as many evaluations at a time as there are `workers`.
     pub fn new(bytes: u64, workers: usize) -> Self {
         let held = Gauge::default();
         let of_requests =
@@ -119,7 +121,7 @@ impl Budget {
         Ok(self.permit(own, all))
     }
 
-    /// Memory for a body of this many bytes. Waits for a moment if other requests use it.
+    /// Reserves memory for a body of this many bytes. Waits up to `LONGEST_WAIT` while other requests use it.
     ///
     /// # Errors
     /// The memory is still in use.
@@ -169,19 +171,19 @@ impl PerCaller {
         Self { permits, semaphores: Mutex::default() }
     }
 
-    /// Waits for the turn of the caller.
+    /// Waits until the caller has a free permit.
     pub async fn turn(&self, caller: &str) -> Turn {
         // The semaphore is never closed.
         self.of(caller).acquire_owned().await.ok()
     }
 
-    /// The semaphore of a caller. The map forgets it when no request waits for it or holds its permits.
+    /// The semaphore of a caller. The map drops the semaphore when no request waits for it or holds its permits.
     fn of(&self, caller: &str) -> Arc<Semaphore> {
         get_or_insert(&mut lock(&self.semaphores), caller, || Semaphore::new(self.permits))
     }
 }
 
-/// What a map has under a name, or something new. The map forgets what nothing else uses.
+/// Returns the value that a map has under a name, or inserts a new one. The map drops a value that nothing else uses.
 pub fn get_or_insert<T>(
     map: &mut HashMap<String, Weak<T>>,
     name: &str,
@@ -198,23 +200,23 @@ pub fn get_or_insert<T>(
     new
 }
 
-/// Locks what stays valid if its holder panics.
+/// Locks a mutex whose value stays valid if a holder of the lock panics.
 pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Permit {
-    /// Whether it is for a body that is counted.
+    /// Whether the permit holds memory. A permit for a small body holds none.
     pub fn is_held(&self) -> bool {
         self.held.is_some()
     }
 
-    /// Gives back what a body of this many bytes does not use.
+    /// Gives back the memory that a body of this many bytes does not need.
     pub fn shrink(&mut self, bytes: usize) {
         drop(self.split(bytes));
     }
 
-    /// Takes what a body of this many bytes does not use.
+    /// Takes out the memory that a body of this many bytes does not need, as another permit.
     pub fn split(&mut self, bytes: usize) -> Self {
         let Some(held) = &mut self.held else { return Self::default() };
         let units = bytes / UNIT as usize + 1;
@@ -235,7 +237,7 @@ fn bytes_of(permit: &OwnedSemaphorePermit) -> i64 {
     (permit.num_permits() as u64 * UNIT).cast_signed()
 }
 
-/// Until when a request waits that begins to wait now.
+/// The time at which a request that begins to wait now must stop waiting.
 pub fn longest_wait() -> Instant {
     Instant::now() + LONGEST_WAIT
 }
@@ -244,7 +246,7 @@ fn all_full() -> Problem {
     full("Other requests use the memory for large bodies.".to_owned())
 }
 
-/// The problem for a request that would have to wait for longer.
+/// The problem for a request that does not get what it needs in time.
 pub fn full(detail: String) -> Problem {
     Problem::new(&kinds::MEMORY_FULL, detail).retry_after(RETRY)
 }
@@ -274,7 +276,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn a_request_waits_for_its_share_and_for_the_memory_of_all_in_one_time() {
+    async fn one_deadline_covers_the_waits_for_the_share_and_for_the_whole_memory() {
         let budget = Budget::new(8 << 20, &Gauge::default(), "");
         let _other = budget.hold("berta", 4 << 20).await.unwrap();
         let _small = budget.hold("carla", 1 << 20).await.unwrap();
@@ -284,7 +286,7 @@ mod tests {
             sleep(LONGEST_WAIT / 2).await;
             drop(own);
         };
-        // It gets its share after half of the time. Then the memory of all is too small by 1 MiB.
+        // The request gets its share after half of the time. Then the memory of all callers is too small by 1 MiB.
         let ((), waited) = tokio::join!(free, budget.hold("anna", 4 << 20));
         assert!(waited.is_err());
         assert_eq!(began.elapsed(), LONGEST_WAIT);
@@ -317,7 +319,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn callers_without_requests_are_forgotten() {
+    async fn the_map_drops_callers_without_requests() {
         let shares = Shares::new(1 << 20, 2);
         let held = shares.heavy.turn("held").await;
         for number in 0..10_000 {

@@ -1,4 +1,4 @@
-//! Evaluates scenarios: runs of milliseconds, computed at once and kept nowhere.
+//! Evaluates scenarios: runs of milliseconds that are computed at once and not stored.
 
 use std::cell::LazyCell;
 use std::time::Duration;
@@ -9,9 +9,9 @@ use super::stopwatch::Stopwatch;
 use fretwork_job::Cost;
 use fretwork_study::{Evaluated, Evaluation};
 
-/// Longest answer of an evaluation, in bytes. Writing it takes some milliseconds.
+/// Largest answer of an evaluation, in bytes. Writing such an answer takes some milliseconds.
 pub const LARGEST_EVALUATION: usize = 2_000_000;
-/// Longest estimate of an evaluation.
+/// Longest estimated time of an evaluation.
 pub const LONGEST_EVALUATION: Duration = Duration::from_millis((SHORT * 1e3) as u64);
 
 /// Why a scenario was not evaluated.
@@ -50,10 +50,12 @@ impl Service {
             return Err(NotEvaluated::TooLarge(bytes));
         }
         let work = move || {
-            // Starts after the first step. Most runs need only one, and to start it takes some microseconds.
+            // The watch starts after the first step. Most runs need only one step, and starting the watch takes some
+            // microseconds.
             let watch = LazyCell::new(Stopwatch::start);
             evaluation.compute(|| {
-                // Processor time, because on a busy machine a thread may wait for longer.
+                // The limit is one of processor time, because on a busy machine a thread may wait for longer than it
+                // computes.
                 let Cost { wall, cpu } = watch.cost();
                 cpu.unwrap_or(wall) < MAX_TIME
             })

@@ -1,4 +1,4 @@
-//! How much one job may take.
+//! The limits of one job: processor time, points and size.
 
 use std::time::Duration;
 
@@ -6,16 +6,16 @@ use fretwork_engine::scenario::MAX_ANSWER;
 
 use fretwork_job::{Prepared, Task};
 
-/// What new runs and studies may take.
+/// The limits of new runs and studies.
 #[derive(Debug, Clone, Copy)]
 pub struct WorkLimits {
-    /// Processor time of a run; `None` for any.
+    /// Maximum processor time of a run; `None` means no limit.
     pub run: Option<Duration>,
-    /// Processor time of a study; `None` for any.
+    /// Maximum processor time of a study; `None` means no limit.
     pub study: Option<Duration>,
-    /// Points of a study.
+    /// Maximum number of points of a study.
     pub study_points: usize,
-    /// Size of the result of a study as JSON, in bytes.
+    /// Maximum size of the result of a study as JSON, in bytes.
     pub study_bytes: usize,
 }
 
@@ -47,7 +47,7 @@ impl WorkLimits {
     }
 }
 
-/// What a task would take, and the limit. In words, it also says what to change.
+/// A limit, and what a task that exceeds it would take. The displayed text also says what to change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Excess {
     /// Processor time.
@@ -58,7 +58,7 @@ pub enum Excess {
         humantime::format_duration(*limit)
     )]
     Time {
-        /// The estimate.
+        /// The estimated time of the task.
         time: Duration,
         /// The limit.
         limit: Duration,
@@ -68,7 +68,7 @@ pub enum Excess {
         "The study has {points} points, and the limit of this server is {limit}. Request fewer values or samples."
     )]
     Points {
-        /// Its points.
+        /// The number of points of the study.
         points: usize,
         /// The limit.
         limit: usize,
@@ -81,7 +81,7 @@ pub enum Excess {
         *limit as f64 / 1e6
     )]
     Bytes {
-        /// The largest possible size.
+        /// The largest possible size of the result.
         bytes: usize,
         /// The limit.
         limit: usize,

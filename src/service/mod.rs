@@ -1,5 +1,5 @@
-//! What the program can do with jobs: submit, wait, evaluate, cancel, import. HTTP and the command line call this room. What it
-//! would add nothing to, such as finding a result, they ask of the store.
+//! What the program can do with jobs: submit, wait, evaluate, cancel, import. HTTP and the command line call this
+//! module. They call the store directly for operations to which this module adds nothing, such as finding a result.
 
 mod evaluate;
 mod import;
@@ -42,7 +42,7 @@ struct Parts {
     begin: Begin,
     waiting: Arc<Waiting>,
     short: ShortRuns,
-    /// For evaluations and derivatives.
+    /// Places for evaluations and derivatives.
     places: Places,
     /// The number of worker threads.
     workers: usize,
@@ -66,9 +66,9 @@ impl Service {
     /// The service of a store, with a number of worker threads.
     #[must_use]
     pub fn new(store: Store, begin: Begin, workers: usize, limits: WorkLimits) -> Self {
-        // A server without workers still computes what its clients wait for.
+        // A server without workers still computes evaluations and short runs, because their clients wait for them.
         let places = if workers == 0 { processors() } else { workers };
-        // Short submissions have places of their own, so a burst of them does not keep others from evaluating.
+        // Short submissions have places of their own, so a burst of them does not delay evaluations.
         let short = ShortRuns::new(store.clone(), Arc::clone(&begin), Places::new(places));
         let places = Places::new(places);
         let (waiting, draining) = (Arc::default(), watch::Sender::new(false));
@@ -82,7 +82,7 @@ impl Service {
         &self.0.store
     }
 
-    /// What new runs and studies may take.
+    /// The limits of new runs and studies.
     #[must_use]
     pub fn limits(&self) -> WorkLimits {
         self.0.limits
@@ -94,13 +94,13 @@ impl Service {
         self.0.workers
     }
 
-    /// The number of short computations at a time, for clients that wait for them.
+    /// The number of short computations that can run at the same time while their clients wait.
     #[must_use]
     pub fn places(&self) -> usize {
         self.0.places.number()
     }
 
-    /// How workers begin a claimed run: with the prepared task if it is still in memory.
+    /// The function with which a worker begins a claimed run. It uses the prepared task if that is still in memory.
     #[must_use]
     pub fn compute(&self) -> Compute {
         let (begin, waiting) = (Arc::clone(&self.0.begin), Arc::clone(&self.0.waiting));
@@ -120,7 +120,7 @@ impl Service {
 
     /// Returns once the service is draining.
     pub async fn drained(&self) {
-        // The sender lives as long as `self`.
+        // This cannot fail, because the sender lives as long as `self`.
         let _ = self.0.draining.subscribe().wait_for(|draining| *draining).await;
     }
 }

@@ -1,4 +1,4 @@
-//! Places for short computations, in the calls of the clients that wait for them.
+//! Limits the number of computations that run at the same time while their clients wait.
 
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Arc;
@@ -8,19 +8,20 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task;
 use tokio::time::timeout;
 
-/// Longest estimate of a short computation, in seconds.
+/// Longest estimated time of a short computation, in seconds.
 pub const SHORT: f64 = 0.02;
-/// Longest time of a short computation. Then its estimate was grossly wrong.
+/// Maximum time of a short computation. If it takes longer, its estimate was grossly wrong.
 pub const MAX_TIME: Duration = Duration::from_millis(50);
-/// Computations with a shorter estimate, in seconds, run on the async thread: handing them over would
-/// take as long. A default run without profiles has an estimate of 2e-4.
+/// Computations with a shorter estimated time, in seconds, run on the async thread: passing them to another thread
+/// would take as long. A default run without profiles has an estimate of 2e-4.
 pub const INLINE: f64 = 3e-4;
 /// Longest scenario, in bytes, whose run is computed on the async thread.
 pub const INLINE_BYTES: usize = 1 << 14;
 /// Longest wait for a place.
 const MAX_WAIT: Duration = Duration::from_millis(250);
 
-/// As many computations at a time as there are workers: more would only share the processors.
+/// A computation needs one of these places. There are as many as workers, because more computations at a time would
+/// only share the processors.
 #[derive(Debug)]
 pub struct Places {
     free: Arc<Semaphore>,
@@ -32,7 +33,7 @@ pub struct Places {
 pub enum Unfinished {
     /// All places were taken.
     NoPlace,
-    /// It panicked.
+    /// The computation panicked.
     Panicked,
 }
 
@@ -41,7 +42,7 @@ impl Places {
         Self { free: Arc::new(Semaphore::new(number)), number }
     }
 
-    /// Computations at a time.
+    /// The number of places.
     pub fn number(&self) -> usize {
         self.number
     }
@@ -60,7 +61,7 @@ impl Places {
         Self::compute_at(place, inline, work).await
     }
 
-    /// Computes turn by turn, until a turn has an outcome. Waits for a place before each turn, however long. Only the
+    /// Calls `turn` until it returns an outcome. Waits for a place before each turn, without a time limit. Only the
     /// first turn can run on the async thread.
     ///
     /// # Errors
@@ -116,7 +117,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn others_compute_between_two_turns() {
+    async fn another_computation_can_run_between_two_turns() {
         let places = Places::new(1);
         let mut turns = 0;
         let long = places.compute_in_turns(true, move || {

@@ -1,9 +1,9 @@
-//! Short runs, computed while their client waits.
+//! Computes short runs while their clients wait.
 //!
-//! A run of milliseconds costs more on its way through the queue than in the engine. If its client waits
-//! anyway, it is computed first; then its result and the finished job are committed together, and nothing
-//! is acknowledged before. Equal submissions that arrive meanwhile join it (single-flight). A run that
-//! takes longer than estimated goes through the queue.
+//! For a run of milliseconds, the queue takes more time than the engine. If the client waits anyway, the server
+//! computes the run first. Then it commits the result and the finished job together, and only then answers. Equal
+//! submissions that arrive meanwhile wait for the same computation (single-flight). A run that takes longer than
+//! estimated goes through the queue.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -17,10 +17,10 @@ use super::stopwatch::Stopwatch;
 use fretwork_job::{Answer, Begin, Job, JobState, Key, Origin, Prepared, Step};
 use fretwork_store::{Admission, Answered, Error, NewJob, Store, Submitted};
 
-/// Number of remembered keys.
+/// Maximum number of keys in `known`.
 const KNOWN: usize = 1 << 14;
 
-/// Most submissions that wait for a place to compute; further ones go through the queue.
+/// Maximum number of submissions that wait for a place or compute. Further ones go through the queue.
 const MAX_WAITING: usize = 64;
 
 /// Computes short runs.
@@ -29,10 +29,11 @@ pub struct ShortRuns {
     begin: Begin,
     entrance: Semaphore,
     places: Places,
-    /// Keys whose results were stored lately. For other keys, a run below [`INLINE`] takes less time than a look
-    /// into the database: it is computed first, and its result is dropped if the database has it.
+    /// Keys of results that this server has recently stored or found. For other keys, a run below [`INLINE`] takes less
+    /// time than a query of the database. So the run is computed first, and its result is dropped if the database has
+    /// one already.
     known: Cache<Key, ()>,
-    /// For each computation under way, the submissions that joined it.
+    /// For the key of each computation under way, the submissions that wait for its result.
     flights: Mutex<HashMap<Key, Vec<Joined>>>,
 }
 
@@ -43,7 +44,7 @@ struct Computed {
     wall: Duration,
 }
 
-/// A submission that joined, and where to send the job that it becomes.
+/// A submission that waits for an equal one, and the channel on which it receives its job.
 struct Joined {
     job: NewJob,
     reply: oneshot::Sender<Job>,
@@ -55,8 +56,8 @@ impl ShortRuns {
         Self { store, begin, entrance, places, known, flights: Mutex::default() }
     }
 
-    /// Whether a submission is computed here. A repetition must find its first job in the tables, and a new run must not
-    /// overtake queued ones.
+    /// Whether a submission is computed here. A submission with an idempotency key is not, because the database must
+    /// find the job of its first submission. A new run must not overtake queued ones.
     pub fn suits(&self, job: &NewJob, prepared: &Prepared) -> bool {
         prepared.seconds < SHORT
             && job.repeatable.is_none()
@@ -65,8 +66,8 @@ impl ShortRuns {
             && self.store.tally().queued() == 0
     }
 
-    /// Computes a run and records it with its job, or joins the computation under way. Returns `None` if the job must
-    /// go through the queue.
+    /// Computes a run and records it with its job, or waits for an equal computation under way. Returns `None` if the
+    /// job must go through the queue.
     ///
     /// # Errors
     /// The database fails.
@@ -90,9 +91,9 @@ impl ShortRuns {
             }
         }
         if let Some(became) = self.join(job) {
-            // A submission that only joins takes no place from others.
+            // A submission that waits for an equal one computes nothing, so it gives its permit back.
             drop(entered);
-            // If its leader is dropped, the job goes through the queue.
+            // If the submission that computes is dropped, this job goes through the queue.
             return Ok(became.await.ok().map(|job| (Submitted::Accepted(job), None)));
         }
         let mut leader = Leader { short: self, key: job.key, landed: false };
@@ -116,11 +117,12 @@ impl ShortRuns {
             }
         }
         if first == Submitted::NeedsRun {
-            // The result was evicted: the run that computes it again compares it with the old digest.
+            // The result was evicted. The job goes through the queue, where the run compares the new result with the
+            // digest of the old one.
             return Ok(None);
         }
         self.note(&job.key, &first);
-        // If the result was known, its stored bytes are those to return.
+        // If the database had a result already, the stored bytes must be returned instead of this answer.
         let is_stored =
             matches!(&first, Submitted::Accepted(job) if job.origin == Origin::Computed);
         Ok(Some((first, is_stored.then_some(answer))))
@@ -154,7 +156,7 @@ impl ShortRuns {
         self.places.compute(inline, work).await.ok().flatten()
     }
 
-    /// Joins the computation of this key. If there is none, returns `None`, and the caller leads one.
+    /// Joins the computation of this key. If there is none, returns `None`, and this submission must compute.
     fn join(&self, job: &NewJob) -> Option<oneshot::Receiver<Job>> {
         let mut flights = self.flights();
         let Some(joined) = flights.get_mut(&job.key) else {
@@ -171,7 +173,7 @@ impl ShortRuns {
     }
 }
 
-/// The submission that computes. If it is dropped, those that joined continue on their own.
+/// The submission that computes. If it is dropped, the submissions that wait for it go through the queue.
 struct Leader<'a> {
     short: &'a ShortRuns,
     key: Key,
@@ -179,7 +181,8 @@ struct Leader<'a> {
 }
 
 impl Leader<'_> {
-    /// Ends the flight: later submissions of this key begin another one. Returns those that joined.
+    /// Removes the computation from `flights`: later submissions of this key begin another one. Returns the submissions
+    /// that wait.
     #[expect(clippy::expect_used, reason = "submissions that joined must not be forgotten")]
     fn land(&mut self) -> Vec<Joined> {
         if std::mem::replace(&mut self.landed, true) {

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use fretwork_job::Cost;
 
-/// Measures on the thread that starts it. Read it on the same thread.
+/// Measures the processor time of the thread that starts it. Read it on the same thread.
 #[derive(Debug)]
 pub struct Stopwatch {
     started: Instant,
@@ -24,7 +24,7 @@ impl Stopwatch {
         self.started.elapsed()
     }
 
-    /// The cost since the start.
+    /// Wall-clock time and processor time since the start.
     #[must_use]
     pub fn cost(&self) -> Cost {
         let since = |before| thread_time().map(|now| now.saturating_sub(before));

@@ -9,18 +9,19 @@ use super::{Excess, Service};
 use fretwork_job::{Answer, Job, JobId, JobState, Prepared, Submission, asked_in};
 use fretwork_store::{Admission, Error, NewJob, Repeatable, Submitted};
 
-/// How a submission is treated.
+/// What a client demands of its submission, besides the scenario.
 #[derive(Debug, Clone, Default)]
 pub struct Terms {
     /// The owner of the job.
     pub owner: String,
     /// The urgency among the jobs of the owner: 0 is the most urgent, 7 the least.
     pub priority: u8,
-    /// The client's name for this submission. Repeated with the same name, it stays one job.
+    /// The client's name for this submission. If the client repeats the submission with the same name, it stays one
+    /// job.
     pub idempotency_key: Option<String>,
-    /// Computes even a known result.
+    /// Whether to compute the result even if it is known.
     pub afresh: bool,
-    /// Accepts the job only if its result is known.
+    /// Whether to accept the job only if its result is known.
     pub only_known: bool,
     /// How long to wait for the end of the job.
     pub wait: Option<Duration>,
@@ -35,7 +36,8 @@ pub struct Accepted {
     pub job: Job,
     /// The answer, if this call computed it.
     pub answer: Option<Answer>,
-    /// Whether the submission repeats an earlier one. The job then keeps what the first one sent.
+    /// Whether the submission repeats an earlier one. The job then keeps the scenario, the label and the tags of the
+    /// first submission.
     pub repeated: bool,
 }
 
@@ -141,10 +143,11 @@ impl Service {
     /// Submits to the store. The prepared task stays in memory for the worker that claims its run.
     async fn enqueue(&self, new: NewJob, prepared: Prepared) -> Result<Submitted, Error> {
         let (waiting, key) = (&self.0.waiting, prepared.key);
-        // First, because a worker may claim the run before this call returns. The workers of a study keep it themselves.
+        // The task is kept before the submission, because a worker may claim the run before `submit` returns. A study
+        // is not kept here: its workers keep it themselves.
         let kept = new.chunks.is_none() && waiting.keep(prepared);
         let submitted = match self.0.store.submit(new).await {
-            // The job exists already: a short run stored it, and was dropped before it returned the job.
+            // The job exists already: an equal short run recorded it, and was dropped before it returned the job.
             Err(Error::JobExists(id)) => {
                 self.0.store.job(id).await?.map(Submitted::Accepted).ok_or(Error::Closed)
             }
@@ -166,11 +169,12 @@ impl Service {
     }
 }
 
-/// A digest of a submission, to recognise its repetition. It is made of version 1 of the stored form, so that a
-/// repetition is recognised after an update of the program too.
+/// A digest of a submission, by which the server recognises its repetition. The digest is that of version 1 of the
+/// stored form, so that the server recognises a repetition after an update of the program too.
 #[expect(clippy::expect_used, reason = "a wrong digest would accept another submission")]
 fn fingerprint(prepared: &Prepared, label: Option<&str>, tags: &[String]) -> Vec<u8> {
-    let (kind, asked) = asked_in(&prepared.stored).expect("a prepared task asks for something");
+    let (kind, asked) =
+        asked_in(&prepared.stored).expect("a prepared task has a scenario or a study");
     let version_1 = format!("{{\"{}\":{asked}}}", kind.member());
     Sha256::digest(json!([version_1, label, tags]).to_string()).to_vec()
 }

@@ -1,7 +1,7 @@
-//! Long computations in the calls of the clients that wait for them.
+//! Long computations, in turns, while their clients wait.
 //!
-//! A computation gives its place back after each turn of about 30 ms. So it does not delay the evaluations of others for
-//! long, and it ends when its client has gone.
+//! A computation gives its place back after each turn of about 30 ms. So it does not delay the evaluations of others
+//! for long, and it ends when its client has disconnected.
 
 use std::time::Duration;
 
@@ -10,20 +10,20 @@ use super::places::{INLINE, Unfinished};
 use super::stopwatch::Stopwatch;
 use fretwork_job::Cost;
 
-/// Longest estimate of a computation that a client waits for.
+/// Longest estimated time of a computation that a client waits for.
 pub const LONGEST_CALL: Duration = Duration::from_secs(30);
-/// Longest processor time of such a computation. Then its estimate was grossly wrong.
+/// Maximum processor time of such a computation. If it takes longer, its estimate was grossly wrong.
 pub const MAX_CALL: Duration = Duration::from_mins(1);
-/// A turn ends after the step in which it has taken this long.
+/// A turn ends after the first step at whose end it has taken at least this time.
 const TURN: Duration = Duration::from_millis(20);
 
 /// Why a computation has no outcome.
 #[derive(Debug, thiserror::Error)]
 pub enum Unable {
-    /// It would take too long.
+    /// The computation would take too long.
     #[error("the computation would take {0:?}")]
     TooLong(Duration),
-    /// It took much longer than its estimate.
+    /// The computation took much longer than its estimate.
     #[error("the computation took longer than {MAX_CALL:?}")]
     Stopped,
     /// The engine has a bug.
@@ -32,8 +32,8 @@ pub enum Unable {
 }
 
 impl Service {
-    /// Computes by `step`, which computes for about 30 ms and returns the outcome at the end. `seconds` is the estimated
-    /// time of the whole computation.
+    /// Calls `step` until it returns the outcome. Each call computes for at most about 30 ms. `seconds` is the
+    /// estimated time of the whole computation.
     ///
     /// # Errors
     /// The computation takes too long, or panics.

@@ -8,9 +8,9 @@ use quick_cache::sync::Cache;
 
 use fretwork_job::{Key, Prepared};
 
-/// Most bytes that waiting tasks may take.
+/// Maximum memory of all waiting tasks, in bytes.
 const BUDGET: u64 = 32 << 20;
-/// Expected number of tasks: most take about 4 kB.
+/// Expected number of tasks. Most of them take about 4 kB.
 const EXPECTED: usize = 8192;
 
 /// Prepared tasks by the key of their run.
@@ -43,7 +43,7 @@ impl Waiting {
         is_new
     }
 
-    /// Takes a task out.
+    /// Removes a task and returns it.
     pub fn take(&self, key: &Key) -> Option<Prepared> {
         self.0.remove(key).map(|(_, prepared)| prepared)
     }

@@ -18,7 +18,8 @@ use fretwork_store::{Actor, Editor, Role};
 #[derive(Debug, Clone, Copy)]
 pub struct Peer(pub IpAddr);
 
-/// The ids of a request. They are in its answer, in the log, and in the log of the job that it submits.
+/// The ids of a request. The server writes them to the answer, to the log, and to the log of the job that the request
+/// submits.
 #[derive(Debug, Clone)]
 pub struct Trace {
     /// The request id.
@@ -51,13 +52,15 @@ impl fmt::Display for Trace {
     }
 }
 
-/// The id of a client is written to the log and to answers, so it must be short and harmless.
+/// Whether a request id of a client is short and has only harmless characters. The server writes it to the log and to
+/// the answer.
 fn is_valid_id(id: &str) -> bool {
     let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.:/+=".contains(&byte);
     (1..=128).contains(&id.len()) && id.bytes().all(plain)
 }
 
-/// Version, trace id, parent id and flags in lower-case hexadecimal; ids must not be zero.
+/// Whether a text is a valid `traceparent`: version, trace id, parent id and flags in lower-case hexadecimal. Neither
+/// id may be zero.
 fn is_traceparent(text: &str) -> bool {
     let parts: Vec<&str> = text.split('-').collect();
     let hex = |part: &&str| part.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
@@ -68,13 +71,13 @@ fn is_traceparent(text: &str) -> bool {
         && parts[1..3].iter().all(|id| id.bytes().any(|b| b != b'0'))
 }
 
-/// Stands for the caller in filters by owner. No key has this name.
+/// In filters by owner, this word means the caller. No key can have this name.
 pub const ME: &str = "me";
 
 /// The client that sent a request.
 #[derive(Debug, Clone)]
 pub struct Caller {
-    /// The owner of its jobs: the name of the key, or the client's address on a server without keys.
+    /// The owner of the caller's jobs: the name of the key, or the client's address on a server without keys.
     pub owner: String,
     /// What the caller may do.
     pub role: Role,
@@ -93,17 +96,17 @@ impl Caller {
         (self.role != Role::Admin).then_some(&self.owner)
     }
 
-    /// The caller as one who changes pins and notes.
+    /// The caller as the editor of a pin or a note: the store checks whether it may change them.
     pub fn editor(&self) -> Editor {
         Editor { owner: self.owner.clone(), may_change_all: self.role == Role::Admin }
     }
 
-    /// The caller in the audit log.
+    /// The caller, as the audit log names it.
     pub fn actor(&self) -> Actor {
         Actor { name: self.owner.clone(), key: self.key.clone().unwrap_or_default() }
     }
 
-    /// The owner with this name, or the caller for `me`. `None` if the caller may not see its jobs.
+    /// The owner with this name, or the caller for `me`. `None` if the caller may not see the jobs of that owner.
     pub fn owner_named(&self, name: &str) -> Option<String> {
         let owner = if name == ME { &self.owner } else { name };
         let seen = self.reach().is_none_or(|own| own == owner);
@@ -111,7 +114,8 @@ impl Caller {
     }
 }
 
-/// The network of an address. An IPv6 client changes its address within a network of 2⁶⁴ addresses.
+/// The network of a client: the address itself for IPv4, its /64 network for IPv6. An IPv6 client can use any of the
+/// 2⁶⁴ addresses of its network.
 pub fn network(address: IpAddr) -> IpAddr {
     match address {
         IpAddr::V4(_) => address,
@@ -119,7 +123,7 @@ pub fn network(address: IpAddr) -> IpAddr {
     }
 }
 
-/// The owner for an address: its network.
+/// The owner of the jobs of a client without a key: the name of its network.
 fn owner(address: IpAddr) -> String {
     match network(address) {
         IpAddr::V4(address) => address.to_string(),

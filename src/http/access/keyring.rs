@@ -1,4 +1,4 @@
-//! The access keys in memory, with the use of their limits.
+//! The access keys in memory, and how much of its limits each key has used.
 
 use std::collections::HashMap;
 use std::num::NonZeroU32;
@@ -19,30 +19,31 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// Shortest time between two updates of the last use of a key, in milliseconds.
 const LAST_USE_INTERVAL: i64 = 60_000;
 
-/// A key, and its use.
+/// An access key, and how much of its limits it has used.
 pub struct KeyHolder {
     pub key: AccessKey,
     pub usage: Arc<Usage>,
 }
 
-/// The use of a key.
+/// How much of its limits a key has used, and when it was last used.
 pub struct Usage {
-    /// The use of its limits.
+    /// The requests with the key itself.
     pub account: Account,
-    /// The use by the links that the key signed. They have the same limits as the key.
+    /// The requests with links that the key signed. All these links together have the same limits as the key.
     pub links: Account,
-    /// When the last use was stored. For a key that was never used it is 0, which is long ago.
+    /// When the store last recorded a use, in milliseconds since 1970. It is 0 if the key was never used.
     last_use: AtomicI64,
 }
 
 impl Usage {
-    /// The use of a key with these limits, which was `last_used` at this time.
+    /// The usage of a key with these limits. `last_used` is the time of the last use that the store recorded.
     pub fn new(limits: Limits, last_used: Option<i64>) -> Arc<Self> {
         let last_use = AtomicI64::new(last_used.unwrap_or(0));
         Arc::new(Self { account: Account::new(limits), links: Account::new(limits), last_use })
     }
 
-    /// Whether the use must be stored, because the last one was stored long ago. True for one caller only.
+    /// Whether the store must record this use, because it recorded the previous one more than a minute ago. If several
+    /// requests call this at once, it is true for one of them only.
     fn is_due(&self, now: i64) -> bool {
         let last = self.last_use.load(Ordering::Relaxed);
         let (success, failure) = (Ordering::Relaxed, Ordering::Relaxed);
@@ -54,18 +55,18 @@ impl Usage {
 /// Key holders by the public id of the key.
 type Holders = Arc<HashMap<String, Arc<KeyHolder>>>;
 
-/// The access keys of the store. They are read again when they are older than a caller accepts.
+/// A copy of the access keys in the store. A call reads the keys again if the copy is older than the call accepts.
 pub struct Keyring {
     store: Store,
     default_limits: Limits,
-    /// When they were read last, and what was found.
+    /// When the keys were last read, and the keys that were found.
     read: watch::Sender<Option<(Instant, Holders)>>,
-    /// Held by the task that reads the keys. The others wait for it.
+    /// The task that reads the keys holds this lock. Other tasks wait for it.
     reading: Mutex<()>,
 }
 
 impl Keyring {
-    /// The keys of a store. Keys without own limits have the default limits.
+    /// The keys of a store. Keys without limits of their own have the default limits.
     pub fn new(store: &Store, default_limits: Limits) -> Self {
         let (read, reading) = (watch::Sender::default(), Mutex::default());
         Self { store: store.clone(), default_limits, read, reading }
@@ -76,8 +77,9 @@ impl Keyring {
         self.holders_within(MAX_AGE).await
     }
 
-    /// The key with this id and this digest. A key that was made a moment ago is found too. A wrong secret takes as long as an
-    /// unknown id, so the time does not tell which ids there are.
+    /// Finds the key with this id and this digest. If the copy does not contain it, this reads the keys again, so a new
+    /// key is found too. It does so for a wrong secret as well as for an unknown id. So the time of an answer does not
+    /// show which ids exist.
     pub async fn holder_of(
         &self,
         id: &str,
@@ -105,7 +107,8 @@ impl Keyring {
         if let Some(holders) = recent() {
             return Ok(holders);
         }
-        // Anyone can send unknown keys. The callers that wait here share the next read.
+        // Anyone can send unknown keys, and each would cause a read. So reads are at least `PAUSE` apart, and the
+        // requests that wait here share the next one.
         let (last, before) = self.read.borrow().clone().unzip();
         if let Some(last) = last {
             sleep_until((last + PAUSE).into()).await;
@@ -114,7 +117,7 @@ impl Keyring {
         let at = Instant::now();
         let keys = self.store.access_keys().await?;
         let holders = keys.into_iter().map(|key| {
-            // An unchanged key keeps the use of its limits.
+            // A key that has not changed keeps its usage.
             let same = before.get(&key.id).filter(|holder| holder.key.is_like(&key));
             let holder = same.map_or_else(|| Arc::new(self.new_holder(key.clone())), Arc::clone);
             (key.id, holder)
@@ -133,7 +136,7 @@ impl Keyring {
         KeyHolder { usage: Usage::new(limits, key.last_used), key }
     }
 
-    /// Stores that a key is in use, in the background.
+    /// Records in the store that a key was used, at most once per minute. The caller does not wait for it.
     #[expect(
         clippy::disallowed_methods,
         reason = "no caller waits for the task; it ends by itself"
@@ -144,8 +147,8 @@ impl Keyring {
         }
         let (store, by) = (self.store.clone(), by());
         tokio::spawn(async move {
-            // The time of the last use is information for people. A request must not fail because a full
-            // disk does not take it.
+            // The time of the last use is only information for people. If the store cannot record it, for example
+            // because the disk is full, the request must not fail.
             let _ = store.key_was_used(by).await;
         });
     }

@@ -24,7 +24,7 @@ const STATE: HeaderName = HeaderName::from_static("ratelimit");
 pub struct Limits {
     /// Requests per minute. All of them may arrive at once; the quota then refills evenly.
     pub per_minute: Option<NonZeroU32>,
-    /// Evaluations per minute, which do not count as other requests do.
+    /// Evaluations per minute. They do not count against `per_minute`.
     pub evaluations: Option<NonZeroU32>,
     /// Concurrent requests. A request ends with the last byte of its answer.
     pub at_once: Option<NonZeroU32>,
@@ -38,24 +38,24 @@ pub struct Account {
     pub limits: Limits,
     requests: Option<Bucket>,
     evaluations: Option<Bucket>,
-    /// The permits of concurrent requests, and their number.
+    /// One permit for each concurrent request, and the number of all permits.
     concurrent: Option<(Arc<Semaphore>, NonZeroU32)>,
 }
 
-/// The remaining requests of a key.
+/// The state of one quota of a key, for the `RateLimit` headers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Standing {
-    /// The name of the limit in headers.
+    /// The name of the quota in the headers.
     policy: &'static str,
     /// Calls per minute.
     per_minute: NonZeroU32,
-    /// Number of calls that may arrive at once.
+    /// Number of calls that the key may send now.
     pub left: u32,
     /// Seconds until at least one more call is allowed.
     more_in: u32,
 }
 
-/// A request within the limits. Dropping it ends the request.
+/// A request within the limits. It counts as concurrent until this is dropped.
 #[derive(Debug, Default)]
 pub struct OpenRequest {
     pub standing: Option<Standing>,
@@ -94,8 +94,8 @@ impl Account {
     }
 }
 
-/// The problem for too many concurrent requests. It has no `Retry-After`: event streams have no end, and
-/// an answer ends when its client has read it.
+/// The problem for too many concurrent requests. It has no `Retry-After`, because the server cannot know when another
+/// request of the key ends: an event stream lasts as long as its job, and an answer until its client has read it.
 fn full(most: NonZeroU32) -> Problem {
     let detail = format!(
         "This key has reached its limit of {most} concurrent requests. Waits and event streams count. End \
@@ -138,13 +138,13 @@ impl Standing {
         ]
     }
 
-    /// Adds the remaining requests to a problem.
+    /// Adds the `RateLimit` headers to a problem.
     pub fn tell_in(self, problem: Problem) -> Problem {
         let headers = self.headers().into_iter();
         headers.fold(problem, |problem, (name, value)| problem.with_header(name, value))
     }
 
-    /// Adds the remaining requests to the headers of an answer.
+    /// Adds the `RateLimit` headers to an answer.
     pub fn tell(self, headers: &mut HeaderMap) {
         for (name, value) in self.headers() {
             headers.insert(name, ascii(&value));
@@ -153,12 +153,12 @@ impl Standing {
 }
 
 impl OpenRequest {
-    /// The same without the remaining requests: the caller does not own the key.
+    /// The same without the state of the quota. The answer must not show it, because the caller does not own the key.
     pub fn untold(self) -> Self {
         Self { standing: None, ..self }
     }
 
-    /// A body that ends the request when it was sent or dropped.
+    /// Wraps the body of the answer. The request counts as concurrent until that body was sent or dropped.
     pub fn hold(self, body: Body) -> Body {
         match self.permit {
             Some(permit) => Body::new(body.map_err(move |error| {

@@ -35,9 +35,9 @@ use signed_link::{ADMIN, ANYONE, Signer};
 pub struct Access {
     /// Every caller has all rights, whether there are keys or not.
     pub open: bool,
-    /// An administrator's key besides those in the tables.
+    /// An administrator's key from the settings, in addition to the keys in the database.
     pub admin_key: Option<AdminKey>,
-    /// The limits of each key without own limits.
+    /// The limits of each key that has no limits of its own.
     pub limits: Limits,
 }
 
@@ -54,7 +54,7 @@ impl fmt::Debug for AdminKey {
 /// The caller, as identified by its key.
 #[derive(Debug, Clone)]
 pub struct Identity {
-    /// The owner of its jobs.
+    /// The owner of the caller's jobs: the name of the key.
     pub owner: String,
     pub role: Role,
     /// The public id of the key.
@@ -78,7 +78,7 @@ pub struct Gate {
     signer: OnceCell<Signer>,
 }
 
-/// The key from the settings, and its use.
+/// The digest of the administrator's key from the settings, and how much of its limits it has used.
 struct AdminHolder {
     digest: [u8; 32],
     usage: Arc<Usage>,
@@ -94,8 +94,8 @@ struct Admitted {
     link: Option<Duration>,
 }
 
-/// Answers a request if its caller may send it, and refuses it otherwise. After a long time it checks the caller
-/// again.
+/// Answers a request if its caller may send it, and refuses it otherwise. If the answer took longer than [`MAX_AGE`],
+/// this checks the caller once more.
 pub async fn check<A: Future<Output = Response>>(
     gate: &Gate,
     mut request: Request,
@@ -174,7 +174,7 @@ impl Gate {
         }
     }
 
-    /// The signer of links.
+    /// The signer of links. The first call reads its secret from the store.
     pub async fn signer(&self) -> Result<&Signer, Problem> {
         self.signer
             .get_or_try_init(|| async {
@@ -276,8 +276,8 @@ impl Gate {
         Ok((identity, usage))
     }
 
-    /// Why a request that was accepted with this key, or without a key, would be refused now. `None` if it
-    /// would still be accepted, or if the database does not answer: then running requests continue.
+    /// Checks an accepted request once more. Returns the problem if the server would now refuse a request with this key
+    /// (or without a key, for `None`). If the database does not answer, running requests continue.
     pub async fn recheck(&self, key: Option<&str>) -> Option<Problem> {
         let reason = match key {
             None => {
@@ -293,14 +293,15 @@ impl Gate {
         Some(unauthorized(&HeaderMap::new(), &reason))
     }
 
-    /// Counts a request with a link against the key that signed it, if that key is still valid.
+    /// Counts a request with a link against the key that signed the link. Refuses the request if that key is no longer
+    /// valid.
     async fn count_link(&self, issuer: &str) -> Result<OpenRequest, Problem> {
         let holders = self.keyring.holders().await?;
         let usage = match (holders.get(issuer), &self.admin) {
             (Some(holder), _) if self.open || invalid(&holder.key, now()).is_none() => {
                 Some(&holder.usage)
             }
-            // The signature contains the digest of the admin key.
+            // The signature covers the digest of the admin key, so the link is of the present admin key.
             (None, Some(admin)) if issuer == ADMIN => Some(&admin.usage),
             (None, _) if issuer == ANYONE && !self.requires_key().await? => None,
             _ => {
@@ -374,7 +375,7 @@ fn unauthorized(headers: &HeaderMap, reason: &str) -> Problem {
         .with_header(header::WWW_AUTHENTICATE, "Bearer realm=\"fretwork\"");
     let accepts = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok());
     if accepts.is_some_and(|accepts| accepts.contains("text/html")) {
-        // For Basic, a browser asks its user for name and password.
+        // If the scheme is Basic, a browser asks its user for a name and a password.
         return problem.with_header(header::WWW_AUTHENTICATE, "Basic realm=\"fretwork\"");
     }
     problem

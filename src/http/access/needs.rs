@@ -6,12 +6,12 @@ use axum::http::Method;
 
 use fretwork_store::Role;
 
-/// A number of calls per minute that a key has.
+/// The limits of calls per minute that each key has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quota {
-    /// Of all calls except evaluations.
+    /// The limit of all calls except evaluations.
     Requests,
-    /// Of evaluations.
+    /// The limit of evaluations.
     Evaluations,
 }
 
@@ -20,24 +20,25 @@ pub enum Quota {
 pub struct Needs {
     /// The lowest role that may call the route; `None` if no key is required.
     pub role: Option<Role>,
-    /// What a call counts against. `None` if it does not count against any limit.
+    /// The limit that a call counts against. `None` if it counts against none.
     pub quota: Option<Quota>,
 }
 
 impl Needs {
     /// No key: the route returns no data of users.
     pub const NOTHING: Self = Self { role: None, quota: None };
-    /// To read.
+    /// For routes that only read.
     pub const READ: Self = Self { role: Some(Role::Read), quota: Some(Quota::Requests) };
-    /// To submit and to change.
+    /// For routes that submit or change something.
     pub const SUBMIT: Self = Self { role: Some(Role::Submit), quota: Some(Quota::Requests) };
-    /// To compute without a job.
+    /// For routes that compute without a job.
     pub const EVALUATE: Self = Self { role: Some(Role::Submit), quota: Some(Quota::Evaluations) };
-    /// To compute from a stored result.
+    /// For routes that compute from a stored result.
     pub const DERIVE: Self = Self { role: Some(Role::Read), quota: Some(Quota::Evaluations) };
-    /// To cancel and to delete jobs. This frees the server, so a key at its limit may do it too.
+    /// For routes that cancel or delete jobs. This reduces the load of the server, so a key that has reached its limit
+    /// may call them too.
     pub const CANCEL: Self = Self { role: Some(Role::Submit), quota: None };
-    /// To administrate.
+    /// For routes of administrators.
     pub const ADMIN: Self = Self { role: Some(Role::Admin), quota: Some(Quota::Requests) };
 }
 
@@ -51,7 +52,7 @@ impl RouteNeeds {
         self.0.entry(route.to_owned()).or_default().push((method, needs));
     }
 
-    /// What a route requires. An unknown route is not open.
+    /// What a route requires. An unknown route requires a key too.
     pub fn of(&self, method: &Method, route: &str) -> Needs {
         let method = if *method == Method::HEAD { &Method::GET } else { method };
         let declared = self.0.get(route).and_then(|all| all.iter().find(|(of, _)| of == method));

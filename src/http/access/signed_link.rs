@@ -14,7 +14,8 @@ use crate::http::problem::{Problem, kinds};
 use crate::http::wire::{instant, read_key};
 use fretwork_job::{Key, clock};
 
-/// The issuer of links that are made with the key from the settings. It is also the owner of its jobs.
+/// The issuer of links that were made with the admin key from the settings. It is also the name of the owner of the
+/// jobs of that key.
 pub const ADMIN: &str = "admin";
 /// The issuer of links on a server without keys.
 pub const ANYONE: &str = "anyone";
@@ -34,15 +35,16 @@ pub const OPENED: [&str; 7] = [
 #[derive(Clone)]
 pub struct Signer {
     secret: Hmac<Sha256>,
-    /// The digest of the admin key from the settings. With another admin key, its links become invalid.
+    /// The digest of the admin key from the settings. If the operator changes the key, the links that were made with it
+    /// become invalid.
     admin: Option<[u8; 32]>,
 }
 
 /// A valid link of a request.
 pub struct Opened {
-    /// The id of the key that made it.
+    /// The id of the key that made the link.
     pub issuer: String,
-    /// Time until it expires.
+    /// Time until the link expires.
     pub left: Duration,
     /// The address without its `link`, which handlers, caches and logs must not see.
     pub address: Uri,
@@ -59,7 +61,7 @@ impl Signer {
         let mut mac = self.secret.clone();
         mac.update(format!("fretwork link 1\n{key}\n{expires}\n{issuer}").as_bytes());
         if issuer == ADMIN {
-            // Without an admin key nothing can be signed in its name.
+            // Without an admin key, the server signs no link for this issuer. So the empty digest does not verify any.
             mac.update(self.admin.as_ref().map_or(&[], |digest| &digest[..]));
         }
         mac
@@ -128,9 +130,9 @@ pub fn open(signer: &Signer, uri: &Uri, route: &str) -> Result<Opened, Problem> 
     Ok(Opened { issuer, left, address: without_token(uri)? })
 }
 
-/// An expiry time for people.
+/// An expiry time, as text for people.
 pub fn expiry(seconds: u64) -> String {
-    // A link of another server can have any number here.
+    // The largest time stands for a number that is too large.
     instant(i64::try_from(seconds.saturating_mul(1000)).unwrap_or(i64::MAX))
 }
 

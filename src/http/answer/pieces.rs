@@ -1,9 +1,9 @@
 //! Answers that are sent while they are written.
 //!
-//! A table as text can take several times the memory of its result. So a large one is never whole in memory: a thread
-//! writes it, and waits while the client reads. The thread gives up when the client stops reading, because one stream
-//! of HTTP/2 can stall while others of its connection go on. How long an answer is, is known only when it is written: a
-//! short one is received whole.
+//! A table as text can take several times the memory of its result. So a large table is never in memory as a whole: a
+//! thread writes it in pieces, and waits while the client reads them. The thread gives up when the client stops
+//! reading, because one stream of HTTP/2 can stall while other streams of the same connection go on. The length of an
+//! answer is known only after it was written. A short answer is received as a whole.
 
 use std::io::{self, Write};
 use std::mem;
@@ -15,27 +15,28 @@ use tokio::runtime::{self, Runtime};
 use tokio::sync::mpsc;
 use tokio::time::timeout;
 
-/// Bytes of the first piece. A shorter answer is received whole.
+/// Size of the first piece in bytes. An answer that is not longer is received as a whole.
 const FIRST: usize = 256 << 10;
-/// Bytes of the other pieces.
+/// Size of each later piece in bytes.
 const PIECE: usize = 64 << 10;
-/// Memory of an answer that is being sent, with that of a decompressor, in bytes.
+/// Memory that an answer takes while it is sent, including a decompressor, in bytes.
 pub const MEMORY: usize = 1 << 20;
-/// Pieces that wait for the client, beside those in the socket.
+/// Maximum number of pieces that wait for the client, in addition to those in the buffers of the socket.
 const WAITING: usize = 2;
-/// How long the client may leave a piece waiting. The slowest client takes a piece in 16 s.
+/// Maximum time that a piece waits for the client. The slowest client that the server accepts reads a piece in 16 s.
 const PATIENCE: Duration = Duration::from_mins(1);
 
-/// Writes the pieces of an answer. It belongs to a thread that may block.
+/// Writes the pieces of an answer. Only a thread that may block can use it.
 #[derive(Debug)]
 pub struct PieceWriter<H> {
     sender: mpsc::Sender<Bytes>,
     piece: Vec<u8>,
-    /// Bytes of the whole piece.
+    /// Size at which the present piece is sent, in bytes.
     size: usize,
-    /// Dropped before the first piece is sent.
+    /// The writer drops this value before it sends the first piece.
     held: Option<H>,
-    /// Measures how long a piece waits. It does not depend on the runtime of the server, which may end first.
+    /// Measures how long a piece waits. The writer has a runtime of its own for this, because the runtime of the server
+    /// may end first.
     clock: Option<Runtime>,
     patience: Duration,
 }
@@ -53,7 +54,7 @@ pub enum Beginning {
     Pieces([Bytes; 2]),
 }
 
-/// A writer, and the receiver of what it writes. The writer drops what is `held` before it sends its first piece.
+/// Makes a writer, and the receiver of its pieces. The writer drops `held` before it sends the first piece.
 pub fn pieces<H>(held: H) -> (PieceWriter<H>, PieceReceiver) {
     let (sender, received) = mpsc::channel(WAITING);
     let (piece, held) = (Vec::new(), Some(held));
@@ -76,7 +77,9 @@ impl<H> PieceWriter<H> {
             Ok(Ok(())) => Ok(()),
             // The client has disconnected, or the server has closed the connection.
             Ok(Err(_)) => Err(io::ErrorKind::BrokenPipe.into()),
-            Err(_) => Err(io::Error::new(io::ErrorKind::TimedOut, "the client does not read it")),
+            Err(_) => {
+                Err(io::Error::new(io::ErrorKind::TimedOut, "the client does not read the answer"))
+            }
         }
     }
 }
@@ -98,7 +101,7 @@ impl<H> Write for PieceWriter<H> {
 }
 
 impl PieceReceiver {
-    /// Waits for two pieces, or for the end.
+    /// Waits for the first two pieces, or for the end of a shorter answer.
     pub async fn beginning(&mut self) -> Beginning {
         let first = self.0.recv().await.unwrap_or_default();
         match self.0.recv().await {
@@ -107,8 +110,8 @@ impl PieceReceiver {
         }
     }
 
-    /// The body of an answer from its beginning on. If `end` is an error, the body ends with it. So a client of HTTP/1.1
-    /// or later does not take the pieces for the whole.
+    /// The body of an answer: the first two pieces, and then all others. If `end` returns an error, the body ends with
+    /// that error. So a client of HTTP/1.1 or later sees that the answer is incomplete.
     pub fn body<E>(self, beginning: [Bytes; 2], end: E) -> Body
     where
         E: Future<Output = io::Result<()>> + Send + 'static,
@@ -137,13 +140,13 @@ mod tests {
         thread: task::JoinHandle<io::Result<T>>,
     ) -> Body {
         let Beginning::Pieces(beginning) = received.beginning().await else {
-            panic!("it has two pieces")
+            panic!("the answer has one piece")
         };
         received.body(beginning, async { thread.await.unwrap().map(drop) })
     }
 
     #[tokio::test]
-    async fn the_body_is_what_was_written() {
+    async fn the_body_has_all_bytes_that_were_written() {
         let held = Arc::new(());
         let (mut writer, received) = pieces(Arc::clone(&held));
         let text: Vec<u8> = (0..FIRST + 3 * PIECE + 7).map(|place| (place % 251) as u8).collect();
@@ -172,7 +175,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn an_answer_that_fails_is_not_taken_for_whole() {
+    async fn the_body_of_an_answer_that_fails_ends_with_an_error() {
         let (mut writer, received) = pieces(());
         let thread = task::spawn_blocking(move || {
             writer.write_all(&vec![1; FIRST + PIECE])?;
@@ -183,7 +186,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn the_writer_waits_for_its_client_and_ends_without_it() {
+    async fn the_writer_ends_when_the_receiver_is_dropped() {
         let (mut writer, received) = pieces(());
         let sent = Arc::new(AtomicUsize::new(0));
         let counted = Arc::clone(&sent);
@@ -198,7 +201,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn the_writer_gives_up_a_client_that_does_not_read() {
+    async fn the_writer_fails_if_the_client_does_not_read_in_time() {
         let (mut writer, received) = pieces(());
         writer.patience = Duration::from_millis(20);
         let thread =

@@ -1,4 +1,5 @@
-//! Answers made from results: found in memory or made, compressed, tagged.
+//! Answers made from results. This module finds an answer in memory or makes it, compresses it, and adds its entity
+//! tag.
 
 use std::error::Error as StdError;
 use std::io::{self, Write as _};
@@ -29,16 +30,16 @@ use fretwork_format::{self as format, Format, Part, View};
 use fretwork_job::Key;
 use fretwork_store::{self as store, Body, StoredResult};
 
-/// A text that may be larger is sent while it is written, if it is not compressed.
+/// Largest uncompressed text that is made as a whole, in bytes. A text that may be larger is sent while it is written.
 const WHOLE: usize = 32 << 20;
 
-/// What an answer is made from.
+/// The source from which an answer is made.
 enum MadeFrom {
     /// These bytes are the answer.
     Answer(Bytes),
     /// The JSON of the result.
     Json(Bytes),
-    /// The result is large: the request must reserve this first.
+    /// The result is large. Before the request reads it, the request must reserve this.
     Needs(Need),
     /// The answer is the JSON of the result, which is so large that it must be decompressed while it is sent.
     Packed,
@@ -46,9 +47,9 @@ enum MadeFrom {
 
 /// An answer.
 enum Reply {
-    /// All of its bytes are in memory.
+    /// All bytes of the answer are in memory.
     Whole(Encoded),
-    /// It is sent while it is written.
+    /// The answer is sent while it is written.
     Streamed(Response),
 }
 
@@ -58,13 +59,13 @@ pub struct Representation {
     part: Part,
     format: Format,
     view: View,
-    /// Whether it is the JSON of the result, unchanged.
+    /// Whether the representation is the JSON of the result, unchanged.
     is_unchanged: bool,
-    /// The owner whose jobs a problem may mention; `None` for all owners.
+    /// The owner whose jobs an error text may mention; `None` for all owners.
     reach: Option<String>,
     /// The caller whose share of the memory the answer uses.
     caller: String,
-    /// The name in memory, without the coding.
+    /// The name of the answer in `Memory`, without its coding.
     name: String,
     /// The entity tag.
     tag: String,
@@ -93,7 +94,7 @@ impl Representation {
             return Ok(response);
         }
         let coding = match self.format {
-            // The archive is compressed.
+            // An NPZ archive is compressed already.
             Format::Npz => Coding::Identity,
             _ => Coding::choose(headers),
         };
@@ -107,7 +108,7 @@ impl Representation {
         })
     }
 
-    /// The name in memory.
+    /// The name of the answer with this coding in `Memory`.
     fn name_in(&self, coding: Coding) -> String {
         match coding.name() {
             None => self.name.clone(),
@@ -115,7 +116,7 @@ impl Representation {
         }
     }
 
-    /// The answer, if it is in memory. Otherwise this makes it. It waits for others until `end`.
+    /// Finds the answer in memory, or makes it. Waits for memory and for other requests, but only until `end`.
     async fn find_or_make(
         &self,
         app: &App,
@@ -164,7 +165,7 @@ impl Representation {
         }
     }
 
-    /// What the answer is made from.
+    /// Finds what the answer is made from.
     async fn source(
         &self,
         app: &App,
@@ -214,8 +215,9 @@ impl Representation {
         }
     }
 
-    /// Refuses output cycles that the result cannot have, before a large result is read. Its scenario has all of them, except
-    /// 0 and the last one of a run that ended early. A run for energies finds its cycles itself.
+    /// Refuses a request for output cycles that the result does not have, before the large result is read. The scenario
+    /// lists all output cycles of the result, except 0 and the last one of a run that ended early. If the scenario has
+    /// energies instead of cycles, this checks nothing.
     async fn refuse_missing_cycles(&self, app: &App) -> Result<(), Problem> {
         if self.view.cycles.is_none() {
             return Ok(());
@@ -238,8 +240,8 @@ impl Representation {
         missing(app, self.reach.as_deref(), &self.key, found).await
     }
 
-    /// Formats and compresses the answer on a blocking thread. The thread finishes the answer even if the
-    /// client disconnects: a retry finds it.
+    /// Formats and compresses the answer on a blocking thread. The thread finishes the answer even if the client
+    /// disconnects, so a retry finds it in memory.
     async fn make(
         &self,
         app: &App,
@@ -253,7 +255,8 @@ impl Representation {
         let make = move || {
             let Reserved { permit, maker: _maker, .. } = reserved;
             let mut encoder = coding.encoder();
-            // A table has more characters than the columns of the JSON. Room that is not used takes no memory.
+            // A table has more characters than the columns of the JSON. Reserved space that is not written takes no
+            // memory.
             encoder.reserve(json.len() / 4 * 5);
             format::write(&mut encoder, json, part, format, &view)
                 .map_err(|error| refused(&key, error))?;
@@ -263,15 +266,15 @@ impl Representation {
         task::spawn_blocking(make).await.map_err(Problem::bug)?
     }
 
-    /// How many bytes the answer has at most for each byte of the result, if it is not compressed. A row repeats the
-    /// numbers of its axes, and in some formats the names of all columns.
+    /// Maximum number of bytes of the uncompressed answer for each byte of the result. A row repeats the numbers of its
+    /// axes, and in some formats the names of all columns.
     fn growth(&self) -> usize {
         let View { cycles, points, rows, .. } = &self.view;
         let selects = cycles.is_some() || points.is_some() || rows.is_some();
         match self.format {
             // A history is a small part of a large result.
             _ if selects || matches!(self.part, Part::Whole | Part::History) => 1,
-            // The reasons of a study repeat nothing.
+            // The table of a study repeats nothing in CSV.
             Format::Csv if self.part == Part::Table => 1,
             Format::Csv => 2,
             Format::Json if self.view.records => 3,
@@ -280,7 +283,8 @@ impl Representation {
         }
     }
 
-    /// Whether the answer is sent while it is written, unless it is short. The JSON of the result has `size` bytes.
+    /// Whether the answer can be so long that it must be sent while it is written. `size` is the size of the result as
+    /// JSON, in bytes.
     fn is_streamed(&self, coding: Coding, size: usize) -> bool {
         // A history is short. Arrays take less memory than the JSON.
         let is_long_text = matches!(self.format, Format::Json | Format::Csv | Format::Ndjson)
@@ -288,7 +292,7 @@ impl Representation {
         coding == Coding::Identity && is_long_text && self.growth() * size > WHOLE
     }
 
-    /// Formats the answer while the client reads it. A short one is kept for other requests.
+    /// Formats the answer while the client reads it. A short answer is kept in memory for other requests.
     async fn stream(
         &self,
         app: &App,
@@ -297,7 +301,8 @@ impl Representation {
         reserved: Reserved,
     ) -> Result<Reply, Problem> {
         let Reserved { mut permit, maker, .. } = reserved;
-        // Before the first piece, the result and its tables are in memory, and then only the tables.
+        // Until the first piece is sent, the JSON and the tables that were parsed from it are in memory. After that,
+        // only the tables are.
         let result = permit.split(json.len());
         let (part, format, view) = (self.part, self.format, self.view.clone());
         let write = move |out: &mut PieceWriter<_>| {
@@ -327,8 +332,8 @@ impl Representation {
         Ok(answer)
     }
 
-    /// Writes the answer on a thread of its own while the client reads it. The thread ends when the client stops the
-    /// stream, or does not read for long. It drops what is `held` before it sends the first piece.
+    /// Writes the answer on a thread of its own while the client reads it. The thread ends early if the client closes
+    /// the stream, or does not read for a minute. It drops `held` before it sends the first piece.
     async fn send<H: Send + 'static>(
         &self,
         held: H,
@@ -341,7 +346,8 @@ impl Representation {
             // If the client has disconnected, no task receives this.
             let _ = done.send(end);
         };
-        // A client can take hours, and the blocking threads of the runtime are few.
+        // This is not a blocking thread of the runtime: a client can take hours to read, and the runtime has only few
+        // such threads.
         let thread = thread::Builder::new().name("stream".to_owned()).spawn(write);
         thread.map_err(|error| makers_busy().caused_by(&error))?;
         let beginning = match received.beginning().await {
@@ -370,7 +376,7 @@ impl Representation {
             response.extensions_mut().insert(permit);
         }
         let headers = response.headers_mut();
-        // Room for the headers below and for those that `layers.rs` adds.
+        // Space for the headers below and for those that `layers.rs` adds.
         headers.reserve(12);
         let weak = if coding == Coding::Identity { "" } else { "W/" };
         headers.extend(caching(&[weak, &self.tag].concat()));
@@ -390,8 +396,8 @@ impl Representation {
         response
     }
 
-    /// The answer to a client that has this representation. A result does not change, so it need not be
-    /// read if it exists. What is in memory exists, even if the result has been evicted.
+    /// The answer 304, if the client has this representation already. A result never changes, so it is enough that the
+    /// result exists. A representation in memory is enough too, even if the result has been evicted.
     async fn not_modified(
         &self,
         app: &App,
@@ -417,7 +423,7 @@ fn caching(tag: &str) -> [(HeaderName, HeaderValue); 3] {
     ]
 }
 
-/// The tag in `If-None-Match` that names this representation. It is weak if the client has a compressed
+/// The tag in `If-None-Match` that names the representation with this tag. It is weak if the client has a compressed
 /// copy; the answer repeats it, so that caches recognise their copy.
 pub fn held(headers: &HeaderMap, tag: &str) -> Option<String> {
     let mut tags = words(headers, header::IF_NONE_MATCH);

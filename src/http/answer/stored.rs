@@ -17,8 +17,8 @@ use crate::http::wire::instant;
 use fretwork_job::Key;
 use fretwork_store::{self as store, Body, Error, StoredResult};
 
-/// The problem for an unknown key links to the job that computes it, if the caller may see one. There is none if the
-/// result is stored.
+/// Checks that a result is stored. Otherwise, returns the problem. The problem links to the job that computes the
+/// result, if there is one that the caller may see.
 pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Problem> {
     match app.store.small_result(key).await? {
         Some(StoredResult::Whole(_) | StoredResult::Large(_)) => Ok(()),
@@ -26,12 +26,12 @@ pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Pr
     }
 }
 
-/// What a request needs before it may make an answer.
+/// The memory and the permission that a request must reserve before it may make an answer.
 #[derive(Clone, Copy)]
 pub struct Need {
     /// Bytes of memory.
     pub bytes: usize,
-    /// Whether it makes the answer from a large result.
+    /// Whether it needs the permission to make an answer from a large result.
     pub maker: bool,
 }
 
@@ -42,36 +42,37 @@ impl Need {
     }
 }
 
-/// What a request has reserved. It waits for this before it takes the single-flight lock of its answer. So a caller whose
-/// memory is full does not delay other callers that request the same answer.
+/// The memory and the permission that a request has reserved. The request waits for this before it takes the
+/// single-flight lock of its answer. So a caller that has used up its share of the memory does not delay other callers
+/// that request the same answer.
 pub struct Reserved {
-    /// When the request gives up. All that it waits for counts, so that a late answer cannot begin much later.
+    /// When the request gives up. All its waits together end at this time.
     end: Instant,
     bytes: usize,
     /// Memory for the answer.
     pub permit: Permit,
-    /// The permission to make it from a large result.
+    /// The permission to make an answer from a large result.
     pub maker: Option<OwnedSemaphorePermit>,
 }
 
 impl Reserved {
-    /// Nothing yet. The request gives up at this time.
+    /// Nothing is reserved yet. The request gives up at `end`.
     pub fn nothing_until(end: Instant) -> Self {
         Self { end, bytes: 0, permit: Permit::default(), maker: None }
     }
 
-    /// Takes what is reserved. The request can wait for something else, in the rest of its time.
+    /// Takes out what is reserved, and leaves nothing reserved. The time `end` stays.
     fn take(&mut self) -> Self {
         let end = self.end;
         mem::replace(self, Self::nothing_until(end))
     }
 
-    /// Whether a request needs no more than this.
+    /// Whether the request has reserved all that `need` names.
     pub fn suffices(&self, need: Need) -> bool {
         self.bytes >= need.bytes && (self.maker.is_some() || !need.maker)
     }
 
-    /// Waits for what a request needs, or until another request has made the answer with this name.
+    /// Waits until the request has reserved what it needs, or until another request has made the answer with this name.
     pub async fn wait(
         &mut self,
         app: &App,
@@ -79,7 +80,7 @@ impl Reserved {
         name: &str,
         need: Need,
     ) -> Result<(), Problem> {
-        // It must not wait for memory that it holds itself.
+        // The request must not wait for memory that it holds itself.
         drop(self.take());
         let end = self.end;
         let reserve = async {
@@ -100,7 +101,8 @@ impl Reserved {
     }
 }
 
-/// An answer that is in memory, or the permission to make it. Its memory is counted once for all requests that read it.
+/// Finds an answer in memory, or returns the permission to make it. Requests that read the same answer at the same time
+/// share one permit for its memory.
 pub async fn find(
     app: &App,
     caller: &str,
@@ -161,12 +163,12 @@ pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>,
     }
 }
 
-/// The JSON of a large result, for whose memory the caller has permission.
+/// The JSON of a large result. The request must have reserved the memory for it.
 pub async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>, Problem> {
     if let Some(answer) = app.memory.get(&key.to_string()) {
         return Ok(Some(answer.body));
     }
-    // This is not the name of an answer, because what is found under it has no permission of its own.
+    // This name differs from the name of the answer with this JSON, because the bytes under it have no permit.
     let making = match app.memory.lookup(&format!("{key} source")).await {
         Lookup::Found(answer) => return Ok(Some(answer.body)),
         Lookup::Missing(making) => making,
@@ -176,7 +178,7 @@ pub async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>, Problem> 
     Ok(Some(app.memory.finish(making, json, false).body))
 }
 
-/// A result as it is stored. A large one is read only if the request has reserved enough memory for it.
+/// A result as it is stored. A large result is read only if the request has reserved enough memory for it.
 pub async fn stored(
     app: &App,
     key: &Key,
@@ -190,7 +192,7 @@ pub async fn stored(
     }
 }
 
-/// The JSON of a body. A large one is decompressed on a blocking thread.
+/// The JSON of a body. A large body is decompressed on a blocking thread.
 pub async fn unpacked(key: &Key, body: Body) -> Result<Bytes, Problem> {
     let json = if !body.is_compressed() || body.size().is_none_or(|size| size <= store::LARGE) {
         body.json()
@@ -242,7 +244,7 @@ pub async fn missing(
     }
 }
 
-/// The problem if no more large answers can be made now.
+/// The problem while the server makes as many large answers as it can at the same time.
 pub fn makers_busy() -> Problem {
     shares::full("The server makes other large answers.".to_owned())
 }

@@ -90,7 +90,7 @@ pub async fn audit(
     let limit = limit(&mut query, 100, 1000);
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;
-    // One entry more than the page has tells whether there is a next page.
+    // The store returns one entry more than the page has if there is a next page.
     let mut found = app.store.audit(cursor, limit + 1).await?;
     let more = found.len() as u64 > u64::from(limit);
     found.truncate(limit as usize);

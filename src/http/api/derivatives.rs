@@ -20,7 +20,7 @@ use fretwork_job::{ENGINE, Key, TaskKind};
 use fretwork_json as json;
 use fretwork_study::{Entry, Jacobian, Member, Model, OutputName};
 
-/// Bytes of a derivative in the answer.
+/// Estimated size of one derivative in the answer, in bytes.
 const ENTRY_BYTES: usize = 160;
 
 /// The derivatives of a result.
@@ -81,7 +81,7 @@ impl Derivative {
     }
 }
 
-/// What a query asks for.
+/// The parameters and the outputs that a query names; `None` means all.
 struct Wanted {
     parameters: Option<Vec<String>>,
     outputs: Option<Vec<OutputName>>,
@@ -106,12 +106,12 @@ impl Wanted {
     fn start(self, scenario: Value) -> Result<(Arc<Model>, Jacobian), Faults> {
         let parameters = self.parameters.unwrap_or_else(|| {
             let mut all = Member::outside_lists(&scenario);
-            // The other settings of the method are no physical quantities.
+            // The settings of the method are no physical quantities, except ξ.
             all.retain(|pointer| !pointer.starts_with("/model/") || pointer == "/model/xi");
             all
         });
         let all = || {
-            // The derivative of an estimated error means nothing.
+            // The derivative of an estimated error has no meaning.
             let names = OutputName::all().filter(|name| !name.ends_with("_error"));
             names.filter_map(|name| name.parse().ok()).collect()
         };
@@ -121,7 +121,7 @@ impl Wanted {
     }
 }
 
-/// The problem of a model that has faults.
+/// The problem for the faults of a model. A fault of `parameters` or `outputs` becomes a fault of that query parameter.
 fn refused(faults: Faults) -> Problem {
     let complaints: Option<Vec<Complaint>> = faults
         .0
@@ -199,7 +199,7 @@ pub async fn derivatives(
     let _turn = app.shares.evaluations.turn(&caller.owner).await;
     let all_outputs = wanted.outputs.is_none();
     let mut start = Some((wanted, known.asked.value));
-    // Its time is short, but longer than those of runs on the async thread.
+    // This takes about 1 ms, which is too long for the async thread.
     let started = app.service.compute_in_turns(1e-3, move || {
         let (wanted, scenario) = start.take()?;
         Some(wanted.start(scenario))

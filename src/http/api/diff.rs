@@ -23,7 +23,7 @@ use fretwork_engine::scenario;
 use fretwork_job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
 use fretwork_store::Known;
 
-/// Largest number of parameters that are listed.
+/// Maximum number of differing parameters that an answer lists.
 const DIFFERENCES: usize = 200;
 
 /// Two results or scenarios to be compared.
@@ -153,7 +153,7 @@ fn differences(a: &Value, b: &Value, pointer: &str, out: &mut Vec<ParameterDiffe
     }
 }
 
-/// One side, with what the store knows of it.
+/// One side of the comparison, and what the store has about it.
 struct Side {
     key: Key,
     asked: Canonical,
@@ -191,7 +191,7 @@ impl Side {
         }
     }
 
-    /// The outline of the scenario, before any wear.
+    /// The outline of the scenario, from its unworn contact alone.
     async fn outline(&self) -> Result<Outline, Problem> {
         if self.asked.kind != TaskKind::Run {
             let detail = "The result is a study. Only runs have a nearest result: name the other study as `b`.";
@@ -219,7 +219,8 @@ enum Requested {
     Scenario(Box<Prepared>),
 }
 
-/// Reads both sides and collects all faults. Without a second side, the nearest result is compared.
+/// Parses both sides and collects all faults. The second side is `None` if the client wants a comparison with the
+/// nearest result.
 fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Faults> {
     let key = |text: &str, pointer: &str| match text.parse() {
         Ok(key) => Ok(Requested::Key(key)),

@@ -21,10 +21,10 @@ use crate::http::wire::{NoQuery, Segment, instant, schemas};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::Changes;
 
-/// A comment is sent after this time without events, because proxies close silent connections.
+/// The server sends a comment after this time without events, because proxies close silent connections.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
-/// How often the key of a stream is checked, in addition to each event.
+/// A stream checks at this interval whether its key is still valid. It also checks before each event.
 const KEY_INTERVAL: Duration = Duration::from_secs(1);
 
 /// The data of a `state` event.
@@ -67,7 +67,7 @@ pub async fn follow(
 ) -> Result<Response, Problem> {
     let job = visible(&app, &caller, &id).await?;
     let id = job.id;
-    // With an unknown id, all states are sent.
+    // If the client sends an unknown id, the stream begins with the first state.
     let seen: Option<usize> =
         headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok());
     let seen = seen.filter(|seen| *seen <= job.changes.len()).unwrap_or(0);
@@ -82,7 +82,7 @@ pub async fn follow(
     Ok(([(CACHE_CONTROL, "no-store"), (buffering, "no")], events).into_response())
 }
 
-/// What a stream of events needs.
+/// A stream of events.
 struct Follower {
     app: App,
     id: JobId,
@@ -95,14 +95,14 @@ struct Follower {
 }
 
 impl Follower {
-    /// The job as it is, and then its changes until it is finished.
+    /// The present state of the job, and then its changes until it is finished.
     fn into_events(self) -> impl Stream<Item = Result<Event, Infallible>> {
         let batches = stream::unfold(Some((self, true)), |state| async move {
             let (mut this, is_first) = state?;
             if !is_first {
                 this.change().await?;
             }
-            // After an error the client reconnects and receives the problem.
+            // An error ends the stream. The client then reconnects and receives the problem.
             let job = this.app.service.job(None, this.id).await.ok().flatten()?;
             let is_finished = job.state.is_finished();
             let events = this.events(job, is_first);
@@ -111,17 +111,17 @@ impl Follower {
         batches.flatten()
     }
 
-    /// Waits for the next change. `None` if the stream must end before.
+    /// Waits for the next change. `None` if the stream must end.
     async fn change(&mut self) -> Option<()> {
         let mut changed = false;
         while !changed {
             changed = tokio::select! {
                 () = self.changes.changed() => true,
                 () = sleep(KEY_INTERVAL) => false,
-                // The client reconnects after the restart and continues with `Last-Event-ID`.
+                // The server stops. The client reconnects after the restart and continues with `Last-Event-ID`.
                 () = self.app.service.drained() => return None,
             };
-            // The client reconnects and receives the problem.
+            // The key is no longer valid. The client reconnects and receives the problem.
             if self.app.gate.recheck(self.key.as_deref()).await.is_some() {
                 return None;
             }
@@ -129,7 +129,7 @@ impl Follower {
         Some(())
     }
 
-    /// The events that tell what has changed.
+    /// The events for what has changed since the last call.
     fn events(&mut self, job: Job, is_first: bool) -> Vec<Event> {
         let mut events = Vec::new();
         let Job { state, attempt, progress, .. } = job;

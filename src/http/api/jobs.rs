@@ -81,7 +81,7 @@ pub async fn list(
     Ok((link, axum::Json(JobList { jobs, next })).into_response())
 }
 
-/// Takes the filters of jobs.
+/// Reads the filters of jobs from the query.
 fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
     let states = JobState::ALL.map(JobState::as_str).join(", ");
     let key = "a key of 64 lower-case hexadecimal digits";

@@ -132,7 +132,7 @@ pub async fn list(
     search.only_jobs_of(caller.reach());
     for name in Search::names() {
         let text = query.text(name);
-        // The store knows owners by their names only.
+        // The store compares names, so `me` becomes the name of the caller.
         let own = |text: String| if text == ME { caller.owner.clone() } else { text };
         if let Some(text) =
             if name == "owner" || name == "pinned_by" { text.map(own) } else { text }
@@ -370,7 +370,7 @@ pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
     Ok(read_body(&body.0.bytes, read)?)
 }
 
-/// Answers a change of a note.
+/// The answer to a change of a note.
 fn annotated(changed: Changed) -> Result<StatusCode, Problem> {
     match changed {
         Changed::Done => Ok(StatusCode::NO_CONTENT),
@@ -446,7 +446,7 @@ pub async fn delete(
     let key = read_key(&key)?;
     loop {
         let (here, by) = (app.clone(), caller.actor());
-        // A task of its own: the memory must be cleared although the client disconnects.
+        // This is a task of its own, because it must clear the memory even if the client disconnects.
         #[expect(clippy::disallowed_methods, reason = "the task ends by itself")]
         let removing = tokio::spawn(async move {
             let removed = here.store.remove(&key, by).await?;
@@ -464,7 +464,8 @@ pub async fn delete(
                 return Err(Problem::new(&kinds::PINNED, detail));
             }
             Removed::NotFound => {
-                // This answers why there is nothing to delete, unless the result was just stored.
+                // Returns the problem that says why there is nothing to delete. If the result has just been stored, the
+                // loop tries again.
                 require(&app, caller.reach(), &key).await?;
             }
         }

@@ -1,5 +1,5 @@
-//! The handlers, a file for each noun of the API. A handler translates the request, calls the service, and translates
-//! its answer.
+//! The handlers, one file for each kind of resource. A handler translates the request, calls the service, and
+//! translates its answer.
 
 pub mod audit;
 pub mod derivatives;

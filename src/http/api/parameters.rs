@@ -10,7 +10,7 @@ use crate::http::wire::schemas::{
 };
 use fretwork_job::{SCALARS, WORDS};
 
-/// Declares parameters that nothing constructs.
+/// Declares structs of parameters. Only the OpenAPI document uses them: no code makes a value of them.
 macro_rules! parameters {
     ($($(#[$about:meta])* $name:ident $members:tt)*) => {
         $(
@@ -23,13 +23,13 @@ macro_rules! parameters {
 }
 
 parameters! {
-    /// The result that an operation is about.
+    /// The key of the result that an operation reads or changes.
     #[into_params(parameter_in = Path)]
     ResultKey {
         /// The `key` of a job, or of a checked scenario or study.
         key: KeyText,
     }
-    /// Of each table of a result.
+    /// The parameters of each operation that answers a table of a result.
     #[into_params(parameter_in = Query)]
     OfTable {
         /// Overrides `Accept`.
@@ -39,14 +39,14 @@ parameters! {
         #[param(required = false)]
         layout: Layout,
     }
-    /// Of each table with rows at output cycles.
+    /// The parameter of each operation that answers a table with rows at output cycles.
     #[into_params(parameter_in = Query)]
     AtCycles {
         /// Only these output cycles, separated by commas.
         #[param(required = false, style = Form, explode = false, example = json!([0]))]
         cycles: ChosenInstants,
     }
-    /// Of each answer with numbers.
+    /// The parameters of each operation that answers numbers.
     #[into_params(parameter_in = Query)]
     Numbers {
         /// Rounds every number to this many significant digits. Up to 7 digits, arrays in NPZ and Arrow are float32, except
@@ -58,7 +58,7 @@ parameters! {
         #[param(required = false, example = "engineering")]
         units: UnitSystem,
     }
-    /// Of each answer that a client may keep.
+    /// The headers of each request whose answer a client may cache.
     #[into_params(parameter_in = Header)]
     Copied {
         /// The `ETag` of the client's copy.
@@ -123,7 +123,7 @@ parameters! {
     }
 }
 
-/// The words and the numbers by which results are found.
+/// The conditions of a search that follow from the tables of words and numbers.
 pub struct SearchTable;
 
 impl IntoParams for SearchTable {

@@ -23,7 +23,7 @@ use fretwork_format::{
 use fretwork_job::{Key, TaskKind};
 use fretwork_store::Changed;
 
-/// Largest value of `rows`, more than any study has.
+/// Largest value of the parameter `rows`. No study has more rows.
 const MAX_ROWS: usize = 10_000_000;
 
 /// Reads numbers separated by commas.
@@ -32,7 +32,7 @@ fn numbers(text: &str) -> Option<Vec<f64>> {
     text.split(',').map(number).collect()
 }
 
-/// Takes a parameter with one of two values; true for the second.
+/// Reads a parameter with one of two values. Returns true for the second value.
 fn either(query: &mut Query, name: &'static str, values: [&str; 2]) -> Option<bool> {
     let [no, yes] = values;
     query.value(name, format_args!("\"{no}\" or \"{yes}\""), |text| match text {
@@ -42,7 +42,7 @@ fn either(query: &mut Query, name: &'static str, values: [&str; 2]) -> Option<bo
     })
 }
 
-/// Takes a parameter that is a whole number in a range.
+/// Reads a parameter that is a whole number in a range.
 fn integer<T: FromStr + PartialOrd + Display>(
     query: &mut Query,
     name: &'static str,
@@ -52,7 +52,7 @@ fn integer<T: FromStr + PartialOrd + Display>(
     query.value(name, accepted, |text| text.parse().ok().filter(|number| range.contains(number)))
 }
 
-/// Takes the parameters of a result or a table.
+/// Reads the parameters of a result or a table.
 fn view(query: &mut Query, part: Part) -> View {
     let mut view = View {
         records: either(query, "layout", ["columns", "records"]) == Some(true),
@@ -71,14 +71,15 @@ fn view(query: &mut Query, part: Part) -> View {
     if matches!(part, Part::Whole | Part::Table) {
         view.rows = integer(query, "rows", 0..=MAX_ROWS);
     }
-    // Without some of its points a loop encloses another energy. A history has no points.
+    // Loops have no such parameter, because a loop without some of its points encloses another energy. A history has no
+    // points.
     if matches!(part, Part::Whole | Part::Profiles) {
         view.points = integer(query, "points", 2..=4096);
     }
     view
 }
 
-/// Takes the parameters of a figure.
+/// Reads the parameters of a figure.
 fn figure_view(query: &mut Query) -> View {
     let default = FigureOptions::default();
     let names: Vec<_> = QUANTITIES.iter().map(|quantity| quantity.name).collect();
@@ -111,7 +112,8 @@ fn figure_view(query: &mut Query) -> View {
     View { engineering, cycles, figure, ..View::default() }
 }
 
-/// Takes the parameters of a figure of a study. Which names are possible depends on the study.
+/// Reads the parameters of a figure of a study. The names of outputs and numbers are checked later, because they depend
+/// on the study.
 fn study_options(query: &mut Query) -> StudyOptions {
     let names = StudyFigure::ALL.map(StudyFigure::name);
     let kind = query.value("kind", format_args!("one of {}", names.join(", ")), |text| {
@@ -146,7 +148,7 @@ async fn answer(
     let format = format.ok_or_else(|| not_acceptable(key, part))?;
     let key = read_key(key)?;
     if view.rows.is_some() && part == Part::Whole && is_run(app, &key).await? {
-        // A run has no rows, so this is the stored result.
+        // A run has no rows, so the answer is the stored result, unchanged.
         view.rows = None;
     }
     Representation::new(caller, key, part, format, view).answer(app, headers).await
@@ -503,7 +505,7 @@ mod tests {
         #![proptest_config(ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() })]
 
         #[test]
-        fn a_random_query_is_accepted_or_refused(text in any_query()) {
+        fn a_random_query_gives_valid_parameters_or_faults(text in any_query()) {
             for part in [Part::Whole, Part::History, Part::Profiles, Part::Loops, Part::Table, Part::Plot] {
                 let Some(mut query) = query(&text) else { return Ok(()) };
                 query.format(part.formats());

@@ -23,7 +23,7 @@ use fretwork_study::Kind;
 /// A valid job body, from a file in `examples/`.
 #[derive(Debug)]
 pub struct Example {
-    /// Its name in addresses.
+    /// The name of the example in addresses.
     pub name: &'static str,
     /// The job body.
     pub body: &'static str,
@@ -64,16 +64,18 @@ impl From<BadBody> for Problem {
     }
 }
 
-/// Largest body that is parsed on the async thread, in bytes. To pass it to another thread takes as long.
+/// Largest body that is parsed on the async thread, in bytes. Passing the body to another thread takes as long as
+/// parsing it.
 const SMALL: usize = 1 << 14;
 
-/// Whether a body can contain a study, which takes milliseconds to read. An escape could hide its name.
+/// Whether a body can contain a study, which takes milliseconds to read. An escape sequence could hide the name of the
+/// study, so a body with a backslash counts too.
 fn can_be_study(text: &[u8]) -> bool {
     let Ok(text) = str::from_utf8(text) else { return true };
     text.contains('\\') || Kind::ALL.iter().any(|kind| text.contains(kind.name))
 }
 
-/// Parses a body with a scenario. A large one, with up to 10 000 rows, is parsed on a blocking thread, and so is a study.
+/// Parses a body with a scenario. A large body or a study is parsed on a blocking thread.
 pub(super) async fn parse<T: Send + 'static>(
     Body(body): Body,
     parse: fn(&[u8]) -> Result<T, BadBody>,

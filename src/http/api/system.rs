@@ -193,7 +193,7 @@ pub async fn metrics(
     };
     let read = timeout(Duration::from_secs(2), read).await;
     let (longest_wait, last_backup) = read.unwrap_or_default();
-    // A network disk can block.
+    // A network disk can block, so this runs on a blocking thread.
     let store = app.store.clone();
     let disk = tokio::task::spawn_blocking(move || (store.free_bytes(), store.file_sizes()));
     let (free, files) = disk.await.unwrap_or_default();

@@ -1,8 +1,8 @@
 //! UM-Bridge 1.0, the protocol of tools for uncertainty quantification.
 //!
-//! The model `wear` maps numbers of a scenario to outputs of its result. Its config is read by
-//! [`Model::read`]. Errors have the form of the protocol, `{"error": {"type", "message"}}`. Bodies need no content type: the
-//! clients send none. A model changes nothing, so a foreign web page cannot do harm with it.
+//! The model `wear` maps numbers of a scenario to outputs of its result. Its config is read by [`Model::read`]. Errors
+//! have the form of the protocol, `{"error": {"type", "message"}}`. Bodies need no content type, because the clients
+//! send none. This is safe: a call changes nothing, so a foreign web page can do no harm with it.
 //!
 //! # Sources
 //! - L. Seelinger et al., J. Open Source Softw. 8 (2023) 4748; protocol: <https://um-bridge-benchmarks.readthedocs.io>.
@@ -35,7 +35,7 @@ use fretwork_study::{Entry, Jacobian, Model, Output};
 const NAME: &str = "wear";
 /// Largest scenario that is prepared on the async thread, in bytes of memory.
 const SMALL: usize = 1 << 14;
-/// Most faults in a message.
+/// Maximum number of faults that a message lists.
 const LISTED: usize = 5;
 
 /// A route: its path, its method, what it requires, and its handler.
@@ -58,7 +58,7 @@ pub fn has_route(route: &str) -> bool {
     ROUTES.iter().any(|(path, ..)| *path == route)
 }
 
-/// A type of errors that only the protocol has. It has no page.
+/// An error type of the protocol. Unlike a problem type of the API, it has no page.
 const fn kind(slug: &'static str, status: StatusCode) -> Kind {
     Kind { slug, status, title: "", meaning: "", remedy: "" }
 }
@@ -96,7 +96,7 @@ pub fn write(mut response: Response) -> Response {
     problem::with_error(response, "application/json", &document)
 }
 
-/// The members of all requests. Others are ignored.
+/// The members that a request can have. Unknown members are ignored.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Call {
@@ -133,7 +133,7 @@ struct Called {
     call: Call,
     model: Arc<Model>,
     _turn: Turn,
-    /// Holds the memory of the body, as long as the call has numbers from it.
+    /// Holds the permit for the memory of the body while the call uses numbers from it.
     _body: Counted,
 }
 
@@ -151,7 +151,7 @@ impl FromRequest<App> for Called {
 }
 
 impl Called {
-    /// The only input vector.
+    /// The input vector. The model has only one.
     fn point(&mut self) -> Result<Vec<f64>, Problem> {
         let input = self.call.input.take().ok_or_else(|| missing("input"))?;
         let [point] = <[Vec<f64>; 1]>::try_from(input).map_err(|input| {
@@ -166,7 +166,8 @@ impl Called {
         )))
     }
 
-    /// The only input vector, of a derivative of the only output vector with respect to it.
+    /// The input vector of a request for derivatives. The request must name the first output vector and the first input
+    /// vector, because the model has no others.
     fn point_of_derivative(&mut self) -> Result<Vec<f64>, Problem> {
         let point = self.point()?;
         for (name, given) in [("outWrt", self.call.out_wrt), ("inWrt", self.call.in_wrt)] {
@@ -179,7 +180,7 @@ impl Called {
         Ok(point)
     }
 
-    /// Prepares a computation, which parses a scenario.
+    /// Prepares a computation. This parses the scenario of the model; a large scenario is parsed on a blocking thread.
     async fn prepare<T: Send + 'static>(
         &self,
         prepare: impl Fn(&Arc<Model>) -> Result<T, Faults> + Send + 'static,
@@ -193,7 +194,8 @@ impl Called {
         prepared.map_err(|faults| faulty("The scenario of this input is not valid: ", &faults))
     }
 
-    /// A row or a column of the Jacobian, weighted. `place` says to which of the sums an entry is added.
+    /// Answers weighted sums of the entries of the Jacobian: a gradient, or a product with a vector. `place` returns
+    /// the index of the sum to which an entry is added.
     async fn weighted(
         &self,
         point: Vec<f64>,
@@ -234,7 +236,7 @@ fn sized(name: &str, numbers: Option<Vec<f64>>, expected: usize) -> Result<Vec<f
     Err(bad_input(format!("`{name}` must have {expected} numbers, not {}.", numbers.len())))
 }
 
-/// Computes by `step`, in turns with other calls.
+/// Calls `step` until it returns the outcome, in turns with other calls. `seconds` is the estimated time.
 async fn compute<T: Send + 'static>(
     app: &App,
     seconds: f64,
@@ -263,7 +265,7 @@ async fn model_of(app: &App, config: Option<Box<RawValue>>) -> Result<Arc<Model>
     }
     let config = text.clone().into_string();
     let read = move || Some(json::read_body(text.as_bytes(), Model::read));
-    // Its time is not known, but longer than those of runs on the async thread.
+    // The time is not known. It is taken as 1 ms, which is too long for the async thread.
     let model = compute(app, 1e-3, read).await?.map_err(|bad| match bad {
         BadBody::Faults(faults) => faulty("config", &Faults(faults)),
         BadBody::Json(error) => bad_input(format!("`config` cannot be read: {error}.")),
@@ -274,7 +276,7 @@ async fn model_of(app: &App, config: Option<Box<RawValue>>) -> Result<Arc<Model>
     Ok(model)
 }
 
-/// An answer. Clients check that it has no other members.
+/// An answer. It has only the members of the protocol, because clients check this.
 fn answer(document: &impl Serialize) -> Response {
     (FRESH_JSON, json::write(document, 256)).into_response()
 }

@@ -14,7 +14,7 @@ export class Problem extends Error {
   }
 }
 
-/** The forms of the ids of the API, and what they name. */
+/** The form of each id of the API, and what the id is called. */
 const IDS = { results: [/^[0-9a-f]{64}$/, "key of a result"], jobs: [/^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$/, "id of a job"] };
 
 /**
@@ -104,7 +104,7 @@ export async function send(path, { method = "GET", body, headers = {}, signal } 
   }
 }
 
-/** Returns the JSON of a response. Repeats the request if the response breaks off. */
+/** Returns the JSON of a response. Repeats the request if the connection is lost during the response. */
 export async function get(path, options = {}) {
   for (;;) {
     const response = await send(path, options);
@@ -120,7 +120,7 @@ export const post = (path, body, options = {}) => get(path, { method: "POST", bo
 
 let signingIn = null;
 
-/** Asks for an access key. Resolves to whether the user entered one. All requests share one dialog. */
+/** Asks for an access key. Resolves to true if the user entered one. All requests share one dialog. */
 export function signIn(reason) {
   signingIn ??= (async () => {
     const field = h("input", { type: "password", id: "key", autocomplete: "off", required: true,

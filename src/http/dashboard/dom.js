@@ -75,7 +75,7 @@ export async function copy(text, name, message = `${name} copied.`) {
   }
 }
 
-/** Returns a function that calls `call` once no call has come for `milliseconds`. */
+/** Debounces: returns a function that calls `call` when it has not been called for `milliseconds`. */
 export function debounced(milliseconds, call) {
   let timer;
   return (...values) => {

@@ -1,4 +1,4 @@
-// The card of an error, and how to go on after it.
+// The card of an error, with a button that computes an evicted or deleted result again.
 
 import { idempotencyKey, post } from "./api.js";
 import { h, notify } from "./dom.js";
@@ -18,7 +18,10 @@ export function errorCard(problem) {
     problem.instance && h("p", { class: "muted" }, `Request ID: ${problem.instance}`));
 }
 
-/** The server includes the scenario or the study if a result was evicted or deleted. Not every study fits the form. */
+/**
+ * The button that computes an evicted or deleted result again: the problem then has its scenario or study. The button
+ * opens the form, or submits a study that the form cannot show.
+ */
 function computeAgain(problem) {
   const [form, kind] = [editLink(problem), kindOf(problem)];
   if (form) return h("p", {}, h("a", { class: "button", href: form }, "Compute again"));

@@ -16,7 +16,7 @@ const SHAPES = {
   truncated_cone: [SLOPE, FLAT],
 };
 
-/** The member of `cycles` that holds the outputs, if they are not numbers of cycles, and its unit. */
+/** The members of `cycles` that give the outputs by another quantity than numbers of cycles, and their units. */
 const CYCLES_IN = { normalized: "N₀", dissipated_energy: "J" };
 const cyclesIn = (cycles) => Object.keys(CYCLES_IN).find((name) => name in Object(cycles));
 

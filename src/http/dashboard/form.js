@@ -10,7 +10,7 @@ import { drawPlan, drawRange, drawRuns, submitText, varyButton } from "./plan.js
 import { WORDS } from "./units.js";
 import { canVary, choose, formPointer, isPossible, jobBody, newStudy, OFFERS, studyOf, suggested, varied } from "./vary.js";
 
-/** Most characters of a label. */
+/** Maximum number of characters of a label. */
 const MAX_LABEL = 200;
 
 let examples = null;
@@ -30,7 +30,7 @@ export async function showForm(main, { query, signal }) {
   let study = newStudy();
   try {
     if (query.has("study")) study = studyOf(JSON.parse(query.get("study"))) ?? study;
-  } catch { /* The form says it below. */ }
+  } catch { /* The form reports the fault below. */ }
   const isStudy = () => varied(study).length > 0;
   const example = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(scenario));
   /** The names of the fields whose numbers can vary, by their pointers. */
@@ -125,7 +125,7 @@ export async function showForm(main, { query, signal }) {
   /** Draws all fields and the card of the study. */
   function draw() {
     const focused = document.activeElement?.id;
-    // This changes ranges that are drawn.
+    // `choose` can change ranges, so it comes before they are drawn.
     if (!isPossible(study.kind, study)) choose(newStudy().kind, scenario, study);
     drawFields();
     drawPlan(plan, names(), scenario, study, { changed, redraw });
@@ -164,7 +164,7 @@ export async function showForm(main, { query, signal }) {
       const before = withField(scenario);
       choice.apply(scenario, field.value);
       const after = withField(scenario);
-      // A number leaves the study with its field.
+      // If the field of a number disappears, the study no longer varies the number.
       for (const pointer of before) if (!after.includes(pointer)) delete study.ranges[pointer];
       draw();
       edited();
@@ -177,7 +177,7 @@ export async function showForm(main, { query, signal }) {
   function drawField([pointer, text, options]) {
     const id = idOf(pointer);
     const value = inputText(valueAt(scenario, pointer));
-    // Names of numbers do not need the hints for their fields.
+    // The name of a number is its label without the hint in brackets.
     const name = text.replace(/ \(.*\)$/, "");
     const vary = !options && canVary(pointer) && varyButton(id, name, pointer, scenario, study, redraw);
     if (vary) shown.set(pointer, name);

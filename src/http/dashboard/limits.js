@@ -2,7 +2,10 @@
 
 import { get } from "./api.js";
 
-/** Units in which the form converts a limit, in SI. The limits of lengths and forces are far from every useful value. */
+/**
+ * The size of the SI unit in each unit for which the form checks limits. The form does not check lengths and forces:
+ * their limits are far from every useful value.
+ */
 const PER_SI = { "": 1, rad: 1, mrad: 1e3, deg: 180 / Math.PI, "°": 180 / Math.PI };
 
 let schema = null;
@@ -15,7 +18,7 @@ export async function loadLimits(signal) {
 /** All schemas of a value: the schema itself, what it refers to, and its alternatives. */
 const allOf = (own) => [own, ...(own.$ref ? allOf(schema.$defs[own.$ref.split("/").at(-1)]) : []), ...(own.oneOf ?? []).flatMap(allOf)];
 
-/** The schemas of the member of a value. */
+/** All schemas of a member of a value. */
 const memberOf = (owns, name) => owns.flatMap((own) => [own.properties?.[name], /^\d+$/.test(name) && own.items]).filter(Boolean).flatMap(allOf);
 
 /** The smallest and the largest number at a pointer, in a unit. */

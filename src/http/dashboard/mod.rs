@@ -51,7 +51,7 @@ struct Asset {
     name: &'static str,
     media_type: &'static str,
     tag: String,
-    /// For each coding that a client can accept, the body and its coding.
+    /// For each coding that a client can accept: the body, and the coding that it has. A short body is not compressed.
     bodies: [(Bytes, Coding); Coding::ALL.len()],
 }
 
@@ -70,7 +70,7 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
     files.chain([Asset::new("words.js", "text/javascript", words().as_bytes())]).collect()
 });
 
-/// The script with the words that follow from the tables of the program.
+/// The script with words that other crates define: the kinds of studies and the names of quantities.
 fn words() -> String {
     let kinds: Value = Kind::ALL.into_iter().map(|kind| (kind.name, json!(kind))).collect();
     let words = |quantity: &Quantity| (quantity.name, json!(quantity.words));

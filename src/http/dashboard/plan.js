@@ -22,7 +22,7 @@ export function varyButton(id, name, pointer, scenario, study, redraw) {
     } }, "Vary");
 }
 
-/** An input with the place of its fault. */
+/** An input, and the element that shows its fault. */
 function faulty(id, pointer, label, properties) {
   const input = h("input", { id, "data-pointer": pointer, "aria-label": label, "aria-describedby": `${id}-fault`,
     autocomplete: "off", spellcheck: false, ...properties });
@@ -51,7 +51,7 @@ export function drawRange(id, name, pointer, study, changed) {
     h("div", {}, isDrawn(study) ? h("span", {}, "Spacing") : [count, h("span", {}, "values")], spacing), countFault);
 }
 
-/** How the number of runs follows from the ranges, for example 9 × 9 = 81 runs. */
+/** The text that shows how the number of runs follows from the ranges, for example 9 × 9 = 81 runs. */
 function sum(study) {
   const runs = runsOf(study);
   if (!runs) return "";

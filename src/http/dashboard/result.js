@@ -161,7 +161,7 @@ export async function showResult(main, { id: key, query, signal }) {
   document.addEventListener("units", drawAll, { signal });
 }
 
-/** Shows the history at one output cycle as numbers, those of the wear with their estimated errors. */
+/** Shows the history at one output cycle as numbers. The numbers of the wear have their estimated errors. */
 function drawReadout(place, { history, units }, at) {
   const row = nearest(history.cycles, at);
   place.replaceChildren(...READOUT.map((name) => {

@@ -13,7 +13,7 @@ const FIGURE_NAMES = { curves: "Curves", heat: "Heat map", scatter: "Scatter plo
 
 /** Shows a study that was loaded without its rows. */
 export async function showStudy(main, result, { job, link, query, signal }) {
-  // One more row tells whether there are others.
+  // The page loads one row more than it shows, to see whether there are more rows.
   const words = new URLSearchParams({ rows: ROWS + 1, ...(link && { link }) });
   const rows = await get(`${resultAddress(result.key, "/table")}?${words}`, { signal });
   const kind = KINDS[kindOf(result)].title;
@@ -72,9 +72,9 @@ function figureOf(result, { link, query, signal }) {
     const words = new URLSearchParams([...chosen(), ["units", si() ? "si" : "engineering"], ...(link ? [["link", link]] : [])]);
     image.setAttribute("aria-busy", "true");
     try {
-      // An image cannot send the access key, so its text becomes its address.
+      // An `img` element cannot send the access key. So the page loads the SVG, and sets it as a data URL.
       const text = await (await send(`${resultAddress(result.key, "/plot.svg")}?${words}`, { headers: { Accept: "*/*" }, signal })).text();
-      // A slower answer to an earlier choice is dropped.
+      // An answer to an earlier choice may arrive late. It is ignored.
       if (own !== latest) return;
       image.src = `data:image/svg+xml,${encodeURIComponent(text)}`;
       image.alt = new DOMParser().parseFromString(text, "image/svg+xml").querySelector("desc").textContent;

@@ -15,7 +15,7 @@ const ENGINEERING = {
 
 const PRINTED = { "1": "", "m^3": "m³" };
 
-/** What the server's names mean. */
+/** The words that the dashboard shows for the names of the server. */
 export const WORDS = {
   ...NAMES, image: "1D profile (MDR)", radius: "Radius r", cycles: "Cycles N",
   paraboloid: "Paraboloid", sphere: "Sphere", cone: "Cone", power: "Power law", table: "Measured profile",

@@ -1,7 +1,8 @@
 // The numbers of the form that a study varies: what their fields show, and the job body that follows from them.
 //
-// A study of the form is `{kind, ranges, samples, outputs, profiles}`. `ranges` has an entry `{from, to, unit, count, spacing}`
-// for the pointer of each number that varies. All of them are kept as the user typed them. `profiles` is that of a stored sweep.
+// A study of the form is `{kind, ranges, samples, outputs, profiles}`. `ranges` has an entry
+// `{from, to, unit, count, spacing}` for the pointer of each number that varies. All values are texts, as the user
+// typed them. `profiles` comes from a stored sweep; the form has no fields for it.
 
 import { numberOrText, valueAt } from "./fields.js";
 import { limitsOf } from "./limits.js";
@@ -15,21 +16,21 @@ export const OFFERS = Object.fromEntries(Object.values(KINDS).flatMap((kind) =>
 /** Numbers that are settings of the computation, or decide which rows a result has. */
 const FIXED = /^\/(cycles|model\/points)/;
 
-/** The first range of a number, as factors of its value: 20 % less to 20 % more. A study with axes covers two decades. */
+/** The range that the form suggests, as factors of a number. It is wide for a study with axes. */
 const NARROW = { factors: [0.8, 1.2], count: 9, spacing: "linear" };
 const WIDE = { factors: [0.1, 10], count: 25, spacing: "log" };
 
-/** The members of a study of the API that the form keeps. Those of its kind come in addition. */
+/** The members that every study of the API may have if the form shows it. Each kind of study has further members. */
 const MEMBERS = ["version", "scenario", "vary", "samples", "outputs", "profiles"];
 
 export const newStudy = () => ({ kind: Object.keys(OFFERS)[0], ranges: {}, samples: "256", outputs: ["wear_volume", "wear_depth"] });
 
 export const varied = ({ ranges }) => Object.keys(ranges);
 
-/** Whether a study draws its values, so that its ranges have no count. */
+/** Whether a study draws random values. Its ranges then have no count. */
 export const isDrawn = ({ kind }) => OFFERS[kind].sample !== null;
 
-/** Whether the numbers that vary are those of the axes, if there are axes. */
+/** Whether a choice fits the numbers that vary. A kind with axes requires exactly the numbers of its axes. */
 export const isPossible = (id, study) => {
   const pointers = OFFERS[id].kind.axes.map(([, pointer]) => pointer);
   return pointers.length === 0 || varied(study).sort().join() === pointers.sort().join();
@@ -48,7 +49,7 @@ function typed(value) {
   return size > 0 && (size < 1e-3 || size >= 1e6) ? rounded.toExponential() : String(rounded);
 }
 
-/** Whether the number at a pointer may vary, if the scenario has one. */
+/** Whether a study may vary the number at a pointer. The scenario need not have the number. */
 export const canVary = (pointer) => !FIXED.test(pointer);
 
 /** The range that the form suggests for a number; undefined if the scenario has no number there. */
@@ -63,7 +64,7 @@ export function suggested(scenario, pointer, kind) {
   return { from: typed(from), to: typed(to), unit: value.unit, count: String(count), spacing };
 }
 
-/** Chooses what is computed. Ranges that the user has not changed follow. */
+/** Chooses what is computed. Ranges that the user has not changed become the suggested ranges of the new choice. */
 export function choose(kind, scenario, study) {
   for (const pointer of varied(study)) {
     const isUnchanged = JSON.stringify(study.ranges[pointer]) === JSON.stringify(suggested(scenario, pointer, study.kind));
@@ -79,7 +80,7 @@ function withUnit(text, unit) {
   return unit && typeof number === "number" ? `${text.trim()} ${unit}` : number;
 }
 
-/** The factors of the number of points of a study, as texts that are typed or shown. */
+/** The factors whose product is the number of points of a study, as texts. */
 export function factorsOf(study) {
   const { sample } = OFFERS[study.kind];
   if (!sample) return varied(study).map((pointer) => study.ranges[pointer].count);
@@ -111,24 +112,24 @@ export function jobBody(scenario, study) {
     ...(kind.keeps_profiles && { profiles }) } };
 }
 
-/** The pointer of a fault in the form: that of the field which shows it. `/sweep/vary/0/from` becomes `/vary/friction/from`. */
+/** The pointer of the field that shows a fault of the server. `/sweep/vary/0/from` becomes `/vary/friction/from`. */
 export function formPointer(pointer, study) {
   const [, name, part, rest = ""] = pointer.match(/^\/([^/]*)(\/[^/]*)(.*)$/) ?? [];
   if (!Object.hasOwn(KINDS, name ?? "")) return pointer;
   const axis = KINDS[name].axes.find(([axis]) => axis === part.slice(1));
   if (axis) return `/vary${axis[1]}${rest}`;
   const [, place, member] = part === "/vary" ? rest.match(/^\/(\d+)(.*)$/) ?? [] : [];
-  // The form shows a number that the scenario does not have at the first field of its range.
+  // If the scenario does not have a number, the first field of the number's range shows the fault.
   return place ? `/vary${varied(study)[place]}${member === "/pointer" ? "" : member}` : part + rest;
 }
 
-/** The offer of the form for a study of the API; undefined if the form has none. A member that is missing has its default. */
+/** The entry of `OFFERS` for a study of the API; undefined if there is none. A missing member has its default. */
 const offerOf = (name, study) => Object.values(OFFERS).find(({ kind, members }) => kind.name === name
   && Object.entries(members).every(([member, value]) => [undefined, value].includes(study[member])));
 
-/** The range of the form for an entry of `vary`. The unit of both ends is shown once. */
+/** The range of the form for an entry of `vary`. The form shows the common unit of both ends once. */
 function rangeOf({ from, to, count = NARROW.count, spacing = "linear" }) {
-  // The user may have emptied one end. Then the unit is that of the other.
+  // The user may have emptied the field of one end. Then the unit is that of the other end.
   const units = new Set([from, to].filter((end) => end !== undefined).map((end) => split(end)?.unit));
   const [unit = ""] = units.size === 1 ? units : [];
   const end = (value = "") => String(unit && value !== "" ? split(value).number : value);
@@ -145,7 +146,7 @@ export function studyOf(body) {
   const vary = axes.length ? axes.map(([axis, pointer]) => ({ pointer, ...study[axis] })) : study.vary;
   const known = [...MEMBERS, ...axes.map(([axis]) => axis), ...offers.flatMap(({ id }) => Object.keys(OFFERS[id].members))];
   const members = ["pointer", "from", "to", "count", "spacing"];
-  // The user may have emptied both ends.
+  // A range need not have all members: the user may have emptied the fields of both ends.
   const isRange = (entry) => Object.keys(entry).every((member) => members.includes(member));
   if (!offer || !vary?.every(isRange) || !Object.keys(study).every((member) => known.includes(member))) return undefined;
   return { kind: offer.id, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry)])),

@@ -24,11 +24,12 @@ use fretwork_store::Deletions;
 /// The encoded body of an answer.
 #[derive(Debug, Clone)]
 pub struct Encoded {
-    /// Its bytes.
+    /// The bytes of the body.
     pub body: Bytes,
-    /// How they are compressed.
+    /// How the bytes are compressed.
     pub coding: Coding,
-    /// Permission for their memory, while clients read them. The cache has memory of its own.
+    /// Permission for the memory of the bytes while clients read them. Bytes in the cache count against the size of the
+    /// cache instead.
     pub permit: Option<Arc<Permit>>,
 }
 
@@ -48,11 +49,11 @@ impl Encoded {
     }
 }
 
-/// Largest number of answers from large results that are made at the same time: each takes several
-/// times the size of its result, for a moment.
+/// Maximum number of answers that are made from large results at the same time. Each takes several times the size of
+/// its result, for a moment.
 const MAX_MAKERS: usize = 1;
 
-/// How often a request that waits for memory looks whether another request has made its answer.
+/// A request that waits for memory checks at this interval whether another request has made its answer.
 const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 /// One answer that is being made or sent.
@@ -60,12 +61,12 @@ const LOOK_AGAIN: Duration = Duration::from_millis(50);
 struct Slot {
     /// Empty while the answer is being made.
     answer: OnceLock<Encoded>,
-    /// Held by the task that makes it.
+    /// The task that makes the answer holds this lock.
     turn: Arc<tokio::sync::Mutex<()>>,
 }
 
-/// A cache of encoded answers by name, which evicts the least used ones beyond its size. A name begins
-/// with the key of the result.
+/// A cache of encoded answers by name. When it is full, it evicts the least used answers. A name begins with the key of
+/// the result.
 #[derive(Debug)]
 pub struct Memory {
     cache: Cache<String, Encoded, Size>,
@@ -123,7 +124,7 @@ impl Memory {
     /// A cache of this many bytes; 0 disables it.
     #[expect(clippy::expect_used, reason = "both capacities are set")]
     pub fn new(bytes: u64) -> Self {
-        // Assumes answers of 64 KiB.
+        // Estimates the number of answers from a size of 64 KiB for each.
         let items = usize::try_from(bytes >> 16).unwrap_or(usize::MAX).max(16);
         let options = OptionsBuilder::new()
             // Few shards: an answer must fit into one shard.
@@ -164,8 +165,8 @@ impl Memory {
         }
     }
 
-    /// Returns once another request has made the answer with this name, and it needs no more memory: another request
-    /// reads it, or it is small.
+    /// Returns when another request has made the answer with this name, and the caller needs no more memory to read it:
+    /// because another request reads it too, or because it is small.
     pub async fn made(&self, name: &str) {
         let is_small = |answer: Encoded| answer.body.len() <= SMALL;
         while !self.get(name).is_some_and(is_small)
@@ -181,7 +182,8 @@ impl Memory {
         let Making { name, slot, _turn } = making;
         if keep {
             let slots = lock(&self.slots);
-            // Without its name, the result was deleted while the answer was made.
+            // If the slot is no longer under its name, the result was deleted while the answer was made. Then the cache
+            // must not keep the answer.
             let current = slots.get(&name).map_or(ptr::null(), Weak::as_ptr);
             if ptr::eq(current, Arc::as_ptr(&slot)) {
                 self.cache.insert(name, Encoded { permit: None, ..answer.clone() });
@@ -296,7 +298,7 @@ mod tests {
     #[tokio::test]
     async fn a_waiting_request_gets_the_answer_of_a_dropped_request() {
         let memory = Memory::new(0);
-        // The request is gone; only the thread that makes the answer holds this.
+        // The first request was dropped. Only the thread that makes its answer holds `making`.
         let making = making(&memory, "name").await;
         let mut next = std::pin::pin!(memory.lookup("name"));
         assert!((&mut next).now_or_never().is_none(), "it waits for the answer");

@@ -12,8 +12,8 @@ const MEMORY: u64 = 16 << 20;
 /// Expected number of models.
 const EXPECTED: usize = 256;
 
-/// Models by the texts of their configs. To read a config takes about as long as a run in closed form. The least used models
-/// are forgotten.
+/// Models by the texts of their configs. Reading a config takes about as long as a run in closed form, so its model is
+/// kept. The cache evicts the least used models.
 pub type Models = Cache<String, Arc<Model>, Size>;
 
 #[derive(Debug, Clone)]
@@ -25,7 +25,7 @@ impl Weighter<String, Arc<Model>> for Size {
     }
 }
 
-/// Memory without models.
+/// An empty cache of models.
 pub fn empty() -> Models {
     Cache::with_weighter(EXPECTED, MEMORY, Size)
 }

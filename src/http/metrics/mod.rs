@@ -32,7 +32,7 @@ pub struct Metrics {
     memory_misses: Counter,
 }
 
-/// What is measured when a client asks for the metrics; `None` if unknown.
+/// The values that are measured when a client requests the metrics. `None` means unknown.
 #[derive(Debug, Default)]
 pub struct Measurements {
     /// How long the oldest queued run has waited.
@@ -46,7 +46,7 @@ pub struct Measurements {
     pub database_connections: Option<u64>,
 }
 
-/// A metric that is measured when a client asks for it: name, unit, help and value.
+/// A metric that is measured when a client requests the metrics: name, unit, help and value.
 type Measured = (&'static str, Option<Unit>, &'static str, fn(&Measurements) -> Option<f64>);
 
 const MEASURED: [Measured; 6] = [
@@ -171,7 +171,8 @@ impl Metrics {
     }
 }
 
-/// Clients can invent methods, but a label must have few values.
+/// The label of a method. Clients can invent methods, but a label must have few values, so all unknown methods share
+/// one.
 fn known(method: &Method) -> &'static str {
     let known = ["GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS"];
     known.into_iter().find(|known| *known == method.as_str()).unwrap_or("other")

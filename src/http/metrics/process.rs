@@ -53,7 +53,7 @@ mod linux {
         }
     }
 
-    /// The pages of the process that are in memory, in bytes.
+    /// The resident memory of the process, in bytes.
     fn resident_memory() -> Option<u64> {
         let pages = fs::read_to_string("/proc/self/statm").ok()?;
         let pages: u64 = pages.split(' ').nth(1)?.parse().ok()?;
@@ -64,7 +64,7 @@ mod linux {
         Some(fs::read_dir("/proc/self/fd").ok()?.count() as u64)
     }
 
-    /// The soft limit; unlimited is unknown.
+    /// The soft limit of open files; `None` if there is no limit.
     fn max_files() -> Option<u64> {
         getrlimit(Resource::Nofile).current
     }

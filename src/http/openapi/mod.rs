@@ -62,7 +62,8 @@ A server without keys, on a personal machine, is open.
 )]
 struct Frame;
 
-/// The document without routes. utoipa does not collect types that appear only in parameters.
+/// The document without routes. This adds the types that appear only in parameters, because utoipa does not collect
+/// them.
 pub fn frame() -> OpenApi {
     let mut frame = Frame::openapi();
     frame.components.get_or_insert_default().schemas.extend(schemas::all());
@@ -173,7 +174,8 @@ fn redirect(schema: &mut Value) {
     }
 }
 
-/// The operations that return a representation of a result: their paths, its part, and the schema of its JSON.
+/// The operations that return a representation of a result: the path, the part of the result, and the schema of its
+/// JSON.
 const REPRESENTATIONS: [(&str, Part, &str); 6] = [
     ("/v1/results/{key}", Part::Whole, "Result"),
     ("/v1/results/{key}/history", Part::History, "HistoryAnswer"),
@@ -217,7 +219,7 @@ fn add_path_responses(path: &str, method: &Method, needs: Needs, operation: &mut
     }
 }
 
-/// Whether the server keeps this of an evicted result.
+/// Whether the operation at this path works for an evicted result too.
 fn outlives(path: &str) -> bool {
     ["/provenance", "/warnings", "/note"].iter().any(|end| path.ends_with(end))
 }

@@ -1,7 +1,7 @@
 //! All errors of the API: problem documents (RFC 9457) and their types.
 //!
-//! A handler returns a [`Problem`], which becomes an extension of the response. `layers` writes the document,
-//! because it knows the request id. It does the same for the 404 and 405 of axum and for panics.
+//! A handler returns a [`Problem`], which becomes an extension of the response. `layers` writes the document, because
+//! the request id is known there. It also writes the documents of the 404 and 405 answers of axum, and of panics.
 
 pub mod refusals;
 
@@ -59,10 +59,10 @@ pub struct Problem {
     kind: &'static Kind,
     detail: String,
     errors: Vec<Complaint>,
-    /// What an evicted result was computed from. Boxed, because few problems have it.
+    /// The canonical scenario or study of an evicted result. Boxed, because few problems have it.
     asked: Option<Box<Canonical>>,
     headers: Vec<(HeaderName, String)>,
-    /// For the log.
+    /// The error that caused the problem, for the log.
     cause: Option<String>,
 }
 
@@ -176,7 +176,7 @@ impl Problem {
         self.cause.as_deref()
     }
 
-    /// Its type, and its detail with all faults, for another protocol.
+    /// The type of the problem, and its detail with all faults as one text, for UM-Bridge.
     pub fn in_words(&self) -> (&'static str, String) {
         let Self { kind, detail, errors, .. } = self;
         let place = |error: &Complaint| error.pointer.clone().or(error.parameter.clone());
@@ -186,7 +186,7 @@ impl Problem {
         (kind.slug, iter::once(detail.clone()).chain(faults).collect())
     }
 
-    /// Adds what an evicted result was computed from.
+    /// Adds the canonical scenario or study of an evicted result.
     #[must_use]
     pub fn with_asked(self, asked: Option<Canonical>) -> Self {
         Self { asked: asked.map(Box::new), ..self }
@@ -216,7 +216,7 @@ impl From<store::Error> for Problem {
     fn from(error: store::Error) -> Self {
         let of = |kind, detail: &str| Self::new(kind, detail).caused_by(&error);
         match &error {
-            // This is no failure, so the log shows no cause.
+            // A shutdown is no failure, so the log shows no cause.
             store::Error::Closed => {
                 let detail = "The server is shutting down. Try again in a moment.";
                 Self::new(&kinds::DRAINING, detail).retry_after(5)

@@ -1,11 +1,11 @@
-//! Which refusals the log shows. Anyone can cause refusals, as many as the network carries, and must not fill the disk with
-//! their lines. The metrics count all of them.
+//! Decides which refusals the log shows. Anyone can cause many refusals per second, and their log lines must not fill
+//! the disk. The metrics count all refusals.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Refusals of one status that the log shows in each [`PERIOD`]: about 20 kB.
+/// Maximum number of refusals with one status that the log shows in each [`PERIOD`]. Their lines take about 20 kB.
 const SHOWN: u64 = 60;
 const PERIOD: Duration = Duration::from_mins(1);
 
@@ -20,7 +20,8 @@ struct Counted {
     count: u64,
 }
 
-/// Logs what the log does not show, at the level of what it shows: refusals are information, failures are more.
+/// Logs a line about answers that the log does not show one by one: with level info for refusals (4xx), with level warn
+/// for failures (5xx).
 macro_rules! log {
     ($status:expr, $($entry:tt)*) => {
         if $status < 500 { tracing::info!($($entry)*) } else { tracing::warn!($($entry)*) }

@@ -11,13 +11,13 @@ use prometheus_client::metrics::gauge::Gauge;
 use super::connection::Activity;
 use crate::http::access::caller::network;
 
-/// Connections that only clients on this machine can have, so that its operator always gets an answer.
+/// Number of connections that are reserved for clients on this machine, so that its operator can always connect.
 const RESERVE: usize = 64;
 /// The addresses of this machine.
 const LOOPBACK: [IpAddr; 2] = [IpAddr::V4(Ipv4Addr::LOCALHOST), IpAddr::V6(Ipv6Addr::LOCALHOST)];
-/// Displaced connections that are not closed yet.
+/// Maximum number of displaced connections whose sockets are still open.
 const MOST_DISPLACED: usize = 256;
-/// How many idle connections are compared before one is displaced.
+/// Number of idle connections that are compared to find the one that has been idle for the longest time.
 const COMPARED: usize = 64;
 /// Refused connections are logged at most once in this time.
 const LOG_PAUSE: Duration = Duration::from_mins(1);
@@ -25,11 +25,11 @@ const LOG_PAUSE: Duration = Duration::from_mins(1);
 /// Limits of connections.
 #[derive(Debug, Clone)]
 pub struct Connections {
-    /// In total.
+    /// Maximum number of connections in total.
     pub total: usize,
-    /// Of one address. This machine and the trusted proxies have no limit of their own.
+    /// Maximum number of connections of one address. This machine and the trusted proxies have no limit of their own.
     pub per_address: usize,
-    /// The addresses of reverse proxies. They tell the address of a client in `X-Forwarded-For`.
+    /// The addresses of reverse proxies. They send the address of a client in `X-Forwarded-For`.
     pub proxies: Vec<IpAddr>,
 }
 
@@ -58,7 +58,7 @@ struct Table {
     next: u64,
     /// Displaced connections whose sockets are still open.
     displaced: usize,
-    /// The refusals since the last line in the log, and its time.
+    /// The number of refusals since the last line in the log, and the time of that line.
     unlogged: u64,
     logged: Option<Instant>,
 }
@@ -82,8 +82,8 @@ impl Admission {
         self.limits.proxies.contains(&address)
     }
 
-    /// Admits a connection, or refuses it. If all places are taken, it gets the place of a connection that has been idle
-    /// for a long time.
+    /// Admits a connection, or refuses it. If the limit is reached, the server closes a connection that has been idle
+    /// for a long time, and admits the new one.
     pub fn admit(self: &Arc<Self>, address: IpAddr) -> Option<OpenConnection> {
         let Connections { total, per_address, .. } = self.limits;
         let is_proxy = self.is_proxy(address);
@@ -93,7 +93,8 @@ impl Admission {
         let of_address = table.addresses.get(&origin).copied().unwrap_or(0);
         let is_limited = !is_own && !is_proxy;
         let most = if is_own { total } else { total.saturating_sub(RESERVE).max(1) };
-        // Other clients cannot displace those in the reserve.
+        // Clients of other machines cannot displace connections of this machine while there are at most `RESERVE` of
+        // them.
         let own = LOOPBACK.iter().filter(|own| !self.is_proxy(**own)).map(|own| network(*own));
         let own: Vec<IpAddr> = own.collect();
         let of_machine: usize = own.iter().filter_map(|own| table.addresses.get(own)).sum();
@@ -122,8 +123,8 @@ impl Admission {
 }
 
 impl Table {
-    /// Closes the connection that has been idle for the longest time, of some from the addresses in question. False
-    /// if all have requests.
+    /// Closes an idle connection from the addresses that `among` accepts: of the first [`COMPARED`], the one that has
+    /// been idle for the longest time. Returns false if none is idle.
     fn displace(&mut self, among: impl Fn(IpAddr) -> bool) -> bool {
         if self.displaced >= MOST_DISPLACED {
             return false;
@@ -192,7 +193,7 @@ mod tests {
         assert!(admit("10.0.0.2").is_some());
         let networks: Vec<_> = (0..3).map(|n| admit(&format!("fd00::{n}")).unwrap()).collect();
         assert!(admit("fd00::99").is_none() && admit("fd00:0:0:1::1").is_some());
-        // This machine and a proxy have many clients behind one address.
+        // This machine and a proxy have no limit, because many clients share their address.
         for address in ["127.0.0.1", "10.0.0.9"] {
             let many: Vec<_> = (0..10).map(|_| admit(address)).collect();
             assert!(many.iter().all(Option::is_some));
@@ -228,7 +229,7 @@ mod tests {
             let others: Vec<_> = (1..=200).map(other).collect();
             assert!(admission.table().connections.contains_key(&first.number), "{own}");
             drop(others);
-            // Beyond the reserve they are as all others.
+            // Beyond the reserve, connections of this machine are displaced like all others.
             let many: Vec<_> = (0..RESERVE).map(|_| admission.admit(own).unwrap()).collect();
             let held = || admission.table().addresses.get(&network(own)).copied();
             assert_eq!(held(), Some(RESERVE + 1));

@@ -1,4 +1,5 @@
-//! The bodies of requests: read in time, within the memory of the caller, and weighed before they are parsed.
+//! The bodies of requests. The server reads a body within a time limit and within the caller's share of the memory. It
+//! estimates the memory of the parsed body before it parses.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,17 +19,18 @@ use crate::http::wire::weight::tree_bytes;
 
 /// Largest body of a request, in bytes.
 pub const BODY_LIMIT: usize = 4 << 20;
-/// How long a body may take in any case. Then it must arrive with [`SLOWEST`] bytes per second.
+/// Time that every body may take. After it, the body must have arrived with at least [`SLOWEST`] bytes per second.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// The bytes of a request body with a JSON content type. They hold the memory for themselves and for their tree.
+/// A request body with a JSON content type. It holds memory for its bytes and for its tree, which are the parsed
+/// values.
 pub struct Body(pub Counted);
 
-/// The bytes of a request body of any type. They hold only their own memory: calls of UM-Bridge take turns, so the trees of few
-/// exist at once.
+/// A request body of any content type. It holds memory for its bytes only: calls of UM-Bridge take turns, so only a few
+/// trees exist at the same time.
 pub struct AnyBody(pub Counted);
 
-/// A body, and permission for its memory and that of its tree.
+/// A body, and the permits for the memory of its bytes and of its tree.
 pub struct Counted {
     pub bytes: Vec<u8>,
     _body: Permit,
@@ -68,7 +70,7 @@ impl<S: Sync> FromRequest<S> for AnyBody {
     }
 }
 
-/// Reads a body, and holds the memory for it, and for its tree if it `becomes_tree`.
+/// Reads a body. Reserves memory for its bytes, and for its tree if `becomes_tree` is true.
 async fn read_counted(request: Request, becomes_tree: bool) -> Result<Counted, Problem> {
     let caller = owner_of(request.extensions());
     let shares = request.extensions().get::<Arc<Shares>>().cloned();
@@ -129,7 +131,7 @@ async fn read(
             return Err(too_large());
         }
         if length > room {
-            // A body of unknown length gets the memory of the longest one.
+            // A body of unknown length gets memory for the longest possible body.
             room = if declared > 0 { declared } else { BODY_LIMIT };
             if let Some(shares) = shares {
                 permit = shares.bodies.hold(caller, room).await?;

@@ -18,54 +18,55 @@ use tokio::sync::Notify;
 
 use crate::http::shares::Permit;
 
-/// Smallest number of bytes per second in which a client must take its answer and send its body.
+/// Minimum number of bytes per second with which a client must read its answer and send its body.
 pub const SLOWEST: u64 = 4 << 10;
 
-/// The most seconds by which an answer can be early.
+/// Maximum number of seconds by which a client can be ahead of [`SLOWEST`].
 const EARLIEST: f64 = 10.0;
 
-/// How long the server waits for a client.
+/// The time limits of a connection.
 struct Patience {
-    /// The time between two looks at a connection.
+    /// The time between two checks of a connection.
     look: Duration,
-    /// For the head of a request, from its first byte on. The first request must come within this time.
+    /// Maximum time for the head of a request, from its first byte on. The first request of a connection must come
+    /// within this time.
     head: Duration,
-    /// For the next request.
+    /// Maximum time without a request.
     idle: Duration,
-    /// While an answer is taken with less than 4 KiB per second.
+    /// Maximum time by which a client can be behind [`SLOWEST`] while it reads an answer.
     slow: Duration,
-    /// For any byte during a request. This must be longer than the longest wait for a job.
+    /// Maximum time without any byte during a request. This must be longer than the longest wait for a job.
     silent: Duration,
 }
 
 const PATIENCE: Patience = Patience {
     look: Duration::from_secs(5),
     head: Duration::from_secs(10),
-    // Longer than reverse proxies keep an idle connection, mostly a minute.
+    // This is longer than the time for which reverse proxies keep an idle connection, mostly a minute.
     idle: Duration::from_mins(2),
     slow: Duration::from_secs(20),
     silent: Duration::from_mins(2),
 };
 
-/// The requests and the bytes of one connection. Its socket and its requests count them.
+/// The requests and the bytes of one connection. The socket counts the bytes, and each request counts itself.
 #[derive(Debug)]
 pub struct Activity {
     opened: Instant,
     /// Requests without a complete answer.
     open: AtomicUsize,
-    /// Whether it has had a request.
+    /// Whether the connection has had a request.
     served: AtomicBool,
-    /// Whether it is HTTP/2, which exchanges bytes also without requests.
+    /// Whether the connection is HTTP/2, which exchanges bytes between requests too.
     multiplexed: AtomicBool,
-    /// Milliseconds from its start to the end of the last request.
+    /// Milliseconds from the start of the connection to the end of the last request.
     ended: AtomicU64,
-    /// Bytes received, and how many of them before the last request ended.
+    /// Number of bytes received, and how many of them arrived before the last request ended.
     received: AtomicU64,
     received_before: AtomicU64,
     sent: AtomicU64,
-    /// Bytes of answers that the client has not taken.
+    /// Number of bytes of answers that are not sent yet.
     owed: AtomicU64,
-    /// Whether the socket accepts no more bytes.
+    /// Whether the socket accepts no more bytes, because the client does not read.
     blocked: AtomicBool,
     displaced: Notify,
 }
@@ -139,22 +140,23 @@ impl Drop for OpenRequest {
     }
 }
 
-/// What the last looks at a connection have seen.
+/// What the last checks of a connection have found.
 #[derive(Debug, Default)]
 struct Seen {
     sent: u64,
     received: u64,
     owed: bool,
-    /// By how many seconds its answer is late. It can be early, because sockets accept bytes in bursts.
+    /// By how many seconds the client is behind [`SLOWEST`]. A negative number means that the client is ahead: sockets
+    /// accept bytes in bursts.
     late: f64,
     /// How long no byte was sent or received.
     silent: Duration,
-    /// How long a request has been incomplete.
+    /// How long the head of a request has been incomplete.
     unfinished: Duration,
 }
 
 impl Seen {
-    /// Looks at a connection; returns the reason if it must be closed.
+    /// Checks a connection. Returns the reason if the connection must be closed.
     fn look(&mut self, activity: &Activity, patience: &Patience) -> Option<&'static str> {
         let passed = |is: bool, before: Duration| {
             if is { before + patience.look } else { Duration::ZERO }
@@ -252,18 +254,19 @@ impl<T: AsyncWrite + Unpin> AsyncWrite for Watched<T> {
     }
 }
 
-/// The body of an answer, handed over in pieces. Its request ends, and its memory is free, when the last piece was sent
-/// or dropped.
+/// The body of an answer, which hyper receives in pieces. When the last piece was sent or dropped, the request ends and
+/// the memory of the answer is free.
 pub struct AnswerBody {
     body: Body,
-    /// The rest of a frame.
+    /// The part of the present frame that is not in a piece yet.
     rest: Bytes,
-    /// Bytes that are owed but not in a piece yet. The length of an event stream is not known, so it owes nothing.
+    /// Number of bytes of the answer that are not in a piece yet. It is 0 for an event stream, because its length is
+    /// not known.
     owed: u64,
     guard: Arc<Guard>,
 }
 
-/// What an answer occupies until all of its bytes were sent.
+/// The request and the memory that an answer occupies until all of its bytes were sent.
 struct Guard {
     request: Arc<OpenRequest>,
     _permit: Option<Arc<Permit>>,
@@ -302,9 +305,9 @@ impl AnswerBody {
         Self { body, rest: Bytes::new(), owed, guard }
     }
 
-    /// The next piece of the rest.
+    /// The next piece of the present frame.
     fn piece(&mut self) -> Bytes {
-        /// Most results are one piece.
+        /// Size of a piece, in bytes. Most results fit into one piece.
         const SIZE: usize = 256 << 10;
         let bytes = self.rest.split_to(self.rest.len().min(SIZE));
         let owed = (bytes.len() as u64).min(self.owed);
@@ -363,7 +366,7 @@ mod tests {
         silent: Duration::from_secs(5),
     };
 
-    /// The number of looks after which a connection is closed, and why. `each` happens before each look.
+    /// The number of checks after which a connection is closed, and the reason. `each` is called before each check.
     fn closed(activity: &Activity, mut each: impl FnMut()) -> Option<(usize, &'static str)> {
         let mut seen = Seen::default();
         (1..=20).find_map(|looks| {
@@ -377,20 +380,20 @@ mod tests {
         let activity = Arc::new(Activity::new());
         let late = Some((2, "the head of the request is late"));
         assert_eq!(closed(&activity, || ()), late);
-        // Bytes do not help, if they do not complete the head.
+        // More bytes do not extend the time if they do not complete the head.
         let trickle = || {
             activity.received.fetch_add(1, Relaxed);
         };
         assert_eq!(closed(&activity, trickle), late);
         drop(activity.begin(Version::HTTP_11));
-        assert_eq!(closed(&activity, || ()), None, "it may be idle for a while");
+        assert_eq!(closed(&activity, || ()), None, "a connection may be idle for a while");
         assert_eq!(closed(&activity, trickle), late);
         drop(activity.begin(Version::HTTP_2));
         assert_eq!(closed(&activity, trickle), None, "HTTP/2 has bytes between requests");
     }
 
     #[test]
-    fn an_answer_must_be_taken_in_time_but_may_come_late() {
+    fn a_client_must_read_its_answer_in_time_but_the_server_may_compute_for_long() {
         let activity = Arc::new(Activity::new());
         let request = activity.begin(Version::HTTP_11);
         let alive = || {
@@ -404,7 +407,8 @@ mod tests {
             activity.sent.fetch_add(SLOWEST, Relaxed);
         };
         assert_eq!(closed(&activity, steady), None);
-        // A stream of events owes nothing, but a client that does not read blocks its socket.
+        // The number of unsent bytes of an event stream is not known, but a client that does not read blocks its
+        // socket.
         let (mut taken, mut pieces) = (0, Vec::new());
         while let Some(Some(frame)) = futures_util::FutureExt::now_or_never(body.frame())
             .map(|frame| frame.transpose().unwrap())
@@ -423,7 +427,7 @@ mod tests {
     }
 
     #[test]
-    fn a_silent_request_is_closed() {
+    fn a_connection_without_any_bytes_during_a_request_is_closed() {
         let activity = Arc::new(Activity::new());
         let _request = activity.begin(Version::HTTP_2);
         assert_eq!(closed(&activity, || ()), Some((5, "the connection is silent")));

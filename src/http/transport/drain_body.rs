@@ -21,12 +21,12 @@ use tokio::time::timeout;
 use super::body::BODY_LIMIT;
 use super::connection::OpenRequest;
 
-/// Largest number of bytes that are read and discarded.
+/// Maximum number of bytes that are read and discarded.
 const MAX_DRAINED: u64 = 16 * BODY_LIMIT as u64;
 /// Maximum time to drain an unread body.
 const MAX_TIME: Duration = Duration::from_secs(30);
 
-/// Arranges that the rest of the body is drained when the handler drops it.
+/// Wraps the body of a request, so that its rest is drained when the handler drops it.
 ///
 /// True if the connection must be closed after an error: the client will send too many bytes, or it waits
 /// for `100 Continue` and need not send any.
@@ -45,8 +45,8 @@ pub fn drain_body(request: &mut Request) -> bool {
 /// A body that is drained when it is dropped.
 struct Drained {
     body: Body,
-    /// Whether the client is sending: not before the server asks for the body of a request with
-    /// `Expect: 100-continue`, and not after its end.
+    /// Whether the client sends the body now. A client that sent `Expect: 100-continue` begins when the server reads
+    /// the body.
     drain: bool,
     /// The request is open until its body has been drained.
     open: Option<Arc<OpenRequest>>,
@@ -77,7 +77,7 @@ impl HttpBody for Drained {
 
 impl Drop for Drained {
     fn drop(&mut self) {
-        // Without a runtime the server is shutting down, and so do its connections.
+        // Without a runtime, the server has stopped, and its connections are closed anyway.
         if self.drain
             && !self.body.is_end_stream()
             && let Ok(runtime) = Handle::try_current()

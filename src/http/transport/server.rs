@@ -28,11 +28,11 @@ use crate::http::access::caller::Peer;
 use crate::http::shares::Permit;
 use crate::http::wire::length_of;
 
-/// Memory for the bytes of one connection in each direction.
+/// Size of the buffers of one connection in each direction, in bytes.
 const BUFFER: usize = 64 << 10;
-/// Concurrent requests of one connection of HTTP/2.
+/// Maximum number of concurrent requests of one HTTP/2 connection.
 const STREAMS: u32 = 16;
-/// How long the server waits after it could not accept a connection, for example because it has too many files.
+/// How long the server waits after it could not accept a connection, for example because it has too many open files.
 const PAUSE: Duration = Duration::from_millis(200);
 /// The answer on a connection that the server does not accept.
 const REFUSAL: &[u8] =
@@ -45,7 +45,8 @@ const REFUSAL: &[u8] =
 /// # Errors
 /// The address is in use, or not of this machine.
 pub fn listen(address: SocketAddr) -> io::Result<TcpListener> {
-    /// Connections that wait to be accepted. A client whose connection finds no place tries again after a second.
+    /// Maximum number of connections that wait until the server accepts them. The system of a client beyond this number
+    /// tries again after a second.
     const BACKLOG: u32 = 4096;
     let socket = match address {
         SocketAddr::V4(_) => TcpSocket::new_v4()?,
@@ -57,8 +58,8 @@ pub fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     socket.listen(BACKLOG)
 }
 
-/// Serves the router on all connections of a listener until `closing` ends. Then it ends when all connections are
-/// closed.
+/// Serves the router on all connections of a listener. When `closing` ends, accepts no more connections, and returns
+/// when all of them are closed.
 pub async fn serve(
     listener: TcpListener,
     router: Router,
@@ -77,7 +78,7 @@ pub async fn serve(
             let _ = socket.into_std().and_then(|mut socket| socket.write(REFUSAL));
             continue;
         };
-        // Sends small answers at once. If this fails, they are only delayed.
+        // The socket then sends small answers at once. If this call fails, they are only delayed.
         let _ = socket.set_nodelay(true);
         let activity = Arc::clone(&open.activity);
         let is_proxy = admission.is_proxy(address);
@@ -97,7 +98,7 @@ pub async fn serve(
 
 fn builder() -> Builder<TokioExecutor> {
     let mut builder = Builder::new(TokioExecutor::new());
-    // `Activity` limits the time for a head, and does not close idle connections so early.
+    // `Activity` limits the time for the head of a request. The limit of hyper would close idle connections too early.
     builder.http1().timer(TokioTimer::new()).header_read_timeout(None).max_buf_size(BUFFER);
     let mut http2 = builder.http2();
     http2.max_concurrent_streams(STREAMS);
@@ -162,7 +163,8 @@ fn answer(
     })
 }
 
-/// The address of the client of a reverse proxy: the last one, because clients can send others before it.
+/// The address of a client of a reverse proxy: the last address in `X-Forwarded-For`. The addresses before it may come
+/// from the client itself.
 fn forwarded(headers: &HeaderMap) -> Option<IpAddr> {
     let last = headers.get_all("x-forwarded-for").iter().next_back()?.to_str().ok()?;
     let last = last.rsplit(',').next()?.trim();

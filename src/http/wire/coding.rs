@@ -54,8 +54,8 @@ impl Coding {
 
     /// The coding that the client prefers (RFC 9110, 12.5.3), or none.
     ///
-    /// A client that rejects the identity coding may get it all the same: an error would be worse,
-    /// above all after a request that had an effect.
+    /// A client that rejects the identity coding may get it nevertheless. An error would be worse, above all after a
+    /// request that changed something.
     pub fn choose(headers: &HeaderMap) -> Self {
         let accepted = weighted(headers, ACCEPT_ENCODING);
         let weight = |coding: Self| {
@@ -65,8 +65,8 @@ impl Coding {
         preferred(&[Self::Zstd, Self::Gzip], weight).unwrap_or(Self::Identity)
     }
 
-    /// Compresses an answer for one client, if it is a text of known size without a tag. Answers with a tag are
-    /// made from results or files, and compressed already.
+    /// Compresses an answer for one client, if it is a text of known size without an entity tag. Answers with an entity
+    /// tag are made from results or files, and are compressed already.
     pub async fn compress(self, mut answer: Response) -> Response {
         if !is_compressible(&answer) {
             return answer;
@@ -91,7 +91,7 @@ impl Coding {
         }
     }
 
-    /// Compresses a text quickly. A long one is compressed on a blocking thread.
+    /// Compresses a text quickly. A long text is compressed on a blocking thread.
     async fn packed(self, text: Bytes) -> io::Result<Bytes> {
         let size = text.len();
         let pack = move || match self {
@@ -104,7 +104,7 @@ impl Coding {
         if size <= SHORT { pack() } else { task::spawn_blocking(pack).await? }
     }
 
-    /// Compresses everything that is written to it.
+    /// An encoder that compresses what is written to it.
     pub fn encoder(self) -> Encoder {
         Encoder { coding: self, waiting: Vec::new(), stream: None }
     }
@@ -120,7 +120,7 @@ impl Coding {
 /// Compresses a text while it is written, so that a large text is never fully in memory.
 pub struct Encoder {
     coding: Coding,
-    /// Written, but not compressed. Without compression this is the whole text.
+    /// The bytes that were written but not compressed yet. Without compression this is the whole text.
     waiting: Vec<u8>,
     stream: Option<Stream>,
 }
@@ -135,7 +135,7 @@ impl Encoder {
     /// not longer.
     const CHUNK: usize = 1 << 21;
 
-    /// Makes room for a large text, which would be copied when it outgrows its room.
+    /// Reserves memory for a large text, so that its bytes are not copied while it grows.
     pub fn reserve(&mut self, bytes: usize) {
         if self.coding == Coding::Identity {
             self.waiting.reserve(bytes);
@@ -155,7 +155,7 @@ impl Encoder {
             Some(Stream::Zstd(zstd)) => zstd.finish()?,
             None => self.waiting,
         };
-        // It may stay in the cache.
+        // The bytes may stay in the cache for long.
         compressed.shrink_to_fit();
         Ok((compressed.into(), self.coding))
     }

@@ -18,10 +18,10 @@ pub struct Include {
 }
 
 impl Include {
-    /// Their names.
+    /// The names of the values.
     pub const WORDS: [&str; 3] = ["result", "scenario", "submitted"];
 
-    /// Takes `include`: names, separated by commas.
+    /// Reads `include` from the query: names, separated by commas.
     pub fn take(query: &mut Query) -> Self {
         let accepted =
             "\"result\", \"scenario\", \"submitted\", or several of them separated by commas";
@@ -38,7 +38,7 @@ impl Include {
     pub fn members(self, asked: &Asked, result: Option<Bytes>) -> Vec<(&'static str, Bytes)> {
         let mut members = Vec::new();
         if self.scenario {
-            // A study stands under its own name.
+            // A study is added under its own name, such as `sweep`.
             let found = asked.task.as_deref().and_then(asked_in);
             members.push(found.map_or(("scenario", NULL), |(kind, text)| {
                 (kind.member(), Bytes::copy_from_slice(text.get().as_bytes()))

@@ -37,8 +37,8 @@ pub fn length_of(answer: &Response) -> Option<u64> {
     answer.body().size_hint().exact().or_else(stated)
 }
 
-/// The query parameters of a request. A handler takes those it knows. [`Query::finish`] refuses the others, so
-/// that a misspelt parameter is not ignored.
+/// The query parameters of a request. A handler takes the parameters that it knows out of the query. [`Query::finish`]
+/// refuses the others, so that a misspelt parameter is not ignored.
 pub struct Query {
     pairs: Vec<(String, String)>,
     known: Vec<&'static str>,
@@ -56,7 +56,7 @@ impl<S: Sync> FromRequestParts<S> for Query {
 }
 
 impl Query {
-    /// Takes a parameter as text.
+    /// Takes a parameter out of the query, as text.
     pub fn text(&mut self, name: &'static str) -> Option<String> {
         self.known.push(name);
         let taken = self.pairs.extract_if(.., |(key, _)| key == name);
@@ -65,7 +65,7 @@ impl Query {
         if !values.is_empty() {
             self.complain(name, "may be given only once");
         }
-        // Nothing has this character in it, and PostgreSQL refuses to compare with it.
+        // No stored text contains this character, and PostgreSQL refuses it in a comparison.
         if found.as_ref().is_some_and(|text| text.contains('\0')) {
             self.complain(name, "must not contain the character U+0000");
             return None;
@@ -73,7 +73,7 @@ impl Query {
         found
     }
 
-    /// Takes a parameter and parses it with `read`. `accepted` completes the fault "must be …".
+    /// Takes a parameter out of the query and parses it with `read`. `accepted` completes the fault "must be …".
     pub fn value<T>(
         &mut self,
         name: &'static str,
@@ -88,7 +88,7 @@ impl Query {
         value
     }
 
-    /// Takes `wait`: a number of seconds, at most [`LONGEST_WAIT`].
+    /// Takes `wait` out of the query: a number of seconds, at most [`LONGEST_WAIT`].
     pub fn wait(&mut self) -> Option<Duration> {
         self.value("wait", "a number of seconds between 0 and 60", |text| {
             let seconds: f64 = text.parse().ok()?;
@@ -98,7 +98,7 @@ impl Query {
         })
     }
 
-    /// Takes `format`. Faults list the formats `offered`.
+    /// Takes `format` out of the query. A fault lists the formats that are `offered`.
     pub fn format(&mut self, offered: &[Format]) -> Option<Format> {
         let accepted = fmt::from_fn(|f| {
             let mut or = "";
@@ -117,7 +117,7 @@ impl Query {
         self.complaints.push(Complaint::parameter(name, detail));
     }
 
-    /// Refuses the request if its parameters have faults, or if some were not taken.
+    /// Refuses the request if its parameters have faults, or if the handler did not take all of them.
     pub fn finish(mut self) -> Result<(), Problem> {
         if self.pairs.is_empty() && self.complaints.is_empty() {
             return Ok(());
@@ -193,7 +193,7 @@ pub fn words(headers: &HeaderMap, name: HeaderName) -> impl Iterator<Item = &str
     values.flat_map(|value| value.split(',')).map(str::trim)
 }
 
-/// A header value.
+/// A header value from an ASCII text.
 #[expect(clippy::expect_used, reason = "callers pass keys, paths, numbers and names of formats")]
 pub fn ascii(text: &str) -> HeaderValue {
     HeaderValue::try_from(text).expect("the text is ASCII")
@@ -217,7 +217,7 @@ const IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
 /// Longest `Idempotency-Key`, in characters.
 const LONGEST_KEY: usize = 255;
 
-/// The `Idempotency-Key` of a submission. The draft standard has quotes around it; they are optional here.
+/// The `Idempotency-Key` of a submission. The draft standard requires quotes around the key; here they are optional.
 pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
     let mut values = headers.get_all(IDEMPOTENCY_KEY).iter();
     let Some(value) = values.next() else { return Ok(None) };

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::Query;
 
-/// Takes `limit`: how many entries a page may have.
+/// Reads `limit` from the query: the maximum number of entries of a page.
 pub fn limit(query: &mut Query, default: u32, most: u32) -> u32 {
     let accepted = format_args!("a number from 1 to {most}");
     let read = |text: &str| text.parse().ok().filter(|limit| (1..=most).contains(limit));

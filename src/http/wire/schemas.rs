@@ -30,7 +30,7 @@ macro_rules! documented {
             impl ToSchema for $name {}
         )*
 
-        /// All of them, by their names.
+        /// All these types, by their names.
         pub fn all() -> Vec<(String, RefOr<Schema>)> {
             vec![$((stringify!($name).to_owned(), $name::schema())),*]
         }

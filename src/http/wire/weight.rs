@@ -4,17 +4,17 @@
 
 use crate::http::problem::{Problem, kinds};
 
-/// Largest number of objects and arrays. A block or an output cycle is one of them.
+/// Maximum number of objects and arrays. A block or an output cycle can be one of them.
 const GROUPS: usize = 10_000;
-/// Largest number of values.
+/// Maximum number of values.
 const VALUES: usize = 250_000;
-/// Largest number of members of all objects.
+/// Maximum number of members of all objects together.
 const MEMBERS: usize = 50_000;
-/// Largest number of objects and arrays inside each other.
+/// Maximum depth of objects and arrays inside each other.
 const DEPTH: usize = 32;
 
-/// Bytes of an object or an array, a member with its name, and a value, while they are parsed and read. Measured: 120 for
-/// each value of a table, 650 for a block with one member.
+/// Memory of an object or an array, of a member with its name, and of a value while they are parsed and read, in bytes.
+/// Measured: 120 for each value of a table, 650 for a block with one member.
 const BYTES: [usize; 3] = [300, 250, 120];
 
 /// Counts the parts of a JSON text, and returns the bytes of its tree. The text need not be valid JSON.
@@ -28,7 +28,7 @@ pub fn tree_bytes(text: &[u8]) -> Result<usize, Problem> {
     while let Some(byte) = bytes.next() {
         match byte {
             b'"' => {
-                // Goes to the closing quote.
+                // Skips the text to its closing quote.
                 let rest = bytes.len();
                 while let Some(byte) = bytes.next() {
                     match byte {
@@ -50,7 +50,7 @@ pub fn tree_bytes(text: &[u8]) -> Result<usize, Problem> {
             _ => {}
         }
     }
-    // Each value but the first of a group has a comma before it.
+    // In an object or an array, each value except the first has a comma before it.
     let values = commas + groups + 1;
     let excess = [
         (groups, GROUPS, "objects and arrays"),
@@ -72,12 +72,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_are_counted_outside_of_texts() {
+    fn brackets_and_commas_inside_strings_are_not_counted() {
         let bytes = |text: &str| tree_bytes(text.as_bytes()).unwrap();
         assert_eq!(bytes("[1, 2, 3]"), BYTES[0] + 4 * BYTES[2]);
         assert_eq!(bytes(r#"{"a": {}}"#), 2 * BYTES[0] + BYTES[1] + 3 * BYTES[2] + 2);
         assert_eq!(bytes(r#""[{:,\"]\\""#), BYTES[2] + 10);
-        // The rest of an unfinished text is part of it.
+        // An unfinished string extends to the end of the text.
         assert_eq!(bytes(r#"["\"#), BYTES[0] + 2 * BYTES[2] + 1);
     }
 

@@ -185,7 +185,7 @@ pub(super) fn address(id: JobId) -> String {
     format!("/v1/jobs/{id}")
 }
 
-/// Answers a job, with the included members.
+/// Answers a job, with the members that `include` names.
 pub(super) async fn answer(
     app: &App,
     caller: &Caller,
@@ -234,7 +234,7 @@ pub(super) fn write(job: Job, members: Vec<(&str, Bytes)>) -> Result<Response, P
     }
     let headers = [
         (header::CONTENT_TYPE, "application/json".to_owned()),
-        // A job changes.
+        // A job changes, so no cache may keep it.
         (header::CACHE_CONTROL, "no-store".to_owned()),
         (header::CONTENT_LOCATION, address(id)),
         (header::LINK, format!("</v1/results/{key}>; rel=\"related\"")),
