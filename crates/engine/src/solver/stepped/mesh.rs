@@ -82,7 +82,11 @@ impl Mesh {
                 0.0
             }
         });
-        let unworn_core = shape.half_force() - loads.sum::<f64>();
+        let mut unworn_core = shape.half_force() - loads.sum::<f64>();
+        if radii[0] > 1.0 {
+            // The core of a later block can reach beyond the unworn contact.
+            unworn_core -= (radii[0] - 1.0) * (shape.image_mean(1.0, radii[0]) - 1.0);
+        }
         let core = if axis { 0.0 } else { unworn_core - prior.image_area(radii[0]) };
         if !prior.is_empty() {
             let areas: Vec<f64> = radii.iter().map(|r| prior.image_area(*r)).collect();
