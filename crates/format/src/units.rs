@@ -76,7 +76,7 @@ impl Entry {
 pub struct Units {
     entries: Vec<Entry>,
     digits: Option<u8>,
-    /// Whether some numbers change.
+    /// Whether a change of units or rounding changes some numbers.
     pub convert: bool,
 }
 

@@ -44,7 +44,7 @@ struct Column {
     /// The points of this interval that are not computed yet, in reverse order.
     points: Vec<f64>,
     values: Vec<Vec<Option<f64>>>,
-    /// The fault of the first scenario around the point that is not valid.
+    /// The first fault of an invalid scenario around the point.
     fault: Option<String>,
 }
 
@@ -379,7 +379,8 @@ mod tests {
         (scenario, chance.one_of(&numbers))
     }
 
-    /// The module `output` refers to this test. The derivatives of runs with a smaller tolerance count as true.
+    /// The module `output` refers to this test. Derivatives of runs with a smaller tolerance serve as the true
+    /// values.
     #[test]
     fn stated_errors_of_derivatives_cover_the_noise_of_all_columns() {
         let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();

@@ -214,7 +214,7 @@ impl Deserr<Faults> for OutputName {
     }
 }
 
-/// The row of the history at an output cycle that is written as in the scenario.
+/// The row of the history at an output cycle. `text` has the form of the output cycles in the scenario.
 fn row_of(text: &str, cycles: &Cycles) -> Result<usize, String> {
     let dimension = match cycles.measure {
         Measure::Cycles | Measure::Normalized => Dimension::Number,

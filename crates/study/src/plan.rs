@@ -156,7 +156,7 @@ impl Hints {
 /// Two regions of a plane, separated by a boundary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Regions {
-    /// The table of the findings with the boundary: two columns with the names of the two numbers.
+    /// The member of the findings that has the boundary: a table with one column for each of the two numbers.
     pub boundary: &'static str,
     /// The label of the boundary.
     pub label: &'static str,

@@ -140,7 +140,7 @@ impl Values {
     }
 }
 
-/// How many values an entry lists or counts.
+/// The number of values that an entry of `vary` has: the length of `values`, or `count`.
 fn values_in(entry: &Value) -> u64 {
     let count = entry.get("count").and_then(Value::as_u64);
     let listed = entry.get("values").and_then(Value::as_array).map(|values| values.len() as u64);

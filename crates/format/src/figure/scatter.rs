@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn points_of_one_abscissa_are_in_one_bin() {
-        // The levels of a screening.
+        // Four abscissae, like the levels of a Morris screening.
         let x: Vec<f64> = (0..1000).map(|i| f64::from(i % 4)).collect();
         let y: Vec<f64> = x.iter().map(|x| 10.0 * x).collect();
         let (series, _) = series(&x, &y);

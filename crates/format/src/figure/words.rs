@@ -18,7 +18,7 @@ pub fn shortened(number: f64, digits: u8) -> String {
     }
 }
 
-/// A unit as it is printed.
+/// A unit in the notation of figures, such as `µm` for `um`.
 pub fn typeset(unit: &str) -> String {
     let unit = if unit == "um" { "µm" } else { unit };
     unit.replace("^3", "³")
