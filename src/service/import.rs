@@ -1,8 +1,8 @@
-//! Imports results of other servers. Each is computed again, on all cores, before it is stored.
+//! Imports results of other servers. Each result is verified before it is stored: it is computed again, on all cores.
 //!
-//! One thread for each core takes results from a queue. A run is computed by one thread. The rows of a study are computed by
-//! as many threads, in random order, and one study at a time. So if the time limit ends a study, what was verified is a random
-//! sample.
+//! One thread for each core takes results from a queue. One thread computes a run. The rows of a study are computed by
+//! one thread for each core, in random order, and only one study at a time. So if the time limit ends a study, the
+//! verified rows are a random sample.
 
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -22,24 +22,27 @@ use fretwork_job::{Key, Received, Refused, Verified};
 use fretwork_random::Stream;
 use fretwork_store::{Accepted, Entry, Imported, Importer, Moving, Place};
 
-/// Results for each thread that are read in advance.
+/// Maximum number of results per thread that are read in advance.
 const AHEAD: usize = 3;
-/// Bytes of results that may be in memory when the next one is read.
+/// The next result is read only while the results in memory have fewer bytes than this.
 const AHEAD_BYTES: usize = 32_000_000;
-/// Time between two reports of the progress of a study.
+/// Maximum time between two reports of the progress.
 const REPORT: Duration = Duration::from_millis(200);
-/// A run is not begun if its estimate exceeds the limit this many times. Estimates are rough.
+/// A run is not computed again if its estimated time exceeds the limit by more than this factor. The factor is large
+/// because estimates are rough.
 const HOPELESS: f64 = 10.0;
 
 /// Imports the results of an export that the database does not have, and the notes of results that have no note in the
 /// database.
 ///
-/// Each result may take `limit` of processor time. It is refused if it differs from what this program computes. If a study
-/// takes longer, random rows of it are verified: those that take less than the limit divided by the number of threads. If a run
-/// takes longer, or an earlier version of the engine computed it, only its form is checked. The provenance says which.
+/// `limit` is the maximum processor time for each result. A result is refused if it differs from the result that this
+/// program computes. If a study takes longer, only random rows of it are verified, and none that takes longer than `limit`
+/// divided by the number of threads. If a run takes longer, or an earlier version of the engine computed the result, only its
+/// form is checked. The provenance records how much was verified.
 ///
-/// Each result has its own transaction, and those of the database are not computed again. So an interrupted import can be
-/// repeated. `progress` is called with the number of results done, with a share of the present study, and the number of all.
+/// Each result is stored in its own transaction. Results that the database already has are not computed again. So an
+/// interrupted import can be repeated. `progress` is called with the number of finished results, plus the finished
+/// share of the present study, and with the number of all results.
 ///
 /// # Errors
 /// The file is not an export, or a database fails.
@@ -58,7 +61,7 @@ pub async fn import(
             if let Some(entry) = import.next_entry().await? {
                 busy += 1;
                 bytes += entry.body.len();
-                // The threads end after the queue.
+                // This cannot fail, because `verifier` holds the receiver.
                 let _ = queue.send(entry);
             }
         } else if let Ok(Some(Settled { key, size, verdict })) =
@@ -84,19 +87,19 @@ struct Settled {
     verdict: Result<Accepted, String>,
 }
 
-/// What the threads share.
+/// The state that the threads share.
 struct Verifier {
     queued: Mutex<mpsc::Receiver<Entry>>,
-    /// Closed when the import has failed.
+    /// Sends the outcomes. It is closed when the import has failed.
     done: UnboundedSender<Settled>,
     limit: Duration,
     /// Held while a study is computed.
     study: Mutex<()>,
-    /// The share of this study that is verified, as the bits of a float.
+    /// The share of the present study that is verified, as the bits of a float.
     share: AtomicU64,
 }
 
-/// Poisoning does not matter: what the locks guard does not change.
+/// Locks a mutex. Poisoning is harmless, because a panic cannot leave the guarded values inconsistent.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -126,9 +129,10 @@ impl Verifier {
             let (key, size) = (entry.key, entry.body.len());
             // A defect of the engine must not end the import.
             let verdict = catch_unwind(AssertUnwindSafe(|| self.verify(entry)));
-            let defect = || Err("to compute it failed: this is a defect of fretwork".to_owned());
+            let defect =
+                || Err("computing the result failed: this is a defect of fretwork".to_owned());
             let settled = Settled { key, size, verdict: verdict.unwrap_or_else(|_| defect()) };
-            // If the import has failed, nobody receives it.
+            // This fails if the import has failed. Then the outcome is not needed.
             let _ = self.done.send(settled);
         }
     }
@@ -169,7 +173,7 @@ impl Verifier {
         }
     }
 
-    /// Computes rows until none is left, one differs, or the time is over.
+    /// Computes rows until no row is left, a row differs, or the time limit is reached.
     fn compute_rows(&self, received: &Received, body: &[u8], rows: &Rows) {
         let (watch, mut before) = (Stopwatch::start(), Duration::ZERO);
         let mut goes_on = || {
@@ -197,13 +201,13 @@ impl Verifier {
     }
 }
 
-/// The rows of a result that is computed again. All threads that compute them share it.
+/// The rows of a result that is computed again. All threads that compute the rows share this.
 #[derive(Default)]
 struct Rows {
     order: Vec<u32>,
-    /// How many are begun.
+    /// The position in `order` of the next row to compute.
     next: AtomicUsize,
-    /// How many agree.
+    /// The number of rows that agree.
     verified: AtomicUsize,
     /// Processor time of all threads together.
     nanoseconds: AtomicU64,
@@ -211,7 +215,7 @@ struct Rows {
     refused: OnceLock<Refused>,
 }
 
-/// The numbers up to `count` in an order that the maker of a file cannot foresee.
+/// The numbers below `count` in a random order, which the author of a file cannot predict.
 fn shuffled(count: usize) -> Vec<u32> {
     let random = Stream::new(RandomState::new().build_hasher().finish());
     let mut order: Vec<u32> = (0..count as u32).collect();

@@ -20,32 +20,35 @@ use fretwork_job::{Answer, Cost, FailureKind, Key, Work};
 use fretwork_store::{Claimed, Error, Finish, RunId, Store};
 use fretwork_study::Study;
 
-/// Begins the work of a run from its key and its stored task.
+/// A function that prepares the computation of a run from its key and its stored task.
 pub type Compute = Arc<dyn Fn(&Key, &str) -> Result<Box<dyn Work>, String> + Send + Sync>;
 
-/// Shortest time between two updates of the stored progress.
+/// Minimum time between two updates of the stored progress.
 const REPORT: Duration = Duration::from_millis(250);
 /// An idle worker checks the queue at this interval even without a signal.
 const POLL: Duration = Duration::from_secs(5);
-/// First and longest pause between two attempts to use a store that fails. Each pause doubles the last.
+/// The first and the longest pause between two attempts while the store fails. Each pause is twice as long as the
+/// previous one.
 const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(5));
-/// A run fails after the database has refused its result this often, other than for a full disk.
+/// A run fails after the database has refused its result this often. A full disk, a busy database and a lost connection
+/// do not count.
 const MAX_REFUSALS: u32 = 8;
-/// How long a drain waits for threads that must abandon their runs. A step should take only 50 ms.
+/// Maximum time that a drain waits for threads that must abandon their runs. A thread checks for this after each step,
+/// which should take only 50 ms.
 const MAX_ABANDON: Duration = Duration::from_secs(5);
 
-/// What the threads must do.
+/// The order to all threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 enum WorkerOrder {
-    /// Claim and compute.
+    /// Claim runs and compute them.
     Work,
-    /// Finish the current run, and claim no other.
+    /// Finish the current run, and claim no further run.
     Finish,
-    /// Release the current run.
+    /// Release the current run, and end.
     Abandon,
 }
 
-/// A running pool. If it is dropped, the threads release their runs and end; nothing waits for them.
+/// A running pool. If it is dropped, the threads release their runs and end. The drop does not wait for them.
 #[derive(Debug)]
 pub struct Workers {
     order: watch::Sender<WorkerOrder>,
@@ -99,7 +102,8 @@ impl Workers {
             }
         }
         for thread in self.threads.drain(..) {
-            // All threads have ended or are about to end, so this does not block. A panic was printed before.
+            // All threads have ended or are about to end, so this does not block. The panic hook has reported any
+            // panic.
             let _ = thread.join();
         }
     }
@@ -111,7 +115,7 @@ impl Drop for Workers {
     }
 }
 
-/// The studies whose chunks the threads computed last, the latest one at the end.
+/// The studies whose chunks the threads computed last, in the order of their last use.
 type Studies = Mutex<Vec<(RunId, Arc<Study>)>>;
 
 /// The state of one thread.
@@ -127,7 +131,7 @@ struct Worker {
     _living: mpsc::Sender<()>,
 }
 
-/// What a worker has computed.
+/// The data that a worker has computed.
 enum Made {
     /// The result.
     Answer(Answer, Cost),
@@ -135,12 +139,12 @@ enum Made {
     Rows(Vec<u8>, Cost),
 }
 
-/// Why a worker has computed nothing.
+/// The reason why a worker has not finished a computation.
 enum NotMade {
     Failed(FailureKind, String),
-    /// No job needs it any more.
+    /// No job needs the result any more, or the worker has lost its run or piece.
     Unwanted,
-    /// The server shuts down before it is finished.
+    /// The server shuts down before the computation is finished.
     Interrupted,
 }
 
@@ -162,8 +166,8 @@ impl Worker {
         }
     }
 
-    /// Stores the outcome and claims the next run at the same time, so that both share a commit. Returns `None`
-    /// if the queue is empty.
+    /// Stores the outcome and claims the next run at the same time, so that both share a commit. Returns `None` if no
+    /// run was claimed.
     async fn settle_and_claim(
         &self,
         claimed: &Claimed,
@@ -174,10 +178,10 @@ impl Worker {
             return None;
         }
         let (stored, next) = tokio::join!(self.store_outcome(claimed, outcome), self.store.claim());
-        // If the claim fails, `claim` tries again and logs the error.
+        // After an error, the caller calls `claim`, which tries again and logs errors.
         let mut next = next.ok().flatten();
         if stored.is_err() {
-            // The next run must not wait until the store accepts this outcome.
+            // Gives the next run back, because it must not wait until the store accepts this outcome.
             if let Some(claimed) = &next
                 && self.store.release(claimed).await.is_ok()
             {
@@ -219,8 +223,8 @@ impl Worker {
         None
     }
 
-    /// Stores how a run ended. Tries again for as long as the disk is full or the database is busy, because a
-    /// result must not be lost. After other errors the run fails, because it would block its thread.
+    /// Stores the outcome of a run. Tries again as long as the disk is full or the database is busy, because a result
+    /// must not be lost. After [`MAX_REFUSALS`] other errors, the run fails, because it would block its thread.
     async fn settle(&self, claimed: &Claimed, outcome: &Result<Made, NotMade>) {
         let mut pause = PAUSE.0;
         let mut refused = 0;

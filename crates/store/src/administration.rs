@@ -15,7 +15,7 @@ use super::statement::sql;
 use super::tables::{Connected, Connection, Tables};
 use super::{postgres, sqlite};
 
-/// How long a command waits while a server writes to a directory.
+/// Maximum time that a command waits for the lock of the database while a server writes.
 pub(super) const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A database, opened by a command.
@@ -40,7 +40,7 @@ impl Connected for Administration {
 }
 
 impl Administration {
-    /// Opens the database at a place. Creates or migrates it where necessary, unless a server uses a directory.
+    /// Opens the database at a place. Creates or migrates it if necessary, but not in a directory that a server uses.
     pub fn open(place: Place) -> Command<'static, Self> {
         Box::pin(async move {
             Ok(Self(match place {
@@ -52,7 +52,8 @@ impl Administration {
         })
     }
 
-    /// Whether a directory contains a database. A database of PostgreSQL is known when it is opened.
+    /// Whether a directory contains a database. Always true for PostgreSQL: a missing database is an error of
+    /// [`open`](Self::open).
     #[must_use]
     pub fn is_at(place: &Place) -> bool {
         match place {
@@ -61,12 +62,12 @@ impl Administration {
         }
     }
 
-    /// Up to `limit` entries of the audit log before another one, the newest first.
+    /// Up to `limit` entries of the audit log, the newest first. With `before`, only entries with smaller ids.
     pub fn audit(&mut self, before: Option<i64>, limit: u32) -> Command<'_, Vec<AuditEntry>> {
         Box::pin(audit::list(before, limit, self))
     }
 
-    /// Creates an access key and returns it. It cannot be read again.
+    /// Creates an access key and returns it. Only its digest is stored, so the key cannot be read later.
     pub fn add_key<'a>(&'a mut self, new: &'a NewKey) -> Command<'a, String> {
         Box::pin(async move {
             let (id, key) = NewKey::mint()?;
@@ -85,7 +86,7 @@ impl Administration {
         Box::pin(async move { self.change(keys::revoke, &name.to_owned()).await })
     }
 
-    /// Makes a change in a transaction.
+    /// Executes a verb in a transaction of its own.
     pub(super) async fn change<Input, V, Answer>(
         &mut self,
         verb: V,
@@ -97,13 +98,13 @@ impl Administration {
         self.execute(sql!("BEGIN" [" IMMEDIATE" | ""] "")).await?;
         let done = self.commit(verb, input).await;
         if done.is_err() {
-            // This fails if the database has rolled back by itself, or cannot be reached any more.
+            // This fails if the database has already rolled back, or cannot be reached any more. Both are harmless.
             let _ = self.execute(sql!("ROLLBACK")).await;
         }
         done
     }
 
-    /// Makes a change in the open transaction, and commits it.
+    /// Executes a verb in the open transaction, and commits.
     async fn commit<Input, V, Answer>(&mut self, verb: V, input: &Input) -> Result<Answer, Error>
     where
         V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
@@ -112,7 +113,7 @@ impl Administration {
             "SELECT " ["CAST(round(unixepoch('subsec') * 1000) AS INTEGER)" | "moment()"] " AS now"
         );
         let now = self.one(query).await?.get("now")?;
-        // The acts of commands are not signalled.
+        // A command has no listeners, so the effects are dropped.
         let (db, effects) = (self.connection(), &mut Vec::new());
         let answer = verb.apply(input, Change { db, now, effects }).await?;
         self.execute(sql!("COMMIT")).await?;

@@ -1,22 +1,23 @@
-//! The clock by which ages are measured.
+//! The clock that measures ages of jobs and results.
 
 use std::time::Instant;
 
 use fretwork_job::clock::now;
 
-/// The clock by which ages are measured, in milliseconds since 1970.
+/// The clock that measures ages of jobs and results, in milliseconds since 1970.
 ///
-/// It follows the clock of the system, but advances only while the server runs, and at most twice as fast. So nothing
-/// is deleted because the clock of the system has jumped ahead. After a pause of the server it catches up.
+/// It follows the system clock. But it advances only while the server runs, at most twice as fast as real time. So
+/// nothing is deleted because the system clock has jumped ahead. After a pause of the server, it catches up slowly.
 #[derive(Debug)]
 pub(super) struct AgeClock {
     time: i64,
+    /// When the clock was last advanced.
     read: Instant,
-    /// The time in the table.
+    /// The time that was last stored in the database.
     stored: i64,
 }
 
-/// The clock is stored when it has advanced by this time, in milliseconds.
+/// Interval at which the time is stored, in milliseconds: 10 minutes.
 const STORE_CLOCK: i64 = 10 * 60 * 1000;
 
 impl AgeClock {
@@ -24,7 +25,7 @@ impl AgeClock {
         Self { time: stored.unwrap_or_else(now), read: Instant::now(), stored: stored.unwrap_or(0) }
     }
 
-    /// Advances to the time of the system, or as far as it may. Returns the time, or that of the system if it is earlier.
+    /// Advances towards the time of the system clock. Returns the earlier one of the two times.
     pub(super) fn advance(&mut self, system: i64) -> i64 {
         let passed = i64::try_from(self.read.elapsed().as_millis()).unwrap_or(i64::MAX);
         self.read = Instant::now();
@@ -32,7 +33,7 @@ impl AgeClock {
         self.time.min(system)
     }
 
-    /// The time to be stored now, if any.
+    /// The time, if it must be stored now. The caller stores it.
     pub(super) fn unstored(&mut self) -> Option<i64> {
         let due = (self.time - self.stored).abs() >= STORE_CLOCK;
         due.then(|| {

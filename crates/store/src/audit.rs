@@ -1,7 +1,8 @@
 //! The audit log: who made, revoked and used keys, and who canceled and deleted whose jobs and results.
 //!
-//! An entry is written in the transaction of its act. Equal acts of one day share an entry, and so do all jobs of an actor
-//! that it cancels or deletes itself. So no client can fill the log with ordinary requests.
+//! An entry is written in the transaction of its act. Equal acts of one day share an entry. All own jobs that an actor
+//! cancels in one day share an entry, too, and so do those that it deletes. So no client can fill the log with ordinary
+//! requests.
 
 use super::error::Error;
 use super::row::{Columns, Row, cells, read};
@@ -29,10 +30,10 @@ words! {
 
 cells! { text by str::parse: Act; }
 
-/// Who acts.
+/// The person or program that acts.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Actor {
-    /// The owner of its jobs, or the user of a command.
+    /// The name in its access key, which is the owner of its jobs. For a command: the user who runs it.
     pub name: String,
     /// The id of its access key; empty without a key.
     pub key: String,
@@ -50,7 +51,7 @@ impl Actor {
     }
 }
 
-/// Equal acts of one day.
+/// An entry of the audit log: equal acts of one day.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AuditEntry {
     /// Its number. Later entries have larger numbers.
@@ -78,7 +79,7 @@ impl AuditEntry {
     }
 }
 
-/// Records an act on something of an owner, in the transaction of the act.
+/// Records an act in the open transaction. `owner` is the owner of the subject.
 pub(super) async fn record(
     tx: &mut impl Connected,
     now: i64,
@@ -86,7 +87,7 @@ pub(super) async fn record(
     subject: &str,
     owner: &str,
 ) -> Result<(), Error> {
-    // All jobs of an actor share an entry.
+    // All own jobs of an actor share an entry, which has no subject.
     let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && actor.name == owner;
     let subject = if own_job { "" } else { subject };
     let entry = sql!(
@@ -100,7 +101,7 @@ pub(super) async fn record(
     Ok(())
 }
 
-/// Up to `limit` entries before another one, the newest first.
+/// Up to `limit` entries, the newest first. With `before`, only entries with smaller ids.
 pub(super) async fn list(
     before: Option<i64>,
     limit: u32,

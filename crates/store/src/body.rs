@@ -1,6 +1,6 @@
 //! The body of a result as it is stored: its JSON, compressed with Zstandard.
 //!
-//! Bodies from before version 0.3 are stored as plain JSON. The first bytes tell them apart.
+//! Versions before 0.3 stored plain JSON. The first four bytes show which form a body has.
 
 use std::cell::RefCell;
 use std::io;
@@ -14,7 +14,8 @@ use zstd::zstd_safe::{self, CParameter};
 /// The first bytes of a Zstandard frame (RFC 8878).
 const MAGIC: [u8; 4] = 0xfd2f_b528_u32.to_le_bytes();
 
-/// Largest JSON that is decompressed, in bytes. A result is about as large as was estimated before it was computed.
+/// Largest JSON that is decompressed, in bytes. `MAX_ANSWER` limits the size that is estimated before a computation.
+/// The factor 2 covers the error of the estimate.
 const MAX_SIZE: usize = 2 * MAX_ANSWER;
 
 /// A body as it is stored.
@@ -25,7 +26,7 @@ impl Body {
     /// Compresses the JSON of a result.
     pub(super) fn pack(json: &[u8]) -> io::Result<Self> {
         thread_local! {
-            /// Its tables take longer to allocate than a short result to compress.
+            /// One compressor per thread. To allocate its tables takes longer than to compress a short result.
             static COMPRESSOR: RefCell<Option<Compressor<'static>>> = const { RefCell::new(None) };
         }
         COMPRESSOR.with_borrow_mut(|compressor| {
@@ -69,8 +70,9 @@ impl Body {
             return Ok(self.0.clone());
         }
         let size = self.size().filter(|size| *size <= MAX_SIZE);
-        let size =
-            size.ok_or_else(|| io::Error::other("it does not state its size, or is too large"))?;
+        let size = size.ok_or_else(|| {
+            io::Error::other("the compressed body does not state its size, or is too large")
+        })?;
         zstd::bulk::decompress(&self.0, size).map(Bytes::from)
     }
 
@@ -87,11 +89,11 @@ impl Body {
     }
 }
 
-/// A compressor for digits. Little repeats but short sequences of digits by chance, and a reference to one takes more
-/// space than its digits. So only matches of 7 bytes count, and a short list of recent ones suffices.
+/// A compressor for numbers in text. Mostly short sequences of digits repeat, by chance. A reference to such a sequence
+/// takes more space than the digits. So matches must have at least 7 bytes, and a small hash table suffices.
 ///
-/// A result of 256 points and 6 output cycles shrinks from 160 kB to 54 kB. With the usual parameters of the levels 1 to 9
-/// it would take 58 to 64 kB and up to ten times as long.
+/// A result of 256 points and 6 output cycles shrinks from 160 kB to 54 kB. The usual parameters of the levels 1 to 9
+/// give 58 to 64 kB, and take up to ten times as long.
 fn compressor_of_digits() -> io::Result<Compressor<'static>> {
     let mut compressor = Compressor::new(1)?;
     compressor.set_parameter(CParameter::MinMatch(7))?;
@@ -104,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_packed_body_gives_its_json_back() {
+    fn a_packed_body_unpacks_to_the_same_json() {
         for times in [0, 1, 100, 100_000] {
             let json = format!("[{}]", "1.23456789012e-7,0.0,".repeat(times));
             let body = Body::pack(json.as_bytes()).unwrap();

@@ -17,7 +17,7 @@ pub enum Canceled {
     NotFound,
     /// The job had already ended.
     AlreadyFinished(Job),
-    /// It is canceled, or will be as soon as its worker stops.
+    /// The job is canceled, or will be as soon as the worker of its run stops.
     Done(Job),
 }
 
@@ -26,9 +26,9 @@ pub enum Canceled {
 pub enum Deleted {
     /// There is no such job.
     NotFound,
-    /// It has not ended.
+    /// The job has not ended, so it was not deleted.
     Unfinished(JobState),
-    /// It is deleted.
+    /// The job is deleted.
     Done,
 }
 
@@ -43,7 +43,8 @@ pub(super) async fn delete(
     }
     let now = tx.now;
     record(&mut tx, now, (by, Act::DeleteJob), &id.to_string(), &job.owner).await?;
-    // Otherwise two servers that delete the last two jobs of a run would each leave it to the other.
+    // Without this lock, two servers could delete the last two jobs of a run at the same time. Each would still see
+    // the job of the other, and the run would stay without a job.
     let lock = sql!(
         "SELECT 1 FROM run WHERE id = (SELECT run FROM job WHERE id = $1) FOR NO KEY UPDATE"; *id
     );
@@ -53,7 +54,7 @@ pub(super) async fn delete(
     Ok(Deleted::Done)
 }
 
-/// Deletes a finished job, and its run if it has ended and has no other job.
+/// Deletes a finished job. Also deletes its run if the run has ended and has no other job.
 pub(super) async fn delete_job(id: &[u8], tx: &mut impl Connected) -> Result<(), Error> {
     let deleted = tx.row(sql!("DELETE FROM job WHERE id = $1 RETURNING run"; id)).await?;
     let run = deleted.map(|row| row.get::<Option<i64>>("run")).transpose()?.flatten();
@@ -63,7 +64,7 @@ pub(super) async fn delete_job(id: &[u8], tx: &mut impl Connected) -> Result<(),
     }
 }
 
-/// Deletes a finished run without jobs.
+/// Deletes a run if it is finished and has no jobs.
 pub(super) async fn delete_unnamed(run: RunId, tx: &mut impl Connected) -> Result<(), Error> {
     let delete = sql!(
         "DELETE FROM run WHERE id = $1 AND finished IS NOT NULL

@@ -9,9 +9,9 @@ use super::tables::{Connected, Connection};
 /// An open transaction of either database.
 pub(super) struct Change<'a> {
     pub(super) db: Connection<'a>,
-    /// The time of all its changes, in milliseconds since 1970.
+    /// The time of the transaction, in milliseconds since 1970.
     pub(super) now: i64,
-    /// What to signal after the commit.
+    /// The signals that are sent after the commit.
     pub(super) effects: &'a mut Vec<Effect>,
 }
 
@@ -21,7 +21,7 @@ impl Connected for Change<'_> {
     }
 }
 
-/// A verb that both databases have, for a transaction of one of them.
+/// Adapts a verb that takes a [`Change`], so that it takes the transaction of one of the two databases.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shared<V>(pub(super) V);
 
@@ -41,7 +41,7 @@ where
 
 /// A function that changes the database in a transaction `Tx`.
 ///
-/// It may be called more than once, each time after a rollback of the call before.
+/// It may be called again after a rollback. So it must not keep state between calls.
 pub(super) trait Verb<'a, Input: 'a, Tx>: Copy + Send + Sync + 'static {
     type Answer;
     type Done: Future<Output = Result<Self::Answer, Error>> + Send;

@@ -1,4 +1,4 @@
-//! What a worker has claimed.
+//! A run, or a piece of a study, that a worker has claimed.
 
 use std::borrow::Cow;
 use std::time::Duration;
@@ -24,13 +24,13 @@ pub struct Claimed {
     pub piece: Piece,
     /// What the finished chunks of the study have cost.
     pub spent: Cost,
-    /// The request that submitted it, for the log.
+    /// The id of the request that submitted the run, for the log.
     pub trace: Option<String>,
     /// Tells the worker that its run has ended or that no job needs the result any more.
     pub stop: Stop,
 }
 
-/// What a worker computes at a time.
+/// The work of one claim.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Piece {
     /// A whole run.
@@ -95,7 +95,7 @@ impl Claimed {
     }
 }
 
-/// Names a claim. A worker that has lost it changes nothing.
+/// Identifies a claim. If another worker has claimed the part since, the changes of the first worker are ignored.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Claim {
     pub(super) part: Part,
@@ -104,8 +104,8 @@ pub(super) struct Claim {
 }
 
 impl Claim {
-    /// The attempt of the running run. Returns `None` if the worker has lost its piece of it. For a whole run the caller compares
-    /// the attempt.
+    /// The attempt of the run. For a piece of a study: `None` if the worker has lost the piece. For a whole run, the
+    /// caller compares the returned attempt with that in the table.
     pub(super) async fn attempt_of_run(
         self,
         db: &mut impl Connected,
@@ -121,13 +121,13 @@ impl Claim {
     }
 }
 
-/// How many pieces of an unfinished study are in which state.
+/// The number of pieces of an unfinished study in each state.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Study {
     pub(super) chunks: u32,
-    /// The first piece that was never claimed.
+    /// The number of the first piece that was never claimed.
     pub(super) next: u32,
-    /// Pieces that were claimed, and are queued again.
+    /// Number of pieces that were claimed, and are queued again.
     pub(super) queued: u32,
     pub(super) running: u32,
 }
@@ -140,13 +140,13 @@ impl Study {
             || (self.next == self.chunks && self.running == 0)
     }
 
-    /// Pieces that were claimed, and are finished.
+    /// Number of finished pieces.
     pub(super) fn done(&self) -> u32 {
         self.next - self.queued - self.running
     }
 }
 
-/// A chunk and what was computed for it.
+/// A finished chunk, with the computed data and its cost.
 pub(super) struct FinishedChunk {
     pub(super) claim: Claim,
     pub(super) body: Body,
@@ -162,10 +162,10 @@ impl FinishedChunk {
     }
 }
 
-/// Number of steps in which the progress of a study is stored. Each step wakes its listeners.
+/// The progress of a study is stored in this number of steps. Each step wakes the clients that wait for the study.
 const STEPS: u64 = 200;
 
-/// Whether the last of `done` finished chunks takes the progress of a study to another step.
+/// Whether the progress of a study reaches a new step with its `done`-th finished chunk.
 pub(super) fn is_step(done: u32, chunks: u32) -> bool {
     let step = |done: u32| u64::from(done) * STEPS / u64::from(chunks);
     step(done) != step(done - 1)

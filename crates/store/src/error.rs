@@ -7,13 +7,14 @@ use std::sync::Arc;
 
 use fretwork_job::{JobId, Key};
 
-/// The index by which PostgreSQL finds a second submission with an idempotency key.
+/// The unique index of PostgreSQL on idempotency keys. It refuses a second submission with the same key.
 pub(super) const IDEMPOTENCY: &str = "job_idempotency";
 
-/// What a verb is doing. One type for all verbs: their code is compiled here, and not again in each crate that awaits them.
+/// The future of a verb. All verbs return this boxed type, so that their code is compiled only in this crate, and not
+/// again in each crate that awaits them.
 pub type Doing<'a, T> = Pin<Box<dyn Future<Output = Result<T, Error>> + Send + 'a>>;
 
-/// What a command is doing. As [`Doing`], but it stays on its thread.
+/// The future of a command. Like [`Doing`], but not `Send`.
 pub type Command<'a, T, E = Error> = Pin<Box<dyn Future<Output = Result<T, E>> + 'a>>;
 
 /// Why an operation of the store failed.
@@ -98,7 +99,7 @@ pub enum Error {
     /// The disk is full.
     #[error("no space is left for the database")]
     Full(#[source] Arc<sqlx::Error>),
-    /// The server has this file open, but another one or none has its name now.
+    /// The server has this file open, but its path now leads to another file or to none.
     #[error(
         "{} was deleted, moved or replaced while the server uses it; end the server by SIGTERM, which saves what it has \
          acknowledged, and put the files back before its next start", path.display()
@@ -138,7 +139,7 @@ pub enum Error {
     Closed,
 }
 
-/// What to do about a directory that the process may not use.
+/// Tells the user what to do if the process has no permission for a directory. Otherwise empty.
 fn advice(dir: &Path, error: &io::Error) -> String {
     #[cfg(unix)]
     if error.kind() == io::ErrorKind::PermissionDenied {
@@ -155,7 +156,7 @@ fn advice(dir: &Path, error: &io::Error) -> String {
 
 impl From<sqlx::Error> for Error {
     fn from(error: sqlx::Error) -> Self {
-        /// Characters of a code of PostgreSQL. Codes of SQLite are shorter.
+        /// Length of an error code of PostgreSQL. Codes of SQLite are shorter.
         const SQLSTATE: usize = 5;
         const SQLITE_BUSY: u32 = 5;
         const SQLITE_CORRUPT: u32 = 11;
@@ -168,7 +169,7 @@ impl From<sqlx::Error> for Error {
         if let Some(state) = code.as_deref().filter(|code| code.len() == SQLSTATE) {
             return match state {
                 _ if state.starts_with("57P") || state.starts_with("08") => Self::Unreachable,
-                // Too many connections; a server that is starting.
+                // Too many connections.
                 "53300" => Self::Unreachable,
                 "53100" => Self::Full,
                 "40001" | "40P01" | "55P03" | "57014" | "25P03" => Self::Busy,
@@ -187,7 +188,7 @@ impl From<sqlx::Error> for Error {
     }
 }
 
-/// What was read, or what SQLite says of the damage that prevents it.
+/// The value that was read, or the message of SQLite if the database is damaged there. Other errors are returned.
 pub(super) fn unless_damaged<T>(read: Result<T, sqlx::Error>) -> Result<Result<T, String>, Error> {
     match read.map_err(Error::from) {
         Ok(found) => Ok(Ok(found)),
@@ -204,8 +205,8 @@ pub(super) fn is_other_file(error: &sqlx::Error) -> bool {
 }
 
 impl Error {
-    /// Whether the transaction collided with another one in PostgreSQL, so that it may succeed when it is repeated: a
-    /// serialization failure, a deadlock, or two first submissions with the same idempotency key.
+    /// Whether the transaction conflicted with another one in PostgreSQL, so that a retry may succeed. This is a
+    /// serialization failure, a deadlock, or a simultaneous submission with the same idempotency key.
     pub(super) fn is_conflict(&self) -> bool {
         let (Self::Busy(error) | Self::Database(error)) = self else { return false };
         error.as_database_error().is_some_and(|error| {

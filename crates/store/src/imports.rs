@@ -1,4 +1,4 @@
-//! Results of other servers, to be stored.
+//! Stores results of other servers, which an import has read from a file.
 
 use super::change::Change;
 use super::error::Error;
@@ -10,7 +10,7 @@ use super::tables::{Connected, Connection, Tables};
 use super::{postgres, sqlite};
 use fretwork_job::{Key, Verified};
 
-/// A result of another server, checked.
+/// A result of another server that passed all checks.
 #[derive(Debug)]
 pub(super) struct Import {
     pub(super) key: Key,
@@ -25,18 +25,18 @@ pub(super) struct Import {
     pub(super) verified: Verified,
 }
 
-/// What a database has under the key of a result before its import.
+/// What the database has under the key of a result before the result is imported.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Before {
-    /// Nothing, or the result was evicted.
+    /// Nothing, or the same result without its body, which was evicted.
     Nothing,
     /// The same result.
     Same,
-    /// Another result.
+    /// A different result.
     Another,
     /// Someone has deleted the result.
     DeletedBy(String),
-    /// Another result was evicted.
+    /// A different result, whose body was evicted.
     AnotherEvicted,
 }
 
@@ -57,7 +57,7 @@ impl Before {
         })
     }
 
-    /// Why a result is refused, if it is.
+    /// Why the import refuses the result, if it does.
     pub(super) fn refusal(&self) -> Option<String> {
         match self {
             Self::Nothing | Self::Same => None,
@@ -72,18 +72,19 @@ impl Before {
     }
 }
 
-/// What an import did with a note.
+/// What an import did with the note of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum NoteTaken {
-    /// There is none, or it is the same.
+    /// The file has no note, or the same note as the database.
     Unchanged,
-    /// The result has it now.
+    /// The note is stored: the result had none.
     Stored,
-    /// The result keeps another one.
+    /// The note is not stored: the result keeps its own different note.
     Refused,
 }
 
-/// Stores a result from the file with this name, if the database does not have it, and its note if the result has none.
+/// Stores a result from the file with this name, if the database does not have it. Stores its note, unless the database
+/// already has a note of the result.
 pub(super) async fn import(
     (import, file): &(Import, String),
     mut tx: Change<'_>,
@@ -100,7 +101,7 @@ pub(super) async fn import(
     Ok((found, note_result(key, import.note.as_ref(), &mut tx).await?))
 }
 
-/// Returns whether the result was stored.
+/// Inserts the result. Returns false if a server has stored the key in the meantime.
 async fn insert(import: &Import, file: &str, tx: &mut Change<'_>) -> Result<bool, Error> {
     let Import { key, task, owner, warnings, answer, .. } = import;
     let program = match &import.program {
@@ -149,7 +150,7 @@ async fn note_result(
     tx: &mut Change<'_>,
 ) -> Result<NoteTaken, Error> {
     let Some(Note { text, owner, at }) = note else { return Ok(NoteTaken::Unchanged) };
-    // Someone may have deleted the result since it was found.
+    // The result may have been deleted since the caller found it. Then this inserts nothing.
     let insert = sql!(
         "INSERT INTO note (key, text, owner, at) SELECT key, $2, $3, $4 FROM result WHERE key = $1
          ON CONFLICT (key) DO NOTHING";

@@ -1,4 +1,4 @@
-//! Results to be stored, and what changes to stored results did.
+//! Stores results, and changes stored ones: pins, notes and deletion.
 
 use sha2::{Digest, Sha256};
 
@@ -16,7 +16,7 @@ use fretwork_job::{Answer, Cost, JobId, Key, Outline, Recomputed};
 /// What happened to the result of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Finish {
-    /// It is stored.
+    /// The result is stored.
     Stored,
     /// The same result was stored before.
     Same,
@@ -31,13 +31,13 @@ pub enum Finish {
 pub enum Removed {
     /// There is no such result, or it was evicted or deleted before.
     NotFound,
-    /// It is pinned.
+    /// The result is pinned, so it was not deleted.
     Pinned,
-    /// Its body is deleted. Its scenario stays known.
+    /// The body is deleted. The scenario is still stored.
     Done,
 }
 
-/// A result to be stored: compressed and hashed, outside of the writer task.
+/// A result to be stored, already compressed and hashed. The writer task has no time for that.
 #[derive(Debug)]
 pub struct Answered {
     pub(super) body: Body,
@@ -46,7 +46,7 @@ pub struct Answered {
     pub(super) summary: String,
     pub(super) digest: [u8; 32],
     pub(super) outline: Box<Outline>,
-    /// `None` if unknown.
+    /// The cost of the computation; `None` if unknown.
     pub(super) cost: Option<Cost>,
 }
 
@@ -72,19 +72,19 @@ impl Answered {
 /// What a change of a pin or a note did.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Changed {
-    /// It is changed, or was so before.
+    /// The pin or note is as requested, now or already before.
     Done,
     /// There is no such result.
     NotFound,
-    /// It belongs to this other owner; `None` if its owner is unknown.
+    /// The pin or note belongs to this other owner; `None` if its owner is unknown.
     OtherOwner(Option<String>),
     /// The pins would take too many bytes.
     QuotaExceeded {
-        /// Bytes of the pinned results, with this one.
+        /// Bytes of the pinned results, including the result of this request.
         used: u64,
         /// The quota.
         quota: u64,
-        /// Whether it is the quota for the pins of all owners together.
+        /// Whether this is the quota for the pins of all owners together.
         of_all: bool,
     },
 }
@@ -92,9 +92,9 @@ pub enum Changed {
 /// Who changes a pin or a note.
 #[derive(Debug, Clone)]
 pub struct Editor {
-    /// The owner of what it adds.
+    /// The owner of the pins and notes that the editor adds.
     pub owner: String,
-    /// Whether it may also change what others have added.
+    /// Whether the editor may also change pins and notes of others.
     pub may_change_all: bool,
 }
 
@@ -104,17 +104,17 @@ impl Editor {
     }
 }
 
-/// How many bytes of results may be pinned.
+/// Maximum size of the pinned results, in bytes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PinQuota {
-    /// By one owner.
+    /// Of one owner.
     owner: u64,
-    /// By all owners together; `None` without a limit.
+    /// Of all owners together; `None` without a limit.
     all: Option<u64>,
 }
 
 impl PinQuota {
-    /// The quota of one owner, and half of the budget for all owners together.
+    /// The quota of one owner is `owner`. All owners together may pin half of the budget.
     pub(super) fn new(owner: u64, budget: Option<u64>) -> Self {
         let all = budget.map(|budget| budget / 2);
         Self { owner: all.map_or(owner, |all| owner.min(all)), all }
@@ -135,7 +135,7 @@ pub(super) async fn pin(
     (key, pinned, editor, quota): &(Key, bool, Editor, PinQuota),
     mut tx: Change<'_>,
 ) -> Result<Changed, Error> {
-    // Pins of several servers are counted one after the other.
+    // Without this lock, several servers could exceed the quota together.
     tx.lock(sql!("SELECT pg_advisory_xact_lock($1)"; Lock::Pins as i64)).await?;
     let query = sql!(
         "SELECT pinned, pinned_by, stored FROM result WHERE key = $1 AND evicted IS NULL"
@@ -218,14 +218,14 @@ pub(super) async fn remove((key, by): &(Key, Actor), mut tx: Change<'_>) -> Resu
     Ok(Removed::Done)
 }
 
-/// Deletes the body of a result; its scenario stays known. Names who deleted it, unless it is evicted to free space.
+/// Deletes the body of a result, and keeps its scenario. `deleted_by` is `None` if the result is evicted to free space.
 pub(super) async fn evict(
     key: &[u8],
     now: i64,
     deleted_by: Option<&str>,
     tx: &mut impl Connected,
 ) -> Result<(), Error> {
-    // SQLite has a trigger for the outline.
+    // In SQLite, a trigger updates the outline.
     let evict = sql!(
         "" ["UPDATE result SET evicted = $2, deleted_by = $3 WHERE key = $1;" |
             "WITH evicted AS (UPDATE result SET evicted = $2, deleted_by = $3 WHERE key = $1),
@@ -242,12 +242,13 @@ pub(super) async fn evict(
 pub(super) struct Source<'a> {
     pub(super) key: Key,
     pub(super) task: &'a str,
-    /// Its owner, its job, and the warnings of its submission as JSON. SQLite reads those of a run from the tables.
+    /// The owner of the result. For the result of a run, SQLite reads `owner`, `job` and `warnings` from the tables.
     pub(super) owner: Option<&'a str>,
     pub(super) job: Option<JobId>,
+    /// The warnings of the submission, as JSON.
     pub(super) warnings: Option<&'a str>,
     pub(super) trace: Option<&'a str>,
-    /// The row in the table `program`.
+    /// The id of a row in the table `program`.
     pub(super) program: Option<i64>,
     pub(super) now: i64,
 }
@@ -257,7 +258,8 @@ pub(super) const COLUMNS: &str =
     "(key, size, stored, summary, digest, created, last_access, computed, checksum,
     owner, job, warnings, trace, wall, cpu, program)";
 
-/// What follows on the insertion of a result `old` if the key has one: it takes its place under the condition after this.
+/// Ends a statement that inserts a result. If the key already has a result `old`, the new one replaces it under the
+/// condition that the caller appends.
 pub(super) const REPLACE: &str = "ON CONFLICT (key) DO UPDATE SET size = excluded.size, stored = excluded.stored,
     summary = excluded.summary, digest = excluded.digest, last_access = excluded.last_access,
     computed = excluded.computed, checksum = excluded.checksum, owner = excluded.owner, job = excluded.job,
@@ -288,14 +290,15 @@ impl Statement {
         row.with_outline(outline)
     }
 
-    /// Adds the words and numbers of an outline.
+    /// Adds the values of the words and numbers of an outline.
     pub(super) fn with_outline(self, outline: &Outline) -> Self {
         let words = outline.words.iter().fold(self, |query, word| query.with(word.as_deref()));
         outline.scalars.iter().fold(words, |query, number| query.with(*number))
     }
 }
 
-/// The columns of an outline, their parameters from `$first` on, and how they replace those of another one.
+/// Three parts of a statement that inserts an outline: its columns; their parameters, from `$first` on; and the
+/// assignments that replace the columns of an existing outline.
 pub(super) fn outlined(first: usize) -> [String; 3] {
     let columns: Vec<_> = names().collect();
     let values: Vec<_> = (first..first + columns.len()).map(|place| format!("${place}")).collect();
@@ -303,8 +306,8 @@ pub(super) fn outlined(first: usize) -> [String; 3] {
     [columns.join(", "), values.join(", "), changes.join(", ")]
 }
 
-/// What became of the result of a run. The row says whether the key had the `same` result before, and whether that was still
-/// `held`.
+/// Decides what happened to the result of a run. The row says whether the key had the `same` result before, and whether
+/// the body of that result was `held`. Both are null if the key had no result.
 pub(super) async fn kept(
     answered: &Answered,
     key: Key,

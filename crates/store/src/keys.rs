@@ -18,10 +18,10 @@ use fretwork_job::words;
 /// Prefix of all keys. Tools that scan for leaked secrets recognise it.
 const MARK: &str = "fretwork";
 
-/// Hexadecimal digits of the id.
+/// Number of hexadecimal digits of the id.
 const ID: usize = 8;
 
-/// Bytes of the secret.
+/// Number of bytes of the secret.
 const SECRET: usize = 20;
 
 words! {
@@ -73,13 +73,13 @@ impl AccessKey {
         digest.ct_eq(&*self.digest).into()
     }
 
-    /// Whether both are equal apart from the time of last use.
+    /// Whether both keys are equal apart from the time of last use.
     #[must_use]
     pub fn is_like(&self, other: &Self) -> bool {
         Self { last_used: None, ..self.clone() } == Self { last_used: None, ..other.clone() }
     }
 
-    /// The id in a text, if the text has the form of a key.
+    /// The id in the text that a client has sent, if the text has the form of a key.
     #[must_use]
     pub fn id_in(presented: &str) -> Option<&str> {
         let (id, secret) = presented.strip_prefix(MARK)?.strip_prefix('_')?.split_once('_')?;
@@ -108,7 +108,7 @@ pub struct NewKey {
 }
 
 impl NewKey {
-    /// The id and the text of another key.
+    /// Creates a random key. Returns its id and its text.
     pub(super) fn mint() -> Result<(String, String), Error> {
         let (id, secret) = (random::<{ ID / 2 }>()?, random::<SECRET>()?);
         let key = format!("{MARK}_{id}_{secret}");
@@ -170,7 +170,7 @@ pub(super) async fn was_used(by: &Actor, mut tx: Change<'_>) -> Result<(), Error
     record(&mut tx, now, (by, Act::UseKey), &by.key, &by.name).await
 }
 
-/// Stores a secret that signs links, if there is none yet; returns the stored one.
+/// Stores the candidate as the secret that signs links, if there is none yet. Returns the stored secret.
 pub(super) async fn link_secret(
     candidate: &[u8; 32],
     mut tx: Change<'_>,

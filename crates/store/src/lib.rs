@@ -1,21 +1,22 @@
 //! Stores jobs, the runs that they share, and the results of the runs.
 //!
-//! The database is a file of SQLite for one server, or a database of PostgreSQL that several servers share. The tables are authoritative; a signal ([`Changes`], [`Stop`]) is a hint
-//! to read them again. What was acknowledged survives a crash of the process.
+//! The database is a file of SQLite for one server, or a database of PostgreSQL that several servers share. The tables
+//! are authoritative. A signal ([`Changes`], [`Stop`]) is only a hint to read them again. Every acknowledged change
+//! survives a crash of the process.
 //!
 //! ```text
 //! job ──▶ run ──▶ result ── result_blob
 //!          └─ study ── chunk
 //! ```
 //!
-//! A job without a run found its result, or was stored together with it.
+//! A job has no run if its result was already stored at the submission, or was stored in the same commit.
 //!
-//! A run is live while it is queued or running. A key has at most one live run, and a submission of the
-//! key joins it. If the last job of a running run is canceled, the run is `canceling` until its worker
-//! stops. It is no longer live, so a later submission does not join it.
+//! A run is live while it is queued or running. A key has at most one live run. A submission with the same key adds a
+//! job to this run instead of a new run. If the last job of a running run is canceled, the run is `canceling` until its
+//! worker stops. Then it is no longer live, so a later submission does not use it.
 //!
-//! A study is a run whose work is divided into chunks. Workers claim and finish its chunks one by one; the last piece
-//! assembles the result from them.
+//! A study is a run whose work is divided into pieces. Workers claim and finish the pieces one by one. All pieces but
+//! the last are chunks. The last piece, the assembly, makes the result from the stored chunks.
 
 #![expect(
     clippy::missing_errors_doc,

@@ -1,4 +1,4 @@
-//! What is known about stored results: provenance, notes, the program that computed them.
+//! Data about stored results: the provenance, notes, and the program that computed them.
 
 use serde_json::Value;
 
@@ -19,11 +19,11 @@ pub struct Note {
     pub at: i64,
 }
 
-/// The longest note in characters.
+/// Maximum length of a note, in characters.
 const LONGEST_NOTE: usize = 4000;
 
 impl Note {
-    /// What is wrong with the text of a note, if anything.
+    /// Why a text is not allowed as a note; `None` if it is allowed. The caller adds the subject of the sentence.
     #[must_use]
     pub fn fault(text: &str) -> Option<String> {
         let length = text.chars().count();
@@ -44,7 +44,7 @@ impl Note {
 }
 
 /// Who computed a result, when, with which program and at what cost. Results of earlier versions of the
-/// program lack some of it. Times are in milliseconds since 1970.
+/// program lack some of these data. Times are in milliseconds since 1970.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Provenance {
     /// When this server first stored the key.
@@ -84,7 +84,7 @@ pub struct Provenance {
     pub size: u64,
     /// SHA-256 of its body.
     pub sha256: Key,
-    /// The import that brought it.
+    /// The import that stored it; `None` if it was computed here.
     pub imported: Option<FromFile>,
 }
 
@@ -167,7 +167,7 @@ impl Program {
         }
     }
 
-    /// The id of its row, which is inserted if necessary.
+    /// The id of the row of this program. Inserts the row if necessary.
     pub(super) async fn id(&self, db: &mut impl Connected) -> Result<i64, Error> {
         let Self { version, numerics, host, architecture, processors } = self;
         let insert = sql!(
@@ -194,9 +194,9 @@ impl Program {
 /// What the database knows about a key. The body of the result may have been evicted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Known {
-    /// What it was computed from.
+    /// The canonical scenario or study that was computed.
     pub asked: Canonical,
-    /// The short form that a job shows.
+    /// The summary of the result, which a job shows.
     pub summary: Value,
     /// The `numerics` version of the engine; 0 if unknown.
     pub numerics: u32,
@@ -224,7 +224,7 @@ impl Known {
     }
 }
 
-/// The `numerics` version for which a task has this key; 0 if there is none.
+/// The latest `numerics` version under which the task has this key; 0 if there is none.
 fn numerics_of(key: &Key, asked: &Canonical) -> u32 {
     (1..=ENGINE.numerics).rev().find(|numerics| asked.key(*numerics) == *key).unwrap_or(0)
 }

@@ -9,18 +9,21 @@ pub struct Options {
     /// Whether each commit waits for the disk. If true, an acknowledged change survives a power failure;
     /// otherwise it survives only a crash of the process.
     pub full_sync: bool,
-    /// The largest number of queued jobs.
+    /// Maximum number of queued jobs.
     pub queue_limit: usize,
     /// How long finished jobs are kept; `None` means for ever.
     pub keep_jobs: Option<Duration>,
-    /// Bytes of the database beyond which the server deletes what was used longest ago; `None` means no limit.
+    /// Maximum size of the database in bytes; `None` means no limit. Above it, the server deletes the jobs, results and
+    /// scenarios that were used longest ago. In PostgreSQL, only the bodies of results count, and only these are
+    /// evicted.
     pub budget: Option<u64>,
     /// Bytes of results that one owner may pin. If there is a budget, all owners together may pin half of it, so that
     /// there is room for new results.
     pub pin_quota: u64,
     /// A directory on the disk of a shared database, whose free space is a metric.
     pub disk: Option<PathBuf>,
-    /// How long the work of a server of several is its own after the server was last heard of. Others take it over then.
+    /// Servers that share a database renew the leases of their runs. If a server has not renewed a lease for this time,
+    /// another server takes over the run.
     pub lease: Duration,
 }
 
@@ -46,7 +49,8 @@ pub struct FileSizes {
     /// Its write-ahead log.
     pub log: Option<u64>,
 }
-/// How many unfinished runs of the last process were found at the start.
+
+/// Numbers of unfinished runs that the last process left behind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Recovered {
     /// Running runs, and running pieces of studies, that are queued again.
@@ -57,5 +61,6 @@ pub struct Recovered {
     pub canceled: u64,
 }
 
-/// A run fails after the process has died this often while computing it, or while computing the same piece of it.
+/// A run fails after this number of crashes of the process during its computation. For a study, only crashes during the
+/// same piece count.
 pub(super) const MAX_LOST: u32 = 3;

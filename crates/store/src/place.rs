@@ -42,7 +42,7 @@ impl fmt::Display for Place {
 #[derive(Clone)]
 pub struct DatabaseUrl(Box<PgConnectOptions>);
 
-/// The options that sqlx knows; it only warns of others, and shows their values.
+/// The options that sqlx supports. For an unknown option, sqlx only logs a warning, which shows the value.
 const OPTIONS: [&str; 18] = [
     "host",
     "hostaddr",
@@ -64,7 +64,7 @@ const OPTIONS: [&str; 18] = [
     "statement-cache-capacity",
 ];
 
-/// The place of the first option of an address that does not exist, from 1.
+/// The position of the first unknown option in an address, from 1.
 fn unknown_option(url: &str) -> Option<usize> {
     let (_, query) = url.split_once('?')?;
     let query = query.split_once('#').map_or(query, |(query, _)| query);
@@ -115,7 +115,7 @@ impl fmt::Debug for DatabaseUrl {
 }
 
 impl DatabaseUrl {
-    /// Options of a connection without limits of time, for migrations.
+    /// Options of a connection without timeouts, for migrations.
     pub(super) fn patient(&self) -> PgConnectOptions {
         let name = concat!("fretwork ", env!("CARGO_PKG_VERSION"));
         (*self.0).clone().application_name(name).options([("client_min_messages", "warning")])
@@ -126,23 +126,23 @@ impl DatabaseUrl {
         self.patient()
     }
 
-    /// Options of a connection whose statements must not take longer than this: the caller tries again instead.
+    /// Options of a connection whose statements fail after the time `longest`. The caller tries again later.
     pub(super) fn hasty(&self, longest: Duration) -> PgConnectOptions {
         let longest = format!("{}ms", longest.as_millis().max(1));
         self.options().options(["statement_timeout", "lock_timeout"].map(|name| (name, &longest)))
     }
 
-    /// Options of the connections for verbs. A server that stops inside of a transaction must not hold its locks.
+    /// Options of the connections for verbs. The timeouts release the locks of a server that hangs in a transaction.
     pub(super) fn options(&self) -> PgConnectOptions {
         self.patient().options([
             ("statement_timeout", "30s"),
             ("lock_timeout", "10s"),
             ("idle_in_transaction_session_timeout", "10s"),
-            // A plan that is made while the tables are empty must suit full ones, too.
+            // PostgreSQL plans a statement once. Without this, a plan from empty tables would scan full tables, too.
             ("enable_seqscan", "off"),
-            // The statements of verbs are short. To compile one would take longer than to execute it.
+            // The statements are short. Compilation would take longer than execution.
             ("jit", "off"),
-            // To start workers for a short statement, too.
+            // To start parallel workers would take longer than execution, too.
             ("max_parallel_workers_per_gather", "0"),
         ])
     }

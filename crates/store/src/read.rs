@@ -1,4 +1,4 @@
-//! What is read: jobs, pages of jobs, results.
+//! Reads jobs, pages of jobs, and results.
 
 use super::body::Body;
 use super::error::Error;
@@ -7,7 +7,7 @@ use super::statement::{Statement, sql};
 use super::tables::Tables;
 use fretwork_job::{Canonical, Failure, Job, JobId, JobState, Key};
 
-/// Conditions on the jobs of a list; `None` is no condition.
+/// Conditions on the jobs of a list. `None` means no condition.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Filter {
     /// In this state.
@@ -22,7 +22,7 @@ pub struct Filter {
     pub owner: Option<String>,
 }
 
-/// A page of a list, newest first.
+/// A page of a list of jobs, newest first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Page {
     /// The jobs.
@@ -34,23 +34,23 @@ pub struct Page {
 /// A result as it is stored.
 #[derive(Debug, Clone, PartialEq)]
 pub enum StoredResult {
-    /// The document.
+    /// The stored body of the result.
     Whole(Body),
-    /// The document is [`LARGE`] and was not read: the number of bytes of its JSON.
+    /// The result is larger than [`LARGE`], so its body was not read. The value is the number of bytes of its JSON.
     Large(usize),
-    /// The document was evicted or deleted.
+    /// The body was evicted or deleted.
     Evicted {
-        /// When, in milliseconds since 1970.
+        /// The time of the eviction, in milliseconds since 1970.
         at: i64,
         /// Who deleted it; `None` if it was evicted to free space.
         deleted_by: Option<String>,
-        /// What the result was computed from; `None` if that is not known any more.
+        /// The canonical scenario or study that was computed; `None` if it is no longer stored.
         asked: Option<Canonical>,
     },
 }
 
 impl StoredResult {
-    /// Reads a row with the body, unless its JSON has more than `most` bytes.
+    /// Reads a row. It contains the body only if the JSON has at most `most` bytes.
     fn read(key: &Key, row: &Row, most: i64) -> Result<Self, Error> {
         Ok(if let Some(at) = row.get("evicted")? {
             let task: Option<&str> = row.get("task")?;
@@ -67,11 +67,11 @@ impl StoredResult {
     }
 }
 
-/// Results whose JSON has more bytes use one dedicated connection, and are checksummed and decompressed on a blocking
-/// thread.
+/// Larger results, by the bytes of their JSON, are read by one dedicated connection. They are checksummed and
+/// decompressed on a blocking thread.
 pub const LARGE: usize = 1 << 18;
 
-/// What a job was asked to compute.
+/// The task of a job, and its original text.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Asked {
     /// The task in its stored form; `None` if it is no longer stored.
@@ -100,8 +100,8 @@ pub(super) fn read_job(row: &Row) -> Result<Job, sqlx::Error> {
     }))
 }
 
-/// A statement that reads jobs with these conditions, and with columns of their runs and results. A run may continue or fail
-/// after one of its jobs was canceled. That does not change the job.
+/// A statement that reads jobs under these conditions, with columns of their runs and results. The state is that of the
+/// job: after one job of a run was canceled, the run may continue or fail.
 macro_rules! select_job {
     ($($conditions:tt)*) => {
         sql!(
@@ -127,7 +127,7 @@ pub(super) async fn job(id: JobId, mut db: impl Tables) -> Result<Option<Job>, E
     Ok(row.as_ref().map(read_job).transpose()?)
 }
 
-/// Up to `limit` jobs that match, newest first, older than `cursor`.
+/// Up to `limit` jobs that match and are older than `cursor`, newest first.
 pub(super) async fn jobs(
     filter: &Filter,
     cursor: Option<JobId>,
@@ -146,7 +146,7 @@ pub(super) async fn jobs(
     Ok(Page { jobs: rows.iter().map(read_job).collect::<Result<_, _>>()?, next })
 }
 
-/// The unfinished jobs that match and are not being canceled, newest first, older than `before`.
+/// Up to `at_most` queued or running jobs that match and are older than `before`, newest first.
 pub(super) async fn unfinished(
     filter: &Filter,
     before: JobId,
@@ -165,7 +165,7 @@ pub(super) async fn unfinished(
     Ok(rows.iter().map(|row| row.get("id")).collect::<Result<_, _>>()?)
 }
 
-/// The number of queued jobs of an owner, and of running ones.
+/// The numbers of queued and of running jobs of an owner.
 pub(super) async fn counts(owner: &str, mut db: impl Tables) -> Result<(u64, u64), Error> {
     // The index of states skips the many finished jobs.
     let query = sql!(
@@ -179,10 +179,11 @@ pub(super) async fn counts(owner: &str, mut db: impl Tables) -> Result<(u64, u64
     Ok((row.get("queued")?, row.get("running")?))
 }
 
-/// What a job was asked to compute.
+/// The task of a job, and its original text.
 pub(super) async fn asked(id: JobId, mut db: impl Tables) -> Result<Asked, Error> {
-    // The run of a job has its task. A job that found its result, or was stored together with it, has no run. Its task is
-    // stored with the result. A version before 0.3 could forget the result; then another job may have a run.
+    // The task is in the row of the run. A job without a run has a result, and the task is stored with the result.
+    // Versions before 0.3 could delete such a result completely. Then the run of another job with this key may have the
+    // task.
     let query = sql!(
         "SELECT coalesce(
              (SELECT task FROM run WHERE run.id = job.run),
@@ -228,7 +229,7 @@ pub(super) async fn result(
     Ok(Some((StoredResult::read(key, &row, most)?, Sum::read(&row)?)))
 }
 
-/// Whether the result of a key is stored.
+/// Whether the body of the result of a key is stored.
 pub(super) async fn has_result(key: &Key, mut db: impl Tables) -> Result<bool, Error> {
     let query = sql!(
         "SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known"; key
@@ -236,7 +237,7 @@ pub(super) async fn has_result(key: &Key, mut db: impl Tables) -> Result<bool, E
     Ok(db.one(query).await?.get("is_known")?)
 }
 
-/// What was stored for a finished chunk, and the hash of it.
+/// The stored data of a finished chunk, and their hash.
 pub(super) async fn chunk(
     run: RunId,
     number: u32,

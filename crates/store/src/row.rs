@@ -1,4 +1,4 @@
-//! How columns of the tables are read, the same way from both databases.
+//! Reads columns of the tables, in the same way for both databases.
 
 use std::array::TryFromSliceError;
 
@@ -17,10 +17,10 @@ use fretwork_job::{Change, FailureKind, JobId, JobState, Key, Origin, Recomputed
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct RunId(pub(super) i64);
 
-/// What one worker computes: a run, or the piece of a study with this number.
+/// The part of a run that one worker computes: the whole run (`None`), or the piece of a study with this number.
 pub(super) type Part = (RunId, Option<u32>);
 
-/// A row of a database. Each method reads a column of one type; `None` if it is null.
+/// A row of a database. Each method reads a column of one SQL type, and returns `None` if the column is null.
 pub(super) trait Columns {
     fn integer(&self, column: &str) -> Result<Option<i64>, sqlx::Error>;
     fn real(&self, column: &str) -> Result<Option<f64>, sqlx::Error>;
@@ -65,19 +65,19 @@ columns!(Row, self, column => match self {
     Self::Postgres(row) => row.try_get(column),
 });
 
-/// A type of [`Columns::get`]. An `Option` is `None` where the column is null.
+/// A type that [`Columns::get`] can return. For a null column, an `Option` is `None`, and any other type is an error.
 pub(super) trait Cell<'r>: Sized {
     fn read(row: &'r impl Columns, column: &str) -> Result<Self, sqlx::Error>;
 }
 
-/// The value of a column.
+/// Turns a failed conversion of a value into an error of sqlx.
 pub(super) fn decoded<T, E: Into<BoxDynError>>(
     value: Option<Result<T, E>>,
 ) -> Result<Option<T>, sqlx::Error> {
     value.transpose().map_err(|error| sqlx::Error::Decode(error.into()))
 }
 
-/// Implements [`Cell`] for types: the column by a method of [`Columns`], and its value by a function.
+/// Implements [`Cell`] for types. A method of [`Columns`] reads the column, and a function converts the value.
 macro_rules! cells {
     ($($method:ident by $convert:path: $($kind:ty),+;)*) => { $($(
         impl<'r> $crate::row::Cell<'r> for Option<$kind> {
@@ -108,7 +108,8 @@ cells! {
     bytes by job_id: JobId;
 }
 
-/// Reads a struct: fields from the columns of their names, and after a semicolon those that are read otherwise.
+/// Builds a struct from a row. The fields before the semicolon are read from the columns with their names. The caller
+/// gives the values of the fields after it.
 macro_rules! read {
     ($row:ident => $type:ident { $($column:ident),* $(,)? $(; $($field:ident $(: $value:expr)?),* $(,)?)? }) => {
         $type { $($column: $row.get(stringify!($column))?,)* $($($field $(: $value)?,)*)? }
@@ -117,7 +118,8 @@ macro_rules! read {
 
 pub(super) use {cells, read};
 
-/// The rows of a page, and the last of them if there is a next page. A statement reads one row more than the page has.
+/// The rows of a page, and the last one of them if there is a next page. To show that, `rows` has one row more than
+/// `limit`.
 pub(super) fn page_of(rows: &[Row], limit: u32) -> (&[Row], Option<&Row>) {
     let page = &rows[..rows.len().min(limit as usize)];
     (page, page.last().filter(|_| page.len() < rows.len()))
@@ -146,7 +148,7 @@ pub(super) fn changes(text: &str) -> Result<Vec<Change>, &'static str> {
     text.lines().map(|line| read(line).ok_or("not a change of state")).collect()
 }
 
-/// A hash of a stored text, by which damage is detected.
+/// A hash of a stored text, which detects damage.
 pub(super) fn checksum(text: &str) -> i64 {
     xxh3_64(text.as_bytes()).cast_signed()
 }
@@ -154,7 +156,7 @@ pub(super) fn checksum(text: &str) -> i64 {
 /// The hash of a body as it is stored.
 pub(super) enum Sum {
     Check(i64),
-    /// Results of the first version have only a SHA-256.
+    /// Results that the first version of the program stored have only a SHA-256.
     Digest(Vec<u8>),
 }
 

@@ -1,4 +1,4 @@
-//! Search for results: which conditions there are, and how they become SQL.
+//! Search for results: reads the conditions of a search, and writes them as SQL.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -12,7 +12,7 @@ use super::tables::Tables;
 use fretwork_engine::request::quantity::{self, Dimension};
 use fretwork_job::{Key, Outline, SCALARS, WORDS, clock};
 
-/// The names of the words and numbers, in the order of an [`Outline`].
+/// The names of the searchable words and numbers, in the order of an [`Outline`]. They are columns of `outline`.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
     let words = WORDS.iter().map(|word| word.name);
     words.chain(SCALARS.iter().map(|scalar| scalar.name))
@@ -61,8 +61,8 @@ struct Range {
 const SLACK: f64 = 1e-9;
 
 impl Range {
-    /// Reads `a..b`, `a..`, `..b` or a single value. `value` reads one bound; the bound is an interval
-    /// itself.
+    /// Reads `a..b`, `a..`, `..b` or a single value. `value` reads one bound. A bound is itself an interval, for
+    /// example a whole day.
     fn read(text: &str, value: impl Fn(&str) -> Result<Self, String>) -> Result<Self, String> {
         let (low, high) = text.split_once("..").unwrap_or((text, text));
         let (low, high) = (low.trim(), high.trim());
@@ -97,7 +97,8 @@ impl Range {
     }
 }
 
-/// Reads an RFC 3339 time or a day (UTC), in milliseconds since 1970. A day is the whole day.
+/// Reads an RFC 3339 time or a day (UTC), in milliseconds since 1970. A day is read as the interval from its first to
+/// its last millisecond.
 fn moment(text: &str) -> Result<Range, String> {
     let is_day = !text.contains(['T', 't', ' ']);
     let whole = if is_day { format!("{text}T00:00:00Z") } else { text.to_owned() };
@@ -235,7 +236,7 @@ impl Search {
         }
     }
 
-    /// Writes the condition that a job with this label or tag asked for the result.
+    /// Writes the condition that a job with this label or tag has the key of the result.
     fn with_job(
         &self,
         query: &mut Statement,
@@ -253,8 +254,8 @@ impl Search {
     }
 }
 
-/// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance is the sum of the
-/// relative differences, plus 10 for each word that differs.
+/// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance is the sum of
+/// the relative differences, plus 10 for each word that differs.
 pub(super) async fn nearest(
     to: &Outline,
     except: Option<Key>,
@@ -383,8 +384,8 @@ impl Found {
     }
 }
 
-/// The statement that reads a page, and one row more. Results without the number they are sorted by come last in both
-/// directions.
+/// The statement that reads the rows of a page and one row more. Results without a value in the sort column come last
+/// in both directions.
 pub(super) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> Statement {
     let mut query = sql!("SELECT outline.id AS id");
     for name in names() {
@@ -428,7 +429,7 @@ fn after(query: &mut Statement, search: &Search, cursor: Option<Cursor>) {
     };
     query.push(&format!(" AND ((outline.{by}, outline.id) {beyond} ("));
     query.push_bind(value).push(", ").push_bind(id).push(")");
-    // These two columns are never null, so they do not need the second condition. Without it, SQLite can
+    // The columns `created` and `size` are never null, so they do not need the second condition. Without it, SQLite can
     // use their index.
     if !matches!(by, "created" | "size") {
         query.push(&format!(" OR outline.{by} IS NULL"));

@@ -1,5 +1,5 @@
-//! What is signalled after a commit: to listeners of a key, to idle workers, to the workers of running runs,
-//! and to the metrics.
+//! Signals that are sent after a commit: to listeners of a key, to idle workers, to the workers of running runs, and to
+//! the metrics.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,7 +14,7 @@ use super::tally::{Ending, Tally};
 use fretwork_job::clock::now;
 use fretwork_job::{Key, Origin, Recomputed};
 
-/// What is signalled after a commit.
+/// A signal that is sent after a commit.
 #[derive(Debug)]
 pub(super) enum Effect {
     /// A job or run of this key has changed.
@@ -23,7 +23,7 @@ pub(super) enum Effect {
     Ended(Key),
     /// A run or a piece of a study can be claimed.
     Queued,
-    /// A worker has claimed this part. The flag stops it.
+    /// A worker has claimed this part. The flag tells the worker to stop.
     Started(Part, Stop),
     /// No worker needs to compute this run any more.
     Unwanted(RunId),
@@ -31,7 +31,7 @@ pub(super) enum Effect {
     LetGo(Part),
     /// A job was accepted.
     Submitted(Origin),
-    /// A run ended, and how many milliseconds it took.
+    /// A run ended, after this number of milliseconds if known.
     Settled(Ending, Option<i64>),
     /// A result was computed again.
     Recomputed { key: Key, how: Recomputed },
@@ -74,7 +74,8 @@ struct Deleted(broadcast::Sender<Option<Key>>);
 
 impl Default for Deleted {
     fn default() -> Self {
-        /// Deletions that wait for a listener. One that has missed some must assume that any result was deleted.
+        /// Maximum number of deletions that wait for a listener. A listener that has missed older deletions must assume
+        /// that any result was deleted.
         const BEHIND: usize = 256;
         Self(broadcast::Sender::new(BEHIND))
     }
@@ -89,10 +90,10 @@ struct Tables {
     read: HashMap<Key, i64>,
 }
 
-/// Maximum number of results whose time of reading is remembered. Further times are dropped, so evictions
-/// become less exact.
+/// Maximum number of results whose time of the last read is kept in memory. Further times are dropped. Then an eviction
+/// may delete a result that was read recently.
 const MAX_READ: usize = 10_000;
-/// Times of reading that one transaction stores, which takes a few milliseconds.
+/// Maximum number of times of reading that one transaction stores. This takes a few milliseconds.
 pub(super) const READ_AT_ONCE: usize = 500;
 
 impl Tables {
@@ -163,17 +164,17 @@ impl Signals {
         result.inspect_err(|error| self.tally.failed(error))
     }
 
-    /// Remembers that a result was read.
+    /// Keeps in memory that a result was read at this time.
     pub(super) fn read(&self, key: Key, at: i64) {
         self.tables().note(key, at);
     }
 
-    /// The parts that the workers of this process compute, and what stops them.
+    /// The parts that the workers of this process compute, with the stop flag of each worker.
     pub(super) fn running(&self) -> Vec<(Part, Stop)> {
         self.tables().running.iter().map(|(part, stop)| (*part, stop.clone())).collect()
     }
 
-    /// Stops workers that have lost their parts. A worker that has claimed such a part again goes on.
+    /// Stops workers that have lost their parts. If a worker has claimed such a part again since, that worker goes on.
     pub(super) fn stop(&self, lost: &[(Part, Stop)]) {
         let mut tables = self.tables();
         for (part, stop) in lost {
@@ -184,7 +185,7 @@ impl Signals {
         }
     }
 
-    /// Lets waiting clients and workers read the tables again: signals of other servers may have been lost.
+    /// Lets waiting clients and workers read the tables again, because signals of other servers may have been lost.
     pub(super) fn wake(&self) {
         self.queue.send_modify(|_| {});
         for sender in self.tables().listeners.values() {
@@ -192,19 +193,20 @@ impl Signals {
         }
     }
 
-    /// Tells all listeners that a result was deleted; `None` if any result may have been.
+    /// Tells all listeners that a result was deleted; `None` if any result may have been deleted.
     fn deleted(&self, key: Option<Key>) {
         // This fails if nobody listens, which is not an error.
         let _ = self.deleted.0.send(key);
     }
 
-    /// Signals all that may have happened while other servers could not be heard.
+    /// Called after this server may have missed signals of other servers. Lets all listeners read the tables again, and
+    /// assume that any result was deleted.
     pub(super) fn was_deaf(&self) {
         self.wake();
         self.deleted(None);
     }
 
-    /// Takes out some results and their times of reading, to be stored.
+    /// Removes some results with their times of reading from memory. The caller stores the times.
     pub(super) fn take_read(&self) -> Vec<(Key, i64)> {
         let mut tables = self.tables();
         let some: Vec<_> = tables.read.keys().copied().take(READ_AT_ONCE).collect();
@@ -230,7 +232,7 @@ impl Signals {
     }
 }
 
-/// Signals of changes since the last call.
+/// Waits for changes that were signalled since the last call.
 #[derive(Debug)]
 pub struct Changes {
     // Dropped before `_listening`, which counts the remaining receivers.
@@ -264,7 +266,7 @@ impl Changes {
     }
 }
 
-/// Deletions of results since this was created. A server that has its database for itself sends none: it knows what it deletes.
+/// Receives deletions of results since this was created.
 #[derive(Debug)]
 pub struct Deletions(broadcast::Receiver<Option<Key>>);
 
@@ -334,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_worker_that_has_lost_its_part_does_not_stop_the_next_one() {
+    fn stopping_a_worker_that_lost_its_part_does_not_stop_the_next_worker() {
         let signals = Arc::new(Signals::default());
         let part = (RunId(1), None);
         let [lost, next]: [Stop; 2] = Default::default();

@@ -1,4 +1,4 @@
-//! Statements with their values. Both databases execute them.
+//! SQL statements with the values of their parameters, for both databases.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -21,8 +21,8 @@ pub(super) struct Statement {
 
 /// A statement with its values: `sql!("SELECT task FROM run WHERE id = $1"; run)`.
 ///
-/// What the databases write differently stands in brackets, first for SQLite: `sql!("SELECT " ["max" | "greatest"] "(a, b)")`.
-/// The texts are made at compile time.
+/// Where the SQL of the databases differs, brackets contain the text for SQLite and that for PostgreSQL:
+/// `sql!("SELECT " ["max" | "greatest"] "(a, b)")`. Both statements are composed at compile time.
 macro_rules! sql {
     ($first:literal $([$sqlite:literal | $postgres:literal] $next:literal)* $(; $($value:expr),* $(,)?)?) => {
         $crate::statement::Statement::new(
@@ -44,7 +44,7 @@ pub(super) enum Value {
     Bytes(Option<Vec<u8>>),
 }
 
-/// Says how types, and options of them, become values.
+/// Implements the conversions from types, and from options of them, to [`Value`].
 macro_rules! values {
     ($($kind:ty: $variant:ident($value:ident) => $stored:expr),* $(,)?) => { $(
         impl From<$kind> for Value {
@@ -79,7 +79,7 @@ values! {
     JobId: Bytes(id) => id.0.as_bytes().to_vec(),
 }
 
-/// Adds a value to a statement of either database.
+/// Binds a value to a query of either database.
 macro_rules! bind {
     ($query:expr, $value:expr) => {
         match $value {
@@ -97,13 +97,13 @@ impl Statement {
         Self { sqlite: sqlite.into(), postgres: postgres.into(), values: Vec::new() }
     }
 
-    /// A statement of one database.
+    /// A statement with the same text for both databases, such as one that only one database executes.
     pub(super) fn of(text: impl Into<Cow<'static, str>>) -> Self {
         let text = text.into();
         Self { sqlite: text.clone(), postgres: text, values: Vec::new() }
     }
 
-    /// Adds the value of the next parameter, which the text has.
+    /// Adds the value of the next parameter. The text already contains the parameter.
     pub(super) fn with(mut self, value: impl Into<Value>) -> Self {
         self.values.push(value.into());
         self
@@ -113,14 +113,14 @@ impl Statement {
         self.push_either(text, text)
     }
 
-    /// Adds what SQLite and PostgreSQL write differently.
+    /// Adds text that differs between SQLite and PostgreSQL.
     pub(super) fn push_either(&mut self, sqlite: &str, postgres: &str) -> &mut Self {
         self.sqlite.to_mut().push_str(sqlite);
         self.postgres.to_mut().push_str(postgres);
         self
     }
 
-    /// Adds a parameter with its value.
+    /// Adds a parameter to the text, and its value.
     pub(super) fn push_bind(&mut self, value: impl Into<Value>) -> &mut Self {
         self.values.push(value.into());
         let place = self.values.len();
@@ -131,7 +131,7 @@ impl Statement {
         self
     }
 
-    /// The statement that says how SQLite executes this one.
+    /// The statement that returns the query plan of SQLite for this statement.
     #[cfg(test)]
     pub(super) fn explained(mut self) -> Self {
         self.sqlite.to_mut().insert_str(0, "EXPLAIN QUERY PLAN ");

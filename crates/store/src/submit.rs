@@ -1,4 +1,4 @@
-//! Submissions, and what they do.
+//! Submissions of jobs, and their outcomes.
 
 use std::num::NonZeroU32;
 
@@ -13,10 +13,10 @@ use super::tables::{Connected, Tables};
 use fretwork_engine::scenario::Warning;
 use fretwork_job::{Job, JobId, Key};
 
-/// A submission, checked and with its key.
+/// A submission that passed all checks, with the key of its result.
 #[derive(Debug, Clone)]
 pub struct NewJob {
-    /// Its id, made by the caller.
+    /// The id of the job, which the caller generates.
     pub id: JobId,
     /// Who submits it.
     pub owner: String,
@@ -24,7 +24,8 @@ pub struct NewJob {
     pub key: Key,
     /// What to compute, in its stored form.
     pub task: String,
-    /// The number of chunks into which the work is divided, so that workers share it; `None` if one worker computes all.
+    /// The number of chunks into which the work is divided, so that workers share it; `None` if one worker computes
+    /// all.
     pub chunks: Option<NonZeroU32>,
     /// The scenario as the client wrote it, in JSON.
     pub submitted: Option<String>,
@@ -32,36 +33,36 @@ pub struct NewJob {
     pub priority: u8,
     /// A title for people.
     pub label: Option<String>,
-    /// Words to find it by.
+    /// Words by which users find the job.
     pub tags: Vec<String>,
-    /// What the client should know about the task.
+    /// The warnings about the task, for the client.
     pub warnings: Vec<Warning>,
-    /// Those of the warnings that the result does not contain: they are about the two bodies. If this submission
-    /// computes the result, the provenance of the result has them.
+    /// Those of the warnings that are about the two bodies. The result does not contain them. If this submission
+    /// computes the result, its provenance contains them.
     pub submission_warnings: Vec<Warning>,
-    /// How a repetition of this submission is recognised.
+    /// Identifies a repetition of this submission; `None` without an idempotency key.
     pub repeatable: Option<Repeatable>,
-    /// Whether to compute even if the result is known.
+    /// Whether to compute the result even if it is stored.
     pub afresh: bool,
-    /// What it may start.
+    /// Whether the submission may start a run.
     pub admission: Admission,
-    /// The request that submits it, for the log.
+    /// The id of the request that submits the job, for the log.
     pub trace: Option<String>,
 }
 
-/// What a submission may start.
+/// Whether a submission may start a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Admission {
-    /// A new run, if it needs one.
+    /// It starts a run if the result is not stored and no run is live.
     #[default]
     NewRun,
-    /// No run: it finds a known result or joins a live run.
+    /// It starts no run. It uses the stored result or the live run.
     NoNewRun,
-    /// No run: it finds a known result.
+    /// It starts no run. It uses the stored result only.
     OnlyKnown,
 }
 
-/// How a repetition of a submission is recognised.
+/// Identifies a repetition of a submission.
 #[derive(Debug, Clone)]
 pub struct Repeatable {
     /// The idempotency key that the client gave to the submission.
@@ -73,15 +74,15 @@ pub struct Repeatable {
 /// What a submission did.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Submitted {
-    /// It is a job.
+    /// The submission was accepted as this job.
     Accepted(Job),
-    /// It is a repetition. This is the job of the first submission.
+    /// The submission is a repetition. This is the job of the first submission.
     Repeated(Job),
     /// Its idempotency key belongs to another submission.
     IdempotencyConflict,
     /// It needs a new run, and [`Admission`] allows none.
     NeedsRun,
-    /// [`Admission::OnlyKnown`] is set, and the result is not known.
+    /// [`Admission::OnlyKnown`] is set, and the result is not stored.
     Unknown,
     /// The queue is full.
     QueueFull {
@@ -90,7 +91,7 @@ pub enum Submitted {
     },
 }
 
-/// How many jobs are queued.
+/// Numbers of queued jobs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Queued {
     /// Jobs of all owners.
@@ -100,15 +101,16 @@ pub(super) struct Queued {
 }
 
 impl Queued {
-    /// Whether the queue has no place for another job of the owner. The last tenth of the queue is for owners with few jobs
-    /// in it, so that no owner fills it all.
+    /// Whether the queue is full for the owner of the submission. The last tenth of the queue is reserved for owners
+    /// with few queued jobs, so that no owner can fill the whole queue.
     pub(super) fn is_full(self, limit: usize) -> bool {
         let tenth = limit / 10;
         self.all >= limit || (self.all >= limit - tenth && self.own >= tenth)
     }
 }
 
-/// A submission with its texts in JSON, written before a transaction begins.
+/// A submission with its lists encoded as JSON. It is encoded before the transaction begins, which keeps the
+/// transaction short.
 pub(super) struct EncodedJob {
     pub(super) job: NewJob,
     pub(super) tags: String,
@@ -126,7 +128,7 @@ impl EncodedJob {
         Self { job, tags, warnings, submission_warnings }
     }
 
-    /// The job that this submission made when it was first sent.
+    /// The answer if this submission is a repetition, or uses the idempotency key of another submission.
     pub(super) async fn repeated(
         &self,
         db: &mut impl Connected,
@@ -151,10 +153,11 @@ impl EncodedJob {
         Source { key, task, owner, job, warnings, trace, program, now }
     }
 
-    /// The error of the statement that inserts the job.
+    /// Translates an error of the statement that inserts the job.
     pub(super) fn refused(&self, error: sqlx::Error) -> Error {
         match error.as_database_error() {
-            // The index of idempotency keys is another one. Two first submissions to several servers meet there.
+            // A violation of the index of idempotency keys is something else: the same submission was sent to two
+            // servers at the same time. It is retried.
             Some(refusal)
                 if refusal.is_unique_violation() && refusal.constraint() != Some(IDEMPOTENCY) =>
             {

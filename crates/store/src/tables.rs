@@ -9,8 +9,8 @@ use super::error::Error;
 use super::row::Row;
 use super::statement::Statement;
 
-/// Advisory locks of PostgreSQL, by which servers exclude each other. Other programs in the same database must not use these
-/// numbers.
+/// Advisory locks of PostgreSQL, with which servers exclude each other. Other programs in the same database must not
+/// use these numbers.
 #[derive(Debug, Clone, Copy)]
 #[repr(i64)]
 pub(super) enum Lock {
@@ -22,27 +22,29 @@ pub(super) enum Lock {
     Upkeep = 0x6672_6574_0003,
 }
 
-/// How many rows of an answer are read.
+/// Maximum number of rows of an answer that are read.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Most {
     One,
     All,
 }
 
-/// What the store needs a connection for.
+/// The purpose for which the store needs a connection.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Purpose {
-    /// One of a pool.
+    /// Any statement: uses a connection of the pool.
     Any,
-    /// One of a pool, for a scan of all results. Scans never take all connections, so single results can always be read.
+    /// A scan of all results: uses a connection of the pool. Scans never use all connections of the pool, so single
+    /// results can always be read.
     Scan,
-    /// One for large results: a connection keeps the memory that it has allocated.
+    /// A large result: few connections may read these, because a connection keeps the memory that it has allocated.
     Large,
-    /// One for access keys: every request needs them, and must not wait for long lists.
+    /// The access keys: every request needs them, and must not wait for long lists.
     Keys,
 }
 
-/// What reads the tables: a connection, or the store, which takes one of its connections for each statement.
+/// Reads the tables. Implemented by connections, and by the store, which uses one of its connections for each
+/// statement.
 pub(super) trait Tables: Send {
     /// Reads the rows that a statement returns.
     fn read(
@@ -74,7 +76,7 @@ pub(super) enum Connection<'a> {
     Postgres(&'a mut PgConnection),
 }
 
-/// What has a connection. In an open transaction it also changes the tables.
+/// Has a connection. In an open transaction, it can also change the tables.
 pub(super) trait Connected: Send {
     fn connection(&mut self) -> Connection<'_>;
 
@@ -86,7 +88,8 @@ pub(super) trait Connected: Send {
         })
     }
 
-    /// Executes a statement that locks something until the end of the transaction. SQLite has one writer.
+    /// In PostgreSQL, executes a statement that takes a lock until the end of the transaction. SQLite needs no lock,
+    /// because it has one writer.
     async fn lock(&mut self, statement: Statement) -> Result<(), Error> {
         if let Connection::Postgres(db) = self.connection() {
             statement.postgres().execute(db).await?;

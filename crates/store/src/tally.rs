@@ -17,7 +17,7 @@ words! {
         Succeeded = "succeeded",
         Failed = "failed",
         Canceled = "canceled",
-        /// It is queued again.
+        /// The worker gave the run back, so it is queued again.
         Released = "released",
     }
 }
@@ -25,7 +25,7 @@ words! {
 /// Counters with one label.
 type Counters = Family<[(&'static str, &'static str); 1], Counter>;
 
-/// Counters that start at 0: alerts need a number also for events that have not happened yet.
+/// Counters that exist from the start with the value 0. Alerts need a value also for events that have not happened yet.
 fn counters<const N: usize>(label: &'static str, values: [&'static str; N]) -> Counters {
     let counters = Counters::default();
     for value in values {
@@ -47,7 +47,7 @@ pub struct Tally {
     recomputes: Counters,
     /// Results that were evicted.
     pub(super) evicted: Counter,
-    /// Acknowledged commits that were missing at the start.
+    /// Number of acknowledged commits that were missing at the start.
     pub(super) lost: Gauge,
     errors: Counters,
     queued: Gauge,

@@ -1,4 +1,5 @@
-//! The store as the service sees it: each verb with its meaning. The engines, one for each kind of database, carry them out.
+//! The interface of the store: its operations, which are called verbs. An engine for each kind of database executes
+//! them.
 
 use std::pin::pin;
 use std::sync::Arc;
@@ -45,7 +46,7 @@ enum Engine {
     Postgres(postgres::Database),
 }
 
-/// Calls the same verb of every engine.
+/// Evaluates an expression with the database of the engine that is in use.
 macro_rules! each {
     ($store:expr, $db:ident => $call:expr) => {
         match &$store.engine {
@@ -55,7 +56,7 @@ macro_rules! each {
     };
 }
 
-/// Makes a change by the verb of the engine.
+/// Calls a verb of which each engine has its own version, in a transaction.
 macro_rules! change {
     ($store:expr, $module:ident::$verb:ident, $input:expr) => {
         match &$store.engine {
@@ -65,7 +66,7 @@ macro_rules! change {
     };
 }
 
-/// The tables of a store, read by connections of this purpose.
+/// Reads the tables of a store with connections for this purpose.
 struct Reading<'a>(&'a Store, Purpose);
 
 impl Tables for Reading<'_> {
@@ -74,7 +75,7 @@ impl Tables for Reading<'_> {
     }
 }
 
-/// Jobs that are canceled at a time.
+/// Number of jobs that [`Store::cancel_all`] reads at a time.
 const AT_ONCE: u32 = 100;
 
 impl Store {
@@ -82,7 +83,7 @@ impl Store {
         Reading(self, Purpose::Any)
     }
 
-    /// Makes a change that both engines make with the same statements.
+    /// Executes a verb that has the same statements in both engines.
     async fn change<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer, Error>
     where
         Input: Send + Sync + 'static,
@@ -95,14 +96,15 @@ impl Store {
         }
     }
 
-    /// Accepts a job. It ends at once if the result is known. Otherwise it joins the live run, or a new run
-    /// is queued if the queue is not full.
+    /// Accepts a job. If the result is stored, the job ends at once. Otherwise it waits for the live run of its key. If
+    /// there is none, a new run is queued, unless the queue is full.
     pub fn submit(&self, job: NewJob) -> Doing<'_, Submitted> {
         change!(self, submit::submit, EncodedJob::new(job))
     }
 
-    /// Accepts jobs of one key with their answer and its cost, and finishes them in the same commit. If the
-    /// result has become known meanwhile, or a run is live, they use that instead.
+    /// Accepts jobs of one key together with their computed answer, and finishes them in the same commit. `wall` is the
+    /// time that the computation took. If the result has been stored in the meantime, or a run is live, the jobs use
+    /// that instead.
     pub fn record(
         &self,
         jobs: Vec<NewJob>,
@@ -123,14 +125,14 @@ impl Store {
         change!(self, runs::claim, ())
     }
 
-    /// Stores the progress of a whole run, in 0…1; that of a study follows from its chunks. Returns false if the worker has
-    /// lost what it computes.
+    /// Stores the progress of a whole run, from 0 to 1. The progress of a study follows from its finished chunks, so
+    /// nothing is stored for it. Returns false if the worker has lost its run or piece.
     pub fn progress<'a>(&'a self, claimed: &'a Claimed, share: f64) -> Doing<'a, bool> {
         let share = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
         change!(self, runs::progress, (claimed.claim(), share))
     }
 
-    /// Stores the result of a run or of an assembly, and the cost of this attempt and of the chunks.
+    /// Stores the result of a whole run or of a study. Its cost is that of this attempt and of the chunks.
     ///
     /// # Panics
     /// The worker has claimed a chunk, which has no result.
@@ -145,8 +147,8 @@ impl Store {
         change!(self, runs::finish, (claimed.clone(), answer))
     }
 
-    /// Ends a run by a failure, and stops the workers that compute other pieces of it. Returns false if the worker has lost what
-    /// it computes.
+    /// Fails a run, and stops the workers that compute other pieces of it. Returns false if the worker has lost its run
+    /// or piece.
     pub fn fail<'a>(
         &'a self,
         claimed: &'a Claimed,
@@ -156,25 +158,27 @@ impl Store {
         change!(self, runs::fail, (claimed.claim(), kind, message.to_owned()))
     }
 
-    /// Confirms that the worker has stopped a run that is being canceled. Returns false if the run is not
-    /// being canceled. A study never is: it is canceled at once.
+    /// Confirms that the worker has stopped computing a run that is being canceled. Returns false if the run is not
+    /// being canceled. A study is canceled at once, so it never waits for its workers.
     pub fn stopped<'a>(&'a self, claimed: &'a Claimed) -> Doing<'a, bool> {
         change!(self, runs::stopped, claimed.claim())
     }
 
-    /// Queues a running run, or piece of a study, again. It does not count as lost. Returns false if the worker has lost it.
+    /// Queues a running run or piece of a study again. This does not count as a crash. Returns false if the worker has
+    /// lost the run or piece.
     pub fn release<'a>(&'a self, claimed: &'a Claimed) -> Doing<'a, bool> {
         change!(self, runs::release, claimed.claim())
     }
 
-    /// Ends or queues all runs that the last process left unfinished. Call it before the first claim: for one server, it
-    /// treats every running run as lost. Of several servers, it takes away the leases that are over; they also do this by themselves.
+    /// Ends or queues again the runs that the last process left unfinished. Call it before the first claim. In SQLite,
+    /// it treats every running run as lost. In PostgreSQL, only a run with an expired lease counts as lost. There, all
+    /// servers also do this in the background.
     pub fn recover(&self) -> Doing<'_, Recovered> {
         each!(self, db => Box::pin(db.recover()))
     }
 
-    /// Stores what a worker has computed for a chunk, in a form that only the caller knows, and the cost of this attempt.
-    /// Returns false if the worker has lost the chunk.
+    /// Stores the data that a worker has computed for a chunk, and the cost of this attempt. The caller chooses the
+    /// format of the data. Returns false if the worker has lost the chunk.
     ///
     /// # Panics
     /// The worker has not claimed a chunk, or there is no memory for the compressor.
@@ -187,7 +191,7 @@ impl Store {
         change!(self, chunks::finish_chunk, FinishedChunk::new(claimed, bytes, cost))
     }
 
-    /// What was stored for a finished chunk. Returns `None` if the study has ended.
+    /// The stored data of a finished chunk; `None` if the study has ended.
     pub fn chunk<'a>(&'a self, claimed: &'a Claimed, number: u32) -> Doing<'a, Option<Bytes>> {
         Box::pin(async move {
             let found = read::chunk(claimed.run, number, self.reading()).await?;
@@ -198,8 +202,8 @@ impl Store {
         })
     }
 
-    /// The task of a claimed study in its stored form. The study has too many pieces for each to contain it. Returns `None` if
-    /// the study has ended.
+    /// The task of a claimed study in its stored form; `None` if the study has ended. A [`Piece`] of a study does not
+    /// contain the task, to save memory.
     pub fn task<'a>(&'a self, claimed: &'a Claimed) -> Doing<'a, Option<String>> {
         Box::pin(read::task(claimed.run, self.reading()))
     }
@@ -212,7 +216,8 @@ impl Store {
     /// Cancels every unfinished job that matches and was submitted before this call. Returns how many.
     pub fn cancel_all<'a>(&'a self, filter: &'a Filter, by: &'a Actor) -> Doing<'a, u64> {
         Box::pin(async move {
-            // The writer task of SQLite commits them together. In PostgreSQL they would take all connections from others.
+            // The writer task of SQLite commits simultaneous changes together. In PostgreSQL, each change would take a
+            // connection, and none would be left for other requests.
             let together =
                 if matches!(self.engine, Engine::Sqlite(_)) { AT_ONCE as usize } else { 1 };
             let mut canceled = 0;
@@ -240,12 +245,12 @@ impl Store {
         Box::pin(read::job(id, self.reading()))
     }
 
-    /// What a job was asked to compute.
+    /// The task of a job, and its original text.
     pub fn asked(&self, id: JobId) -> Doing<'_, Asked> {
         Box::pin(read::asked(id, self.reading()))
     }
 
-    /// Returns up to `limit` jobs that match, newest first, older than `cursor`.
+    /// Returns up to `limit` jobs that match and are older than `cursor`, newest first.
     pub fn jobs<'a>(
         &'a self,
         filter: &'a Filter,
@@ -255,7 +260,7 @@ impl Store {
         Box::pin(read::jobs(filter, cursor, limit, self.reading()))
     }
 
-    /// The result of a key. Its checksum is verified, so damage to the disk cannot change a number.
+    /// The result of a key. Its checksum is verified, so damage on the disk is an error and never a wrong number.
     pub fn result<'a>(&'a self, key: &'a Key) -> Doing<'a, Option<StoredResult>> {
         Box::pin(async move {
             match self.small_result(key).await? {
@@ -268,7 +273,7 @@ impl Store {
         })
     }
 
-    /// The result of a key, unless it is [`LARGE`].
+    /// The result of a key. The body of a result larger than [`LARGE`] is not read.
     pub fn small_result<'a>(&'a self, key: &'a Key) -> Doing<'a, Option<StoredResult>> {
         Box::pin(async move {
             let most = (LARGE as u64).cast_signed();
@@ -288,7 +293,7 @@ impl Store {
             sum.is_of(body)
         } else {
             let body = body.clone();
-            // If the checksum panicked, the body would not be trusted.
+            // After a panic, the body counts as damaged.
             tokio::task::spawn_blocking(move || sum.is_of(&body)).await.unwrap_or(false)
         };
         if !sound {
@@ -298,7 +303,7 @@ impl Store {
         Ok(Some(found))
     }
 
-    /// Records that a result was read: the least recently read result is evicted first.
+    /// Records that a result was read, because the least recently read result is evicted first.
     pub fn was_read(&self, key: &Key) {
         self.signals.read(*key, now());
     }
@@ -317,13 +322,13 @@ impl Store {
         Box::pin(read::live_job(key, owner, self.reading()))
     }
 
-    /// How long the oldest queued run has waited.
+    /// The time that the oldest queued run has waited.
     pub fn longest_wait(&self) -> Doing<'_, Duration> {
         each!(self, db => Box::pin(db.longest_wait()))
     }
 
-    /// When the last backup ended, in milliseconds since 1970; 0 if there was none. `None` if the backups are not those of
-    /// this program.
+    /// When the last backup ended, in milliseconds since 1970; 0 if there was none. `None` for PostgreSQL, where other
+    /// programs make the backups.
     pub fn last_backup(&self) -> Doing<'_, Option<i64>> {
         Box::pin(async move {
             let query =
@@ -332,7 +337,7 @@ impl Store {
         })
     }
 
-    /// Checks that the disk has room for a submission, by a write of the same size.
+    /// Checks that the disk has space for a submission: writes data of the same size.
     pub fn probe(&self) -> Doing<'_, ()> {
         change!(self, upkeep::probe, ())
     }
@@ -378,7 +383,7 @@ impl Store {
         Box::pin(self.change(keep::annotate, (*key, text, editor)))
     }
 
-    /// Deletes the body of a result; its scenario stays known.
+    /// Deletes the body of a result, and keeps its scenario.
     pub fn remove<'a>(&'a self, key: &'a Key, by: Actor) -> Doing<'a, Removed> {
         Box::pin(self.change(keep::remove, (*key, by)))
     }
@@ -407,12 +412,12 @@ impl Store {
         })
     }
 
-    /// The number of queued jobs of an owner, and of running ones.
+    /// The numbers of queued and of running jobs of an owner.
     pub fn unfinished<'a>(&'a self, owner: &'a str) -> Doing<'a, (u64, u64)> {
         Box::pin(read::counts(owner, self.reading()))
     }
 
-    /// Up to `limit` entries of the audit log before another one, the newest first.
+    /// Up to `limit` entries of the audit log, the newest first. With `before`, only entries with smaller ids.
     pub fn audit(&self, before: Option<i64>, limit: u32) -> Doing<'_, Vec<AuditEntry>> {
         Box::pin(audit::list(before, limit, self.reading()))
     }
@@ -426,7 +431,7 @@ impl Store {
         }
     }
 
-    /// Open connections to the database; `None` if it is not on a server.
+    /// The number of open connections to PostgreSQL; `None` for SQLite.
     #[must_use]
     pub fn database_connections(&self) -> Option<u64> {
         match &self.engine {

@@ -1,4 +1,4 @@
-//! Computing what a worker has claimed: a whole run, a chunk of a study, or the result of a study from its chunks.
+//! Computes a claimed piece: a whole run, a chunk of a study, or the result of a study from its chunks.
 
 use std::sync::{Arc, MutexGuard, PoisonError, TryLockError};
 use std::thread;
@@ -10,8 +10,8 @@ use fretwork_job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in
 use fretwork_store::{Claimed, Error, Piece, RunId};
 use fretwork_study::{Points, Rows, Study};
 
-/// Largest number of prepared studies that all threads keep together. The owners of studies take turns, so a study that is
-/// not kept is prepared for each of its chunks.
+/// Maximum number of prepared studies that all threads together keep in memory. The owners of studies take turns. So
+/// with more studies than this, a study must be prepared again for each of its chunks.
 const STUDIES: usize = 8;
 
 impl Worker {
@@ -65,18 +65,18 @@ impl Worker {
             Step::Working { progress: f64::from(number) / f64::from(of) }
         })??;
         if rows.count != study.points() {
-            let message = format!("its chunks have {} rows, not {}", rows.count, study.points());
+            let message = format!("the chunks have {} rows, not {}", rows.count, study.points());
             return Err(unreadable(message));
         }
         let goes_on = &mut || self.check(claimed).is_ok();
         match Answer::of_study_while(claimed.key, &study, &rows, goes_on) {
             Some(answer) => Ok(Made::Answer(answer, watch.cost())),
-            // A reason to stop never disappears.
+            // `check` failed during the computation. It fails again, because a reason to stop never disappears.
             None => Err(self.check(claimed).err().unwrap_or(NotMade::Interrupted)),
         }
     }
 
-    /// Waits until no other worker makes a result from chunks.
+    /// Waits until no other worker makes a result from chunks. Returns the lock that excludes other workers.
     fn turn(&self, claimed: &Claimed) -> Result<MutexGuard<'_, ()>, NotMade> {
         loop {
             match self.assembling.try_lock() {
@@ -87,7 +87,7 @@ impl Worker {
         }
     }
 
-    /// Why the computation must not continue.
+    /// Fails with the reason if the computation must not continue.
     fn check(&self, claimed: &Claimed) -> Result<(), NotMade> {
         if claimed.stop.is_raised() {
             return Err(NotMade::Unwanted);
@@ -98,14 +98,14 @@ impl Worker {
         Ok(())
     }
 
-    /// Waits for a moment, unless the computation must not continue.
+    /// Waits for a short time, unless the computation must not continue.
     fn pause(&self, claimed: &Claimed) -> Result<(), NotMade> {
         self.check(claimed)?;
         thread::sleep(PAUSE.0);
         Ok(())
     }
 
-    /// The study of a claimed piece, ready to be computed.
+    /// The prepared study of a claimed piece. Prepares it if it is not in memory.
     fn study(&self, claimed: &Claimed) -> Result<Arc<Study>, NotMade> {
         let kept = || self.studies.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(study) = latest(&mut kept(), claimed.run) {
@@ -113,7 +113,7 @@ impl Worker {
         }
         let study = self.prepared_study(claimed)?;
         let mut studies = kept();
-        // Another thread may have prepared it meanwhile. All threads share one.
+        // Another thread may have prepared the study in the meantime. Then this thread uses that one.
         if let Some(study) = latest(&mut studies, claimed.run) {
             return Ok(study);
         }
@@ -133,7 +133,7 @@ impl Worker {
         }
     }
 
-    /// Reads what is stored of a study. Tries again while the database is busy or cannot be reached.
+    /// Reads data of a study from the store. Tries again while the database is busy or cannot be reached.
     fn read<T>(
         &self,
         claimed: &Claimed,
@@ -153,7 +153,7 @@ impl Worker {
         }
     }
 
-    /// Takes steps until the computation is done, or must not continue.
+    /// Executes the steps of a computation until it is done or must not continue. Reports its progress to the store.
     fn drive<T>(
         &self,
         claimed: &Claimed,
@@ -191,7 +191,7 @@ impl Worker {
     }
 }
 
-/// The study of this run, which becomes the latest one.
+/// The study of this run, if it is in memory. Moves it to the end of the list, as the one that was used last.
 fn latest(studies: &mut Vec<(RunId, Arc<Study>)>, run: RunId) -> Option<Arc<Study>> {
     let place = studies.iter().position(|(known, _)| *known == run)?;
     let found = studies.remove(place);

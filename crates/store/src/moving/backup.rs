@@ -1,7 +1,7 @@
 //! Backup and restore of the whole database.
 //!
-//! Both make a checked copy. A damaged result does not prevent that: the copy keeps its scenario, but not its body, as
-//! if the result had been evicted.
+//! Both make a copy and check it. A damaged body of a result does not prevent this. The copy keeps the scenario of such
+//! a result, but not its body, as if the result had been evicted.
 
 use std::fs::{self, File};
 use std::io;
@@ -31,14 +31,14 @@ pub struct Saved {
     pub bytes: u64,
     /// The number of results without a body, whose scenarios are still known.
     pub evicted: u64,
-    /// Results whose bodies are damaged and left out. They are among the evicted ones.
+    /// Results whose damaged bodies were left out of the copy. `evicted` counts them, too.
     pub damaged: Vec<Key>,
 }
 
 /// Copies a snapshot of the database into a file, and checks the copy.
 ///
 /// # Errors
-/// The file exists, more than bodies of results is damaged, or a database fails.
+/// The file exists, something other than bodies of results is damaged, or a database fails.
 pub fn backup<'a>(dir: &'a Path, file: &'a Path) -> Command<'a, Saved, Moving> {
     Box::pin(async move {
         if file.exists() {
@@ -74,9 +74,8 @@ pub fn note_backup(dir: &Path) -> Command<'_, ()> {
 /// Puts a backup in place of the database, with the tables of this version. No server may use the directory. With
 /// `replace`, an existing database is renamed. Returns the contents of the backup, and the path of the former database.
 ///
-/// # Errors
-/// A server is running, there is a database and `replace` is false, or more than bodies of results is damaged. Then
-/// nothing has changed.
+/// # Errors A server is running, there is a database and `replace` is false, or something other than bodies of results
+/// is damaged. After an error, nothing has changed.
 pub fn restore<'a>(
     dir: &'a Path,
     file: &'a Path,
@@ -89,7 +88,8 @@ pub fn restore<'a>(
         let lock = dir.join(LOCK);
         let missing: Vec<&Path> = [&*lock].into_iter().chain(dir.ancestors()).collect();
         let missing: Vec<&Path> = missing.into_iter().take_while(|path| !path.exists()).collect();
-        // The lock is held until everything is removed. If another server holds it, these are its files.
+        // This holds the lock until everything is removed. If another server holds the lock, the files belong to that
+        // server and stay.
         let locked = open::lock(dir);
         let done = match &locked {
             Ok(locked) => put_in_place(dir, locked, file, replace).await,
@@ -97,7 +97,7 @@ pub fn restore<'a>(
         };
         if !matches!(done, Ok(_) | Err(Moving::Store(Error::Locked { .. }))) {
             for path in missing {
-                // What another command has put there in the meantime stays.
+                // This fails if another command has put a file there in the meantime. Then the directory stays.
                 let _ = if path == lock { fs::remove_file(path) } else { fs::remove_dir(path) };
             }
         }
@@ -136,7 +136,8 @@ async fn put_in_place(
     Ok((saved, former))
 }
 
-/// Refuses a file whose schema or pages a copy would repair or hide. Errors call it `name`. Returns the version of its schema.
+/// Refuses a file with damage to its schema or indexes, because a copy would repair or hide that. Errors show the path
+/// `name`. Returns the version of the schema.
 async fn inspect(file: &Path, name: &Path) -> Result<i64, Moving> {
     open::inspect(file).await?;
     let mut db = reading(file).await?;
@@ -147,8 +148,8 @@ async fn inspect(file: &Path, name: &Path) -> Result<i64, Moving> {
     Ok(version)
 }
 
-/// Lets SQLite end what a crash has interrupted in a database, so that neither a log nor a journal is left beside it. A
-/// database that SQLite cannot read stays as it is.
+/// Lets SQLite recover a database after a crash, so that neither a log nor a journal is left beside it. A database that
+/// SQLite cannot read stays as it is.
 async fn settle(path: &Path) -> Result<(), Moving> {
     let not_replaced = |source| Moving::NotReplaced { path: path.to_owned(), source };
     open::forget_foreign_log(path).map_err(not_replaced)?;
@@ -170,13 +171,14 @@ async fn settle(path: &Path) -> Result<(), Moving> {
 /// The database to be copied.
 enum Source<'a> {
     Original(&'a Path),
-    /// A copy of its files, which is removed in the end.
+    /// A copy of the database with its log and journal. It is removed when this is dropped.
     Copy(Part),
 }
 
 impl<'a> Source<'a> {
-    /// SQLite must write beside a database with a log or a journal, also to read it. On a read-only file system it cannot,
-    /// so the files are copied to the place of `target`. The copy is sound only if no server writes to them meanwhile.
+    /// To read a database with a log or a journal, SQLite must write files beside it. On a read-only file system this
+    /// is impossible, so the files are copied to the directory of `target`. The copy is sound only if no server writes
+    /// to the database at the same time.
     fn of(path: &'a Path, target: &Path) -> Result<Self, Moving> {
         let opened = File::options().write(true).open(path);
         let is_read_only =
@@ -209,9 +211,9 @@ impl<'a> Source<'a> {
 
 /// Puts a new database in the place of an old one, which is kept at `former`.
 ///
-/// SQLite would apply the log or the journal of the old database to the new one. So they are removed before the exchange.
-/// Only a database that cannot be read has one here, because of [`settle`]. So whenever this is interrupted, a complete
-/// database is in place, unless the old one was not complete before.
+/// SQLite would apply the log or the journal of the old database to the new one. So both are removed before the
+/// exchange. After [`settle`], only a database that SQLite cannot read still has a log or a journal. So even after an
+/// interruption, a complete database is in place, unless the old one was already unreadable.
 fn supplant(new: &Path, path: &Path, former: Option<&Path>) -> io::Result<()> {
     let beside = |suffix: &str| open::with_suffix(path, suffix);
     let kept: Vec<(PathBuf, PathBuf)> = former
@@ -230,7 +232,7 @@ fn supplant(new: &Path, path: &Path, former: Option<&Path>) -> io::Result<()> {
         });
     if done.is_err() {
         for (old, second) in kept {
-            // The old files get back what they have lost.
+            // Undo: remove the second name of a file that still exists, and rename a file that was removed.
             let _ = if old.exists() { remove(&second) } else { fs::rename(&second, &old) };
         }
     }
@@ -255,15 +257,15 @@ async fn copy(from: &Path, to: &Path) -> Result<(), Moving> {
     let copied = sqlx::query("VACUUM INTO ?1").bind(target).execute(&mut db).await;
     db.close().await?;
     if unless_damaged(copied)?.is_err() {
-        // If the damaged pages belong to bodies of results, the rest can still be read.
+        // If only bodies of results are damaged, all other rows can still be read.
         fs::remove_file(to).map_err(refused(to))?;
         copy_readable(from, to).await?;
     }
     Ok(())
 }
 
-/// Copies a snapshot of a database row by row, without the bodies that cannot be read, and without chunks: a server computes
-/// them again.
+/// Copies a snapshot of a database row by row. Leaves out the bodies that cannot be read, and all chunks, which a
+/// server computes again.
 async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
     const BODIES: [&str; 2] = ["result_blob", "chunk"];
     let options = open::connecting(to)
@@ -276,7 +278,7 @@ async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
     let source = from.to_string_lossy().into_owned();
     sqlx::query("ATTACH ?1 AS source").bind(source).execute(&mut db).await?;
     let mut tx = db.begin().await?;
-    // First the tables, then what refers to them.
+    // First the tables, then the indexes and triggers, which refer to tables.
     let parts: Vec<(String, String, String)> = sqlx::query_as(
         "SELECT type, name, sql FROM source.sqlite_schema
          WHERE sql IS NOT NULL AND name NOT LIKE 'sqlite!_%' ESCAPE '!' ORDER BY type <> 'table'",
@@ -292,7 +294,7 @@ async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
     }
     let bodies: Vec<i64> =
         sqlx::query_scalar("SELECT rowid FROM source.result_blob").fetch_all(&mut *tx).await?;
-    // After a damaged page, SQLite refuses to commit. So another connection tries to read each body.
+    // A connection that has read a damaged page cannot commit. So a second connection tries to read each body first.
     let mut reader = reading(from).await?;
     for body in bodies {
         let read = sqlx::query("SELECT body FROM result_blob WHERE rowid = ?1").bind(body);
@@ -341,7 +343,8 @@ async fn check(copy: &Path, of: &Path) -> Result<Saved, Moving> {
     Ok(Saved { jobs, results, bytes, evicted, damaged })
 }
 
-/// Refuses a database with damage that a copy cannot leave out. A copy would hide it, because its indexes are new.
+/// Refuses a database with damage that a copy cannot leave out. A copy would hide the damage, because SQLite builds new
+/// indexes for the copy.
 fn refuse(mut damage: Vec<Damage>, path: &Path) -> Result<(), Moving> {
     damage.retain(|damage| !damage.can_be_left_out());
     if damage.is_empty() {
@@ -355,8 +358,8 @@ fn refuse(mut damage: Vec<Damage>, path: &Path) -> Result<(), Moving> {
 async fn damaged(db: &mut SqliteConnection) -> Result<Vec<Key>, Moving> {
     let mut damaged = Vec::new();
     let mut last = Vec::new();
-    // One body at a time, to keep memory small. The first version had neither evicted results nor checksums. There, the
-    // names stand for the columns of `absent`.
+    // Reads one body at a time, to save memory. In the tables of the first version, `result` has no columns `checksum`
+    // and `evicted`. Then SQLite resolves these names to the columns of `absent`, which are null.
     loop {
         let row = sqlx::query(
             "SELECT key, digest, body,

@@ -1,7 +1,8 @@
 //! Searches a database for damage, and names the rows.
 //!
-//! Three things repeat what a row says: the indexes, of which some exist only for that (`migrations/sqlite/0014_copies.sql`, `0015_verified.sql`); the body of a result,
-//! which has a checksum; and other rows.
+//! A check compares each row with other copies of its values. Indexes contain such copies, and some indexes exist only
+//! for this (`migrations/sqlite/0014_copies.sql`, `0015_verified.sql`). Other copies are in the body of the result,
+//! which has a checksum, and in other rows.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -23,12 +24,12 @@ use crate::sqlite::open::{self, DATABASE};
 use crate::sqlite::schema;
 use fretwork_job::{Canonical, Document, ENGINE, Key, Outline, SCALARS, WORDS};
 
-/// What a check has found.
+/// The findings of a check.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Checked {
-    /// The numbers of jobs and of results, also of evicted ones. `None` if they cannot be counted.
+    /// The numbers of jobs and of results, including evicted results. `None` if damage prevents counting.
     pub counts: Option<(u64, u64)>,
-    /// What is damaged: table, key and column, and what is wrong.
+    /// Each damage that was found.
     pub damage: Vec<Damage>,
 }
 
@@ -46,7 +47,7 @@ pub fn check(dir: &Path) -> Command<'_, Checked, Moving> {
             return of_schema(error);
         }
         let mut db = reading(&path).await?;
-        // A server may write meanwhile.
+        // One transaction, so that all statements see the same snapshot while a server writes.
         db.execute("BEGIN").await?;
         if let Err(error) = schema::compare(&mut db, &path).await {
             return of_schema(error);
@@ -62,7 +63,7 @@ pub fn check(dir: &Path) -> Command<'_, Checked, Moving> {
     })
 }
 
-/// The damage to the schema that ends a check before it reads a row. Any other error stays an error.
+/// Reports a damaged schema as damage. It ends the check before any row is read. Any other error is returned.
 fn of_schema(error: Error) -> Result<Checked, Moving> {
     let damage = match error {
         Error::Altered { what, .. } => Damage::of(SCHEMA, what),
@@ -85,7 +86,7 @@ pub(super) async fn of_pages(db: &mut SqliteConnection) -> Result<Vec<Damage>, E
     .fetch_all(&mut *db)
     .await?;
     let mut damage = Vec::new();
-    // Some damage ends a check. So each table has its own.
+    // SQLite ends an integrity check at some kinds of damage. So each table is checked separately.
     for table in tables {
         for line in said(db, format!("PRAGMA integrity_check(\"{table}\")")).await? {
             if line != "ok" {
@@ -130,7 +131,7 @@ pub(super) async fn of_rows(db: &mut SqliteConnection) -> Result<Vec<Damage>, Er
     Ok(damage)
 }
 
-/// Statements that return the keys of rows which contradict others: table, column, statement.
+/// Statements that return the keys of rows that contradict other rows: table, column, statement.
 const COMPARISONS: [(&str, &str, &str); 13] = [
     ("outline", "created", "SELECT lower(hex(key)) FROM outline JOIN result_task USING (id) JOIN result USING (key)
         WHERE outline.created <> result.created"),
@@ -140,7 +141,7 @@ const COMPARISONS: [(&str, &str, &str); 13] = [
         WHERE outline.owner IS NOT result.owner"),
     ("outline", "present", "SELECT lower(hex(key)) FROM outline JOIN result_task USING (id) JOIN result USING (key)
         WHERE outline.present <> (result.evicted IS NULL)"),
-    // Those of an earlier version are written at the next start.
+    // An outline may be missing after the last one that exists: the server writes it at the next start.
     ("outline", "id", "SELECT lower(hex(key)) FROM result_task WHERE id NOT IN (SELECT id FROM outline)
         AND id < (SELECT max(id) FROM outline)"),
     ("outline", "id", "SELECT 'row ' || id FROM outline WHERE id NOT IN (SELECT id FROM result_task)"),
@@ -159,7 +160,8 @@ const COMPARISONS: [(&str, &str, &str); 13] = [
         WHERE evicted IS NULL) OR runs < (SELECT coalesce(max(id), 0) FROM run)"),
 ];
 
-/// Compares the state and the times of each job with its changes of state, and what was submitted with its checksum.
+/// Compares the state and the times of each job with its recorded changes of state, and the submitted text with its
+/// checksum.
 async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
     let mut damage = Vec::new();
     let mut rows = sqlx::query(
@@ -183,7 +185,7 @@ async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
     }
 }
 
-/// What in the row of a job contradicts its changes of state or its checksum.
+/// A description of the first contradiction in the row of a job, if there is one.
 fn contradiction(row: &SqliteRow) -> Result<Option<String>, sqlx::Error> {
     let Ok(changes) = changes(row.get("changes")?) else {
         return Ok(Some("changes has an entry that is not a change of state".to_owned()));
@@ -225,7 +227,7 @@ async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
     );
     let statement: Arc<str> = statement.into();
     let (mut damage, mut last) = (Vec::new(), Vec::new());
-    // One body at a time, to keep memory small.
+    // Reads one body at a time, to save memory.
     loop {
         let query = sqlx::query(AssertSqlSafe(Arc::clone(&statement))).bind(&last);
         match unless_damaged(query.fetch_optional(&mut *db).await)? {
@@ -266,7 +268,7 @@ fn table_of(error: &sqlx::Error) -> &'static str {
     }
 }
 
-/// What is wrong with a result: tables and descriptions.
+/// Each fault of a result: the table, and a description.
 fn of_result(row: &SqliteRow) -> Result<Vec<(&'static str, String)>, sqlx::Error> {
     let (key, task) = (row.get("key")?, row.get::<Option<&str>>("task")?);
     let is_real = row.get::<Option<&str>>("kind")?.is_some();
@@ -302,7 +304,7 @@ fn of_result(row: &SqliteRow) -> Result<Vec<(&'static str, String)>, sqlx::Error
     Ok(wrong)
 }
 
-/// Compares what lists and search show with the result itself.
+/// Compares the summary and the outline, which lists and searches show, with the body of the result.
 fn of_document(row: &SqliteRow, document: &Document) -> Vec<(&'static str, String)> {
     let mut wrong = Vec::new();
     if !row.get("summary").is_ok_and(|found: Value| equal(&found, &document.summary)) {
@@ -322,12 +324,12 @@ fn of_document(row: &SqliteRow, document: &Document) -> Vec<(&'static str, Strin
     wrong
 }
 
-/// Whether a task has this key under any version of the engine.
+/// Whether this is the key of the task under any `numerics` version of the engine.
 fn is_key_of(key: &Key, asked: &Canonical) -> bool {
     (1..=ENGINE.numerics).any(|numerics| asked.key(numerics) == *key)
 }
 
-/// Whether two documents are equal, also if the one writes 5 and the other 5.0.
+/// Whether two JSON values are equal. Numbers are compared by value, so 5 equals 5.0.
 fn equal(one: &Value, other: &Value) -> bool {
     match (one, other) {
         (Value::Number(one), Value::Number(other)) => one.as_f64() == other.as_f64(),

@@ -1,4 +1,5 @@
-//! Damage to a database, and the rows that SQLite's integrity check is about. It counts rows instead of naming them.
+//! Damage to a database. SQLite's integrity check reports the number of a damaged row in the scan, not its key. This
+//! module finds the key.
 
 use std::fmt;
 
@@ -17,10 +18,10 @@ pub struct Damage {
     pub what: String,
 }
 
-/// Stands for the table of a page that no table uses.
+/// The name that is reported instead of a table for a page that no table uses.
 pub(super) const UNUSED: &str = "unused page";
 
-/// The table of the schema.
+/// The table that contains the schema.
 pub(super) const SCHEMA: &str = "sqlite_schema";
 
 impl fmt::Display for Damage {
@@ -46,14 +47,14 @@ impl Damage {
         Self { table: table.to_owned(), row: Some(row), what: what.into() }
     }
 
-    /// Whether a backup can leave it out: bodies, whose scenarios are kept; chunks, which
-    /// are computed again; and pages that no table uses.
+    /// Whether a backup can leave out the damaged rows. It can leave out bodies, because it keeps their scenarios;
+    /// chunks, because a server computes them again; and pages that no table uses.
     pub(super) fn can_be_left_out(&self) -> bool {
         ["result_blob", "chunk", UNUSED].contains(&&*self.table)
     }
 }
 
-/// Damage to the schema. Of a statement that SQLite cannot read, it names the table, the index or the trigger.
+/// Damage to the schema. If SQLite reports an unreadable statement, the row is the name of its table, index or trigger.
 pub(super) fn in_schema(error: &sqlx::Error) -> Damage {
     let what = error.to_string();
     let name =
@@ -76,12 +77,12 @@ pub(super) async fn locate(db: &mut SqliteConnection, table: &str, line: &str) -
     } else {
         beside_damage(db, table, line).await
     };
-    // What is damaged may be needed to find the row.
+    // The damage may also prevent the search for the row. Then the line itself is reported.
     let found = found.unwrap_or_default();
     if found.is_empty() { vec![Damage::of(table, line)] } else { found }
 }
 
-/// The place of a row in its table, and the index that differs from it.
+/// The position of a row in its table, from 1, and the name of the index that differs from the row.
 fn of_index(line: &str) -> Option<(i64, &str)> {
     let line = line.strip_prefix("rowid not at end-of-record for ").unwrap_or(line);
     let (row, rest) = line.strip_prefix("row ")?.split_once(' ')?;
@@ -89,13 +90,13 @@ fn of_index(line: &str) -> Option<(i64, &str)> {
     Some((row.parse().ok()?, index))
 }
 
-/// A type, or `NULL`, and the column that has a wrong value of it.
+/// The wrong type of a value, or `NULL`, and the name of the column.
 fn of_column(line: &str) -> Option<(&str, &str)> {
     let (kind, place) = line.split_once(" value in ")?;
     Some((kind, place.split_once('.')?.1))
 }
 
-/// The names that a statement with the parameter `of` returns.
+/// The names that a statement with one parameter returns. `of` is its value.
 async fn names(
     db: &mut SqliteConnection,
     query: &'static str,
@@ -116,16 +117,16 @@ async fn keys_of(db: &mut SqliteConnection, table: &str) -> Result<Vec<String>, 
     Ok(if keys.is_empty() { vec!["rowid".to_owned()] } else { keys })
 }
 
-/// A table in SQL, so that its rows are read, and not a copy of them in an index.
+/// A table in SQL, written so that SQLite reads the rows and not their copies in an index.
 async fn rows_of(db: &mut SqliteConnection, table: &str) -> Result<String, sqlx::Error> {
-    // For a table without row numbers, `NOT INDEXED` permits indexes that have all columns.
+    // For a `WITHOUT ROWID` table, `NOT INDEXED` would still permit an index that has all columns.
     let query = "SELECT iif(wr, 'INDEXED BY sqlite_autoindex_' || name || '_1', 'NOT INDEXED')
          FROM pragma_table_list WHERE schema = 'main' AND name = ?1";
     let how: String = sqlx::query_scalar(query).bind(table).fetch_one(db).await?;
     Ok(format!("{table} {how}"))
 }
 
-/// The key of a row, in SQL.
+/// A SQL expression for the key of a row as text.
 fn key(keys: &[String]) -> String {
     let part = |name: &String| {
         format!("CAST(iif(typeof({name}) = 'blob', lower(hex({name})), {name}) AS TEXT)")
@@ -153,7 +154,7 @@ async fn in_index(
     let columns = columns_of(db, index).await?;
     let column = match differing(db, table, index, &is_row, &columns).await {
         Ok(Some(column)) => column,
-        // The index has no entry for the row.
+        // No column differs, so the index has no entry for the row.
         Ok(None) | Err(_) => format!("one of {}", columns.join(", ")),
     };
     Ok(vec![Damage::at(table, &name, format!("{column} differs from the index {index}"))])
@@ -184,7 +185,7 @@ async fn differing(
     Ok(None)
 }
 
-/// The row beside the first one that cannot be read, or the index that is damaged.
+/// Reports the row next to the first unreadable row, or the index that is damaged.
 async fn beside_damage(
     db: &mut SqliteConnection,
     table: &str,
@@ -208,19 +209,19 @@ async fn beside_damage(
                 let what = format!("the row {place} this one cannot be read: {line}");
                 return Ok(vec![Damage::at(table, &row, what)]);
             }
-            // Its neighbour on the other side may be readable.
+            // No row can be read in this direction. The other direction may work.
             Readable::None => {}
         }
     }
     Ok(vec![Damage::of(table, format!("no row can be read: {line}"))])
 }
 
-/// Which rows of a table can be read in one direction.
+/// The rows of a table that can be read in one direction.
 enum Readable {
     All,
-    /// All, but this one is not in the order of the keys.
+    /// All rows, but this one is not in the order of the keys.
     Disordered(String),
-    /// Those up to this one.
+    /// The rows up to this one.
     To(String),
     None,
 }
@@ -232,7 +233,7 @@ async fn last_readable(
 ) -> Result<Readable, sqlx::Error> {
     let (keys, rows) = (keys_of(db, table).await?, rows_of(db, table).await?);
     let columns = names(db, "SELECT name FROM pragma_table_info(?1)", table).await?;
-    // The call makes SQLite read the whole value, also from other pages.
+    // The call of `instr` makes SQLite read the whole value, also from overflow pages.
     let read: Vec<String> = columns.iter().map(|name| format!("instr({name}, '') IS 0")).collect();
     // Rows in the order of the file need no sorting, for which SQLite would read all of them first.
     let is_by_key = rows.contains("INDEXED BY");
@@ -249,7 +250,7 @@ async fn last_readable(
     );
     let mut rows = sqlx::query_as::<_, (String, i64)>(AssertSqlSafe(query)).fetch(db);
     let (mut last, mut disordered) = (None, None);
-    // In text, the order of several keys can be another one.
+    // A key of several columns can have a different order as text.
     let is_ordered = is_by_key && keys.len() == 1 && order == "ASC";
     loop {
         match rows.try_next().await {
@@ -268,7 +269,8 @@ async fn last_readable(
     }
 }
 
-/// The index that a line is about. The line may have the first page of its tree; else reading the index fails.
+/// The index that a line reports. The line may contain the first page of the index. Otherwise it is the first index
+/// that cannot be read.
 async fn damaged_index(
     db: &mut SqliteConnection,
     table: &str,
@@ -298,7 +300,7 @@ async fn damaged_index(
     Ok(None)
 }
 
-/// The condition on the rows of an index, in SQL.
+/// The condition of a partial index in SQL; `TRUE` for any other index.
 async fn filter_of(db: &mut SqliteConnection, index: &str) -> Result<String, sqlx::Error> {
     let query = "SELECT substr(sql, instr(sql, ' WHERE ') + 7) FROM sqlite_schema
          WHERE name = ?1 AND instr(sql, ' WHERE ') > 0";

@@ -1,4 +1,4 @@
-//! Writing results to a file of their own.
+//! Exports results to a file, an SQLite database of its own.
 
 use std::path::Path;
 
@@ -16,14 +16,14 @@ use crate::search::{Found, Search};
 use fretwork_engine::outcome::{History, QUANTITIES};
 use fretwork_job::{Document, ENGINE, Key, SCALARS, WORDS, clock};
 
-/// What an export did.
+/// The outcome of an export.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Exported {
-    /// Results in the file.
+    /// Number of results in the file.
     pub results: u64,
     /// Bytes of their bodies.
     pub bytes: u64,
-    /// Results that are not in the file: they are damaged, or were evicted during the export.
+    /// Results that are not in the file, because they are damaged or were evicted during the export.
     pub left_out: Vec<Key>,
 }
 

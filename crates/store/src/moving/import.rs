@@ -1,6 +1,7 @@
-//! Reading an export into a database.
+//! Imports the results of an export into a database.
 //!
-//! This room reads and stores. The caller computes each result again in between.
+//! This module reads and stores the results. The caller verifies each result before it is stored, by computing it
+//! again.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -24,28 +25,28 @@ use crate::place::Place;
 use fretwork_engine::scenario::MAX_ANSWER;
 use fretwork_job::{Answer, Cost, Document, Key, Verified, clock};
 
-/// What an import did.
+/// The outcome of an import.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Imported {
-    /// Results that were stored.
+    /// Number of results that were stored.
     pub results: u64,
-    /// Bytes of their bodies.
+    /// Bytes of the stored bodies.
     pub bytes: u64,
-    /// Results that this database already had.
+    /// Number of results that this database already had.
     pub known: u64,
-    /// Stored studies of which some random rows were computed again.
+    /// Number of stored studies of which only some random rows were computed again.
     pub sampled: u64,
-    /// Stored results of which nothing was computed again.
+    /// Number of stored results of which nothing was computed again.
     pub unverified: u64,
-    /// Notes that were stored.
+    /// Number of notes that were stored.
     pub notes: u64,
-    /// Results that were refused: the key, and why.
+    /// The key of each refused result, and the reason.
     pub refused: Vec<(String, String)>,
     /// Results that keep their own note, because the note in the file differs.
     pub other_notes: Vec<Key>,
 }
 
-/// An import in progress. Results that the database has are known, so an interrupted import can be repeated.
+/// An import in progress. It skips results that the database already has, so an interrupted import can be repeated.
 #[derive(Debug)]
 pub struct Importer {
     from: ExportFile,
@@ -76,7 +77,7 @@ impl Importer {
         self.rows.len()
     }
 
-    /// Reads the next row; `None` if there is none, or if its result is known or refused.
+    /// Reads the next row. Returns `None` if there is no row left, or if its result is already stored or is refused.
     ///
     /// # Errors
     /// A database fails.
@@ -92,7 +93,7 @@ impl Importer {
         })
     }
 
-    /// Reads a result; `None` if the database has it. The inner error says why it is refused.
+    /// Reads a result; `None` if the database already has it. The inner error is the reason why the result is refused.
     async fn read(
         &mut self,
         row: i64,
@@ -175,8 +176,8 @@ impl Importer {
     }
 }
 
-/// Maximum size of an imported body, in bytes. Estimates of the size of a result can be too low. SQLite and sqlx hold two
-/// copies at a time.
+/// Maximum size of an imported body, in bytes. Half more than `MAX_ANSWER`, because the estimate of the size of a
+/// result can be too low. It is limited because SQLite and sqlx hold two copies of a body in memory.
 const MAX_BODY: u64 = MAX_ANSWER as u64 / 2 * 3;
 /// Maximum length of an imported name, in characters.
 const MAX_NAME: usize = 200;
@@ -203,7 +204,7 @@ pub struct Entry {
 pub struct Accepted(Import);
 
 impl Entry {
-    /// Reads a result and its digest. The inner error says why it is refused.
+    /// Reads a result and its digest. The inner error is the reason why the result is refused.
     async fn read(
         from: &mut ExportFile,
         row: i64,
@@ -222,7 +223,7 @@ impl Entry {
         })
     }
 
-    /// Checks a row. The body must have the digest of the row.
+    /// Checks a row, and that its SHA-256 is that of the body.
     fn check(key: Key, row: &SqliteRow, body: Bytes) -> Result<(Self, [u8; 32]), String> {
         let sha256: Option<Key> = column::<&str>(row, "sha256")?.and_then(|sum| sum.parse().ok());
         let sha256 = sha256.ok_or("it has no SHA-256")?;
@@ -245,7 +246,7 @@ impl Entry {
         Ok((entry, digest))
     }
 
-    /// Accepts the result, which says this. Compresses its body.
+    /// Accepts the result, whose parsed body is `document`. Compresses the body.
     #[must_use]
     pub fn accept(self, document: &Document, verified: Verified) -> Accepted {
         let Self { key, body, cost, owner, computed, program, warnings, note } = self;
@@ -285,7 +286,7 @@ fn time(text: &str) -> Result<i64, String> {
     clock::parse(text).ok_or_else(|| format!("{text:?} is not an RFC 3339 time"))
 }
 
-/// Reads the program that computed a result. Its numerics are in the body.
+/// Reads the program that computed a result. Its `numerics` version is set later, from the body.
 fn program(row: &SqliteRow) -> Result<Option<Program>, String> {
     let Some(version) = name(row, "version")? else { return Ok(None) };
     Ok(Some(Program {
@@ -297,7 +298,7 @@ fn program(row: &SqliteRow) -> Result<Option<Program>, String> {
     }))
 }
 
-/// Reads the warnings of the submission. Members that this version does not know are dropped.
+/// Reads the warnings of the submission. Unknown members of a warning are dropped.
 fn warnings(row: &SqliteRow) -> Result<Option<String>, String> {
     #[derive(Serialize, Deserialize)]
     struct Told {

@@ -1,12 +1,12 @@
 //! Export and import of results; check, backup and restore of the database.
 //!
-//! All commands work while a server uses the database: SQLite isolates them, and no transaction is long.
-//! Each file is written under a temporary name, checked, and then renamed.
+//! All commands except restore work while a server uses the database: SQLite isolates their transactions, which are
+//! short. Each file is written under a temporary name, checked, and then renamed.
 //!
-//! An export is an SQLite database for other programs and for other servers. It has one table with a
-//! row per result, one with the bodies, one with the histories, and one with the units. An import
-//! reads results from the bodies only, and checks their SHA-256. The room `service` checks their keys, and computes them again.
-//! Notes, warnings about bodies, and who computed a result, where, when and at what cost are stored
+//! An export is an SQLite database for other programs and for other servers. It has one table with a row per result,
+//! one with the bodies, one with the histories, and one with the units. An import reads results from the bodies only,
+//! and checks their SHA-256. The module `service` of the server checks their keys, and computes them again. Notes,
+//! warnings about the two bodies, and the provenance (who computed a result, where, when and at what cost) are stored
 //! without a check.
 
 mod backup;
@@ -60,7 +60,7 @@ pub enum Moving {
     /// The data directory already has a database.
     #[error("{} exists already; add --replace to put the backup in its place and keep it under another name", .0.display())]
     Occupied(PathBuf),
-    /// The file is something else.
+    /// The file is not an export.
     #[error("{} is not an export of fretwork", .0.display())]
     NoExport(PathBuf),
     /// The file is a backup, or the database of a server.
@@ -118,15 +118,16 @@ fn refused(path: &Path) -> impl FnOnce(io::Error) -> Moving {
 struct Part(PathBuf);
 
 impl Part {
-    /// The temporary name is that of the file with a suffix. Removes what a command that was killed has left there.
+    /// The temporary name is the path of the file with a suffix. Removes a file with this name, which a killed command
+    /// may have left.
     fn of(file: &Path, suffix: &str) -> Result<Self, Moving> {
         let part = Self(open::with_suffix(file, suffix));
-        // A journal that is left over would change the new file.
+        // SQLite would apply an old journal to the new file.
         part.remove().map_err(refused(&part.0))?;
         Ok(part)
     }
 
-    /// Removes the file, and what SQLite keeps beside it.
+    /// Removes the file, and the journal and log that SQLite keeps beside it.
     fn remove(&self) -> io::Result<()> {
         let suffixes = COMPANIONS.iter().chain(&[""]);
         suffixes.map(|suffix| open::with_suffix(&self.0, suffix)).try_for_each(|file| remove(&file))

@@ -1,8 +1,8 @@
-//! The file of an import. Someone may have made it to do harm.
+//! Reads the file of an import, which may be malicious.
 //!
-//! A view or a generated column can compute without end, or make values of gigabytes. So the structure of the file is
-//! checked before its rows are read, and the sizes of the values of a row before the values are. A damaged file can have
-//! rows without end. So each statement may only take a limited number of steps.
+//! A view or a generated column can compute without end, or produce values of gigabytes. So this module checks the
+//! structure of the file before it reads rows, and the size of a row before it reads the values. A damaged file can
+//! have an endless list of rows. So each statement may only take a limited number of steps of SQLite's virtual machine.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,14 +18,15 @@ use crate::error::{Error, is_other_file};
 use crate::row::Columns as _;
 use crate::sqlite::{open, schema};
 
-/// Largest row of the table `results`, in bytes. The largest scenarios have about 1 MB.
+/// Maximum size of a row of the table `results`, in bytes. The largest scenarios have about 1 MB.
 const MAX_ROW: u64 = 16_000_000;
-/// Most steps to read one row. About 100 are needed.
+/// Maximum number of steps to read one row. A normal row needs about 100.
 const STEPS_OF_A_ROW: i64 = 100_000;
-/// Steps between two looks at the limit.
+/// The limit is checked each time after this number of steps.
 const INTERVAL: i32 = 1000;
 
-/// Longest key, in bytes. One that is too long to be a key is refused with its row.
+/// Maximum length of a key, in bytes. A file with a longer key is refused as a whole. A shorter text that is no key is
+/// refused with its row only.
 const LONGEST_KEY: u64 = 1000;
 
 const BODY: &str = "SELECT CAST(body AS BLOB) AS body FROM bodies WHERE key = ?1";
@@ -38,10 +39,11 @@ const COLUMNS: &str = "sha256, owner, computed, wall_seconds, cpu_seconds, versi
 pub(super) struct ExportFile {
     db: SqliteConnection,
     path: PathBuf,
-    /// Steps that the statement may still take.
+    /// Number of steps that the current statement may still take.
     steps: Arc<AtomicI64>,
-    /// The sums of the sizes of all columns, in SQL.
+    /// SQL for the size of a row of `results`.
     size_of_result: String,
+    /// SQL for the size of a row of `bodies`.
     size_of_body: String,
     /// Exports of earlier versions have no column `warnings`.
     has_warnings: bool,
@@ -66,7 +68,7 @@ impl ExportFile {
         match id {
             open::APPLICATION_ID => return Err(Moving::WholeDatabase(path)),
             EXPORT if found > FORM => return Err(Moving::LaterForm { path, found }),
-            // Neither views nor triggers nor virtual tables.
+            // A schema with views, triggers or virtual tables is refused.
             EXPORT if schema.values().all(|part| is_plain(&part.sql)) => {}
             _ => return Err(Moving::NoExport(path)),
         }
@@ -91,7 +93,7 @@ impl ExportFile {
             let longest = self.row(longest, self.steps_of_a_table(), 0_i64).await;
             let longest =
                 longest.and_then(|row| row.map_or(Ok(0), |row| Ok(row.get::<u64>("longest")?)));
-            // SQLite reads whole keys to find one.
+            // To find a row, SQLite reads whole keys into memory.
             if longest.map_err(|error| unreadable(&self.path, error))? > LONGEST_KEY {
                 return Err(Moving::NoExport(self.path.clone()));
             }
@@ -102,7 +104,7 @@ impl ExportFile {
                 self.size_of_body = size(&names);
             }
         }
-        // The statements fail if a column is missing.
+        // Tries both statements once, because they fail if a column is missing.
         let result = self.row(self.result_statement(), STEPS_OF_A_ROW, 0_i64).await;
         result.map_err(|error| unreadable(&self.path, error))?;
         let body = self.row(BODY.to_owned(), STEPS_OF_A_ROW, "").await;
@@ -142,7 +144,8 @@ impl ExportFile {
         Ok(rows)
     }
 
-    /// Most steps to read all rows of a table. A result takes more than 1000 bytes in the file, and less than 20 steps.
+    /// Maximum number of steps to read all rows of a table. A result takes more than 1000 bytes in the file, and
+    /// reading its row takes less than 20 steps.
     fn steps_of_a_table(&self) -> i64 {
         let bytes = fs::metadata(&self.path).map_or(0, |file| file.len());
         STEPS_OF_A_ROW + bytes.cast_signed() / 50
@@ -176,7 +179,7 @@ impl ExportFile {
         format!("SELECT {COLUMNS}, {warnings} FROM results WHERE rowid = ?1")
     }
 
-    /// Executes a statement that returns one row. It may take this many steps, and has one parameter.
+    /// Executes a statement that has one parameter, and returns its first row. The statement may take `steps` steps.
     async fn row<'q, T>(
         &mut self,
         statement: String,
@@ -209,12 +212,12 @@ fn is_plain(sql: &str) -> bool {
     sql.is_empty() || kinds.iter().any(|kind| sql.starts_with(kind))
 }
 
-/// Whether a column with this name hides the number of a row.
+/// Whether a column with this name would hide SQLite's row number, which this module reads.
 fn is_row_number(name: &str) -> bool {
     ["rowid", "oid", "_rowid_"].iter().any(|number| name.eq_ignore_ascii_case(number))
 }
 
-/// The sum of the sizes of these columns, in SQL. SQLite does not read the values for it.
+/// SQL for the sum of the sizes of these columns. SQLite computes it without reading the values.
 fn size(columns: &[String]) -> String {
     let size =
         |name: &String| format!("ifnull(octet_length(\"{}\"), 0)", name.replace('"', "\"\""));

@@ -1,9 +1,9 @@
-//! The length of the queue as it was counted last. To count it takes as long as the queue is, so a submission only counts it
-//! while it may be full.
+//! An estimate of the length of the queue. To count a long queue takes long. So a submission counts the queue only if
+//! the estimate shows that the queue may be full.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The length of the queue as it was counted last.
+/// An estimate of the number of queued jobs: the last count, plus the jobs that this server has queued since.
 #[derive(Debug)]
 pub(super) struct Backlog {
     limit: usize,
@@ -11,15 +11,15 @@ pub(super) struct Backlog {
 }
 
 impl Backlog {
-    /// A limit up to which a submission always counts.
+    /// If the limit of the queue is at most this, every submission counts the queue.
     const SMALL: usize = 1000;
 
     pub(super) fn new(limit: usize) -> Self {
-        // It was not counted yet.
+        // The queue is not counted yet, so it may be full.
         Self { limit, jobs: AtomicUsize::new(limit) }
     }
 
-    /// Stores the count; `None` if it has failed.
+    /// Stores a count; `None` if counting has failed. Then the queue may be full.
     pub(super) fn counted(&self, jobs: Option<usize>) {
         self.jobs.store(jobs.unwrap_or(self.limit), Ordering::Relaxed);
     }
@@ -28,7 +28,8 @@ impl Backlog {
         self.jobs.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// The limit, if the queue may have reached it. Other servers may have queued jobs since the last count.
+    /// The limit of the queue, if the queue may have reached it: if the limit is small, or the estimate exceeds half of
+    /// it. The estimate may be too low, because other servers may have queued jobs since the last count.
     pub(super) fn limit(&self) -> Option<usize> {
         let near = self.limit <= Self::SMALL || self.jobs.load(Ordering::Relaxed) > self.limit / 2;
         near.then_some(self.limit)

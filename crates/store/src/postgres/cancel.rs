@@ -33,7 +33,7 @@ pub(crate) async fn cancel(
         return Ok(Canceled::AlreadyFinished(job));
     };
     record(&mut tx.db, tx.now, (by, Act::CancelJob), &id.to_string(), &job.owner).await?;
-    // Another job needs the run.
+    // If another unfinished job needs the run, this cancels only the job.
     let query = sql!(
         "UPDATE job SET state = 'canceled', finished = moment(), claimable = NULL,
              changes = changes || chr(10) || 'canceled ' || attempt || ' ' || moment()
@@ -50,15 +50,15 @@ pub(crate) async fn cancel(
     Ok(after.map_or(Canceled::NotFound, Canceled::Done))
 }
 
-/// Locks a run and its study. Returns whether it is one.
+/// Locks a run, and its study if it has one. Returns whether the run is a study.
 async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<bool, Error> {
     let study = chunks::lock(tx, run).await?;
     tx.db.execute(sql!("SELECT 1 FROM run WHERE id = $1 FOR NO KEY UPDATE"; run)).await?;
     Ok(study.is_some())
 }
 
-/// Cancels a locked run. A run that is already canceling does not change until its worker stops. A study ends at once: its
-/// workers stop, and what they compute meanwhile is refused.
+/// Cancels a locked run. A run that is already canceling does not change until its worker stops. A study ends at once.
+/// Its workers are told to stop, and chunks that they finish afterwards are not stored.
 async fn cancel_run(tx: &mut Transaction<'_>, run: RunId, is_study: bool) -> Result<(), Error> {
     let query = sql!(
         "UPDATE run SET finished = CASE WHEN state = 'queued' OR $2 THEN moment() END, changed = moment(),

@@ -1,6 +1,7 @@
-//! How workers claim and end the pieces of a study: its chunks, and then the assembly of its result.
+//! Claims and ends the pieces of a study: its chunks, and then the assembly of its result.
 //!
-//! The row of the study is the lock of its pieces. It counts them by state, so no verb counts rows.
+//! A lock on the row of the study protects all its pieces. The row contains the number of pieces in each state, so that
+//! no verb counts rows.
 
 use super::follow::follow;
 use super::lease;
@@ -21,7 +22,8 @@ pub(super) async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<
     Ok(Some(read!(row => Study { chunks, next, queued, running })))
 }
 
-/// Stores the counts of a locked study. Its jobs are in the queue while it has a piece for a worker.
+/// Stores the numbers of pieces of a locked study. The jobs of a study are in the queue while a worker can claim a
+/// piece of it.
 async fn store(
     tx: &mut Transaction<'_>,
     run: RunId,
@@ -43,8 +45,8 @@ async fn store(
     Ok(())
 }
 
-/// Claims a piece of a study: a new chunk; otherwise one that was released or lost; otherwise the assembly. So a chunk that
-/// may have caused a crash is computed last. Returns `None` if no piece can be claimed any more.
+/// Claims a piece of a study: a new chunk; if there is none, a chunk that was released or lost; if there is none, the
+/// assembly. So a chunk that may have caused a crash is computed last. Returns `None` if no piece can be claimed.
 pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Claimed>, Error> {
     let Some(before) = lock(tx, run).await?.filter(Study::is_ready) else {
         return Ok(None);
@@ -154,8 +156,8 @@ pub(super) async fn release(
     Ok(true)
 }
 
-/// Queues pieces again whose nodes have died. Returns how often a piece of them, or the study without a finished chunk, was
-/// lost.
+/// Queues pieces again after their leases expired. Returns the larger one of two numbers: how often one of these pieces
+/// was lost, and how often the study has lost pieces since its last finished chunk.
 pub(super) async fn lose(
     tx: &mut Transaction<'_>,
     run: RunId,

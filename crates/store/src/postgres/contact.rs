@@ -1,20 +1,23 @@
-//! For how long the database has answered without a pause. After a pause of the database or of this process, other nodes need
-//! time to renew their leases before one of them counts as lost. They also need it after the clock of the database was set.
+//! Measures for how long the database has answered without a pause. After a pause of the database or of this process,
+//! other servers need time to renew their leases. Until then, this server does not treat an expired lease as lost. The
+//! same holds after a step of the clock of the database.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// For how long the database has answered without a pause.
+/// The time for which the database has answered without a pause.
 #[derive(Debug)]
 pub(super) struct Contact {
-    /// A shorter pause is none; and how long a contact must last.
+    /// A pause that is at least this long interrupts the contact. A contact must last this long before leases are
+    /// revoked.
     enough: Duration,
-    /// How much more or less time may have passed by the clock of the database than here. Leases are renewed so early that a
-    /// smaller step ends none, and an answer may be late.
+    /// Maximum difference between the times that have passed by the clock of the database and by the clock of this
+    /// process. Leases are renewed so early that a smaller step of the clock ends none. Late answers also cause a
+    /// difference.
     tolerance: Duration,
-    /// When it began, and the last answer.
+    /// When the contact began, and the last answer.
     times: Mutex<Option<(Instant, Answer)>>,
 }
 
@@ -31,8 +34,8 @@ impl Contact {
         Self { enough: lease / 2, tolerance: lease / 3, times: Mutex::default() }
     }
 
-    /// The database has answered, and its clock shows this time. Returns whether the contact has lasted long enough to take
-    /// leases away.
+    /// Records an answer of the database, whose clock shows this time. Returns whether the contact has lasted long
+    /// enough to revoke leases.
     pub(super) fn goes_on(&self, clock: i64) -> bool {
         let now = Answer { at: Instant::now(), clock };
         let mut times = self.times();
@@ -43,15 +46,15 @@ impl Contact {
         began.elapsed() >= self.enough
     }
 
-    /// Whether there was no pause between two answers, and no step of the clock. The own clock stands still while the machine
-    /// sleeps, which looks like a step.
+    /// Whether there was neither a pause nor a step of the clock between two answers. The clock of this process stands
+    /// still while the machine sleeps, so sleep also counts as a step.
     fn is_soon_after(&self, last: Answer, now: Answer) -> bool {
         let passed = now.at - last.at;
         let step = now.clock - last.clock - (passed.as_millis() as u64).cast_signed();
         passed < self.enough && step.unsigned_abs() <= self.tolerance.as_millis() as u64
     }
 
-    /// The database has not answered.
+    /// Ends the contact, because the database has not answered.
     pub(super) fn ends(&self) {
         *self.times() = None;
     }
@@ -68,8 +71,8 @@ mod tests {
 
     use super::*;
 
-    /// Lets seconds pass, after each of which the database answers. Its clock is ahead by a time. Returns whether the contact
-    /// lasts then.
+    /// Simulates one answer of the database per second. The clock of the database is ahead by `ahead` milliseconds.
+    /// Returns whether the contact has lasted long enough after the last answer.
     async fn answers_for(contact: &Contact, seconds: u64, start: Instant, ahead: i64) -> bool {
         let mut lasts = false;
         for _ in 0..seconds {

@@ -1,4 +1,4 @@
-//! What follows from a change of a run: its jobs, its leases, and the signals.
+//! Updates the jobs and leases of a run after the run has changed, and adds the signals.
 
 use super::lease;
 use super::transaction::Transaction;
@@ -9,8 +9,8 @@ use crate::statement::sql;
 use crate::tables::Connected;
 use crate::tally::Ending;
 
-/// Brings the unfinished jobs of a run to its state. The run must be locked by an earlier statement: jobs that join it
-/// wait for this lock.
+/// Copies the state of a run to its unfinished jobs. An earlier statement must have locked the run. A submission that
+/// adds a job to the run waits for this lock.
 pub(super) async fn follow(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
     let query = sql!(
         "UPDATE job SET state = run.state, attempt = run.attempt, finished = run.finished,
@@ -25,7 +25,8 @@ pub(super) async fn follow(tx: &mut Transaction<'_>, run: RunId) -> Result<(), E
     Ok(())
 }
 
-/// What follows from the end of a run, or of its turn: its jobs and its leases. The row has its key and its times.
+/// Updates the jobs and leases of a run that has ended or was queued again, and adds the signals. The row contains the
+/// key of the run and its times.
 pub(super) async fn ended_by(
     tx: &mut Transaction<'_>,
     run: RunId,
@@ -36,7 +37,7 @@ pub(super) async fn ended_by(
     lease::end_all(tx, run).await?;
     let (started, finished): (Option<i64>, Option<i64>) =
         (row.get("started")?, row.get("finished")?);
-    // A study may have waited for a long time between its pieces.
+    // The duration of a study is not recorded, because it may have waited between its pieces.
     let took = finished.zip(started).filter(|_| matches!(row.truth("study"), Ok(Some(false))));
     // Another worker may claim a released run before this signal arrives.
     if ending != Ending::Released {

@@ -1,8 +1,9 @@
-//! What servers tell each other: which tables to read again.
+//! Notifications between servers. A notification contains hints: what has changed, so that other servers read it again.
 //!
-//! A notification takes a lock of the whole database when its transaction commits. So no verb notifies. One task of each
-//! server collects what its verbs have changed, and sends it in one notification at a time. A hint can be lost; each
-//! server looks by itself from time to time. Only the rare deletion of a result notifies in its transaction.
+//! A transaction with a notification takes a lock of the whole database when it commits. So verbs send no
+//! notifications. One task of each server collects the hints of its verbs and sends them together. A hint can be lost,
+//! so each server also reads the tables periodically. Only the rare deletion of a result sends a notification in its
+//! own transaction.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -22,7 +23,7 @@ use fretwork_job::Key;
 /// The channel of the notifications.
 pub(super) const CHANNEL: &str = "fretwork";
 
-/// Most hints in one notification, whose text may have 8000 bytes.
+/// Maximum number of hints in one notification. PostgreSQL limits the text to 8000 bytes.
 const AT_ONCE: usize = 100;
 
 /// Something that may have changed.
@@ -34,7 +35,7 @@ enum Hint {
     Changed(Key),
 }
 
-/// The hints that are to be sent.
+/// The hints that are not sent yet.
 #[derive(Debug, Default)]
 pub(super) struct Hints {
     waiting: Mutex<BTreeSet<Hint>>,
@@ -42,7 +43,7 @@ pub(super) struct Hints {
 }
 
 impl Hints {
-    /// Adds what other servers should know of these changes.
+    /// Adds hints for those signals that concern other servers.
     pub(super) fn add(&self, effects: &[Effect]) {
         let hints = effects.iter().filter_map(|effect| match effect {
             Effect::Queued => Some(Hint::Queued),
@@ -59,7 +60,7 @@ impl Hints {
         }
     }
 
-    /// Waits for hints, and takes some of them as the text of one notification.
+    /// Waits for hints. Removes up to [`AT_ONCE`] of them, and returns them as the text of one notification.
     pub(super) async fn next(&self, node: &str) -> String {
         loop {
             if let Some(text) = self.take(node) {
@@ -95,7 +96,8 @@ pub(super) async fn send(db: &mut PgConnection, text: &str) -> Result<(), Error>
     Ok(())
 }
 
-/// The changes in a notification of another server; none in one of this server. A hint of a later version is ignored.
+/// The signals in a notification of another server. A notification of this server gives none. Unknown hints, from a
+/// later version, are ignored.
 pub(super) fn read(text: &str, node: &str) -> Vec<Effect> {
     let mut lines = text.lines();
     if lines.next() == Some(node) {

@@ -7,8 +7,8 @@ use crate::keep::{Answered, COLUMNS, REPLACE, Source, outlined};
 use crate::statement::Statement;
 use crate::tables::{Connected, Tables};
 
-/// Stores a result with its body, task and outline, unless one is stored. $1 says whether it replaces an evicted one.
-/// Returns a row if it was stored.
+/// Stores a result with its body, task and outline, unless the key already has a result. If $1 is true, it replaces an
+/// evicted result. Returns a row if the result was stored.
 static STORE: LazyLock<String> = LazyLock::new(|| {
     let [columns, values, changed] = outlined(17);
     format!(
@@ -32,8 +32,8 @@ static STORE: LazyLock<String> = LazyLock::new(|| {
     )
 });
 
-/// Stores a result, unless one is stored; `replaces` says whether it takes the place of an evicted one. Returns whether it
-/// was stored.
+/// Stores a result, unless the key already has a result. If `replaces` is true, it replaces an evicted result. Returns
+/// whether the result was stored.
 pub(crate) async fn store(
     db: &mut impl Connected,
     answered: &Answered,

@@ -1,8 +1,10 @@
-//! What workers compute now, and for how long it is theirs.
+//! The leases of running runs and pieces.
 //!
-//! A lease lasts for a time by the clock of the database. Its node renews it at a third of that time. Any server takes away
-//! a lease that is over. A lease that ends later than it can is over, too: the clock was set back since its last renewal.
-//! [`Contact`](super::contact::Contact) gives the nodes time to renew their leases after a step of the clock.
+//! A lease gives a node, which is one server process, the right to compute a run or piece. It has a fixed duration by
+//! the clock of the database. Its node renews it after a third of that duration. Any server revokes an expired lease.
+//! If the end of a lease is further in the future than its duration allows, the clock was set back. Such a lease counts
+//! as expired, too. [`Contact`](super::contact::Contact) gives the nodes time to renew their leases after a step of the
+//! clock.
 
 use std::time::Duration;
 
@@ -17,36 +19,37 @@ use crate::row::{Columns, Part, RunId};
 use crate::statement::sql;
 use crate::tables::Connected;
 
-/// A time in milliseconds.
+/// A duration in milliseconds.
 pub(super) fn milliseconds(time: Duration) -> i64 {
     i64::try_from(time.as_millis()).unwrap_or(i64::MAX)
 }
 
 impl Node {
-    /// How often it renews its leases.
+    /// The interval at which the node renews its leases.
     pub(super) fn renewal(&self) -> Duration {
         self.lease / 3
     }
 
-    /// How long after its end a lease is taken away, in milliseconds. A renewal may be on its way.
+    /// The time between the end of a lease and its revocation, in milliseconds. In this time, a late renewal may
+    /// arrive.
     fn margin(&self) -> i64 {
         milliseconds(self.lease / 6)
     }
 }
 
-/// Most runs whose leases are looked up at a time.
+/// Maximum number of runs with expired leases that one query returns.
 const AT_ONCE: i64 = 100;
 
-/// Whether a lease is over: its end was more than the margin $2 ago, or is further away than its time and the margin. $1 is the
-/// time of a lease that does not say its own.
+/// The condition that a lease is expired: it ended more than the margin $2 ago, or it ends later than its duration and
+/// the margin allow. $1 is the duration of a lease whose column `lasts` is null.
 const IS_OVER: &str = "expires + $2 < moment() OR expires > moment() + coalesce(lasts, $1) + $2";
 
-/// The number of a piece in the table; -1 for a whole run.
+/// The value of the column `number` for a part: the number of the piece, or -1 for a whole run.
 fn number(part: Part) -> i64 {
     part.1.map_or(-1, i64::from)
 }
 
-/// Begins the lease of what a worker has claimed, and ends the turn of its owner.
+/// Begins the lease of a claimed run or piece, and records the turn of its owner.
 pub(super) async fn begin(
     tx: &mut Transaction<'_>,
     owner: &str,
@@ -80,8 +83,8 @@ pub(super) async fn end_all(tx: &mut Transaction<'_>, run: RunId) -> Result<(), 
     Ok(())
 }
 
-/// Renews the leases of what this node computes. Returns the time by the clock of the database, and the parts that the node
-/// still has.
+/// Renews the leases of these parts. Returns the time by the clock of the database, and the parts whose leases this
+/// node still holds.
 pub(super) async fn renew(
     db: &mut PgConnection,
     node: &Node,
@@ -90,7 +93,8 @@ pub(super) async fn renew(
     let (runs, numbers): (Vec<i64>, Vec<i64>) =
         parts.iter().map(|part| (part.0.0, number(*part))).unzip();
     let rows = sqlx::query(
-        // Locked in an order, so that renewals and verbs seldom wait for each other in a circle. Then one of them is tried again.
+        // The fixed order of the locks makes deadlocks between renewals and verbs rare. After a deadlock, one is
+        // retried.
         "WITH own AS MATERIALIZED (
              SELECT lease.run, lease.number FROM lease JOIN unnest($2::BIGINT[], $3::BIGINT[]) AS part (run, number)
                  ON lease.run = part.run AND lease.number = part.number
@@ -115,7 +119,7 @@ pub(super) async fn renew(
     Ok((now, rows.iter().map(part).collect::<Result<_, sqlx::Error>>()?))
 }
 
-/// The time by the clock of the database, and the runs of which a lease is over.
+/// The time by the clock of the database, and the runs with an expired lease.
 pub(super) async fn lost(db: &mut PgConnection, node: &Node) -> Result<(i64, Vec<RunId>), Error> {
     let query = format!(
         "SELECT moment(), ARRAY (SELECT DISTINCT run FROM lease WHERE {IS_OVER} ORDER BY run LIMIT $3)"
@@ -126,7 +130,7 @@ pub(super) async fn lost(db: &mut PgConnection, node: &Node) -> Result<(i64, Vec
     Ok((now, runs.into_iter().map(RunId).collect()))
 }
 
-/// Takes away the leases of a run that are over. Returns the numbers of its pieces.
+/// Revokes the expired leases of a run. Returns the numbers of the parts, as in the column `number`.
 pub(super) async fn take_lost(tx: &mut Transaction<'_>, run: RunId) -> Result<Vec<i64>, Error> {
     let node = &tx.of.node;
     let query = format!("DELETE FROM lease WHERE ({IS_OVER}) AND run = $3 RETURNING number");

@@ -1,13 +1,15 @@
 //! The tables in PostgreSQL, which any number of servers share.
 //!
-//! Each verb is one short transaction at the isolation level *read committed*. A statement sees what was committed before it
-//! began. So a verb locks in one statement, and looks in the next one. The row of a run is the lock of the run and its jobs;
-//! the row of a study is the lock of its pieces. A verb locks the study before the run. What still collides is done again.
+//! Each verb is one short transaction at the isolation level *read committed*. A statement sees what was committed
+//! before the statement began. So a verb locks rows in one statement, and reads them in the next one. A lock on the row
+//! of a run protects the run and its jobs. A lock on the row of a study protects its pieces. A verb locks the study
+//! before the run. After a conflict with another transaction, a verb is retried.
 //!
-//! What a worker computes is its for as long as it renews its lease. Any server takes lost leases away.
+//! A server may compute a run or piece as long as it renews the lease of it. Any server revokes expired leases.
 //!
-//! Servers tell each other by notifications what to read again. Each server also looks by itself from time to time. Only that a
-//! result was deleted must be heard, so a listener that may have missed something forgets all results in memory.
+//! Servers send each other notifications about what to read again. A notification can be lost, so each server also
+//! reads the tables periodically. Only a notification of a deleted result must not be lost. So a server that may have
+//! missed one removes all results from its memory.
 
 mod backlog;
 pub(super) mod cancel;
@@ -44,13 +46,13 @@ use hints::Hints;
 use pool::Pool;
 use transaction::reading;
 
-/// This process among those that share the database.
+/// This process, as one of the servers that share the database.
 #[derive(Debug)]
 struct Node {
     id: String,
-    /// The row of this program on this machine.
+    /// The id of the row of this program in the table `program`.
     program: i64,
-    /// How long a lease lasts after it was begun or renewed.
+    /// The duration of a lease after it was begun or renewed.
     lease: Duration,
 }
 
@@ -69,13 +71,14 @@ struct Parts {
     /// Permits for large results, so that they do not take all connections.
     large: Semaphore,
     signals: Arc<Signals>,
-    /// What to tell the other servers.
+    /// The hints for the other servers.
     hints: Arc<Hints>,
     node: Node,
     backlog: Backlog,
-    /// The database in words, without its password.
+    /// The name of the database for messages, without the password.
     name: String,
-    /// Why this program may no longer write the tables: a later one has changed them so that it would do harm.
+    /// The reason why this program may no longer write the tables, if there is one: a later version of the program has
+    /// changed them, and writes of this version would do harm.
     refusal: OnceLock<Error>,
     /// A directory on the disk of the database, if this machine has it.
     disk: Option<PathBuf>,
@@ -84,12 +87,13 @@ struct Parts {
 }
 
 impl Database {
-    /// PostgreSQL does not tell it, and may be on another machine.
+    /// Free bytes on the disk that the user has configured. PostgreSQL does not report them, and may be on another
+    /// machine.
     pub(super) fn free_bytes(&self) -> Option<u64> {
         fs4::available_space(self.0.disk.as_ref()?).ok()
     }
 
-    /// Those for verbs and leases. One more waits for notifications.
+    /// The number of open connections for verbs and leases. The connection that waits for notifications is not counted.
     pub(super) fn connections(&self) -> u64 {
         self.0.pool.open() + self.0.renewals.open()
     }
@@ -116,7 +120,7 @@ impl Database {
         reading!(self, db => db.read(statement.clone(), most).await)
     }
 
-    /// How long the oldest queued run has waited. Counts what is queued and running for the metrics.
+    /// The time that the oldest queued run has waited. Also counts the queued and running runs for the metrics.
     pub(super) async fn longest_wait(&self) -> Result<Duration, Error> {
         let query = sql!(
             "SELECT count(*) AS queued, moment() - min(created) AS waited,
@@ -133,7 +137,7 @@ impl Database {
         Ok(Duration::from_millis(waited.unwrap_or(0).max(0).unsigned_abs()))
     }
 
-    /// Refuses to change tables that only later programs may write.
+    /// Fails if only later versions of the program may write the tables.
     fn may_write(&self) -> Result<(), Error> {
         self.0.refusal.get().cloned().map_or(Ok(()), Err)
     }

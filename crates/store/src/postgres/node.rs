@@ -1,4 +1,5 @@
-//! What a server does in the background: it listens, tells, renews its leases, takes lost ones away, and looks by itself.
+//! The background tasks of a server: receive and send notifications, renew leases, revoke expired leases, wake waiting
+//! clients and workers, and maintenance.
 
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -17,15 +18,15 @@ use crate::options::Options;
 use crate::place::DatabaseUrl;
 use crate::signals::Signals;
 
-/// How often the queue is counted, for the metrics and the limit of the queue.
+/// The queue is counted at this interval, for the metrics and the limit of the queue.
 const COUNT: Duration = Duration::from_secs(1);
-/// How often waiting clients and workers read the tables again without a signal.
+/// Waiting clients and workers read the tables again at this interval even without a signal.
 const POLL: Duration = Duration::from_secs(5);
-/// After this time without a notification, the connection is tested. The test must end as soon.
+/// After this time without a notification, the connection is tested. This is also the timeout of the test.
 const SILENCE: Duration = Duration::from_secs(20);
-/// Longest pause after an error, before leases are renewed, notifications sent, or the listener connected again.
+/// Maximum pause after an error, before leases are renewed, notifications are sent or the listener is connected again.
 const PAUSE: Duration = Duration::from_millis(500);
-/// How often maintenance is due.
+/// Interval between two rounds of maintenance.
 const UPKEEP: Duration = Duration::from_secs(2);
 
 /// Starts all tasks. They end when the database is closed or dropped.
@@ -50,15 +51,15 @@ pub(super) fn start(
     }
 }
 
-/// What a server does again and again.
+/// A periodic task of a server.
 enum Chore {
-    /// Looks whether this program may still write, and counts the queue for the metrics.
+    /// Checks whether this program may still write the tables, and counts the queue.
     Count,
-    /// Renews the leases of its workers.
+    /// Renews the leases of the workers of this process.
     Renew,
-    /// Takes lost leases away.
+    /// Revokes expired leases.
     Reclaim,
-    /// Lets waiting clients and workers read the tables without a signal.
+    /// Wakes waiting clients and workers, which read the tables again.
     Look,
     Upkeep(Box<Upkeep>),
 }
@@ -91,7 +92,7 @@ fn spawn(closed: &watch::Receiver<bool>, task: impl Future<Output = ()> + Send +
     });
 }
 
-/// Does a chore again and again. Logs the first of several errors.
+/// Executes a chore periodically. Logs only the first one of consecutive errors.
 async fn repeat(every: Duration, mut chore: Chore, db: Weak<Parts>) {
     let mut ticks = time::interval_at(Instant::now() + every, every);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -113,7 +114,7 @@ async fn repeat(every: Duration, mut chore: Chore, db: Weak<Parts>) {
     }
 }
 
-/// Sends hints to the other servers. If that fails, they look by themselves.
+/// Sends hints to the other servers. A lost hint does no harm, because the other servers also read periodically.
 async fn tell(db: Weak<Parts>, hints: Arc<hints::Hints>, node: String) {
     loop {
         let text = hints.next(&node).await;
@@ -125,14 +126,14 @@ async fn tell(db: Weak<Parts>, hints: Arc<hints::Hints>, node: String) {
     }
 }
 
-/// Signals what other servers tell.
+/// Receives notifications of other servers, and signals them in this process.
 async fn listen(url: DatabaseUrl, signals: Arc<Signals>, node: String) {
     loop {
         let Ok(mut listener) = connect(&url).await else {
             time::sleep(PAUSE).await;
             continue;
         };
-        // What was told before is lost.
+        // Notifications from before the connection are lost.
         signals.was_deaf();
         while let Ok(told) = next(&mut listener).await {
             signals.apply(told.map_or_else(Vec::new, |told| hints::read(&told, &node)));
@@ -140,10 +141,10 @@ async fn listen(url: DatabaseUrl, signals: Arc<Signals>, node: String) {
     }
 }
 
-/// Connects a listener. When its connection breaks, it reports an error instead of connecting again by itself, so that the
-/// caller knows that it has missed notifications.
+/// Connects a listener. When its connection breaks, the listener reports an error and does not reconnect by itself. So
+/// the caller notices that notifications may be lost.
 async fn connect(url: &DatabaseUrl) -> Result<PgListener, Error> {
-    // A pool of its own: a broken listener returns its connection only when the system notices.
+    // The listener has its own pool, because a broken listener may hold its connection for a long time.
     let pool = PgPoolOptions::new().max_connections(1).connect_lazy_with(url.listening());
     let connecting = async {
         let mut listener = PgListener::connect_with(&pool).await?;
@@ -154,7 +155,8 @@ async fn connect(url: &DatabaseUrl) -> Result<PgListener, Error> {
     timeout(SILENCE, connecting).await.unwrap_or(Err(Error::Exhausted))
 }
 
-/// The next notification; `None` if there was none for a while. Fails if the connection is broken, also if that was silent.
+/// The next notification; `None` if none arrived in the time [`SILENCE`]. Then this has tested the connection. Fails if
+/// the connection is broken.
 async fn next(listener: &mut PgListener) -> Result<Option<String>, Error> {
     match timeout(SILENCE, listener.try_recv()).await {
         Ok(told) => told?.map(|told| Some(told.payload().to_owned())).ok_or(Error::Exhausted),
@@ -166,7 +168,7 @@ async fn next(listener: &mut PgListener) -> Result<Option<String>, Error> {
 }
 
 impl Database {
-    /// Looks whether a later program has taken the right to write from this one.
+    /// Checks whether a later version of the program has forbidden this version to write.
     async fn check_version(&self) -> Result<(), Error> {
         let refusal = reading!(self, db => schema::refusal(db, &self.0.name).await)?;
         if let Some(refusal) = refusal
@@ -178,10 +180,10 @@ impl Database {
         Ok(())
     }
 
-    /// Renews the leases of what the workers of this process compute, and stops those that have lost theirs. Has a connection
-    /// of its own, so that it never waits for clients.
+    /// Renews the leases of the workers of this process, and stops the workers that have lost their leases. Uses a
+    /// separate connection, so that it never waits for requests of clients.
     async fn renew(&self) -> Result<(), Error> {
-        // What a server cannot store, another one must compute.
+        // A server that may not store results must let its leases expire, so that another server computes the runs.
         self.may_write()?;
         let running = self.0.signals.running();
         let parts: Vec<_> = running.iter().map(|(part, _)| *part).collect();

@@ -56,10 +56,10 @@ impl Database {
     }
 }
 
-/// Connects to a database, and creates or migrates its tables where necessary.
+/// Connects to a database, and creates or migrates its tables if necessary.
 pub(crate) async fn prepare(url: &DatabaseUrl) -> Result<PgConnection, Error> {
     let mut db = url.patient().connect().await?;
-    // Servers that start at the same time wait for each other.
+    // Of several servers that start at the same time, only one migrates at a time.
     let lock = |call| sqlx::query(call).bind(Lock::Schema as i64);
     lock("SELECT pg_advisory_lock($1)").execute(&mut db).await?;
     schema::migrate(&mut db, url).await?;

@@ -1,7 +1,7 @@
-//! The connections to the database. A broken one is replaced when it is next needed.
+//! The connections to the database. A broken connection is replaced when it is needed next.
 //!
-//! The pool of sqlx pings a connection each time it is returned, which takes as long as a short statement. This pool does not
-//! ping: a broken connection is noticed when a transaction begins, before anything has changed.
+//! The pool of sqlx pings a connection each time it is returned, which takes as long as a short statement. This pool
+//! does not ping: a broken connection is noticed when a transaction begins, before anything has changed.
 
 use std::mem;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -15,26 +15,27 @@ use tokio::time::timeout;
 use crate::error::Error;
 use crate::tables::{Connected, Connection};
 
-/// How long a caller waits for a connection, and how long connecting may take.
+/// Maximum time that a caller waits for a free connection, and maximum time to open one.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// A number of connections, made when they are first needed.
+/// A fixed number of connections. Each is opened when it is needed first.
 #[derive(Debug)]
 pub(super) struct Pool {
     options: PgConnectOptions,
-    /// Connections that are not borrowed. The last one is borrowed first, so that few are used.
+    /// Connections that are not borrowed. The last one is borrowed first, so that few connections are opened.
     idle: Mutex<Vec<PgConnection>>,
-    /// One permit for each connection that is not borrowed, or not made yet.
+    /// One permit for each connection that is not borrowed or not opened yet.
     free: Semaphore,
     count: u32,
 }
 
-/// A borrowed connection. It returns to the pool when this is dropped, if its last statement was answered. Otherwise it is
-/// closed: it is broken, or the caller has not waited, and the next one would have to.
+/// A borrowed connection. If its last statement was answered, the connection returns to the pool when this is dropped.
+/// Otherwise it is closed: it is broken, or the caller was dropped before the answer, and the next caller would have to
+/// wait for that answer.
 pub(super) struct Borrowed<'a> {
     pool: &'a Pool,
     connection: Option<PgConnection>,
-    /// Whether it was made for this caller.
+    /// Whether the connection was opened for this caller.
     pub(super) is_new: bool,
     /// Whether the last statement was answered, and no transaction is open.
     pub(super) has_answered: bool,
@@ -48,7 +49,7 @@ impl Pool {
         Self { options, idle: Mutex::default(), free, count }
     }
 
-    /// Borrows a connection, and waits until one is free. It may be broken.
+    /// Waits until a connection is free, and borrows it. The connection may be broken.
     pub(super) async fn get(&self) -> Result<Borrowed<'_>, Error> {
         let permit = timeout(PATIENCE, self.free.acquire()).await.map_err(|_| Error::Exhausted)?;
         let permit = permit.map_err(|_| Error::Closed)?;
@@ -64,7 +65,7 @@ impl Pool {
         Ok(Borrowed { pool: self, connection, is_new, has_answered: false, _permit: permit })
     }
 
-    /// The number of open connections, and of those that are being made.
+    /// The number of connections that are open or being opened.
     pub(super) fn open(&self) -> u64 {
         // A connection that returns meanwhile may be counted twice.
         let borrowed = self.count as usize - self.free.available_permits();
@@ -77,7 +78,7 @@ impl Pool {
         self.free.close();
         let idle = mem::take(&mut *self.idle());
         for connection in idle {
-            // The server ends what a broken connection has begun.
+            // If the connection is broken, the server rolls back its transaction.
             let _ = connection.close().await;
         }
     }

@@ -1,6 +1,7 @@
-//! How workers claim and end runs.
+//! Claims and ends runs.
 //!
-//! Each change names the run and the attempt. So a worker that has lost its run changes nothing.
+//! Each statement that changes a run compares the number of the attempt. So a worker that has lost its run changes
+//! nothing.
 
 use super::Database;
 use super::chunks;
@@ -18,9 +19,10 @@ use crate::tables::{Connected, Tables};
 use crate::tally::Ending;
 use fretwork_job::{ENGINE, FailureKind, JobState};
 
-/// The owners with work for a worker of the version $1, in the order of their turns: the fewest running parts, then the one
-/// that was served longest ago, then the oldest job. The index `job_claimable` leads from one owner to the next, so the
-/// length of the queue does not matter.
+/// The owners with work for a worker of the `numerics` version $1, in the order of their turns. The owner with the
+/// fewest running parts comes first; among equals, the owner whose last turn was longest ago; among equals, the owner
+/// with the oldest job. The query jumps from owner to owner in the index `job_claimable`, so the length of the queue
+/// does not matter.
 const TURNS: &str = "
     WITH RECURSIVE waiting AS (
         (SELECT owner FROM job WHERE claimable = $1 ORDER BY owner LIMIT 1)
@@ -37,17 +39,18 @@ const TURNS: &str = "
          ORDER BY priority, study, id LIMIT 1)
     LIMIT 8";
 
-/// How often a worker looks again after others have taken what it was about to claim.
+/// Maximum number of attempts to claim a part. An attempt fails if other workers claim all the parts that it has found.
 const TRIES: usize = 4;
 
 impl Database {
-    /// Takes all leases away that are over.
+    /// Revokes all expired leases.
     pub(crate) async fn recover(&self) -> Result<Recovered, Error> {
         self.reclaim(true).await
     }
 
-    /// Takes leases away that are over. Unless `always`, only while the clock of the database goes on, because its node could not
-    /// renew a lease over which the clock has jumped. Each transaction has a time of its own, and may begin late.
+    /// Revokes expired leases. Unless `always`, it does so only while the contact with the database lasts. If the clock
+    /// of the database has jumped over the end of a lease, its node had no time to renew it. Each transaction checks
+    /// this again, because it may begin late.
     pub(super) async fn reclaim(&self, always: bool) -> Result<Recovered, Error> {
         let mut recovered = Recovered::default();
         let (now, runs) = reading!(self, db => lease::lost(db, &self.0.node).await)?;
@@ -81,7 +84,7 @@ pub(crate) async fn claim((): &(), tx: &mut Transaction<'_>) -> Result<Option<Cl
     Ok(None)
 }
 
-/// Claims the most urgent work of an owner. Returns `None` if other workers have taken it meanwhile.
+/// Claims the most urgent part of an owner. Returns `None` if other workers have claimed it in the meantime.
 async fn claim_of(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Claimed>, Error> {
     let query = sql!(
         "SELECT run, study FROM job WHERE claimable = $1 AND owner = $2
@@ -192,13 +195,13 @@ pub(crate) async fn release(claim: &Claim, tx: &mut Transaction<'_>) -> Result<b
     let Claim { part: (run, number), attempt, .. } = *claim;
     match number {
         Some(number) => chunks::release(tx, run, number, attempt).await,
-        // It was counted as lost at the claim.
+        // The claim has counted the run as lost, which this undoes.
         None => requeue(tx, run, attempt, 1).await,
     }
 }
 
-/// Takes a run from its worker with the statement `update`, which returns what [`ended_by`] reads. Returns false if the worker
-/// has lost the run.
+/// Ends or queues a run with the statement `update`, which returns the row that [`ended_by`] reads. Returns false if
+/// the worker has lost the run.
 async fn end(
     tx: &mut Transaction<'_>,
     update: Statement,
@@ -210,7 +213,8 @@ async fn end(
     Ok(true)
 }
 
-/// Queues a running run again. `uncounted` claims do not count as lost. Returns false if the worker has lost it.
+/// Queues a running run again, and subtracts `uncounted` from the number of times that it was lost. Returns false if
+/// the worker has lost the run.
 async fn requeue(
     tx: &mut Transaction<'_>,
     run: RunId,
@@ -231,14 +235,14 @@ async fn requeue(
     Ok(released)
 }
 
-/// Ends a running run by a failure. Returns false if it has another attempt or is not running.
+/// Fails a running run. Returns false if the run is not running, or has a later attempt.
 async fn fail_run(
     tx: &mut Transaction<'_>,
     run: RunId,
     attempt: u32,
     (kind, message): (FailureKind, &str),
 ) -> Result<bool, Error> {
-    // A text of PostgreSQL cannot contain this character.
+    // A text in PostgreSQL cannot contain the character NUL, so it is replaced.
     let query = sql!(
         "UPDATE run SET state = 'failed', finished = moment(), changed = moment(), error_kind = $3, error = $4,
              progress = coalesce(
@@ -251,7 +255,7 @@ async fn fail_run(
     end(tx, query, run, Ending::Failed).await
 }
 
-/// Takes the lost leases of a run away. Fails the run if that has happened too often.
+/// Revokes the expired leases of a run. Fails the run if it was lost too often.
 async fn reclaim(
     (run, always): &(RunId, bool),
     tx: &mut Transaction<'_>,
@@ -295,7 +299,7 @@ async fn reclaim(
     Ok(recovered)
 }
 
-/// The attempt of the running run, as [`Claim::attempt_of_run`] says. Locks the study.
+/// Returns [`Claim::attempt_of_run`]. For a piece, locks the study first.
 async fn attempt_of_run(tx: &mut Transaction<'_>, claim: Claim) -> Result<Option<u32>, Error> {
     if let (run, Some(_)) = claim.part {
         chunks::lock(tx, run).await?;

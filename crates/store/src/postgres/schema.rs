@@ -1,4 +1,4 @@
-//! The changes of the schema, and which programs may write the tables.
+//! The migrations of the schema, and which versions of the program may write the tables.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use sqlx::postgres::PgConnection;
 use crate::error::Error;
 use crate::place::DatabaseUrl;
 
-/// The changes of the schema: version, name and SQL.
+/// The migrations of the schema: version, name and SQL.
 const CHANGES: [(i64, &str, &str); 5] = [
     (1, "jobs", include_str!("../../../../migrations/postgres/0001_jobs.sql")),
     (2, "study died", include_str!("../../../../migrations/postgres/0002_study_died.sql")),
@@ -18,7 +18,7 @@ const CHANGES: [(i64, &str, &str); 5] = [
     (5, "verified", include_str!("../../../../migrations/postgres/0005_verified.sql")),
 ];
 
-/// Why this program may not write the tables; `None` if it may.
+/// The error if this version of the program must not write the tables.
 pub(super) async fn refusal(db: &mut PgConnection, name: &str) -> Result<Option<Error>, Error> {
     let (known, ..) = CHANGES[CHANGES.len() - 1];
     let found: Option<i64> = sqlx::query_scalar(
@@ -30,13 +30,14 @@ pub(super) async fn refusal(db: &mut PgConnection, name: &str) -> Result<Option<
     Ok(found.map(|found| Error::Newer { path: name.into(), found, known }))
 }
 
-/// Creates or migrates the tables where necessary.
+/// Creates or migrates the tables if necessary.
 pub(super) async fn migrate(db: &mut PgConnection, url: &DatabaseUrl) -> Result<(), Error> {
     let migration = |(version, name, sql): (_, &'static str, &'static str)| {
         Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
     };
     let mut migrator = Migrator::with_migrations(CHANGES.map(migration).into());
-    // A later version of the program may run beside this one, unless the tables say otherwise.
+    // A later version of the program may have migrated the tables. [`refusal`] decides whether this version may write
+    // them.
     migrator.set_ignore_missing(true).set_locking(false);
     migrator.run(db).await.map_err(|error| match error {
         MigrateError::Execute(error) => error.into(),

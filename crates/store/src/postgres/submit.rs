@@ -1,5 +1,5 @@
-//! Submissions: they find a known result, join a live run, or queue a new run. For some submissions the answer
-//! is already computed.
+//! Submissions. A job uses the stored result, waits for the live run of its key, or gets a new queued run. For some
+//! submissions, the answer is already computed.
 
 use std::time::Duration;
 
@@ -16,7 +16,8 @@ use crate::tables::{Connected, Tables};
 use crate::tally::Ending;
 use fretwork_job::{ENGINE, JobState, Origin};
 
-/// How often a submission looks again for a result or a run that others store or end meanwhile.
+/// Maximum number of attempts of a submission. An attempt fails if another server ends or queues the run of the key at
+/// the same time.
 const TRIES: usize = 10;
 
 pub(crate) async fn submit(new: &EncodedJob, tx: &mut Transaction<'_>) -> Result<Submitted, Error> {
@@ -28,15 +29,15 @@ pub(crate) async fn submit(new: &EncodedJob, tx: &mut Transaction<'_>) -> Result
 
 /// Where a job gets its result from.
 enum Place {
-    /// The result is known.
+    /// The stored result.
     Known,
     /// A live run, which is locked. It may be new.
     Run { run: RunId, state: JobState, attempt: i64, origin: Origin },
-    /// The result was stored with the job: since when it was computed.
+    /// The answer that is stored in the same transaction. Its computation began at the time `began`.
     Recorded { began: i64, origin: Origin },
 }
 
-/// Finds a place for a job that is no repetition, and inserts it.
+/// Finds the result or run for a job that is no repetition, and inserts the job.
 async fn admit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted, Error> {
     for _ in 0..TRIES {
         let query = sql!(
@@ -57,7 +58,7 @@ async fn admit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted, 
             None => queue(tx, new).await?,
         };
         match place {
-            // Another server has ended the run, or has queued one.
+            // Another server has ended the run, or has queued a run. The next attempt reads again.
             Ok(None) => {}
             Ok(Some(place)) => return insert(tx, new, &place).await,
             Err(full) => return Ok(full),
@@ -67,10 +68,10 @@ async fn admit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted, 
     Err(Error::Busy(std::sync::Arc::new(error)))
 }
 
-/// A place, `None` if another server was faster, or that the queue is full.
+/// A place; `None` if another server was faster; or the answer that the queue is full.
 type Found = Result<Option<Place>, Submitted>;
 
-/// Locks a live run so that it cannot end before the job has joined it.
+/// Locks a live run, so that it cannot end before the job is inserted.
 async fn join(tx: &mut Transaction<'_>, new: &EncodedJob, run: RunId) -> Result<Found, Error> {
     if new.job.chunks.is_some() {
         chunks::lock(tx, run).await?;
@@ -103,7 +104,8 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found, Erro
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(Ok(None)) };
     let run = RunId(row.get("id")?);
-    // The run before it may have stored the result since this transaction has looked for it.
+    // Since this transaction has read the tables, an earlier run may have stored the result. Then the new run is
+    // deleted.
     let query = sql!(
         "DELETE FROM run WHERE id = $1 AND NOT $2
              AND EXISTS (SELECT 1 FROM result WHERE key = run.key AND evicted IS NULL)";
@@ -121,7 +123,7 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found, Erro
     Ok(Ok(Some(Place::Run { run, state, attempt: 0, origin })))
 }
 
-/// The answer to a job that needs a place in the queue, if there is none.
+/// The answer to a job that must be queued, if the queue is full.
 async fn queue_is_full(
     tx: &mut Transaction<'_>,
     new: &EncodedJob,
@@ -203,8 +205,9 @@ async fn insert_row(
     Ok(Row::Postgres(row.map_err(|error| new.refused(error))?))
 }
 
-/// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
-/// live, the jobs use that instead, and the answer is dropped. If it is evicted and no run is live, the jobs need one.
+/// Stores the answer and its jobs, which are finished and have no run. If the result is already stored, or is evicted
+/// and a run is live, the jobs use that result or run, and the answer is dropped. If the result is evicted and no run
+/// is live, this returns [`Submitted::NeedsRun`].
 pub(crate) async fn record(
     (jobs, answer, wall): &(Vec<EncodedJob>, Answered, Duration),
     tx: &mut Transaction<'_>,

@@ -1,4 +1,4 @@
-//! Transactions, which are repeated after a conflict with another one.
+//! Transactions. A transaction is retried after a conflict with another one.
 
 use std::time::Duration;
 
@@ -12,20 +12,21 @@ use crate::error::Error;
 use crate::signals::Effect;
 use crate::tables::Connected;
 
-/// How long one attempt of a verb may take: longer than a statement may. A server that has vanished never answers.
+/// Timeout of one attempt of a verb, for a database server that never answers. It is longer than `statement_timeout`.
 pub(super) const PATIENCE: Duration = Duration::from_secs(45);
 
-/// How often a verb is done again after a conflict with another transaction.
+/// Maximum number of retries of a verb after conflicts with other transactions.
 const CONFLICTS: u32 = 10;
 
-/// An open transaction, and what to signal after its commit. If it is dropped, its connection is closed, and the database rolls
-/// it back.
+/// An open transaction. If it is dropped, its connection is closed, and the database rolls it back.
 pub(crate) struct Transaction<'a> {
     /// The database.
     pub(super) of: &'a Parts,
     pub(super) db: Borrowed<'a>,
-    /// When it began by the clock of the database, in milliseconds since 1970. `moment()` returns it, too.
+    /// When the transaction began by the clock of the database, in milliseconds since 1970. The SQL function `moment()`
+    /// returns the same time.
     pub(super) now: i64,
+    /// The signals that are sent after the commit.
     pub(super) effects: Vec<Effect>,
 }
 
@@ -42,8 +43,8 @@ impl<'a> Transaction<'a> {
         }
     }
 
-    /// Tells the other servers what is deleted, when the transaction commits. This is no hint: a server that does not hear it
-    /// would answer with the result until its connection breaks.
+    /// Notifies the other servers of deleted results in this transaction. Unlike a hint, this must not be lost:
+    /// otherwise a server would go on to answer with a deleted result from its memory.
     async fn tell_deleted(&mut self) -> Result<(), Error> {
         for effect in &self.effects {
             if let Effect::Deleted(key) = effect {
@@ -86,14 +87,14 @@ impl<'a> From<&'a mut Transaction<'_>> for Change<'a> {
 pub(super) struct Conflicts(u32);
 
 impl Conflicts {
-    /// Whether a verb must be done again. Waits a moment before.
+    /// Whether a verb must be retried. If so, waits for a short time first.
     pub(super) async fn again<T>(&mut self, done: &Result<T, Error>) -> bool {
         let is_conflict = done.as_ref().is_err_and(Error::is_conflict);
         if !is_conflict || self.0 == CONFLICTS {
             return false;
         }
         self.0 += 1;
-        // Servers that have met must not meet again.
+        // The pause depends on the process, so that two servers do not conflict again at once.
         let pause = u64::from(self.0) * (1 + u64::from(std::process::id()) % 5);
         tokio::time::sleep(Duration::from_millis(pause)).await;
         true
@@ -101,7 +102,7 @@ impl Conflicts {
 }
 
 impl Database {
-    /// Does a verb in a transaction, again after a conflict, and signals its changes after the commit.
+    /// Executes a verb in a transaction, and retries it after a conflict. Sends the signals after the commit.
     pub(crate) async fn write<Input, V, Answer>(
         &self,
         verb: V,
@@ -129,8 +130,8 @@ impl Database {
     }
 }
 
-/// Reads with a connection of the pool. If the connection is broken, reads again with another one. This is a macro because
-/// the compiler cannot show that the future of a closure with borrowed arguments may move between threads.
+/// Reads with a connection of the pool. If the connection is broken, reads again with another one. This is a macro
+/// because the compiler cannot show that the future of a closure with borrowed arguments may move between threads.
 macro_rules! reading {
     ($database:expr, $db:ident => $query:expr) => {
         reading!($database, pool, $db => $query)

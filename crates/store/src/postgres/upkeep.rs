@@ -1,4 +1,4 @@
-//! Maintenance that keeps the tables small over years. Servers take turns: one of them at a time does a round.
+//! Maintenance that keeps the tables small over years. An advisory lock ensures that only one server at a time does it.
 
 use std::time::{Duration, Instant};
 
@@ -15,46 +15,48 @@ use crate::statement::{Statement, sql};
 use crate::tables::{Connected, Lock, Tables};
 use fretwork_job::Key;
 
-/// Longest time between two cleanings, and between two sums of the sizes of all results.
+/// Maximum time between two cleanings, and between two sums of the sizes of all results.
 const OFTEN: Duration = Duration::from_mins(1);
-/// Time between two sums, as a multiple of the time that a sum takes. So a small database keeps to its budget at every rate of
-/// writing, and a large one is not read all the time.
+/// The pause between two sums is this multiple of the duration of a sum. So a small database stays within its budget
+/// even under many writes, and a large database is not read all the time.
 const REST: u32 = 50;
-/// Jobs deleted in one transaction.
+/// Maximum number of jobs that one transaction deletes.
 const JOBS: i64 = 100;
-/// Chunks deleted in one transaction. Each has some ten kilobytes.
+/// Maximum number of chunks that one transaction deletes. Each has tens of kilobytes.
 const CHUNKS: i64 = 100;
-/// Results evicted in one transaction.
+/// Maximum number of results that one transaction evicts.
 const RESULTS: i64 = 256;
-/// Transactions of each kind in one round. Between rounds, times of reading are stored.
+/// Maximum number of transactions of each kind in one round. The times at which results were read are stored between
+/// rounds.
 const AT_ONCE: usize = 50;
-/// Most entries of the audit log.
+/// Maximum number of entries of the audit log.
 const ENTRIES: i64 = 100_000;
-/// How long the scenario of an evicted result is kept at most: one year in milliseconds.
+/// The scenario of an evicted result without jobs is kept for this time: one year, in milliseconds.
 const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
 
-/// Sorts 256 KiB.
+/// Sorts 256 KiB. With a small `work_mem`, PostgreSQL writes them to a temporary file.
 const SPILL: &str = "
     SELECT count(*) FROM (
         SELECT repeat(md5(n::TEXT), 256) COLLATE \"C\" AS bytes FROM generate_series(1, 32) AS n ORDER BY bytes
     ) AS sorted";
 
-/// What the maintenance of one server remembers.
+/// The state of the maintenance of one server.
 #[derive(Debug)]
 pub(super) struct Upkeep {
     keep_jobs: Option<Duration>,
     budget: Option<u64>,
     /// `None` before the first round.
     clock: Option<AgeClock>,
-    /// When old jobs and useless chunks must be deleted again.
+    /// When old jobs and unneeded chunks must be deleted next.
     due: Instant,
-    /// When the sizes of all results must be added up again.
+    /// When the sizes of all results must be added up next.
     room_due: Instant,
+    /// Whether the results exceed the budget although nothing more can be evicted. The warning is logged only once.
     exceeds: bool,
 }
 
-/// Does a part of the maintenance in some transactions, unless another server does maintenance: then the part returns `None`.
-/// Returns whether there may be more to do.
+/// Repeats a part of the maintenance, each time in a new transaction. The part returns whether there is more to do, or
+/// `None` if another server does maintenance. Returns whether there may be more to do.
 async fn again<Input, V>(db: &Database, part: V, input: Input) -> Result<bool, Error>
 where
     V: for<'a, 'of> Verb<'a, Input, &'a mut Transaction<'of>, Answer = Option<bool>>,
@@ -76,8 +78,8 @@ impl Upkeep {
         Self { keep_jobs, budget, clock: None, due: now, room_due: now, exceeds: false }
     }
 
-    /// Stores the times of reading of this server, and does a part of the maintenance that is due. An error of one kind of work
-    /// does not keep the others from being done; the first one is returned.
+    /// Stores the times at which this server has read results, and does the maintenance that is due. After an error in
+    /// one kind of work, the other kinds are still done. Returns the first error.
     pub(super) async fn round(&mut self, db: &Database) -> Result<(), Error> {
         let reads = db.0.signals.take_read();
         let written = if reads.is_empty() { Ok(()) } else { db.write(write_reads, reads).await };
@@ -89,7 +91,7 @@ impl Upkeep {
         written.and(cleaned).and(has_room)
     }
 
-    /// If it is due, deletes what is old or useless.
+    /// If it is due, deletes old jobs, unneeded chunks, and the rows that [`forget`] deletes.
     async fn clean(&mut self, db: &Database) -> Result<(), Error> {
         if Instant::now() < self.due {
             return Ok(());
@@ -111,7 +113,7 @@ impl Upkeep {
         again(db, delete_old, before).await
     }
 
-    /// The time by which ages are measured.
+    /// The time of the [`AgeClock`].
     async fn time(&mut self, db: &Database) -> Result<i64, Error> {
         let (stored, now): (i64, i64) = reading!(db, db => {
             Ok(sqlx::query_as("SELECT clock, moment() FROM upkeep").fetch_one(db).await?)
@@ -124,7 +126,7 @@ impl Upkeep {
         Ok(time)
     }
 
-    /// If it is due, evicts the results that were read longest ago, until the bodies are within the budget.
+    /// If it is due, evicts the least recently read results until the bodies are within the budget.
     async fn make_room(&mut self, db: &Database) -> Result<(), Error> {
         if Instant::now() < self.room_due {
             return Ok(());
@@ -132,7 +134,7 @@ impl Upkeep {
         let budget =
             self.budget.map_or(i64::MAX, |budget| i64::try_from(budget).unwrap_or(i64::MAX));
         for _ in 0..AT_ONCE {
-            // Another server may have evicted some before this transaction, so it sums.
+            // Another server may have evicted results in the meantime, so each transaction adds up the sizes again.
             let room = db.write(make_room, budget).await?;
             let Some((stored, evicted, took)) = room else { return Ok(()) };
             db.0.signals.tally.bytes.set(stored);
@@ -149,7 +151,7 @@ impl Upkeep {
         Ok(())
     }
 
-    /// Warns once that all results that are left are pinned.
+    /// Logs once that the budget is exceeded and all remaining results are pinned.
     fn warn(&mut self, stored: i64, budget: i64) {
         if !self.exceeds {
             self.exceeds = true;
@@ -162,8 +164,8 @@ impl Upkeep {
     }
 }
 
-/// How long the sizes of all results need not be added up again, after a sum that took this time. Without a budget the sum is
-/// only for the metrics.
+/// The pause until the next sum of the sizes of all results, after a sum that took this time. Without a budget, the sum
+/// is only for the metrics.
 fn rest(budget: Option<u64>, took: Duration) -> Duration {
     budget.map_or(OFTEN, |_| OFTEN.min(REST * took))
 }
@@ -176,8 +178,8 @@ async fn is_alone(tx: &mut Transaction<'_>) -> Result<bool, Error> {
 
 /// Checks that the disk has room for a submission.
 pub(crate) async fn probe((): &(), tx: &mut Transaction<'_>) -> Result<(), Error> {
-    // A temporary file of 256 KiB, about what a default result takes with its job. It always takes new space. A table may have
-    // free pages, and many servers would make it grow.
+    // Writes a temporary file of 256 KiB, about the size of a default result with its job. A temporary file always
+    // needs new space. A write to a table could use free pages, and would make the table grow if many servers wrote.
     tx.db.execute(sql!("SET LOCAL work_mem = '64kB'")).await?;
     tx.db.execute(Statement::of(SPILL)).await?;
     tx.db.execute(sql!("UPDATE upkeep SET probe = moment()")).await?;
@@ -230,7 +232,8 @@ async fn delete_old(before: &i64, tx: &mut Transaction<'_>) -> Result<Option<boo
 
 /// Deletes finished jobs, and their runs if these have ended and have no other job.
 async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<(), Error> {
-    // Otherwise two servers that delete the last two jobs of a run would each leave it to the other.
+    // Without this lock, two servers could delete the last two jobs of a run at the same time. Each would still see the
+    // job of the other, and the run would stay without a job.
     sqlx::query(
         "SELECT 1 FROM run WHERE id IN (SELECT run FROM job WHERE id = ANY ($1)) ORDER BY id FOR NO KEY UPDATE",
     )
@@ -255,7 +258,7 @@ async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<(), Er
     Ok(())
 }
 
-/// Deletes some chunks of a study that has ended, and the study after its last chunk.
+/// Deletes some chunks of a study that has ended. Deletes the row of the study together with the last chunk.
 async fn delete_chunks((): &(), tx: &mut Transaction<'_>) -> Result<Option<bool>, Error> {
     if !is_alone(tx).await? {
         return Ok(None);
@@ -282,7 +285,7 @@ async fn delete_chunks((): &(), tx: &mut Transaction<'_>) -> Result<Option<bool>
 /// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs, the turns of
 /// owners without jobs, and the oldest entries of the audit log.
 async fn forget(time: &i64, tx: &mut Transaction<'_>) -> Result<(), Error> {
-    // Among the oldest 1000 only, so that many results with jobs do not slow every round.
+    // Only the oldest 1000 are examined, so that many results with jobs do not slow every round.
     let query = sql!(
         "WITH idle AS (
              DELETE FROM turn WHERE NOT EXISTS (SELECT 1 FROM lease WHERE lease.owner = turn.owner)
@@ -299,8 +302,8 @@ async fn forget(time: &i64, tx: &mut Transaction<'_>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Evicts some results, if all take more than the budget. Returns how many bytes they took before, how many bytes were evicted,
-/// and how long the sum has taken; `None` if another server does maintenance.
+/// Evicts some results if the sum of their sizes exceeds the budget. Returns that sum, the number of evicted bytes, and
+/// the duration of the sum. Returns `None` if another server does maintenance.
 async fn make_room(
     budget: &i64,
     tx: &mut Transaction<'_>,
@@ -317,8 +320,8 @@ async fn make_room(
     Ok(Some((stored, evicted, took)))
 }
 
-/// Evicts results of this many bytes, or some of them. Returns how many bytes they had; 0 if there are
-/// none.
+/// Evicts up to [`RESULTS`] results, until they have at least this number of bytes. Returns the number of evicted
+/// bytes; 0 if no result can be evicted.
 async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<i64, Error> {
     let query = sql!(
         "SELECT key, stored FROM result WHERE NOT pinned AND evicted IS NULL
@@ -343,7 +346,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sum_that_takes_long_is_made_rarely() {
+    fn the_pause_after_a_sum_is_proportional_to_its_duration_up_to_a_minute() {
         let seconds = Duration::from_secs_f64;
         assert_eq!(rest(Some(1), seconds(0.01)), seconds(0.5));
         assert_eq!(rest(Some(1), seconds(10.0)), OFTEN);

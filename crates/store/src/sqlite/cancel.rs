@@ -42,8 +42,8 @@ pub(crate) async fn cancel(
         tx.db.execute(update).await?;
         tx.queue.leave(run, job.priority, job.id);
     } else {
-        // A run that is already canceling does not change until its worker stops. A study ends at once: its workers stop, and
-        // what they compute meanwhile is refused.
+        // A run that is already canceling does not change until its worker stops. A study ends at once. Its workers are
+        // told to stop, and chunks that they finish afterwards are not stored.
         let update = sql!(
             "UPDATE run SET finished = iif(state = 'queued' OR $3, $2, NULL), changed = $2,
                  state = iif(state = 'queued' OR $3, 'canceled', 'canceling')

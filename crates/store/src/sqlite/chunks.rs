@@ -1,7 +1,7 @@
-//! How workers claim and end the pieces of a study: its chunks, and then the assembly of its result.
+//! Claims and ends the pieces of a study: its chunks, and then the assembly of its result.
 //!
-//! The run of a study is running from its first claim to its end, even while no worker computes a piece of it. A crash or a
-//! release queues only the pieces again that were running.
+//! The run of a study is running from its first claim to its end, even while no worker computes a piece of it. After a
+//! crash or a release, only the pieces that were running are queued again.
 
 use super::transaction::Transaction;
 use crate::claimed::{Claim, Claimed, FinishedChunk, is_step};
@@ -11,10 +11,10 @@ use crate::signals::Effect;
 use crate::statement::sql;
 use crate::tables::{Connected, Tables};
 
-/// Claims a piece of a study: a new chunk; otherwise one that was released or lost; otherwise the assembly. So a chunk that
-/// may have caused a crash is computed last.
+/// Claims a piece of a study: a new chunk; if there is none, a chunk that was released or lost; if there is none, the
+/// assembly. So a chunk that may have caused a crash is computed last.
 pub(super) async fn claim(run: RunId, tx: &mut Transaction) -> Result<Claimed, Error> {
-    // If no piece can be claimed, the number is null, which the table refuses.
+    // If no piece can be claimed, the number is null. Then the constraint of the table makes this an error.
     let query = sql!(
         "INSERT INTO chunk (run, number, state, attempt)
          SELECT $1, CASE WHEN next < chunks THEN next ELSE coalesce(
@@ -115,7 +115,8 @@ pub(super) async fn release(
 
 /// Queues the pieces again that the last process left running in unfinished studies. Returns their number.
 pub(super) async fn recover(tx: &mut Transaction) -> Result<u64, Error> {
-    // A study is lost too, until another of its chunks is finished. So one that crashes the process in any chunk ends.
+    // The study also counts its crashes since its last finished chunk. So a study of which every chunk crashes the
+    // process fails soon.
     let query = sql!(
         "UPDATE run SET lost = lost + 1 WHERE finished IS NULL AND id IN (
              SELECT run FROM chunk WHERE state = 'running' AND state <> 'done')"

@@ -1,6 +1,7 @@
-//! Finds out whether the files of the open database are still in their places.
+//! Checks whether the paths of the open database still lead to its files.
 //!
-//! SQLite writes to a file that was deleted, moved or replaced as before. Every commit succeeds, and a crash loses all of them.
+//! SQLite goes on to write to an open file after the file was deleted, moved or replaced. Every commit succeeds, but
+//! the next start of the server does not find these commits.
 
 use std::fs;
 use std::io;
@@ -16,13 +17,14 @@ type Identity = (u64, u64);
 pub(super) struct Files(Vec<(PathBuf, Identity)>);
 
 impl Files {
-    /// The files that have these paths now. They are not opened: to close one would end the locks of SQLite.
+    /// The files that have these paths now. This does not open them, because closing a file would end the locks of
+    /// SQLite.
     pub(super) fn at(paths: impl IntoIterator<Item = PathBuf>) -> io::Result<Self> {
         let file = |path: PathBuf| identity(&path).map(|identity| (path, identity));
         paths.into_iter().map(file).collect::<io::Result<_>>().map(Self)
     }
 
-    /// Refuses to go on if another file, or none, has one of the paths. This takes about a microsecond for each file.
+    /// Fails if one of the paths now leads to another file or to none. This takes about a microsecond for each file.
     pub(super) fn check(&self) -> Result<(), Error> {
         let moved = self.0.iter().find(|(path, own)| identity(path).ok() != Some(*own));
         moved.map_or(Ok(()), |(path, _)| Err(Error::Moved { path: path.clone() }))

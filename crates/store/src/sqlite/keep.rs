@@ -14,21 +14,22 @@ use crate::tables::Connected;
 /// Why a result is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reason {
-    /// It ends the run $1 at the attempt $2.
+    /// It is the result of the run $1 at the attempt $2, which ends.
     Run,
-    /// It was computed before its job was submitted. It does not replace an evicted result, because it is not compared
-    /// with it.
+    /// It was computed before its job was submitted. It does not replace an evicted result, because the two results are
+    /// not compared.
     Job,
     /// It is imported.
     Import,
 }
 
-/// The statements that store a result. The parameters of [`Statement::with_result`] are those from `first` on. For
-/// [`Reason::Run`], owner, job and warnings are those of the run.
+/// The statements that store a result. The parameters of [`Statement::with_result`] begin at `first`. For
+/// [`Reason::Run`], owner, job and warnings are read from the run.
 ///
-/// They are sent to the database together, because each call takes longer than a statement. `changes()` is the number of
-/// rows that the statement before has changed. So a result is stored only if its run was ended, and one that is stored
-/// already stays. After the last statement it is 1 if the result was stored.
+/// All statements are executed in one call, because a call takes longer than a statement. `changes()` is the number of
+/// rows that the previous statement has changed, and each statement requires that it is 1. So a result is stored only
+/// if its run was ended, and a result that is already stored stays. After the last statement, `changes()` is 1 if the
+/// result was stored.
 pub(super) fn keeping(reason: Reason, first: usize) -> String {
     let [
         key,

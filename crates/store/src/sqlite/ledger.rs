@@ -1,11 +1,12 @@
-//! Counts commits inside of the database and beside it, to find out whether the write-ahead log has lost any.
+//! Counts commits in the database and in a file beside it, to detect commits that the write-ahead log has lost.
 //!
-//! SQLite ignores the rest of a log from the first damaged page on, and starts without a log that was removed. Both
-//! look like a database that was never changed later. So each transaction counts itself in the table `room`, and the
-//! server writes the number to its lock file after the commit. If the number in the file is larger at the start,
+//! SQLite ignores a log from its first damaged page on, and starts without a log that was removed. In both cases, the
+//! latest commits are missing without an error. So each transaction increments a number in the table `room`, and the
+//! server writes the number to its lock file after the commit. If the number in the file is larger at the next start,
 //! commits are missing.
 //!
-//! The file is not synced. A power failure can lose the number together with the commits; then this finds nothing.
+//! The file is not synced. A power failure can lose the number together with the commits. Then the loss is not
+//! detected.
 
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, Write as _};
@@ -27,19 +28,19 @@ struct Noted {
 pub(super) struct Ledger {
     /// Locks the directory against other servers.
     lock: File,
-    /// Whether the last number could not be written.
+    /// Whether the last write of the number failed. Only the first of consecutive failures is logged.
     failed: bool,
-    /// How many commits were missing at the start.
+    /// The number of commits that were missing at the start.
     pub(super) missing: i64,
 }
 
 impl Ledger {
-    /// Compares the number in the file with that of the database, and logs how many commits are missing.
+    /// Compares the number in the file with that in the database. Logs an error if commits are missing.
     pub(super) async fn open(mut lock: File, db: &mut SqliteConnection) -> Result<Self, Error> {
         let (commits, at) =
             sqlx::query_as("SELECT commits, committed FROM room").fetch_one(db).await?;
         let stored = Noted { commits, at };
-        // A file of an earlier version is empty.
+        // The lock file of an earlier version is empty.
         let mut missing = 0;
         if let Some(noted) = read(&mut lock).filter(|noted| noted.commits > commits) {
             missing = noted.commits - commits;
@@ -77,7 +78,7 @@ fn read(lock: &mut File) -> Option<Noted> {
     Some(Noted { commits: commits.parse().ok()?, at: at.parse().ok()? })
 }
 
-/// Forgets the number, because another database takes the place of the one that it belongs to.
+/// Deletes the number, because a restored backup replaces the database, and has another number.
 pub(crate) fn forget(lock: &File) -> io::Result<()> {
     lock.set_len(0)
 }

@@ -1,6 +1,7 @@
-//! Keeps the write-ahead log short while readers use it.
+//! Limits the length of the write-ahead log while readers use it.
 //!
-//! SQLite starts the log anew only when no reader uses it. Under many overlapping reads that never happens by itself.
+//! SQLite restarts the log from its beginning only when no reader uses it. Under many overlapping reads, this never
+//! happens without a pause for the readers.
 
 use std::fs;
 use std::path::PathBuf;
@@ -11,14 +12,14 @@ use super::readers::BUSY;
 #[derive(Debug)]
 pub(super) struct Log {
     path: PathBuf,
-    /// Bytes up to which SQLite checkpoints by itself.
+    /// Length in bytes at which SQLite runs a checkpoint by itself.
     limit: u64,
-    /// Bytes from which the writer task waits for readers.
+    /// Length in bytes above which the writer task waits for readers.
     patience: u64,
 }
 
-/// The statements that start the log anew. They wait up to 100 ms for readers; a backup reads for longer. The last one
-/// is needed also if one before it fails.
+/// The statements that restart the log. They wait up to 100 ms for readers, which is too short for a backup. The last
+/// statement restores the timeout, so it must be executed even if an earlier one fails.
 pub(super) fn restart() -> [String; 3] {
     let wait = |time: u128| format!("PRAGMA busy_timeout = {time}");
     [wait(100), "PRAGMA wal_checkpoint(TRUNCATE)".to_owned(), wait(BUSY.as_millis())]
@@ -33,12 +34,13 @@ impl Log {
         fs::metadata(&self.path).map_or(0, |log| log.len())
     }
 
-    /// Whether the log is so long that the writer task must start it anew.
+    /// Whether the log is so long that the writer task must restart it.
     pub(super) fn is_long(&self) -> bool {
         self.bytes() > self.patience
     }
 
-    /// Records an attempt. If a reader has prevented it, the next one waits until the log is longer.
+    /// Records an attempt to restart the log. If a reader has prevented it, the next attempt is made when the log is
+    /// longer.
     pub(super) fn tried(&mut self) {
         self.patience = self.bytes() + self.limit + self.limit / 2;
     }

@@ -67,7 +67,7 @@ impl Database {
         writer::close(&self.writer).await;
     }
 
-    /// How long the oldest queued run has waited.
+    /// The time that the oldest queued run has waited.
     pub(super) async fn longest_wait(&self) -> Result<Duration, Error> {
         let query = sql!(
             "SELECT created FROM run INDEXED BY run_unfinished
@@ -99,7 +99,7 @@ impl Database {
         self.signals.counted(done.await)
     }
 
-    /// Lets the writer task call a function. Returns its answer after the commit.
+    /// Lets the writer task execute a verb. Returns the answer of the verb after the commit.
     pub(super) async fn write<Input, V, Answer>(
         &self,
         verb: V,
@@ -134,13 +134,13 @@ mod tests {
         (dir, db)
     }
 
-    /// How SQLite executes a statement.
+    /// The query plan of SQLite for a statement.
     async fn plan(db: &Database, statement: Statement) -> Vec<String> {
         let rows = db.read(Purpose::Any, statement.explained(), Most::All).await.unwrap();
         rows.iter().map(|row| row.get("detail").unwrap()).collect()
     }
 
-    /// A result can have a million jobs.
+    /// An index is needed because a result can have a million jobs.
     #[tokio::test]
     async fn the_jobs_of_a_result_are_counted_with_an_index() {
         let (_dir, db) = open().await;
@@ -167,7 +167,7 @@ mod tests {
         }
     }
 
-    /// A database can have a million jobs, results and scenarios.
+    /// Indexes are needed because a database can have a million jobs, results and scenarios.
     #[tokio::test]
     async fn the_query_for_the_oldest_rows_uses_indexes() {
         let (_dir, db) = open().await;

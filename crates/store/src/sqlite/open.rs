@@ -40,8 +40,8 @@ pub(crate) const LOCK: &str = "fretwork.lock";
 
 /// The number of read-only connections for small results and lists.
 pub(super) const READERS: u32 = 4;
-/// The number of readers that may scan all results at the same time. The others read single results. One caller may
-/// scan with two at a time, so a scan of another caller need not wait for these.
+/// The number of readers that may scan all results at the same time. The other reader stays free for single results.
+/// One caller may scan with two readers at a time, so one is left for the scan of another caller.
 pub(super) const SCANS: usize = 3;
 
 impl Database {
@@ -63,12 +63,12 @@ impl Database {
             .pragma("wal_autocheckpoint", log_pages.to_string())
             .pragma("journal_size_limit", (log_pages * PAGE).to_string());
         let mut db = prepare(dir, writing).await?;
-        // What a statement needs to undo itself stays in memory, instead of a temporary file. For a migration it could
-        // be large.
+        // From here on, SQLite keeps the data to undo a statement in memory and not in a temporary file. During the
+        // migrations above, these data could be large.
         db.execute("PRAGMA temp_store = memory").await?;
         // 16 MiB for each connection: enough for the upper pages of all indexes.
         let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
-        // A list must not need space on a disk that is full.
+        // So a sorted list needs no temporary file, and works when the disk is full.
         let reading = reading.pragma("temp_store", "memory");
         let readers = Arc::new(Readers::open(&reading, READERS).await?);
         let large = Arc::new(Readers::open(&reading, 1).await?);
@@ -80,7 +80,7 @@ impl Database {
         let files =
             [path.clone(), with_suffix(&path, "-wal"), with_suffix(&path, "-shm"), dir.join(LOCK)];
         let files = Files::at(files).map_err(|error| unusable(dir, error))?;
-        // A new database has no clock.
+        // A new database has no stored time.
         let clock = sqlx::query_scalar("SELECT clock FROM room").fetch_one(&mut db).await?;
         let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::at(clock));
         let queue_limit = options.queue_limit;
@@ -109,7 +109,7 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
     match outline::complete(&mut db).await {
         Ok(()) => {}
         Err(error @ (Error::Full(_) | Error::Busy(_))) => return Err(error),
-        // Damage to the index of the search must not keep the server from starting.
+        // The server must start even if the table of the search is damaged.
         Err(error) => {
             let error = &error as &dyn std::error::Error;
             tracing::warn!(error, "search does not find some results of an earlier version");
@@ -120,9 +120,9 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
 
 /// Makes a database use a write-ahead log. Creates the database if there is none.
 ///
-/// This writes no rollback journal. A journal that a crash leaves would be applied at the next start, and would destroy a
-/// backup that was put in place meanwhile. Without a journal a crash does no harm, because only the first page changes, and
-/// the system writes a page as a whole.
+/// This writes no rollback journal. After a crash, SQLite would apply the journal at the next start. If an
+/// administrator had put a backup in place before that, the journal would destroy it. A crash without a journal does no
+/// harm, because only the first page changes, and the system writes a page as a whole.
 async fn use_log(path: &Path) -> Result<(), Error> {
     let options = connecting(path).create_if_missing(true).journal_mode(SqliteJournalMode::Off);
     let mut db = SqliteConnection::connect_with(&options).await?;
@@ -130,8 +130,8 @@ async fn use_log(path: &Path) -> Result<(), Error> {
     Ok(db.close().await?)
 }
 
-/// Gives the unfinished runs of an earlier `numerics` version, and their jobs, the keys of this version. Their results
-/// are computed by this version. Chunks of studies are computed again, because a result has digits of one version only.
+/// Gives the unfinished runs of an earlier `numerics` version, and their jobs, the keys of this version, because this
+/// version computes their results. Deletes the chunks of studies, because one version must compute a whole result.
 async fn rekey(db: &mut SqliteConnection) -> Result<(), Error> {
     let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
     let numerics: u32 = sqlx::query_scalar("SELECT numerics FROM room").fetch_one(&mut *tx).await?;
@@ -166,20 +166,21 @@ pub(super) fn writing(path: &Path, full_sync: bool) -> SqliteConnectOptions {
     connecting(path)
         .synchronous(synchronous)
         .foreign_keys(true)
-        // 8 MiB. A larger cache is slower: SQLite walks through the table of all cached pages at each commit that has moved cells
-        // between pages, as random keys do. The system has the other pages in memory.
+        // 8 MiB. A larger cache is slower: after a commit that has moved cells between pages, SQLite walks through all
+        // cached pages. Random keys cause such commits. The operating system caches the other pages.
         .pragma("cache_size", "-8192")
         .pragma("wal_autocheckpoint", MOST_LOG_PAGES.to_string())
         .pragma("journal_size_limit", (MOST_LOG_PAGES * PAGE).to_string())
 }
 
-/// Bytes of a page, the default of SQLite.
+/// Size of a page in bytes, the default of SQLite.
 const PAGE: u64 = 4096;
-/// The number of pages in the log (32 MB) at which a commit must checkpoint, and to which the log shrinks then. Usually
-/// maintenance runs a checkpoint earlier.
+/// Maximum number of pages in the log (32 MB). A commit that reaches it runs a checkpoint, and the log file shrinks to
+/// this size. Usually maintenance runs a checkpoint earlier.
 const MOST_LOG_PAGES: u64 = 8000;
 
-/// The limit of the log: a sixteenth of the budget, and at least 1 MB, which is a few large transactions.
+/// The maximum number of pages in the log: a sixteenth of the budget, but at least 1 MB, which is a few large
+/// transactions.
 fn log_pages(budget: Option<u64>) -> u64 {
     budget.map_or(MOST_LOG_PAGES, |budget| (budget / 16 / PAGE).clamp(250, MOST_LOG_PAGES))
 }
@@ -200,7 +201,7 @@ pub(crate) fn lock(dir: &Path) -> Result<File, Error> {
     let file = File::options().create(true).truncate(false).read(true).write(true).open(&path);
     let file = file.map_err(refused)?;
     match file.try_lock() {
-        // A failed restore removes the file that it has locked.
+        // A failed restore removes the lock file. Then another process may have created a new one.
         Ok(()) if is_removed(&file, &path).map_err(refused)? => lock(dir),
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(Error::Locked { dir: dir.to_owned() }),
@@ -220,7 +221,7 @@ fn is_removed(file: &File, path: &Path) -> io::Result<bool> {
     }
 }
 
-/// Other systems do not remove a file that is open.
+/// Other systems refuse to remove an open file.
 #[cfg(not(unix))]
 fn is_removed(_: &File, _: &Path) -> io::Result<bool> {
     Ok(false)
@@ -243,7 +244,7 @@ pub(crate) fn forget_foreign_log(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether the header of a database says that it uses a write-ahead log; `None` if it has another header.
+/// Whether a database uses a write-ahead log, according to its header; `None` if the header is not valid.
 pub(crate) fn uses_log(path: &Path) -> io::Result<Option<bool>> {
     const VERSIONS: usize = 18;
     let mut head = Vec::new();
@@ -277,7 +278,7 @@ pub(crate) async fn inspect(path: &Path) -> Result<(), Error> {
         let id: i32 = sqlx::query_scalar("PRAGMA application_id").fetch_one(&mut db).await?;
         let schema = schema::parts(&mut db).await?;
         db.close().await?;
-        // An empty database: its creation was interrupted.
+        // An empty database is accepted, because its creation may have been interrupted.
         Ok::<_, Error>(id == APPLICATION_ID || (id == 0 && schema.is_empty()))
     };
     match looked.await {
@@ -288,8 +289,8 @@ pub(crate) async fn inspect(path: &Path) -> Result<(), Error> {
     }
 }
 
-/// Opens the database of a directory for an administrative command; a server may be using it. If no
-/// server does, this creates or migrates the database where necessary.
+/// Opens the database of a directory for an administrative command. A server may be using the database. Otherwise this
+/// creates or migrates it if necessary.
 pub(crate) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConnection, Error> {
     let path = dir.join(DATABASE);
     let options = writing(&path, false).busy_timeout(patience);

@@ -11,8 +11,8 @@ use crate::statement::{Statement, sql};
 use crate::tables::{Connected, Tables};
 use fretwork_job::{Document, Key, Outline, TaskKind, asked_in};
 
-/// The statement that writes the outline of a stored result, in place of an older one. `which` selects the result.
-/// The words and numbers are the parameters from `first` on.
+/// The statement that writes the outline of a stored result, and replaces an older outline. `which` is a condition that
+/// selects the result. The parameters for the words and numbers begin at `first`.
 pub(super) fn insert(which: &str, first: usize) -> String {
     let [columns, values, _] = outlined(first);
     format!(
@@ -22,8 +22,7 @@ pub(super) fn insert(which: &str, first: usize) -> String {
     )
 }
 
-/// Writes the outlines that a database of an earlier version lacks. They belong to the results with the
-/// largest ids.
+/// Writes the missing outlines of a database of an earlier version. Always the results with the largest ids lack them.
 pub(super) async fn complete(db: &mut SqliteConnection) -> Result<(), Error> {
     let next = sql!(
         "SELECT result.key AS key, task, summary FROM result_task CROSS JOIN result USING (key)
@@ -55,7 +54,7 @@ async fn document(db: &mut SqliteConnection, key: Key) -> Result<Option<Document
             let body = Body::stored(row.get("body")?);
             Ok(body.json().ok().and_then(|json| Document::read(&json).ok()))
         }
-        // A damaged page must not keep the server from starting.
+        // The server must start even if a page is damaged.
         Ok(None) | Err(Error::Damaged(_)) => Ok(None),
         Err(error) => Err(error),
     }

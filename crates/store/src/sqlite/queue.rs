@@ -1,12 +1,14 @@
-//! The runs that wait for workers, by owner, in the memory of the writer task. It decides which run is claimed next.
+//! The runs that wait for workers, by owner, in the memory of the writer task. This queue decides which run is claimed
+//! next.
 //!
-//! The next owner is the one with the fewest running parts, which are runs or pieces of studies; among equals, the one that was
-//! served longest ago. A new owner comes directly before the one that was served last. So an owner that submits one job
-//! after another gets no more turns than an owner whose jobs wait. The waiting jobs of one owner are its lane. Within it, the
-//! more urgent job comes first, then a job that is no study, then the older one. A run that several owners share is in the
-//! lane of each.
+//! The next turn is that of the owner with the fewest running parts, which are runs or pieces of studies. Among equals,
+//! it is that of the owner whose last turn was longest ago. A new owner comes directly before the owner who had the
+//! last turn. So an owner who submits one job after another gets no more turns than an owner with many waiting jobs.
+//! The waiting jobs of an owner are the lane of that owner. In a lane, more urgent jobs come first; among equals, runs
+//! before studies; among equals, older jobs. A run that several owners share is in the lane of each.
 //!
-//! A study stays in its lanes as long as it has a piece that a worker can claim. So other owners need not wait for its end.
+//! A study is in its lanes while a worker can claim a piece of it. Its pieces are claimed one by one, so other owners
+//! need not wait for its end.
 //!
 //! The tables are authoritative. The queue is read from them at the start and after each failed transaction.
 
@@ -19,7 +21,8 @@ use crate::error::Error;
 use crate::row::{Part, RunId, job_id};
 use fretwork_job::JobId;
 
-/// The position of a job in the lane of its owner: its priority, whether it is a study, then its id, which gives its age.
+/// The position of a job in the lane of its owner: the priority, whether the run is a study, and the id. Ids are
+/// ordered by the time of the submission.
 type Place = (u8, bool, JobId);
 
 #[derive(Debug, Default)]
@@ -62,7 +65,7 @@ impl Queue {
         for (run, chunks, next, queued, running) in studies {
             queue.studies.insert(RunId(run), Study { chunks, next, queued, running });
         }
-        // The index has only unfinished runs; the table grows for ever.
+        // The index contains only unfinished runs. The table has many finished ones.
         let rows: Vec<(i64, Option<u32>, String)> = sqlx::query_as(
             "SELECT run.id, number, owner FROM run INDEXED BY run_unfinished
              LEFT JOIN study ON study.run = run.id
@@ -114,7 +117,7 @@ impl Queue {
         self.studies.contains_key(&run)
     }
 
-    /// Adds a new study. Its jobs must follow.
+    /// Adds a new study. The caller adds its jobs afterwards.
     pub(super) fn add_study(&mut self, run: RunId, chunks: u32) {
         self.studies.insert(run, Study { chunks, next: 0, queued: 0, running: 0 });
     }
@@ -130,7 +133,7 @@ impl Queue {
         }
     }
 
-    /// Removes a job. Its run stays for other jobs, if there are any.
+    /// Removes a job. If it was the last job of its run, the run is no longer queued.
     pub(super) fn leave(&mut self, run: RunId, priority: u8, job: JobId) {
         let place = (priority, self.is_study(run), job);
         let Some(places) = self.places.get_mut(&run) else { return };
@@ -153,7 +156,7 @@ impl Queue {
         Some((run, owner.clone()))
     }
 
-    /// Takes the next run, or the piece of it with this number, which is running from now on.
+    /// Records that the next part was claimed in the turn of this owner. The part is running from now on.
     pub(super) fn take(&mut self, part: Part, owner: String) {
         self.turns += 1;
         self.lane(&owner).served = self.turns;
@@ -175,7 +178,7 @@ impl Queue {
         }
     }
 
-    /// The jobs of a study do not count as waiting any more when its first piece is claimed.
+    /// Called at each claim of a piece. At the first one, the jobs of the study stop counting as waiting.
     fn start(&mut self, run: RunId) {
         if self.is_waiting(run) {
             self.jobs -= self.places.get(&run).map_or(0, BTreeMap::len);
@@ -230,7 +233,8 @@ impl Queue {
         self.tidy(&owner);
     }
 
-    /// Changes the counts of a study. Its jobs are in their lanes while it has a piece for a worker.
+    /// Changes the numbers of pieces of a study. Adds its jobs to their lanes or removes them, depending on whether a
+    /// worker can claim a piece.
     fn change(&mut self, run: RunId, change: impl FnOnce(&mut Study)) {
         let Some(study) = self.studies.get_mut(&run) else { return };
         let was_ready = study.is_ready();
@@ -286,7 +290,7 @@ impl Queue {
 mod tests {
     use super::*;
 
-    /// Adds jobs of (owner, run, priority) in their order.
+    /// A queue with these jobs (owner, run, priority), submitted in this order. Also returns their ids.
     fn queue(jobs: &[(&str, i64, u8)]) -> (Queue, Vec<JobId>) {
         let mut queue = Queue::default();
         let ids = jobs.iter().map(|(owner, run, priority)| {
@@ -404,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn an_owners_runs_pass_the_studies_of_the_same_owner_that_are_not_more_urgent() {
+    fn in_a_lane_a_run_comes_before_a_study_of_equal_priority() {
         let mut queue = Queue::default();
         for (study, priority) in [(1, 3), (2, 2)] {
             queue.add_study(RunId(study), 1);
@@ -415,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn a_study_waits_only_while_it_has_a_piece_for_a_worker() {
+    fn a_study_is_in_the_queue_only_while_a_worker_can_claim_a_piece() {
         let mut queue = Queue::default();
         let (study, job) = (RunId(1), JobId::generate());
         queue.add_study(study, 2);
@@ -432,7 +436,7 @@ mod tests {
         queue.release(study, 0);
         assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob")), (1, 1));
         queue.leave(study, 3, job);
-        // Jobs of a study that was begun do not fill the queue.
+        // Jobs of a study that has begun do not count as queued.
         assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob"), queue.jobs), (0, 1, 0));
         assert_eq!(queue.next(), Some((study, "bob".into())));
         queue.take((study, Some(0)), "bob".into());

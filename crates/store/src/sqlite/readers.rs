@@ -11,7 +11,7 @@ use tokio::sync::{MappedMutexGuard, Mutex, MutexGuard, Semaphore, SemaphorePermi
 
 use crate::error::Error;
 
-/// How long a statement waits for another connection.
+/// Maximum time that a statement waits for a lock that another connection holds.
 pub(super) const BUSY: Duration = Duration::from_secs(5);
 
 #[derive(Debug)]

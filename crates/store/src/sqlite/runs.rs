@@ -1,6 +1,7 @@
-//! How workers claim and end runs.
+//! Claims and ends runs.
 //!
-//! Each change names the run and the attempt. So a worker that has lost its run changes nothing.
+//! Each statement that changes a run compares the number of the attempt. So a worker that has lost its run changes
+//! nothing.
 
 use std::sync::LazyLock;
 
@@ -81,7 +82,7 @@ pub(crate) async fn finish(
     let (trace, program, now) = (trace.as_deref(), Some(tx.program), tx.now);
     let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
     let query = Statement::of(FINISH.as_str()).with(run).with(attempt).with_result(answer, &source);
-    // The first statement returns a row. The others must be executed, too.
+    // Only the first statement returns a row. `rows` executes all statements; `row` would skip the later ones.
     let Some(row) = tx.db.rows(query).await?.pop() else { return Ok(Finish::Refused) };
     ended(tx, run, key, row.get("started")?, Ending::Succeeded);
     keep::kept(answer, key, &row, tx.into()).await
@@ -179,7 +180,7 @@ async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
     Ok(counts)
 }
 
-/// Takes a run from its worker with the statement `update`, which returns `key` and `started`. Returns false if the worker has
+/// Ends or queues a run with the statement `update`, which returns `key` and `started`. Returns false if the worker has
 /// lost the run.
 async fn end(
     tx: &mut Transaction,
@@ -192,9 +193,9 @@ async fn end(
     Ok(true)
 }
 
-/// Signals the end of a run.
+/// Removes a run from the queue, and adds the signals of its end.
 fn ended(tx: &mut Transaction, run: RunId, key: Key, started: Option<i64>, ending: Ending) {
-    // A study may have waited for a long time between its pieces.
+    // The duration of a study is not recorded, because it may have waited between its pieces.
     let started = started.filter(|_| !tx.queue.is_study(run));
     tx.queue.end(run);
     tx.effects.push(Effect::Unwanted(run));

@@ -1,7 +1,7 @@
-//! The schema of a database: what the file contains, the migrations, and what those of its version make.
+//! The schema of a database: its migrations, and the comparison of a file with the schema that they make.
 //!
-//! A foreign trigger could delete results when a job is submitted. So a database whose schema differs is neither backed up nor
-//! restored.
+//! A trigger that another program has added could delete results when a job is submitted. So a database whose schema
+//! differs is neither backed up nor restored.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use sqlx::{Connection as _, SqlSafeStr as _, SqliteConnection};
 
 use crate::error::Error;
 
-/// The changes of the schema: version, name and SQL.
+/// The migrations of the schema: version, name and SQL.
 const CHANGES: [(i64, &str, &str); 15] = [
     (1, "jobs", include_str!("../../../../migrations/sqlite/0001_jobs.sql")),
     (
@@ -44,7 +44,7 @@ static MIGRATIONS: LazyLock<Migrator> = LazyLock::new(|| {
     Migrator::with_migrations(CHANGES.map(migration).into())
 });
 
-/// A table, index, trigger or view, and the statement that makes it.
+/// A table, index, trigger or view, and the statement that creates it.
 #[derive(Debug)]
 pub(crate) struct Part {
     kind: String,
@@ -52,14 +52,14 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// The statement without white space and quotes, which versions of SQLite write differently.
+    /// The statement without white space and quotes. Versions of SQLite differ in these.
     fn essence(&self) -> String {
         self.sql.chars().filter(|c| !c.is_whitespace() && *c != '"').collect()
     }
 }
 
-/// The parts of a file by their names. A file in which they are not text is damaged: sqlx panics at a column whose type is
-/// not text, and may then wait without end.
+/// The parts of the schema of a file, by name. They are read as bytes: if a damaged file contains values that are not
+/// text, sqlx would panic, and might then wait without end.
 pub(crate) async fn parts(db: &mut SqliteConnection) -> Result<BTreeMap<String, Part>, Error> {
     let encoding: String = sqlx::query_scalar("PRAGMA encoding").fetch_one(&mut *db).await?;
     if encoding != "UTF-8" {
@@ -78,7 +78,8 @@ pub(crate) async fn parts(db: &mut SqliteConnection) -> Result<BTreeMap<String, 
     parts.map_err(|error| Error::Damaged(Arc::new(error)))
 }
 
-/// Refuses a database whose schema is not the one of its version. That of a later version is unknown.
+/// Refuses a database whose schema differs from that of its version. The schema of a later version is not known, and is
+/// not compared.
 pub(crate) async fn compare(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
     let found = parts(db).await?;
     let altered = |(name, part): (&String, &Part), what: &str| {
@@ -87,7 +88,7 @@ pub(crate) async fn compare(db: &mut SqliteConnection, path: &Path) -> Result<()
         Error::Altered { path: path.to_owned(), what }
     };
     for part in &made_by(0).await? {
-        // Only then it is a table, whose rows can be read.
+        // These parts must be sound before the version can be read from the table of migrations.
         if found.get(part.0).is_none_or(|found| found.essence() != part.1.essence()) {
             return Err(altered(part, "is missing or changed"));
         }
@@ -133,7 +134,8 @@ pub(crate) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<()
     })
 }
 
-/// The versions of which the record differs from the migration. A server does not start with such a record.
+/// The versions whose record in `_sqlx_migrations` differs from the migration of this program. A server does not start
+/// with such a record.
 pub(crate) async fn wrong_records(db: &mut SqliteConnection) -> Result<Vec<i64>, sqlx::Error> {
     let mut expected: BTreeMap<i64, &[u8]> =
         MIGRATIONS.iter().map(|migration| (migration.version, &*migration.checksum)).collect();
@@ -157,7 +159,7 @@ pub(crate) fn latest() -> i64 {
     CHANGES.iter().map(|(version, ..)| *version).max().expect("there are migrations")
 }
 
-/// Refuses a database that has another schema version than this program knows.
+/// Refuses a database whose schema version differs from that of this program.
 pub(crate) async fn require_latest(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
     let (path, found, known) = (path.to_owned(), version(db).await?, latest());
     match found.cmp(&known) {

@@ -1,5 +1,5 @@
-//! Submissions: they find a known result, join a live run, or queue a new run. For some submissions the answer
-//! is already computed.
+//! Submissions. A job uses the stored result, waits for the live run of its key, or gets a new queued run. For some
+//! submissions, the answer is already computed.
 
 use std::sync::LazyLock;
 use std::time::Duration;
@@ -18,7 +18,7 @@ use crate::tally::Ending;
 use fretwork_job::{JobState, Origin};
 
 impl EncodedJob {
-    /// Why the submission is refused, if it is.
+    /// The answer if the submission is refused.
     async fn refusal(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
         let admission = self.job.admission;
         let queued = Queued { all: tx.queue.jobs, own: tx.queue.waiting_of(&self.job.owner) };
@@ -58,13 +58,14 @@ impl EncodedJob {
         self.submitted(tx, row)
     }
 
-    /// Executes statements that insert the job. Returns its row, unless it needs a run.
+    /// Executes statements that insert the job. Returns the row of the job; `None` if the job needs a run and none is
+    /// live.
     async fn inserted(&self, query: Statement, tx: &mut Transaction) -> Result<Option<Row>, Error> {
         let row = query.sqlite().fetch_optional(&mut tx.db).await;
         Ok(row.map_err(|error| self.refused(error))?.map(Row::Sqlite))
     }
 
-    /// Adds the values of [`RUN`] and [`JOB`].
+    /// Adds the values of the parameters of [`RUN`] and [`JOB`].
     fn bind(&self, query: Statement, now: i64, recorded: Option<Recorded>) -> Statement {
         let new = &self.job;
         let repeatable = new.repeatable.as_ref();
@@ -90,14 +91,15 @@ impl EncodedJob {
             .with(new.submitted.as_deref().map(checksum))
     }
 
-    /// Signals a submission after [`JOB`], and returns its job.
+    /// Adds an inserted job to the queue if necessary, and adds the signals. `row` is the row that [`JOB`] has
+    /// returned.
     fn submitted(&self, tx: &mut Transaction, row: Option<Row>) -> Result<Submitted, Error> {
         let new = &self.job;
         let Some(row) = row else { return Ok(Submitted::NeedsRun) };
         let job = read_job(&row)?;
         let (origin, state) = (job.origin, job.state);
         let run = row.get::<Option<i64>>("run")?.map(RunId);
-        // A study has pieces for workers while it is running, too.
+        // A running study is also in the queue, because workers can still claim pieces of it.
         if let Some(run) = run.filter(|run| state == JobState::Queued || tx.queue.is_study(*run)) {
             tx.queue.add(run, &new.owner, new.priority, new.id);
             tx.effects.push(Effect::Queued);
@@ -110,7 +112,7 @@ impl EncodedJob {
     }
 }
 
-/// Inserts a queued run, unless a run is live, the known result is sufficient, or $7 forbids it.
+/// Inserts a queued run, unless a run is live, a stored result can be used, or $7 forbids a new run.
 const RUN: &str = "
     INSERT INTO run (id, key, owner, created, task, state, changed, trace, warnings)
     SELECT (SELECT runs + 1 FROM room), $1, $2, $17, $4, 'queued', $17, $6, $18
@@ -118,11 +120,11 @@ const RUN: &str = "
         AND ($5 OR NOT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL))
     ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING";
 
-/// Inserts a job at the time $17, if its result is known or its run is live.
+/// Inserts a job at the time $17, if its result is stored or a run is live.
 ///
-/// `changes()` is 1 if the statement before has changed a row. In [`SUBMIT`] this is [`RUN`], so the run is new. In [`RECORD`]
-/// it stores the result; then the job has the origin $8, and its computation began at $3. For another job of the same
-/// result it is the job before.
+/// `changes()` is 1 if the previous statement has changed a row. In [`SUBMIT`], that statement is [`RUN`], so the run
+/// is new. In [`RECORD`], it stores the result. Then the job has the origin $8, and its computation began at $3. For a
+/// further job of the same result, the previous statement has inserted the previous job.
 const JOB: &str = "
     INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, idempotency_key,
         fingerprint, submitted, submitted_sum, run, state, attempt, origin, started, finished, changes)
@@ -148,8 +150,8 @@ const JOB: &str = "
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
             AS summary";
 
-/// Queues a run if the job needs one, and inserts the job. Only the last statement returns a row. `fetch_optional` would skip
-/// the statements after it.
+/// Queues a run if the job needs one, and inserts the job. Only the last statement may return a row, because
+/// `fetch_optional` skips all statements after the first row.
 static SUBMIT: LazyLock<String> = LazyLock::new(|| format!("{RUN}; {JOB}"));
 
 pub(crate) async fn submit(
@@ -165,10 +167,10 @@ pub(crate) async fn submit(
     submission.insert(tx).await
 }
 
-/// How a job got its answer before it was submitted.
+/// The values for a job whose answer was computed before it was submitted.
 #[derive(Debug, Clone, Copy)]
 struct Recorded {
-    /// `None` if the answer was not stored.
+    /// The origin of the job; `None` if the answer was not stored.
     origin: Option<Origin>,
     /// When the computation began.
     began: i64,
@@ -177,8 +179,9 @@ struct Recorded {
 /// Stores a result and its first job. Only the last statement returns a row, as in [`SUBMIT`].
 static RECORD: LazyLock<String> = LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 20)));
 
-/// Stores the answer and its jobs, which are finished and have no run. If the result is known, or is evicted and a run is
-/// live, the jobs use that instead, and the answer is dropped. If it is evicted and no run is live, the jobs need one.
+/// Stores the answer and its jobs, which are finished and have no run. If the result is already stored, or is evicted
+/// and a run is live, the jobs use that result or run, and the answer is dropped. If the result is evicted and no run
+/// is live, this returns [`Submitted::NeedsRun`].
 pub(crate) async fn record(
     (jobs, answer, wall): &(Vec<EncodedJob>, Answered, Duration),
     tx: &mut Transaction,

@@ -10,15 +10,15 @@ use crate::tables::Connection;
 /// The connection of the writer task while a transaction is open.
 pub(crate) struct Transaction {
     pub(super) db: SqliteConnection,
-    /// The time of all its changes, in milliseconds since 1970.
+    /// The time of the transaction, in milliseconds since 1970.
     pub(super) now: i64,
-    /// The queued runs. They change together with the tables.
+    /// The queued runs. Verbs change them together with the tables.
     pub(super) queue: Queue,
-    /// The largest number of queued jobs.
+    /// Maximum number of queued jobs.
     pub(super) queue_limit: usize,
-    /// The row of this program on this machine.
+    /// The id of the row of this program in the table `program`.
     pub(super) program: i64,
-    /// What to signal after the commit.
+    /// The signals that are sent after the commit.
     pub(super) effects: Vec<Effect>,
 }
 

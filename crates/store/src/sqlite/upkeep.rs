@@ -1,9 +1,9 @@
 //! Maintenance that keeps the database small and fast over years.
 //!
-//! The writer task stores when results were last read, deletes old jobs and chunks of studies that have ended, and makes room when the database exceeds its
-//! budget: it deletes the finished jobs, results and scenarios of evicted results that were used longest ago.
-//! It works in small transactions between other writes. If one of them fails, for example on a damaged page, the
-//! others still run.
+//! The writer task stores when results were last read, and deletes old jobs and the chunks of ended studies. When the
+//! database exceeds its budget, the task deletes the finished jobs, results and scenarios of evicted results that were
+//! used longest ago. It works in small transactions between other writes. If one transaction fails, for example on a
+//! damaged page, the others still run.
 
 use std::time::{Duration, Instant};
 
@@ -19,19 +19,19 @@ use crate::statement::{Statement, sql};
 use crate::tables::{Connected, Tables};
 use fretwork_job::Key;
 
-/// The writer task is idle after this time without a message.
+/// The writer task counts as idle after this time without a message.
 const IDLE: Duration = Duration::from_secs(1);
-/// Longest time between two rounds of maintenance.
+/// Maximum time between two rounds of maintenance.
 const OFTEN: Duration = Duration::from_mins(1);
-/// Jobs deleted in one transaction, which takes a few milliseconds.
+/// Maximum number of jobs that one transaction deletes. This takes a few milliseconds.
 const JOBS: u32 = 100;
-/// Chunks deleted in one transaction. Each has some ten kilobytes.
+/// Maximum number of chunks that one transaction deletes. Each has tens of kilobytes.
 const CHUNKS: u32 = 32;
-/// How long the scenario of an evicted result is kept at most: one year in milliseconds.
+/// The scenario of an evicted result without jobs is kept for this time: one year, in milliseconds.
 const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
-/// Rows that one transaction deletes to make room: twice as many as one transaction adds.
+/// Maximum number of rows that one transaction deletes to free space: twice as many as one transaction adds.
 pub(super) const ROOM: usize = 512;
-/// Rows that are looked up at a time.
+/// Maximum number of rows that one query for the oldest rows returns.
 const OLDEST: i64 = 64;
 
 /// Decides when to run maintenance.
@@ -41,13 +41,13 @@ pub(super) struct Upkeep {
     pub(super) budget: Option<u64>,
     pub(super) clock: AgeClock,
     last: Instant,
-    /// Something was committed since the last round.
+    /// Whether something was committed since the last round.
     dirty: bool,
-    /// The last round left work over.
+    /// Whether the last round has left work for the next one.
     more: bool,
     /// Bytes that the database uses.
     used: u64,
-    /// What the database used when nothing was left to delete.
+    /// The bytes that the database used when nothing was left to delete; 0 if there is something to delete.
     immovable: u64,
 }
 
@@ -58,7 +58,7 @@ impl Upkeep {
         Self { keep_jobs, budget, clock, last, dirty, more: false, used: 0, immovable: 0 }
     }
 
-    /// How long the writer task waits for messages before the next round.
+    /// The time that the writer task waits for messages before the next round.
     pub(super) fn pause(&self) -> Duration {
         match (self.more, self.dirty) {
             (true, _) => Duration::ZERO,
@@ -75,13 +75,13 @@ impl Upkeep {
 
     /// Whether a round must run although the writer task is busy.
     pub(super) fn is_due(&self) -> bool {
-        // If nothing can be deleted, another round waits until there is more.
+        // If nothing could be deleted, the next round waits until the database has grown.
         let exceeds = |budget| self.used > budget && self.used > self.immovable + budget / 64;
         self.more || self.budget.is_some_and(exceeds) || self.last.elapsed() > OFTEN
     }
 
-    /// Records what the database uses when nothing is left that can be deleted; `None` after something was deleted.
-    /// Returns whether the former is news.
+    /// Records the bytes that the database uses if nothing is left that can be deleted. `None` means that something was
+    /// deleted. Returns whether this is the first time that nothing is left, so that it is logged once.
     pub(super) fn cannot_delete(&mut self, used: Option<u64>) -> bool {
         let is_news = used.is_some() && self.immovable == 0;
         self.immovable = used.unwrap_or(0);
@@ -107,10 +107,9 @@ pub(super) async fn write_clock(time: &i64, tx: &mut Transaction) -> Result<(), 
     Ok(())
 }
 
-/// Checks that the disk has room for a submission, by writing about as many bytes as a default result with its job
-/// takes.
+/// Checks that the disk has space for a submission: writes about as many bytes as a default result with its job takes.
 pub(crate) async fn probe((): &(), tx: &mut Transaction) -> Result<(), Error> {
-    // SQLite does not write bytes that have not changed, hence random ones.
+    // Random bytes, because SQLite does not write bytes that have not changed.
     let query = sql!("INSERT OR REPLACE INTO probe (id, bytes) VALUES (1, randomblob(262144))");
     tx.db.execute(query).await?;
     Ok(())
@@ -152,7 +151,7 @@ pub(super) async fn delete_old(before: &i64, tx: &mut Transaction) -> Result<boo
     Ok(rows.len() as u64 == u64::from(JOBS))
 }
 
-/// Deletes some chunks of a study that has ended. Returns whether it deleted any: then there may be more.
+/// Deletes some chunks of a study that has ended. Returns whether it deleted any, because then there may be more.
 pub(super) async fn delete_chunks((): &(), tx: &mut Transaction) -> Result<bool, Error> {
     let query = sql!(
         "DELETE FROM study WHERE NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = study.run)
@@ -170,8 +169,8 @@ pub(super) async fn delete_chunks((): &(), tx: &mut Transaction) -> Result<bool,
 
 /// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs.
 pub(super) async fn forget_evicted(time: &i64, tx: &mut Transaction) -> Result<(), Error> {
-    // Among the oldest 1000 only, so that many results with jobs do not slow every round. Younger results without
-    // jobs wait until the jobs of older ones are deleted.
+    // Only the oldest 1000 are examined, so that many results with jobs do not slow every round. Newer results are
+    // examined after the jobs of older ones were deleted.
     let query = sql!(
         "DELETE FROM result WHERE key IN (
              SELECT key FROM (
@@ -185,7 +184,7 @@ pub(super) async fn forget_evicted(time: &i64, tx: &mut Transaction) -> Result<(
     Ok(())
 }
 
-/// What [`make_room`] did.
+/// The outcome of [`make_room`].
 pub(super) struct Room {
     /// Bytes that the database uses now.
     pub(super) used: u64,
@@ -193,10 +192,11 @@ pub(super) struct Room {
     pub(super) deleted: usize,
 }
 
-/// Deletes what was used longest ago until the database is within its budget, but not more than this number of rows.
-/// Pinned results, unfinished jobs and chunks of unfinished studies stay.
+/// Deletes the rows of [`oldest`] until the database is within its budget, but at most `rows` rows. Pinned results,
+/// unfinished jobs and chunks of unfinished studies stay.
 ///
-/// With `leave_bodies` it deletes no body, because pages of one are damaged and cannot be freed.
+/// With `leave_bodies`, it evicts results without deleting their bodies. The caller sets it if damaged pages prevent
+/// the deletion of a body.
 pub(super) async fn make_room(
     (budget, rows, leave_bodies): &(u64, usize, bool),
     tx: &mut Transaction,
@@ -225,7 +225,7 @@ pub(super) async fn make_room(
     Ok(room)
 }
 
-/// Bytes of all pages of the database that are in use: results, jobs, scenarios and indexes.
+/// The number of bytes of all used pages of the database: results, jobs, scenarios and indexes.
 async fn used(db: &mut SqliteConnection) -> Result<u64, Error> {
     let query = sqlx::query_scalar(
         "SELECT (page_count - freelist_count) * page_size
@@ -234,9 +234,10 @@ async fn used(db: &mut SqliteConnection) -> Result<u64, Error> {
     Ok(query.fetch_one(db).await?)
 }
 
-/// The jobs, results and scenarios that were used longest ago, the oldest first: a job when it ended, a result when it
-/// was read, a scenario when its result was evicted. A scenario is not among them while it has jobs, or while its damaged
-/// body could not be deleted. Only the oldest 1000 are looked at, so that many scenarios with jobs do not slow every call.
+/// The statement that reads the jobs, results and scenarios that were used longest ago, the oldest first. A job counts
+/// as used when it ended, a result when it was last read, and a scenario when its result was evicted. A scenario with
+/// jobs, or with a damaged body that could not be deleted, is left out. Only the oldest 1000 scenarios are examined, so
+/// that many scenarios with jobs do not slow every call.
 pub(super) fn oldest() -> Statement {
     sql!(
         "SELECT * FROM (
@@ -258,7 +259,7 @@ pub(super) fn oldest() -> Statement {
     )
 }
 
-/// Deletes the body of a result. Its scenario stays known.
+/// Evicts a result: deletes its body unless `leave_body`, and keeps its scenario.
 async fn evict(key: &[u8], leave_body: bool, tx: &mut Transaction) -> Result<(), Error> {
     tx.db.execute(sql!("UPDATE result SET evicted = $2 WHERE key = $1"; key, tx.now)).await?;
     if !leave_body {
@@ -268,7 +269,7 @@ async fn evict(key: &[u8], leave_body: bool, tx: &mut Transaction) -> Result<(),
     Ok(())
 }
 
-/// Bytes of the stored results.
+/// The number of bytes of the stored bodies.
 pub(super) async fn stored((): &(), tx: &mut Transaction) -> Result<i64, Error> {
     Ok(sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?)
 }

@@ -1,4 +1,4 @@
-//! The one task that changes the database, and the group commit.
+//! The writer task, which makes all changes of the database. It commits many changes in one transaction (group commit).
 
 use std::future::Future;
 use std::pin::Pin;
@@ -19,13 +19,15 @@ use crate::error::Error;
 use crate::signals::{READ_AT_ONCE, Signals};
 use fretwork_job::clock::now;
 
-/// The number of messages that may wait for the writer task; senders of further ones wait.
+/// Maximum number of messages that wait for the writer task. Senders of further messages wait.
 const WAITING: usize = 1024;
-/// After this number of consecutive changes that failed because the disk is full, the rest of the batch is not tried.
+/// After this number of consecutive changes failed because the disk is full, the other changes of the batch fail
+/// without an attempt.
 const HOPELESS: u32 = 3;
-/// Maximum number of changes in one transaction. Many changes share the cost of one commit, but none waits long.
+/// Maximum number of changes in one transaction. Many changes share the cost of one commit, but no change waits long.
 const BATCH: usize = 256;
-/// Pages that maintenance returns to the file system at a time. Moving others into their place takes a few milliseconds.
+/// Number of free pages that maintenance returns to the file system at a time. SQLite moves other pages into their
+/// places, which takes a few milliseconds.
 const GIVEN_BACK: i64 = 256;
 
 /// A message to the writer task.
@@ -36,7 +38,8 @@ pub(super) enum Message {
 
 type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
-/// A [`Verb`] with its input, and with the place for its answer. This trait hides their types.
+/// A [`Verb`] with its input, and with the channel for its answer. This trait hides their types, so that different
+/// verbs fit into one queue.
 pub(super) trait Order: Send {
     fn apply<'a>(&'a mut self, tx: &'a mut Transaction) -> BoxFuture<'a, Result<(), Error>>;
 
@@ -88,7 +91,7 @@ where
 pub(super) async fn close(writer: &mpsc::Sender<Message>) {
     let (reply, closed) = oneshot::channel();
     if writer.send(Message::Close(reply)).await.is_ok() {
-        // An error means that the writer task has ended before.
+        // An error means that the writer task has already ended.
         let _ = closed.await;
     }
 }
@@ -96,18 +99,19 @@ pub(super) async fn close(writer: &mpsc::Sender<Message>) {
 /// The state of the writer task.
 pub(super) struct Writer {
     tx: Transaction,
-    /// A transaction has failed, so the queue must be read again.
+    /// Whether a transaction has failed, so that the queue must be read from the tables again.
     queue_is_stale: bool,
     signals: Arc<Signals>,
     upkeep: Upkeep,
     ledger: Ledger,
     log: Log,
     files: Files,
-    /// All changes of this connection up to the last commit, as SQLite counts them.
+    /// The value of SQLite's `total_changes()` after the last commit.
     changes: i64,
 }
 
-/// Counts a transaction that has changed something since the number ?1 of changes, and commits.
+/// Commits a transaction. First increments the number of commits, unless nothing has changed since `total_changes()`
+/// was ?1.
 const COMMIT: &str = "
     UPDATE room SET commits = commits + 1, committed = ?2 WHERE total_changes() > ?1
     RETURNING commits, total_changes() AS changes, (
@@ -177,8 +181,8 @@ impl Writer {
         }
     }
 
-    /// Applies a batch in one transaction. If that fails, each verb gets its own transaction, so that only the
-    /// faulty ones fail.
+    /// Applies a batch in one transaction. If that fails, applies each verb in its own transaction, so that only the
+    /// faulty verbs fail.
     async fn process(&mut self, mut orders: Vec<Box<dyn Order>>) {
         match self.commit(&mut orders).await {
             Ok(()) => {
@@ -222,10 +226,10 @@ impl Writer {
     }
 
     async fn begin(&mut self) -> Result<(), Error> {
-        // A commit to a file that is not there would be acknowledged, and lost.
+        // A commit to a deleted or moved file would be acknowledged, but lost.
         self.files.check()?;
-        // Not a transaction of sqlx: if the disk is full, SQLite rolls back by itself, and sqlx would count
-        // the transaction as open for ever.
+        // This does not use a transaction of sqlx. If the disk is full, SQLite rolls back by itself, and sqlx would
+        // treat the transaction as open for ever.
         self.tx.db.execute("BEGIN IMMEDIATE").await?;
         if self.queue_is_stale {
             match Queue::load(&mut self.tx.db).await {
@@ -248,7 +252,7 @@ impl Writer {
         let commit = sqlx::query(COMMIT).bind(self.changes).bind(self.tx.now);
         // There is no row if nothing was changed.
         if let Some(row) = commit.fetch_all(&mut self.tx.db).await?.first() {
-            // The statement has also changed one row.
+            // The number does not include the update of `room` by this statement.
             self.changes = row.try_get::<i64, _>("changes")? + 1;
             self.upkeep.note(row.try_get("used")?);
             self.ledger.note(row.try_get("commits")?, self.tx.now);
@@ -266,12 +270,12 @@ impl Writer {
         self.queue_is_stale = true;
     }
 
-    /// Does one round of maintenance; when `idle`, also the slow parts.
+    /// Does one round of maintenance. If `idle`, also shrinks the files, which is slow.
     async fn keep_up(&mut self, idle: bool) {
         let reads = self.signals.take_read();
         let many = reads.len() == READ_AT_ONCE;
         if !reads.is_empty() {
-            // If this fails, only the order of evictions is less exact.
+            // If this fails, the only effect is that a recently read result may be evicted.
             let _ = self.chore(write_reads, reads).await;
         }
         let time = self.upkeep.clock.advance(now());
@@ -303,11 +307,12 @@ impl Writer {
         }
     }
 
-    /// Brings the database within its budget, or nearer to it. Returns whether there is more to delete.
+    /// Deletes rows to bring the database within its budget. Returns whether there is more to delete.
     async fn make_room(&mut self, budget: u64) -> bool {
         let mut room = self.chore(make_room, (budget, upkeep::ROOM, false)).await;
         if let Err(Error::Damaged(_)) = room {
-            // Up to the damaged body, one row at a time.
+            // The transaction failed at a damaged body. So this deletes one row at a time up to that body, and then
+            // evicts its result without deleting the body.
             room = self.chore(make_room, (budget, 1, false)).await;
             if let Err(Error::Damaged(_)) = room {
                 room = self.chore(make_room, (budget, 1, true)).await;
@@ -349,8 +354,8 @@ impl Writer {
         })
     }
 
-    /// Returns some free pages to the file system, but keeps a part for the next changes. Returns whether there are more
-    /// to return.
+    /// Returns some free pages to the file system, but keeps a part of them for the next changes. Returns whether there
+    /// may be more pages to return.
     async fn give_back(&mut self) -> bool {
         let query = sqlx::query_as(
             "SELECT page_count, freelist_count FROM pragma_page_count, pragma_freelist_count",
@@ -363,8 +368,8 @@ impl Writer {
         self.pragma(&format!("PRAGMA incremental_vacuum({GIVEN_BACK})")).await
     }
 
-    /// Moves the log into the database, and returns free pages to the disk. Readers may delay a part of it
-    /// to a later round.
+    /// Returns free pages to the file system, and copies the log into the database. Readers may delay a part of this to
+    /// a later round.
     async fn shrink(&mut self) {
         for pragma in ["PRAGMA incremental_vacuum(2000)", "PRAGMA wal_checkpoint(PASSIVE)"] {
             self.pragma(pragma).await;
@@ -379,7 +384,7 @@ impl Writer {
     }
 }
 
-/// Where a transaction failed. If no transaction could begin, all verbs fail with the same error.
+/// An error, and where the transaction failed. If no transaction could begin, all verbs fail with the same error.
 enum Failed {
     ToBegin(Error),
     Within(Error),
@@ -420,7 +425,7 @@ mod tests {
 
     async fn writer() -> Writer {
         let mut db = SqliteConnection::connect("sqlite::memory:").await.unwrap();
-        // After a failure the queue is read from the tables.
+        // After a failure, the writer reads the queue from the tables, so they must exist.
         migrate(&mut db, Path::new("db")).await.unwrap();
         db.execute("CREATE TABLE t (x INTEGER PRIMARY KEY, y BLOB)").await.unwrap();
         let queue = Queue::default();
@@ -465,7 +470,7 @@ mod tests {
         let (answers, applied) = batch(&mut writer, &[(1, 0), (2, 0), (2, 0), (3, 0)]).await;
         let ok: Vec<_> = answers.iter().map(Result::is_ok).collect();
         assert_eq!(ok, [true, true, false, true]);
-        // Three up to the failure, then each of the four alone.
+        // The first transaction calls the verb three times up to the failure. Then each of the four is called alone.
         assert_eq!((applied, rows(&mut writer).await), (7, 3));
     }
 
