@@ -353,7 +353,7 @@ mod tests {
         }
     }
 
-    /// A random contact in gross slip, and one of its numbers.
+    /// A random scenario in gross slip, and the pointer to one of its numbers.
     fn slipping(chance: &mut Random) -> (Value, &'static str) {
         let radius = chance.between(0.002, 0.02);
         let blunt = |exponent: f64| json!({"shape": "power", "exponent": exponent, "height": 1.5e-6, "at_radius": 1.8e-4});

@@ -16,7 +16,7 @@ const ABOVE: &str = "#f2bf8c";
 const BOUNDARY: Style = Style { color: "#000000", dash: Dash::Dashed, width: 1.8, mark: None };
 const HALO: Style = Style { color: "#ffffff", dash: Dash::Solid, width: 3.4, mark: None };
 
-/// The members on the axes of a figure, by their indices.
+/// The numbers on the axes of a figure, as indices into the list of the numbers that the study varies.
 #[derive(Clone, Copy)]
 pub struct Axes {
     /// The member on the horizontal axis.

@@ -73,7 +73,7 @@ impl Focus {
 }
 
 impl MeshPlan {
-    /// Plans the mesh for given held quantities, before the run.
+    /// Plans the mesh before the run, from the quantities that are held constant.
     ///
     /// `None` if the scar would become larger than the shape.
     #[must_use]
