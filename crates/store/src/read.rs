@@ -179,7 +179,7 @@ pub(super) async fn counts(owner: &str, mut db: impl Tables) -> Result<(u64, u64
     Ok((row.get("queued")?, row.get("running")?))
 }
 
-/// The task of a job, and its original text.
+/// The task of a job, and the text as the client submitted it.
 pub(super) async fn asked(id: JobId, mut db: impl Tables) -> Result<Asked, Error> {
     // The task is in the row of the run. A job without a run has a result, and the task is stored with the result.
     // Versions before 0.3 could delete such a result completely. Then the run of another job with this key may have the

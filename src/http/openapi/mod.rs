@@ -357,7 +357,7 @@ fn add_access_headers(needs: Needs, operation: &mut Value) {
             }
             _ => {}
         }
-        // Cancelling is not counted. A client without a valid key learns nothing about limits.
+        // The quota of requests does not count cancellations. A client without a valid key learns nothing about limits.
         if needs.quota.is_some()
             && (status.starts_with(['2', '3']) || ["403", "404", "429"].contains(&&**status))
         {

@@ -60,7 +60,7 @@ pub const KIND: Kind = Kind {
 
 /// The pointers of the two numbers that a map varies.
 const MEMBERS: [&str; 2] = ["/load/normal_force", "/motion/amplitude"];
-/// The members of a map that give the values of these numbers.
+/// The members of a map that give the values of the numbers in [`MEMBERS`].
 const AXES: [&str; 2] = ["normal_force", "amplitude"];
 /// Maximum number of values of an axis. It is limited because a contact is kept in memory for each normal force.
 const MAX_VALUES: usize = 4096;

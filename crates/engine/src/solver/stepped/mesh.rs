@@ -297,7 +297,7 @@ mod tests {
 
     #[test]
     fn a_wear_linear_in_r_squared_has_the_exact_cell_means() {
-        // w = t − t₀ outside r₀ has the image 2x√(x² − r₀²), with the mean ⅔·Δ(t − t₀)^{3/2}/Δr.
+        // With t = r², w = t − t₀ outside r₀ has the image 2x√(x² − r₀²), with the mean ⅔·Δ(t − t₀)^{3/2}/Δr.
         let mesh = Mesh::new(&Shape::power(2.0), &none(), graded(0.4, 1.3, 30));
         let start = mesh.squares[0];
         let wear: Vec<f64> = mesh.squares.iter().map(|t| t - start).collect();
