@@ -644,7 +644,7 @@ async fn stop_condition_and_table_faults_are_reported_with_pointers() {
             "table with an extra radius",
             table(json!([0, 5e-4, 1e-3]), json!([0, 1e-4])),
             "/scenario/profile/height",
-            "as many rows",
+            "as many entries",
         ),
         one_fault(
             "flat table",

@@ -123,7 +123,7 @@ async fn an_import_without_time_to_verify_stores_results_whose_tables_are_whole(
     let done = import_within(to.place(), &file, Duration::ZERO).await.unwrap();
     assert_eq!((done.results, done.unverified), (2, 2), "{done:?}");
     assert_refused(&done, &results[1].0, "its tables are not whole");
-    assert_refused(&done, &results[2].0, "`wear_volume` does not have 6 valid cells");
+    assert_refused(&done, &results[2].0, "column `wear_volume` does not have 6 valid cells");
     assert_refused(&done, &results[3].0, "the file has");
     for place in [0, 4] {
         assert_eq!(verified(&to, &results[place].0).await, (json!("none"), Value::Null));

@@ -77,7 +77,9 @@ impl<'a> Document<'a> {
     pub fn open(stored: &'a [u8], view: &'a View) -> Result<Self, Error> {
         let members: Members<'a> = serde_json::from_slice(stored)?;
         let member = |name: &str| {
-            members.get(name).ok_or_else(|| serde_json::Error::custom(format!("no `{name}`")))
+            members
+                .get(name)
+                .ok_or_else(|| serde_json::Error::custom(format!("the document has no `{name}`")))
         };
         let engine_text = member("engine")?;
         let head = Head {

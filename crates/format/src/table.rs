@@ -327,12 +327,17 @@ fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection
     for name in view.fields.iter().flatten().filter(|name| members.get(name).is_none()) {
         let names = members.0.iter().map(|(name, _)| &**name);
         let names: Vec<_> = names.filter(|name| !axes.contains(name)).collect();
-        let detail = format!("{name:?} is not a column; the columns are {}", names.join(", "));
+        let detail = format!(
+            "{name:?} is not a column of this result. The columns are {}",
+            names.join(", ")
+        );
         missing.push(Missing { parameter: "fields", detail });
     }
     let cycles = axis("cycles")?;
     if view.cycles.is_some() && !axes.contains(&"cycles") {
-        let detail = "is for runs: a study has points in place of output cycles".to_owned();
+        let detail = "applies only to runs, and this result is a study: its rows are points, not output cycles. \
+                      Remove `cycles`"
+            .to_owned();
         missing.push(Missing { parameter: "cycles", detail });
     }
     if axes.contains(&"cycles") {

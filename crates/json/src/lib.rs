@@ -213,7 +213,10 @@ impl Repeated {
 
     fn faults(mut self) -> Vec<Fault> {
         if self.unlisted > 0 {
-            let detail = format!("and {} more repeated members, not listed", self.unlisted);
+            let detail = format!(
+                "has {} more repeated members, which are not listed. Keep one of each",
+                self.unlisted
+            );
             self.listed.push(Fault { pointer: String::new(), detail });
         }
         self.listed
@@ -461,7 +464,10 @@ mod tests {
             let repeated = parse(text.as_bytes()).unwrap().1;
             assert_eq!(repeated.len(), listed + 1);
             assert!(repeated.iter().map(|fault| fault.pointer.len()).sum::<usize>() <= 1 << 16);
-            let last = format!("and {} more repeated members, not listed", 9_999 - listed);
+            let last = format!(
+                "has {} more repeated members, which are not listed. Keep one of each",
+                9_999 - listed
+            );
             assert_eq!(repeated[listed].detail, last);
         }
     }

@@ -40,7 +40,9 @@ impl<'de: 'a, 'a> Deserialize<'de> for Members<'a> {
                         return Err(A::Error::custom(format!("`{name}` appears twice")));
                     }
                     if members.len() == MOST {
-                        return Err(A::Error::custom(format!("more than {MOST} members")));
+                        return Err(A::Error::custom(format!(
+                            "the object has more than {MOST} members"
+                        )));
                     }
                     members.push((name, text));
                 }

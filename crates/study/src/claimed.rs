@@ -50,7 +50,11 @@ fn read<T: DeserializeOwned>(
 ) -> Result<Vec<T>, String> {
     let column = table.get(name).and_then(|column| serde_json::from_str(column.get()).ok());
     let column = column.filter(|column: &Vec<T>| column.len() == points);
-    column.ok_or_else(|| format!("`{name}` does not have {points} valid cells"))
+    column.ok_or_else(|| {
+        format!(
+            "column `{name}` does not have {points} valid cells, one for each point of the study"
+        )
+    })
 }
 
 impl Claimed {
@@ -90,7 +94,8 @@ impl Claimed {
         }
         let Counts { refused, incomplete } = self.counts;
         if refused.checked_add(incomplete) != Some(rows.incomplete) {
-            return Err("`counts` contradicts the number of rows that have a reason".to_owned());
+            let detail = "`refused` and `incomplete` in `counts` do not add up to the number of rows with a `reason`";
+            return Err(detail.to_owned());
         }
         (rows.refused, rows.incomplete) = (refused, incomplete);
         Ok(rows)

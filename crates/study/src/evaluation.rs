@@ -168,8 +168,7 @@ impl Envelope {
         let names = self.outputs.0.as_ref().map_or(0, |outputs| outputs.0.len());
         let parts = self.parts.0.as_ref().map_or(0, |parts| parts.0.len());
         if names + parts == 0 {
-            let detail = "is missing. Enter names of outputs, such as [\"wear_volume\"], or of `parts`, such as \
-                          [\"history\"]";
+            let detail = "is missing. Enter `outputs`, such as [\"wear_volume\"], or `parts`, such as [\"history\"]";
             return Err(Faults::at(location.push_key("outputs"), detail));
         }
         Ok(self)

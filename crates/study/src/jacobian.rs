@@ -151,7 +151,9 @@ impl Column {
     ) -> Result<Self, String> {
         let (x, is_plain) = (point[member], model.members()[member].dimension == Dimension::Number);
         if x == 0.0 && !is_plain {
-            return Err("the number is 0, so its size is not known".to_owned());
+            return Err(
+                "the number is 0, so a suitable step for the derivative is not known".to_owned()
+            );
         }
         let scale = if x == 0.0 { 1.0 } else { x.abs() };
         // The domain of the number is not known. Beyond it the scenario has faults, so the point has no values.
@@ -194,10 +196,13 @@ impl Column {
                 derivative.ok_or_else(|| match (&at_point.values[output], &self.fault) {
                     (Err(reason), _) => reason.to_string(),
                     (Ok(_), Some(fault)) => {
-                        format!("too few scenarios around this one are valid: {fault}")
+                        format!(
+                            "too few scenarios with nearby values of this number are valid: {fault}"
+                        )
                     }
                     (Ok(_), None) => {
-                        "it has no value at too many points around this one".to_owned()
+                        "the output has no value at too many nearby values of this number"
+                            .to_owned()
                     }
                 });
             Entry::new(output, self.member, derivative, at_point)

@@ -115,7 +115,9 @@ fn found<'a>(scenario: &'a Value, pointer: &str) -> Result<&'a Value, String> {
     if is_number(found) {
         Ok(found)
     } else {
-        Err(format!("`{pointer}` is not a number. Name a number of the scenario"))
+        Err(format!(
+            "`{pointer}` is not a number. Enter the pointer of a number in the scenario, such as `/friction`"
+        ))
     }
 }
 

@@ -192,12 +192,14 @@ impl FromStr for OutputName {
             let unknown = unknown("output", name, &Self::all().collect::<Vec<_>>());
             let columns = History::MEMBERS.len();
             format!(
-                "{unknown} An output cycle can follow the first {columns}, as in wear_volume@10000"
+                "{unknown} `{AT}` and an output cycle can follow the first {columns} names, as in \
+                 `wear_volume{AT}10000`"
             )
         })?;
         if cycle.is_some() && !matches!(quantity.source, Source::Column(_)) {
             return Err(format!(
-                "`{name}` has no output cycles: a result has this number once. Remove `{AT}` and what follows"
+                "`{name}` has one value in a result, not one for each output cycle. Remove `{AT}` and the text after \
+                 `{AT}`"
             ));
         }
         Ok(Self { text: text.into(), quantity, cycle })
@@ -226,7 +228,8 @@ fn row_of(text: &str, cycles: &Cycles) -> Result<usize, String> {
         let known: Vec<_> = cycles.instants.iter().take(LISTED).map(f64::to_string).collect();
         let more = if cycles.instants.len() > LISTED { ", …" } else { "" };
         format!(
-            "names an output cycle that `cycles` of the scenario does not contain. Add it there, or choose one of {}{more}",
+            "names an output cycle that `cycles` of the scenario does not contain. Add this output cycle to `cycles`, \
+             or choose one of {}{more}",
             known.join(", ")
         )
     })

@@ -60,8 +60,10 @@ impl Study {
     pub fn read(kind: &'static Kind, typed: Value) -> Result<Self, Faults> {
         let Read { complete, problem, plan } = (kind.read)(typed).map_err(Faults::capped)?;
         if plan.points() as u64 > MAX_POINTS {
-            let detail =
-                format!("gives {} points. A study may have at most {MAX_POINTS}", plan.points());
+            let detail = format!(
+                "gives {} points, but a study may have at most {MAX_POINTS}. Enter fewer samples or values",
+                plan.points()
+            );
             let axes = kind.axes.iter().rev().map(|(name, _)| *name);
             let mut names = ["samples", "vary"].into_iter().chain(axes);
             let name = names.find(|name| complete.contains_key(*name)).unwrap_or_default();
@@ -70,8 +72,8 @@ impl Study {
         let findings = plan.findings_seconds(&problem);
         if findings > MAX_FINDINGS {
             let detail = format!(
-                "need about {findings:.0} s to estimate their intervals, more than the {MAX_FINDINGS} s that a study may \
-                 take for it. Enter fewer outputs, numbers or samples, or a lower `confidence`"
+                "need about {findings:.0} s for the estimates of their intervals; the limit of a study is \
+                 {MAX_FINDINGS} s. Enter fewer outputs, fewer numbers in `vary`, fewer samples, or a lower `confidence`"
             );
             return Err(Faults::one("/outputs", detail));
         }

@@ -97,8 +97,10 @@ pub fn list(entries: &[Value], scenario: &Value) -> Result<Vec<Varied>, Faults> 
     }
     let listed: u64 = entries.iter().map(values_in).fold(0, u64::saturating_add);
     if listed > MAX_LISTED {
-        let detail =
-            format!("has {listed} values in all. At most {MAX_LISTED} can be listed or counted");
+        let detail = format!(
+            "has {listed} values in all, but at most {MAX_LISTED} are accepted. Shorten `values`, or enter a \
+             smaller `count`"
+        );
         return Err(Faults::one("", detail));
     }
     let pointers = entries.iter().map(|entry| entry["pointer"].as_str());
@@ -135,8 +137,13 @@ impl Values {
             Spacing::Linear => Distribution::uniform,
             Spacing::Logarithmic => Distribution::log_uniform,
         };
-        make(from.min(to), from.max(to))
-            .map_err(|fault| format!("is not a range: {}", fault.detail))
+        make(from.min(to), from.max(to)).map_err(|fault| {
+            format!(
+                "is not a range, with `low` and `high` the smaller and the larger of `from` and `to`: `{}` {}",
+                &fault.pointer[1..],
+                fault.detail
+            )
+        })
     }
 }
 
@@ -171,7 +178,8 @@ impl Entry {
         if !is_range && (self.count.0.is_some() || self.spacing.0.is_some()) {
             return Err(Faults::one(
                 "",
-                "has `count` or `spacing`, which belong to `from` and `to`",
+                "has `count` or `spacing`, which belong to `from` and `to`. Enter `from` and `to`, or remove `count` \
+                 and `spacing`",
             ));
         }
         if let Some(list) = self.values.0 {
@@ -269,12 +277,15 @@ fn distribution_of(value: &Value, member: &Member) -> Result<Distribution, Fault
     let forms = || FORMS.iter().filter(|(known, ..)| known == name);
     let form = forms().find(|(_, parameters, _)| given.contains_key(parameters[0]));
     let Some((_, parameters, make)) = form.or(forms().next_back()) else {
-        let detail = format!("is no distribution. Accepted: {NAMES}");
+        let detail = format!("is not a distribution. Accepted distributions: {NAMES}");
         return Err(Faults::one(&format!("/distribution/{name}"), detail));
     };
     if let Some(other) = given.keys().find(|name| !parameters.contains(&name.as_str())) {
         let accepted = parameters.join(", ");
-        return Err(fault(other, &format!("is no parameter here. Accepted: {accepted}")));
+        return Err(fault(
+            other,
+            &format!("is not a parameter of this distribution. Accepted parameters: {accepted}"),
+        ));
     }
     let read = |parameter: &&str| {
         let value = given.get(*parameter).ok_or_else(|| format!("is missing. Enter `{parameter}`"));

@@ -131,17 +131,22 @@ impl Motion {
         }
         let varies = first == "blocks" || first == "reversals";
         if varies && self.held.0 == Some(MotionHeld::TangentialForce) {
-            return fault("held", format!("must be \"amplitude\" with `{first}`"));
+            let detail = format!(
+                "must be \"amplitude\", because the motion has `{first}`. Enter \"amplitude\", or remove `held`"
+            );
+            return fault("held", detail);
         }
         let has_rig = self.rig_stiffness.0.is_some();
         if has_rig && varies {
-            let detail =
-                format!("cannot be combined with `{first}`. Enter the amplitudes at the contact");
+            let detail = format!(
+                "cannot be combined with `{first}`. Remove `rig_stiffness`, and enter in `{first}` the motion at the \
+                 contact, not at the actuator"
+            );
             return fault("rig_stiffness", detail);
         }
         if has_rig && self.tangential() == MotionHeld::TangentialForce {
-            let detail = "has no effect if the tangential force is held constant. Remove it, or \
-                          enter \"held\": \"amplitude\"";
+            let detail = "has no effect if the tangential force is held constant. Remove \
+                          `rig_stiffness`, or enter \"held\": \"amplitude\"";
             return fault("rig_stiffness", detail.to_owned());
         }
         if let Some(List(blocks)) = &self.blocks.0

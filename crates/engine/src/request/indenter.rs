@@ -142,7 +142,7 @@ impl TableProfile {
         }
         if radius.len() != height.len() {
             let detail = format!(
-                "must have as many rows as `radius`: {}, not {}",
+                "must have as many entries as `radius`: {}, not {}",
                 radius.len(),
                 height.len()
             );
@@ -192,7 +192,10 @@ impl Deserr<Faults> for Profile {
         };
         let here = location.push_key("shape");
         let Some(shape) = map.remove("shape") else {
-            return Err(Faults::at(here, "is missing. Enter `shape`"));
+            return Err(Faults::at(
+                here,
+                "is missing. Enter the shape of the indenter, such as \"paraboloid\"",
+            ));
         };
         let shape = ShapeName::deserialize_from_value(shape.into_value(), here)?;
         let rest = Value::<V>::Map(map);

@@ -189,7 +189,8 @@ impl Wear {
             (None, _, _) => {
                 return Err(at(
                     "is missing. Enter `coefficient` or `energy_coefficient`. With `hardness`, \
-                     `coefficient` is the dimensionless k; without it, k_w"
+                     `coefficient` is the dimensionless wear coefficient k. Without `hardness`, it is the \
+                     wear coefficient k_w, such as \"2e-5 mm^3/(N m)\""
                         .to_owned(),
                 ));
             }

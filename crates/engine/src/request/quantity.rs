@@ -197,7 +197,7 @@ fn factor(unit: &str, dimension: Dimension) -> Result<f64, String> {
         return Ok(factor);
     }
     if dimension == Number {
-        return Err(format!("a plain number has no unit. Remove {unit:?}"));
+        return Err(format!("a plain number is needed, without a unit. Remove {unit:?}"));
     }
     let accepted = dimension.accepted();
     match Dimension::ALL.into_iter().find(|other| find(*other).is_some()) {

@@ -58,8 +58,8 @@ pub(super) fn canonical(
         return Ok((CanonicalCycles::Cycles(list), profiles_at));
     }
     if let Some(ProfilesAt::At(_)) = profiles_at {
-        let detail = "cannot list output cycles, because only the run finds the cycles of dissipated \
-                      energies. Enter \"all\", \"last\" or \"none\"";
+        let detail = "cannot list output cycles if `cycles` contains `dissipated_energy`, because only the run \
+                      finds the cycles that reach these energies. Enter \"all\", \"last\" or \"none\"";
         return Err(Faults::one("/profiles_at", detail));
     }
     let (list, profiles_at) = numbers_and_profiles(cycles, profiles_at, 1.0)?;

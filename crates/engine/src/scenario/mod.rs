@@ -360,7 +360,8 @@ fn canonical_cycles(
     };
     if let Some(varying) = varying.filter(|_| request.cycles.measure == Measure::Normalized) {
         let detail = format!(
-            "cannot be combined with `{varying}`. Enter the output cycles as plain numbers of cycles"
+            "cannot be combined with `{varying}` of the motion. Remove `normalized`, and enter numbers of cycles, \
+             such as \"cycles\": [100, 1000]"
         );
         return Err(Faults::one("/cycles/normalized", detail));
     }

@@ -34,7 +34,7 @@ pub fn choose(figure: &mut Figure, options: &FigureOptions) -> Result<(), Error>
 pub fn refuse_logarithms(axes: [(&'static str, bool); 2], reason: &str) -> Result<(), Error> {
     let impossible = axes.into_iter().filter(|(_, is_impossible)| *is_impossible);
     let missing = |(parameter, _)| {
-        let detail = format!("must be \"linear\" here: {reason}");
+        let detail = format!("must be \"linear\" for this figure, because {reason}");
         Missing { parameter, detail }
     };
     refuse_if_any(impossible.map(missing).collect())

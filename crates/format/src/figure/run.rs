@@ -52,8 +52,7 @@ pub fn svg(document: &Document<'_>, view: &View) -> Result<String, Error> {
 fn refuse_study_options(view: &View) -> Result<(), Error> {
     let given = view.figure.study.given();
     let missing = |parameter: &'static str| {
-        let detail =
-            "is for studies, and this result is a run: its parameters are quantity and cycles";
+        let detail = "applies only to studies, and this result is a run. Use `quantity` and `cycles` instead";
         Missing { parameter, detail: detail.to_owned() }
     };
     refuse_if_any(given.into_iter().map(missing).collect())
@@ -81,8 +80,7 @@ impl Drawing<'_> {
         let histories = QUANTITIES.iter().filter(|quantity| !quantity.has_curve_per_cycle());
         let histories: Vec<_> = histories.map(|quantity| quantity.name).collect();
         let detail = format!(
-            "{} is not available, because the result was computed with profiles_at: \"none\"; \
-             request one of {}",
+            "{} is not available, because the scenario has \"profiles_at\": \"none\". Request one of {}",
             self.quantity.name,
             histories.join(", ")
         );

@@ -23,9 +23,10 @@ pub fn svg(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<
     let offer = offer(kind.hints(&asked), &rows);
     let least = if offer.hints.regions.is_some() { 2 } else { 1 };
     if offer.members.len() < least || offer.outputs.is_empty() {
-        return Err(
-            serde_json::Error::custom("the table of a study has no members or no outputs").into()
-        );
+        return Err(serde_json::Error::custom(
+            "the table of the study has no columns of varied numbers, or no columns of outputs",
+        )
+        .into());
     }
     let choice = offer.choose(view).map_err(Error::Missing)?;
     let study = Study { document, view, kind, asked, rows, offer };

@@ -133,14 +133,16 @@ fn plain(scenario: &Value) -> Result<(), Faults> {
         let section = pointer.rsplit_once('/').map_or("", |(section, _)| section);
         if scenario.pointer(section).is_some() && scenario.pointer(pointer).is_none() {
             let detail = format!(
-                "has no `{name}`, but a map varies it. Enter a value in place of what is given"
+                "has no `{name}`, but a map varies this number. Enter any value of `{name}` in place of the given \
+                 quantity"
             );
             faults.add(section, detail);
         }
     }
     let rig = "/motion/rig_stiffness";
     if scenario.pointer(rig).is_some() {
-        let detail = "does not belong to a map, whose amplitude is that of the contact. Remove it";
+        let detail = "does not belong to a map, because a map varies the amplitude at the contact, not at the \
+                      actuator. Remove `rig_stiffness`";
         faults.add(rig, detail);
     }
     faults.or(())
@@ -154,7 +156,9 @@ fn axis(place: usize, mut entry: Value, scenario: &Value) -> Result<(Member, Vec
             members.insert("pointer".to_owned(), json!(MEMBERS[place]));
             Varied::read(entry, Member::find(scenario, MEMBERS[place]))
         }
-        Some(_) => wrong("has a `pointer`, but its name says what it varies. Remove it"),
+        Some(_) => wrong(
+            "has a `pointer`, but the name of the axis says which number varies. Remove `pointer`",
+        ),
         None => wrong(
             "must be a range, such as {\"from\": 1, \"to\": 100, \"count\": 64, \"spacing\": \"log\"}",
         ),

@@ -61,7 +61,8 @@ impl Design {
         let points = values[0].len();
         if let Some(place) = values.iter().position(|list| list.len() != points) {
             let detail = format!(
-                "has {} values, but the first member has {points}. Give all members the same number of values, or use a grid",
+                "has {} values, but the first entry has {points}. Enter the same number of values in all entries, or \
+                 use the design grid",
                 values[place].len()
             );
             return Err(Fault { pointer: format!("/{place}"), detail });

@@ -98,7 +98,7 @@ impl Distribution {
         if factor <= 1.0 {
             return Err(fault(
                 "factor",
-                "must be greater than 1. With 2, 68 % of the values lie between half and twice the median",
+                "must be greater than 1. With a factor of 2, 68 % of the values lie between half and twice the median",
             ));
         }
         Ok(Self(Kind::Lognormal { median, deviation: libm::log(factor) }))
@@ -130,7 +130,7 @@ impl Distribution {
         if mode < low || mode > high {
             return Err(fault(
                 "mode",
-                "must lie between `low` and `high`. It is the most probable value",
+                "must lie between `low` and `high`. `mode` is the most probable value",
             ));
         }
         Ok(Self(Kind::Triangular { low, mode, high }))
@@ -177,7 +177,8 @@ fn greater(member: &str, value: f64, other: &str, than: f64) -> Result<(), Fault
     finite(member, value)?;
     if value <= than {
         let detail = format!(
-            "must be greater than `{other}`. Exchange the two, or enter a single value if the number is constant"
+            "must be greater than `{other}`. Exchange the two values. If they are equal because the number does not \
+             vary, remove it from `vary`"
         );
         return Err(fault(member, &detail));
     }

@@ -200,12 +200,12 @@ impl Sensitivity {
         if samples.is_none() {
             let detail = match name {
                 MethodName::Sobol => {
-                    "is missing. Enter the number of groups of points, best a power of two such as 1024. Each has 2 points \
-                     more than there are numbers in `vary`"
+                    "is missing. Enter the number of groups of points, best a power of two such as 1024. Each group \
+                     has 2 points more than there are numbers in `vary`"
                 }
                 _ => {
-                    "is missing. Enter the number of trajectories, such as 20. Each has 1 point more than there are numbers \
-                     in `vary`"
+                    "is missing. Enter the number of trajectories, such as 20. Each trajectory has 1 point more than \
+                     there are numbers in `vary`"
                 }
             };
             faults.add("/samples", detail);
