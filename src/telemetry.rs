@@ -47,7 +47,9 @@ fn named_levels(text: &str) -> Result<Targets, String> {
         let (module, name) = (module.trim(), name.trim());
         let level: Option<LevelFilter> = name.parse().ok().filter(|_| !name.is_empty());
         let level = level.ok_or_else(|| {
-            format!("{name:?} is not a level; use off, error, warn, info, debug or trace")
+            format!(
+                "{name:?} is not a level of the log; use off, error, warn, info, debug or trace"
+            )
         })?;
         Ok(match module {
             "" => levels.with_default(level),

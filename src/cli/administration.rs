@@ -102,8 +102,8 @@ pub async fn add_first_key(place: &Place, logging: &Logging) -> Result<(), Error
     }
     tables.close().await?;
     printed.map_err(|error| format!(
-            "cannot print the first access key: {error}; it is revoked; add another with `fretwork keys add NAME --role \
-             admin`"
+            "cannot print the first access key: {error}; the key is revoked; add another with `fretwork keys add \
+             NAME --role admin`"
         )
         .into())
 }
@@ -138,7 +138,7 @@ async fn revoke(name: &str, data: &Data) -> Result<(), Error> {
     tables.close().await?;
     match count {
         0 => Err(format!(
-            "no valid key has the id or the name {name}; `fretwork keys list` shows all keys"
+            "no valid access key has the id or the name {name}; `fretwork keys list` shows all keys"
         )
         .into()),
         1 => Ok(writeln!(io::stdout(), "1 key revoked")?),

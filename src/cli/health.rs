@@ -22,7 +22,7 @@ pub fn health(settings: &Health) -> Result<(), Error> {
         return Err(format!("{url} must begin with http://").into());
     };
     let address = resolve(&format!("{}:{}", host.host(), host.port_u16().unwrap_or(80)))
-        .map_err(|error| format!("cannot find {host}: {error}"))?;
+        .map_err(|error| format!("cannot find the IP address of {host}: {error}"))?;
     let mut connection = TcpStream::connect_timeout(&address, TIMEOUT)
         .map_err(|error| format!("no server answers at {host}: {error}"))?;
     connection.set_read_timeout(Some(TIMEOUT))?;
@@ -40,6 +40,6 @@ pub fn health(settings: &Health) -> Result<(), Error> {
     })?;
     match status.split(' ').nth(1) {
         Some("200") => print(b"ok\n"),
-        _ => Err(format!("the server at {host} answers \"{}\"", status.trim_end()).into()),
+        _ => Err(format!("the server at {host} answers \"{}\", not 200", status.trim_end()).into()),
     }
 }

@@ -10,7 +10,7 @@ use crate::http;
 /// Listens on an address. If it cannot, the error names the option that changes the address.
 pub fn listen(address: SocketAddr, option: &str) -> Result<TcpListener, Error> {
     http::listen(address).map_err(|error| {
-        format!("cannot listen on {address}: {error}; choose another with {option}").into()
+        format!("cannot listen on {address}: {error}; choose another address with {option}").into()
     })
 }
 

@@ -80,7 +80,7 @@ fn verify() -> Result<(), Error> {
     print(page.to_string().as_bytes())?;
     match page.failures().count() {
         0 => Ok(()),
-        1 => Err("1 check fails".into()),
-        failed => Err(format!("{failed} checks fail").into()),
+        1 => Err("1 check on the page above fails".into()),
+        failed => Err(format!("{failed} checks on the page above fail").into()),
     }
 }

@@ -74,7 +74,7 @@ pub fn import(settings: &Import) -> Result<ExitCode, Error> {
     for (key, why) in &refused {
         // The text comes from the file and may contain control sequences, which a terminal would obey.
         let why = why.replace(char::is_control, "\u{fffd}");
-        writeln!(io::stderr(), "refused {}: {why}", key.escape_debug())?;
+        writeln!(io::stderr(), "refused the result {}: {why}", key.escape_debug())?;
     }
     for key in &other_notes {
         writeln!(io::stderr(), "{key} keeps its note, which differs from the one in the file")?;

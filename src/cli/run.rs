@@ -132,9 +132,10 @@ fn write_output(settings: &Run, bytes: &[u8]) -> Result<(), Error> {
     let is_binary = matches!(*settings.format, Format::Npz | Format::Arrow);
     match &settings.output {
         Some(file) => write_file(file, bytes),
-        None if is_binary && io::stdout().is_terminal() => {
-            Err("this format is binary: write it to a file with --output".into())
-        }
+        None if is_binary && io::stdout().is_terminal() => Err(
+            "the requested format is binary, not for a terminal: write it to a file with --output"
+                .into(),
+        ),
         None => print(bytes),
     }
 }

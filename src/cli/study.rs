@@ -47,7 +47,8 @@ pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
         let computed = workers.into_iter().map(ScopedJoinHandle::join);
         computed.collect::<Result<Vec<_>, _>>()
     });
-    let chunks = chunks.map_err(|_| "a thread failed; this is a defect of fretwork")?;
+    let chunks =
+        chunks.map_err(|_| "a thread of the computation failed; this is a defect of fretwork")?;
     let chunks: BTreeMap<usize, Rows> = chunks.into_iter().flatten().collect();
     let mut all = Rows::default();
     for rows in chunks.values() {

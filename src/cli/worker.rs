@@ -26,7 +26,7 @@ pub fn worker_threads(set: Option<u16>) -> usize {
 pub fn work(settings: &Worker) -> Result<(), Error> {
     let place = settings.data.place()?;
     if matches!(place, Place::Directory(_)) {
-        return Err("a worker needs --database: servers share only a PostgreSQL database".into());
+        return Err("a worker needs --database: it takes its runs from a PostgreSQL database that servers share".into());
     }
     settings.logging.start();
     // Two threads are enough, because runs have their own threads.

@@ -36,7 +36,9 @@ impl Data {
     pub fn directory(&self, instead: &str) -> Result<&Path, String> {
         match self.database {
             None => Ok(&self.data_dir),
-            Some(_) => Err(format!("--database names a PostgreSQL database: {instead}")),
+            Some(_) => Err(format!(
+                "this command needs a data directory, but --database names a PostgreSQL database: {instead}"
+            )),
         }
     }
 }

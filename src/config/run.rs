@@ -32,6 +32,7 @@ fn one_of<T: Clone + Send + Sync>(
     items: &'static [T],
     name: fn(&T) -> &'static str,
 ) -> impl TypedValueParser<Value = &'static T> {
-    PossibleValuesParser::new(items.iter().map(name))
-        .try_map(move |text| items.iter().find(|item| name(item) == text).ok_or("unknown name"))
+    PossibleValuesParser::new(items.iter().map(name)).try_map(move |text| {
+        items.iter().find(|item| name(item) == text).ok_or("the name is unknown")
+    })
 }

@@ -165,7 +165,9 @@ impl Serve {
     pub fn place(&self) -> Result<Place, String> {
         let place = self.data.place()?;
         if self.workers == Some(0) && matches!(place, Place::Directory(_)) {
-            return Err("--workers 0 needs --database, so that other machines compute".to_owned());
+            return Err(
+                "--workers 0 needs --database, so that other machines compute the runs".to_owned()
+            );
         }
         Ok(place)
     }
@@ -292,13 +294,17 @@ fn origin(text: &str) -> Result<HeaderValue, String> {
         "http" => 80,
         "https" => 443,
         extension if extension.ends_with("-extension") => 0,
-        other => return Err(format!("browsers load no pages with {other}; {expected}")),
+        other => {
+            return Err(format!(
+                "browsers load no pages from addresses with {other}://; {expected}"
+            ));
+        }
     };
     let port = uri.port_u16().filter(|port| *port != default_port);
     let port = port.map_or_else(String::new, |port| format!(":{port}"));
     let written = format!("{scheme}://{}{port}", host.to_ascii_lowercase());
     if text != written {
-        return Err(format!("browsers send this origin as {written}"));
+        return Err(format!("browsers send this origin as {written}; enter it so"));
     }
     HeaderValue::from_str(text).map_err(|_| expected.to_owned())
 }

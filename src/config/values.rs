@@ -38,7 +38,7 @@ pub fn resolve(text: &str) -> Result<SocketAddr, String> {
     let mut found = text.to_socket_addrs().map_err(|error| {
         format!("{error}; expected an address and a port such as 127.0.0.1:8080")
     })?;
-    found.next().ok_or_else(|| "the name has no address".to_owned())
+    found.next().ok_or_else(|| "the name of the host has no IP address".to_owned())
 }
 
 /// Parses a time with a unit; 0 needs no unit.

@@ -176,7 +176,7 @@ pub fn document() -> Vec<u8> {
 
 fn not_found(request: &Request, served: &str) -> Problem {
     let hint = match request.uri().path() {
-        path if path.len() > 1 && path.ends_with('/') => "Addresses here do not end with a slash.",
+        path if path.len() > 1 && path.ends_with('/') => "Remove the slash at the end.",
         _ => served,
     };
     Problem::new(&kinds::NOT_FOUND, format!("No route has this address. {hint}"))

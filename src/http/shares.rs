@@ -151,7 +151,10 @@ impl Budget {
     }
 
     fn own_full(&self) -> Problem {
-        full(format!("Your other requests use the memory that one caller may use. {}", self.advice))
+        full(format!(
+            "Your other requests use all the memory that one caller may use. {}",
+            self.advice
+        ))
     }
 
     /// A body larger than the share of a caller uses the whole share.
@@ -243,7 +246,7 @@ pub fn longest_wait() -> Instant {
 }
 
 fn all_full() -> Problem {
-    full("Other requests use the memory for large bodies.".to_owned())
+    full("Other requests use all the memory for large bodies. Try again in a moment.".to_owned())
 }
 
 /// The problem for a request that does not get what it needs in time.

@@ -18,16 +18,16 @@ pub const LONGEST_EVALUATION: Duration = Duration::from_millis((SHORT * 1e3) as 
 #[derive(Debug, thiserror::Error)]
 pub enum NotEvaluated {
     /// The run would take too long.
-    #[error("the run would take {0:?}")]
+    #[error("the run would take {0:?}, too long for an evaluation")]
     TooLong(Duration),
     /// The answer would be too large.
-    #[error("the answer would have {0} bytes")]
+    #[error("the answer would have {0} bytes, too many for an evaluation")]
     TooLarge(usize),
     /// The run took much longer than its estimate.
-    #[error("the run took longer than {MAX_TIME:?}")]
+    #[error("the run took longer than {MAX_TIME:?} and was stopped")]
     Stopped,
     /// Other evaluations took all places.
-    #[error("other evaluations take all places")]
+    #[error("other evaluations use all workers; try again")]
     Busy,
     /// The engine has a bug.
     #[error("the engine panicked")]

@@ -129,8 +129,10 @@ impl Verifier {
             let (key, size) = (entry.key, entry.body.len());
             // A defect of the engine must not end the import.
             let verdict = catch_unwind(AssertUnwindSafe(|| self.verify(entry)));
-            let defect =
-                || Err("computing the result failed: this is a defect of fretwork".to_owned());
+            let defect = || {
+                Err("the new computation of the result failed: this is a defect of fretwork"
+                    .to_owned())
+            };
             let settled = Settled { key, size, verdict: verdict.unwrap_or_else(|_| defect()) };
             // This fails if the import has failed. Then the outcome is not needed.
             let _ = self.done.send(settled);
@@ -145,7 +147,8 @@ impl Verifier {
         let received = Received::read(&entry.key, &entry.body).map_err(|why| why.to_string())?;
         let verified = self.compute(&received, &entry.body).map_err(|why| why.to_string())?;
         if verified != Verified::All {
-            format::check(&entry.body).map_err(|why| format!("its tables are not whole: {why}"))?;
+            format::check(&entry.body)
+                .map_err(|why| format!("the tables of the result are not complete: {why}"))?;
         }
         Ok(entry.accept(&received.document, verified))
     }

@@ -52,8 +52,8 @@ impl WorkLimits {
 pub enum Excess {
     /// Processor time.
     #[error(
-        "It would take about {}, and the limit of this server is {}. Request fewer points, output cycles or profiles, an \
-         earlier last cycle, or a larger tolerance.",
+        "The computation would take about {}, and the limit of this server is {}. Request fewer points, output cycles \
+         or profiles, an earlier last cycle, or a larger `tolerance`.",
         humantime::format_duration(Duration::from_secs(time.as_secs())),
         humantime::format_duration(*limit)
     )]

@@ -51,10 +51,10 @@ pub enum Refusal {
     #[error("the idempotency key was used for another submission")]
     IdempotencyConflict,
     /// The submission accepts only a known result, and the result is not known.
-    #[error("the result is not known")]
+    #[error("the server does not know the result of this submission")]
     NotCached,
     /// The task would take more than a limit.
-    #[error("the task would take too much: {0}")]
+    #[error("the submission exceeds a limit of the server: {0}")]
     TooExpensive(Excess),
     /// The queue is full.
     #[error("the queue is full: {queued} jobs are queued")]

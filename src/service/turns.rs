@@ -21,10 +21,10 @@ const TURN: Duration = Duration::from_millis(20);
 #[derive(Debug, thiserror::Error)]
 pub enum Unable {
     /// The computation would take too long.
-    #[error("the computation would take {0:?}")]
+    #[error("the computation would take {0:?}, too long for one request")]
     TooLong(Duration),
     /// The computation took much longer than its estimate.
-    #[error("the computation took longer than {MAX_CALL:?}")]
+    #[error("the computation took longer than {MAX_CALL:?} and was stopped")]
     Stopped,
     /// The engine has a bug.
     #[error("the engine panicked")]

@@ -917,7 +917,7 @@ fn the_keys_command_adds_lists_and_revokes_keys() {
     assert!(!listed.contains(key.trim().rsplit('_').next().unwrap()));
     assert_eq!(out(&["revoke", id]), "1 key revoked\n");
     assert!(out(&["list"]).lines().nth(1).unwrap().contains("revoked 20"));
-    fails(&keys(&["revoke", id]), "no valid key");
+    fails(&keys(&["revoke", id]), "no valid access key");
     let nowhere = dir.path().join("nowhere");
     let nowhere = nowhere.to_str().unwrap();
     fails(&run(&["keys", "list", "--data-dir", nowhere], ""), "contains no database");

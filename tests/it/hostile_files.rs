@@ -85,7 +85,10 @@ async fn a_hostile_export_is_refused_quickly_and_in_little_memory() {
             "CREATE TRIGGER t AFTER INSERT ON results BEGIN DELETE FROM bodies; END".to_owned(),
             no_export,
         ),
-        (format!("UPDATE bodies SET body = zeroblob({HUGE})"), "its body has more than"),
+        (
+            format!("UPDATE bodies SET body = zeroblob({HUGE})"),
+            "the JSON of the result has more than",
+        ),
         (format!("UPDATE bodies SET key = CAST(zeroblob({HUGE}) AS TEXT)"), no_export),
         (format!("UPDATE results SET key = zeroblob({HUGE})"), no_export),
         // Without an index, the search for each body would read all rows.
@@ -96,10 +99,13 @@ async fn a_hostile_export_is_refused_quickly_and_in_little_memory() {
             ),
             no_export,
         ),
-        (format!("UPDATE results SET note = zeroblob({HUGE})"), "its row is too large"),
+        (
+            format!("UPDATE results SET note = zeroblob({HUGE})"),
+            "the row of this result in the file is too large",
+        ),
         (
             format!("ALTER TABLE bodies ADD COLUMN x; UPDATE bodies SET x = zeroblob({HUGE})"),
-            "its body has more than",
+            "the JSON of the result has more than",
         ),
     ];
     for (statements, words) in cases {
@@ -140,7 +146,10 @@ async fn a_body_of_many_values_is_refused_in_little_memory() {
         let (output, peak) = measured(&words);
         let said = String::from_utf8(output.stderr).unwrap();
         println!("{peak} MiB: {said}");
-        assert!(said.contains(&format!("refused {key}")) && peak < 256, "{peak} MiB: {said}");
+        assert!(
+            said.contains(&format!("refused the result {key}")) && peak < 256,
+            "{peak} MiB: {said}"
+        );
     }
 }
 

@@ -266,11 +266,11 @@ async fn altered_results_are_refused_and_the_others_are_imported() {
     assert_eq!(done.results, 1, "{done:?}");
     for (key, words) in [
         (keys[0].as_str(), "SHA-256"),
-        (&keys[1], "key does not belong"),
-        (&keys[2], "key does not belong"),
-        (&keys[4], "no body"),
-        (&keys[5], "no SHA-256"),
-        ("x", "not 64 lower-case hexadecimal digits"),
+        (&keys[1], "key of the result does not belong"),
+        (&keys[2], "key of the result does not belong"),
+        (&keys[4], "does not contain the JSON"),
+        (&keys[5], "SHA-256 of the result is missing"),
+        ("x", "must have 64 lower-case hexadecimal digits"),
     ] {
         assert_refused(&done, key, words);
     }
@@ -355,7 +355,7 @@ async fn an_invalid_row_is_refused_with_a_reason() {
     db.close().await.unwrap();
     let done = import(to.place(), &file).await.unwrap();
     assert_eq!((done.results, done.refused.len()), (0, 11), "{done:?}");
-    let words = cases.iter().map(|(_, words)| *words).chain(["columns of equal length"]);
+    let words = cases.iter().map(|(_, words)| *words).chain(["lists of numbers of equal length"]);
     for (key, words) in keys.iter().zip(words) {
         assert_refused(&done, key, words);
         to.get(&format!("/v1/results/{key}")).await.problem(404, "unknown-result");
@@ -392,10 +392,10 @@ async fn an_invalid_key_or_an_oversized_value_is_refused_and_the_rest_is_importe
     db.close().await.unwrap();
     let done = import(to.place(), &file).await.unwrap();
     assert_eq!((done.results, done.refused.len()), (1, 6), "{:?}", done.refused);
-    assert_refused(&done, "abc", "its key is not");
-    assert_refused(&done, &keys[0], "its column owner has more than 200 characters");
-    assert_refused(&done, &keys[1], "its column owner has more than 200 characters");
-    assert_refused(&done, &keys[2], "its body has more than 96000000 bytes");
+    assert_refused(&done, "abc", "the key of a result must have");
+    assert_refused(&done, &keys[0], "a value of the column owner has more than 200 characters");
+    assert_refused(&done, &keys[1], "a value of the column owner has more than 200 characters");
+    assert_refused(&done, &keys[2], "the JSON of the result has more than 96000000 bytes");
 }
 
 #[tokio::test]
@@ -461,7 +461,10 @@ async fn a_damaged_page_of_an_import_file_affects_only_its_result() {
     fs::write(&file, bytes).unwrap();
     let done = import(to.place(), &file).await.unwrap();
     let refused: Vec<&str> = done.refused.iter().map(|(_, why)| why.as_str()).collect();
-    assert_eq!((done.results, refused), (2, vec!["the file is damaged at this result"]));
+    assert_eq!(
+        (done.results, refused),
+        (2, vec!["the file is damaged at this result; export it again"])
+    );
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -251,7 +251,10 @@ fn a_server_that_cannot_start_prints_the_reason_on_one_line() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
     let data = dir.path().to_str().unwrap();
-    fails(&run(&["--listen", &address, "--data-dir", data], ""), "choose another with --listen");
+    fails(
+        &run(&["--listen", &address, "--data-dir", data], ""),
+        "choose another address with --listen",
+    );
     let file = dir.path().join("file");
     std::fs::write(&file, "").unwrap();
     let below = file.join("data");

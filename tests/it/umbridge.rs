@@ -180,7 +180,7 @@ async fn each_fault_has_the_error_of_the_protocol() {
     let mut body = with("config", config_of_long_run());
     body["input"] = json!([[0.7]]);
     let message = error(&call(&server, "/Evaluate", &body).await, 400, "InvalidInput");
-    assert!(message.contains("but a call may take 30 s"), "{message}");
+    assert!(message.contains("the limit of a call is 30 s"), "{message}");
 }
 
 fn config_of_long_run() -> Value {
@@ -204,7 +204,7 @@ async fn keys_and_limits_apply_and_a_key_may_be_a_basic_password() {
     };
     for path in CALLS {
         let message = error(&server.send("POST", path, &[], &body).await, 401, "unauthorized");
-        assert!(message.contains("This server requires a key"), "{message}");
+        assert!(message.contains("This server requires an access key"), "{message}");
     }
     error(&server.get("/Info").await, 401, "unauthorized");
     assert_eq!(ask(&eve, "/InputSizes").await.status, 200);

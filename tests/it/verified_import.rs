@@ -122,7 +122,7 @@ async fn an_import_without_time_to_verify_stores_results_whose_tables_are_whole(
     let to = Server::start().await;
     let done = import_within(to.place(), &file, Duration::ZERO).await.unwrap();
     assert_eq!((done.results, done.unverified), (2, 2), "{done:?}");
-    assert_refused(&done, &results[1].0, "its tables are not whole");
+    assert_refused(&done, &results[1].0, "the tables of the result are not complete");
     assert_refused(&done, &results[2].0, "column `wear_volume` does not have 6 valid cells");
     assert_refused(&done, &results[3].0, "the file has");
     for place in [0, 4] {
@@ -183,8 +183,8 @@ async fn runs_of_an_earlier_engine_are_unverified_and_its_studies_are_refused() 
     let to = Server::start().await;
     let done = import(to.place(), &file).await.unwrap();
     assert_eq!((done.results, done.unverified), (1, 1), "{done:?}");
-    assert_refused(&done, &keys[1], "its tables are not whole");
-    assert_refused(&done, &keys[2], "columns of equal length");
+    assert_refused(&done, &keys[1], "the tables of the result are not complete");
+    assert_refused(&done, &keys[2], "lists of numbers of equal length");
     assert_refused(&done, &keys[3], "an earlier version of the engine computed this study");
     assert_eq!(verified(&to, &keys[0]).await, (json!("none"), Value::Null));
 }

@@ -34,16 +34,16 @@ pub struct Document {
 #[derive(Debug, thiserror::Error)]
 pub enum BadDocument {
     /// It is not JSON with the members of a result.
-    #[error("its body cannot be read as a result")]
+    #[error("the JSON of the result cannot be read")]
     Unreadable(#[from] serde_json::Error),
     /// A member is missing.
-    #[error("its member `{0}` is missing")]
+    #[error("`{0}` is missing in the JSON of the result")]
     Member(&'static str),
     /// A member is larger than any that the engine writes.
-    #[error("a member of its body is too large")]
+    #[error("a part of the JSON of the result is larger than any that fretwork writes")]
     Large,
     /// A column of its history is empty, contains something other than numbers, or has another length than the others.
-    #[error("its history is not a set of columns of equal length")]
+    #[error("the columns of `history` in the result are not lists of numbers of equal length")]
     History,
 }
 

@@ -89,29 +89,32 @@ pub enum Refused {
     Document(#[from] BadDocument),
     /// The key is not the key of the scenario.
     #[error(
-        "its key does not belong to its scenario: one of them was changed, or another version of fretwork makes keys \
-         differently"
+        "the key of the result does not belong to the scenario in the result: one of them was changed, or another \
+         version of fretwork made the key in another way; submit the scenario to the server instead"
     )]
     Key,
     /// A later version of the engine computed the result.
-    #[error("a later version of fretwork computed it (numerics {0}); update this program first")]
+    #[error(
+        "a later version of fretwork (numerics {0}) computed the result; update this program first"
+    )]
     Later(u32),
     /// This version refuses the scenario.
-    #[error("its scenario is not valid: {0}")]
+    #[error("the scenario in the result is not valid: {0}")]
     Scenario(String),
     /// The body is nested too deeply, too large, or not UTF-8.
-    #[error("its body does not have the form of a result")]
+    #[error("the JSON of the result is too large, nested too deeply, or not UTF-8")]
     Form,
     /// An earlier version of the engine computed this study: its rows cannot be checked.
     #[error(
-        "an earlier version of the engine computed this study; submit it to the server instead"
+        "an earlier version of the engine computed this study, so its rows cannot be checked; submit the study to the \
+         server instead"
     )]
     EarlierStudy,
     /// The rows do not belong to the study.
-    #[error("its rows do not belong to its study: {0}")]
+    #[error("the rows of the result do not belong to the study in the result: {0}")]
     Study(String),
     /// A new computation differs.
-    #[error("this server computes another result: {0}")]
+    #[error("a new computation of the result gives other values: {0}")]
     Differs(String),
 }
 

@@ -61,19 +61,19 @@ impl Submission {
 fn take_asked(body: &mut Value) -> Result<(TaskKind, Value), Faults> {
     let names = || TaskKind::all().map(TaskKind::member).collect::<Vec<_>>().join("` or `");
     let Some(members) = body.as_object_mut() else {
-        return Err(Faults::one("", format!("must be an object with a member `{}`", names())));
+        return Err(Faults::one("", format!("must be a JSON object that contains `{}`", names())));
     };
     let mut found =
         TaskKind::all().filter_map(|kind| Some((kind, members.shift_remove(kind.member())?)));
     let Some(asked) = found.next() else {
-        let detail = format!("is missing. Enter what to compute: `{}`", names());
+        let detail = format!("is missing. Enter what the job computes: `{}`", names());
         return Err(Faults::one("/scenario", detail));
     };
     match found.next() {
         None => Ok(asked),
         Some((other, _)) => {
             let detail = format!(
-                "cannot stand beside `{}`: a job computes one of them. Submit two jobs",
+                "cannot be combined with `{}`: a job computes only one of them. Submit two jobs",
                 asked.0.member()
             );
             Err(Faults::one(&format!("/{}", other.member()), detail))
@@ -107,7 +107,10 @@ impl<const N: usize> Deserr<Faults> for Text<N> {
             return Err(Faults::at(location, detail));
         }
         if text.chars().any(char::is_control) {
-            return Err(Faults::at(location, "must not contain control characters"));
+            return Err(Faults::at(
+                location,
+                "must not contain control characters, such as line breaks",
+            ));
         }
         Ok(Self(text))
     }

@@ -181,9 +181,11 @@ impl Prepared {
     pub fn from_stored(key: &Key, stored: &str) -> Result<Self, String> {
         let stored = StoredText::read(stored).map_err(|error| error.to_string())?;
         if stored.is_later() {
-            return Err("it was stored by a newer version of fretwork".to_owned());
+            return Err(
+                "a newer version of fretwork stored the job; update this program".to_owned()
+            );
         }
-        let (kind, asked) = stored.asked().ok_or("it does not say what to compute")?;
+        let (kind, asked) = stored.asked().ok_or("the stored job does not say what to compute")?;
         let asked = serde_json::from_str(asked.get()).map_err(|error| error.to_string())?;
         let prepared = Self::read(kind, asked).map_err(|faults| {
             let told = |Fault { pointer, detail }: &Fault| format!("{pointer}: {detail}");
@@ -191,7 +193,7 @@ impl Prepared {
         })?;
         // If `numerics` has changed since, this version would store other digits under the old key.
         if prepared.key != *key {
-            return Err("it was stored for another version of the engine".to_owned());
+            return Err("another version of the engine stored the job".to_owned());
         }
         Ok(prepared)
     }
@@ -486,7 +488,7 @@ pub(super) mod tests {
         );
         // An engine with other digits would have another key.
         let refused = Prepared::from_stored(&Key::digest(b"numerics 0"), &stored).map(drop);
-        assert_eq!(refused, Err("it was stored for another version of the engine".to_owned()));
+        assert_eq!(refused, Err("another version of the engine stored the job".to_owned()));
     }
 
     #[test]
@@ -499,6 +501,9 @@ pub(super) mod tests {
         assert_eq!(Prepared::from_stored(key, &first).map(|again| again.key), Ok(*key));
         let later = stored.replacen("\"version\":2", "\"version\":4", 1);
         let refused = Prepared::from_stored(key, &later).map(drop);
-        assert_eq!(refused, Err("it was stored by a newer version of fretwork".to_owned()));
+        assert_eq!(
+            refused,
+            Err("a newer version of fretwork stored the job; update this program".to_owned())
+        );
     }
 }

@@ -71,7 +71,9 @@ impl Body {
         }
         let size = self.size().filter(|size| *size <= MAX_SIZE);
         let size = size.ok_or_else(|| {
-            io::Error::other("the compressed body does not state its size, or is too large")
+            io::Error::other(
+                "the compressed JSON of a result does not state its size, or is too large",
+            )
         })?;
         zstd::bulk::decompress(&self.0, size).map(Bytes::from)
     }

@@ -29,13 +29,13 @@ pub enum Error {
         source: Arc<io::Error>,
     },
     /// Another server uses the data directory.
-    #[error("another server is using the data directory {}", dir.display())]
+    #[error("another server is using the data directory {}; end it, or name another directory", dir.display())]
     Locked {
         /// The directory.
         dir: PathBuf,
     },
     /// The file is not a database, or it is damaged.
-    #[error("{} is not a database, or it is damaged", path.display())]
+    #[error("{} is not a database of SQLite, or is damaged; name another, or restore a backup", path.display())]
     NotADatabase {
         /// The file.
         path: PathBuf,
@@ -43,13 +43,13 @@ pub enum Error {
         source: Arc<sqlx::Error>,
     },
     /// The database belongs to another program.
-    #[error("{} is the database of another program", path.display())]
+    #[error("{} is the database of another program; name another data directory", path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
     },
     /// Another program has changed the schema of the database.
-    #[error("{} is not as fretwork makes it: {what}", path.display())]
+    #[error("{} does not have the tables that fretwork makes: {what}", path.display())]
     Altered {
         /// The file.
         path: PathBuf,
@@ -58,8 +58,8 @@ pub enum Error {
     },
     /// The database was written by a later version of this program.
     #[error(
-        "{} was written by a later version of fretwork (its schema version is {found}, this program \
-         knows {known})", path.display()
+        "{} was written by a later version of fretwork (its tables have version {found}, this program \
+         knows version {known}); use the later version", path.display()
     )]
     Newer {
         /// The file.
@@ -71,8 +71,8 @@ pub enum Error {
     },
     /// A server of an earlier version of this program uses the database.
     #[error(
-        "the server that uses {} has an earlier version (its schema version is {found}, this program \
-         knows {known}); restart the server with this version first", path.display()
+        "the server that uses {} is an earlier version of fretwork (the tables have version {found}, this program \
+         makes version {known}); restart the server with this version first", path.display()
     )]
     Older {
         /// The file.
@@ -83,10 +83,10 @@ pub enum Error {
         known: i64,
     },
     /// The operating system has no random numbers.
-    #[error("the operating system has no random numbers")]
+    #[error("the operating system does not supply random numbers, which new keys need")]
     NoRandomness,
     /// The database could not be migrated to this version.
-    #[error("cannot migrate {} to this version", path.display())]
+    #[error("cannot change the tables of {} to those of this version of fretwork", path.display())]
     Migration {
         /// The file.
         path: PathBuf,
@@ -94,22 +94,22 @@ pub enum Error {
         source: Arc<sqlx::migrate::MigrateError>,
     },
     /// There is a job with this id.
-    #[error("job {0} exists already")]
+    #[error("a job with the id {0} exists already")]
     JobExists(JobId),
     /// The disk is full.
-    #[error("no space is left for the database")]
+    #[error("no space is left for the database; free space on the disk")]
     Full(#[source] Arc<sqlx::Error>),
     /// The server has this file open, but its path now leads to another file or to none.
     #[error(
-        "{} was deleted, moved or replaced while the server uses it; end the server by SIGTERM, which saves what it has \
-         acknowledged, and put the files back before its next start", path.display()
+        "{} was deleted, moved or replaced while the server uses it; end the server by SIGTERM, so that it saves \
+         the changes that it has confirmed, and put the files back before its next start", path.display()
     )]
     Moved {
         /// The file.
         path: PathBuf,
     },
     /// Another process locked the database for longer than the timeout.
-    #[error("the database is busy")]
+    #[error("the database is busy: another process has locked it; try again")]
     Busy(#[source] Arc<sqlx::Error>),
     /// The database server cannot be reached, or it shuts down.
     #[error("the database server cannot be reached")]
@@ -118,13 +118,15 @@ pub enum Error {
     #[error("the database server does not answer in time")]
     Exhausted,
     /// A page of the database is damaged.
-    #[error("the database is damaged")]
+    #[error("the database is damaged; restore a backup")]
     Damaged(#[source] Arc<sqlx::Error>),
     /// The checksum of a result is wrong.
     #[error("the stored result {0} is damaged")]
     DamagedResult(Key),
     /// The checksum of a chunk of a study is wrong.
-    #[error("the stored chunk {number} of the study {key} is damaged; submit the study again")]
+    #[error(
+        "part {number} of the stored rows of the study {key} is damaged; submit the study again"
+    )]
     DamagedChunk {
         /// The key of the study.
         key: Key,
@@ -132,10 +134,10 @@ pub enum Error {
         number: u32,
     },
     /// Any other error of the database.
-    #[error("the database failed")]
+    #[error("an operation of the database failed")]
     Database(#[source] Arc<sqlx::Error>),
     /// The store is closed.
-    #[error("the store is closed")]
+    #[error("the database is closed, because the program is ending")]
     Closed,
 }
 

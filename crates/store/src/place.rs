@@ -85,7 +85,7 @@ impl FromStr for DatabaseUrl {
         if let Some(place) = unknown_option(url) {
             let options = OPTIONS.join(", ");
             return Err(format!(
-                "option {place} of the address is misspelt; the options are {options}"
+                "option {place} of the address is misspelt or unknown; the options are {options}"
             ));
         }
         let options: PgConnectOptions = url.parse().map_err(|_| {

@@ -88,8 +88,9 @@ macro_rules! cells {
 
         impl<'r> $crate::row::Cell<'r> for $kind {
             fn read(row: &'r impl $crate::row::Columns, column: &str) -> Result<Self, sqlx::Error> {
-                row.get::<Option<$kind>>(column)?
-                    .ok_or_else(|| sqlx::Error::Decode(format!("{column} is null").into()))
+                row.get::<Option<$kind>>(column)?.ok_or_else(|| {
+                    sqlx::Error::Decode(format!("the column {column} has no value").into())
+                })
             }
         }
     )+)* };
@@ -145,7 +146,9 @@ pub(super) fn changes(text: &str) -> Result<Vec<Change>, &'static str> {
             at: words.next()?.parse().ok()?,
         })
     };
-    text.lines().map(|line| read(line).ok_or("not a change of state")).collect()
+    text.lines()
+        .map(|line| read(line).ok_or("a line is not a change of the state of a job"))
+        .collect()
 }
 
 /// A hash of a stored text, which detects damage.

@@ -67,14 +67,16 @@ impl Range {
         let (low, high) = text.split_once("..").unwrap_or((text, text));
         let (low, high) = (low.trim(), high.trim());
         if low.is_empty() && high.is_empty() {
-            return Err("must be a value or a range: a..b, a.. or ..b".to_owned());
+            return Err("must be a value, or a range such as 1..2, 1.. or ..2".to_owned());
         }
         let open = Self { low: f64::NEG_INFINITY, high: f64::INFINITY };
         let bound = |text: &str| if text.is_empty() { Ok(open) } else { value(text) };
         let Self { low, .. } = bound(low)?;
         let Self { high, .. } = bound(high)?;
         if low > high {
-            return Err(format!("the range {text:?} is empty: its first bound is the larger one"));
+            return Err(format!(
+                "must be a range whose first bound is the smaller one, got {text:?}"
+            ));
         }
         Ok(Self { low, high })
     }
@@ -87,7 +89,7 @@ impl Range {
             && ((is_plain(low) && has_unit(high)) || (has_unit(low) && is_plain(high)))
         {
             // `0.1..0.2 kN` would be 0.1 N to 200 N, which is probably a mistake.
-            return Err(format!("{text:?}: give both bounds their unit, or neither"));
+            return Err(format!("must have a unit at both bounds or at neither, got {text:?}"));
         }
         Self::read(text, |text| {
             let value = quantity::parse(text, dimension)?;
@@ -103,7 +105,7 @@ fn moment(text: &str) -> Result<Range, String> {
     let is_day = !text.contains(['T', 't', ' ']);
     let whole = if is_day { format!("{text}T00:00:00Z") } else { text.to_owned() };
     let low = clock::parse(&whole).ok_or_else(|| {
-        format!("{text:?} is not a time; write 2026-01-31 or 2026-01-31T12:00:00Z")
+        format!("must be a time such as 2026-01-31 or 2026-01-31T12:00:00Z, got {text:?}")
     })? as f64;
     Ok(Range { low, high: if is_day { low + 86_399_999.0 } else { low } })
 }
@@ -170,7 +172,7 @@ impl Search {
             "sort" => self.sort(value)?,
             _ => {
                 let names: Vec<_> = Self::names().collect();
-                return Err(format!("is unknown; the names are {}", names.join(", ")));
+                return Err(format!("is unknown; the known names are {}", names.join(", ")));
             }
         }
         Ok(())

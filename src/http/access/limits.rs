@@ -98,8 +98,8 @@ impl Account {
 /// request of the key ends: an event stream lasts as long as its job, and an answer until its client has read it.
 fn full(most: NonZeroU32) -> Problem {
     let detail = format!(
-        "This key has reached its limit of {most} concurrent requests. Waits and event streams count. End \
-         one of them, or try again later."
+        "This access key has reached its limit of {most} concurrent requests. Requests that wait and event streams \
+         count. End one of them, or try again later."
     );
     Problem::new(&kinds::TOO_MANY_AT_ONCE, detail)
         .with_header(POLICY, format!("\"at-once\";q={most};qu=\"concurrent-requests\""))
@@ -119,8 +119,9 @@ fn count(bucket: &Bucket, policy: &'static str, calls: &str) -> Result<Standing,
             let wait = refused.wait_time_from(DefaultClock::default().now());
             let more_in = wait.as_secs_f64().ceil().max(1.0) as u32;
             let standing = Standing { policy, per_minute, left: 0, more_in };
-            let detail =
-                format!("This key has reached its limit of {per_minute} {calls} per minute.");
+            let detail = format!(
+                "This access key has reached its limit of {per_minute} {calls} per minute. Try again later."
+            );
             let problem = Problem::new(&kinds::RATE_LIMITED, detail).retry_after(more_in);
             Err(standing.tell_in(problem))
         }

@@ -192,8 +192,8 @@ impl Gate {
         if !self.requires_key().await? {
             if !self.open && !has_local_host(request) {
                 let detail = "A server without keys answers only requests to localhost or an IP address. \
-                    To use it under another name, make a key (`fretwork keys add`) or start it with \
-                    --no-auth.";
+                    To use the server under another name, make an access key (`fretwork keys add`) or start the \
+                    server with --no-auth.";
                 return Err(Problem::new(&kinds::UNKNOWN_HOST, detail));
             }
             return Ok(Admitted::default());
@@ -205,7 +205,7 @@ impl Gate {
         };
         if identity.role < required {
             let detail = format!(
-                "The request requires a key with role {required}. This key ({}, {}) has role {}.",
+                "The request requires an access key with the role {required}. This key ({}, {}) has the role {}.",
                 identity.owner, identity.key, identity.role
             );
             let problem = Problem::new(&kinds::FORBIDDEN, detail);
@@ -225,7 +225,10 @@ impl Gate {
     ) -> Result<Admitted, Problem> {
         let link = signed_link::open(self.signer().await?, request.uri(), pattern(request))?;
         if required > Role::Read {
-            return Err(Problem::new(&kinds::BAD_LINK, "A link allows reading only."));
+            return Err(Problem::new(
+                &kinds::BAD_LINK,
+                "A link to a result allows only reading. Send an access key instead.",
+            ));
         }
         let open_request = self.count_link(&link.issuer).await?.untold();
         *request.uri_mut() = link.address;
@@ -305,7 +308,7 @@ impl Gate {
             (None, Some(admin)) if issuer == ADMIN => Some(&admin.usage),
             (None, _) if issuer == ANYONE && !self.requires_key().await? => None,
             _ => {
-                let detail = "The key that made this link is no longer valid, and so the link is not valid either. \
+                let detail = "The access key that made this link is no longer valid, so the link is not valid either. \
                     Ask its sender for a new link.";
                 return Err(Problem::new(&kinds::BAD_LINK, detail));
             }
@@ -346,10 +349,10 @@ fn invalid(key: &AccessKey, now: i64) -> Option<String> {
 /// The key that a request presents.
 fn presented_key(headers: &HeaderMap) -> Result<String, Problem> {
     let Some(value) = headers.get(header::AUTHORIZATION) else {
-        return Err(unauthorized(headers, "This server requires a key."));
+        return Err(unauthorized(headers, "This server requires an access key."));
     };
     let key = value.to_str().ok().and_then(key_in);
-    key.ok_or_else(|| unauthorized(headers, "The Authorization header cannot be parsed."))
+    key.ok_or_else(|| unauthorized(headers, "The Authorization header contains no access key."))
 }
 
 /// The key in an `Authorization` header: a bearer token, or the name or the password of Basic

@@ -122,7 +122,8 @@ fn without_token(uri: &Uri) -> Result<Uri, Problem> {
 /// Verifies the link of a request.
 pub fn open(signer: &Signer, uri: &Uri, route: &str) -> Result<Opened, Problem> {
     if !OPENED.contains(&route) {
-        let detail = "A link opens only one result and its parts.";
+        let detail =
+            "A link opens only one result and its parts. Send an access key for this address.";
         return Err(Problem::new(&kinds::BAD_LINK, detail));
     }
     let (key, token) = (uri.path().split('/').nth(3).unwrap_or(""), token(uri).unwrap_or(""));

@@ -77,9 +77,10 @@ impl<H> PieceWriter<H> {
             Ok(Ok(())) => Ok(()),
             // The client has disconnected, or the server has closed the connection.
             Ok(Err(_)) => Err(io::ErrorKind::BrokenPipe.into()),
-            Err(_) => {
-                Err(io::Error::new(io::ErrorKind::TimedOut, "the client does not read the answer"))
-            }
+            Err(_) => Err(io::Error::new(
+                io::ErrorKind::TimedOut,
+                "the client has stopped reading the answer",
+            )),
         }
     }
 }

@@ -442,7 +442,7 @@ fn refused(key: &Key, error: format::Error) -> Problem {
         format::Error::OtherKind(part, has) => {
             let part = part.name();
             let detail = format!(
-                "The result has no {part}: it has {has}. All of it is at /v1/results/{key}."
+                "The result has no {part}, but it has {has}. The whole result is at /v1/results/{key}."
             );
             Problem::new(&kinds::NO_SUCH_PART, detail)
         }

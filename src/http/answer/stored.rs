@@ -215,7 +215,9 @@ pub async fn missing(
     };
     let problem = if let Some(StoredResult::Evicted { at, deleted_by, asked }) = found {
         let next = if let Some(job) = live {
-            format!("It is being computed again: GET /v1/jobs/{job}?wait=10.")
+            format!(
+                "The server computes the result again. Wait for it: GET /v1/jobs/{job}?wait=10."
+            )
         } else {
             let member = asked.as_ref().map_or("scenario", |asked| asked.kind.member());
             format!(
@@ -246,5 +248,5 @@ pub async fn missing(
 
 /// The problem while the server makes as many large answers as it can at the same time.
 pub fn makers_busy() -> Problem {
-    shares::full("The server makes other large answers.".to_owned())
+    shares::full("The server is making other large answers. Try again in a moment.".to_owned())
 }

@@ -143,7 +143,7 @@ impl From<Unable> for Problem {
             Unable::TooLong(estimate) => {
                 let seconds = estimate.as_secs_f64();
                 format!(
-                    "The runs would take about {seconds:.0} s, but those of a request may take {most} s. {advice}"
+                    "The runs would take about {seconds:.0} s; the limit of a request is {most} s. {advice}"
                 )
             }
             Unable::Stopped => format!(
@@ -192,7 +192,7 @@ pub async fn derivatives(
     let known = app.store.known(&key).await?.ok_or_else(unknown)?;
     if known.asked.kind != TaskKind::Run {
         let detail = format!(
-            "The result of a study has no derivatives: it has a table. All of it is at /v1/results/{key}."
+            "The result of a study has no derivatives, but a table. The whole result is at /v1/results/{key}."
         );
         return Err(Problem::new(&kinds::NO_SUCH_PART, detail));
     }

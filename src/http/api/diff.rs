@@ -176,8 +176,9 @@ impl Side {
         match asked {
             Requested::Key(key) => {
                 let known = app.store.known(&key).await?.ok_or_else(|| {
-                    let detail =
-                        format!("No result has the key {key}. Compare its scenario instead.");
+                    let detail = format!(
+                        "No result has the key {key}. Enter the `scenario` instead of the `key`."
+                    );
                     Problem::new(&kinds::UNKNOWN_RESULT, detail)
                 })?;
                 let asked = known.asked.clone();
@@ -194,7 +195,7 @@ impl Side {
     /// The outline of the scenario, from its unworn contact alone.
     async fn outline(&self) -> Result<Outline, Problem> {
         if self.asked.kind != TaskKind::Run {
-            let detail = "The result is a study. Only runs have a nearest result: name the other study as `b`.";
+            let detail = "is missing. `a` is a study, and only runs have a nearest result. Enter another study as `b`";
             return Err(Problem::from(Faults::one("/b", detail)));
         }
         let scenario = self.asked.value.clone();
@@ -224,7 +225,7 @@ enum Requested {
 fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Faults> {
     let key = |text: &str, pointer: &str| match text.parse() {
         Ok(key) => Ok(Requested::Key(key)),
-        Err(bad) => Err(Faults::one(pointer, format!("{bad}"))),
+        Err(bad) => Err(Faults::one(pointer, format!("must be the key of a result: {bad}"))),
     };
     let side = |side: SideBody, pointer: &str| match (side.key.0, side.scenario.0) {
         (Some(text), None) => key(&text, &format!("{pointer}/key")),
@@ -235,7 +236,7 @@ fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Faults> {
     let (a, b) = match (body.keys.0, body.a.0, body.b.0) {
         (Some(keys), None, None) => match keys.as_slice() {
             [a, b] => (key(a, "/keys/0"), key(b, "/keys/1")),
-            _ => return Err(Faults::one("/keys", "must be two keys")),
+            _ => return Err(Faults::one("/keys", "must be the keys of two results")),
         },
         (None, Some(a), Some(b)) => (side(a, "/a"), side(b, "/b")),
         (None, Some(a), None) => return Ok((side(a, "/a")?, None)),
@@ -284,14 +285,15 @@ pub async fn diff(
         remarks.push("`b` is the result whose scenario is nearest to that of `a`.".to_owned());
         let nearest = app.store.nearest(&a.outline().await?, except).await?;
         let key = nearest.ok_or_else(|| {
-            let detail = "There is no stored result to compare with.";
+            let detail = "The server has no other result to compare with `a`. Enter `b`.";
             Problem::new(&kinds::UNKNOWN_RESULT, detail)
         })?;
         Side::of(&app, Requested::Key(key)).await?
     };
     if a.asked.kind != b.asked.kind {
         let [a, b] = [&a, &b].map(|side| side.asked.kind.word());
-        let detail = format!("`a` is a {a} and `b` is a {b}. Compare two results of the same kind");
+        let detail =
+            format!("must have two results of the same kind, but `a` is a {a} and `b` is a {b}");
         return Err(Problem::from(Faults::one("", detail)));
     }
     if a.numerics != b.numerics {

@@ -27,11 +27,11 @@ impl From<NotEvaluated> for Problem {
         let milliseconds = LONGEST_EVALUATION.as_millis();
         let detail = match refusal {
             NotEvaluated::TooLong(estimate) => format!(
-                "The run would take about {:.2} s, but an evaluation may take {milliseconds} ms. {JOB}",
+                "The run would take about {:.2} s; the limit of an evaluation is {milliseconds} ms. {JOB}",
                 estimate.as_secs_f64()
             ),
             NotEvaluated::TooLarge(bytes) => format!(
-                "The answer would have about {:.1} MB, but that of an evaluation may have {:.1} MB. Request \
+                "The answer would have about {:.1} MB; the limit of an evaluation is {:.1} MB. Request \
                  fewer `parts`, or profiles at fewer output cycles (`profiles_at`). {JOB}",
                 bytes as f64 / 1e6,
                 LARGEST_EVALUATION as f64 / 1e6,
@@ -41,7 +41,7 @@ impl From<NotEvaluated> for Problem {
                  stopped. {JOB}"
             ),
             NotEvaluated::Busy => {
-                let detail = "Other evaluations take all workers. Try again in a second.";
+                let detail = "Other evaluations use all workers. Try again in a second.";
                 return Self::new(&kinds::EVALUATIONS_FULL, detail).retry_after(1);
             }
             NotEvaluated::Panicked => return Self::bug(refusal),

@@ -234,8 +234,7 @@ pub async fn cancel_all(
     let filter = read_filter(&mut query, &caller);
     query.finish()?;
     if filter == Filter::default() {
-        let detail =
-            "is required, or label, tag, key or owner: without a filter all jobs would be canceled";
+        let detail = "is required, or `label`, `tag`, `key` or `owner`: without them, all jobs would be canceled";
         return Err(Problem::parameters(vec![Complaint::parameter("state", detail)]));
     }
     let canceled = app.service.cancel_all(caller.reach(), filter, &caller.actor()).await?;

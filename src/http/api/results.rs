@@ -90,15 +90,17 @@ fn figure_view(query: &mut Query) -> View {
     let cycles = query
         .value("cycles", &accepted, |text| numbers(text).filter(|cycles| cycles.len() <= most));
     if cycles.is_some() && !quantity.has_curve_per_cycle() {
-        let detail =
-            format!("is not possible here: {} is drawn over all output cycles", quantity.name);
+        let detail = format!(
+            "does not apply to {}, which is drawn over all output cycles. Remove it",
+            quantity.name
+        );
         query.complain("cycles", detail);
     }
     let engineering = either(query, "units", ["si", "engineering"]).unwrap_or(true);
     let mut axis = |name| {
         let log = either(query, name, ["linear", "log"]);
         if log == Some(true) && quantity.has_sign() {
-            let detail = "must be \"linear\" here: the values are positive and negative";
+            let detail = "must be \"linear\": this figure shows positive and negative values";
             query.complain(name, detail);
         }
         log
@@ -140,9 +142,15 @@ async fn answer(
     };
     if view.records && part == Part::Whole {
         let parts = "/history, /profiles and /loops";
-        query.complain("layout", format!("must be \"columns\" here; only {parts} have records"));
+        query.complain(
+            "layout",
+            format!("must be \"columns\" for a whole result; only {parts} have records"),
+        );
     } else if view.records && format.is_some_and(|format| format != Format::Json) {
-        query.complain("layout", "is for JSON; every other format has one layout");
+        query.complain(
+            "layout",
+            "applies only to JSON. Remove it: the other formats have one layout",
+        );
     }
     query.finish()?;
     let format = format.ok_or_else(|| not_acceptable(key, part))?;
@@ -162,7 +170,7 @@ async fn is_run(app: &App, key: &Key) -> Result<bool, Problem> {
 fn not_acceptable(key: &str, part: Part) -> Problem {
     let shown = |format: &Format| format!("{} (?format={})", format.essence(), format.name());
     let formats: Vec<_> = part.formats().iter().map(shown).collect();
-    let detail = format!("The available formats are {}.", formats.join(", "));
+    let detail = format!("This address offers the formats {}.", formats.join(", "));
     let address = |part: Part| format!("/v1/results/{key}/{}?format=csv", part.name());
     let addresses = Part::TABLES.map(address).join(", ");
     let detail = match part {
@@ -439,14 +447,14 @@ async fn set_pin(
                 let (used, quota) = (ByteSize(used), ByteSize(quota));
                 let detail = if of_all {
                     format!(
-                        "The pinned results of all owners would take {used}, and they may take {quota}. Unpin some of \
-                         yours: GET /v1/results?pinned_by=me lists them. Or ask the administrator for more room \
+                        "The pinned results of all owners would take {used}, and the limit is {quota}. Unpin some of \
+                         yours: GET /v1/results?pinned_by=me lists them. Or ask the administrator to raise the limit \
                          (--keep-results)."
                     )
                 } else {
                     format!(
-                        "Your pinned results would take {used}, and an owner may pin {quota}. Unpin some of them: GET \
-                         /v1/results?pinned_by=me lists them."
+                        "Your pinned results would take {used}, and the limit of an owner is {quota}. Unpin some of \
+                         them: GET /v1/results?pinned_by=me lists them."
                     )
                 };
                 return Err(Problem::new(&kinds::PIN_QUOTA, detail));

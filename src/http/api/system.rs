@@ -82,7 +82,9 @@ pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>
     let tally = app.store.tally();
     let (queued, running) = (tally.queued(), tally.running());
     if running == 0 && wait > STUCK {
-        let detail = format!("The queue is stuck: {queued} runs wait and no run is computed.");
+        let detail = format!(
+            "The queue is stuck: {queued} runs wait and no run is computed. Check the workers."
+        );
         return Err(unready(&detail));
     }
     Ok(Json(Readiness { status: "ready", queued, oldest_seconds: wait.as_secs_f64() }))

@@ -113,13 +113,15 @@ impl Call {
     /// Parses a body, and checks the name of the model.
     fn read(body: &[u8]) -> Result<Self, Problem> {
         let empty = body.iter().all(u8::is_ascii_whitespace);
-        let call: Self = serde_json::from_slice(if empty { b"{}" } else { body })
-            .map_err(|error| bad_input(format!("The body cannot be read: {error}.")))?;
+        let call: Self =
+            serde_json::from_slice(if empty { b"{}" } else { body }).map_err(|error| {
+                bad_input(format!("The body of the request cannot be read as JSON: {error}."))
+            })?;
         match call.name.as_deref() {
             Some(NAME) => Ok(call),
             Some(other) => {
                 let other: String = other.chars().take(60).collect();
-                let message = format!("There is no model \"{other}\". The model is \"{NAME}\".");
+                let message = format!("There is no model \"{other}\". Enter \"{NAME}\" as `name`.");
                 Err(Problem::new(&MODEL_NOT_FOUND, message))
             }
             None => Err(missing("name")),
@@ -162,7 +164,7 @@ impl Called {
             return Ok(point);
         }
         Err(bad_input(format!(
-            "`input` must have {expected} numbers, not {given}: one for each of the `parameters` of the config."
+            "`input` must have {expected} numbers, not {given}: one for each of the `parameters` in `config`."
         )))
     }
 
@@ -173,7 +175,9 @@ impl Called {
         for (name, given) in [("outWrt", self.call.out_wrt), ("inWrt", self.call.in_wrt)] {
             let given = given.ok_or_else(|| missing(name))?;
             if given != 0 {
-                let message = format!("`{name}` must be 0, not {given}: the model has one vector.");
+                let message = format!(
+                    "`{name}` must be 0, not {given}: the model has one input vector and one output vector."
+                );
                 return Err(bad_input(message));
             }
         }
@@ -191,7 +195,9 @@ impl Called {
             let model = Arc::clone(&self.model);
             compute(&self.app, 1e-3, move || Some(prepare(&model))).await?
         };
-        prepared.map_err(|faults| faulty("The scenario of this input is not valid: ", &faults))
+        prepared.map_err(|faults| {
+            faulty("The scenario with the values of `input` is not valid: ", &faults)
+        })
     }
 
     /// Answers weighted sums of the entries of the Jacobian: a gradient, or a product with a vector. `place` returns
@@ -221,7 +227,7 @@ impl Called {
             sums[sum] += weight * derivative.value;
         }
         if sums.iter().any(|sum| !sum.is_finite()) {
-            let message = "A weighted sum of the derivatives is infinite.";
+            let message = "A weighted sum of the derivatives is too large for a number. Enter smaller weights.";
             return Err(Problem::new(&INVALID_OUTPUT, message));
         }
         Ok(answer(&json!({"output": sums})))
@@ -246,7 +252,7 @@ async fn compute<T: Send + 'static>(
     let advice = "Use fewer output cycles or a larger `tolerance`.";
     app.service.compute_in_turns(seconds, step).await.map_err(|unable| match unable {
         Unable::TooLong(estimate) => bad_input(format!(
-            "The computation would take about {:.0} s, but a call may take {most} s. {advice}",
+            "The computation would take about {:.0} s; the limit of a call is {most} s. {advice}",
             estimate.as_secs_f64()
         )),
         Unable::Stopped => bad_input(format!(

@@ -307,7 +307,7 @@ fn of_status(status: StatusCode) -> Problem {
     match status {
         StatusCode::METHOD_NOT_ALLOWED => Problem::new(
             &kinds::METHOD_NOT_ALLOWED,
-            "This address does not have this method. The Allow header lists its methods.",
+            "This address does not accept the method of the request. The Allow header lists the accepted methods.",
         ),
         _ => kinds::ALL
             .iter()

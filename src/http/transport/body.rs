@@ -98,7 +98,9 @@ async fn read(
     let too_large = || {
         Problem::new(
             &kinds::BODY_TOO_LARGE,
-            format!("The body has more than {BODY_LIMIT} bytes. Remove rows from its tables."),
+            format!(
+                "The body has more than {BODY_LIMIT} bytes. Remove rows from long tables in it."
+            ),
         )
     };
     let started = Instant::now();
@@ -114,7 +116,7 @@ async fn read(
         let time = PATIENCE + Duration::from_secs(bytes.len() as u64 / SLOWEST);
         let frame = timeout_at(started + time, body.frame()).await.map_err(|_| {
             let detail = format!(
-                "{} bytes have arrived in {} seconds. Send at least {SLOWEST} bytes per second.",
+                "Only {} bytes of the body have arrived in {} seconds. Send at least {SLOWEST} bytes per second.",
                 bytes.len(),
                 time.as_secs()
             );

@@ -63,7 +63,7 @@ impl Query {
         let mut values: Vec<String> = taken.map(|(_, value)| value).collect();
         let found = values.pop();
         if !values.is_empty() {
-            self.complain(name, "may be given only once");
+            self.complain(name, "may be given only once. Remove the other values");
         }
         // No stored text contains this character, and PostgreSQL refuses it in a comparison.
         if found.as_ref().is_some_and(|text| text.contains('\0')) {
@@ -161,7 +161,10 @@ impl<S: Send + Sync> FromRequestParts<S> for Segment {
 /// Reads the key in an address.
 pub fn read_key(text: &str) -> Result<Key, Problem> {
     text.parse().map_err(|bad: BadKey| {
-        Problem::new(&kinds::UNKNOWN_RESULT, format!("This is not a key of a result: {bad}."))
+        Problem::new(
+            &kinds::UNKNOWN_RESULT,
+            format!("The address does not contain the key of a result: {bad}."),
+        )
     })
 }
 

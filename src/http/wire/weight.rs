@@ -61,7 +61,9 @@ pub fn tree_bytes(text: &[u8]) -> Result<usize, Problem> {
     match excess.into_iter().find(|(count, most, _)| count > most) {
         None => Ok(BYTES[0] * groups + BYTES[1] * members + BYTES[2] * values + letters),
         Some((count, most, what)) => {
-            let detail = format!("The body has {count} {what}, but at most {most} are accepted.");
+            let detail = format!(
+                "The body has {count} {what}; the limit is {most}. Submit a smaller document."
+            );
             Err(Problem::new(&kinds::BODY_TOO_LARGE, detail))
         }
     }

@@ -65,7 +65,11 @@ impl Worker {
             Step::Working { progress: f64::from(number) / f64::from(of) }
         })??;
         if rows.count != study.points() {
-            let message = format!("the chunks have {} rows, not {}", rows.count, study.points());
+            let message = format!(
+                "the stored parts of the study have {} rows, not {}",
+                rows.count,
+                study.points()
+            );
             return Err(unreadable(message));
         }
         let goes_on = &mut || self.check(claimed).is_ok();
@@ -129,7 +133,9 @@ impl Worker {
         let prepared = Prepared::from_stored(&claimed.key, &task).map_err(unreadable)?;
         match prepared.task {
             Task::Study(study) => Ok(study),
-            Task::Run(_) => Err(unreadable("a run has no chunks".to_owned())),
+            Task::Run(_) => {
+                Err(unreadable("the job is one run, but is stored as a part of a study".to_owned()))
+            }
         }
     }
 
@@ -173,7 +179,7 @@ impl Worker {
                 && before + started.elapsed() > limit
             {
                 let message = format!(
-                    "it took longer than the {} that this server allows",
+                    "the computation took longer than the {} that this server allows",
                     humantime::format_duration(limit)
                 );
                 return Err(NotMade::Failed(FailureKind::TimeLimit, message));

@@ -164,7 +164,9 @@ async fn settle(path: &Path) -> Result<(), Moving> {
     };
     match unless_damaged(settled.await)? {
         Ok(false) | Err(_) => Ok(()),
-        Ok(true) => Err(not_replaced(io::Error::other("another command is using it"))),
+        Ok(true) => Err(not_replaced(io::Error::other(
+            "another program uses the former database; end it first",
+        ))),
     }
 }
 

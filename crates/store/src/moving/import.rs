@@ -100,7 +100,9 @@ impl Importer {
         name: &str,
     ) -> Result<Result<Option<Entry>, String>, Moving> {
         let entry = match Entry::read(&mut self.from, row, name).await {
-            Err(Error::Damaged(_)) => Err("the file is damaged at this result".to_owned()),
+            Err(Error::Damaged(_)) => {
+                Err("the file is damaged at this result; export it again".to_owned())
+            }
             read => read.map_err(|error| unreadable(&self.path, error))?,
         };
         let (entry, digest) = match entry {
@@ -211,25 +213,34 @@ impl Entry {
         name: &str,
     ) -> Result<Result<(Self, [u8; 32]), String>, Error> {
         let Ok(key) = name.parse() else {
-            return Ok(Err("its key is not 64 lower-case hexadecimal digits".to_owned()));
+            return Ok(Err(
+                "the key of a result must have 64 lower-case hexadecimal digits".to_owned()
+            ));
         };
         let Some(row) = from.result(row).await? else {
-            return Ok(Err("its row is too large".to_owned()));
+            return Ok(Err("the row of this result in the file is too large".to_owned()));
         };
         Ok(match from.body(name, MAX_BODY).await? {
             Some(Found::Body(body)) => Self::check(key, &row, body.into()),
-            Some(Found::TooLarge) => Err(format!("its body has more than {MAX_BODY} bytes")),
-            None => Err("it has no body".to_owned()),
+            Some(Found::TooLarge) => {
+                Err(format!("the JSON of the result has more than {MAX_BODY} bytes"))
+            }
+            None => {
+                Err("the file does not contain the JSON of the result; export it again".to_owned())
+            }
         })
     }
 
     /// Checks a row, and that its SHA-256 is that of the body.
     fn check(key: Key, row: &SqliteRow, body: Bytes) -> Result<(Self, [u8; 32]), String> {
         let sha256: Option<Key> = column::<&str>(row, "sha256")?.and_then(|sum| sum.parse().ok());
-        let sha256 = sha256.ok_or("it has no SHA-256")?;
+        let sha256 =
+            sha256.ok_or("the SHA-256 of the result is missing or not valid; export it again")?;
         let digest = Sha256::digest(&body).into();
         if digest != *sha256.bytes() {
-            return Err("its body does not match its SHA-256: one of them was changed".to_owned());
+            return Err(
+                "the JSON of the result does not match its SHA-256; export it again".to_owned()
+            );
         }
         let wall = column(row, "wall_seconds")?.map(seconds).transpose()?;
         let cpu = column(row, "cpu_seconds")?.map(seconds).transpose()?;
@@ -262,7 +273,8 @@ fn column<'r, T>(row: &'r SqliteRow, name: &str) -> Result<Option<T>, String>
 where
     T: sqlx::Decode<'r, sqlx::Sqlite> + sqlx::Type<sqlx::Sqlite>,
 {
-    row.try_get(name).map_err(|_| format!("its column {name} has a wrong type"))
+    row.try_get(name)
+        .map_err(|_| format!("the column {name} of the file has a value of a wrong type"))
 }
 
 /// Reads a column that contains a name. Lists and terminals show names, so control characters are refused.
@@ -271,7 +283,7 @@ fn name(row: &SqliteRow, column_name: &str) -> Result<Option<String>, String> {
     match name {
         Some(name) if name.chars().count() > MAX_NAME || name.chars().any(char::is_control) => {
             Err(format!(
-                "its column {column_name} has more than {MAX_NAME} characters, or control characters"
+                "a value of the column {column_name} has more than {MAX_NAME} characters, or control characters"
             ))
         }
         name => Ok(name),
@@ -279,11 +291,13 @@ fn name(row: &SqliteRow, column_name: &str) -> Result<Option<String>, String> {
 }
 
 fn seconds(seconds: f64) -> Result<Duration, String> {
-    Duration::try_from_secs_f64(seconds).map_err(|_| format!("{seconds} is not a time in seconds"))
+    Duration::try_from_secs_f64(seconds)
+        .map_err(|_| format!("{seconds} is not a time in seconds, 0 or more"))
 }
 
 fn time(text: &str) -> Result<i64, String> {
-    clock::parse(text).ok_or_else(|| format!("{text:?} is not an RFC 3339 time"))
+    clock::parse(text)
+        .ok_or_else(|| format!("{text:?} is not an RFC 3339 time such as 2026-01-31T12:00:00Z"))
 }
 
 /// Reads the program that computed a result. Its `numerics` version is set later, from the body.
@@ -309,15 +323,18 @@ fn warnings(row: &SqliteRow) -> Result<Option<String>, String> {
     let told = Some(text).filter(|text| text.len() <= MAX_WARNINGS);
     let told: Option<Vec<Told>> = told.and_then(|text| serde_json::from_str(text).ok());
     let told = told.map(|told| json!(told).to_string());
-    told.ok_or("its warnings are too long, or not a list of kinds and details".to_owned()).map(Some)
+    told.ok_or(
+        "the warnings are too long, or not a list of objects with `kind` and `detail`".to_owned(),
+    )
+    .map(Some)
 }
 
 fn note(row: &SqliteRow) -> Result<Option<Note>, String> {
     let Some(text) = column::<String>(row, "note")? else { return Ok(None) };
     if let Some(fault) = Note::fault(&text) {
-        return Err(format!("its note {fault}"));
+        return Err(format!("the note on the result {fault}"));
     }
-    let owner = name(row, "note_owner")?.ok_or("its note has no owner")?;
-    let at = column(row, "note_at")?.ok_or("its note has no time")?;
+    let owner = name(row, "note_owner")?.ok_or("the note on the result has no owner")?;
+    let at = column(row, "note_at")?.ok_or("the note on the result has no time")?;
     Ok(Some(Note { text, owner, at: time(at)? }))
 }

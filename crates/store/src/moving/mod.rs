@@ -49,25 +49,33 @@ pub enum Moving {
     #[error(transparent)]
     Store(#[from] Error),
     /// The source does not exist.
-    #[error("there is no {}", .0.display())]
+    #[error("there is no file {}", .0.display())]
     Nothing(PathBuf),
     /// There is no database at this place.
-    #[error("there is no database in {0}")]
+    #[error(
+        "there is no database in {0}; name the place of the database with --data-dir or --database"
+    )]
     NoDatabase(Place),
     /// The target exists.
-    #[error("{} exists already, and is not overwritten", .0.display())]
+    #[error("{} exists already, and is not overwritten; name another file", .0.display())]
     Exists(PathBuf),
     /// The data directory already has a database.
-    #[error("{} exists already; add --replace to put the backup in its place and keep it under another name", .0.display())]
+    #[error(
+        "{} exists already; add --replace to put the backup in its place and keep the present database under another \
+         name", .0.display()
+    )]
     Occupied(PathBuf),
     /// The file is not an export.
-    #[error("{} is not an export of fretwork", .0.display())]
+    #[error("{} is not an export of fretwork; name a file that `fretwork export` wrote", .0.display())]
     NoExport(PathBuf),
     /// The file is a backup, or the database of a server.
-    #[error("{} is a whole database, not an export: use `fretwork restore` for a backup", .0.display())]
+    #[error("{} is a whole database, not an export; if it is a backup, use `fretwork restore`", .0.display())]
     WholeDatabase(PathBuf),
     /// A later program wrote the file.
-    #[error("{} was exported by a later version of fretwork (format {found}, this program knows {FORM})", path.display())]
+    #[error(
+        "{} was exported by a later version of fretwork (the file has format {found}, this program reads formats up to \
+         {FORM}); update this program", path.display()
+    )]
     LaterForm {
         /// The file.
         path: PathBuf,
@@ -75,7 +83,7 @@ pub enum Moving {
         found: i32,
     },
     /// The database does not have this result.
-    #[error("there is no result with the key {0}")]
+    #[error("there is no result with the key {0} in the database")]
     UnknownKey(Key),
     /// The file has changed since it was written.
     #[error("{} is damaged: {said}", path.display())]
@@ -86,7 +94,7 @@ pub enum Moving {
         said: String,
     },
     /// The backup could not replace the database.
-    #[error("the backup cannot be put in place; the former database is still {}", path.display())]
+    #[error("the backup cannot replace the database; {} is still the former database", path.display())]
     NotReplaced {
         /// The former database, unchanged.
         path: PathBuf,

@@ -287,7 +287,7 @@ async fn reclaim(
         ended_by(tx, run, &row, Ending::Canceled).await?;
         recovered.canceled = 1;
     } else if lost >= MAX_LOST {
-        let message = format!("the server died {MAX_LOST} times while computing this");
+        let message = format!("the server died {MAX_LOST} times while it computed this job");
         let failed = fail_run(tx, run, attempt, (FailureKind::WorkerLost, &message)).await?;
         recovered.failed = u64::from(failed);
     } else if study.is_some() {

@@ -150,7 +150,8 @@ async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
              SELECT 1 FROM chunk WHERE chunk.run = run.id AND chunk.state = 'running'
                  AND chunk.state <> 'done' AND (chunk.lost + 1 >= $4 OR run.lost + 1 >= $4)
          ) OR lost + 1 >= $4 AND id NOT IN (SELECT run FROM study)) RETURNING key";
-        tx.now, FailureKind::WorkerLost.as_str(), format!("the server died {MAX_LOST} times while computing this"), MAX_LOST
+        tx.now, FailureKind::WorkerLost.as_str(),
+        format!("the server died {MAX_LOST} times while it computed this job"), MAX_LOST
     );
     let failed = tx.db.rows(query).await?;
     let query = sql!(

@@ -102,7 +102,12 @@ pub(crate) async fn compare(db: &mut SqliteConnection, path: &Path) -> Result<()
         match expected.get(part.0) {
             Some(expected) if expected.essence() == part.1.essence() => {}
             Some(_) => return Err(altered(part, "is changed")),
-            None => return Err(altered(part, "does not belong to fretwork; drop it")),
+            None => {
+                return Err(altered(
+                    part,
+                    "does not belong to fretwork; remove it from the database",
+                ));
+            }
         }
     }
     match expected.iter().find(|(name, _)| !found.contains_key(*name)) {

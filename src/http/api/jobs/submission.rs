@@ -157,18 +157,17 @@ impl From<Refusal> for Problem {
                 Self::new(&kinds::DRAINING, detail).retry_after(5)
             }
             Refusal::IdempotencyConflict => {
-                let detail = "This Idempotency-Key was used for another submission. Use a new one.";
+                let detail = "This Idempotency-Key was used for another submission. Send another Idempotency-Key.";
                 Self::new(&kinds::KEY_REUSED, detail)
             }
             Refusal::NotCached => {
-                let detail =
-                    "The result is not known. To compute it, submit without only-if-cached.";
+                let detail = "The server does not have the result. To compute it, submit without `only-if-cached`.";
                 Self::new(&kinds::NOT_CACHED, detail)
             }
             Refusal::TooExpensive(excess) => Self::new(&kinds::TOO_EXPENSIVE, excess.to_string()),
             Refusal::QueueFull { queued, retry_after } => {
                 let detail = format!(
-                    "{queued} jobs are queued. Submit again after the number of seconds in Retry-After."
+                    "The queue is full: {queued} jobs wait. Submit again after the number of seconds in Retry-After."
                 );
                 Self::new(&kinds::QUEUE_FULL, detail).retry_after(retry_after.as_secs() as u32)
             }
