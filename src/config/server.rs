@@ -304,7 +304,7 @@ fn origin(text: &str) -> Result<HeaderValue, String> {
     let port = port.map_or_else(String::new, |port| format!(":{port}"));
     let written = format!("{scheme}://{}{port}", host.to_ascii_lowercase());
     if text != written {
-        return Err(format!("browsers send this origin as {written}; enter it so"));
+        return Err(format!("browsers send another form of this origin. Enter {written}"));
     }
     HeaderValue::from_str(text).map_err(|_| expected.to_owned())
 }
