@@ -155,5 +155,5 @@ async fn requests_with_faults_and_long_runs_are_refused() {
     let path = address(&server, &long).await;
     let problem = server.get(&path).await.problem(422, "too-expensive");
     let detail = problem["detail"].as_str().unwrap();
-    assert!(detail.contains("may take 30 s. Name fewer `parameters`"), "{detail}");
+    assert!(detail.contains("the limit of a request is 30 s. Name fewer `parameters`"), "{detail}");
 }

@@ -141,7 +141,7 @@ async fn each_fault_has_the_error_of_the_protocol() {
     for path in CALLS {
         let unknown = with("name", json!("belief"));
         let message = error(&call(&server, path, &unknown).await, 400, "ModelNotFound");
-        assert!(message.contains("The model is \"wear\""), "{message}");
+        assert!(message.contains("Enter \"wear\" as `name`"), "{message}");
         for body in ["", "{}"] {
             let reply = server.send("POST", path, &[], body).await;
             assert_eq!(error(&reply, 400, "InvalidInput"), "`name` is missing.");
