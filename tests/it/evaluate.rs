@@ -163,7 +163,10 @@ async fn a_longer_run_is_refused_unless_no_run_is_needed() {
     body["scenario"]["model"] = json!({"method": "exact", "tolerance": 1e-4});
     let problem = server.post(PATH, &body).await.problem(422, "too-expensive");
     let detail = problem["detail"].as_str().unwrap();
-    assert!(detail.contains("the limit of an evaluation is 20 ms. Submit a job instead"), "{detail}");
+    assert!(
+        detail.contains("the limit of an evaluation is 20 ms. Submit a job instead"),
+        "{detail}"
+    );
 
     body["outputs"] = json!(["limit.wear_volume", "unworn.slip_ratio"]);
     let known = server.post(PATH, &body).await.json();

@@ -248,7 +248,7 @@ function drawLoop(plot, ratios, result, other, at) {
   if (other) addLoop(other, "Run B: ", 5, true);
   const row = nearest(loops.cycles, at);
   ratios.textContent = [["Energy ratio A", "energy_ratio"], ["slip ratio D", "slip_ratio"], ["system-free ratio B", "free_ratio"],
-    ["at the actuator A", "actuator_energy_ratio"], ["D", "actuator_slip_ratio"]]
+    ["energy ratio A at the actuator", "actuator_energy_ratio"], ["slip ratio D at the actuator", "actuator_slip_ratio"]]
     .filter(([, name]) => loops[name])
     .map(([word, name]) => `${word}\u00a0=\u00a0${digits(loops[name][row], 3)}`).join(", ");
   plot.title.textContent = `Fretting loop after ${cycles(at)} cycles${truncated}`;
