@@ -1,5 +1,7 @@
 //! Runs asynchronous work in commands that are no servers.
 
+use std::pin::Pin;
+
 use tokio::runtime::Builder;
 
 use super::printing::Error;
@@ -10,5 +12,6 @@ where
     Error: From<E>,
 {
     let runtime = Builder::new_current_thread().enable_all().build()?;
-    Ok(runtime.block_on(work)?)
+    // Boxed futures with the same result have one type, so this is compiled once for each result.
+    Ok(runtime.block_on(Box::pin(work) as Pin<Box<dyn Future<Output = _>>>)?)
 }

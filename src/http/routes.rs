@@ -12,7 +12,7 @@ use super::api::{
     system, umbridge,
 };
 use super::app::App;
-use super::wire::Segment;
+use super::dashboard::docs;
 use super::{dashboard, openapi};
 
 /// The routes with their documentation, and what they require.
@@ -65,8 +65,8 @@ impl Routes {
             .page(Needs::NOTHING, "/", get(dashboard::page))
             .page(Needs::NOTHING, "/assets/{*name}", get(dashboard::asset))
             .page(Needs::READ, "/docs", get(|| async { Redirect::to("/docs/") }))
-            .page(Needs::READ, "/docs/", get(|| system::docs(Segment(String::new()))))
-            .page(Needs::READ, "/docs/{*path}", get(system::docs))
+            .page(Needs::READ, "/docs/", get(docs::start))
+            .page(Needs::READ, "/docs/{*path}", get(docs::page))
             .umbridge()
     }
 

@@ -20,7 +20,6 @@ mod rule;
 mod table;
 
 pub use accuracy::{Accuracy, OutputErrors, Worn};
-pub use literature::volume_over_energy;
 pub use page::{Check, Section, VerificationPage};
 
 /// Computes the page, which takes some seconds.

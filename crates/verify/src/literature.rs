@@ -6,7 +6,6 @@ use serde_json::{Value, json};
 use super::known::run;
 use super::page::{Check, Section};
 use fretwork_engine::outcome::Outcome;
-use fretwork_plot::{Axis, Dash, Figure, Mark, PALETTE, Series, Sheet, Style};
 
 const CONTACT: &str = "CONTACT";
 const BALL: &str = include_str!("../../../examples/literature/contact-cattaneo.json");
@@ -234,37 +233,4 @@ fn points(csv: &str) -> Option<Vec<(f64, f64)>> {
 fn between(x: &[f64], y: &[f64], at: f64) -> Option<f64> {
     let i = x.windows(2).position(|pair| (pair[0]..=pair[1]).contains(&at))?;
     Some(y[i] + (y[i + 1] - y[i]) * (at - x[i]) / (x[i + 1] - x[i]))
-}
-
-/// A figure of the wear volume over the dissipated energy in gross slip, measured and computed. `None` if a run fails.
-#[must_use]
-pub fn volume_over_energy() -> Option<Sheet> {
-    let scaled = |volume: &[f64]| volume.iter().map(|v| 1e-4 * v).collect();
-    let (energy, volume): (Vec<f64>, Vec<f64>) = points(MEASURED)?.into_iter().unzip();
-    let measured =
-        Style { color: "#000000", dash: Dash::Solid, width: 0.0, mark: Some(Mark::Disc) };
-    let mut series = Vec::new();
-    for ((stroke, body), (color, dash)) in
-        STROKES.into_iter().zip(PALETTE.into_iter().zip([Dash::Solid, Dash::Dashed]))
-    {
-        let worn = Worn::of(&scenario(body)?)?;
-        let style = Style { color, dash, width: 1.6, mark: None };
-        let label = format!("exact method, $U$ = {stroke} µm");
-        series.push(Series::new(&label, worn.energy.clone(), scaled(&worn.volume)).styled(style));
-    }
-    series.push(Series::new("measured, TiC coating", energy, scaled(&volume)).styled(measured));
-    Some(Sheet {
-        title: "Wear volume over dissipated energy in gross slip".to_owned(),
-        caption: "Alumina ball of 12.7 mm on a TiC coating under 100 N; the slope is the energy wear coefficient, \
-                  415.1 µm³/J. Measured by S. Fouvry, C. Paulin and T. Liskiewicz, Tribol. Int. 40 (2007) 1428."
-            .to_owned(),
-        columns: 1,
-        figures: vec![Figure {
-            x: Axis::labelled("Dissipated energy Σ$W$ (J)"),
-            y: Axis::labelled("Wear volume $V$ (10⁴ µm³)"),
-            series,
-            ..Figure::default()
-        }],
-        legend: Vec::new(),
-    })
 }

@@ -1,12 +1,11 @@
-//! The server itself: health, version, OpenAPI document, documentation, problem pages.
+//! The server itself: health, version, OpenAPI document, problem pages.
 
-use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use axum::Json;
 use axum::extract::State;
 use axum::http::HeaderMap;
-use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, VARY};
+use axum::http::header::{CONTENT_TYPE, VARY};
 use axum::response::{Html, IntoResponse, Response};
 use serde::Serialize;
 use tokio::time::timeout;
@@ -246,28 +245,4 @@ pub async fn problems(_: NoQuery) -> Html<String> {
 pub async fn explain(Segment(slug): Segment, _: NoQuery) -> Result<Html<String>, Problem> {
     let none = "No problem type has this name; GET /problems lists them all.";
     problem::page(&slug).map(Html).ok_or_else(|| Problem::new(&kinds::NOT_FOUND, none))
-}
-
-/// Swagger UI. Its files are part of the program, so it works without a network.
-pub async fn docs(Segment(path): Segment) -> Result<Response, Problem> {
-    static CONFIG: LazyLock<Arc<utoipa_swagger_ui::Config<'static>>> = LazyLock::new(|| {
-        let config = utoipa_swagger_ui::Config::from("/openapi.json");
-        Arc::new(config.try_it_out_enabled(true).display_request_duration(true))
-    });
-    let file = utoipa_swagger_ui::serve(&path, CONFIG.clone())
-        .map_err(|error| Problem::internal().caused_by(&*error))?;
-    let file = file.ok_or_else(|| {
-        let detail = "The documentation does not have this page; start at /docs/.";
-        Problem::new(&kinds::NOT_FOUND, detail)
-    })?;
-    let headers = [
-        (CONTENT_TYPE, file.content_type.as_str()),
-        (CACHE_CONTROL, "max-age=3600"),
-        (
-            CONTENT_SECURITY_POLICY,
-            "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; \
-             frame-ancestors 'none'",
-        ),
-    ];
-    Ok((headers, file.bytes).into_response())
 }

@@ -1,22 +1,19 @@
 //! Serves the files of the dashboard, which are compiled into the program.
 //!
-//! The files need no access key. They contain no data: the dashboard uses the API like any other client.
+//! The dashboard's files need no access key. They contain no data: the dashboard uses the API like any other client.
+
+mod asset;
+pub mod docs;
 
 use std::sync::LazyLock;
 
-use axum::body::Bytes;
-use axum::http::header::{
-    CACHE_CONTROL, CONTENT_ENCODING, CONTENT_SECURITY_POLICY, CONTENT_TYPE, ETAG, VARY,
-};
-use axum::http::{HeaderMap, StatusCode};
-use axum::response::{IntoResponse, Response};
+use axum::http::HeaderMap;
+use axum::response::Response;
 use serde_json::{Value, json};
-use xxhash_rust::xxh3::xxh3_64;
 
-use crate::http::answer::representation::held;
 use crate::http::problem::{Problem, kinds};
-use crate::http::wire::coding::Coding;
 use crate::http::wire::{NoQuery, Segment};
+use asset::Asset;
 
 use fretwork_engine::outcome::{QUANTITIES, Quantity};
 use fretwork_study::Kind;
@@ -45,24 +42,6 @@ const TEXTS: &[File] = files!("text/plain; charset=utf-8": "vendor/uPlot-LICENSE
 /// inject one.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
     connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
-
-/// A file with its body in each coding. Files are compressed once.
-struct Asset {
-    name: &'static str,
-    media_type: &'static str,
-    tag: String,
-    /// For each coding that a client can accept: the body, and the coding that it has. A short body is not compressed.
-    bodies: [(Bytes, Coding); Coding::ALL.len()],
-}
-
-impl Asset {
-    fn new(name: &'static str, media_type: &'static str, bytes: &[u8]) -> Self {
-        #[expect(clippy::expect_used, reason = "writing to memory cannot fail")]
-        let encode = |coding: Coding| coding.encode(bytes).expect("compresses a file in memory");
-        let bodies = Coding::ALL.map(encode);
-        Self { name, media_type, tag: format!("\"{:016x}\"", xxh3_64(bytes)), bodies }
-    }
-}
 
 static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
     let files = [&[INDEX][..], SCRIPTS, STYLES, IMAGES, TEXTS];
@@ -94,24 +73,10 @@ pub async fn asset(
     file(&name, &headers)
 }
 
-/// Answers with a file, or with 304 if the client has it. Browsers revalidate each file at each load, so
-/// that after an upgrade all files are of one release.
+/// Answers with a file.
 fn file(name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
     let asset = ASSETS.iter().find(|asset| asset.name == name).ok_or_else(|| {
         Problem::new(&kinds::NOT_FOUND, "The dashboard has no file of this name. Open / instead.")
     })?;
-    let shared =
-        [(CACHE_CONTROL, "no-cache"), (CONTENT_SECURITY_POLICY, POLICY), (VARY, "accept-encoding")];
-    if let Some(tag) = held(headers, &asset.tag) {
-        return Ok((StatusCode::NOT_MODIFIED, [(ETAG, tag)], shared).into_response());
-    }
-    let (body, used) = &asset.bodies[Coding::choose(headers) as usize];
-    let own = [(ETAG, tagged(&asset.tag, *used)), (CONTENT_TYPE, asset.media_type.to_owned())];
-    let coding = used.name().map(|name| [(CONTENT_ENCODING, name)]);
-    Ok((own, coding, shared, body.clone()).into_response())
-}
-
-/// The entity tag, which is weak for a compressed body.
-fn tagged(tag: &str, used: Coding) -> String {
-    if used == Coding::Identity { tag.to_owned() } else { format!("W/{tag}") }
+    Ok(asset.answer(headers, POLICY))
 }

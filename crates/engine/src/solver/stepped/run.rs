@@ -31,7 +31,7 @@ const REGAINS: f64 = 1.5;
 
 /// A tip or an edge is blunt if it is worn as deep as the unworn profile is at this distance from it.
 const BLUNT: f64 = 0.35;
-/// The error of the depth at the edge of a flat and at a tip, where the profile is much higher in one cell than the
+/// The relative error of the depth at the edge of a flat, and at a tip, if the profile is much higher in one cell than the
 /// wear is deep.
 const EDGE_AND_TIP: (f64, f64) = (0.3, 1.2);
 /// What remains of this error after the tip has become blunt.
