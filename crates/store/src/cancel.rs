@@ -41,7 +41,7 @@ pub(super) async fn delete(
     if !job.state.is_finished() {
         return Ok(Deleted::Unfinished(job.state));
     }
-    let now = tx.now;
+    let now = tx.now().await?;
     record(&mut tx, now, (by, Act::DeleteJob), &id.to_string(), &job.owner).await?;
     // Without this lock, two servers could delete the last two jobs of a run at the same time. Each would still see
     // the job of the other, and the run would stay without a job.

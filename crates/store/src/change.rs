@@ -3,16 +3,28 @@
 use std::future::Future;
 
 use super::error::Error;
+use super::row::Columns as _;
 use super::signals::Effect;
-use super::tables::{Connected, Connection};
+use super::statement::sql;
+use super::tables::{Connected, Connection, Tables as _};
 
 /// An open transaction of either database.
 pub(super) struct Change<'a> {
     pub(super) db: Connection<'a>,
-    /// The time of the transaction, in milliseconds since 1970.
-    pub(super) now: i64,
+    /// The time of the transaction in SQLite. PostgreSQL is asked for it, which takes as long as a short statement.
+    pub(super) now: Option<i64>,
     /// The signals that are sent after the commit.
     pub(super) effects: &'a mut Vec<Effect>,
+}
+
+impl Change<'_> {
+    /// The time of the transaction, in milliseconds since 1970.
+    pub(super) async fn now(&mut self) -> Result<i64, Error> {
+        match self.now {
+            Some(now) => Ok(now),
+            None => Ok(self.one(sql!("SELECT moment() AS now")).await?.get("now")?),
+        }
+    }
 }
 
 impl Connected for Change<'_> {

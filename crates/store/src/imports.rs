@@ -116,7 +116,7 @@ async fn insert(import: &Import, file: &str, tx: &mut Change<'_>) -> Result<bool
         warnings: warnings.as_deref(),
         trace: None,
         program,
-        now: tx.now,
+        now: tx.now().await?,
     };
     let stored = match tx.connection() {
         // No other writer can store it during the transaction.
@@ -129,7 +129,7 @@ async fn insert(import: &Import, file: &str, tx: &mut Change<'_>) -> Result<bool
     if stored {
         let update = sql!(
             "UPDATE result SET imported = $2, imported_from = $3, computed = $4, verified = $5 WHERE key = $1";
-            key, tx.now, file, import.computed, import.verified.to_string()
+            key, source.now, file, import.computed, import.verified.to_string()
         );
         tx.execute(update).await?;
     }

@@ -187,7 +187,7 @@ pub(super) async fn annotate(
         Some(text) => sql!(
             "INSERT INTO note (key, text, owner, at) VALUES ($1, $2, $3, $4)
              ON CONFLICT (key) DO UPDATE SET text = excluded.text, owner = excluded.owner, at = excluded.at";
-            key, text, &editor.owner, tx.now
+            key, text, &editor.owner, tx.now().await?
         ),
         None => sql!("DELETE FROM note WHERE key = $1"; key),
     };
@@ -211,7 +211,7 @@ pub(super) async fn remove((key, by): &(Key, Actor), mut tx: Change<'_>) -> Resu
     if row.get("pinned")? {
         return Ok(Removed::Pinned);
     }
-    let (now, owner) = (tx.now, row.text("owner")?.unwrap_or_default());
+    let (now, owner) = (tx.now().await?, row.text("owner")?.unwrap_or_default());
     record(&mut tx, now, (by, Act::DeleteResult), &key.to_string(), owner).await?;
     evict(key.bytes(), now, Some(&by.name), &mut tx).await?;
     tx.effects.push(Effect::Deleted(*key));

@@ -137,7 +137,7 @@ pub(super) async fn add(
     (id, key, new): &(String, String, NewKey),
     mut tx: Change<'_>,
 ) -> Result<(), Error> {
-    let now = tx.now;
+    let now = tx.now().await?;
     let insert = sql!(
         "INSERT INTO access_key (id, name, role, digest, per_minute, created, expires)
          VALUES ($1, $2, $3, $4, $5, $6, $7)";
@@ -149,7 +149,7 @@ pub(super) async fn add(
 
 /// Revokes the valid keys with this id or name; returns how many.
 pub(super) async fn revoke(name: &String, mut tx: Change<'_>) -> Result<usize, Error> {
-    let now = tx.now;
+    let now = tx.now().await?;
     let update = sql!(
         "UPDATE access_key SET revoked = $2
          WHERE (id = $1 OR name = $1) AND revoked IS NULL RETURNING id, name";
@@ -165,7 +165,7 @@ pub(super) async fn revoke(name: &String, mut tx: Change<'_>) -> Result<usize, E
 
 /// Records that a key was used.
 pub(super) async fn was_used(by: &Actor, mut tx: Change<'_>) -> Result<(), Error> {
-    let now = tx.now;
+    let now = tx.now().await?;
     tx.execute(sql!("UPDATE access_key SET last_used = $2 WHERE id = $1"; &by.key, now)).await?;
     record(&mut tx, now, (by, Act::UseKey), &by.key, &by.name).await
 }

@@ -32,7 +32,8 @@ pub(crate) async fn cancel(
     let Some(run) = run.filter(|_| !job.state.is_finished()) else {
         return Ok(Canceled::AlreadyFinished(job));
     };
-    record(&mut tx.db, tx.now, (by, Act::CancelJob), &id.to_string(), &job.owner).await?;
+    let now = tx.now().await?;
+    record(&mut tx.db, now, (by, Act::CancelJob), &id.to_string(), &job.owner).await?;
     // If another unfinished job needs the run, this cancels only the job.
     let query = sql!(
         "UPDATE job SET state = 'canceled', finished = moment(), claimable = NULL,

@@ -164,7 +164,7 @@ pub(crate) async fn finish(
     let task = claimed.task(&mut tx.db).await?;
     let (owner, warnings) = (row.text("owner")?, row.text("warnings")?);
     let job = row.get("first_job")?;
-    let (trace, program, now) = (trace.as_deref(), Some(tx.of.node.program), tx.now);
+    let (trace, program, now) = (trace.as_deref(), Some(tx.of.node.program), row.get("finished")?);
     let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
     super::keep::store(&mut tx.db, answer, &source, true).await?;
     ended_by(tx, run, &row, Ending::Succeeded).await?;
@@ -261,7 +261,7 @@ async fn reclaim(
     tx: &mut Transaction<'_>,
 ) -> Result<Recovered, Error> {
     let (run, mut recovered) = (*run, Recovered::default());
-    if !always && !tx.of.contact.goes_on(tx.now) {
+    if !always && !tx.of.contact.goes_on(tx.now().await?) {
         return Ok(recovered);
     }
     let study = chunks::lock(tx, run).await?;

@@ -214,13 +214,14 @@ pub(crate) async fn record(
 ) -> Result<Vec<Submitted>, Error> {
     let Some(first) = jobs.first() else { return Ok(Vec::new()) };
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
-    let (key, source) = (first.job.key, first.source(tx.of.node.program, tx.now));
+    let now = tx.now().await?;
+    let (key, source) = (first.job.key, first.source(tx.of.node.program, now));
     let is_stored = keep::store(&mut tx.db, answer, &source, false).await?;
     if is_stored {
         tx.effects.push(Effect::Ended(key));
         tx.effects.push(Effect::Settled(Ending::Succeeded, Some(took)));
     }
-    let began = tx.now.saturating_sub(took);
+    let began = now.saturating_sub(took);
     let mut all = Vec::new();
     for (number, job) in jobs.iter().enumerate() {
         let origin = if number == 0 { Origin::Computed } else { Origin::Coalesced };

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use sqlx::{Executor, Row as _};
+use sqlx::Executor;
 use tokio::time::timeout;
 
 use super::pool::Borrowed;
@@ -23,9 +23,6 @@ pub(crate) struct Transaction<'a> {
     /// The database.
     pub(super) of: &'a Parts,
     pub(super) db: Borrowed<'a>,
-    /// When the transaction began by the clock of the database, in milliseconds since 1970. The SQL function `moment()`
-    /// returns the same time.
-    pub(super) now: i64,
     /// The signals that are sent after the commit.
     pub(super) effects: Vec<Effect>,
 }
@@ -35,12 +32,18 @@ impl<'a> Transaction<'a> {
     pub(super) async fn begin(of: &'a Parts) -> Result<Self, Error> {
         loop {
             let mut db = of.pool.get().await?;
-            match db.connection().fetch_one("BEGIN; SELECT moment()").await.map_err(Error::from) {
-                Ok(row) => return Ok(Self { of, db, now: row.try_get(0)?, effects: Vec::new() }),
+            match Executor::execute(db.connection(), "BEGIN").await.map_err(Error::from) {
+                Ok(_) => return Ok(Self { of, db, effects: Vec::new() }),
                 Err(Error::Unreachable(_)) if !db.is_new => {}
                 Err(error) => return Err(error),
             }
         }
+    }
+
+    /// When the transaction began by the clock of the database, in milliseconds since 1970. The SQL function `moment()`
+    /// returns the same time.
+    pub(super) async fn now(&mut self) -> Result<i64, Error> {
+        Change::from(self).now().await
     }
 
     /// Notifies the other servers of deleted results in this transaction. Unlike a hint, this must not be lost:
@@ -77,8 +80,8 @@ impl<'a> Transaction<'a> {
 
 impl<'a> From<&'a mut Transaction<'_>> for Change<'a> {
     fn from(tx: &'a mut Transaction<'_>) -> Self {
-        let Transaction { db, now, effects, .. } = tx;
-        Self { db: Connected::connection(db), now: *now, effects }
+        let Transaction { db, effects, .. } = tx;
+        Self { db: Connected::connection(db), now: None, effects }
     }
 }
 

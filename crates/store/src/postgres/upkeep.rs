@@ -328,13 +328,13 @@ async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<i64, Error> 
          ORDER BY last_access LIMIT $1 FOR NO KEY UPDATE SKIP LOCKED";
         RESULTS
     );
-    let oldest = tx.db.rows(query).await?;
+    let (oldest, now) = (tx.db.rows(query).await?, tx.now().await?);
     let mut evicted = 0;
     for row in &oldest {
         if evicted >= bytes {
             break;
         }
-        keep::evict(row.get("key")?, tx.now, None, &mut tx.db).await?;
+        keep::evict(row.get("key")?, now, None, &mut tx.db).await?;
         tx.effects.push(Effect::Evicted);
         evicted += row.get::<i64>("stored")?;
     }

@@ -25,6 +25,6 @@ pub(crate) struct Transaction {
 impl<'a> From<&'a mut Transaction> for Change<'a> {
     fn from(tx: &'a mut Transaction) -> Self {
         let Transaction { db, now, effects, .. } = tx;
-        Self { db: Connection::Sqlite(db), now: *now, effects }
+        Self { db: Connection::Sqlite(db), now: Some(*now), effects }
     }
 }
