@@ -37,7 +37,7 @@ pub struct Shares {
     pub trees: Budget,
     /// Memory for answers.
     pub answers: Budget,
-    /// Turns for heavy work: searching results, or comparing them.
+    /// Turns for heavy work: searching results or jobs, or comparing results.
     pub heavy: PerCaller,
     /// Turns for evaluations. A caller computes at most as many at a time as there are workers, and its further
     /// evaluations wait here. So an evaluation of another caller does not wait for all of them.

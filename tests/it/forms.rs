@@ -437,8 +437,13 @@ async fn a_result_too_large_for_memory_is_decompressed_while_it_is_sent() {
     let mut body = large("simplified");
     body["scenario"]["cycles"]["count"] = json!(600);
     body["scenario"]["model"]["points"] = json!(1024);
-    let (server, address) = with_result(&body).await;
+    // The share of a caller is 3 MiB, less than the compressed result.
+    let settings = Settings { transfers: 8 << 20, ..Settings::default() };
+    let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
+    let job = server.compute(&body).await.json();
+    let address = job["links"]["result"].as_str().unwrap().to_owned();
     let packed = coded(&server, &address, "zstd").await;
+    assert!(packed.body.len() > 3 << 20, "{}", packed.body.len());
     let json = zstd::stream::decode_all(&packed.body[..]).unwrap();
     assert!(json.len() > 32 << 20, "{}", json.len());
     let plain = tokio::join!(server.get(&address), server.get(&address));

@@ -9,9 +9,11 @@ use fretwork_store::{Search, export};
 use serde_json::json;
 use tempfile::TempDir;
 use tokio::task::JoinSet;
+use tokio::time::sleep;
 
 use crate::moving::{import, quiet};
 use crate::server::{JSON, Server, ball, send};
+use crate::store::raw;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_first_list_after_an_import_takes_at_most_half_a_second() {
@@ -50,4 +52,43 @@ async fn the_first_list_after_an_import_takes_at_most_half_a_second() {
         assert!(begun.elapsed() < Duration::from_millis(500), "{list}: {:?}", begun.elapsed());
         assert_eq!(found["results"].as_array().unwrap().len(), 50);
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_can_be_read_beside_many_slow_lists() {
+    let server = Server::start().await;
+    let mut jobs = Vec::new();
+    for amplitude in [1.0, 1.5] {
+        jobs.push(server.compute(&ball(amplitude)).await.json());
+    }
+    // Of 100 000 jobs, half have the key and the other half have the label, so no job matches both.
+    let mut db = raw(server.dir.path()).await;
+    for statement in [
+        "CREATE TEMP TABLE copy AS
+         WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 50000)
+         SELECT job.* FROM job, n",
+        "UPDATE copy SET id = randomblob(16), label = CASE key WHEN (SELECT key FROM job LIMIT 1) THEN 'x' ELSE 'y' END",
+        "INSERT INTO job SELECT * FROM copy",
+    ] {
+        sqlx::query(statement).execute(&mut db).await.unwrap();
+    }
+    let key = jobs[0]["key"].as_str().unwrap();
+    let (address, done) = (server.address, Arc::new(AtomicU32::new(0)));
+    let mut lists = JoinSet::new();
+    for _ in 0..40 {
+        let (target, done) = (format!("/v1/jobs?key={key}&label=y"), Arc::clone(&done));
+        lists.spawn(async move {
+            let reply = send(address, "GET", &target, &[], String::new()).await.unwrap();
+            assert_eq!(reply.status, 200);
+            done.fetch_add(1, Ordering::Relaxed);
+        });
+    }
+    while done.load(Ordering::Relaxed) == 0 {
+        sleep(Duration::from_millis(1)).await;
+    }
+    let job = server.get(jobs[1]["links"]["self"].as_str().unwrap()).await;
+    let before = done.load(Ordering::Relaxed);
+    assert_eq!(job.status, 200);
+    assert!(before < 30, "{before} of 40 lists were answered first");
+    lists.join_all().await;
 }

@@ -232,6 +232,14 @@ fn a_result_without_profiles_has_only_history_figures() {
             sound(&drawn.unwrap(), (640, 440), quantity.name);
         }
     }
+    // Earlier versions of the engine wrote no errors.
+    let mut earlier: Value = serde_json::from_slice(&stored).unwrap();
+    earlier["history"].as_object_mut().unwrap().remove("wear_volume_error").unwrap();
+    let error = View::figure(Quantity::named("wear_volume_error").unwrap());
+    let told = drawn(earlier.to_string().as_bytes(), &error).unwrap_err().to_string();
+    let (because, offered) = told.split_once("Request one of").unwrap();
+    assert!(because.contains("wear_volume_error is not available"), "{told}");
+    assert!(offered.contains("wear_depth_error") && !offered.contains("wear_volume_error"));
     let stored = computed(http::EXAMPLES[0].body);
     let figure = FigureOptions {
         quantity: Quantity::named("wear").unwrap(),

@@ -7,7 +7,9 @@ use std::sync::Arc;
 
 use fretwork_engine::request::fault::{Fault, Faults};
 
-use super::{BadDocument, BadWord, Document, ENGINE, Key, Prepared, Step, Task, TaskKind};
+use super::{
+    BadDocument, BadWord, Canonical, Document, ENGINE, Key, Prepared, Step, Task, TaskKind,
+};
 use fretwork_json as json;
 use fretwork_study::{Claimed, Points, Study};
 
@@ -131,9 +133,15 @@ impl Received {
         if numerics > ENGINE.numerics {
             return Err(Refused::Later(numerics));
         }
+        // The store keeps the scenario in its stored form, and `check` compares it with the key.
+        let asked = &document.asked;
+        let stored = Canonical::in_stored(&asked.kind.stored(&asked.value));
+        let is_own = |asked: &Canonical| asked.key(numerics) == *key;
         if document.engine != ENGINE.name
+            || numerics == 0
             || document.key != key.to_string()
-            || document.asked.key(numerics) != *key
+            || !is_own(asked)
+            || !stored.is_some_and(|stored| is_own(&stored))
         {
             return Err(Refused::Key);
         }

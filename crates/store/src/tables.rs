@@ -34,7 +34,7 @@ pub(super) enum Most {
 pub(super) enum Purpose {
     /// Any statement: uses a connection of the pool.
     Any,
-    /// A scan of all results: uses a connection of the pool. Scans never use all connections of the pool, so single
+    /// A scan of all results or jobs: uses a connection of the pool. Scans never use all connections of the pool, so single
     /// results can always be read.
     Scan,
     /// A large result: few connections may read these, because a connection keeps the memory that it has allocated.

@@ -83,6 +83,10 @@ impl Store {
         Reading(self, Purpose::Any)
     }
 
+    fn scanning(&self) -> Reading<'_> {
+        Reading(self, Purpose::Scan)
+    }
+
     /// Executes a verb that has the same statements in both engines.
     async fn change<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer, Error>
     where
@@ -223,7 +227,7 @@ impl Store {
             let mut canceled = 0;
             let mut before = JobId::generate();
             loop {
-                let ids = read::unfinished(filter, before, AT_ONCE, self.reading()).await?;
+                let ids = read::unfinished(filter, before, AT_ONCE, self.scanning()).await?;
                 let Some(last) = ids.last() else { return Ok(canceled) };
                 before = *last;
                 let mut canceling =
@@ -257,7 +261,7 @@ impl Store {
         cursor: Option<JobId>,
         limit: u32,
     ) -> Doing<'a, Page> {
-        Box::pin(read::jobs(filter, cursor, limit, self.reading()))
+        Box::pin(read::jobs(filter, cursor, limit, self.scanning()))
     }
 
     /// The result of a key. Its checksum is verified, so damage on the disk is an error and never a wrong number.
@@ -469,13 +473,13 @@ impl Store {
         cursor: Option<Cursor>,
         limit: u32,
     ) -> Doing<'a, Found> {
-        Box::pin(Found::page(search, cursor, limit, Reading(self, Purpose::Scan)))
+        Box::pin(Found::page(search, cursor, limit, self.scanning()))
     }
 
     /// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance
     /// is the sum of the relative differences, plus 10 for each word that differs.
     pub fn nearest<'a>(&'a self, to: &'a Outline, except: Option<Key>) -> Doing<'a, Option<Key>> {
-        Box::pin(search::nearest(to, except, Reading(self, Purpose::Scan)))
+        Box::pin(search::nearest(to, except, self.scanning()))
     }
 
     /// Free bytes on the disk of the database; `None` if the system does not report them.

@@ -14,7 +14,6 @@ use axum::response::{IntoResponse, Response};
 use serde_json::Value;
 use tokio::sync::oneshot;
 use tokio::task;
-use tokio::time::Instant;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::pieces::{self, Beginning, PieceWriter, pieces};
@@ -98,7 +97,8 @@ impl Representation {
             Format::Npz => Coding::Identity,
             _ => Coding::choose(headers),
         };
-        let answer = self.find_or_make(app, coding, longest_wait()).await?;
+        let mut reserved = Reserved::nothing_until(longest_wait());
+        let answer = self.find_or_make(app, coding, &mut reserved).await?;
         app.store.was_read(&self.key);
         Ok(match answer {
             Reply::Streamed(response) => response,
@@ -116,18 +116,17 @@ impl Representation {
         }
     }
 
-    /// Finds the answer in memory, or makes it. Waits for memory and for other requests, but only until `end`.
+    /// Finds the answer in memory, or makes it. Waits for memory and for other requests.
     async fn find_or_make(
         &self,
         app: &App,
         coding: Coding,
-        end: Instant,
+        reserved: &mut Reserved,
     ) -> Result<Reply, Problem> {
         let name = self.name_in(coding);
-        let mut reserved = Reserved::nothing_until(end);
         let mut is_first = true;
         loop {
-            let found = find(app, &self.caller, &name, &mut reserved).await?;
+            let found = find(app, &self.caller, &name, reserved).await?;
             if mem::take(&mut is_first) {
                 app.metrics.looked_up(matches!(found, Lookup::Found(_)));
             }
@@ -135,24 +134,26 @@ impl Representation {
                 Lookup::Found(answer) => return Ok(Reply::Whole(answer)),
                 Lookup::Missing(making) => making,
             };
-            match self.source(app, coding, &reserved).await? {
+            match self.source(app, coding, reserved).await? {
                 MadeFrom::Answer(bytes) => {
-                    let answer = Encoded::of(bytes, coding, Some(reserved.permit));
+                    let answer = Encoded::of(bytes, coding, Some(reserved.take_permit()));
                     return Ok(Reply::Whole(app.memory.finish(making, answer, true)));
                 }
                 MadeFrom::Json(json) if self.is_streamed(coding, json.len()) => {
-                    return self.stream(app, making, json, reserved).await;
+                    return self.stream(app, making, json, reserved.take()).await;
                 }
                 MadeFrom::Json(json) => {
-                    let answer = self.make(app, coding, making, json, reserved).await?;
+                    let answer = self.make(app, coding, making, json, reserved.take()).await?;
                     return Ok(Reply::Whole(answer));
                 }
                 MadeFrom::Packed => {
-                    drop((making, reserved));
+                    drop(making);
+                    *reserved = Reserved::nothing_until(reserved.end).beside(pieces::MEMORY);
                     // All readers of this result share one copy of its compressed bytes.
-                    return match Box::pin(self.find_or_make(app, Coding::Zstd, end)).await? {
+                    let packed = Box::pin(self.find_or_make(app, Coding::Zstd, reserved));
+                    return match packed.await? {
                         Reply::Whole(packed) if packed.coding == Coding::Zstd => {
-                            self.unpack(app, packed, end).await
+                            self.unpack(packed, reserved.take_own()).await
                         }
                         answer => Ok(answer),
                     };
@@ -315,9 +316,8 @@ impl Representation {
         })
     }
 
-    /// Decompresses the JSON of the result while the client reads it.
-    async fn unpack(&self, app: &App, packed: Encoded, end: Instant) -> Result<Reply, Problem> {
-        let own = app.shares.answers.hold_until(end, &self.caller, pieces::MEMORY).await?;
+    /// Decompresses the JSON of the result while the client reads it. `own` is the memory for the pieces.
+    async fn unpack(&self, packed: Encoded, own: Permit) -> Result<Reply, Problem> {
         let Encoded { body, permit, .. } = packed;
         let size = Body::of(body.clone()).size();
         let write = move |out: &mut PieceWriter<_>| {

@@ -47,24 +47,56 @@ impl Need {
 /// that request the same answer.
 pub struct Reserved {
     /// When the request gives up. All its waits together end at this time.
-    end: Instant,
+    pub end: Instant,
     bytes: usize,
     /// Memory for the answer.
     pub permit: Permit,
     /// The permission to make an answer from a large result.
     pub maker: Option<OwnedSemaphorePermit>,
+    /// Bytes of memory that the request needs beside the answer, to send it. Both are reserved together: a request that
+    /// held its answer and waited for these could wait for a request that waits for its answer.
+    beside: usize,
+    /// This memory; `None` if it is not reserved yet.
+    own: Option<Permit>,
 }
 
 impl Reserved {
     /// Nothing is reserved yet. The request gives up at `end`.
     pub fn nothing_until(end: Instant) -> Self {
-        Self { end, bytes: 0, permit: Permit::default(), maker: None }
+        let permit = Permit::default();
+        Self { end, bytes: 0, permit, maker: None, beside: 0, own: None }
     }
 
-    /// Takes out what is reserved, and leaves nothing reserved. The time `end` stays.
-    fn take(&mut self) -> Self {
-        let end = self.end;
-        mem::replace(self, Self::nothing_until(end))
+    /// Nothing is reserved yet. The request also needs this many bytes beside the answer.
+    pub fn beside(self, beside: usize) -> Self {
+        Self { beside, ..self }
+    }
+
+    /// Takes out what is reserved, and leaves nothing reserved.
+    pub fn take(&mut self) -> Self {
+        let nothing = Self::nothing_until(self.end).beside(self.beside);
+        mem::replace(self, nothing)
+    }
+
+    /// Takes out the memory for the answer.
+    pub fn take_permit(&mut self) -> Permit {
+        self.bytes = 0;
+        mem::take(&mut self.permit)
+    }
+
+    /// Takes out the memory beside the answer.
+    pub fn take_own(&mut self) -> Permit {
+        self.own.take().unwrap_or_default()
+    }
+
+    fn is_own_missing(&self) -> bool {
+        self.beside > 0 && self.own.is_none()
+    }
+
+    /// Reserves the memory beside the answer alone.
+    async fn hold_own(&mut self, app: &App, caller: &str) -> Result<(), Problem> {
+        self.own = Some(app.shares.answers.hold_until(self.end, caller, self.beside).await?);
+        Ok(())
     }
 
     /// Whether the request has reserved all that `need` names.
@@ -80,23 +112,25 @@ impl Reserved {
         name: &str,
         need: Need,
     ) -> Result<(), Problem> {
+        let (end, beside) = (self.end, self.beside);
         // The request must not wait for memory that it holds itself.
         drop(self.take());
-        let end = self.end;
         let reserve = async {
-            let permit = app.shares.answers.hold_until(end, caller, need.bytes).await?;
+            let bytes = need.bytes + beside;
+            let mut permit = app.shares.answers.hold_until(end, caller, bytes).await?;
+            let own = Some(permit.split(need.bytes));
             let maker = if need.maker {
                 timeout_at(end, app.memory.maker()).await.map_err(|_| makers_busy())?
             } else {
                 None
             };
-            Ok::<_, Problem>(Self { end, bytes: need.bytes, permit, maker })
+            Ok::<_, Problem>(Self { end, bytes: need.bytes, permit, maker, beside, own })
         };
-        *self = tokio::select! {
+        tokio::select! {
             biased;
-            () = app.memory.made(name) => Self::nothing_until(end),
-            reserved = reserve => reserved?,
-        };
+            () = app.memory.made(name) => {}
+            reserved = reserve => *self = reserved?,
+        }
         Ok(())
     }
 }
@@ -115,6 +149,11 @@ pub async fn find(
         }
         let making = match app.memory.lookup(name).await {
             Lookup::Missing(making) => making,
+            Lookup::Found(answer) if reserved.is_own_missing() => {
+                drop(answer);
+                reserved.hold_own(app, caller).await?;
+                continue;
+            }
             found @ Lookup::Found(_) => return Ok(found),
         };
         let Some(Encoded { body, coding, .. }) = app.memory.get(name) else {
@@ -122,8 +161,10 @@ pub async fn find(
         };
         let need = Need { bytes: body.len(), maker: false };
         let permit = if reserved.suffices(need) {
-            reserved.take().permit
-        } else if let Ok(permit) = app.shares.answers.try_hold(caller, need.bytes) {
+            reserved.take_permit()
+        } else if !reserved.is_own_missing()
+            && let Ok(permit) = app.shares.answers.try_hold(caller, need.bytes)
+        {
             permit
         } else {
             drop(making);

@@ -75,6 +75,7 @@ pub async fn list(
     let limit = limit(&mut query, 50, 200);
     let cursor = query.value("cursor", "the id of a job", |text| text.parse().ok());
     query.finish()?;
+    let _turn = app.shares.heavy.turn(&caller.owner).await;
     let page = app.service.jobs(caller.reach(), filter, cursor, limit).await?;
     let (next, link) = next_page(&uri, page.next);
     let jobs = page.jobs.into_iter().map(JobAnswer::from).collect();
@@ -237,6 +238,7 @@ pub async fn cancel_all(
         let detail = "is required, or `label`, `tag`, `key` or `owner`: without them, all jobs would be canceled";
         return Err(Problem::parameters(vec![Complaint::parameter("state", detail)]));
     }
+    let _turn = app.shares.heavy.turn(&caller.owner).await;
     let canceled = app.service.cancel_all(caller.reach(), filter, &caller.actor()).await?;
     Ok(axum::Json(CanceledJobs { canceled }))
 }

@@ -46,7 +46,8 @@ impl Offer {
         let mut faults = self.run_options(view);
         let mut wrong = |parameter, detail: String| faults.push(Missing { parameter, detail });
         let kind = options.kind.unwrap_or_else(|| self.default_kind(options));
-        if !self.kinds().any(|known| known == kind) {
+        let is_possible = self.kinds().any(|known| known == kind);
+        if !is_possible {
             let names: Vec<_> = self.kinds().map(StudyFigure::name).collect();
             wrong("kind", format!("must be one of {} for this study", names.join(", ")));
         }
@@ -62,8 +63,10 @@ impl Offer {
             }
             place
         };
+        // If the study cannot have curves at all, the fault of `kind` says so.
+        let has_families = self.hints.is_grid || !is_possible;
         let has_second = self.members.len() > 1
-            && (kind == StudyFigure::Heat || kind == StudyFigure::Curves && self.hints.is_grid);
+            && (kind == StudyFigure::Heat || kind == StudyFigure::Curves && has_families);
         let output = named("output", &outputs, &options.output, kind.has_output()).unwrap_or(0);
         let over = named("over", &members, &options.over, kind.has_axes());
         let by = named("by", &members, &options.by, has_second);
@@ -212,6 +215,11 @@ mod tests {
             options.by = Some("/friction".to_owned());
         });
         assert_eq!(faults.unwrap_err(), ["by: is not possible for kind=scatter"]);
+        let faults = chosen(&offer(DRAWN, &[4, 6]), |options| {
+            options.kind = Some(StudyFigure::Curves);
+            options.by = Some("/friction".to_owned());
+        });
+        assert_eq!(faults.unwrap_err(), ["kind: must be one of scatter for this study"]);
         let run = View {
             figure: crate::FigureOptions { quantity: &QUANTITIES[1], ..Default::default() },
             cycles: Some(vec![1.0]),

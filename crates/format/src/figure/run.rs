@@ -77,14 +77,19 @@ impl Drawing<'_> {
         if table.cycles() > 0 {
             return Ok(table);
         }
-        let histories = QUANTITIES.iter().filter(|quantity| !quantity.has_curve_per_cycle());
-        let histories: Vec<_> = histories.map(|quantity| quantity.name).collect();
-        let detail = format!(
-            "{} is not available, because the scenario has \"profiles_at\": \"none\". Request one of {}",
-            self.quantity.name,
-            histories.join(", ")
-        );
-        Err(Error::Missing(vec![Missing { parameter: "quantity", detail }]))
+        Err(self.unavailable("the scenario has \"profiles_at\": \"none\"")?)
+    }
+
+    /// Refuses the quantity, and names the columns of the history that the result has.
+    fn unavailable(&self, because: &str) -> Result<Error, Error> {
+        let history = self.document.table(Part::History, &View::default())?;
+        let names = QUANTITIES.iter().map(|quantity| quantity.name);
+        let available: Vec<_> = names.filter(|name| history.column(name).is_some()).collect();
+        let name = self.quantity.name;
+        let available = available.join(", ");
+        let detail =
+            format!("{name} is not available, because {because}. Request one of {available}");
+        Ok(Error::Missing(vec![Missing { parameter: "quantity", detail }]))
     }
 
     /// One curve per selected output cycle, or per evenly spaced output cycle if none is selected.
@@ -152,6 +157,9 @@ impl Drawing<'_> {
 
     fn history(&self) -> Result<Figure, Error> {
         let table = self.table()?;
+        if table.column(self.quantity.name).is_none() {
+            return Err(self.unavailable("an earlier version of the engine computed the result")?);
+        }
         let cycles = table.axis("cycles");
         let columns = self.quantity.columns();
         let mut series = self.history_curves(&table, &columns)?;

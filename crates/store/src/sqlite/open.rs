@@ -40,7 +40,7 @@ pub(crate) const LOCK: &str = "fretwork.lock";
 
 /// The number of read-only connections for small results and lists.
 pub(super) const READERS: u32 = 4;
-/// The number of readers that may scan all results at the same time. The other reader stays free for single results.
+/// The number of readers that may scan all results or jobs at the same time. The other reader stays free for single results.
 /// One caller may scan with two readers at a time, so one is left for the scan of another caller.
 pub(super) const SCANS: usize = 3;
 
