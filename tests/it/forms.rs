@@ -437,13 +437,8 @@ async fn a_result_too_large_for_memory_is_decompressed_while_it_is_sent() {
     let mut body = large("simplified");
     body["scenario"]["cycles"]["count"] = json!(600);
     body["scenario"]["model"]["points"] = json!(1024);
-    // The share of a caller is 3 MiB, less than the compressed result.
-    let settings = Settings { transfers: 8 << 20, ..Settings::default() };
-    let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
-    let job = server.compute(&body).await.json();
-    let address = job["links"]["result"].as_str().unwrap().to_owned();
+    let (server, address) = with_result(&body).await;
     let packed = coded(&server, &address, "zstd").await;
-    assert!(packed.body.len() > 3 << 20, "{}", packed.body.len());
     let json = zstd::stream::decode_all(&packed.body[..]).unwrap();
     assert!(json.len() > 32 << 20, "{}", json.len());
     let plain = tokio::join!(server.get(&address), server.get(&address));
@@ -461,6 +456,34 @@ async fn a_result_too_large_for_memory_is_decompressed_while_it_is_sent() {
     let rows = short.text().lines().filter(|line| !line.starts_with('#')).count();
     assert_eq!((short.status, rows), (200, 1 + 8));
     assert!(short.header("content-length").is_some());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_reader_of_a_large_result_reserves_its_bytes_and_those_of_the_stream() {
+    let mut body = large("simplified");
+    body["scenario"]["cycles"]["count"] = json!(600);
+    body["scenario"]["model"]["points"] = json!(1024);
+    // The share of a caller is 3/8: once less than the compressed result, and once more.
+    for transfers in [8, 96] {
+        let settings = Settings { transfers: transfers << 20, memory: 0, ..Settings::default() };
+        let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
+        let job = server.compute(&body).await.json();
+        let result = job["links"]["result"].as_str().unwrap();
+        let packed = coded(&server, result, "zstd").await.body.len();
+        let share = transfers as usize * 3 / 8 << 20;
+        assert_eq!(packed > share, transfers == 8, "{packed}");
+        let socket = TcpSocket::new_v4().unwrap();
+        socket.set_recv_buffer_size(1 << 12).unwrap();
+        let mut reader = socket.connect(server.address).await.unwrap();
+        let request = format!("GET {result} HTTP/1.1\r\nHost: localhost\r\n\r\n");
+        reader.write_all(request.as_bytes()).await.unwrap();
+        let mut head = [0; 12];
+        reader.read_exact(&mut head).await.unwrap();
+        assert_eq!(&head, b"HTTP/1.1 200");
+        let held = metric(server.address, "fretwork_transfers_bytes").await as usize;
+        let expected = share.min(packed + (1 << 20));
+        assert!(held.abs_diff(expected) < 1 << 12, "{held} instead of {expected}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

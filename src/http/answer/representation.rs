@@ -153,7 +153,9 @@ impl Representation {
                     let packed = Box::pin(self.find_or_make(app, Coding::Zstd, reserved));
                     return match packed.await? {
                         Reply::Whole(packed) if packed.coding == Coding::Zstd => {
-                            self.unpack(packed, reserved.take_own()).await
+                            let own = reserved.take_own();
+                            drop(reserved.take());
+                            self.unpack(packed, own).await
                         }
                         answer => Ok(answer),
                     };

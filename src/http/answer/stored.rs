@@ -72,10 +72,11 @@ impl Reserved {
         Self { beside, ..self }
     }
 
-    /// Takes out what is reserved, and leaves nothing reserved.
+    /// Takes out what is reserved for the answer.
     pub fn take(&mut self) -> Self {
-        let nothing = Self::nothing_until(self.end).beside(self.beside);
-        mem::replace(self, nothing)
+        let own = self.own.take();
+        let rest = Self { own, ..Self::nothing_until(self.end).beside(self.beside) };
+        mem::replace(self, rest)
     }
 
     /// Takes out the memory for the answer.
@@ -114,11 +115,15 @@ impl Reserved {
     ) -> Result<(), Problem> {
         let (end, beside) = (self.end, self.beside);
         // The request must not wait for memory that it holds itself.
-        drop(self.take());
+        drop((self.take(), self.own.take()));
         let reserve = async {
             let bytes = need.bytes + beside;
             let mut permit = app.shares.answers.hold_until(end, caller, bytes).await?;
-            let own = Some(permit.split(need.bytes));
+            let own = (beside > 0).then(|| {
+                // The answer gets the rest, which is smaller than it if the share of the caller is.
+                let rest = permit.split(beside);
+                mem::replace(&mut permit, rest)
+            });
             let maker = if need.maker {
                 timeout_at(end, app.memory.maker()).await.map_err(|_| makers_busy())?
             } else {

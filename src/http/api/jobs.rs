@@ -238,7 +238,6 @@ pub async fn cancel_all(
         let detail = "is required, or `label`, `tag`, `key` or `owner`: without them, all jobs would be canceled";
         return Err(Problem::parameters(vec![Complaint::parameter("state", detail)]));
     }
-    let _turn = app.shares.heavy.turn(&caller.owner).await;
     let canceled = app.service.cancel_all(caller.reach(), filter, &caller.actor()).await?;
     Ok(axum::Json(CanceledJobs { canceled }))
 }

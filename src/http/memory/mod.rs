@@ -165,7 +165,7 @@ impl Memory {
         }
     }
 
-    /// Returns when another request has made the answer with this name, and the caller needs no more memory to read it:
+    /// Returns when another request has made the answer with this name, and the caller needs no more memory for it:
     /// because another request reads it too, or because it is small.
     pub async fn made(&self, name: &str) {
         let is_small = |answer: Encoded| answer.body.len() <= SMALL;

@@ -33,6 +33,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use tokio::sync::{Semaphore, watch};
+use tokio::time::timeout;
 
 use super::error::Error;
 use super::row::{Columns, Row};
@@ -44,7 +45,7 @@ use backlog::Backlog;
 use contact::Contact;
 use hints::Hints;
 use pool::Pool;
-use transaction::reading;
+use transaction::{PATIENCE, reading};
 
 /// This process, as one of the servers that share the database.
 #[derive(Debug)]
@@ -111,12 +112,15 @@ impl Database {
         statement: Statement,
         most: Most,
     ) -> Result<Vec<Row>, Error> {
-        let permit = match purpose {
-            Purpose::Any | Purpose::Keys => None,
-            Purpose::Scan => Some(self.0.scans.acquire().await),
-            Purpose::Large => Some(self.0.large.acquire().await),
+        let permit = async {
+            match purpose {
+                Purpose::Any | Purpose::Keys => Ok(None),
+                Purpose::Scan => self.0.scans.acquire().await.map(Some),
+                Purpose::Large => self.0.large.acquire().await.map(Some),
+            }
         };
-        let _permit = permit.transpose().map_err(|_| Error::Closed)?;
+        let permit = timeout(PATIENCE, permit).await.map_err(|_| Error::Exhausted)?;
+        let _permit = permit.map_err(|_| Error::Closed)?;
         reading!(self, db => db.read(statement.clone(), most).await)
     }
 
