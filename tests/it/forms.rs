@@ -470,7 +470,7 @@ async fn a_reader_of_a_large_result_reserves_its_bytes_and_those_of_the_stream()
         let job = server.compute(&body).await.json();
         let result = job["links"]["result"].as_str().unwrap();
         let packed = coded(&server, result, "zstd").await.body.len();
-        let share = transfers as usize * 3 / 8 << 20;
+        let share = (transfers as usize * 3 / 8) << 20;
         assert_eq!(packed > share, transfers == 8, "{packed}");
         let socket = TcpSocket::new_v4().unwrap();
         socket.set_recv_buffer_size(1 << 12).unwrap();
