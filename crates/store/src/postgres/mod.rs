@@ -45,7 +45,10 @@ use backlog::Backlog;
 use contact::Contact;
 use hints::Hints;
 use pool::Pool;
-use transaction::{PATIENCE, reading};
+use transaction::reading;
+
+/// Timeout of one attempt of a verb, for a database server that never answers. It is longer than `statement_timeout`.
+const PATIENCE: Duration = Duration::from_secs(45);
 
 /// This process, as one of the servers that share the database.
 #[derive(Debug)]

@@ -6,14 +6,11 @@ use sqlx::Executor;
 use tokio::time::timeout;
 
 use super::pool::Borrowed;
-use super::{Database, Parts, hints};
+use super::{Database, PATIENCE, Parts, hints};
 use crate::change::{Change, Verb};
 use crate::error::Error;
 use crate::signals::Effect;
 use crate::tables::Connected;
-
-/// Timeout of one attempt of a verb, for a database server that never answers. It is longer than `statement_timeout`.
-pub(super) const PATIENCE: Duration = Duration::from_secs(45);
 
 /// Maximum number of retries of a verb after conflicts with other transactions.
 const CONFLICTS: u32 = 10;
@@ -156,7 +153,7 @@ macro_rules! reading {
                 }
             }
         };
-        let done = tokio::time::timeout($crate::postgres::transaction::PATIENCE, attempts)
+        let done = tokio::time::timeout($crate::postgres::PATIENCE, attempts)
             .await
             .unwrap_or(Err(Error::Exhausted));
         database.0.signals.counted(done)
