@@ -1,9 +1,12 @@
 //! The dimensionless problem of a scenario, its scales, and the cost of its run.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use crate::contact::control::{Control, Final, Tangential};
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::Contact;
+use crate::numeric::root;
 use crate::solver::closed::energy;
 use crate::solver::closed::simplified::Simplified;
 use crate::solver::events::StopCondition;
@@ -54,29 +57,51 @@ pub struct Scales {
     pub friction: f64,
     /// Wear coefficient k_w in 1/Pa.
     pub wear_coefficient: f64,
+    /// The length of a line contact in m. A round contact has none.
+    pub length: Option<f64>,
 }
 
 impl Scales {
-    /// The unit of force, E*a₀d₀ in N.
+    /// The unit of force in N: E*a₀d₀, or the normal force of a line contact.
     pub(crate) fn force(&self) -> f64 {
-        self.normal_modulus * self.contact_radius * self.indentation_depth
+        match self.length {
+            None => self.normal_modulus * self.contact_radius * self.indentation_depth,
+            Some(length) => FRAC_PI_2 * self.normal_modulus * self.indentation_depth * length,
+        }
     }
 
-    /// The unit of pressure, E*d₀/a₀ in Pa.
+    /// The area of the unworn contact in m².
+    pub(crate) fn area(&self) -> f64 {
+        match self.length {
+            None => PI * self.contact_radius * self.contact_radius,
+            Some(length) => 2.0 * self.contact_radius * length,
+        }
+    }
+
+    /// The unit of pressure in Pa: E*d₀/a₀, or F/a₀ of a line contact, per length.
     pub(crate) fn pressure(&self) -> f64 {
-        self.normal_modulus * self.indentation_depth / self.contact_radius
+        match self.length {
+            None => self.normal_modulus * self.indentation_depth / self.contact_radius,
+            Some(length) => self.force() / (self.contact_radius * length),
+        }
     }
 
-    /// The unit of volume, a₀²d₀ in m³.
+    /// The unit of volume in m³: a₀²d₀, or a₀h₀ times the length of a line contact.
     #[must_use]
     pub fn volume(&self) -> f64 {
-        self.contact_radius * self.contact_radius * self.indentation_depth
+        let across = self.length.unwrap_or(self.contact_radius);
+        self.contact_radius * across * self.indentation_depth
     }
 
-    /// The gross-slip threshold in m: U at Δ = 1.
-    #[must_use]
-    pub fn gross_slip_amplitude(&self) -> f64 {
-        self.friction * self.normal_modulus / self.tangential_modulus * self.indentation_depth
+    /// The unit of slip in m: the gross-slip threshold, U at Δ = 1, or μh₀ of a line contact.
+    pub(crate) fn slip(&self) -> f64 {
+        match self.length {
+            None => {
+                self.friction * self.normal_modulus / self.tangential_modulus
+                    * self.indentation_depth
+            }
+            Some(_) => self.friction * self.indentation_depth,
+        }
     }
 
     /// The wear volume that an energy in J would produce in the exact method, (k_w/μ)·`energy`, in units of a₀²d₀.
@@ -89,10 +114,12 @@ impl Scales {
         2.0 * self.friction * half * self.force()
     }
 
-    /// The energy W in J from `integral` = ∫ y(Δ − y)₊ dx: W = 8μE*·(μE*/G*)·a₀d₀² · `integral`.
+    /// The energy W in J from `integral` = ∫ y(Δ − y)₊ dx: W = 8μE*·(μE*/G*)·a₀d₀² · `integral`. In a line contact,
+    /// W = 4μF·μh₀ ∫ y(θ − y)₊ dx/x.
     pub(crate) fn energy(&self, integral: f64) -> f64 {
         let lost = self.friction * self.force();
-        8.0 * lost * self.gross_slip_amplitude() * integral
+        let factor = if self.length.is_some() { 4.0 } else { 8.0 };
+        factor * lost * self.slip() * integral
     }
 }
 
@@ -204,8 +231,80 @@ impl Case {
         matches!(self.method, Method::Simplified { .. }) && self.control.is_closed()
     }
 
+    /// The slip of the middle of an unworn line contact, in μh₀.
+    pub(crate) fn unworn_middle(&self) -> f64 {
+        let Contact { shape, threshold, reference, .. } = &self.contact;
+        match (&self.control.tangential, reference) {
+            (Tangential::Sliding(stroke), _) => *stroke,
+            (Tangential::Stroke(stroke), Some(reference)) if *threshold >= 1.0 => {
+                (stroke - reference.stroke(shape, 1.0)).max(0.0)
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// The stroke of an unworn line contact in μh₀, with that of the rig. NaN if it is not known.
+    pub(crate) fn unworn_stroke(&self) -> f64 {
+        match (&self.control.tangential, self.contact.reference) {
+            (Tangential::Stroke(stroke) | Tangential::Sliding(stroke), _) => *stroke,
+            (_, Some(reference)) => reference.stroke(&self.contact.shape, self.contact.threshold),
+            (_, None) => f64::NAN,
+        }
+    }
+
+    /// Δ of the unworn contact at the amplitude U in m, and the slip of the middle of a line contact. A line contact needs
+    /// a reference.
+    pub(crate) fn threshold_at(&self, amplitude: f64) -> (f64, f64) {
+        let (stroke, shape) = (amplitude / self.scales.slip(), &self.contact.shape);
+        let Some(reference) = self.contact.reference else {
+            return (threshold(amplitude, self.scales.slip()), 0.0);
+        };
+        let moved = |threshold: f64| {
+            reference.stroke(shape, threshold) - reference.rig() * threshold - stroke
+        };
+        let missing = moved(1.0);
+        if missing <= 0.0 { (1.0, -missing) } else { (root(0.0, 1.0, moved), 0.0) }
+    }
+
+    /// The indentation depth of the unworn contact, in d₀. Of a line contact it is known only against points of the
+    /// surface.
+    pub(crate) fn unworn_depth(&self) -> f64 {
+        match (self.scales.length, self.contact.reference) {
+            (None, _) => 1.0,
+            (Some(_), Some(reference)) if reference.reach.is_finite() => {
+                reference.stroke(&self.contact.shape, 1.0) - reference.rig()
+            }
+            (Some(_), _) => f64::NAN,
+        }
+    }
+
+    /// U/U_rig at Δ. `None` without a rig.
+    pub(crate) fn actuator_share(&self, threshold: f64) -> Option<f64> {
+        let rig = self.contact.reference.map_or(0.0, |reference| reference.rig());
+        match self.control.tangential {
+            Tangential::Rig { amplitude, .. } => Some(threshold / amplitude),
+            Tangential::Stroke(stroke) if rig > 0.0 => Some(1.0 - rig * threshold / stroke),
+            _ => None,
+        }
+    }
+
+    /// U at which the whole contact slips, in m. NaN for a line contact without a reference.
+    pub(crate) fn gross_slip_amplitude(&self) -> f64 {
+        let contact = &self.contact;
+        match (self.scales.length, contact.reference) {
+            (None, _) => self.scales.slip(),
+            (Some(_), Some(reference)) => {
+                self.scales.slip() * (reference.stroke(&contact.shape, 1.0) - reference.rig())
+            }
+            (Some(_), None) => f64::NAN,
+        }
+    }
+
     /// Sums over the unworn springs.
     pub(crate) fn unworn(&self) -> UnwornSums {
+        if self.scales.length.is_some() {
+            return UnwornSums::in_series(&self.contact, self.unworn_middle());
+        }
         let mut sums = match &self.control.tangential {
             Tangential::Record(record) => {
                 UnwornSums::of(&self.contact, Some(&|ratio| record.slip(ratio)))

@@ -20,6 +20,16 @@
 //! d, rig (1 + 2κc)(1 − g₀(c)) = Δ_rig, the largest root
 //! ```
 //!
+//! In a line contact only the force is held in the normal direction, so the level of its springs is constant, as that of
+//! a round contact with its depth held. A constant tangential force is a constant θ there. A stroke U is measured
+//! against a point of the surface at the distance L, or by the slope of the loop:
+//! ```text
+//! F, Q     F(c) = F₀ − Q/μ at all times: c stays
+//! F, U     θ·C + Σ K (θ − y)₊ = U/(μh₀) gives θ;  c grows;  no root up to 1: the middle slips by the rest σ₀
+//! sliding  θ = 1, and σ₀ = U/(μh₀)
+//! K is ∫ L ds/(s √(L²−s²)) or ∫ ds/s over the spring; C is what yields outside the mesh
+//! ```
+//!
 //! # Sources
 //! The principle of Cattaneo and Mindlin, (10). The limiting states follow from (11) with the
 //! constant load.
@@ -30,7 +40,7 @@ use super::limit::{Limit, chord_and_angle, limiting_wear};
 use super::profile::Shape;
 use super::record::DisplacementRecord;
 use super::unworn::Contact;
-use crate::numeric::{maximum, root};
+use crate::numeric::{integrate, maximum, root};
 pub use crate::request::held::Normal;
 
 /// The quantity that is held constant in the tangential direction, in units of the unworn contact.
@@ -51,6 +61,63 @@ pub enum Tangential {
     Blocks(Vec<Block>),
     /// A record of reversals that repeats every cycle.
     Record(Arc<DisplacementRecord>),
+    /// The stroke of a line contact, U/(μh₀), measured against the reference of the contact.
+    Stroke(f64),
+    /// The stroke U/(μh₀) at the middle of a line contact that slides.
+    Sliding(f64),
+}
+
+/// What the displacements of a line contact are measured against.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Series {
+    /// The distance L of the points of the surface that define the displacement. Infinite if the loop defines it.
+    pub reach: f64,
+    /// What yields beside the surface inside `reach`: μF/k_rig, or with an infinite reach μF/S of the unworn contact.
+    pub compliance: f64,
+}
+
+impl Series {
+    /// ∫ L ds/(s √(L²−s²)) from `from` to `to`, or ∫ ds/s if the reach is infinite.
+    pub(crate) fn between(&self, from: f64, to: f64) -> f64 {
+        if self.reach.is_infinite() {
+            return libm::log(to / from);
+        }
+        let part = |s: f64| libm::acosh((self.reach / s).max(1.0));
+        part(from) - part(to)
+    }
+
+    /// What a unit of θ moves beside the surface: the rig.
+    pub(crate) fn rig(&self) -> f64 {
+        if self.reach.is_infinite() { 0.0 } else { self.compliance }
+    }
+
+    /// The stroke of the unworn contact of `shape` at θ, in μh₀.
+    pub(crate) fn stroke(&self, shape: &Shape, threshold: f64) -> f64 {
+        let stick = shape.stick_radius(threshold);
+        let rise = |s: f64| threshold - 1.0 + shape.image(s);
+        let of_spring = |s: f64| {
+            if self.reach.is_infinite() {
+                return rise(s) / s;
+            }
+            rise(s) * self.reach / (s * ((self.reach - s) * (self.reach + s)).sqrt())
+        };
+        // The cube makes the image smooth at the stick edge and at the middle. Beyond a flat, the image rises like a
+        // power 3/2.
+        let from = shape.kinks().iter().copied().fold(stick, f64::max);
+        let width = 1.0 - from;
+        let slipping = integrate(0.0, 1.0, |v| {
+            3.0 * width * v * v * of_spring(from + width * v * v * v)
+        });
+        threshold * self.outside(1.0) + slipping
+    }
+
+    /// C: what a unit of θ moves outside the half-width `end`.
+    pub(crate) fn outside(&self, end: f64) -> f64 {
+        if self.reach.is_infinite() {
+            return self.compliance - libm::log(end);
+        }
+        self.compliance + libm::acosh((self.reach / end).max(1.0))
+    }
 }
 
 /// A number of cycles at one amplitude.
@@ -112,9 +179,15 @@ impl Control {
     pub(crate) fn keeps_stick(&self) -> bool {
         matches!(
             (self.normal, &self.tangential),
-            (Normal::Depth, Tangential::Amplitude | Tangential::Record(_))
+            (Normal::Depth, Tangential::Amplitude | Tangential::Record(_) | Tangential::Sliding(_))
                 | (Normal::Force, Tangential::Force(_))
         )
+    }
+
+    /// Whether a stick edge that moves comes to rest in worn material, at a place that only the run can find.
+    pub(crate) fn drifts(&self) -> bool {
+        self.normal == Normal::Force
+            || matches!(self.tangential, Tangential::Stroke(_) | Tangential::Sliding(_))
     }
 
     /// Whether the motion follows a displacement record.
@@ -179,6 +252,14 @@ impl Control {
     pub(crate) fn largest_threshold(&self, contact: &Contact) -> f64 {
         let Tangential::Blocks(blocks) = &self.tangential else { return contact.threshold };
         blocks.iter().map(|block| block.threshold).fold(0.0, f64::max)
+    }
+
+    /// The stroke of a line contact in μh₀, if it is held.
+    pub(crate) fn largest_stroke(&self) -> f64 {
+        match self.tangential {
+            Tangential::Stroke(stroke) | Tangential::Sliding(stroke) => stroke,
+            _ => 0.0,
+        }
     }
 
     /// The smallest stick radius of the whole run. Inside it no spring ever slips.

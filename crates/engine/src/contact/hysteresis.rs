@@ -9,6 +9,11 @@
 //! A = W/(4QU),  D = δ₀/U,  B = W/(4Qδ₀); the unloading branch crosses Q = 0 at δ₀
 //! ```
 //!
+//! In a line contact all springs carry the same force, in series, so the backbone is U(Q):
+//! ```text
+//! u(θ) = θ·C + Σ K (θ − y)₊,  Q/(μF) = θ;  beyond θ = 1 the middle slips
+//! ```
+//!
 //! The loop uses the same springs as the energy sum. Its points are its corners: the displacements
 //! at which a spring starts to slip. Straight lines between the points therefore enclose the area
 //! W.
@@ -32,7 +37,7 @@ pub const ROW_POINTS: usize = 48;
 /// that starts to slip; the lines between the points are straight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loop {
-    /// Displacement u, in the same unit as Δ (d₀).
+    /// Displacement u, in the same unit as Δ (d₀). NaN, as A and D, in a line contact without a reference.
     pub displacement: Vec<f64>,
     /// Half of the tangential force, Q̃/2.
     pub force: Vec<f64>,
@@ -52,8 +57,10 @@ pub struct Backbone {
     corners: Vec<[f64; 2]>,
     /// The displacement u at which the force reaches half of its maximum.
     half: f64,
-    /// The energy integral ∫ y ω dx.
-    loss: f64,
+    /// The area of the loop, ∮ Q̃/2 du: 4 ∫ y (Δ − y)₊ dx, or half of it in a line contact.
+    lost: f64,
+    /// Whether the displacement is defined. In a line contact without a reference only the width of the loop is.
+    is_placed: bool,
 }
 
 impl Backbone {
@@ -142,14 +149,48 @@ impl Backbone {
         }
         force += slope * (threshold - at);
         corners.push([threshold, force]);
+        let half = Self::at_half(&corners);
+        Self { corners, half, lost: 4.0 * loss * threshold, is_placed: true }
+    }
+
+    /// The backbone of a line contact: K and y of each spring, C with the springs outside the contact, θ, and the slip of
+    /// the middle. `outside` is `None` without a reference. `loss` is ∫ y ω dx/x.
+    pub(crate) fn in_series(
+        springs: impl Iterator<Item = (f64, f64)>,
+        outside: Option<f64>,
+        (threshold, middle): (f64, f64),
+        loss: f64,
+    ) -> Self {
+        let mut slipping: Vec<(f64, f64)> = springs.filter(|(_, y)| *y < threshold).collect();
+        slipping.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let (mut at, mut u, mut slope) = (0.0, 0.0, outside.unwrap_or(0.0));
+        let mut corners = Vec::with_capacity(slipping.len() + 3);
+        corners.push([0.0, 0.0]);
+        for (yields, y) in slipping {
+            u += slope * (y - at);
+            at = y;
+            slope += yields;
+            corners.push([u, 0.5 * at]);
+        }
+        u += slope * (threshold - at);
+        corners.push([u, 0.5 * threshold]);
+        if middle > 0.0 {
+            corners.push([u + middle, 0.5 * threshold]);
+        }
+        let half = Self::at_half(&corners);
+        Self { corners, half, lost: 2.0 * loss * threshold, is_placed: outside.is_some() }
+    }
+
+    /// The displacement at which the force reaches half of its maximum.
+    fn at_half(corners: &[[f64; 2]]) -> f64 {
+        let force = corners[corners.len() - 1][1];
         let above = corners.iter().take_while(|[_, reached]| *reached < 0.5 * force).count();
-        let half = match corners[above.saturating_sub(1)..].first_chunk() {
+        match corners[above.saturating_sub(1)..].first_chunk() {
             Some([[low, from], [high, to]]) if to > from => {
                 low + (high - low) * (0.5 * force - from) / (to - from)
             }
             _ => 0.0,
-        };
-        Self { corners, half, loss }
+        }
     }
 
     /// Δ and the force at Δ.
@@ -176,12 +217,14 @@ impl Backbone {
         }
         // The unloading branch crosses zero where the backbone has half of the maximum force.
         let aperture = (threshold - 2.0 * self.half).max(0.0);
-        // W = 4·2 ∫ y ω dx·Δ in units of 2·(Q̃/2)·u.
-        let lost = 4.0 * self.loss * threshold;
         let slip_ratio = aperture / threshold;
         // Without force the ratio is set to its limit for small forces: then all springs slip over the whole motion.
-        let energy_ratio = if most == 0.0 { 1.0 } else { lost / (4.0 * most * threshold) };
+        let energy_ratio = if most == 0.0 { 1.0 } else { self.lost / (4.0 * most * threshold) };
         let free_ratio = if slip_ratio > 1e-9 { energy_ratio / slip_ratio } else { 0.0 };
+        if !self.is_placed {
+            let displacement = vec![f64::NAN; displacement.len()];
+            return Loop { displacement, force, energy_ratio: f64::NAN, slip_ratio: f64::NAN, free_ratio };
+        }
         Loop { displacement, force, energy_ratio, slip_ratio, free_ratio }
     }
 }

@@ -10,6 +10,12 @@
 //! w∞(ã) = 0, ã > c                                                   (13)
 //! V∞    = 4 ∫ᶜᵃ (d − g₀(x)) √(ã²−x²) dx          (the upper end is ã)
 //! ```
+//! In a line contact with its force and tangential force held, F(s)/F₀ is the image:
+//! ```text
+//! w∞(x) = x ∫ᶜˣ (1 − F(s)/F₀)/(s √(x²−s²)) ds,   V∞ = 2 ∫ᶜᵃ (1 − F(s)/F₀) √(ã²−s²) ds/s
+//! ```
+//! If everything slips, a line contact has no limiting state: its scar grows for ever.
+//!
 //! Equation (19) of the paper gives values up to 3.6 % below the root of (13). This module solves
 //! (13) itself.
 //!
@@ -22,6 +28,7 @@
 
 use std::f64::consts::FRAC_2_PI;
 
+use super::geometry::Geometry;
 use super::profile::Shape;
 use crate::numeric::{Bracket, integrate, integrate_pieces, maximum, root};
 
@@ -54,7 +61,8 @@ impl Limit {
     /// Solves (13) for a stick radius 0 ≤ c < 1 at the unworn depth. c = 0 means gross slip, where
     /// all springs wear.
     ///
-    /// `None` if the scar would become larger than the shape (a sphere loaded to its equator).
+    /// `None` if the scar would become larger than the shape (a sphere loaded to its equator), and for a line contact in
+    /// gross slip.
     #[must_use]
     pub fn solve(shape: &Shape, c: f64) -> Option<Self> {
         Self::at_depth(shape, c, 1.0)
@@ -64,6 +72,10 @@ impl Limit {
     ///
     /// `None` under the same condition as for [`Limit::solve`].
     pub(crate) fn at_depth(shape: &Shape, c: f64, d: f64) -> Option<Self> {
+        let geometry = shape.geometry();
+        if geometry == Geometry::Line && c == 0.0 {
+            return None;
+        }
         // w∞ is positive at r = 1, or just outside c if c > 1, and decreases further out. Search
         // outwards until w∞ changes sign.
         let wear = |r: f64| limiting_wear(shape, c, d, r, chord_and_angle(c, r));
@@ -84,7 +96,16 @@ impl Limit {
         // If a kink is close to c, subtract the integral inside c, as in `integrate_beyond`.
         // Otherwise the substitution x = ã − (ã − c)s² removes the square root at the end.
         let width = radius - c;
-        let volume = if shape.kinks().iter().any(|kink| c - kink < width) {
+        let volume = if geometry == Geometry::Line {
+            // With s = ã − (ã − c) v² the root at the end is smooth.
+            let of_spring = |v: f64| {
+                let s = radius - width * v * v;
+                v * (d - shape.image(s)) * chord(s) / s
+            };
+            let kinks: Vec<f64> =
+                shape.kinks().iter().map(|kink| ((radius - kink) / width).max(0.0).sqrt()).collect();
+            4.0 * width * integrate_pieces(0.0, 1.0, &kinks, of_spring)
+        } else if shape.kinks().iter().any(|kink| c - kink < width) {
             let of_spring = |x: f64| (d - shape.image(x)) * chord(x);
             let part = |to: f64| integrate_pieces(0.0, to, shape.kinks(), of_spring);
             4.0 * (part(radius) - part(c))
@@ -140,7 +161,7 @@ pub(crate) fn chord_and_angle(c: f64, r: f64) -> (f64, f64) {
     (chord, libm::atan(chord / c))
 }
 
-/// w∞(r) for r ≥ c at a depth d.
+/// w∞(r) for r ≥ c at a depth d. In a line contact d is the force in units of F₀.
 pub(crate) fn limiting_wear(
     shape: &Shape,
     c: f64,
@@ -148,7 +169,16 @@ pub(crate) fn limiting_wear(
     r: f64,
     (chord, angle): (f64, f64),
 ) -> f64 {
-    FRAC_2_PI * angle * d - shape.inverse_outside(c, r, chord, angle)
+    step(shape.geometry(), 1.0, c, (chord, angle)) * d - shape.inverse_outside(c, r, chord, angle)
+}
+
+/// The inverse transform at r of an image that is 0 inside c and `height` outside: (2/π) arccos(c/r) times the height, or
+/// arcosh(r/c) in a line contact.
+pub(crate) fn step(geometry: Geometry, height: f64, c: f64, (chord, angle): (f64, f64)) -> f64 {
+    match geometry {
+        Geometry::Round => height * FRAC_2_PI * angle,
+        Geometry::Line => height * libm::asinh(chord / c),
+    }
 }
 
 #[cfg(test)]
@@ -163,6 +193,26 @@ mod tests {
             let left = FRAC_PI_2 - libm::asin(c / a);
             assert!((left - (a * a - c * c).sqrt()).abs() < 1e-12, "c = {c}");
         }
+    }
+
+    /// The table of the limiting states of a cylinder: V∞, ã and the greatest depth with its radius.
+    #[test]
+    fn a_cylinder_has_the_limiting_state_of_its_closed_form() {
+        for (c, radius, volume, depth) in
+            [(0.5_f64, 1.32728, 0.633_897, 0.547_596), (0.7, 1.17397, 0.154_809, 0.234_243)]
+        {
+            let limit = Limit::solve(&Shape::line_power(2.0), c).expect("a root");
+            for (found, known) in
+                [(limit.radius, radius), (limit.volume, volume), (limit.depth, depth)]
+            {
+                assert!((found / known - 1.0).abs() < 4e-6, "{c}: {found} {known}");
+            }
+            // ã from arcosh(ã/c) = ã √(ã²−c²); the depth is greatest at x² = (1 + c²)/2.
+            let a = limit.radius;
+            assert!((libm::acosh(a / c) - a * (a * a - c * c).sqrt()).abs() < 1e-12);
+            assert!((limit.depth_radius - (0.5 * (1.0 + c * c)).sqrt()).abs() < 1e-7);
+        }
+        assert!(Limit::solve(&Shape::line_power(2.0), 0.0).is_none());
     }
 
     #[test]

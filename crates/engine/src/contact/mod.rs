@@ -2,9 +2,11 @@
 //! indentation depths d₀ of the unworn contact.
 
 pub mod control;
+pub mod geometry;
 pub mod hysteresis;
 pub mod limit;
 pub mod profile;
+mod punch;
 pub mod record;
 pub mod row;
 mod smoothing;

@@ -20,10 +20,12 @@
 
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, FRAC_PI_2, PI};
 
+use super::geometry::Geometry;
+use super::punch::Punch;
 use super::splits::Falls;
 use super::table_shape::{PressedTable, Split};
 use super::truncated::Truncated;
-use crate::numeric::{integrate, integrate_beyond, maximum, root, whole_power};
+use crate::numeric::{integrate, integrate_beyond, integrate_pieces, maximum, root, whole_power};
 
 /// A sphere with a larger radius than this, in contact radii, is described by the power law of
 /// a paraboloid, from which it differs by less than 1 % of d₀.
@@ -42,12 +44,26 @@ pub fn kappa(n: f64) -> f64 {
     PI.sqrt() * n * libm::tgamma(0.5 * n) / (2.0 * libm::tgamma(0.5 * (n + 1.0)))
 }
 
+/// The height of a line contact f ∝ xⁿ at the edge of the contact, in h₀: n ∫ uⁿ⁻¹ arcosh(1/u) du over 0…1.
+///
+/// # Examples
+/// ```
+/// use fretwork_engine::contact::profile::line_height;
+/// assert!((line_height(1.0) - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+/// assert!((line_height(2.0) - 1.0).abs() < 1e-15);
+/// ```
+#[must_use]
+pub fn line_height(n: f64) -> f64 {
+    PI.sqrt() * libm::tgamma(0.5 * n) / (2.0 * libm::tgamma(0.5 * (n + 1.0)))
+}
+
 /// The shape of an indenter, normalised so that g₀(1) = 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shape {
     kind: ShapeKind,
     /// The height of the profile at the contact radius, f₀(1).
     height: f64,
+    geometry: Geometry,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -60,6 +76,8 @@ enum ShapeKind {
     Sphere { rho: f64, scale: f64 },
     /// A paraboloid or a cone with a flat tip.
     Truncated(Truncated),
+    /// A flat between rounded edges.
+    Punch(Punch),
     /// A measured table.
     Table(PressedTable),
 }
@@ -68,14 +86,30 @@ impl Shape {
     /// f ∝ rⁿ. An exponent of 1 is a cone, 2 a paraboloid.
     #[must_use]
     pub fn power(exponent: f64) -> Self {
-        let height = 1.0 / kappa(exponent);
+        Self::of_power(exponent, 1.0 / kappa(exponent), Geometry::Round)
+    }
+
+    /// A line contact with f ∝ xⁿ. An exponent of 1 is a wedge, 2 a cylinder.
+    #[must_use]
+    pub fn line_power(exponent: f64) -> Self {
+        Self::of_power(exponent, line_height(exponent), Geometry::Line)
+    }
+
+    fn of_power(exponent: f64, height: f64, geometry: Geometry) -> Self {
         let whole = exponent.round();
         let kind = if (exponent - whole).abs() == 0.0 && whole >= 1.0 {
             ShapeKind::Whole(whole as u32)
         } else {
             ShapeKind::Power(exponent)
         };
-        Self { kind, height }
+        Self { kind, height, geometry }
+    }
+
+    /// A punch with a flat of half-width 0 < β < 1, in half-widths of the contact.
+    #[must_use]
+    pub fn punch(flat: f64) -> Self {
+        let punch = Punch::new(flat);
+        Self { height: punch.profile(1.0), kind: ShapeKind::Punch(punch), geometry: Geometry::Line }
     }
 
     /// A sphere with a radius of ρ > 1 contact radii.
@@ -83,7 +117,7 @@ impl Shape {
     pub fn sphere(rho: f64) -> Self {
         let scale = 1.0 / libm::atanh(1.0 / rho);
         let height = scale / (rho + ((rho - 1.0) * (rho + 1.0)).sqrt());
-        Self { kind: ShapeKind::Sphere { rho, scale }, height }
+        Self { kind: ShapeKind::Sphere { rho, scale }, height, geometry: Geometry::Round }
     }
 
     /// A paraboloid with a flat tip of radius 0 < β < 1, in contact radii.
@@ -99,13 +133,20 @@ impl Shape {
     }
 
     fn truncated(shape: Truncated) -> Self {
-        Self { kind: ShapeKind::Truncated(shape), height: shape.profile(1.0) }
+        let geometry = Geometry::Round;
+        Self { kind: ShapeKind::Truncated(shape), height: shape.profile(1.0), geometry }
     }
 
     /// A measured table.
     pub(crate) fn table(table: PressedTable) -> Self {
         let height = table.profile(1.0);
-        Self { kind: ShapeKind::Table(table), height }
+        Self { kind: ShapeKind::Table(table), height, geometry: Geometry::Round }
+    }
+
+    /// The geometry of the contact.
+    #[must_use]
+    pub fn geometry(&self) -> Geometry {
+        self.geometry
     }
 
     fn as_table(&self) -> Option<&PressedTable> {
@@ -114,7 +155,8 @@ impl Shape {
 
     /// Whether the contact is that of a ball: a paraboloid or a sphere.
     pub(crate) fn is_ball(&self) -> bool {
-        matches!(self.kind, ShapeKind::Whole(2) | ShapeKind::Sphere { .. })
+        self.geometry == Geometry::Round
+            && matches!(self.kind, ShapeKind::Whole(2) | ShapeKind::Sphere { .. })
     }
 
     /// Radii inside the contact at which the image has a kink, in ascending order. A mesh should
@@ -124,6 +166,7 @@ impl Shape {
     pub fn kinks(&self) -> &[f64] {
         match &self.kind {
             ShapeKind::Truncated(shape) => shape.kinks(),
+            ShapeKind::Punch(punch) => punch.kinks(),
             _ => &[],
         }
     }
@@ -161,7 +204,7 @@ impl Shape {
             ShapeKind::Whole(n) => Some(f64::from(n)),
             ShapeKind::Power(n) => Some(n),
             ShapeKind::Sphere { rho, .. } => (rho > SHALLOW).then_some(2.0),
-            ShapeKind::Truncated(_) | ShapeKind::Table(_) => None,
+            ShapeKind::Truncated(_) | ShapeKind::Punch(_) | ShapeKind::Table(_) => None,
         }
     }
 
@@ -184,6 +227,7 @@ impl Shape {
                 scale * r * r / (rho + ((rho - r) * (rho + r)).max(0.0).sqrt())
             }
             ShapeKind::Truncated(ref shape) => shape.profile(r),
+            ShapeKind::Punch(ref punch) => punch.profile(r),
             ShapeKind::Table(ref table) => table.profile(r),
         }
     }
@@ -195,6 +239,7 @@ impl Shape {
             ShapeKind::Power(n) => self.height * n * libm::pow(r, n - 1.0),
             ShapeKind::Sphere { rho, scale } => scale * r / ((rho - r) * (rho + r)).max(0.0).sqrt(),
             ShapeKind::Truncated(ref shape) => shape.slope(r),
+            ShapeKind::Punch(ref punch) => punch.slope(r),
             ShapeKind::Table(ref table) => table.slope(r),
         }
     }
@@ -207,6 +252,7 @@ impl Shape {
             ShapeKind::Power(n) => libm::pow(x, n),
             ShapeKind::Sphere { rho, scale } => scale * x * libm::atanh(x / rho),
             ShapeKind::Truncated(ref shape) => shape.image(x),
+            ShapeKind::Punch(ref punch) => punch.image(x),
             ShapeKind::Table(ref table) => table.image(x),
         }
     }
@@ -222,7 +268,9 @@ impl Shape {
             ShapeKind::Power(n) if c > 0.0 => {
                 libm::pow(c, n) * libm::expm1(n * libm::log1p(delta / c))
             }
-            ShapeKind::Power(_) | ShapeKind::Sphere { .. } => self.image(x) - self.image(c),
+            ShapeKind::Power(_) | ShapeKind::Sphere { .. } | ShapeKind::Punch(_) => {
+                self.image(x) - self.image(c)
+            }
             ShapeKind::Truncated(ref shape) => shape.image_rise(c, delta),
             ShapeKind::Table(ref table) => table.image_rise(c, delta),
         }
@@ -237,6 +285,7 @@ impl Shape {
             ShapeKind::Whole(n) => n > 2,
             ShapeKind::Power(n) => n > 2.0,
             ShapeKind::Sphere { .. } => false,
+            ShapeKind::Punch(_) => true,
             ShapeKind::Truncated(_) => return f64::INFINITY,
             ShapeKind::Table(ref table) => return table.peak_pressure(),
         };
@@ -254,6 +303,7 @@ impl Shape {
                 scale * (libm::atanh(x / rho) + x * rho / ((rho - x) * (rho + x)))
             }
             ShapeKind::Truncated(ref shape) => shape.image_slope(x),
+            ShapeKind::Punch(ref punch) => punch.image_slope(x),
             ShapeKind::Table(ref table) => table.image_slope(x),
         }
     }
@@ -268,18 +318,26 @@ impl Shape {
             ShapeKind::Power(n) => libm::pow(value, 1.0 / n),
             ShapeKind::Sphere { .. } => root(0.0, 1.0, |x| self.image(x) - value),
             ShapeKind::Truncated(ref shape) => shape.image_inverse(value),
+            ShapeKind::Punch(ref punch) => punch.image_inverse(value),
             ShapeKind::Table(ref table) => table.image_inverse(value),
         }
     }
 
     /// The stick radius c of the unworn contact at the amplitude Δ; 0 in gross slip. At Δ = 1 springs under a flat still
-    /// stick.
+    /// stick, but a line contact then carries μF and slips.
     pub(crate) fn stick_radius(&self, threshold: f64) -> f64 {
-        if threshold > 1.0 { 0.0 } else { self.image_inverse(1.0 - threshold) }
+        let slips = match self.geometry {
+            Geometry::Round => threshold > 1.0,
+            Geometry::Line => threshold >= 1.0,
+        };
+        if slips { 0.0 } else { self.image_inverse(1.0 - threshold) }
     }
 
-    /// The mean of g₀ over from…to, without cancellation.
+    /// The mean of g₀ over from…to, without cancellation. In a line contact it is the mean over ds/s.
     pub(crate) fn image_mean(&self, from: f64, to: f64) -> f64 {
+        if self.geometry == Geometry::Line {
+            return self.logarithmic_mean(from, to);
+        }
         match self.kind {
             // (bⁿ⁺¹ − aⁿ⁺¹)/(b − a) = bⁿ + bⁿ⁻¹a + … + aⁿ
             ShapeKind::Whole(n) => {
@@ -290,6 +348,17 @@ impl Shape {
         }
     }
 
+    fn logarithmic_mean(&self, from: f64, to: f64) -> f64 {
+        let width = libm::log(to / from);
+        match self.kind {
+            ShapeKind::Whole(_) | ShapeKind::Power(_) => {
+                let n = self.exponent().unwrap_or_default();
+                libm::pow(from, n) * libm::expm1(n * width) / (n * width)
+            }
+            _ => integrate_beyond(from, to, self.kinks(), |s| self.image(s) / s) / width,
+        }
+    }
+
     /// The integral of the image, ∫₀ˣ g₀ dx.
     pub(crate) fn area(&self, x: f64) -> f64 {
         match self.kind {
@@ -297,32 +366,38 @@ impl Shape {
             ShapeKind::Power(n) => libm::pow(x, n + 1.0) / (n + 1.0),
             // The image of a table has too many pieces for a single Gauss rule.
             ShapeKind::Table(ref table) => table.area(x),
-            ShapeKind::Sphere { .. } | ShapeKind::Truncated(_) => {
+            ShapeKind::Sphere { .. } | ShapeKind::Truncated(_) | ShapeKind::Punch(_) => {
                 integrate_beyond(0.0, x, self.kinks(), |x| self.image(x))
             }
         }
     }
 
-    /// ∫₀¹ (1 − g₀) dx: half of the unworn force in units of E*a₀d₀.
+    /// Half of the unworn force: ∫₀¹ (1 − g₀) dx in units of E*a₀d₀. In a line contact the force is the unit.
     #[must_use]
     pub fn half_force(&self) -> f64 {
         match self.kind {
+            _ if self.geometry == Geometry::Line => 0.5,
             ShapeKind::Whole(n) => f64::from(n) / (f64::from(n) + 1.0),
             ShapeKind::Power(n) => n / (n + 1.0),
             // Sneddon's closed form loses all digits for a large sphere, but the integrand is
             // smooth.
             ShapeKind::Sphere { .. } => integrate(0.0, 1.0, |x| 1.0 - self.image(x)),
             ShapeKind::Truncated(ref shape) => shape.half_force(),
+            ShapeKind::Punch(_) => 0.5,
             ShapeKind::Table(ref table) => table.half_force(),
         }
     }
 
-    /// (2/π) ∫ g₀/√(r²−x²) dx over c…r: the part of the inverse transform (4) outside `c`.
+    /// (2/π) ∫ g₀/√(r²−x²) dx over c…r: the part of the inverse transform (4) outside `c`. In a line contact it is
+    /// r ∫ g₀/(x √(r²−x²)) dx.
     ///
     /// `chord` is √(r²−c²) and `angle` is arccos(c/r). The callers have already computed both.
     pub(crate) fn inverse_outside(&self, c: f64, r: f64, chord: f64, angle: f64) -> f64 {
         if c == 0.0 {
             return self.profile(r);
+        }
+        if self.geometry == Geometry::Line {
+            return self.line_inverse_outside(c, r, chord, angle);
         }
         match self.kind {
             ShapeKind::Truncated(ref shape) => shape.inverse_outside(c, r, chord),
@@ -353,7 +428,29 @@ impl Shape {
         }
     }
 
-    /// (1/π) ∫ g₀′/√(x²−r²) dx over r…b: the pressure, in E*d₀/a₀, of springs that follow the
+    fn line_inverse_outside(&self, c: f64, r: f64, chord: f64, angle: f64) -> f64 {
+        match self.kind {
+            ShapeKind::Whole(1) => r * angle,
+            ShapeKind::Whole(2) => r * chord,
+            _ if 2.0 * c < r => {
+                let of_spring = |s: f64| self.image(s) / (s * ((r - s) * (r + s)).sqrt());
+                let inside = match self.kinks() {
+                    // The cube makes a fractional power smooth at the middle.
+                    [] => integrate(0.0, 1.0, |v| 3.0 * v * v * c * of_spring(c * v * v * v)),
+                    kinks => integrate_pieces(0.0, c, kinks, of_spring),
+                };
+                self.profile(r) - r * inside
+            }
+            _ => {
+                // In the angle the integrand is smooth outside a flat.
+                let from = self.kinks().iter().copied().fold(c, f64::max).min(r);
+                let wide = libm::acos((from / r).min(1.0));
+                integrate(0.0, wide, |psi| self.image(r * libm::cos(psi)) / libm::cos(psi))
+            }
+        }
+    }
+
+    /// (1/π) ∫ g₀′/√(x²−r²) dx over r…b: the pressure, in E*d₀/a₀ (round) or F₀/a₀ (line), of springs that follow the
     /// unworn image inside b. It is infinite at the apex of a cone and at the edge of a flat.
     #[must_use]
     pub fn pressure_inside(&self, r: f64, b: f64) -> f64 {
@@ -394,6 +491,7 @@ impl Shape {
                     })
             }
             ShapeKind::Truncated(ref shape) => shape.pressure_inside(r, b),
+            ShapeKind::Punch(ref punch) => punch.pressure_inside(r, b),
             ShapeKind::Table(ref table) => table.pressure_inside(r, b),
         }
     }

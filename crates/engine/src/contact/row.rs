@@ -21,6 +21,7 @@
 
 use std::sync::OnceLock;
 
+use super::geometry::Geometry;
 use super::hysteresis::{Backbone, ROW_POINTS};
 use super::profile::Shape;
 use super::unworn::{Contact, Decay};
@@ -44,6 +45,9 @@ impl UnwornSums {
     /// harmonic.
     #[must_use]
     pub fn of(contact: &Contact, slip: Option<&dyn Fn(f64) -> f64>) -> Self {
+        if contact.shape.geometry() == Geometry::Line {
+            return Self::in_series(contact, 0.0);
+        }
         let row = SpringRow::new(contact);
         let (sums, compressions) = row.sums_and_compressions(Decay::UNWORN);
         let harmonic = sums.energy / contact.threshold;
@@ -62,6 +66,29 @@ impl UnwornSums {
         });
         let backbone = row.backbone(&sums, &compressions);
         Self { normal: contact.shape.half_force(), tangential: sums.tangential, loss, backbone }
+    }
+}
+
+impl UnwornSums {
+    /// Sums over the springs of an unworn line contact whose middle slips by `middle`.
+    pub(crate) fn in_series(contact: &Contact, middle: f64) -> Self {
+        let Contact { shape, stick, threshold, reference, .. } = contact;
+        let (threshold, stick) = (*threshold, *stick);
+        let springs = layout(shape, stick).map(|(delta, width)| {
+            let x = stick + delta;
+            (x, Geometry::Line.weight(x, width), (1.0 - shape.image(x)).clamp(0.0, threshold))
+        });
+        let energy: f64 = springs.iter().map(|(_, v, y)| v * y * (threshold - y)).sum();
+        let loss = (energy + middle) / threshold;
+        let reach = reference.map_or(f64::INFINITY, |reference| reference.reach);
+        let yields = springs.iter().map(|(x, v, y)| {
+            // L/√(L²−x²)
+            let ratio = x / reach;
+            (v / ((1.0 - ratio) * (1.0 + ratio)).sqrt(), *y)
+        });
+        let outside = reference.map(|reference| reference.outside(1.0) - reference.rig());
+        let backbone = Backbone::in_series(yields, outside, (threshold, middle), loss);
+        Self { normal: 0.5, tangential: 0.5 * threshold, loss, backbone }
     }
 }
 
@@ -91,12 +118,17 @@ static WHOLE: OnceLock<Gauss<ROW_POINTS>> = OnceLock::new();
 /// row.
 pub(crate) fn unworn_integrals(shape: &Shape, c: f64, threshold: f64) -> (f64, f64) {
     let (mut normal, mut energy) = (0.0, 0.0);
-    for (delta, weight) in layout(shape, c) {
+    let geometry = shape.geometry();
+    for (delta, width) in layout(shape, c) {
+        let weight = geometry.weight(c + delta, width);
         let y = (1.0 - shape.image(c + delta)).clamp(0.0, threshold);
         normal += weight * y;
         energy += weight * y * (threshold - y);
     }
-    (threshold * c + normal, energy)
+    match geometry {
+        Geometry::Round => (threshold * c + normal, energy),
+        Geometry::Line => (0.5 * threshold, energy),
+    }
 }
 
 /// The slipping springs: their distances from c and the lengths that they represent.

@@ -1,5 +1,7 @@
 //! The unworn contact and its limiting state, in dimensionless form.
 
+use super::control::Series;
+use super::geometry::Geometry;
 use super::limit::Limit;
 use super::profile::Shape;
 
@@ -20,15 +22,21 @@ pub enum Regime {
 pub struct Contact {
     /// The unworn shape.
     pub shape: Shape,
-    /// Dimensionless amplitude Δ = G*U/(μE*d₀). A spring with a smaller compression slips.
+    /// Dimensionless amplitude: Δ = G*U/(μE*d₀), or Q/(μF₀) in a line contact. A spring with a smaller compression slips.
     pub threshold: f64,
     /// Stick ratio c/a₀; 0 in gross slip.
     pub stick: f64,
     /// The slip regime: partial or gross slip.
     pub regime: Regime,
-    /// The limiting state.
+    /// The limiting state. A line contact in gross slip has none; there it is that of a narrow core, which gives the run
+    /// a time scale and a first size.
     pub limit: Limit,
+    /// What the displacements of a line contact are measured against. Without it they are not defined.
+    pub reference: Option<Series>,
 }
+
+/// The stick radius of the limiting state that gives a line contact in gross slip its scales.
+const NARROW_CORE: f64 = 0.05;
 
 impl Contact {
     /// The contact of `shape` at amplitude Δ > 0. `None` if its scar would become larger than the
@@ -37,8 +45,17 @@ impl Contact {
     pub fn new(shape: Shape, threshold: f64) -> Option<Self> {
         let stick = shape.stick_radius(threshold);
         let regime = if stick > 0.0 { Regime::PartialSlip } else { Regime::GrossSlip };
-        let limit = Limit::solve(&shape, stick)?;
-        Some(Self { shape, threshold, stick, regime, limit })
+        let limit = match shape.geometry() {
+            Geometry::Line if stick == 0.0 => Limit::solve(&shape, NARROW_CORE)?,
+            _ => Limit::solve(&shape, stick)?,
+        };
+        Some(Self { shape, threshold, stick, regime, limit, reference: None })
+    }
+
+    /// The same line contact with a reference for its displacements.
+    #[must_use]
+    pub fn measured_against(self, reference: Option<Series>) -> Self {
+        Self { reference, ..self }
     }
 
     /// The contact of `shape` whose springs stick inside the radius 0 ≤ c < 1.
@@ -46,6 +63,14 @@ impl Contact {
     pub fn sticking(shape: Shape, c: f64) -> Option<Self> {
         let threshold = 1.0 - shape.image(c);
         Self::new(shape, threshold)
+    }
+
+    /// The Δ to which N₀ belongs: dw/dÑ = p·s·Δ/Δ₀. N₀ of a line contact does not depend on the motion.
+    pub(crate) fn reference_threshold(&self) -> f64 {
+        match self.shape.geometry() {
+            Geometry::Round => self.threshold,
+            Geometry::Line => 1.0,
+        }
     }
 
     /// Δ − y₀ of a spring at x = c + δ: the compression that is missing for stick. The value is

@@ -133,7 +133,7 @@ section! {
     #[derive(Copy)]
     ContactScales: Option<f64> = number;
     contact_radius: f64 = "Length scale a₀: the contact radius";
-    indentation_depth: f64 = "Depth scale d₀: the indentation depth";
+    indentation_depth: f64 = "Depth scale d₀: the indentation depth, or 2F/(πE*·length) of a line contact";
     normal_force: f64 = "Force scale F₀ of the unworn contact";
     cycles: f64 = "Characteristic cycles N₀, after which wear is significant";
 }
@@ -143,17 +143,17 @@ section! {
     #[derive(Copy)]
     Unworn: Option<f64> = number;
     normal_modulus: f64 = "E*";
-    tangential_modulus: f64 = "G*";
+    tangential_modulus: f64 = "G*; null for a line contact, where it has no meaning";
     wear_coefficient: f64 = "k_w";
     peak_pressure: f64 = "The largest pressure. It is infinite for a cone and at the edge of a flat: then it is null in JSON";
-    mean_pressure: f64 = "F/(πa²)";
-    gross_slip_amplitude: f64 = "The amplitude at which the whole contact slips";
+    mean_pressure: f64 = "F/(πa²), or F/(2a·length) of a line contact";
+    gross_slip_amplitude: f64 = "The amplitude at which the whole contact slips; null for a line contact without a reference";
     stick_radius: f64 = "The stick radius c; 0 in gross slip";
-    amplitude: f64 = "The amplitude U";
+    amplitude: f64 = "The amplitude U; null for a line contact without a reference";
     tangential_force: f64 = "The amplitude Q of the tangential force";
     energy_per_cycle: f64 = "The energy W lost per cycle";
-    energy_ratio: f64 = "A = W/(4QU), the energy ratio of the sliding transition. It is 0.2 for a paraboloid at the gross-slip threshold";
-    slip_ratio: f64 = "D = δ₀/U, the slip ratio: half of the loop width at Q = 0, divided by the amplitude. It is 0.26 for a paraboloid at the gross-slip threshold";
+    energy_ratio: f64 = "A = W/(4QU), the energy ratio of the sliding transition. It is 0.2 for a paraboloid at the gross-slip threshold; null for a line contact without a reference";
+    slip_ratio: f64 = "D = δ₀/U, the slip ratio: half of the loop width at Q = 0, divided by the amplitude. It is 0.26 for a paraboloid at the gross-slip threshold; null for a line contact without a reference";
     free_ratio: f64 = "B = W/(4Qδ₀), the system-free ratio; 0 if the loop is closed. It is 0.77 for a paraboloid at the gross-slip threshold. It is the same for the stroke at the actuator, because the rig is elastic";
     #[serde(skip_serializing_if = "Option::is_none")]
     actuator_amplitude: Option<f64> = "The amplitude of the actuator, U_rig = U + Q/k_rig. Only with a rig";
@@ -173,7 +173,7 @@ section! {
     wear_depth: f64 = "The largest wear depth";
     wear_depth_radius: f64 = "The radius of the largest wear depth";
     normal_force: f64 = "The limiting normal force F∞. Only the core inside c carries it";
-    indentation_depth: f64 = "The limiting indentation depth d";
+    indentation_depth: f64 = "The limiting indentation depth d; null for a line contact";
     tangential_force: f64 = "The limiting tangential force Q∞ = 2G*U·c";
 }
 
@@ -189,8 +189,8 @@ section! {
     contact_radius: Vec<f64> = "Contact radius a. The simplified rule with held depth keeps it at a₀";
     stick_radius: Vec<f64> = "Stick radius c; 0 in gross slip";
     normal_force: Vec<f64> = "Normal force F";
-    indentation_depth: Vec<f64> = "Indentation depth d";
-    amplitude: Vec<f64> = "U, half of the peak-to-peak displacement";
+    indentation_depth: Vec<f64> = "Indentation depth d. Of a line contact it is measured against `reference_distance`, and null without it";
+    amplitude: Vec<f64> = "U, half of the peak-to-peak displacement; null for a line contact without a reference";
     tangential_force: Vec<f64> = "Amplitude Q of the tangential force";
     energy_per_cycle: Vec<f64> = "Energy W dissipated in one cycle";
     dissipated_energy: Vec<f64> = "Energy Σ W dissipated since the start";

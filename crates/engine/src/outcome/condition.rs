@@ -6,7 +6,7 @@
 //! # Sources
 //! The paper, (10). For a paraboloid they are the results of Cattaneo and Mindlin.
 
-use crate::case::{Case, threshold};
+use crate::case::Case;
 use crate::contact::row::unworn_integrals;
 use crate::contact::unworn::Regime;
 
@@ -28,7 +28,7 @@ impl Condition {
     #[must_use]
     pub fn of(case: &Case, amplitude: f64) -> Self {
         let (scales, shape) = (&case.scales, &case.contact.shape);
-        let threshold = threshold(amplitude, scales.gross_slip_amplitude());
+        let (threshold, middle) = case.threshold_at(amplitude);
         let stick = shape.stick_radius(threshold);
         let (tangential, energy) = unworn_integrals(shape, stick, threshold);
         let is_partial = stick > 0.0;
@@ -36,7 +36,7 @@ impl Condition {
             regime: if is_partial { Regime::PartialSlip } else { Regime::GrossSlip },
             force_ratio: if is_partial { tangential / shape.half_force() } else { 1.0 },
             stick_ratio: stick,
-            energy_per_cycle: scales.energy(energy),
+            energy_per_cycle: scales.energy(energy + middle),
         }
     }
 }
@@ -65,7 +65,7 @@ mod tests {
                 scenario::prepare(scenario, "").unwrap().1
             };
             let base = case(1e-6);
-            for amplitude in [1e-8, 3e-7, 2e-6, 4e-6, base.scales.gross_slip_amplitude(), 2e-5] {
+            for amplitude in [1e-8, 3e-7, 2e-6, 4e-6, base.gross_slip_amplitude(), 2e-5] {
                 let (found, other) = (Condition::of(&base, amplitude), case(amplitude));
                 let Preview { unworn, regime, scales, .. } = Preview::of(&other);
                 assert_eq!(found.regime, regime, "{profile} {amplitude}");

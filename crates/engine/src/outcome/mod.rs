@@ -4,8 +4,8 @@
 //! [`QUANTITIES`] names the unit of every quantity. A name has the same meaning everywhere.
 //!
 //! Entry 0 of every column and row 0 of every matrix is the unworn state. Pressure can be infinite at the
-//! apex of a cone, and late in a run at the stick edge: `f64::INFINITY` here, null in JSON. All other
-//! numbers are finite.
+//! apex of a cone, and late in a run at the stick edge: `f64::INFINITY` here, null in JSON. What is not defined, such as
+//! the displacements of a line contact without a reference, is NaN here, null in JSON. All other numbers are finite.
 
 mod columns;
 mod condition;
@@ -17,7 +17,7 @@ pub use self::columns::{
 };
 pub use self::condition::Condition;
 use crate::case::{Case, Outputs};
-use crate::contact::control::Tangential;
+use crate::contact::geometry::Geometry;
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::Regime;
 use crate::numeric::integrate_beyond;
@@ -258,19 +258,15 @@ impl Unworn {
     pub(crate) fn of(case: &Case, sums: &UnwornSums) -> Self {
         let scales = &case.scales;
         let found = sums.backbone.wind();
-        let area = std::f64::consts::PI * scales.contact_radius * scales.contact_radius;
         // U/U_rig. The rig is elastic, so W, Q and δ₀ are the same at the actuator.
-        let share = match case.control.tangential {
-            Tangential::Rig { amplitude, .. } => Some(case.contact.threshold / amplitude),
-            _ => None,
-        };
+        let share = case.actuator_share(case.contact.threshold);
         Self {
             normal_modulus: scales.normal_modulus,
             tangential_modulus: scales.tangential_modulus,
             wear_coefficient: scales.wear_coefficient,
             peak_pressure: case.contact.shape.peak_pressure() * scales.pressure(),
-            mean_pressure: ContactScales::of(case).normal_force / area,
-            gross_slip_amplitude: scales.gross_slip_amplitude(),
+            mean_pressure: ContactScales::of(case).normal_force / scales.area(),
+            gross_slip_amplitude: case.gross_slip_amplitude(),
             stick_radius: case.contact.stick * scales.contact_radius,
             amplitude: scales.amplitude,
             tangential_force: scales.tangential(sums.tangential),
@@ -300,9 +296,18 @@ pub(crate) fn limit_state(case: &Case) -> Option<LimitState> {
             wear_volume: limit.volume * scales.volume(),
             wear_depth: limit.depth * scales.indentation_depth,
             wear_depth_radius: limit.depth_radius * scales.contact_radius,
-            normal_force: 2.0 * inside * scales.force(),
-            indentation_depth: end.depth * scales.indentation_depth,
-            tangential_force: scales.tangential(end.threshold * end.stick),
+            normal_force: match shape.geometry() {
+                Geometry::Round => 2.0 * inside * scales.force(),
+                Geometry::Line => scales.force(),
+            },
+            indentation_depth: match shape.geometry() {
+                Geometry::Round => end.depth * scales.indentation_depth,
+                Geometry::Line => f64::NAN,
+            },
+            tangential_force: match shape.geometry() {
+                Geometry::Round => scales.tangential(end.threshold * end.stick),
+                Geometry::Line => scales.tangential(0.5 * end.threshold),
+            },
         }
     })
 }

@@ -233,6 +233,7 @@ impl Scenario {
             tangential_modulus: self.moduli.tangential,
             friction: self.friction,
             wear_coefficient: self.wear.coefficient,
+            length: None,
         };
         let outgrown = || self.profile.outgrown(scales.indentation_depth, threshold);
         let contact = Contact::new(contact.shape, threshold).ok_or_else(outgrown)?;

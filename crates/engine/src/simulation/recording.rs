@@ -1,7 +1,6 @@
 //! Records the rows of the history and of the profiles, in SI units.
 
 use crate::case::{Case, Scales};
-use crate::contact::control::Tangential;
 use crate::contact::hysteresis::Loop;
 use crate::outcome::{History, Loops, Profiles};
 use crate::solver::curves::Curves;
@@ -55,6 +54,8 @@ pub(super) struct HistoryEntry {
     pub(super) depth: f64,
     /// Amplitude Δ.
     pub(super) threshold: f64,
+    /// The stroke of a line contact in μh₀, with that of the rig. NaN if it is not known.
+    pub(super) stroke: f64,
     /// Half of the normal force, ∫ y dx over half of the row.
     pub(super) normal: f64,
     /// Half of the tangential force, ∫ min(Δ, y) dx over half of the row.
@@ -154,7 +155,7 @@ impl Recording {
     /// The slip increases outwards, so x + s(x) is largest at the edge.
     pub(super) fn slide(&mut self, scales: &Scales, (scar, slip): (f64, f64)) -> f64 {
         let x = scar * scales.contact_radius;
-        let end = x + slip * scales.gross_slip_amplitude();
+        let end = x + slip * scales.slip();
         for (known, reached) in self.reported.half_lengths.iter_mut().zip([x, end]) {
             *known = known.max(reached);
         }
@@ -166,7 +167,7 @@ impl Recording {
         self.reported.hold(&mut entry);
         let Case { scales, contact, .. } = case;
         let end = self.slide(scales, (entry.scar, entry.edge_slip));
-        let slope = entry.edge_slope * scales.gross_slip_amplitude() / scales.contact_radius;
+        let slope = entry.edge_slope * scales.slip() / scales.contact_radius;
         self.edges.push((end, slope));
         for (column, half_length) in self.half_lengths.iter_mut().zip(self.reported.half_lengths) {
             column.push(half_length);
@@ -178,7 +179,17 @@ impl Recording {
             self.mismatch = Some(entry.worn_by_energy / entry.volume - 1.0);
             self.errors = Some(self.errors.map_or(entry.errors, |known| known.or(entry.errors)));
         }
-        let amplitude = scales.amplitude * (entry.threshold / contact.threshold);
+        let (amplitude, slip) = match scales.length {
+            None => {
+                let amplitude = scales.amplitude * (entry.threshold / contact.threshold);
+                (amplitude, amplitude)
+            }
+            Some(_) => {
+                let rig = contact.reference.map_or(0.0, |reference| reference.rig());
+                let amplitude = (entry.stroke - rig * entry.threshold) * scales.slip();
+                (amplitude, entry.threshold * scales.slip())
+            }
+        };
         history.cycles.push(n);
         history.normalized_cycles.push(n / scales.cycles);
         history.wear_volume.push(entry.volume * scales.volume());
@@ -203,17 +214,16 @@ impl Recording {
         profiles.wear.push(scaled(curves.wear, height));
         profiles.image.push(scaled(curves.image, height));
         profiles.pressure.push(scaled(curves.pressure, scales.pressure()));
-        profiles.slip.push(scaled(curves.slip, amplitude));
+        profiles.slip.push(scaled(curves.slip, slip));
         let loops = &mut self.loops;
         loops.cycles.push(n);
-        loops.displacement.push(scaled(found.displacement, scales.gross_slip_amplitude()));
+        loops.displacement.push(scaled(found.displacement, scales.slip()));
         loops.tangential_force.push(scaled(found.force, scales.tangential(1.0)));
         loops.energy_ratio.push(found.energy_ratio);
         loops.slip_ratio.push(found.slip_ratio);
         loops.free_ratio.push(found.free_ratio);
-        if let Tangential::Rig { amplitude, .. } = case.control.tangential {
-            // U/U_rig. The rig is elastic, so W, Q and δ₀ are the same at the actuator.
-            let share = entry.threshold / amplitude;
+        // The rig is elastic, so W, Q and δ₀ are the same at the actuator.
+        if let Some(share) = case.actuator_share(entry.threshold) {
             let push = |column: &mut Option<Vec<f64>>, ratio| {
                 column.get_or_insert_default().push(share * ratio);
             };

@@ -4,7 +4,6 @@ use super::model_error::{model_error, warning};
 use super::numerical_error;
 use super::recording::{HistoryEntry, Recording};
 use crate::case::{Case, EnergyOutputs, Method, Outputs, SEARCH_EVALUATIONS};
-use crate::contact::hysteresis::Backbone;
 use crate::contact::limit::WIDEST;
 use crate::contact::unworn::Decay;
 use crate::numeric::twelve_digits;
@@ -211,7 +210,7 @@ impl SingleRun {
         let case = &self.case;
         let unworn = case.unworn();
         let curves = case.profiles[0].then(|| {
-            let mut curves = Curves::unworn(&case.contact, radii);
+            let mut curves = Curves::unworn(&case.contact, case.unworn_middle(), radii);
             if case.control.has_record() {
                 let surface = march.wearing().surface();
                 curves.slip = Curves::of(&case.contact.shape, surface, &first.worn, radii).slip;
@@ -221,8 +220,9 @@ impl SingleRun {
         let entry = HistoryEntry {
             contact_radius: 1.0,
             stick: case.contact.stick,
-            depth: 1.0,
+            depth: case.unworn_depth(),
             threshold: case.contact.threshold,
+            stroke: case.unworn_stroke(),
             normal: unworn.normal,
             tangential: unworn.tangential,
             loss: unworn.loss,
@@ -409,10 +409,7 @@ fn marched_entry(
     let curves = shows.then(|| {
         let surface = march.wearing().surface();
         let curves = Curves::of(&case.contact.shape, surface, &worn, radii);
-        let start = mesh.radii[0];
-        let loss = (!case.control.has_record()).then_some(worn.loss);
-        let backbone = Backbone::of_cells(start, worn.threshold, &worn.loads, &mesh.widths, loss);
-        (curves, backbone.wind())
+        (curves, march.wearing().backbone(&worn).wind())
     });
     HistoryEntry {
         cycles,
@@ -423,8 +420,9 @@ fn marched_entry(
         edge_slope: worn.edge_slope(mesh),
         contact_radius: worn.contact_radius,
         stick: worn.stick,
-        depth: worn.depth,
+        depth: worn.approach,
         threshold: worn.threshold,
+        stroke: worn.stroke,
         normal: worn.normal,
         tangential: worn.tangential,
         loss: worn.loss,

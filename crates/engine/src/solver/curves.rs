@@ -1,8 +1,7 @@
 //! The output radii, and curves over them.
 
-use std::f64::consts::FRAC_2_PI;
-
-use crate::contact::limit::{chord_and_angle, limiting_wear};
+use crate::contact::geometry::Geometry;
+use crate::contact::limit::{chord_and_angle, limiting_wear, step};
 use crate::contact::transform::graded;
 use crate::contact::unworn::Contact;
 
@@ -71,22 +70,27 @@ impl Grid {
 }
 
 impl Curves {
-    /// The curves of an unworn contact at the given radii, in closed form.
-    pub(crate) fn unworn(contact: &Contact, radii: &[f64]) -> Self {
+    /// The curves of an unworn contact at the given radii, in closed form. `middle` is the slip of the middle of a line
+    /// contact.
+    pub(crate) fn unworn(contact: &Contact, middle: f64, radii: &[f64]) -> Self {
         let Contact { shape, stick: c, threshold, .. } = contact;
         let (c, threshold) = (*c, *threshold);
         let slip = |r: f64| {
             if r <= c && c > 0.0 {
                 return 0.0;
             }
+            let geometry = shape.geometry();
             if r == 0.0 {
-                return 1.0 - 1.0 / threshold;
+                return if geometry == Geometry::Line { middle } else { 1.0 - 1.0 / threshold };
             }
             // Springs outside a₀ are free, so they slip over the whole motion. The springs inside
             // slip by ω.
-            let (chord, angle) = chord_and_angle(c, r);
-            let rule =
-                threshold * FRAC_2_PI * angle - limiting_wear(shape, c, 1.0, r, (chord, angle));
+            let ends = chord_and_angle(c, r);
+            let rule = if geometry == Geometry::Line && c == 0.0 {
+                shape.profile(r) + middle
+            } else {
+                step(geometry, threshold, c, ends) - limiting_wear(shape, c, 1.0, r, ends)
+            };
             let beyond = if r > 1.0 {
                 limiting_wear(shape, 1.0, 1.0, r, chord_and_angle(1.0, r))
             } else {

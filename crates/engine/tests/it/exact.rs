@@ -493,11 +493,11 @@ fn wear_decreases_by_less_than_2e_4_before_the_correction() {
             while run.advance(time) {}
             let now = run.at(time.min(run.ended().unwrap_or(time))).worn;
             // Another mesh has other nodes and cannot be compared.
-            if mesh == now.squares {
+            if mesh == now.places {
                 let falls = before.iter().zip(&now.wear).map(|(was, is): (&f64, &f64)| was - is);
                 fall = falls.fold(fall, f64::max);
             }
-            (before, mesh) = (now.wear, now.squares);
+            (before, mesh) = (now.wear, now.places);
         }
         largest = largest.max(fall);
         falling += u32::from(fall > 1e-6);

@@ -16,6 +16,7 @@ mod engine;
 mod exact;
 mod golden;
 mod limiting_state;
+mod line;
 mod literal;
 mod loops;
 mod reference_solutions;

@@ -19,6 +19,7 @@ use std::iter;
 use super::mesh::Mesh;
 use super::prior::PriorWear;
 use super::wearing::WornContact;
+use crate::contact::geometry::Geometry;
 use crate::contact::profile::Shape;
 use crate::numeric::{Monotone, abel};
 use crate::solver::curves::Curves;
@@ -38,57 +39,64 @@ impl Curves {
         radii: &[f64],
     ) -> Self {
         let inner = mesh.radii[0];
-        let squares = &mesh.squares;
-        let (start, end) = (squares[0], squares[squares.len() - 1]);
+        let Mesh { geometry, places, .. } = mesh;
+        let (geometry, place) = (*geometry, |r: f64| geometry.place(r));
+        let (start, end) = (places[0], places[places.len() - 1]);
+        let outer = mesh.radii[mesh.radii.len() - 1];
         let WornContact { wear, images, compressions, slips, depth, contact_radius, scar, .. } =
             worn;
         let contact_radius = *contact_radius;
         let middles: Vec<f64> =
             mesh.radii.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
         // In gross slip, the spring on the axis has the same compression as the first cell.
-        let edge = if inner > 0.0 {
+        let edge = if !mesh.is_whole {
             depth - shape.image(inner) - prior.image(inner)
         } else {
             depth - images[0]
         };
         let live = compressions.len();
-        let rim = contact_radius * contact_radius;
+        let rim = place(contact_radius);
         // The loaded springs outside the stick radius as a curve y(t), linear between the middles of cells.
+        let square = contact_radius * contact_radius;
         let loaded = middles.iter().take(live).map(|x| x * x);
-        let loaded: Vec<f64> = loaded.take_while(|t| *t < rim).collect();
+        let loaded: Vec<f64> = loaded.take_while(|t| *t < square).collect();
         let loads = [&[edge], &compressions[..loaded.len()], &[0.0]].concat();
-        let knots = [&[start], &loaded[..], &[rim]].concat();
+        let knots = [&[inner * inner], &loaded[..], &[square]].concat();
         // (1/π) ∫ −y′/√(x²−r²) dx for radii r up to the first knot.
         let pressure_of_springs = |r: f64| -FRAC_1_PI * abel(&knots, &loads, r * r);
 
-        let mut pressure = vec![0.0; squares.len()];
+        let mut pressure = vec![0.0; places.len()];
         mesh.pressure(compressions, &mut pressure);
-        pressure[0] = if inner > 0.0 { pressure_of_springs(inner) } else { pressure[1] };
+        if mesh.starts_on_axis() {
+            pressure[0] = pressure[1];
+        } else if !mesh.is_whole {
+            pressure[0] = pressure_of_springs(inner);
+        }
         // A large drop of y within the first cell makes the pressure at the stick edge infinite.
-        let step = inner > 0.0 && compressions.first().is_some_and(|y| *y < STEP * edge);
-        let inside = squares.iter().take(live + 1).take_while(|t| **t < rim).count().max(1);
+        let step = !mesh.is_whole && compressions.first().is_some_and(|y| *y < STEP * edge);
+        let inside = places.iter().take(live + 1).take_while(|t| **t < rim).count().max(1);
         let pressure = Monotone::through(
-            [&squares[..inside], &[rim]].concat(),
+            [&places[..inside], &[rim]].concat(),
             [&pressure[..inside], &[0.0]].concat(),
         );
-        let slip = Monotone::through(squares.clone(), mesh.solve(slips));
-        let total = PriorWear::of(worn.squares.clone(), wear.clone(), *scar);
-        let profile = Monotone::through(worn.squares.clone(), wear.clone());
-        let middle_squares = middles.iter().map(|x| x * x);
-        let knots = iter::once(start).chain(middle_squares).chain([end]).collect();
-        let at_end = shape.image(end.sqrt()) + total.image(end.sqrt());
+        let slip = Monotone::through(places.clone(), mesh.solve(slips));
+        let total = PriorWear::of(geometry, worn.places.clone(), wear.clone(), *scar);
+        let profile = Monotone::through(worn.places.clone(), wear.clone());
+        let middle_places = middles.iter().map(|x| place(*x));
+        let knots = iter::once(start).chain(middle_places).chain([end]).collect();
+        let at_end = shape.image(outer) + total.image(outer);
         let values = [&[depth - edge], &images[..], &[at_end]].concat();
         let image = Monotone::through(knots, values);
 
         let (mut pressure, mut slip) = (pressure.along(), slip.along());
         let (mut profile, mut image) = (profile.along(), image.along());
         Self {
-            wear: curve(radii, |r| if r > *scar { 0.0 } else { profile(r * r).max(0.0) }),
+            wear: curve(radii, |r| if r > *scar { 0.0 } else { profile(place(r)).max(0.0) }),
             image: curve(radii, |x| {
                 if x < inner {
                     shape.image(x) + prior.image(x)
-                } else if x * x < end {
-                    let value = image(x * x);
+                } else if place(x) < end {
+                    let value = image(place(x));
                     // The mesh spreads the kink at the contact radius over one cell. Inside the
                     // contact g is at most d.
                     if x < contact_radius { value.min(*depth) } else { value.max(*depth) }
@@ -97,25 +105,28 @@ impl Curves {
                 }
             }),
             pressure: curve(radii, |r| {
-                if r < inner {
+                if r < inner && !mesh.is_whole {
                     let pressure = shape.pressure_inside(r, inner)
                         + prior.pressure(r, inner)
                         + pressure_of_springs(r);
                     // Where an earlier block has worn a step, the terms differ by the error of the mesh.
                     pressure.max(0.0)
-                } else if step && r * r <= start {
+                } else if step && place(r) <= start {
                     f64::INFINITY
                 } else if r < contact_radius {
-                    pressure(r * r).max(0.0)
+                    pressure(place(r)).max(0.0)
                 } else {
                     0.0
                 }
             }),
             slip: curve(radii, |r| {
-                if r <= inner && inner > 0.0 {
+                let middle = worn.middle / worn.threshold;
+                if r <= inner && !mesh.is_whole {
                     0.0
-                } else if r * r < end {
-                    slip(r * r).max(0.0)
+                } else if place(r) < end {
+                    (slip(place(r)) + middle).max(0.0)
+                } else if geometry == Geometry::Line {
+                    middle + mesh.slip_at(r, worn.threshold, &worn.loads) / worn.threshold
                 } else {
                     let free = slips.last().copied().unwrap_or(1.0);
                     free * (1.0 - FRAC_2_PI * libm::asin(inner / r))

@@ -132,7 +132,7 @@ fn effort(problem: WearProblem<'_>, tolerance: f64) -> (usize, f64) {
     if matches!(control.tangential, Tangential::Blocks(_)) {
         // More cells are needed at the stick edges that earlier blocks have left, and where the present stick edge
         // moves.
-        let more = if control.normal == Normal::Force { 5 * cells / 3 } else { 3 * cells / 2 };
+        let more = if control.drifts() { 5 * cells / 3 } else { 3 * cells / 2 };
         return (more.min(MOST_CELLS), steps);
     }
     if !moves(control, contact) && !far {
@@ -158,7 +158,7 @@ type Plans = (MeshPlan, Arc<[Option<Outlook>]>);
 /// The expected outer radius of the last mesh.
 fn farthest(contact: &Contact, control: &Control, (plan, outlooks): &Plans) -> f64 {
     let blocks = matches!(control.tangential, Tangential::Blocks(_));
-    if blocks && control.normal == Normal::Depth {
+    if blocks && !control.drifts() {
         let limit = Limit::solve(&contact.shape, control.least_stick(contact));
         return limit.map_or(contact.shape.extent(), |limit| limit.radius);
     }
@@ -188,7 +188,7 @@ impl March {
             return true;
         }
         let stick = control.least_stick(contact);
-        if control.normal == Normal::Depth {
+        if !control.drifts() {
             return Limit::solve(shape, stick).is_some();
         }
         // The scar is largest if the core never grows.
@@ -227,7 +227,7 @@ impl March {
         last: f64,
     ) -> Option<Self> {
         let WearProblem { contact, control, law } = problem;
-        let grows = control.normal == Normal::Force && moves(control, contact);
+        let grows = control.drifts() && moves(control, contact);
         let scouted = if grows { Self::scouted(problem, last) } else { None };
         let plans = match scouted {
             Some(plans) => plans,
@@ -544,7 +544,8 @@ impl March {
     }
 
     /// The number of mesh cells.
-    pub(crate) fn cells(&self) -> usize {
+    #[must_use]
+    pub fn cells(&self) -> usize {
         self.fine.wearing.springs.mesh.widths.len()
     }
 

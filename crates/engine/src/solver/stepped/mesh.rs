@@ -10,17 +10,29 @@
 //! ```
 //! Nothing wears inside r₀ > 0. If r₀ = 0, the wear is constant over the first cell.
 //!
+//! In a line contact the wear is linear in x between nodes, and each cell is one spring with its mean over ds/s:
+//! ```text
+//! R(s,x) = ∫ √(s²−x²) ds/s = √(s²−x²) − x·arccos(x/s),   L_q = ln(r_{q+1}/r_q)
+//! S_qj   = (2/π) [R(s,x_j) − R(s,x_{j+1})]/(L_q (x_{j+1} − x_j)) from s = r_q to r_{q+1}
+//! A_qj   = S_{q,j−1} − S_{q,j}
+//! ```
+//! ds/s needs r₀ > 0. If everything wears, the wear is constant inside a small r₀. Uniform wear changes no image, so
+//! the wear of the first node is a number of its own, and its pressure is what is left of the load.
+//!
 //! # Accuracy
-//! Exact for wear that is linear in r² between nodes.
+//! Exact for wear that is linear in r² (round) or in x (line) between nodes.
 
 use std::cell::OnceCell;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 
 use super::prior::PriorWear;
+use crate::contact::geometry::Geometry;
 use crate::contact::profile::Shape;
 use crate::numeric::dot;
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
+/// If everything wears, r₀ of a line contact is this share of the next node.
+const INNERMOST: f64 = 0.02;
 /// Number of matrix rows that are multiplied together. Their sums fit into the registers of a
 /// processor. An addition needs several clock cycles. The processor works on other sums meanwhile.
 const GROUP: usize = 12;
@@ -33,14 +45,22 @@ type Column = [f64; GROUP];
 pub struct Mesh {
     /// The nodes.
     pub(crate) radii: Vec<f64>,
-    /// The squares of the nodes.
-    pub(crate) squares: Vec<f64>,
+    /// The geometry of the contact.
+    pub(crate) geometry: Geometry,
+    /// The nodes in the coordinate in which the wear is linear: r², or x in a line contact.
+    pub(crate) places: Vec<f64>,
     /// Width of each cell, r_{q+1} − r_q.
     pub(crate) widths: Vec<f64>,
-    /// The area of each node in t: V = π Σ areas·w.
+    /// The weight of each spring: its width, or ln(r_{q+1}/r_q) in a line contact.
+    pub(crate) weights: Vec<f64>,
+    /// Whether everything wears, also inside the first node.
+    pub(crate) is_whole: bool,
+    /// The area of each node in its coordinate: V = π Σ areas·w, or 2 Σ areas·w in a line contact.
     areas: Vec<f64>,
     /// The matrix A in groups of rows, each column by column. Row q of A is A_q1 … A_q,q+1.
     image: Vec<Vec<Column>>,
+    /// The column A_q0 of the first node. Empty unless the wear of the first node is a number of its own.
+    first: Vec<f64>,
     /// The matrix of the pressure in groups of rows, each column by column from the diagonal on.
     pressure: Vec<Vec<Column>>,
     /// Mean over each cell of the image before any wear on this mesh.
@@ -56,46 +76,59 @@ impl Mesh {
     /// kink of the shape moves onto the kink.
     pub(crate) fn new(shape: &Shape, prior: &PriorWear, mut radii: Vec<f64>) -> Self {
         place_nodes(&mut radii, shape.kinks());
-        let squares: Vec<f64> = radii.iter().map(|r| r * r).collect();
+        let (geometry, is_whole) = (shape.geometry(), radii[0] == 0.0);
+        let is_line = geometry == Geometry::Line;
+        if is_line && is_whole {
+            radii[0] = INNERMOST * radii[1];
+        }
+        let places: Vec<f64> = radii.iter().map(|r| geometry.place(*r)).collect();
         let widths: Vec<f64> = radii.windows(2).map(|ends| ends[1] - ends[0]).collect();
         let last = radii.len() - 1;
         let mut areas: Vec<f64> = (0..=last)
-            .map(|j| 0.5 * (squares[(j + 1).min(last)] - squares[j.saturating_sub(1)]))
+            .map(|j| 0.5 * (places[(j + 1).min(last)] - places[j.saturating_sub(1)]))
             .collect();
-        areas[0] = 0.0;
-        let axis = radii[0] == 0.0;
-        if axis {
-            areas[1] += 0.5 * squares[1];
+        let axis = is_whole && !is_line;
+        match (is_whole, geometry) {
+            (false, _) => areas[0] = 0.0,
+            (true, Geometry::Line) => areas[0] += radii[0],
+            (true, Geometry::Round) => (areas[0], areas[1]) = (0.0, areas[1] + 0.5 * places[1]),
         }
-        let image = image(&radii, &squares);
-        let pressure = pressure(&image, &widths, &areas[1..]);
+        let (weights, image, first) = match geometry {
+            Geometry::Round => (widths.clone(), image(&radii, &places), Vec::new()),
+            Geometry::Line => {
+                let weights: Vec<f64> =
+                    radii.windows(2).map(|ends| libm::log(ends[1] / ends[0])).collect();
+                let (image, first) = line_image(&radii, &weights);
+                (weights, image, if is_whole { first } else { Vec::new() })
+            }
+        };
+        let per_load = if is_line { 0.5 } else { FRAC_2_PI };
+        let pressure = pressure(&image, &weights, &areas[1..], per_load);
         let mut initial: Vec<f64> =
             radii.windows(2).map(|ends| shape.image_mean(ends[0], ends[1])).collect();
-        // The whole force minus the force of the cells. A quadrature over the core would be less
-        // accurate: with many pieces its error could exceed the force of a thin ring.
-        let loads = radii.windows(2).zip(&initial).map(|(ends, unworn)| {
-            if ends[1] <= 1.0 {
-                (ends[1] - ends[0]) * (1.0 - unworn)
-            } else if ends[0] < 1.0 {
-                (1.0 - ends[0]) * (1.0 - shape.image_mean(ends[0], 1.0))
-            } else {
-                0.0
-            }
-        });
-        let mut unworn_core = shape.half_force() - loads.sum::<f64>();
-        if radii[0] > 1.0 {
-            // The core of a later block can reach beyond the unworn contact.
-            unworn_core -= (radii[0] - 1.0) * (shape.image_mean(1.0, radii[0]) - 1.0);
-        }
-        let core = if axis { 0.0 } else { unworn_core - prior.image_area(radii[0]) };
+        let core = if axis || is_line { 0.0 } else { core(shape, prior, &radii, &initial) };
         if !prior.is_empty() {
             let areas: Vec<f64> = radii.iter().map(|r| prior.image_area(*r)).collect();
             let worn =
-                areas.windows(2).zip(&widths).map(|(ends, width)| (ends[1] - ends[0]) / width);
+                areas.windows(2).zip(&weights).map(|(ends, weight)| (ends[1] - ends[0]) / weight);
             initial.iter_mut().zip(worn).for_each(|(image, worn)| *image += worn);
         }
         let inverse = OnceCell::new();
-        Self { radii, squares, widths, areas, image, pressure, initial, core, inverse }
+        Self {
+            radii,
+            geometry,
+            places,
+            widths,
+            weights,
+            is_whole,
+            areas,
+            image,
+            first,
+            pressure,
+            initial,
+            core,
+            inverse,
+        }
     }
 
     /// The width of the cell at a radius.
@@ -106,7 +139,8 @@ impl Mesh {
 
     /// The mean over cell q of the image of the given wear at the nodes.
     pub(crate) fn image(&self, q: usize, wear: &[f64]) -> f64 {
-        products(&self.image[q / GROUP], &wear[1..])[q % GROUP]
+        let beyond = products(&self.image[q / GROUP], &wear[1..])[q % GROUP];
+        self.first.get(q).map_or(beyond, |first| beyond + first * wear[0])
     }
 
     /// Appends the images of the next group of cells, for the given wear at the nodes. `images`
@@ -115,12 +149,20 @@ impl Mesh {
         let known = images.len();
         let worn = products(&self.image[known / GROUP], &wear[1..]);
         images.extend(self.initial[known..].iter().zip(worn).map(|(initial, worn)| initial + worn));
+        let first = self.first[known.min(self.first.len())..].iter();
+        images[known..].iter_mut().zip(first).for_each(|(image, first)| *image += first * wear[0]);
     }
 
     /// The pressure at the nodes. `compressions` belong to the springs of the first cells; the
-    /// other springs carry no load. The pressure at the first node is set to 0.
+    /// other springs carry no load. The pressure at the first node is set to 0, unless its wear is a number of its own.
     pub fn pressure(&self, compressions: &[f64], pressure: &mut [f64]) {
         pressure[0] = 0.0;
+        if !self.first.is_empty() {
+            // What the other nodes leave of the load 1.
+            let others = compressions.iter().zip(&self.weights).zip(&self.first);
+            let others: f64 = others.map(|((y, weight), first)| y * weight * first).sum();
+            pressure[0] = 0.5 * (1.0 + others) / self.areas[0];
+        }
         let loaded = |group: usize| compressions.get(group * GROUP..).unwrap_or_default();
         let (groups, rest) = pressure[1..].as_chunks_mut();
         let last = groups.len();
@@ -133,7 +175,7 @@ impl Mesh {
     }
 
     /// Solves A·s = `slips` by forward substitution. The first value s₀ is 0, or s₁ if the mesh
-    /// starts on the axis.
+    /// starts on the axis. In a line contact, a slip of the middle adds to all values.
     pub(crate) fn solve(&self, slips: &[f64]) -> Vec<f64> {
         let mut solution = vec![0.0; slips.len() + 1];
         self.solve_into(slips, &mut solution);
@@ -156,9 +198,14 @@ impl Mesh {
                 }
             }
         }
-        if self.radii[0] == 0.0 {
+        if self.starts_on_axis() {
             solution[0] = solution[1];
         }
+    }
+
+    /// Whether the wear is constant over the first cell, because a round contact wears as a whole.
+    pub(crate) fn starts_on_axis(&self) -> bool {
+        self.is_whole && self.first.is_empty()
     }
 
     /// The wear at the nodes by (4) from the wear `worn` of the image in each cell.
@@ -166,7 +213,7 @@ impl Mesh {
         let rows = self.inverse.get_or_init(|| self.inverse_rows());
         let row = |j: usize| &rows[(j - 1) * j / 2..j * (j + 1) / 2];
         let mut wear = Vec::with_capacity(self.radii.len());
-        wear.push(if self.radii[0] == 0.0 { worn[0] } else { 0.0 });
+        wear.push(if self.is_whole { worn[0] } else { 0.0 });
         wear.extend((1..self.radii.len()).map(|j| dot(row(j), worn)));
         wear
     }
@@ -185,10 +232,64 @@ impl Mesh {
         rows
     }
 
-    /// The wear volume, π Σ areas·w.
+    /// The wear volume, π Σ areas·w, or 2 Σ areas·w in a line contact.
     pub(crate) fn volume(&self, wear: &[f64]) -> f64 {
-        std::f64::consts::PI * dot(&self.areas, wear)
+        let unit = match self.geometry {
+            Geometry::Round => std::f64::consts::PI,
+            Geometry::Line => 2.0,
+        };
+        unit * dot(&self.areas, wear)
     }
+
+    /// The tangential motion, as far as the surface at `radius` does not follow it: Δ·s there. `loads` are min(Δ, y) of
+    /// the cells in contact. In a line contact it is the slip relative to the middle.
+    pub(crate) fn slip_at(&self, radius: f64, threshold: f64, loads: &[f64]) -> f64 {
+        let angle = |x: f64| libm::asin((x / radius).min(1.0));
+        let cosh = |x: f64| libm::acosh((radius / x).max(1.0));
+        match self.geometry {
+            Geometry::Round => {
+                let mut inner = angle(self.radii[0]);
+                let mut stuck = threshold * inner;
+                for (load, outer) in loads.iter().zip(&self.radii[1..]) {
+                    let outer = angle(*outer);
+                    stuck += load * (outer - inner);
+                    inner = outer;
+                }
+                (threshold - FRAC_2_PI * stuck).max(0.0)
+            }
+            Geometry::Line => {
+                let mut inner = cosh(self.radii[0]);
+                let mut slip = threshold * inner;
+                for (load, outer) in loads.iter().zip(&self.radii[1..]) {
+                    let outer = cosh(*outer);
+                    slip -= load * (inner - outer);
+                    inner = outer;
+                }
+                slip.max(0.0)
+            }
+        }
+    }
+}
+
+/// ∫₀^r₀ (1 − g) dx before any wear on the mesh, for a round contact.
+fn core(shape: &Shape, prior: &PriorWear, radii: &[f64], initial: &[f64]) -> f64 {
+    // The whole force minus the force of the cells. A quadrature over the core would be less
+    // accurate: with many pieces its error could exceed the force of a thin ring.
+    let loads = radii.windows(2).zip(initial).map(|(ends, unworn)| {
+        if ends[1] <= 1.0 {
+            (ends[1] - ends[0]) * (1.0 - unworn)
+        } else if ends[0] < 1.0 {
+            (1.0 - ends[0]) * (1.0 - shape.image_mean(ends[0], 1.0))
+        } else {
+            0.0
+        }
+    });
+    let mut unworn_core = shape.half_force() - loads.sum::<f64>();
+    if radii[0] > 1.0 {
+        // The core of a later block can reach beyond the unworn contact.
+        unworn_core -= (radii[0] - 1.0) * (shape.image_mean(1.0, radii[0]) - 1.0);
+    }
+    unworn_core - prior.image_area(radii[0])
 }
 
 /// Moves the inner node next to each kink onto the kink. A kink that would make the first cell much
@@ -260,16 +361,58 @@ fn image(radii: &[f64], squares: &[f64]) -> Vec<Vec<Column>> {
     groups
 }
 
-/// The matrix of the pressure: the transpose of A with the widths of cells and the areas of nodes.
-fn pressure(image: &[Vec<Column>], widths: &[f64], areas: &[f64]) -> Vec<Vec<Column>> {
-    let per_area: Vec<f64> = areas.iter().map(|area| FRAC_2_PI / area).collect();
+/// The matrix A of a line contact, and its column of the first node.
+fn line_image(radii: &[f64], weights: &[f64]) -> (Vec<Vec<Column>>, Vec<f64>) {
+    let cells = weights.len();
+    let mut groups: Vec<Vec<Column>> = (0..cells)
+        .step_by(GROUP)
+        .map(|first| vec![[0.0; GROUP]; (first + GROUP).min(cells)])
+        .collect();
+    let mut first = Vec::with_capacity(cells);
+    // R(r_q, x_j) for j ≤ q.
+    let (mut roots, mut next) = (vec![0.0], Vec::with_capacity(cells));
+    for q in 0..cells {
+        let (s, scale) = (radii[q + 1], FRAC_2_PI / weights[q]);
+        next.clear();
+        next.extend(radii[..=q].iter().map(|x| {
+            let chord = ((s - x) * (s + x)).sqrt();
+            chord - x * libm::atan2(chord, *x)
+        }));
+        next.push(0.0);
+        roots.push(0.0);
+        // The mean over the cell of the image of a unit slope in each cell up to this one.
+        let slope = |j: usize| {
+            let rise = (next[j] - roots[j]) - (next[j + 1] - roots[j + 1]);
+            scale * rise / (radii[j + 1] - radii[j])
+        };
+        let mut before = slope(0);
+        first.push(-before);
+        for j in 1..=q {
+            let here = slope(j);
+            groups[q / GROUP][j - 1][q % GROUP] = before - here;
+            before = here;
+        }
+        groups[q / GROUP][q][q % GROUP] = before;
+        std::mem::swap(&mut roots, &mut next);
+    }
+    (groups, first)
+}
+
+/// The matrix of the pressure: the transpose of A with the weights of springs and the areas of nodes.
+fn pressure(
+    image: &[Vec<Column>],
+    weights: &[f64],
+    areas: &[f64],
+    per_load: f64,
+) -> Vec<Vec<Column>> {
+    let per_area: Vec<f64> = areas.iter().map(|area| per_load / area).collect();
     let group = |(group, per_area): (usize, &[f64])| {
         let first = group * GROUP;
-        let columns = widths.iter().enumerate().skip(first).map(|(q, width)| {
+        let columns = weights.iter().enumerate().skip(first).map(|(q, weight)| {
             let mut column = [0.0; GROUP];
             let entries = image[q / GROUP][first..].iter().map(|column| column[q % GROUP]);
             for ((sum, entry), per_area) in column.iter_mut().zip(entries).zip(per_area) {
-                *sum = per_area * width * entry;
+                *sum = per_area * weight * entry;
             }
             column
         });
@@ -299,12 +442,12 @@ mod tests {
     fn a_wear_linear_in_r_squared_has_the_exact_cell_means() {
         // With t = r², w = t − t₀ outside r₀ has the image 2x√(x² − r₀²), with the mean ⅔·Δ(t − t₀)^{3/2}/Δr.
         let mesh = Mesh::new(&Shape::power(2.0), &none(), graded(0.4, 1.3, 30));
-        let start = mesh.squares[0];
-        let wear: Vec<f64> = mesh.squares.iter().map(|t| t - start).collect();
+        let start = mesh.places[0];
+        let wear: Vec<f64> = mesh.places.iter().map(|t| t - start).collect();
         for q in 0..30 {
             let power = |t: f64| (t - start) * (t - start).sqrt();
             let exact =
-                TWO_THIRDS * (power(mesh.squares[q + 1]) - power(mesh.squares[q])) / mesh.widths[q];
+                TWO_THIRDS * (power(mesh.places[q + 1]) - power(mesh.places[q])) / mesh.widths[q];
             assert!((mesh.image(q, &wear) - exact).abs() < 1e-13, "{q}");
         }
         let volume = 0.5 * std::f64::consts::PI * (1.69 - start) * (1.69 - start);

@@ -3,6 +3,7 @@
 
 use super::law::{Law, WearProblem};
 use crate::contact::control::{Control, Final, Normal, Tangential, critical_stick};
+use crate::contact::geometry::Geometry;
 use crate::contact::limit::Limit;
 use crate::contact::unworn::Contact;
 use crate::numeric::{integrate_beyond, root};
@@ -90,11 +91,12 @@ impl MeshPlan {
             && control.normal == Normal::Depth;
         let last = match end {
             Some(end) => end.limit.radius,
+            None if least.total_cmp(&contact.stick).is_eq() => contact.limit.radius,
             None => match Limit::solve(shape, least) {
                 Some(limit) => limit.radius,
                 // The limiting scar is larger than the indenter, but the scar may stay smaller during
                 // the run. Otherwise the run ends when the scar reaches the edge of the indenter.
-                None if control.normal == Normal::Force => shape.extent(),
+                None if control.drifts() => shape.extent(),
                 None => return None,
             },
         };
@@ -112,8 +114,8 @@ impl MeshPlan {
             let reach = start + (radius - start) * (1.0 + 0.6 / cells as f64);
             reach.min(shape.extent())
         };
-        let (reach, farthest) = match (control.normal, end) {
-            (Normal::Force, None) => (outermost(last), f64::INFINITY),
+        let (reach, farthest) = match (control.drifts(), end) {
+            (true, None) => (outermost(last), f64::INFINITY),
             (_, Some(end)) if is_far(contact, &end) => {
                 (outermost(contact.limit.radius), outermost(end.limit.radius))
             }
@@ -159,10 +161,7 @@ impl MeshPlan {
     ) -> Self {
         let extent = contact.shape.extent();
         let reach = (stick + (reach - stick) * (1.0 + 0.6 / cells as f64)).min(extent);
-        let farthest = match control.normal {
-            Normal::Depth => reach,
-            Normal::Force => f64::INFINITY,
-        };
+        let farthest = if control.drifts() { f64::INFINITY } else { reach };
         let focus = (stick > 0.0).then(|| Focus::at(stick));
         Self { start: stick, reach, farthest, focus, old_edge: None }
     }
@@ -183,18 +182,27 @@ impl MeshPlan {
     pub(crate) fn outermost(problem: WearProblem<'_>, last: f64) -> Option<f64> {
         let WearProblem { contact, control, law } = problem;
         let end = control.tends_to(contact);
-        if control.normal == Normal::Depth || end.is_none() && control.least_stick(contact) > 0.0 {
+        if !control.drifts() || end.is_none() && control.least_stick(contact) > 0.0 {
             return None;
         }
         let shape = &contact.shape;
         // The simplified rule satisfies the energy balance less accurately.
         let share = if law == Law::Exact { 1.0 } else { 1.6 };
-        let quickest = control.largest_threshold(contact) / contact.threshold;
-        let fastest = 2.0 * share * shape.half_force() * quickest;
+        let fastest = match shape.geometry() {
+            Geometry::Round => {
+                let quickest = control.largest_threshold(contact) / contact.threshold;
+                2.0 * share * shape.half_force() * quickest
+            }
+            // The slip of the middle is at most the stroke, and the springs add y(θ − y) ≤ ¼.
+            Geometry::Line => control.largest_stroke() + 0.5,
+        };
         let cut = |radius: f64| {
             let depth = shape.profile(radius);
-            2.0 * std::f64::consts::PI
-                * integrate_beyond(0.0, radius, shape.kinks(), |r| r * (depth - shape.profile(r)))
+            let of_ring = |r: f64| match shape.geometry() {
+                Geometry::Round => r * (depth - shape.profile(r)),
+                Geometry::Line => (depth - shape.profile(r)) / std::f64::consts::PI,
+            };
+            2.0 * std::f64::consts::PI * integrate_beyond(0.0, radius, shape.kinks(), of_ring)
         };
         let most = shape.extent().min(end.map_or(1e6, |end| end.limit.radius));
         let mut reach = contact.limit.radius;

@@ -8,14 +8,17 @@
 //! g(x)    = w(0) + 2x Σ κⱼ √(x²−tⱼ)
 //! ∫₀ˣ g   = w(0)·x + ⅔ Σ κⱼ (x²−tⱼ)^{3/2}       over the nodes with tⱼ < x²
 //! ```
+//! In a line contact the wear is linear in x, the image is (2/π) Σ κⱼ √(s²−xⱼ²), and its integral is that over ds/s.
 //!
 //! # Accuracy
 //! Exact. Only if there are many nodes, those are left out that change the wear least.
 
-use std::f64::consts::{FRAC_1_PI, PI};
+use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
+use std::iter;
 use std::ops::RangeInclusive;
 use std::sync::OnceLock;
 
+use crate::contact::geometry::Geometry;
 use crate::numeric::{abel, weighted};
 
 /// Maximum number of nodes per cell of a mesh. More are left when many blocks have different meshes.
@@ -30,11 +33,13 @@ const BESIDE: usize = 2;
 /// Wear that is this many times as deep as a bump of the surface removes the bump.
 const LEVELS: f64 = 3.0;
 
-/// Wear that is linear in t = r² between nodes. It is constant inside the first node and outside the
-/// last one. Without nodes it is 0.
+/// Wear that is linear in t = r² between nodes, or in x in a line contact. It is constant inside the first node and
+/// outside the last one. Without nodes it is 0.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PriorWear {
-    squares: Vec<f64>,
+    geometry: Geometry,
+    /// The nodes, as t = r² or x.
+    places: Vec<f64>,
     wear: Vec<f64>,
     /// The change of the slope dw/dt at each node, for images.
     kinks: OnceLock<Vec<f64>>,
@@ -42,59 +47,60 @@ pub struct PriorWear {
     images: OnceLock<Vec<f64>>,
     /// The outer radius of the scar. It is 0 without wear.
     pub(super) radius: f64,
-    /// The squares of the stick edges of earlier meshes.
+    /// The stick edges of earlier meshes, as t = r² or x.
     edges: Vec<f64>,
 }
 
 impl PriorWear {
-    /// The wear at the squares of some radii, and its outer radius.
-    pub(super) fn of(squares: Vec<f64>, wear: Vec<f64>, radius: f64) -> Self {
-        Self { squares, wear, radius, ..Self::default() }
+    /// The wear at some places, and its outer radius.
+    pub(super) fn of(geometry: Geometry, places: Vec<f64>, wear: Vec<f64>, radius: f64) -> Self {
+        Self { geometry, places, wear, radius, ..Self::default() }
     }
 
     /// This wear with the wear of another mesh on top of it, and its new outer radius. `profile` is the unworn
     /// profile at t.
     pub(super) fn with(
         &self,
-        squares: &[f64],
+        geometry: Geometry,
+        places: &[f64],
         wear: &[f64],
         radius: f64,
         profile: impl Fn(f64) -> f64,
     ) -> Self {
         if self.is_empty() {
-            return Self::of(squares.to_vec(), wear.to_vec(), radius);
+            return Self::of(geometry, places.to_vec(), wear.to_vec(), radius);
         }
-        let added = Self::of(squares.to_vec(), self.evened(squares, wear, &profile), radius);
-        let mut nodes = [&self.squares[..], squares].concat();
+        let added = Self::of(geometry, places.to_vec(), self.evened(places, wear, &profile), radius);
+        let mut nodes = [&self.places[..], places].concat();
         nodes.sort_by(f64::total_cmp);
         nodes.dedup();
         let (mut below, mut above) = (self.along(), added.along());
         let mut sum: Vec<f64> = nodes.iter().map(|t| below(*t) + above(*t)).collect();
         let mut edges = self.edges.clone();
-        edges.retain(|edge| match Window::around(*edge, (squares, wear), &nodes) {
+        edges.retain(|edge| match Window::around(*edge, (places, wear), &nodes) {
             Some(window) => window.smooth(&nodes, &mut sum, &profile) < 1.0,
             None => true,
         });
-        Self { edges, ..Self::of(nodes, sum, radius) }
+        Self { edges, ..Self::of(geometry, nodes, sum, radius) }
     }
 
     /// The wear of another mesh without waves from node to node of the surface. The springs hardly feel them, and the
     /// next mesh would make them larger. The filter is exact for cubics, and the volume stays the same.
-    fn evened(&self, squares: &[f64], wear: &[f64], profile: impl Fn(f64) -> f64) -> Vec<f64> {
+    fn evened(&self, places: &[f64], wear: &[f64], profile: impl Fn(f64) -> f64) -> Vec<f64> {
         let mut below = self.along();
         let surface: Vec<f64> =
-            squares.iter().zip(wear).map(|(t, w)| below(*t) + w + profile(*t)).collect();
+            places.iter().zip(wear).map(|(t, w)| below(*t) + w + profile(*t)).collect();
         let mut even = wear.to_vec();
         let (mut lost, mut area) = (0.0, 0.0);
         let mut changed = Vec::new();
-        for j in 2..squares.len().saturating_sub(2) {
+        for j in 2..places.len().saturating_sub(2) {
             let near = &surface[j - 2..=j + 2];
             let wave = (near[0] - 4.0 * near[1] + 6.0 * near[2] - 4.0 * near[3] + near[4]) / 16.0;
             let least = wear[j - 2..=j + 2].iter().copied().fold(f64::INFINITY, f64::min);
             if least <= LEVELS * wave.abs() {
                 continue;
             }
-            let width = squares[j + 1] - squares[j - 1];
+            let width = places[j + 1] - places[j - 1];
             even[j] -= wave;
             lost += width * wave;
             area += width;
@@ -109,14 +115,14 @@ impl PriorWear {
     /// The same wear, with the present stick edge as another place where it is not smooth.
     pub(super) fn with_edge(mut self, stick: f64) -> Self {
         if stick > 0.0 {
-            self.edges.push(stick * stick);
+            self.edges.push(self.geometry.place(stick));
         }
         self
     }
 
     /// The last stick edge between two radii that later wear has not yet made smooth.
     pub(super) fn edge_between(&self, inner: f64, outer: f64) -> Option<f64> {
-        let edges = self.edges.iter().rev().map(|square| square.sqrt());
+        let edges = self.edges.iter().rev().map(|edge| self.geometry.radius(*edge));
         edges.into_iter().find(|edge| *edge > inner && *edge < outer)
     }
 
@@ -124,10 +130,10 @@ impl PriorWear {
     pub(super) fn thinned(mut self, cells: usize) -> Self {
         let negligible = NEGLIGIBLE * self.volume().abs();
         loop {
-            let last = self.squares.len() - 1;
+            let last = self.places.len() - 1;
             // Twice the change of the volume without the node.
             let bump = |j: usize| {
-                let (t, w) = (&self.squares[j - 1..=j + 1], &self.wear[j - 1..=j + 1]);
+                let (t, w) = (&self.places[j - 1..=j + 1], &self.wear[j - 1..=j + 1]);
                 ((t[1] - t[0]) * (w[2] - w[0]) - (t[2] - t[0]) * (w[1] - w[0])).abs()
             };
             let bumps: Vec<f64> = (1..last).map(bump).collect();
@@ -146,54 +152,54 @@ impl PriorWear {
             }
             let keep = |list: &[f64]| kept.iter().map(|j| list[*j]).collect();
             let edges = std::mem::take(&mut self.edges);
-            self = Self { edges, ..Self::of(keep(&self.squares), keep(&self.wear), self.radius) };
+            self = Self { edges, ..Self::of(self.geometry, keep(&self.places), keep(&self.wear), self.radius) };
         }
     }
 
     /// Whether nothing is worn.
     pub(super) fn is_empty(&self) -> bool {
-        self.squares.is_empty()
+        self.places.is_empty()
     }
 
-    /// The squares of the nodes, and the wear at the nodes.
+    /// The nodes, as t = r² or x, and the wear at the nodes.
     pub(super) fn into_lists(self) -> (Vec<f64>, Vec<f64>) {
-        (self.squares, self.wear)
+        (self.places, self.wear)
     }
 
     /// The wear volume.
     pub(super) fn volume(&self) -> f64 {
-        let cells = self.squares.windows(2).zip(self.wear.windows(2));
-        0.5 * PI * cells.map(|(t, w)| (t[1] - t[0]) * (w[0] + w[1])).sum::<f64>()
+        let cells = self.places.windows(2).zip(self.wear.windows(2));
+        let twice: f64 = cells.map(|(t, w)| (t[1] - t[0]) * (w[0] + w[1])).sum();
+        self.geometry.volume(twice, self.places.first().copied().unwrap_or(0.0) * self.innermost())
     }
 
-    /// The wear at t = r².
-    pub(super) fn at(&self, square: f64) -> f64 {
-        between(&self.squares, &self.wear, self.squares.partition_point(|t| *t <= square), square)
+    /// The wear at t = r² or x.
+    pub(super) fn at(&self, place: f64) -> f64 {
+        between(&self.places, &self.wear, self.places.partition_point(|t| *t <= place), place)
     }
 
     /// A function that gives the wear at ascending t.
     fn along(&self) -> impl FnMut(f64) -> f64 {
         let mut right = 0;
-        move |square| {
-            right += self.squares[right..].iter().take_while(|t| **t <= square).count();
-            between(&self.squares, &self.wear, right, square)
+        move |place| {
+            right += self.places[right..].iter().take_while(|t| **t <= place).count();
+            between(&self.places, &self.wear, right, place)
         }
     }
 
     fn changes_of_slope(&self) -> Vec<f64> {
-        let cells = self.squares.windows(2).zip(self.wear.windows(2));
+        let cells = self.places.windows(2).zip(self.wear.windows(2));
         let slopes = cells.map(|(t, w)| (w[1] - w[0]) / (t[1] - t[0])).chain([0.0]);
         let mut before = 0.0;
         slopes.map(|here| here - std::mem::replace(&mut before, here)).collect()
     }
 
-    /// Σ of the kinks of w inside x, each times `f`(x² − t).
+    /// Σ of the kinks of w inside x, each times `f` of its place.
     fn kinks(&self, x: f64, f: impl Fn(f64) -> f64) -> f64 {
-        let square = x * x;
-        let inside = self.squares.partition_point(|t| *t < square);
+        let place = self.geometry.place(x);
+        let inside = self.places.partition_point(|t| *t < place);
         let kinks = self.kinks.get_or_init(|| self.changes_of_slope());
-        let (nodes, kinks) = (&self.squares[..inside], &kinks[..inside]);
-        weighted(kinks, nodes, |t| f(square - t))
+        weighted(&kinks[..inside], &self.places[..inside], f)
     }
 
     fn innermost(&self) -> f64 {
@@ -202,28 +208,47 @@ impl PriorWear {
 
     /// The image of the wear at x.
     pub(super) fn image(&self, x: f64) -> f64 {
-        self.innermost() + 2.0 * x * self.kinks(x, f64::sqrt)
+        let square = x * x;
+        match self.geometry {
+            Geometry::Round => self.innermost() + 2.0 * x * self.kinks(x, |t| (square - t).sqrt()),
+            Geometry::Line => FRAC_2_PI * self.kinks(x, |node| (square - node * node).sqrt()),
+        }
     }
 
-    /// The integral of the image over 0…x.
+    /// The integral of the image over 0…x. In a line contact it is that over ds/s.
     pub(super) fn image_area(&self, x: f64) -> f64 {
-        self.innermost() * x + 2.0 / 3.0 * self.kinks(x, |square| square * square.sqrt())
+        let square = x * x;
+        match self.geometry {
+            Geometry::Round => {
+                let of_kink = |t: f64| (square - t) * (square - t).sqrt();
+                self.innermost() * x + 2.0 / 3.0 * self.kinks(x, of_kink)
+            }
+            Geometry::Line => {
+                let of_kink = |node: f64| {
+                    let chord = (square - node * node).sqrt();
+                    chord - node * libm::atan2(chord, node)
+                };
+                FRAC_2_PI * self.kinks(x, of_kink)
+            }
+        }
     }
 
     /// (1/π) ∫ g′/√(x²−r²) dx over r…end, for an image that is linear in x² between the nodes.
     pub(super) fn pressure(&self, r: f64, end: f64) -> f64 {
-        let (from, to) = (r * r, end * end);
         if self.is_empty() {
             return 0.0;
         }
-        let images = || self.squares.iter().map(|t| self.image(t.sqrt())).collect();
+        let geometry = self.geometry;
+        let (from, to) = (geometry.place(r), geometry.place(end));
+        let images = || self.places.iter().map(|t| self.image(geometry.radius(*t))).collect();
         let images: &Vec<f64> = self.images.get_or_init(images);
-        let first = self.squares.partition_point(|t| *t <= from);
-        let last = self.squares.partition_point(|t| *t < to).max(first);
-        let knots = [&[from], &self.squares[first..last], &[to]].concat();
-        let at_ends = [between(&self.squares, images, first, from), self.image(end)];
+        let first = self.places.partition_point(|t| *t <= from);
+        let last = self.places.partition_point(|t| *t < to).max(first);
+        let squares = self.places[first..last].iter().map(|t| geometry.square(*t));
+        let knots: Vec<f64> = iter::once(r * r).chain(squares).chain([end * end]).collect();
+        let at_ends = [between(&self.places, images, first, from), self.image(end)];
         let values = [&at_ends[..1], &images[first..last], &at_ends[1..]].concat();
-        FRAC_1_PI * abel(&knots, &values, from)
+        FRAC_1_PI * abel(&knots, &values, r * r)
     }
 }
 
@@ -240,12 +265,12 @@ struct Window {
 
 impl Window {
     /// `None` if the later mesh does not contain the window, or has not worn it.
-    fn around(edge: f64, (squares, wear): (&[f64], &[f64]), nodes: &[f64]) -> Option<Self> {
-        let next = squares.partition_point(|t| *t <= edge);
+    fn around(edge: f64, (places, wear): (&[f64], &[f64]), nodes: &[f64]) -> Option<Self> {
+        let next = places.partition_point(|t| *t <= edge);
         let from = next.checked_sub(BESIDE + 2)?;
         let to = next + BESIDE + 1;
         let least = wear.get(from..=to)?.iter().copied().fold(f64::INFINITY, f64::min);
-        let place = |node: usize| nodes.partition_point(|t| *t < squares[node]);
+        let place = |node: usize| nodes.partition_point(|t| *t < places[node]);
         let beyond = [from, to].map(place);
         let nodes = place(from + 1)..=place(to - 1);
         (least > 0.0).then_some(Self { nodes, beyond, least })
@@ -304,11 +329,13 @@ fn between(nodes: &[f64], values: &[f64], right: usize, at: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     /// A ring of wear, linear in t on each side of its deepest point.
     fn ring() -> PriorWear {
-        PriorWear::of(vec![0.25, 0.49, 1.0], vec![0.0, 0.3, 0.0], 1.0)
+        PriorWear::of(Geometry::Round, vec![0.25, 0.49, 1.0], vec![0.0, 0.3, 0.0], 1.0)
     }
 
     #[test]
@@ -338,7 +365,7 @@ mod tests {
 
     #[test]
     fn wear_on_top_of_wear_adds_up_at_every_radius() {
-        let sum = ring().with(&[0.0, 0.36, 0.64], &[0.1, 0.1, 0.0], 1.0, |_| 0.0);
+        let sum = ring().with(Geometry::Round, &[0.0, 0.36, 0.64], &[0.1, 0.1, 0.0], 1.0, |_| 0.0);
         for t in [0.0, 0.2, 0.3, 0.5, 0.64, 0.9, 1.2] {
             let above = if t < 0.36 { 0.1 } else { 0.1 * ((0.64 - t) / 0.28_f64).max(0.0) };
             assert!((sum.at(t) - ring().at(t) - above).abs() < 1e-15, "{t}");
@@ -350,9 +377,9 @@ mod tests {
         let count = 5000;
         let squares: Vec<f64> = (0..=count).map(|i| f64::from(i) / f64::from(count)).collect();
         let wear = squares.iter().map(|t| t.sqrt() * (1.0 - t)).collect();
-        let all = PriorWear::of(squares, wear, 1.0);
+        let all = PriorWear::of(Geometry::Round, squares, wear, 1.0);
         let thinned = all.clone().thinned(250);
-        assert!(thinned.squares.len() <= 1000, "{}", thinned.squares.len());
+        assert!(thinned.places.len() <= 1000, "{}", thinned.places.len());
         let areas = |x: f64| (thinned.image_area(x), all.image_area(x));
         assert!([0.3, 0.9, 1.5].map(areas).iter().all(|(a, b)| (a - b).abs() < 1e-5));
         let values = |t: f64| (thinned.at(t), all.at(t));
@@ -370,8 +397,8 @@ mod tests {
         let smooth: Vec<f64> = squares.iter().map(|t| 1.0 + t * t * (1.0 - t)).collect();
         let sign = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
         let waves: Vec<f64> = (0..=40).map(|i| smooth[i] + 0.01 * sign(i)).collect();
-        let prior = PriorWear::of(vec![0.0, 1.0], vec![0.0, 0.0], 1.0);
-        let volume = |wear: &[f64]| PriorWear::of(squares.clone(), wear.to_vec(), 1.0).volume();
+        let prior = PriorWear::of(Geometry::Round, vec![0.0, 1.0], vec![0.0, 0.0], 1.0);
+        let volume = |wear: &[f64]| PriorWear::of(Geometry::Round, squares.clone(), wear.to_vec(), 1.0).volume();
         for wear in [&smooth, &waves] {
             let even = prior.evened(&squares, wear, |_| 0.0);
             assert!((volume(&even) - volume(wear)).abs() < 1e-12);
@@ -385,10 +412,10 @@ mod tests {
     fn later_wear_smooths_the_surface_at_an_old_stick_edge() {
         let before = even_nodes(400);
         let ring = before.iter().map(|t| 0.1 * (t - 0.301).max(0.0).sqrt()).collect();
-        let prior = PriorWear::of(before, ring, 1.0).with_edge(0.301_f64.sqrt());
+        let prior = PriorWear::of(Geometry::Round, before, ring, 1.0).with_edge(0.301_f64.sqrt());
         let squares = even_nodes(50);
         let bump = |later: f64| {
-            let sum = prior.with(&squares, &[later; 51], 1.0, |_| 0.0);
+            let sum = prior.with(Geometry::Round, &squares, &[later; 51], 1.0, |_| 0.0);
             assert!((sum.volume() - prior.volume() - later * PI).abs() < 1e-12);
             // A sharp bend at the edge.
             sum.at(0.303) - 0.5 * (sum.at(0.301) + sum.at(0.305))

@@ -114,7 +114,7 @@ pub(super) fn moves(control: &Control, contact: &Contact) -> bool {
         control.normal == Normal::Depth && matches!(control.tangential, Tangential::Blocks(_));
     !control.keeps_stick()
         && !stays
-        && (!slips || control.normal == Normal::Force && contact.threshold < REGAINS)
+        && (!slips || control.drifts() && contact.threshold < REGAINS)
 }
 
 /// The wear at which the amplitude of a contact on a rig doubles at constant d. As the tangential
@@ -147,7 +147,7 @@ fn is_blunt(contact: &Contact, depth: f64) -> bool {
 fn unworn_loss(contact: &Contact, threshold: f64) -> f64 {
     let shape = &contact.shape;
     let (_, energy) = unworn_integrals(shape, shape.stick_radius(threshold), threshold);
-    2.0 * energy / contact.threshold
+    contact.shape.geometry().energy_factor() * energy / contact.reference_threshold()
 }
 
 /// The time scale is one sixth of the time in which the initial wear rate would produce the limiting
@@ -247,7 +247,7 @@ impl MeshRun {
     /// Whether the wear so far decides where the stick edge comes to rest.
     pub(super) fn keeps_errors(&self) -> bool {
         let control = self.control();
-        control.normal == Normal::Force && moves(control, &self.wearing.contact)
+        control.drifts() && moves(control, &self.wearing.contact)
     }
 
     /// (k_w/μ)·ΣW at the end of the last step.
@@ -412,7 +412,7 @@ impl MeshRun {
     /// The error of V that occurs because a resting stick edge lies at the border of two cells.
     pub(super) fn edge_error(&self, worn: &WornContact) -> f64 {
         let (contact, control) = (&self.wearing.contact, self.control());
-        let rests = control.normal == Normal::Depth || !moves(control, contact);
+        let rests = !control.drifts() || !moves(control, contact);
         if rests || worn.stick >= 1.0 {
             return 0.0;
         }
@@ -456,7 +456,7 @@ impl MeshRun {
         let (contact, control) = (&self.wearing.contact, self.control());
         let least = control.least_stick(contact);
         let resolved = least == 0.0 || self.wearing.plan.start > 0.0;
-        if control.normal == Normal::Force || resolved || self.block > 0 {
+        if control.drifts() || resolved || self.block > 0 {
             return 0.0;
         }
         let last = |stick: f64| Limit::solve(&contact.shape, stick).map(|limit| limit.volume);

@@ -11,13 +11,20 @@
 //! are piecewise linear; one is convex, the other concave. The method therefore converges to all
 //! digits in a few steps.
 //!
+//! In a line contact the force is the level d = 1 of the springs, and the stroke is that of all springs in series:
+//! ```text
+//! y_q = max(0, 1 − F_q/F₀),   Q/(μF₀) = θ,   θ·C + Σ K (θ − y)₊ = U/(μh₀),   ω_q = max(0, 1 − y_q/θ)
+//! ```
+//! If this is less than the stroke at θ = 1, the middle slips by the rest.
+//!
 //! # Accuracy
 //! A stick edge that moves inwards is resolved within its cell: ω is the mean of max(0, 1 − y/Δ), with y linear
 //! across the cell.
 
 use super::mesh::Mesh;
 use super::prior::PriorWear;
-use crate::contact::control::{Control, Normal, Tangential};
+use crate::contact::control::{Control, Normal, Series, Tangential};
+use crate::contact::geometry::Geometry;
 use crate::contact::unworn::Contact;
 
 /// Images are computed up to this share beyond the present depth, because the depth can increase at
@@ -33,8 +40,13 @@ pub struct Springs {
     pub(crate) control: Control,
     /// Half of the normal force of the unworn contact, ∫₀ᵃ y dx.
     half_force: f64,
-    /// The prescribed amplitude: that of the contact (Δ), or that of the actuator (Δ_rig) if the scenario has a rig.
+    /// The prescribed amplitude: that of the contact (Δ), that of the actuator (Δ_rig) if the scenario has a rig, or
+    /// the stroke of a line contact.
     pub(super) amplitude: f64,
+    /// The reference of a line contact.
+    reference: Option<Series>,
+    /// What a unit of θ moves: K of each spring and C, if a line contact has a reference.
+    stroke: Option<(Vec<f64>, f64)>,
     /// Compression of the spring at r₀ at the depth d₀, before any wear on this mesh.
     edge: f64,
     /// Whether the stick edge moves inwards.
@@ -43,6 +55,8 @@ pub struct Springs {
     pub(crate) depth: f64,
     /// Amplitude Δ of the contact.
     pub(crate) threshold: f64,
+    /// The slip of the middle of a line contact, σ₀.
+    pub(crate) middle: f64,
     /// Whether the held tangential force is larger than friction can carry.
     pub(crate) slides: bool,
     /// Image g of each of the first cells.
@@ -58,6 +72,7 @@ pub struct Springs {
 pub struct Aside {
     depth: f64,
     threshold: f64,
+    middle: f64,
     slides: bool,
     lists: [Vec<f64>; 3],
 }
@@ -70,17 +85,25 @@ impl Springs {
         let start = mesh.radii[0];
         let amplitude = match control.tangential {
             Tangential::Rig { amplitude, .. } => amplitude,
+            Tangential::Stroke(stroke) | Tangential::Sliding(stroke) => stroke,
             _ => contact.threshold,
         };
+        let stroke = contact.reference.map(|series| {
+            let springs = mesh.radii.windows(2).map(|ends| series.between(ends[0], ends[1]));
+            (springs.collect(), series.outside(mesh.radii[cells]))
+        });
         let held = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. });
         Self {
             control: control.clone(),
             half_force: contact.shape.half_force(),
             amplitude,
+            reference: contact.reference,
+            stroke,
             edge: 1.0 - contact.shape.image(start) - prior.image(start),
             moves_in: held && control.normal == Normal::Depth,
             depth: 1.0,
             threshold: contact.threshold,
+            middle: 0.0,
             slides: false,
             images: room(),
             compressions: room(),
@@ -113,12 +136,14 @@ impl Springs {
     /// Saves the state.
     pub(crate) fn set_aside(&mut self, aside: &mut Aside) {
         (aside.depth, aside.threshold, aside.slides) = (self.depth, self.threshold, self.slides);
+        aside.middle = self.middle;
         self.exchange(aside);
     }
 
     /// Restores the saved state.
     pub(crate) fn put_back(&mut self, aside: &mut Aside) {
         (self.depth, self.threshold, self.slides) = (aside.depth, aside.threshold, aside.slides);
+        self.middle = aside.middle;
         self.exchange(aside);
     }
 
@@ -182,9 +207,83 @@ impl Springs {
                 let under = self.threshold_under(per_force, self.amplitude * per_force);
                 under.unwrap_or(self.amplitude)
             }
+            Tangential::Stroke(_) => self.threshold_at_stroke(),
+            Tangential::Sliding(_) => {
+                self.middle = self.amplitude;
+                1.0
+            }
             _ => self.amplitude,
         };
         self.slip();
+    }
+
+    /// The stroke of a line contact at θ without a slip of the middle, and its change per change of θ. NaN without a
+    /// reference.
+    fn moved(&self, threshold: f64) -> (f64, f64) {
+        let Some((springs, outside)) = &self.stroke else { return (f64::NAN, f64::NAN) };
+        let (mut sum, mut slope) = (outside * threshold, *outside);
+        for (q, yields) in springs.iter().enumerate() {
+            let y = self.compressions.get(q).copied().unwrap_or(0.0);
+            if y < threshold {
+                sum += yields * (threshold - y);
+                slope += yields;
+            }
+        }
+        (sum, slope)
+    }
+
+    /// The stroke of a line contact in μh₀. NaN without a reference.
+    pub(crate) fn stroke(&self) -> f64 {
+        match self.control.tangential {
+            Tangential::Stroke(_) | Tangential::Sliding(_) => self.amplitude,
+            _ => self.moved(self.threshold).0,
+        }
+    }
+
+    /// The approach of a line contact in h₀: what all springs in series yield under the load. NaN if the distance of the
+    /// reference is not known.
+    pub(crate) fn approach(&self) -> f64 {
+        match self.reference {
+            Some(reference) if reference.reach.is_finite() => {
+                self.moved(self.depth).0 - reference.rig() * self.depth
+            }
+            _ => f64::NAN,
+        }
+    }
+
+    /// K of each spring in contact, and C with the springs outside the contact and without the rig, of a line contact.
+    /// Without a reference, K is ln of the ratio of the ends, and C is `None`.
+    pub(crate) fn in_series(&self, compressions: &[f64]) -> (impl Iterator<Item = f64>, Option<f64>) {
+        let live = compressions.len();
+        let (springs, outside) = match &self.stroke {
+            Some((springs, outside)) => {
+                let rig = self.reference.map_or(0.0, |reference| reference.rig());
+                (springs, Some(outside - rig + springs[live..].iter().sum::<f64>()))
+            }
+            None => (&self.mesh.weights, None),
+        };
+        (springs[..live].iter().copied(), outside)
+    }
+
+    /// θ at the stroke of a line contact. If θ = 1 is not enough for the stroke, the middle slips by the rest.
+    fn threshold_at_stroke(&mut self) -> f64 {
+        let rest = self.amplitude - self.moved(1.0).0;
+        if rest >= 0.0 {
+            self.middle = rest;
+            return 1.0;
+        }
+        self.middle = 0.0;
+        // The sum is convex, so Newton's method approaches the root from the right.
+        let mut threshold = 1.0;
+        for _ in 0..100 {
+            let (sum, slope) = self.moved(threshold);
+            let next = threshold + (self.amplitude - sum) / slope;
+            if (next - threshold).abs() <= 2.0 * f64::EPSILON * next {
+                return next;
+            }
+            threshold = next;
+        }
+        threshold
     }
 
     /// The depth d at which r₀·d + Σ D (d − g)₊ gives the constant force.
@@ -294,7 +393,7 @@ impl Springs {
         let (widths, y) = (&self.mesh.widths, &self.compressions);
         let here = y[q];
         let before = match q {
-            0 if self.mesh.radii[0] > 0.0 => (self.edge() - here) / (0.5 * widths[0]),
+            0 if !self.mesh.is_whole => (self.edge() - here) / (0.5 * widths[0]),
             0 => f64::INFINITY,
             _ => (y[q - 1] - here) / (0.5 * (widths[q - 1] + widths[q])),
         };
@@ -308,27 +407,36 @@ impl Springs {
 
     /// Half of the normal force, ∫₀ᵃ y dx.
     pub(crate) fn normal(&self) -> f64 {
+        if self.mesh.geometry == Geometry::Line {
+            return 0.5 * self.depth;
+        }
         let core = self.mesh.core + self.mesh.radii[0] * (self.depth - 1.0);
         core + self.compressions.iter().zip(&self.mesh.widths).map(|(y, d)| y * d).sum::<f64>()
     }
 
     /// Half of the amplitude of the tangential force, ∫₀ᵃ min(Δ, y) dx.
     pub(crate) fn tangential(&self) -> f64 {
+        if self.mesh.geometry == Geometry::Line {
+            return 0.5 * self.threshold;
+        }
         let widths = self.mesh.widths[..self.compressions.len()].iter().enumerate();
         let sum: f64 = widths.map(|(q, d)| d * self.carried(q, self.threshold).0).sum();
         self.threshold * self.mesh.radii[0] + sum
     }
 
-    /// The energy integral ∫₀ᵃ y ω dx, which is proportional to the energy per cycle.
+    /// The energy integral ∫₀ᵃ y ω dx, which is proportional to the energy per cycle. In a line contact it is that over
+    /// dx/x, with what the slip of the middle adds.
     pub(crate) fn loss(&self) -> f64 {
-        let springs = self.compressions.iter().zip(&self.slips).zip(&self.mesh.widths);
-        springs.map(|((y, slip), d)| d * y * slip).sum()
+        let springs = self.compressions.iter().zip(&self.slips).zip(&self.mesh.weights);
+        let loss: f64 = springs.map(|((y, slip), d)| d * y * slip).sum();
+        if self.middle > 0.0 { loss + self.depth * self.middle / self.threshold } else { loss }
     }
 
     /// The distance from gross slip. It is 0 when gross slip starts.
     pub(crate) fn margin(&self) -> f64 {
         match self.control.tangential {
-            _ if self.mesh.radii[0] > 0.0 => 1.0,
+            _ if !self.mesh.is_whole => 1.0,
+            _ if self.middle > 0.0 => -self.middle,
             Tangential::Force(half) => self.normal() - half,
             _ => self.compressions.iter().copied().fold(0.0, f64::max) - self.threshold,
         }
@@ -342,14 +450,17 @@ impl Springs {
     /// The stick radius c, interpolated between the centres of two cells. It is 0 in gross slip.
     pub(crate) fn stick(&self) -> f64 {
         let radii = &self.mesh.radii;
+        if self.middle > 0.0 {
+            return 0.0;
+        }
         let middle = |q: usize| 0.5 * (radii[q] + radii[q + 1]);
         let y = &self.compressions;
         let sticks = |y: f64| y >= self.threshold * (1.0 - 1e-12);
         let Some(last) = y.iter().rposition(|y| sticks(*y)) else {
             let edge = self.edge();
             let first = y.first().copied().unwrap_or(0.0);
-            if radii[0] == 0.0 || edge <= self.threshold || edge <= first {
-                return radii[0];
+            if self.mesh.is_whole || edge <= self.threshold || edge <= first {
+                return if self.mesh.is_whole { 0.0 } else { radii[0] };
             }
             let share = (edge - self.threshold) / (edge - first);
             return radii[0] + share * (middle(0) - radii[0]);

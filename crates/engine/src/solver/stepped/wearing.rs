@@ -8,9 +8,9 @@
 //! V = π Σ M w,   dV/dÑ = 2 Σ D y ω·Δ/Δ₀   (exact: to rounding)
 //! ```
 //! ã is the root of (13) with the present c and d. If every spring in contact slips, A·s = ω has
-//! the closed solution s = (s₀ + w + const)/Δ.
+//! the closed solution s = (s₀ + w + const)/Δ. In a line contact the same holds with θ for Δ, 1 for Δ₀, and the slip of
+//! the middle added to s.
 
-use std::f64::consts::FRAC_2_PI;
 use std::sync::Arc;
 
 use super::law::{Law, WearProblem};
@@ -20,10 +20,12 @@ use super::prior::PriorWear;
 use super::rkc::Rates;
 use super::springs::{Aside, Springs};
 use crate::contact::control::{Normal, Tangential};
+use crate::contact::geometry::Geometry;
+use crate::contact::hysteresis::Backbone;
 use crate::contact::limit::Limit;
 use crate::contact::profile::Shape;
 use crate::contact::unworn::Contact;
-use crate::numeric::{Monotone, largest, positive_area, root, vertex};
+use crate::numeric::{Monotone, largest, root, vertex};
 use crate::solver::splits::WornCore;
 
 /// Estimated number of multiplications to find ã, per piece of the shape: eight evaluations with
@@ -61,8 +63,8 @@ pub struct Wearing {
 /// The worn contact at one time, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WornContact {
-    /// The squares of the radii at which the wear is known: the nodes of all meshes so far.
-    pub squares: Vec<f64>,
+    /// Where the wear is known, as r², or x in a line contact: the nodes of all meshes so far.
+    pub places: Vec<f64>,
     /// Wear w at these radii. With the simplified rule w can be negative near the edge of the scar.
     pub wear: Vec<f64>,
     /// Image g of each cell.
@@ -78,6 +80,13 @@ pub struct WornContact {
     pub depth: f64,
     /// Amplitude Δ.
     pub threshold: f64,
+    /// Slip of the middle of a line contact.
+    pub middle: f64,
+    /// Stroke of a line contact, with that of the rig. NaN without a reference.
+    pub stroke: f64,
+    /// What is reported as the indentation depth: d, or what all springs of a line contact yield in series, with the
+    /// wear in the middle. NaN if it is not known.
+    pub approach: f64,
     /// Stick radius c.
     pub stick: f64,
     /// ∫₀ᵃ y dx.
@@ -98,7 +107,7 @@ pub struct WornContact {
 
 /// The wear at the nodes of all meshes so far.
 struct WornSurface {
-    squares: Vec<f64>,
+    places: Vec<f64>,
     radii: Vec<f64>,
     wear: Vec<f64>,
     /// The volume of the positive wear.
@@ -130,15 +139,7 @@ impl WornContact {
         if radius == 0.0 {
             return 0.0;
         }
-        let angle = |x: f64| libm::asin((x / radius).min(1.0));
-        let mut inner = angle(mesh.radii[0]);
-        let mut stuck = self.threshold * inner;
-        for (load, outer) in self.loads.iter().zip(&mesh.radii[1..]) {
-            let outer = angle(*outer);
-            stuck += load * (outer - inner);
-            inner = outer;
-        }
-        (self.threshold - FRAC_2_PI * stuck).max(0.0)
+        self.middle + mesh.slip_at(radius, self.threshold, &self.loads)
     }
 }
 
@@ -216,17 +217,17 @@ impl Wearing {
                 // After long gross slip the worn profile is almost flat, but the wear is not. An
                 // error of 0.1 % of this wear exceeds the compression of the springs. Therefore
                 // interpolate the profile or the wear, whichever varies less.
-                let squares = &from.squares;
+                let places = &from.places;
                 let worn: Vec<f64> =
                     from.radii.iter().zip(values).map(|(r, w)| self.profile(*r) + w).collect();
-                let of_wear = Monotone::through(squares.clone(), values.to_vec());
-                let of_worn = Monotone::through(squares.clone(), worn.clone());
+                let of_wear = Monotone::through(places.clone(), values.to_vec());
+                let of_worn = Monotone::through(places.clone(), worn.clone());
                 let mut wear: Vec<f64> = to
-                    .squares
+                    .places
                     .iter()
                     .zip(&to.radii)
                     .map(|(t, r)| {
-                        let next = squares.partition_point(|known| known <= t).max(1);
+                        let next = places.partition_point(|known| known <= t).max(1);
                         if next > cells {
                             return 0.0;
                         }
@@ -238,11 +239,13 @@ impl Wearing {
                         }
                     })
                     .collect();
-                wear[0] = 0.0;
+                if to.starts_on_axis() || !to.is_whole {
+                    wear[0] = 0.0;
+                }
                 // A shift of the wear restores V and keeps the profile flat.
-                let start = to.squares[0];
+                let start = if to.is_whole { 0.0 } else { to.places[0] };
                 let share: Vec<f64> = to
-                    .squares
+                    .places
                     .iter()
                     .zip(&wear)
                     .map(|(t, w)| if *w > 0.0 { 1.0 - start / t } else { 0.0 })
@@ -254,7 +257,7 @@ impl Wearing {
                         *w = (*w + shift * share).max(0.0);
                     }
                 }
-                if to.radii[0] == 0.0 {
+                if to.starts_on_axis() {
                     wear[0] = wear[1];
                 }
                 wear
@@ -274,8 +277,9 @@ impl Wearing {
     /// The wear of all meshes, from the wear at the nodes of this one.
     pub(super) fn total(&self, wear: &[f64]) -> PriorWear {
         let radius = self.prior.radius;
-        let profile = |t: f64| self.contact.shape.profile(t.sqrt());
-        self.prior.with(&self.springs.mesh.squares, wear, radius, profile)
+        let Mesh { geometry, places, .. } = &self.springs.mesh;
+        let profile = |t: f64| self.contact.shape.profile(geometry.radius(t));
+        self.prior.with(*geometry, places, wear, radius, profile)
     }
 
     /// The mesh, and the wear on which it starts.
@@ -286,18 +290,19 @@ impl Wearing {
 
     /// The profile before any wear on this mesh.
     fn profile(&self, r: f64) -> f64 {
-        self.contact.shape.profile(r) + self.prior.at(r * r)
+        self.contact.shape.profile(r) + self.prior.at(self.springs.mesh.geometry.place(r))
     }
 
     /// The wear of all meshes so far, for the values of this one.
     pub(super) fn worn(&self, values: &[f64]) -> PriorWear {
         let wear = self.wear(values);
         let (_, radius) = self.radii(&wear, &self.springs.images);
-        let profile = |t: f64| self.contact.shape.profile(t.sqrt());
+        let Mesh { geometry, places, widths, .. } = &self.springs.mesh;
+        let profile = |t: f64| self.contact.shape.profile(geometry.radius(t));
         self.prior
-            .with(&self.springs.mesh.squares, &wear, radius, profile)
+            .with(*geometry, places, &wear, radius, profile)
             .with_edge(self.springs.stick())
-            .thinned(self.springs.mesh.widths.len())
+            .thinned(widths.len())
     }
 
     /// The same contact on another mesh, which starts on the surface `worn`.
@@ -353,8 +358,9 @@ impl Wearing {
 
     /// The nodes of all meshes so far, and the wear there for the given values.
     pub(super) fn wear_of(&self, values: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let (squares, wear) = self.total(&self.wear(values)).into_lists();
-        (squares.iter().map(|t| t.sqrt()).collect(), wear)
+        let (places, wear) = self.total(&self.wear(values)).into_lists();
+        let geometry = self.springs.mesh.geometry;
+        (places.iter().map(|t| geometry.radius(*t)).collect(), wear)
     }
 
     /// Estimated number of multiplications of one evaluation of the wear rate.
@@ -431,13 +437,22 @@ impl Wearing {
         let deepest = |radii: &[f64], wear: &[f64]| vertex(radii, wear, largest(wear));
         let (volume, depth) = if self.law == Law::Exact && self.prior.is_empty() {
             let volume = mesh.volume(&wear);
-            self.correct_on_axis(&mesh.squares, &mut wear);
+            self.correct_on_axis(&mesh.places, &mut wear);
             (volume, deepest(&mesh.radii, &wear))
         } else {
             let worn = self.surface_of(&wear);
             (worn.volume, deepest(&worn.radii, &worn.wear))
         };
-        (volume, depth.min(self.springs.depth))
+        (volume, depth.min(self.most_wear()))
+    }
+
+    /// The largest possible wear: in contact no image exceeds d, so the worn profile cannot exceed d either. Uniform
+    /// wear of a line contact changes nothing, so there is no limit.
+    fn most_wear(&self) -> f64 {
+        match self.springs.mesh.geometry {
+            Geometry::Round => self.springs.depth,
+            Geometry::Line => f64::INFINITY,
+        }
     }
 
     /// The wear at the nodes of this mesh.
@@ -450,28 +465,29 @@ impl Wearing {
 
     /// The wear at the nodes of all meshes so far, from the wear at the nodes of this one.
     fn surface_of(&self, wear: &[f64]) -> WornSurface {
-        let (squares, mut wear) = self.total(wear).into_lists();
-        let volume = positive_volume(&squares, &wear);
-        self.correct_on_axis(&squares, &mut wear);
-        let radii = squares.iter().map(|t| t.sqrt()).collect();
-        WornSurface { squares, radii, wear, volume }
+        let geometry = self.springs.mesh.geometry;
+        let (places, mut wear) = self.total(wear).into_lists();
+        let volume = geometry.positive_volume(&places, &wear);
+        self.correct_on_axis(&places, &mut wear);
+        let radii = places.iter().map(|t| geometry.radius(*t)).collect();
+        WornSurface { places, radii, wear, volume }
     }
 
     /// In gross slip, extrapolates the wear on the axis from the nodes beside it.
-    fn correct_on_axis(&self, squares: &[f64], wear: &mut [f64]) {
-        if self.law == Law::Exact && squares[0] == 0.0 && self.stick() == 0.0 {
-            wear[0] = on_axis(&self.contact.shape, squares, wear);
+    fn correct_on_axis(&self, places: &[f64], wear: &mut [f64]) {
+        if self.law == Law::Exact && places[0] == 0.0 && self.stick() == 0.0 {
+            wear[0] = on_axis(&self.contact.shape, places, wear);
         }
     }
 
-    /// dV/dÑ from the dissipated energy: 2 ∫ y ω dx·Δ/Δ₀.
+    /// dV/dÑ from the dissipated energy: κ ∫ y ω dx·Δ/Δ₀.
     pub(crate) fn energy_rate(&self) -> f64 {
-        2.0 * self.springs.loss() * self.pace()
+        self.springs.mesh.geometry.energy_factor() * self.springs.loss() * self.pace()
     }
 
-    /// The present amplitude, relative to the initial amplitude: Δ/Δ₀.
+    /// The present amplitude, relative to that of N₀: Δ/Δ₀.
     pub(crate) fn pace(&self) -> f64 {
-        self.springs.threshold / self.contact.threshold
+        self.springs.threshold / self.contact.reference_threshold()
     }
 
     /// The worn contact for the given values.
@@ -487,32 +503,51 @@ impl Wearing {
         }
         slips.resize(images.len(), slips.last().copied().unwrap_or(1.0));
         let (contact_radius, scar) = self.radii(&wear, &images);
-        let WornSurface { squares, radii, mut wear, volume } = self.surface_of(&wear);
+        let WornSurface { places, radii, mut wear, volume } = self.surface_of(&wear);
+        let most = self.most_wear();
         if self.law == Law::Exact {
-            // In contact no image exceeds d, so the worn profile cannot exceed d either.
             for (wear, r) in wear.iter_mut().zip(&radii) {
-                let room = (springs.depth - self.contact.shape.profile(*r)).max(0.0);
+                let room = (most - self.contact.shape.profile(*r)).max(0.0);
                 *wear = wear.min(room);
             }
         }
         WornContact {
             volume,
-            deepest: vertex(&radii, &wear, largest(&wear)).min(springs.depth),
+            deepest: vertex(&radii, &wear, largest(&wear)).min(most),
             contact_radius,
             scar,
             depth: springs.depth,
             threshold: springs.threshold,
+            middle: springs.middle,
+            stroke: springs.stroke(),
+            approach: match mesh.geometry {
+                Geometry::Round => springs.depth,
+                Geometry::Line => springs.approach() + wear[0],
+            },
             stick: self.stick(),
             normal: springs.normal(),
             tangential: springs.tangential(),
             loss: springs.loss(),
             compressions: springs.compressions.clone(),
             loads: springs.loads(),
-            squares,
+            places,
             wear,
             images,
             slips,
         }
+    }
+
+    /// The backbone of the friction loop of a state.
+    pub(crate) fn backbone(&self, worn: &WornContact) -> Backbone {
+        let Springs { mesh, control, .. } = &self.springs;
+        let threshold = worn.threshold;
+        if mesh.geometry == Geometry::Line {
+            let (yields, outside) = self.springs.in_series(&worn.compressions);
+            let springs = yields.zip(worn.compressions.iter().copied());
+            return Backbone::in_series(springs, outside, (threshold, worn.middle), worn.loss);
+        }
+        let loss = (!control.has_record()).then_some(worn.loss);
+        Backbone::of_cells(mesh.radii[0], threshold, &worn.loads, &mesh.widths, loss)
     }
 
     /// The contact radius and the scar radius.
@@ -603,16 +638,20 @@ impl Wearing {
         }
         let harmonic = !matches!(springs.control.tangential, Tangential::Record(_));
         let closed = harmonic
-            && if self.plan.start > 0.0 {
-                springs.control.keeps_stick()
-            } else {
+            && if springs.mesh.is_whole {
                 springs.compressions.iter().all(|y| *y < threshold)
+            } else {
+                springs.control.keeps_stick()
             };
         if closed {
             // The change of Δ − d since the unworn contact. It is 0 except in gross slip, where Δ and d
             // may have changed.
-            let rise = (threshold - self.contact.threshold) - (springs.depth - 1.0);
-            let rise = if self.plan.start > 0.0 { 0.0 } else { rise };
+            let rise = match springs.mesh.geometry {
+                _ if !springs.mesh.is_whole => 0.0,
+                Geometry::Round => (threshold - self.contact.threshold) - (springs.depth - 1.0),
+                Geometry::Line => springs.middle - wear[0],
+            };
+            self.slip[0] = springs.middle / threshold;
             let per_threshold = 1.0 / threshold;
             let nodes = self.slip[1..=live].iter_mut().zip(&self.initial_slip[1..]).zip(&wear[1..]);
             for ((slip, initial), wear) in nodes {
@@ -621,8 +660,9 @@ impl Wearing {
             return;
         }
         springs.mesh.solve_into(&springs.slips[..live], &mut self.slip);
+        let middle = springs.middle / threshold;
         for slip in &mut self.slip[..=live] {
-            *slip = slip.max(0.0);
+            *slip = (*slip + middle).max(0.0);
         }
     }
 
@@ -633,7 +673,7 @@ impl Wearing {
         let mesh = &springs.mesh;
         mesh.pressure(&springs.compressions, rates);
         let live = springs.compressions.len();
-        for (rate, slip) in rates[1..=live].iter_mut().zip(&self.slip[1..]) {
+        for (rate, slip) in rates[..=live].iter_mut().zip(&self.slip) {
             *rate *= slip * pace;
         }
         // This comparison is faster than `f64::max`, which also handles NaN.
@@ -641,7 +681,9 @@ impl Wearing {
         self.radius =
             pace * bounds.fold(0.0, |most, bound| if bound > most { bound } else { most });
         rates[live + 1..].fill(0.0);
-        rates[0] = if mesh.radii[0] == 0.0 { rates[1] } else { 0.0 };
+        if mesh.starts_on_axis() {
+            rates[0] = rates[1];
+        }
     }
 
     fn simplified_rates(&mut self, xi: f64, values: &[f64], rates: &mut [f64]) {
@@ -678,11 +720,11 @@ impl Rates for Wearing {
     }
 
     fn most(&self) -> f64 {
-        match (self.law, self.springs.control.normal) {
+        match (self.law, self.springs.control.drifts()) {
             // The compression of the springs, which determines the pressure, is much smaller than a
             // deep wear. Late in a run a core carries the load, and the springs outside carry ever
             // less.
-            (Law::Exact, Normal::Force) => {
+            (Law::Exact, true) => {
                 let even = self.springs.normal() / self.plan.reach;
                 self.springs.compressions.iter().copied().fold(even, f64::max)
             }
@@ -700,24 +742,17 @@ impl Rates for Wearing {
 
 /// The wear on an axis that slips. Near the axis the wear is a − ρ·f₀, with ρ = 1 after the worn profile has become
 /// flat, even for a cone.
-fn on_axis(shape: &Shape, squares: &[f64], wear: &[f64]) -> f64 {
-    let height = |node: usize| shape.profile(squares[node].sqrt());
+fn on_axis(shape: &Shape, places: &[f64], wear: &[f64]) -> f64 {
+    let height = |node: usize| shape.profile(shape.geometry().radius(places[node]));
     let (near, far) = (height(1), height(2));
     let share = if far > near { (wear[1] - wear[2]) / (far - near) } else { 0.0 };
     wear[1] + share.clamp(0.0, 1.0) * near
 }
 
-/// π ∫ max(0, w) dt for wear that is linear in t between nodes.
-fn positive_volume(squares: &[f64], wear: &[f64]) -> f64 {
-    let cells = squares.windows(2).zip(wear.windows(2));
-    let areas = cells.map(|(t, w)| positive_area([t[0], t[1]], [w[0], w[1]]));
-    std::f64::consts::PI * areas.sum::<f64>()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::control::{Block, Control};
+    use crate::contact::control::{Block, Control, Series};
     use crate::contact::record::DisplacementRecord;
     use crate::contact::row::UnwornSums;
     use crate::solver::stepped::rkc::Rkc;
@@ -726,6 +761,7 @@ mod tests {
     fn the_wear_rate_equals_the_dissipation_rate_for_every_control_and_shape() {
         let record =
             Arc::new(DisplacementRecord::new(&[1.0, -1.0, 0.6, -0.4, 0.8]).expect("motion"));
+        let mut problems = Vec::new();
         for (shape, threshold) in [
             (Shape::power(2.0), 0.75),
             (Shape::power(1.0), 0.79),
@@ -743,27 +779,38 @@ mod tests {
                 (Normal::Depth, Tangential::Blocks(vec![Block { threshold, end: 1e9 }])),
                 (Normal::Depth, Tangential::Record(Arc::clone(&record))),
             ] {
-                if threshold >= 1.0 && matches!(tangential, Tangential::Force(_)) {
-                    continue;
+                if threshold < 1.0 || !matches!(tangential, Tangential::Force(_)) {
+                    problems.push((contact.clone(), Control { normal, tangential }));
                 }
-                let control = Control { normal, tangential };
-                let plan = MeshPlan::first(&contact, &control, 64).expect("a scar that fits");
-                let mut wearing = Wearing::new(
-                    WearProblem::exact(&contact, &control),
-                    (plan, Arc::default()),
-                    64,
-                );
-                let mut rkc = Rkc::new(&mut wearing, vec![0.0; 65], 3e-3, (1.0, 0.3));
-                for _ in 0..40 {
-                    // dV/dÑ = 2 ∫ y ω dx·Δ/Δ₀. The two sides are sums of different terms.
-                    let rate = wearing.energy_rate();
-                    let growth = wearing.springs.mesh.volume(&rkc.rates);
-                    assert!((growth - rate).abs() <= 1e-12 * rate, "{growth} {rate} {control:?}");
-                    if wearing.springs.slides {
-                        break;
-                    }
-                    rkc.advance(&mut wearing, f64::INFINITY);
+            }
+        }
+        for shape in [Shape::line_power(2.0), Shape::line_power(1.0), Shape::punch(0.4)] {
+            for (threshold, tangential) in [
+                (0.75, Tangential::Amplitude),
+                (0.75, Tangential::Stroke(2.0)),
+                (1.0, Tangential::Stroke(9.0)),
+                (1.0, Tangential::Sliding(30.0)),
+            ] {
+                let reference = Some(Series { reach: 20.0, compliance: 0.1 });
+                let contact = Contact::new(shape.clone(), threshold).expect("a limit");
+                let control = Control { normal: Normal::Depth, tangential };
+                problems.push((contact.measured_against(reference), control));
+            }
+        }
+        for (contact, control) in problems {
+            let plan = MeshPlan::first(&contact, &control, 64).expect("a scar that fits");
+            let problem = WearProblem::exact(&contact, &control);
+            let mut wearing = Wearing::new(problem, (plan, Arc::default()), 64);
+            let mut rkc = Rkc::new(&mut wearing, vec![0.0; 65], 3e-3, (1.0, 0.3));
+            for _ in 0..40 {
+                // dV/dÑ = κ ∫ y ω dx·Δ/Δ₀. The two sides are sums of different terms.
+                let rate = wearing.energy_rate();
+                let growth = wearing.springs.mesh.volume(&rkc.rates);
+                assert!((growth - rate).abs() <= 1e-12 * rate, "{growth} {rate} {control:?}");
+                if wearing.springs.slides {
+                    break;
                 }
+                rkc.advance(&mut wearing, f64::INFINITY);
             }
         }
     }
