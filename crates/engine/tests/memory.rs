@@ -50,10 +50,10 @@ fn evaluating_the_wear_rate_allocates_nothing() {
                     64,
                 );
                 let (values, mut rates) = (vec![1e-3; 65], vec![0.0; 65]);
-                wearing.rates(&values, &mut rates);
+                wearing.rates(0.0, &values, &mut rates);
                 let before = dhat::HeapStats::get().total_blocks;
                 for _ in 0..100 {
-                    wearing.rates(&values, &mut rates);
+                    wearing.rates(0.0, &values, &mut rates);
                 }
                 let after = dhat::HeapStats::get().total_blocks;
                 assert_eq!(after, before, "{law:?} {control:?}");

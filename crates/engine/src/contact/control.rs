@@ -36,6 +36,7 @@
 
 use std::sync::Arc;
 
+use super::geometry::Geometry;
 use super::limit::{Limit, chord_and_angle, limiting_wear};
 use super::profile::Shape;
 use super::record::DisplacementRecord;
@@ -176,7 +177,11 @@ impl Control {
     }
 
     /// Whether the stick radius is constant during wear.
-    pub(crate) fn keeps_stick(&self) -> bool {
+    pub(crate) fn keeps_stick(&self, contact: &Contact) -> bool {
+        !contact.changes_friction() && self.keeps_stick_at_constant_friction()
+    }
+
+    fn keeps_stick_at_constant_friction(&self) -> bool {
         matches!(
             (self.normal, &self.tangential),
             (Normal::Depth, Tangential::Amplitude | Tangential::Record(_) | Tangential::Sliding(_))
@@ -184,9 +189,22 @@ impl Control {
         )
     }
 
+    /// Whether the tangential force is held, so that the run ends when friction cannot carry it.
+    pub(crate) fn holds_force(&self, contact: &Contact) -> bool {
+        match self.tangential {
+            Tangential::Force(_) => true,
+            // Without a stroke, θ of a line contact is its tangential force.
+            Tangential::Amplitude | Tangential::Blocks(_) => {
+                contact.shape.geometry() == Geometry::Line
+            }
+            _ => false,
+        }
+    }
+
     /// Whether a stick edge that moves comes to rest in worn material, at a place that only the run can find.
-    pub(crate) fn drifts(&self) -> bool {
+    pub(crate) fn drifts(&self, contact: &Contact) -> bool {
         self.normal == Normal::Force
+            || contact.changes_friction()
             || matches!(self.tangential, Tangential::Stroke(_) | Tangential::Sliding(_))
     }
 
@@ -206,7 +224,8 @@ impl Control {
     pub fn tends_to(&self, contact: &Contact) -> Option<Final> {
         let Contact { shape, stick, threshold, .. } = contact;
         let stick = match (self.normal, &self.tangential) {
-            _ if self.keeps_stick() => *stick,
+            _ if contact.changes_friction() => return None,
+            _ if self.keeps_stick(contact) => *stick,
             (Normal::Depth, Tangential::Force(_)) => self.last_stick(shape)?,
             // If the whole contact slips, the actuator still determines the amplitude, so the limit exists.
             (Normal::Depth, Tangential::Rig { .. }) => self.last_stick(shape).unwrap_or(0.0),
@@ -264,10 +283,19 @@ impl Control {
 
     /// The smallest stick radius of the whole run. Inside it no spring ever slips.
     pub(crate) fn least_stick(&self, contact: &Contact) -> f64 {
+        let least_friction = contact.course.as_ref().map_or(1.0, |course| course.least_friction());
         match (self.normal, &self.tangential) {
             (_, Tangential::Blocks(_)) => {
-                let most = self.largest_threshold(contact);
+                let most = self.largest_threshold(contact) / least_friction;
                 if most >= 1.0 { 0.0 } else { contact.shape.image_inverse(1.0 - most) }
+            }
+            (Normal::Depth, Tangential::Force(_) | Tangential::Rig { .. })
+                if contact.changes_friction() =>
+            {
+                0.0
+            }
+            _ if least_friction < 1.0 => {
+                contact.shape.stick_radius(contact.threshold / least_friction)
             }
             (Normal::Depth, Tangential::Force(_) | Tangential::Rig { .. }) => {
                 self.last_stick(&contact.shape).unwrap_or(0.0)

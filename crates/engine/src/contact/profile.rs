@@ -178,6 +178,7 @@ impl Shape {
             ShapeKind::Whole(1) => Some(0.0),
             ShapeKind::Power(n) => (*n < 2.0).then_some(0.0),
             ShapeKind::Truncated(shape) => shape.kinks().first().copied(),
+            ShapeKind::Punch(punch) => punch.kinks().first().copied(),
             _ => None,
         }
     }

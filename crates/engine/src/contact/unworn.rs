@@ -1,6 +1,9 @@
 //! The unworn contact and its limiting state, in dimensionless form.
 
+use std::sync::Arc;
+
 use super::control::Series;
+use super::course::Course;
 use super::geometry::Geometry;
 use super::limit::Limit;
 use super::profile::Shape;
@@ -33,6 +36,8 @@ pub struct Contact {
     pub limit: Limit,
     /// What the displacements of a line contact are measured against. Without it they are not defined.
     pub reference: Option<Series>,
+    /// How its coefficients change; `None` if they are constant.
+    pub course: Option<Arc<Course>>,
 }
 
 /// The stick radius of the limiting state that gives a line contact in gross slip its scales.
@@ -49,13 +54,24 @@ impl Contact {
             Geometry::Line if stick == 0.0 => Limit::solve(&shape, NARROW_CORE)?,
             _ => Limit::solve(&shape, stick)?,
         };
-        Some(Self { shape, threshold, stick, regime, limit, reference: None })
+        Some(Self { shape, threshold, stick, regime, limit, reference: None, course: None })
     }
 
     /// The same line contact with a reference for its displacements.
     #[must_use]
     pub fn measured_against(self, reference: Option<Series>) -> Self {
         Self { reference, ..self }
+    }
+
+    /// The same contact with coefficients that change.
+    #[must_use]
+    pub fn changing(self, course: Option<Course>) -> Self {
+        Self { course: course.map(Arc::new), ..self }
+    }
+
+    /// Whether the coefficient of friction changes.
+    pub(crate) fn changes_friction(&self) -> bool {
+        self.course.as_ref().is_some_and(|course| course.friction.is_some())
     }
 
     /// The contact of `shape` whose springs stick inside the radius 0 ≤ c < 1.

@@ -62,8 +62,12 @@ pub(super) struct HistoryEntry {
     pub(super) tangential: f64,
     /// The energy integral ∫ y ω dx over half of the row.
     pub(super) loss: f64,
-    /// The volume that follows from the energy, (k_w/μ)·ΣW.
+    /// The volume that follows from the energy, ∫ (k_w/μ) dW.
     pub(super) worn_by_energy: f64,
+    /// The dissipated energy, as (k_w/μ)·ΣW with the coefficients at cycle 0.
+    pub(super) dissipated: f64,
+    /// The coefficient of friction, relative to that at cycle 0.
+    pub(super) friction: f64,
     pub(super) errors: RunErrors,
     /// The curves and the friction loop, if this row has profiles.
     pub(super) curves: Option<(Curves, Loop)>,
@@ -166,8 +170,9 @@ impl Recording {
     pub(super) fn record(&mut self, case: &Case, mut entry: HistoryEntry) {
         self.reported.hold(&mut entry);
         let Case { scales, contact, .. } = case;
-        let end = self.slide(scales, (entry.scar, entry.edge_slip));
-        let slope = entry.edge_slope * scales.slip() / scales.contact_radius;
+        let m = entry.friction;
+        let end = self.slide(scales, (entry.scar, entry.edge_slip * m));
+        let slope = entry.edge_slope * m * scales.slip() / scales.contact_radius;
         self.edges.push((end, slope));
         for (column, half_length) in self.half_lengths.iter_mut().zip(self.reported.half_lengths) {
             column.push(half_length);
@@ -181,13 +186,13 @@ impl Recording {
         }
         let (amplitude, slip) = match scales.length {
             None => {
-                let amplitude = scales.amplitude * (entry.threshold / contact.threshold);
+                let amplitude = scales.amplitude * (entry.threshold / contact.threshold) * m;
                 (amplitude, amplitude)
             }
             Some(_) => {
                 let rig = contact.reference.map_or(0.0, |reference| reference.rig());
-                let amplitude = (entry.stroke - rig * entry.threshold) * scales.slip();
-                (amplitude, entry.threshold * scales.slip())
+                let amplitude = (entry.stroke - rig * entry.threshold) * m * scales.slip();
+                (amplitude, entry.threshold * m * scales.slip())
             }
         };
         history.cycles.push(n);
@@ -200,10 +205,10 @@ impl Recording {
         history.normal_force.push(2.0 * entry.normal * scales.force());
         history.indentation_depth.push(entry.depth * height);
         history.amplitude.push(amplitude);
-        history.tangential_force.push(scales.tangential(entry.tangential));
-        history.energy_per_cycle.push(scales.energy(entry.loss * entry.threshold));
+        history.tangential_force.push(scales.tangential(entry.tangential * m));
+        history.energy_per_cycle.push(scales.energy(entry.loss * entry.threshold * (m * m)));
         let per_wear = scales.friction / scales.wear_coefficient;
-        history.dissipated_energy.push(entry.worn_by_energy * scales.volume() * per_wear);
+        history.dissipated_energy.push(entry.dissipated * scales.volume() * per_wear);
         history.wear_volume_error.push(entry.errors.volume);
         history.wear_depth_error.push(entry.errors.depth);
         let Some((curves, found)) = entry.curves else { return };
@@ -217,8 +222,8 @@ impl Recording {
         profiles.slip.push(scaled(curves.slip, slip));
         let loops = &mut self.loops;
         loops.cycles.push(n);
-        loops.displacement.push(scaled(found.displacement, scales.slip()));
-        loops.tangential_force.push(scaled(found.force, scales.tangential(1.0)));
+        loops.displacement.push(scaled(found.displacement, scales.slip() * m));
+        loops.tangential_force.push(scaled(found.force, scales.tangential(1.0) * m));
         loops.energy_ratio.push(found.energy_ratio);
         loops.slip_ratio.push(found.slip_ratio);
         loops.free_ratio.push(found.free_ratio);

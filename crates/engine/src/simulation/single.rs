@@ -226,6 +226,7 @@ impl SingleRun {
             normal: unworn.normal,
             tangential: unworn.tangential,
             loss: unworn.loss,
+            friction: 1.0,
             curves,
             ..HistoryEntry::default()
         };
@@ -387,6 +388,8 @@ fn closed_entry(
         tangential: sums.tangential,
         loss: sums.energy / contact.threshold,
         worn_by_energy: solver.dissipated(xi, &sums),
+        dissipated: solver.dissipated(xi, &sums),
+        friction: 1.0,
         errors: state.errors,
         curves: state.curves.zip(state.backbone.map(|backbone| backbone.wind())),
         // The contact radius of the rule does not change later, so the slope at the edge of the scar is not needed.
@@ -427,6 +430,8 @@ fn marched_entry(
         tangential: worn.tangential,
         loss: worn.loss,
         worn_by_energy: state.worn_by_energy,
+        dissipated: state.dissipated,
+        friction: worn.friction,
         errors: state.errors,
         curves,
     }

@@ -106,6 +106,8 @@ pub struct MarchState {
     pub errors: RunErrors,
     /// (k_w/μ)·ΣW, summed separately. For the exact law this number should equal V.
     pub worn_by_energy: f64,
+    /// (k_w/μ)·ΣW with the coefficients at cycle 0.
+    pub dissipated: f64,
 }
 
 /// The number of cells for a tolerance.
@@ -132,7 +134,7 @@ fn effort(problem: WearProblem<'_>, tolerance: f64) -> (usize, f64) {
     if matches!(control.tangential, Tangential::Blocks(_)) {
         // More cells are needed at the stick edges that earlier blocks have left, and where the present stick edge
         // moves.
-        let more = if control.drifts() { 5 * cells / 3 } else { 3 * cells / 2 };
+        let more = if control.drifts(contact) { 5 * cells / 3 } else { 3 * cells / 2 };
         return (more.min(MOST_CELLS), steps);
     }
     if !moves(control, contact) && !far {
@@ -158,7 +160,7 @@ type Plans = (MeshPlan, Arc<[Option<Outlook>]>);
 /// The expected outer radius of the last mesh.
 fn farthest(contact: &Contact, control: &Control, (plan, outlooks): &Plans) -> f64 {
     let blocks = matches!(control.tangential, Tangential::Blocks(_));
-    if blocks && !control.drifts() {
+    if blocks && !control.drifts(contact) {
         let limit = Limit::solve(&contact.shape, control.least_stick(contact));
         return limit.map_or(contact.shape.extent(), |limit| limit.radius);
     }
@@ -188,7 +190,7 @@ impl March {
             return true;
         }
         let stick = control.least_stick(contact);
-        if !control.drifts() {
+        if !control.drifts(contact) {
             return Limit::solve(shape, stick).is_some();
         }
         // The scar is largest if the core never grows.
@@ -227,7 +229,7 @@ impl March {
         last: f64,
     ) -> Option<Self> {
         let WearProblem { contact, control, law } = problem;
-        let grows = control.drifts() && moves(control, contact);
+        let grows = control.drifts(contact) && moves(control, contact);
         let scouted = if grows { Self::scouted(problem, last) } else { None };
         let plans = match scouted {
             Some(plans) => plans,
@@ -472,7 +474,7 @@ impl March {
                 }
                 if self.signal(kind, middle) > 0.0 { low = middle } else { high = middle }
             }
-            let held = matches!(self.fine.control().tangential, Tangential::Force(_));
+            let held = self.fine.control().holds_force(&self.fine.wearing.contact);
             let ends = match kind {
                 GrossSlip => held,
                 Shakedown | ContactLost => false,
@@ -501,7 +503,7 @@ impl March {
             }
             EventKind::UntilReached if until == StopCondition::default() => 1.0,
             EventKind::UntilReached => {
-                let energy = run.energy_until(time);
+                let [_, energy] = run.energies_until(time);
                 run.under(time, |wearing, values| {
                     let worn = wearing.at(values);
                     until.missing(worn.deepest, worn.volume, energy)
@@ -580,10 +582,10 @@ impl March {
     #[must_use]
     pub fn at(&mut self, normalized_cycles: f64) -> MarchState {
         let time = self.fine.within(normalized_cycles);
-        let worn_by_energy = self.fine.energy_until(time);
+        let [worn_by_energy, dissipated] = self.fine.energies_until(time);
         let worn = self.fine.under(time, Wearing::at);
         if worn.volume == 0.0 {
-            return MarchState { worn, errors: RunErrors::default(), worn_by_energy };
+            return MarchState { worn, errors: RunErrors::default(), worn_by_energy, dissipated };
         }
         let apart = self.distance(normalized_cycles).or(self.apart);
         let RunErrors { volume, depth } =
@@ -596,6 +598,6 @@ impl March {
         let coarse = if self.fine.block > 0 { COARSE.1 } else { COARSE.0 };
         let depth = SHARES.1 * depth / (1.0 + depth / coarse) + self.fine.tip_error(&worn);
         let errors = RunErrors { volume: (SHARES.0 * volume).max(least), depth: depth.max(least) };
-        MarchState { worn, errors, worn_by_energy }
+        MarchState { worn, errors, worn_by_energy, dissipated }
     }
 }

@@ -96,7 +96,11 @@ impl MeshPlan {
                 Some(limit) => limit.radius,
                 // The limiting scar is larger than the indenter, but the scar may stay smaller during
                 // the run. Otherwise the run ends when the scar reaches the edge of the indenter.
-                None if control.drifts() => shape.extent(),
+                // A line contact without a core has no limiting scar.
+                None if control.drifts(contact) && shape.extent().is_infinite() => {
+                    contact.limit.radius
+                }
+                None if control.drifts(contact) => shape.extent(),
                 None => return None,
             },
         };
@@ -114,7 +118,7 @@ impl MeshPlan {
             let reach = start + (radius - start) * (1.0 + 0.6 / cells as f64);
             reach.min(shape.extent())
         };
-        let (reach, farthest) = match (control.drifts(), end) {
+        let (reach, farthest) = match (control.drifts(contact), end) {
             (true, None) => (outermost(last), f64::INFINITY),
             (_, Some(end)) if is_far(contact, &end) => {
                 (outermost(contact.limit.radius), outermost(end.limit.radius))
@@ -161,7 +165,7 @@ impl MeshPlan {
     ) -> Self {
         let extent = contact.shape.extent();
         let reach = (stick + (reach - stick) * (1.0 + 0.6 / cells as f64)).min(extent);
-        let farthest = if control.drifts() { f64::INFINITY } else { reach };
+        let farthest = if control.drifts(contact) { f64::INFINITY } else { reach };
         let focus = (stick > 0.0).then(|| Focus::at(stick));
         Self { start: stick, reach, farthest, focus, old_edge: None }
     }
@@ -182,13 +186,14 @@ impl MeshPlan {
     pub(crate) fn outermost(problem: WearProblem<'_>, last: f64) -> Option<f64> {
         let WearProblem { contact, control, law } = problem;
         let end = control.tends_to(contact);
-        if !control.drifts() || end.is_none() && control.least_stick(contact) > 0.0 {
+        if !control.drifts(contact) || end.is_none() && control.least_stick(contact) > 0.0 {
             return None;
         }
         let shape = &contact.shape;
         // The simplified rule satisfies the energy balance less accurately.
         let share = if law == Law::Exact { 1.0 } else { 1.6 };
-        let fastest = match shape.geometry() {
+        let changes = contact.course.as_ref().map_or(1.0, |course| course.fastest());
+        let fastest = changes * match shape.geometry() {
             Geometry::Round => {
                 let quickest = control.largest_threshold(contact) / contact.threshold;
                 2.0 * share * shape.half_force() * quickest

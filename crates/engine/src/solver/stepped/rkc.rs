@@ -14,10 +14,10 @@
 //! B. P. Sommeijer, L. F. Shampine, J. G. Verwer, *J. Comput. Appl. Math.* 88 (1998) 315, equations
 //! (2.1)–(2.8). Step control: K. Gustafsson, *ACM Trans. Math. Softw.* 17 (1991) 533.
 
-/// The right-hand side f of y′ = f(y).
+/// The right-hand side f of y′ = f(t, y).
 pub trait Rates {
-    /// Writes f(y) into `rates`.
-    fn rates(&mut self, values: &[f64], rates: &mut [f64]);
+    /// Writes f(t, y) into `rates`.
+    fn rates(&mut self, time: f64, values: &[f64], rates: &mut [f64]);
     /// An upper bound of the spectral radius of ∂f/∂y at the values last passed to `rates`.
     fn radius(&self) -> f64;
     /// The number of components, starting with the second, that count in the error norm.
@@ -33,6 +33,8 @@ struct Stages {
     first: f64,
     /// μ, ν, μ̃ and γ̃ of stages 2 to s.
     rest: Vec<[f64; 4]>,
+    /// The times of stages 1 to s, as shares of the step.
+    times: Vec<f64>,
 }
 
 impl Stages {
@@ -50,7 +52,7 @@ impl Stages {
             let [_, first, second] = t[j.max(2)];
             second / (first * first)
         };
-        let rest = (2..=stages)
+        let rest: Vec<[f64; 4]> = (2..=stages)
             .map(|j| {
                 let (mu, nu) = (2.0 * w0 * b(j) / b(j - 1), -b(j) / b(j - 2));
                 let mu_rate = 2.0 * w1 * b(j) / b(j - 1);
@@ -58,7 +60,16 @@ impl Stages {
                 [mu, nu, mu_rate, gamma]
             })
             .collect();
-        Self { first: b(1) * w1, rest }
+        let first = b(1) * w1;
+        // The stages of y′ = 1.
+        let mut times = vec![first];
+        let mut earlier = 0.0;
+        for [mu, nu, mu_rate, gamma] in &rest {
+            let now = times[times.len() - 1];
+            times.push(mu * now + nu * earlier + mu_rate + gamma);
+            earlier = now;
+        }
+        Self { first, rest, times }
     }
 }
 
@@ -127,7 +138,7 @@ impl Rkc {
     ) -> Self {
         let zeros = vec![0.0; values.len()];
         let mut rates = zeros.clone();
-        system.rates(&values, &mut rates);
+        system.rates(0.0, &values, &mut rates);
         Self {
             tolerance,
             scale,
@@ -155,8 +166,8 @@ impl Rkc {
         if let Some(values) = values {
             self.values = values;
         }
-        let Self { values, rates, .. } = self;
-        system.rates(values, rates);
+        let Self { time, values, rates, .. } = self;
+        system.rates(*time, values, rates);
         self.evaluations += 1;
         self.before = (self.time, self.values.clone(), self.rates.clone());
     }
@@ -229,8 +240,8 @@ impl Rkc {
         for ((now, y), f) in now.iter_mut().zip(start).zip(start_rates) {
             *now = y + coefficients.first * h * f;
         }
-        for [mu, nu, mu_rate, gamma] in &coefficients.rest {
-            system.rates(now, rates);
+        for ([mu, nu, mu_rate, gamma], share) in coefficients.rest.iter().zip(&coefficients.times) {
+            system.rates(self.time + share * h, now, rates);
             let known = rates.iter().zip(start).zip(start_rates);
             for ((now, earlier), ((rate, start), start_rate)) in
                 now.iter_mut().zip(&mut *earlier).zip(known)
@@ -242,7 +253,7 @@ impl Rkc {
                 *earlier = std::mem::replace(now, next);
             }
         }
-        system.rates(now, rates);
+        system.rates(self.time + h, now, rates);
         self.evaluations += stages;
     }
 
@@ -266,6 +277,7 @@ impl Rkc {
     /// components.
     pub(crate) fn again(&self, system: &mut impl Rates, time: f64) -> (Vec<f64>, usize) {
         let mut shorter = self.clone();
+        shorter.time = self.before.0;
         shorter.restart(system, Some(self.before.1.clone()));
         let h = time - self.before.0;
         let stages = stages(h, system.radius());
@@ -311,7 +323,7 @@ mod tests {
     struct Relaxation(Vec<f64>);
 
     impl Rates for Relaxation {
-        fn rates(&mut self, values: &[f64], rates: &mut [f64]) {
+        fn rates(&mut self, _: f64, values: &[f64], rates: &mut [f64]) {
             for ((rate, y), lambda) in rates.iter_mut().zip(values).zip(&self.0) {
                 *rate = lambda * (1.0 - y);
             }
@@ -345,6 +357,33 @@ mod tests {
         let (coarse, _) = worst_at(1.0, 1e-3);
         let (fine, _) = worst_at(1.0, 1e-5);
         assert!(coarse < 3e-3 && fine < 3e-5, "{coarse} {fine}");
+    }
+
+    /// y′ = 2t.
+    struct Square;
+
+    impl Rates for Square {
+        fn rates(&mut self, time: f64, _: &[f64], rates: &mut [f64]) {
+            rates.fill(2.0 * time);
+        }
+        fn radius(&self) -> f64 {
+            500.0
+        }
+        fn most(&self) -> f64 {
+            f64::INFINITY
+        }
+        fn live(&self) -> usize {
+            1
+        }
+    }
+
+    #[test]
+    fn rates_that_depend_on_the_time_are_integrated_with_second_order() {
+        let mut run = Rkc::new(&mut Square, vec![0.0; 2], 1e-3, (1.0, 1.0));
+        while run.time < 2.0 {
+            run.advance(&mut Square, 2.0);
+        }
+        assert!((run.values[1] - 4.0).abs() < 1e-12, "{}", run.values[1]);
     }
 
     #[test]

@@ -95,10 +95,14 @@ pub(super) struct MeshRun {
     pub(super) block_edges: Vec<(f64, f64)>,
     /// Whether the last step skipped the rest of a block after shakedown.
     pub(super) rests: bool,
-    /// (k_w/μ)·ΣW = 2 ∫ ∫ y ω dx dÑ at the start and at the end of the last step.
+    /// ∫ (k_w/μ) dW = 2 ∫ ∫ y ω dx dÑ at the start and at the end of the last step.
     worn_by_energy: [f64; 2],
+    /// (k_w/μ)·ΣW with the coefficients at cycle 0, at the start and at the end of the last step.
+    dissipated: [f64; 2],
     /// 2 ∫ y ω dx at the start and at the end of the last step.
     pub(super) loss: [f64; 2],
+    /// The power, (k_w/μ)·W with the coefficients at cycle 0, at the start and at the end of the last step.
+    power: [f64; 2],
     /// 2 ∫ y ω dx·Δ/Δ₀ of the unworn contact at the present amplitude.
     pub(super) unworn_loss: f64,
     /// Whether the result reports the energy of this run, so that the energy must be accurate.
@@ -112,9 +116,10 @@ pub(super) fn moves(control: &Control, contact: &Contact) -> bool {
     let slips = contact.regime == Regime::GrossSlip;
     let stays =
         control.normal == Normal::Depth && matches!(control.tangential, Tangential::Blocks(_));
-    !control.keeps_stick()
-        && !stays
-        && (!slips || control.drifts() && contact.threshold < REGAINS)
+    contact.changes_friction()
+        || !control.keeps_stick(contact)
+            && !stays
+            && (!slips || control.drifts(contact) && contact.threshold < REGAINS)
 }
 
 /// The wear at which the amplitude of a contact on a rig doubles at constant d. As the tangential
@@ -188,7 +193,9 @@ impl MeshRun {
             block_edges: Vec::new(),
             rests: false,
             worn_by_energy: [0.0; 2],
+            dissipated: [0.0; 2],
             loss: [rate; 2],
+            power: [rate; 2],
             unworn_loss: rate,
             accounts: false,
         }
@@ -206,32 +213,52 @@ impl MeshRun {
             }
             let (wearing, values) = self.wearing.extended(&self.rkc.values);
             self.wearing = wearing;
-            self.rkc.restart(&mut self.wearing, Some(values));
-            self.loss = [self.wearing.energy_rate(); 2];
+            self.restart(Some(values));
         }
         self.leave_the_tip();
+        if self.wearing.follower.enter(self.rkc.time, self.dissipated[1]) {
+            self.restart(None);
+            self.rkc.hurry(self.wearing.pace());
+        }
         if end.is_finite() && self.has_arrived(end) {
             // The contact does not change until the next block starts.
             self.rkc.rest_until(end);
             self.worn_by_energy[0] = self.worn_by_energy[1];
+            self.dissipated[0] = self.dissipated[1];
             self.rests = true;
             return true;
         }
         self.rests = false;
         self.wearing.widen();
-        self.rkc.advance(&mut self.wearing, end);
-        let (began, time) = (self.rkc.began(), self.rkc.time);
-        self.loss = [self.loss[1], self.wearing.energy_rate()];
-        self.worn_by_energy[0] = self.worn_by_energy[1];
-        self.worn_by_energy[1] += if self.accounts {
-            self.loss_since(began, time, self.loss[1])
-        } else {
-            0.5 * (time - began) * (self.loss[0] + self.loss[1])
-        };
+        let until = end.min(self.wearing.follower.ends());
+        self.rkc.advance(&mut self.wearing, until);
+        self.account();
         if end.is_infinite() && self.has_arrived(end) {
             self.stopped = Some(Stop::Settled);
         }
         true
+    }
+
+    /// Continues with a changed right-hand side, or from other values.
+    fn restart(&mut self, values: Option<Vec<f64>>) {
+        self.rkc.restart(&mut self.wearing, values);
+        self.loss = [self.wearing.energy_rate(); 2];
+        self.power = [self.wearing.power(); 2];
+    }
+
+    /// Adds the energy of the last step.
+    fn account(&mut self) {
+        let (began, time) = (self.rkc.began(), self.rkc.time);
+        self.loss = [self.loss[1], self.wearing.energy_rate()];
+        self.power = [self.power[1], self.wearing.power()];
+        let [worn, dissipated] = if self.accounts {
+            self.energies_since(began, time, [self.loss[1], self.power[1]])
+        } else {
+            [self.loss, self.power].map(|ends| 0.5 * (time - began) * (ends[0] + ends[1]))
+        };
+        self.worn_by_energy = [self.worn_by_energy[1], self.worn_by_energy[1] + worn];
+        self.dissipated = [self.dissipated[1], self.dissipated[1] + dissipated];
+        self.wearing.follower.record((began, time), self.dissipated[1], self.power);
     }
 
     /// The held quantities.
@@ -241,30 +268,30 @@ impl MeshRun {
 
     /// Whether a core sticks during the whole run.
     pub(super) fn keeps_core(&self) -> bool {
-        self.control().keeps_stick() && self.wearing.contact.stick > 0.0
+        self.control().keeps_stick(&self.wearing.contact) && self.wearing.contact.stick > 0.0
     }
 
     /// Whether the wear so far decides where the stick edge comes to rest.
     pub(super) fn keeps_errors(&self) -> bool {
         let control = self.control();
-        control.drifts() && moves(control, &self.wearing.contact)
+        control.drifts(&self.wearing.contact) && moves(control, &self.wearing.contact)
     }
 
-    /// (k_w/μ)·ΣW at the end of the last step.
+    /// (k_w/μ)·ΣW with the coefficients at cycle 0, at the end of the last step.
     pub(super) fn energy(&self) -> f64 {
-        self.worn_by_energy[1]
+        self.dissipated[1]
     }
 
     /// The time within the last step at which (k_w/μ)·ΣW reaches `energy`.
     pub(super) fn time_of(&mut self, energy: f64) -> f64 {
         let (began, time) = (self.rkc.began(), self.rkc.time);
-        let [before, after] = self.worn_by_energy;
+        let [before, after] = self.dissipated;
         if energy <= before {
             return began;
         }
         let mut bracket = Bracket::new((began, before - energy), (time, after - energy));
         while let Some(middle) = bracket.next().filter(|_| bracket.width() > TIME_DIGITS) {
-            bracket.narrow(middle, self.energy_until(middle) - energy);
+            bracket.narrow(middle, self.energies_until(middle)[1] - energy);
         }
         bracket.found()
     }
@@ -294,11 +321,13 @@ impl MeshRun {
         let Some(next) = self.control().block(self.block) else { return f64::INFINITY };
         if self.accounts {
             let worn = self.wearing.at(&self.rkc.values);
-            self.block_edges.push((worn.scar, worn.edge_slip(&self.wearing.springs.mesh)));
+            let slip = worn.friction * worn.edge_slip(&self.wearing.springs.mesh);
+            self.block_edges.push((worn.scar, slip));
         }
         self.block_began = self.rkc.time;
         self.change_amplitude(next);
         self.loss = [self.wearing.energy_rate(); 2];
+        self.power = [self.wearing.power(); 2];
         next.end
     }
 
@@ -368,19 +397,22 @@ impl MeshRun {
         self.rkc.hurry(self.wearing.pace());
     }
 
-    /// The energy between the start of the last step and a later time within the step, by Simpson's
-    /// rule.
-    fn loss_since(&mut self, began: f64, time: f64, last: f64) -> f64 {
+    /// The volume by energy and the energy between the start of the last step and a later time within the step, by
+    /// Simpson's rule. `last` are their rates at this time.
+    fn energies_since(&mut self, began: f64, time: f64, last: [f64; 2]) -> [f64; 2] {
         if self.rests {
-            return 0.0;
+            return [0.0; 2];
         }
-        let middle = self.under(0.5 * (began + time), |wearing, _| wearing.energy_rate());
-        (time - began) / 6.0 * (self.loss[0] + 4.0 * middle + last)
+        let middle = self.under(0.5 * (began + time), |wearing, _| wearing.energy_rates());
+        let first = [self.loss[0], self.power[0]];
+        std::array::from_fn(|i| (time - began) / 6.0 * (first[i] + 4.0 * middle[i] + last[i]))
     }
 
-    pub(super) fn energy_until(&mut self, time: f64) -> f64 {
-        let last = self.under(time, |wearing, _| wearing.energy_rate());
-        self.worn_by_energy[0] + self.loss_since(self.rkc.began(), time, last)
+    /// ∫ (k_w/μ) dW, and (k_w/μ)·ΣW with the coefficients at cycle 0, at a time within the last step.
+    pub(super) fn energies_until(&mut self, time: f64) -> [f64; 2] {
+        let last = self.under(time, |wearing, _| wearing.energy_rates());
+        let [worn, dissipated] = self.energies_since(self.rkc.began(), time, last);
+        [self.worn_by_energy[0] + worn, self.dissipated[0] + dissipated]
     }
 
     /// Evaluates `what` in the state at a time within the last step.
@@ -396,7 +428,7 @@ impl MeshRun {
         let (rkc, [first, last]) = (&self.rkc, self.loss);
         let noise = |rate: f64| rate > NOISY * first.max(last) || rate < first.min(last) / NOISY;
         let mut more = 0;
-        let found = self.wearing.under(&rkc.at(time), &rkc.values, |wearing, values| {
+        let found = self.wearing.under((time, &rkc.at(time)), &rkc.values, |wearing, values| {
             if !noise(wearing.energy_rate()) {
                 return what(wearing, values);
             }
@@ -412,7 +444,7 @@ impl MeshRun {
     /// The error of V that occurs because a resting stick edge lies at the border of two cells.
     pub(super) fn edge_error(&self, worn: &WornContact) -> f64 {
         let (contact, control) = (&self.wearing.contact, self.control());
-        let rests = !control.drifts() || !moves(control, contact);
+        let rests = !control.drifts(contact) || !moves(control, contact);
         if rests || worn.stick >= 1.0 {
             return 0.0;
         }
@@ -456,7 +488,7 @@ impl MeshRun {
         let (contact, control) = (&self.wearing.contact, self.control());
         let least = control.least_stick(contact);
         let resolved = least == 0.0 || self.wearing.plan.start > 0.0;
-        if control.drifts() || resolved || self.block > 0 {
+        if control.drifts(contact) || resolved || self.block > 0 {
             return 0.0;
         }
         let last = |stick: f64| Limit::solve(&contact.shape, stick).map(|limit| limit.volume);

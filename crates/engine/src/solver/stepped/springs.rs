@@ -57,6 +57,8 @@ pub struct Springs {
     pub(crate) threshold: f64,
     /// The slip of the middle of a line contact, σ₀.
     pub(crate) middle: f64,
+    /// The present coefficient of friction, relative to that at cycle 0.
+    pub(crate) friction: f64,
     /// Whether the held tangential force is larger than friction can carry.
     pub(crate) slides: bool,
     /// Image g of each of the first cells.
@@ -73,6 +75,7 @@ pub struct Aside {
     depth: f64,
     threshold: f64,
     middle: f64,
+    friction: f64,
     slides: bool,
     lists: [Vec<f64>; 3],
 }
@@ -104,6 +107,7 @@ impl Springs {
             depth: 1.0,
             threshold: contact.threshold,
             middle: 0.0,
+            friction: 1.0,
             slides: false,
             images: room(),
             compressions: room(),
@@ -136,14 +140,14 @@ impl Springs {
     /// Saves the state.
     pub(crate) fn set_aside(&mut self, aside: &mut Aside) {
         (aside.depth, aside.threshold, aside.slides) = (self.depth, self.threshold, self.slides);
-        aside.middle = self.middle;
+        (aside.middle, aside.friction) = (self.middle, self.friction);
         self.exchange(aside);
     }
 
     /// Restores the saved state.
     pub(crate) fn put_back(&mut self, aside: &mut Aside) {
         (self.depth, self.threshold, self.slides) = (aside.depth, aside.threshold, aside.slides);
-        self.middle = aside.middle;
+        (self.middle, self.friction) = (aside.middle, aside.friction);
         self.exchange(aside);
     }
 
@@ -197,22 +201,31 @@ impl Springs {
             self.compressions.pop();
         }
         self.slides = false;
+        // Amplitudes and forces are in units of μ.
+        let amplitude = self.amplitude / self.friction;
         self.threshold = match self.control.tangential {
-            Tangential::Force(half) => self.threshold_under(0.0, half).unwrap_or_else(|| {
-                self.slides = true;
-                self.compressions.iter().copied().fold(0.0, f64::max)
-            }),
+            Tangential::Force(half) => {
+                self.threshold_under(0.0, half / self.friction).unwrap_or_else(|| {
+                    self.slides = true;
+                    self.compressions.iter().copied().fold(0.0, f64::max)
+                })
+            }
             Tangential::Rig { compliance, .. } if compliance > 0.0 => {
                 let per_force = 0.5 / compliance;
-                let under = self.threshold_under(per_force, self.amplitude * per_force);
-                under.unwrap_or(self.amplitude)
+                self.threshold_under(per_force, amplitude * per_force).unwrap_or(amplitude)
             }
-            Tangential::Stroke(_) => self.threshold_at_stroke(),
+            Tangential::Stroke(_) => self.threshold_at_stroke(amplitude),
             Tangential::Sliding(_) => {
-                self.middle = self.amplitude;
+                self.middle = amplitude;
                 1.0
             }
-            _ => self.amplitude,
+            Tangential::Amplitude | Tangential::Blocks(_)
+                if self.mesh.geometry == Geometry::Line && amplitude >= 1.0 =>
+            {
+                self.slides = true;
+                1.0
+            }
+            _ => amplitude,
         };
         self.slip();
     }
@@ -235,7 +248,7 @@ impl Springs {
     /// The stroke of a line contact in μh₀. NaN without a reference.
     pub(crate) fn stroke(&self) -> f64 {
         match self.control.tangential {
-            Tangential::Stroke(_) | Tangential::Sliding(_) => self.amplitude,
+            Tangential::Stroke(_) | Tangential::Sliding(_) => self.amplitude / self.friction,
             _ => self.moved(self.threshold).0,
         }
     }
@@ -266,8 +279,8 @@ impl Springs {
     }
 
     /// θ at the stroke of a line contact. If θ = 1 is not enough for the stroke, the middle slips by the rest.
-    fn threshold_at_stroke(&mut self) -> f64 {
-        let rest = self.amplitude - self.moved(1.0).0;
+    fn threshold_at_stroke(&mut self, stroke: f64) -> f64 {
+        let rest = stroke - self.moved(1.0).0;
         if rest >= 0.0 {
             self.middle = rest;
             return 1.0;
@@ -277,7 +290,7 @@ impl Springs {
         let mut threshold = 1.0;
         for _ in 0..100 {
             let (sum, slope) = self.moved(threshold);
-            let next = threshold + (self.amplitude - sum) / slope;
+            let next = threshold + (stroke - sum) / slope;
             if (next - threshold).abs() <= 2.0 * f64::EPSILON * next {
                 return next;
             }

@@ -20,6 +20,7 @@ use super::prior::PriorWear;
 use super::rkc::Rates;
 use super::springs::{Aside, Springs};
 use crate::contact::control::{Normal, Tangential};
+use crate::contact::course::{Follower, Moment};
 use crate::contact::geometry::Geometry;
 use crate::contact::hysteresis::Backbone;
 use crate::contact::limit::Limit;
@@ -44,6 +45,10 @@ pub struct Wearing {
     pub(crate) prior: Arc<PriorWear>,
     /// The springs in their present state.
     pub springs: Springs,
+    /// Follows the course of the coefficients.
+    pub(super) follower: Follower,
+    /// The present wear coefficient, relative to that at cycle 0.
+    wear_factor: f64,
     aside: Aside,
     /// Δ·s at the nodes before any wear on this mesh, if every spring slips.
     initial_slip: Vec<f64>,
@@ -80,6 +85,8 @@ pub struct WornContact {
     pub depth: f64,
     /// Amplitude Δ.
     pub threshold: f64,
+    /// The coefficient of friction, relative to that at cycle 0.
+    pub friction: f64,
     /// Slip of the middle of a line contact.
     pub middle: f64,
     /// Stroke of a line contact, with that of the rig. NaN without a reference.
@@ -164,6 +171,7 @@ impl Wearing {
         let scar = contact.limit.radius;
         let springs = Springs::new(mesh, contact, control, &prior);
         let contact = contact.clone();
+        let follower = Follower::new(contact.course.clone());
         let (widest, radius) = (0.0, 0.0);
         let aside = Aside::default();
         Self {
@@ -172,6 +180,8 @@ impl Wearing {
             plan,
             prior,
             springs,
+            follower,
+            wear_factor: 1.0,
             aside,
             initial_slip,
             slip,
@@ -312,7 +322,14 @@ impl Wearing {
         let mut next = Self::new(problem, (plan, worn), self.springs.mesh.widths.len());
         next.springs.resume(&self.springs);
         (next.scar, next.widest) = (self.scar, self.widest);
+        next.follower = self.follower.clone();
         next
+    }
+
+    /// Sets the coefficients of friction and wear to those of a time.
+    pub(super) fn set_time(&mut self, time: f64) {
+        let Moment { friction, wear } = self.follower.at(time);
+        (self.springs.friction, self.wear_factor) = (friction, wear);
     }
 
     /// The radius inside which all springs stick at the present amplitude, on the surface `worn`. It is 0
@@ -372,13 +389,13 @@ impl Wearing {
 
     /// The stick radius c in the present state of the springs.
     fn stick(&self) -> f64 {
-        if self.springs.control.keeps_stick() { self.contact.stick } else { self.springs.stick() }
+        if self.springs.control.keeps_stick(&self.contact) { self.contact.stick } else { self.springs.stick() }
     }
 
     /// Whether ã is constant.
     fn keeps_scar(&self) -> bool {
         let control = &self.springs.control;
-        control.keeps_stick() && control.normal == Normal::Depth
+        control.keeps_stick(&self.contact) && control.normal == Normal::Depth
     }
 
     /// ã in the present state of the springs.
@@ -410,16 +427,18 @@ impl Wearing {
     /// Evaluates `what` in the state of `values`, and then restores the present state `now`.
     pub fn under<T>(
         &mut self,
-        values: &[f64],
+        (time, values): (f64, &[f64]),
         now: &[f64],
         what: impl FnOnce(&mut Self, &[f64]) -> T,
     ) -> T {
         let mut aside = std::mem::take(&mut self.aside);
         self.springs.set_aside(&mut aside);
         let (scar, widest, radius) = (self.scar, self.widest, self.radius);
+        let wear_factor = self.wear_factor;
+        self.set_time(time);
         self.press(values);
         let result = what(self, values);
-        (self.scar, self.radius) = (scar, radius);
+        (self.scar, self.radius, self.wear_factor) = (scar, radius, wear_factor);
         self.springs.put_back(&mut aside);
         self.aside = aside;
         if self.law != Law::Exact {
@@ -485,9 +504,20 @@ impl Wearing {
         self.springs.mesh.geometry.energy_factor() * self.springs.loss() * self.pace()
     }
 
-    /// The present amplitude, relative to that of N₀: Δ/Δ₀.
+    /// The dissipated energy per Ñ, as (k_w/μ)·W with the coefficients at cycle 0.
+    pub(crate) fn power(&self) -> f64 {
+        self.energy_rate() * (self.springs.friction / self.wear_factor)
+    }
+
+    /// The rates of the volume by energy and of the energy.
+    pub(crate) fn energy_rates(&self) -> [f64; 2] {
+        [self.energy_rate(), self.power()]
+    }
+
+    /// The present amplitude in m, relative to that of N₀, times the present wear coefficient: k·m·Δ/Δ₀.
     pub(crate) fn pace(&self) -> f64 {
         self.springs.threshold / self.contact.reference_threshold()
+            * (self.springs.friction * self.wear_factor)
     }
 
     /// The worn contact for the given values.
@@ -518,6 +548,7 @@ impl Wearing {
             scar,
             depth: springs.depth,
             threshold: springs.threshold,
+            friction: springs.friction,
             middle: springs.middle,
             stroke: springs.stroke(),
             approach: match mesh.geometry {
@@ -641,7 +672,7 @@ impl Wearing {
             && if springs.mesh.is_whole {
                 springs.compressions.iter().all(|y| *y < threshold)
             } else {
-                springs.control.keeps_stick()
+                springs.control.keeps_stick(&self.contact)
             };
         if closed {
             // The change of Δ − d since the unworn contact. It is 0 except in gross slip, where Δ and d
@@ -708,7 +739,8 @@ impl Wearing {
 }
 
 impl Rates for Wearing {
-    fn rates(&mut self, values: &[f64], rates: &mut [f64]) {
+    fn rates(&mut self, time: f64, values: &[f64], rates: &mut [f64]) {
+        self.set_time(time);
         match self.law {
             Law::Exact => self.exact_rates(values, rates),
             Law::Simplified(xi) => self.simplified_rates(xi, values, rates),
@@ -720,7 +752,7 @@ impl Rates for Wearing {
     }
 
     fn most(&self) -> f64 {
-        match (self.law, self.springs.control.drifts()) {
+        match (self.law, self.springs.control.drifts(&self.contact)) {
             // The compression of the springs, which determines the pressure, is much smaller than a
             // deep wear. Late in a run a core carries the load, and the springs outside carry ever
             // less.
