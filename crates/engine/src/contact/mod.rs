@@ -5,6 +5,7 @@ pub mod control;
 pub mod course;
 pub mod geometry;
 pub mod hysteresis;
+pub mod layers;
 pub mod limit;
 pub mod profile;
 mod punch;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::control::Series;
 use super::course::Course;
 use super::geometry::Geometry;
+use super::layers::Layers;
 use super::limit::Limit;
 use super::profile::Shape;
 
@@ -38,6 +39,8 @@ pub struct Contact {
     pub reference: Option<Series>,
     /// How its coefficients change; `None` if they are constant.
     pub course: Option<Arc<Course>>,
+    /// The layers of its bodies; `None` if all wear has the same coefficient.
+    pub layers: Option<Arc<Layers>>,
 }
 
 /// The stick radius of the limiting state that gives a line contact in gross slip its scales.
@@ -54,7 +57,7 @@ impl Contact {
             Geometry::Line if stick == 0.0 => Limit::solve(&shape, NARROW_CORE)?,
             _ => Limit::solve(&shape, stick)?,
         };
-        Some(Self { shape, threshold, stick, regime, limit, reference: None, course: None })
+        Some(Self { shape, threshold, stick, regime, limit, reference: None, course: None, layers: None })
     }
 
     /// The same line contact with a reference for its displacements.
@@ -67,6 +70,12 @@ impl Contact {
     #[must_use]
     pub fn changing(self, course: Option<Course>) -> Self {
         Self { course: course.map(Arc::new), ..self }
+    }
+
+    /// The same contact with layers.
+    #[must_use]
+    pub fn layered(self, layers: Option<Layers>) -> Self {
+        Self { layers: layers.map(Arc::new), ..self }
     }
 
     /// Whether the coefficient of friction changes.

@@ -178,6 +178,20 @@ pub struct OutcomeEvent {
     pub cycles: f64,
     /// The kind of the event.
     pub kind: EventKind,
+    /// The layer that is worn through.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub layer: Option<WornLayer>,
+}
+
+/// A layer that is worn through.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct WornLayer {
+    /// The index of the body; 0 is that with the profile.
+    pub body: usize,
+    /// The index of the layer, from the surface inwards.
+    pub layer: usize,
+    /// The radius at which it is worn through.
+    pub radius: f64,
 }
 
 /// Estimates of the numerical error.

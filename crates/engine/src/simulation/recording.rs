@@ -64,6 +64,10 @@ pub(super) struct HistoryEntry {
     pub(super) loss: f64,
     /// The volume that follows from the energy, ∫ (k_w/μ) dW.
     pub(super) worn_by_energy: f64,
+    /// The volume of the dose: the wear volume, except for bodies with layers.
+    pub(super) dosed: f64,
+    /// Volume and largest depth of each body, if they have layers.
+    pub(super) bodies: Option<[(f64, f64); 2]>,
     /// The dissipated energy, as (k_w/μ)·ΣW with the coefficients at cycle 0.
     pub(super) dissipated: f64,
     /// The coefficient of friction, relative to that at cycle 0.
@@ -181,7 +185,8 @@ impl Recording {
         let history = &mut self.history;
         let n = entry.cycles;
         if entry.volume > 0.0 {
-            self.mismatch = Some(entry.worn_by_energy / entry.volume - 1.0);
+            let dosed = if entry.bodies.is_some() { entry.dosed } else { entry.volume };
+            self.mismatch = Some(entry.worn_by_energy / dosed - 1.0);
             self.errors = Some(self.errors.map_or(entry.errors, |known| known.or(entry.errors)));
         }
         let (amplitude, slip) = match scales.length {

@@ -8,13 +8,13 @@ use crate::contact::limit::WIDEST;
 use crate::contact::unworn::Decay;
 use crate::numeric::twelve_digits;
 use crate::outcome::{
-    Accuracy, BodyWear, ContactScales, Outcome, OutcomeEvent, Unworn, limit_state,
+    Accuracy, BodyWear, ContactScales, Outcome, OutcomeEvent, Unworn, WornLayer, limit_state,
 };
 use crate::solver::closed::energy;
 use crate::solver::closed::events::{StopSearch, events};
 use crate::solver::closed::simplified::{Simplified, State, UnwornCurves};
 use crate::solver::curves::{Curves, Grid};
-use crate::solver::events::{Event, EventKind};
+use crate::solver::events::{Event, EventKind, WornThrough};
 use crate::solver::stepped::march::March;
 use crate::solver::stepped::plan::MeshPlan;
 
@@ -143,7 +143,7 @@ impl SingleRun {
         };
         let mut known = std::mem::take(&mut self.events);
         if stop.is_finite() {
-            known.push(Event { at: stop, kind: EventKind::UntilReached, ends: true });
+            known.push(Event::new(stop, EventKind::UntilReached, true));
         }
         self.events = events(solver, xi, last, known);
         true
@@ -305,6 +305,11 @@ impl SingleRun {
         let with_cycles = |event: &Event| OutcomeEvent {
             cycles: event.at * case.scales.cycles,
             kind: event.kind,
+            layer: event.layer.map(|WornThrough { body, layer, radius }| WornLayer {
+                body,
+                layer,
+                radius: radius * case.scales.contact_radius,
+            }),
         };
         let unworn = case.unworn();
         let model_error = match case.method {
@@ -358,7 +363,7 @@ fn find_outputs(case: &mut Case, xi: f64) -> Option<Event> {
         *last |= shows;
     }
     case.outputs = Outputs::Cycles(cycles);
-    stop.map(|at| Event { at, kind: EventKind::EnergyNotReached, ends: true })
+    stop.map(|at| Event::new(at, EventKind::EnergyNotReached, true))
 }
 
 /// A row of the history from the closed form.
@@ -388,6 +393,7 @@ fn closed_entry(
         tangential: sums.tangential,
         loss: sums.energy / contact.threshold,
         worn_by_energy: solver.dissipated(xi, &sums),
+        dosed: state.volume,
         dissipated: solver.dissipated(xi, &sums),
         friction: 1.0,
         errors: state.errors,
@@ -430,6 +436,8 @@ fn marched_entry(
         tangential: worn.tangential,
         loss: worn.loss,
         worn_by_energy: state.worn_by_energy,
+        dosed: worn.dosed,
+        bodies: worn.bodies,
         dissipated: state.dissipated,
         friction: worn.friction,
         errors: state.errors,

@@ -26,6 +26,8 @@ pub enum EventKind {
     /// A ring of contact outside the scar would carry more than 0.1 % of the normal force. The run
     /// computes the core alone, so it ends.
     ContactSplits,
+    /// A layer of a body is worn through at one place.
+    LayerWornThrough,
     /// A requested energy cannot be dissipated: wear has practically stopped, the last block has ended, or the
     /// run has reached the largest number of cycles.
     EnergyNotReached,
@@ -40,6 +42,26 @@ pub struct Event {
     pub kind: EventKind,
     /// Whether the run ends with this event.
     pub ends: bool,
+    /// The layer, if the event is about one.
+    pub layer: Option<WornThrough>,
+}
+
+/// Where a layer is worn through.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WornThrough {
+    /// The index of the body.
+    pub body: usize,
+    /// The index of the layer, from the surface inwards.
+    pub layer: usize,
+    /// The radius in a₀.
+    pub radius: f64,
+}
+
+impl Event {
+    /// An event that is not about a layer.
+    pub(crate) fn new(at: f64, kind: EventKind, ends: bool) -> Self {
+        Self { at, kind, ends, layer: None }
+    }
 }
 
 /// The wear or the energy at which a run ends, in units of d₀ and a₀²d₀.

@@ -66,7 +66,7 @@ pub(crate) fn events(
         // The logarithm of a decaying quantity is almost linear, so the search for its root is
         // short.
         if signal(last) <= 0.0 {
-            events.push(Event { at: root(0.0, last, signal), kind, ends });
+            events.push(Event::new(root(0.0, last, signal), kind, ends));
         }
     };
     if solver.contact.regime == Regime::GrossSlip {

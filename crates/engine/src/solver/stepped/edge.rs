@@ -50,7 +50,7 @@ impl ContactEdge {
         if run.rests {
             // Nothing wears until the next block, so the radius is constant.
             let least = self.known.last().map_or(1.0, |(_, radius)| *radius);
-            let radius = run.wearing.worn_radius(&run.rkc.values).max(least);
+            let radius = run.wearing.worn_radius(&run.wearing.wear(&run.rkc.values)).max(least);
             self.learn(run.rkc.began(), radius);
             self.learn(run.rkc.time, radius);
             return;
@@ -66,7 +66,8 @@ impl ContactEdge {
                 self.touch(run, spring);
             }
         }
-        let (wearing, wear, time) = (&run.wearing, &run.rkc.values, run.rkc.time);
+        let (wearing, time) = (&run.wearing, run.rkc.time);
+        let wear = &wearing.wear(&run.rkc.values);
         let last = self.known.last().map_or(0.0, |(last, _)| *last);
         let worn = self.present(wearing, wear).is_none_or(|edge| edge.share < WORN);
         if worn && time > PAUSE * last {
@@ -77,7 +78,9 @@ impl ContactEdge {
     /// Records the radius at the time in the last step at which a spring came into contact.
     fn touch(&mut self, run: &mut MeshRun, spring: usize) {
         let (began, time) = (run.rkc.began(), run.rkc.time);
-        let mut at = |time| run.under(time, |wearing, wear| gap(wearing, wear, spring));
+        let mut at = |time| {
+            run.under(time, |wearing, values| gap(wearing, &wearing.wear(values), spring))
+        };
         let (before, after) = (at(began), at(time));
         if after <= 0.0 {
             // The spring is not in contact: only springs further out are.
@@ -85,7 +88,8 @@ impl ContactEdge {
         }
         let share = if before < 0.0 { before / (before - after) } else { 0.0 };
         let then = began + share * (time - began);
-        let found = run.under(then, |wearing, wear| {
+        let found = run.under(then, |wearing, values| {
+            let wear = &wearing.wear(values);
             let edge = Edge::around(wearing, wear, spring).filter(|edge| edge.share >= WORN)?;
             Some(edge.radius(wearing.worn_radius(wear)))
         });
@@ -112,7 +116,8 @@ impl ContactEdge {
     /// The radius at each of the given times, which are not later than the present time of the run.
     pub(super) fn radii(&mut self, run: &mut MeshRun, times: &[f64]) -> Vec<f64> {
         let now = times.last().map_or(0.0, |last| run.within(*last));
-        let last = run.under(now, |wearing, wear| {
+        let last = run.under(now, |wearing, values| {
+            let wear = &wearing.wear(values);
             let worn = wearing.worn_radius(wear);
             self.present(wearing, wear).map_or(worn, |edge| edge.radius(worn))
         });

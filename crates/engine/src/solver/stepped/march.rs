@@ -23,10 +23,12 @@ use super::plan::{FAR, MeshPlan, REST_BLUR, is_far};
 use super::run::{MeshRun, Outlook, Stop, moves};
 use super::wearing::{Wearing, WornContact};
 use crate::contact::control::{Control, Final, Normal, Tangential};
+use crate::contact::layers::Interface;
 use crate::contact::limit::{DEEPEST, Limit, WIDEST};
 use crate::contact::unworn::{Contact, Regime};
+use crate::numeric::root;
 use crate::solver::errors::RunErrors;
-use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition};
+use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition, WornThrough};
 use crate::solver::splits::SplitWatch;
 
 /// Number of cells at the tolerance `COMMON_TOLERANCE`. The error decreases with the square of the
@@ -74,6 +76,8 @@ pub struct March {
     edge: Option<ContactEdge>,
     /// `None` if the contact cannot split.
     splits: Option<SplitWatch>,
+    /// The interfaces of layers that are not yet worn through.
+    interfaces: Vec<Interface>,
     /// The condition that ends the run.
     pub(crate) until: StopCondition,
     /// The time of the next comparison.
@@ -255,13 +259,14 @@ impl March {
         let mut events = Vec::new();
         if fine.wearing.springs.slides {
             // The contact is so close to gross slip that friction cannot carry the tangential force on this mesh.
-            events.push(Event { at: 0.0, kind: EventKind::GrossSlip, ends: true });
+            events.push(Event::new(0.0, EventKind::GrossSlip, true));
         }
         Some(Self {
             fine,
             coarse,
             edge,
             splits,
+            interfaces: contact.layers.as_ref().map_or_else(Vec::new, |it| it.interfaces()),
             until,
             check,
             left_blocks: 0,
@@ -339,7 +344,7 @@ impl March {
             }
             if self.fine.stopped == Some(Stop::Outgrown) {
                 let at = self.fine.rkc.time;
-                self.events.push(Event { at, kind: EventKind::RimReached, ends: true });
+                self.events.push(Event::new(at, EventKind::RimReached, true));
                 return true;
             }
         }
@@ -396,7 +401,7 @@ impl March {
         }
         if self.ended().is_none() {
             let at = self.fine.within(last);
-            self.events.push(Event { at, kind: EventKind::EnergyNotReached, ends: true });
+            self.events.push(Event::new(at, EventKind::EnergyNotReached, true));
         }
         Some(f64::INFINITY)
     }
@@ -433,8 +438,8 @@ impl March {
     /// Searches for events within the last step.
     fn watch(&mut self) {
         use EventKind::{
-            ContactLost, ContactSplits, EnergyNotReached, GrossSlip, RimReached, Shakedown,
-            UntilReached,
+            ContactLost, ContactSplits, EnergyNotReached, GrossSlip, LayerWornThrough, RimReached,
+            Shakedown, UntilReached,
         };
         let new_block = self.fine.block != self.block;
         if new_block {
@@ -479,9 +484,11 @@ impl March {
                 GrossSlip => held,
                 Shakedown | ContactLost => false,
                 ContactSplits | UntilReached | RimReached | EnergyNotReached => true,
+                LayerWornThrough => unreachable!("`worn_through` finds these events"),
             };
-            found.push(Event { at: high, kind, ends });
+            found.push(Event::new(high, kind, ends));
         }
+        found.extend(self.worn_through());
         found.sort_by(|a, b| a.at.total_cmp(&b.at));
         let last = found.iter().position(|event| event.ends);
         found.truncate(last.map_or(found.len(), |last| last + 1));
@@ -489,12 +496,27 @@ impl March {
         self.events.extend(found);
     }
 
+    /// The layers that the last step has worn through.
+    fn worn_through(&mut self) -> Vec<Event> {
+        let run = &mut self.fine;
+        let reached = run.deepest_dose(run.rkc.time).0;
+        let count = self.interfaces.iter().take_while(|it| it.dose <= reached).count();
+        let events = self.interfaces.drain(..count).map(|Interface { dose, body, layer }| {
+            let (began, time) = (run.rkc.began(), run.rkc.time);
+            let at = root(began, time, |time| run.deepest_dose(time).0 - dose);
+            let radius = run.deepest_dose(at).1;
+            let layer = Some(WornThrough { body, layer, radius });
+            Event { layer, ..Event::new(at, EventKind::LayerWornThrough, false) }
+        });
+        events.collect()
+    }
+
     /// A number that is positive before the event, and 0 or negative after it.
     fn signal(&mut self, kind: EventKind, time: f64) -> f64 {
         let until = self.until;
         let run = &mut self.fine;
         match kind {
-            EventKind::RimReached | EventKind::EnergyNotReached => 1.0,
+            EventKind::RimReached | EventKind::EnergyNotReached | EventKind::LayerWornThrough => 1.0,
             EventKind::ContactSplits => {
                 let Some(splits) = &self.splits else { return 1.0 };
                 run.under(time, |wearing, values| {

@@ -11,7 +11,7 @@ use crate::contact::control::{Block, Control, Normal, Tangential};
 use crate::contact::limit::Limit;
 use crate::contact::row::unworn_integrals;
 use crate::contact::unworn::{Contact, Regime};
-use crate::numeric::Bracket;
+use crate::numeric::{Bracket, largest};
 
 /// The estimated error of V if a stick edge lies at the border of two cells. The unit is the change
 /// of V when the stick edge moves by one cell.
@@ -136,7 +136,9 @@ fn quickens(contact: &Contact, control: &Control) -> f64 {
 /// The mesh for the beginning, and the mesh after a sharp tip or edge has become blunt. Only in gross slip
 /// (`slips`) the tip wears.
 fn with_sharp_tip(plan: MeshPlan, contact: &Contact, slips: bool) -> (MeshPlan, Option<MeshPlan>) {
-    match plan.while_sharp(contact).filter(|_| slips) {
+    // Another mesh would begin without a dose.
+    let has_layers = contact.layers.is_some();
+    match plan.while_sharp(contact).filter(|_| slips && !has_layers) {
         Some(sharp) => (sharp, Some(plan)),
         None => (plan, None),
     }
@@ -334,7 +336,7 @@ impl MeshRun {
     /// Changes the mesh when the tip or the edge of the shape has become blunt.
     fn leave_the_tip(&mut self) {
         let Wearing { contact, prior, .. } = &self.wearing;
-        let deepest = self.rkc.values.iter().copied().fold(0.0, f64::max);
+        let deepest = self.wearing.wear(&self.rkc.values).iter().copied().fold(0.0, f64::max);
         if self.blunt.is_none() || !is_blunt(contact, deepest + prior.at(0.0)) {
             return;
         }
@@ -496,6 +498,13 @@ impl MeshRun {
             return 0.0;
         };
         (without / with - 1.0) * (worn.volume / with).min(1.0)
+    }
+
+    /// The largest dose at a time within the last step, and its radius.
+    pub(super) fn deepest_dose(&self, time: f64) -> (f64, f64) {
+        let values = self.rkc.at(time);
+        let most = largest(&values);
+        (values[most], self.wearing.springs.mesh.radii[most])
     }
 
     /// The wear volume and the largest wear depth.

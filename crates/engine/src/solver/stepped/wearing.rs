@@ -11,6 +11,7 @@
 //! the closed solution s = (s₀ + w + const)/Δ. In a line contact the same holds with θ for Δ, 1 for Δ₀, and the slip of
 //! the middle added to s.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::law::{Law, WearProblem};
@@ -104,6 +105,10 @@ pub struct WornContact {
     pub loss: f64,
     /// Volume of the positive wear, which is the reported volume.
     pub volume: f64,
+    /// Volume of the dose, which the energy determines. It is the wear volume, except for bodies with layers.
+    pub dosed: f64,
+    /// Volume and largest depth of each body, if they have layers.
+    pub bodies: Option<[(f64, f64); 2]>,
     /// The largest wear depth.
     pub deepest: f64,
     /// The largest radius with wear. It is 0 without wear.
@@ -223,6 +228,11 @@ impl Wearing {
             mesh.radii.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect()
         };
         let carried = match self.law {
+            Law::Exact if self.contact.layers.is_some() => {
+                let of_dose = Monotone::through(from.places.clone(), values.to_vec());
+                let end = from.places[cells];
+                to.places.iter().map(|t| if *t < end { of_dose.at(*t) } else { 0.0 }).collect()
+            }
             Law::Exact => {
                 // After long gross slip the worn profile is almost flat, but the wear is not. An
                 // error of 0.1 % of this wear exceeds the compression of the springs. Therefore
@@ -416,7 +426,7 @@ impl Wearing {
     /// Computes the state of the springs for the given values.
     pub fn press(&mut self, values: &[f64]) {
         match self.law {
-            Law::Exact => self.springs.press_wear(values),
+            Law::Exact => self.springs.press_wear(&self.wear(values)),
             Law::Simplified(_) => {
                 self.springs.press_images(&values[1..]);
                 self.widen();
@@ -452,7 +462,7 @@ impl Wearing {
     /// The wear volume V and the largest wear depth of the given values.
     pub(crate) fn volume_and_depth(&self, values: &[f64]) -> (f64, f64) {
         let mesh = &self.springs.mesh;
-        let mut wear = self.wear(values);
+        let mut wear = self.wear(values).into_owned();
         let deepest = |radii: &[f64], wear: &[f64]| vertex(radii, wear, largest(wear));
         let (volume, depth) = if self.law == Law::Exact && self.prior.is_empty() {
             let volume = mesh.volume(&wear);
@@ -474,11 +484,12 @@ impl Wearing {
         }
     }
 
-    /// The wear at the nodes of this mesh.
-    fn wear(&self, values: &[f64]) -> Vec<f64> {
-        match self.law {
-            Law::Exact => values.to_vec(),
-            Law::Simplified(_) => self.inverse(&values[1..]),
+    /// The wear at the nodes of this mesh. For bodies with layers, the values are the dose.
+    pub(super) fn wear<'a>(&self, values: &'a [f64]) -> Cow<'a, [f64]> {
+        match (self.law, &self.contact.layers) {
+            (Law::Exact, None) => Cow::Borrowed(values),
+            (Law::Exact, Some(layers)) => values.iter().map(|dose| layers.both(*dose)).collect(),
+            (Law::Simplified(_), _) => Cow::Owned(self.inverse(&values[1..])),
         }
     }
 
@@ -533,6 +544,14 @@ impl Wearing {
         }
         slips.resize(images.len(), slips.last().copied().unwrap_or(1.0));
         let (contact_radius, scar) = self.radii(&wear, &images);
+        let bodies = self.contact.layers.as_ref().map(|layers| {
+            [0, 1].map(|body| {
+                let depths: Vec<f64> = values.iter().map(|dose| layers.depth(body, *dose)).collect();
+                let deepest = vertex(&mesh.radii, &depths, largest(&depths));
+                (mesh.geometry.positive_volume(&mesh.places, &depths), deepest)
+            })
+        });
+        let dosed = bodies.map(|_| mesh.geometry.positive_volume(&mesh.places, values));
         let WornSurface { places, radii, mut wear, volume } = self.surface_of(&wear);
         let most = self.most_wear();
         if self.law == Law::Exact {
@@ -543,6 +562,8 @@ impl Wearing {
         }
         WornContact {
             volume,
+            dosed: dosed.unwrap_or(volume),
+            bodies,
             deepest: vertex(&radii, &wear, largest(&wear)).min(most),
             contact_radius,
             scar,
@@ -697,9 +718,10 @@ impl Wearing {
         }
     }
 
-    fn exact_rates(&mut self, wear: &[f64], rates: &mut [f64]) {
-        self.springs.press_wear(wear);
-        self.solve_slip(wear);
+    fn exact_rates(&mut self, values: &[f64], rates: &mut [f64]) {
+        let wear = self.wear(values);
+        self.springs.press_wear(&wear);
+        self.solve_slip(&wear);
         let (springs, pace) = (&self.springs, self.pace());
         let mesh = &springs.mesh;
         mesh.pressure(&springs.compressions, rates);
@@ -709,8 +731,10 @@ impl Wearing {
         }
         // This comparison is faster than `f64::max`, which also handles NaN.
         let bounds = self.slip[1..=live].iter().zip(&self.stiffness[1..]).map(|(s, k)| s * k);
-        self.radius =
-            pace * bounds.fold(0.0, |most, bound| if bound > most { bound } else { most });
+        let steepest = self.contact.layers.as_ref().map_or(1.0, |layers| layers.steepest());
+        self.radius = steepest
+            * pace
+            * bounds.fold(0.0, |most, bound| if bound > most { bound } else { most });
         rates[live + 1..].fill(0.0);
         if mesh.starts_on_axis() {
             rates[0] = rates[1];
