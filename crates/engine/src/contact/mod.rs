@@ -2,6 +2,7 @@
 //! indentation depths d₀ of the unworn contact.
 
 pub mod control;
+pub mod geometry;
 pub mod hysteresis;
 pub mod limit;
 pub mod profile;

@@ -19,6 +19,7 @@ mod limiting_state;
 mod literal;
 mod loops;
 mod reference_solutions;
+mod requests;
 mod rig;
 mod shapes;
 mod slopes;
