@@ -224,7 +224,6 @@ impl<T> GivenChanging<T> {
 fn ascending(at: &[f64], location: ValuePointerRef<'_>, faults: &mut Faults) {
     for (row, pair) in at.windows(2).enumerate() {
         let detail = match pair[0].total_cmp(&pair[1]) {
-            Ordering::Less => continue,
             Ordering::Greater => format!(
                 "must not be less than the entry before it. Here {} follows {}. Sort the rows",
                 pair[1], pair[0]
@@ -236,7 +235,7 @@ fn ascending(at: &[f64], location: ValuePointerRef<'_>, faults: &mut Faults) {
             Ordering::Equal if row > 0 && at[row - 1].total_cmp(&pair[0]).is_eq() => {
                 format!("stands more than twice ({}). Enter it once, or twice for a step", pair[1])
             }
-            Ordering::Equal => continue,
+            Ordering::Less | Ordering::Equal => continue,
         };
         faults.add(pointer(location.push_index(row + 1)), detail);
     }

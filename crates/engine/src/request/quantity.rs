@@ -44,6 +44,24 @@ use Dimension::{
     StiffnessPerLength, Stress, Volume, WearCoefficient,
 };
 
+const FORCES_PER_LENGTH: [(&str, f64); 6] = [
+    ("N/m", 1.0),
+    ("kN/m", 1e3),
+    ("MN/m", 1e6),
+    ("N/mm", 1e3),
+    ("kN/mm", 1e6),
+    ("lbf/in", 175.126_835_246_476_37),
+];
+
+const STIFFNESSES_PER_LENGTH: [(&str, f64); 6] = [
+    ("N/m/m", 1.0),
+    ("N/m^2", 1.0),
+    ("N/mm/mm", 1e6),
+    ("N/mm^2", 1e6),
+    ("N/um/mm", 1e9),
+    ("kN/mm/mm", 1e9),
+];
+
 impl Dimension {
     /// All dimensions. If a unit belongs to several, the one that is meant more often comes first.
     pub const ALL: [Self; 12] = [
@@ -124,22 +142,8 @@ impl Dimension {
                 ("N/um", 1e6),
                 ("lbf/in", 175.126_835_246_476_37),
             ],
-            ForcePerLength => &[
-                ("N/m", 1.0),
-                ("kN/m", 1e3),
-                ("MN/m", 1e6),
-                ("N/mm", 1e3),
-                ("kN/mm", 1e6),
-                ("lbf/in", 175.126_835_246_476_37),
-            ],
-            StiffnessPerLength => &[
-                ("N/m/m", 1.0),
-                ("N/m^2", 1.0),
-                ("N/mm/mm", 1e6),
-                ("N/mm^2", 1e6),
-                ("N/um/mm", 1e9),
-                ("kN/mm/mm", 1e9),
-            ],
+            ForcePerLength => &FORCES_PER_LENGTH,
+            StiffnessPerLength => &STIFFNESSES_PER_LENGTH,
             Volume => &[("m^3", 1.0), ("cm^3", 1e-6), ("mm^3", 1e-9), ("um^3", 1e-18)],
             Energy => &[
                 ("J", 1.0),
