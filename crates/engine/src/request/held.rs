@@ -229,7 +229,7 @@ pub struct Motion {
     /// Stiffness k_rig. With this member, `amplitude` is the amplitude of the actuator.
     #[deserr(default)]
     pub rig_stiffness: Given<Total<Stiffness>>,
-    /// The distance of the points against which the stroke of a line contact is measured.
+    /// The distance from the middle of a line contact to the points whose relative motion is the stroke.
     #[deserr(default)]
     pub reference_distance: Given<Rounded<Length>>,
     /// The slope of a measured loop of a line contact just after a reversal.
@@ -404,7 +404,7 @@ impl Motion {
                 place,
                 "needs a reference, because the displacement of a half-plane has no bound. Add \
                  `reference_distance` to the motion, the distance from the middle of the contact to the points \
-                 between which the stroke is measured, such as \"10 mm\". Or add `loop_stiffness`, the slope of a \
+                 whose relative motion is the stroke, such as \"10 mm\". Or add `loop_stiffness`, the slope of a \
                  measured loop after a reversal. If the whole contact slides, enter `sliding_amplitude` instead",
             ),
             Some(_) => {}
