@@ -1,15 +1,20 @@
 //! The JSON Schema of a scenario agrees with the parser.
 
+use deserr::{Deserr as _, IntoValue as _, ValuePointerRef};
+use fretwork_engine::request::Request;
+use fretwork_engine::request::changing::MAX_CHANGES;
+use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::{
-    BlockCycles, DissipatedEnergy, EnergyWear, Exponent, Force, Friction, Height, Instant,
-    LAST_CYCLE, Length, MAX_CYCLES, POINTS_RANGE, PoissonRatio, Position, Radius, Share,
+    BlockCycles, BlockForce, DissipatedEnergy, EnergyWear, Exponent, Force, Friction, Height,
+    Instant, LAST_CYCLE, Length, MAX_CYCLES, POINTS_RANGE, PoissonRatio, Position, Radius, Share,
     SlopeAngle, StickRatio, Stiffness, Stress, Stroke, Tolerance, Volume, WEAR_RANGE, Xi,
 };
 use fretwork_engine::request::held::{MAX_BLOCKS, MAX_REVERSALS};
 use fretwork_engine::request::indenter::MAX_ROWS;
 use fretwork_engine::request::quantity::Dimension;
+use fretwork_engine::request::wear::MAX_LAYERS;
 use fretwork_engine::scenario::{self, DEFAULT_POINTS, DEFAULT_TOLERANCE, SCHEMA};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 fn schema() -> Value {
     serde_json::from_str(SCHEMA).expect("the schema is JSON")
@@ -34,7 +39,10 @@ fn the_schema_has_the_ranges_and_defaults_of_the_parser() {
         ("/$defs/Block/properties/cycles", BlockCycles::RANGE),
         ("/$defs/Wear/oneOf/0/properties/share", Share::RANGE),
         ("/$defs/SlopeAngle/oneOf/0", SlopeAngle::RANGE),
-        ("/properties/friction", Friction::RANGE),
+        ("/properties/friction/oneOf/0", Friction::RANGE),
+        ("/$defs/ForceBlock/properties/tangential_force/oneOf/0", BlockForce::RANGE),
+        ("/$defs/ForceBlock/properties/cycles", BlockCycles::RANGE),
+        ("/$defs/RunIn/properties/run_in/properties/cycles", BlockCycles::RANGE),
         ("/$defs/Body/properties/poisson_ratio", PoissonRatio::RANGE),
         ("/$defs/Profile/oneOf/3/properties/exponent", Exponent::RANGE),
         ("/$defs/Wear/oneOf/0/properties/coefficient/oneOf/0", WEAR_RANGE),
@@ -62,6 +70,11 @@ fn the_schema_has_the_ranges_and_defaults_of_the_parser() {
         let column = format!("/$defs/Profile/oneOf/6/properties/{column}");
         assert_eq!(number(&format!("{column}/maxItems")), MAX_ROWS as f64);
     }
+    for column in ["at", "values"] {
+        let column = format!("/$defs/ChangeTable/properties/{column}");
+        assert_eq!(number(&format!("{column}/maxItems")), MAX_CHANGES as f64);
+    }
+    assert_eq!(number("/$defs/WornBody/properties/layers/maxItems"), MAX_LAYERS as f64);
     assert_eq!(number("/$defs/Model/properties/tolerance/default"), DEFAULT_TOLERANCE);
     assert_eq!(number("/$defs/Model/properties/points/default"), f64::from(DEFAULT_POINTS));
 }
@@ -76,6 +89,9 @@ fn the_schema_names_every_accepted_unit() {
         ("/$defs/Force", Dimension::Force),
         ("/$defs/Stress", Dimension::Stress),
         ("/$defs/Stiffness", Dimension::Stiffness),
+        ("/$defs/ForceOrPerLength", Dimension::ForcePerLength),
+        ("/$defs/StiffnessOrPerLength", Dimension::StiffnessPerLength),
+        ("/$defs/WearRate", Dimension::WearCoefficient),
         ("/$defs/Volume", Dimension::Volume),
         ("/$defs/Energy", Dimension::Energy),
         ("/$defs/SlopeAngle", Dimension::Angle),
@@ -104,10 +120,23 @@ fn all_examples_are_accepted() {
     }
     for shape in schema["$defs"]["Profile"]["oneOf"].as_array().expect("shapes") {
         let mut scenario = examples[0].clone();
-        scenario["load"] = serde_json::json!({"indentation_depth": "2 um"});
+        let is_line = shape["required"].as_array().expect("members").contains(&json!("length"));
+        let other = shape["title"] == "Crossed cylinders";
+        if is_line {
+            scenario["motion"] = json!({"stick_ratio": 0.5});
+        } else {
+            scenario["load"] = json!({"indentation_depth": "2 um"});
+        }
         for example in shape["examples"].as_array().into_iter().flatten() {
             scenario["profile"] = example.clone();
-            scenario::check(&scenario, "").unwrap_or_else(|faults| panic!("{faults:?}"));
+            if is_line || other {
+                let scenario = scenario.clone().into_value();
+                Request::deserialize_from_value(scenario, ValuePointerRef::Origin)
+                    .map(|_| ())
+                    .unwrap_or_else(|faults: Faults| panic!("{faults:?}"));
+            } else {
+                scenario::check(&scenario, "").unwrap_or_else(|faults| panic!("{faults:?}"));
+            }
         }
     }
     let directory = concat!(env!("CARGO_MANIFEST_DIR"), "/examples");

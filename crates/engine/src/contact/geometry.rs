@@ -27,20 +27,8 @@
 
 use std::f64::consts::PI;
 
-use serde::{Deserialize, Serialize};
-
 use crate::numeric::positive_area;
-
-/// The geometry of a contact.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Geometry {
-    /// An axisymmetric indenter on a half-space.
-    #[default]
-    Round,
-    /// A cylinder, wedge or punch on a half-space, in plane strain. All quantities are per length.
-    Line,
-}
+pub use crate::request::indenter::Geometry;
 
 impl Geometry {
     /// The coordinate in which the wear between two nodes is linear: r², or x in a line contact.

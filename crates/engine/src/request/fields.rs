@@ -89,6 +89,14 @@ pub(super) fn within(
     Err(Faults::at(location, detail))
 }
 
+/// A number in SI units within a range.
+pub trait Quantity {
+    /// The dimension of its units.
+    const DIMENSION: Dimension;
+    /// Smallest and largest accepted value in SI.
+    const RANGE: (f64, f64);
+}
+
 /// Defines quantities: numbers in SI units within a range, parsed with their units.
 macro_rules! quantities {
     ($($(#[$doc:meta])* $name:ident: $dimension:ident in $range:expr;)*) => {$(
@@ -99,6 +107,11 @@ macro_rules! quantities {
         impl $name {
             /// Smallest and largest accepted value in SI.
             pub const RANGE: (f64, f64) = $range;
+        }
+
+        impl Quantity for $name {
+            const DIMENSION: Dimension = Dimension::$dimension;
+            const RANGE: (f64, f64) = $range;
         }
 
         impl From<$name> for f64 {
@@ -135,7 +148,9 @@ quantities! {
     Force: Force in (1e-12, 1e15);
     /// The amplitude of a tangential force in newtons.
     TangentialForce: Force in (1e-18, 1e15);
-    /// The stiffness of a rig in newtons per metre.
+    /// The amplitude of the tangential force of a block, in newtons; 0 is allowed.
+    BlockForce: Force in (0.0, 1e15);
+    /// A stiffness in newtons per metre.
     Stiffness: Stiffness in (1e-6, 1e18);
     /// An amplitude in metres; 0 is allowed.
     Stroke: Length in (0.0, 1e6);
@@ -190,6 +205,88 @@ impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Rounded<T> {
     }
 }
 
+/// A quantity of a contact that a line contact can also state per length.
+pub trait PerLength: Quantity {
+    /// The dimension of the quantity per length.
+    const PER_LENGTH: Dimension;
+}
+
+impl PerLength for Force {
+    const PER_LENGTH: Dimension = Dimension::ForcePerLength;
+}
+
+impl PerLength for TangentialForce {
+    const PER_LENGTH: Dimension = Dimension::ForcePerLength;
+}
+
+impl PerLength for BlockForce {
+    const PER_LENGTH: Dimension = Dimension::ForcePerLength;
+}
+
+impl PerLength for Stiffness {
+    const PER_LENGTH: Dimension = Dimension::StiffnessPerLength;
+}
+
+/// The total of a force or stiffness over the length of the contact, rounded to 12 digits. The text of a request can
+/// state it per length; [`Self::multiply`] makes the total from it, before a request is valid.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct Total<T>(pub f64, #[serde(skip)] bool, #[serde(skip)] PhantomData<T>);
+
+impl<T: PerLength> Deserr<Faults> for Total<T> {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        let x = match NumberOrText::deserialize_from_value(value, location)? {
+            NumberOrText::Number(x) => x,
+            NumberOrText::Text(text) => match quantity::parse(&text, T::DIMENSION) {
+                Ok(x) => x,
+                Err(mut detail) => {
+                    if let Ok(x) = quantity::parse(&text, T::PER_LENGTH) {
+                        return Ok(Self(x, true, PhantomData));
+                    }
+                    if detail.ends_with(&T::DIMENSION.accepted()) {
+                        detail += "; for a line contact also ";
+                        detail += &T::PER_LENGTH.accepted();
+                    }
+                    return Err(Faults::at(location, detail));
+                }
+            },
+        };
+        let x = within(x, T::RANGE, T::DIMENSION.si(), location)?;
+        Ok(Self(twelve_digits(x), false, PhantomData))
+    }
+}
+
+impl<T: PerLength> Total<T> {
+    /// Multiplies a quantity per length by the length of the contact. A round contact has no length.
+    pub(super) fn multiply(&mut self, length: Option<f64>) -> Result<(), Faults> {
+        let Self(x, per_length @ true, _) = self else { return Ok(()) };
+        let what = T::DIMENSION.name();
+        let Some(length) = length else {
+            let detail = format!(
+                "is {}, but the contact is round. Enter {what}, such as \"1 {}\"",
+                T::PER_LENGTH.name(),
+                T::DIMENSION.si()
+            );
+            return Err(Faults::one("", detail));
+        };
+        *x = twelve_digits(*x * length);
+        *per_length = false;
+        derived(*x, T::RANGE, &format!("{what} of"), T::DIMENSION.si(), "")
+    }
+}
+
+impl<T: PerLength> Given<Total<T>> {
+    /// Multiplies the quantity of the member `place`, if it is given, by the length of the contact.
+    pub(super) fn multiply(&mut self, length: Option<f64>, place: &str, faults: &mut Faults) {
+        if let Some(total) = &mut self.0 {
+            faults.keep(place, total.multiply(length));
+        }
+    }
+}
+
 /// A quantity whose dimension depends on another member.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NumberOrText {
@@ -208,6 +305,22 @@ impl Deserr<Faults> for NumberOrText {
             Value::String(text) => Ok(Self::Text(text)),
             other => {
                 number(other, location, &[ValueKind::Float, ValueKind::String]).map(Self::Number)
+            }
+        }
+    }
+}
+
+impl NumberOrText {
+    /// The quantity in SI.
+    pub(super) fn read(
+        &self,
+        dimension: Dimension,
+        location: ValuePointerRef<'_>,
+    ) -> Result<f64, Faults> {
+        match self {
+            Self::Number(x) => Ok(*x),
+            Self::Text(text) => {
+                quantity::parse(text, dimension).map_err(|detail| Faults::at(location, detail))
             }
         }
     }
@@ -281,9 +394,32 @@ pub(super) fn list<T: Deserr<Faults>, V: IntoValue>(
     Vec::deserialize_from_value(value, location)
 }
 
+/// Reads a list with exactly two items.
+pub(super) fn pair<T: Deserr<Faults>, V: IntoValue>(
+    value: Value<V>,
+    location: ValuePointerRef<'_>,
+    items: &str,
+) -> Result<[T; 2], Faults> {
+    if let Value::Sequence(list) = &value
+        && list.len() != 2
+    {
+        let detail = format!("must list exactly two {items}, not {}", list.len());
+        return Err(Faults::at(location, detail));
+    }
+    let list = Vec::<T>::deserialize_from_value(value, location)?;
+    list.try_into().map_err(|_| Faults::at(location, format!("must list exactly two {items}")))
+}
+
 /// A list of `LEAST` to `MOST` items.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(transparent)]
 pub struct List<T, const LEAST: usize, const MOST: usize>(pub Vec<T>);
+
+impl<T, const LEAST: usize, const MOST: usize> List<T, LEAST, MOST> {
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
 
 impl<T: Deserr<Faults>, const LEAST: usize, const MOST: usize> Deserr<Faults>
     for List<T, LEAST, MOST>

@@ -5,11 +5,31 @@ use std::marker::PhantomData;
 use deserr::{Deserr, IntoValue, Map, Value, ValueKind, ValuePointerRef};
 use serde::Serialize;
 
-use super::fault::{Faults, pointer, wrong_kind};
-use super::fields::{Exponent, Height, Length, Radius, Rounded, SlopeAngle, list};
+use super::fault::{Faults, pointer, unknown, wrong_kind};
+use super::fields::{Exponent, Given, Height, Length, Radius, Rounded, SlopeAngle, list, pair};
+use crate::numeric::twelve_digits;
 
 /// Maximum number of rows of a table.
 pub const MAX_ROWS: usize = 10_000;
+
+/// Maximum ratio of the radii of crossed cylinders whose contact is taken as round.
+pub const MAX_RADII_RATIO: f64 = 1.5;
+
+/// The geometry of a contact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserr, Serialize)]
+#[deserr(error = Faults, rename_all = lowercase)]
+#[serde(rename_all = "lowercase")]
+pub enum Geometry {
+    /// The contact is round, and the profile is rotated around its axis.
+    #[default]
+    Round,
+    /// The contact is a strip (plane strain), and the profile is mirrored at its middle.
+    Line,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
 
 /// The shape of the indenter.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -29,11 +49,83 @@ pub enum Profile {
     TruncatedCone(FlatConeProfile),
     /// A table of measured points.
     Table(TableProfile),
+    /// Two cylinders with perpendicular axes, one of them along the motion. The contact is nearly round.
+    CrossedCylinders(CrossedProfile),
+    /// A line contact with f = x²/(2R).
+    Cylinder(CylinderProfile),
+    /// A line contact with f = |x|·tan θ.
+    Wedge(WedgeProfile),
+    /// A line contact with f = (|x| − b)²/(2R) outside the flat |x| < b.
+    Punch(PunchProfile),
+}
+
+impl Profile {
+    /// The geometry of the contact.
+    #[must_use]
+    pub fn geometry(&self) -> Geometry {
+        if self.length().is_some() { Geometry::Line } else { Geometry::Round }
+    }
+
+    /// The length of a line contact in m. `None` if the contact is round.
+    #[must_use]
+    pub fn length(&self) -> Option<f64> {
+        let length = match self {
+            Self::Power(power) => power.length.0?,
+            Self::Table(table) => table.length.0?,
+            Self::Cylinder(cylinder) => cylinder.length,
+            Self::Wedge(wedge) => wedge.length,
+            Self::Punch(punch) => punch.length,
+            _ => return None,
+        };
+        Some(length.0)
+    }
+}
+
+/// The fault of a line contact without a length.
+fn without_length(field: &str, location: ValuePointerRef<'_>) -> Faults {
+    let detail =
+        "is missing. Enter the length of the line contact, across the motion, such as \"10 mm\"";
+    Faults::at(location.push_key(field), detail)
+}
+
+/// The fault of an unknown member of a shape that has only one geometry.
+fn unknown_of_shape(key: &str, accepted: &[&str], location: ValuePointerRef<'_>) -> Faults {
+    let is_line = accepted.contains(&"length");
+    let detail = match key {
+        "geometry" => format!(
+            "cannot be chosen for this shape, whose contact is always {}. Remove `geometry`, or enter another \
+             shape: \"cylinder\", \"wedge\" and \"punch\" make line contacts, and \"power\" and \"table\" \
+             take \"geometry\": \"line\"",
+            if is_line { "a line" } else { "round" }
+        ),
+        "length" => "belongs to a line contact, but the contact of this shape is round. Remove `length`, or enter a \
+                     shape that makes a line contact, such as \"cylinder\""
+            .to_owned(),
+        _ => unknown("member", key, accepted),
+    };
+    Faults::at(location.push_key(key), detail)
+}
+
+/// Checks that a line contact has a length, and a round contact none.
+fn check_length(
+    geometry: Geometry,
+    length: Given<Rounded<Length>>,
+    location: ValuePointerRef<'_>,
+) -> Result<(), Faults> {
+    match (geometry, length.0) {
+        (Geometry::Line, None) => Err(without_length("length", location)),
+        (Geometry::Round, Some(_)) => {
+            let detail = "belongs to a line contact, but this contact is round. Remove `length`, or add \
+                          \"geometry\": \"line\"";
+            Err(Faults::at(location.push_key("length"), detail))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The radius of a paraboloid or a sphere.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
-#[deserr(error = Faults, deny_unknown_fields)]
+#[deserr(error = Faults, deny_unknown_fields = unknown_of_shape)]
 pub struct BallProfile {
     /// Radius R of the paraboloid or sphere.
     pub radius: Rounded<Length>,
@@ -41,7 +133,7 @@ pub struct BallProfile {
 
 /// The slope of a cone.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
-#[deserr(error = Faults, deny_unknown_fields)]
+#[deserr(error = Faults, deny_unknown_fields = unknown_of_shape)]
 pub struct ConeProfile {
     /// Slope angle θ, measured from the plane.
     pub slope_angle: Rounded<SlopeAngle>,
@@ -49,7 +141,7 @@ pub struct ConeProfile {
 
 /// The parameters of a power law.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
-#[deserr(error = Faults, deny_unknown_fields)]
+#[deserr(error = Faults, deny_unknown_fields, validate = PowerProfile::validate -> Faults)]
 pub struct PowerProfile {
     /// Exponent n.
     pub exponent: Rounded<Exponent>,
@@ -57,11 +149,102 @@ pub struct PowerProfile {
     pub height: Rounded<Length>,
     /// The radius at which f is `height`.
     pub at_radius: Rounded<Length>,
+    /// Whether the contact is round or a line.
+    #[deserr(default)]
+    #[serde(skip_serializing_if = "is_default")]
+    pub geometry: Geometry,
+    /// The length of a line contact.
+    #[deserr(default)]
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    pub length: Given<Rounded<Length>>,
+}
+
+impl PowerProfile {
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        check_length(self.geometry, self.length, location).map(|()| self)
+    }
+}
+
+/// The radius of a cylinder whose axis lies across the motion.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
+#[deserr(error = Faults, deny_unknown_fields = unknown_of_shape)]
+pub struct CylinderProfile {
+    /// Radius R.
+    pub radius: Rounded<Length>,
+    /// The length of the contact.
+    #[deserr(missing_field_error = without_length)]
+    pub length: Rounded<Length>,
+}
+
+/// The slope of a wedge.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
+#[deserr(error = Faults, deny_unknown_fields = unknown_of_shape)]
+pub struct WedgeProfile {
+    /// Slope angle θ, measured from the plane.
+    pub slope_angle: Rounded<SlopeAngle>,
+    /// The length of the contact.
+    #[deserr(missing_field_error = without_length)]
+    pub length: Rounded<Length>,
+}
+
+/// A flat punch with rounded edges.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
+#[deserr(error = Faults, deny_unknown_fields = unknown_of_shape)]
+pub struct PunchProfile {
+    /// Half-width b of the flat.
+    pub flat_half_width: Rounded<Length>,
+    /// Radius R of the edges.
+    pub edge_radius: Rounded<Length>,
+    /// The length of the contact.
+    #[deserr(missing_field_error = without_length)]
+    pub length: Rounded<Length>,
+}
+
+/// The radii of crossed cylinders.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
+#[deserr(error = Faults, deny_unknown_fields = unknown_of_shape)]
+pub struct CrossedProfile {
+    /// The radii of the cylinder whose axis lies along the motion, and of the other one.
+    pub radii: Radii,
+}
+
+/// The radii of crossed cylinders, whose ratio is at most [`MAX_RADII_RATIO`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct Radii(pub [Rounded<Length>; 2]);
+
+impl Radii {
+    /// The radius √(R₁R₂) of the paraboloid with the same contact area, to first order in the difference of the radii.
+    #[must_use]
+    pub fn mean(self) -> f64 {
+        let [along, across] = self.0;
+        (along.0 * across.0).sqrt()
+    }
+}
+
+impl Deserr<Faults> for Radii {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        let radii = Self(pair(value, location, "radii")?);
+        let [along, across] = radii.0;
+        if along.0.max(across.0) <= MAX_RADII_RATIO * along.0.min(across.0) {
+            return Ok(radii);
+        }
+        let detail = format!(
+            "make an elliptical contact, which is computed as round only if the ratio of the radii is at most \
+             {MAX_RADII_RATIO}. If an estimate suffices, enter the equivalent paraboloid: {{\"shape\": \
+             \"paraboloid\", \"radius\": {}}}",
+            twelve_digits(radii.mean())
+        );
+        Err(Faults::at(location, detail))
+    }
 }
 
 /// A paraboloid with a flat.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
-#[deserr(error = Faults, deny_unknown_fields)]
+#[deserr(error = Faults, deny_unknown_fields = unknown_of_shape)]
 pub struct FlatBallProfile {
     /// Radius R of the paraboloid.
     pub radius: Rounded<Length>,
@@ -71,7 +254,7 @@ pub struct FlatBallProfile {
 
 /// A cone with a flat.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
-#[deserr(error = Faults, deny_unknown_fields)]
+#[deserr(error = Faults, deny_unknown_fields = unknown_of_shape)]
 pub struct FlatConeProfile {
     /// Slope angle θ, measured from the plane.
     pub slope_angle: Rounded<SlopeAngle>,
@@ -94,6 +277,14 @@ pub struct TableProfile {
     pub radius: Column<Radius>,
     /// Height z of each point. The profile is z minus the first height.
     pub height: Column<Height>,
+    /// Whether the contact is round or a line.
+    #[deserr(default)]
+    #[serde(skip_serializing_if = "is_default")]
+    pub geometry: Geometry,
+    /// The length of a line contact.
+    #[deserr(default)]
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    pub length: Given<Rounded<Length>>,
 }
 
 impl TableProfile {
@@ -148,6 +339,7 @@ impl TableProfile {
             );
             faults.add(pointer(location.push_key("height")), detail);
         }
+        faults.keep("", check_length(self.geometry, self.length, location));
         faults.or(self).map_err(Faults::capped)
     }
 }
@@ -179,6 +371,11 @@ enum ShapeName {
     #[deserr(rename = "truncated_cone")]
     TruncatedCone,
     Table,
+    #[deserr(rename = "crossed_cylinders")]
+    CrossedCylinders,
+    Cylinder,
+    Wedge,
+    Punch,
 }
 
 // Not derived, because the error of `deserr` does not list the accepted tags of an enum.
@@ -213,6 +410,12 @@ impl Deserr<Faults> for Profile {
                 Self::TruncatedCone(Deserr::deserialize_from_value(rest, location)?)
             }
             ShapeName::Table => Self::Table(Deserr::deserialize_from_value(rest, location)?),
+            ShapeName::CrossedCylinders => {
+                Self::CrossedCylinders(Deserr::deserialize_from_value(rest, location)?)
+            }
+            ShapeName::Cylinder => Self::Cylinder(Deserr::deserialize_from_value(rest, location)?),
+            ShapeName::Wedge => Self::Wedge(Deserr::deserialize_from_value(rest, location)?),
+            ShapeName::Punch => Self::Punch(Deserr::deserialize_from_value(rest, location)?),
         })
     }
 }

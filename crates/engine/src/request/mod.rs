@@ -4,25 +4,28 @@
 //! all members and collects all faults. The module `scenario` does the checks that need contact
 //! mechanics.
 
+pub mod changing;
 pub mod fault;
 pub mod fields;
 pub mod held;
 pub mod indenter;
 pub mod instants;
 pub mod quantity;
+pub mod wear;
 
-use deserr::{Deserr, IntoValue, Sequence, Value, ValuePointerRef};
+use deserr::{Deserr, IntoValue, Value, ValuePointerRef};
 use serde::Serialize;
 
+use changing::{Changing, Course};
 use fault::Faults;
 use fields::{
-    DissipatedEnergy, EnergyWear, Friction, Given, GivenXi, Length, NumberOrText, PointCount,
-    PoissonRatio, Rounded, Share, Stress, Tolerance, Volume, WEAR_RANGE, within,
+    DissipatedEnergy, Friction, Given, GivenXi, Length, PointCount, PoissonRatio, Rounded, Stress,
+    Tolerance, Volume, pair,
 };
 use held::{Load, Motion};
 use indenter::Profile;
 use instants::{Cycles, ProfilesAt};
-use quantity::Dimension;
+use wear::{Wear, WearLaw};
 
 /// A scenario as the client sends it.
 #[derive(Debug, Clone, PartialEq, Deserr)]
@@ -37,8 +40,8 @@ pub struct Request {
     #[deserr(default)]
     pub moduli: Given<Moduli>,
     /// Coefficient of friction μ.
-    pub friction: Rounded<Friction>,
-    /// The wear coefficient and the share of each body.
+    pub friction: Course<Friction>,
+    /// The wear coefficients and the share of each body.
     pub wear: Wear,
     /// The load in the normal direction.
     pub load: Load,
@@ -94,15 +97,28 @@ impl Until {
 }
 
 impl Request {
-    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
-        let fault = |member, detail| Err(Faults::at(location.push_key(member), detail));
+    /// Checks members that depend on each other.
+    fn validate(mut self, _: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        let mut faults = Faults::default();
         match (self.bodies.0.is_some(), self.moduli.0.is_some()) {
-            (true, true) => fault("moduli", "give either `bodies` or `moduli`, not both"),
-            (false, false) => {
-                fault("bodies", "is missing. Enter the two `bodies`, or their effective `moduli`")
-            }
-            _ => Ok(self),
+            (true, true) => faults.add("/moduli", "give either `bodies` or `moduli`, not both"),
+            (false, false) => faults
+                .add("/bodies", "is missing. Enter the two `bodies`, or their effective `moduli`"),
+            _ => {}
         }
+        let length = self.profile.length();
+        faults.keep("/load", self.load.fit(length));
+        faults.keep("/motion", self.motion.fit(length));
+        let obstacle = match (&self.friction.0, &self.wear.law) {
+            _ if length.is_some() => Some("this is a line contact"),
+            (Changing::Table(_), _) => Some("this friction changes"),
+            (_, WearLaw::Layered(_)) => Some("these bodies have layers"),
+            _ => None,
+        };
+        if let Some(obstacle) = obstacle {
+            faults.keep("/model", self.model.check_exact(obstacle));
+        }
+        faults.or(self)
     }
 }
 
@@ -115,16 +131,7 @@ impl Deserr<Faults> for Bodies {
         value: Value<V>,
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
-        if let Value::Sequence(list) = &value
-            && list.len() != 2
-        {
-            let detail = format!("must list exactly two bodies, not {}", list.len());
-            return Err(Faults::at(location, detail));
-        }
-        let bodies = Vec::<ElasticBody>::deserialize_from_value(value, location)?;
-        <[ElasticBody; 2]>::try_from(bodies)
-            .map(Self)
-            .map_err(|_| Faults::at(location, "must list exactly two bodies"))
+        pair(value, location, "bodies").map(Self)
     }
 }
 
@@ -149,65 +156,6 @@ pub struct Moduli {
     pub normal: Stress,
     /// Tangential modulus G*.
     pub tangential: Stress,
-}
-
-/// The wear coefficient: k_w, or k with the hardness, or the energy wear coefficient α.
-#[derive(Debug, Clone, PartialEq, Deserr)]
-#[deserr(error = Faults, deny_unknown_fields, validate = Wear::validate -> Faults)]
-pub struct Wear {
-    /// The wear coefficient k_w, or the dimensionless k together with `hardness`.
-    #[deserr(default)]
-    coefficient: Given<NumberOrText>,
-    /// Hardness σ₀.
-    #[deserr(default)]
-    hardness: Given<Stress>,
-    /// Energy wear coefficient α.
-    #[deserr(default)]
-    energy_coefficient: Given<EnergyWear>,
-    /// The share of the wear depth on the first body, which carries the profile.
-    #[deserr(default)]
-    pub share: Given<Rounded<Share>>,
-    #[deserr(skip)]
-    per_load: f64,
-}
-
-impl Wear {
-    fn validate(mut self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
-        let here = location.push_key("coefficient");
-        let at = |detail: String| Faults::at(here, detail);
-        let dimension = match self.hardness.0 {
-            Some(_) => Dimension::Number,
-            None => Dimension::WearCoefficient,
-        };
-        match (&self.coefficient.0, self.hardness.0, self.energy_coefficient.0) {
-            (None, None, Some(_)) => return Ok(self),
-            (Some(_), _, Some(_)) => {
-                return Err(at(
-                    "give either `coefficient` or `energy_coefficient`, not both".to_owned()
-                ));
-            }
-            (None, _, _) => {
-                return Err(at(
-                    "is missing. Enter `coefficient` or `energy_coefficient`. With `hardness`, \
-                     `coefficient` is the dimensionless wear coefficient k. Without `hardness`, it is the \
-                     wear coefficient k_w, such as \"2e-5 mm^3/(N m)\""
-                        .to_owned(),
-                ));
-            }
-            (Some(NumberOrText::Number(x)), _, None) => self.per_load = *x,
-            (Some(NumberOrText::Text(text)), _, None) => {
-                self.per_load = quantity::parse(text, dimension).map_err(at)?;
-            }
-        }
-        let hardness = self.hardness.0.map_or(1.0, |hardness| hardness.0);
-        self.per_load = within(self.per_load / hardness, WEAR_RANGE, "1/Pa", here)?;
-        Ok(self)
-    }
-
-    /// The wear coefficient k_w in 1/Pa.
-    pub(crate) fn coefficient(&self, friction: f64) -> f64 {
-        self.energy_coefficient.0.map_or(self.per_load, |alpha| alpha.0 * friction)
-    }
 }
 
 /// The method by which wear is computed.
@@ -240,4 +188,29 @@ pub struct Model {
     /// The number of output radii.
     #[deserr(default)]
     pub points: Given<PointCount>,
+}
+
+impl Model {
+    /// Refuses the simplified rule and what belongs to it. `obstacle` says why.
+    fn check_exact(&self, obstacle: &str) -> Result<(), Faults> {
+        let mut faults = Faults::default();
+        for (member, is_given, remedy) in [
+            (
+                "/method",
+                self.method == MethodName::Simplified,
+                "Enter \"exact\", or remove `method`",
+            ),
+            ("/xi", matches!(self.xi, GivenXi::Number(_)), "Remove `xi`"),
+            ("/compare", self.compare.0 == Some(true), "Enter false, or remove `compare`"),
+        ] {
+            if is_given {
+                let detail = format!(
+                    "needs the simplified rule, which holds for a round contact with constant friction and without \
+                     layers, but {obstacle}. {remedy}"
+                );
+                faults.add(member, detail);
+            }
+        }
+        faults.or(())
+    }
 }

@@ -21,6 +21,10 @@ pub enum Dimension {
     Stress,
     /// Newtons per metre.
     Stiffness,
+    /// Newtons per metre of the length of a line contact.
+    ForcePerLength,
+    /// Newtons per metre, per metre of the length of a line contact.
+    StiffnessPerLength,
     /// Cubic metres.
     Volume,
     /// Joules.
@@ -36,12 +40,31 @@ pub enum Dimension {
 }
 
 use Dimension::{
-    Angle, Energy, EnergyWear, Force, Length, Number, Stiffness, Stress, Volume, WearCoefficient,
+    Angle, Energy, EnergyWear, Force, ForcePerLength, Length, Number, Stiffness,
+    StiffnessPerLength, Stress, Volume, WearCoefficient,
 };
 
+const FORCES_PER_LENGTH: [(&str, f64); 6] = [
+    ("N/m", 1.0),
+    ("kN/m", 1e3),
+    ("MN/m", 1e6),
+    ("N/mm", 1e3),
+    ("kN/mm", 1e6),
+    ("lbf/in", 175.126_835_246_476_37),
+];
+
+const STIFFNESSES_PER_LENGTH: [(&str, f64); 6] = [
+    ("N/m/m", 1.0),
+    ("N/m^2", 1.0),
+    ("N/mm/mm", 1e6),
+    ("N/mm^2", 1e6),
+    ("N/um/mm", 1e9),
+    ("kN/mm/mm", 1e9),
+];
+
 impl Dimension {
-    /// All dimensions.
-    pub const ALL: [Self; 10] = [
+    /// All dimensions. If a unit belongs to several, the one that is meant more often comes first.
+    pub const ALL: [Self; 12] = [
         Length,
         Force,
         Stress,
@@ -51,6 +74,8 @@ impl Dimension {
         Angle,
         WearCoefficient,
         EnergyWear,
+        ForcePerLength,
+        StiffnessPerLength,
         Number,
     ];
 
@@ -61,6 +86,8 @@ impl Dimension {
             Force => "a force",
             Stress => "a stress",
             Stiffness => "a stiffness",
+            ForcePerLength => "a force per length",
+            StiffnessPerLength => "a stiffness per length",
             Volume => "a volume",
             Energy => "an energy",
             Angle => "an angle",
@@ -115,6 +142,8 @@ impl Dimension {
                 ("N/um", 1e6),
                 ("lbf/in", 175.126_835_246_476_37),
             ],
+            ForcePerLength => &FORCES_PER_LENGTH,
+            StiffnessPerLength => &STIFFNESSES_PER_LENGTH,
             Volume => &[("m^3", 1.0), ("cm^3", 1e-6), ("mm^3", 1e-9), ("um^3", 1e-18)],
             Energy => &[
                 ("J", 1.0),
@@ -290,15 +319,20 @@ mod tests {
     }
 
     #[test]
-    fn every_unit_belongs_to_exactly_one_dimension() {
+    fn every_unit_belongs_to_one_dimension_beside_those_per_length() {
+        let per_length = |dimension| matches!(dimension, ForcePerLength | StiffnessPerLength);
         for dimension in Dimension::ALL {
             for (unit, factor) in dimension.units() {
-                assert_eq!(parse(&format!("1 {unit}"), dimension), Ok(*factor), "{unit}");
-                let owners = Dimension::ALL
-                    .iter()
-                    .filter(|d| parse(&format!("1 {unit}"), **d).is_ok())
-                    .count();
-                assert_eq!(owners, 1, "{unit}");
+                let text = format!("1 {unit}");
+                let owners = Dimension::ALL.into_iter().filter(|it| parse(&text, *it).is_ok());
+                let owners: Vec<_> = owners.collect();
+                // A study reads texts without knowing their dimension.
+                for owner in &owners {
+                    assert_eq!(parse(&text, *owner), Ok(*factor), "{unit}");
+                }
+                assert!(owners.contains(&dimension), "{unit}");
+                let plain = owners.iter().filter(|it| !per_length(**it)).count();
+                assert_eq!(plain, usize::from(unit.matches('/').count() < 2), "{unit}");
             }
         }
     }

@@ -140,6 +140,10 @@ impl Form {
                 Self::Flat(Flat { conical: true, steepness, tip })
             }
             Profile::Table(table) => Self::Table(Table::through(&table.radius.0, &table.height.0)?),
+            Profile::CrossedCylinders(_)
+            | Profile::Cylinder(_)
+            | Profile::Wedge(_)
+            | Profile::Punch(_) => unreachable!("`supported` refuses this shape"),
         })
     }
 }

@@ -37,6 +37,7 @@ use crate::contact::yielding::Rubbing;
 use crate::numeric::twelve_digits;
 use crate::request::fault::Faults;
 use crate::request::fields::{Given, GivenXi, LAST_CYCLE, Stress, WEAR_RANGE, Xi, derived};
+use crate::request::indenter::Profile;
 use crate::request::instants::{Measure, ProfilesAt};
 use crate::request::{ElasticBody, MethodName, Model, Request, Until};
 use crate::solver::events::StopCondition;
@@ -188,9 +189,8 @@ pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warnin
 impl Scenario {
     /// Converts a request to canonical form.
     fn resolve(request: &Request) -> Result<Self, Faults> {
-        let friction = request.friction.0;
+        let (friction, coefficient) = supported(request)?;
         let moduli = moduli(request)?;
-        let coefficient = twelve_digits(request.wear.coefficient(friction));
         derived(coefficient, WEAR_RANGE, "a wear coefficient of", "1/Pa", "/wear")?;
         let profile = Indenter::new(&request.profile)?;
         let load = canonical_load(request, &profile, moduli.normal)?;
@@ -198,7 +198,7 @@ impl Scenario {
         let motion = CanonicalMotion::resolve(&request.motion, &contact)?;
         let (_, unit) = motion.amplitude_and_cycles(&contact, coefficient)?;
         let (cycles, profiles_at) = canonical_cycles(request, &motion, unit)?;
-        let share = request.wear.share.0.map(|share| share.0);
+        let share = request.wear.share;
         let model = CanonicalModel::of(&request.model, || motion.stick_ratio(&contact))?;
         Ok(Self {
             profile,
@@ -318,6 +318,35 @@ impl Scenario {
             warn("simplified_gross_slip", detail.to_owned());
         }
         warnings
+    }
+}
+
+/// The coefficients of friction and wear of a contact that the engine can compute: a round one, without changes and
+/// layers.
+fn supported(request: &Request) -> Result<(f64, f64), Faults> {
+    let mut faults = Faults::default();
+    if request.profile.length().is_some() || matches!(request.profile, Profile::CrossedCylinders(_))
+    {
+        faults.add("/profile/shape", "cannot be computed yet. Enter a round shape");
+    }
+    let (friction, wear) = (&request.friction.0, request.wear.coefficient(&request.friction.0));
+    if friction.constant().is_none() {
+        faults.add("/friction", "cannot change yet. Enter a number");
+    }
+    let wear = match wear {
+        Some(wear) if wear.constant().is_none() && friction.constant().is_some() => {
+            faults.add("/wear/coefficient", "cannot change yet. Enter a number");
+            None
+        }
+        None => {
+            faults.add("/wear/bodies", "cannot have layers yet. Remove `layers`");
+            None
+        }
+        Some(wear) => wear.constant(),
+    };
+    match (friction.constant(), wear) {
+        (Some(friction), Some(wear)) if faults.0.is_empty() => Ok((friction, wear)),
+        _ => Err(faults),
     }
 }
 

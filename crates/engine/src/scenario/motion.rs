@@ -22,7 +22,7 @@ use crate::contact::record::DisplacementRecord;
 use crate::numeric::{integrate, root, twelve_digits};
 use crate::request::fault::Faults;
 use crate::request::fields::{Length, List};
-use crate::request::held::{self, Motion, MotionHeld};
+use crate::request::held::{self, Blocks, Motion, MotionHeld};
 
 /// Minimum U/U_gs. For a smaller ratio the slip ring would be lost in rounding.
 const MIN_THRESHOLD: f64 = 1e-6;
@@ -134,7 +134,7 @@ impl UnwornContact {
 impl CanonicalMotion {
     /// Converts the motion of a request to canonical form.
     pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Result<Self, Faults> {
-        if let Some(List(blocks)) = &motion.blocks.0 {
+        if let Some(Blocks::Strokes(blocks)) = &motion.blocks.0 {
             return Self::resolve_blocks(blocks, pressed);
         }
         if let Some(List(reversals)) = &motion.reversals.0 {

@@ -20,6 +20,7 @@ mod line;
 mod literal;
 mod loops;
 mod reference_solutions;
+mod requests;
 mod rig;
 mod shapes;
 mod slopes;

@@ -1,0 +1,214 @@
+//! The wear coefficients of a request: one for both bodies together, or those of each body and its layers.
+
+use deserr::{Deserr, IntoValue, Value, ValuePointerRef};
+use serde::Serialize;
+
+use super::changing::{Changing, GivenChanging};
+use super::fault::Faults;
+use super::fields::{
+    EnergyWear, Given, Length, List, NumberOrText, Rounded, Share, Stress, WEAR_RANGE, pair, within,
+};
+use super::quantity::Dimension;
+use crate::numeric::twelve_digits;
+
+/// Maximum number of layers of a body.
+pub const MAX_LAYERS: usize = 20;
+
+/// How the bodies wear.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wear {
+    /// The wear coefficients.
+    pub law: WearLaw,
+    /// The share of the wear depth on the first body, which carries the profile. Layers determine it themselves.
+    pub share: Option<f64>,
+}
+
+/// The wear coefficients, in SI with 12 digits.
+#[derive(Debug, Clone, PartialEq)]
+pub enum WearLaw {
+    /// The wear coefficient k_w of both bodies together, in 1/Pa.
+    PerLoad(Changing),
+    /// The energy wear coefficient α of both bodies together, in m³/J. It is not rounded.
+    PerEnergy(f64),
+    /// The wear coefficients of the two bodies, at least one of which has layers. The first body carries the profile.
+    Layered([WornBody; 2]),
+}
+
+/// A body that wears.
+#[derive(Debug, Clone, PartialEq, Deserr, Serialize)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct WornBody {
+    /// The layers, from the surface inwards.
+    #[deserr(default = List(Vec::new()))]
+    #[serde(skip_serializing_if = "List::is_empty")]
+    pub layers: List<Layer, 0, MAX_LAYERS>,
+    /// The wear coefficient k_w below the layers, in 1/Pa.
+    pub coefficient: WearRate,
+}
+
+impl WornBody {
+    /// Whether the body wears for ever: no layer stops the wear, nor does the material below.
+    fn wears_on(&self) -> bool {
+        self.layers.0.iter().all(|layer| layer.coefficient.0 > 0.0) && self.coefficient.0 > 0.0
+    }
+}
+
+/// A layer of a body.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct Layer {
+    /// The thickness of the layer.
+    pub thickness: Rounded<Length>,
+    /// The wear coefficient k_w of the layer, in 1/Pa.
+    pub coefficient: WearRate,
+}
+
+/// The wear coefficient k_w of one material, in 1/Pa with 12 digits. It is 0 if the material does not wear.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct WearRate(pub f64);
+
+impl Deserr<Faults> for WearRate {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        if matches!(value, Value::Map(_)) {
+            let detail = "cannot be a table or a run-in here. Enter a number, or a text such as \
+                          \"2e-5 mm^3/(N m)\"";
+            return Err(Faults::at(location, detail));
+        }
+        let given = NumberOrText::deserialize_from_value(value, location)?;
+        let x = given.read(Dimension::WearCoefficient, location)?;
+        if x == 0.0 {
+            return Ok(Self(0.0));
+        }
+        within(x, WEAR_RANGE, "1/Pa", location).map(|x| Self(twelve_digits(x)))
+    }
+}
+
+/// The member `bodies` of `wear`.
+#[derive(Debug, Clone, PartialEq)]
+struct WornBodies([WornBody; 2]);
+
+impl Deserr<Faults> for WornBodies {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        pair(value, location, "bodies").map(Self)
+    }
+}
+
+/// The member `wear` as the client gives it: k_w, or k with the hardness, or α, or the bodies.
+#[derive(Debug, Clone, PartialEq, Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct GivenWear {
+    /// The wear coefficient k_w, or the dimensionless k together with `hardness`.
+    #[deserr(default)]
+    coefficient: Given<GivenChanging<NumberOrText>>,
+    /// Hardness σ₀.
+    #[deserr(default)]
+    hardness: Given<Stress>,
+    /// Energy wear coefficient α.
+    #[deserr(default)]
+    energy_coefficient: Given<EnergyWear>,
+    /// The share of the wear depth on the first body, which carries the profile.
+    #[deserr(default)]
+    share: Given<Rounded<Share>>,
+    /// The two bodies, the one with the profile first.
+    #[deserr(default)]
+    bodies: Given<WornBodies>,
+}
+
+impl Deserr<Faults> for Wear {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        let mut given = GivenWear::deserialize_from_value(value, location)?;
+        if let Some(WornBodies(bodies)) = given.bodies.0.take() {
+            return given.with_bodies(bodies, location);
+        }
+        let share = given.share.0.map(|share| share.0);
+        Ok(Self { law: given.law(location)?, share })
+    }
+}
+
+impl GivenWear {
+    /// The law of a request without `bodies`.
+    fn law(self, location: ValuePointerRef<'_>) -> Result<WearLaw, Faults> {
+        let here = location.push_key("coefficient");
+        let dimension = match self.hardness.0 {
+            Some(_) => Dimension::Number,
+            None => Dimension::WearCoefficient,
+        };
+        match (self.coefficient.0, self.hardness.0, self.energy_coefficient.0) {
+            (None, None, Some(alpha)) => Ok(WearLaw::PerEnergy(alpha.0)),
+            (Some(_), _, Some(_)) => {
+                let detail = "give either `coefficient` or `energy_coefficient`, not both";
+                Err(Faults::at(here, detail))
+            }
+            (None, _, _) => {
+                let detail = "is missing. Enter `coefficient` or `energy_coefficient`. With `hardness`, \
+                              `coefficient` is the dimensionless wear coefficient k. Without `hardness`, it is the \
+                              wear coefficient k_w, such as \"2e-5 mm^3/(N m)\"";
+                Err(Faults::at(here, detail))
+            }
+            (Some(given), hardness, None) => {
+                let hardness = hardness.map_or(1.0, |hardness| hardness.0);
+                let per_load = given.resolve(here, |given, here| {
+                    within(given.read(dimension, here)? / hardness, WEAR_RANGE, "1/Pa", here)
+                })?;
+                Ok(WearLaw::PerLoad(per_load))
+            }
+        }
+    }
+
+    /// The wear of a request with `bodies`. Bodies without layers are the same as `coefficient` with `share`.
+    fn with_bodies(
+        &self,
+        bodies: [WornBody; 2],
+        location: ValuePointerRef<'_>,
+    ) -> Result<Wear, Faults> {
+        let mut faults = Faults::default();
+        let given = [
+            ("coefficient", self.coefficient.0.is_some()),
+            ("hardness", self.hardness.0.is_some()),
+            ("energy_coefficient", self.energy_coefficient.0.is_some()),
+            ("share", self.share.0.is_some()),
+        ];
+        for (member, _) in given.into_iter().filter(|(_, given)| *given) {
+            let detail = format!(
+                "cannot be combined with `bodies`, where each body has its own wear coefficient k_w. Remove \
+                 `{member}`, or remove `bodies`"
+            );
+            faults.0.extend(Faults::at(location.push_key(member), detail).0);
+        }
+        let here = location.push_key("bodies");
+        if !bodies.iter().any(WornBody::wears_on) {
+            let detail = "stop the wear: each body has a `coefficient` of 0, in a layer or below its layers. Enter \
+                          coefficients above 0 for all materials of at least one body";
+            faults.0.extend(Faults::at(here, detail).0);
+        }
+        faults.or(())?;
+        if bodies.iter().any(|body| !body.layers.is_empty()) {
+            return Ok(Wear { law: WearLaw::Layered(bodies), share: None });
+        }
+        let [first, second] = bodies.map(|body| body.coefficient.0);
+        let both = within(twelve_digits(first + second), WEAR_RANGE, "1/Pa", here)?;
+        let share = Some(twelve_digits(first / (first + second)));
+        Ok(Wear { law: WearLaw::PerLoad(Changing::Constant(both)), share })
+    }
+}
+
+impl Wear {
+    /// The wear coefficient k_w of both bodies together, in 1/Pa. `None` if it depends on the layers.
+    pub(crate) fn coefficient(&self, friction: &Changing) -> Option<Changing> {
+        match &self.law {
+            WearLaw::PerLoad(coefficient) => Some(coefficient.clone()),
+            WearLaw::PerEnergy(alpha) => Some(friction.times(*alpha)),
+            WearLaw::Layered(_) => None,
+        }
+    }
+}
