@@ -288,6 +288,14 @@ impl Case {
         }
     }
 
+    /// The wear rate of a line contact, relative to the rate on which its N₀ is based. 1 for a round contact.
+    pub(crate) fn line_pace(&self) -> f64 {
+        match self.scales.length {
+            None => 1.0,
+            Some(_) => self.control.largest_threshold(&self.contact) + self.control.largest_stroke(),
+        }
+    }
+
     /// U at which the whole contact slips, in m. NaN for a line contact without a reference.
     pub(crate) fn gross_slip_amplitude(&self) -> f64 {
         let contact = &self.contact;

@@ -37,7 +37,7 @@ fn evaluating_the_wear_rate_allocates_nothing() {
         Tangential::Amplitude,
         Tangential::Force(force),
         Tangential::Rig { amplitude: threshold + force, compliance: 0.5 },
-        Tangential::Blocks(vec![Block { threshold, end: 1.0 }]),
+        Tangential::Blocks(vec![Block::new(threshold, 1.0)]),
         Tangential::Record(Arc::new(record)),
     ] {
         for normal in [Normal::Depth, Normal::Force] {

@@ -124,10 +124,25 @@ impl Series {
 /// A number of cycles at one amplitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block {
-    /// The amplitude of the block, Δ.
+    /// The amplitude of the block, Δ. For a stroke of a line contact, θ of the unworn contact.
     pub threshold: f64,
+    /// The stroke of a line contact in μh₀, if it is held.
+    pub stroke: Option<f64>,
     /// The cycle Ñ at which the block ends, counted from the start of the run.
     pub end: f64,
+}
+
+impl Block {
+    /// A block of a constant Δ.
+    #[must_use]
+    pub fn new(threshold: f64, end: f64) -> Self {
+        Self { threshold, stroke: None, end }
+    }
+
+    /// The held motion of the block.
+    pub(crate) fn held(&self) -> f64 {
+        self.stroke.unwrap_or(self.threshold)
+    }
 }
 
 /// The quantities that are held constant in both directions.
@@ -195,7 +210,7 @@ impl Control {
             Tangential::Force(_) => true,
             // Without a stroke, θ of a line contact is its tangential force.
             Tangential::Amplitude | Tangential::Blocks(_) => {
-                contact.shape.geometry() == Geometry::Line
+                contact.shape.geometry() == Geometry::Line && !self.has_stroke_blocks()
             }
             _ => false,
         }
@@ -206,11 +221,17 @@ impl Control {
         self.normal == Normal::Force
             || contact.changes_friction()
             || matches!(self.tangential, Tangential::Stroke(_) | Tangential::Sliding(_))
+            || self.has_stroke_blocks()
     }
 
     /// Whether the motion follows a displacement record.
     pub(crate) fn has_record(&self) -> bool {
         matches!(self.tangential, Tangential::Record(_))
+    }
+
+    /// Whether the strokes of a line contact follow blocks.
+    pub(crate) fn has_stroke_blocks(&self) -> bool {
+        self.block(0).is_some_and(|block| block.stroke.is_some())
     }
 
     /// The block with this index, if there is one.
@@ -277,6 +298,9 @@ impl Control {
     pub(crate) fn largest_stroke(&self) -> f64 {
         match self.tangential {
             Tangential::Stroke(stroke) | Tangential::Sliding(stroke) => stroke,
+            Tangential::Blocks(ref blocks) => {
+                blocks.iter().filter_map(|block| block.stroke).fold(0.0, f64::max)
+            }
             _ => 0.0,
         }
     }

@@ -107,11 +107,20 @@ impl Request {
             _ => {}
         }
         let length = self.profile.length();
+        let has_tangential = self.moduli.0.is_none_or(|it| it.tangential.0.is_some());
+        if length.is_none() && !has_tangential {
+            faults.add("/moduli/tangential", "is missing. Enter `tangential`");
+        }
+        if matches!(self.wear.law, WearLaw::Layered(_)) && self.motion.blocks.0.is_some() {
+            let detail = "cannot be combined with layers of the bodies. Enter one motion, or remove `layers`";
+            faults.add("/motion/blocks", detail);
+        }
         faults.keep("/load", self.load.fit(length));
         faults.keep("/motion", self.motion.fit(length));
         let obstacle = match (&self.friction.0, &self.wear.law) {
             _ if length.is_some() => Some("this is a line contact"),
             (Changing::Table(_), _) => Some("this friction changes"),
+            (_, WearLaw::PerLoad(Changing::Table(_))) => Some("this wear coefficient changes"),
             (_, WearLaw::Layered(_)) => Some("these bodies have layers"),
             _ => None,
         };
@@ -154,8 +163,9 @@ pub struct ElasticBody {
 pub struct Moduli {
     /// Normal modulus E*.
     pub normal: Stress,
-    /// Tangential modulus G*.
-    pub tangential: Stress,
+    /// Tangential modulus G*. It has no meaning for a line contact.
+    #[deserr(default)]
+    pub tangential: Given<Stress>,
 }
 
 /// The method by which wear is computed.

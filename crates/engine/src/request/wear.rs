@@ -201,14 +201,3 @@ impl GivenWear {
         Ok(Wear { law: WearLaw::PerLoad(Changing::Constant(both)), share })
     }
 }
-
-impl Wear {
-    /// The wear coefficient k_w of both bodies together, in 1/Pa. `None` if it depends on the layers.
-    pub(crate) fn coefficient(&self, friction: &Changing) -> Option<Changing> {
-        match &self.law {
-            WearLaw::PerLoad(coefficient) => Some(coefficient.clone()),
-            WearLaw::PerEnergy(alpha) => Some(friction.times(*alpha)),
-            WearLaw::Layered(_) => None,
-        }
-    }
-}

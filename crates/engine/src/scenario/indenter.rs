@@ -6,6 +6,11 @@
 //! truncated paraboloid   d = (a/R)√(a²−b²),     F = 2E*(2a²+b²)√(a²−b²)/(3R)
 //! truncated cone         d = a·arccos(b/a)·tanθ, F = E*(a² arccos(b/a) + b√(a²−b²))·tanθ
 //! ```
+//! A line contact under the force F per length, with f = A xⁿ, or a flat of half-width b between edges of radius R:
+//! ```text
+//! power   F = E* A n (√π/2) Γ((n+1)/2)/Γ(n/2+1) aⁿ     cylinder F = πE*a²/(4R), wedge F = E*a·tanθ
+//! punch   F = (E*/2R)(a² arccos(b/a) − b√(a²−b²))
+//! ```
 //!
 //! # Units
 //! SI; [`Shape`] is normalised by a₀ and d₀.
@@ -14,6 +19,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use crate::contact::geometry::Geometry;
 use crate::contact::limit::{DEEPEST, WIDEST};
 use crate::contact::profile::{Shape, kappa};
 use crate::contact::table_shape::{PressedTable, Split, TableShape};
@@ -51,6 +57,22 @@ enum Form {
     },
     Flat(Flat),
     Table(Table),
+    /// A line contact with f = height·(x/at_half_width)ⁿ.
+    LinePower {
+        exponent: f64,
+        height: f64,
+        at_half_width: f64,
+    },
+    Punch {
+        half_width: f64,
+        edge_radius: f64,
+    },
+}
+
+/// The load of a line contact f = xⁿ at half-width 1, in units of E*.
+fn line_load(n: f64) -> f64 {
+    let ratio = libm::tgamma(0.5 * (n + 1.0)) / libm::tgamma(0.5 * n + 1.0);
+    0.5 * n * std::f64::consts::PI.sqrt() * ratio
 }
 
 /// A truncated shape with a flat tip of radius b. The steepness is 1/R or tan θ.
@@ -126,6 +148,11 @@ impl Form {
                 height: std::f64::consts::FRAC_PI_2 * libm::tan(cone.slope_angle.0),
                 at_radius: 1.0,
             },
+            Profile::Power(power) if power.geometry == Geometry::Line => Self::LinePower {
+                exponent: power.exponent.0,
+                height: power.height.0,
+                at_half_width: power.at_radius.0,
+            },
             Profile::Power(power) => {
                 let (exponent, at_radius) = (power.exponent.0, power.at_radius.0);
                 Self::Power { exponent, height: kappa(exponent) * power.height.0, at_radius }
@@ -139,11 +166,29 @@ impl Form {
                 let (steepness, tip) = (libm::tan(cone.slope_angle.0), cone.flat_radius.0);
                 Self::Flat(Flat { conical: true, steepness, tip })
             }
+            Profile::Table(table) if table.geometry == Geometry::Line => {
+                let detail = "cannot be \"line\" for a table yet. Enter a `cylinder`, a `wedge`, a `punch` or a `power`";
+                return Err(Faults::one("/profile/geometry", detail));
+            }
             Profile::Table(table) => Self::Table(Table::through(&table.radius.0, &table.height.0)?),
-            Profile::CrossedCylinders(_)
-            | Profile::Cylinder(_)
-            | Profile::Wedge(_)
-            | Profile::Punch(_) => unreachable!("`supported` refuses this shape"),
+            Profile::CrossedCylinders(cylinders) => {
+                let radius = cylinders.radii.mean();
+                Self::Power { exponent: 2.0, height: radius, at_radius: radius }
+            }
+            Profile::Cylinder(cylinder) => Self::LinePower {
+                exponent: 2.0,
+                height: 0.5 * cylinder.radius.0,
+                at_half_width: cylinder.radius.0,
+            },
+            Profile::Wedge(wedge) => Self::LinePower {
+                exponent: 1.0,
+                height: libm::tan(wedge.slope_angle.0),
+                at_half_width: 1.0,
+            },
+            Profile::Punch(punch) => Self::Punch {
+                half_width: punch.flat_half_width.0,
+                edge_radius: punch.edge_radius.0,
+            },
         })
     }
 }
@@ -152,6 +197,40 @@ impl Indenter {
     /// The canonical form of a profile, or the fault of a measured table.
     pub(super) fn new(profile: &Profile) -> Result<Self, Faults> {
         Ok(Self { form: Form::of(profile)?, profile: profile.clone() })
+    }
+
+    /// The length of a line contact in m.
+    pub(super) fn length(&self) -> Option<f64> {
+        self.profile.length()
+    }
+
+    /// The radii of crossed cylinders that differ.
+    pub(super) fn unequal_radii(&self) -> Option<[f64; 2]> {
+        let Profile::CrossedCylinders(cylinders) = &self.profile else { return None };
+        let [along, across] = cylinders.radii.0.map(|radius| radius.0);
+        (along.total_cmp(&across).is_ne()).then_some([along, across])
+    }
+
+    /// The half-width and the shape of a line contact under a force per length, given as F/E* in m.
+    pub(super) fn under_line_load(&self, load: f64) -> Option<(f64, Shape)> {
+        match self.form {
+            Form::LinePower { exponent: n, height, at_half_width } => {
+                let ratio = load / (line_load(n) * height);
+                Some((at_half_width * libm::pow(ratio, 1.0 / n), Shape::line_power(n)))
+            }
+            Form::Punch { half_width: b, edge_radius } => {
+                let carried = |a: f64| {
+                    let chord = ((a - b) * (a + b)).sqrt();
+                    0.5 * (a * a * libm::atan2(chord, b) - b * chord) / edge_radius
+                };
+                // Without the flat the contact would be narrower than this half-width beside it.
+                let most = b + 2.0 * (load * edge_radius).sqrt();
+                let half_width = root(b, most, |a| carried(a) - load);
+                let flat = b / half_width;
+                (1.0 - flat > NARROWEST_RING).then(|| (half_width, Shape::punch(flat)))
+            }
+            _ => None,
+        }
     }
 
     /// The fault if the profile cannot have the indentation depth `depth`. The depth follows from
@@ -166,7 +245,11 @@ impl Indenter {
                  then too narrow to compute. Increase the load, or enter a `flat_radius` below {} m",
                 flat.tip
             ),
-            Form::Sphere { .. } | Form::Power { .. } => format!(
+            Form::Punch { half_width, .. } => format!(
+                "is so small that the edges of the punch hardly touch beside the flat. Enter a larger force, or a \
+                 `flat_half_width` below {half_width} m"
+            ),
+            Form::Sphere { .. } | Form::Power { .. } | Form::LinePower { .. } => format!(
                 "makes the contact radius larger than {MAX_SPHERE} times the radius of the sphere. \
                  Half-space theory is not valid there. Reduce the load, or enter a larger radius"
             ),
@@ -194,6 +277,13 @@ impl Indenter {
                 table.too_short(endless)
             }
             Form::Sphere { .. } => self.refusal(depth, "/load"),
+            Form::LinePower { .. } | Form::Punch { .. } => {
+                let detail = format!(
+                    "would make the scar wider than {WIDEST} half-widths of the unworn contact or deeper than \
+                     {DEEPEST} times 2F/(πE*). Request fewer cycles"
+                );
+                Faults::one("/cycles", detail)
+            }
             Form::Flat(_) | Form::Power { .. } => {
                 let detail = format!(
                     "would make the scar wider than {WIDEST} contact radii or deeper than {DEEPEST} \
@@ -302,6 +392,8 @@ pub(super) fn indent(indenter: &Indenter, depth: f64) -> Option<(f64, Shape)> {
             let (radius, pressed) = PressedTable::new(&table.shape, depth, false)?;
             Some((radius, Shape::table(pressed)))
         }
+        // The depth of a line contact is not defined.
+        Form::LinePower { .. } | Form::Punch { .. } => None,
     }
 }
 
@@ -328,5 +420,6 @@ pub(super) fn depth_under(indenter: &Indenter, force: f64) -> f64 {
         }
         Form::Flat(flat) => flat.depth(flat.rim_under(force)),
         Form::Table(ref table) => table.shape.depth_under(force),
+        Form::LinePower { .. } | Form::Punch { .. } => f64::NAN,
     }
 }

@@ -1,5 +1,7 @@
 //! The load in canonical form, and the unworn contact under this load.
 
+use std::f64::consts::FRAC_2_PI;
+
 use serde::Serialize;
 
 use super::indenter::{Indenter, depth_under, indent};
@@ -14,7 +16,9 @@ use crate::request::held::Normal;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct CanonicalModuli {
     pub(super) normal: f64,
-    pub(super) tangential: f64,
+    /// A line contact has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) tangential: Option<f64>,
 }
 
 /// The load in canonical form.
@@ -63,12 +67,19 @@ pub(super) fn canonical_load(
     Ok(load)
 }
 
-/// The unworn contact: d, a₀ and the normalised shape.
+/// The unworn contact: d, a₀ and the normalised shape. Of a line contact: 2F/(πE*), a₀ and the shape.
 pub(super) fn press(
     indenter: &Indenter,
     load: &CanonicalLoad,
     normal_modulus: f64,
 ) -> Result<(f64, f64, Shape), Faults> {
+    if let (Some(length), CanonicalLoad::Force { normal_force, .. }) = (indenter.length(), load) {
+        let per_length = normal_force / (normal_modulus * length);
+        let depth = FRAC_2_PI * per_length;
+        let refused = || indenter.refusal(depth, "/load/normal_force");
+        let (half_width, shape) = indenter.under_line_load(per_length).ok_or_else(refused)?;
+        return Ok((depth, half_width, shape));
+    }
     let (depth, pointer) = match *load {
         CanonicalLoad::Force { normal_force, .. } => {
             (depth_under(indenter, normal_force / normal_modulus), "/load/normal_force")

@@ -21,6 +21,7 @@
 
 mod indenter;
 mod instants;
+mod line;
 mod load;
 mod motion;
 pub mod work_done;
@@ -32,13 +33,17 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::case::{self, Case, Method, Scales};
+use crate::contact::course::{Course, Over, Track};
+use crate::contact::layers::Layers;
 use crate::contact::unworn::Contact;
+use crate::contact;
 use crate::contact::yielding::Rubbing;
 use crate::numeric::twelve_digits;
+use crate::request::changing::{self, ChangeTable, Changing};
 use crate::request::fault::Faults;
 use crate::request::fields::{Given, GivenXi, LAST_CYCLE, Stress, WEAR_RANGE, Xi, derived};
-use crate::request::indenter::Profile;
 use crate::request::instants::{Measure, ProfilesAt};
+use crate::request::wear::{Wear, WearLaw, WornBody};
 use crate::request::{ElasticBody, MethodName, Model, Request, Until};
 use crate::solver::events::StopCondition;
 use crate::solver::stepped::law::{WearProblem, fitted_xi};
@@ -75,7 +80,7 @@ pub struct Warning {
 pub struct Scenario {
     profile: Indenter,
     moduli: CanonicalModuli,
-    friction: f64,
+    friction: Changing,
     wear: CanonicalWear,
     load: CanonicalLoad,
     motion: CanonicalMotion,
@@ -86,11 +91,89 @@ pub struct Scenario {
     model: CanonicalModel,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-struct CanonicalWear {
-    coefficient: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    share: Option<f64>,
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+enum CanonicalWear {
+    Both {
+        coefficient: Changing,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        share: Option<f64>,
+    },
+    Layered {
+        bodies: [WornBody; 2],
+    },
+}
+
+impl CanonicalWear {
+    fn of(wear: &Wear, friction: &Changing) -> Result<Self, Faults> {
+        let given = match &wear.law {
+            WearLaw::Layered(bodies) => return Ok(Self::Layered { bodies: bodies.clone() }),
+            WearLaw::PerLoad(coefficient) => coefficient.clone(),
+            WearLaw::PerEnergy(alpha) => friction.times(*alpha),
+        };
+        for coefficient in given.values() {
+            derived(*coefficient, WEAR_RANGE, "a wear coefficient of", "1/Pa", "/wear")?;
+        }
+        Ok(Self::Both { coefficient: given, share: wear.share })
+    }
+
+    /// The coefficient of both bodies together at cycle 0. If the surface does not wear, it is that of the materials
+    /// below which wear most.
+    fn first(&self) -> f64 {
+        match self {
+            Self::Both { coefficient, .. } => coefficient.values()[0],
+            Self::Layered { bodies } => {
+                let surface: f64 = bodies
+                    .iter()
+                    .map(|body| body.layers.0.first().map_or(body.coefficient, |it| it.coefficient).0)
+                    .sum();
+                let most = |body: &WornBody| {
+                    let layers = body.layers.0.iter().map(|layer| layer.coefficient.0);
+                    layers.fold(body.coefficient.0, f64::max)
+                };
+                if surface > 0.0 { surface } else { bodies.iter().map(most).sum() }
+            }
+        }
+    }
+
+    fn share(&self) -> Option<f64> {
+        match self {
+            Self::Both { share, .. } => *share,
+            Self::Layered { .. } => None,
+        }
+    }
+
+    /// The layers in units of the unworn contact.
+    fn layers(&self, scales: &Scales) -> Option<Layers> {
+        let Self::Layered { bodies } = self else { return None };
+        Some(Layers::of(bodies.each_ref().map(|body| {
+            let layer = |thickness: f64, coefficient: f64| contact::layers::Layer {
+                thickness: thickness / scales.indentation_depth,
+                coefficient: coefficient / scales.wear_coefficient,
+            };
+            let layers = body.layers.0.iter().map(|it| layer(it.thickness.0, it.coefficient.0));
+            layers.chain([layer(f64::INFINITY, body.coefficient.0)]).collect()
+        })))
+    }
+}
+
+/// How the coefficients change, in units of the unworn contact. `None` if they are constant.
+fn course(friction: &Changing, wear: &CanonicalWear, scales: &Scales) -> Option<Course> {
+    let track = |changing: &Changing| {
+        let Changing::Table(ChangeTable { over, at, values }) = changing else { return None };
+        let (over, unit): (_, &dyn Fn(f64) -> f64) = match over {
+            changing::Over::Cycles => (Over::Time, &|cycles| cycles / scales.cycles),
+            changing::Over::DissipatedEnergy => (Over::Energy, &|energy| scales.worn_by(energy)),
+        };
+        let at = at.iter().map(|x| unit(*x)).collect();
+        Some(Track::through(over, at, values.iter().map(|value| value / values[0]).collect()))
+    };
+    let wear = match wear {
+        CanonicalWear::Both { coefficient, .. } => track(coefficient),
+        CanonicalWear::Layered { .. } => None,
+    };
+    let friction = track(friction);
+    (friction.is_some() || wear.is_some()).then_some(Course { friction, wear })
 }
 
 /// The settings that the method uses. Other settings are omitted, so that they do not change the
@@ -189,22 +272,21 @@ pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warnin
 impl Scenario {
     /// Converts a request to canonical form.
     fn resolve(request: &Request) -> Result<Self, Faults> {
-        let (friction, coefficient) = supported(request)?;
+        let friction = request.friction.0.clone();
         let moduli = moduli(request)?;
-        derived(coefficient, WEAR_RANGE, "a wear coefficient of", "1/Pa", "/wear")?;
+        let wear = CanonicalWear::of(&request.wear, &friction)?;
         let profile = Indenter::new(&request.profile)?;
         let load = canonical_load(request, &profile, moduli.normal)?;
-        let contact = UnwornContact::new(&profile, &load, moduli, friction)?;
+        let contact = UnwornContact::new(&profile, &load, moduli, friction.values()[0])?;
         let motion = CanonicalMotion::resolve(&request.motion, &contact)?;
-        let (_, unit) = motion.amplitude_and_cycles(&contact, coefficient)?;
+        let (_, unit) = motion.amplitude_and_cycles(&contact, wear.first())?;
         let (cycles, profiles_at) = canonical_cycles(request, &motion, unit)?;
-        let share = request.wear.share;
         let model = CanonicalModel::of(&request.model, || motion.stick_ratio(&contact))?;
         Ok(Self {
             profile,
             moduli,
             friction,
-            wear: CanonicalWear { coefficient, share },
+            wear,
             load,
             motion,
             cycles,
@@ -220,9 +302,11 @@ impl Scenario {
     /// A fault if each number is valid but the combination has no solution.
     pub fn case(&self) -> Result<Case, Faults> {
         work_done::note(&work_done::CASES);
-        let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, self.friction)?;
-        let (amplitude, unit) =
-            self.motion.amplitude_and_cycles(&contact, self.wear.coefficient)?;
+        let friction = self.friction.values()[0];
+        let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, friction)?;
+        let wear_coefficient = self.wear.first();
+        let (amplitude, unit) = self.motion.amplitude_and_cycles(&contact, wear_coefficient)?;
+        let reference = self.motion.reference(&contact);
         let (control, threshold) = self.motion.control(&contact, unit)?;
         let scales = Scales {
             contact_radius: contact.contact_radius,
@@ -230,13 +314,17 @@ impl Scenario {
             cycles: unit,
             amplitude,
             normal_modulus: self.moduli.normal,
-            tangential_modulus: self.moduli.tangential,
-            friction: self.friction,
-            wear_coefficient: self.wear.coefficient,
-            length: None,
+            tangential_modulus: self.moduli.tangential.unwrap_or(f64::NAN),
+            friction,
+            wear_coefficient,
+            length: self.profile.length(),
         };
         let outgrown = || self.profile.outgrown(scales.indentation_depth, threshold);
-        let contact = Contact::new(contact.shape, threshold).ok_or_else(outgrown)?;
+        let contact = Contact::new(contact.shape, threshold)
+            .ok_or_else(outgrown)?
+            .measured_against(reference)
+            .changing(course(&self.friction, &self.wear, &scales))
+            .layered(self.wear.layers(&scales));
         let tends_to = control.tends_to(&contact);
         let method = self.model.method();
         let horizon = self.motion.end().unwrap_or(LAST_CYCLE) / unit;
@@ -260,7 +348,7 @@ impl Scenario {
                 .until
                 .0
                 .map_or_else(StopCondition::default, |until| stop_condition(&until, &scales)),
-            share: self.wear.share,
+            share: self.wear.share(),
             scales,
             method,
             points: usize::from(self.model.points()),
@@ -286,7 +374,7 @@ impl Scenario {
         // The block with the largest amplitude determines the warnings. A record can contain many loops per cycle.
         let times = case.largest_amplitude();
         let amplitude = times * case.scales.amplitude;
-        let cycles = case.scales.cycles / (times * case.loops_per_cycle());
+        let cycles = case.scales.cycles / (times * case.loops_per_cycle() * case.line_pace());
         let slope = case.contact.shape.slope(1.0) * d / a;
         let mut warnings = Vec::new();
         let mut warn =
@@ -312,6 +400,24 @@ impl Scenario {
             );
             warn("large_amplitude", detail);
         }
+        if let Some(length) = case.scales.length
+            && 2.0 * a > 0.5 * length
+        {
+            let detail = format!(
+                "The width of the contact ({:.3e} m) exceeds half of its length ({length:.3e} m). Plane strain holds \
+                 for contacts that are much longer than wide.",
+                2.0 * a
+            );
+            warn("short_line", detail);
+        }
+        if let Some([along, across]) = self.profile.unequal_radii() {
+            let detail = format!(
+                "The radii of the crossed cylinders are {along:e} m and {across:e} m, so the contact is an ellipse. It \
+                 is computed as a round contact of the radius √(R₁R₂). At a ratio of 1.5, area and peak pressure are \
+                 0.5 % wrong, and the half-axes are 14 % longer and 13 % shorter than the radius."
+            );
+            warn("elliptical_contact", detail);
+        }
         let simplified = matches!(case.method, Method::Simplified { .. });
         if simplified && case.contact.threshold * times >= 1.0 {
             let detail = "The whole contact slips; the simplified rule was fitted to partial slip.";
@@ -321,39 +427,10 @@ impl Scenario {
     }
 }
 
-/// The coefficients of friction and wear of a contact that the engine can compute: a round one, without changes and
-/// layers.
-fn supported(request: &Request) -> Result<(f64, f64), Faults> {
-    let mut faults = Faults::default();
-    if request.profile.length().is_some() || matches!(request.profile, Profile::CrossedCylinders(_))
-    {
-        faults.add("/profile/shape", "cannot be computed yet. Enter a round shape");
-    }
-    let (friction, wear) = (&request.friction.0, request.wear.coefficient(&request.friction.0));
-    if friction.constant().is_none() {
-        faults.add("/friction", "cannot change yet. Enter a number");
-    }
-    let wear = match wear {
-        Some(wear) if wear.constant().is_none() && friction.constant().is_some() => {
-            faults.add("/wear/coefficient", "cannot change yet. Enter a number");
-            None
-        }
-        None => {
-            faults.add("/wear/bodies", "cannot have layers yet. Remove `layers`");
-            None
-        }
-        Some(wear) => wear.constant(),
-    };
-    match (friction.constant(), wear) {
-        (Some(friction), Some(wear)) if faults.0.is_empty() => Ok((friction, wear)),
-        _ => Err(faults),
-    }
-}
-
 /// The effective moduli E* and G*, by (6).
 fn moduli(request: &Request) -> Result<CanonicalModuli, Faults> {
     let (normal, tangential) = match (&request.moduli.0, &request.bodies.0) {
-        (Some(moduli), _) => (moduli.normal.0, moduli.tangential.0),
+        (Some(moduli), _) => (moduli.normal.0, moduli.tangential.0.map_or(f64::NAN, |it| it.0)),
         (None, bodies) => {
             let bodies = bodies.as_ref().map_or(&[][..], |bodies| &bodies.0);
             let normal: f64 = bodies
@@ -371,8 +448,11 @@ fn moduli(request: &Request) -> Result<CanonicalModuli, Faults> {
     };
     let (normal, tangential) = (twelve_digits(normal), twelve_digits(tangential));
     derived(normal, Stress::RANGE, "a normal modulus E* of", "Pa", "/bodies")?;
+    if request.profile.length().is_some() {
+        return Ok(CanonicalModuli { normal, tangential: None });
+    }
     derived(tangential, Stress::RANGE, "a tangential modulus G* of", "Pa", "/bodies")?;
-    Ok(CanonicalModuli { normal, tangential })
+    Ok(CanonicalModuli { normal, tangential: Some(tangential) })
 }
 
 /// The output cycles, and the output cycles with profiles. Normalized cycles are refused for blocks
@@ -385,6 +465,7 @@ fn canonical_cycles(
 ) -> Result<(CanonicalCycles, ProfilesAt), Faults> {
     let varying = match motion {
         CanonicalMotion::Blocks { .. } => Some("blocks"),
+        CanonicalMotion::Line(motion) if motion.has_blocks() => Some("blocks"),
         CanonicalMotion::Reversals { .. } => Some("reversals"),
         _ => None,
     };

@@ -9,14 +9,16 @@
 //! # Units
 //! SI.
 
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use serde::Serialize;
 
 use super::indenter::Indenter;
+use super::line::LineMotion;
 use super::load::{CanonicalLoad, CanonicalModuli, press};
 use crate::case;
-use crate::contact::control::{Block, Control, Normal, Tangential};
+use crate::contact::control::{Block, Control, Normal, Series, Tangential};
 use crate::contact::profile::Shape;
 use crate::contact::record::DisplacementRecord;
 use crate::numeric::{integrate, root, twelve_digits};
@@ -27,10 +29,10 @@ use crate::request::held::{self, Blocks, Motion, MotionHeld};
 /// Minimum U/U_gs. For a smaller ratio the slip ring would be lost in rounding.
 const MIN_THRESHOLD: f64 = 1e-6;
 /// Minimum width of the slip ring, in a₀, if the stick edge can move.
-const MIN_RING: f64 = 1e-4;
+pub(super) const MIN_RING: f64 = 1e-4;
 /// A ring may be narrower than the minimum by this factor. The largest stick ratio gives exactly the minimum, but only
 /// before its amplitude is rounded.
-const ROUNDED: f64 = 1.0 - 1e-6;
+pub(super) const ROUNDED: f64 = 1.0 - 1e-6;
 /// Maximum relative difference between the given stick ratio and the ratio that follows from the
 /// rounded amplitude.
 const STICK_DIGITS: f64 = 1e-3;
@@ -44,6 +46,7 @@ pub(super) enum CanonicalMotion {
     Rig { amplitude: f64, rig_stiffness: f64, held: MotionHeld },
     Blocks { blocks: Vec<held::Block> },
     Reversals { reversals: Vec<f64> },
+    Line(LineMotion),
 }
 
 /// The unworn contact in SI units, with the normalised shape.
@@ -54,8 +57,10 @@ pub(super) struct UnwornContact {
     /// Contact radius a₀ in m.
     pub(super) contact_radius: f64,
     pub(super) friction: f64,
-    /// The unit of force, E*a₀d₀ in N.
-    force: f64,
+    /// The unit of force in N: E*a₀d₀, or the normal force of a line contact.
+    pub(super) force: f64,
+    /// The length of a line contact in m.
+    length: Option<f64>,
     normal_modulus: f64,
     tangential_modulus: f64,
     /// The gross-slip threshold: U at Δ = 1, in m.
@@ -89,17 +94,27 @@ impl UnwornContact {
         friction: f64,
     ) -> Result<Self, Faults> {
         let (depth, contact_radius, shape) = press(indenter, load, moduli.normal)?;
+        let tangential_modulus = moduli.tangential.unwrap_or(f64::NAN);
         Ok(Self {
             shape,
             depth,
             contact_radius,
             friction,
-            force: moduli.normal * contact_radius * depth,
+            force: match indenter.length() {
+                None => moduli.normal * contact_radius * depth,
+                Some(length) => FRAC_PI_2 * moduli.normal * depth * length,
+            },
+            length: indenter.length(),
             normal_modulus: moduli.normal,
-            tangential_modulus: moduli.tangential,
-            gross_slip: friction * moduli.normal / moduli.tangential * depth,
+            tangential_modulus,
+            gross_slip: friction * moduli.normal / tangential_modulus * depth,
             normal: load.normal(),
         })
+    }
+
+    /// The unit of slip of a line contact in m, μh₀.
+    pub(super) fn slip(&self) -> f64 {
+        self.friction * self.depth
     }
 
     /// The tangential force Q of the unworn contact at amplitude Δ.
@@ -134,6 +149,9 @@ impl UnwornContact {
 impl CanonicalMotion {
     /// Converts the motion of a request to canonical form.
     pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Result<Self, Faults> {
+        if pressed.length.is_some() {
+            return LineMotion::resolve(motion, pressed).map(Self::Line);
+        }
         if let Some(Blocks::Strokes(blocks)) = &motion.blocks.0 {
             return Self::resolve_blocks(blocks, pressed);
         }
@@ -223,6 +241,7 @@ impl CanonicalMotion {
         unit: f64,
     ) -> Result<(Control, f64), Faults> {
         let (tangential, threshold) = match self {
+            Self::Line(motion) => return Ok(motion.control(pressed, unit)),
             Self::Amplitude { amplitude, .. } => {
                 (Tangential::Amplitude, pressed.threshold(*amplitude))
             }
@@ -250,7 +269,7 @@ impl CanonicalMotion {
                     .map(|block| {
                         end += block.cycles.0;
                         let threshold = pressed.threshold(block.amplitude.0);
-                        Block { threshold, end: end / unit }
+                        Block::new(threshold, end / unit)
                     })
                     .collect();
                 let first = blocks[0].threshold;
@@ -274,14 +293,27 @@ impl CanonicalMotion {
         wear_coefficient: f64,
     ) -> Result<(f64, f64), Faults> {
         let (_, threshold) = self.control(pressed, 1.0)?;
+        let UnwornContact { contact_radius, normal_modulus, .. } = pressed;
         // An amplitude in the request is taken without rounding.
         let amplitude = match self {
+            Self::Line(motion) => {
+                let carried = pressed.friction * pressed.force / pressed.length.unwrap_or(1.0);
+                let unit = contact_radius / (4.0 * wear_coefficient * carried);
+                return Ok((motion.amplitude(pressed), unit));
+            }
             Self::Amplitude { amplitude, .. } => *amplitude,
             Self::Blocks { blocks } => blocks[0].amplitude.0,
             _ => threshold * pressed.gross_slip,
         };
-        let UnwornContact { contact_radius, normal_modulus, .. } = pressed;
         Ok((amplitude, contact_radius / (4.0 * amplitude * wear_coefficient * normal_modulus)))
+    }
+
+    /// What the displacements of a line contact are measured against.
+    pub(super) fn reference(&self, pressed: &UnwornContact) -> Option<Series> {
+        match self {
+            Self::Line(motion) => motion.series(pressed),
+            _ => None,
+        }
     }
 
     /// The stick ratio c/a₀ of the unworn contact at the largest amplitude. It is 0 in gross slip.
@@ -298,8 +330,13 @@ impl CanonicalMotion {
 
     /// The cycle at which the last block ends.
     pub(super) fn end(&self) -> Option<f64> {
-        let Self::Blocks { blocks } = self else { return None };
-        Some(twelve_digits(blocks.iter().map(|block| block.cycles.0).sum()))
+        match self {
+            Self::Line(motion) => motion.end(),
+            Self::Blocks { blocks } => {
+                Some(twelve_digits(blocks.iter().map(|block| block.cycles.0).sum()))
+            }
+            _ => None,
+        }
     }
 }
 

@@ -900,7 +900,7 @@ fn engine(problem: &Problem, record: Option<&DisplacementRecord>, last: f64) -> 
             control::Tangential::Rig { amplitude: *amplitude, compliance: *compliance }
         }
         Tangential::Blocks(blocks) => {
-            let block = |(threshold, end): &(f64, f64)| Block { threshold: *threshold, end: *end };
+            let block = |(threshold, end): &(f64, f64)| Block::new(*threshold, *end);
             control::Tangential::Blocks(blocks.iter().map(block).collect())
         }
         Tangential::Record { .. } => {

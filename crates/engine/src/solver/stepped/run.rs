@@ -115,7 +115,7 @@ pub(super) struct MeshRun {
 pub(super) fn moves(control: &Control, contact: &Contact) -> bool {
     let slips = contact.regime == Regime::GrossSlip;
     let stays =
-        control.normal == Normal::Depth && matches!(control.tangential, Tangential::Blocks(_));
+        !control.drifts(contact) && matches!(control.tangential, Tangential::Blocks(_));
     contact.changes_friction()
         || !control.keeps_stick(contact)
             && !stays
@@ -175,7 +175,7 @@ impl MeshRun {
         let (plan, blunt) = with_sharp_tip(plan, contact, slips);
         let mut wearing = Wearing::new(problem, (plan, Arc::default()), cells);
         if let Some(first) = control.block(0) {
-            wearing.springs.amplitude = first.threshold;
+            wearing.springs.amplitude = first.held();
         }
         let unworn = vec![0.0; cells + 1];
         wearing.press(&unworn);
@@ -355,7 +355,7 @@ impl MeshRun {
 
     /// Starts a block on a mesh of its own.
     fn change_amplitude(&mut self, block: Block) {
-        self.wearing.springs.amplitude = block.threshold;
+        self.wearing.springs.amplitude = block.held();
         self.unworn_loss = unworn_loss(&self.wearing.contact, block.threshold);
         if block.threshold == 0.0 {
             // Nothing wears.

@@ -215,6 +215,9 @@ impl Springs {
                 self.threshold_under(per_force, amplitude * per_force).unwrap_or(amplitude)
             }
             Tangential::Stroke(_) => self.threshold_at_stroke(amplitude),
+            Tangential::Blocks(_) if self.control.has_stroke_blocks() => {
+                self.threshold_at_stroke(amplitude)
+            }
             Tangential::Sliding(_) => {
                 self.middle = amplitude;
                 1.0
@@ -249,6 +252,7 @@ impl Springs {
     pub(crate) fn stroke(&self) -> f64 {
         match self.control.tangential {
             Tangential::Stroke(_) | Tangential::Sliding(_) => self.amplitude / self.friction,
+            _ if self.control.has_stroke_blocks() => self.amplitude / self.friction,
             _ => self.moved(self.threshold).0,
         }
     }

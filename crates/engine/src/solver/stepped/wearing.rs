@@ -832,7 +832,7 @@ mod tests {
                 (Normal::Depth, Tangential::Force(force)),
                 (Normal::Force, Tangential::Force(force)),
                 (Normal::Force, Tangential::Rig { amplitude: threshold + force, compliance: 0.5 }),
-                (Normal::Depth, Tangential::Blocks(vec![Block { threshold, end: 1e9 }])),
+                (Normal::Depth, Tangential::Blocks(vec![Block::new(threshold, 1e9)])),
                 (Normal::Depth, Tangential::Record(Arc::clone(&record))),
             ] {
                 if threshold < 1.0 || !matches!(tangential, Tangential::Force(_)) {
