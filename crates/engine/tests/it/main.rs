@@ -18,6 +18,7 @@ mod golden;
 mod limiting_state;
 mod literal;
 mod loops;
+mod plane_elements;
 mod reference_solutions;
 mod rig;
 mod shapes;
