@@ -19,6 +19,7 @@ mod limiting_state;
 mod line;
 mod literal;
 mod loops;
+mod plane_elements;
 mod reference_solutions;
 mod requests;
 mod rig;
