@@ -297,7 +297,8 @@ impl Case {
     }
 
     /// U at which the whole contact slips, in m. NaN for a line contact without a reference.
-    pub(crate) fn gross_slip_amplitude(&self) -> f64 {
+    #[must_use]
+    pub fn gross_slip_amplitude(&self) -> f64 {
         let contact = &self.contact;
         match (self.scales.length, contact.reference) {
             (None, _) => self.scales.slip(),

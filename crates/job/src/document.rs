@@ -164,7 +164,9 @@ fn summary(regime: Value, history: &Map<String, Value>) -> Option<Value> {
     let mut summary = Map::from_iter([("regime".to_owned(), regime)]);
     for (name, column) in history {
         let column = column.as_array().filter(|column| column.len() == length)?;
-        let last = column.last().filter(|_| column.iter().all(Value::is_number))?;
+        // A column that a line contact does not have is null in all rows.
+        let is_whole = column.iter().all(Value::is_number) || column.iter().all(Value::is_null);
+        let last = column.last().filter(|_| is_whole)?;
         summary.insert(name.clone(), last.clone());
     }
     Some(Value::Object(summary))
@@ -190,7 +192,7 @@ mod tests {
             json!({}),
             json!({"cycles": []}),
             json!({"cycles": [0.0], "wear_volume": [0.0, 1.0]}),
-            json!({"cycles": [0.0], "wear_volume": [null]}),
+            json!({"cycles": [0.0, 1.0], "wear_volume": [null, 1.0]}),
             json!({"cycles": [0.0], "wear_volume": 1.0}),
         ] {
             assert!(matches!(read(bad.clone()), Err(BadDocument::History)), "{bad}");

@@ -134,6 +134,9 @@ pub enum NoValue {
     /// The scenario has no rig.
     #[error("only a scenario with `rig_stiffness` has it")]
     NoRig,
+    /// A line contact has no such value, or needs a reference for it.
+    #[error("a line contact has it only with `reference_distance` or `loop_stiffness`, or not at all")]
+    NoReference,
     /// The value is infinite.
     #[error("it is infinite")]
     Infinite,
@@ -357,7 +360,11 @@ impl Output {
 }
 
 fn finite(value: f64) -> Result<f64, NoValue> {
-    if value.is_finite() { Ok(value) } else { Err(NoValue::Infinite) }
+    match value {
+        _ if value.is_finite() => Ok(value),
+        _ if value.is_nan() => Err(NoValue::NoReference),
+        _ => Err(NoValue::Infinite),
+    }
 }
 
 #[cfg(test)]

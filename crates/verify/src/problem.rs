@@ -71,7 +71,7 @@ impl ContactProblem {
         let compliance = 0.5;
         let yielded = 2.0 * compliance * UnwornSums::of(&contact, None).tangential;
         let rig = Tangential::Rig { amplitude: threshold + yielded, compliance };
-        let block = |share: f64, end: f64| Block { threshold: share * threshold, end };
+        let block = |share: f64, end: f64| Block::new(share * threshold, end);
         let blocks = Tangential::Blocks(vec![block(1.0, 2.0), block(0.6, 5.0), block(1.1, 1e9)]);
         let record =
             Tangential::Record(Arc::new(DisplacementRecord::new(&[1.0, -1.0, 0.6, -0.4, 0.8])?));

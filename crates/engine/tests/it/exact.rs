@@ -192,7 +192,7 @@ fn any_problem(i: u32) -> (Contact, Control, f64) {
     let compliance = 0.1 + 2.0 * part(11.0);
     let amplitude = threshold + 2.0 * compliance * force;
     let rig = Tangential::Rig { amplitude, compliance };
-    let block = |share: f64, end: f64| Block { threshold: share * threshold, end };
+    let block = |share: f64, end: f64| Block::new(share * threshold, end);
     let blocks = Tangential::Blocks(vec![block(1.0, 0.7), block(0.6, 2.0), block(1.2, 1e9)]);
     let (normal, tangential) = match mode {
         0 => (Normal::Depth, Tangential::Amplitude),

@@ -267,7 +267,7 @@ impl Plan for Map {
         rows: &Rows,
         _: &mut dyn FnMut() -> bool,
     ) -> Option<Findings> {
-        let of = |force| Some(self.case(problem, force).ok()?.scales.gross_slip_amplitude());
+        let of = |force| Some(self.case(problem, force).ok()?.gross_slip_amplitude());
         let amplitudes = (0..self.forces.len()).map(of).collect();
         let forces = self.forces.iter().copied().map(Some).collect();
         let columns = [forces, amplitudes].map(Cells::Numbers);
