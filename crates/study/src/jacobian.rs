@@ -376,10 +376,10 @@ mod tests {
         scenario["friction"] = json!(chance.between(0.4, 0.9));
         scenario["load"]["held"] = json!(chance.one_of(&["force", "depth"]));
         scenario["model"] = json!({"method": "exact"});
-        let scales = |scenario: &Value| scenario::prepare(scenario.clone(), "").unwrap().1.scales;
-        let threshold = scales(&scenario).gross_slip_amplitude();
+        let case = |scenario: &Value| scenario::prepare(scenario.clone(), "").unwrap().1;
+        let threshold = case(&scenario).gross_slip_amplitude();
         scenario["motion"]["amplitude"] = json!(threshold * chance.log_between(1.2, 4.0));
-        scenario["cycles"] = json!([scales(&scenario).cycles * chance.log_between(0.1, 10.0)]);
+        scenario["cycles"] = json!([case(&scenario).scales.cycles * chance.log_between(0.1, 10.0)]);
         let numbers = ["/motion/amplitude", "/load/normal_force", "/friction", "/wear/coefficient"];
         (scenario, chance.one_of(&numbers))
     }

@@ -408,6 +408,8 @@ impl Motion {
                  measured loop after a reversal. If the whole contact slides, enter `sliding_amplitude` instead",
             ),
             Some(_) => {}
+            // A reference defines the displacements of loops.
+            None if self.sliding_amplitude.0.is_none() => {}
             None => {
                 for (member, _) in given.into_iter().filter(|(_, given)| *given) {
                     let detail = format!(
