@@ -123,13 +123,14 @@ pub struct Loops {
 /// The wear of one body. The first body carries the profile; the other one is the counterbody.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BodyWear {
-    /// Share of the wear depth on this body, if the scenario has a `share`.
+    /// Share of the wear volume on this body, if the scenario has a `share`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub share: Option<f64>,
-    /// The largest wear depth of this body, if the scenario has a `share`.
+    /// The largest wear depth of this body, if the scenario has a `share` or layers. Each body wears over its own length:
+    /// w_i = w·(k_i/ℓ_i)/Σ(k_j/ℓ_j), where ℓ is the half-length of its scar.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wear_depth: Option<Vec<f64>>,
-    /// The wear volume of this body, if the scenario has a `share`.
+    /// The wear volume of this body, if the scenario has a `share` or layers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wear_volume: Option<Vec<f64>>,
     /// Half of the length of the scar on this body along the motion, up to each row of the history. It is 0 without
@@ -330,32 +331,69 @@ pub(crate) fn limit_state(case: &Case) -> Option<LimitState> {
 /// share.
 const LONG: f64 = 0.1;
 
+/// The depth of a body and the volume that it loses, if the scenario says how the wear is shared. They do not know the
+/// length that is swept.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PartsOfWear {
+    /// The depth of each body in the same unit as the other.
+    pub(crate) depths: [f64; 2],
+    /// The share of each body in the volume.
+    pub(crate) shares: [f64; 2],
+}
+
 impl BodyWear {
+    /// The wear of both bodies. `parts` has an entry for each row, or none if the wear is not shared.
     pub(crate) fn of(
         share: Option<f64>,
         history: &History,
+        parts: &[PartsOfWear],
         half_lengths: [Vec<f64>; 2],
     ) -> [Self; 2] {
-        let part = |share: Option<f64>, scar_half_length: Vec<f64>| {
-            let of = |column: &[f64]| share.map(|part| column.iter().map(|x| part * x).collect());
-            let (wear_depth, wear_volume) = (of(&history.wear_depth), of(&history.wear_volume));
-            Self { share, wear_depth, wear_volume, scar_half_length }
+        let share_of = |body: usize| share.map(|share| if body == 0 { share } else { 1.0 - share });
+        let is_known = !parts.is_empty();
+        let rows = || parts.iter().enumerate();
+        // What a body loses is spread over the length that is swept on it.
+        let depth = |body: usize, (row, parts): (usize, &PartsOfWear)| {
+            let weight = |body: usize| parts.depths[body] / half_lengths[body][row];
+            let both = weight(0) + weight(1);
+            let total = history.wear_depth[row];
+            if both > 0.0 && both.is_finite() { total * weight(body) / both } else { 0.0 }
         };
-        let [first, second] = half_lengths;
-        [part(share, first), part(share.map(|share| 1.0 - share), second)]
+        let [first, second] = [0, 1].map(|body| Self {
+            share: share_of(body),
+            wear_depth: is_known.then(|| rows().map(|row| depth(body, row)).collect()),
+            wear_volume: is_known.then(|| {
+                rows().map(|(row, it)| it.shares[body] * history.wear_volume[row]).collect()
+            }),
+            scar_half_length: half_lengths[body].clone(),
+        });
+        [first, second]
     }
 
-    /// A warning if the scar of the counterbody is much longer than the contact.
-    pub(crate) fn warning(bodies: &[Self; 2]) -> Option<Warning> {
+    /// Warnings about the two scars: if that of the counterbody is much longer than the contact, and if the wear is too
+    /// deep for its split. `depth` is that of the unworn contact.
+    pub(crate) fn warnings(bodies: &[Self; 2], history: &History, depth: f64) -> Vec<Warning> {
+        let mut warnings = Vec::new();
         let lengths = bodies[0].scar_half_length.iter().zip(&bodies[1].scar_half_length);
         let excess = lengths.map(|(contact, scar)| scar / contact - 1.0).fold(0.0, f64::max);
-        let detail = format!(
-            "Along the motion, the scar of the counterbody is up to {:.0} % longer than the contact. Its ends are \
-             uncovered for a part of each cycle, which is not modelled: the counterbody wears less deeply there, \
-             over a greater length.",
-            100.0 * excess
-        );
-        (excess > LONG).then_some(Warning { kind: "long_scar".into(), detail })
+        if excess > LONG {
+            let detail = format!(
+                "Along the motion, the scar of the counterbody is up to {:.0} % longer than the contact. Its ends are \
+                 uncovered for a part of each cycle, which is not modelled: the counterbody wears less deeply there, \
+                 over a greater length.",
+                100.0 * excess
+            );
+            warnings.push(Warning { kind: "long_scar".into(), detail });
+        }
+        let rows = bodies[0].scar_half_length.iter().zip(&bodies[1].scar_half_length);
+        let rows = rows.zip(&history.wear_depth).filter(|((contact, _), _)| **contact > 0.0);
+        let steepest = rows.map(|((contact, scar), wear)| wear * (scar / contact - 1.0));
+        if bodies[0].wear_depth.is_some() && steepest.fold(0.0, f64::max) > depth {
+            let detail = "The contact slides so far over such a deep scar that the wear of the two bodies cannot be told \
+                          apart: s·w/a exceeds the depth of the unworn contact. The wear of both together holds.";
+            warnings.push(Warning { kind: "split_of_wear".into(), detail: detail.to_owned() });
+        }
+        warnings
     }
 }
 

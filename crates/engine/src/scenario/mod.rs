@@ -54,7 +54,7 @@ use load::{CanonicalLoad, CanonicalModuli, canonical_load};
 use motion::{CanonicalMotion, UnwornContact};
 
 /// The version of the numerics. It increases when any digit of a result changes.
-pub const NUMERICS: u32 = 3;
+pub const NUMERICS: u32 = 4;
 
 /// The JSON Schema (2020-12) of a scenario.
 pub const SCHEMA: &str = include_str!("scenario.schema.json");

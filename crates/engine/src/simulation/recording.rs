@@ -2,7 +2,7 @@
 
 use crate::case::{Case, Scales};
 use crate::contact::hysteresis::Loop;
-use crate::outcome::{History, Loops, Profiles};
+use crate::outcome::{History, Loops, PartsOfWear, Profiles};
 use crate::solver::curves::Curves;
 use crate::solver::errors::RunErrors;
 
@@ -14,6 +14,8 @@ pub(super) struct Recording {
     pub(super) loops: Loops,
     /// Half of the length of the scar on each body in m, one entry per row of the history.
     pub(super) half_lengths: [Vec<f64>; 2],
+    /// How the wear of each row is shared, if that is known.
+    pub(super) parts: Vec<PartsOfWear>,
     /// For each row, x + s(x) at the edge of the scar, and the change of s per change of x there.
     edges: Vec<(f64, f64)>,
     /// The energy mismatch (k_w/μ)·ΣW/V − 1 of the last row with wear.
@@ -77,6 +79,19 @@ pub(super) struct HistoryEntry {
     pub(super) curves: Option<(Curves, Loop)>,
 }
 
+impl HistoryEntry {
+    /// How the wear is shared: by the layers, or by the share of the first body.
+    fn parts(&self, share: Option<f64>) -> Option<PartsOfWear> {
+        let Some(bodies) = self.bodies else {
+            let shares = share.map(|share| [share, 1.0 - share])?;
+            return Some(PartsOfWear { depths: shares, shares });
+        };
+        let both = bodies[0].0 + bodies[1].0;
+        let shares = bodies.map(|(volume, _)| if both > 0.0 { volume / both } else { 0.0 });
+        Some(PartsOfWear { depths: bodies.map(|(_, depth)| depth), shares })
+    }
+}
+
 impl Recording {
     pub(super) fn new(instants: usize) -> Self {
         Self {
@@ -84,6 +99,7 @@ impl Recording {
             profiles: Profiles::default(),
             loops: Loops::default(),
             half_lengths: [Vec::with_capacity(instants), Vec::with_capacity(instants)],
+            parts: Vec::new(),
             edges: Vec::with_capacity(instants),
             mismatch: None,
             errors: None,
@@ -181,6 +197,7 @@ impl Recording {
         for (column, half_length) in self.half_lengths.iter_mut().zip(self.reported.half_lengths) {
             column.push(half_length);
         }
+        self.parts.extend(entry.parts(case.share));
         let (length, height) = (scales.contact_radius, scales.indentation_depth);
         let history = &mut self.history;
         let n = entry.cycles;

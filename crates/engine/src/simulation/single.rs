@@ -227,6 +227,7 @@ impl SingleRun {
             tangential: unworn.tangential,
             loss: unworn.loss,
             friction: 1.0,
+            bodies: first.worn.bodies,
             curves,
             ..HistoryEntry::default()
         };
@@ -316,8 +317,9 @@ impl SingleRun {
             Method::Exact { .. } => Some(0.0),
             Method::Simplified { .. } => model_error(&case, unworn.loss, &recording.history),
         };
-        let bodies = BodyWear::of(case.share, &recording.history, recording.half_lengths);
-        let warnings = BodyWear::warning(&bodies)
+        let history = &recording.history;
+        let bodies = BodyWear::of(case.share, history, &recording.parts, recording.half_lengths);
+        let warnings = BodyWear::warnings(&bodies, history, case.scales.indentation_depth)
             .into_iter()
             .chain(numerical_error::warning(&case, recording.errors))
             .chain(warning(model_error));

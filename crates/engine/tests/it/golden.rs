@@ -60,7 +60,7 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
             "exact, both forces held, shared",
             json!({"model": exact, "load": force, "motion": {"tangential_force": "50 N"},
                    "wear": {"coefficient": "3.03e-5 mm^3/(N m)", "share": 0.3}, "cycles": long}),
-            0x4670_1a65_f8da_172d,
+            0x12f4_585d_306c_2f16,
         ),
         (
             "exact, tangential force held",
@@ -124,7 +124,7 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
 
 #[test]
 fn results_have_the_digits_of_this_numerics_version() {
-    assert_eq!(scenario::NUMERICS, 3, "new digits: compute the checksums below again");
+    assert_eq!(scenario::NUMERICS, 4, "new digits: compute the checksums below again");
     let mut changed = Vec::new();
     for (name, changes, expected) in paraboloids().into_iter().chain(shapes()) {
         let request = ball_with(&changes);

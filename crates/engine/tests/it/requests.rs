@@ -276,7 +276,7 @@ fn what_a_line_contact_does_not_have_is_refused() {
                 "must be \"amplitude\"",
             ),
             (
-                motion(json!({"stick_ratio": 0.5, "reference_distance": 0.01})),
+                motion(json!({"sliding_amplitude": "25 um", "reference_distance": 0.01})),
                 "/motion/reference_distance",
                 "no effect",
             ),
