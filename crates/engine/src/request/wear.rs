@@ -47,6 +47,23 @@ pub struct WornBody {
 }
 
 impl WornBody {
+    /// The same body with the fewest layers: neighbours of equal coefficients are one.
+    fn merged(self) -> Self {
+        let coefficient = self.coefficient;
+        let is_same = |a: WearRate, b: WearRate| a.0.total_cmp(&b.0).is_eq();
+        let mut layers: Vec<Layer> = Vec::new();
+        for layer in self.layers.0 {
+            match layers.last_mut() {
+                Some(last) if is_same(last.coefficient, layer.coefficient) => {
+                    last.thickness.0 = twelve_digits(last.thickness.0 + layer.thickness.0);
+                }
+                _ => layers.push(layer),
+            }
+        }
+        layers.pop_if(|last| is_same(last.coefficient, coefficient));
+        Self { layers: List(layers), coefficient }
+    }
+
     /// Whether the body wears for ever: no layer stops the wear, nor does the material below.
     fn wears_on(&self) -> bool {
         self.layers.0.iter().all(|layer| layer.coefficient.0 > 0.0) && self.coefficient.0 > 0.0
@@ -192,6 +209,7 @@ impl GivenWear {
             faults.0.extend(Faults::at(here, detail).0);
         }
         faults.or(())?;
+        let bodies = bodies.map(WornBody::merged);
         if bodies.iter().any(|body| !body.layers.is_empty()) {
             return Ok(Wear { law: WearLaw::Layered(bodies), share: None });
         }

@@ -9,6 +9,7 @@
 )]
 
 mod anything;
+mod changes;
 mod collocated;
 mod doubtful;
 mod early_depth;

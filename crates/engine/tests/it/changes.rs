@@ -1,0 +1,211 @@
+//! Coefficients that change during a run, and bodies with layers.
+
+use fretwork_engine::contact::control::{Block, Control, Normal, Tangential};
+use fretwork_engine::contact::course::{Course, Over, Track};
+use fretwork_engine::contact::profile::Shape;
+use fretwork_engine::contact::unworn::Contact;
+use fretwork_engine::outcome::Outcome;
+use fretwork_engine::scenario;
+use fretwork_engine::simulation::Simulation;
+use fretwork_engine::solver::events::EventKind;
+use fretwork_engine::solver::stepped::law::WearProblem;
+use fretwork_engine::solver::stepped::march::March;
+use serde_json::{Value, json};
+
+use crate::engine::steel_ball;
+
+fn outcome(request: &Value) -> Outcome {
+    let (scenario, _) = scenario::check(request, "").expect("a valid scenario");
+    // The canonical form of a canonical scenario is the same scenario.
+    let canonical = json!(scenario);
+    let (again, _) = scenario::check(&canonical, "").expect("a canonical scenario");
+    assert_eq!(json!(again), canonical);
+    Simulation::of(&scenario).expect("a contact").run()
+}
+
+/// A cylinder on a flat in gross slip. μh₀ is 0.06 µm.
+fn sliding_cylinder() -> Value {
+    json!({
+        "profile": {"shape": "cylinder", "radius": "6 mm", "length": "10 mm"},
+        "moduli": {"normal": "110 GPa"}, "friction": 0.6, "wear": {"coefficient": 2e-14},
+        "load": {"normal_force": "18.5 N/mm"}, "motion": {"sliding_amplitude": "100 um"},
+        "cycles": [100, 1000, 2000], "profiles_at": "none",
+    })
+}
+
+fn with(mut request: Value, member: &str, value: Value) -> Value {
+    request[member] = value;
+    request
+}
+
+fn last(column: &[f64]) -> f64 {
+    column[column.len() - 1]
+}
+
+/// Where the wear coefficient has a step, the run goes on as if time ran faster.
+#[test]
+fn a_step_of_the_wear_coefficient_is_a_change_of_the_time_scale() {
+    for base in [sliding_cylinder(), steel_ball()] {
+        let k = 1.5e-14;
+        let step = json!({"coefficient": {"over": "cycles", "at": [500, 500], "values": [k, 3.0 * k]}});
+        let stepped = with(with(base.clone(), "wear", step), "cycles", json!([500, 2000]));
+        let stepped = with(stepped, "model", json!({"method": "exact"}));
+        let joined = with(with(base, "wear", json!({"coefficient": k})), "cycles", json!([500, 5000]));
+        let joined = with(joined, "model", json!({"method": "exact"}));
+        let (stepped, joined) = (outcome(&stepped), outcome(&joined));
+        for row in [1, 2] {
+            for (a, b, digits) in [
+                (&stepped.history.wear_volume, &joined.history.wear_volume, 1e-3),
+                (&stepped.history.wear_depth, &joined.history.wear_depth, 1e-3),
+                (&stepped.history.contact_radius, &joined.history.contact_radius, 5e-3),
+            ] {
+                assert!((a[row] / b[row] - 1.0).abs() < digits, "{row}: {} {}", a[row], b[row]);
+            }
+        }
+    }
+}
+
+/// With the coefficient of friction m times as large, the same amplitude is one of Δ/m, whose wear is m times as fast.
+#[test]
+fn a_step_of_the_friction_is_a_block_of_another_amplitude() {
+    let (delta, m, step) = (0.9, 1.5, 1.0);
+    let contact = Contact::new(Shape::power(2.0), delta).expect("a limit");
+    let track = Track::through(Over::Time, vec![step, step], vec![1.0, m]);
+    let course = Course { friction: Some(track), wear: None };
+    let changing = contact.clone().changing(Some(course));
+    let held = Control { normal: Normal::Depth, tangential: Tangential::Amplitude };
+    let blocks = vec![Block::new(delta, step), Block::new(delta / m, 1e9)];
+    let block = Control { normal: Normal::Depth, tangential: Tangential::Blocks(blocks) };
+    let mut changing = March::new(WearProblem::exact(&changing, &held), 3e-4, 9.0).expect("fits");
+    let mut blocks = March::new(WearProblem::exact(&contact, &block), 3e-4, 9.0).expect("fits");
+    for time in [0.5, 1.0, 2.0, 5.0] {
+        let later = step + m * (time - step);
+        while changing.advance(time) {}
+        while blocks.advance(if time > step { later } else { time }) {}
+        let found = changing.at(time).worn;
+        let known = blocks.at(if time > step { later } else { time }).worn;
+        let error = (found.volume / known.volume - 1.0).abs();
+        assert!(error < 1e-3, "{time}: {error}");
+        assert!((found.threshold - known.threshold).abs() < 1e-12, "{time}");
+    }
+}
+
+#[test]
+fn in_gross_slip_the_energy_of_a_linear_friction_has_a_closed_form() {
+    for over in ["cycles", "dissipated_energy"] {
+        let friction = |end: f64| json!({"over": over, "at": [0, end], "values": [0.4, 0.8]});
+        let (force, stroke) = (185.0, 1e-4);
+        // W = 4μFU but for the slip of the springs, which is 0.02 % of the stroke.
+        let end = if over == "cycles" { 2000.0 } else { 100.0 };
+        let found = outcome(&with(sliding_cylinder(), "friction", friction(end)));
+        let per_friction = 4.0 * force * stroke;
+        for (row, n) in [100.0_f64, 1000.0, 2000.0].into_iter().enumerate() {
+            let slope = 0.4 / end;
+            let known = if over == "cycles" {
+                per_friction * n * (0.4 + 0.5 * slope * n)
+            } else {
+                // dE/dN = 4FU (μ₀ + slope E)
+                let before = libm::log(2.0) / (per_friction * slope);
+                let grown = 0.4 / slope * libm::expm1(per_friction * slope * n.min(before));
+                grown + per_friction * 0.8 * (n - before).max(0.0)
+            };
+            let energy = found.history.dissipated_energy[row + 1];
+            assert!((energy / known - 1.0).abs() < 5e-4, "{over} {n}: {energy} {known}");
+        }
+        let mismatch = found.accuracy.energy_mismatch.expect("wear");
+        assert!(mismatch.abs() < 1e-3, "{over}: {mismatch}");
+    }
+}
+
+#[test]
+fn a_run_ends_when_the_friction_falls_below_the_held_force() {
+    let run_in = json!({"run_in": {"cycles": 1000, "from": 0.9, "to": 0.3}});
+    let held = json!({"tangential_force": "9 N/mm"});
+    let found = outcome(&with(with(sliding_cylinder(), "friction", run_in), "motion", held));
+    let event = found.events.last().expect("an event");
+    assert_eq!(event.kind, EventKind::GrossSlip);
+    // μ = 9/18.5 is reached at this cycle.
+    let known = 1000.0 * (0.9 - 9.0 / 18.5) / 0.6;
+    assert!((event.cycles / known - 1.0).abs() < 1e-3, "{}", event.cycles);
+    assert!((last(&found.history.cycles) / known - 1.0).abs() < 1e-3);
+}
+
+/// N = h/(4 k max(p·s)), where max(p·s) is p₀ (2/3) (s₀ + b)^{3/2}/√(3b) for a slip s₀ + b x²/a² with s₀ < 2b, and
+/// p₀ s₀ otherwise.
+#[test]
+fn a_thin_layer_is_worn_through_where_pressure_times_slip_is_largest() {
+    let ball = with(steel_ball(), "model", json!({"method": "exact"}));
+    for (base, is_line) in [(sliding_cylinder(), true), (ball, false)] {
+        for times in [1.3_f64, 12.0, 60.0] {
+            let (_, probe, _) = scenario::prepare(base.clone(), "").expect("a scenario");
+            let h = 0.004 * probe.scales.indentation_depth;
+            let k = 1e-14;
+            let layer = json!({"thickness": h, "coefficient": k});
+            let bodies = json!([{"coefficient": 0}, {"layers": [layer], "coefficient": 2.0 * k}]);
+            let request = with(base.clone(), "wear", json!({"bodies": bodies}));
+            let (amplitude, s0, b) = if is_line {
+                let unit = probe.scales.friction * probe.scales.indentation_depth;
+                let stroke = times.max(20.0) * unit;
+                (json!({"sliding_amplitude": stroke}), stroke, unit)
+            } else {
+                let gross = probe.gross_slip_amplitude();
+                (json!({"amplitude": times * gross}), (times - 1.0) * gross, 0.5 * gross)
+            };
+            let request = with(request, "motion", amplitude);
+            let unworn = outcome(&with(request.clone(), "cycles", json!([1e-3]))).unworn;
+            let most = if s0 < 2.0 * b {
+                2.0 / 3.0 * ((s0 + b) * (s0 + b) * (s0 + b) / (3.0 * b)).sqrt()
+            } else {
+                s0
+            };
+            let known = h / (4.0 * k * unworn.peak_pressure * most);
+            let found = outcome(&with(request, "cycles", json!([0.5 * known, 3.0 * known])));
+            let event = found.events.first().expect("an event");
+            assert_eq!(event.kind, EventKind::LayerWornThrough);
+            let layer = event.layer.expect("a layer");
+            assert_eq!((layer.body, layer.layer), (1, 0));
+            let error = (event.cycles / known - 1.0).abs();
+            assert!(error < 0.01, "{is_line} {times}: {} {known}", event.cycles);
+            let radius = if s0 < 2.0 * b { ((2.0 * b - s0) / (3.0 * b)).sqrt() } else { 0.0 };
+            let apart = layer.radius / probe.scales.contact_radius - radius;
+            assert!(apart.abs() < 0.05, "{is_line} {times}: {apart}");
+            // The first body does not wear, so the second one loses everything.
+            let [first, second] = &found.bodies;
+            let of = |column: &Option<Vec<f64>>| last(column.as_ref().expect("layers"));
+            assert_eq!((of(&first.wear_depth), of(&first.wear_volume)), (0.0, 0.0));
+            assert_eq!(of(&second.wear_depth), last(&found.history.wear_depth));
+        }
+    }
+}
+
+#[test]
+fn layers_of_equal_coefficients_are_one() {
+    let layer = |thickness: &str, coefficient: f64| json!({"thickness": thickness, "coefficient": coefficient});
+    let canonical = |bodies: Value| {
+        let request = with(sliding_cylinder(), "wear", json!({"bodies": bodies}));
+        json!(scenario::check(&request, "").expect("a scenario").0)
+    };
+    let bodies = |layers: Value| json!([{"coefficient": 1e-14}, {"layers": layers, "coefficient": 3e-14}]);
+    let one = canonical(bodies(json!([layer("0.3 um", 2e-14)])));
+    let two = canonical(bodies(json!([layer("0.1 um", 2e-14), layer("0.2 um", 2e-14)])));
+    let below = canonical(bodies(json!([layer("0.3 um", 2e-14), layer("9 um", 3e-14)])));
+    assert_eq!((&one, &one), (&two, &below));
+    let plain = canonical(bodies(json!([layer("0.3 um", 3e-14)])));
+    assert_eq!(plain["wear"], json!({"coefficient": 4e-14, "share": 0.25}));
+}
+
+#[test]
+fn the_energy_determines_the_volume_of_the_dose() {
+    let bodies = json!([{"coefficient": 5e-15},
+        {"layers": [{"thickness": "0.02 um", "coefficient": 1e-14},
+                    {"thickness": "0.2 um", "coefficient": 8e-14}], "coefficient": 2e-14}]);
+    for base in [sliding_cylinder(), with(steel_ball(), "model", json!({"method": "exact"}))] {
+        let request = with(base, "wear", json!({"bodies": bodies}));
+        let found = outcome(&with(request, "cycles", json!([1e3, 1e4, 1e5])));
+        let mismatch = found.accuracy.energy_mismatch.expect("wear");
+        assert!(mismatch.abs() < 3e-3, "{mismatch}");
+        let worn: Vec<_> =
+            found.events.iter().filter_map(|event| event.layer.map(|it| it.layer)).collect();
+        assert!(worn.is_sorted() && !worn.is_empty(), "{worn:?}");
+    }
+}
