@@ -139,8 +139,8 @@ impl Shape {
 
     /// A measured table.
     pub(crate) fn table(table: PressedTable) -> Self {
-        let height = table.profile(1.0);
-        Self { kind: ShapeKind::Table(table), height, geometry: Geometry::Round }
+        let (height, geometry) = (table.profile(1.0), table.geometry());
+        Self { kind: ShapeKind::Table(table), height, geometry }
     }
 
     /// The geometry of the contact.
@@ -196,7 +196,7 @@ impl Shape {
     /// The image of a measured profile outside the unworn contact, where it can fall again. The
     /// images of the other shapes increase everywhere.
     pub(crate) fn falls(&self) -> Option<Falls> {
-        self.as_table().map(PressedTable::falls)
+        self.as_table().filter(|_| self.geometry == Geometry::Round).map(PressedTable::falls)
     }
 
     /// The exponent n of the power law that describes the shape, exactly or in a shallow contact.
@@ -433,6 +433,7 @@ impl Shape {
         match self.kind {
             ShapeKind::Whole(1) => r * angle,
             ShapeKind::Whole(2) => r * chord,
+            ShapeKind::Table(ref table) => table.inverse_outside(c, r),
             _ if 2.0 * c < r => {
                 let of_spring = |s: f64| self.image(s) / (s * ((r - s) * (r + s)).sqrt());
                 let inside = match self.kinks() {

@@ -14,6 +14,10 @@
 //! T_k = ∫ᵇʳ (x−b)ᵏ/√(r²−x²) dx:  kT_k = (k−1)(r²−b²)T_{k−2} − (2k−1)bT_{k−1},  T₀ = arccos(b/r)
 //! S_k = ∫ᵇᵉ (x−b)ᵏ/√(x²−r²) dx:  kS_k = (e−b)ᵏ⁻¹√(e²−r²) − (2k−1)bS_{k−1} − (k−1)(b²−r²)S_{k−2}
 //! ```
+//! A line contact has the image F(s)/E* = ∫ x f′/√(s²−x²) dx instead, and the inverse
+//! ```text
+//! f = (2/π) r ∫ F/(x √(r²−x²)) dx/E*,   U_k = ∫ᵇʳ (x−b)ᵏ/(x √(r²−x²)) dx = T_{k−1} − b U_{k−1},   U₀ = arcosh(r/b)/r
+//! ```
 //! No points are measured between the axis and the first node. There the image is an even function
 //! of x, because a measured table has no sharp apex.
 //!
@@ -27,6 +31,7 @@
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 use std::sync::Arc;
 
+use super::geometry::Geometry;
 use super::smoothing::{Smoothed, grouped, smoothed};
 use super::splits::{Falls, NEGLECTED, Rings, TrueImage};
 use crate::numeric::{maximum, root};
@@ -55,6 +60,7 @@ pub(crate) struct TableShape {
     length: f64,
     /// The greatest height, in m.
     height: f64,
+    geometry: Geometry,
     /// Nodes of the image, starting with 0.
     nodes: Vec<f64>,
     /// The polynomial of the image in the cell after each node. After the last node the image is
@@ -90,6 +96,17 @@ fn inverse_kernel(b: f64, r: f64) -> Powers {
         t[k] = ((k_real - 1.0) * square * t[k - 2] - (2.0 * k_real - 1.0) * b * t[k - 1]) / k_real;
     }
     t
+}
+
+/// The integrals U₀ … U₄ of a line contact, for a term that starts at b < r. A term that starts on the axis has no
+/// constant.
+fn line_kernel(b: f64, r: f64) -> Powers {
+    let t = inverse_kernel(b, r);
+    let mut u = [if b > 0.0 { libm::acosh(r / b) / r } else { 0.0 }, 0.0, 0.0, 0.0, 0.0];
+    for k in 1..5 {
+        u[k] = t[k - 1] - b * u[k - 1];
+    }
+    u
 }
 
 /// S₀ … S₃ for r ≤ b < e, where `last` is √(e²−r²). On the axis S₀ is infinite; this function
@@ -188,6 +205,17 @@ fn image_of(knots: &[f64], changes: &[[f64; 3]], x: f64) -> (f64, f64) {
     (x * first, first + second)
 }
 
+/// The image of a line contact and its slope at s: F = ∫ x f′/√(s²−x²) dx and F′ = f′(0) + s ∫ f″/√(s²−x²) dx.
+fn line_image_of(knots: &[f64], changes: &[[f64; 3]], s: f64) -> (f64, f64) {
+    let (mut image, mut slope) = (0.0, 0.0);
+    for (x, change) in knots.iter().zip(changes).take_while(|(x, _)| **x < s) {
+        let t = inverse_kernel(*x, s);
+        image += (0..3).map(|k| change[k] * (t[k + 1] + x * t[k])).sum::<f64>();
+        slope += change[0] + s * (change[1] * t[0] + 2.0 * change[2] * t[1]);
+    }
+    (image, slope)
+}
+
 /// Number of nodes before the image decreases by more than `DEEP` of its maximum so far.
 fn before_the_fall(images: &[(f64, f64)], noise: &[f64]) -> usize {
     let mut top = 0;
@@ -251,7 +279,11 @@ impl TableShape {
     ///
     /// # Errors
     /// The lowest point, if the noise does not explain that it is below the height on the axis.
-    pub(crate) fn through(radius: &[f64], height: &[f64]) -> Result<Self, LowPoint> {
+    pub(crate) fn through(
+        radius: &[f64],
+        height: &[f64],
+        geometry: Geometry,
+    ) -> Result<Self, LowPoint> {
         let length = radius[radius.len() - 1];
         let (lowest, greatest) =
             (height[0], height.iter().copied().fold(f64::NEG_INFINITY, f64::max));
@@ -287,17 +319,20 @@ impl TableShape {
             );
             nodes.push(ends[1]);
         }
+        let image_at = match geometry {
+            Geometry::Round => image_of,
+            Geometry::Line => line_image_of,
+        };
         let images: Vec<(f64, f64)> =
-            nodes.iter().map(|node| image_of(&x, &changes, *node)).collect();
+            nodes.iter().map(|node| image_at(&x, &changes, *node)).collect();
         let noise: Vec<f64> = (0..nodes.len()).map(|node| noise[node / parts]).collect();
-        Ok(Self::rising(length, scale, nodes, &images, &noise))
+        Ok(Self::rising((length, scale, geometry), nodes, &images, &noise))
     }
 
     /// The increasing image through values and slopes at nodes. The table is cut off where the
     /// image decreases.
     fn rising(
-        length: f64,
-        height: f64,
+        (length, height, geometry): (f64, f64, Geometry),
         mut nodes: Vec<f64>,
         images: &[(f64, f64)],
         noise: &[f64],
@@ -361,7 +396,7 @@ impl TableShape {
         for (cell, ends) in cells.iter().zip(nodes.windows(2)) {
             areas.push(areas[areas.len() - 1] + area(cell, ends[1] - ends[0]));
         }
-        Self { length, height, nodes, cells, changes, areas, true_image }
+        Self { length, height, geometry, nodes, cells, changes, areas, true_image }
     }
 
     /// The radius, in m, up to which the image increases: the last radius of the table, or less if
@@ -429,34 +464,40 @@ impl TableShape {
             .chain(later.take_while(move |(node, _)| **node < to).map(|(x, c)| (*x, *c)))
     }
 
-    /// The inverse transform outside c: (2/π) ∫ g/√(r²−x²) dx over c…r.
+    /// The inverse transform outside c: (2/π) ∫ g/√(r²−x²) dx over c…r. In a line contact it is r ∫ F/(x √(r²−x²)) dx.
     fn inverse_outside(&self, c: f64, r: f64) -> f64 {
         if r <= c {
             return 0.0;
         }
+        let (kernel, unit): (fn(f64, f64) -> Powers, f64) = match self.geometry {
+            Geometry::Round => (inverse_kernel, FRAC_2_PI),
+            Geometry::Line => (line_kernel, r),
+        };
         let sum: f64 = self
             .terms(c, r)
             .map(|(node, powers)| {
-                let t = inverse_kernel(node, r);
+                let t = kernel(node, r);
                 t.iter().zip(powers).map(|(t, power)| t * power).sum::<f64>()
             })
             .sum();
-        FRAC_2_PI * sum
+        unit * sum
     }
 
-    /// The slope of the profile: f′ = (2/πr) ∫ x g′/√(r²−x²) dx.
+    /// The slope of the profile: f′ = (2/πr) ∫ x g′/√(r²−x²) dx. In a line contact it is ∫ F′/√(r²−x²) dx.
     fn slope(&self, r: f64) -> f64 {
         if r <= 0.0 {
             return 0.0;
         }
+        let is_round = self.geometry == Geometry::Round;
         let sum: f64 = self
             .terms(0.0, r)
             .map(|(node, powers)| {
                 let t = inverse_kernel(node, r);
-                (1..5).map(|k| k as f64 * powers[k] * (t[k] + node * t[k - 1])).sum::<f64>()
+                let of = |k: usize| if is_round { t[k] + node * t[k - 1] } else { t[k - 1] };
+                (1..5).map(|k| k as f64 * powers[k] * of(k)).sum::<f64>()
             })
             .sum();
-        FRAC_2_PI * sum / r
+        if is_round { FRAC_2_PI * sum / r } else { sum }
     }
 
     /// The pressure inside the contact: (1/π) ∫ g′/√(x²−r²) dx over r…end.
@@ -527,12 +568,19 @@ impl PressedTable {
         (extent > 1.0).then_some((radius * table.length, pressed))
     }
 
+    pub(crate) fn geometry(&self) -> Geometry {
+        self.table.geometry
+    }
+
     pub(crate) fn pieces(&self) -> usize {
         self.table.cells.len()
     }
 
     /// The rings around the unworn contact, if they carry a noticeable load.
     pub(crate) fn split(&self) -> Option<Split> {
+        if self.table.geometry == Geometry::Line {
+            return None;
+        }
         let Rings { core, begin, load } = self.table.true_image.rings(self.depth)?;
         let share = load / (self.radius * self.depth * self.half_force());
         let length = self.table.length;
@@ -612,7 +660,7 @@ mod tests {
             })
             .collect();
         let height: Vec<f64> = radius.iter().map(|r| f(*r)).collect();
-        TableShape::through(&radius, &height).expect("no point below the axis")
+        TableShape::through(&radius, &height, Geometry::Round).expect("no point below the axis")
     }
 
     /// The midpoint rule on 400 000 cells, graded towards the end.
@@ -640,6 +688,39 @@ mod tests {
             assert!((cone.image(x) - FRAC_PI_2 * x).abs() < tolerance);
             assert!((cone.inverse_outside(0.0, x) - x).abs() < tolerance);
         }
+    }
+
+    #[test]
+    fn line_images_of_sampled_shapes_agree_with_the_closed_forms() {
+        let line = |count: u32, f: &dyn Fn(f64) -> f64| {
+            let radius: Vec<f64> =
+                (0..=count).map(|i| 2.0 * f64::from(i) / f64::from(count)).collect();
+            let height: Vec<f64> = radius.iter().map(|r| f(*r)).collect();
+            let shape = TableShape::through(&radius, &height, Geometry::Line);
+            Arc::new(shape.expect("no point below the middle"))
+        };
+        // x²/2 with the image πs²/4, pressed to the half-width 1.2; a wedge with the image s.
+        let cylinder = line(200, &|x| 0.5 * x * x);
+        let (half_width, pressed) = PressedTable::new(&cylinder, 0.36 * PI, false).expect("a table");
+        assert!((half_width - 1.2).abs() < 1e-7, "{half_width}");
+        let closed = crate::contact::profile::Shape::line_power(2.0);
+        for x in [0.05, 0.3, 0.9, 1.3] {
+            for (found, known) in [
+                (pressed.image(x), closed.image(x)),
+                (pressed.profile(x), closed.profile(x)),
+                (pressed.slope(x), closed.slope(x)),
+                (pressed.pressure_inside(x, 1.5), closed.pressure_inside(x, 1.5)),
+            ] {
+                assert!((found - known).abs() < 2e-6, "{x}: {found} {known}");
+            }
+            let (c, r) = (0.4, 0.41 + 0.9 * x);
+            let chord = ((r - c) * (r + c)).sqrt();
+            let known = closed.inverse_outside(c, r, chord, libm::acos(c / r));
+            let found = pressed.inverse_outside(c, r);
+            assert!((found - known).abs() < 1e-6, "{r}: {found} {known}");
+        }
+        let wedge = line(200, &|x| x);
+        assert!((wedge.image(0.5) - 0.5).abs() < 1e-4, "{}", wedge.image(0.5));
     }
 
     #[test]
@@ -702,7 +783,7 @@ mod tests {
         let top = 100.0;
         let z = |r: f64| if r <= 10.0 { r * r } else { (top - 0.1 * top * (r - 10.0)).max(0.0) };
         let z: Vec<f64> = r.iter().map(|r| z(*r)).collect();
-        let table = TableShape::through(&r, &z).expect("no point below the axis");
+        let table = TableShape::through(&r, &z, Geometry::Round).expect("no point below the axis");
         assert!(table.reach() > 8.0, "{}", table.reach());
     }
 

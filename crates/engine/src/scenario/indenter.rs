@@ -15,6 +15,7 @@
 //! # Units
 //! SI; [`Shape`] is normalised by a₀ and d₀.
 
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -26,7 +27,7 @@ use crate::contact::table_shape::{PressedTable, Split, TableShape};
 use crate::contact::unworn::Contact;
 use crate::numeric::root;
 use crate::request::fault::Faults;
-use crate::request::indenter::Profile;
+use crate::request::indenter::{Profile, TableProfile};
 
 /// Maximum a₀/R of a sphere. Half-space theory is not valid for larger contacts.
 const MAX_SPHERE: f64 = 0.6;
@@ -145,7 +146,7 @@ impl Form {
             }
             Profile::Cone(cone) => Self::Power {
                 exponent: 1.0,
-                height: std::f64::consts::FRAC_PI_2 * libm::tan(cone.slope_angle.0),
+                height: FRAC_PI_2 * libm::tan(cone.slope_angle.0),
                 at_radius: 1.0,
             },
             Profile::Power(power) if power.geometry == Geometry::Line => Self::LinePower {
@@ -166,11 +167,7 @@ impl Form {
                 let (steepness, tip) = (libm::tan(cone.slope_angle.0), cone.flat_radius.0);
                 Self::Flat(Flat { conical: true, steepness, tip })
             }
-            Profile::Table(table) if table.geometry == Geometry::Line => {
-                let detail = "cannot be \"line\" for a table yet. Enter a `cylinder`, a `wedge`, a `punch` or a `power`";
-                return Err(Faults::one("/profile/geometry", detail));
-            }
-            Profile::Table(table) => Self::Table(Table::through(&table.radius.0, &table.height.0)?),
+            Profile::Table(table) => Self::Table(Table::through(table)?),
             Profile::CrossedCylinders(cylinders) => {
                 let radius = cylinders.radii.mean();
                 Self::Power { exponent: 2.0, height: radius, at_radius: radius }
@@ -229,8 +226,18 @@ impl Indenter {
                 let flat = b / half_width;
                 (1.0 - flat > NARROWEST_RING).then(|| (half_width, Shape::punch(flat)))
             }
+            Form::Table(ref table) => {
+                let (half_width, pressed) = PressedTable::new(&table.shape, load, false)?;
+                Some((half_width, Shape::table(pressed)))
+            }
             _ => None,
         }
+    }
+
+    /// The image of a table at the edge of the contact, from the depth of the unworn contact: the depth itself, or F/E* of
+    /// a line contact.
+    fn level(&self, depth: f64) -> f64 {
+        if self.length().is_some() { FRAC_PI_2 * depth } else { depth }
     }
 
     /// The fault if the profile cannot have the indentation depth `depth`. The depth follows from
@@ -238,7 +245,7 @@ impl Indenter {
     pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Faults {
         let detail = match &self.form {
             Form::Table(table) => {
-                return table.too_short(PressedTable::new(&table.shape, depth, true));
+                return table.too_short(PressedTable::new(&table.shape, self.level(depth), true));
             }
             Form::Flat(flat) => format!(
                 "gives an indentation depth of {depth:.3e} m. The ring of contact around the flat is \
@@ -269,8 +276,9 @@ impl Indenter {
     pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Faults {
         match &self.form {
             Form::Table(table) => {
+                let level = self.level(depth);
                 let endless =
-                    PressedTable::new(&table.shape, depth, true).and_then(|(radius, pressed)| {
+                    PressedTable::new(&table.shape, level, true).and_then(|(radius, pressed)| {
                         let limit = Contact::new(Shape::table(pressed.clone()), threshold)?.limit;
                         Some((limit.radius * radius, pressed))
                     });
@@ -297,8 +305,9 @@ impl Indenter {
 }
 
 impl Table {
-    fn through(radius: &[f64], height: &[f64]) -> Result<Self, Faults> {
-        let shape = TableShape::through(radius, height).map_err(|low| {
+    fn through(profile: &TableProfile) -> Result<Self, Faults> {
+        let (radius, height) = (&profile.radius.0, &profile.height.0);
+        let shape = TableShape::through(radius, height, profile.geometry).map_err(|low| {
             let row = nearest_row(radius, low.radius);
             let others = if low.others { ". It is the lowest of several such heights" } else { "" };
             let detail = format!(

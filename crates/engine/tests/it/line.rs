@@ -211,3 +211,79 @@ fn boundary_elements_find_the_pressure_and_the_slip_of_worn_contacts() {
         }
     }
 }
+
+/// A table, a power law and a cylinder of the same profile give the same run.
+#[test]
+fn a_measured_cylinder_wears_like_a_cylinder() {
+    use fretwork_engine::scenario;
+    use fretwork_engine::simulation::Simulation;
+    use serde_json::{Value, json};
+    let radius = 6e-3;
+    let x: Vec<f64> = (0..=60).map(|i| 2.5e-6 * f64::from(i)).collect();
+    let z: Vec<f64> = x.iter().map(|x| x * x / (2.0 * radius)).collect();
+    for motion in [
+        json!({"stick_ratio": 0.5}),
+        json!({"amplitude": "0.3 um", "reference_distance": "5 mm", "rig_stiffness": "400 N/um"}),
+        json!({"amplitude": "0.4 um", "loop_stiffness": "200 N/um"}),
+        json!({"sliding_amplitude": "5 um"}),
+        json!({"blocks": [{"tangential_force": "4 N/mm", "cycles": 2e4},
+                          {"tangential_force": "6 N/mm", "cycles": 1e6}]}),
+        json!({"blocks": [{"amplitude": "0.15 um", "cycles": 2e4}, {"amplitude": "3 um", "cycles": 1e6}],
+               "reference_distance": "5 mm"}),
+    ] {
+        let run = |profile: Value| {
+            let request = json!({
+                "profile": profile, "moduli": {"normal": "110 GPa"}, "friction": 0.6,
+                "wear": {"coefficient": 1e-15}, "load": {"normal_force": "18.5 N/mm"},
+                "motion": motion, "cycles": [1e3, 1e4, 1e5],
+            });
+            let (scenario, _) = scenario::check(&request, "").unwrap_or_else(|faults| panic!("{faults:?}"));
+            Simulation::of(&scenario).expect("a contact").run()
+        };
+        let cylinder = run(json!({"shape": "cylinder", "radius": radius, "length": "10 mm"}));
+        let power = run(json!({"shape": "power", "geometry": "line", "length": "10 mm", "exponent": 2,
+                               "height": 0.5 * radius, "at_radius": radius}));
+        let table = run(json!({"shape": "table", "geometry": "line", "length": "10 mm", "radius": x, "height": z}));
+        for other in [&power, &table] {
+            for (name, column) in cylinder.history.columns() {
+                let (_, again) = other.history.columns().into_iter().find(|it| it.0 == name).expect(name);
+                if name.ends_with("_error") {
+                    continue;
+                }
+                for (a, b) in column.iter().zip(again) {
+                    let same = (a - b).abs() <= 3e-3 * a.abs() || a.is_nan() && b.is_nan();
+                    assert!(same, "{motion} {name}: {column:?} {again:?}");
+                }
+            }
+        }
+        let mismatch = cylinder.accuracy.energy_mismatch.expect("wear");
+        assert!(mismatch.abs() < 1e-3, "{motion}: {mismatch}");
+    }
+}
+
+/// I. R. McColl, J. Ding, S. B. Leen, *Wear* 256 (2004) 1114: the depth of the flat by finite elements, and the area of
+/// its scar after 18 000 cycles. The stroke is 25 µm, and nothing is fitted.
+#[test]
+fn the_scar_of_the_flat_agrees_with_the_finite_elements_of_mccoll() {
+    use fretwork_engine::scenario;
+    use fretwork_engine::simulation::Simulation;
+    use serde_json::json;
+    let body = json!({"youngs_modulus": "200 GPa", "poisson_ratio": 0.3});
+    let request = json!({
+        "profile": {"shape": "cylinder", "radius": "6 mm", "length": "10 mm"}, "bodies": [body, body],
+        "friction": 0.9, "wear": {"bodies": [{"coefficient": 1.9e-14}, {"coefficient": 2.9e-14}]},
+        "load": {"normal_force": "18.5 N/mm"},
+        "motion": {"amplitude": "25 um", "reference_distance": "35.9 mm"},
+        "cycles": [1000, 5000, 10_000, 18_000], "profiles_at": "none",
+    });
+    let (scenario, _) = scenario::check(&request, "").expect("a scenario");
+    let found = Simulation::of(&scenario).expect("a contact").run();
+    let flat = &found.bodies[1];
+    let depths = flat.wear_depth.as_ref().expect("two bodies");
+    for (depth, known) in depths[1..].iter().zip([0.373e-6, 1.125e-6, 1.808e-6, 2.705e-6]) {
+        assert!((depth / known - 1.0).abs() < 0.05, "{depth} {known}");
+    }
+    let area = flat.wear_volume.as_ref().expect("two bodies")[4] / 0.01;
+    assert!((area / 937e-12 - 1.0).abs() < 0.03, "{area}");
+    println!("McColl: depths {depths:?}, area {area}, half-widths {:?}", flat.scar_half_length);
+}

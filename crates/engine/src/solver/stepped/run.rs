@@ -8,6 +8,7 @@ use super::prior::PriorWear;
 use super::rkc::Rkc;
 use super::wearing::{Wearing, WornContact};
 use crate::contact::control::{Block, Control, Normal, Tangential};
+use crate::contact::geometry::Geometry;
 use crate::contact::limit::Limit;
 use crate::contact::row::unworn_integrals;
 use crate::contact::unworn::{Contact, Regime};
@@ -373,7 +374,12 @@ impl MeshRun {
         self.least_stick = self.least_stick.min(stick);
         let shape = &wearing.contact.shape;
         let limit = Limit::at_depth(shape, self.least_stick, wearing.springs.depth);
-        let reach = limit.map_or(shape.extent(), |limit| limit.radius).max(worn.radius);
+        // A line contact that slips as a whole has no limiting scar.
+        let unlimited = match shape.geometry() {
+            Geometry::Round => shape.extent(),
+            Geometry::Line => wearing.contact.limit.radius.min(shape.extent()),
+        };
+        let reach = limit.map_or(unlimited, |limit| limit.radius).max(worn.radius);
         let control = &wearing.springs.control;
         let mut plan = MeshPlan::of_block(&wearing.contact, control, (stick, reach), cells);
         if let Some(outlook) = self.outlooks.get(self.block).copied().flatten() {

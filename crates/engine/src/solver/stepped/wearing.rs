@@ -165,7 +165,11 @@ impl Wearing {
     ) -> Self {
         let WearProblem { contact, control, law } = problem;
         let mesh = Mesh::new(&contact.shape, &prior, plan.radii(cells));
-        let level = 1.0 - contact.threshold;
+        let level = match mesh.geometry {
+            // If all of a line contact slips, θ is 1.
+            Geometry::Line if mesh.is_whole => 0.0,
+            _ => 1.0 - contact.threshold,
+        };
         let rest: Vec<f64> = mesh.initial.iter().map(|g| g - level).collect();
         let initial_slip = mesh.solve(&rest);
         let slip = vec![0.0; cells + 1];
