@@ -509,7 +509,10 @@ impl Wearing {
 
     /// In gross slip, extrapolates the wear on the axis from the nodes beside it.
     fn correct_on_axis(&self, places: &[f64], wear: &mut [f64]) {
-        if self.law == Law::Exact && places[0] == 0.0 && self.stick() == 0.0 {
+        let Mesh { geometry, is_whole, .. } = self.springs.mesh;
+        // The first node of a line contact has the mean of a small core.
+        let has_axis = places[0] == 0.0 || geometry == Geometry::Line && is_whole;
+        if self.law == Law::Exact && has_axis && self.stick() == 0.0 {
             wear[0] = on_axis(&self.contact.shape, places, wear);
         }
     }
