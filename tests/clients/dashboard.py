@@ -18,6 +18,7 @@ import tempfile
 from playwright.sync_api import expect
 
 from browser import LONG, ask, close, item, key_of, opened
+from lines import lines
 from plots import every_loop, every_plot
 from studies import studies
 from vary import VARIED, vary
@@ -288,6 +289,7 @@ def main():
         edit_typed_values(page)
         vary(browser, BASE)
         study = studies(browser, BASE)
+        coated = lines(browser, BASE)
         for example in get("/v1/examples"):
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
             # A later job without a label does not hide the label.
@@ -300,7 +302,7 @@ def main():
             "pressure": (f"/#/result/{key}?plot=pressure&history=radii&at=10000", labelled),
             "compare": (f"/#/result/{rule}?with={key}&plot=wear&at=10000", labelled),
             "study": (f"/#/result/{study}?kind=heat", "section[aria-label=Figure] img[alt]"),
-            "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr")})
+            "line": (f"/#/result/{coated}?history=depths", "#events"), "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr")})
     print("the dashboard passes its tests")
 
 

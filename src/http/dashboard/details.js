@@ -1,9 +1,9 @@
 // The cards below the plots of a result: scales, accuracy, events, comparison, bodies and scenario.
 
 import { h, list } from "./dom.js";
-import { drawWarnings } from "./estimate.js";
+import { depthOrForce, drawWarnings, grossSlip } from "./estimate.js";
 import { sketch } from "./sketch.js";
-import { cycles, digits, percent, quantity, WORDS } from "./units.js";
+import { cycles, digits, percent, quantity, wordOf, WORDS } from "./units.js";
 
 const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
 
@@ -13,11 +13,11 @@ export function drawDetails(place, result, bodyWarnings) {
   const inUnits = (name, value) => quantity(value, units[name]);
   place.replaceChildren(...[
     card("Unworn contact", sketch(result), list([
-      ["Contact radius a₀", inUnits("contact_radius", scales.contact_radius)],
-      ["Indentation depth d₀", inUnits("indentation_depth", scales.indentation_depth)],
+      [`${wordOf("contact_radius", scenario)} a₀`, inUnits("contact_radius", scales.contact_radius)],
+      depthOrForce(scenario, scales),
       ["Normal force F₀", inUnits("normal_force", scales.normal_force)],
-      ["Characteristic cycles N₀", cycles(Math.round(scales.cycles))],
-      ["Gross-slip threshold", inUnits("amplitude", unworn.gross_slip_amplitude)],
+      ["Characteristic cycles N₀", scales.cycles == null ? "–" : cycles(Math.round(scales.cycles))],
+      ["Gross-slip threshold", grossSlip(unworn)],
       limit && ["Limiting volume", inUnits("wear_volume", limit.wear_volume)],
       limit && ["Limiting depth", inUnits("wear_depth", limit.wear_depth)],
     ])),
@@ -32,8 +32,8 @@ export function drawDetails(place, result, bodyWarnings) {
       "The mismatch shows by how much. To measure the error of the rule, run the exact method and compare it with the rule."),
     drawWarnings(warnings),
     drawWarnings(bodyWarnings.list, bodyWarnings.title)),
-    events.length > 0 && card("Events", h("ul", {}, events.map(({ kind, cycles: at }) =>
-      h("li", {}, `${WORDS[kind]} at N = ${cycles(Math.round(at))}`)))),
+    events.length > 0 && card("Events", h("ul", { id: "events" }, events.map((event) =>
+      h("li", {}, `${eventWords(event)} at N = ${cycles(Math.round(event.cycles))}`)))),
     comparison && drawComparison(comparison),
     bodies && card("Wear of each body", list(bodies.flatMap((body, i) => [
       body.share !== undefined && [`Body ${i + 1}, share ${percent(body.share)}`,
@@ -44,6 +44,10 @@ export function drawDetails(place, result, bodyWarnings) {
       h("pre", { tabIndex: 0 }, JSON.stringify(scenario, null, 2)))),
   ].filter(Boolean));
 }
+
+/** An event in words. Bodies and layers are counted from 1. */
+const eventWords = ({ kind, body, layer, radius }) => (kind !== "layer_worn_through" ? WORDS[kind]
+  : `Layer ${layer + 1} of body ${body + 1} worn through ${radius > 0 ? `${quantity(radius, "m")} from the middle` : "in the middle"},`);
 
 /** The errors of the simplified rule at each output cycle. */
 function drawComparison({ history, errors, xi, best_xi: bestXi, best_error: bestError }) {

@@ -2,7 +2,7 @@
 
 import { fill, h, list } from "./dom.js";
 import { sketch } from "./sketch.js";
-import { cycles, digits, duration, quantity, WORDS } from "./units.js";
+import { cycles, digits, duration, isLine, quantity, wordOf, WORDS } from "./units.js";
 
 /** A count with an SI prefix, for example 1.3 G or 390 k. */
 function prefixed(count) {
@@ -14,12 +14,12 @@ function prefixed(count) {
 export function drawEstimate(place, { scenario, scales, unworn, limit, cost, regime, warnings, cached }) {
   fill(place, h("h2", {}, "Estimate"), sketch({ scenario, scales, unworn }), list([
     ["Regime", WORDS[regime], "regime"],
-    ["Contact radius a₀", quantity(scales.contact_radius, "m"), "contact-radius"],
-    ["Stick radius c", quantity(unworn.stick_radius, "m")],
+    [`${wordOf("contact_radius", scenario)} a₀`, quantity(scales.contact_radius, "m"), "contact-radius"],
+    [`${wordOf("stick_radius", scenario)} c`, quantity(unworn.stick_radius, "m")],
     ["Normal force F₀", quantity(scales.normal_force, "N"), "normal-force"],
-    ["Indentation depth d₀", quantity(scales.indentation_depth, "m")],
+    depthOrForce(scenario, scales),
     ["Peak pressure", unworn.peak_pressure == null ? "Infinite" : quantity(unworn.peak_pressure, "Pa")],
-    ["Gross-slip threshold", quantity(unworn.gross_slip_amplitude, "m")],
+    ["Gross-slip threshold", grossSlip(unworn)],
     ["Characteristic cycles N₀", scales.cycles == null ? "–" : cycles(Math.round(scales.cycles)), "characteristic-cycles"],
     ["Limiting volume", limit ? quantity(limit.wear_volume, "m^3") : "Not known in advance"],
     ["Limiting depth", limit ? quantity(limit.wear_depth, "m") : "Not known in advance"],
@@ -29,8 +29,18 @@ export function drawEstimate(place, { scenario, scales, unworn, limit, cost, reg
   ]), drawWarnings(warnings));
 }
 
+/** The indentation depth, or the force per length of a line contact, which has no depth of its own. */
+export const depthOrForce = ({ profile }, scales) => (isLine(profile)
+  ? ["Force per length", quantity(scales.normal_force / profile.length, "N per m")]
+  : ["Indentation depth d₀", quantity(scales.indentation_depth, "m")]);
+
+/** The threshold of gross slip. In a line contact, an amplitude needs a reference. */
+export const grossSlip = ({ gross_slip_amplitude: threshold }) =>
+  (threshold == null ? "Needs a reference distance" : quantity(threshold, "m"));
+
 /** The regime and the contact radius of a checked scenario, in words. */
-export const announce = ({ regime, scales }) => `${WORDS[regime]}, contact radius ${quantity(scales.contact_radius, "m")}`;
+export const announce = ({ regime, scales, scenario }) =>
+  `${WORDS[regime]}, ${wordOf("contact_radius", scenario).toLowerCase()} ${quantity(scales.contact_radius, "m")}`;
 
 /** Draws the response of `POST /v1/scenarios` to a study. */
 export function drawStudyEstimate(place, { cost, cached }) {

@@ -1,42 +1,116 @@
 // The fields of the form. Each field edits one value of the scenario, named by its JSON pointer.
 
-import { WORDS } from "./units.js";
+import { isLine, WORDS } from "./units.js";
 
 const RADIUS = ["radius", "Radius R", "10 mm"];
-const SLOPE = ["slope_angle", "Slope angle θ", "2 deg"];
+const SLOPE = ["slope_angle", "Slope angle θ", "2 deg", "Measured from the plane. It is not half of the apex angle."];
 const FLAT = ["flat_radius", "Flat radius b", "60 um"];
-/** Members of each shape: name, label and default. */
+const LENGTH = ["length", "Length of the contact", "10 mm", "The length of the line, across the motion."];
+const POWER = [["exponent", "Exponent n", 4], ["at_radius", "Reference radius", "0.2 mm"], ["height", "Height at reference radius", "5 um"]];
+/**
+ * Members of each shape: name, label, default and explanation. A name can be the path of an entry. A power law can be round or
+ * a line.
+ */
 const SHAPES = {
   paraboloid: [RADIUS],
   sphere: [RADIUS],
   cone: [SLOPE],
-  power: [["exponent", "Exponent n", 4], ["at_radius", "Reference radius", "0.2 mm"],
-    ["height", "Height at reference radius", "5 um"]],
+  power: POWER,
   truncated_paraboloid: [RADIUS, FLAT],
   truncated_cone: [SLOPE, FLAT],
+  crossed_cylinders: [["radii/0", "Radius, axis along the motion", "10 mm", "The radius of the cylinder whose axis lies along the motion."],
+    ["radii/1", "Radius, axis across the motion", "10 mm", "The radius of the other cylinder. The ratio of both radii is at most 1.5."]],
+  cylinder: [RADIUS, LENGTH],
+  wedge: [SLOPE, LENGTH],
+  punch: [["flat_half_width", "Half-width of the flat b", "1 mm", "Half of the width of the flat, along the motion."],
+    ["edge_radius", "Edge radius R", "3 mm", "The radius of the rounded edges."], LENGTH],
+  power_line: [...POWER, LENGTH],
+};
+/** What the shapes of line contacts have in the scenario. */
+const OF_SHAPE = { power_line: { shape: "power", geometry: "line" } };
+const shapeWord = (shape) => {
+  const own = OF_SHAPE[shape] ?? { shape };
+  return `${WORDS[own.shape]}${isLine(own) ? " (line)" : ""}`;
 };
 
 /** The members of `cycles` that give the outputs by another quantity than numbers of cycles, and their units. */
 const CYCLES_IN = { normalized: "N₀", dissipated_energy: "J" };
 const cyclesIn = (cycles) => Object.keys(CYCLES_IN).find((name) => name in Object(cycles));
 
+/** How a coefficient is given: as a number, as a run-in, or as a table, which has no fields. */
+const courseOf = (value) => (Object(value) !== value ? "number" : "run_in" in value ? "run_in" : "changing");
+
+/** The fields of a coefficient that changes in the first cycles. */
+const runIn = (pointer, name) => [
+  [`${pointer}/run_in/cycles`, "Run-in cycles", null, `${name} changes evenly during these cycles. Then it stays constant.`],
+  [`${pointer}/run_in/from`, `${name} at the start`], [`${pointer}/run_in/to`, `${name} after the run-in`]];
+
+const layersOf = ({ wear }, body) => wear?.bodies?.[body]?.layers ?? [];
+
+/** What the simplified rule lacks in a scenario; undefined if it applies. */
+const ruleLacks = (scenario) => (isLine(scenario.profile) ? "a round contact"
+  : courseOf(scenario.friction) !== "number" ? "a constant friction coefficient"
+    : [0, 1].some((body) => layersOf(scenario, body).length) ? "bodies without layers" : undefined);
+
+const PER_LENGTH = "The force on the whole length, such as 100\u00a0N, or per length, such as 18.5\u00a0N/mm.";
+const LAYER = { thickness: "3 um", coefficient: "1e-6 mm^3/(N m)" };
+
+/** The fields of a motion of a line contact. */
+function lineMotion(kind) {
+  const loops = ["/motion/reference_distance", "Reference distance (optional)", null,
+    "With it, the result has the displacements of the loops."];
+  const stroke = (explanation) => ["/motion/amplitude", "Amplitude U (half the stroke)", null, explanation];
+  return {
+    amplitude: [stroke("At the contact, or at the actuator if the rig has a stiffness."),
+      ["/motion/reference_distance", "Reference distance", null,
+        "The distance from the middle of the contact to the points whose relative motion is the stroke."],
+      ["/motion/rig_stiffness", "Rig stiffness (optional)", null,
+        "The stiffness between actuator and contact, such as 10\u00a0N/um, or per length, such as 2000\u00a0N/mm/mm."]],
+    loop: [stroke("As measured in the loop."), ["/motion/loop_stiffness", "Loop stiffness", null,
+      "The slope dQ/dU of a measured loop just after a reversal, such as 10\u00a0N/um, or per length, such as 2000\u00a0N/mm/mm."]],
+    sliding_amplitude: [["/motion/sliding_amplitude", "Sliding amplitude", null,
+      "For a contact that slides as a whole: half of the stroke, less what bodies and rig yield."]],
+    stick_ratio: [["/motion/stick_ratio", "Stick ratio c/a₀", null, "The unworn contact gives the tangential force, which stays constant."], loops],
+    tangential_force: [["/motion/tangential_force", "Tangential force Q", null, `${PER_LENGTH} It stays constant.`], loops],
+  }[kind];
+}
+
+const isPerLength = (value) => /\/(m|mm|in)$/.test(value);
+
+/** Gives a scenario what its new geometry requires. */
+function fitGeometry({ profile, moduli, load, motion }) {
+  if (isLine(profile)) {
+    if (motion?.amplitude !== undefined && motion.loop_stiffness === undefined) motion.reference_distance ??= "10 mm";
+    return;
+  }
+  if (moduli) moduli.tangential ??= "92.8 GPa";
+  if (isPerLength(load?.normal_force)) load.normal_force = "100 N";
+  if (isPerLength(motion?.tangential_force)) motion.tangential_force = "45 N";
+}
+
 const STEEL = () => ({ youngs_modulus: "205 GPa", poisson_ratio: 0.3 });
 
 /**
  * Drop-down lists that decide which fields follow. `selected` reads the option from a scenario, `apply` changes the
- * scenario to an option, and `fields` lists the fields of an option as `[pointer, label, options]`.
+ * scenario to an option, and `fields` lists the fields of an option as `[pointer, label, options, explanation]`. `lacks` lists
+ * the options that do not apply to a scenario, and `reason` explains this. A choice without `applies` is always shown.
  */
 export const CHOICES = [
   {
     id: "shape", group: "Contact", label: "Shape",
-    options: Object.fromEntries(Object.keys(SHAPES).map((shape) => [shape, WORDS[shape]])),
-    selected: (scenario) => scenario.profile?.shape,
+    options: Object.fromEntries(Object.keys(SHAPES).map((shape) => [shape, shapeWord(shape)])),
+    selected: ({ profile }) => (profile?.shape === "power" && isLine(profile) ? "power_line" : profile?.shape),
     apply: (scenario, shape) => {
-      const before = scenario.profile ?? {};
-      const members = SHAPES[shape].map(([member, , preset]) => [member, before[member] ?? preset]);
-      scenario.profile = { shape, ...Object.fromEntries(members) };
+      const before = scenario.profile;
+      scenario.profile = { shape, ...OF_SHAPE[shape], ...(shape === "crossed_cylinders" && { radii: [] }) };
+      for (const [member, , preset] of SHAPES[shape]) {
+        const kept = valueAt(before ?? {}, `/${member}`);
+        // The radii of a measured profile are no radius.
+        setValueAt(scenario.profile, `/${member}`, kept === undefined || Array.isArray(kept) ? preset : kept);
+      }
+      if (isLine(scenario.profile) !== isLine(before)) fitGeometry(scenario);
     },
-    fields: (shape) => SHAPES[shape].map(([member, label]) => [`/profile/${member}`, label]),
+    fields: (shape) => SHAPES[shape].map(([member, label, , explanation]) => [`/profile/${member}`, label, null, explanation]),
   },
   {
     id: "elasticity", group: "Material", label: "Elastic constants",
@@ -45,54 +119,108 @@ export const CHOICES = [
     apply: (scenario, kind) => {
       delete scenario.bodies;
       delete scenario.moduli;
-      scenario[kind] = kind === "bodies" ? [STEEL(), STEEL()] : { normal: "112.6 GPa", tangential: "92.8 GPa" };
+      scenario[kind] = kind === "bodies" ? [STEEL(), STEEL()] : { normal: "112.6 GPa" };
+      fitGeometry(scenario);
     },
-    fields: (kind) => kind === "moduli"
-      ? [["/moduli/normal", "Normal modulus E*"], ["/moduli/tangential", "Tangential modulus G*"]]
+    fields: (kind, { profile }) => kind === "moduli"
+      ? [["/moduli/normal", "Normal modulus E*"], ...(isLine(profile) ? [] : [["/moduli/tangential", "Tangential modulus G*"]])]
       : [0, 1].flatMap((i) => [[`/bodies/${i}/youngs_modulus`, `Body ${i + 1}: Young's modulus E`],
         [`/bodies/${i}/poisson_ratio`, `Body ${i + 1}: Poisson's ratio ν`]]),
   },
   {
     id: "wear", group: "Material", label: "Wear law",
-    options: { coefficient: "Wear coefficient k_w", hardness: "Archard: k and hardness", energy: "Energy coefficient α" },
-    selected: ({ wear }) => ("energy_coefficient" in Object(wear) ? "energy" : "hardness" in Object(wear) ? "hardness" : "coefficient"),
+    options: { coefficient: "Wear coefficient k_w", run_in: "k_w with run-in", hardness: "Archard: k and hardness",
+      energy: "Energy coefficient α", bodies: "Bodies with layers" },
+    selected: ({ wear }) => {
+      const course = courseOf(wear?.coefficient);
+      if ("bodies" in Object(wear)) return "bodies";
+      if ("energy_coefficient" in Object(wear)) return "energy";
+      if ("hardness" in Object(wear)) return course === "number" ? "hardness" : "changing";
+      return course === "number" ? "coefficient" : course;
+    },
     apply: (scenario, kind) => {
       const { share } = scenario.wear ?? {};
       scenario.wear = {
         coefficient: { coefficient: "3.03e-5 mm^3/(N m)" },
+        run_in: { coefficient: { run_in: { cycles: 1000, from: "1e-4 mm^3/(N m)", to: "3.03e-5 mm^3/(N m)" } } },
         hardness: { coefficient: 1e-4, hardness: "3 GPa" },
         energy: { energy_coefficient: "4.3e-5 mm^3/J" },
+        bodies: { bodies: [{ coefficient: "3.03e-5 mm^3/(N m)" },
+          { layers: [{ ...LAYER }], coefficient: "3.03e-5 mm^3/(N m)" }] },
       }[kind];
       if (share !== undefined) scenario.wear.share = share;
     },
     fields: (kind) => [
       ...{
         coefficient: [["/wear/coefficient", "Wear coefficient k_w"]],
+        run_in: runIn("/wear/coefficient", "k_w"),
+        bodies: [],
         hardness: [["/wear/coefficient", "Archard coefficient k"], ["/wear/hardness", "Hardness"]],
         energy: [["/wear/energy_coefficient", "Energy coefficient α"]],
       }[kind],
-      ["/wear/share", "Wear share of body 1 (0 to 1, optional)"], ["/friction", "Friction coefficient μ"]],
+      ...(kind === "bodies" ? [] : [["/wear/share", "Wear share of body 1 (0 to 1, optional)"]])],
+  },
+  ...[0, 1].map((body) => ({
+    id: `layers-${body + 1}`, group: "Material", label: `Body ${body + 1}: layers`,
+    applies: ({ wear }) => Array.isArray(wear?.bodies),
+    options: { 0: "None", 1: "1 layer", 2: "2 layers", 3: "3 layers" },
+    selected: (scenario) => String(layersOf(scenario, body).length),
+    apply: ({ wear }, count) => {
+      const own = (wear.bodies[body] ??= {});
+      own.layers = Array.from({ length: Number(count) }, (_, i) => own.layers?.[i] ?? { ...LAYER });
+      if (!own.layers.length) delete own.layers;
+    },
+    fields: (count) => {
+      const pointer = `/wear/bodies/${body}`;
+      const layers = Array.from({ length: Number(count) }, (_, i) => [
+        [`${pointer}/layers/${i}/thickness`, `Body ${body + 1}, layer ${i + 1}: thickness`, null,
+          i === 0 && "Layer 1 is at the surface. The next layer wears where it is worn through."],
+        [`${pointer}/layers/${i}/coefficient`, `Body ${body + 1}, layer ${i + 1}: k_w`]]);
+      return [...layers.flat(), [`${pointer}/coefficient`, `Body ${body + 1}${layers.length ? ", below the layers" : ""}: k_w`, null,
+        "Enter 0 for a material that does not wear."]];
+    },
+  })),
+  {
+    id: "friction-kind", group: "Material", label: "Friction",
+    options: { number: "Constant", run_in: "Run-in" },
+    selected: ({ friction }) => courseOf(friction),
+    apply: (scenario, kind) => {
+      scenario.friction = kind === "number" ? 0.7 : { run_in: { cycles: 1000, from: 0.2, to: 0.7 } };
+    },
+    fields: (kind) => (kind === "number" ? [["/friction", "Friction coefficient μ"]] : runIn("/friction", "μ")),
   },
   {
     id: "load", group: "Load and motion", label: "Load",
     options: { normal_force: "Normal force F", indentation_depth: "Indentation depth d" },
+    lacks: ({ profile }) => (isLine(profile) ? ["indentation_depth"] : []),
+    reason: "A line contact holds the force, because its depth depends on the size of the bodies.",
     selected: ({ load }) => ("indentation_depth" in Object(load) ? "indentation_depth" : "normal_force"),
     apply: (scenario, kind) => {
       const { held } = scenario.load ?? {};
       scenario.load = { [kind]: kind === "normal_force" ? "100 N" : "3.5 um", ...(held && { held }) };
     },
-    fields: (kind) => [kind === "normal_force" ? ["/load/normal_force", "Normal force F"] : ["/load/indentation_depth", "Indentation depth d"],
+    fields: (kind, { profile }) => (isLine(profile) ? [["/load/normal_force", "Normal force F", null, PER_LENGTH]]
+      : [kind === "normal_force" ? ["/load/normal_force", "Normal force F"] : ["/load/indentation_depth", "Indentation depth d"],
       ["/load/held", "Load: held constant",
-        { "": kind === "normal_force" ? "Default (force)" : "Default (depth)", force: "Normal force", depth: "Indentation depth" }]],
+        { "": kind === "normal_force" ? "Default (force)" : "Default (depth)", force: "Normal force", depth: "Indentation depth" }]]),
   },
   {
     id: "motion", group: "Load and motion", label: "Motion",
-    options: { amplitude: "Amplitude U", stick_ratio: "Stick ratio c/a₀", tangential_force: "Tangential force Q" },
-    selected: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio"].find((name) => name in Object(motion)) ?? "amplitude",
+    options: { amplitude: "Amplitude U", loop: "Amplitude U, loop stiffness", sliding_amplitude: "Sliding amplitude",
+      stick_ratio: "Stick ratio c/a₀", tangential_force: "Tangential force Q" },
+    lacks: ({ profile }) => (isLine(profile) ? [] : ["loop", "sliding_amplitude"]),
+    selected: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio", "sliding_amplitude"]
+      .find((name) => name in Object(motion)) ?? (motion?.loop_stiffness === undefined ? "amplitude" : "loop"),
     apply: (scenario, kind) => {
-      scenario.motion = { [kind]: { amplitude: "2.256 um", stick_ratio: 0.5, tangential_force: "45 N" }[kind] };
+      scenario.motion = {
+        amplitude: { amplitude: "2.256 um", ...(isLine(scenario.profile) && { reference_distance: "10 mm" }) },
+        loop: { amplitude: "2.256 um", loop_stiffness: "10 N/um" }, sliding_amplitude: { sliding_amplitude: "25 um" },
+        // The flat of a punch sticks or slips as a whole, so smaller ratios do not exist.
+        stick_ratio: { stick_ratio: scenario.profile?.shape === "punch" ? 0.999 : 0.5 },
+        tangential_force: { tangential_force: isLine(scenario.profile) ? "4 N/mm" : "45 N" },
+      }[kind];
     },
-    fields: (kind) => [
+    fields: (kind, { profile }) => (isLine(profile) ? lineMotion(kind) : [
       {
         amplitude: ["/motion/amplitude", "Amplitude U (half the stroke)"],
         stick_ratio: ["/motion/stick_ratio", "Stick ratio c/a₀"],
@@ -101,10 +229,10 @@ export const CHOICES = [
       ["/motion/held", "Motion: held constant", {
         "": kind === "tangential_force" ? "Default (tangential force)" : "Default (amplitude)",
         amplitude: "Amplitude", tangential_force: "Tangential force" }],
-      ["/motion/rig_stiffness", "Rig stiffness (optional)"]],
+      ["/motion/rig_stiffness", "Rig stiffness (optional)"]]),
   },
   {
-    id: "cycles", group: "Duration", label: "Output cycles",
+    id: "cycles-kind", group: "Duration", label: "Output cycles",
     options: { list: "List", range: "Range" },
     selected: ({ cycles }) => {
       const own = cycles?.[cyclesIn(cycles)] ?? cycles;
@@ -127,31 +255,66 @@ export const CHOICES = [
   {
     id: "method", group: "Model", label: "Method",
     options: { exact: "Exact method (default)", simplified: "Simplified rule (paper)" },
+    lacks: (scenario) => (ruleLacks(scenario) ? ["simplified"] : []),
+    reason: (scenario) => `The simplified rule is not available. It needs ${ruleLacks(scenario)}.`,
     selected: ({ model = {} }) => model.method ?? "exact",
     apply: (scenario, method) => {
       const { points } = scenario.model ?? {};
       scenario.model = { method, ...(points && { points }) };
     },
-    fields: (method) => [["/model/points", "Profile points (optional)"],
+    fields: (method, scenario) => [["/model/points", "Profile points (optional)"],
       ...(method === "exact" ? [["/model/tolerance", "Tolerance (optional)"],
-        ["/model/compare", "Compare with simplified rule", { "": "No", true: "Yes" }]] : [["/model/xi", "Fitting parameter ξ (optional)"]])],
+        ...(ruleLacks(scenario) ? [] : [["/model/compare", "Compare with simplified rule", { "": "No", true: "Yes" }]])]
+        : [["/model/xi", "Fitting parameter ξ (optional)"]])],
   },
 ];
 
+/** The choices of a scenario. */
+export const choicesOf = (scenario) => CHOICES.filter(({ applies }) => applies?.(scenario) ?? true);
+
+/** The options of a choice that apply to a scenario, and the reason why others do not. */
+export function optionsOf({ options, lacks, reason }, scenario) {
+  const missing = lacks?.(scenario) ?? [];
+  return [Object.fromEntries(Object.entries(options).filter(([name]) => !missing.includes(name))),
+    missing.length > 0 && (typeof reason === "function" ? reason(scenario) : reason)];
+}
+
+/**
+ * Chooses an option, and returns the pointers whose fields disappear. Their values leave the scenario. Other choices leave
+ * options that no longer apply.
+ */
+export function chooseOption(choice, scenario, option) {
+  const before = withField(scenario);
+  choice.apply(scenario, option);
+  for (const other of choicesOf(scenario)) {
+    const selected = other.selected(scenario);
+    const [options] = optionsOf(other, scenario);
+    if (selected in other.options && !(selected in options)) other.apply(scenario, Object.keys(options)[0]);
+  }
+  const after = withField(scenario);
+  const gone = before.filter((pointer) => !after.includes(pointer));
+  for (const pointer of gone) {
+    const isOutside = !after.some((own) => own.startsWith(`${pointer}/`));
+    if (isOutside && valueAt(scenario, pointer) !== undefined) setValueAt(scenario, pointer, undefined);
+  }
+  return gone;
+}
+
 /** Pointers of the values that the form shows as fields. */
-export const withField = (scenario) => CHOICES.flatMap(({ selected, options, fields }) => {
-  const kind = selected(scenario);
-  return kind in options ? fields(kind, scenario).map(([pointer]) => pointer) : [];
+const withField = (scenario) => choicesOf(scenario).flatMap((choice) => {
+  const kind = choice.selected(scenario);
+  return kind in optionsOf(choice, scenario)[0] ? choice.fields(kind, scenario).map(([pointer]) => pointer) : [];
 });
 
 /** Pointers of the values that the form cannot show as fields. They are edited as JSON. */
 export function withoutField(scenario) {
-  const known = ["/profile/shape", "/model/method", ...withField(scenario)];
-  const values = (value, pointer) => known.includes(pointer) ? []
-    : Object(value) === value && !Array.isArray(value)
-      ? Object.entries(value).flatMap(([name, own]) => values(own, `${pointer}/${name}`))
-      : [pointer];
-  return values({ ...scenario, bodies: { ...scenario.bodies } }, "");
+  const known = ["/profile/shape", "/profile/geometry", "/model/method", ...withField(scenario)];
+  // A list without fields is one value.
+  const isWhole = (value, pointer) => Object(value) !== value
+    || (Array.isArray(value) && !known.some((own) => own.startsWith(`${pointer}/`)));
+  const values = (value, pointer) => known.includes(pointer) ? [] : isWhole(value, pointer) ? [pointer]
+    : Object.entries(value).flatMap(([name, own]) => values(own, `${pointer}/${name}`));
+  return values(scenario, "");
 }
 
 /** The value at a pointer; undefined if it is missing. */

@@ -4,7 +4,7 @@
 import { get, idempotencyKey, Problem, post } from "./api.js";
 import { debounced, fill, h, notify, select } from "./dom.js";
 import { announce, drawEstimate, drawStudyEstimate } from "./estimate.js";
-import { CHOICES, inputText, parseInput, setValueAt, valueAt, withField, withoutField } from "./fields.js";
+import { choicesOf, chooseOption, inputText, optionsOf, parseInput, setValueAt, valueAt, withoutField } from "./fields.js";
 import { loadLimits } from "./limits.js";
 import { drawPlan, drawRange, drawRuns, submitText, varyButton } from "./plan.js";
 import { WORDS } from "./units.js";
@@ -12,6 +12,8 @@ import { canVary, choose, formPointer, isPossible, jobBody, newStudy, OFFERS, st
 
 /** Maximum number of characters of a label. */
 const MAX_LABEL = 200;
+/** Maximum number of characters of a value beside its name. The name of a longer value is above it. */
+const MAX_BESIDE = 14;
 
 let examples = null;
 
@@ -50,7 +52,7 @@ export async function showForm(main, { query, signal }) {
   const jsonFault = h("p", { id: "json-fault", class: "fault" });
   const jsonOnly = h("p", { class: "muted" });
   const jsonEditor = h("details", { class: "card" }, h("summary", {}, "Scenario as JSON"),
-    h("label", { for: "json", class: "muted" }, "Amplitude blocks, displacement records and measured profiles are edited here."),
+    h("label", { for: "json", class: "muted" }, "Amplitude blocks, displacement records, measured profiles and tables of coefficients are edited here."),
     jsonOnly, json, jsonFault);
   const heading = h("h1", {});
   const plan = h("section", { class: "card plan", "aria-label": "Study", hidden: true });
@@ -133,7 +135,7 @@ export async function showForm(main, { query, signal }) {
   }
 
   function drawFields() {
-    const groups = Map.groupBy(CHOICES, (choice) => choice.group);
+    const groups = Map.groupBy(choicesOf(scenario), (choice) => choice.group);
     shown = new Map();
     const group = (name, ...content) => h("fieldset", {}, h("legend", {}, name), content);
     fill(fields, [...groups].map(([name, choices]) => group(name, choices.map(drawChoice))));
@@ -159,22 +161,22 @@ export async function showForm(main, { query, signal }) {
 
   function drawChoice(choice) {
     const selected = choice.selected(scenario);
-    const known = selected in choice.options;
-    const field = select(choice.options, selected, { id: choice.id, onchange: () => {
-      const before = withField(scenario);
-      choice.apply(scenario, field.value);
-      const after = withField(scenario);
+    const [options, reason] = optionsOf(choice, scenario);
+    const known = selected in options;
+    const field = select(options, selected, { id: choice.id, "aria-describedby": reason ? `${choice.id}-hint` : null, onchange: () => {
       // If the field of a number disappears, the study no longer varies the number.
-      for (const pointer of before) if (!after.includes(pointer)) delete study.ranges[pointer];
+      for (const pointer of chooseOption(choice, scenario, field.value)) delete study.ranges[pointer];
       draw();
       edited();
     } });
     if (!known) field.prepend(h("option", { selected: true }, `${WORDS[selected] ?? selected ?? "None"} (JSON)`));
-    return [h("div", { class: "field" }, h("label", { for: choice.id }, choice.label), field),
+    return [h("div", { class: "field" }, h("label", { for: choice.id }, choice.label), field, reason && hint(choice.id, reason)),
       known && choice.fields(selected, scenario).map(drawField)];
   }
 
-  function drawField([pointer, text, options]) {
+  const hint = (id, text) => h("p", { id: `${id}-hint`, class: "hint" }, text);
+
+  function drawField([pointer, text, options, explanation]) {
     const id = idOf(pointer);
     const value = inputText(valueAt(scenario, pointer));
     // The name of a number is its label without the hint in brackets.
@@ -189,11 +191,12 @@ export async function showForm(main, { query, signal }) {
       if (vary) vary.disabled = !suggested(scenario, pointer);
       edited();
     };
-    const attributes = { id, "data-pointer": `/scenario${pointer}`, "aria-describedby": `${id}-fault` };
+    const attributes = { id, "data-pointer": `/scenario${pointer}`, "aria-describedby": `${id}-fault${explanation ? ` ${id}-hint` : ""}` };
     const input = options ? select(options, value, { ...attributes, onchange: update })
       : h("input", { ...attributes, value, autocomplete: "off", spellcheck: false, oninput: update });
-    return h("div", { class: "field" }, h("label", { for: id }, text), vary ? h("div", { class: "value" }, input, vary) : input,
-      h("p", { id: `${id}-fault`, class: "fault" }));
+    return h("div", { class: !options && value.length > MAX_BESIDE ? "field long" : "field" }, h("label", { for: id }, text),
+      vary ? h("div", { class: "value" }, input, vary) : input,
+      explanation && hint(id, explanation), h("p", { id: `${id}-fault`, class: "fault" }));
   }
 
   let checks = 0, submitting = false, accepted = false;

@@ -5,15 +5,15 @@ import { dateTime, debounced, h, select, svg } from "./dom.js";
 import { errorCard } from "./error.js";
 import { jobsOf, labelOf, subtitle, title } from "./summary.js";
 import { cycles, quantity, WORDS } from "./units.js";
-import { KINDS } from "./words.js";
+import { KINDS, SEARCHED } from "./words.js";
 
-const anyOf = (...names) => ({ "": "Any", ...Object.fromEntries(names.map((name) => [name, WORDS[name]])) });
+const anyOf = (word) => ({ "": "Any", ...Object.fromEntries(SEARCHED[word].map((name) => [name, WORDS[name] ?? name])) });
 /** The filters that are drop-down lists. */
 const OPTIONS = {
   kind: ["Kind", { "": "Any", run: "Run", ...Object.fromEntries(Object.values(KINDS).map(({ name, title }) => [name, title])) }],
-  shape: ["Shape", anyOf("paraboloid", "sphere", "cone", "power", "truncated_paraboloid", "truncated_cone", "table")],
-  method: ["Method", anyOf("simplified", "exact")],
-  regime: ["Regime", anyOf("full_stick", "partial_slip", "gross_slip")],
+  shape: ["Shape", anyOf("shape")],
+  method: ["Method", anyOf("method")],
+  regime: ["Regime", anyOf("regime")],
   pinned: ["Pinned", { "": "Any", true: "Pinned only" }],
 };
 /** The filters that are text, each with an example. */

@@ -16,6 +16,7 @@ use crate::http::wire::{NoQuery, Segment};
 use asset::Asset;
 
 use fretwork_engine::outcome::{QUANTITIES, Quantity};
+use fretwork_job::WORDS;
 use fretwork_study::Kind;
 
 /// A file: its name under `/assets/`, its media type and its content.
@@ -49,13 +50,15 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
     files.chain([Asset::new("words.js", "text/javascript", words().as_bytes())]).collect()
 });
 
-/// The script with words that other crates define: the kinds of studies and the names of quantities.
+/// The script with words that other crates define: the kinds of studies, the names of quantities, and what users search by.
 fn words() -> String {
     let kinds: Value = Kind::ALL.into_iter().map(|kind| (kind.name, json!(kind))).collect();
     let words = |quantity: &Quantity| (quantity.name, json!(quantity.words));
     let names: Value = QUANTITIES.iter().map(words).collect();
+    let searched: Value = WORDS.iter().map(|word| (word.name, json!(word.values))).collect();
     format!(
-        "/** The kinds of studies. */\nexport const KINDS = {kinds};\n\n/** The names of quantities. */\nexport const NAMES = {names};\n"
+        "/** The kinds of studies. */\nexport const KINDS = {kinds};\n\n/** The names of quantities. */\nexport const NAMES = {names};\n\n\
+         /** The words that results are searched by. */\nexport const SEARCHED = {searched};\n"
     )
 }
 

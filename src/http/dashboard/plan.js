@@ -1,7 +1,7 @@
 // The parts of the form that belong to a study: the range of a number that varies, and the card that says what is computed.
 
 import { fill, h, select } from "./dom.js";
-import { cycles, WORDS } from "./units.js";
+import { cycles, wordOf, WORDS } from "./units.js";
 import { choose, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied } from "./vary.js";
 
 /** The outputs that the form offers. All are columns of the history, at its last output cycle. */
@@ -83,7 +83,7 @@ export function drawPlan(card, names, scenario, study, { changed, redraw }) {
     checked: study.outputs.includes(name), onchange: (event) => {
       study.outputs = [...study.outputs.filter((own) => own !== name), ...(event.target.checked ? [name] : [])];
       changed();
-    } }), WORDS[name] ?? name);
+    } }), wordOf(name, scenario) ?? name);
   const [samples, samplesFault] = faulty("samples", "/samples", "Samples", { value: study.samples, inputMode: "numeric", oninput: () => {
     study.samples = samples.value;
     changed();

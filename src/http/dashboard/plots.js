@@ -72,6 +72,8 @@ export class Plot {
     const options = {
       ...this.#size(),
       padding: [10, 26, 0, 0],
+      // Points between pixels, so that curves are smooth.
+      pxAlign: 0,
       scales: { x: scale(logX), y: logY ? scale(true) : { range: this.#range } },
       axes: [{ ...axis(titleX, 34), values: logX ? decades : numbers },
         { ...axis(titleY, 66), values: logY ? decades : numbers }],

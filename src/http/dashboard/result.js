@@ -7,7 +7,7 @@ import { fill, h, notify, select } from "./dom.js";
 import { axisLimit, branches, maxDifference, Plot } from "./plots.js";
 import { showStudy } from "./study.js";
 import { entryOf, jobsOf, kindOf, labelOf, subtitle, title } from "./summary.js";
-import { column, cycles, digits, percent, quantity, WORDS } from "./units.js";
+import { column, cycles, digits, isLine, percent, quantity, wordOf, WORDS } from "./units.js";
 
 const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
 /** Title and columns of each history plot. */
@@ -20,6 +20,11 @@ const HISTORIES = {
   energy: ["Energy per cycle", ["energy_per_cycle"]],
   dissipated: ["Dissipated energy", ["dissipated_energy"]],
 };
+const historyTitle = (name, { scenario }) => (name === "radii" && isLine(scenario.profile) ? "Half-widths" : HISTORIES[name][0]);
+/** Whether a column has values. Displacements of a line contact have none without a reference. */
+const isKnown = (values) => values.some((value) => value != null);
+/** Says why quantities are not drawn. */
+const notDrawn = (words) => `Not drawn: ${words.join(", ")}. A line contact needs a reference distance for this.`;
 /** Maximum number of loop branches in the plot: a displacement record may have thousands. */
 const MAX_BRANCHES = 24;
 const READOUT = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "normal_force",
@@ -100,6 +105,7 @@ export async function showResult(main, { id: key, query, signal }) {
   const readout = h("dl", { class: "tiles", id: "readout" });
   const difference = h("p", { class: "muted", id: "difference" });
   const ratios = h("p", { class: "muted", id: "ratios" });
+  const missing = h("p", { class: "muted", id: "missing" });
   const details = h("div", { class: "cards" });
 
   const choice = (name, label, options) => {
@@ -124,7 +130,7 @@ export async function showResult(main, { id: key, query, signal }) {
 
   function draw() {
     drawOutput();
-    drawHistory(plots.history, result, other, state);
+    drawHistory(plots.history, missing, result, other, state);
   }
 
   const heading = title(entryOf(result));
@@ -145,9 +151,9 @@ export async function showResult(main, { id: key, query, signal }) {
         result.profiles ? plots.profile.element : h("p", {}, "This result has no profiles, because the scenario sets profiles_at to none."), difference),
       h("section", { class: "card", "aria-label": "History" },
         h("div", { class: "row" },
-          choice("history", "History", Object.fromEntries(Object.entries(HISTORIES).map(([name, [word]]) => [name, word]))),
+          choice("history", "History", Object.fromEntries(Object.keys(HISTORIES).map((name) => [name, historyTitle(name, result)]))),
           choice("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" })),
-        plots.history.element),
+        plots.history.element, missing),
       h("section", { class: "card", "aria-label": "Fretting loop" },
         h("p", { class: "row muted" }, "Force over displacement in one cycle"),
         result.loops?.cycles.length ? plots.loop.element : h("p", {}, "This result has no loops, because the scenario sets profiles_at to none."), ratios)),
@@ -162,11 +168,11 @@ export async function showResult(main, { id: key, query, signal }) {
 }
 
 /** Shows the history at one output cycle as numbers. The numbers of the wear have their estimated errors. */
-function drawReadout(place, { history, units }, at) {
+function drawReadout(place, { history, units, scenario }, at) {
   const row = nearest(history.cycles, at);
   place.replaceChildren(...READOUT.map((name) => {
     const error = history[`${name}_error`]?.[row];
-    return h("div", {}, h("dt", {}, WORDS[name]),
+    return h("div", {}, h("dt", {}, wordOf(name, scenario)),
       h("dd", { "data-value": name }, quantity(history[name][row], units[name], 5)),
       error > 0 && h("dd", { class: "muted", "data-error": name }, `error ${percent(error, 2)}`));
   }));
@@ -208,27 +214,33 @@ function drawProfile(plot, difference, result, other, { plot: name, row }) {
   if (Math.max(...current.y) > top) {
     const peak = Math.max(...values);
     const radius = quantity(result.profiles.radius[values.indexOf(peak)], result.units.radius);
-    texts.push(`Peak outside the axis range: ${quantity(peak, result.units[name])} at r = ${radius}, at an edge of the worn profile.`);
+    const letter = isLine(result.scenario.profile) ? "x" : "r";
+    texts.push(`Peak outside the axis range: ${quantity(peak, result.units[name])} at ${letter} = ${radius}, at an edge of the worn profile.`);
   }
   difference.textContent = texts.join(" ");
   plot.title.textContent = `${WORDS[name]} after ${cycles(at)} cycles`;
-  plot.show(curves, { x: [WORDS.radius, result.units.radius], y: [WORDS[name], result.units[name]], top,
-    description: `${WORDS[name]} over the radius after ${cycles(at)} cycles` });
+  const across = wordOf("radius", result.scenario);
+  plot.show(curves, { x: [across, result.units.radius], y: [WORDS[name], result.units[name]], top,
+    description: `${WORDS[name]} over ${across} after ${cycles(at)} cycles` });
 }
 
-function drawHistory(plot, result, other, { history, log }) {
-  const [heading, columns] = HISTORIES[history];
+function drawHistory(plot, missing, result, other, { history, log }) {
+  const [, columns] = HISTORIES[history];
+  const heading = historyTitle(history, result);
   const unit = result.units[columns[0]];
   const points = result.history.cycles.length < 60;
   const curve = (from, name, more) => ({ x: from.cycles, y: column(from[name], unit), points, ...more });
   const curves = columns.map((name, i) => curve(result.history, name,
-    { name: `${other ? "Run A: " : ""}${WORDS[name]}`, ink: i + 1 }));
-  const addSecond = (from, run, ink) => curves.push(curve(from, columns[0],
-    { name: `${run}: ${WORDS[columns[0]]}`, ink, dashed: true }));
-  if (result.comparison) addSecond(result.comparison.history, "Simplified rule", 4);
-  if (other) addSecond(other.history, "Run B", 5);
+    { name: `${other ? "Run A: " : ""}${wordOf(name, result.scenario)}`, ink: i + 1 }));
+  const addSecond = ({ history, scenario }, run, ink) => curves.push(curve(history, columns[0],
+    { name: `${run}: ${wordOf(columns[0], scenario)}`, ink, dashed: true }));
+  if (result.comparison) addSecond({ ...result, ...result.comparison }, "Simplified rule", 4);
+  if (other) addSecond(other, "Run B", 5);
+  const [drawn, others] = [true, false].map((wanted) => curves.filter(({ y }) => isKnown(y) === wanted));
+  missing.textContent = others.length ? notDrawn(others.map(({ name }) => name)) : "";
+  plot.element.hidden = !drawn.length;
   plot.title.textContent = heading;
-  plot.show(curves, { x: [WORDS.cycles, "1"], y: [heading, unit], logX: log.includes("x"), logY: log.includes("y") });
+  plot.show(drawn, { x: [WORDS.cycles, "1"], y: [heading, unit], logX: log.includes("x"), logY: log.includes("y") });
 }
 
 function drawLoop(plot, ratios, result, other, at) {
@@ -239,6 +251,7 @@ function drawLoop(plot, ratios, result, other, at) {
   const addLoop = ({ loops, units }, run, ink, dashed) => {
     if (!loops?.cycles.length) return;
     const row = nearest(loops.cycles, at);
+    if (!isKnown(loops.displacement[row])) return;
     const all = branches(column(loops.displacement[row], units.displacement), loops.tangential_force[row]);
     if (all.length > MAX_BRANCHES) truncated = ` (first ${MAX_BRANCHES} of ${all.length} branches)`;
     all.slice(0, MAX_BRANCHES).forEach(([x, y], i) => curves.push({
@@ -247,10 +260,13 @@ function drawLoop(plot, ratios, result, other, at) {
   addLoop(result, other ? "Run A: " : "", 1);
   if (other) addLoop(other, "Run B: ", 5, true);
   const row = nearest(loops.cycles, at);
-  ratios.textContent = [["Energy ratio A", "energy_ratio"], ["slip ratio D", "slip_ratio"], ["system-free ratio B", "free_ratio"],
+  const known = [["Energy ratio A", "energy_ratio"], ["slip ratio D", "slip_ratio"], ["system-free ratio B", "free_ratio"],
     ["energy ratio A at the actuator", "actuator_energy_ratio"], ["slip ratio D at the actuator", "actuator_slip_ratio"]]
-    .filter(([, name]) => loops[name])
+    .filter(([, name]) => loops[name]?.[row] != null)
     .map(([word, name]) => `${word}\u00a0=\u00a0${digits(loops[name][row], 3)}`).join(", ");
+  ratios.textContent = isKnown(loops.displacement[row]) ? known
+    : `${notDrawn(["Fretting loop"])} ${known[0].toUpperCase()}${known.slice(1)}`;
+  plot.element.hidden = !curves.length;
   plot.title.textContent = `Fretting loop after ${cycles(at)} cycles${truncated}`;
   plot.show(curves, { x: [WORDS.displacement, result.units.displacement], y: ["Tangential force", "N"],
     description: `Tangential force over displacement after ${cycles(at)} cycles` });

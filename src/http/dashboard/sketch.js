@@ -1,13 +1,13 @@
 // Cross-section of the unworn contact: indenter, stick zone and slip zone.
 
 import { h, svg } from "./dom.js";
-import { quantity } from "./units.js";
+import { isLine, quantity } from "./units.js";
 
 const [WIDTH, HEIGHT, SURFACE] = [360, 150, 96];
 
 /** The gap f(r) of a canonical profile in metres. */
 function gap(profile) {
-  const { shape, radius: R, flat_radius: b = 0, slope_angle: angle = 0 } = profile;
+  const { shape, radius: R, flat_radius: b = 0, slope_angle: angle = 0, radii, flat_half_width: flat, edge_radius: edge } = profile;
   const tangent = Math.tan(angle);
   return {
     paraboloid: (r) => (r * r) / (2 * R),
@@ -16,6 +16,10 @@ function gap(profile) {
     power: (r) => profile.height * (r / profile.at_radius) ** profile.exponent,
     truncated_paraboloid: (r) => Math.max(0, r * r - b * b) / (2 * R),
     truncated_cone: (r) => Math.max(0, r - b) * tangent,
+    crossed_cylinders: (r) => (r * r) / (2 * radii?.[1]),
+    cylinder: (r) => (r * r) / (2 * R),
+    wedge: (r) => r * tangent,
+    punch: (r) => Math.max(0, r - flat) ** 2 / (2 * edge),
     table: (r) => {
       const at = R.findIndex((own) => own >= r);
       if (at <= 0) return profile.height[at < 0 ? profile.height.length - 1 : 0] - profile.height[0];
@@ -28,8 +32,11 @@ function gap(profile) {
 /** Draws the contact of a scenario or a result. Heights are enlarged to be visible. */
 export function sketch({ scenario, scales, unworn }) {
   const f = gap(scenario.profile);
-  const { contact_radius: a, indentation_depth: d } = scales;
+  const { contact_radius: a } = scales;
   if (!f || !a) return null;
+  const isStrip = isLine(scenario.profile);
+  // The depth of a line contact depends on the size of the bodies. The sketch shows the contact width.
+  const d = isStrip ? f(a) : scales.indentation_depth;
   const maxRadius = 2 * a;
   const scaleX = WIDTH / 2 / (maxRadius * 1.08);
   const heights = Array.from({ length: 81 }, (_, i) => f((i / 80) * maxRadius) - d);
@@ -40,7 +47,8 @@ export function sketch({ scenario, scales, unworn }) {
   const outline = [...half(-1).reverse(), ...half(1).slice(1)].join(" L");
   const c = unworn.stick_radius ?? 0;
   const line = (name, r, y) => svg("path", { class: name, d: `M${x(-r)},${y} L${x(r)},${y}` });
-  const description = `Cross-section: contact radius ${quantity(a, "m")}, stick radius ${quantity(c, "m")}, indentation depth ${quantity(d, "m")}`;
+  const description = isStrip ? `Cross-section along the motion: contact half-width ${quantity(a, "m")}, stick half-width ${quantity(c, "m")}`
+    : `Cross-section: contact radius ${quantity(a, "m")}, stick radius ${quantity(c, "m")}, indentation depth ${quantity(d, "m")}`;
   return h("figure", { class: "sketch" },
     svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": description },
       svg("rect", { class: "flat", x: 0, y: SURFACE, width: WIDTH, height: HEIGHT - SURFACE }),
@@ -49,5 +57,6 @@ export function sketch({ scenario, scales, unworn }) {
       line("slip", a, HEIGHT - 14), c > 0 ? line("stick", c, HEIGHT - 14) : null),
     h("figcaption", {}, h("span", { class: "key stick" }, `Stick zone, c = ${quantity(c, "m")}`), " ",
       h("span", { class: "key slip" }, `Slip zone, a₀ = ${quantity(a, "m")}`), " ",
+      isStrip && h("span", { class: "muted" }, `Length ${quantity(scenario.profile.length, "m")}, into the picture`),
       h("span", { class: "muted" }, `Heights enlarged ${Math.max(1, Math.round(scaleY / scaleX))}×`)));
 }

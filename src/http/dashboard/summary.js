@@ -28,13 +28,18 @@ const joined = (...parts) => parts.filter(Boolean).join(", ");
 /** For example "Paraboloid, R = 10 mm; F = 100 N, U = 2.256 µm, μ = 0.7". */
 export const title = (entry) => KINDS[entry.kind]?.title ?? titleOfRun(entry);
 
-const titleOfRun = ({ shape, motion, values }) => `${joined(WORDS[shape], equation("R", values.radius, "m"),
+/** A coefficient that changes has all its values in `values`. */
+const friction = (value) => (Object(value) === value && value.values
+  ? `μ\u00a0=\u00a0${digits(value.values[0])}…${digits(value.values.at(-1))}` : equation("μ", value, "1"));
+
+const titleOfRun = ({ shape, motion, values }) => `${joined(WORDS[shape], equation("R", values.radius ?? values.edge_radius, "m"),
+  values.radii && `R\u00a0=\u00a0${values.radii.map((radius) => quantity(radius, "m")).join(" and ")}`,
   equation("θ", values.slope_angle, "rad"), typeof values.exponent === "number" && `n\u00a0=\u00a0${digits(values.exponent)}`,
-  equation("b", values.flat_radius, "m"))}; ${joined(equation("F", values.normal_force, "N"),
+  equation("b", values.flat_radius ?? values.flat_half_width, "m"), equation("length", values.length, "m"))}; ${joined(equation("F", values.normal_force, "N"),
   motion === "tangential_force" ? equation("Q", values.tangential_force, "N")
     // Blocks and records have more than one amplitude.
     : motion !== "blocks" && motion !== "reversals" && equation("U", values.amplitude, "m"),
-  equation("μ", values.friction, "1"))}`;
+  friction(values.friction))}`;
 
 /** For example "Exact method · Partial slip · constant depth, constant amplitude". */
 export const subtitle = ({ kind, method, regime, held, motion }) => KINDS[kind] ? "A study of many runs"

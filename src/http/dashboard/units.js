@@ -10,23 +10,35 @@ const ENGINEERING = {
   J: ["mJ", 1e3],
   "1/Pa": ["mm³/(N m)", 1e9],
   "N/m": ["N/µm", 1e-6],
+  "N per m": ["N/mm", 1e-3],
   rad: ["deg", 180 / Math.PI],
 };
 
-const PRINTED = { "1": "", "m^3": "m³" };
+const PRINTED = { "1": "", "m^3": "m³", "N per m": "N/m" };
 
 /** The words that the dashboard shows for the names of the server. */
 export const WORDS = {
   ...NAMES, image: "1D profile (MDR)", radius: "Radius r", cycles: "Cycles N",
   paraboloid: "Paraboloid", sphere: "Sphere", cone: "Cone", power: "Power law", table: "Measured profile",
   truncated_paraboloid: "Truncated paraboloid", truncated_cone: "Truncated cone",
-  blocks: "Amplitude blocks", reversals: "Displacement record",
+  crossed_cylinders: "Crossed cylinders", cylinder: "Cylinder", wedge: "Wedge", punch: "Punch",
+  changing: "Table of values", blocks: "Amplitude blocks", reversals: "Displacement record",
   full_stick: "Full stick", partial_slip: "Partial slip", gross_slip: "Gross slip",
   simplified: "Simplified rule", exact: "Exact method",
   contact_lost: "Contact lost", shakedown: "Shakedown", until_reached: "Stop condition reached",
   rim_reached: "Edge of the profile reached", contact_splits: "Contact splits into core and ring",
-  energy_not_reached: "Requested energy not reached",
+  energy_not_reached: "Requested energy not reached", layer_worn_through: "Layer worn through",
 };
+
+/** The words that differ for a line contact. */
+const LINE_WORDS = { contact_radius: "Contact half-width", stick_radius: "Stick half-width", scar_radius: "Scar half-width",
+  radius: "Distance x from the middle" };
+
+/** Whether the contact of a profile is a line. */
+export const isLine = (profile) => ["cylinder", "wedge", "punch"].includes(profile?.shape) || profile?.geometry === "line";
+
+/** The word for a name of the server in a scenario. */
+export const wordOf = (name, { profile }) => (isLine(profile) && LINE_WORDS[name]) || WORDS[name];
 
 let isSi = localStorage.getItem("fretwork-units") === "si";
 
