@@ -292,7 +292,9 @@ impl Case {
     pub(crate) fn line_pace(&self) -> f64 {
         match self.scales.length {
             None => 1.0,
-            Some(_) => self.control.largest_threshold(&self.contact) + self.control.largest_stroke(),
+            Some(_) => {
+                self.control.largest_threshold(&self.contact) + self.control.largest_stroke()
+            }
         }
     }
 

@@ -135,7 +135,9 @@ pub enum NoValue {
     #[error("only a scenario with `rig_stiffness` has it")]
     NoRig,
     /// A line contact has no such value, or needs a reference for it.
-    #[error("a line contact has it only with `reference_distance` or `loop_stiffness`, or not at all")]
+    #[error(
+        "a line contact has it only with `reference_distance` or `loop_stiffness`, or not at all"
+    )]
     NoReference,
     /// The value is infinite.
     #[error("it is infinite")]

@@ -223,7 +223,13 @@ impl Backbone {
         let free_ratio = if slip_ratio > 1e-9 { energy_ratio / slip_ratio } else { 0.0 };
         if !self.is_placed {
             let displacement = vec![f64::NAN; displacement.len()];
-            return Loop { displacement, force, energy_ratio: f64::NAN, slip_ratio: f64::NAN, free_ratio };
+            return Loop {
+                displacement,
+                force,
+                energy_ratio: f64::NAN,
+                slip_ratio: f64::NAN,
+                free_ratio,
+            };
         }
         Loop { displacement, force, energy_ratio, slip_ratio, free_ratio }
     }

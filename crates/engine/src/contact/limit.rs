@@ -102,8 +102,11 @@ impl Limit {
                 let s = radius - width * v * v;
                 v * (d - shape.image(s)) * chord(s) / s
             };
-            let kinks: Vec<f64> =
-                shape.kinks().iter().map(|kink| ((radius - kink) / width).max(0.0).sqrt()).collect();
+            let kinks: Vec<f64> = shape
+                .kinks()
+                .iter()
+                .map(|kink| ((radius - kink) / width).max(0.0).sqrt())
+                .collect();
             4.0 * width * integrate_pieces(0.0, 1.0, &kinks, of_spring)
         } else if shape.kinks().iter().any(|kink| c - kink < width) {
             let of_spring = |x: f64| (d - shape.image(x)) * chord(x);

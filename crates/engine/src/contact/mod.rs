@@ -10,6 +10,7 @@ pub mod limit;
 pub mod profile;
 mod punch;
 pub mod record;
+pub mod reference;
 pub mod row;
 mod smoothing;
 pub(crate) mod splits;

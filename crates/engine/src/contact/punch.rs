@@ -75,7 +75,8 @@ impl Punch {
             * integrate(0.0, 1.0, |v| {
                 let u = most * v * v;
                 let s = from * libm::cosh(u);
-                let chord = if x < from { ((s - x) * (s + x)).sqrt() } else { from * libm::sinh(u) };
+                let chord =
+                    if x < from { ((s - x) * (s + x)).sqrt() } else { from * libm::sinh(u) };
                 let step = 2.0 * most * v * from * libm::sinh(u);
                 if chord == 0.0 { 0.0 } else { self.image_slope(s) * step / chord }
             })

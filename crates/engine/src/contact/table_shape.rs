@@ -701,7 +701,8 @@ mod tests {
         };
         // x²/2 with the image πs²/4, pressed to the half-width 1.2; a wedge with the image s.
         let cylinder = line(200, &|x| 0.5 * x * x);
-        let (half_width, pressed) = PressedTable::new(&cylinder, 0.36 * PI, false).expect("a table");
+        let (half_width, pressed) =
+            PressedTable::new(&cylinder, 0.36 * PI, false).expect("a table");
         assert!((half_width - 1.2).abs() < 1e-7, "{half_width}");
         let closed = crate::contact::profile::Shape::line_power(2.0);
         for x in [0.05, 0.3, 0.9, 1.3] {

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use super::control::Series;
 use super::course::Course;
 use super::geometry::Geometry;
 use super::layers::Layers;
 use super::limit::Limit;
 use super::profile::Shape;
+use super::reference::Series;
 
 /// The slip regime of the unworn contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -57,7 +57,16 @@ impl Contact {
             Geometry::Line if stick == 0.0 => Limit::solve(&shape, NARROW_CORE)?,
             _ => Limit::solve(&shape, stick)?,
         };
-        Some(Self { shape, threshold, stick, regime, limit, reference: None, course: None, layers: None })
+        Some(Self {
+            shape,
+            threshold,
+            stick,
+            regime,
+            limit,
+            reference: None,
+            course: None,
+            layers: None,
+        })
     }
 
     /// The same line contact with a reference for its displacements.

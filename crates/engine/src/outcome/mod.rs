@@ -347,7 +347,7 @@ impl BodyWear {
         share: Option<f64>,
         history: &History,
         parts: &[PartsOfWear],
-        half_lengths: [Vec<f64>; 2],
+        half_lengths: &[Vec<f64>; 2],
     ) -> [Self; 2] {
         let share_of = |body: usize| share.map(|share| if body == 0 { share } else { 1.0 - share });
         let is_known = !parts.is_empty();

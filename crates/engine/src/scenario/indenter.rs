@@ -317,7 +317,7 @@ impl Table {
             );
             Faults::one(&format!("/profile/height/{row}"), detail)
         })?;
-        Ok(Self { radius: radius.to_vec(), shape: Arc::new(shape) })
+        Ok(Self { radius: radius.clone(), shape: Arc::new(shape) })
     }
 
     /// The fault of a profile whose contact splits.

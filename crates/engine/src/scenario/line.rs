@@ -14,8 +14,9 @@
 
 use serde::Serialize;
 
-use super::motion::{MIN_RING, ROUNDED, UnwornContact};
-use crate::contact::control::{Block, Control, Normal, Series, Tangential};
+use super::pressed::{MIN_RING, ROUNDED, UnwornContact};
+use crate::contact::control::{Block, Control, Normal, Tangential};
+use crate::contact::reference::Series;
 use crate::numeric::{root, twelve_digits};
 use crate::request::fault::Faults;
 use crate::request::fields::{BlockCycles, Rounded};
@@ -127,7 +128,11 @@ impl LineMotion {
         let found = if let Some(blocks) = &motion.blocks.0 {
             match blocks {
                 Blocks::Forces(blocks) => Self::Forces {
-                    blocks: merged(blocks, |block| block.tangential_force.0, |block| &mut block.cycles),
+                    blocks: merged(
+                        blocks,
+                        |block| block.tangential_force.0,
+                        |block| &mut block.cycles,
+                    ),
                     reference,
                 },
                 Blocks::Strokes(blocks) => Self::Strokes {
@@ -283,9 +288,8 @@ impl LineMotion {
             Self::Stroke { amplitude, .. } => *amplitude,
             Self::Strokes { blocks, .. } => blocks[0].amplitude.0,
             Self::Sliding { sliding_amplitude, .. } => return *sliding_amplitude,
-            Self::Force { .. } | Self::Forces { .. } => series.map_or(f64::NAN, |series| {
-                series.stroke(&pressed.shape, first) * pressed.slip()
-            }),
+            Self::Force { .. } | Self::Forces { .. } => series
+                .map_or(f64::NAN, |series| series.stroke(&pressed.shape, first) * pressed.slip()),
         };
         stroke - rig * first * pressed.slip()
     }

@@ -24,6 +24,7 @@ mod instants;
 mod line;
 mod load;
 mod motion;
+mod pressed;
 pub mod work_done;
 
 use std::borrow::Cow;
@@ -33,10 +34,10 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::case::{self, Case, Method, Scales};
+use crate::contact;
 use crate::contact::course::{Course, Over, Track};
 use crate::contact::layers::Layers;
 use crate::contact::unworn::Contact;
-use crate::contact;
 use crate::contact::yielding::Rubbing;
 use crate::numeric::twelve_digits;
 use crate::request::changing::{self, ChangeTable, Changing};
@@ -51,7 +52,8 @@ use crate::solver::stepped::march::March;
 use indenter::Indenter;
 use instants::{CanonicalCycles, with_profiles};
 use load::{CanonicalLoad, CanonicalModuli, canonical_load};
-use motion::{CanonicalMotion, UnwornContact};
+use motion::CanonicalMotion;
+use pressed::UnwornContact;
 
 /// The version of the numerics. It increases when any digit of a result changes.
 pub const NUMERICS: u32 = 4;
@@ -125,7 +127,9 @@ impl CanonicalWear {
             Self::Layered { bodies } => {
                 let surface: f64 = bodies
                     .iter()
-                    .map(|body| body.layers.0.first().map_or(body.coefficient, |it| it.coefficient).0)
+                    .map(|body| {
+                        body.layers.0.first().map_or(body.coefficient, |it| it.coefficient).0
+                    })
                     .sum();
                 let most = |body: &WornBody| {
                     let layers = body.layers.0.iter().map(|layer| layer.coefficient.0);
@@ -337,6 +341,7 @@ impl Scenario {
             faults
                 .0
                 .iter_mut()
+                .filter(|fault| !fault.detail.ends_with("fewer cycles"))
                 .for_each(|fault| fault.detail.push_str(", or request fewer cycles"));
             return Err(faults);
         }

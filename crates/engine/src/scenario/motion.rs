@@ -9,30 +9,22 @@
 //! # Units
 //! SI.
 
-use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::indenter::Indenter;
 use super::line::LineMotion;
-use super::load::{CanonicalLoad, CanonicalModuli, press};
-use crate::case;
-use crate::contact::control::{Block, Control, Normal, Series, Tangential};
-use crate::contact::profile::Shape;
+use super::pressed::{MIN_RING, ROUNDED, UnwornContact, half_tangential};
+use crate::contact::control::{Block, Control, Normal, Tangential};
 use crate::contact::record::DisplacementRecord;
-use crate::numeric::{integrate, root, twelve_digits};
+use crate::contact::reference::Series;
+use crate::numeric::{root, twelve_digits};
 use crate::request::fault::Faults;
 use crate::request::fields::{Length, List};
 use crate::request::held::{self, Blocks, Motion, MotionHeld};
 
 /// Minimum U/U_gs. For a smaller ratio the slip ring would be lost in rounding.
 const MIN_THRESHOLD: f64 = 1e-6;
-/// Minimum width of the slip ring, in a₀, if the stick edge can move.
-pub(super) const MIN_RING: f64 = 1e-4;
-/// A ring may be narrower than the minimum by this factor. The largest stick ratio gives exactly the minimum, but only
-/// before its amplitude is rounded.
-pub(super) const ROUNDED: f64 = 1.0 - 1e-6;
 /// Maximum relative difference between the given stick ratio and the ratio that follows from the
 /// rounded amplitude.
 const STICK_DIGITS: f64 = 1e-3;
@@ -47,103 +39,6 @@ pub(super) enum CanonicalMotion {
     Blocks { blocks: Vec<held::Block> },
     Reversals { reversals: Vec<f64> },
     Line(LineMotion),
-}
-
-/// The unworn contact in SI units, with the normalised shape.
-pub(super) struct UnwornContact {
-    pub(super) shape: Shape,
-    /// Indentation depth d₀ in m.
-    pub(super) depth: f64,
-    /// Contact radius a₀ in m.
-    pub(super) contact_radius: f64,
-    pub(super) friction: f64,
-    /// The unit of force in N: E*a₀d₀, or the normal force of a line contact.
-    pub(super) force: f64,
-    /// The length of a line contact in m.
-    length: Option<f64>,
-    normal_modulus: f64,
-    tangential_modulus: f64,
-    /// The gross-slip threshold: U at Δ = 1, in m.
-    pub(super) gross_slip: f64,
-    /// The quantity that is held constant in the normal direction.
-    normal: Normal,
-}
-
-/// Half of the tangential force of the unworn contact: ∫₀¹ min(Δ, 1 − g₀) dx.
-fn half_tangential(shape: &Shape, threshold: f64) -> f64 {
-    if threshold >= 1.0 {
-        return shape.half_force();
-    }
-    let stick = shape.image_inverse(1.0 - threshold);
-    let ring = 1.0 - stick;
-    // The points are dense next to the stick edge, where the image of a power law with n < 2 has its largest
-    // curvature.
-    let slipping = integrate(0.0, 1.0, |s| {
-        let cube = s * s * s;
-        4.0 * ring * cube * (1.0 - shape.image(stick + ring * cube * s))
-    });
-    threshold * stick + slipping
-}
-
-impl UnwornContact {
-    /// Computes the unworn contact.
-    pub(super) fn new(
-        indenter: &Indenter,
-        load: &CanonicalLoad,
-        moduli: CanonicalModuli,
-        friction: f64,
-    ) -> Result<Self, Faults> {
-        let (depth, contact_radius, shape) = press(indenter, load, moduli.normal)?;
-        let tangential_modulus = moduli.tangential.unwrap_or(f64::NAN);
-        Ok(Self {
-            shape,
-            depth,
-            contact_radius,
-            friction,
-            force: match indenter.length() {
-                None => moduli.normal * contact_radius * depth,
-                Some(length) => FRAC_PI_2 * moduli.normal * depth * length,
-            },
-            length: indenter.length(),
-            normal_modulus: moduli.normal,
-            tangential_modulus,
-            gross_slip: friction * moduli.normal / tangential_modulus * depth,
-            normal: load.normal(),
-        })
-    }
-
-    /// The unit of slip of a line contact in m, μh₀.
-    pub(super) fn slip(&self) -> f64 {
-        self.friction * self.depth
-    }
-
-    /// The tangential force Q of the unworn contact at amplitude Δ.
-    fn tangential_force(&self, threshold: f64) -> f64 {
-        2.0 * self.friction * self.force * half_tangential(&self.shape, threshold)
-    }
-
-    /// The amplitude Δ at a tangential force Q < μF.
-    fn threshold_under(&self, tangential_force: f64) -> f64 {
-        let half = tangential_force / (2.0 * self.friction * self.force);
-        root(0.0, 1.0, |threshold| half_tangential(&self.shape, threshold) - half)
-    }
-
-    fn threshold(&self, amplitude: f64) -> f64 {
-        case::threshold(amplitude, self.gross_slip)
-    }
-
-    /// Returns the given tangential force, or a fault if friction cannot carry it.
-    fn carried(&self, tangential_force: f64) -> Result<f64, Faults> {
-        let most = 2.0 * self.friction * self.force * self.shape.half_force();
-        if tangential_force < most * (1.0 - 1e-9) {
-            return Ok(tangential_force);
-        }
-        let detail = format!(
-            "is {tangential_force:.6e} N, but friction carries at most μF = {most:.6e} N. Enter a \
-             smaller tangential force"
-        );
-        Err(Faults::one("/motion/tangential_force", detail))
-    }
 }
 
 impl CanonicalMotion {

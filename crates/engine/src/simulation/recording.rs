@@ -206,16 +206,13 @@ impl Recording {
             self.mismatch = Some(entry.worn_by_energy / dosed - 1.0);
             self.errors = Some(self.errors.map_or(entry.errors, |known| known.or(entry.errors)));
         }
-        let (amplitude, slip) = match scales.length {
-            None => {
-                let amplitude = scales.amplitude * (entry.threshold / contact.threshold) * m;
-                (amplitude, amplitude)
-            }
-            Some(_) => {
-                let rig = contact.reference.map_or(0.0, |reference| reference.rig());
-                let amplitude = (entry.stroke - rig * entry.threshold) * m * scales.slip();
-                (amplitude, entry.threshold * m * scales.slip())
-            }
+        let (amplitude, slip) = if scales.length.is_some() {
+            let rig = contact.reference.map_or(0.0, |reference| reference.rig());
+            let amplitude = (entry.stroke - rig * entry.threshold) * m * scales.slip();
+            (amplitude, entry.threshold * m * scales.slip())
+        } else {
+            let amplitude = scales.amplitude * (entry.threshold / contact.threshold) * m;
+            (amplitude, amplitude)
         };
         history.cycles.push(n);
         history.normalized_cycles.push(n / scales.cycles);

@@ -318,7 +318,7 @@ impl SingleRun {
             Method::Simplified { .. } => model_error(&case, unworn.loss, &recording.history),
         };
         let history = &recording.history;
-        let bodies = BodyWear::of(case.share, history, &recording.parts, recording.half_lengths);
+        let bodies = BodyWear::of(case.share, history, &recording.parts, &recording.half_lengths);
         let warnings = BodyWear::warnings(&bodies, history, case.scales.indentation_depth)
             .into_iter()
             .chain(numerical_error::warning(&case, recording.errors))

@@ -47,10 +47,12 @@ fn last(column: &[f64]) -> f64 {
 fn a_step_of_the_wear_coefficient_is_a_change_of_the_time_scale() {
     for base in [sliding_cylinder(), steel_ball()] {
         let k = 1.5e-14;
-        let step = json!({"coefficient": {"over": "cycles", "at": [500, 500], "values": [k, 3.0 * k]}});
+        let step =
+            json!({"coefficient": {"over": "cycles", "at": [500, 500], "values": [k, 3.0 * k]}});
         let stepped = with(with(base.clone(), "wear", step), "cycles", json!([500, 2000]));
         let stepped = with(stepped, "model", json!({"method": "exact"}));
-        let joined = with(with(base, "wear", json!({"coefficient": k})), "cycles", json!([500, 5000]));
+        let joined =
+            with(with(base, "wear", json!({"coefficient": k})), "cycles", json!([500, 5000]));
         let joined = with(joined, "model", json!({"method": "exact"}));
         let (stepped, joined) = (outcome(&stepped), outcome(&joined));
         for row in [1, 2] {
@@ -185,7 +187,8 @@ fn layers_of_equal_coefficients_are_one() {
         let request = with(sliding_cylinder(), "wear", json!({"bodies": bodies}));
         json!(scenario::check(&request, "").expect("a scenario").0)
     };
-    let bodies = |layers: Value| json!([{"coefficient": 1e-14}, {"layers": layers, "coefficient": 3e-14}]);
+    let bodies =
+        |layers: Value| json!([{"coefficient": 1e-14}, {"layers": layers, "coefficient": 3e-14}]);
     let one = canonical(bodies(json!([layer("0.3 um", 2e-14)])));
     let two = canonical(bodies(json!([layer("0.1 um", 2e-14), layer("0.2 um", 2e-14)])));
     let below = canonical(bodies(json!([layer("0.3 um", 2e-14), layer("9 um", 3e-14)])));

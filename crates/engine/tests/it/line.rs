@@ -1,7 +1,8 @@
 //! Line contacts: closed forms, converged runs of another code, boundary elements, and the balance of energy.
 
-use fretwork_engine::contact::control::{Control, Normal, Series, Tangential};
+use fretwork_engine::contact::control::{Control, Normal, Tangential};
 use fretwork_engine::contact::profile::Shape;
+use fretwork_engine::contact::reference::Series;
 use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::numeric::integrate;
 use fretwork_engine::solver::curves::Curves;
@@ -31,12 +32,13 @@ fn stroke(contact: &Contact, reach: f64) -> f64 {
     let angle = |s: f64| libm::asin(s / reach);
     let pieces = |from: f64, to: f64| -> f64 {
         let width = (to - from) / 200.0;
-        (0..200).map(|i| from + width * f64::from(i)).map(|x| integrate(x, x + width, of_angle)).sum()
+        (0..200)
+            .map(|i| from + width * f64::from(i))
+            .map(|x| integrate(x, x + width, of_angle))
+            .sum()
     };
     let kink = contact.shape.kinks().first().copied().unwrap_or(from).max(from);
-    pieces(angle(from), angle(kink))
-        + pieces(angle(kink), angle(1.0))
-        + theta * libm::acosh(reach)
+    pieces(angle(from), angle(kink)) + pieces(angle(kink), angle(1.0)) + theta * libm::acosh(reach)
 }
 
 fn at(run: &mut March, time: f64) -> MarchState {
@@ -177,7 +179,8 @@ fn boundary_elements_find_the_pressure_and_the_slip_of_worn_contacts() {
     const REACH: f64 = 12.0;
     for shape in [Shape::line_power(2.0), Shape::line_power(1.0), Shape::punch(0.5)] {
         let reference = Some(points_at(REACH));
-        let partial = Contact::sticking(shape.clone(), 0.6).expect("a limit").measured_against(reference);
+        let partial =
+            Contact::sticking(shape.clone(), 0.6).expect("a limit").measured_against(reference);
         let whole = Contact::new(shape.clone(), 1.0).expect("scales").measured_against(reference);
         let (stick, slide) = (stroke(&partial, REACH), 4.0 * stroke(&whole, REACH));
         let of_stroke = |amplitude: f64| {
@@ -196,7 +199,11 @@ fn boundary_elements_find_the_pressure_and_the_slip_of_worn_contacts() {
                 let mut run = started(&partial, &held(Tangential::Stroke(stick)), time);
                 let by_stroke = compare((&partial, &mut run), time, (of_stroke(stick), elements));
                 let mut run = started(&whole, &held(Tangential::Stroke(slide)), short);
-                [by_force, by_stroke, compare((&whole, &mut run), short, (of_stroke(slide), elements))]
+                [
+                    by_force,
+                    by_stroke,
+                    compare((&whole, &mut run), short, (of_stroke(slide), elements)),
+                ]
             });
             let [coarse, fine] = found;
             for (held, (coarse, fine)) in coarse.iter().zip(&fine).enumerate() {
@@ -206,7 +213,11 @@ fn boundary_elements_find_the_pressure_and_the_slip_of_worn_contacts() {
                 assert!(fine.energy < 7e-4, "{name}: {}", fine.energy);
                 // The sharp tip of an unworn wedge carries an infinite pressure.
                 let is_sharp = shape.peak_pressure().is_infinite() && held == 2 && time < 0.1;
-                assert!(fine.pressure < if is_sharp { 0.06 } else { 0.04 }, "{name}: {}", fine.pressure);
+                assert!(
+                    fine.pressure < if is_sharp { 0.06 } else { 0.04 },
+                    "{name}: {}",
+                    fine.pressure
+                );
             }
         }
     }
@@ -237,16 +248,21 @@ fn a_measured_cylinder_wears_like_a_cylinder() {
                 "wear": {"coefficient": 1e-15}, "load": {"normal_force": "18.5 N/mm"},
                 "motion": motion, "cycles": [1e3, 1e4, 1e5],
             });
-            let (scenario, _) = scenario::check(&request, "").unwrap_or_else(|faults| panic!("{faults:?}"));
+            let (scenario, _) =
+                scenario::check(&request, "").unwrap_or_else(|faults| panic!("{faults:?}"));
             Simulation::of(&scenario).expect("a contact").run()
         };
         let cylinder = run(json!({"shape": "cylinder", "radius": radius, "length": "10 mm"}));
-        let power = run(json!({"shape": "power", "geometry": "line", "length": "10 mm", "exponent": 2,
+        let power =
+            run(json!({"shape": "power", "geometry": "line", "length": "10 mm", "exponent": 2,
                                "height": 0.5 * radius, "at_radius": radius}));
-        let table = run(json!({"shape": "table", "geometry": "line", "length": "10 mm", "radius": x, "height": z}));
+        let table = run(
+            json!({"shape": "table", "geometry": "line", "length": "10 mm", "radius": x, "height": z}),
+        );
         for other in [&power, &table] {
             for (name, column) in cylinder.history.columns() {
-                let (_, again) = other.history.columns().into_iter().find(|it| it.0 == name).expect(name);
+                let (_, again) =
+                    other.history.columns().into_iter().find(|it| it.0 == name).expect(name);
                 if name.ends_with("_error") {
                     continue;
                 }

@@ -38,21 +38,19 @@ impl Curves {
         worn: &WornContact,
         radii: &[f64],
     ) -> Self {
-        let inner = mesh.radii[0];
+        let (inner, outer) = (mesh.radii[0], mesh.radii[mesh.radii.len() - 1]);
         let Mesh { geometry, places, .. } = mesh;
-        let (geometry, place) = (*geometry, |r: f64| geometry.place(r));
+        let place = |r: f64| geometry.place(r);
         let (start, end) = (places[0], places[places.len() - 1]);
-        let outer = mesh.radii[mesh.radii.len() - 1];
-        let WornContact { wear, images, compressions, slips, depth, contact_radius, scar, .. } =
-            worn;
-        let contact_radius = *contact_radius;
+        let WornContact { wear, images, compressions, depth, scar, .. } = worn;
+        let contact_radius = worn.contact_radius;
         let middles: Vec<f64> =
             mesh.radii.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
         // In gross slip, the spring on the axis has the same compression as the first cell.
-        let edge = if !mesh.is_whole {
-            depth - shape.image(inner) - prior.image(inner)
-        } else {
+        let edge = if mesh.is_whole {
             depth - images[0]
+        } else {
+            depth - shape.image(inner) - prior.image(inner)
         };
         let live = compressions.len();
         let rim = place(contact_radius);
@@ -79,8 +77,8 @@ impl Curves {
             [&places[..inside], &[rim]].concat(),
             [&pressure[..inside], &[0.0]].concat(),
         );
-        let slip = Monotone::through(places.clone(), mesh.solve(slips));
-        let total = PriorWear::of(geometry, worn.places.clone(), wear.clone(), *scar);
+        let slip = Monotone::through(places.clone(), mesh.solve(&worn.slips));
+        let total = PriorWear::of(*geometry, worn.places.clone(), wear.clone(), *scar);
         let profile = Monotone::through(worn.places.clone(), wear.clone());
         let middle_places = middles.iter().map(|x| place(*x));
         let knots = iter::once(start).chain(middle_places).chain([end]).collect();
@@ -120,21 +118,27 @@ impl Curves {
                 }
             }),
             slip: curve(radii, |r| {
-                let middle = worn.middle / worn.threshold;
                 if r <= inner && !mesh.is_whole {
                     0.0
                 } else if place(r) < end {
-                    (slip(place(r)) + middle).max(0.0)
-                } else if geometry == Geometry::Line {
-                    middle + mesh.slip_at(r, worn.threshold, &worn.loads) / worn.threshold
+                    (slip(place(r)) + worn.middle / worn.threshold).max(0.0)
                 } else {
-                    let free = slips.last().copied().unwrap_or(1.0);
-                    free * (1.0 - FRAC_2_PI * libm::asin(inner / r))
-                        - displacement(&middles, &mesh.widths, slips, r, free)
+                    slip_beyond(mesh, worn, &middles, r)
                 }
             }),
         }
     }
+}
+
+/// The slip at a radius outside the mesh.
+fn slip_beyond(mesh: &Mesh, worn: &WornContact, middles: &[f64], r: f64) -> f64 {
+    let WornContact { slips, middle, threshold, loads, .. } = worn;
+    if mesh.geometry == Geometry::Line {
+        return (middle + mesh.slip_at(r, *threshold, loads)) / threshold;
+    }
+    let free = slips.last().copied().unwrap_or(1.0);
+    free * (1.0 - FRAC_2_PI * libm::asin(mesh.radii[0] / r))
+        - displacement(middles, &mesh.widths, slips, r, free)
 }
 
 /// The values at the given radii.

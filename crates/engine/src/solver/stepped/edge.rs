@@ -78,9 +78,8 @@ impl ContactEdge {
     /// Records the radius at the time in the last step at which a spring came into contact.
     fn touch(&mut self, run: &mut MeshRun, spring: usize) {
         let (began, time) = (run.rkc.began(), run.rkc.time);
-        let mut at = |time| {
-            run.under(time, |wearing, values| gap(wearing, &wearing.wear(values), spring))
-        };
+        let mut at =
+            |time| run.under(time, |wearing, values| gap(wearing, &wearing.wear(values), spring));
         let (before, after) = (at(began), at(time));
         if after <= 0.0 {
             // The spring is not in contact: only springs further out are.

@@ -516,7 +516,9 @@ impl March {
         let until = self.until;
         let run = &mut self.fine;
         match kind {
-            EventKind::RimReached | EventKind::EnergyNotReached | EventKind::LayerWornThrough => 1.0,
+            EventKind::RimReached | EventKind::EnergyNotReached | EventKind::LayerWornThrough => {
+                1.0
+            }
             EventKind::ContactSplits => {
                 let Some(splits) = &self.splits else { return 1.0 };
                 run.under(time, |wearing, values| {

@@ -193,14 +193,15 @@ impl MeshPlan {
         // The simplified rule satisfies the energy balance less accurately.
         let share = if law == Law::Exact { 1.0 } else { 1.6 };
         let changes = contact.course.as_ref().map_or(1.0, |course| course.fastest());
-        let fastest = changes * match shape.geometry() {
-            Geometry::Round => {
-                let quickest = control.largest_threshold(contact) / contact.threshold;
-                2.0 * share * shape.half_force() * quickest
-            }
-            // The slip of the middle is at most the stroke, and the springs add y(θ − y) ≤ ¼.
-            Geometry::Line => control.largest_stroke() + 0.5,
-        };
+        let fastest = changes
+            * match shape.geometry() {
+                Geometry::Round => {
+                    let quickest = control.largest_threshold(contact) / contact.threshold;
+                    2.0 * share * shape.half_force() * quickest
+                }
+                // The slip of the middle is at most the stroke, and the springs add y(θ − y) ≤ ¼.
+                Geometry::Line => control.largest_stroke() + 0.5,
+            };
         let cut = |radius: f64| {
             let depth = shape.profile(radius);
             let of_ring = |r: f64| match shape.geometry() {

@@ -70,7 +70,8 @@ impl PriorWear {
         if self.is_empty() {
             return Self::of(geometry, places.to_vec(), wear.to_vec(), radius);
         }
-        let added = Self::of(geometry, places.to_vec(), self.evened(places, wear, &profile), radius);
+        let added =
+            Self::of(geometry, places.to_vec(), self.evened(places, wear, &profile), radius);
         let mut nodes = [&self.places[..], places].concat();
         nodes.sort_by(f64::total_cmp);
         nodes.dedup();
@@ -152,7 +153,10 @@ impl PriorWear {
             }
             let keep = |list: &[f64]| kept.iter().map(|j| list[*j]).collect();
             let edges = std::mem::take(&mut self.edges);
-            self = Self { edges, ..Self::of(self.geometry, keep(&self.places), keep(&self.wear), self.radius) };
+            self = Self {
+                edges,
+                ..Self::of(self.geometry, keep(&self.places), keep(&self.wear), self.radius)
+            };
         }
     }
 
@@ -398,7 +402,9 @@ mod tests {
         let sign = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
         let waves: Vec<f64> = (0..=40).map(|i| smooth[i] + 0.01 * sign(i)).collect();
         let prior = PriorWear::of(Geometry::Round, vec![0.0, 1.0], vec![0.0, 0.0], 1.0);
-        let volume = |wear: &[f64]| PriorWear::of(Geometry::Round, squares.clone(), wear.to_vec(), 1.0).volume();
+        let volume = |wear: &[f64]| {
+            PriorWear::of(Geometry::Round, squares.clone(), wear.to_vec(), 1.0).volume()
+        };
         for wear in [&smooth, &waves] {
             let even = prior.evened(&squares, wear, |_| 0.0);
             assert!((volume(&even) - volume(wear)).abs() < 1e-12);

@@ -115,8 +115,7 @@ pub(super) struct MeshRun {
 /// again.
 pub(super) fn moves(control: &Control, contact: &Contact) -> bool {
     let slips = contact.regime == Regime::GrossSlip;
-    let stays =
-        !control.drifts(contact) && matches!(control.tangential, Tangential::Blocks(_));
+    let stays = !control.drifts(contact) && matches!(control.tangential, Tangential::Blocks(_));
     contact.changes_friction()
         || !control.keeps_stick(contact)
             && !stays

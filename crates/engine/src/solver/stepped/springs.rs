@@ -23,8 +23,9 @@
 
 use super::mesh::Mesh;
 use super::prior::PriorWear;
-use crate::contact::control::{Control, Normal, Series, Tangential};
+use crate::contact::control::{Control, Normal, Tangential};
 use crate::contact::geometry::Geometry;
+use crate::contact::reference::Series;
 use crate::contact::unworn::Contact;
 
 /// Images are computed up to this share beyond the present depth, because the depth can increase at
@@ -270,7 +271,10 @@ impl Springs {
 
     /// K of each spring in contact, and C with the springs outside the contact and without the rig, of a line contact.
     /// Without a reference, K is ln of the ratio of the ends, and C is `None`.
-    pub(crate) fn in_series(&self, compressions: &[f64]) -> (impl Iterator<Item = f64>, Option<f64>) {
+    pub(crate) fn in_series(
+        &self,
+        compressions: &[f64],
+    ) -> (impl Iterator<Item = f64>, Option<f64>) {
         let live = compressions.len();
         let (springs, outside) = match &self.stroke {
             Some((springs, outside)) => {

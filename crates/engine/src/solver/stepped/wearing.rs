@@ -403,7 +403,11 @@ impl Wearing {
 
     /// The stick radius c in the present state of the springs.
     fn stick(&self) -> f64 {
-        if self.springs.control.keeps_stick(&self.contact) { self.contact.stick } else { self.springs.stick() }
+        if self.springs.control.keeps_stick(&self.contact) {
+            self.contact.stick
+        } else {
+            self.springs.stick()
+        }
     }
 
     /// Whether ã is constant.
@@ -553,7 +557,8 @@ impl Wearing {
         let (contact_radius, scar) = self.radii(&wear, &images);
         let bodies = self.contact.layers.as_ref().map(|layers| {
             [0, 1].map(|body| {
-                let depths: Vec<f64> = values.iter().map(|dose| layers.depth(body, *dose)).collect();
+                let depths: Vec<f64> =
+                    values.iter().map(|dose| layers.depth(body, *dose)).collect();
                 let deepest = vertex(&mesh.radii, &depths, largest(&depths));
                 (mesh.geometry.positive_volume(&mesh.places, &depths), deepest)
             })
@@ -815,8 +820,9 @@ fn on_axis(shape: &Shape, places: &[f64], wear: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::control::{Block, Control, Series};
+    use crate::contact::control::{Block, Control};
     use crate::contact::record::DisplacementRecord;
+    use crate::contact::reference::Series;
     use crate::contact::row::UnwornSums;
     use crate::solver::stepped::rkc::Rkc;
 

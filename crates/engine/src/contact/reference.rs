@@ -1,0 +1,64 @@
+//! The reference of the displacements of a line contact. The rigid displacement of a half-plane has no bound, so a stroke
+//! is measured against points of its surface, or by the slope of a loop.
+//!
+//! # Equations
+//! In units of a₀ and μh₀, with the threshold θ of the springs and their compression y:
+//! ```text
+//! U = θ·C + ∫ (θ − y)₊ L ds/(s √(L²−s²)) over c…L          points at the distance L; C is the rig
+//! U = θ·C + ∫ (θ − y)₊ ds/s over c…a − θ ln(a/a₀)           C is 1/S, the compliance of the unworn contact
+//! ```
+
+use super::profile::Shape;
+use crate::numeric::integrate;
+
+/// What the displacements of a line contact are measured against.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Series {
+    /// The distance L of the points of the surface that define the displacement. Infinite if the loop defines it.
+    pub reach: f64,
+    /// What yields beside the surface inside `reach`: μF/k_rig, or with an infinite reach μF/S of the unworn contact.
+    pub compliance: f64,
+}
+
+impl Series {
+    /// ∫ L ds/(s √(L²−s²)) from `from` to `to`, or ∫ ds/s if the reach is infinite.
+    pub(crate) fn between(&self, from: f64, to: f64) -> f64 {
+        if self.reach.is_infinite() {
+            return libm::log(to / from);
+        }
+        let part = |s: f64| libm::acosh((self.reach / s).max(1.0));
+        part(from) - part(to)
+    }
+
+    /// What a unit of θ moves beside the surface: the rig.
+    pub(crate) fn rig(&self) -> f64 {
+        if self.reach.is_infinite() { 0.0 } else { self.compliance }
+    }
+
+    /// The stroke of the unworn contact of `shape` at θ, in μh₀.
+    pub(crate) fn stroke(&self, shape: &Shape, threshold: f64) -> f64 {
+        let stick = shape.stick_radius(threshold);
+        let rise = |s: f64| threshold - 1.0 + shape.image(s);
+        let of_spring = |s: f64| {
+            if self.reach.is_infinite() {
+                return rise(s) / s;
+            }
+            rise(s) * self.reach / (s * ((self.reach - s) * (self.reach + s)).sqrt())
+        };
+        // The cube makes the image smooth at the stick edge and at the middle. Beyond a flat, the image rises like a
+        // power 3/2.
+        let from = shape.kinks().iter().copied().fold(stick, f64::max);
+        let width = 1.0 - from;
+        let slipping =
+            integrate(0.0, 1.0, |v| 3.0 * width * v * v * of_spring(from + width * v * v * v));
+        threshold * self.outside(1.0) + slipping
+    }
+
+    /// C: what a unit of θ moves outside the half-width `end`.
+    pub(crate) fn outside(&self, end: f64) -> f64 {
+        if self.reach.is_infinite() {
+            return self.compliance - libm::log(end);
+        }
+        self.compliance + libm::acosh((self.reach / end).max(1.0))
+    }
+}

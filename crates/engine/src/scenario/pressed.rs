@@ -1,0 +1,114 @@
+//! The unworn contact in SI units, from which load and motion are resolved.
+
+use std::f64::consts::FRAC_PI_2;
+
+use super::indenter::Indenter;
+use super::load::{CanonicalLoad, CanonicalModuli, press};
+use crate::case;
+use crate::contact::control::Normal;
+use crate::contact::profile::Shape;
+use crate::numeric::{integrate, root};
+use crate::request::fault::Faults;
+
+/// Minimum width of the slip ring, in a₀, if the stick edge can move.
+pub(super) const MIN_RING: f64 = 1e-4;
+/// A ring may be narrower than the minimum by this factor. The largest stick ratio gives exactly the minimum, but only
+/// before its amplitude is rounded.
+pub(super) const ROUNDED: f64 = 1.0 - 1e-6;
+
+/// The unworn contact in SI units, with the normalised shape.
+pub(super) struct UnwornContact {
+    pub(super) shape: Shape,
+    /// Indentation depth d₀ in m.
+    pub(super) depth: f64,
+    /// Contact radius a₀ in m.
+    pub(super) contact_radius: f64,
+    pub(super) friction: f64,
+    /// The unit of force in N: E*a₀d₀, or the normal force of a line contact.
+    pub(super) force: f64,
+    /// The length of a line contact in m.
+    pub(super) length: Option<f64>,
+    pub(super) normal_modulus: f64,
+    pub(super) tangential_modulus: f64,
+    /// The gross-slip threshold: U at Δ = 1, in m.
+    pub(super) gross_slip: f64,
+    /// The quantity that is held constant in the normal direction.
+    pub(super) normal: Normal,
+}
+
+/// Half of the tangential force of the unworn contact: ∫₀¹ min(Δ, 1 − g₀) dx.
+pub(super) fn half_tangential(shape: &Shape, threshold: f64) -> f64 {
+    if threshold >= 1.0 {
+        return shape.half_force();
+    }
+    let stick = shape.image_inverse(1.0 - threshold);
+    let ring = 1.0 - stick;
+    // The points are dense next to the stick edge, where the image of a power law with n < 2 has its largest
+    // curvature.
+    let slipping = integrate(0.0, 1.0, |s| {
+        let cube = s * s * s;
+        4.0 * ring * cube * (1.0 - shape.image(stick + ring * cube * s))
+    });
+    threshold * stick + slipping
+}
+
+impl UnwornContact {
+    /// Computes the unworn contact.
+    pub(super) fn new(
+        indenter: &Indenter,
+        load: &CanonicalLoad,
+        moduli: CanonicalModuli,
+        friction: f64,
+    ) -> Result<Self, Faults> {
+        let (depth, contact_radius, shape) = press(indenter, load, moduli.normal)?;
+        let tangential_modulus = moduli.tangential.unwrap_or(f64::NAN);
+        Ok(Self {
+            shape,
+            depth,
+            contact_radius,
+            friction,
+            force: match indenter.length() {
+                None => moduli.normal * contact_radius * depth,
+                Some(length) => FRAC_PI_2 * moduli.normal * depth * length,
+            },
+            length: indenter.length(),
+            normal_modulus: moduli.normal,
+            tangential_modulus,
+            gross_slip: friction * moduli.normal / tangential_modulus * depth,
+            normal: load.normal(),
+        })
+    }
+
+    /// The unit of slip of a line contact in m, μh₀.
+    pub(super) fn slip(&self) -> f64 {
+        self.friction * self.depth
+    }
+
+    /// The tangential force Q of the unworn contact at amplitude Δ.
+    pub(super) fn tangential_force(&self, threshold: f64) -> f64 {
+        2.0 * self.friction * self.force * half_tangential(&self.shape, threshold)
+    }
+
+    /// The amplitude Δ at a tangential force Q < μF.
+    pub(super) fn threshold_under(&self, tangential_force: f64) -> f64 {
+        let half = tangential_force / (2.0 * self.friction * self.force);
+        root(0.0, 1.0, |threshold| half_tangential(&self.shape, threshold) - half)
+    }
+
+    pub(super) fn threshold(&self, amplitude: f64) -> f64 {
+        case::threshold(amplitude, self.gross_slip)
+    }
+
+    /// Returns the given tangential force, or a fault if friction cannot carry it.
+    pub(super) fn carried(&self, tangential_force: f64) -> Result<f64, Faults> {
+        let most = 2.0 * self.friction * self.force * self.shape.half_force();
+        if tangential_force < most * (1.0 - 1e-9) {
+            return Ok(tangential_force);
+        }
+        let detail = format!(
+            "is {tangential_force:.6e} N, but friction carries at most μF = {most:.6e} N. Enter a \
+             smaller tangential force"
+        );
+        Err(Faults::one("/motion/tangential_force", detail))
+    }
+}
