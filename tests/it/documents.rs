@@ -36,7 +36,8 @@ fn root() -> PathBuf {
 }
 
 fn read(path: &str) -> Document {
-    let text = fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
+    let text =
+        fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
     Document { path: path.to_owned(), text }
 }
 
@@ -175,7 +176,7 @@ fn every_link_leads_to_a_file_and_a_heading() {
         let directory = root().join(&document.path).parent().unwrap().to_owned();
         for part in document.parts() {
             let Part::Link(link) = part else { continue };
-            if link.contains("://") {
+            if link.contains("://") || link.contains('@') {
                 continue;
             }
             let (file, anchor) = link.split_once('#').unwrap_or((&link, ""));
@@ -199,14 +200,19 @@ fn every_link_leads_to_a_file_and_a_heading() {
 async fn the_server_shows_every_document_with_links_that_work() {
     let server = Server::start().await;
     let mut links = BTreeSet::new();
-    let others = ["ARCHITECTURE", "CHANGELOG", "CONTRIBUTING", "VERIFICATION", "third-party-licenses"];
+    let others =
+        ["ARCHITECTURE", "CHANGELOG", "CONTRIBUTING", "VERIFICATION", "third-party-licenses"];
     let names = pages().into_iter().map(|page| {
         let name = page.path.trim_start_matches("docs/").trim_end_matches("README.md");
         name.trim_end_matches(".md").to_owned()
     });
     for name in names.chain(others.map(str::to_lowercase)) {
         let page = server.get(&format!("/docs/{}", name.trim_end_matches('/'))).await;
-        assert_eq!((page.status, page.header("content-type")), (200, Some("text/html; charset=utf-8")), "{name}");
+        assert_eq!(
+            (page.status, page.header("content-type")),
+            (200, Some("text/html; charset=utf-8")),
+            "{name}"
+        );
         let policy = page.header("content-security-policy").unwrap();
         assert!(policy.starts_with("default-src 'none'; style-src 'self';"), "{policy}");
         let text = page.text();
@@ -214,7 +220,8 @@ async fn the_server_shows_every_document_with_links_that_work() {
         let found = text.split("href=\"").skip(1).map(|rest| rest.split('"').next().unwrap());
         for link in found {
             assert!(link.starts_with(['/', '#']) || link.contains("://"), "{name}: {link}");
-            let own = if link.starts_with('#') { format!("/docs/{name}{link}") } else { link.to_owned() };
+            let own =
+                if link.starts_with('#') { format!("/docs/{name}{link}") } else { link.to_owned() };
             links.insert(own);
         }
     }
@@ -227,8 +234,8 @@ async fn the_server_shows_every_document_with_links_that_work() {
         checked += 1;
     }
     assert!(checked > 40, "{checked}");
-    let page = server.get("/docs/verification").await.text();
-    assert!(page.contains("<td class=\"number\">"), "numbers are right-aligned");
+    let page = server.get("/docs/verification").await;
+    assert!(page.text().contains("<td class=\"number\">"), "numbers are right-aligned");
     server.get("/docs/no-such-page").await.problem(404, "not-found");
     assert_eq!(server.get("/docs").await.header("location"), Some("/docs/"));
 }
@@ -277,12 +284,17 @@ fn the_json_in_documents_is_accepted() {
     let mut checked = 0;
     for document in guides() {
         for block in document.blocks("json") {
-            let value = serde_json::from_str(&block).unwrap_or_else(|error| panic!("{block}: {error}"));
+            let value =
+                serde_json::from_str(&block).unwrap_or_else(|error| panic!("{block}: {error}"));
             assert!(is_accepted(&value), "{}: {block}", document.path);
             checked += 1;
         }
         // The cells of tables have examples, too. Those with an ellipsis are not complete.
-        for code in document.codes().iter().filter(|code| code.starts_with(['{', '[']) && !code.contains('…')) {
+        for code in document
+            .codes()
+            .iter()
+            .filter(|code| code.starts_with(['{', '[']) && !code.contains('…'))
+        {
             let Ok(value) = serde_json::from_str(code) else { continue };
             assert!(is_accepted(&value), "{}: {code}", document.path);
             checked += 1;
@@ -303,7 +315,8 @@ fn helps() -> BTreeMap<String, String> {
     };
     let main = help(&[]);
     let commands = main.split("Commands:").nth(1).unwrap().split("\n\n").next().unwrap();
-    let commands = commands.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    let commands =
+        commands.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
     let names = commands.filter_map(|line| line.split_whitespace().next());
     let mut all: BTreeMap<_, _> =
         names.filter(|name| *name != "help").map(|name| (name.to_owned(), help(&[name]))).collect();
@@ -316,14 +329,19 @@ fn helps() -> BTreeMap<String, String> {
 #[test]
 fn the_commands_options_and_variables_in_documents_exist() {
     let helps = helps();
-    let has = |help: &str, option: &str| help.split([' ', '\n', ',', '`', ')', ']']).any(|word| word == option);
-    let settings: String = ["compose.yaml", "clients/README.md"].map(|name| read(name).text).concat();
+    let has = |help: &str, option: &str| {
+        help.split([' ', '\n', ',', '`', ')', ']']).any(|word| word == option)
+    };
+    let settings: String =
+        ["compose.yaml", "clients/README.md"].map(|name| read(name).text).concat();
     let everything: String = helps.values().map(String::as_str).collect::<String>() + &settings;
     let mut checked = 0;
     for document in guides() {
         let mut lines = document.codes();
         for language in ["sh", "console"] {
-            lines.extend(document.blocks(language).iter().flat_map(|block| block.lines()).map(str::to_owned));
+            lines.extend(
+                document.blocks(language).iter().flat_map(|block| block.lines()).map(str::to_owned),
+            );
         }
         for line in &lines {
             for name in line.split(|c: char| !c.is_ascii_uppercase() && c != '_') {
@@ -342,8 +360,10 @@ fn the_commands_options_and_variables_in_documents_exist() {
                 assert!(known, "{}: {option} is no option", document.path);
                 checked += 1;
             } else if words.next() == Some("fretwork") {
-                let command = words.peek().filter(|word| !word.starts_with('-')).copied().unwrap_or_default();
-                let help = helps.get(command).unwrap_or_else(|| panic!("{}: {line}", document.path));
+                let command =
+                    words.peek().filter(|word| !word.starts_with('-')).copied().unwrap_or_default();
+                let help =
+                    helps.get(command).unwrap_or_else(|| panic!("{}: {line}", document.path));
                 for option in words.filter(|word| word.starts_with("--")) {
                     assert!(has(help, option), "{}: {line}: {option}", document.path);
                 }
@@ -376,7 +396,17 @@ fn the_routes_in_documents_exist() {
 #[test]
 fn the_files_that_documents_name_exist() {
     let known = files(&[
-        ".github", "benches", "clients", "crates", "deploy", "docs", "examples", "migrations", "openapi", "src", "tests",
+        ".github",
+        "benches",
+        "clients",
+        "crates",
+        "deploy",
+        "docs",
+        "examples",
+        "migrations",
+        "openapi",
+        "src",
+        "tests",
     ]);
     let is_known = |name: &str| {
         root().join(name).exists()
@@ -387,12 +417,15 @@ fn the_files_that_documents_name_exist() {
     };
     let mut checked = 0;
     for document in guides() {
-        let is_about_code = !document.path.starts_with("docs/") || document.path.contains("decisions");
+        let is_about_code =
+            !document.path.starts_with("docs/") || document.path.contains("decisions");
         for code in document.codes().into_iter().filter(|_| is_about_code) {
             let path = code.trim_end_matches('/');
             let suffix = Path::new(path).extension().and_then(|suffix| suffix.to_str());
-            let is_file = suffix.is_some_and(|suffix| ["html", "js", "json", "md", "rs", "yml"].contains(&suffix));
-            let is_path = path.contains('/') && ["crates", "src", "tests"].contains(&path.split('/').next().unwrap());
+            let is_file = suffix
+                .is_some_and(|suffix| ["html", "js", "json", "md", "rs", "yml"].contains(&suffix));
+            let is_path = path.contains('/')
+                && ["crates", "src", "tests"].contains(&path.split('/').next().unwrap());
             let is_name = !path.contains([' ', '{', '(', ':']) && !path.contains("NAME");
             if (is_file || is_path) && is_name && !path.starts_with('/') && path != "job.json" {
                 assert!(is_known(path), "{}: {code}", document.path);
@@ -487,7 +520,8 @@ fn the_errors_of_the_exact_method_are_those_of_the_verification() {
     ];
     for (name, [median, most]) in known {
         let rows = rows(&page);
-        let row = rows.iter().find(|row| row[0].starts_with(name)).unwrap_or_else(|| panic!("{name}"));
+        let row =
+            rows.iter().find(|row| row[0].starts_with(name)).unwrap_or_else(|| panic!("{name}"));
         let (told, below) = (percent(row[1]), percent(row[2]));
         assert!((told / median - 1.0).abs() < 0.2, "{name}: {told}, {median}");
         assert!(below >= most && below < 2.0 * most, "{name}: {below}, {most}");
@@ -531,6 +565,24 @@ fn the_numbers_about_poissons_ratio_are_right() {
 }
 
 #[test]
+fn a_crate_is_private_or_has_what_a_package_needs() {
+    let manifests = files(&["crates"]).into_iter().filter(|name| name.ends_with("Cargo.toml"));
+    let public: Vec<_> = manifests
+        .map(|name| read(&name))
+        .filter(|file| !file.text.contains("\npublish = false\n"))
+        .collect();
+    let names: Vec<_> = public.iter().map(|file| file.path.as_str()).collect();
+    assert_eq!(names, ["crates/engine/Cargo.toml"]);
+    for member in
+        ["description = ", "license.workspace = true", "readme = ", "keywords = ", "include = "]
+    {
+        assert!(public[0].text.contains(member), "{member}");
+    }
+    // A crate with a path of this repository cannot be packaged without all others.
+    assert!(!public[0].text.contains("\nfretwork-"));
+}
+
+#[test]
 fn all_files_name_this_version() {
     let version = env!("CARGO_PKG_VERSION");
     for (file, text) in [
@@ -540,5 +592,9 @@ fn all_files_name_this_version() {
     ] {
         assert!(read(file).text.contains(&text), "{file} does not have {text}");
     }
-    assert_eq!(read("CITATION.cff").text.matches("version:").count(), 2, "that of the format, and ours");
+    assert_eq!(
+        read("CITATION.cff").text.matches("version:").count(),
+        2,
+        "that of the format, and ours"
+    );
 }

@@ -48,12 +48,10 @@ const GROUPS: [(&str, &[&str]); 7] = [
     ("CONTACT by Vollebregt and Kalker", &["CONTACT"]),
     ("tests of wear", &["Fouvry et al. 2007", "van Peteghem et al. 2011"]),
     ("the energy balance and the area of the loop", &["dV/dN = (k_w/μ)W", "W"]),
-    ("itself on finer meshes, or by a closed form", &[
-        "closed form",
-        "extrapolated",
-        "one block",
-        "tolerance 3e-4",
-    ]),
+    (
+        "itself on finer meshes, or by a closed form",
+        &["closed form", "extrapolated", "one block", "tolerance 3e-4"],
+    ),
     ("the simplified rule beside the exact method", &["exact method"]),
 ];
 

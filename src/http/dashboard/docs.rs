@@ -87,10 +87,14 @@ pub async fn page(
     // The first call renders and compresses all pages.
     let assets = spawn_blocking(|| LazyLock::force(&ASSETS)).await;
     let assets = assets.map_err(|error| Problem::internal().caused_by(&error))?;
-    let asset = assets.iter().find(|asset| name_of(asset.name) == name).ok_or_else(|| {
-        let detail = "The documentation does not have this page. Open /docs/ for a list of all pages.";
-        Problem::new(&kinds::NOT_FOUND, detail)
-    })?;
+    let asset = assets
+        .iter()
+        .find(|asset| name_of(asset.name) == name.trim_end_matches('/'))
+        .ok_or_else(|| {
+            let detail =
+                "The documentation does not have this page. Open /docs/ for a list of all pages.";
+            Problem::new(&kinds::NOT_FOUND, detail)
+        })?;
     Ok(asset.answer(&headers, POLICY))
 }
 
@@ -129,8 +133,14 @@ fn render(path: &str, text: &str) -> String {
     }
     let mut body = String::with_capacity(2 * text.len());
     html::push_html(&mut body, events.into_iter());
-    // The policy forbids styles in the page.
-    let body = body.replace(" style=\"text-align: right\"", " class=\"number\"");
+    // The policy forbids styles in the page. Wide tables and code scroll, also by the keyboard.
+    let replaced = [
+        (" style=\"text-align: right\"", " class=\"number\""),
+        ("<pre>", "<pre tabindex=\"0\">"),
+        ("<table>", "<div class=\"scroll\" tabindex=\"0\"><table>"),
+        ("</table>", "</table></div>"),
+    ];
+    let body = replaced.iter().fold(body, |body, (old, new)| body.replace(old, new));
     FRAME.replace("{title}", &title).replace("{body}", &body)
 }
 
