@@ -56,10 +56,15 @@ fn files(directories: &[&str]) -> Vec<String> {
     found
 }
 
+/// What follows the last dot of the name of a file.
+fn suffix(path: &str) -> Option<&str> {
+    Path::new(path).extension()?.to_str()
+}
+
 /// The documents in `docs`, without the list of licences.
 fn pages() -> Vec<Document> {
     let names = files(&["docs"]).into_iter();
-    let names = names.filter(|name| name.ends_with(".md") && !name.contains("third-party"));
+    let names = names.filter(|name| suffix(name) == Some("md") && !name.contains("third-party"));
     names.map(|name| read(&name)).collect()
 }
 
@@ -244,7 +249,7 @@ async fn the_server_shows_every_document_with_links_that_work() {
 async fn the_links_of_the_dashboard_lead_to_documents() {
     let server = Server::start().await;
     let mut links = 0;
-    for script in files(&["src/http/dashboard"]).iter().filter(|name| name.ends_with(".js")) {
+    for script in files(&["src/http/dashboard"]).iter().filter(|name| suffix(name) == Some("js")) {
         let text = read(script).text;
         for link in text.split("explained(\"").skip(1).map(|rest| rest.split('"').next().unwrap()) {
             let (name, anchor) = link.split_once('#').unwrap_or((link, "main"));
@@ -421,8 +426,7 @@ fn the_files_that_documents_name_exist() {
             !document.path.starts_with("docs/") || document.path.contains("decisions");
         for code in document.codes().into_iter().filter(|_| is_about_code) {
             let path = code.trim_end_matches('/');
-            let suffix = Path::new(path).extension().and_then(|suffix| suffix.to_str());
-            let is_file = suffix
+            let is_file = suffix(path)
                 .is_some_and(|suffix| ["html", "js", "json", "md", "rs", "yml"].contains(&suffix));
             let is_path = path.contains('/')
                 && ["crates", "src", "tests"].contains(&path.split('/').next().unwrap());

@@ -218,25 +218,24 @@ impl VerificationPage {
             failed => format!("**{failed} FAIL**"),
         };
         let reported = self.checks().count() - judged;
-        let mut text = format!(
+        let rows = GROUPS.into_iter().filter_map(|(group, sources)| {
+            let checks = self.checks().filter(|check| sources.contains(&check.source));
+            // The error of a reference of 0 is not relative.
+            let (mut checks, absolute): (Vec<_>, Vec<_>) =
+                checks.partition(|check| check.reference != 0.0);
+            checks.sort_by(|a, b| a.error().abs().total_cmp(&b.error().abs()));
+            let (median, largest) = (checks.get(checks.len() / 2)?, checks.last()?);
+            let percent = |check: &Check| digits(100.0 * check.error().abs(), 2) + " %";
+            let (count, what) = (checks.len() + absolute.len(), &largest.what);
+            let (median, largest) = (percent(median), percent(largest));
+            Some(format!("\n| {group} | {count} | {median} | {largest} | {what} |"))
+        });
+        let rows: String = rows.collect();
+        format!(
             "{judged} checks: {verdict}. {reported} more numbers are reported.\n\n\
              | compared with | numbers | median difference | largest difference | where |\n\
-             |---|---:|---:|---:|---|"
-        );
-        for (group, sources) in GROUPS {
-            let mut checks: Vec<_> =
-                self.checks().filter(|check| sources.contains(&check.source)).collect();
-            let count = checks.len();
-            // The error of a reference of 0 is not relative.
-            checks.retain(|check| check.reference != 0.0);
-            checks.sort_by(|a, b| a.error().abs().total_cmp(&b.error().abs()));
-            let percent = |check: &Check| digits(100.0 * check.error().abs(), 2) + " %";
-            if let (Some(median), Some(largest)) = (checks.get(checks.len() / 2), checks.last()) {
-                let (median, most) = (percent(median), percent(largest));
-                text += &format!("\n| {group} | {count} | {median} | {most} | {} |", largest.what);
-            }
-        }
-        text
+             |---|---:|---:|---:|---|{rows}"
+        )
     }
 }
 
