@@ -6,8 +6,3 @@ mod config;
 pub mod http;
 pub mod service;
 mod telemetry;
-
-/// The code in the README, run as a documentation test.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-pub struct Readme;

@@ -93,7 +93,7 @@ impl From<TcpListener> for Sockets {
 }
 
 /// The hint in a 404 answer of the main socket.
-const API: &str = "/docs lists all routes.";
+const API: &str = "/docs/api/ lists all routes.";
 /// The hint in a 404 answer of the socket of UM-Bridge.
 const UMBRIDGE: &str = "This port serves only UM-Bridge. GET /Info lists its models.";
 /// The hint in a 404 answer of the socket of a worker.

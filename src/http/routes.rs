@@ -12,7 +12,7 @@ use super::api::{
     system, umbridge,
 };
 use super::app::App;
-use super::dashboard::docs;
+use super::dashboard::{docs, swagger};
 use super::{dashboard, openapi};
 
 /// The routes with their documentation, and what they require.
@@ -61,12 +61,15 @@ impl Routes {
             .add(Needs::READ, routes!(system::openapi))
             .add(Needs::READ, routes!(system::problems))
             .add(Needs::READ, routes!(system::explain))
-            // The page of the dashboard contains no data of users. The requests that it sends require a role.
+            // The dashboard and the documents contain no data of users. The requests that they send require a role.
             .page(Needs::NOTHING, "/", get(dashboard::page))
             .page(Needs::NOTHING, "/assets/{*name}", get(dashboard::asset))
-            .page(Needs::READ, "/docs", get(|| async { Redirect::to("/docs/") }))
-            .page(Needs::READ, "/docs/", get(docs::start))
-            .page(Needs::READ, "/docs/{*path}", get(docs::page))
+            .page(Needs::NOTHING, "/docs", get(|| async { Redirect::to("/docs/") }))
+            .page(Needs::NOTHING, "/docs/", get(docs::start))
+            .page(Needs::NOTHING, "/docs/{*name}", get(docs::page))
+            .page(Needs::READ, "/docs/api", get(|| async { Redirect::to("/docs/api/") }))
+            .page(Needs::READ, "/docs/api/", get(swagger::start))
+            .page(Needs::READ, "/docs/api/{*path}", get(swagger::page))
             .umbridge()
     }
 

@@ -302,7 +302,8 @@ def main():
             "pressure": (f"/#/result/{key}?plot=pressure&history=radii&at=10000", labelled),
             "compare": (f"/#/result/{rule}?with={key}&plot=wear&at=10000", labelled),
             "study": (f"/#/result/{study}?kind=heat", "section[aria-label=Figure] img[alt]"),
-            "line": (f"/#/result/{coated}?history=depths", "#events"), "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr")})
+            "line": (f"/#/result/{coated}?history=depths", "#events"), "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr"),
+            "document": ("/docs/accuracy", ".document table")})
     print("the dashboard passes its tests")
 
 

@@ -81,7 +81,7 @@ fn operations() -> Vec<(String, String)> {
 async fn every_route_except_health_and_dashboard_requires_a_key() {
     let server = server(Limits::default()).await;
     let mut asked = operations();
-    for page in ["/docs", "/docs/", "/docs/swagger-ui.css", "/nowhere", "/v1/jobs/"] {
+    for page in ["/docs/api", "/docs/api/", "/docs/api/swagger-ui.css", "/nowhere", "/v1/jobs/"] {
         asked.push(("GET".into(), page.into()));
     }
     asked.push(("PATCH".into(), "/v1/jobs".into()));
@@ -101,7 +101,7 @@ async fn every_route_except_health_and_dashboard_requires_a_key() {
         assert!(![401, 403].contains(&known.status), "{method} {target}: {}", known.status);
     }
     // Browsers show a login dialog for this header.
-    let shown = server.send("GET", "/docs/", &[("Accept", "text/html")], "").await;
+    let shown = server.send("GET", "/docs/api/", &[("Accept", "text/html")], "").await;
     let ways = shown.headers.iter().filter(|(name, _)| name == "www-authenticate");
     assert_eq!((shown.status, ways.count()), (401, 2));
 }

@@ -677,14 +677,14 @@ async fn pages_of_allowed_origins_can_read_the_exposed_headers() {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_documentation_works_offline() {
     let server = quick().await;
-    let page = server.get("/docs/").await;
+    let page = server.get("/docs/api/").await;
     assert_eq!((page.status, page.text().contains("//unpkg")), (200, false));
     for part in page.text().split(['"', '\'']).filter_map(|part| part.strip_prefix("./")) {
-        assert_eq!(server.get(&format!("/docs/{part}")).await.status, 200, "{part}");
+        assert_eq!(server.get(&format!("/docs/api/{part}")).await.status, 200, "{part}");
     }
-    let start = server.get("/docs/swagger-initializer.js").await;
+    let start = server.get("/docs/api/swagger-initializer.js").await;
     assert!(start.text().contains("/openapi.json"));
-    server.get("/docs/no-such-page").await.problem(404, "not-found");
+    server.get("/docs/api/no-such-page").await.problem(404, "not-found");
 
     let version = server.get("/version").await.json();
     assert_eq!(version["version"], env!("CARGO_PKG_VERSION"));

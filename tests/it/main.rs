@@ -35,6 +35,7 @@ mod chunks;
 mod damage;
 mod database;
 mod derivatives;
+mod documents;
 mod evaluate;
 mod faults;
 mod figures;

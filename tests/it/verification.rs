@@ -52,10 +52,10 @@ fn the_inputs_from_the_literature_are_job_bodies_and_their_sources_are_named() {
     assert_eq!(inputs, 4);
 }
 
-/// Checks the accuracy that the README states. Except in tests/long, fewer runs are computed than for the page, so a
+/// Checks the accuracy that docs/accuracy.md states. Except in tests/long, fewer runs are computed than for the page, so a
 /// smaller share of covered errors is accepted: one underestimated error counts more.
 #[test]
-fn the_exact_method_is_as_accurate_as_the_readme_says() {
+fn the_exact_method_is_as_accurate_as_the_documents_say() {
     let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
     let (count, least) = if is_long { (1000, 0.98) } else { (60, 0.95) };
     let accuracy = Accuracy::measured(count, 16);

@@ -25,6 +25,36 @@ For an event it is the error of its moment, or what is known of it if only one r
 `fretwork verify --random 1000 > crates/verify/src/accuracy.md` prints these tables again.
 ";
 
+/// Whom the program is compared with, and the sources of these checks.
+const GROUPS: [(&str, &[&str]); 7] = [
+    ("runs and limiting states of two other discretisations", &["table"]),
+    (
+        "formulas for the contact, and worked examples",
+        &[
+            "Archard 1953",
+            "Cattaneo 1938, Mindlin 1949",
+            "Fouvry et al. 1995",
+            "Galin 1953",
+            "Hertz 1882",
+            "Mindlin & Deresiewicz 1953",
+            "Segedin 1957",
+            "Sneddon 1965",
+            "q < 0.57735",
+            "2I/(1 − cⁿ)",
+            "c(1 − c²) = 2q/3",
+            "worked example",
+        ],
+    ),
+    ("CONTACT by Vollebregt and Kalker", &["CONTACT"]),
+    ("tests of wear", &["Fouvry et al. 2007", "van Peteghem et al. 2011"]),
+    ("the energy balance and the area of the loop", &["dV/dN = (k_w/μ)W", "W"]),
+    (
+        "itself on finer meshes, or by a closed form",
+        &["closed form", "extrapolated", "one block", "tolerance 3e-4"],
+    ),
+    ("the simplified rule beside the exact method", &["exact method"]),
+];
+
 /// The comparison of one computed number with the same number from another source.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
@@ -179,22 +209,40 @@ impl VerificationPage {
     pub fn failures(&self) -> impl Iterator<Item = &Check> {
         self.checks().filter(|check| !check.passes())
     }
-}
 
-impl fmt::Display for VerificationPage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    /// The number of checks, and for each group of sources the largest relative differences.
+    fn summary(&self) -> String {
         let judged = self.checks().filter(|check| check.accepted.is_some()).count();
-        let reported = self.checks().count() - judged;
         let verdict = match self.failures().count() {
             0 => "**all pass**".to_owned(),
             failed => format!("**{failed} FAIL**"),
         };
-        writeln!(
-            f,
-            "{}\n",
-            WORDS.split_once("\n## ").map_or(WORDS, |(introduction, _)| introduction).trim()
-        )?;
-        writeln!(f, "{judged} checks: {verdict}. {reported} more numbers are reported.\n")?;
+        let reported = self.checks().count() - judged;
+        let rows = GROUPS.into_iter().filter_map(|(group, sources)| {
+            let checks = self.checks().filter(|check| sources.contains(&check.source));
+            // The error of a reference of 0 is not relative.
+            let (mut checks, absolute): (Vec<_>, Vec<_>) =
+                checks.partition(|check| check.reference != 0.0);
+            checks.sort_by(|a, b| a.error().abs().total_cmp(&b.error().abs()));
+            let (median, largest) = (checks.get(checks.len() / 2)?, checks.last()?);
+            let percent = |check: &Check| digits(100.0 * check.error().abs(), 2) + " %";
+            let (count, what) = (checks.len() + absolute.len(), &largest.what);
+            let (median, largest) = (percent(median), percent(largest));
+            Some(format!("\n| {group} | {count} | {median} | {largest} | {what} |"))
+        });
+        let rows: String = rows.collect();
+        format!(
+            "{judged} checks: {verdict}. {reported} more numbers are reported.\n\n\
+             | compared with | numbers | median difference | largest difference | where |\n\
+             |---|---:|---:|---:|---|{rows}"
+        )
+    }
+}
+
+impl fmt::Display for VerificationPage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let introduction = WORDS.split("\n## ").take(2).collect::<Vec<_>>().join("\n## ");
+        writeln!(f, "{}\n", introduction.trim().replace("{summary}", &self.summary()))?;
         writeln!(f, "| section | lines | closest to what is accepted | error / accepted |")?;
         writeln!(f, "|---|---:|---|---:|")?;
         for section in &self.sections {
@@ -270,6 +318,11 @@ mod tests {
     fn every_section_has_a_text_and_every_text_has_a_section() {
         let page = crate::page();
         assert!(page.sections.iter().all(|section| section.words().is_some()));
-        assert_eq!(page.sections.len(), WORDS.matches("\n## ").count());
+        // One heading belongs to the introduction.
+        assert_eq!(page.sections.len() + 1, WORDS.matches("\n## ").count());
+        for check in page.checks() {
+            let groups = GROUPS.iter().filter(|(_, sources)| sources.contains(&check.source));
+            assert_eq!(groups.count(), 1, "{}", check.source);
+        }
     }
 }

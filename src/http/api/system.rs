@@ -97,7 +97,7 @@ pub struct Version {
     name: &'static str,
     /// The release.
     #[serde(rename = "version")]
-    #[schema(example = "0.3.0")]
+    #[schema(example = "0.4.0")]
     release: &'static str,
     /// The version of the numbers. It rises when the same scenario gives other digits. It is part of
     /// every key.

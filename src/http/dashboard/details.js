@@ -1,6 +1,6 @@
 // The cards below the plots of a result: scales, accuracy, events, comparison, bodies and scenario.
 
-import { h, list } from "./dom.js";
+import { explained, h, list } from "./dom.js";
 import { depthOrForce, drawWarnings, grossSlip } from "./estimate.js";
 import { sketch } from "./sketch.js";
 import { cycles, digits, percent, quantity, wordOf, WORDS } from "./units.js";
@@ -31,9 +31,10 @@ export function drawDetails(place, result, bodyWarnings) {
       "It is fast only with depth and amplitude held. It satisfies the energy balance V = (k_w/μ)·ΣW only approximately. ",
       "The mismatch shows by how much. To measure the error of the rule, run the exact method and compare it with the rule."),
     drawWarnings(warnings),
-    drawWarnings(bodyWarnings.list, bodyWarnings.title)),
+    drawWarnings(bodyWarnings.list, bodyWarnings.title),
+    explained("accuracy", "How accurate a result is")),
     events.length > 0 && card("Events", h("ul", { id: "events" }, events.map((event) =>
-      h("li", {}, `${eventWords(event)} at N = ${cycles(Math.round(event.cycles))}`)))),
+      h("li", {}, `${eventWords(event)} at N = ${cycles(Math.round(event.cycles))}`))), explained("results#events", "What the events mean")),
     comparison && drawComparison(comparison),
     bodies && card("Wear of each body", list(bodies.flatMap((body, i) => [
       body.share !== undefined && [`Body ${i + 1}, share ${percent(body.share)}`,

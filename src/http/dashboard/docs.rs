@@ -1,74 +1,182 @@
-//! Swagger UI, which shows the OpenAPI document. Its files are part of the program, so it works without a network.
+//! The documents of the project as pages. They are part of the program, so they work without a network.
+//!
+//! Links between the documents lead to files in the repository. A page has links to other pages instead. A link to a
+//! file that has no page is only text.
 
-use std::io::{Cursor, Read as _};
+use std::collections::HashSet;
 use std::sync::LazyLock;
 
 use axum::http::HeaderMap;
 use axum::response::Response;
+use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
 use tokio::task::spawn_blocking;
-use utoipa_swagger_ui_vendored::SWAGGER_UI_VENDORED;
-use zip::ZipArchive;
-use zip::result::ZipResult;
 
 use super::asset::Asset;
 use crate::http::problem::{Problem, kinds};
-use crate::http::wire::Segment;
+use crate::http::wire::{NoQuery, Segment};
 
-/// The files of the archive that the page uses, and their media types.
-const FILES: [(&str, &str); 7] = [
-    ("index.html", "text/html; charset=utf-8"),
-    ("index.css", "text/css"),
-    ("swagger-ui.css", "text/css"),
-    ("swagger-ui-bundle.js", "text/javascript"),
-    ("swagger-ui-standalone-preset.js", "text/javascript"),
-    ("favicon-16x16.png", "image/png"),
-    ("favicon-32x32.png", "image/png"),
-];
-const START: &str = r##"window.onload = () => {
-  window.ui = SwaggerUIBundle({
-    url: "/openapi.json",
-    dom_id: "#swagger-ui",
-    deepLinking: true,
-    displayRequestDuration: true,
-    layout: "StandaloneLayout",
-    plugins: [SwaggerUIBundle.plugins.DownloadUrl],
-    presets: [SwaggerUIBundle.presets.apis, SwaggerUIStandalonePreset],
-    tryItOutEnabled: true,
-  });
-};
-"##;
-const POLICY: &str = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; \
-    frame-ancestors 'none'";
-
-#[expect(clippy::expect_used, reason = "the archive is part of the program, and a test reads it")]
-static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| unpack().expect("the files of Swagger UI"));
-
-fn unpack() -> ZipResult<Vec<Asset>> {
-    let mut archive = ZipArchive::new(Cursor::new(SWAGGER_UI_VENDORED))?;
-    let folder = archive.by_index(0)?.name()?.into_owned();
-    let mut assets =
-        vec![Asset::new("swagger-initializer.js", "text/javascript", START.as_bytes())];
-    for (name, media_type) in FILES {
-        let mut bytes = Vec::new();
-        archive.by_name(&format!("{folder}dist/{name}"))?.read_to_end(&mut bytes)?;
-        assets.push(Asset::new(name, media_type, &bytes));
-    }
-    Ok(assets)
+macro_rules! pages {
+    ($($path:literal),* $(,)?) => {
+        &[$(($path, include_str!(concat!("../../../", $path)))),*]
+    };
 }
+
+/// The files of all pages: the path in the repository, and the text. A new page is one line.
+const PAGES: &[(&str, &str)] = pages![
+    "docs/README.md",
+    "docs/accuracy.md",
+    "docs/operating.md",
+    "docs/results.md",
+    "docs/scale.md",
+    "docs/scenario.md",
+    "docs/sharing.md",
+    "docs/studies.md",
+    "docs/third-party-licenses.md",
+    "docs/decisions/README.md",
+    "docs/decisions/an-early-end-is-a-result.md",
+    "docs/decisions/checks-against-damage.md",
+    "docs/decisions/derivatives-are-fits.md",
+    "docs/decisions/digits-are-equal-everywhere.md",
+    "docs/decisions/evaluations-leave-nothing.md",
+    "docs/decisions/exact-method-is-the-default.md",
+    "docs/decisions/faults-all-at-once.md",
+    "docs/decisions/imports-compute-again.md",
+    "docs/decisions/kinds-of-studies.md",
+    "docs/decisions/leases-in-postgresql.md",
+    "docs/decisions/memory-has-owners.md",
+    "docs/decisions/one-table-of-columns.md",
+    "docs/decisions/results-can-be-evicted.md",
+    "docs/decisions/sobol-points-are-computed-here.md",
+    "docs/decisions/springs-for-every-mode.md",
+    "docs/decisions/studies-are-chunks.md",
+    "docs/decisions/the-dashboard-is-a-client.md",
+    "docs/decisions/the-queue-of-sqlite-is-in-memory.md",
+    "docs/decisions/two-databases-one-set-of-verbs.md",
+    "docs/decisions/warnings-about-bodies.md",
+    "ARCHITECTURE.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "VERIFICATION.md",
+    "clients/README.md",
+];
+
+/// The page around a document.
+const FRAME: &str = include_str!("docs.html");
+/// The pages have no scripts, and load files of this server only.
+const POLICY: &str = "default-src 'none'; style-src 'self'; img-src 'self'; frame-ancestors 'none'; \
+    base-uri 'none'; form-action 'none'";
+
+static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
+    let page = |(path, text): &(&'static str, &str)| {
+        Asset::new(path, "text/html; charset=utf-8", render(path, text).as_bytes())
+    };
+    PAGES.iter().map(page).collect()
+});
 
 /// `GET /docs/`.
-pub async fn start(headers: HeaderMap) -> Result<Response, Problem> {
-    page(Segment("index.html".to_owned()), headers).await
+pub async fn start(headers: HeaderMap, query: NoQuery) -> Result<Response, Problem> {
+    page(Segment(String::new()), headers, query).await
 }
 
-/// `GET /docs/{path}`.
-pub async fn page(Segment(path): Segment, headers: HeaderMap) -> Result<Response, Problem> {
-    // The first call unpacks and compresses the files, which takes tens of milliseconds.
+/// `GET /docs/{name}`.
+pub async fn page(
+    Segment(name): Segment,
+    headers: HeaderMap,
+    _: NoQuery,
+) -> Result<Response, Problem> {
+    // The first call renders and compresses all pages.
     let assets = spawn_blocking(|| LazyLock::force(&ASSETS)).await;
     let assets = assets.map_err(|error| Problem::internal().caused_by(&error))?;
-    let asset = assets.iter().find(|asset| asset.name == path).ok_or_else(|| {
-        let detail = "The documentation does not have this page; start at /docs/.";
-        Problem::new(&kinds::NOT_FOUND, detail)
-    })?;
+    let asset = assets
+        .iter()
+        .find(|asset| name_of(asset.name) == name.trim_end_matches('/'))
+        .ok_or_else(|| {
+            let detail =
+                "The documentation does not have this page. Open /docs/ for a list of all pages.";
+            Problem::new(&kinds::NOT_FOUND, detail)
+        })?;
     Ok(asset.answer(&headers, POLICY))
+}
+
+/// The name of the page of a file: `scenario` for `docs/scenario.md`, and empty for `docs/README.md`.
+fn name_of(path: &str) -> String {
+    let name = path.trim_start_matches("docs/").trim_end_matches(".md").trim_end_matches("README");
+    name.trim_end_matches('/').to_lowercase()
+}
+
+/// Renders a document. `path` is its file.
+fn render(path: &str, text: &str) -> String {
+    let mut is_linked = true;
+    let events = Parser::new_ext(text, Options::ENABLE_TABLES).filter_map(|event| match event {
+        Event::Start(Tag::Link { link_type, dest_url, title, id }) => {
+            let address = address(path, &dest_url);
+            is_linked = address.is_some();
+            let dest_url = address?.into();
+            Some(Event::Start(Tag::Link { link_type, dest_url, title, id }))
+        }
+        Event::End(TagEnd::Link) if !is_linked => None,
+        // The program does not contain the images. Their texts stay.
+        Event::Start(Tag::Image { .. }) | Event::End(TagEnd::Image) => None,
+        event => Some(event),
+    });
+    let mut events: Vec<_> = events.collect();
+    let mut title = String::new();
+    let mut known = HashSet::new();
+    for start in 0..events.len() {
+        let heading = heading(&events[start..]);
+        let Event::Start(Tag::Heading { id, .. }) = &mut events[start] else { continue };
+        let anchor = anchor_of(&heading);
+        *id = known.insert(anchor.clone()).then(|| anchor.into());
+        if title.is_empty() {
+            title = heading;
+        }
+    }
+    let mut body = String::with_capacity(2 * text.len());
+    html::push_html(&mut body, events.into_iter());
+    // The policy forbids styles in the page. Wide tables and code scroll, also by the keyboard.
+    let replaced = [
+        (" style=\"text-align: right\"", " class=\"number\""),
+        ("<pre>", "<pre tabindex=\"0\">"),
+        ("<table>", "<div class=\"scroll\" tabindex=\"0\"><table>"),
+        ("</table>", "</table></div>"),
+    ];
+    let body = replaced.iter().fold(body, |body, (old, new)| body.replace(old, new));
+    FRAME.replace("{title}", &title).replace("{body}", &body)
+}
+
+/// The text of a heading. Empty if the first event does not begin a heading.
+fn heading(events: &[Event<'_>]) -> String {
+    let is_heading = matches!(events.first(), Some(Event::Start(Tag::Heading { .. })));
+    let events = if is_heading { events } else { &[] };
+    let inside = events.iter().take_while(|event| !matches!(event, Event::End(TagEnd::Heading(_))));
+    let texts = inside.filter_map(|event| match event {
+        Event::Text(text) | Event::Code(text) => Some(&**text),
+        _ => None,
+    });
+    texts.collect()
+}
+
+/// The anchor of a heading, as GitHub makes it.
+fn anchor_of(heading: &str) -> String {
+    let kept = |c: &char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_');
+    heading.to_lowercase().chars().filter(kept).collect::<String>().replace(' ', "-")
+}
+
+/// The address for a link in a file; `None` if no page has the linked file.
+fn address(path: &str, link: &str) -> Option<String> {
+    if link.starts_with('#') || link.contains("://") {
+        return Some(link.to_owned());
+    }
+    let (file, anchor) = link.split_at(link.find('#').unwrap_or(link.len()));
+    let mut parts: Vec<&str> = path.split('/').collect();
+    parts.pop();
+    for part in file.split('/') {
+        match part {
+            ".." => drop(parts.pop()),
+            part => parts.push(part),
+        }
+    }
+    let file = parts.join("/");
+    let (page, _) = PAGES.iter().find(|(path, _)| *path == file)?;
+    Some(format!("/docs/{}{anchor}", name_of(page)))
 }

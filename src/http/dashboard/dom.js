@@ -34,6 +34,10 @@ export function fill(element, ...children) {
 export const select = (options, value, properties) => h("select", properties,
   Object.entries(options).map(([own, text]) => h("option", { value: own, selected: own === value }, text)));
 
+/** A link to a page of the documentation, in a tab of its own: the form keeps what the user has typed. */
+export const explained = (page, text) => h("p", { class: "muted" },
+  h("a", { href: `/docs/${page}`, target: "_blank" }, text));
+
 /** A list of names and values. A third member of a row identifies its value for tests. */
 export const list = (rows) => h("dl", {}, rows.filter(Boolean).map(([name, value, id]) =>
   [h("dt", {}, name), h("dd", { "data-item": id }, value)]));

@@ -1,6 +1,6 @@
 // What the server can say about a scenario before it is run.
 
-import { fill, h, list } from "./dom.js";
+import { explained, fill, h, list } from "./dom.js";
 import { sketch } from "./sketch.js";
 import { cycles, digits, duration, isLine, quantity, wordOf, WORDS } from "./units.js";
 
@@ -54,4 +54,4 @@ export function drawStudyEstimate(place, { cost, cached }) {
 
 /** The server's warnings about a scenario, or nothing. */
 export const drawWarnings = (warnings, title = "Warnings") => warnings.length > 0 && h("div", { class: "warning" }, h("h3", {}, title),
-  h("ul", {}, warnings.map(({ detail }) => h("li", {}, detail))));
+  h("ul", {}, warnings.map(({ detail }) => h("li", {}, detail))), explained("accuracy#warnings", "What the warnings mean"));

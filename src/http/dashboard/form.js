@@ -2,7 +2,7 @@
 // vary make it a study.
 
 import { get, idempotencyKey, Problem, post } from "./api.js";
-import { debounced, fill, h, notify, select } from "./dom.js";
+import { debounced, explained, fill, h, notify, select } from "./dom.js";
 import { announce, drawEstimate, drawStudyEstimate } from "./estimate.js";
 import { choicesOf, chooseOption, inputText, optionsOf, parseInput, setValueAt, valueAt, withoutField } from "./fields.js";
 import { loadLimits } from "./limits.js";
@@ -53,7 +53,7 @@ export async function showForm(main, { query, signal }) {
   const jsonOnly = h("p", { class: "muted" });
   const jsonEditor = h("details", { class: "card" }, h("summary", {}, "Scenario as JSON"),
     h("label", { for: "json", class: "muted" }, "Amplitude blocks, displacement records, measured profiles and tables of coefficients are edited here."),
-    jsonOnly, json, jsonFault);
+    jsonOnly, json, jsonFault, explained("scenario#varying-motion", "How to write them"));
   const heading = h("h1", {});
   const plan = h("section", { class: "card plan", "aria-label": "Study", hidden: true });
   const estimate = h("section", { class: "card estimate", "aria-label": "Estimate" });
@@ -140,6 +140,7 @@ export async function showForm(main, { query, signal }) {
     const group = (name, ...content) => h("fieldset", {}, h("legend", {}, name), content);
     fill(fields, [...groups].map(([name, choices]) => group(name, choices.map(drawChoice))));
     const others = varied(study).filter((pointer) => !shown.has(pointer));
+    fields.append(explained("scenario", "What these numbers mean"));
     if (others.length) fields.append(group("Varied values without a field", others.map(drawOther)));
   }
 

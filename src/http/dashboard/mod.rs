@@ -4,6 +4,7 @@
 
 mod asset;
 pub mod docs;
+pub mod swagger;
 
 use std::sync::LazyLock;
 

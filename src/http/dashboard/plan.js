@@ -1,6 +1,6 @@
 // The parts of the form that belong to a study: the range of a number that varies, and the card that says what is computed.
 
-import { fill, h, select } from "./dom.js";
+import { explained, fill, h, select } from "./dom.js";
 import { cycles, wordOf, WORDS } from "./units.js";
 import { choose, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied } from "./vary.js";
 
@@ -95,7 +95,8 @@ export function drawPlan(card, names, scenario, study, { changed, redraw }) {
     h("fieldset", { id: "outputs", "data-pointer": "/outputs", "aria-describedby": "outputs-fault" },
       h("legend", {}, "Outputs after the last cycle"), h("div", { class: "options" }, [...new Set([...OUTPUTS, ...study.outputs])].map(output)),
       h("p", { id: "outputs-fault", class: "fault" })),
-    study.profiles && OFFERS[study.kind].kind.keeps_profiles && drawProfiles(study, redraw), runs);
+    study.profiles && OFFERS[study.kind].kind.keeps_profiles && drawProfiles(study, redraw), runs,
+    explained("studies", "What each study computes"));
 }
 
 /** The curves that a stored sweep keeps of each run. The form has no fields for them, but the user can remove them. */

@@ -48,7 +48,7 @@ kinds! {
         "Send the request again over a faster connection, or send a smaller body.";
     NOT_FOUND = NOT_FOUND "not-found" "Not found"
         "No route, job or document has this address."
-        "Compare the address with the list of routes under /docs. GET /v1/jobs lists jobs.";
+        "Compare the address with the list of routes at /docs/api/. GET /v1/jobs lists jobs.";
     UNAUTHORIZED = UNAUTHORIZED "unauthorized" "A key is required"
         "This server requires a key. The request has none, or its key is unknown, expired or revoked."
         "Send your key as `Authorization: Bearer fretwork_…` (curl: `-H \"Authorization: Bearer \

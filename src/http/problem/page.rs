@@ -48,7 +48,7 @@ pub fn page(slug: &str) -> Option<String> {
     let Kind { status, title, meaning, remedy, .. } = kind;
     let body = format!(
         "<small>{status}</small><h1>{title}</h1><p>{meaning}</p><h2>What to do</h2><p>{remedy}</p>\
-         <p><a href=\"/problems\">All problems</a> · <a href=\"/docs\">API documentation</a></p>"
+         <p><a href=\"/problems\">All problems</a> · <a href=\"/docs/\">Documentation</a></p>"
     );
     Some(html(title, &body))
 }

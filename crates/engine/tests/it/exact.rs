@@ -207,7 +207,7 @@ fn any_problem(i: u32) -> (Contact, Control, f64) {
     (contact, Control { normal, tangential }, 10_f64.powf(-2.0 + 3.5 * part(7.0)))
 }
 
-/// Checks the statements of the module and of the README about the error and its estimate, over all
+/// Checks the statements of the module and of docs/accuracy.md about the error and its estimate, over all
 /// held quantities.
 #[test]
 fn the_error_estimate_covers_95_percent_of_true_errors_and_rarely_exceeds_them_tenfold() {
