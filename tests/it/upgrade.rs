@@ -67,6 +67,13 @@ async fn results_of_the_previous_version_are_served_byte_for_byte() {
     let deleted = server.get(&format!("/v1/results/{DELETED}")).await.problem(410, "evicted");
     let listed = server.get("/v1/results?note=rig").await.json();
     assert_eq!(listed["results"][0]["key"], SIMPLIFIED);
+    for (search, has_both) in [("round", true), ("line", false)] {
+        let listed = server.get(&format!("/v1/results?geometry={search}")).await;
+        let listed = listed.text();
+        assert!([SIMPLIFIED, EXACT].iter().all(|key| listed.contains(key) == has_both), "{listed}");
+    }
+    let deleted_is_round = server.get("/v1/results?geometry=round&evicted=true").await.json();
+    assert_eq!(deleted_is_round["results"][0]["key"], DELETED);
 
     // The same scenario has another key now, and other digits.
     let again = server.compute(&json!({"scenario": deleted["scenario"]})).await.json();

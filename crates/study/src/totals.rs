@@ -54,7 +54,7 @@ pub fn of_model(scenario: &mut Value, parameters: &[String]) -> Result<(), Fault
 
 fn both_vary(place: &str, changed: &str) -> Faults {
     let detail = format!(
-        "cannot vary, because `{changed}` is given per length, but a study keeps the total. Enter the total of \
+        "cannot vary, because `{changed}` is given per length, and its total would stay the same. Enter the total of \
          `{changed}`, such as \"185 N\" for \"18.5 N/mm\" and a length of 10 mm"
     );
     Faults::one(place, detail)
@@ -69,12 +69,12 @@ fn of_scenario(scenario: &mut Value) -> Option<(f64, Option<String>)> {
     };
     let length = twelve_digits(length);
     let blocks = scenario.pointer("/motion/blocks").and_then(Value::as_array).map_or(0, Vec::len);
-    let single = ["/load/normal_force"].into_iter().map(str::to_owned);
+    let load = ["/load/normal_force".to_owned()];
     let members = ["tangential_force", "rig_stiffness", "loop_stiffness"];
     let members = members.map(|name| format!("/motion/{name}"));
     let blocks = (0..blocks).map(|place| format!("/motion/blocks/{place}/tangential_force"));
     let mut changed = None;
-    for pointer in single.chain(members).chain(blocks) {
+    for pointer in load.into_iter().chain(members).chain(blocks) {
         if let Some(value) = scenario.pointer_mut(&pointer) {
             replace(value, &pointer, length, &mut changed);
         }
