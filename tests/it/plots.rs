@@ -145,10 +145,15 @@ fn sound(svg: &str, size: (u16, u16), name: &str) {
 fn every_quantity_of_every_example_gives_a_legible_figure() {
     for (name, body) in bodies() {
         let stored = computed(&body);
-        let history = serde_json::from_slice::<Value>(&stored).unwrap()["history"].take();
+        let document: Value = serde_json::from_slice(&stored).unwrap();
         for quantity in QUANTITIES.iter() {
-            let column = history[quantity.name].as_array();
+            let column = match quantity.name {
+                "loops" => &document["loops"]["displacement"][0],
+                _ => &document["history"][quantity.name],
+            };
+            let column = column.as_array();
             let has = |is: fn(&Value) -> bool| column.is_none_or(|column| column.iter().any(is));
+            // Displacements of a line contact without a reference are null.
             if !has(Value::is_number) {
                 continue;
             }
