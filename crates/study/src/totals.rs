@@ -93,10 +93,14 @@ fn replace(values: &mut Value, pointer: &str, length: f64, changed: &mut Option<
     };
     match values {
         Value::Array(items) => {
-            items.iter_mut().for_each(|item| replace(item, pointer, length, changed));
+            for item in items {
+                replace(item, pointer, length, changed);
+            }
         }
         Value::Object(members) => {
-            members.values_mut().for_each(|member| replace(member, pointer, length, changed));
+            for member in members.values_mut() {
+                replace(member, pointer, length, changed);
+            }
         }
         Value::String(text) if quantity::parse(text, total).is_err() => {
             if let Ok(x) = quantity::parse(text, per_length) {

@@ -242,7 +242,7 @@ fn line_motion(
         "loop" => {
             // The slope of the loop of the unworn contact, which is measured against REACH.
             let stiffness =
-                0.5 * PI * NORMAL_MODULUS * LENGTH / (REACH / scales.contact_radius).acosh();
+                0.5 * PI * NORMAL_MODULUS * LENGTH / libm::acosh(REACH / scales.contact_radius);
             (json!({"amplitude": amplitude, "loop_stiffness": stiffness}), threshold)
         }
         "sliding" => {
