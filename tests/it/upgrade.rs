@@ -104,6 +104,14 @@ async fn are_served(version: &Earlier) {
         server.get(&format!("/v1/results/{}", version.deleted)).await.problem(410, "evicted");
     let listed = server.get("/v1/results?note=rig").await.json();
     assert_eq!(listed["results"][0]["key"], version.simplified);
+    for (search, has_both) in [("round", true), ("line", false)] {
+        let listed = server.get(&format!("/v1/results?geometry={search}")).await;
+        let listed = listed.text();
+        let both = [version.simplified, version.exact];
+        assert!(both.iter().all(|key| listed.contains(key) == has_both), "{listed}");
+    }
+    let deleted_is_round = server.get("/v1/results?geometry=round&evicted=true").await.json();
+    assert_eq!(deleted_is_round["results"][0]["key"], version.deleted);
 
     // The same scenario has another key now, and other digits.
     let again = server.compute(&json!({"scenario": deleted["scenario"]})).await.json();
@@ -128,7 +136,7 @@ async fn are_computed(version: &Earlier) {
     for job in [running, queued, joined] {
         assert_eq!(job["state"], "succeeded", "{job}");
         let result = server.get(job["links"]["result"].as_str().unwrap()).await.json();
-        assert_eq!((&result["key"], &result["engine"]["numerics"]), (&job["key"], &json!(3)));
+        assert_eq!((&result["key"], &result["engine"]["numerics"]), (&job["key"], &json!(4)));
         // A submission of the same scenario finds the new result.
         let cached = server.compute(&json!({"scenario": result["scenario"]})).await.json();
         assert_eq!((&cached["key"], &cached["origin"]), (&job["key"], &json!("cached")));

@@ -94,8 +94,10 @@ const KINDS: [&str; 1 + Kind::ALL.len()] = {
     words
 };
 
+const GEOMETRY: &str = "geometry";
+
 /// All words that users can search by.
-pub const WORDS: [Word; 6] = [
+pub const WORDS: [Word; 7] = [
     Word { name: "kind", values: &KINDS, pointer: "/kind" },
     Word {
         name: "shape",
@@ -107,9 +109,14 @@ pub const WORDS: [Word; 6] = [
             "truncated_paraboloid",
             "truncated_cone",
             "table",
+            "crossed_cylinders",
+            "cylinder",
+            "wedge",
+            "punch",
         ],
         pointer: "/scenario/profile/shape",
     },
+    Word { name: GEOMETRY, values: &["round", "line"], pointer: "/scenario/profile" },
     Word { name: "method", values: &["simplified", "exact"], pointer: "/scenario/model/method" },
     Word {
         name: "regime",
@@ -119,7 +126,7 @@ pub const WORDS: [Word; 6] = [
     Word { name: "held", values: &["depth", "force"], pointer: "/scenario/load/held" },
     Word {
         name: "motion",
-        values: &["amplitude", "tangential_force", "rig", "blocks", "reversals"],
+        values: &["amplitude", "tangential_force", "rig", "blocks", "reversals", "sliding"],
         pointer: "/scenario/motion",
     },
 ];
@@ -138,11 +145,16 @@ impl Outline {
     /// A value is `None` where the document does not have it.
     #[must_use]
     pub fn of(document: &Value) -> Self {
-        let word = |word: &Word| match at(document, word.pointer)? {
-            Value::String(text) => Some(text.clone()),
-            motion => motion_kind(motion),
+        let word = |word: &Word| match (word.name, at(document, word.pointer)?) {
+            (GEOMETRY, profile) => Some(geometry(profile).to_owned()),
+            (_, Value::String(text)) => Some(text.clone()),
+            (_, motion) => motion_kind(motion).map(str::to_owned),
         };
-        let number = |scalar: &Scalar| at(document, scalar.pointer)?.as_f64();
+        let number = |scalar: &Scalar| {
+            let value = at(document, scalar.pointer)?;
+            // A coefficient that changes counts with its value at cycle 0.
+            value.as_f64().or_else(|| value.get("values")?.get(0)?.as_f64())
+        };
         Self {
             words: array::from_fn(|place| word(&WORDS[place])),
             scalars: array::from_fn(|place| number(&SCALARS[place])),
@@ -169,9 +181,81 @@ fn at<'a>(document: &'a Value, pointer: &str) -> Option<&'a Value> {
     pointer.split('/').skip(1).try_fold(document, |value, member| value.get(member))
 }
 
-/// How a canonical scenario gives the tangential motion.
-fn motion_kind(motion: &Value) -> Option<String> {
-    let kinds = [("rig_stiffness", "rig"), ("blocks", "blocks"), ("reversals", "reversals")];
-    let kind = kinds.iter().find(|(member, _)| motion.get(member).is_some());
-    Some(kind.map_or_else(|| motion.get("held")?.as_str(), |(_, kind)| Some(*kind))?.to_owned())
+/// The geometry of the contact. Only a line contact has a length.
+fn geometry(profile: &Value) -> &'static str {
+    if profile.get("length").is_some() { "line" } else { "round" }
+}
+
+/// How a canonical scenario gives the tangential motion. A stroke of a line contact against a reference is an
+/// amplitude, or that of a rig.
+fn motion_kind(motion: &Value) -> Option<&str> {
+    let held = motion.get("held").and_then(Value::as_str);
+    // Under a held force, the stiffness of the rig only gives the displacements of the loops.
+    let has_rig = motion.get("rig_stiffness").is_some() && held != Some("tangential_force");
+    let kinds = ["blocks", "reversals"].into_iter().find(|kind| motion.get(kind).is_some());
+    let sliding = motion.get("sliding_amplitude").map(|_| "sliding");
+    kinds.or(sliding).or(has_rig.then_some("rig")).or(held)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Prepared;
+
+    /// The words and numbers of a scenario with these members.
+    fn outline(members: &Value) -> [Map<String, Value>; 2] {
+        let mut scenario = json!({
+            "profile": {"shape": "cylinder", "radius": "6 mm", "length": "10 mm"},
+            "moduli": {"normal": "110 GPa", "tangential": "93 GPa"}, "friction": 0.9,
+            "wear": {"coefficient": 4.8e-14}, "load": {"normal_force": "185 N"},
+            "motion": {"sliding_amplitude": "25 um"}, "cycles": [10],
+        });
+        scenario.as_object_mut().unwrap().extend(members.as_object().unwrap().clone());
+        let outline = Prepared::from_scenario(scenario, "").unwrap().compute(|_| {}).outline;
+        [outline.words(), outline.scalars()]
+    }
+
+    #[test]
+    fn geometry_and_motion_of_a_line_contact_are_words_of_the_search() {
+        for (motion, kind) in [
+            (json!({"sliding_amplitude": "25 um"}), "sliding"),
+            (json!({"amplitude": "25 um", "reference_distance": "36 mm"}), "amplitude"),
+            (json!({"amplitude": "25 um", "loop_stiffness": "20 N/um"}), "amplitude"),
+            (
+                json!({"amplitude": "25 um", "reference_distance": "36 mm", "rig_stiffness": "20 N/um"}),
+                "rig",
+            ),
+            (json!({"tangential_force": "5 N/mm"}), "tangential_force"),
+            (
+                json!({"tangential_force": 50, "reference_distance": "36 mm", "rig_stiffness": 2e7}),
+                "tangential_force",
+            ),
+            (json!({"blocks": [{"tangential_force": 50, "cycles": 20}]}), "blocks"),
+        ] {
+            let [words, scalars] = outline(&json!({"motion": motion}));
+            assert_eq!((&words["geometry"], &words["motion"]), (&json!("line"), &json!(kind)));
+            let is_known = motion.get("tangential_force").is_none() && kind != "blocks"
+                || motion.get("reference_distance").is_some();
+            assert_eq!(scalars["amplitude"].is_number(), is_known, "{motion} {scalars:?}");
+            assert_eq!(scalars["tangential_modulus"], Value::Null);
+        }
+        let ball = json!({"shape": "paraboloid", "radius": "10 mm"});
+        let [words, scalars] = outline(&json!({"profile": ball, "motion": {"amplitude": "1 um"}}));
+        assert_eq!((&words["geometry"], &scalars["amplitude"]), (&json!("round"), &json!(1e-6)));
+    }
+
+    #[test]
+    fn a_coefficient_that_changes_counts_with_its_value_at_cycle_0() {
+        let run_in = json!({"run_in": {"cycles": 100, "from": 0.3, "to": 0.9}});
+        let table = json!({"over": "cycles", "at": [0, 100], "values": [1e-14, 2e-14]});
+        let [_, scalars] = outline(&json!({"friction": run_in, "wear": {"coefficient": table}}));
+        assert_eq!(
+            (&scalars["friction"], &scalars["wear_coefficient"]),
+            (&json!(0.3), &json!(1e-14))
+        );
+        let layers = json!([{"thickness": "1 um", "coefficient": 1e-15}]);
+        let bodies = json!([{"layers": layers, "coefficient": 1e-14}, {"coefficient": 2e-14}]);
+        let [_, scalars] = outline(&json!({"wear": {"bodies": bodies}}));
+        assert_eq!(scalars["wear_coefficient"], Value::Null);
+    }
 }

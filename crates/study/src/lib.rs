@@ -15,6 +15,7 @@ mod profile;
 mod rows;
 mod run;
 mod study;
+mod totals;
 mod vary;
 
 pub mod stats;

@@ -12,6 +12,7 @@ use super::member::Member;
 use super::output::{NoValue, Output, OutputName};
 use super::problem::Problem;
 use super::run::{Ended, Run};
+use super::totals;
 use fretwork_json::Distinct;
 
 /// Maximum number of parameters of a model, and of its outputs.
@@ -67,7 +68,7 @@ impl Model {
     /// # Errors
     /// All faults, with pointers such as `/scenario/friction`, `/parameters/0` and `/outputs/0`.
     pub fn new(
-        base: Value,
+        mut base: Value,
         parameters: &[String],
         outputs: Vec<OutputName>,
     ) -> Result<Self, Faults> {
@@ -90,6 +91,7 @@ impl Model {
             faults.add(format!("/parameters/{twice}"), "is listed twice");
         }
         faults.or(())?;
+        totals::of_model(&mut base, parameters)?;
         let mut faults = Faults::default();
         faults.keep("", scenario::prepare(base.clone(), "/scenario"));
         let members = Faults::list(Member::find_all(&base, parameters.iter().map(String::as_str)));

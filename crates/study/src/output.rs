@@ -65,7 +65,7 @@ enum Source {
 }
 
 /// The events of a run.
-const EVENTS: [(&str, EventKind); 7] = [
+const EVENTS: [(&str, EventKind); 8] = [
     ("gross_slip", EventKind::GrossSlip),
     ("contact_lost", EventKind::ContactLost),
     ("shakedown", EventKind::Shakedown),
@@ -73,6 +73,7 @@ const EVENTS: [(&str, EventKind); 7] = [
     ("rim_reached", EventKind::RimReached),
     ("contact_splits", EventKind::ContactSplits),
     ("energy_not_reached", EventKind::EnergyNotReached),
+    ("layer_worn_through", EventKind::LayerWornThrough),
 ];
 
 /// All quantities. A quantity of a section is named `section.member`, except the columns of the history.

@@ -12,6 +12,7 @@ use super::plan::{Column, Kind, MAX_POINTS, Plan, Read, Tried};
 use super::problem::{Found, Lack, Problem};
 use super::rows::{MAX_REASON, NUMBER, Rows};
 use super::run::Run;
+use super::totals;
 use fretwork_json as json;
 use fretwork_random::Stream;
 
@@ -57,7 +58,8 @@ impl Study {
     ///
     /// # Errors
     /// All faults, with pointers relative to the study.
-    pub fn read(kind: &'static Kind, typed: Value) -> Result<Self, Faults> {
+    pub fn read(kind: &'static Kind, mut typed: Value) -> Result<Self, Faults> {
+        totals::of_study(&mut typed, kind.axes)?;
         let Read { complete, problem, plan } = (kind.read)(typed).map_err(Faults::capped)?;
         if plan.points() as u64 > MAX_POINTS {
             let detail = format!(

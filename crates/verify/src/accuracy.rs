@@ -4,7 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use super::deviation::{Deviation, OutputError};
 use super::page::digits;
-use super::random_scenario::{HELD, MODES, RandomScenario, SHAPES};
+use super::random_scenario::{COEFFICIENTS, HELD, MODES, RandomScenario, SHAPES};
 use fretwork_random::Random;
 
 /// Relative error above which a run must have a warning.
@@ -140,7 +140,7 @@ impl Accuracy {
             _ => writeln!(f, "| {what} | {errors}"),
         };
         line("all", self.of(worn))?;
-        line("without blocks", self.among(worn, |scenario| scenario.mode != "blocks"))?;
+        line("without blocks", self.among(worn, |scenario| !scenario.has_blocks()))?;
         for held in HELD {
             line(&format!("{held} held"), self.among(worn, |scenario| scenario.held == held))?;
             for mode in MODES {
@@ -148,6 +148,10 @@ impl Accuracy {
                     self.among(worn, |scenario| (scenario.held, scenario.mode) == (held, mode));
                 line(&format!("{held}, {mode}"), some)?;
             }
+        }
+        for coefficients in COEFFICIENTS {
+            let some = self.among(worn, |scenario| scenario.coefficients == coefficients);
+            line(&format!("{coefficients} coefficients"), some)?;
         }
         SHAPES.iter().try_for_each(|shape| {
             line(shape, self.among(worn, |scenario| scenario.shape == *shape))
@@ -168,13 +172,20 @@ impl Display for Accuracy {
                 writeln!(f, "| {name} | {}", spread(&errors))?;
             }
         }
-        let has_blocks = |(scenario, _): &&(RandomScenario, _)| scenario.mode == "blocks";
-        let (count, blocks) = (self.runs.len(), self.runs.iter().filter(has_blocks).count());
+        let count = |is_wanted: &dyn Fn(&RandomScenario) -> bool| {
+            self.runs.iter().filter(|(scenario, _)| is_wanted(scenario)).count()
+        };
+        let [layers, changing] =
+            ["layers", "changing"].map(|kind| count(&|scenario| scenario.coefficients == kind));
         let (sound, warned) = self.sound();
         writeln!(
             f,
-            "\nThese are {count} runs, {blocks} of them with blocks. {} errors above 2 % have no warning. \
-             {warned} of {sound} runs without an error above 2 % have a warning.",
+            "\nThese are {} runs, {} of them with blocks, {} of line contacts, {layers} with layers and {changing} with \
+             coefficients that change. {} errors above 2 % have no warning. {warned} of {sound} runs without an error \
+             above 2 % have a warning.",
+            self.runs.len(),
+            count(&RandomScenario::has_blocks),
+            count(&|scenario| scenario.held == "line"),
             self.unwarned()
         )
     }

@@ -1,4 +1,7 @@
-//! Random scenarios of the exact method. A third of them have blocks.
+//! Random scenarios of the exact method. A third of the round contacts have blocks, a third of all contacts are lines,
+//! and a third of the runs without blocks have layers or coefficients that change.
+
+use std::f64::consts::PI;
 
 use serde_json::{Value, json};
 
@@ -6,13 +9,33 @@ use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario;
 use fretwork_random::Random;
 
-/// The quantities that can be held constant in the normal direction.
-pub const HELD: [&str; 2] = ["depth", "force"];
+/// The quantities that can be held constant in the normal direction. A line contact holds its force.
+pub const HELD: [&str; 3] = ["depth", "force", "line"];
 /// The kinds of motion.
-pub const MODES: [&str; 6] =
-    ["amplitude", "tangential force", "rig", "blocks", "record", "gross slip"];
-/// The shapes of the profile. The names of the power laws contain the exponent.
-pub const SHAPES: [&str; 9] = [
+pub const MODES: [&str; 9] = [
+    "amplitude",
+    "tangential force",
+    "rig",
+    "blocks",
+    "record",
+    "gross slip",
+    "loop",
+    "sliding",
+    "force blocks",
+];
+/// The kinds of motion of a line contact. Three of four have a reference.
+const LINE_MODES: [&str; 8] = [
+    "amplitude",
+    "tangential force",
+    "rig",
+    "blocks",
+    "gross slip",
+    "loop",
+    "sliding",
+    "force blocks",
+];
+/// The shapes of the profile. The names of the power laws contain the exponent. Those of line contacts are the last.
+pub const SHAPES: [&str; 15] = [
     "sphere",
     "truncated paraboloid",
     "truncated cone",
@@ -22,11 +45,28 @@ pub const SHAPES: [&str; 9] = [
     "r^2",
     "r^3",
     "r^6",
+    "cylinder",
+    "wedge",
+    "punch",
+    "x^1.3",
+    "x^3",
+    "x^6",
 ];
+/// The number of shapes of round contacts in [`SHAPES`].
+const ROUND: usize = 9;
+/// The kinds of wear coefficients and of friction.
+pub const COEFFICIENTS: [&str; 3] = ["constant", "layers", "changing"];
 /// The output cycles of a run without blocks, as shares of the last one.
 const SHARES: [f64; 6] = [0.01, 0.05, 0.125, 0.25, 0.5, 1.0];
 /// The output cycles of each block, as shares of its length.
 const BLOCK_SHARES: [f64; 2] = [0.1, 0.9];
+const FRICTION: f64 = 0.6;
+const WEAR: f64 = 1e-14;
+const NORMAL_MODULUS: f64 = 110e9;
+/// The length of the line contacts in m.
+const LENGTH: f64 = 0.01;
+/// The distance in m from the middle of a line contact to the points that define its stroke.
+const REACH: f64 = 0.02;
 
 /// A random scenario of the exact method.
 pub struct RandomScenario {
@@ -36,6 +76,8 @@ pub struct RandomScenario {
     pub mode: &'static str,
     /// One of [`SHAPES`].
     pub shape: &'static str,
+    /// One of [`COEFFICIENTS`].
+    pub coefficients: &'static str,
     /// The scenario as JSON.
     pub request: Value,
 }
@@ -43,31 +85,96 @@ pub struct RandomScenario {
 impl RandomScenario {
     /// Draws a scenario. `None` if the program refuses its contact.
     pub fn draw(random: &mut Random) -> Option<Self> {
-        let (held, mode) = (random.one_of(&HELD), mode(random));
-        let shape = shape(random);
+        let is_line = random.between(0.0, 1.0) < 0.4;
+        let (held, mode, shape) = if is_line {
+            ("line", random.one_of(&LINE_MODES), random.one_of(&SHAPES[ROUND..]))
+        } else {
+            (random.one_of(&HELD[..2]), mode(random), shape(random))
+        };
         let stick_ratio = random.between(0.05, 0.98);
         let mut request = json!({
             "profile": profile(shape, random)?,
-            "moduli": {"normal": "110 GPa", "tangential": "90 GPa"},
-            "friction": 0.6,
-            "wear": {"coefficient": 1e-14},
-            "load": {"normal_force": "50 N", "held": held},
+            "moduli": {"normal": NORMAL_MODULUS, "tangential": "90 GPa"},
+            "friction": FRICTION,
+            "wear": {"coefficient": WEAR},
+            "load": {"normal_force": if is_line { "200 N" } else { "50 N" }},
             "motion": {"stick_ratio": stick_ratio},
             "cycles": [1],
             "profiles_at": "none",
         });
-        let preview = scenario::check(&request, "").ok()?.0.preview().ok()?;
-        (request["motion"], request["cycles"]) = if mode == "blocks" {
-            blocks(&preview, random)
+        if is_line {
+            request["motion"]["reference_distance"] = json!(REACH);
         } else {
-            let last = random.log_between(0.5, 16.0) * preview.scales.cycles;
-            let cycles = SHARES.map(|share| json!(share * last)).into();
-            (motion(mode, stick_ratio, &preview, random), cycles)
+            request["load"]["held"] = json!(held);
+        }
+        let preview = scenario::check(&request, "").ok()?.0.preview().ok()?;
+        let mut last = random.log_between(0.5, 16.0) * preview.scales.cycles;
+        if mode.ends_with("blocks") {
+            (request["motion"], request["cycles"]) = if is_line {
+                line_blocks(mode, &preview, random)
+            } else {
+                blocks(&preview, random)
+            };
+            return Some(Self { held, mode, shape, coefficients: "constant", request });
+        }
+        request["motion"] = if is_line {
+            let (motion, pace) = line_motion(mode, stick_ratio, &preview, random);
+            last /= pace;
+            motion
+        } else {
+            motion(mode, stick_ratio, &preview, random)
         };
-        Some(Self { held, mode, shape, request })
+        request["cycles"] = SHARES.map(|share| json!(share * last)).into();
+        let coefficients = random.one_of(&["constant", "constant", "layers", "changing"]);
+        match coefficients {
+            "layers" => request["wear"] = layers(preview.scales.indentation_depth, random),
+            "changing" => change(&mut request, last, random),
+            _ => {}
+        }
+        Some(Self { held, mode, shape, coefficients, request })
+    }
+
+    /// Whether the motion has blocks.
+    pub fn has_blocks(&self) -> bool {
+        self.mode.ends_with("blocks")
     }
 }
 
+/// One or two layers on each body. The depth is the unit of wear.
+fn layers(depth: f64, random: &mut Random) -> Value {
+    let mut coefficient = || 0.5 * WEAR * random.log_between(0.1, 10.0);
+    let below = [coefficient(), coefficient()];
+    let mut body = |below: f64, count: u8| {
+        let mut layer = || {
+            let (thickness, coefficient) =
+                (depth * random.log_between(0.02, 1.0), 0.5 * WEAR * random.log_between(0.1, 10.0));
+            json!({"thickness": thickness, "coefficient": coefficient})
+        };
+        json!({"layers": (0..count).map(|_| layer()).collect::<Vec<_>>(), "coefficient": below})
+    };
+    let first = body(below[0], 1);
+    json!({"bodies": [first, body(below[1], if below[1] > below[0] { 2 } else { 0 })]})
+}
+
+/// Lets the friction or the wear coefficient change until the cycle `last`.
+fn change(request: &mut Value, last: f64, random: &mut Random) {
+    let mut other = |value: f64| value * random.log_between(0.6, 1.6);
+    let (friction, wear, second) = (other(FRICTION), other(WEAR), other(WEAR));
+    let (cycles, step) = (last * random.between(0.05, 0.8), last * random.between(0.1, 0.4));
+    let kind = random.one_of(&["friction", "wear", "both"]);
+    if kind != "wear" {
+        request["friction"] =
+            json!({"run_in": {"cycles": cycles, "from": FRICTION, "to": friction}});
+    }
+    if kind != "friction" {
+        // The coefficient has a step.
+        let at = [0.0, step, step, 2.0 * step];
+        request["wear"]["coefficient"] =
+            json!({"over": "cycles", "at": at, "values": [WEAR, wear, second, WEAR]});
+    }
+}
+
+/// The kind of motion of a round contact.
 fn mode(random: &mut Random) -> &'static str {
     if random.between(0.0, 1.0) < 1.0 / 3.0 {
         return "blocks";
@@ -75,9 +182,9 @@ fn mode(random: &mut Random) -> &'static str {
     random.one_of(&["amplitude", "tangential force", "rig", "record", "gross slip"])
 }
 
-/// One of [`SHAPES`]. The sphere and both truncated shapes together are a third of the scenarios.
+/// A shape of a round contact. The sphere and both truncated shapes together are a third of them.
 fn shape(random: &mut Random) -> &'static str {
-    let (others, powers) = SHAPES.split_at(3);
+    let (others, powers) = SHAPES[..ROUND].split_at(3);
     let some = if random.between(0.0, 1.0) < 1.0 / 3.0 { others } else { powers };
     random.one_of(some)
 }
@@ -93,14 +200,85 @@ fn profile(shape: &str, random: &mut Random) -> Option<Value> {
             let flat = random.log_between(1e-5, 1e-4);
             json!({"shape": "truncated_cone", "slope_angle": 0.02, "flat_radius": flat})
         }
+        "cylinder" => json!({"shape": "cylinder", "radius": "6 mm", "length": LENGTH}),
+        "wedge" => json!({"shape": "wedge", "slope_angle": 0.02, "length": LENGTH}),
+        "punch" => {
+            let flat = random.log_between(5e-6, 2e-4);
+            json!({"shape": "punch", "flat_half_width": flat, "edge_radius": "3 mm", "length": LENGTH})
+        }
         power => {
-            let exponent: f64 = power.strip_prefix("r^")?.parse().ok()?;
-            json!({"shape": "power", "exponent": exponent, "height": "5 um", "at_radius": "0.2 mm"})
+            let (variable, exponent) = power.split_once('^')?;
+            let exponent: f64 = exponent.parse().ok()?;
+            let mut profile = json!({"shape": "power", "exponent": exponent, "height": "5 um", "at_radius": "0.2 mm"});
+            if variable == "x" {
+                (profile["geometry"], profile["length"]) = (json!("line"), json!(LENGTH));
+            }
+            profile
         }
     })
 }
 
-/// A motion without blocks.
+/// A motion of a line contact without blocks, and the wear rate relative to the rate on which its N₀ is based.
+/// `preview` belongs to the stick ratio and to [`REACH`].
+fn line_motion(
+    mode: &str,
+    stick_ratio: f64,
+    preview: &Preview,
+    random: &mut Random,
+) -> (Value, f64) {
+    let Preview { unworn, scales, .. } = preview;
+    let (amplitude, force) = (unworn.amplitude, unworn.tangential_force);
+    let threshold = force / (FRICTION * scales.normal_force);
+    let slip = FRICTION * scales.indentation_depth;
+    match mode {
+        "amplitude" => (json!({"amplitude": amplitude, "reference_distance": REACH}), threshold),
+        "tangential force" => (json!({"stick_ratio": stick_ratio}), threshold),
+        "rig" => {
+            let stiffness = force / amplitude * random.log_between(0.3, 30.0);
+            let amplitude = amplitude + force / stiffness;
+            let motion = json!({"amplitude": amplitude, "reference_distance": REACH, "rig_stiffness": stiffness});
+            (motion, threshold)
+        }
+        "loop" => {
+            // The slope of the loop of the unworn contact, which is measured against REACH.
+            let stiffness =
+                0.5 * PI * NORMAL_MODULUS * LENGTH / libm::acosh(REACH / scales.contact_radius);
+            (json!({"amplitude": amplitude, "loop_stiffness": stiffness}), threshold)
+        }
+        "sliding" => {
+            let sliding = random.log_between(20.5, 300.0);
+            (json!({"sliding_amplitude": sliding * slip}), 1.0 + sliding)
+        }
+        _ => {
+            let gross_slip = unworn.gross_slip_amplitude;
+            let amplitude = gross_slip * random.log_between(1.02, 5.0);
+            let motion = json!({"amplitude": amplitude, "reference_distance": REACH});
+            (motion, 1.0 + (amplitude - gross_slip) / slip)
+        }
+    }
+}
+
+/// Two to five random blocks of strokes or tangential forces of a line contact, and output cycles in each of them.
+fn line_blocks(mode: &str, preview: &Preview, random: &mut Random) -> (Value, Value) {
+    let Preview { unworn, scales, .. } = preview;
+    let count = random.one_of(&[2_u8, 3, 4, 5]);
+    let is_force = mode == "force blocks";
+    let (member, most, highest) = if is_force {
+        ("tangential_force", FRICTION * scales.normal_force, 0.98)
+    } else {
+        ("amplitude", unworn.gross_slip_amplitude, 1.3)
+    };
+    let motions: Vec<f64> = (0..count).map(|_| most * random.log_between(0.05, highest)).collect();
+    let last = random.log_between(0.5, 30.0) * scales.cycles;
+    let (blocks, outputs) = in_time(member, &motions, last, random);
+    let mut motion = json!({"blocks": blocks});
+    if !is_force {
+        motion["reference_distance"] = json!(REACH);
+    }
+    (motion, outputs.into())
+}
+
+/// A motion of a round contact without blocks.
 fn motion(mode: &str, stick_ratio: f64, preview: &Preview, random: &mut Random) -> Value {
     let unworn = &preview.unworn;
     let amplitude = unworn.amplitude;
@@ -119,7 +297,7 @@ fn motion(mode: &str, stick_ratio: f64, preview: &Preview, random: &mut Random) 
     }
 }
 
-/// Two to five random blocks, and output cycles in each of them. The last block lasts until the end of the run.
+/// Two to five random blocks of a round contact, and output cycles in each of them.
 fn blocks(preview: &Preview, random: &mut Random) -> (Value, Value) {
     let count = random.one_of(&[2_u8, 3, 4, 5]);
     let amplitudes: Vec<f64> = (0..count)
@@ -128,16 +306,27 @@ fn blocks(preview: &Preview, random: &mut Random) -> (Value, Value) {
     // N₀ of the first block.
     let characteristic = preview.scales.cycles * preview.unworn.amplitude / amplitudes[0];
     let last = random.log_between(0.5, 30.0) * characteristic;
+    let (blocks, outputs) = in_time("amplitude", &amplitudes, last, random);
+    (json!({"blocks": blocks}), outputs.into())
+}
+
+/// Blocks of these motions up to the cycle `last`, and output cycles in each of them.
+fn in_time(
+    member: &str,
+    motions: &[f64],
+    last: f64,
+    random: &mut Random,
+) -> (Vec<Value>, Vec<f64>) {
     let (mut start, mut blocks, mut outputs) = (0.0, Vec::new(), Vec::new());
-    for (index, amplitude) in amplitudes.iter().enumerate() {
-        let length = if index + 1 == amplitudes.len() {
+    for (index, motion) in motions.iter().enumerate() {
+        let length = if index + 1 == motions.len() {
             (last - start).max(0.05 * last)
         } else {
-            last * random.between(0.2, 1.0) / f64::from(count)
+            last * random.between(0.2, 1.0) / motions.len() as f64
         };
-        blocks.push(json!({"amplitude": amplitude, "cycles": length}));
+        blocks.push(json!({member: motion, "cycles": length}));
         outputs.extend(BLOCK_SHARES.map(|share| start + share * length));
         start += length;
     }
-    (json!({"blocks": blocks}), outputs.into())
+    (blocks, outputs)
 }

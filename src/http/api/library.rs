@@ -60,7 +60,7 @@ pub struct ResultEntry {
     evicted: Option<String>,
     /// Its note.
     note: Option<Note>,
-    /// `shape`, `method`, `regime`, `held` (of the load) and `motion`.
+    /// `shape`, `geometry`, `method`, `regime`, `held` (of the load) and `motion`.
     #[serde(flatten)]
     #[schema(value_type = Object)]
     words: Map<String, Value>,

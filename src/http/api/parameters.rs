@@ -147,9 +147,20 @@ impl IntoParams for SearchTable {
                 "1" => "a plain number".to_owned(),
                 unit => format!("in {unit} or with units"),
             };
+            let note = match scalar.name {
+                "friction" => " A friction that changes counts with its value at cycle 0.",
+                "wear_coefficient" => {
+                    " A coefficient that changes counts with its value at cycle 0. Bodies with layers have none."
+                }
+                "amplitude" | "gross_slip_amplitude" => {
+                    " A line contact has it only with a reference."
+                }
+                "indentation_depth" => " Of a line contact it is 2F/(πE*·length).",
+                _ => "",
+            };
             let about = format!(
                 "Results whose `{}` lies in this range: `a..b`, `a..`, `..b` or a single value, {unit}. Compared to 9 \
-                 digits.",
+                 digits.{note}",
                 scalar.name,
             );
             parameter(scalar.name, about, text())

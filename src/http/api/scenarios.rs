@@ -47,6 +47,9 @@ pub static EXAMPLES: &[Example] = examples!(
     "held-tangential-force",
     "displacement-record",
     "measured-tip",
+    "cylinder-on-flat",
+    "coated-cylinder",
+    "run-in",
     "paper-figure-3",
     "paper-figure-4"
 );

@@ -28,6 +28,10 @@ const POLE_ROOM: f64 = 2.0;
 const INITIAL: Style = Style { color: GREY, dash: Dash::Dashed, width: 1.3, mark: None };
 const LIMITING: Style = Style { color: "#000000", dash: Dash::ShortDashed, width: 1.3, mark: None };
 
+/// The note below a figure without points.
+const NO_REFERENCE: &str =
+    "No values: the displacements of a line contact are known only against a reference.";
+
 /// Draws the requested figure of a run as an SVG document.
 pub fn svg(document: &Document<'_>, view: &View) -> Result<String, Error> {
     let options = &view.figure;
@@ -44,6 +48,10 @@ pub fn svg(document: &Document<'_>, view: &View) -> Result<String, Error> {
         figure.y.range = below_poles(&figure.series);
     }
     quantity.title.clone_into(&mut figure.title);
+    let mut points = figure.series.iter().flat_map(|series| series.x.iter().zip(&series.y));
+    if points.all(|(x, y)| x.is_nan() || y.is_nan()) {
+        NO_REFERENCE.clone_into(&mut figure.note);
+    }
     figure.about = Some(axes::about(&document.head, drawing.description(&figure)?));
     Ok(figure.svg())
 }

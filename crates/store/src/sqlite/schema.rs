@@ -14,7 +14,7 @@ use sqlx::{Connection as _, SqlSafeStr as _, SqliteConnection};
 use crate::error::Error;
 
 /// The migrations of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 15] = [
+const CHANGES: [(i64, &str, &str); 16] = [
     (1, "jobs", include_str!("../../../../migrations/sqlite/0001_jobs.sql")),
     (
         2,
@@ -34,6 +34,7 @@ const CHANGES: [(i64, &str, &str); 15] = [
     (13, "chunks", include_str!("../../../../migrations/sqlite/0013_chunks.sql")),
     (14, "copies", include_str!("../../../../migrations/sqlite/0014_copies.sql")),
     (15, "verified", include_str!("../../../../migrations/sqlite/0015_verified.sql")),
+    (16, "geometry", include_str!("../../../../migrations/sqlite/0016_geometry.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.

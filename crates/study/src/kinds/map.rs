@@ -4,7 +4,8 @@
 //! `outputs`, such as the wear volume.
 //!
 //! Gross slip begins at the amplitude U = μ(E*/G*)·d(F), where d is the indentation depth at the normal force F. For a
-//! paraboloid with contact radius a this is the formula of Hertz and Mindlin, U = 3μF/(4G*a).
+//! paraboloid with contact radius a this is the formula of Hertz and Mindlin, U = 3μF/(4G*a). The amplitude of a line
+//! contact is measured against the reference of the scenario.
 //!
 //! # Sources
 //! O. Vingsbo, S. Söderberg, Wear 126 (1988) 131: fretting maps.
@@ -132,10 +133,14 @@ fn plain(scenario: &Value) -> Result<(), Faults> {
     for (pointer, name) in MEMBERS.into_iter().zip(AXES) {
         let section = pointer.rsplit_once('/').map_or("", |(section, _)| section);
         if scenario.pointer(section).is_some() && scenario.pointer(pointer).is_none() {
-            let detail = format!(
+            let mut detail = format!(
                 "has no `{name}`, but a map varies this number. Enter any value of `{name}` in place of the given \
                  quantity"
             );
+            if name == AXES[1] && scenario.pointer("/profile/length").is_some() {
+                detail +=
+                    ", and what it is measured against: `reference_distance` or `loop_stiffness`";
+            }
             faults.add(section, detail);
         }
     }
@@ -388,16 +393,31 @@ mod tests {
 
     #[test]
     fn the_outputs_of_a_row_equal_those_of_a_single_run() {
-        let study = map(|map| map["outputs"] = json!(["wear_volume", "wear_depth@1000"])).unwrap();
-        let table = document(&study)["table"].take();
-        for number in [0, 30, 83] {
-            let case = study.problem().case(&study.point(number)).unwrap();
-            let unworn = Preview::of(&case).unworn;
-            let history = Simulation::new(case, Vec::new()).run().history;
-            let energy = table["unworn.energy_per_cycle"][number].as_f64().unwrap();
-            assert!((energy - unworn.energy_per_cycle).abs() < 1e-9 * energy);
-            assert_eq!(table["wear_volume"][number], rounded(history.wear_volume[1]));
-            assert_eq!(table["wear_depth@1000"][number], rounded(history.wear_depth[1]));
+        let outputs = |map: &mut Value| map["outputs"] = json!(["wear_volume", "wear_depth@1000"]);
+        let line = |map: &mut Value| {
+            outputs(map);
+            map["scenario"]["profile"] =
+                json!({"shape": "cylinder", "radius": "6 mm", "length": "10 mm"});
+            map["scenario"]["load"] = json!({"normal_force": "18.5 N/mm"});
+            map["scenario"]["motion"] =
+                json!({"amplitude": "25 um", "reference_distance": "36 mm"});
+            map["scenario"]["model"] = json!({"points": 16});
+            map["amplitude"] =
+                json!({"from": "0.05 um", "to": "20 um", "count": 12, "spacing": "log"});
+            map["normal_force"] = json!({"from": "10 N/mm", "to": "100 N/mm", "count": 3});
+        };
+        for (study, numbers) in [(map(outputs), [0, 30, 83]), (map(line), [0, 14, 35])] {
+            let study = study.unwrap();
+            let table = document(&study)["table"].take();
+            for number in numbers {
+                let case = study.problem().case(&study.point(number)).unwrap();
+                let unworn = Preview::of(&case).unworn;
+                let history = Simulation::new(case, Vec::new()).run().history;
+                let energy = table["unworn.energy_per_cycle"][number].as_f64().unwrap();
+                assert!((energy - unworn.energy_per_cycle).abs() < 1e-9 * energy);
+                assert_eq!(table["wear_volume"][number], rounded(history.wear_volume[1]));
+                assert_eq!(table["wear_depth@1000"][number], rounded(history.wear_depth[1]));
+            }
         }
     }
 
@@ -430,6 +450,18 @@ mod tests {
         assert!(fault(&depth).starts_with("/scenario/load: has no `normal_force`"));
         let ratio = |map: &mut Value| map["scenario"]["motion"] = json!({"stick_ratio": 0.5});
         assert!(fault(&ratio).starts_with("/scenario/motion: has no `amplitude`"));
+        let line = |motion: Value| {
+            move |map: &mut Value| {
+                map["scenario"]["profile"] =
+                    json!({"shape": "cylinder", "radius": "6 mm", "length": "10 mm"});
+                map["scenario"]["load"] = json!({"normal_force": "18.5 N/mm"});
+                map["scenario"]["motion"] = motion.clone();
+                map["scenario"]["model"] = json!({});
+            }
+        };
+        assert!(fault(&line(json!({"sliding_amplitude": 1e-5}))).ends_with("`loop_stiffness`"));
+        let unmeasured = fault(&line(json!({"amplitude": 1e-5})));
+        assert!(unmeasured.starts_with("/scenario/motion/amplitude: needs a reference"));
         let rig = |map: &mut Value| map["scenario"]["motion"]["rig_stiffness"] = json!("50 N/um");
         assert!(fault(&rig).starts_with("/scenario/motion/rig_stiffness: does not belong"));
         assert!(fault(&|map| map["amplitude"]["to"] = json!("1 N")).starts_with("/amplitude/to: "));
