@@ -478,7 +478,7 @@ impl MeshRun {
         else {
             return 0.0;
         };
-        if self.blunt.is_none() {
+        if self.blunt.is_none() && self.wearing.contact.layers.is_none() {
             return BLUNTED;
         }
         let width = self.wearing.springs.mesh.width_at(sharp);
