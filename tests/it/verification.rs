@@ -53,7 +53,7 @@ fn the_inputs_from_the_literature_are_job_bodies_and_their_sources_are_named() {
 }
 
 /// Checks the accuracy that docs/accuracy.md states. Except in tests/long, fewer runs are computed than for the page, so a
-/// smaller share of covered errors is accepted: one underestimated error counts more.
+/// smaller share of covered errors is accepted.
 #[test]
 fn the_exact_method_is_as_accurate_as_the_documents_say() {
     let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
