@@ -80,7 +80,7 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
     let (method, uri) = (request.method().clone(), request.uri().clone());
     request.extensions_mut().insert(trace);
     request.extensions_mut().insert(Arc::clone(shares));
-    let peer = request.extensions().get::<Peer>().copied();
+    let peer = request.extensions().get::<Peer>().cloned();
     let closes_after_error = drain_body(&mut request);
     let answer = if peer.is_some() && !has_one_host(&request) {
         Problem::new(&kinds::BAD_HOST, "Send exactly one Host header.").into_response()

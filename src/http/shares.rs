@@ -192,13 +192,18 @@ pub fn get_or_insert<T>(
     name: &str,
     new: impl FnOnce() -> T,
 ) -> Arc<T> {
-    if let Some(found) = map.get(name).and_then(Weak::upgrade) {
+    let held = map.get_mut(name);
+    if let Some(found) = held.as_deref().and_then(Weak::upgrade) {
         return found;
+    }
+    let new = Arc::new(new());
+    if let Some(held) = held {
+        *held = Arc::downgrade(&new);
+        return new;
     }
     if map.len() >= NAMES && map.len() == map.capacity() {
         map.retain(|_, used| used.strong_count() > 0);
     }
-    let new = Arc::new(new());
     map.insert(name.to_owned(), Arc::downgrade(&new));
     new
 }

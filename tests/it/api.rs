@@ -529,15 +529,21 @@ async fn a_result_reports_the_wear_of_each_body_and_the_model_error() {
     let mut body = example("flat-on-rig");
     body["scenario"]["wear"]["share"] = json!(0.25);
     let result = result(&server, &body).await;
-    for name in ["wear_depth", "wear_volume"] {
-        let whole = column(&result, &format!("/history/{name}"));
-        for (body, share) in [0.25, 0.75].into_iter().enumerate() {
-            assert_eq!(result["bodies"][body]["share"], share);
-            let part = column(&result, &format!("/bodies/{body}/{name}"));
-            assert_eq!(part.len(), whole.len());
-            for (part, whole) in part.iter().zip(&whole) {
-                assert!((part - share * whole).abs() <= 1e-11 * whole, "{part} of {whole}");
-            }
+    let of_body = |body: usize, name: &str| column(&result, &format!("/bodies/{body}/{name}"));
+    let lengths = [0, 1].map(|body| of_body(body, "scar_half_length"));
+    for (body, share) in [0.25, 0.75].into_iter().enumerate() {
+        assert_eq!(result["bodies"][body]["share"], share);
+        let volumes = of_body(body, "wear_volume");
+        for (part, whole) in volumes.iter().zip(column(&result, "/history/wear_volume")) {
+            assert!((part - share * whole).abs() <= 1e-11 * whole, "{part} of {whole}");
+        }
+        // Each body wears over its own length.
+        let depths = of_body(body, "wear_depth").into_iter();
+        let rows = depths.zip(column(&result, "/history/wear_depth")).enumerate().skip(1);
+        for (row, (part, whole)) in rows {
+            let weight = |body: usize| [0.25, 0.75][body] / lengths[body][row];
+            let known = whole * weight(body) / (weight(0) + weight(1));
+            assert!((part - known).abs() <= 1e-10 * whole, "{part} of {whole}: {known}");
         }
     }
     let exact = column(&result, "/history/wear_volume");

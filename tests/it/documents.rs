@@ -262,15 +262,17 @@ async fn the_links_of_the_dashboard_lead_to_documents() {
     assert!(links >= 5, "{links}");
 }
 
-/// A job body with these members of its scenario replaced.
-fn job_with(member: &str, value: Value) -> Vec<u8> {
-    let mut body: Value = serde_json::from_str(&read("examples/steel-ball.json").text).unwrap();
+/// An example as a job body with this member of its scenario replaced.
+fn job_with(example: &str, member: &str, value: Value) -> Vec<u8> {
+    let path = format!("examples/{example}.json");
+    let mut body: Value = serde_json::from_str(&read(&path).text).unwrap();
     body["scenario"]["cycles"] = json!([1000]);
     body["scenario"][member] = value;
     body.to_string().into_bytes()
 }
 
-/// Whether a job body accepts this JSON as its scenario's profile, motion, load or cycles, or as a member of a sweep.
+/// Whether a job body of a ball or of a cylinder accepts this JSON as a member of its scenario, or a sweep as one of its
+/// members.
 fn is_accepted(value: &Value) -> bool {
     if Submission::parse(value.to_string().as_bytes()).is_ok() {
         return true;
@@ -279,8 +281,11 @@ fn is_accepted(value: &Value) -> bool {
     for (name, member) in value.as_object().into_iter().flatten() {
         sweep["sweep"][name] = member.clone();
     }
-    let members = ["profile", "motion", "load", "cycles"];
-    members.iter().any(|member| Submission::parse(&job_with(member, value.clone())).is_ok())
+    let members = ["profile", "motion", "load", "cycles", "wear", "friction"];
+    let jobs = ["steel-ball", "cylinder-on-flat"]
+        .into_iter()
+        .flat_map(|example| members.map(|member| job_with(example, member, value.clone())));
+    jobs.into_iter().any(|job| Submission::parse(&job).is_ok())
         || value.is_object() && Submission::parse(sweep.to_string().as_bytes()).is_ok()
 }
 

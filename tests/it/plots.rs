@@ -188,7 +188,7 @@ fn a_figure_contains_a_title_and_a_text_description() {
         node.text().unwrap().to_owned()
     };
     assert_eq!((text("title"), text("identifier")), ("Worn profile".to_owned(), key));
-    assert_eq!(text("creator"), "fretwork/3");
+    assert_eq!(text("creator"), "fretwork/4");
     let told = text("desc");
     for part in ["Height f (µm)", "paraboloid", "partial slip", "friction 0.7", "exact"] {
         assert!(told.contains(part), "{told}");

@@ -210,7 +210,7 @@ pub struct Case {
     pub tends_to: Option<Final>,
     /// The wear at which the run ends early.
     pub until: StopCondition,
-    /// The share of the wear depth on the first body, if requested.
+    /// The share of the first body in the wear volume, if requested.
     pub share: Option<f64>,
     /// The scales that convert results to SI.
     pub scales: Scales,
@@ -234,22 +234,21 @@ impl Case {
     /// The slip of the middle of an unworn line contact, in μh₀.
     pub(crate) fn unworn_middle(&self) -> f64 {
         let Contact { shape, threshold, reference, .. } = &self.contact;
-        match (&self.control.tangential, reference) {
-            (Tangential::Sliding(stroke), _) => *stroke,
-            (Tangential::Stroke(stroke), Some(reference)) if *threshold >= 1.0 => {
+        match (self.control.first_stroke(), reference) {
+            (Some(stroke), Some(reference)) if *threshold >= 1.0 => {
                 (stroke - reference.stroke(shape, 1.0)).max(0.0)
             }
+            (Some(stroke), None) => stroke,
             _ => 0.0,
         }
     }
 
     /// The stroke of an unworn line contact in μh₀, with that of the rig. NaN if it is not known.
     pub(crate) fn unworn_stroke(&self) -> f64 {
-        match (&self.control.tangential, self.contact.reference) {
-            (Tangential::Stroke(stroke) | Tangential::Sliding(stroke), _) => *stroke,
-            (_, Some(reference)) => reference.stroke(&self.contact.shape, self.contact.threshold),
-            (_, None) => f64::NAN,
-        }
+        self.control.first_stroke().unwrap_or_else(|| {
+            let Contact { shape, threshold, reference, .. } = &self.contact;
+            reference.map_or(f64::NAN, |reference| reference.stroke(shape, *threshold))
+        })
     }
 
     /// Δ of the unworn contact at the amplitude U in m, and the slip of the middle of a line contact. A line contact needs

@@ -65,8 +65,7 @@ impl Key {
 impl fmt::Display for Key {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut digits = [0; 64];
-        HEXLOWER.encode_mut(&self.0, &mut digits);
-        f.write_str(str::from_utf8(&digits).map_err(|_| fmt::Error)?)
+        f.write_str(HEXLOWER.encode_mut_str(&self.0, &mut digits))
     }
 }
 
@@ -78,8 +77,9 @@ pub struct BadKey;
 impl FromStr for Key {
     type Err = BadKey;
     fn from_str(text: &str) -> Result<Self, BadKey> {
-        let bytes = HEXLOWER.decode(text.as_bytes()).ok().and_then(|bytes| bytes.try_into().ok());
-        bytes.map(Self).ok_or(BadKey)
+        let mut bytes = [0; 32];
+        let is_key = text.len() == 64 && HEXLOWER.decode_mut(text.as_bytes(), &mut bytes).is_ok();
+        is_key.then_some(Self(bytes)).ok_or(BadKey)
     }
 }
 

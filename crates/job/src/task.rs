@@ -469,12 +469,12 @@ pub(super) mod tests {
         assert_eq!(
             [ball.as_str(), cone.as_str(), exact.as_str()],
             [
-                "84849dcf27de359ebe2e4c87effbaf1aae6accd86e85a7ae90ce2401a9339f81 \
-                 b62ac7eaa3c30e1e1aecc9d1ab5a955b7b52f9f4907b59e7314ffef68e7c7f0f",
-                "59bfa62ac08c8c9b124517b536c75bc3f4ca0be37a0ea2b482cac58ce18d9ba7 \
-                 808e6de4d57b042e43c43e50c310d3ea1477f1cc2a917f16fe2d97d9f7906df9",
-                "08c02ef4b439664ac09b0115793d19305f56ce9b0094c5354c7ee9a545675fa7 \
-                 6df49606dc8d082c8054de1d3b09c108fc3ec2b2ba2e35a844ee2929509741d7",
+                "37dc67008620342ebedd6e5c9cea723621a493e36eeb7146b07c60efa90e35d7 \
+                 42a20e0cfe24d878c41dc42cb13ec164a5769ba0e66dcb728ebf659cd2cefae6",
+                "62754c40f33157e0bd2161ad2a9a81ab13351a5ce015d45268889a86ad6ae036 \
+                 94c8a4e5bde7761dd6fc61c9d26b110ade11ffafcce3d31323a40de236f9f223",
+                "11a5ee1387b3070b67eba2adecb02f5ad1abbb5526714a659fef6ca07c087682 \
+                 9058c115ef07d48a0fff2047262b4b98c00a6ad6546e7eabede2740131985637",
             ]
         );
     }

@@ -14,9 +14,18 @@ use super::Identity;
 use super::limits::Standing;
 use fretwork_store::{Actor, Editor, Role};
 
-/// The address of the client of a request.
-#[derive(Debug, Clone, Copy)]
-pub struct Peer(pub IpAddr);
+/// The client of a request: the name of its network, which owns the jobs of a client without a key.
+#[derive(Debug, Clone)]
+pub struct Peer(Arc<str>);
+
+impl From<IpAddr> for Peer {
+    fn from(address: IpAddr) -> Self {
+        Self(match network(address) {
+            IpAddr::V4(address) => address.to_string().into(),
+            IpAddr::V6(network) => format!("{network}/64").into(),
+        })
+    }
+}
 
 /// The ids of a request. The server writes them to the answer, to the log, and to the log of the job that the request
 /// submits.
@@ -123,19 +132,11 @@ pub fn network(address: IpAddr) -> IpAddr {
     }
 }
 
-/// The owner of the jobs of a client without a key: the name of its network.
-fn owner(address: IpAddr) -> String {
-    match network(address) {
-        IpAddr::V4(address) => address.to_string(),
-        IpAddr::V6(network) => format!("{network}/64"),
-    }
-}
-
 /// The owner of a request: the name of its key, or the network of its client.
 pub fn owner_of(extensions: &Extensions) -> String {
     match (extensions.get::<Identity>(), extensions.get::<Peer>()) {
         (Some(identity), _) => identity.owner.clone(),
-        (None, Some(Peer(address))) => owner(*address),
+        (None, Some(Peer(network))) => String::from(&**network),
         (None, None) => "unknown".to_owned(),
     }
 }

@@ -77,7 +77,9 @@ impl Representation {
         let view = view.sorted();
         let is_unchanged = (part, format) == (Part::Whole, Format::Json) && view == View::default();
         let (name, tag) = if is_unchanged {
-            (key.to_string(), format!("\"{key}\""))
+            let name = key.to_string();
+            let tag = ["\"", &name, "\""].concat();
+            (name, tag)
         } else {
             let address = format!("{key}.{}.{}", part.name(), format.name());
             let name = format!("{address} {} {view:?}", format::VERSION);

@@ -83,9 +83,10 @@ pub async fn serve(
         let activity = Arc::clone(&open.activity);
         let is_proxy = admission.is_proxy(address);
         let (router, requests) = (router.clone(), Arc::clone(&activity));
+        let client = Peer::from(address);
         let service = service_fn(move |request: hyper::Request<Incoming>| {
-            let peer = if is_proxy { forwarded(request.headers()) } else { None };
-            answer(&router, request, Peer(peer.unwrap_or(address)), &requests)
+            let peer = if is_proxy { forwarded(request.headers()).map(Peer::from) } else { None };
+            answer(&router, request, peer.unwrap_or_else(|| client.clone()), &requests)
         });
         let io = TokioIo::new(Watched { socket, activity });
         let connection = graceful.watch(builder.serve_connection(io, service).into_owned());

@@ -217,15 +217,15 @@ impl Write for Encoder {
 fn is_compressible(answer: &Response) -> bool {
     let headers = answer.headers();
     let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
-    let is_text = kind.is_some_and(|kind| {
+    let is_text = |kind: &str| {
         let words = ["json", "xml", "javascript", "text/"];
         words.iter().any(|word| kind.contains(word)) && !kind.contains("event-stream")
-    });
+    };
     let size = answer.body().size_hint().exact();
-    is_text
-        && !headers.contains_key(ETAG)
+    !headers.contains_key(ETAG)
         && !headers.contains_key(CONTENT_ENCODING)
         && size.is_some_and(|size| (MIN_SIZE..=MAX_SIZE).contains(&size))
+        && kind.is_some_and(is_text)
 }
 
 #[cfg(test)]

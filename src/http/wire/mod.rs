@@ -59,6 +59,10 @@ impl Query {
     /// Takes a parameter out of the query, as text.
     pub fn text(&mut self, name: &'static str) -> Option<String> {
         self.known.push(name);
+        // Most requests have no parameters, and need nothing of the following.
+        if self.pairs.is_empty() {
+            return None;
+        }
         let taken = self.pairs.extract_if(.., |(key, _)| key == name);
         let mut values: Vec<String> = taken.map(|(_, value)| value).collect();
         let found = values.pop();

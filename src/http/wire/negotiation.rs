@@ -9,7 +9,7 @@ use fretwork_format::Format;
 /// The items of a list header with their weights (RFC 9110, 12.4.2).
 pub fn weighted(headers: &HeaderMap, name: HeaderName) -> Vec<(&str, f64)> {
     let item = |word| {
-        let (item, parameters) = str::split_once(word, ';').unwrap_or((word, ""));
+        let Some((item, parameters)) = str::split_once(word, ';') else { return (word, 1.0) };
         let mut parameters = parameters.split(';').filter_map(|text| text.split_once('='));
         let weight = parameters.find(|(name, _)| name.trim().eq_ignore_ascii_case("q"));
         let weight = weight.and_then(|(_, weight)| weight.trim().parse().ok()).unwrap_or(1.0);

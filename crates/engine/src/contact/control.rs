@@ -241,7 +241,15 @@ impl Control {
         blocks.iter().map(|block| block.threshold).fold(0.0, f64::max)
     }
 
-    /// The stroke of a line contact in μh₀, if it is held.
+    /// The stroke of a line contact at cycle 0, in μh₀, if it is held.
+    pub(crate) fn first_stroke(&self) -> Option<f64> {
+        match self.tangential {
+            Tangential::Stroke(stroke) | Tangential::Sliding(stroke) => Some(stroke),
+            _ => self.block(0)?.stroke,
+        }
+    }
+
+    /// The largest stroke of a line contact in μh₀, if it is held.
     pub(crate) fn largest_stroke(&self) -> f64 {
         match self.tangential {
             Tangential::Stroke(stroke) | Tangential::Sliding(stroke) => stroke,

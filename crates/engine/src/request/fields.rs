@@ -160,7 +160,7 @@ quantities! {
     Volume: Volume in (1e-40, 1e18);
     /// A dissipated energy in joules.
     DissipatedEnergy: Energy in (1e-30, 1e18);
-    /// The share of the wear depth on the first body.
+    /// The share of the first body in the wear volume.
     Share: Number in (0.0, 1.0);
     /// The number of cycles of a block.
     BlockCycles: Number in (1e-6, LAST_CYCLE);

@@ -19,7 +19,7 @@ pub const MAX_LAYERS: usize = 20;
 pub struct Wear {
     /// The wear coefficients.
     pub law: WearLaw,
-    /// The share of the wear depth on the first body, which carries the profile. Layers determine it themselves.
+    /// The share of the first body in the wear volume, which carries the profile. Layers determine it themselves.
     pub share: Option<f64>,
 }
 
@@ -130,7 +130,7 @@ struct GivenWear {
     /// Energy wear coefficient α.
     #[deserr(default)]
     energy_coefficient: Given<EnergyWear>,
-    /// The share of the wear depth on the first body, which carries the profile.
+    /// The share of the first body in the wear volume, which carries the profile.
     #[deserr(default)]
     share: Given<Rounded<Share>>,
     /// The two bodies, the one with the profile first.

@@ -136,9 +136,7 @@ fn quickens(contact: &Contact, control: &Control) -> f64 {
 /// The mesh for the beginning, and the mesh after a sharp tip or edge has become blunt. Only in gross slip
 /// (`slips`) the tip wears.
 fn with_sharp_tip(plan: MeshPlan, contact: &Contact, slips: bool) -> (MeshPlan, Option<MeshPlan>) {
-    // Another mesh would begin without a dose.
-    let has_layers = contact.layers.is_some();
-    match plan.while_sharp(contact).filter(|_| slips && !has_layers) {
+    match plan.while_sharp(contact).filter(|_| slips) {
         Some(sharp) => (sharp, Some(plan)),
         None => (plan, None),
     }
@@ -342,6 +340,13 @@ impl MeshRun {
         }
         if let Some(mut plan) = self.blunt.take() {
             plan.reach = plan.reach.max(self.wearing.plan.reach);
+            if self.wearing.contact.layers.is_some() {
+                // The dose goes on, because the layers count it from the surface.
+                let (wearing, dose) = self.wearing.with_dose(plan, &self.rkc.values);
+                self.wearing = wearing;
+                self.restart(Some(dose));
+                return;
+            }
             self.change_mesh(plan, self.wearing.worn(&self.rkc.values));
         }
     }
@@ -452,7 +457,9 @@ impl MeshRun {
     pub(super) fn edge_error(&self, worn: &WornContact) -> f64 {
         let (contact, control) = (&self.wearing.contact, self.control());
         let rests = !control.drifts(contact) || !moves(control, contact);
-        if rests || worn.stick >= 1.0 {
+        // With a coefficient of friction that changes, an edge that has not appeared may never appear.
+        let has_none = worn.stick == 0.0 && contact.changes_friction();
+        if rests || has_none || worn.stick >= 1.0 {
             return 0.0;
         }
         // The edge is not known better than the surface on which the block has started.

@@ -225,6 +225,9 @@ impl Wearing {
         let reach =
             (start + EXTENSION * (reach - start)).min(farthest).min(self.contact.shape.extent());
         let plan = MeshPlan { reach, ..self.plan.clone() };
+        if self.contact.layers.is_some() {
+            return self.with_dose(plan, values);
+        }
         let cells = self.springs.mesh.widths.len();
         let larger = self.on(plan, Arc::clone(&self.prior));
         let (from, to) = (&self.springs.mesh, &larger.springs.mesh);
@@ -232,11 +235,6 @@ impl Wearing {
             mesh.radii.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect()
         };
         let carried = match self.law {
-            Law::Exact if self.contact.layers.is_some() => {
-                let of_dose = Monotone::through(from.places.clone(), values.to_vec());
-                let end = from.places[cells];
-                to.places.iter().map(|t| if *t < end { of_dose.at(*t) } else { 0.0 }).collect()
-            }
             Law::Exact => {
                 // After long gross slip the worn profile is almost flat, but the wear is not. An
                 // error of 0.1 % of this wear exceeds the compression of the springs. Therefore
@@ -296,6 +294,17 @@ impl Wearing {
             }
         };
         (larger, carried)
+    }
+
+    /// The same contact of bodies with layers on another mesh, and the dose there.
+    pub(super) fn with_dose(&self, plan: MeshPlan, dose: &[f64]) -> (Self, Vec<f64>) {
+        let next = self.on(plan, Arc::clone(&self.prior));
+        let (from, to) = (&self.springs.mesh, &next.springs.mesh);
+        let of_dose = Monotone::through(from.places.clone(), dose.to_vec());
+        let end = from.places[from.places.len() - 1];
+        let at = |place: &f64| if *place < end { of_dose.at(*place) } else { 0.0 };
+        let dose = to.places.iter().map(at).collect();
+        (next, dose)
     }
 
     /// The wear of all meshes, from the wear at the nodes of this one.
