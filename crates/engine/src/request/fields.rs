@@ -228,7 +228,7 @@ impl PerLength for Stiffness {
 }
 
 /// The total of a force or stiffness over the length of the contact, rounded to 12 digits. The text of a request can
-/// state it per length; [`Self::multiply`] makes the total from it, before a request is valid.
+/// state it per length; `multiply` makes the total from it, before a request is valid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(transparent)]
 pub struct Total<T>(pub f64, #[serde(skip)] bool, #[serde(skip)] PhantomData<T>);
