@@ -268,11 +268,8 @@ impl Control {
                 let most = self.largest_threshold(contact) / least_friction;
                 if most >= 1.0 { 0.0 } else { contact.shape.image_inverse(1.0 - most) }
             }
-            (Normal::Depth, Tangential::Force(_) | Tangential::Rig { .. })
-                if contact.changes_friction() =>
-            {
-                0.0
-            }
+            // Δ falls less than friction does.
+            (_, Tangential::Force(_) | Tangential::Rig { .. }) if contact.changes_friction() => 0.0,
             _ if least_friction < 1.0 => {
                 contact.shape.stick_radius(contact.threshold / least_friction)
             }

@@ -156,10 +156,15 @@ impl Follower {
         let mut changed = false;
         for (track, segment) in course.tracks().into_iter().zip(&mut self.segments) {
             let Some(track) = track else { continue };
-            let next = track.segment(match track.over {
-                Over::Time => time,
-                Over::Energy => energy * (1.0 + REACHED),
-            });
+            let next = match track.over {
+                Over::Time => track.segment(time),
+                Over::Energy => {
+                    // The rest can be less than the last bit of the time.
+                    let end = track.at.get(*segment).copied().unwrap_or(f64::INFINITY);
+                    let is_now = time + (end - energy) / self.clock.power <= time;
+                    track.segment(energy * (1.0 + REACHED)).max(*segment + usize::from(is_now))
+                }
+            };
             changed |= next > *segment;
             *segment = next.max(*segment);
         }
@@ -168,6 +173,13 @@ impl Follower {
             self.clock.growth = 0.0;
         }
         changed
+    }
+
+    /// Whether a coefficient can still change.
+    pub(crate) fn is_changing(&self) -> bool {
+        let Some(course) = &self.course else { return false };
+        let mut tracks = course.tracks().into_iter().zip(self.segments);
+        tracks.any(|(track, segment)| track.is_some_and(|track| segment < track.at.len()))
     }
 
     /// The time at which the first of the present segments ends, as far as it is known.
@@ -204,7 +216,9 @@ mod tests {
         assert_eq!((friction(&follower, 1.5), friction(&follower, 2.0)), (1.5, 2.0));
         assert!(follower.enter(2.0, 0.0));
         assert_eq!((friction(&follower, 2.0), friction(&follower, 3.0)), (4.0, 5.0));
+        assert!(follower.is_changing());
         assert!(follower.enter(3.0, 0.0) && !follower.enter(3.5, 0.0));
+        assert!(!follower.is_changing());
         assert_eq!((friction(&follower, 9.0), follower.ends()), (5.0, f64::INFINITY));
     }
 

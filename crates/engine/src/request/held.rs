@@ -409,7 +409,8 @@ impl Motion {
             ),
             Some(_) => {}
             // A reference defines the displacements of loops.
-            None if self.sliding_amplitude.0.is_none() => {}
+            None if self.sliding_amplitude.0.is_none()
+                && (self.rig_stiffness.0.is_none() || self.reference_distance.0.is_some()) => {}
             None => {
                 for (member, _) in given.into_iter().filter(|(_, given)| *given) {
                     let detail = format!(

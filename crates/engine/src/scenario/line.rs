@@ -170,7 +170,13 @@ impl LineMotion {
             let held = MotionHeld::TangentialForce;
             Self::Force { tangential_force: force, reference, held }
         };
-        found.check(pressed)?;
+        found.check(pressed).map_err(|mut faults| {
+            // The force follows from the ratio.
+            for fault in faults.0.iter_mut().filter(|_| motion.stick_ratio.0.is_some()) {
+                "/motion/stick_ratio".clone_into(&mut fault.pointer);
+            }
+            faults
+        })?;
         Ok(found)
     }
 

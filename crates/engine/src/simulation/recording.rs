@@ -126,7 +126,8 @@ impl Recording {
 
     /// Replaces the contact radii of all rows, given in a₀. With the exact method, the scar ends at
     /// the contact radius.
-    pub(super) fn set_contact_radii(&mut self, radii: &[f64], length: f64) {
+    pub(super) fn set_contact_radii(&mut self, radii: &[f64], scales: &Scales) {
+        let length = scales.contact_radius;
         let [first, second] = &mut self.half_lengths;
         let History { contact_radius, scar_radius, .. } = &mut self.history;
         let mut reached = [0.0_f64; 2];
@@ -147,16 +148,18 @@ impl Recording {
             reached = [reached[0].max(first[row]), reached[1].max(second[row])];
             [first[row], second[row]] = reached;
         }
-        self.end_profiles_at_contact_radii();
+        // The springs of a line contact are pressed by its force.
+        let level = scales.length.map(|_| scales.indentation_depth);
+        self.end_profiles_at_contact_radii(level);
     }
 
-    /// Adjusts the curves next to the edge of the contact: g = d at the edge, and no pressure and no
-    /// wear outside.
+    /// Adjusts the curves next to the edge of the contact: g = d (of a line contact, the given
+    /// level) at the edge, and no pressure and no wear outside.
     #[expect(
         clippy::expect_used,
         reason = "rows without a match would give wrong profiles, so the run stops"
     )]
-    fn end_profiles_at_contact_radii(&mut self) {
+    fn end_profiles_at_contact_radii(&mut self, level: Option<f64>) {
         let Self { history, profiles, .. } = self;
         let mut rows = 0..history.cycles.len();
         let curves = profiles.image.iter_mut().zip(&mut profiles.pressure);
@@ -166,7 +169,7 @@ impl Recording {
             let row = rows.find(|row| history.cycles[*row] >= *cycles);
             let row = row.expect("each row of the profiles is a row of the history too");
             let edge = profiles.radius.partition_point(|r| *r < history.contact_radius[row]);
-            let depth = history.indentation_depth[row];
+            let depth = level.unwrap_or(history.indentation_depth[row]);
             image[..edge].iter_mut().for_each(|g| *g = g.min(depth));
             image[edge..].iter_mut().for_each(|g| *g = g.max(depth));
             pressure[edge..].fill(0.0);
@@ -247,7 +250,7 @@ impl Recording {
         loops.slip_ratio.push(found.slip_ratio);
         loops.free_ratio.push(found.free_ratio);
         // The rig is elastic, so W, Q and δ₀ are the same at the actuator.
-        if let Some(share) = case.actuator_share(entry.threshold) {
+        if let Some(share) = case.actuator_share(entry.threshold * m) {
             let push = |column: &mut Option<Vec<f64>>, ratio| {
                 column.get_or_insert_default().push(share * ratio);
             };

@@ -298,7 +298,7 @@ impl SingleRun {
         if let Some(march) = &mut march {
             let times = &recording.history.normalized_cycles;
             if let Some(radii) = march.contact_radii(times) {
-                recording.set_contact_radii(&radii, case.scales.contact_radius);
+                recording.set_contact_radii(&radii, &case.scales);
             }
         }
         let march = march.as_deref();

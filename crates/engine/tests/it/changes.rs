@@ -132,6 +132,20 @@ fn a_run_ends_when_the_friction_falls_below_the_held_force() {
     assert!((last(&found.history.cycles) / known - 1.0).abs() < 1e-3);
 }
 
+/// With both forces held the wear stops. If friction falls much later, the stick edge moves in, and wear begins again.
+#[test]
+fn wear_that_has_stopped_begins_again_when_the_friction_falls() {
+    let friction = json!({"over": "cycles", "at": [1e9, 1.1e9], "values": [0.8, 0.5]});
+    let request = with(sliding_cylinder(), "motion", json!({"tangential_force": "7 N/mm"}));
+    let request = with(request, "cycles", json!([1e8, 9e8, 1e9, 3e9]));
+    let plain = outcome(&with(request.clone(), "friction", json!(0.8)));
+    let limit = plain.limit.expect("a limiting state").wear_volume;
+    assert!((last(&plain.history.wear_volume) / limit - 1.0).abs() < 1e-3);
+    let volumes = outcome(&with(request, "friction", friction)).history.wear_volume;
+    assert!((volumes[2] / limit - 1.0).abs() < 1e-2, "{volumes:?} {limit}");
+    assert!(volumes[4] > 1.5 * limit, "{volumes:?} {limit}");
+}
+
 /// N = h/(4 k max(p·s)), where max(p·s) is p₀ (2/3) (s₀ + b)^{3/2}/√(3b) for a slip s₀ + b x²/a² with s₀ < 2b, and
 /// p₀ s₀ otherwise.
 #[test]

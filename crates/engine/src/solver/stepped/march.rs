@@ -545,7 +545,7 @@ impl March {
                     if springs.threshold == 0.0 || !keeps_core && springs.stick() == 0.0 {
                         1.0
                     } else {
-                        wearing.energy_rate() - least
+                        wearing.power() - least * (springs.friction * springs.friction)
                     }
                 })
             }

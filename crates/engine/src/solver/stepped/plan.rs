@@ -82,7 +82,7 @@ impl MeshPlan {
         let shape = &contact.shape;
         let least = match control.tangential {
             // Each block has a mesh of its own.
-            Tangential::Blocks(_) => contact.stick,
+            Tangential::Blocks(_) if !contact.changes_friction() => contact.stick,
             _ => control.least_stick(contact),
         };
         let end = control.tends_to(contact);

@@ -178,6 +178,7 @@ impl MeshRun {
         let unworn = vec![0.0; cells + 1];
         wearing.press(&unworn);
         let rate = wearing.energy_rate();
+        wearing.follower.record((0.0, 0.0), 0.0, [rate; 2]);
         let scales = time_and_size(&contact.limit, rate, quickens(contact, control));
         let rkc = Rkc::new(&mut wearing, unworn, tolerance, scales);
         Self {
@@ -230,7 +231,8 @@ impl MeshRun {
         }
         self.rests = false;
         self.wearing.widen();
-        let until = end.min(self.wearing.follower.ends());
+        let next = self.rkc.time * (1.0 + 4.0 * f64::EPSILON);
+        let until = end.min(self.wearing.follower.ends().max(next));
         self.rkc.advance(&mut self.wearing, until);
         self.account();
         if end.is_infinite() && self.has_arrived(end) {
@@ -242,8 +244,15 @@ impl MeshRun {
     /// Continues with a changed right-hand side, or from other values.
     fn restart(&mut self, values: Option<Vec<f64>>) {
         self.rkc.restart(&mut self.wearing, values);
+        self.renew_rates();
+    }
+
+    /// Takes note of the rates after a change of the contact.
+    fn renew_rates(&mut self) {
         self.loss = [self.wearing.energy_rate(); 2];
         self.power = [self.wearing.power(); 2];
+        let now = (self.rkc.time, self.rkc.time);
+        self.wearing.follower.record(now, self.dissipated[1], self.power);
     }
 
     /// Adds the energy of the last step.
@@ -299,6 +308,10 @@ impl MeshRun {
     /// Whether wear has practically stopped at the present amplitude, which is constant until
     /// `end`.
     fn has_arrived(&self, end: f64) -> bool {
+        if self.wearing.follower.is_changing() {
+            // Another coefficient of friction can start the wear again.
+            return false;
+        }
         let (time, rate) = (self.rkc.time, self.wearing.energy_rate());
         let lasted = time - self.block_began;
         let negligible = SETTLED * self.rkc.tolerance * self.worn_by_energy[1];
@@ -326,8 +339,7 @@ impl MeshRun {
         }
         self.block_began = self.rkc.time;
         self.change_amplitude(next);
-        self.loss = [self.wearing.energy_rate(); 2];
-        self.power = [self.wearing.power(); 2];
+        self.renew_rates();
         next.end
     }
 
@@ -370,9 +382,14 @@ impl MeshRun {
         let Self { wearing, rkc, .. } = self;
         let cells = wearing.springs.mesh.widths.len();
         let worn = wearing.worn(&rkc.values);
-        let stick = wearing.stick_edge(&rkc.values, &worn);
+        // If friction falls during the block, the edge moves inwards.
+        let stick = if wearing.contact.changes_friction() {
+            0.0
+        } else {
+            wearing.stick_edge(&rkc.values, &worn)
+        };
         let mesh = &wearing.springs.mesh;
-        let is_worn = stick > mesh.radii[0] && worn.at(stick * stick) > 0.0;
+        let is_worn = stick > mesh.radii[0] && worn.at(mesh.geometry.place(stick)) > 0.0;
         self.edge_width = if is_worn { mesh.width_at(stick) } else { 0.0 };
         let grows = stick < self.least_stick;
         self.least_stick = self.least_stick.min(stick);
@@ -485,7 +502,9 @@ impl MeshRun {
         else {
             return 0.0;
         };
-        if self.blunt.is_none() {
+        let contact = &self.wearing.contact;
+        let had_edge = contact.changes_friction() && contact.stick > 0.0;
+        if self.blunt.is_none() && !had_edge {
             return BLUNTED;
         }
         let width = self.wearing.springs.mesh.width_at(sharp);

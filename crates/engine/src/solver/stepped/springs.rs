@@ -288,6 +288,10 @@ impl Springs {
 
     /// θ at the stroke of a line contact. If θ = 1 is not enough for the stroke, the middle slips by the rest.
     fn threshold_at_stroke(&mut self, stroke: f64) -> f64 {
+        if stroke <= 0.0 {
+            self.middle = 0.0;
+            return 0.0;
+        }
         let rest = stroke - self.moved(1.0).0;
         if rest >= 0.0 {
             self.middle = rest;
@@ -298,6 +302,10 @@ impl Springs {
         let mut threshold = 1.0;
         for _ in 0..100 {
             let (sum, slope) = self.moved(threshold);
+            if slope <= 0.0 {
+                // Nothing yields at a smaller θ.
+                return threshold.max(0.0);
+            }
             let next = threshold + (stroke - sum) / slope;
             if (next - threshold).abs() <= 2.0 * f64::EPSILON * next {
                 return next;
@@ -456,6 +464,7 @@ impl Springs {
     /// The distance from gross slip. It is 0 when gross slip starts.
     pub(crate) fn margin(&self) -> f64 {
         match self.control.tangential {
+            _ if self.slides => -1.0,
             _ if !self.mesh.is_whole => 1.0,
             _ if self.middle > 0.0 => -self.middle,
             Tangential::Force(half) => self.normal() - half,
