@@ -50,7 +50,7 @@ const GROUPS: [(&str, &[&str]); 7] = [
     ("the energy balance and the area of the loop", &["dV/dN = (k_w/μ)W", "W"]),
     (
         "itself on finer meshes, or by a closed form",
-        &["closed form", "extrapolated", "one block", "tolerance 3e-4"],
+        &["amplitude", "closed form", "extrapolated", "one block", "tolerance 3e-4"],
     ),
     ("the simplified rule beside the exact method", &["exact method"]),
 ];
