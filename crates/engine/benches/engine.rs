@@ -127,6 +127,7 @@ fn main() {
 
     growth();
     exact_runs(&scenario);
+    line_runs();
     longest_steps();
 
     // The simulation of every cycle: 256 springs, 400 steps per cycle, N₀ = 1000, up to Ñ = 16.
@@ -173,6 +174,42 @@ fn growth() {
         });
         let (closed, stepped) = ratios.unzip();
         println!("{points:6} {:20.2} {:27.0}", median(closed), median(stepped));
+    }
+}
+
+/// The cost of a line contact, relative to a round contact with the same quantities held.
+fn line_runs() {
+    let with = |profile: Value, load: &str, motion: Value| {
+        let request = json!({
+            "profile": profile,
+            "moduli": {"normal": "112.64 GPa", "tangential": "92.76 GPa"},
+            "friction": 0.7,
+            "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+            "load": {"normal_force": load, "held": "force"},
+            "motion": motion,
+            "cycles": {"normalized": LATER_SNAPSHOTS},
+            "model": {"method": "exact"},
+        });
+        scenario::check(&request, "").expect("a valid scenario").0
+    };
+    let round = |motion| with(json!({"shape": "paraboloid", "radius": "10 mm"}), "100 N", motion);
+    let profile = json!({"shape": "cylinder", "radius": "10 mm", "length": "10 mm"});
+    let line = |motion| with(profile.clone(), "1 kN", motion);
+    let stroke = json!({"amplitude": "1.6 um", "reference_distance": "10 mm"});
+    let pairs = [
+        (
+            "force",
+            round(json!({"tangential_force": "35 N"})),
+            line(json!({"tangential_force": "350 N"})),
+        ),
+        ("amplitude", round(json!({"stick_ratio": 0.5})), line(stroke)),
+    ];
+    for (held, round, line) in pairs {
+        let run = |scenario: &Scenario| {
+            seconds(|| drop(black_box(Simulation::of(scenario).expect("a run").run())))
+        };
+        let ratios = (0..50).map(|_| run(&line) / run(&round)).collect();
+        println!("line / round, {held} held = {:.2}   (at most 1.5)", median(ratios));
     }
 }
 

@@ -113,6 +113,10 @@ pub(crate) struct Follower {
 /// A segment over energy has ended if less than this share of its end is missing.
 const REACHED: f64 = 1e-10;
 
+/// The friction changes by at most this share during a step. The slip in the ring around the stick
+/// zone changes with it, even when the wear is too small for the error of a step to show it.
+const CHANGE: f64 = 0.02;
+
 impl Follower {
     /// Follows a course from cycle 0.
     pub(crate) fn new(course: Option<Arc<Course>>) -> Self {
@@ -182,7 +186,8 @@ impl Follower {
         tracks.any(|(track, segment)| track.is_some_and(|track| segment < track.at.len()))
     }
 
-    /// The time at which the first of the present segments ends, as far as it is known.
+    /// The time at which the first of the present segments ends, as far as it is known, or at which
+    /// the friction has changed enough for a step.
     pub(crate) fn ends(&self) -> f64 {
         let Some(course) = &self.course else { return f64::INFINITY };
         let tracks = course.tracks().into_iter().zip(self.segments);
@@ -197,7 +202,25 @@ impl Follower {
                 Over::Energy => f64::INFINITY,
             })
         });
-        ends.fold(f64::INFINITY, f64::min)
+        ends.fold(self.changes(course), f64::min)
+    }
+
+    /// The time by which the friction has changed by `CHANGE`.
+    fn changes(&self, course: &Course) -> f64 {
+        let (Some(track), [segment, _]) = (&course.friction, self.segments) else {
+            return f64::INFINITY;
+        };
+        if segment == 0 || segment >= track.at.len() {
+            return f64::INFINITY;
+        }
+        let difference = |x: &[f64]| x[segment] - x[segment - 1];
+        let speed = match track.over {
+            Over::Time => 1.0,
+            Over::Energy => self.clock.power,
+        };
+        let now = self.at(self.clock.time).friction;
+        let slope = (difference(&track.values) / difference(&track.at)).abs() * speed;
+        if slope > 0.0 { self.clock.time + CHANGE * now / slope } else { f64::INFINITY }
     }
 }
 

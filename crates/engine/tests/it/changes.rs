@@ -146,6 +146,23 @@ fn wear_that_has_stopped_begins_again_when_the_friction_falls() {
     assert!(volumes[4] > 1.5 * limit, "{volumes:?} {limit}");
 }
 
+/// While the wear is small, the volume is the sum over the moments of a changing friction. A step must not be so long that
+/// it misses how the slip in the ring changes.
+#[test]
+fn a_friction_that_rises_before_the_contact_wears_gives_the_sum_over_its_moments() {
+    let request = with(sliding_cylinder(), "wear", json!({"coefficient": 1e-16}));
+    let request = with(request, "motion", json!({"tangential_force": "3 N/mm"}));
+    let run_in = json!({"run_in": {"cycles": 1000, "from": 0.2, "to": 0.8}});
+    let rising = with(with(request.clone(), "friction", run_in), "cycles", json!([1000]));
+    let moments = (0..40).map(|moment| {
+        let friction = json!(0.2 + 0.6 * (f64::from(moment) + 0.5) / 40.0);
+        let constant = with(with(request.clone(), "friction", friction), "cycles", json!([25]));
+        last(&outcome(&constant).history.wear_volume)
+    });
+    let (found, sum) = (last(&outcome(&rising).history.wear_volume), moments.sum::<f64>());
+    assert!((found / sum - 1.0).abs() < 3e-3, "{found:e} {sum:e}");
+}
+
 /// N = h/(4 k max(p·s)), where max(p·s) is p₀ (2/3) (s₀ + b)^{3/2}/√(3b) for a slip s₀ + b x²/a² with s₀ < 2b, and
 /// p₀ s₀ otherwise.
 #[test]
