@@ -188,7 +188,7 @@ impl Follower {
 
     /// The time at which the first of the present segments ends, as far as it is known, or at which
     /// the friction has changed enough for a step.
-    pub(crate) fn ends(&self) -> f64 {
+    pub(crate) fn step_end(&self) -> f64 {
         let Some(course) = &self.course else { return f64::INFINITY };
         let tracks = course.tracks().into_iter().zip(self.segments);
         let ends = tracks.filter_map(|(track, segment)| {
@@ -205,7 +205,7 @@ impl Follower {
         ends.fold(self.changes(course), f64::min)
     }
 
-    /// The time by which the friction has changed by `CHANGE`.
+    /// The time by which the friction has changed by `CHANGE`, as far as the power is known.
     fn changes(&self, course: &Course) -> f64 {
         let (Some(track), [segment, _]) = (&course.friction, self.segments) else {
             return f64::INFINITY;
@@ -234,7 +234,7 @@ mod tests {
         let course = Course { friction: Some(track), wear: None };
         let mut follower = Follower::new(Some(Arc::new(course)));
         let friction = |follower: &Follower, time: f64| follower.at(time).friction;
-        assert_eq!((friction(&follower, 0.5), follower.ends()), (1.0, 1.0));
+        assert_eq!((friction(&follower, 0.5), follower.step_end()), (1.0, 1.0));
         assert!(follower.enter(1.0, 0.0));
         assert_eq!((friction(&follower, 1.5), friction(&follower, 2.0)), (1.5, 2.0));
         assert!(follower.enter(2.0, 0.0));
@@ -242,7 +242,7 @@ mod tests {
         assert!(follower.is_changing());
         assert!(follower.enter(3.0, 0.0) && !follower.enter(3.5, 0.0));
         assert!(!follower.is_changing());
-        assert_eq!((friction(&follower, 9.0), follower.ends()), (5.0, f64::INFINITY));
+        assert_eq!((friction(&follower, 9.0), follower.step_end()), (5.0, f64::INFINITY));
     }
 
     #[test]
@@ -253,6 +253,6 @@ mod tests {
         follower.record((0.0, 2.0), 4.0, [1.0, 2.0]);
         // The energy is 4 + 2·1 + 0.25·1² at the time 3.
         assert!((follower.at(3.0).wear - 2.25).abs() < 1e-15, "{:?}", follower.at(3.0));
-        assert!((follower.ends() - 5.0).abs() < 1e-15);
+        assert!((follower.step_end() - 5.0).abs() < 1e-15);
     }
 }

@@ -232,7 +232,7 @@ impl MeshRun {
         self.rests = false;
         self.wearing.widen();
         let next = self.rkc.time * (1.0 + 4.0 * f64::EPSILON);
-        let until = end.min(self.wearing.follower.ends().max(next));
+        let until = end.min(self.wearing.follower.step_end().max(next));
         self.rkc.advance(&mut self.wearing, until);
         self.account();
         if end.is_infinite() && self.has_arrived(end) {
