@@ -22,6 +22,10 @@ use crate::request::fault::Faults;
 use crate::request::fields::{BlockCycles, Rounded};
 use crate::request::held::{self, Blocks, Motion, MotionHeld, Reference};
 
+/// A tangential force must be smaller than μF by more than this share of μF.
+const LEAST_MARGIN: f64 = 1e-9;
+/// Minimum distance of the reference, in half-widths of the unworn contact.
+const NEAREST: f64 = 1.1;
 /// Minimum amplitude of sliding, in μh₀. What the springs add to it is about μh₀ ln(a/a₀).
 const LEAST_SLIDING: f64 = 20.0;
 /// A loop that is stiffer than a contact whose displacement is measured at its own edge has no meaning. The number is
@@ -79,10 +83,11 @@ impl CanonicalReference {
         let Some(reference) = motion.reference() else { return Ok(None) };
         Ok(Some(match reference {
             Reference::Distance { distance, rig_stiffness } => {
-                if distance <= pressed.contact_radius {
+                if distance < NEAREST * pressed.contact_radius {
                     let detail = format!(
-                        "is {distance:e} m, but the half-width of the contact is {:.4e} m. Enter the distance from \
-                         the middle of the contact to the place of the displacement sensor",
+                        "is {distance:e} m, but the half-width of the contact is {:.4e} m. Enter at least {NEAREST} \
+                         times as much: the distance from the middle of the contact to the place of the displacement \
+                         sensor",
                         pressed.contact_radius
                     );
                     return Err(Faults::one("/motion/reference_distance", detail));
@@ -141,7 +146,7 @@ impl LineMotion {
                 },
             }
         } else if let Some(sliding) = motion.sliding_amplitude.0 {
-            let least = LEAST_SLIDING * pressed.slip();
+            let least = LEAST_SLIDING * pressed.most_friction * pressed.depth;
             if sliding.0 < least {
                 let detail = format!(
                     "is {:.4e} m. Below {least:.4e} m the elastic displacement of the surface matters, so the stroke \
@@ -162,21 +167,14 @@ impl LineMotion {
             let force = match (motion.tangential_force.0, motion.stick_ratio.0) {
                 (Some(force), _) => force.0,
                 (None, ratio) => {
-                    let ratio = ratio.expect("a motion without any of these is refused").0;
-                    let most = pressed.friction * pressed.force;
-                    twelve_digits(most * (1.0 - pressed.shape.image(ratio)))
+                    let ratio = ratio.expect("a motion without any of these is refused");
+                    force_at(ratio.0, pressed)?
                 }
             };
             let held = MotionHeld::TangentialForce;
             Self::Force { tangential_force: force, reference, held }
         };
-        found.check(pressed).map_err(|mut faults| {
-            // The force follows from the ratio.
-            for fault in faults.0.iter_mut().filter(|_| motion.stick_ratio.0.is_some()) {
-                "/motion/stick_ratio".clone_into(&mut fault.pointer);
-            }
-            faults
-        })?;
+        found.check(pressed)?;
         Ok(found)
     }
 
@@ -186,7 +184,7 @@ impl LineMotion {
         let least = 1.0 - pressed.shape.image(1.0 - narrowest);
         for (place, threshold, is_force) in self.thresholds(pressed) {
             let pointer = format!("/motion{place}");
-            if is_force && threshold >= 1.0 - 1e-9 {
+            if is_force && threshold >= 1.0 - LEAST_MARGIN {
                 let most = pressed.friction * pressed.force;
                 let detail = format!(
                     "is {:.6e} N, but friction carries at most μF = {most:.6e} N. Enter a smaller tangential force, or \
@@ -314,6 +312,20 @@ impl LineMotion {
     pub(super) fn has_blocks(&self) -> bool {
         matches!(self, Self::Forces { .. } | Self::Strokes { .. })
     }
+}
+
+/// The tangential force at a stick ratio.
+fn force_at(ratio: f64, pressed: &UnwornContact) -> Result<f64, Faults> {
+    let least = pressed.shape.image_inverse(LEAST_MARGIN);
+    if ratio <= least {
+        let detail = format!(
+            "is {ratio}, but the whole contact slips if the ratio is not above {least:.4e}. Enter a larger ratio, or \
+             `sliding_amplitude` for gross slip"
+        );
+        return Err(Faults::one("/motion/stick_ratio", detail));
+    }
+    let most = pressed.friction * pressed.force;
+    Ok(twelve_digits(most * (1.0 - pressed.shape.image(ratio))))
 }
 
 /// θ of the unworn contact at a stroke in m. It is 1 in gross slip.
