@@ -528,22 +528,24 @@ impl MeshRun {
 
     /// The error of the largest depth while the cells at a sharp tip or edge are too wide for the wear there.
     pub(super) fn tip_error(&self, worn: &WornContact) -> f64 {
-        let shape = &self.wearing.contact.shape;
-        let Some(sharp) = shape.sharp_radius().filter(|_| self.wearing.springs.stick() == 0.0)
-        else {
-            return 0.0;
-        };
-        let contact = &self.wearing.contact;
+        let Wearing { contact, springs, .. } = &self.wearing;
+        let shape = &contact.shape;
+        // If friction falls, the tip wears on a mesh that was not made for it, until the contact sticks again.
         let had_edge = contact.changes_friction() && contact.stick > 0.0;
+        let wears = had_edge || springs.stick() == 0.0;
+        let Some(sharp) = shape.sharp_radius().filter(|_| wears) else { return 0.0 };
         if self.blunt.is_none() && !had_edge {
             return BLUNTED;
         }
-        let width = self.wearing.springs.mesh.width_at(sharp);
+        let mesh = &springs.mesh;
+        let at = worn.places.partition_point(|place| *place <= mesh.geometry.place(sharp));
+        let here = worn.wear[at.saturating_sub(1)];
         let height = |r: f64| shape.profile(r) - shape.profile(sharp);
         // The height of the profile in one cell, relative to the wear.
-        let ratio = height(sharp + width) / worn.deepest;
+        let ratio = height(sharp + mesh.width_at(sharp)) / here;
         let share = if sharp > 0.0 { EDGE_AND_TIP.0 } else { EDGE_AND_TIP.1 };
-        share * ratio * ratio / ((ratio + RESOLVED) * (1.0 + ratio))
+        let error = share * ratio * ratio / ((ratio + RESOLVED) * (1.0 + ratio));
+        ((1.0 + error) * here / worn.deepest - 1.0).clamp(0.0, error)
     }
 
     /// The error of V that occurs because the mesh neglects a core smaller than the cells, at
