@@ -540,6 +540,9 @@ impl MeshRun {
         let mesh = &springs.mesh;
         let at = worn.places.partition_point(|place| *place <= mesh.geometry.place(sharp));
         let here = worn.wear[at.saturating_sub(1)];
+        if here <= 0.0 {
+            return 0.0;
+        }
         let height = |r: f64| shape.profile(r) - shape.profile(sharp);
         // The height of the profile in one cell, relative to the wear.
         let ratio = height(sharp + mesh.width_at(sharp)) / here;
