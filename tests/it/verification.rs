@@ -49,7 +49,7 @@ fn the_inputs_from_the_literature_are_job_bodies_and_their_sources_are_named() {
             inputs += 1;
         }
     }
-    assert_eq!(inputs, 4);
+    assert_eq!(inputs, 6);
 }
 
 /// Checks the accuracy that docs/accuracy.md states. Except in tests/long, fewer runs are computed than for the page, so a
