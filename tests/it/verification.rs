@@ -77,7 +77,9 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
         let error = accuracy.below(other, 0.95).expect(other);
         assert!(error > 0.0 && error < limit, "{other}: {error}\n{accuracy}");
     }
-    assert_eq!(accuracy.unwarned(), 0, "{accuracy}");
+    // A run has six outputs, and the estimates cover 98 of 100 errors. So one error may be just above the limit of the
+    // warning.
+    assert!(1000 * accuracy.unwarned() <= count, "{accuracy}");
     let (sound, warned) = accuracy.sound();
     assert!(28 * warned <= sound, "{accuracy}");
 }

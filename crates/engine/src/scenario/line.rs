@@ -17,7 +17,7 @@ use serde::Serialize;
 use super::pressed::{MIN_RING, ROUNDED, UnwornContact};
 use crate::contact::control::{Block, Control, Normal, Tangential};
 use crate::contact::reference::Series;
-use crate::numeric::{root, twelve_digits};
+use crate::numeric::twelve_digits;
 use crate::request::fault::Faults;
 use crate::request::fields::{BlockCycles, Rounded};
 use crate::request::held::{self, Blocks, Motion, MotionHeld, Reference};
@@ -123,6 +123,11 @@ impl CanonicalReference {
             }
         }
     }
+
+    /// θ of the unworn contact at a stroke in m.
+    fn threshold(&self, pressed: &UnwornContact, amplitude: f64) -> f64 {
+        self.series(pressed).threshold(&pressed.shape, amplitude / pressed.slip()).0
+    }
 }
 
 impl LineMotion {
@@ -213,8 +218,7 @@ impl LineMotion {
                 vec![("/tangential_force".to_owned(), of_force(*tangential_force), true)]
             }
             Self::Stroke { amplitude, reference, .. } => {
-                let threshold = threshold_at(&reference.series(pressed), pressed, *amplitude);
-                vec![("/amplitude".to_owned(), threshold, false)]
+                vec![("/amplitude".to_owned(), reference.threshold(pressed, *amplitude), false)]
             }
             Self::Sliding { .. } => Vec::new(),
             Self::Forces { blocks, .. } => {
@@ -223,12 +227,11 @@ impl LineMotion {
                 blocks.map(|(i, it)| (place(i), of_force(it.tangential_force.0), true)).collect()
             }
             Self::Strokes { blocks, reference } => {
-                let series = reference.series(pressed);
-                let of_block = |(i, block): (usize, &held::Block)| {
-                    let threshold = threshold_at(&series, pressed, block.amplitude.0);
-                    (format!("/blocks/{i}/amplitude"), threshold, false)
-                };
-                blocks.iter().enumerate().map(of_block).collect()
+                let threshold =
+                    |block: &held::Block| reference.threshold(pressed, block.amplitude.0);
+                let place = |i| format!("/blocks/{i}/amplitude");
+                let blocks = blocks.iter().enumerate();
+                blocks.map(|(i, block)| (place(i), threshold(block), false)).collect()
             }
         }
     }
@@ -328,15 +331,8 @@ fn force_at(ratio: f64, pressed: &UnwornContact) -> Result<f64, Faults> {
     Ok(twelve_digits(most * (1.0 - pressed.shape.image(ratio))))
 }
 
-/// θ of the unworn contact at a stroke in m. It is 1 in gross slip.
-fn threshold_at(series: &Series, pressed: &UnwornContact, amplitude: f64) -> f64 {
-    let stroke = amplitude / pressed.slip();
-    let missing = |threshold: f64| series.stroke(&pressed.shape, threshold) - stroke;
-    if missing(1.0) <= 0.0 { 1.0 } else { root(0.0, 1.0, missing) }
-}
-
 /// The blocks, of which consecutive ones of the same motion are merged.
-fn merged<T: Copy>(
+pub(super) fn merged<T: Copy>(
     given: &[T],
     motion: impl Fn(&T) -> f64,
     cycles: impl Fn(&mut T) -> &mut Rounded<BlockCycles>,

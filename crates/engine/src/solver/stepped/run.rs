@@ -538,8 +538,14 @@ impl MeshRun {
             return BLUNTED;
         }
         let mesh = &springs.mesh;
-        let at = worn.places.partition_point(|place| *place <= mesh.geometry.place(sharp));
-        let here = worn.wear[at.saturating_sub(1)];
+        // In gross slip, the wear is deepest at the tip or the edge.
+        let here = if springs.stick() == 0.0 {
+            worn.deepest
+        } else {
+            let place = mesh.geometry.place(sharp);
+            let next = worn.places.partition_point(|known| *known <= place);
+            worn.wear[next.saturating_sub(1)]
+        };
         if here <= 0.0 {
             return 0.0;
         }
