@@ -2,6 +2,7 @@
 
 import json
 
+import jsonschema
 from playwright.sync_api import expect
 
 from browser import ask, close, item, key_of
@@ -13,7 +14,10 @@ def run(page):
     page.click("button.primary")
     page.wait_for_url("**/#/result/*")
     page.wait_for_selector("#readout dd")
-    return ask(page.url.split("/#")[0], f"/v1/results/{key_of(page)}")
+    base = page.url.split("/#")[0]
+    result = ask(base, f"/v1/results/{key_of(page)}")
+    jsonschema.validate(result["scenario"], ask(base, "/v1/schema/scenario"))
+    return result
 
 
 def edit(page):
@@ -65,6 +69,7 @@ def layers(page):
     """A coating is worn through. "Edit and run again" opens the same coating."""
     edit(page)
     page.select_option("#motion", "sliding_amplitude")
+    page.fill("#motion-sliding_amplitude", "25 um")
     page.select_option("#wear", "bodies")
     page.fill("#wear-bodies-1-layers-0-thickness", "0.5 um")
     page.fill("#wear-bodies-0-coefficient", "0")
