@@ -225,7 +225,7 @@ fn add_path_responses(path: &str, method: &Method, needs: Needs, operation: &mut
 
 /// Whether the operation at this path works for an evicted result too.
 fn outlives(path: &str) -> bool {
-    ["/provenance", "/warnings", "/note"].iter().any(|end| path.ends_with(end))
+    ["/provenance", "/warnings", "/note", "/derivatives"].iter().any(|end| path.ends_with(end))
 }
 
 /// Adds the formats and the headers of an operation that returns a part of a result; figures have fewer headers.
