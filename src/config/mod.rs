@@ -44,7 +44,7 @@ Examples:
   fretwork verify --exact-volumes > crates/engine/src/simulation/exact_volumes.csv
   fretwork verify --random 1000 > crates/verify/src/accuracy.md";
 
-/// Fretting wear of axisymmetric contacts, as a service with a shared result cache.
+/// Fretting wear of round and line contacts, as a service with a shared result cache.
 ///
 /// Without a command, the server starts.
 #[derive(Debug, Parser)]

@@ -115,8 +115,11 @@ fn found<'a>(scenario: &'a Value, pointer: &str) -> Result<&'a Value, String> {
     if is_number(found) {
         Ok(found)
     } else {
+        let mut inner = Vec::new();
+        numbers(found, Some(LISTED), &mut pointer.to_owned(), &mut inner);
+        let number = inner.last().map_or("/friction", String::as_str);
         Err(format!(
-            "`{pointer}` is not a number. Enter the pointer of a number in the scenario, such as `/friction`"
+            "`{pointer}` is not a number. Enter the pointer of a number in the scenario, such as `{number}`"
         ))
     }
 }
@@ -300,7 +303,7 @@ mod tests {
         let refused = |pointer| Member::find(&scenario(), pointer).unwrap_err();
         assert!(refused("/frction").contains("Did you mean `/friction`?"));
         assert!(refused("/profile/shape").contains("is not a number"));
-        assert!(refused("/profile").contains("is not a number"));
+        assert!(refused("/profile").ends_with("such as `/profile/radius`"));
         let radius = Member::find(&scenario(), "/profile/radius").unwrap();
         assert!(radius.read(&json!("20 GPa")).unwrap_err().contains("a length is needed"));
     }

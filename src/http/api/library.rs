@@ -60,13 +60,13 @@ pub struct ResultEntry {
     evicted: Option<String>,
     /// Its note.
     note: Option<Note>,
-    /// `shape`, `geometry`, `method`, `regime`, `held` (of the load) and `motion`.
+    /// The words that describe it.
     #[serde(flatten)]
     #[schema(value_type = Object)]
     words: Map<String, Value>,
     /// Parameters and the last entry of the history; null where a result has none. The values from
     /// `normal_force` to `tangential_force` belong to the unworn contact.
-    #[schema(value_type = Object)]
+    #[schema(value_type = HashMap<String, Option<f64>>)]
     values: Map<String, Value>,
     /// The path of the result.
     #[schema(

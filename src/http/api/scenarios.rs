@@ -50,6 +50,7 @@ pub static EXAMPLES: &[Example] = examples!(
     "cylinder-on-flat",
     "coated-cylinder",
     "run-in",
+    "measured-friction",
     "paper-figure-3",
     "paper-figure-4"
 );

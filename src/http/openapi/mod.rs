@@ -17,14 +17,14 @@ use crate::http::wire::schemas;
 use fretwork_engine::outcome::{ContactScales, History, LimitState, Member, Quantity, Unworn};
 use fretwork_engine::scenario::SCHEMA;
 use fretwork_format::{Format, Part};
-use fretwork_job::{Submission, TaskKind};
+use fretwork_job::{Submission, TaskKind, WORDS, Word};
 use fretwork_store::Role;
 use fretwork_study::Kind;
 
 const DOCUMENT_SCHEMAS: &str = include_str!("documents.schema.json");
 
 const ABOUT: &str = "\
-Fretting wear of axisymmetric contacts by the method of dimensionality reduction.
+Fretting wear of round contacts, by the method of dimensionality reduction, and of line contacts.
 
 Submit a scenario to `POST /v1/jobs` and read its result at `/v1/results/{key}`. Equal scenarios have \
 equal keys: each is computed once, and all clients share its result.
@@ -81,6 +81,10 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
         describe(&mut schemas["Scales"], ContactScales::MEMBERS, false);
         describe(&mut schemas["Unworn"], Unworn::MEMBERS, false);
         describe(&mut schemas["Limit"], LimitState::MEMBERS, false);
+        for Word { name, values, .. } in &WORDS {
+            let values = values.iter().map(|it| json!(it)).chain([Value::Null]);
+            schemas["ResultEntry"]["allOf"][0]["properties"][name] = json!({"type": ["string", "null"], "enum": values.collect::<Vec<_>>(), "description": "Null where it does not apply."});
+        }
         // The server inserts the stored bytes, so the Rust type does not have these members.
         schemas["Job"]["properties"]["scenario"] = json!({
             "description": "With `include=scenario`: the scenario in SI units with all defaults, as in the \
@@ -221,7 +225,7 @@ fn add_path_responses(path: &str, method: &Method, needs: Needs, operation: &mut
 
 /// Whether the operation at this path works for an evicted result too.
 fn outlives(path: &str) -> bool {
-    ["/provenance", "/warnings", "/note"].iter().any(|end| path.ends_with(end))
+    ["/provenance", "/warnings", "/note", "/derivatives"].iter().any(|end| path.ends_with(end))
 }
 
 /// Adds the formats and the headers of an operation that returns a part of a result; figures have fewer headers.
