@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{broadcast, watch};
 
-use super::error::Error;
+use super::error::Result;
 use super::row::{Part, RunId};
 use super::tally::{Ending, Tally};
 use fretwork_job::clock::now;
@@ -160,7 +160,7 @@ impl Signals {
     }
 
     /// Counts the error of a failed operation in the metrics, and returns the result unchanged.
-    pub(super) fn counted<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
+    pub(super) fn counted<T>(&self, result: Result<T>) -> Result<T> {
         result.inspect_err(|error| self.tally.failed(error))
     }
 

@@ -8,7 +8,7 @@ use sqlx::{Connection as _, Executor as _, QueryBuilder, Sqlite, SqliteConnectio
 
 use super::{EXPORT, FORM, Moving, Part};
 use crate::administration::Administration;
-use crate::error::{Command, Error};
+use crate::error::{Command, Error, Result};
 use crate::library::Provenance;
 use crate::place::Place;
 use crate::read::{self, StoredResult};
@@ -99,7 +99,7 @@ enum Absent {
     Damaged,
 }
 
-async fn entry(db: &mut Administration, key: &Key) -> Result<Result<Entry, Absent>, Error> {
+async fn entry(db: &mut Administration, key: &Key) -> Result<Result<Entry, Absent>> {
     let (body, sum) = match read::result(key, i64::MAX, &mut *db).await {
         Ok(Some((StoredResult::Whole(body), sum))) => (body, sum),
         Ok(_) => return Ok(Err(Absent::Unknown)),

@@ -13,7 +13,7 @@ use std::sync::{Mutex, PoisonError};
 use sqlx::postgres::PgConnection;
 use tokio::sync::Notify;
 
-use crate::error::Error;
+use crate::error::Result;
 use crate::row::RunId;
 use crate::signals::Effect;
 use crate::statement::sql;
@@ -91,9 +91,8 @@ impl Hints {
 }
 
 /// Sends a notification.
-pub(super) async fn send(db: &mut PgConnection, text: &str) -> Result<(), Error> {
-    db.execute(sql!("SELECT pg_notify($1, $2)"; CHANNEL, text)).await?;
-    Ok(())
+pub(super) async fn send(db: &mut PgConnection, text: &str) -> Result<()> {
+    db.execute(sql!("SELECT pg_notify($1, $2)"; CHANNEL, text)).await
 }
 
 /// The signals in a notification of another server. A notification of this server gives none. Unknown hints, from a

@@ -12,7 +12,7 @@ use sqlx::{ConnectOptions as _, Connection as _};
 use tokio::sync::{Semaphore, SemaphorePermit};
 use tokio::time::timeout;
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::tables::{Connected, Connection};
 
 /// Maximum time that a caller waits for a free connection, and maximum time to open one.
@@ -50,7 +50,7 @@ impl Pool {
     }
 
     /// Waits until a connection is free, and borrows it. The connection may be broken.
-    pub(super) async fn get(&self) -> Result<Borrowed<'_>, Error> {
+    pub(super) async fn get(&self) -> Result<Borrowed<'_>> {
         let permit = timeout(PATIENCE, self.free.acquire()).await.map_err(|_| Error::Exhausted)?;
         let permit = permit.map_err(|_| Error::Closed)?;
         let idle = self.idle().pop();

@@ -22,7 +22,7 @@ use super::transaction::Transaction;
 use super::upkeep::Upkeep;
 use super::writer::Writer;
 use crate::ages::AgeClock;
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::library::Program;
 use crate::options::{FileSizes, Options};
 use crate::signals::Signals;
@@ -51,11 +51,7 @@ impl Database {
         FileSizes { database: size(&database), log: size(&with_suffix(&database, "-wal")) }
     }
 
-    pub(crate) async fn open(
-        dir: &Path,
-        options: &Options,
-        signals: Arc<Signals>,
-    ) -> Result<Self, Error> {
+    pub(crate) async fn open(dir: &Path, options: &Options, signals: Arc<Signals>) -> Result<Self> {
         let lock = lock(dir)?;
         let path = dir.join(DATABASE);
         let log_pages = log_pages(options.budget);
@@ -94,7 +90,7 @@ impl Database {
 }
 
 /// Opens or creates the database of a locked directory, and migrates it to this version.
-async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConnection, Error> {
+async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConnection> {
     let path = dir.join(DATABASE);
     let refused = |error| unusable(dir, error);
     forget_foreign_log(&path).map_err(refused)?;
@@ -123,7 +119,7 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
 /// This writes no rollback journal. After a crash, SQLite would apply the journal at the next start. If an
 /// administrator had put a backup in place before that, the journal would destroy it. A crash without a journal does no
 /// harm, because only the first page changes, and the system writes a page as a whole.
-async fn use_log(path: &Path) -> Result<(), Error> {
+async fn use_log(path: &Path) -> Result<()> {
     let options = connecting(path).create_if_missing(true).journal_mode(SqliteJournalMode::Off);
     let mut db = SqliteConnection::connect_with(&options).await?;
     db.execute("PRAGMA auto_vacuum = INCREMENTAL; PRAGMA journal_mode = WAL").await?;
@@ -132,7 +128,7 @@ async fn use_log(path: &Path) -> Result<(), Error> {
 
 /// Gives the unfinished runs of an earlier `numerics` version, and their jobs, the keys of this version, because this
 /// version computes their results. Deletes the chunks of studies, because one version must compute a whole result.
-async fn rekey(db: &mut SqliteConnection) -> Result<(), Error> {
+async fn rekey(db: &mut SqliteConnection) -> Result<()> {
     let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
     let numerics: u32 = sqlx::query_scalar("SELECT numerics FROM room").fetch_one(&mut *tx).await?;
     if numerics == ENGINE.numerics {
@@ -194,7 +190,7 @@ fn unusable(dir: &Path, error: io::Error) -> Error {
     Error::Directory { dir: dir.to_owned(), source: Arc::new(error) }
 }
 
-pub(crate) fn lock(dir: &Path) -> Result<File, Error> {
+pub(crate) fn lock(dir: &Path) -> Result<File> {
     let refused = |error| unusable(dir, error);
     fs::create_dir_all(dir).map_err(refused)?;
     let path = dir.join(LOCK);
@@ -267,7 +263,7 @@ pub(crate) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 ///
 /// If a crash has left a rollback journal, SQLite must apply it before it can read the file. Only a connection that may
 /// write can do that.
-pub(crate) async fn inspect(path: &Path) -> Result<(), Error> {
+pub(crate) async fn inspect(path: &Path) -> Result<()> {
     if !path.exists() {
         return Ok(());
     }
@@ -291,7 +287,7 @@ pub(crate) async fn inspect(path: &Path) -> Result<(), Error> {
 
 /// Opens the database of a directory for an administrative command. A server may be using the database. Otherwise this
 /// creates or migrates it if necessary.
-pub(crate) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConnection, Error> {
+pub(crate) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConnection> {
     let path = dir.join(DATABASE);
     let options = writing(&path, false).busy_timeout(patience);
     match lock(dir) {

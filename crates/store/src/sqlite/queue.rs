@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, HashMap};
 use sqlx::SqliteConnection;
 
 use crate::claimed::Study;
-use crate::error::Error;
+use crate::error::Result;
 use crate::row::{Part, RunId, job_id};
 use fretwork_job::JobId;
 
@@ -49,7 +49,7 @@ struct Lane {
 
 impl Queue {
     /// Reads the queued and running runs.
-    pub(super) async fn load(db: &mut SqliteConnection) -> Result<Self, Error> {
+    pub(super) async fn load(db: &mut SqliteConnection) -> Result<Self> {
         let mut queue = Self::default();
         let studies: Vec<(i64, u32, u32, u32, u32)> = sqlx::query_as(
             "SELECT run, chunks,
