@@ -11,7 +11,7 @@ use prometheus_client::metrics::gauge::Gauge;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, timeout_at};
 
-use super::problem::{Problem, kinds};
+use super::problem::{Problem, Result, kinds};
 
 /// Largest body that needs no permit, in bytes. The limits of connections and of concurrent requests bound the memory
 /// of such bodies.
@@ -110,7 +110,7 @@ impl Budget {
     ///
     /// # Errors
     /// The memory is in use.
-    pub fn try_hold(&self, caller: &str, bytes: usize) -> Result<Permit, Problem> {
+    pub fn try_hold(&self, caller: &str, bytes: usize) -> Result<Permit> {
         if bytes <= SMALL {
             return Ok(Permit::default());
         }
@@ -125,7 +125,7 @@ impl Budget {
     ///
     /// # Errors
     /// The memory is still in use.
-    pub async fn hold(&self, caller: &str, bytes: usize) -> Result<Permit, Problem> {
+    pub async fn hold(&self, caller: &str, bytes: usize) -> Result<Permit> {
         self.hold_until(longest_wait(), caller, bytes).await
     }
 
@@ -133,12 +133,7 @@ impl Budget {
     ///
     /// # Errors
     /// The memory is still in use.
-    pub async fn hold_until(
-        &self,
-        end: Instant,
-        caller: &str,
-        bytes: usize,
-    ) -> Result<Permit, Problem> {
+    pub async fn hold_until(&self, end: Instant, caller: &str, bytes: usize) -> Result<Permit> {
         if bytes <= SMALL {
             return Ok(Permit::default());
         }

@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-use axum::extract::{Request, State};
+use axum::extract::Request;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use bytesize::ByteSize;
@@ -14,7 +14,7 @@ use crate::http::answer::representation::Representation;
 use crate::http::answer::stored::require;
 use crate::http::api::parameters::{AtCycles, Copied, Numbers, OfTable, ResultKey};
 use crate::http::app::App;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::negotiation::choose_format;
 use crate::http::wire::{NoQuery, Query, Segment, read_key, schemas};
 use fretwork_format::{
@@ -132,7 +132,7 @@ async fn answer(
     (key, part): (&str, Part),
     headers: &HeaderMap,
     mut query: Query,
-) -> Result<Response, Problem> {
+) -> Result<Response> {
     let offered = part.formats();
     let requested = query.format(offered);
     let mut view = view(&mut query, part);
@@ -162,7 +162,7 @@ async fn answer(
     Representation::new(caller, key, part, format, view).answer(app, headers).await
 }
 
-async fn is_run(app: &App, key: &Key) -> Result<bool, Problem> {
+async fn is_run(app: &App, key: &Key) -> Result<bool> {
     let known = app.store.known(key).await?;
     Ok(known.is_some_and(|known| known.asked.kind == TaskKind::Run))
 }
@@ -188,12 +188,12 @@ macro_rules! parts {
         $(
             $(#[$about])*
             pub async fn $name(
-                State(app): State<App>,
+                app: App,
                 caller: Caller,
                 Segment(key): Segment,
                 query: Query,
                 request: Request,
-            ) -> Result<Response, Problem> {
+            ) -> Result<Response> {
                 answer(&app, &caller, (&key, $part), request.headers(), query).await
             }
         )*
@@ -378,12 +378,12 @@ table = Part::Table;
     ),
 )]
 pub async fn plot(
-    State(app): State<App>,
+    app: App,
     caller: Caller,
     Segment(key): Segment,
     mut query: Query,
     request: Request,
-) -> Result<Response, Problem> {
+) -> Result<Response> {
     let view = figure_view(&mut query);
     query.finish()?;
     // The address names the format, so `Accept` has no effect.
@@ -404,11 +404,11 @@ pub async fn plot(
     ),
 )]
 pub async fn pin(
-    State(app): State<App>,
+    app: App,
     caller: Caller,
     Segment(key): Segment,
     _: NoQuery,
-) -> Result<StatusCode, Problem> {
+) -> Result<StatusCode> {
     set_pin(&app, &caller, &key, true).await
 }
 
@@ -422,20 +422,15 @@ pub async fn pin(
     ),
 )]
 pub async fn unpin(
-    State(app): State<App>,
+    app: App,
     caller: Caller,
     Segment(key): Segment,
     _: NoQuery,
-) -> Result<StatusCode, Problem> {
+) -> Result<StatusCode> {
     set_pin(&app, &caller, &key, false).await
 }
 
-async fn set_pin(
-    app: &App,
-    caller: &Caller,
-    key: &str,
-    pinned: bool,
-) -> Result<StatusCode, Problem> {
+async fn set_pin(app: &App, caller: &Caller, key: &str, pinned: bool) -> Result<StatusCode> {
     let key = read_key(key)?;
     loop {
         match app.store.pin(&key, pinned, caller.editor()).await? {

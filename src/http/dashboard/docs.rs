@@ -12,7 +12,7 @@ use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
 use tokio::task::spawn_blocking;
 
 use super::asset::Asset;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::{NoQuery, Segment};
 
 macro_rules! pages {
@@ -74,16 +74,12 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
 });
 
 /// `GET /docs/`.
-pub async fn start(headers: HeaderMap, query: NoQuery) -> Result<Response, Problem> {
+pub async fn start(headers: HeaderMap, query: NoQuery) -> Result<Response> {
     page(Segment(String::new()), headers, query).await
 }
 
 /// `GET /docs/{name}`.
-pub async fn page(
-    Segment(name): Segment,
-    headers: HeaderMap,
-    _: NoQuery,
-) -> Result<Response, Problem> {
+pub async fn page(Segment(name): Segment, headers: HeaderMap, _: NoQuery) -> Result<Response> {
     // The first call renders and compresses all pages.
     let assets = spawn_blocking(|| LazyLock::force(&ASSETS)).await;
     let assets = assets.map_err(|error| Problem::internal().caused_by(&error))?;

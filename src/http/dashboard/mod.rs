@@ -12,7 +12,7 @@ use axum::http::HeaderMap;
 use axum::response::Response;
 use serde_json::{Value, json};
 
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::{NoQuery, Segment};
 use asset::Asset;
 
@@ -64,21 +64,17 @@ fn words() -> String {
 }
 
 /// `GET /`.
-pub async fn page(headers: HeaderMap, _: NoQuery) -> Result<Response, Problem> {
+pub async fn page(headers: HeaderMap, _: NoQuery) -> Result<Response> {
     file("", &headers)
 }
 
 /// `GET /assets/{name}`.
-pub async fn asset(
-    Segment(name): Segment,
-    headers: HeaderMap,
-    _: NoQuery,
-) -> Result<Response, Problem> {
+pub async fn asset(Segment(name): Segment, headers: HeaderMap, _: NoQuery) -> Result<Response> {
     file(&name, &headers)
 }
 
 /// Answers with a file.
-fn file(name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
+fn file(name: &str, headers: &HeaderMap) -> Result<Response> {
     let asset = ASSETS.iter().find(|asset| asset.name == name).ok_or_else(|| {
         Problem::new(&kinds::NOT_FOUND, "The dashboard has no file of this name. Open / instead.")
     })?;

@@ -11,7 +11,7 @@ use zip::ZipArchive;
 use zip::result::ZipResult;
 
 use super::asset::Asset;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::Segment;
 
 /// The files of the archive that the page uses, and their media types.
@@ -57,12 +57,12 @@ fn unpack() -> ZipResult<Vec<Asset>> {
 }
 
 /// `GET /docs/api/`.
-pub async fn start(headers: HeaderMap) -> Result<Response, Problem> {
+pub async fn start(headers: HeaderMap) -> Result<Response> {
     page(Segment("index.html".to_owned()), headers).await
 }
 
 /// `GET /docs/api/{path}`.
-pub async fn page(Segment(path): Segment, headers: HeaderMap) -> Result<Response, Problem> {
+pub async fn page(Segment(path): Segment, headers: HeaderMap) -> Result<Response> {
     // The first call unpacks and compresses the files, which takes tens of milliseconds.
     let assets = spawn_blocking(|| LazyLock::force(&ASSETS)).await;
     let assets = assets.map_err(|error| Problem::internal().caused_by(&error))?;

@@ -66,6 +66,9 @@ pub struct Problem {
     cause: Option<String>,
 }
 
+/// The result of a handler, and of everything that a handler calls.
+pub type Result<T, E = Problem> = std::result::Result<T, E>;
+
 /// Every error, as the server writes it (RFC 9457).
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Problem)]
