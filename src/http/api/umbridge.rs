@@ -60,7 +60,7 @@ pub fn has_route(route: &str) -> bool {
 
 /// An error type of the protocol. Unlike a problem type of the API, it has no page.
 const fn kind(slug: &'static str, status: StatusCode) -> Kind {
-    Kind { slug, status, title: "", meaning: "", remedy: "" }
+    Kind { slug, status }
 }
 
 static INVALID_INPUT: Kind = kind("InvalidInput", StatusCode::BAD_REQUEST);

@@ -172,7 +172,7 @@ fn warnings(mut warnings: Value, key: &Key, recomputed: Option<Recomputed>) -> V
 impl From<Failure> for JobError {
     fn from(failure: Failure) -> Self {
         let slug = failure.kind.as_str();
-        let title = kinds::ALL.iter().find(|kind| kind.slug == slug).map(|kind| kind.title);
+        let title = kinds::ALL.iter().find(|kind| kind.slug == slug).map(|kind| kind.texts()[0]);
         Self {
             r#type: format!("/problems/{slug}"),
             title: title.unwrap_or("The job failed").to_owned(),
