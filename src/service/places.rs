@@ -25,7 +25,8 @@ const MAX_WAIT: Duration = Duration::from_millis(250);
 #[derive(Debug)]
 pub struct Places {
     free: Arc<Semaphore>,
-    number: usize,
+    /// How many there are.
+    pub number: usize,
 }
 
 /// Why a computation has no outcome.
@@ -40,11 +41,6 @@ pub enum Unfinished {
 impl Places {
     pub fn new(number: usize) -> Self {
         Self { free: Arc::new(Semaphore::new(number)), number }
-    }
-
-    /// The number of places.
-    pub fn number(&self) -> usize {
-        self.number
     }
 
     /// Waits for a place and computes.

@@ -158,6 +158,14 @@ pub fn escaped(name: &str) -> String {
     name.replace('~', "~0").replace('/', "~1")
 }
 
+/// Reads the members of a document.
+///
+/// # Errors
+/// All faults, with pointers relative to the document.
+pub fn typed<T: Deserr<Faults>>(document: Value) -> Result<T, Faults> {
+    T::deserialize_from_value(document.into_value(), ValuePointerRef::Origin)
+}
+
 /// Two values, or the faults of both.
 ///
 /// # Errors

@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use deserr::Deserr;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::request::quantity::Dimension;
@@ -12,7 +12,7 @@ use serde_json::Value;
 use super::member::Member;
 use super::stats::design::{Spacing, range};
 use super::stats::distribution::Distribution;
-use fretwork_json::Whole;
+use fretwork_json::{Whole, typed};
 
 /// Maximum number of values of one member, listed or in a range.
 const MAX_VALUES: u64 = 100_000;
@@ -160,8 +160,7 @@ impl Varied {
     /// # Errors
     /// The faults of the entry, with pointers relative to it.
     pub fn read(entry: Value, member: Result<Member, String>) -> Result<Self, Faults> {
-        let entry: Entry =
-            Entry::deserialize_from_value::<Value>(entry.into_value(), ValuePointerRef::Origin)?;
+        let entry: Entry = typed(entry)?;
         let member = member.map_err(|detail| Faults::one("/pointer", detail))?;
         let values = entry.values(&member)?;
         Ok(Self { member, values })
@@ -229,9 +228,7 @@ pub fn list_or_range(given: Value, dimension: Dimension) -> Result<Vec<f64>, Fau
     if let Value::Array(list) = given {
         return list_of(&list, &member);
     }
-    let given: Range =
-        Range::deserialize_from_value::<Value>(given.into_value(), ValuePointerRef::Origin)?;
-    let Range { from, to, count: Whole(count), spacing } = given;
+    let Range { from, to, count: Whole(count), spacing } = typed(given)?;
     let (from, to) = (end_of("from", &from, &member)?, end_of("to", &to, &member)?);
     range(from, to, count as usize, spacing_of(spacing)).map_err(|fault| Faults(vec![fault]))
 }

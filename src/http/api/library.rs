@@ -2,7 +2,7 @@
 
 use axum::http::{StatusCode, Uri};
 use axum::response::Response;
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use deserr::Deserr;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
@@ -17,7 +17,7 @@ use crate::http::wire::paging::{fresh_page, limit, next_page};
 use crate::http::wire::{Fresh, NoQuery, Query, Segment, instant, read_key, schemas};
 use fretwork_engine::request::fault::Faults;
 use fretwork_job::{Key, SCALARS, Verified};
-use fretwork_json::read_body;
+use fretwork_json::{read_body, typed};
 use fretwork_store::{self as store, Changed, Listed, Removed, Search};
 
 /// What a user wrote about a result.
@@ -355,9 +355,7 @@ pub struct NoteBody {
 
 /// Parses a JSON body and collects all its faults.
 pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T> {
-    let read =
-        |value: Value| T::deserialize_from_value(value.into_value(), ValuePointerRef::Origin);
-    Ok(read_body(&body.0.bytes, read)?)
+    Ok(read_body(&body.0.bytes, typed)?)
 }
 
 /// The answer to a change of a note.

@@ -199,7 +199,7 @@ pub async fn check(app: App, _: NoQuery, body: Body) -> Result<Json<Checked>> {
         Task::Study(study) => {
             let units = study.units();
             let columns = study.columns().into_iter().map(|column| column.name).collect();
-            let (points, seconds, answer_bytes) = (study.points(), study.seconds(), study.bytes());
+            let (points, seconds, answer_bytes) = (study.points(), study.seconds, study.bytes());
             let cost = StudyCost { points, seconds, answer_bytes };
             let study = CheckedStudy { key, cached, asked, columns, units, cost, excess, links };
             Checked::Study(Box::new(study))
