@@ -4,9 +4,10 @@
 //! all other callers.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use prometheus_client::metrics::gauge::Gauge;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, timeout_at};
@@ -177,7 +178,7 @@ impl PerCaller {
 
     /// The semaphore of a caller. The map drops the semaphore when no request waits for it or holds its permits.
     fn of(&self, caller: &str) -> Arc<Semaphore> {
-        get_or_insert(&mut lock(&self.semaphores), caller, || Semaphore::new(self.permits))
+        get_or_insert(&mut self.semaphores.lock(), caller, || Semaphore::new(self.permits))
     }
 }
 
@@ -201,11 +202,6 @@ pub fn get_or_insert<T>(
     }
     map.insert(name.to_owned(), Arc::downgrade(&new));
     new
-}
-
-/// Locks a mutex whose value stays valid if a holder of the lock panics.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Permit {
@@ -328,7 +324,7 @@ mod tests {
         for number in 0..10_000 {
             drop(shares.heavy.turn(&number.to_string()).await);
         }
-        let callers = shares.heavy.semaphores.lock().unwrap();
+        let callers = shares.heavy.semaphores.lock();
         assert!(callers.len() <= 4 * NAMES && callers.contains_key("held"), "{}", callers.len());
         drop(held);
     }

@@ -8,8 +8,8 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::mem;
-use std::sync::{Mutex, PoisonError};
 
+use parking_lot::Mutex;
 use sqlx::postgres::PgConnection;
 use tokio::sync::Notify;
 
@@ -52,7 +52,7 @@ impl Hints {
             Effect::Changed(key) => Some(Hint::Changed(*key)),
             _ => None,
         });
-        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut waiting = self.waiting.lock();
         let before = waiting.len();
         waiting.extend(hints);
         if waiting.len() > before {
@@ -71,7 +71,7 @@ impl Hints {
     }
 
     fn take(&self, node: &str) -> Option<String> {
-        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut waiting = self.waiting.lock();
         let rest = waiting.iter().nth(AT_ONCE).copied().map(|hint| waiting.split_off(&hint));
         let some = mem::replace(&mut *waiting, rest.unwrap_or_default());
         (!some.is_empty()).then(|| {
