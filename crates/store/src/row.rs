@@ -132,7 +132,7 @@ fn key(bytes: &[u8]) -> Result<Key, TryFromSliceError> {
 }
 
 /// Reads the id of a job.
-pub(super) fn job_id(bytes: &[u8]) -> Result<JobId, uuid::Error> {
+fn job_id(bytes: &[u8]) -> Result<JobId, uuid::Error> {
     uuid::Uuid::from_slice(bytes).map(JobId)
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
-use sqlx::{ConnectOptions, Connection, Executor as _, SqliteConnection};
+use sqlx::{ConnectOptions, Connection, SqliteConnection};
 use tokio::sync::Semaphore;
 
 use super::Database;
@@ -25,7 +25,10 @@ use crate::ages::AgeClock;
 use crate::error::{Error, Result};
 use crate::library::Program;
 use crate::options::{FileSizes, Options};
+use crate::row::Columns as _;
 use crate::signals::Signals;
+use crate::statement::sql;
+use crate::tables::{Connected as _, Tables as _};
 use fretwork_job::clock::now;
 use fretwork_job::{Canonical, ENGINE};
 
@@ -61,7 +64,7 @@ impl Database {
         let mut db = prepare(dir, writing).await?;
         // From here on, SQLite keeps the data to undo a statement in memory and not in a temporary file. During the
         // migrations above, these data could be large.
-        db.execute("PRAGMA temp_store = memory").await?;
+        db.execute(sql!("PRAGMA temp_store = memory")).await?;
         // 16 MiB for each connection: enough for the upper pages of all indexes.
         let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
         // So a sorted list needs no temporary file, and works when the disk is full.
@@ -77,7 +80,7 @@ impl Database {
             [path.clone(), with_suffix(&path, "-wal"), with_suffix(&path, "-shm"), dir.join(LOCK)];
         let files = Files::at(files).map_err(|error| unusable(dir, error))?;
         // A new database has no stored time.
-        let clock = sqlx::query_scalar("SELECT clock FROM room").fetch_one(&mut db).await?;
+        let clock = db.one(sql!("SELECT clock FROM room")).await?.get("clock")?;
         let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::at(clock));
         let queue_limit = options.queue_limit;
         let effects = Vec::new();
@@ -122,7 +125,7 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
 async fn use_log(path: &Path) -> Result<()> {
     let options = connecting(path).create_if_missing(true).journal_mode(SqliteJournalMode::Off);
     let mut db = SqliteConnection::connect_with(&options).await?;
-    db.execute("PRAGMA auto_vacuum = INCREMENTAL; PRAGMA journal_mode = WAL").await?;
+    db.execute(sql!("PRAGMA auto_vacuum = INCREMENTAL; PRAGMA journal_mode = WAL")).await?;
     Ok(db.close().await?)
 }
 
@@ -130,29 +133,24 @@ async fn use_log(path: &Path) -> Result<()> {
 /// version computes their results. Deletes the chunks of studies, because one version must compute a whole result.
 async fn rekey(db: &mut SqliteConnection) -> Result<()> {
     let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
-    let numerics: u32 = sqlx::query_scalar("SELECT numerics FROM room").fetch_one(&mut *tx).await?;
+    let numerics: u32 = tx.one(sql!("SELECT numerics FROM room")).await?.get("numerics")?;
     if numerics == ENGINE.numerics {
         return Ok(());
     }
-    let runs: Vec<(i64, String)> =
-        sqlx::query_as("SELECT id, task FROM run WHERE finished IS NULL")
-            .fetch_all(&mut *tx)
-            .await?;
-    for (run, task) in runs {
+    for run in tx.rows(sql!("SELECT id, task FROM run WHERE finished IS NULL")).await? {
         // A run whose task cannot be read fails when a worker claims it.
-        let Some(key) = Canonical::key_of(&task) else { continue };
-        sqlx::query(
+        let Some(key) = Canonical::key_of(run.get("task")?) else { continue };
+        let id: i64 = run.get("id")?;
+        tx.execute(sql!(
             "UPDATE run SET key = $2, progress = 0 WHERE id = $1;
              UPDATE job SET key = $2 WHERE run = $1 AND finished IS NULL;
              UPDATE study SET wall = 0, cpu = 0 WHERE run = $1;
-             DELETE FROM chunk WHERE run = $1",
-        )
-        .bind(run)
-        .bind(key.bytes().as_slice())
-        .execute(&mut *tx)
+             DELETE FROM chunk WHERE run = $1";
+            id, key,
+        ))
         .await?;
     }
-    sqlx::query("UPDATE room SET numerics = $1").bind(ENGINE.numerics).execute(&mut *tx).await?;
+    tx.execute(sql!("UPDATE room SET numerics = $1"; ENGINE.numerics)).await?;
     Ok(tx.commit().await?)
 }
 
