@@ -180,12 +180,7 @@ impl From<Unable> for Problem {
         (status = 422, description = "A parameter has faults, or the runs would take too long."),
     ),
 )]
-pub async fn derivatives(
-    app: App,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-) -> Result<Response> {
+pub async fn derivatives(app: App, caller: Caller, key: Segment, query: Query) -> Result<Response> {
     let wanted = Wanted::read(query)?;
     let key = read_key(&key)?;
     let known = app.store.known(&key).await?.ok_or_else(unknown)?;

@@ -60,7 +60,7 @@ struct Changed {
 pub async fn follow(
     app: App,
     caller: Caller,
-    Segment(id): Segment,
+    id: Segment,
     headers: HeaderMap,
     _: NoQuery,
 ) -> Result<Response> {

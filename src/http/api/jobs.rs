@@ -112,12 +112,7 @@ fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
         (status = 200, description = "The job.", body = JobAnswer),
     ),
 )]
-pub async fn show(
-    app: App,
-    caller: Caller,
-    Segment(id): Segment,
-    mut query: Query,
-) -> Result<Response> {
+pub async fn show(app: App, caller: Caller, id: Segment, mut query: Query) -> Result<Response> {
     let time = query.wait();
     let include = Include::take(&mut query);
     query.finish()?;
@@ -145,12 +140,7 @@ pub async fn show(
             or was canceled.", headers(("Retry-After" = u32, description = "Seconds."))),
     ),
 )]
-pub async fn result(
-    app: App,
-    caller: Caller,
-    Segment(id): Segment,
-    _: NoQuery,
-) -> Result<Response> {
+pub async fn result(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<Response> {
     let job = visible(&app, &caller, &id).await?;
     let problem = match job.state {
         JobState::Succeeded => {
@@ -158,9 +148,9 @@ pub async fn result(
             return Ok((StatusCode::SEE_OTHER, [(header::LOCATION, location)]).into_response());
         }
         JobState::Queued | JobState::Running | JobState::Canceling => {
+            let Job { id, state, .. } = job;
             let detail = format!(
-                "The job is {}. Try again in a second, or wait: GET /v1/jobs/{id}?wait=10.",
-                job.state
+                "The job is {state}. Try again in a second, or wait: GET /v1/jobs/{id}?wait=10."
             );
             Problem::new(&kinds::NOT_FINISHED, detail).retry_after(1)
         }
@@ -188,12 +178,7 @@ pub async fn result(
         (status = 200, description = "The job after the request.", body = JobAnswer),
     ),
 )]
-pub async fn cancel(
-    app: App,
-    caller: Caller,
-    Segment(id): Segment,
-    _: NoQuery,
-) -> Result<Response> {
+pub async fn cancel(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<Response> {
     match app.service.cancel(caller.reach(), read_id(&id)?, caller.actor()).await? {
         Canceled::NotFound => Err(unknown()),
         Canceled::AlreadyFinished(job) | Canceled::Done(job) => {
@@ -246,13 +231,9 @@ pub async fn cancel_all(
         (status = 409, description = "The job is not finished. Cancel it first."),
     ),
 )]
-pub async fn delete(
-    app: App,
-    caller: Caller,
-    Segment(id): Segment,
-    _: NoQuery,
-) -> Result<StatusCode> {
-    match app.service.delete(caller.reach(), read_id(&id)?, caller.actor()).await? {
+pub async fn delete(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<StatusCode> {
+    let id = read_id(&id)?;
+    match app.service.delete(caller.reach(), id, caller.actor()).await? {
         Deleted::Done => Ok(StatusCode::NO_CONTENT),
         Deleted::NotFound => Err(unknown()),
         Deleted::Unfinished(state) => {

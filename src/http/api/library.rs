@@ -312,7 +312,7 @@ pub(super) fn unknown() -> Problem {
         (status = 200, description = "The provenance of the result.", body = Provenance),
     ),
 )]
-pub async fn provenance(app: App, Segment(key): Segment, _: NoQuery) -> Result<Fresh<Provenance>> {
+pub async fn provenance(app: App, key: Segment, _: NoQuery) -> Result<Fresh<Provenance>> {
     let key = read_key(&key)?;
     let known = app.store.provenance(&key).await?.ok_or_else(unknown)?;
     Ok(Fresh(Provenance::of(key, known)))
@@ -336,11 +336,7 @@ pub struct SubmissionWarnings {
         (status = 200, description = "The warnings.", body = SubmissionWarnings),
     ),
 )]
-pub async fn warnings(
-    app: App,
-    Segment(key): Segment,
-    _: NoQuery,
-) -> Result<Fresh<SubmissionWarnings>> {
+pub async fn warnings(app: App, key: Segment, _: NoQuery) -> Result<Fresh<SubmissionWarnings>> {
     let known = app.store.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?;
     Ok(Fresh(SubmissionWarnings { warnings: known.warnings }))
 }
@@ -382,7 +378,7 @@ fn annotated(changed: Changed) -> Result<StatusCode> {
 pub async fn note(
     app: App,
     caller: Caller,
-    Segment(key): Segment,
+    key: Segment,
     _: NoQuery,
     body: Body,
 ) -> Result<StatusCode> {
@@ -403,12 +399,7 @@ pub async fn note(
         (status = 204, description = "The result has no note."),
     ),
 )]
-pub async fn delete_note(
-    app: App,
-    caller: Caller,
-    Segment(key): Segment,
-    _: NoQuery,
-) -> Result<StatusCode> {
+pub async fn delete_note(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<StatusCode> {
     annotated(app.store.annotate(&read_key(&key)?, None, caller.editor()).await?)
 }
 
@@ -425,12 +416,7 @@ pub async fn delete_note(
             scenario."),
     ),
 )]
-pub async fn delete(
-    app: App,
-    caller: Caller,
-    Segment(key): Segment,
-    _: NoQuery,
-) -> Result<StatusCode> {
+pub async fn delete(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<StatusCode> {
     let key = read_key(&key)?;
     loop {
         let (here, by) = (app.clone(), caller.actor());

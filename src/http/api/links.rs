@@ -48,7 +48,7 @@ pub struct SharedLink {
 pub async fn share(
     app: App,
     caller: Caller,
-    Segment(key): Segment,
+    key: Segment,
     mut query: Query,
 ) -> Result<(StatusCode, Fresh<SharedLink>)> {
     let accepted = "a time from 1s to 366d, for example 12h, 7d or 6months";

@@ -190,7 +190,7 @@ macro_rules! parts {
             pub async fn $name(
                 app: App,
                 caller: Caller,
-                Segment(key): Segment,
+                key: Segment,
                 query: Query,
                 request: Request,
             ) -> Result<Response> {
@@ -380,7 +380,7 @@ table = Part::Table;
 pub async fn plot(
     app: App,
     caller: Caller,
-    Segment(key): Segment,
+    key: Segment,
     mut query: Query,
     request: Request,
 ) -> Result<Response> {
@@ -403,12 +403,7 @@ pub async fn plot(
         (status = 409, description = "The pinned results of this owner take too much room. Unpin some first."),
     ),
 )]
-pub async fn pin(
-    app: App,
-    caller: Caller,
-    Segment(key): Segment,
-    _: NoQuery,
-) -> Result<StatusCode> {
+pub async fn pin(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<StatusCode> {
     set_pin(&app, &caller, &key, true).await
 }
 
@@ -421,12 +416,7 @@ pub async fn pin(
         (status = 204, description = "The result is not pinned."),
     ),
 )]
-pub async fn unpin(
-    app: App,
-    caller: Caller,
-    Segment(key): Segment,
-    _: NoQuery,
-) -> Result<StatusCode> {
+pub async fn unpin(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<StatusCode> {
     set_pin(&app, &caller, &key, false).await
 }
 

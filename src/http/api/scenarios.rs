@@ -251,8 +251,8 @@ pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>> {
         (status = 404, description = "No example has this name."),
     ),
 )]
-pub async fn example(Segment(name): Segment, _: NoQuery) -> Result<Response> {
-    let example = EXAMPLES.iter().find(|example| example.name == name).ok_or_else(|| {
+pub async fn example(name: Segment, _: NoQuery) -> Result<Response> {
+    let example = EXAMPLES.iter().find(|example| example.name == &*name).ok_or_else(|| {
         Problem::new(&kinds::NOT_FOUND, "No example has this name. GET /v1/examples lists all.")
     })?;
     Ok(([(CONTENT_TYPE, "application/json")], example.body).into_response())

@@ -237,7 +237,7 @@ pub async fn problems(_: NoQuery) -> Html<String> {
         (status = 404, description = "No problem type has this name."),
     ),
 )]
-pub async fn explain(Segment(slug): Segment, _: NoQuery) -> Result<Html<String>> {
+pub async fn explain(slug: Segment, _: NoQuery) -> Result<Html<String>> {
     let none = "No problem type has this name; GET /problems lists them all.";
     problem::page(&slug).map(Html).ok_or_else(|| Problem::new(&kinds::NOT_FOUND, none))
 }

@@ -11,6 +11,7 @@ pub mod weight;
 
 use std::fmt::{self, Display};
 use std::mem;
+use std::ops::Deref;
 use std::time::Duration;
 
 use axum::Json;
@@ -150,7 +151,15 @@ impl<S: Sync> FromRequestParts<S> for NoQuery {
 }
 
 /// The variable part of an address, as text.
-pub struct Segment(pub String);
+pub struct Segment(String);
+
+impl Deref for Segment {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        &self.0
+    }
+}
 
 impl<S: Send + Sync> FromRequestParts<S> for Segment {
     type Rejection = Problem;
