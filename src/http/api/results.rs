@@ -117,10 +117,9 @@ fn figure_view(query: &mut Query) -> View {
 /// Reads the parameters of a figure of a study. The names of outputs and numbers are checked later, because they depend
 /// on the study.
 fn study_options(query: &mut Query) -> StudyOptions {
-    let names = StudyFigure::ALL.map(StudyFigure::name);
-    let kind = query.value("kind", format_args!("one of {}", names.join(", ")), |text| {
-        StudyFigure::ALL.into_iter().find(|kind| kind.name() == text)
-    });
+    let names = StudyFigure::ALL.map(StudyFigure::as_str);
+    let accepted = format_args!("one of {}", names.join(", "));
+    let kind = query.value("kind", accepted, |text| text.parse().ok());
     let [output, over, by] = ["output", "over", "by"].map(|name| query.text(name));
     StudyOptions { kind, output, over, by }
 }
