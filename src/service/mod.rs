@@ -97,7 +97,7 @@ impl Service {
     /// The number of short computations that can run at the same time while their clients wait.
     #[must_use]
     pub fn places(&self) -> usize {
-        self.0.places.number()
+        self.0.places.number
     }
 
     /// The function with which a worker begins a claimed run. It uses the prepared task if that is still in memory.

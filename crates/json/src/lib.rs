@@ -3,6 +3,7 @@
 //! All bodies of requests are read here, so that a refusal lists all faults of the body.
 
 mod members;
+mod words;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -18,6 +19,7 @@ use serde_json::value::RawValue;
 use serde_json::{Deserializer, Map, Number, Serializer, Value};
 
 pub use self::members::Members;
+pub use self::words::BadWord;
 
 /// Maximum number of repeated members that are listed one by one.
 const MAX_LISTED: usize = 100;
@@ -156,6 +158,14 @@ pub fn read_body<T>(
 #[must_use]
 pub fn escaped(name: &str) -> String {
     name.replace('~', "~0").replace('/', "~1")
+}
+
+/// Reads the members of a document.
+///
+/// # Errors
+/// All faults, with pointers relative to the document.
+pub fn typed<T: Deserr<Faults>>(document: Value) -> Result<T, Faults> {
+    T::deserialize_from_value(document.into_value(), ValuePointerRef::Origin)
 }
 
 /// Two values, or the faults of both.

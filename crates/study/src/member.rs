@@ -2,13 +2,12 @@
 
 use std::collections::HashMap;
 
-use deserr::{Deserr as _, IntoValue as _, ValuePointerRef};
 use fretwork_engine::request::Request;
-use fretwork_engine::request::fault::{Fault, Faults, unknown};
+use fretwork_engine::request::fault::{Fault, unknown};
 use fretwork_engine::request::quantity::{self, Dimension};
 use serde_json::{Number, Value};
 
-use fretwork_json::escaped;
+use fretwork_json::{escaped, typed};
 
 /// Maximum number of pointers that an error text lists.
 const LISTED: usize = 40;
@@ -167,9 +166,7 @@ fn faults_with_probes(scenario: &Value, places: &[&str]) -> Vec<Fault> {
             *place = Value::from(PROBE);
         }
     }
-    let read: Result<Request, Faults> =
-        Request::deserialize_from_value(changed.into_value(), ValuePointerRef::Origin);
-    read.map_or_else(|faults| faults.0, |_| Vec::new())
+    typed::<Request>(changed).map_or_else(|faults| faults.0, |_| Vec::new())
 }
 
 fn first(is_measured: impl Fn(Dimension) -> bool) -> Dimension {

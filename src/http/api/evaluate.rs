@@ -3,14 +3,13 @@
 use std::sync::Arc;
 
 use axum::Extension;
-use axum::extract::State;
 use axum::response::{IntoResponse, Response};
 use tokio::task;
 
 use super::scenarios::parse;
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::shares::SMALL;
 use crate::http::transport::body::Body;
 use crate::http::wire::{FRESH_JSON, NoQuery, schemas};
@@ -88,12 +87,7 @@ impl From<NotEvaluated> for Problem {
             headers(("Retry-After" = u32, description = "Seconds."))),
     ),
 )]
-pub async fn evaluate(
-    State(app): State<App>,
-    caller: Caller,
-    _: NoQuery,
-    body: Body,
-) -> Result<Response, Problem> {
+pub async fn evaluate(app: App, caller: Caller, _: NoQuery, body: Body) -> Result<Response> {
     let evaluation = parse(body, Evaluation::parse).await?;
     let bytes = evaluation.answer_bytes();
     // An evaluation that waits for its turn holds no memory.
