@@ -80,6 +80,8 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
     // A run has six outputs, and the estimates cover 98 of 100 errors. So one error may be just above the limit of the
     // warning.
     assert!(1000 * accuracy.unwarned() <= count, "{accuracy}");
+    // While the friction changes by up to a factor of 4, the error of the moving stick edge is overestimated: one of four
+    // of these runs has a warning.
     let (sound, warned) = accuracy.sound();
-    assert!(28 * warned <= sound, "{accuracy}");
+    assert!(12 * warned <= sound, "{accuracy}");
 }
