@@ -20,6 +20,7 @@ use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
 use fretwork_job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
+use fretwork_json::both;
 use fretwork_store::Known;
 
 /// Maximum number of differing parameters that an answer lists.
@@ -241,11 +242,7 @@ fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Faults> {
         (None, Some(a), None) => return Ok((side(a, "/a")?, None)),
         _ => return Err(Faults::one("", "must have either `keys`, or `a` and optionally `b`")),
     };
-    match (a, b) {
-        (Ok(a), Ok(b)) => Ok((a, Some(b))),
-        (Err(a), Err(b)) => Err(Faults([a.0, b.0].concat())),
-        (Err(faults), _) | (_, Err(faults)) => Err(faults),
-    }
+    both(a, b).map(|(a, b)| (a, Some(b)))
 }
 
 /// Compares two results or scenarios, for example to find out why a job was not answered from the cache.
