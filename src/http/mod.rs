@@ -75,7 +75,6 @@ impl Default for Settings {
 }
 
 /// The sockets of a server.
-#[derive(Debug)]
 pub struct Sockets {
     /// Serves the whole API.
     pub api: TcpListener,

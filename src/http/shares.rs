@@ -29,7 +29,6 @@ const HEAVY: usize = 2;
 pub const NAMES: usize = 64;
 
 /// The limits, and their use.
-#[derive(Debug)]
 pub struct Shares {
     /// Memory for the bodies of requests. Slow readers of answers cannot use it.
     pub bodies: Budget,
@@ -48,7 +47,6 @@ pub struct Shares {
 }
 
 /// Memory for bodies of one kind. One caller may use half of it.
-#[derive(Debug)]
 pub struct Budget {
     memory: Arc<Semaphore>,
     /// Maximum number of units of one caller.
@@ -60,7 +58,6 @@ pub struct Budget {
 }
 
 /// A semaphore for each caller who uses it.
-#[derive(Debug)]
 pub struct PerCaller {
     permits: usize,
     semaphores: Mutex<HashMap<String, Weak<Semaphore>>>,

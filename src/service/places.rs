@@ -22,7 +22,6 @@ const MAX_WAIT: Duration = Duration::from_millis(250);
 
 /// A computation needs one of these places. There are as many as workers, because more computations at a time would
 /// only share the processors.
-#[derive(Debug)]
 pub struct Places {
     free: Arc<Semaphore>,
     /// How many there are.
@@ -30,7 +29,6 @@ pub struct Places {
 }
 
 /// Why a computation has no outcome.
-#[derive(Debug)]
 pub enum Unfinished {
     /// All places were taken.
     NoPlace,

@@ -30,7 +30,6 @@ pub struct Terms {
 }
 
 /// An accepted submission.
-#[derive(Debug)]
 pub struct Accepted {
     /// The job.
     pub job: Job,

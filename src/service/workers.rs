@@ -50,7 +50,6 @@ enum WorkerOrder {
 }
 
 /// A running pool. If it is dropped, the threads release their runs and end. The drop does not wait for them.
-#[derive(Debug)]
 pub struct Workers {
     order: watch::Sender<WorkerOrder>,
     threads: Vec<JoinHandle<()>>,

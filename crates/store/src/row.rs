@@ -38,7 +38,6 @@ pub(super) trait Columns {
 }
 
 /// A row of either database.
-#[derive(Debug)]
 pub(super) enum Row {
     Sqlite(SqliteRow),
     Postgres(PgRow),

@@ -16,7 +16,6 @@ use fretwork_job::clock::now;
 use fretwork_job::{Key, Origin, Recomputed};
 
 /// A signal that is sent after a commit.
-#[derive(Debug)]
 pub(super) enum Effect {
     /// A job or run of this key has changed.
     Changed(Key),

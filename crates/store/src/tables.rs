@@ -70,7 +70,6 @@ pub(super) trait Tables: Send {
 }
 
 /// A connection to either database.
-#[derive(Debug)]
 pub(super) enum Connection<'a> {
     Sqlite(&'a mut SqliteConnection),
     Postgres(&'a mut PgConnection),

@@ -33,7 +33,6 @@ pub struct Limits {
 type Bucket = RateLimiter<NotKeyed, InMemoryState, DefaultClock, StateInformationMiddleware>;
 
 /// The current use of the limits of one key.
-#[derive(Debug)]
 pub struct Account {
     pub limits: Limits,
     requests: Option<Bucket>,

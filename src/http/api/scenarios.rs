@@ -20,7 +20,6 @@ use fretwork_json::BadBody;
 use fretwork_study::Kind;
 
 /// A valid job body, from a file in `examples/`.
-#[derive(Debug)]
 pub struct Example {
     /// The name of the example in addresses.
     pub name: &'static str,

@@ -68,7 +68,6 @@ struct Slot {
 
 /// A cache of encoded answers by name. When it is full, it evicts the least used answers. A name begins with the key of
 /// the result.
-#[derive(Debug)]
 pub struct Memory {
     cache: Cache<String, Encoded, Size>,
     /// Answers that are being made or sent.
@@ -77,7 +76,6 @@ pub struct Memory {
 }
 
 /// Permission to make an answer. Other requests for it wait until this is dropped.
-#[derive(Debug)]
 pub struct Making {
     name: String,
     slot: Arc<Slot>,
@@ -85,7 +83,6 @@ pub struct Making {
 }
 
 /// An answer, or the permission to make it.
-#[derive(Debug)]
 pub enum Lookup {
     /// The answer is in memory.
     Found(Encoded),

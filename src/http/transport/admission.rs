@@ -41,7 +41,6 @@ impl Default for Connections {
 }
 
 /// The open connections of a server.
-#[derive(Debug)]
 pub struct Admission {
     limits: Connections,
     table: Mutex<Table>,
@@ -65,7 +64,6 @@ struct Table {
 }
 
 /// An open connection. Dropping it frees its place.
-#[derive(Debug)]
 pub struct OpenConnection {
     admission: Arc<Admission>,
     number: u64,

@@ -41,7 +41,6 @@ const SPILL: &str = "
     ) AS sorted";
 
 /// The state of the maintenance of one server.
-#[derive(Debug)]
 pub(super) struct Upkeep {
     keep_jobs: Option<Duration>,
     budget: Option<u64>,

@@ -24,7 +24,6 @@ struct Noted {
 }
 
 /// The lock file of the data directory, with the number of commits.
-#[derive(Debug)]
 pub(super) struct Ledger {
     /// Locks the directory against other servers.
     lock: File,

@@ -46,7 +46,6 @@ static MIGRATIONS: LazyLock<Migrator> = LazyLock::new(|| {
 });
 
 /// A table, index, trigger or view, and the statement that creates it.
-#[derive(Debug)]
 pub(crate) struct Part {
     kind: String,
     pub(crate) sql: String,

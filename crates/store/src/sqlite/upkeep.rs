@@ -35,7 +35,6 @@ pub(super) const ROOM: usize = 512;
 const OLDEST: i64 = 64;
 
 /// Decides when to run maintenance.
-#[derive(Debug)]
 pub(super) struct Upkeep {
     pub(super) keep_jobs: Option<Duration>,
     pub(super) budget: Option<u64>,
