@@ -13,7 +13,6 @@ mod turns;
 mod waiting;
 pub mod workers;
 
-use std::fmt;
 use std::sync::Arc;
 use std::thread;
 
@@ -49,12 +48,6 @@ struct Parts {
     limits: WorkLimits,
     /// True after the service has stopped accepting jobs.
     draining: watch::Sender<bool>,
-}
-
-impl fmt::Debug for Service {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Service").finish_non_exhaustive()
-    }
 }
 
 /// The number of processors.
