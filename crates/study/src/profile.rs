@@ -46,7 +46,6 @@ pub struct CommonProfiles {
 
 impl Field {
     /// The name of its column.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Wear => "wear",
@@ -57,7 +56,6 @@ impl Field {
     }
 
     /// The SI unit.
-    #[must_use]
     pub fn unit(self) -> &'static str {
         if self == Self::Pressure { "Pa" } else { "m" }
     }
@@ -120,7 +118,6 @@ impl CommonProfiles {
     }
 
     /// The curves of a point without a run: all values are missing.
-    #[must_use]
     pub fn missing(&self) -> Vec<Vec<Option<f64>>> {
         vec![vec![None; self.radii.len()]; self.fields.len()]
     }

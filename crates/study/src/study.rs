@@ -146,7 +146,6 @@ impl Study {
     }
 
     /// The number of points.
-    #[must_use]
     pub fn points(&self) -> usize {
         self.plan.points()
     }
@@ -155,13 +154,11 @@ impl Study {
     ///
     /// # Panics
     /// There is no such point.
-    #[must_use]
     pub fn point(&self, number: usize) -> Vec<f64> {
         self.plan.point(number)
     }
 
     /// The largest possible size of the document, in bytes.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         let row = NUMBER * (self.columns().len() - 1) + MAX_REASON;
         // The 3 bytes are the brackets and the comma of a curve. Each point also has its index.
@@ -179,7 +176,6 @@ impl Study {
     }
 
     /// Estimated memory of a prepared study without the text of its canonical form, in bytes.
-    #[must_use]
     pub fn memory(&self) -> usize {
         size_of::<Self>()
             + 8 * self.problem.members.len() * LISTED.min(self.points())
@@ -187,14 +183,12 @@ impl Study {
     }
 
     /// How many chunks of about 50 ms the study has.
-    #[must_use]
     pub fn chunks(&self) -> usize {
         let least = self.points().div_ceil(MAX_CHUNK);
         ((self.seconds / CHUNK).ceil() as usize).clamp(least, self.points())
     }
 
     /// The columns of the rows: members, outputs, and the reason why one is missing.
-    #[must_use]
     pub fn columns(&self) -> Vec<Column> {
         let members = self.problem.members.iter().map(|member| {
             let unit = member.dimension.si();
@@ -207,7 +201,6 @@ impl Study {
     }
 
     /// The units of the columns of numbers, by their names.
-    #[must_use]
     pub fn units(&self) -> Map<String, Value> {
         let columns = self.columns().into_iter().chain(self.plan.found_columns());
         let columns = columns.filter_map(|column| Some((column.name, column.unit?.into())));
@@ -222,7 +215,6 @@ impl Study {
     ///
     /// # Panics
     /// The members cannot be written as JSON.
-    #[must_use]
     #[expect(clippy::expect_used, reason = "nothing stops it")]
     pub fn document(&self, key: &impl Serialize, engine: &impl Serialize, rows: &Rows) -> String {
         self.document_while(key, engine, rows, &mut || true).expect("it goes on")
@@ -233,7 +225,6 @@ impl Study {
     ///
     /// # Panics
     /// The members cannot be written as JSON.
-    #[must_use]
     #[expect(clippy::expect_used, reason = "a damaged document must not be stored")]
     pub fn document_while(
         &self,
@@ -276,7 +267,6 @@ impl Study {
     }
 
     /// The number of points, and how many of them are refused or incomplete.
-    #[must_use]
     pub fn counts(&self, rows: &Rows) -> Value {
         json!({"points": self.points(), "refused": rows.refused, "incomplete": rows.incomplete})
     }

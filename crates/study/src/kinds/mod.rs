@@ -11,7 +11,6 @@ impl Kind {
     pub const ALL: [&'static Self; 3] = [&sweep::KIND, &sensitivity::KIND, &map::KIND];
 
     /// The kind with this name.
-    #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         Self::ALL.into_iter().find(|kind| kind.name == name)
     }
