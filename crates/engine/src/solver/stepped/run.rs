@@ -510,7 +510,7 @@ impl MeshRun {
         let rests = !control.drifts(contact) || !moves(control, contact);
         // With a coefficient of friction that changes, an edge that has not appeared may never appear.
         let has_none = worn.stick == 0.0 && contact.changes_friction();
-        if rests || has_none || worn.stick >= 1.0 {
+        if rests || has_none || worn.threshold == 0.0 || worn.stick >= 1.0 {
             return 0.0;
         }
         // The edge is not known better than the surface on which the block has started.
