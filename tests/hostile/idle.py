@@ -12,8 +12,9 @@ from client import addresses, argument, attack, connect, held
 COUNT = argument(1)
 SOURCES = addresses(15, COUNT)
 SECONDS = 25
-# The default of --connections.
+# The default of --connections. The kernel also counts a few connections that the server is just closing.
 LIMIT = 4096
+CLOSING = 32
 
 
 async def stay(source, end, free, opened):
@@ -34,7 +35,7 @@ async def program():
         most, idle = max(most, len(held())), max(idle, len(held(SOURCES)))
         await asyncio.sleep(1)
     await staying
-    assert most <= LIMIT, f"the server held {most} connections"
+    assert most <= LIMIT + CLOSING, f"the server held {most} connections"
     for connection in opened:
         connection.close()
     return f"{len(opened)} connected; the server held at most {idle} of them, and {most} connections in total"
