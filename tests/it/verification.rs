@@ -84,4 +84,14 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
     // of these runs has a warning.
     let (sound, warned) = accuracy.sound();
     assert!(10 * warned <= sound, "{accuracy}");
+    let steady = accuracy.with_constant_coefficients();
+    for worn in [Worn::Volume, Worn::Depth] {
+        let caution = steady.of(worn).caution();
+        assert!(caution < 4.0, "{worn:?}: {caution}\n{steady}");
+    }
+    assert_eq!(steady.unwarned(), 0, "{steady}");
+    let (sound, warned) = steady.sound();
+    // Of the few runs, one more or less decides.
+    let most = if is_long { 28 } else { 26 };
+    assert!(most * warned <= sound, "{steady}");
 }
