@@ -6,6 +6,7 @@ pub mod derivative;
 pub mod design;
 pub mod distribution;
 pub mod indices;
+pub mod least_squares;
 pub mod morris;
 
 pub use bootstrap::{Bootstrap, Estimate, MAX_BLOCKS};
