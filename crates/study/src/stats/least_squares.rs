@@ -94,7 +94,6 @@ impl<F: Function> Jacobian for Bounded<'_, F> {
 ///
 /// # Panics
 /// The point has no coordinates.
-#[expect(clippy::panic, reason = "no other error is possible")]
 pub fn minimum<F: Function>(
     function: &F,
     start: &[f64],
@@ -110,12 +109,12 @@ pub fn minimum<F: Function>(
     match found {
         Ok(found) => Ok(found.state.param().clone()),
         Err(ConstraintSolveError::Evaluation(unknown)) => Err(unknown),
-        Err(_) => panic!("the bounds 0 and 1 are valid"),
+        Err(_other) => unreachable!("the bounds 0 and 1 are valid"),
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::cell::RefCell;
     use std::convert::Infallible;
 
@@ -159,7 +158,7 @@ mod tests {
     }
 
     /// Data and certified values of Misra1a: <https://www.itl.nist.gov/div898/strd/nls/data/misra1a.shtml>.
-    const MISRA: [(f64, f64); 14] = [
+    pub const MISRA: [(f64, f64); 14] = [
         (77.6, 10.07),
         (114.9, 14.73),
         (141.1, 17.94),
