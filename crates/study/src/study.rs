@@ -112,18 +112,20 @@ impl Study {
     }
 
     /// Continues to compute a point for at most about 30 ms. Returns its row when it is known.
-    pub(super) fn step(&self, number: usize, point: &mut Point) -> Option<Tried> {
+    pub(super) fn step(&self, number: usize, earlier: &Rows, point: &mut Point) -> Option<Tried> {
         loop {
             if let Some((values, run)) = &mut point.running {
-                let found = self.problem.found(&run.step()?);
+                let found = self.plan.asked(&self.problem, values).0.found(&run.step()?);
                 point.tried.push(Tried { values: mem::take(values), found });
                 point.running = None;
             }
-            let Some(values) = self.plan.next(&self.problem, number, &point.tried) else {
-                return Some(self.plan.row(&self.problem, number, mem::take(&mut point.tried)));
+            let Some(values) = self.plan.next(&self.problem, number, earlier, &point.tried) else {
+                let tried = mem::take(&mut point.tried);
+                return Some(self.plan.row(&self.problem, number, earlier, tried));
             };
             let is_first = point.tried.is_empty();
-            match self.problem.start(&values) {
+            let (problem, own) = self.plan.asked(&self.problem, &values);
+            match problem.start(own) {
                 Ok(run) => point.running = Some((values, run)),
                 Err(found) => point.tried.push(Tried { values, found }),
             }
@@ -207,11 +209,21 @@ impl Study {
             + self.plan.memory()
     }
 
-    /// How many chunks of about 50 ms the study has.
+    /// How many chunks of about 50 ms the study has. If the study has several stages, each chunk is one point.
     #[must_use]
     pub fn chunks(&self) -> usize {
+        if self.plan.stages().len() > 1 {
+            return if self.seconds > CHUNK { self.points() } else { 1 };
+        }
         let least = self.points().div_ceil(MAX_CHUNK);
         ((self.seconds / CHUNK).ceil() as usize).clamp(least, self.points())
+    }
+
+    /// The number of chunks, from the first one on, whose rows this chunk of `chunks` needs: those of earlier stages.
+    #[must_use]
+    pub fn earlier_chunks(&self, number: usize, chunks: usize) -> usize {
+        let stages = self.plan.stages().into_iter();
+        if chunks == 1 { 0 } else { stages.filter(|first| *first <= number).max().unwrap_or(0) }
     }
 
     /// The columns of the rows: members, outputs, and the reason why one is missing.

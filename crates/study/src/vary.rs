@@ -262,7 +262,11 @@ const FORMS: [Form; 6] = [
 const FACTOR: &str = "factor";
 const NAMES: &str = "uniform, log_uniform, normal, lognormal, triangular";
 
-fn distribution_of(value: &Value, member: &Member) -> Result<Distribution, Faults> {
+/// Reads a distribution of values of this number.
+///
+/// # Errors
+/// All faults, with pointers such as `/distribution/normal/mean`.
+pub fn distribution_of(value: &Value, member: &Member) -> Result<Distribution, Faults> {
     let one = value.as_object().filter(|members| members.len() == 1);
     let pair = one.and_then(|members| members.iter().next());
     let Some((name, Some(given))) = pair.map(|(name, inner)| (name, inner.as_object())) else {

@@ -239,12 +239,18 @@ impl Plan for Map {
     }
 
     /// A point needs one run, or none if the map has no outputs.
-    fn next(&self, problem: &Problem, number: usize, tried: &[Tried]) -> Option<Vec<f64>> {
+    fn next(
+        &self,
+        problem: &Problem,
+        number: usize,
+        _: &Rows,
+        tried: &[Tried],
+    ) -> Option<Vec<f64>> {
         (tried.is_empty() && !problem.outputs.is_empty()).then(|| self.point(number))
     }
 
     /// The row of a point: first the columns of the unworn contact, then the outputs of its run.
-    fn row(&self, problem: &Problem, number: usize, tried: Vec<Tried>) -> Tried {
+    fn row(&self, problem: &Problem, number: usize, _: &Rows, tried: Vec<Tried>) -> Tried {
         let run = tried.into_iter().next().map_or_else(|| problem.no_run(), |tried| tried.found);
         let (closed, refused) = match self.unworn(problem, number) {
             Ok(closed) => (closed.map(Some), None),
@@ -278,9 +284,9 @@ impl Plan for Map {
         let columns = [forces, amplitudes].map(Cells::Numbers);
         let boundary = MEMBERS.map(str::to_owned).into_iter().zip(columns).collect();
         Some(Findings {
-            notes: None,
             tables: vec![("boundary", boundary)],
             beside: vec![(REGIME, regimes(rows))],
+            ..Findings::default()
         })
     }
 
@@ -333,7 +339,7 @@ mod tests {
         let rows = |chunks: usize| {
             let mut all = Rows::default();
             for number in 0..chunks {
-                let mut points = Points::chunk(Arc::clone(study), number, chunks);
+                let mut points = Points::chunk(Arc::clone(study), number, chunks, Rows::default());
                 all.append(&iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap());
             }
             all

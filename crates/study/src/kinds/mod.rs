@@ -1,5 +1,6 @@
 //! The kinds of studies. [`Kind::ALL`] is the only list of all kinds.
 
+mod fit;
 mod map;
 mod sensitivity;
 mod sweep;
@@ -8,7 +9,7 @@ use super::plan::Kind;
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [&'static Self; 3] = [&sweep::KIND, &sensitivity::KIND, &map::KIND];
+    pub const ALL: [&'static Self; 4] = [&sweep::KIND, &sensitivity::KIND, &map::KIND, &fit::KIND];
 
     /// The kind with this name.
     #[must_use]
@@ -29,6 +30,7 @@ mod tests {
     use crate::member::Member;
     use crate::plan::{Hints, Plan, Read, Tried};
     use crate::problem::{Problem, outputs_of};
+    use crate::rows::Rows;
     use crate::{Kind, Points, Study, StudyFigure};
 
     #[test]
@@ -65,7 +67,7 @@ mod tests {
             vec![AMPLITUDES[number], 0.5]
         }
 
-        fn next(&self, _: &Problem, number: usize, tried: &[Tried]) -> Option<Vec<f64>> {
+        fn next(&self, _: &Problem, number: usize, _: &Rows, tried: &[Tried]) -> Option<Vec<f64>> {
             let (mut low, mut high) = (0.0, 1.0);
             for Tried { values, found } in tried {
                 let slips = found.outputs[0] == Some(0.0);

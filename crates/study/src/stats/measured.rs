@@ -28,7 +28,7 @@ const PART: f64 = 0.15;
 /// A measured number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// The number y.
+    /// The number y. If it is not a number, the point does not take part.
     pub value: f64,
     /// Its noise σ as a standard deviation. If the noise of its set is estimated, only the ratios of these numbers
     /// matter.
@@ -61,11 +61,14 @@ impl Measured {
     pub fn new(points: Vec<Point>, is_estimated: Vec<bool>, parameters: usize) -> Self {
         let clusters = points.iter().map(|point| point.cluster + 1).max().unwrap_or(0);
         let mut sizes = vec![0.0; clusters];
-        for point in &points {
+        for point in points.iter().filter(|point| point.value.is_finite()) {
             sizes[point.cluster] += 1.0;
         }
         let is_clustered = sizes.iter().filter(|size| **size > 0.0).count() > parameters;
-        let weight = |point: &Point| if is_clustered { 1.0 / sizes[point.cluster] } else { 1.0 };
+        let weight = |point: &Point| match point.value.is_finite() {
+            true if is_clustered => 1.0 / sizes[point.cluster],
+            takes_part => f64::from(takes_part),
+        };
         let weights = points.iter().map(weight).collect();
         Self { points, is_estimated, weights, is_clustered, parameters: parameters as f64 }
     }
@@ -105,7 +108,8 @@ impl Measured {
     #[must_use]
     pub fn factors(&self, predicted: &[f64]) -> Vec<f64> {
         let mut squares = vec![0.0; self.is_estimated.len()];
-        for ((point, weight), found) in self.points.iter().zip(&self.weights).zip(predicted) {
+        let own = self.points.iter().zip(&self.weights).zip(predicted);
+        for ((point, weight), found) in own.filter(|((_, weight), _)| **weight > 0.0) {
             let distance = (found - point.value) / point.noise;
             squares[point.set] += weight * distance * distance;
         }
@@ -177,7 +181,8 @@ impl Measured {
             let distance = (found - self.points[place].value) / deviation;
             weight * (distance * distance + 2.0 * libm::log(deviation))
         };
-        let fit: f64 = self.weights.iter().zip(predicted).enumerate().map(own).sum();
+        let all_points = self.weights.iter().zip(predicted).enumerate();
+        let fit: f64 = all_points.filter(|(_, (weight, _))| **weight > 0.0).map(own).sum();
         (rest > 0.0 && count > parameters as f64 + 2.0)
             .then(|| fit + 2.0 * all + 2.0 * all * (all + 1.0) / rest)
     }

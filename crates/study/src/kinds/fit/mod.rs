@@ -1,0 +1,159 @@
+//! Fits: the numbers of a scenario that agree best with measured volumes, depths, energies and profiles.
+//!
+//! The files of this room: [`data`] reads what was measured, [`model`] predicts it, [`search`] computes the points of
+//! the fit in stages, and [`findings`] says what follows.
+
+mod data;
+mod findings;
+mod model;
+mod search;
+#[cfg(test)]
+mod tests;
+
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fields::Given;
+use serde_json::{Value, json};
+
+use self::search::Fit;
+use crate::plan::{Column, Findings, Hints, Kind, Plan, Read, StudyFigure, Tried};
+use crate::problem::{Problem, small_members};
+use crate::rows::{NUMBER, Rows};
+use fretwork_json::Whole;
+
+/// The kind of fits.
+pub const KIND: Kind = Kind {
+    name: "fit",
+    title: "Fit",
+    rows: "searches",
+    keeps_profiles: false,
+    axes: &[],
+    design: "",
+    designs: &[("", Hints::of(&[StudyFigure::Scatter]))],
+    offers: &[],
+    read,
+};
+
+/// Defaults of `confidence` and `starts`.
+const CONFIDENCE: f64 = 0.95;
+const STARTS: u64 = 8;
+/// Maximum number of starts.
+const MAX_STARTS: u64 = 64;
+/// Estimated number of runs of a source for each search, and for each parameter of it.
+const RUNS: (f64, f64) = (4.0, 6.0);
+/// Maximum bytes of a number, a name or a note in the findings.
+const TEXT: usize = 400;
+
+/// The body of a fit.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Request {
+    #[deserr(default, rename = "version")]
+    _version: Given<Whole<1, 1>>,
+    scenario: Value,
+    parameters: Vec<Value>,
+    tests: Vec<Value>,
+    #[deserr(default)]
+    confidence: Given<f64>,
+    #[deserr(default)]
+    starts: Given<Whole<1, MAX_STARTS>>,
+}
+
+/// Reads a fit.
+///
+/// # Errors
+/// All faults, with pointers relative to the fit.
+fn read(fit: Value) -> Result<Read, Faults> {
+    let mut complete = small_members(&fit);
+    let request: Request =
+        Request::deserialize_from_value::<Value>(fit.into_value(), ValuePointerRef::Origin)?;
+    let Request { scenario, parameters, tests, confidence, starts, .. } = request;
+    let confidence = confidence.0.unwrap_or(CONFIDENCE);
+    if !(0.5..=0.9999).contains(&confidence) {
+        return Err(Faults::one("/confidence", "must be from 0.5 to 0.9999, such as 0.95"));
+    }
+    let starts = starts.0.map_or(STARTS, |starts| starts.0);
+    complete.insert("confidence".to_owned(), json!(confidence));
+    complete.insert("starts".to_owned(), json!(starts));
+    let fit = data::fit(&scenario, &parameters, &tests, confidence, starts as u32)?;
+    let problem = Problem::new(scenario, Vec::new(), Vec::new());
+    Ok(Read::new(complete, problem, fit))
+}
+
+impl Plan for Fit {
+    fn points(&self) -> usize {
+        self.bounds()[4]
+    }
+
+    fn stages(&self) -> Vec<usize> {
+        self.bounds()[..4].to_vec()
+    }
+
+    fn point(&self, _: usize) -> Vec<f64> {
+        Vec::new()
+    }
+
+    fn next(
+        &self,
+        _: &Problem,
+        number: usize,
+        earlier: &Rows,
+        tried: &[Tried],
+    ) -> Option<Vec<f64>> {
+        self.wanted(number, earlier, tried)
+    }
+
+    fn asked<'a>(&'a self, _: &'a Problem, values: &'a [f64]) -> (&'a Problem, &'a [f64]) {
+        (&self.sources[values[0] as usize].problem, &values[1..])
+    }
+
+    fn row(&self, problem: &Problem, number: usize, earlier: &Rows, tried: Vec<Tried>) -> Tried {
+        self.row_of(problem, number, earlier, &tried)
+    }
+
+    fn seconds(&self, _: &Problem, _: &[f64]) -> f64 {
+        let of = |source: &model::Source| {
+            let start = source.parameters.iter().map(|it| self.parameters[*it].start);
+            let runs = RUNS.0 + RUNS.1 * source.parameters.len() as f64;
+            runs * source.problem.seconds(&start.collect::<Vec<_>>())
+        };
+        self.sources.iter().map(of).sum()
+    }
+
+    fn columns(&self) -> Vec<Column> {
+        let parameters = self.parameters.iter();
+        let parameters = parameters.map(|it| Column { name: it.column(), unit: Some(it.unit) });
+        let counts =
+            ["sum_of_squares", "runs", "derivative_error"].map(|name| Column::new(name, "1"));
+        let numbers = self.sets.iter().zip(&self.first).flat_map(|(set, first)| {
+            let name = |place| set.column(*first, place);
+            (0..set.x.len()).map(move |place| Column { name: name(place), unit: Some(set.unit) })
+        });
+        parameters.chain(counts).chain(numbers).collect()
+    }
+
+    fn found_columns(&self) -> Vec<Column> {
+        findings::columns()
+    }
+
+    fn findings(
+        &self,
+        problem: &Problem,
+        rows: &Rows,
+        _: &mut dyn FnMut() -> bool,
+    ) -> Option<Findings> {
+        Some(findings::findings(self, problem, rows))
+    }
+
+    fn findings_bytes(&self, problem: &Problem) -> usize {
+        let names: usize = self.sets.iter().map(|set| set.x.len() * (NUMBER * 10 + TEXT)).sum();
+        let parameters = self.parameters.len();
+        let words = TEXT * (10 + self.points() + parameters * (parameters + 4));
+        names + words + problem.base.to_string().len()
+    }
+
+    fn memory(&self) -> usize {
+        let scenarios = self.sources.iter().map(|source| 150 * source.problem.size);
+        scenarios.sum::<usize>() + 400 * self.positions.len()
+    }
+}

@@ -1,0 +1,240 @@
+//! Predictions: what runs say about measured numbers, as a function of the parameters.
+
+use fretwork_engine::numeric::twelve_digits;
+use serde_json::Value;
+
+use crate::member::Member;
+use crate::plan::Tried;
+use crate::problem::{Found, Problem};
+
+/// The wear coefficients. They only rescale the cycles if nothing else depends on them.
+const COEFFICIENTS: [&str; 2] = ["/wear/coefficient", "/wear/energy_coefficient"];
+/// Members of a scenario that depend on the cycles in another way.
+const CYCLIC: [&str; 4] = ["/until", "/motion/blocks", "/motion/reversals", "/wear/bodies"];
+/// The columns that are counted over the cycles. All others follow from the wear so far.
+const COUNTED: [&str; 2] = ["dissipated_energy", "cycles"];
+/// A run is shared by coefficients up to this factor above and below its own.
+const SHARED: f64 = std::f64::consts::SQRT_2;
+/// The ratio of consecutive output cycles of a run that several coefficients share. Cubic interpolation between them
+/// has an error of about 1e-6.
+const RATIO: f64 = 1.19;
+/// Maximum number of these output cycles.
+const MAX_NODES: f64 = 240.0;
+
+/// A number of the scenario that is estimated.
+#[derive(Debug, Clone)]
+pub struct Parameter {
+    /// The pointer in the scenario.
+    pub pointer: String,
+    /// The tests to which it belongs; empty for all.
+    pub only: Vec<String>,
+    /// The SI unit.
+    pub unit: &'static str,
+    /// The bounds.
+    pub low: f64,
+    pub high: f64,
+    /// Whether it is spaced logarithmically between them.
+    pub is_log: bool,
+    pub start: f64,
+    pub prior: Option<Prior>,
+}
+
+/// What is known about a parameter before the measurement.
+#[derive(Debug, Clone, Copy)]
+pub struct Prior {
+    /// The most probable number, and its standard deviation; of the logarithm if `is_log`.
+    pub middle: f64,
+    pub deviation: f64,
+    pub is_log: bool,
+}
+
+impl Parameter {
+    /// The value at a coordinate from 0 to 1.
+    pub fn value(&self, u: f64) -> f64 {
+        let value = if self.is_log {
+            self.low * libm::exp(u * libm::log(self.high / self.low))
+        } else {
+            self.low + u * (self.high - self.low)
+        };
+        value.clamp(self.low, self.high)
+    }
+
+    /// The coordinate of a value.
+    pub fn coordinate(&self, x: f64) -> f64 {
+        if self.is_log {
+            libm::log(x / self.low) / libm::log(self.high / self.low)
+        } else {
+            (x - self.low) / (self.high - self.low)
+        }
+    }
+
+    /// The change that counts as large: the value itself, or a part of the range for values near 0.
+    pub fn scale(&self, x: f64) -> f64 {
+        x.abs().max(0.05 * (self.high - self.low).min(self.high.abs().max(self.low.abs())))
+    }
+
+    /// The residual of the prior, and its derivative.
+    pub fn prior_residual(&self, x: f64) -> Option<(f64, f64)> {
+        let Prior { middle, deviation, is_log } = self.prior?;
+        Some(if is_log {
+            ((libm::log(x) - middle) / deviation, 1.0 / (x * deviation))
+        } else {
+            ((x - middle) / deviation, 1.0 / deviation)
+        })
+    }
+
+    /// The name of its column.
+    pub fn column(&self) -> String {
+        let Self { pointer, only, .. } = self;
+        if only.is_empty() { pointer.clone() } else { format!("{pointer} ({})", only.join(", ")) }
+    }
+
+    /// The name in texts, such as `wear.coefficient`, or `friction (A1, A2)`.
+    pub fn name(&self) -> String {
+        let name = self.pointer.trim_start_matches('/').replace('/', ".");
+        if self.only.is_empty() { name } else { format!("{name} ({})", self.only.join(", ")) }
+    }
+}
+
+/// The runs of a test: its scenario at some output cycles, with parameters as members.
+#[derive(Debug)]
+pub struct Source {
+    pub problem: Problem,
+    /// The parameter of each member of the problem.
+    pub parameters: Vec<usize>,
+    /// The index among the members of the parameter that only rescales the cycles.
+    pub rescaled: Option<usize>,
+    /// The output cycles, or the energies, ascending.
+    pub nodes: Vec<f64>,
+    /// The names of the columns of the history. The outputs of the problem are all nodes of the first column, then of
+    /// the second one, and so on.
+    pub columns: Vec<String>,
+}
+
+/// A predicted number.
+#[derive(Debug, Clone)]
+pub struct Position {
+    /// The index of its source.
+    pub source: usize,
+    pub place: Place,
+    /// The number is this many times the number of the run: 1, or the density.
+    pub factor: f64,
+}
+
+/// Where a number is in a run.
+#[derive(Debug, Clone, Copy)]
+pub enum Place {
+    /// A column of the history at a number of cycles, or at a dissipated energy.
+    History { column: usize, x: f64 },
+    /// A curve, and the index of a radius.
+    Profile { curve: usize, radius: usize },
+}
+
+/// Whether a coefficient with this pointer only rescales the cycles of a scenario.
+pub fn only_rescales(pointer: &str, scenario: &Value) -> bool {
+    let is_number = |value: &Value| value.is_number() || value.is_string();
+    COEFFICIENTS.contains(&pointer)
+        && scenario.pointer(pointer).is_some_and(is_number)
+        && scenario.get("friction").is_some_and(is_number)
+        && CYCLIC.iter().all(|pointer| scenario.pointer(pointer).is_none())
+}
+
+/// The output cycles of a run that several coefficients share.
+pub fn shared_nodes(low: f64, high: f64) -> Vec<f64> {
+    let (from, to) = (low / (SHARED * RATIO * RATIO), high * SHARED * RATIO * RATIO);
+    let count = (libm::log(to / from) / libm::log(RATIO)).ceil().min(MAX_NODES);
+    let node = |place: u32| twelve_digits(from * libm::pow(to / from, f64::from(place) / count));
+    (0..=count as u32).map(node).collect()
+}
+
+impl Source {
+    /// The values of the members in the run for these parameters.
+    fn values(&self, theta: &[f64]) -> Vec<f64> {
+        let mut values: Vec<f64> = self.parameters.iter().map(|it| theta[*it]).collect();
+        if let Some(member) = self.rescaled {
+            // The coefficients of runs are powers of 2, so that near coefficients share runs.
+            let power = (libm::log2(values[member]) / libm::log2(SHARED * SHARED)).round();
+            values[member] = twelve_digits(libm::exp2(power));
+        }
+        values
+    }
+
+    /// The number of a run with these values, for these parameters.
+    fn number(&self, place: Place, theta: &[f64], values: &[f64], found: &Found) -> Option<f64> {
+        let (column, x) = match place {
+            Place::Profile { curve, radius } => return found.profiles.get(curve)?[radius],
+            Place::History { column, x } => (column, x),
+        };
+        let count = self.nodes.len();
+        let outputs = &found.outputs[column * count..(column + 1) * count];
+        let Some(member) = self.rescaled else {
+            let node = self.nodes.partition_point(|node| *node < x);
+            return outputs.get(node).copied().flatten();
+        };
+        let ratio = theta[self.parameters[member]] / values[member];
+        let value = interpolated(&self.nodes, outputs, x * ratio)?;
+        let is_counted = COUNTED.contains(&self.columns[column].as_str());
+        Some(if is_counted { value / ratio } else { value })
+    }
+}
+
+/// The number at x of a curve through numbers over the logarithm of the nodes: a cubic through the next four.
+fn interpolated(nodes: &[f64], outputs: &[Option<f64>], x: f64) -> Option<f64> {
+    let next = nodes.partition_point(|node| *node < x);
+    let first = next.saturating_sub(2).min(nodes.len() - 4);
+    let near = first..first + 4;
+    let y: Vec<f64> = outputs[near.clone()].iter().copied().collect::<Option<_>>()?;
+    let s: Vec<f64> = nodes[near].iter().map(|node| libm::log(*node)).collect();
+    let is_positive = y.iter().all(|y| *y > 0.0);
+    let at = libm::log(x);
+    let term = |(i, y): (usize, &f64)| {
+        let others = (0..4).filter(|j| *j != i);
+        let weight: f64 = others.map(|j| (at - s[j]) / (s[i] - s[j])).product();
+        weight * if is_positive { libm::log(*y) } else { *y }
+    };
+    let value: f64 = y.iter().enumerate().map(term).sum();
+    Some(if is_positive { libm::exp(value) } else { value })
+}
+
+/// The values of a run that is not known: the index of its source, and the values of its members.
+pub type Wanted = Vec<f64>;
+
+/// Predictions at these positions for these parameters, from known runs. A missing one is not a number.
+///
+/// # Errors
+/// A run is not known.
+pub fn predicted(
+    sources: &[Source],
+    positions: &[Position],
+    theta: &[f64],
+    tried: &[Tried],
+) -> Result<Vec<f64>, Wanted> {
+    let run = |(place, source): (usize, &Source)| {
+        let values: Vec<f64> = [place as f64].into_iter().chain(source.values(theta)).collect();
+        let known = tried.iter().find(|tried| tried.values == values);
+        known.map(|tried| &tried.found).ok_or(values)
+    };
+    let runs: Vec<&Found> = sources.iter().enumerate().map(run).collect::<Result<_, _>>()?;
+    let values: Vec<Vec<f64>> = sources.iter().map(|source| source.values(theta)).collect();
+    let number = |position: &Position| {
+        let Position { source, place, factor } = position;
+        let found = runs[*source];
+        // A refused run has no outputs.
+        let number = sources[*source].number(*place, theta, &values[*source], found);
+        number.map_or(f64::NAN, |number| factor * number)
+    };
+    Ok(positions.iter().map(number).collect())
+}
+
+/// The members of a scenario that parameters change.
+///
+/// # Errors
+/// For a parameter of which the scenario does not have the number: its index, and a sentence for the client.
+pub fn members(
+    scenario: &Value,
+    parameters: &[(usize, &Parameter)],
+) -> Result<Vec<Member>, (usize, String)> {
+    let pointers = parameters.iter().map(|(_, parameter)| parameter.pointer.as_str());
+    let found = Member::find_all(scenario, pointers).into_iter().zip(parameters);
+    found.map(|(member, (place, _))| member.map_err(|detail| (*place, detail))).collect()
+}
