@@ -687,7 +687,7 @@ impl Building {
         });
         // The points of a profile come from one trace.
         let trace = self.clusters;
-        let set = set_of(test, &of.name, data);
+        let set = set_of(&of.name, data);
         let is_volume = matches!(data.quantity, Quantity::History { column: "wear_volume", .. });
         let is_depth =
             is_profile || matches!(data.quantity, Quantity::History { column: "wear_depth", .. });
@@ -716,7 +716,7 @@ impl Building {
 }
 
 /// Describes a set for the findings.
-fn set_of(test: usize, name: &str, data: &Data) -> Set {
+fn set_of(name: &str, data: &Data) -> Set {
     let (output, over, unit) = match &data.quantity {
         Quantity::Profile { field, .. } => (format!("profile.{}", field.name()), "radius", "m"),
         Quantity::History { output, column, over, .. } => {
@@ -726,7 +726,6 @@ fn set_of(test: usize, name: &str, data: &Data) -> Set {
         }
     };
     Set {
-        test,
         name: name.to_owned(),
         output,
         over,

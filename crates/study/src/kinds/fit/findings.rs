@@ -27,8 +27,7 @@ const MANY: f64 = 1e7;
 /// A set of measured numbers.
 #[derive(Debug)]
 pub struct Set {
-    /// The index and the name of its test.
-    pub test: usize,
+    /// The name of its test.
     pub name: String,
     pub output: String,
     /// What x is, and the unit of the numbers.
@@ -369,20 +368,20 @@ impl Told<'_> {
                 )
             });
         }
-        let wide = self.fit.sets.iter().enumerate().filter(|(_, set)| set.is_estimated).find_map(
-            |(index, set)| {
-                let first = self.fit.first[index];
-                let own = (first..first + set.x.len()).filter(|place| measured.has(*place));
-                let shares: Vec<f64> = own
-                    .map(|place| {
-                        measured.deviation(place, &self.best.factors)
-                            / measured.points[place].value.abs()
-                    })
-                    .collect();
-                let mean = shares.iter().sum::<f64>() / shares.len() as f64;
-                (mean > WIDE_SCATTER).then(|| (set, mean))
-            },
-        );
+        let share = |(set, first): (&Set, &usize)| {
+            let own = (*first..first + set.x.len()).filter(|place| measured.has(*place));
+            let squares = own.map(|place| {
+                let (s, y) =
+                    (measured.deviation(place, &self.best.factors), measured.points[place].value);
+                (s * s, y * y)
+            });
+            let (noise, size) = squares.fold((0.0, 0.0), |sum, it| (sum.0 + it.0, sum.1 + it.1));
+            (noise / size).sqrt()
+        };
+        let mut estimated =
+            self.fit.sets.iter().zip(&self.fit.first).filter(|(set, _)| set.is_estimated);
+        let wide = estimated
+            .find_map(|it| Some((it.0, share(it))).filter(|(_, share)| *share > WIDE_SCATTER));
         let (set, mean) = wide?;
         Some(format!(
             "The points of `{}` in the test {} scatter by {:.0} % around the fit. One set of parameters may not describe these tests.",

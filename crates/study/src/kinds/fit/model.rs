@@ -21,6 +21,9 @@ const RATIO: f64 = 1.19;
 /// Maximum number of these output cycles.
 const MAX_NODES: f64 = 240.0;
 
+/// Values of a linear parameter that are smaller than this share of its bounds are near 0.
+const NEAR_0: f64 = 0.01;
+
 /// A number of the scenario that is estimated.
 #[derive(Debug, Clone)]
 pub struct Parameter {
@@ -70,7 +73,7 @@ impl Parameter {
 
     /// The change that counts as large: the value itself, or a part of the range for values near 0.
     pub fn scale(&self, x: f64) -> f64 {
-        x.abs().max(0.05 * (self.high - self.low).min(self.high.abs().max(self.low.abs())))
+        if self.is_log { x } else { x.abs().max(NEAR_0 * self.high.abs().max(self.low.abs())) }
     }
 
     /// The residual of the prior, and its derivative.

@@ -58,7 +58,9 @@ fn output(scenario: &Value, name: &str) -> f64 {
 
 /// A number of the standard normal distribution.
 fn normal(stream: Stream, index: u64) -> f64 {
-    Distribution::normal(0.0, 1.0).unwrap().quantile((stream.at(index) >> 11) as f64 / (1_u64 << 53) as f64 + 1e-17)
+    Distribution::normal(0.0, 1.0)
+        .unwrap()
+        .quantile((stream.at(index) >> 11) as f64 / (1_u64 << 53) as f64 + 1e-17)
 }
 
 /// Tests at these amplitudes with measured volumes, whose noise is 5 %.
@@ -74,16 +76,347 @@ fn tests(truth: &Value, amplitudes: &[f64], stream: Stream) -> Vec<Value> {
     amplitudes.iter().enumerate().map(test).collect()
 }
 
+/// A fit of wear and friction.
+fn of_wear_and_friction(tests: Vec<Value>) -> Value {
+    json!({"scenario": ball(), "tests": tests, "parameters": [
+        {"pointer": "/wear/coefficient", "from": 1e-16, "to": 1e-12, "spacing": "log", "start": 1e-14},
+        {"pointer": "/friction", "from": 0.1, "to": 1.5, "start": 0.4}]})
+}
+
 #[test]
 fn wear_and_friction_are_found_from_five_volumes() {
     let amplitudes = [2e-6, 2.5e-6, 3e-6, 5e-6, 10e-6];
-    let fit = json!({"scenario": ball(),
-        "parameters": [
-            {"pointer": "/wear/coefficient", "from": 1e-16, "to": 1e-12, "spacing": "log", "start": 1e-14},
-            {"pointer": "/friction", "from": 0.1, "to": 1.5, "start": 0.4}],
-        "tests": tests(&ball(), &amplitudes, Stream::new(1))});
+    let fit = of_wear_and_friction(tests(&ball(), &amplitudes, Stream::new(1)));
+    let found = fitted(fit.clone()).unwrap();
+    for (parameter, truth) in found["parameters"].as_array().unwrap().iter().zip([3e-14, 0.7]) {
+        let number = |value: &Value| value.as_f64().unwrap();
+        let [low, high] = [0, 1].map(|end| number(&parameter["interval"][end]));
+        assert!(low < truth && truth < high, "{parameter}");
+        // The interval has about ± 2 standard errors.
+        let width = (high - low) / number(&parameter["standard_error"]);
+        assert!((3.6..4.4).contains(&width), "{width}");
+    }
+    assert!(found["quality"]["runs"].as_f64().unwrap() <= 2500.0, "{}", found["quality"]["runs"]);
+    assert_eq!(found["notes"], json!([]));
+    // Chunks of one point give the same bytes.
+    let study = Arc::new(Study::read(&KIND, fit).unwrap());
+    assert_eq!(study.chunks(), study.points());
+    assert_eq!(rows(&study, study.points()), rows(&study, 1));
+}
+
+/// The texts of the notes of this kind.
+fn notes<'a>(found: &'a Value, kind: &str) -> Vec<&'a str> {
+    let notes = found["notes"].as_array().unwrap().iter();
+    notes.filter(|note| note["kind"] == kind).map(|note| note["detail"].as_str().unwrap()).collect()
+}
+
+#[test]
+fn the_energy_coefficient_of_van_peteghem_is_a_line_through_the_origin() {
+    // C. van Peteghem et al., Wear 271 (2011) 1535, from a digest of the paper: five tests at 5 Hz, two at 0.11 Hz.
+    let energies = [17_200.0, 7_010.0, 10_400.0, 1_130.0, 24_500.0, 3_390.0, 6_670.0];
+    let volumes = [
+        "1.81 mm^3",
+        "0.888 mm^3",
+        "1.14 mm^3",
+        "0.117 mm^3",
+        "2.18 mm^3",
+        "1.98 mm^3",
+        "3.61 mm^3",
+    ];
+    let fit = |count: usize, noise: Value| {
+        let mut data = json!({"output": "wear_volume", "over": "dissipated_energy",
+            "x": energies[..count], "y": volumes[..count], "sigma": "0.1 mm^3"});
+        data.as_object_mut().unwrap().extend(noise.as_object().unwrap().clone());
+        fitted(json!({
+            "scenario": {
+                "profile": {"shape": "cylinder", "radius": "80 mm", "length": "8 mm"},
+                "bodies": [{"youngs_modulus": "119 GPa", "poisson_ratio": 0.29}, {"youngs_modulus": "119 GPa", "poisson_ratio": 0.29}],
+                "friction": 0.6, "wear": {"energy_coefficient": "1e-4 mm^3/J"}, "load": {"normal_force": "8523 N"},
+                "motion": {"amplitude": "75 um", "reference_distance": "100 mm"}, "cycles": [1000]
+            },
+            "parameters": [{"pointer": "/wear/energy_coefficient", "from": 1e-15, "to": 1e-11, "spacing": "log"}],
+            "tests": [{"name": "5 Hz", "data": [data]}], "starts": 2,
+        })).unwrap()
+    };
+    let found = fit(5, json!({"noise": "estimate"}));
+    let line = &found["lines"][0];
+    let close = |value: &Value, known: f64, error: f64| {
+        let value = value.as_f64().unwrap();
+        assert!((value / known - 1.0).abs() < error, "{value} {known}");
+    };
+    close(&line["energy_coefficient"], 97_429e-18, 1e-4);
+    close(&line["r_squared"], 0.9543, 1e-3);
+    // The runs give the same slope and the same interval.
+    close(&found["parameters"][0]["estimate"], 97_429e-18, 2e-3);
+    close(&found["parameters"][0]["standard_error"], 5_311e-18, 2e-2);
+    close(&found["parameters"][0]["interval"][0], (97_429.0 - 14_747.0) * 1e-18, 1e-2);
+    close(&found["parameters"][0]["interval"][1], (97_429.0 + 14_747.0) * 1e-18, 1e-2);
+    assert_eq!(found["quality"]["degrees_of_freedom"], 4);
+    assert_eq!(
+        (notes(&found, "misfit").len(), found["table"]["test"][0].as_str()),
+        (0, Some("5 Hz"))
+    );
+    let both = fit(7, json!({"relative": 0.1}));
+    assert!(
+        notes(&both, "misfit")[0]
+            .starts_with("One set of parameters does not describe these tests"),
+        "{both}"
+    );
+}
+
+#[test]
+fn what_the_data_cannot_tell_is_said_in_words() {
+    let mut hardness = ball();
+    hardness["wear"] = json!({"coefficient": 1e-4, "hardness": "3 GPa"});
+    let mut fit = of_wear_and_friction(tests(&hardness, &[3e-6, 5e-6, 10e-6], Stream::new(2)));
+    fit["scenario"] = hardness;
+    fit["starts"] = json!(2);
+    fit["parameters"] = json!([
+        {"pointer": "/wear/coefficient", "from": 1e-6, "to": 1e-2, "spacing": "log"},
+        {"pointer": "/wear/hardness", "from": "0.1 GPa", "to": "20 GPa", "spacing": "log"}]);
+    let found = fitted(fit.clone()).unwrap();
+    assert_eq!(
+        notes(&found, "undetermined"),
+        ["These data determine only `wear.coefficient/wear.hardness`."]
+    );
+    assert_eq!(
+        (&found["parameters"][0]["estimate"], &found["parameters"][1]["interval"][0]),
+        (&Value::Null, &Value::Null)
+    );
+    let ratio = found["combinations"][0]["estimate"].as_f64().unwrap();
+    assert!((ratio / (1e-4 / 3e9) - 1.0).abs() < 0.1, "{}", found["combinations"]);
+    // A prior gives the rest.
+    fit["parameters"][1]["prior"] = json!({"lognormal": {"median": "3 GPa", "factor": 1.1}});
     let found = fitted(fit).unwrap();
-    let mut short = found.clone();
-    short.as_object_mut().unwrap().remove("fit");
-    println!("{short:#}");
+    assert_eq!(notes(&found, "prior").len(), 1, "{}", found["notes"]);
+    let [low, high] = [0, 1].map(|end| found["parameters"][1]["interval"][end].as_f64().unwrap());
+    let expected = 3e9 * libm::pow(1.1, 1.96);
+    assert!((high / expected - 1.0).abs() < 0.02 && low < 3e9, "{low} {high}");
+
+    // With the depth held, wear ends. Long after that, the coefficient has no effect.
+    let mut held = ball();
+    held["load"]["held"] = json!("depth");
+    held["motion"]["amplitude"] = json!(2e-6);
+    let data = |output: &str| {
+        let y = [1e9, 2e9].map(|x| output_at(&held, output, x));
+        json!({"output": output, "x": [1e9, 2e9], "y": y, "relative": 0.03})
+    };
+    let found = fitted(json!({"scenario": held, "starts": 2,
+        "tests": [{"data": [data("wear_volume"), data("wear_depth")]}], "parameters": [
+            {"pointer": "/wear/coefficient", "from": 1e-15, "to": 1e-13, "spacing": "log"},
+            {"pointer": "/friction", "from": 0.4, "to": 1.2}]}))
+    .unwrap();
+    let told = notes(&found, "undetermined");
+    assert!(
+        told[0]
+            .starts_with("`wear.coefficient` has almost no effect on these data: wear has stopped"),
+        "{told:?}"
+    );
+    assert!(
+        found["parameters"][0]["estimate"].is_null()
+            && found["parameters"][1]["estimate"].is_number()
+    );
+}
+
+fn output_at(scenario: &Value, name: &str, x: f64) -> f64 {
+    output(scenario, &format!("{name}@{x}"))
+}
+
+#[test]
+fn volumes_and_profiles_that_need_different_coefficients_are_told_first() {
+    let found = |factor: f64| {
+        let mut deeper = ball();
+        deeper["wear"]["coefficient"] = json!(3e-14 * factor);
+        let volume = output_at(&ball(), "wear_volume", 1e4);
+        let depth = output_at(&deeper, "wear_depth", 1e4);
+        fitted(json!({"scenario": ball(), "starts": 2,
+            "parameters": [{"pointer": "/wear/coefficient", "from": 1e-15, "to": 1e-12, "spacing": "log"}],
+            "tests": [
+                {"name": "1", "specimen": "7", "data": [{"output": "mass_loss", "density": 7800, "x": [1e4], "y": [7800.0 * volume], "relative": 0.05}]},
+                {"name": "2", "specimen": "8", "data": [{"profile": "wear", "at": 1e4, "radius": ["0 um", "20 um", "1 mm"], "depth": [depth, null, 0], "sigma": depth * 0.05}]},
+                {"name": "3", "specimen": "9", "data": [{"output": "wear_depth", "x": [1e4], "y": [depth], "relative": 0.05}]}]})).unwrap()
+    };
+    let same = found(1.0);
+    assert_eq!(notes(&same, "discrepancy").len(), 0, "{}", same["notes"]);
+    let [estimate, high] =
+        [&same["parameters"][0]["estimate"], &same["parameters"][0]["interval"][1]];
+    assert!(
+        (estimate.as_f64().unwrap() / 3e-14 - 1.0).abs() < 0.02 && high.is_number(),
+        "{}",
+        same["parameters"]
+    );
+    // Two points of one profile count as one.
+    assert_eq!(
+        (&same["quality"]["effective_points"], notes(&same, "clusters").len()),
+        (&json!(3.0), 1)
+    );
+    let other = found(2.0);
+    assert_eq!(other["notes"][0]["kind"], "discrepancy");
+}
+
+#[test]
+fn the_fault_of_wrong_data_says_what_to_enter() {
+    let told = |change: &dyn Fn(&mut Value)| {
+        let point =
+            json!({"output": "wear_volume", "x": [1e4, 2e4], "y": [1e-13, 2e-13], "relative": 0.1});
+        let mut fit = of_wear_and_friction(vec![json!({"name": "A", "data": [point]})]);
+        change(&mut fit);
+        let fault = Study::read(&KIND, fit).unwrap_err().0.swap_remove(0);
+        format!("{}: {}", fault.pointer, fault.detail)
+    };
+    let in_data =
+        |change: &dyn Fn(&mut Value)| told(&|fit| change(&mut fit["tests"][0]["data"][0]));
+    let starts = |told: String, expected: &str| assert!(told.starts_with(expected), "{told}");
+    starts(in_data(&|data| data["y"][0] = json!("NaN mm^3")), "/tests/0/data/0/y/0: ");
+    starts(
+        in_data(&|data| data["y"] = json!([1e-13])),
+        "/tests/0/data/0/y: has 1 numbers, but `x` has 2",
+    );
+    starts(
+        in_data(&|data| data["y"][1] = json!(null)),
+        "/tests: have 1 measured number(s), too few for 2 parameter(s)",
+    );
+    starts(
+        in_data(&|data| data["noise"] = json!("estimate")),
+        "/tests: have 2 measured number(s), too few for 2 parameter(s) and the noise",
+    );
+    starts(in_data(&|data| data["y"][1] = json!(-1e-13)), "/tests/0/data/0/y/1: is negative");
+    starts(in_data(&|data| data["y"][1] = json!(0)), "/tests/0/data/0/y/1: has no noise");
+    starts(in_data(&|data| data["x"][1] = json!(1e16)), "/scenario/cycles");
+    starts(in_data(&|data| data["x"][1] = json!(null)), "/tests/0/data/0/x/1: must be a number");
+    starts(in_data(&|data| data["output"] = json!("wear_volum")), "/tests/0/data/0/output: ");
+    starts(in_data(&|data| data["y"][0] = json!("1 mm")), "/tests/0/data/0/y/0: ");
+    starts(
+        in_data(&|data| data["radius"] = json!([1])),
+        "/tests/0/data/0/radius: does not belong here",
+    );
+    starts(
+        in_data(&|data| data["output"] = json!("mass_loss")),
+        "/tests/0/data/0/density: must be",
+    );
+    starts(
+        in_data(&|data| _ = data.as_object_mut().unwrap().remove("relative")),
+        "/tests/0/data/0/sigma: is missing",
+    );
+    let equal = |data: &mut Value| {
+        (data["x"], data["y"]) = (json!([1e4, 1e4, 1e4]), json!([1e-13, 1e-13, 1e-13]))
+    };
+    starts(in_data(&equal), "/tests/0/data/0/y: has the same point 3 times");
+    let many = |data: &mut Value| {
+        (data["x"], data["y"]) =
+            (json!((1..=100_000).collect::<Vec<_>>()), json!(vec![1e-13; 100_000]))
+    };
+    starts(in_data(&many), "/tests: have 100000 numbers, but a fit can have at most 2000");
+    starts(
+        told(&|fit| fit["parameters"][1]["pointer"] = json!("/frction")),
+        "/parameters/1/pointer: ",
+    );
+    starts(told(&|fit| fit["parameters"][1]["for"] = json!(["B"])), "/parameters/1/for/0: ");
+    starts(
+        told(&|fit| fit["parameters"][1]["start"] = json!(2)),
+        "/parameters/1/start: must be from `from` to `to`",
+    );
+    starts(told(&|fit| fit["parameters"][0]["from"] = json!(0)), "/parameters/0/");
+    starts(
+        told(&|fit| fit["parameters"][0]["prior"] = json!({"uniform": {}})),
+        "/parameters/0/prior: must be `normal`",
+    );
+    starts(
+        told(&|fit| fit["tests"][0]["changes"] = json!({"/motion": {"amplitude": "1 N"}})),
+        "/scenario/motion/amplitude: ",
+    );
+    starts(
+        told(&|fit| fit["tests"][0]["changes"] = json!({"amplitude": 1})),
+        "/tests/0/changes/amplitude: ",
+    );
+    starts(told(&|fit| fit["tests"] = json!([])), "/tests: must have 1 to 200 entries");
+    starts(told(&|fit| fit["scenario"]["friction"] = json!(-1)), "/");
+}
+
+/// How many of 200 campaigns have intervals of 95 % that contain the truth.
+#[test]
+#[ignore = "it takes minutes"]
+fn coverage() {
+    use fretwork_random::Random;
+    let count: u64 = 200;
+    let next = std::sync::atomic::AtomicU64::new(0);
+    let work = || {
+        let mut lines = Vec::new();
+        loop {
+            let seed = next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            if seed >= count {
+                return lines;
+            }
+            let mut random = Random::new(seed);
+            let (k, friction) = (random.log_between(3e-15, 3e-13), random.between(0.3, 1.0));
+            let mut truth = ball();
+            truth["wear"]["coefficient"] = json!(k);
+            truth["friction"] = json!(friction);
+            truth["profile"]["radius"] = json!(random.between(5e-3, 20e-3));
+            truth["load"]["normal_force"] = json!(random.log_between(20.0, 200.0));
+            truth["model"] = json!({"tolerance": 1e-4});
+            let threshold = {
+                let mut scenario = truth.clone();
+                scenario["cycles"] = json!([10]);
+                let model = Model::new(
+                    scenario,
+                    &["/friction".to_owned()],
+                    vec!["unworn.gross_slip_amplitude".parse().unwrap()],
+                )
+                .unwrap();
+                let mut run = model.run(&model.origin()).unwrap();
+                *model.values(&run.step().unwrap()).values[0].as_ref().unwrap()
+            };
+            let number = 3 + (seed % 6) as usize;
+            let is_estimated = seed % 2 == 1;
+            let tests: Vec<Value> = (0..number).map(|place| {
+                let amplitude = threshold * random.log_between(0.5, 4.0);
+                let cycles = random.log_between(1e3, 1e5).round();
+                let mut scenario = truth.clone();
+                scenario["motion"]["amplitude"] = json!(amplitude);
+                let volume = output(&scenario, &format!("wear_volume@{cycles}"))
+                    * (1.0 + 0.05 * normal(Stream::new(seed).child(7), place as u64));
+                let mut data = json!({"output": "wear_volume", "x": [cycles], "y": [volume], "relative": 0.05});
+                if is_estimated {
+                    data["noise"] = json!("estimate");
+                }
+                json!({"changes": {"/motion/amplitude": amplitude}, "data": [data]})
+            }).collect();
+            truth.as_object_mut().unwrap().remove("model");
+            let fit = json!({"scenario": truth, "tests": tests, "parameters": [
+                {"pointer": "/wear/coefficient", "from": 1e-17, "to": 1e-10, "spacing": "log", "start": 1e-14},
+                {"pointer": "/friction", "from": 0.1, "to": 1.5, "start": 0.5}]});
+            let found = fitted(fit).unwrap();
+            let covers: Vec<_> = found["parameters"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .zip([k, friction])
+                .map(|(parameter, truth)| {
+                    if parameter["estimate"].is_null() {
+                        return "undetermined";
+                    }
+                    let end = |place: usize| parameter["interval"][place].as_f64();
+                    let is_in = end(0).is_none_or(|low| low <= truth)
+                        && end(1).is_none_or(|high| truth <= high);
+                    if is_in { "in" } else { "out" }
+                })
+                .collect();
+            let notes: Vec<_> = found["notes"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(|note| note["kind"].as_str().unwrap().to_owned())
+                .collect();
+            lines.push(format!("{seed} {number} {is_estimated} {} {} S={} runs={} {notes:?} k={k:.3e} mu={friction:.3} {}", covers[0], covers[1], found["quality"]["sum_of_squares"], found["quality"]["runs"],
+               found["parameters"].as_array().unwrap().iter().map(|p| format!("{} {}", p["estimate"], p["interval"])).collect::<Vec<_>>().join(" ")));
+        }
+    };
+    let lines: Vec<String> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..2).map(|_| scope.spawn(&work)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
+    });
+    for line in lines {
+        println!("{line}");
+    }
 }
