@@ -7,8 +7,6 @@ mod data;
 mod findings;
 mod model;
 mod search;
-#[cfg(test)]
-mod tests;
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::request::fault::Faults;
@@ -125,15 +123,13 @@ impl Plan for Fit {
         let parameters = parameters.map(|it| Column { name: it.column(), unit: Some(it.unit) });
         let counts =
             ["sum_of_squares", "runs", "derivative_error"].map(|name| Column::new(name, "1"));
-        let numbers = self.sets.iter().zip(&self.first).flat_map(|(set, first)| {
-            let name = |place| set.column(*first, place);
-            (0..set.x.len()).map(move |place| Column { name: name(place), unit: Some(set.unit) })
+        let numbers = self.positions.iter().enumerate().map(|(place, position)| {
+            let set = &self.sets[position.set];
+            let (test, x) = (&self.tests[set.test], set.x[position.entry]);
+            let name = format!("{test}.{}@{x} #{}", set.output, place + 1);
+            Column { name, unit: Some(set.unit) }
         });
         parameters.chain(counts).chain(numbers).collect()
-    }
-
-    fn found_columns(&self) -> Vec<Column> {
-        findings::columns()
     }
 
     fn findings(
@@ -146,7 +142,7 @@ impl Plan for Fit {
     }
 
     fn findings_bytes(&self, problem: &Problem) -> usize {
-        let names: usize = self.sets.iter().map(|set| set.x.len() * (NUMBER * 10 + TEXT)).sum();
+        let names = self.positions.len() * (NUMBER * 10 + TEXT);
         let parameters = self.parameters.len();
         let words = TEXT * (10 + self.points() + parameters * (parameters + 4));
         names + words + problem.base.to_string().len()

@@ -3,7 +3,6 @@
 use fretwork_engine::numeric::twelve_digits;
 use serde_json::Value;
 
-use crate::member::Member;
 use crate::plan::Tried;
 use crate::problem::{Found, Problem};
 
@@ -76,6 +75,16 @@ impl Parameter {
         if self.is_log { x } else { x.abs().max(NEAR_0 * self.high.abs().max(self.low.abs())) }
     }
 
+    /// The value at a distance from another one: the logarithm of their ratio, or a part of the scale.
+    pub fn moved(&self, from: f64, distance: f64) -> f64 {
+        let moved = if self.is_log {
+            from * libm::exp(distance)
+        } else {
+            from + distance * self.scale(from)
+        };
+        moved.clamp(self.low, self.high)
+    }
+
     /// The residual of the prior, and its derivative.
     pub fn prior_residual(&self, x: f64) -> Option<(f64, f64)> {
         let Prior { middle, deviation, is_log } = self.prior?;
@@ -94,8 +103,7 @@ impl Parameter {
 
     /// The name in texts, such as `wear.coefficient`, or `friction (A1, A2)`.
     pub fn name(&self) -> String {
-        let name = self.pointer.trim_start_matches('/').replace('/', ".");
-        if self.only.is_empty() { name } else { format!("{name} ({})", self.only.join(", ")) }
+        self.column().trim_start_matches('/').replace('/', ".")
     }
 }
 
@@ -111,24 +119,24 @@ pub struct Source {
     pub nodes: Vec<f64>,
     /// The names of the columns of the history. The outputs of the problem are all nodes of the first column, then of
     /// the second one, and so on.
-    pub columns: Vec<String>,
+    pub columns: Vec<&'static str>,
 }
 
-/// A predicted number.
-#[derive(Debug, Clone)]
+/// A predicted number: an entry of a set.
+#[derive(Debug, Clone, Copy)]
 pub struct Position {
-    /// The index of its source.
+    pub set: usize,
+    pub entry: usize,
+    /// The index of its source, and where it is in a run.
     pub source: usize,
     pub place: Place,
-    /// The number is this many times the number of the run: 1, or the density.
-    pub factor: f64,
 }
 
 /// Where a number is in a run.
 #[derive(Debug, Clone, Copy)]
 pub enum Place {
-    /// A column of the history at a number of cycles, or at a dissipated energy.
-    History { column: usize, x: f64 },
+    /// A column of the history at a number of cycles, or at a dissipated energy, times a factor.
+    History { column: usize, x: f64, factor: f64 },
     /// A curve, and the index of a radius.
     Profile { curve: usize, radius: usize },
 }
@@ -164,20 +172,19 @@ impl Source {
 
     /// The number of a run with these values, for these parameters.
     fn number(&self, place: Place, theta: &[f64], values: &[f64], found: &Found) -> Option<f64> {
-        let (column, x) = match place {
+        let (column, x, factor) = match place {
             Place::Profile { curve, radius } => return found.profiles.get(curve)?[radius],
-            Place::History { column, x } => (column, x),
+            Place::History { column, x, factor } => (column, x, factor),
         };
         let count = self.nodes.len();
         let outputs = &found.outputs[column * count..(column + 1) * count];
         let Some(member) = self.rescaled else {
             let node = self.nodes.partition_point(|node| *node < x);
-            return outputs.get(node).copied().flatten();
+            return outputs.get(node)?.map(|value| factor * value);
         };
         let ratio = theta[self.parameters[member]] / values[member];
-        let value = interpolated(&self.nodes, outputs, x * ratio)?;
-        let is_counted = COUNTED.contains(&self.columns[column].as_str());
-        Some(if is_counted { value / ratio } else { value })
+        let value = factor * interpolated(&self.nodes, outputs, x * ratio)?;
+        Some(if COUNTED.contains(&self.columns[column]) { value / ratio } else { value })
     }
 }
 
@@ -213,31 +220,15 @@ pub fn predicted(
     tried: &[Tried],
 ) -> Result<Vec<f64>, Wanted> {
     let run = |(place, source): (usize, &Source)| {
-        let values: Vec<f64> = [place as f64].into_iter().chain(source.values(theta)).collect();
-        let known = tried.iter().find(|tried| tried.values == values);
-        known.map(|tried| &tried.found).ok_or(values)
+        let mut values = source.values(theta);
+        values.insert(0, place as f64);
+        tried.iter().find(|tried| tried.values == values).ok_or(values)
     };
-    let runs: Vec<&Found> = sources.iter().enumerate().map(run).collect::<Result<_, _>>()?;
-    let values: Vec<Vec<f64>> = sources.iter().map(|source| source.values(theta)).collect();
+    let runs: Vec<&Tried> = sources.iter().enumerate().map(run).collect::<Result<_, _>>()?;
     let number = |position: &Position| {
-        let Position { source, place, factor } = position;
-        let found = runs[*source];
-        // A refused run has no outputs.
-        let number = sources[*source].number(*place, theta, &values[*source], found);
-        number.map_or(f64::NAN, |number| factor * number)
+        let Tried { values, found } = runs[position.source];
+        let source = &sources[position.source];
+        source.number(position.place, theta, &values[1..], found).unwrap_or(f64::NAN)
     };
     Ok(positions.iter().map(number).collect())
-}
-
-/// The members of a scenario that parameters change.
-///
-/// # Errors
-/// For a parameter of which the scenario does not have the number: its index, and a sentence for the client.
-pub fn members(
-    scenario: &Value,
-    parameters: &[(usize, &Parameter)],
-) -> Result<Vec<Member>, (usize, String)> {
-    let pointers = parameters.iter().map(|(_, parameter)| parameter.pointer.as_str());
-    let found = Member::find_all(scenario, pointers).into_iter().zip(parameters);
-    found.map(|(member, (place, _))| member.map_err(|detail| (*place, detail))).collect()
 }

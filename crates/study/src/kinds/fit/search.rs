@@ -14,10 +14,11 @@
 use crate::plan::Tried;
 use crate::problem::{Lack, Problem};
 use crate::rows::Rows;
-use crate::stats::derivative::{Place as At, Search};
+use crate::stats::derivative::{Derivative, Place as At, Search};
 use crate::stats::least_squares::{Function, Stop, minimum};
 use crate::stats::measured::{Information, Measured};
 
+use super::data::Set;
 use super::model::{Parameter, Position, Source, Wanted, predicted};
 
 /// Relative change of a parameter from which a search takes its differences. Numerical noise is much smaller.
@@ -41,23 +42,18 @@ pub const AT_BOUND: f64 = 2e-3;
 pub struct Fit {
     pub parameters: Vec<Parameter>,
     pub sources: Vec<Source>,
+    pub sets: Vec<Set>,
     pub positions: Vec<Position>,
+    /// The measured numbers at all positions.
     pub measured: Measured,
-    /// The index of the test of each position.
-    pub test_of: Vec<usize>,
-    /// The points that take part in each fit of some outputs.
-    pub subsets: Vec<Vec<bool>>,
-    /// The parameter that is estimated from some outputs.
-    pub coefficient: Option<usize>,
+    /// The names of the tests.
     pub tests: Vec<String>,
+    /// The parameter that is also estimated from volumes and from depths alone, if there are both.
+    pub coefficient: Option<usize>,
     pub starts: Vec<Vec<f64>>,
     pub confidence: f64,
     /// The relative numerical error of all predictions.
     pub accuracy: f64,
-    /// What the findings need to know about the data.
-    pub sets: Vec<super::findings::Set>,
-    /// The index of the first position of each set.
-    pub first: Vec<usize>,
 }
 
 /// What a point computes.
@@ -67,7 +63,7 @@ pub enum Task {
     Minimum,
     Derivative(usize),
     Without(usize),
-    Subset(usize),
+    Only { are_depths: bool },
     End { parameter: usize, is_high: bool },
 }
 
@@ -159,7 +155,8 @@ impl Function for Objective<'_> {
                 let residuals = self.residuals(&other)?;
                 let is_known = residuals.iter().all(|residual| residual.is_finite());
                 Ok::<_, Wanted>(
-                    (is_known && other[place] != u[place]).then_some((other[place], residuals)),
+                    (is_known && (other[place] - u[place]).abs() > f64::EPSILON)
+                        .then_some((other[place], residuals)),
                 )
             };
             let above = beside(x + step)?;
@@ -180,10 +177,15 @@ impl Fit {
         predicted(&self.sources, &self.positions, theta, tried)
     }
 
+    /// The set of a position.
+    pub fn set(&self, place: usize) -> &Set {
+        &self.sets[self.positions[place].set]
+    }
+
     /// The numbers of the points with which the stages begin, and the number of all points.
     pub fn bounds(&self) -> [usize; 5] {
         let starts = self.starts.len();
-        let ends = starts + 1 + self.parameters.len() + self.leaves() + self.subsets.len();
+        let ends = starts + 1 + self.parameters.len() + self.leaves() + self.subsets();
         [0, starts, starts + 1, ends, ends + 2 * self.parameters.len()]
     }
 
@@ -192,7 +194,12 @@ impl Fit {
         if self.tests.len() > 1 { self.tests.len() } else { 0 }
     }
 
-    pub fn task(&self, number: usize) -> Task {
+    /// The number of fits of volumes or depths alone.
+    pub fn subsets(&self) -> usize {
+        2 * usize::from(self.coefficient.is_some())
+    }
+
+    fn task(&self, number: usize) -> Task {
         let [_, minimum, checks, ends, _] = self.bounds();
         let (parameters, leaves) = (self.parameters.len(), self.leaves());
         if number < minimum {
@@ -204,7 +211,7 @@ impl Fit {
         } else if number < checks + parameters + leaves {
             Task::Without(number - checks - parameters)
         } else if number < ends {
-            Task::Subset(number - checks - parameters - leaves)
+            Task::Only { are_depths: number + 1 == ends }
         } else {
             Task::End { parameter: (number - ends) / 2, is_high: (number - ends) % 2 == 1 }
         }
@@ -263,7 +270,7 @@ impl Fit {
     fn computed(&self, number: usize, earlier: &Rows, tried: &[Tried]) -> Result<Row, Wanted> {
         let task = self.task(number);
         if let Task::Start(place) = task {
-            return self.from_start(&self.starts[place], tried);
+            return self.at_start(&self.starts[place], tried);
         }
         if task == Task::Minimum {
             let sums = earlier.numbers(self.parameters.len());
@@ -274,21 +281,21 @@ impl Fit {
                 return Ok(Row { lack: Some(lack.to_owned()), ..Row::default() });
             };
             let theta = (0..self.parameters.len()).filter_map(|it| earlier.numbers(it)[start]);
-            return self.from_best_start(&theta.collect::<Vec<_>>(), tried);
+            return self.at_minimum(&theta.collect::<Vec<_>>(), tried);
         }
         let Some(best) = self.best(earlier) else { return Ok(Row::default()) };
         match task {
             Task::Start(_) | Task::Minimum => Ok(Row::default()),
             Task::Derivative(parameter) => self.derivative(parameter, &best, tried),
             Task::Without(test) => {
-                let rest = self.measured.without(|place| self.test_of[place] == test);
+                let rest = self.measured.without(|place| self.set(place).test == test);
                 let all: Vec<usize> = (0..self.parameters.len()).collect();
                 self.of_part(&rest, &all, &best, tried)
             }
-            Task::Subset(place) => {
-                let part = self.measured.without(|it| !self.subsets[place][it]);
+            Task::Only { are_depths } => {
+                let is_other = |place| self.set(place).are_depths() != Some(are_depths);
                 let free: Vec<usize> = self.coefficient.into_iter().collect();
-                self.of_part(&part, &free, &best, tried)
+                self.of_part(&self.measured.without(is_other), &free, &best, tried)
             }
             Task::End { parameter, is_high } => {
                 let [_, information] = self.information(earlier, &best);
@@ -315,8 +322,8 @@ impl Fit {
         }
     }
 
-    fn from_start(&self, start: &[f64], tried: &[Tried]) -> Result<Row, Wanted> {
-        let factors = vec![1.0; self.first.len()];
+    fn at_start(&self, start: &[f64], tried: &[Tried]) -> Result<Row, Wanted> {
+        let factors = vec![1.0; self.sets.len()];
         let free: Vec<usize> = (0..self.parameters.len()).collect();
         let objective = self.objective(start, &factors, &free, tried);
         if !objective.sum(start)?.is_finite() {
@@ -330,7 +337,7 @@ impl Fit {
         Ok(Row { theta: Some(theta), sum: Some(sum), ..Row::default() })
     }
 
-    fn from_best_start(&self, start: &[f64], tried: &[Tried]) -> Result<Row, Wanted> {
+    fn at_minimum(&self, start: &[f64], tried: &[Tried]) -> Result<Row, Wanted> {
         let free: Vec<usize> = (0..self.parameters.len()).collect();
         let mut theta = start.to_vec();
         let mut factors = self.measured.factors(&self.predicted(&theta, tried)?);
@@ -374,9 +381,8 @@ impl Fit {
         let errors = found.iter().zip(slopes);
         let errors =
             errors.filter_map(|(found, slope)| Some(found.as_ref()?.error * scale * slope));
-        let number = |found: &Option<crate::stats::derivative::Derivative>| {
-            found.map_or(f64::NAN, |found| found.value * scale)
-        };
+        let number =
+            |found: &Option<Derivative>| found.map_or(f64::NAN, |found| found.value * scale);
         Ok(Row {
             theta: Some(best.theta.clone()),
             error: Some(errors.map(|error| error * error).sum::<f64>().sqrt()),
@@ -403,6 +409,11 @@ impl Fit {
         Ok(Row { theta: Some(theta), sum: Some(sum), ..Row::default() })
     }
 
+    /// The slopes of a parameter as a function of all parameters.
+    pub fn only(&self, place: usize) -> Vec<f64> {
+        (0..self.parameters.len()).map(|other| f64::from(other == place)).collect()
+    }
+
     /// The end of the interval of a parameter. It has no row if the data do not determine the parameter, or if the sum
     /// of squares does not rise enough up to the bound.
     fn end(
@@ -413,8 +424,7 @@ impl Fit {
         information: &Information,
         tried: &[Tried],
     ) -> Result<Row, Wanted> {
-        let only: Vec<f64> =
-            (0..self.parameters.len()).map(|other| f64::from(other == place)).collect();
+        let only = self.only(place);
         let is_open = information.undetermined().iter().any(|direction| direction[place] != 0.0);
         let error = information.standard_error(&only);
         if is_open || !error.is_finite() || error == 0.0 {
@@ -425,34 +435,15 @@ impl Fit {
         let sign = if is_high { 1.0 } else { -1.0 };
         let bound = if is_high { parameter.high } else { parameter.low };
         let free: Vec<usize> = (0..self.parameters.len()).filter(|other| *other != place).collect();
-        // The distance from the best value is a logarithm, or a part of the scale.
-        let (x, scale) = (best.theta[place], parameter.scale(best.theta[place]));
-        let value = |distance: f64| {
-            let value = if parameter.is_log {
-                x * libm::exp(sign * distance)
-            } else {
-                x + sign * distance * scale
-            };
-            value.clamp(parameter.low, parameter.high)
-        };
         let (mut below, mut above) = ((0.0, 0.0), None::<(f64, f64)>);
         let mut distance = rise * error;
         for trial in 0..TRIALS {
             let mut theta = best.theta.clone();
-            theta[place] = value(distance);
+            theta[place] = parameter.moved(best.theta[place], sign * distance);
             for other in &free {
-                let near = &self.parameters[*other];
-                let slopes: Vec<f64> =
-                    (0..self.parameters.len()).map(|it| f64::from(it == *other)).collect();
-                let along = information.covariance(&slopes, &only) / (error * error);
+                let along = information.covariance(&self.only(*other), &only) / (error * error);
                 let step = sign * distance * along;
-                let from = best.theta[*other];
-                let moved = if near.is_log {
-                    from * libm::exp(step)
-                } else {
-                    from + step * near.scale(from)
-                };
-                theta[*other] = moved.clamp(near.low, near.high);
+                theta[*other] = self.parameters[*other].moved(best.theta[*other], step);
             }
             let objective = self.objective(&theta, &best.factors, &free, tried);
             let found = objective.minimum(COARSE)?;
@@ -464,7 +455,7 @@ impl Fit {
             }
             // If predictions are missing there, the sum is not a number: the end is nearer.
             if risen < rise && sum.is_finite() {
-                if theta[place] == bound {
+                if (theta[place] - bound).abs() <= f64::EPSILON * bound.abs() {
                     return Ok(Row::default());
                 }
                 below = (distance, risen);
