@@ -32,6 +32,8 @@ const SAMPLES: (usize, usize) = (4, 64);
 const SAMPLING: f64 = 5e-3;
 /// Maximum number of values of a member that [`Study::memory`] counts.
 const LISTED: usize = 100_000;
+/// The members that are names. They stay as they are, even if they look like quantities.
+const NAMES: [&str; 3] = ["name", "specimen", "for"];
 /// Maximum bytes of a document without its table, findings and canonical form.
 const HEAD: usize = 4096;
 
@@ -348,7 +350,10 @@ fn canonical(mut study: Value) -> Value {
 fn change(value: &mut Value, new: fn(&Value) -> Option<Number>) {
     match value {
         Value::Array(items) => items.iter_mut().for_each(|item| change(item, new)),
-        Value::Object(members) => members.values_mut().for_each(|member| change(member, new)),
+        Value::Object(members) => {
+            let others = members.iter_mut().filter(|(name, _)| !NAMES.contains(&name.as_str()));
+            others.for_each(|(_, member)| change(member, new));
+        }
         other => {
             if let Some(number) = new(other) {
                 *other = Value::Number(number);

@@ -25,17 +25,24 @@ pub fn of_study(study: &mut Value, axes: &[(&str, &str)]) -> Result<(), Faults> 
         }
     }
     let mut varies = None;
-    let entries = study.get_mut("vary").and_then(Value::as_array_mut);
-    for (place, entry) in entries.into_iter().flatten().enumerate() {
-        let Some(pointer) = entry["pointer"].as_str().map(str::to_owned) else { continue };
-        if pointer == LENGTH {
-            varies = Some(format!("/vary/{place}/pointer"));
-        }
-        for values in ["values", "from", "to", "distribution"] {
-            if let Some(values) = entry.get_mut(values) {
-                replace(values, &pointer, length, &mut changed);
+    for list in ["vary", "parameters"] {
+        let entries = study.get_mut(list).and_then(Value::as_array_mut);
+        for (place, entry) in entries.into_iter().flatten().enumerate() {
+            let Some(pointer) = entry["pointer"].as_str().map(str::to_owned) else { continue };
+            if pointer == LENGTH {
+                varies = Some(format!("/{list}/{place}/pointer"));
+            }
+            for values in ["values", "from", "to", "distribution", "start", "prior"] {
+                if let Some(values) = entry.get_mut(values) {
+                    replace(values, &pointer, length, &mut changed);
+                }
             }
         }
+    }
+    let tests = study.get_mut("tests").and_then(Value::as_array_mut).into_iter().flatten();
+    let changes = tests.filter_map(|test| test.get_mut("changes")?.as_object_mut()).flatten();
+    for (pointer, value) in changes {
+        replace_below(value, pointer, length, &mut changed);
     }
     varies.zip(changed).map_or(Ok(()), |(place, changed)| Err(both_vary(&place, &changed)))
 }
@@ -80,6 +87,23 @@ fn of_scenario(scenario: &mut Value) -> Option<(f64, Option<String>)> {
         }
     }
     Some((length, changed))
+}
+
+/// Replaces the texts per length in a part of the scenario that is at `pointer`.
+fn replace_below(part: &mut Value, pointer: &str, length: f64, changed: &mut Option<String>) {
+    match part {
+        Value::Object(members) => {
+            for (name, member) in members {
+                replace_below(member, &format!("{pointer}/{name}"), length, changed);
+            }
+        }
+        Value::Array(items) => {
+            for item in items {
+                replace_below(item, pointer, length, changed);
+            }
+        }
+        other => replace(other, pointer, length, changed),
+    }
 }
 
 /// Replaces the texts per length among the values of the number at `pointer`.

@@ -1,5 +1,7 @@
 //! Fits of synthetic and published measurements.
 
+#![expect(clippy::unwrap_used, reason = "a failed test may panic")]
+
 use std::iter;
 use std::sync::Arc;
 
@@ -334,6 +336,88 @@ fn the_fault_of_wrong_data_says_what_to_enter() {
     starts(told(&|fit| fit["scenario"]["friction"] = json!(-1)), "/");
 }
 
+#[test]
+fn names_stay_and_quantities_become_numbers() {
+    let read = |change: &dyn Fn(&mut Value)| {
+        let cylinder = json!({
+            "profile": {"shape": "cylinder", "radius": "6 mm", "length": "10 mm"}, "moduli": {"normal": "110 GPa"},
+            "friction": 0.9, "wear": {"coefficient": 4.8e-14}, "load": {"normal_force": "185 N"},
+            "motion": {"amplitude": "25 um", "reference_distance": "36 mm"}, "cycles": [100]});
+        let data = json!({"output": "wear_volume", "x": [1e4], "y": ["0.1 mm^3"], "relative": 0.1});
+        let mut fit = json!({"scenario": cylinder,
+            "parameters": [{"pointer": "/wear/coefficient", "from": 1e-15, "to": "1e-11 1/Pa", "spacing": "log", "for": ["5 um"]}],
+            "tests": [
+                {"name": "5 um", "specimen": "7 N", "data": [data], "changes": {"/load": {"normal_force": "37 N/mm"}}},
+                {"name": 7, "data": [data]}]});
+        change(&mut fit);
+        Study::read(kind(), fit).unwrap().canonical().clone()
+    };
+    let canonical = read(&|_| {});
+    let test = &canonical["tests"][0];
+    assert_eq!((&test["name"], &test["specimen"]), (&json!("5 um"), &json!("7 N")));
+    assert_eq!(test["changes"], json!({"/load": {"normal_force": 370}}));
+    assert_eq!(test["data"][0]["y"], json!([1e-10]));
+    assert_eq!(canonical["parameters"][0]["to"], json!(1e-11));
+    // The same fit in other words, and the canonical form itself.
+    assert_eq!(
+        read(&|fit| fit["tests"][0]["changes"]["/load"] = json!({"normal_force": "0.37 kN"})),
+        canonical
+    );
+    assert_eq!(read(&|fit| *fit = canonical.clone()), canonical);
+}
+
+#[test]
+fn noise_is_estimated_and_specimens_count_once() {
+    let amplitudes = [2e-6, 2.5e-6, 3e-6, 5e-6, 10e-6];
+    let mut fit = of_wear_and_friction(tests(&ball(), &amplitudes, Stream::new(3)));
+    fit["starts"] = json!(1);
+    let stated = fitted(fit.clone()).unwrap();
+    for test in fit["tests"].as_array_mut().unwrap() {
+        test["data"][0]["noise"] = json!("estimate");
+    }
+    let estimated = fitted(fit.clone()).unwrap();
+    let number = |value: &Value| value.as_f64().unwrap();
+    // Nearly the same estimates. They differ in the share of the numerical error in the noise.
+    let factor = number(&estimated["quality"]["noise"][0]["factor"]);
+    let sum = number(&stated["quality"]["sum_of_squares"]);
+    assert!((factor / (sum / 3.0).sqrt() - 1.0).abs() < 0.01, "{factor} {sum}");
+    assert_eq!(estimated["quality"]["degrees_of_freedom"], 3);
+    for place in 0..2 {
+        let [one, other] = [&stated, &estimated].map(|found| &found["parameters"][place]);
+        let ratio = number(&other["standard_error"]) / number(&one["standard_error"]);
+        assert!((ratio / factor - 1.0).abs() < 0.05, "{ratio} {factor}");
+        let width = |parameter: &Value| {
+            let ends = [0, 1].map(|end| number(&parameter["interval"][end]));
+            libm::log(ends[1] / ends[0])
+        };
+        // Student's t for 3 degrees of freedom, instead of 1.96.
+        let ratio = width(other) / width(one);
+        assert!((ratio / (factor * 3.182 / 1.960) - 1.0).abs() < 0.1, "{ratio}");
+    }
+    // The same specimens, measured twice: nothing else is known.
+    let mut twice = fit["tests"].as_array().unwrap().clone();
+    for test in fit["tests"].as_array_mut().unwrap() {
+        test["specimen"] = test["name"].clone();
+        let mut other = test.clone();
+        other["name"] = json!(format!("{} again", test["name"]));
+        twice.push(other);
+    }
+    for test in &mut twice[..5] {
+        test["specimen"] = test["name"].clone();
+    }
+    fit["tests"] = json!(twice);
+    let again = fitted(fit).unwrap();
+    assert_eq!(
+        (&again["quality"]["effective_points"], &again["quality"]["degrees_of_freedom"]),
+        (&json!(5.0), &json!(3))
+    );
+    for place in 0..2 {
+        let [one, other] =
+            [&estimated, &again].map(|found| number(&found["parameters"][place]["standard_error"]));
+        assert!((one / other - 1.0).abs() < 0.02, "{one} {other}");
+    }
+}
+
 /// How many of 200 campaigns have intervals of 95 % that contain the truth.
 #[test]
 #[ignore = "it takes minutes"]
@@ -342,11 +426,10 @@ fn coverage() {
     let count: u64 = 200;
     let next = std::sync::atomic::AtomicU64::new(0);
     let work = || {
-        let mut lines = Vec::new();
         loop {
             let seed = next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             if seed >= count {
-                return lines;
+                return;
             }
             let mut random = Random::new(seed);
             let (k, friction) = (random.log_between(3e-15, 3e-13), random.between(0.3, 1.0));
@@ -409,15 +492,25 @@ fn coverage() {
                 .iter()
                 .map(|note| note["kind"].as_str().unwrap().to_owned())
                 .collect();
-            lines.push(format!("{seed} {number} {is_estimated} {} {} S={} runs={} {notes:?} k={k:.3e} mu={friction:.3} {}", covers[0], covers[1], found["quality"]["sum_of_squares"], found["quality"]["runs"],
-               found["parameters"].as_array().unwrap().iter().map(|p| format!("{} {}", p["estimate"], p["interval"])).collect::<Vec<_>>().join(" ")));
+            println!(
+                "{seed} {number} {is_estimated} {} {} S={} runs={} {notes:?} k={k:.3e} mu={friction:.3} {}",
+                covers[0],
+                covers[1],
+                found["quality"]["sum_of_squares"],
+                found["quality"]["runs"],
+                found["parameters"]
+                    .as_array()
+                    .unwrap()
+                    .iter()
+                    .map(|p| format!("{} {}", p["estimate"], p["interval"]))
+                    .collect::<Vec<_>>()
+                    .join(" ")
+            );
         }
     };
-    let lines: Vec<String> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..2).map(|_| scope.spawn(&work)).collect();
-        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(work);
+        }
     });
-    for line in lines {
-        println!("{line}");
-    }
 }

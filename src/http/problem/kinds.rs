@@ -112,7 +112,7 @@ kinds! {
         "To get the result, submit the scenario again.";
     EVICTED = GONE "evicted" "The result is no longer stored"
         "The result was computed here. Later it was deleted, or evicted to free disk space as the least \
-         recently read one. `scenario` is its scenario, or `sweep`, `sensitivity` or `map` its study."
+         recently read one. `scenario` is its scenario, or `sweep`, `sensitivity`, `map` or `fit` its study."
         "POST `{\"scenario\": …}` with the `scenario` (or the study) of this answer to /v1/jobs. The result will have the \
          same key and the same numbers. PUT /v1/results/{key}/pin prevents eviction.";
     BODY_TOO_LARGE = PAYLOAD_TOO_LARGE "body-too-large" "The body is too large"

@@ -22,6 +22,8 @@ use basin::{DenseMatrix, SymmetricEigen as _};
 
 use super::fisher;
 
+/// Estimated noise is at least this many times the stated one, so that no weight is infinite.
+const LEAST_FACTOR: f64 = 1e-9;
 /// A part of a direction that is smaller than this share of the largest part counts as none.
 const PART: f64 = 0.15;
 
@@ -116,7 +118,7 @@ impl Measured {
         let factor = |(set, square): (usize, f64)| {
             let count = self.count(Some(set));
             let is_known = !self.is_estimated[set] || count == 0.0;
-            if is_known { 1.0 } else { (square / (count * self.left())).sqrt() }
+            if is_known { 1.0 } else { (square / (count * self.left())).sqrt().max(LEAST_FACTOR) }
         };
         squares.into_iter().enumerate().map(factor).collect()
     }

@@ -39,6 +39,8 @@ const TOLERANCES: (f64, f64) = (3e-3, 1e-4);
 const OF_NOISE: f64 = 0.25;
 /// Noise of a set whose noise is estimated before its first estimate, relative to its largest number.
 const FIRST_NOISE: f64 = 0.1;
+/// Estimated number of runs of a source in a search, and more for each parameter.
+const RUNS: (f64, f64) = (4.0, 6.0);
 /// The share of a normal distribution below one standard deviation above the mean.
 const ONE_DEVIATION: f64 = 0.841_344_746_068_542_9;
 
@@ -474,6 +476,11 @@ impl Building {
                 needed.push(set.needs());
             }
         }
+        // All sets of an output have the same noise, if it is estimated.
+        let noise_of = |set: &Set| set.is_estimated.then(|| set.output.clone());
+        let mut noises: Vec<Option<String>> = self.sets.iter().map(noise_of).collect();
+        noises.sort();
+        noises.dedup();
         let (mut positions, mut points, mut clusters) = (Vec::new(), Vec::new(), Vec::new());
         for (place, set) in self.sets.iter().enumerate() {
             let largest = set.y.iter().flatten().fold(0.0, |largest: f64, y| largest.max(y.abs()));
@@ -495,7 +502,7 @@ impl Building {
                     value: y.unwrap_or(f64::NAN),
                     noise: set.noise[entry],
                     numerical: accuracy * size,
-                    set: place,
+                    set: noises.iter().take_while(|noise| **noise != noise_of(set)).count(),
                     cluster,
                 });
                 let source = needed.iter().take_while(|needs| **needs != set.needs()).count();
@@ -504,14 +511,21 @@ impl Building {
             }
         }
         let unknown = parameters.iter().filter(|parameter| parameter.prior.is_none()).count();
-        let is_estimated = self.sets.iter().map(|set| set.is_estimated).collect();
+        let is_estimated = noises.iter().map(Option::is_some).collect();
         let are_both = [true, false].iter().all(|kind| {
             let own = self.sets.iter().filter(|set| set.are_depths() == Some(*kind));
             own.flat_map(|set| &set.y).any(Option::is_some)
         });
         let is_coefficient =
             |it: &Parameter| it.pointer.starts_with("/wear/") && it.only.is_empty();
+        let seconds = |source: &Source| {
+            let start: Vec<f64> =
+                source.parameters.iter().map(|it| parameters[*it].start).collect();
+            let runs = RUNS.0 + RUNS.1 * start.len() as f64;
+            runs * source.problem.seconds(&start)
+        };
         Ok(Fit {
+            seconds: sources.iter().map(seconds).sum(),
             measured: Measured::new(points, is_estimated, unknown),
             starts: (0..starts).map(|start| start_at(start, &parameters)).collect(),
             coefficient: parameters.iter().position(is_coefficient).filter(|_| are_both),
@@ -522,6 +536,7 @@ impl Building {
             confidence,
             accuracy,
             sets: self.sets,
+            noises,
         })
     }
 

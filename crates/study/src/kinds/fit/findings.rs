@@ -61,8 +61,7 @@ pub fn findings(fit: &Fit, problem: &Problem, rows: &Rows) -> Findings {
     let sums = rows.numbers(fit.parameters.len())[..minimum].to_vec();
     starts.push(("sum_of_squares".to_owned(), Cells::Numbers(sums)));
     let mut without = searches(checks + fit.parameters.len()..ends - fit.subsets());
-    let left_out = if fit.tests.len() > 1 { fit.tests.clone() } else { Vec::new() };
-    without.push(("test".to_owned(), Cells::Texts(left_out)));
+    without.push(("test".to_owned(), Cells::Texts(fit.tests[..fit.leaves()].to_vec())));
     let tables = vec![("table", told.table()), ("starts", starts), ("without", without)];
     Findings { tables, others, ..Findings::default() }
 }
@@ -303,24 +302,23 @@ impl Told<'_> {
                 )
             });
         }
-        let share = |set: usize| {
+        let share = |noise: usize| {
             let is_own =
-                |place: &usize| self.fit.positions[*place].set == set && measured.has(*place);
-            let own = (0..self.fit.positions.len()).filter(is_own);
-            let squares = own.map(|place| {
+                |place: &usize| measured.points[*place].set == noise && measured.has(*place);
+            let squares = (0..self.fit.positions.len()).filter(is_own).map(|place| {
                 let deviation = measured.deviation(place, &self.best.factors);
                 (deviation * deviation, measured.points[place].value * measured.points[place].value)
             });
             let (noise, size) = squares.fold((0.0, 0.0), |sum, it| (sum.0 + it.0, sum.1 + it.1));
             (noise / size).sqrt()
         };
-        let mut wide = (0..self.fit.sets.len()).filter(|set| self.fit.sets[*set].is_estimated);
-        let set = wide.find(|set| share(*set) > WIDE_SCATTER)?;
+        let noises = self.fit.noises.iter().enumerate();
+        let mut shares =
+            noises.filter_map(|(place, output)| Some((output.as_ref()?, share(place))));
+        let (output, share) = shares.find(|(_, share)| *share > WIDE_SCATTER)?;
         Some(format!(
-            "`{}` in the test {} scatters by {:.0} % around the fit. One set of parameters may not describe these tests.",
-            self.fit.sets[set].output,
-            self.fit.tests[self.fit.sets[set].test],
-            100.0 * share(set)
+            "`{output}` scatters by {:.0} % around the fit. One set of parameters may not describe these tests.",
+            100.0 * share
         ))
     }
 
@@ -380,9 +378,9 @@ impl Told<'_> {
 
     fn quality(&self) -> Value {
         let (fit, measured) = (self.fit, &self.fit.measured);
-        let noise = fit.sets.iter().zip(&self.best.factors).filter(|(set, _)| set.is_estimated);
-        let noise = noise.map(|(set, factor)| {
-            json!({"test": fit.tests[set.test], "output": set.output, "factor": number(*factor)})
+        let noise = fit.noises.iter().zip(&self.best.factors);
+        let noise = noise.filter_map(|(output, factor)| {
+            Some(json!({"output": output.as_ref()?, "factor": number(*factor)}))
         });
         let lack = self.lack_of_fit().map(|(statistic, probability)| {
             json!({"statistic": number(statistic), "probability": number(probability)})

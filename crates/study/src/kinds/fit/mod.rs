@@ -37,8 +37,6 @@ const CONFIDENCE: f64 = 0.95;
 const STARTS: u64 = 8;
 /// Maximum number of starts.
 const MAX_STARTS: u64 = 64;
-/// Estimated number of runs of a source for each search, and for each parameter of it.
-const RUNS: (f64, f64) = (4.0, 6.0);
 /// Maximum bytes of a number, a name or a note in the findings.
 const TEXT: usize = 400;
 
@@ -110,12 +108,7 @@ impl Plan for Fit {
     }
 
     fn seconds(&self, _: &Problem, _: &[f64]) -> f64 {
-        let of = |source: &model::Source| {
-            let start = source.parameters.iter().map(|it| self.parameters[*it].start);
-            let runs = RUNS.0 + RUNS.1 * source.parameters.len() as f64;
-            runs * source.problem.seconds(&start.collect::<Vec<_>>())
-        };
-        self.sources.iter().map(of).sum()
+        self.seconds
     }
 
     fn columns(&self) -> Vec<Column> {

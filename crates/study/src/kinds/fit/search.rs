@@ -34,6 +34,8 @@ const ROUNDS: usize = 2;
 /// Maximum number of trials for the end of an interval, and the accepted error of the square root of the rise.
 const TRIALS: usize = 8;
 const SAME_RISE: f64 = 0.02;
+/// With more tests than this, they are not left out one by one.
+const MAX_LEAVES: usize = 24;
 /// A parameter whose coordinate is nearer to 0 or 1 than this is at a bound.
 pub const AT_BOUND: f64 = 2e-3;
 
@@ -44,6 +46,8 @@ pub struct Fit {
     pub sources: Vec<Source>,
     pub sets: Vec<Set>,
     pub positions: Vec<Position>,
+    /// The outputs whose noise is estimated, for each kind of noise; `None` for stated noise.
+    pub noises: Vec<Option<String>>,
     /// The measured numbers at all positions.
     pub measured: Measured,
     /// The names of the tests.
@@ -54,6 +58,8 @@ pub struct Fit {
     pub confidence: f64,
     /// The relative numerical error of all predictions.
     pub accuracy: f64,
+    /// Estimated processor time of a point.
+    pub seconds: f64,
 }
 
 /// What a point computes.
@@ -190,8 +196,8 @@ impl Fit {
     }
 
     /// The number of tests that are left out one by one.
-    fn leaves(&self) -> usize {
-        if self.tests.len() > 1 { self.tests.len() } else { 0 }
+    pub fn leaves(&self) -> usize {
+        if (2..=MAX_LEAVES).contains(&self.tests.len()) { self.tests.len() } else { 0 }
     }
 
     /// The number of fits of volumes or depths alone.
@@ -323,7 +329,7 @@ impl Fit {
     }
 
     fn at_start(&self, start: &[f64], tried: &[Tried]) -> Result<Row, Wanted> {
-        let factors = vec![1.0; self.sets.len()];
+        let factors = vec![1.0; self.noises.len()];
         let free: Vec<usize> = (0..self.parameters.len()).collect();
         let objective = self.objective(start, &factors, &free, tried);
         if !objective.sum(start)?.is_finite() {
