@@ -221,6 +221,12 @@ impl Study {
         ((self.seconds / CHUNK).ceil() as usize).clamp(least, self.points())
     }
 
+    /// The points with which the later stages begin.
+    #[must_use]
+    pub fn stages(&self) -> Vec<usize> {
+        self.plan.stages().split_off(1)
+    }
+
     /// The number of chunks, from the first one on, whose rows this chunk of `chunks` needs: those of earlier stages.
     #[must_use]
     pub fn earlier_chunks(&self, number: usize, chunks: usize) -> usize {

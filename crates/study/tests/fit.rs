@@ -80,7 +80,7 @@ fn tests(truth: &Value, amplitudes: &[f64], stream: Stream) -> Vec<Value> {
 }
 
 /// A fit of wear and friction.
-fn of_wear_and_friction(tests: Vec<Value>) -> Value {
+fn of_wear_and_friction(tests: &[Value]) -> Value {
     json!({"scenario": ball(), "tests": tests, "parameters": [
         {"pointer": "/wear/coefficient", "from": 1e-16, "to": 1e-12, "spacing": "log", "start": 1e-14},
         {"pointer": "/friction", "from": 0.1, "to": 1.5, "start": 0.4}]})
@@ -89,7 +89,7 @@ fn of_wear_and_friction(tests: Vec<Value>) -> Value {
 #[test]
 fn wear_and_friction_are_found_from_five_volumes() {
     let amplitudes = [2e-6, 2.5e-6, 3e-6, 5e-6, 10e-6];
-    let fit = of_wear_and_friction(tests(&ball(), &amplitudes, Stream::new(1)));
+    let fit = of_wear_and_friction(&tests(&ball(), &amplitudes, Stream::new(1)));
     let found = fitted(fit.clone()).unwrap();
     for (parameter, truth) in found["parameters"].as_array().unwrap().iter().zip([3e-14, 0.7]) {
         let number = |value: &Value| value.as_f64().unwrap();
@@ -171,7 +171,7 @@ fn the_energy_coefficient_of_van_peteghem_is_a_line_through_the_origin() {
 fn what_the_data_cannot_tell_is_said_in_words() {
     let mut hardness = ball();
     hardness["wear"] = json!({"coefficient": 1e-4, "hardness": "3 GPa"});
-    let mut fit = of_wear_and_friction(tests(&hardness, &[3e-6, 5e-6, 10e-6], Stream::new(2)));
+    let mut fit = of_wear_and_friction(&tests(&hardness, &[3e-6, 5e-6, 10e-6], Stream::new(2)));
     fit["scenario"] = hardness;
     fit["starts"] = json!(2);
     fit["parameters"] = json!([
@@ -262,7 +262,7 @@ fn the_fault_of_wrong_data_says_what_to_enter() {
     let told = |change: &dyn Fn(&mut Value)| {
         let point =
             json!({"output": "wear_volume", "x": [1e4, 2e4], "y": [1e-13, 2e-13], "relative": 0.1});
-        let mut fit = of_wear_and_friction(vec![json!({"name": "A", "data": [point]})]);
+        let mut fit = of_wear_and_friction(&[json!({"name": "A", "data": [point]})]);
         change(&mut fit);
         let fault = Study::read(kind(), fit).unwrap_err().0.swap_remove(0);
         format!("{}: {}", fault.pointer, fault.detail)
@@ -302,12 +302,12 @@ fn the_fault_of_wrong_data_says_what_to_enter() {
         "/tests/0/data/0/sigma: is missing",
     );
     let equal = |data: &mut Value| {
-        (data["x"], data["y"]) = (json!([1e4, 1e4, 1e4]), json!([1e-13, 1e-13, 1e-13]))
+        (data["x"], data["y"]) = (json!([1e4, 1e4, 1e4]), json!([1e-13, 1e-13, 1e-13]));
     };
     starts(in_data(&equal), "/tests/0/data/0/y: has the same point 3 times");
     let many = |data: &mut Value| {
         (data["x"], data["y"]) =
-            (json!((1..=100_000).collect::<Vec<_>>()), json!(vec![1e-13; 100_000]))
+            (json!((1..=100_000).collect::<Vec<_>>()), json!(vec![1e-13; 100_000]));
     };
     starts(in_data(&many), "/tests: have 100000 numbers, but a fit can have at most 2000");
     starts(
@@ -369,7 +369,7 @@ fn names_stay_and_quantities_become_numbers() {
 #[test]
 fn noise_is_estimated_and_specimens_count_once() {
     let amplitudes = [2e-6, 2.5e-6, 3e-6, 5e-6, 10e-6];
-    let mut fit = of_wear_and_friction(tests(&ball(), &amplitudes, Stream::new(3)));
+    let mut fit = of_wear_and_friction(&tests(&ball(), &amplitudes, Stream::new(3)));
     fit["starts"] = json!(1);
     let stated = fitted(fit.clone()).unwrap();
     for test in fit["tests"].as_array_mut().unwrap() {

@@ -37,44 +37,23 @@ impl Worker {
     fn compute_chunk(&self, claimed: &Claimed, number: u32, of: u32) -> Result<Made, NotMade> {
         let study = self.study(claimed)?;
         let watch = Stopwatch::start();
-        let earlier = self.earlier_rows(claimed, &study, number, of)?;
-        let rows = self.rows(claimed, &study, (number, of), earlier)?;
+        let mut earlier = Rows::default();
+        for number in 0..study.earlier_chunks(number as usize, of as usize) as u32 {
+            earlier.append(&self.stored_rows(claimed, number)?);
+        }
+        let mut points = Points::chunk(study, number as usize, of as usize, earlier);
+        let rows = self.drive(claimed, self.limits.study, || match points.step() {
+            Some(rows) => Step::Done(rows),
+            None => Step::Working { progress: points.progress() },
+        })?;
         Ok(Made::Rows(rows.to_bytes(), watch.cost()))
     }
 
-    fn rows(
-        &self,
-        claimed: &Claimed,
-        study: &Arc<Study>,
-        (number, of): (u32, u32),
-        earlier: Rows,
-    ) -> Result<Rows, NotMade> {
-        let mut points = Points::chunk(Arc::clone(study), number as usize, of as usize, earlier);
-        self.drive(claimed, self.limits.study, || match points.step() {
-            Some(rows) => Step::Done(rows),
-            None => Step::Working { progress: points.progress() },
-        })
-    }
-
-    /// The rows of the earlier stages of a study. If another worker still computes one of their chunks, this worker
-    /// computes it, too.
-    fn earlier_rows(
-        &self,
-        claimed: &Claimed,
-        study: &Arc<Study>,
-        number: u32,
-        of: u32,
-    ) -> Result<Rows, NotMade> {
-        let mut all = Rows::default();
-        for number in 0..study.earlier_chunks(number as usize, of as usize) as u32 {
-            let read = async || self.store.chunk(claimed, number).await.map(Some);
-            let rows = match self.read(claimed, read)? {
-                Some(bytes) => rows_of(number, &bytes)?,
-                None => self.rows(claimed, study, (number, of), all.clone())?,
-            };
-            all.append(&rows);
-        }
-        Ok(all)
+    /// The rows of a finished chunk.
+    fn stored_rows(&self, claimed: &Claimed, number: u32) -> Result<Rows, NotMade> {
+        let bytes = self.read(claimed, async || self.store.chunk(claimed, number).await)?;
+        let form = || unreadable(format!("chunk {number} has the form of another version"));
+        Rows::from_bytes(&bytes).ok_or_else(form)
     }
 
     /// Makes the result of a study from its chunks.
@@ -84,8 +63,7 @@ impl Worker {
         let watch = Stopwatch::start();
         let (mut all, mut number) = (Rows::default(), 0);
         let rows = self.drive(claimed, None, || {
-            let bytes = self.read(claimed, async || self.store.chunk(claimed, number).await);
-            match bytes.and_then(|bytes| rows_of(number, &bytes)) {
+            match self.stored_rows(claimed, number) {
                 Ok(rows) => all.append(&rows),
                 Err(why) => return Step::Done(Err(why)),
             }
@@ -235,12 +213,6 @@ fn latest(studies: &mut Vec<(RunId, Arc<Study>)>, run: RunId) -> Option<Arc<Stud
     let study = Arc::clone(&found.1);
     studies.push(found);
     Some(study)
-}
-
-/// The rows of a stored chunk.
-fn rows_of(number: u32, bytes: &[u8]) -> Result<Rows, NotMade> {
-    let form = || unreadable(format!("chunk {number} has the form of another version"));
-    Rows::from_bytes(bytes).ok_or_else(form)
 }
 
 fn unreadable(message: String) -> NotMade {

@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use sqlx::SqliteConnection;
 
-use crate::claimed::Study;
+use crate::claimed::{Stages, Study};
 use crate::error::Error;
 use crate::row::{Part, RunId, job_id};
 use fretwork_job::JobId;
@@ -51,19 +51,21 @@ impl Queue {
     /// Reads the queued and running runs.
     pub(super) async fn load(db: &mut SqliteConnection) -> Result<Self, Error> {
         let mut queue = Self::default();
-        let studies: Vec<(i64, u32, u32, u32, u32)> = sqlx::query_as(
+        let studies: Vec<(i64, u32, u32, u32, u32, String)> = sqlx::query_as(
             "SELECT run, chunks,
                  coalesce((SELECT max(number) + 1 FROM chunk WHERE chunk.run = study.run), 0),
                  (SELECT count(*) FROM chunk
                   WHERE chunk.run = study.run AND state = 'queued' AND state <> 'done'),
                  (SELECT count(*) FROM chunk
-                  WHERE chunk.run = study.run AND state = 'running' AND state <> 'done')
+                  WHERE chunk.run = study.run AND state = 'running' AND state <> 'done'),
+                 stages
              FROM study WHERE run IN (SELECT id FROM run WHERE finished IS NULL)",
         )
         .fetch_all(&mut *db)
         .await?;
-        for (run, chunks, next, queued, running) in studies {
-            queue.studies.insert(RunId(run), Study { chunks, next, queued, running });
+        for (run, chunks, next, queued, running, stages) in studies {
+            let stages = Stages::read(&stages);
+            queue.studies.insert(RunId(run), Study { chunks, next, queued, running, stages });
         }
         // The index contains only unfinished runs. The table has many finished ones.
         let rows: Vec<(i64, Option<u32>, String)> = sqlx::query_as(
@@ -118,8 +120,8 @@ impl Queue {
     }
 
     /// Adds a new study. The caller adds its jobs afterwards.
-    pub(super) fn add_study(&mut self, run: RunId, chunks: u32) {
-        self.studies.insert(run, Study { chunks, next: 0, queued: 0, running: 0 });
+    pub(super) fn add_study(&mut self, run: RunId, chunks: u32, stages: Stages) {
+        self.studies.insert(run, Study { chunks, next: 0, queued: 0, running: 0, stages });
     }
 
     /// Adds a job that waits for a queued run or a study.
@@ -190,10 +192,13 @@ impl Queue {
         self.studies.get(&run).is_none_or(|study| study.next == 0)
     }
 
-    /// Ends a running chunk.
-    pub(super) fn done(&mut self, run: RunId, number: u32) {
+    /// Ends a running chunk. Returns whether workers can claim pieces that had to wait for it.
+    pub(super) fn done(&mut self, run: RunId, number: u32) -> bool {
+        let is_ready = |queue: &Self| queue.studies.get(&run).is_some_and(Study::is_ready);
+        let was_ready = is_ready(self);
         self.rest((run, Some(number)));
         self.change(run, |study| study.running -= 1);
+        is_ready(self) && !was_ready
     }
 
     /// Queues a running piece again.
@@ -315,7 +320,7 @@ mod tests {
         std::iter::from_fn(|| {
             let (run, number) = take(queue)?;
             match (number, queue.studies.get(&run)) {
-                (Some(number), Some(study)) if number < study.chunks => queue.done(run, number),
+                (Some(number), Some(study)) if number < study.chunks => _ = queue.done(run, number),
                 _ => queue.end(run),
             }
             Some(run.0)
@@ -398,7 +403,7 @@ mod tests {
     #[test]
     fn the_pieces_of_a_study_take_turns_with_the_runs_of_other_owners() {
         let mut queue = Queue::default();
-        queue.add_study(RunId(1), 3);
+        queue.add_study(RunId(1), 3, Stages::default());
         queue.add(RunId(1), "ada", 3, JobId::generate());
         for run in [2, 3] {
             queue.add(RunId(run), "bob", 3, JobId::generate());
@@ -411,7 +416,7 @@ mod tests {
     fn in_a_lane_a_run_comes_before_a_study_of_equal_priority() {
         let mut queue = Queue::default();
         for (study, priority) in [(1, 3), (2, 2)] {
-            queue.add_study(RunId(study), 1);
+            queue.add_study(RunId(study), 1, Stages::default());
             queue.add(RunId(study), "ada", priority, JobId::generate());
         }
         queue.add(RunId(3), "ada", 3, JobId::generate());
@@ -422,7 +427,7 @@ mod tests {
     fn a_study_is_in_the_queue_only_while_a_worker_can_claim_a_piece() {
         let mut queue = Queue::default();
         let (study, job) = (RunId(1), JobId::generate());
-        queue.add_study(study, 2);
+        queue.add_study(study, 2, Stages::default());
         queue.add(study, "ada", 3, job);
         assert_eq!((queue.len(), queue.jobs), (1, 1));
         for number in 0..2 {
@@ -451,7 +456,7 @@ mod tests {
     #[test]
     fn the_end_of_a_study_ends_all_its_pieces() {
         let mut queue = Queue::default();
-        queue.add_study(RunId(1), 9);
+        queue.add_study(RunId(1), 9, Stages::default());
         queue.add(RunId(1), "ada", 3, JobId::generate());
         queue.add(RunId(2), "bob", 3, JobId::generate());
         for _ in 0..3 {

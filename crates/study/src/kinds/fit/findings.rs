@@ -26,6 +26,19 @@ const ABOUT_ONE: f64 = 0.15;
 /// Denominator degrees of freedom that stand for known noise.
 const MANY: f64 = 1e7;
 
+/// The columns of numbers in `table`. Each row has numbers in its own SI unit, except the standardised residual.
+pub const COLUMNS: [(&str, &str); 9] = [
+    ("x", "SI"),
+    ("measured", "SI"),
+    ("predicted", "SI"),
+    ("deviation", "SI"),
+    ("residual", "1"),
+    ("confidence_low", "SI"),
+    ("confidence_high", "SI"),
+    ("prediction_low", "SI"),
+    ("prediction_high", "SI"),
+];
+
 /// A table of named columns.
 type Table = Vec<(String, Cells)>;
 
@@ -120,9 +133,8 @@ impl Told<'_> {
                 column.push(Some(cell).filter(|cell| cell.is_finite()));
             }
         }
-        let names = ["predicted", "deviation", "residual", "confidence_low", "confidence_high"];
-        let names = names.into_iter().chain(["prediction_low", "prediction_high"]);
-        let columns = names.map(str::to_owned).zip(columns.map(Cells::Numbers));
+        let names = COLUMNS[2..].iter().map(|(name, _)| (*name).to_owned());
+        let columns = names.zip(columns.map(Cells::Numbers));
         measured(fit).into_iter().chain(columns).collect()
     }
 
@@ -242,22 +254,18 @@ impl Told<'_> {
             );
         }
         for (parameter, told) in fit.parameters.iter().zip(parameters) {
-            let (name, low, high) = (parameter.name(), parameter.low, parameter.high);
             let is_cut =
                 told["interval"].as_array().is_some_and(|ends| ends.contains(&Value::Null));
-            if told["at_bound"] == true {
-                add(
-                    "at_bound",
-                    Some(format!("`{name}` is at an end of its range from {low:e} to {high:e}.")),
-                );
-            } else if is_cut && told["estimate"].is_number() {
-                add(
-                    "open_interval",
-                    Some(format!(
-                        "The interval of `{name}` exceeds its range from {low:e} to {high:e}."
-                    )),
-                );
-            }
+            let kind = match told["at_bound"] == true {
+                true => "at_bound",
+                false if is_cut => "open_interval",
+                false => continue,
+            };
+            let (name, low, high) = (parameter.name(), parameter.low, parameter.high);
+            let what = if is_cut { "The interval of" } else { "The estimate of" };
+            let detail =
+                format!("{what} `{name}` reaches an end of its range from {low:e} to {high:e}.");
+            add(kind, told["estimate"].is_number().then_some(detail));
         }
         add("misfit", self.misfit());
         let lack = self.lack_of_fit().filter(|(_, probability)| *probability < IMPROBABLE);

@@ -125,6 +125,10 @@ impl Plan for Fit {
         parameters.chain(counts).chain(numbers).collect()
     }
 
+    fn found_columns(&self) -> Vec<Column> {
+        findings::COLUMNS.map(|(name, unit)| Column::new(name, unit)).to_vec()
+    }
+
     fn findings(
         &self,
         problem: &Problem,
