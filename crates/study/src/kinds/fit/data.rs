@@ -10,7 +10,9 @@ use fretwork_engine::request::fields::Given;
 use fretwork_engine::request::quantity::Dimension;
 use serde_json::{Value, json};
 
-use super::model::{Parameter, Place, Position, Prior, Source, only_rescales, shared_nodes};
+use super::model::{
+    Over, Parameter, Place, Position, Prior, Quantity, Set, Source, only_rescales, shared_nodes,
+};
 use super::search::Fit;
 use crate::member::Member;
 use crate::output::OutputName;
@@ -94,71 +96,15 @@ struct Trace {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
-pub enum Over {
-    Cycles,
-    #[deserr(rename = "dissipated_energy")]
-    Energy,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
 enum Noise {
     Estimate,
-}
-
-/// A measured quantity.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Quantity {
-    /// A column of the history, times a factor.
-    Column { column: &'static str, factor: f64, over: Over },
-    /// A profile after a number of cycles.
-    Profile { field: Field, at: f64 },
-}
-
-/// A set of measured numbers of one test. A number that was not measured is `None`.
-#[derive(Debug)]
-pub struct Set {
-    /// The index of its test.
-    pub test: usize,
-    pub output: String,
-    pub unit: &'static str,
-    pub quantity: Quantity,
-    pub x: Vec<f64>,
-    pub y: Vec<Option<f64>>,
-    noise: Vec<f64>,
-    pub is_estimated: bool,
-}
-
-impl Set {
-    /// Whether these are depths; `None` if they are neither depths nor volumes.
-    pub fn are_depths(&self) -> Option<bool> {
-        match self.quantity {
-            Quantity::Profile { .. } | Quantity::Column { column: "wear_depth", .. } => Some(true),
-            Quantity::Column { column, .. } => (column == "wear_volume").then_some(false),
-        }
-    }
-
-    /// The runs that it needs: those of its test over cycles, over energies, or up to a profile.
-    fn needs(&self) -> (usize, &'static str, f64) {
-        let at = if let Quantity::Profile { at, .. } = self.quantity { at } else { 0.0 };
-        (self.test, self.over(), at)
-    }
-
-    /// What x is.
-    pub fn over(&self) -> &'static str {
-        match self.quantity {
-            Quantity::Profile { .. } => "radius",
-            Quantity::Column { over: Over::Cycles, .. } => "cycles",
-            Quantity::Column { over: Over::Energy, .. } => "dissipated_energy",
-        }
-    }
 }
 
 fn deserialized<T: Deserr<Faults>>(value: &Value) -> Result<T, Faults> {
     T::deserialize_from_value::<Value>(value.clone().into_value(), ValuePointerRef::Origin)
 }
 
-/// A name. The canonical form may have turned it into a number.
+/// Reads a name. A number is accepted, too.
 fn named(place: &str, value: Option<Value>) -> Result<Option<String>, Faults> {
     let text = match value {
         None => return Ok(None),
@@ -189,6 +135,9 @@ pub fn fit(
             let detail = format!("must have 1 to {most} entries, not {length}");
             return Err(Faults::one(&format!("/{name}"), detail));
         }
+    }
+    if !scenario.is_object() {
+        return Err(Faults::one("/scenario", "must be an object"));
     }
     let mut building = Building::default();
     let read = tests.iter().enumerate().map(|(place, test)| building.read(place, test, scenario));
@@ -384,7 +333,7 @@ fn refine(scenario: &mut Value, noise: f64) -> f64 {
         return IN_TOLERANCE * given;
     }
     let wanted = twelve_digits((OF_NOISE / IN_TOLERANCE * noise).clamp(TOLERANCES.1, TOLERANCES.0));
-    if wanted < TOLERANCES.0 {
+    if wanted < TOLERANCES.0 && scenario.get("model").is_none_or(Value::is_object) {
         // Indexing adds the member `model` if the scenario does not have it.
         scenario["model"]["tolerance"] = json!(wanted);
     }

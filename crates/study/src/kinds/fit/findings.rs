@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use fretwork_engine::numeric::twelve_digits;
 use serde_json::{Value, json};
 
-use super::data::{Quantity, Set};
+use super::model::{Quantity, Set, Source};
 use super::search::{AT_BOUND, Best, Fit};
 use crate::member::Member;
 use crate::plan::{Cells, Findings};
@@ -222,7 +222,7 @@ impl Told<'_> {
         let names = places.iter().map(|place| format!("`{}`", self.fit.parameters[*place].name()));
         let names = names.collect::<Vec<_>>().join(", ");
         if let [place] = places[..] {
-            let rescales = |source: &super::model::Source| {
+            let rescales = |source: &Source| {
                 source.rescaled.is_some_and(|member| source.parameters[member] == place)
             };
             let stopped = self.fit.sources.iter().any(rescales);

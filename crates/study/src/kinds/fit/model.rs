@@ -1,10 +1,13 @@
 //! Predictions: what runs say about measured numbers, as a function of the parameters.
 
+use deserr::Deserr;
 use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::request::fault::Faults;
 use serde_json::Value;
 
 use crate::plan::Tried;
 use crate::problem::{Found, Problem};
+use crate::profile::Field;
 
 /// The wear coefficients. They only rescale the cycles if nothing else depends on them.
 const COEFFICIENTS: [&str; 2] = ["/wear/coefficient", "/wear/energy_coefficient"];
@@ -104,6 +107,63 @@ impl Parameter {
     /// The name in texts, such as `wear.coefficient`, or `friction (A1, A2)`.
     pub fn name(&self) -> String {
         self.column().trim_start_matches('/').replace('/', ".")
+    }
+}
+
+/// What a column of the history is measured over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+pub enum Over {
+    Cycles,
+    #[deserr(rename = "dissipated_energy")]
+    Energy,
+}
+
+/// A measured quantity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Quantity {
+    /// A column of the history, times a factor.
+    Column { column: &'static str, factor: f64, over: Over },
+    /// A profile after a number of cycles.
+    Profile { field: Field, at: f64 },
+}
+
+/// A set of measured numbers of one test. A number that was not measured is `None`.
+#[derive(Debug)]
+pub struct Set {
+    /// The index of its test.
+    pub test: usize,
+    pub output: String,
+    pub unit: &'static str,
+    pub quantity: Quantity,
+    pub x: Vec<f64>,
+    pub y: Vec<Option<f64>>,
+    pub noise: Vec<f64>,
+    pub is_estimated: bool,
+}
+
+impl Set {
+    /// Whether these are depths; `None` if they are neither depths nor volumes.
+    pub fn are_depths(&self) -> Option<bool> {
+        match self.quantity {
+            Quantity::Profile { .. } | Quantity::Column { column: "wear_depth", .. } => Some(true),
+            Quantity::Column { column, .. } => (column == "wear_volume").then_some(false),
+        }
+    }
+
+    /// The runs that it needs: those of its test over cycles, over energies, or up to a profile.
+    pub fn needs(&self) -> (usize, &'static str, f64) {
+        let at = if let Quantity::Profile { at, .. } = self.quantity { at } else { 0.0 };
+        (self.test, self.over(), at)
+    }
+
+    /// What x is.
+    pub fn over(&self) -> &'static str {
+        match self.quantity {
+            Quantity::Profile { .. } => "radius",
+            Quantity::Column { over: Over::Cycles, .. } => "cycles",
+            Quantity::Column { over: Over::Energy, .. } => "dissipated_energy",
+        }
     }
 }
 

@@ -18,8 +18,7 @@ use crate::stats::derivative::{Derivative, Place as At, Search};
 use crate::stats::least_squares::{Function, Stop, minimum};
 use crate::stats::measured::{Information, Measured};
 
-use super::data::Set;
-use super::model::{Parameter, Position, Source, Wanted, predicted};
+use super::model::{Parameter, Position, Set, Source, Wanted, predicted};
 
 /// Relative change of a parameter from which a search takes its differences. Numerical noise is much smaller.
 const DIFFERENCE: f64 = 0.04;
