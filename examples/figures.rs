@@ -1,4 +1,4 @@
-//! Draws Figures 2, 3 and 4 of the paper, and the figure of VERIFICATION.md. Prints tables of the numbers of the paper's
+//! Draws Figures 2, 3 and 4 of the paper, and the figures of VERIFICATION.md. Prints tables of the numbers of the paper's
 //! figures: `cargo run --release --example figures [directory]` (`examples` if none is given).
 
 #![cfg_attr(not(test), expect(clippy::expect_used, reason = "an example may stop where it stands"))]
@@ -40,37 +40,49 @@ fn main() {
 
 /// The figures under their file names.
 #[must_use]
-pub fn sheets() -> [(&'static str, Sheet); 4] {
+pub fn sheets() -> [(&'static str, Sheet); 6] {
     [
         ("paper/figure-2.svg", figure_2()),
         ("paper/figure-3.svg", figure_3()),
         ("paper/figure-4.svg", figure_4()),
         ("literature/fouvry-2007.svg", gross_slip()),
+        ("literature/mccoll-2004.svg", worn_flat()),
+        ("literature/van-peteghem-2011.svg", titanium()),
     ]
+}
+
+/// The rows of a CSV file with comments and a header.
+fn rows(csv: &str) -> Vec<Vec<f64>> {
+    let rows = csv.lines().filter(|line| !line.starts_with('#')).skip(1);
+    rows.map(|row| row.split(',').map(|text| text.parse().expect("a number")).collect()).collect()
+}
+
+/// Marks without a line.
+fn marked(mark: Mark) -> Style {
+    Style { color: "#000000", dash: Dash::Solid, width: 0.0, mark: Some(mark) }
+}
+
+fn scenario_of(body: &str) -> Value {
+    serde_json::from_str::<Value>(body).expect("a job")["scenario"].take()
 }
 
 /// The wear volume over the dissipated energy in gross slip, measured and computed.
 fn gross_slip() -> Sheet {
-    let measured = include_str!("literature/fouvry-2007.csv").lines();
-    let number = |text: &str| text.parse::<f64>().expect("a number");
-    let rows = measured.filter(|line| !line.starts_with('#')).skip(1);
-    let rows = rows.map(|row| row.split_once(',').expect("two columns"));
-    let (energy, volume) = rows.map(|(x, y)| (number(x), 1e-4 * number(y))).unzip();
-    let points = Style { color: "#000000", dash: Dash::Solid, width: 0.0, mark: Some(Mark::Disc) };
+    let measured = rows(include_str!("literature/fouvry-2007.csv"));
+    let (energy, volume) = measured.iter().map(|row| (row[0], 1e-4 * row[1])).unzip();
     let mut series = Vec::new();
     for (stroke, body, color, dash) in [
         (50, include_str!("literature/fouvry-2007-50um.json"), PALETTE[0], Dash::Solid),
         (100, include_str!("literature/fouvry-2007-100um.json"), PALETTE[1], Dash::Dashed),
     ] {
-        let body: Value = serde_json::from_str(body).expect("a job");
-        let Outcome { history, bodies: [_, flat], .. } = outcome(&body["scenario"]);
+        let Outcome { history, bodies: [_, flat], .. } = outcome(&scenario_of(body));
         let volume = flat.wear_volume.expect("the wear of the flat");
         let volume = volume.iter().map(|v| 1e-4 * (1e18 * v)).collect();
         let style = Style { color, dash, width: 1.6, mark: None };
         let label = format!("exact method, $U$ = {stroke} µm");
         series.push(Series::new(&label, history.dissipated_energy, volume).styled(style));
     }
-    series.push(Series::new("measured, TiC coating", energy, volume).styled(points));
+    series.push(Series::new("measured, TiC coating", energy, volume).styled(marked(Mark::Disc)));
     Sheet {
         title: "Wear volume over dissipated energy in gross slip".to_owned(),
         caption: "Alumina ball of 12.7 mm on a TiC coating under 100 N; the slope is the energy wear coefficient, \
@@ -83,6 +95,141 @@ fn gross_slip() -> Sheet {
             series,
             ..Figure::default()
         }],
+        legend: Vec::new(),
+    }
+}
+
+/// The flat below a cylinder in gross slip: its depth over the cycles, and its scar in the end.
+fn worn_flat() -> Sheet {
+    let nodes = rows(include_str!("literature/mccoll-2004-finite-elements.csv"));
+    let measured = rows(include_str!("literature/mccoll-2004-measured.csv"));
+    let mut request = scenario_of(include_str!("cylinder-on-flat.json"));
+    request["cycles"] = (1..=36).map(|step| 500 * step).collect();
+    let Outcome { history, bodies: [contact, flat], profiles, .. } = outcome(&request);
+    let (profiles, depth) = (profiles.expect("profiles"), flat.wear_depth.expect("two bodies"));
+    let last = |column: &[f64]| *column.last().expect("a row");
+    let wider = last(&flat.scar_half_length) / last(&contact.scar_half_length);
+    let shallower = last(&depth) / last(&history.wear_depth);
+    let half = profiles.radius.iter().zip(profiles.wear.last().expect("a profile"));
+    let half: Vec<(f64, f64)> =
+        half.map(|(x, wear)| (1e3 * wider * x, -1e6 * shallower * wear)).collect();
+    let left = half.iter().rev().map(|(x, height)| (-x, *height));
+    let (x, height) = left.chain(half.iter().copied()).unzip();
+    let line = Style { color: PALETTE[0], dash: Dash::Solid, width: 1.6, mark: None };
+    let elements = Style { color: PALETTE[1], ..marked(Mark::Square) };
+    let deepest = |scar: &[Vec<f64>]| scar.iter().map(|point| point[2]).fold(0.0, f64::max);
+    let scars = nodes.chunk_by(|a, b| a[0].total_cmp(&b[0]).is_eq());
+    let (cycles, depths) = scars.map(|scar| (scar[0][0], deepest(scar))).unzip();
+    let points = |name, rows: &[Vec<f64>], style| {
+        let rows = rows.iter().filter(|row| row[0] > 17_999.0);
+        let (x, height) = rows.map(|row| (row[1], -row[2])).unzip();
+        Series::new(name, x, height).styled(style)
+    };
+    let depth = depth.iter().map(|depth| 1e6 * depth).collect();
+    Sheet {
+        title: "A flat below a cylinder in gross slip".to_owned(),
+        caption: "Steel cylinder of 6 mm under 18.5 N/mm, $U$ = 25 µm. (a) Depth of the flat. (b) Its scar after 18 000 cycles. \
+                  The curve is the wear of the contact, scaled to the depth and the half-length that the program gives for the \
+                  flat. Measured by I. R. McColl, J. Ding and S. B. Leen, Wear 256 (2004) 1114; finite elements by I. Llavori."
+            .to_owned(),
+        columns: 2,
+        figures: vec![
+            Figure {
+                title: "(a) depth".to_owned(),
+                x: Axis::labelled("Cycles $N$"),
+                y: Axis { range: Some((0.0, 3.5)), ..Axis::labelled("Wear depth $w$ (µm)") },
+                series: vec![
+                    Series::new("exact method", history.cycles, depth).styled(line),
+                    Series::new("finite elements", cycles, depths).styled(elements),
+                    Series::new("measured", vec![18_000.0], vec![deepest(&measured)])
+                        .styled(marked(Mark::Disc)),
+                ],
+                size: SIZE,
+                ..Figure::default()
+            },
+            Figure {
+                title: "(b) scar after 18 000 cycles".to_owned(),
+                x: Axis { range: Some((-0.35, 0.35)), ..Axis::labelled("$x$ (mm)") },
+                y: Axis { range: Some((-3.0, 1.0)), ..Axis::labelled("Height of the flat (µm)") },
+                series: vec![
+                    points("measured", &measured, marked(Mark::Dot)),
+                    Series::new("exact method", x, height).styled(line),
+                    points("finite elements", &nodes, elements),
+                ],
+                size: SIZE,
+                ..Figure::default()
+            },
+        ],
+        legend: Vec::new(),
+    }
+}
+
+/// A titanium cylinder in gross slip: the volumes of the tests over their energies, and the depths of two runs.
+fn titanium() -> Sheet {
+    let tests = rows(include_str!("literature/van-peteghem-2011.csv"));
+    let volumes =
+        [(5.0, Mark::Disc), (3.0, Mark::Triangle), (1.0, Mark::Diamond), (0.11, Mark::Square)];
+    let volumes = volumes.into_iter().map(|(frequency, mark)| {
+        let tests = tests.iter().filter(|test| (test[2] - frequency).abs() < 1e-9);
+        let (energy, volume) = tests.map(|test| (1e-3 * test[4], 1e-9 * test[5])).unzip();
+        Series::new(&format!("measured, {frequency} Hz"), energy, volume).styled(marked(mark))
+    });
+    let line = |color, dash| Style { color, dash, width: 1.6, mark: None };
+    let slope = |alpha: f64, energy: f64, style| {
+        let volume = vec![0.0, 1e-6 * alpha * energy];
+        Series::new(&format!("{alpha} µm³/J"), vec![0.0, energy], volume).styled(style)
+    };
+    let mut series = vec![
+        slope(97_500.0, 25.0, line(PALETTE[0], Dash::Solid)),
+        slope(534_900.0, 7.0, line(PALETTE[1], Dash::Dashed)),
+    ];
+    series.extend(volumes);
+    let mut depths: Vec<Series> = [
+        (
+            "run of test 3, 5 Hz",
+            include_str!("literature/van-peteghem-2011-test-3.json"),
+            series[0].style,
+        ),
+        (
+            "run of test 14, 0.11 Hz",
+            include_str!("literature/van-peteghem-2011-test-14.json"),
+            series[1].style,
+        ),
+    ]
+    .map(|(name, body, style)| {
+        let Outcome { history, .. } = outcome(&scenario_of(body));
+        let depth = history.wear_depth.iter().map(|depth| 1e6 * depth).collect();
+        Series { style, ..Series::new(name, history.cycles, depth) }
+    })
+    .into();
+    for (name, depth, mark) in [
+        ("measured, 2 Hz", 65.0, Mark::Disc),
+        ("measured, 0.1 Hz", 155.0, Mark::Square),
+        ("their model, 0.1 Hz", 107.0, Mark::Diamond),
+    ] {
+        depths.push(Series::new(name, vec![5000.0], vec![depth]).styled(marked(mark)));
+    }
+    let (volume, depth) = ("Wear volume $V$ (mm³)", "Depth of both bodies (µm)");
+    let panel = |title: &str, x, y, top, series| Figure {
+        title: title.to_owned(),
+        x: Axis::labelled(x),
+        y: Axis { range: Some((0.0, top)), ..Axis::labelled(y) },
+        series,
+        size: SIZE,
+        ..Figure::default()
+    };
+    Sheet {
+        title: "A titanium cylinder on a flat in gross slip".to_owned(),
+        caption: "Ti-6Al-4V, cylinder of 80 mm under 1065 N/mm. (a) Volumes of the tests, and the energy wear coefficients that \
+                  the authors published for 5 Hz and 0.11 Hz: B. van Peteghem, S. Fouvry and J. Petit, Wear 271 (2011) 1535. \
+                  (b) Runs with the volumes of two tests, and depths after 5000 cycles by P. Arnaud, S. Baydoun and S. Fouvry, \
+                  Tribol. Int. 161 (2021) 107077. fretwork models no debris."
+            .to_owned(),
+        columns: 2,
+        figures: vec![
+            panel("(a) volume", "Dissipated energy Σ$W$ (kJ)", volume, 5.0, series),
+            panel("(b) depth", "Cycles $N$", depth, 200.0, depths),
+        ],
         legend: Vec::new(),
     }
 }

@@ -10,26 +10,6 @@ use super::values::duration;
 use fretwork_job::Key;
 use fretwork_store::Search;
 
-/// What the help of `export` shows.
-pub const EXAMPLES: &str = "\
-Examples:
-  fretwork export all.db                                    all results
-  fretwork export cones.db shape=cone friction=0.6..0.8     the results that GET /v1/results lists
-  fretwork export one.db --key 7262301e...                  one result, by its whole key";
-
-/// What the help of `import` shows.
-pub const IMPORT_EXAMPLES: &str = "\
-Examples:
-  fretwork import all.db                      computes every result again that takes at most 10 minutes
-  fretwork import all.db --verify-time 1h     an hour for each, for instance for long studies
-  fretwork import all.db --verify-time 0      computes nothing again: for files of your own servers only";
-
-/// What the help of `check` shows.
-pub const CHECK_EXAMPLES: &str = "\
-Examples:
-  fretwork check                               the database in ./data
-  fretwork check --data-dir /var/lib/fretwork  exit code 0: sound; 2: damaged rows, which are named";
-
 /// The settings of `export`.
 #[derive(Debug, Args)]
 pub struct Export {

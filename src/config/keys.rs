@@ -10,17 +10,6 @@ use super::values::duration;
 use crate::http;
 use fretwork_store::Role;
 
-/// What the help of `keys` shows.
-pub const EXAMPLES: &str = "\
-Examples:
-  fretwork keys add anna --role submit                  print a new key; send it as
-                                                        Authorization: Bearer fretwork_...
-  fretwork keys add dashboard --role read --rate 600    600 requests a minute
-  fretwork keys add guest --role read --expires 30d
-  fretwork keys list
-  fretwork keys revoke anna                             all keys with this name
-  fretwork keys revoke 0a1b2c3d                         one key, by its id";
-
 /// A command for access keys.
 #[derive(Debug, Subcommand)]
 pub enum Keys {

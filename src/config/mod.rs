@@ -21,34 +21,18 @@ pub use server::{Serve, described};
 pub use values::resolve;
 pub use worker::Worker;
 
-const EXAMPLES: &str = "\
-Examples:
-  fretwork                                          serve on 127.0.0.1:8080, store results in ./data
-  fretwork --listen 127.0.0.1:0 --data-dir /tmp/f   a free port (printed), another directory
-  fretwork run examples/steel-ball.json             compute one file, without a server
-  fretwork run - --format csv < job.json            read standard input, print the history as CSV
-  fretwork run job.json --format npz --output r.npz write the whole result as NumPy arrays
-  fretwork run job.json --plot worn.svg             also draw a figure; --quantity selects what
-  fretwork verify                                   compare the program with known numbers
-  fretwork health                                   exit code 0 if the server answers
-  fretwork keys add anna --role submit              add an access key; then callers need one
-  fretwork --database postgres://fretwork@db/fretwork   share a PostgreSQL database with other servers
-  fretwork worker --database postgres://...         only compute, for these servers
-  fretwork --print-config > fretwork.env            write the settings as environment variables
+/// The examples that the help of a command shows.
+macro_rules! examples {
+    ($command:literal) => {
+        include_str!(concat!("examples/", $command, ".txt")).trim_ascii_end()
+    };
+}
 
-Every option of the server has an environment variable.";
-
-const VERIFY_EXAMPLES: &str = "\
-Examples:
-  fretwork verify > VERIFICATION.md   write the page again
-  fretwork verify --exact-volumes > crates/engine/src/simulation/exact_volumes.csv
-  fretwork verify --random 1000 > crates/verify/src/accuracy.md";
-
-/// Fretting wear of axisymmetric contacts, as a service with a shared result cache.
+/// Fretting wear of round and line contacts, as a service with a shared result cache.
 ///
 /// Without a command, the server starts.
 #[derive(Debug, Parser)]
-#[command(version, args_conflicts_with_subcommands = true, after_help = EXAMPLES)]
+#[command(version, args_conflicts_with_subcommands = true, after_help = examples!("serve"))]
 pub struct Cli {
     /// The command; `serve` by default.
     #[command(subcommand)]
@@ -66,7 +50,7 @@ pub enum Command {
     /// Compute the runs of other servers, which share a PostgreSQL database. Answers no requests of clients.
     ///
     /// Start any number of workers on any number of machines, beside servers with the same --database.
-    #[command(after_help = worker::EXAMPLES)]
+    #[command(after_help = examples!("worker"))]
     Worker(Box<Worker>),
     /// Compute a job body from a file, without a server or a database.
     ///
@@ -79,7 +63,7 @@ pub enum Command {
     ///
     /// Prints a page in Markdown. Each check has its reference, the computed value, the error and the accepted
     /// error. The exit code is 1 if a check fails. The command takes some seconds and needs no server.
-    #[command(after_help = VERIFY_EXAMPLES)]
+    #[command(after_help = examples!("verify"))]
     Verify {
         /// Instead, print the table of volumes from which the error of the simplified rule follows.
         #[arg(long)]
@@ -94,7 +78,7 @@ pub enum Command {
     ///
     /// The server may run meanwhile. Exports all results, or those that match every NAME=VALUE (as in
     /// GET /v1/results), or those with the given keys.
-    #[command(after_help = files::EXAMPLES)]
+    #[command(after_help = examples!("export"))]
     Export(Export),
     /// Import the results of an exported file.
     ///
@@ -104,14 +88,14 @@ pub enum Command {
     /// command overwrites nothing. It imports the note of a result that has no note yet. It does not import pins. Refused
     /// results are printed to standard error; the exit code is then 2. An interrupted import continues when it is
     /// started again.
-    #[command(after_help = files::IMPORT_EXAMPLES)]
+    #[command(after_help = examples!("import"))]
     Import(Import),
     /// Search the database for damage, and name the rows.
     ///
     /// The server may run meanwhile. The command compares every index with its table, every result with its checksum, and what
     /// lists and search show with the stored results. Damaged rows are printed to standard error: table, key, column. The exit
     /// code is then 2.
-    #[command(after_help = files::CHECK_EXAMPLES)]
+    #[command(after_help = examples!("check"))]
     Check(Data),
     /// Copy the whole database to a file, and check the copy.
     ///
@@ -123,7 +107,7 @@ pub enum Command {
     ///
     /// Once there is a key, the server requires a key from every caller. A running server applies changes within
     /// a second.
-    #[command(subcommand, after_help = keys::EXAMPLES)]
+    #[command(subcommand, after_help = examples!("keys"))]
     Keys(Keys),
     /// Print who made, revoked and used which key, and who canceled and deleted whose jobs and results.
     ///

@@ -10,14 +10,6 @@ use super::values::{duration, lease, nonzero, resolve, seconds};
 use crate::service::WorkLimits;
 use crate::telemetry::Logging;
 
-/// What the help of `worker` shows.
-pub const EXAMPLES: &str = "\
-Examples:
-  export FRETWORK_DATABASE=postgres://fretwork:PASSWORD@db.example/fretwork
-  fretwork worker                               one thread per processor
-  fretwork worker --listen 0.0.0.0:9090         also answer Prometheus and health checks
-  fretwork health --url http://127.0.0.1:9090   exit code 0 if the worker answers";
-
 /// The settings of `worker`.
 #[derive(Debug, Args)]
 pub struct Worker {

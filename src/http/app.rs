@@ -1,10 +1,13 @@
 //! The state that all handlers share.
 
+use std::convert::Infallible;
 use std::ops::Deref;
 use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
+use axum::extract::FromRequestParts;
+use axum::http::request::Parts;
 use tokio::sync::Mutex;
 
 use super::access::Gate;
@@ -12,6 +15,7 @@ use super::memory::Memory;
 use super::memory::models::{self, Models};
 use super::metrics::Metrics;
 use super::shares::Shares;
+use super::transport::admission::Admission;
 use crate::service::Service;
 use fretwork_store::{Error, Store};
 
@@ -26,15 +30,23 @@ impl Deref for App {
     }
 }
 
+impl FromRequestParts<App> for App {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(_: &mut Parts, app: &App) -> Result<Self, Infallible> {
+        Ok(app.clone())
+    }
+}
+
 /// The state that all requests share.
 pub struct Shared {
     pub service: Service,
     /// The store, for operations to which the service adds nothing, such as finding a result.
     pub store: Store,
-    pub gate: Arc<Gate>,
+    pub gate: Gate,
     pub memory: Memory,
     pub shares: Arc<Shares>,
-    pub metrics: Arc<Metrics>,
+    pub metrics: Metrics,
     /// The models of UM-Bridge, by their configs.
     pub models: Models,
     /// The OpenAPI document. It is made when it is first requested.
@@ -48,25 +60,22 @@ pub struct Shared {
 const PROBE_INTERVAL: Duration = Duration::from_secs(2);
 
 impl App {
+    /// `memory` is for answers that are kept, `transfers` for large bodies of requests and answers, in bytes.
     pub fn new(
         service: Service,
-        gate: Arc<Gate>,
-        memory: Memory,
-        shares: Arc<Shares>,
-        metrics: Arc<Metrics>,
+        gate: Gate,
+        admission: &Admission,
+        (memory, transfers): (u64, u64),
         document: fn() -> Bytes,
     ) -> Self {
-        Self(Arc::new(Shared {
-            store: service.store().clone(),
-            service,
-            gate,
-            memory,
-            shares,
-            metrics,
-            models: models::empty(),
-            document: LazyLock::new(document),
-            probed: Mutex::default(),
-        }))
+        let (store, memory) = (service.store().clone(), Memory::new(memory));
+        let shares = Arc::new(Shares::new(transfers, service.places()));
+        let metrics = Metrics::new(store.tally(), service.workers(), admission, &shares);
+        let (models, document) = (models::empty(), LazyLock::new(document));
+        let probed = Mutex::default();
+        let shared =
+            Shared { service, store, gate, memory, shares, metrics, models, document, probed };
+        Self(Arc::new(shared))
     }
 
     /// Checks that the database can store a submission, or did so less than [`PROBE_INTERVAL`] ago.

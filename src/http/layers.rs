@@ -19,9 +19,9 @@ use super::access::caller::{Peer, REQUEST_ID, Trace, owner_of};
 use super::access::{self, Gate, Identity};
 use super::api::evaluate;
 use super::api::umbridge;
-use super::metrics::Metrics;
+use super::app::App;
 use super::problem::refusals::Refusals;
-use super::problem::{self, Problem, kinds};
+use super::problem::{self, Problem, Result, kinds};
 use super::shares::{Permit, SMALL, Shares};
 use super::transport::drain_body::drain_body;
 use super::wire::coding::Coding;
@@ -43,13 +43,11 @@ pub enum Origins {
 /// Puts one layer around the routes. It is a single layer, because axum clones each layer for each request.
 pub fn with_layers<S: Clone + Send + Sync + 'static>(
     routes: Router<S>,
-    gate: Arc<Gate>,
-    metrics: Arc<Metrics>,
-    shares: Arc<Shares>,
+    app: App,
     origins: Origins,
 ) -> Router<S> {
     let (cors, refusals) = (cors(&origins), Refusals::default());
-    let shared = Arc::new(Shared { gate, metrics, shares, refusals, origins, cors });
+    let shared = Arc::new(Shared { app, refusals, origins, cors });
     routes.layer(layer_fn(move |route: Route| {
         let shared = Arc::clone(&shared);
         service_fn(move |request| {
@@ -60,9 +58,7 @@ pub fn with_layers<S: Clone + Send + Sync + 'static>(
 
 /// What the layer uses for every request.
 struct Shared {
-    gate: Arc<Gate>,
-    metrics: Arc<Metrics>,
-    shares: Arc<Shares>,
+    app: App,
     refusals: Refusals,
     origins: Origins,
     /// Lets web pages of the other origins read the answers, and answers their preflights.
@@ -72,14 +68,14 @@ struct Shared {
 /// Handles a request: gives it an id, refuses it if a foreign web page sent it, writes the problem of its answer,
 /// counts it and logs one line. Of many refusals, it logs only some.
 async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Response {
-    let Shared { gate, metrics, shares, refusals, origins, cors } = &*shared;
+    let Shared { app, refusals, origins, cors } = &*shared;
     let started = Instant::now();
     let trace = Trace::read(request.headers());
     let Trace { id, parent } = trace.clone();
     let pattern = request.extensions().get::<MatchedPath>().cloned();
     let (method, uri) = (request.method().clone(), request.uri().clone());
     request.extensions_mut().insert(trace);
-    request.extensions_mut().insert(Arc::clone(shares));
+    request.extensions_mut().insert(Arc::clone(&app.shares));
     let peer = request.extensions().get::<Peer>().cloned();
     let closes_after_error = drain_body(&mut request);
     let answer = if peer.is_some() && !has_one_host(&request) {
@@ -91,9 +87,10 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
         Problem::new(&kinds::CROSS_SITE, detail).into_response()
     } else {
         match cors {
-            None => answer(gate, request, route).await,
+            None => answer(&app.gate, request, route).await,
             Some(cors) => {
-                let inner = |request| answer(gate, request, route.clone()).map(Ok::<_, Infallible>);
+                let inner =
+                    |request| answer(&app.gate, request, route.clone()).map(Ok::<_, Infallible>);
                 let Ok(answer) = cors.layer(service_fn(inner)).oneshot(request).await;
                 answer
             }
@@ -105,11 +102,11 @@ async fn surround(shared: Arc<Shared>, mut request: Request, route: Route) -> Re
     let written = |answer| {
         if is_umbridge { umbridge::write(answer) } else { problem::write(answer, &id) }
     };
-    let mut response = match counted(shares, written(answer), &method, peer) {
+    let mut response = match counted(&app.shares, written(answer), &method, peer) {
         Ok(response) => response,
         Err(problem) => written(problem.into_response()),
     };
-    metrics.answered(&method, pattern, response.status(), started);
+    app.metrics.answered(&method, pattern, response.status(), started);
     let status = response.status().as_u16();
     let milliseconds = (started.elapsed().as_secs_f64() * 1e6).round() / 1e3;
     macro_rules! log {
@@ -151,7 +148,7 @@ fn counted(
     mut answer: Response,
     method: &Method,
     peer: Option<Peer>,
-) -> Result<Response, Problem> {
+) -> Result<Response> {
     let size = length_of(&answer).map_or(0, |size| usize::try_from(size).unwrap_or(usize::MAX));
     if size <= SMALL || answer.extensions().get::<Arc<Permit>>().is_some() {
         return Ok(answer);
@@ -259,7 +256,7 @@ fn cors(origins: &Origins) -> Option<CorsLayer> {
 mod tests {
     use std::num::NonZeroU32;
 
-    use axum::body::Body;
+    use axum::body::{Body, Bytes};
     use axum::routing::{MethodRouter, get};
     use http_body_util::BodyExt as _;
     use tempfile::TempDir;
@@ -270,6 +267,8 @@ mod tests {
     use crate::http::access::needs::RouteNeeds;
     use crate::http::access::{Access, AdminKey};
     use crate::http::transport::admission::{Admission, Connections};
+    use crate::service::{Service, WorkLimits};
+    use fretwork_job::Task;
     use fretwork_store::Store;
 
     /// A server with one route, and the directory of its database.
@@ -277,11 +276,11 @@ mod tests {
         let dir = TempDir::new().unwrap();
         let store =
             Store::open(dir.path().into(), &fretwork_store::Options::default()).await.unwrap();
-        let shares = Arc::new(Shares::new(1 << 20, 1));
+        let gate = Gate::new(&store, access, RouteNeeds::default());
+        let service = Service::new(store, Arc::new(Task::start), 1, WorkLimits::default());
         let admission = Admission::new(Connections::default());
-        let metrics = Arc::new(Metrics::new(store.tally(), 1, &admission, &shares));
-        let gate = Arc::new(Gate::new(&store, access, RouteNeeds::default()));
-        (with_layers(Router::new().route("/", route), gate, metrics, shares, Origins::Any), dir)
+        let app = App::new(service, gate, &admission, (1 << 20, 1 << 20), Bytes::new);
+        (with_layers(Router::new().route("/", route), app, Origins::Any), dir)
     }
 
     #[tokio::test]

@@ -42,11 +42,8 @@ use access::Gate;
 use access::needs::RouteNeeds;
 use app::App;
 use layers::with_layers;
-use memory::Memory;
-use metrics::Metrics;
 use problem::{Problem, kinds};
 use routes::Routes;
-use shares::Shares;
 use transport::admission::Admission;
 use transport::server;
 
@@ -78,7 +75,6 @@ impl Default for Settings {
 }
 
 /// The sockets of a server.
-#[derive(Debug)]
 pub struct Sockets {
     /// Serves the whole API.
     pub api: TcpListener,
@@ -137,13 +133,10 @@ struct Server {
 
 impl Server {
     fn new(service: Service, settings: &Settings, needs: RouteNeeds) -> Self {
-        let gate = Arc::new(Gate::new(service.store(), &settings.access, needs));
+        let gate = Gate::new(service.store(), &settings.access, needs);
         let admission = Arc::new(Admission::new(settings.connections.clone()));
-        let shares = Arc::new(Shares::new(settings.transfers, service.places()));
-        let metrics = Metrics::new(service.store().tally(), service.workers(), &admission, &shares);
-        let memory = Memory::new(settings.memory);
-        let document = || document().into();
-        let app = App::new(service, gate, memory, shares, Arc::new(metrics), document);
+        let memory = (settings.memory, settings.transfers);
+        let app = App::new(service, gate, &admission, memory, || document().into());
         Self { app, admission, origins: settings.origins.clone() }
     }
 
@@ -159,10 +152,8 @@ impl Server {
         let (router, _) = router
             .fallback(async move |request: Request| not_found(&request, served))
             .split_for_parts();
-        let (gate, metrics) = (self.app.gate.clone(), self.app.metrics.clone());
-        let (shares, origins) = (self.app.shares.clone(), self.origins.clone());
-        let layered = with_layers(router, gate, metrics, shares, origins);
-        let router = layered.with_state(self.app.clone());
+        let router = with_layers(router, self.app.clone(), self.origins.clone());
+        let router = router.with_state(self.app.clone());
         server::serve(listener, router, self.admission.clone(), closing).await;
     }
 }

@@ -4,14 +4,15 @@
 //! all other callers.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use prometheus_client::metrics::gauge::Gauge;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, timeout_at};
 
-use super::problem::{Problem, kinds};
+use super::problem::{Problem, Result, kinds};
 
 /// Largest body that needs no permit, in bytes. The limits of connections and of concurrent requests bound the memory
 /// of such bodies.
@@ -28,7 +29,6 @@ const HEAVY: usize = 2;
 pub const NAMES: usize = 64;
 
 /// The limits, and their use.
-#[derive(Debug)]
 pub struct Shares {
     /// Memory for the bodies of requests. Slow readers of answers cannot use it.
     pub bodies: Budget,
@@ -47,7 +47,6 @@ pub struct Shares {
 }
 
 /// Memory for bodies of one kind. One caller may use half of it.
-#[derive(Debug)]
 pub struct Budget {
     memory: Arc<Semaphore>,
     /// Maximum number of units of one caller.
@@ -59,7 +58,6 @@ pub struct Budget {
 }
 
 /// A semaphore for each caller who uses it.
-#[derive(Debug)]
 pub struct PerCaller {
     permits: usize,
     semaphores: Mutex<HashMap<String, Weak<Semaphore>>>,
@@ -110,7 +108,7 @@ impl Budget {
     ///
     /// # Errors
     /// The memory is in use.
-    pub fn try_hold(&self, caller: &str, bytes: usize) -> Result<Permit, Problem> {
+    pub fn try_hold(&self, caller: &str, bytes: usize) -> Result<Permit> {
         if bytes <= SMALL {
             return Ok(Permit::default());
         }
@@ -125,7 +123,7 @@ impl Budget {
     ///
     /// # Errors
     /// The memory is still in use.
-    pub async fn hold(&self, caller: &str, bytes: usize) -> Result<Permit, Problem> {
+    pub async fn hold(&self, caller: &str, bytes: usize) -> Result<Permit> {
         self.hold_until(longest_wait(), caller, bytes).await
     }
 
@@ -133,12 +131,7 @@ impl Budget {
     ///
     /// # Errors
     /// The memory is still in use.
-    pub async fn hold_until(
-        &self,
-        end: Instant,
-        caller: &str,
-        bytes: usize,
-    ) -> Result<Permit, Problem> {
+    pub async fn hold_until(&self, end: Instant, caller: &str, bytes: usize) -> Result<Permit> {
         if bytes <= SMALL {
             return Ok(Permit::default());
         }
@@ -182,7 +175,7 @@ impl PerCaller {
 
     /// The semaphore of a caller. The map drops the semaphore when no request waits for it or holds its permits.
     fn of(&self, caller: &str) -> Arc<Semaphore> {
-        get_or_insert(&mut lock(&self.semaphores), caller, || Semaphore::new(self.permits))
+        get_or_insert(&mut self.semaphores.lock(), caller, || Semaphore::new(self.permits))
     }
 }
 
@@ -206,11 +199,6 @@ pub fn get_or_insert<T>(
     }
     map.insert(name.to_owned(), Arc::downgrade(&new));
     new
-}
-
-/// Locks a mutex whose value stays valid if a holder of the lock panics.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Permit {
@@ -333,7 +321,7 @@ mod tests {
         for number in 0..10_000 {
             drop(shares.heavy.turn(&number.to_string()).await);
         }
-        let callers = shares.heavy.semaphores.lock().unwrap();
+        let callers = shares.heavy.semaphores.lock();
         assert!(callers.len() <= 4 * NAMES && callers.contains_key("held"), "{}", callers.len());
         drop(held);
     }

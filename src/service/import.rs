@@ -8,10 +8,11 @@ use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, mpsc};
+use std::sync::{Arc, OnceLock, mpsc};
 use std::thread;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use tokio::time::timeout;
 
@@ -99,11 +100,6 @@ struct Verifier {
     share: AtomicU64,
 }
 
-/// Locks a mutex. Poisoning is harmless, because a panic cannot leave the guarded values inconsistent.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl Verifier {
     /// Starts the threads.
     fn start(limit: Duration) -> (Arc<Self>, mpsc::Sender<Entry>, UnboundedReceiver<Settled>) {
@@ -140,7 +136,7 @@ impl Verifier {
     }
 
     fn next(&self) -> Option<Entry> {
-        lock(&self.queued).recv().ok().filter(|_| !self.done.is_closed())
+        self.queued.lock().recv().ok().filter(|_| !self.done.is_closed())
     }
 
     fn verify(&self, entry: Entry) -> Result<Accepted, String> {
@@ -160,7 +156,7 @@ impl Verifier {
         }
         let rows = Rows { order: shuffled(received.rows()), ..Rows::default() };
         if rows.order.len() > 1 {
-            let _turn = lock(&self.study);
+            let _turn = self.study.lock();
             thread::scope(|scope| {
                 for _ in 0..processors().min(rows.order.len()) {
                     scope.spawn(|| self.compute_rows(received, body, &rows));

@@ -9,14 +9,14 @@ use tokio::time::sleep;
 
 use super::Service;
 use fretwork_job::{Job, JobId};
-use fretwork_store::{Actor, Canceled, Deleted, Error, Filter, Page};
+use fretwork_store::{Actor, Canceled, Deleted, Filter, Page, Result};
 
 impl Service {
     /// A job, if it is within reach: if its owner is `reach`, or if `reach` is `None`.
     ///
     /// # Errors
     /// The database fails.
-    pub async fn job(&self, reach: Option<&str>, id: JobId) -> Result<Option<Job>, Error> {
+    pub async fn job(&self, reach: Option<&str>, id: JobId) -> Result<Option<Job>> {
         let job = self.0.store.job(id).await?;
         Ok(job.filter(|job| reach.is_none_or(|owner| owner == job.owner)))
     }
@@ -31,7 +31,7 @@ impl Service {
         filter: Filter,
         cursor: Option<JobId>,
         limit: u32,
-    ) -> Result<Page, Error> {
+    ) -> Result<Page> {
         self.0.store.jobs(&within(filter, reach), cursor, limit).await
     }
 
@@ -39,7 +39,7 @@ impl Service {
     ///
     /// # Errors
     /// The database fails.
-    pub async fn wait(&self, job: Job, time: Duration) -> Result<Job, Error> {
+    pub async fn wait(&self, job: Job, time: Duration) -> Result<Job> {
         let until = async {
             tokio::select! {
                 () = sleep(time) => {}
@@ -53,12 +53,7 @@ impl Service {
     ///
     /// # Errors
     /// The database fails.
-    pub async fn cancel(
-        &self,
-        reach: Option<&str>,
-        id: JobId,
-        by: Actor,
-    ) -> Result<Canceled, Error> {
+    pub async fn cancel(&self, reach: Option<&str>, id: JobId, by: Actor) -> Result<Canceled> {
         match self.job(reach, id).await? {
             Some(_) => self.0.store.cancel(id, by).await,
             None => Ok(Canceled::NotFound),
@@ -69,12 +64,7 @@ impl Service {
     ///
     /// # Errors
     /// The database fails.
-    pub async fn cancel_all(
-        &self,
-        reach: Option<&str>,
-        filter: Filter,
-        by: &Actor,
-    ) -> Result<u64, Error> {
+    pub async fn cancel_all(&self, reach: Option<&str>, filter: Filter, by: &Actor) -> Result<u64> {
         self.0.store.cancel_all(&within(filter, reach), by).await
     }
 
@@ -82,12 +72,7 @@ impl Service {
     ///
     /// # Errors
     /// The database fails.
-    pub async fn delete(
-        &self,
-        reach: Option<&str>,
-        id: JobId,
-        by: Actor,
-    ) -> Result<Deleted, Error> {
+    pub async fn delete(&self, reach: Option<&str>, id: JobId, by: Actor) -> Result<Deleted> {
         match self.job(reach, id).await? {
             Some(_) => self.0.store.delete(id, by).await,
             None => Ok(Deleted::NotFound),

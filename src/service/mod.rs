@@ -13,7 +13,6 @@ mod turns;
 mod waiting;
 pub mod workers;
 
-use std::fmt;
 use std::sync::Arc;
 use std::thread;
 
@@ -49,12 +48,6 @@ struct Parts {
     limits: WorkLimits,
     /// True after the service has stopped accepting jobs.
     draining: watch::Sender<bool>,
-}
-
-impl fmt::Debug for Service {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Service").finish_non_exhaustive()
-    }
 }
 
 /// The number of processors.
@@ -97,7 +90,7 @@ impl Service {
     /// The number of short computations that can run at the same time while their clients wait.
     #[must_use]
     pub fn places(&self) -> usize {
-        self.0.places.number()
+        self.0.places.number
     }
 
     /// The function with which a worker begins a claimed run. It uses the prepared task if that is still in memory.

@@ -22,14 +22,13 @@ const MAX_WAIT: Duration = Duration::from_millis(250);
 
 /// A computation needs one of these places. There are as many as workers, because more computations at a time would
 /// only share the processors.
-#[derive(Debug)]
 pub struct Places {
     free: Arc<Semaphore>,
-    number: usize,
+    /// How many there are.
+    pub number: usize,
 }
 
 /// Why a computation has no outcome.
-#[derive(Debug)]
 pub enum Unfinished {
     /// All places were taken.
     NoPlace,
@@ -40,11 +39,6 @@ pub enum Unfinished {
 impl Places {
     pub fn new(number: usize) -> Self {
         Self { free: Arc::new(Semaphore::new(number)), number }
-    }
-
-    /// The number of places.
-    pub fn number(&self) -> usize {
-        self.number
     }
 
     /// Waits for a place and computes.

@@ -6,16 +6,17 @@
 //! estimated goes through the queue.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use quick_cache::sync::Cache;
 use tokio::sync::{Semaphore, oneshot};
 
 use super::places::{INLINE, INLINE_BYTES, MAX_TIME, Places, SHORT};
 use super::stopwatch::Stopwatch;
 use fretwork_job::{Answer, Begin, Job, JobState, Key, Origin, Prepared, Step};
-use fretwork_store::{Admission, Answered, Error, NewJob, Store, Submitted};
+use fretwork_store::{Admission, Answered, Error, NewJob, Result, Store, Submitted};
 
 /// Maximum number of keys in `known`.
 const KNOWN: usize = 1 << 14;
@@ -75,9 +76,9 @@ impl ShortRuns {
         &self,
         job: &NewJob,
         prepared: &Prepared,
-    ) -> Result<Option<(Submitted, Option<Answer>)>, Error> {
+    ) -> Result<Option<(Submitted, Option<Answer>)>> {
         let entered = self.entrance.try_acquire().ok();
-        if entered.is_none() && !self.flights().contains_key(&job.key) {
+        if entered.is_none() && !self.flights.lock().contains_key(&job.key) {
             return Ok(None);
         }
         if prepared.seconds >= INLINE || self.known.get(&job.key).is_some() {
@@ -158,7 +159,7 @@ impl ShortRuns {
 
     /// Joins the computation of this key. If there is none, returns `None`, and this submission must compute.
     fn join(&self, job: &NewJob) -> Option<oneshot::Receiver<Job>> {
-        let mut flights = self.flights();
+        let mut flights = self.flights.lock();
         let Some(joined) = flights.get_mut(&job.key) else {
             flights.insert(job.key, Vec::new());
             return None;
@@ -166,10 +167,6 @@ impl ShortRuns {
         let (reply, answer) = oneshot::channel();
         joined.push(Joined { job: job.clone(), reply });
         Some(answer)
-    }
-
-    fn flights(&self) -> MutexGuard<'_, HashMap<Key, Vec<Joined>>> {
-        self.flights.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -188,7 +185,7 @@ impl Leader<'_> {
         if std::mem::replace(&mut self.landed, true) {
             return Vec::new();
         }
-        self.short.flights().remove(&self.key).expect("only its leader ends a flight")
+        self.short.flights.lock().remove(&self.key).expect("only its leader ends a flight")
     }
 }
 

@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 use fretwork_job::Cost;
 
 /// Measures the processor time of the thread that starts it. Read it on the same thread.
-#[derive(Debug)]
 pub struct Stopwatch {
     started: Instant,
     cpu: Option<Duration>,

@@ -7,7 +7,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::{Excess, Service};
 use fretwork_job::{Answer, Job, JobId, JobState, Prepared, Submission, asked_in};
-use fretwork_store::{Admission, Error, NewJob, Repeatable, Submitted};
+use fretwork_store::{Admission, Error, NewJob, Repeatable, Result, Submitted};
 
 /// What a client demands of its submission, besides the scenario.
 #[derive(Debug, Clone, Default)]
@@ -30,7 +30,6 @@ pub struct Terms {
 }
 
 /// An accepted submission.
-#[derive(Debug)]
 pub struct Accepted {
     /// The job.
     pub job: Job,
@@ -142,7 +141,7 @@ impl Service {
     }
 
     /// Submits to the store. The prepared task stays in memory for the worker that claims its run.
-    async fn enqueue(&self, new: NewJob, prepared: Prepared) -> Result<Submitted, Error> {
+    async fn enqueue(&self, new: NewJob, prepared: Prepared) -> Result<Submitted> {
         let (waiting, key) = (&self.0.waiting, prepared.key);
         // The task is kept before the submission, because a worker may claim the run before `submit` returns. A study
         // is not kept here: its workers keep it themselves.

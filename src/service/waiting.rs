@@ -14,7 +14,6 @@ const BUDGET: u64 = 32 << 20;
 const EXPECTED: usize = 8192;
 
 /// Prepared tasks by the key of their run.
-#[derive(Debug)]
 pub struct Waiting(Cache<Key, Prepared, Bytes>);
 
 #[derive(Debug, Clone)]

@@ -8,16 +8,17 @@ mod compute;
 use std::any::Any;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
 
 use super::WorkLimits;
 use fretwork_job::{Answer, Cost, FailureKind, Key, Work};
-use fretwork_store::{Claimed, Error, Finish, RunId, Store};
+use fretwork_store::{Claimed, Error, Finish, Result, RunId, Store};
 use fretwork_study::Study;
 
 /// A function that prepares the computation of a run from its key and its stored task.
@@ -49,7 +50,6 @@ enum WorkerOrder {
 }
 
 /// A running pool. If it is dropped, the threads release their runs and end. The drop does not wait for them.
-#[derive(Debug)]
 pub struct Workers {
     order: watch::Sender<WorkerOrder>,
     threads: Vec<JoinHandle<()>>,
@@ -257,7 +257,7 @@ impl Worker {
         &self,
         claimed: &Claimed,
         outcome: &Result<Made, NotMade>,
-    ) -> Result<(), Error> {
+    ) -> Result<()> {
         let accepted = match outcome {
             Ok(Made::Answer(answer, cost)) => {
                 tracing::debug!("finished");

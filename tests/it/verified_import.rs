@@ -96,6 +96,23 @@ async fn a_refusal_names_the_place_and_both_values() {
     }
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_file_with_other_white_space_is_refused_with_advice() {
+    let (_dir, file, results) = exported(&[small(2.0, "exact"), sweep()]).await;
+    let mut db = open_file(&file).await;
+    for (key, body) in &results {
+        let document: Value = serde_json::from_slice(body).unwrap();
+        replace_body(&mut db, key, &format!("{document:#}")).await;
+    }
+    db.close().await.unwrap();
+    let done = import(TempDir::new().unwrap().path(), &file).await.unwrap();
+    let words = "computes: the values are the same, but the file writes them in another way, for example with other white \
+                 space. Import the file that `fretwork export` wrote";
+    for (key, _) in &results {
+        assert_refused(&done, key, words);
+    }
+}
+
 /// The members `verified` and `verified_rows` in the provenance of an import.
 async fn verified(server: &Server, key: &str) -> (Value, Value) {
     let told = server.get(&format!("/v1/results/{key}/provenance")).await.json();

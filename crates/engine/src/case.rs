@@ -6,7 +6,6 @@ use crate::contact::control::{Control, Final, Tangential};
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::Contact;
-use crate::numeric::root;
 use crate::solver::closed::energy;
 use crate::solver::closed::simplified::Simplified;
 use crate::solver::events::StopCondition;
@@ -236,7 +235,7 @@ impl Case {
         let Contact { shape, threshold, reference, .. } = &self.contact;
         match (self.control.first_stroke(), reference) {
             (Some(stroke), Some(reference)) if *threshold >= 1.0 => {
-                (stroke - reference.stroke(shape, 1.0)).max(0.0)
+                reference.threshold(shape, stroke).1
             }
             (Some(stroke), None) => stroke,
             _ => 0.0,
@@ -254,15 +253,11 @@ impl Case {
     /// Δ of the unworn contact at the amplitude U in m, and the slip of the middle of a line contact. A line contact needs
     /// a reference.
     pub(crate) fn threshold_at(&self, amplitude: f64) -> (f64, f64) {
-        let (stroke, shape) = (amplitude / self.scales.slip(), &self.contact.shape);
-        let Some(reference) = self.contact.reference else {
-            return (threshold(amplitude, self.scales.slip()), 0.0);
-        };
-        let moved = |threshold: f64| {
-            reference.stroke(shape, threshold) - reference.rig() * threshold - stroke
-        };
-        let missing = moved(1.0);
-        if missing <= 0.0 { (1.0, -missing) } else { (root(0.0, 1.0, moved), 0.0) }
+        let slip = self.scales.slip();
+        self.contact.reference.map_or_else(
+            || (threshold(amplitude, slip), 0.0),
+            |reference| reference.without_rig().threshold(&self.contact.shape, amplitude / slip),
+        )
     }
 
     /// The indentation depth of the unworn contact, in d₀. Of a line contact it is known only against points of the
@@ -271,7 +266,7 @@ impl Case {
         match (self.scales.length, self.contact.reference) {
             (None, _) => 1.0,
             (Some(_), Some(reference)) if reference.reach.is_finite() => {
-                reference.stroke(&self.contact.shape, 1.0) - reference.rig()
+                reference.without_rig().stroke(&self.contact.shape, 1.0)
             }
             (Some(_), _) => f64::NAN,
         }
@@ -304,7 +299,7 @@ impl Case {
         match (self.scales.length, contact.reference) {
             (None, _) => self.scales.slip(),
             (Some(_), Some(reference)) => {
-                self.scales.slip() * (reference.stroke(&contact.shape, 1.0) - reference.rig())
+                self.scales.slip() * reference.without_rig().stroke(&contact.shape, 1.0)
             }
             (Some(_), None) => f64::NAN,
         }

@@ -3,12 +3,12 @@
 use std::io::Write;
 
 use super::document::Head;
-use super::error::Error;
+use super::error::Result;
 use super::table::{Cell, Table};
 use super::view::View;
 
 /// Writes a table as CSV. Infinite and undefined numbers are empty cells.
-pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> Result<(), Error> {
+pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> Result<()> {
     let Head { units, key, engine_text, .. } = head;
     let (part, system) = (table.part.name(), if view.engineering { "engineering" } else { "SI" });
     write!(out, "# fretwork {part}\n# key: {key}\n# engine: {engine_text}\n# units: {system}\n")?;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::error::Error;
+use super::error::{Error, Result};
 use super::kind::Part;
 use super::table::Table;
 use super::units::Units;
@@ -74,7 +74,7 @@ pub struct Document<'a> {
 
 impl<'a> Document<'a> {
     /// Parses a stored document.
-    pub fn open(stored: &'a [u8], view: &'a View) -> Result<Self, Error> {
+    pub fn open(stored: &'a [u8], view: &'a View) -> Result<Self> {
         let members: Members<'a> = serde_json::from_slice(stored)?;
         let member = |name: &str| {
             members
@@ -92,7 +92,7 @@ impl<'a> Document<'a> {
     }
 
     /// Checks that a result of this kind can have the part. The error says which parts it has.
-    pub fn must_have(&self, part: Part) -> Result<(), Error> {
+    pub fn must_have(&self, part: Part) -> Result<()> {
         let has = match (self.kind(), part) {
             (TaskKind::Run, Part::Table) => "history, profiles and loops, because it is a run",
             (TaskKind::Study(_), Part::History | Part::Loops) => {
@@ -117,24 +117,24 @@ impl<'a> Document<'a> {
     }
 
     /// The rows of all points of a study, converted.
-    pub fn rows(&self, kind: &Kind) -> Result<Table, Error> {
+    pub fn rows(&self, kind: &Kind) -> Result<Table> {
         self.read(Part::Table, self.members.get(kind.rows), &View::default())
     }
 
     /// A table, cut to a selection and converted.
-    pub fn table(&self, part: Part, selection: &View) -> Result<Table, Error> {
+    pub fn table(&self, part: Part, selection: &View) -> Result<Table> {
         self.must_have(part)?;
         self.read(part, self.members.get(part.name()), selection)
     }
 
-    fn read(&self, part: Part, text: Option<&RawValue>, selection: &View) -> Result<Table, Error> {
+    fn read(&self, part: Part, text: Option<&RawValue>, selection: &View) -> Result<Table> {
         let mut table = Table::read(part, text, &self.head.units, selection)?;
         table.convert(&self.head.units);
         Ok(table)
     }
 
     /// The value of a member with converted numbers; null if the document does not have it.
-    pub fn value(&self, name: &str) -> Result<Value, Error> {
+    pub fn value(&self, name: &str) -> Result<Value> {
         let Some(text) = self.members.get(name) else { return Ok(Value::Null) };
         let mut value = serde_json::from_str(text.get())?;
         if TaskKind::of_member(name).is_none() {
@@ -144,13 +144,13 @@ impl<'a> Document<'a> {
     }
 
     /// All members in the form in which they are written.
-    pub fn object(&self) -> Result<Object, Error> {
+    pub fn object(&self) -> Result<Object> {
         let members = self.members.0.iter();
         let members = members.map(|(name, text)| Ok((name.to_string(), self.member(name, text)?)));
-        Ok(Object(members.collect::<Result<_, Error>>()?))
+        Ok(Object(members.collect::<Result<_>>()?))
     }
 
-    fn member(&self, name: &str, text: &RawValue) -> Result<Member, Error> {
+    fn member(&self, name: &str, text: &RawValue) -> Result<Member> {
         if name == "units" {
             return Ok(Member::Units(self.head.units.clone()));
         }

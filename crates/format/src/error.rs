@@ -13,8 +13,11 @@ pub struct Missing {
     pub detail: String,
 }
 
+/// The result of writing or reading a document. Without `E`, the error is that of this crate.
+pub(crate) type Result<T, E = Error> = std::result::Result<T, E>;
+
 /// Refuses a request if something is missing.
-pub(crate) fn refuse_if_any(missing: Vec<Missing>) -> Result<(), Error> {
+pub(crate) fn refuse_if_any(missing: Vec<Missing>) -> Result<()> {
     if missing.is_empty() { Ok(()) } else { Err(Error::Missing(missing)) }
 }
 

@@ -21,30 +21,28 @@ impl Format {
     /// All formats of tables, the default first.
     pub const ALL: [Self; 5] = [Self::Json, Self::Ndjson, Self::Csv, Self::Npz, Self::Arrow];
 
+    /// The name and the media type.
+    fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Json => ("json", "application/json"),
+            Self::Ndjson => ("ndjson", "application/x-ndjson"),
+            Self::Csv => ("csv", "text/csv; charset=utf-8"),
+            Self::Npz => ("npz", "application/x-npz"),
+            Self::Arrow => ("arrow", "application/vnd.apache.arrow.file"),
+            Self::Svg => ("svg", "image/svg+xml"),
+        }
+    }
+
     /// The value of `?format=`, and the extension of a file name.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Json => "json",
-            Self::Ndjson => "ndjson",
-            Self::Csv => "csv",
-            Self::Npz => "npz",
-            Self::Arrow => "arrow",
-            Self::Svg => "svg",
-        }
+        self.words().0
     }
 
     /// The media type with its parameters.
     #[must_use]
     pub fn media_type(self) -> &'static str {
-        match self {
-            Self::Json => "application/json",
-            Self::Ndjson => "application/x-ndjson",
-            Self::Csv => "text/csv; charset=utf-8",
-            Self::Npz => "application/x-npz",
-            Self::Arrow => "application/vnd.apache.arrow.file",
-            Self::Svg => "image/svg+xml",
-        }
+        self.words().1
     }
 
     /// The media type without parameters.

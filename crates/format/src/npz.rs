@@ -10,13 +10,13 @@ use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, ZipWriter};
 
 use super::document::{Head, Member, Object};
-use super::error::Error;
+use super::error::Result;
 use super::table::{Table, Values};
 use super::units::fits_single;
 use super::view::View;
 
 /// Writes a table: one array per column under its name, and `meta` with key, engine and units as JSON.
-pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> Result<(), Error> {
+pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> Result<()> {
     let mut archive = Archive::new(out, view);
     let meta = serde_json::json!({
         "key": head.key, "engine": head.engine_text, "units": head.units,
@@ -28,7 +28,7 @@ pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> R
 
 /// Writes a whole result: the columns of each table under names such as `history/wear_volume`, and
 /// `meta` with everything else as JSON.
-pub fn whole(out: &mut impl Write, mut object: Object, view: &View) -> Result<(), Error> {
+pub fn whole(out: &mut impl Write, mut object: Object, view: &View) -> Result<()> {
     let mut archive = Archive::new(out, view);
     let tables = object.0.extract_if(.., |(_, member)| matches!(member, Member::Table(_)));
     let tables: Vec<_> = tables.collect();
@@ -51,7 +51,7 @@ impl<'a, W: Write> Archive<'a, W> {
         Self { zip: ZipWriter::new_stream(out), view }
     }
 
-    fn array(&mut self, name: &str, kind: &str, shape: &[usize], data: &[u8]) -> Result<(), Error> {
+    fn array(&mut self, name: &str, kind: &str, shape: &[usize], data: &[u8]) -> Result<()> {
         // The default timestamp is constant, so equal results give equal bytes.
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
         self.zip.start_file(format!("{name}.npy"), options)?;
@@ -60,13 +60,13 @@ impl<'a, W: Write> Archive<'a, W> {
         Ok(())
     }
 
-    fn text(&mut self, name: &str, text: &str) -> Result<(), Error> {
+    fn text(&mut self, name: &str, text: &str) -> Result<()> {
         let letters: Vec<u8> = text.chars().flat_map(|c| u32::from(c).to_le_bytes()).collect();
         self.array(name, &format!("<U{}", letters.len() / 4), &[], &letters)
     }
 
     /// Texts in an array of equal length; an absent text is empty.
-    fn texts(&mut self, name: &str, texts: &[Option<String>]) -> Result<(), Error> {
+    fn texts(&mut self, name: &str, texts: &[Option<String>]) -> Result<()> {
         let texts = || texts.iter().map(|text| text.as_deref().unwrap_or_default());
         let longest = texts().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
         let letters = texts().flat_map(|text| text.chars().chain(iter::repeat('\0')).take(longest));
@@ -74,7 +74,7 @@ impl<'a, W: Write> Archive<'a, W> {
         self.array(name, &format!("<U{longest}"), &[texts().count()], &data)
     }
 
-    fn table(&mut self, prefix: &str, table: &Table) -> Result<(), Error> {
+    fn table(&mut self, prefix: &str, table: &Table) -> Result<()> {
         let points = table.points();
         for (name, values) in &table.columns {
             let name = archived(prefix, name);
@@ -106,7 +106,7 @@ impl<'a, W: Write> Archive<'a, W> {
         Ok(())
     }
 
-    fn finish(self) -> Result<(), Error> {
+    fn finish(self) -> Result<()> {
         Ok(self.zip.finish().map(drop)?)
     }
 }

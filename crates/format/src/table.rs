@@ -8,7 +8,7 @@ use serde::de::{Deserializer as _, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::value::RawValue;
 
-use super::error::{Error, Missing, refuse_if_any};
+use super::error::{Error, Missing, Result, refuse_if_any};
 use super::kind::Part;
 use super::units::Units;
 use super::view::View;
@@ -196,12 +196,7 @@ impl Table {
     /// # Errors
     /// [`Error::Missing`] lists all selected columns and output cycles that the table does not have. A table
     /// that the document does not have has its usual columns and no rows.
-    pub fn read(
-        part: Part,
-        text: Option<&RawValue>,
-        units: &Units,
-        view: &View,
-    ) -> Result<Self, Error> {
+    pub fn read(part: Part, text: Option<&RawValue>, units: &Units, view: &View) -> Result<Self> {
         let text = text.filter(|text| text.get() != "null");
         let empty = match part {
             Part::Profiles => serde_json::to_string(&Profiles::default()),
@@ -317,8 +312,8 @@ fn unsound(part: Part) -> serde_json::Error {
 }
 
 /// Finds the selected output cycles and points of a table, or lists everything that is missing.
-fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection, Error> {
-    let axis = |name: &str| -> Result<Vec<f64>, Error> {
+fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection> {
+    let axis = |name: &str| -> Result<Vec<f64>> {
         let text = members.get(name).filter(|_| axes.contains(&name));
         let cells: Option<_> = text.map_or(Ok(None), |text| serde_json::from_str(text.get()))?;
         Ok(cells.map(numbers).unwrap_or_default())

@@ -9,14 +9,13 @@ mod received;
 mod record;
 mod submission;
 mod task;
-mod words;
 
 pub use canonical::{Canonical, TaskKind, asked_in};
 pub use document::{BadDocument, Document};
+pub use fretwork_json::{BadWord, words};
 pub use key::{BadKey, ENGINE, Engine, Key};
 pub use outline::{Outline, SCALARS, Scalar, WORDS, Word};
 pub use received::{Received, Refused, Verified};
 pub use record::{Change, Failure, FailureKind, Job, JobId, JobState, Origin, Recomputed};
 pub use submission::{MAX_LABEL, MAX_SUBMITTED, MAX_TAG, MAX_TAGS, Submission};
 pub use task::{Answer, Begin, Cost, Prepared, Step, Task, Work};
-pub use words::BadWord;

@@ -112,11 +112,8 @@ pub enum Refused {
          server instead"
     )]
     EarlierStudy,
-    /// The rows do not belong to the study.
-    #[error("the rows of the result do not belong to the study in the result: {0}")]
-    Study(String),
-    /// A new computation differs.
-    #[error("a new computation of the result gives other values: {0}")]
+    /// This program would write the result in another way.
+    #[error("the result is not byte for byte the one that this server computes: {0}")]
     Differs(String),
 }
 
@@ -255,7 +252,7 @@ impl Work {
         match &task.task {
             Task::Run(_) => Ok(Self::Run(task)),
             Task::Study(study) => {
-                let claimed = Claimed::read(study, key, &ENGINE, body).map_err(Refused::Study)?;
+                let claimed = Claimed::read(study, key, &ENGINE, body).map_err(Refused::Differs)?;
                 Ok(Self::Study(Arc::clone(study), claimed))
             }
         }

@@ -7,8 +7,7 @@ use serde::{Serialize, Serializer};
 use serde_json::Value;
 
 use super::key::Key;
-use super::words::BadWord;
-use crate::words;
+use fretwork_json::{BadWord, words};
 
 /// The id of a job: a UUID of version 7, so that ids sort by time of submission.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

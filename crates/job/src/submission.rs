@@ -6,7 +6,7 @@ use fretwork_engine::request::fields::Given;
 use serde_json::Value;
 
 use super::{Prepared, TaskKind};
-use fretwork_json::{BadBody, Distinct, both, read_body};
+use fretwork_json::{BadBody, Distinct, both, read_body, typed};
 
 /// Longest label in characters.
 pub const MAX_LABEL: usize = 200;
@@ -42,8 +42,7 @@ impl Submission {
 
     fn read(mut body: Value) -> Result<Self, Faults> {
         let (kind, asked) = take_asked(&mut body)?;
-        let envelope: Result<Envelope, Faults> =
-            Envelope::deserialize_from_value(body.into_value(), ValuePointerRef::Origin);
+        let envelope = typed::<Envelope>(body);
         let submitted = Some(asked.to_string()).filter(|text| text.len() <= MAX_SUBMITTED);
         let (Envelope { label, tags }, prepared) = both(envelope, Prepared::read(kind, asked))?;
         Ok(Self {

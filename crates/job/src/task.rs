@@ -70,7 +70,7 @@ impl Answer {
 
     fn with_document(study: &Study, rows: &Rows, document: String) -> Self {
         let summary = study.counts(rows);
-        let outline = outline_of(TaskKind::Study(study.kind()), &summary);
+        let outline = outline_of(TaskKind::Study(study.kind), &summary);
         Self { body: document.into(), summary, outline: Box::new(outline) }
     }
 
@@ -167,8 +167,8 @@ impl Prepared {
                 (kind.key(ENGINE.numerics, scenario), kind.stored(scenario), case.seconds())
             }
             Task::Study(study) => {
-                let canonical = study.canonical();
-                (kind.key(ENGINE.numerics, canonical), kind.stored(canonical), study.seconds())
+                let canonical = &study.canonical;
+                (kind.key(ENGINE.numerics, canonical), kind.stored(canonical), study.seconds)
             }
         };
         Self { key, stored: stored.into(), seconds, submission_warnings, task }
@@ -287,7 +287,7 @@ impl Task {
     pub fn kind(&self) -> TaskKind {
         match self {
             Self::Run(_) => TaskKind::Run,
-            Self::Study(study) => TaskKind::Study(study.kind()),
+            Self::Study(study) => TaskKind::Study(study.kind),
         }
     }
 

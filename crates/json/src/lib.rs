@@ -3,6 +3,7 @@
 //! All bodies of requests are read here, so that a refusal lists all faults of the body.
 
 mod members;
+mod words;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -18,6 +19,7 @@ use serde_json::value::RawValue;
 use serde_json::{Deserializer, Map, Number, Serializer, Value};
 
 pub use self::members::Members;
+pub use self::words::BadWord;
 
 /// Maximum number of repeated members that are listed one by one.
 const MAX_LISTED: usize = 100;
@@ -156,6 +158,14 @@ pub fn read_body<T>(
 #[must_use]
 pub fn escaped(name: &str) -> String {
     name.replace('~', "~0").replace('/', "~1")
+}
+
+/// Reads the members of a document.
+///
+/// # Errors
+/// All faults, with pointers relative to the document.
+pub fn typed<T: Deserr<Faults>>(document: Value) -> Result<T, Faults> {
+    T::deserialize_from_value(document.into_value(), ValuePointerRef::Origin)
 }
 
 /// Two values, or the faults of both.
@@ -349,21 +359,41 @@ const MAX_COMPARED: usize = 2_000_000;
 pub fn difference(at: &str, file: &str, own: &str) -> String {
     if file.len().max(own.len()) > MAX_COMPARED {
         let same = file.bytes().zip(own.bytes()).take_while(|(file, own)| file == own).count();
-        return format!("{at}: the file differs at byte {same} from what this server computes");
+        return told(
+            at,
+            format_args!("the file differs at byte {same} from what this server computes"),
+        );
     }
-    let (theirs, ours) = (parts(file), parts(own));
-    if let (Some(theirs), Some(ours)) = (&theirs, &ours) {
+    other_value(at, file, own).unwrap_or_else(|| {
+        let same = "the values are the same, but the file writes them in another way, for example with other white space. Import \
+                    the file that `fretwork export` wrote, without changing it";
+        told(at, format_args!("{same}"))
+    })
+}
+
+/// Names the first value that differs; `None` if the texts differ only in white space, order or notation.
+fn other_value(at: &str, file: &str, own: &str) -> Option<String> {
+    if let (Some(theirs), Some(ours)) = (parts(file), parts(own)) {
         let text = |part: Option<&&RawValue>| part.map_or("nothing", |part| part.get()).to_owned();
-        for place in ours.keys().chain(theirs.keys()) {
+        return ours.keys().chain(theirs.keys()).find_map(|place| {
             let (file, own) = (text(theirs.get(place)), text(ours.get(place)));
-            if file != own {
-                return difference(&place.below(at), &file, &own);
-            }
-        }
-        return format!("{at}: the file has the same values, written in another way");
+            if file == own { None } else { other_value(&place.below(at), &file, &own) }
+        });
+    }
+    // `0` and `0.0` are the same number, but not the same `Value`.
+    let number = |text| serde_json::from_str(text).map(|number: f64| Value::from(number));
+    let value = |text| number(text).or_else(|_| serde_json::from_str(text)).ok();
+    if value(file).is_some_and(|theirs| value(own) == Some(theirs)) {
+        return None;
     }
     let short = |text: &str| text.chars().take(MAX_VALUE).collect::<String>();
-    format!("{at}: the file has {}, this server computes {}", short(file), short(own))
+    let (file, own) = (short(file), short(own));
+    Some(told(at, format_args!("the file has {file}, this server computes {own}")))
+}
+
+/// A message about a place. The whole document has no name.
+fn told(at: &str, what: fmt::Arguments<'_>) -> String {
+    if at.is_empty() { what.to_string() } else { format!("{at}: {what}") }
 }
 
 /// The place of a value in a list or in an object.
@@ -414,12 +444,22 @@ mod tests {
                 "d: the file has 1, this server computes nothing",
             ),
             (
-                r#"{"c":"x","a":{"b":[0.0,1.5]}}"#,
-                ": the file has the same values, written in another way",
+                r#"{"a": {"b":[0.0,1.50]},"c":"y"}"#,
+                r#"c: the file has "y", this server computes "x""#,
             ),
+            ("5", r#"the file has 5, this server computes {"a":{"b":[0.0,1.5]},"c":"x"}"#),
             (r#"{"a":5,"c":"x"}"#, r#"a: the file has 5, this server computes {"b":[0.0,1.5]}"#),
         ] {
             assert_eq!(difference("", file, own), said);
+        }
+        for rewritten in
+            [r#"{"c":"x","a":{"b":[0.0,1.5]}}"#, r#"{"a": {"b":[0,1.50]}, "c":"\u0078"}"#]
+        {
+            let said = difference("", rewritten, own);
+            assert!(
+                said.starts_with("the values are the same, but the file writes them"),
+                "{said}"
+            );
         }
     }
 

@@ -7,7 +7,7 @@ use sqlx::{Connection as _, SqliteConnection};
 
 use super::audit::{self, AuditEntry};
 use super::change::{Change, Verb};
-use super::error::{Command, Error};
+use super::error::{Command, Result};
 use super::keys::{self, AccessKey, NewKey};
 use super::place::Place;
 use super::row::Columns;
@@ -91,7 +91,7 @@ impl Administration {
         &mut self,
         verb: V,
         input: &Input,
-    ) -> Result<Answer, Error>
+    ) -> Result<Answer>
     where
         V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
     {
@@ -105,7 +105,7 @@ impl Administration {
     }
 
     /// Executes a verb in the open transaction, and commits.
-    async fn commit<Input, V, Answer>(&mut self, verb: V, input: &Input) -> Result<Answer, Error>
+    async fn commit<Input, V, Answer>(&mut self, verb: V, input: &Input) -> Result<Answer>
     where
         V: for<'a> Verb<'a, Input, Change<'a>, Answer = Answer>,
     {

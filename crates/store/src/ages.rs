@@ -8,7 +8,6 @@ use fretwork_job::clock::now;
 ///
 /// It follows the system clock. But it advances only while the server runs, at most twice as fast as real time. So
 /// nothing is deleted because the system clock has jumped ahead. After a pause of the server, it catches up slowly.
-#[derive(Debug)]
 pub(super) struct AgeClock {
     time: i64,
     /// When the clock was last advanced.

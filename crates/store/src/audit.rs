@@ -4,7 +4,7 @@
 //! cancels in one day share an entry, too, and so do those that it deletes. So no client can fill the log with ordinary
 //! requests.
 
-use super::error::Error;
+use super::error::Result;
 use super::row::{Columns, Row, cells, read};
 use super::statement::sql;
 use super::tables::{Connected, Tables};
@@ -73,7 +73,7 @@ pub struct AuditEntry {
 }
 
 impl AuditEntry {
-    fn read(row: &Row) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row) -> sqlx::Result<Self> {
         let actor = Actor { name: row.get("actor")?, key: row.get("key")? };
         Ok(read!(row => Self { id, first, last, times, act, subject, owner; actor }))
     }
@@ -86,7 +86,7 @@ pub(super) async fn record(
     (actor, act): (&Actor, Act),
     subject: &str,
     owner: &str,
-) -> Result<(), Error> {
+) -> Result<()> {
     // All own jobs of an actor share an entry, which has no subject.
     let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && actor.name == owner;
     let subject = if own_job { "" } else { subject };
@@ -97,8 +97,7 @@ pub(super) async fn record(
          DO UPDATE SET last = excluded.last, times = audit.times + 1";
         now, act.as_str(), &actor.name, &actor.key, subject, owner
     );
-    tx.execute(entry).await?;
-    Ok(())
+    tx.execute(entry).await
 }
 
 /// Up to `limit` entries, the newest first. With `before`, only entries with smaller ids.
@@ -106,7 +105,7 @@ pub(super) async fn list(
     before: Option<i64>,
     limit: u32,
     mut db: impl Tables,
-) -> Result<Vec<AuditEntry>, Error> {
+) -> Result<Vec<AuditEntry>> {
     let entries = sql!(
         "SELECT id, first, last, times, act, actor, key, subject, owner FROM audit
          WHERE id < $1 ORDER BY id DESC LIMIT $2";

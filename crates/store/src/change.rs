@@ -2,7 +2,7 @@
 
 use std::future::Future;
 
-use super::error::Error;
+use super::error::Result;
 use super::row::Columns as _;
 use super::signals::Effect;
 use super::statement::sql;
@@ -19,7 +19,7 @@ pub(super) struct Change<'a> {
 
 impl Change<'_> {
     /// The time of the transaction, in milliseconds since 1970.
-    pub(super) async fn now(&mut self) -> Result<i64, Error> {
+    pub(super) async fn now(&mut self) -> Result<i64> {
         match self.now {
             Some(now) => Ok(now),
             None => Ok(self.one(sql!("SELECT moment() AS now")).await?.get("now")?),
@@ -56,7 +56,7 @@ where
 /// It may be called again after a rollback. So it must not keep state between calls.
 pub(super) trait Verb<'a, Input: 'a, Tx>: Copy + Send + Sync + 'static {
     type Answer;
-    type Done: Future<Output = Result<Self::Answer, Error>> + Send;
+    type Done: Future<Output = Result<Self::Answer>> + Send;
 
     fn apply(self, input: &'a Input, tx: Tx) -> Self::Done;
 }
@@ -65,7 +65,7 @@ impl<'a, Input, Tx, Answer, Function, Done> Verb<'a, Input, Tx> for Function
 where
     Input: 'a,
     Function: Fn(&'a Input, Tx) -> Done + Copy + Send + Sync + 'static,
-    Done: Future<Output = Result<Answer, Error>> + Send,
+    Done: Future<Output = Result<Answer>> + Send,
 {
     type Answer = Answer;
     type Done = Done;

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::time::Duration;
 
 use super::body::Body;
-use super::error::Error;
+use super::error::Result;
 use super::row::{Columns, Part, Row, RunId, read};
 use super::signals::Stop;
 use super::statement::sql;
@@ -54,7 +54,7 @@ pub enum Piece {
 
 impl Claimed {
     /// A whole run, from its row.
-    pub(super) fn whole(run: RunId, row: &Row) -> Result<Self, sqlx::Error> {
+    pub(super) fn whole(run: RunId, row: &Row) -> sqlx::Result<Self> {
         let piece = Piece::Whole { task: row.get("task")? };
         let (spent, stop) = (Cost::ZERO, Stop::default());
         Ok(read!(row => Self { attempt, key, trace; run, piece, spent, stop }))
@@ -66,14 +66,14 @@ impl Claimed {
         (number, of): (u32, u32),
         attempt: u32,
         row: &Row,
-    ) -> Result<Self, sqlx::Error> {
+    ) -> sqlx::Result<Self> {
         let piece = if number == of { Piece::Assembly { of } } else { Piece::Chunk { number, of } };
         let (spent, stop) = (cost(row)?, Stop::default());
         Ok(read!(row => Self { key, trace; run, attempt, piece, spent, stop }))
     }
 
     /// The task in its stored form.
-    pub(super) async fn task(&self, db: &mut impl Connected) -> Result<Cow<'_, str>, Error> {
+    pub(super) async fn task(&self, db: &mut impl Connected) -> Result<Cow<'_, str>> {
         if let Piece::Whole { task } = &self.piece {
             return Ok(task.into());
         }
@@ -106,10 +106,7 @@ pub(super) struct Claim {
 impl Claim {
     /// The attempt of the run. For a piece of a study: `None` if the worker has lost the piece. For a whole run, the
     /// caller compares the returned attempt with that in the table.
-    pub(super) async fn attempt_of_run(
-        self,
-        db: &mut impl Connected,
-    ) -> Result<Option<u32>, Error> {
+    pub(super) async fn attempt_of_run(self, db: &mut impl Connected) -> Result<Option<u32>> {
         let (run, Some(number)) = self.part else { return Ok(Some(self.attempt)) };
         let query = sql!(
             "SELECT run.attempt AS attempt FROM chunk JOIN run ON run.id = chunk.run
@@ -193,7 +190,7 @@ pub(super) fn is_step(done: u32, chunks: u32) -> bool {
 }
 
 /// Reads the columns `wall` and `cpu`, in seconds.
-fn cost(row: &Row) -> Result<Cost, sqlx::Error> {
+fn cost(row: &Row) -> sqlx::Result<Cost> {
     let duration = |seconds| {
         Duration::try_from_secs_f64(seconds).map_err(|error| sqlx::Error::Decode(Box::new(error)))
     };

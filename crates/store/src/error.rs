@@ -10,9 +10,12 @@ use fretwork_job::{JobId, Key};
 /// The unique index of PostgreSQL on idempotency keys. It refuses a second submission with the same key.
 pub(super) const IDEMPOTENCY: &str = "job_idempotency";
 
+/// The result of what the store does. Without `E`, the error is one of the store.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
 /// The future of a verb. All verbs return this boxed type, so that their code is compiled only in this crate, and not
 /// again in each crate that awaits them.
-pub type Doing<'a, T> = Pin<Box<dyn Future<Output = Result<T, Error>> + Send + 'a>>;
+pub type Doing<'a, T> = Pin<Box<dyn Future<Output = Result<T>> + Send + 'a>>;
 
 /// The future of a command. Like [`Doing`], but not `Send`.
 pub type Command<'a, T, E = Error> = Pin<Box<dyn Future<Output = Result<T, E>> + 'a>>;
@@ -191,7 +194,7 @@ impl From<sqlx::Error> for Error {
 }
 
 /// The value that was read, or the message of SQLite if the database is damaged there. Other errors are returned.
-pub(super) fn unless_damaged<T>(read: Result<T, sqlx::Error>) -> Result<Result<T, String>, Error> {
+pub(super) fn unless_damaged<T>(read: sqlx::Result<T>) -> Result<Result<T, String>> {
     match read.map_err(Error::from) {
         Ok(found) => Ok(Ok(found)),
         Err(Error::Damaged(error)) => Ok(Err(error.to_string())),

@@ -1,7 +1,7 @@
 //! Stores results of other servers, which an import has read from a file.
 
 use super::change::Change;
-use super::error::Error;
+use super::error::Result;
 use super::keep::{Answered, Source};
 use super::library::{Note, Program};
 use super::row::Columns;
@@ -42,7 +42,7 @@ pub(super) enum Before {
 
 impl Before {
     /// What the database has under the key of a result with this digest.
-    pub(super) async fn of(key: &Key, digest: &[u8], mut db: impl Tables) -> Result<Self, Error> {
+    pub(super) async fn of(key: &Key, digest: &[u8], mut db: impl Tables) -> Result<Self> {
         let query = sql!(
             "SELECT evicted IS NULL AS held, digest = $2 AS same, deleted_by FROM result WHERE key = $1";
             key, digest
@@ -88,7 +88,7 @@ pub(super) enum NoteTaken {
 pub(super) async fn import(
     (import, file): &(Import, String),
     mut tx: Change<'_>,
-) -> Result<(Before, NoteTaken), Error> {
+) -> Result<(Before, NoteTaken)> {
     let (key, digest) = (&import.key, &import.answer.digest);
     let mut found = Before::of(key, digest, &mut tx).await?;
     if found == Before::Nothing && !insert(import, file, &mut tx).await? {
@@ -102,7 +102,7 @@ pub(super) async fn import(
 }
 
 /// Inserts the result. Returns false if a server has stored the key in the meantime.
-async fn insert(import: &Import, file: &str, tx: &mut Change<'_>) -> Result<bool, Error> {
+async fn insert(import: &Import, file: &str, tx: &mut Change<'_>) -> Result<bool> {
     let Import { key, task, owner, warnings, answer, .. } = import;
     let program = match &import.program {
         Some(program) => Some(program.id(tx).await?),
@@ -140,15 +140,11 @@ async fn insert(import: &Import, file: &str, tx: &mut Change<'_>) -> Result<bool
 pub(super) async fn take_note(
     (key, note): &(Key, Option<Note>),
     mut tx: Change<'_>,
-) -> Result<NoteTaken, Error> {
+) -> Result<NoteTaken> {
     note_result(key, note.as_ref(), &mut tx).await
 }
 
-async fn note_result(
-    key: &Key,
-    note: Option<&Note>,
-    tx: &mut Change<'_>,
-) -> Result<NoteTaken, Error> {
+async fn note_result(key: &Key, note: Option<&Note>, tx: &mut Change<'_>) -> Result<NoteTaken> {
     let Some(Note { text, owner, at }) = note else { return Ok(NoteTaken::Unchanged) };
     // The result may have been deleted since the caller found it. Then this inserts nothing.
     let insert = sql!(
@@ -156,7 +152,7 @@ async fn note_result(
          ON CONFLICT (key) DO NOTHING";
         key, text, owner, *at
     );
-    if tx.execute(insert).await? > 0 {
+    if tx.changed_by(insert).await? > 0 {
         return Ok(NoteTaken::Stored);
     }
     let there = tx.row(sql!("SELECT text FROM note WHERE key = $1"; key)).await?;

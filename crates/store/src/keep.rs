@@ -5,7 +5,7 @@ use sha2::{Digest, Sha256};
 use super::audit::{Act, Actor, record};
 use super::body::Body;
 use super::change::Change;
-use super::error::Error;
+use super::error::Result;
 use super::row::{Columns, Row};
 use super::search::names;
 use super::signals::Effect;
@@ -134,7 +134,7 @@ impl PinQuota {
 pub(super) async fn pin(
     (key, pinned, editor, quota): &(Key, bool, Editor, PinQuota),
     mut tx: Change<'_>,
-) -> Result<Changed, Error> {
+) -> Result<Changed> {
     // Without this lock, several servers could exceed the quota together.
     tx.lock(sql!("SELECT pg_advisory_xact_lock($1)"; Lock::Pins as i64)).await?;
     let query = sql!(
@@ -173,7 +173,7 @@ pub(super) async fn pin(
 pub(super) async fn annotate(
     (key, text, editor): &(Key, Option<String>, Editor),
     mut tx: Change<'_>,
-) -> Result<Changed, Error> {
+) -> Result<Changed> {
     let query = sql!(
         "SELECT note.owner AS owner FROM result LEFT JOIN note USING (key)
          WHERE result.key = $1" ["" | " FOR NO KEY UPDATE OF result"] "";
@@ -196,7 +196,7 @@ pub(super) async fn annotate(
 }
 
 /// Deletes the body of a result. Its scenario and its jobs stay.
-pub(super) async fn remove((key, by): &(Key, Actor), mut tx: Change<'_>) -> Result<Removed, Error> {
+pub(super) async fn remove((key, by): &(Key, Actor), mut tx: Change<'_>) -> Result<Removed> {
     let query = sql!(
         "SELECT evicted IS NULL AS held, pinned, owner FROM result WHERE key = $1"
         ["" | " FOR NO KEY UPDATE"] "";
@@ -224,7 +224,7 @@ pub(super) async fn evict(
     now: i64,
     deleted_by: Option<&str>,
     tx: &mut impl Connected,
-) -> Result<(), Error> {
+) -> Result<()> {
     // In SQLite, a trigger updates the outline.
     let evict = sql!(
         "" ["UPDATE result SET evicted = $2, deleted_by = $3 WHERE key = $1;" |
@@ -234,8 +234,7 @@ pub(super) async fn evict(
         " DELETE FROM result_blob WHERE key = $1";
         key, now, deleted_by
     );
-    tx.execute(evict).await?;
-    Ok(())
+    tx.execute(evict).await
 }
 
 /// The provenance of a result to be stored.
@@ -313,7 +312,7 @@ pub(super) async fn kept(
     key: Key,
     row: &Row,
     mut tx: Change<'_>,
-) -> Result<Finish, Error> {
+) -> Result<Finish> {
     let (Some(same), Some(held)) = (row.truth("same")?, row.truth("held")?) else {
         return Ok(Finish::Stored);
     };

@@ -9,7 +9,7 @@ use subtle::ConstantTimeEq as _;
 
 use super::audit::{Act, Actor, record};
 use super::change::Change;
-use super::error::Error;
+use super::error::{Error, Result};
 use super::row::{Columns, Row, cells, read};
 use super::statement::sql;
 use super::tables::{Connected, Tables};
@@ -61,7 +61,7 @@ pub struct AccessKey {
 }
 
 impl AccessKey {
-    fn read(row: &Row) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row) -> sqlx::Result<Self> {
         Ok(read!(row => Self {
             id, name, role, per_minute, created, expires, revoked, last_used, digest
         }))
@@ -109,7 +109,7 @@ pub struct NewKey {
 
 impl NewKey {
     /// Creates a random key. Returns its id and its text.
-    pub(super) fn mint() -> Result<(String, String), Error> {
+    pub(super) fn mint() -> Result<(String, String)> {
         let (id, secret) = (random::<{ ID / 2 }>()?, random::<SECRET>()?);
         let key = format!("{MARK}_{id}_{secret}");
         Ok((id, key))
@@ -117,14 +117,14 @@ impl NewKey {
 }
 
 /// Random bytes in hexadecimal.
-fn random<const BYTES: usize>() -> Result<String, Error> {
+fn random<const BYTES: usize>() -> Result<String> {
     let mut bytes = [0; BYTES];
     getrandom::fill(&mut bytes).map_err(|_| Error::NoRandomness)?;
     Ok(HEXLOWER.encode(&bytes))
 }
 
 /// All keys, also expired and revoked ones, the oldest first.
-pub(super) async fn list(mut db: impl Tables) -> Result<Vec<AccessKey>, Error> {
+pub(super) async fn list(mut db: impl Tables) -> Result<Vec<AccessKey>> {
     let keys = sql!(
         "SELECT id, name, role, digest, per_minute, created, expires, revoked, last_used FROM access_key
          ORDER BY created, id"
@@ -136,7 +136,7 @@ pub(super) async fn list(mut db: impl Tables) -> Result<Vec<AccessKey>, Error> {
 pub(super) async fn add(
     (id, key, new): &(String, String, NewKey),
     mut tx: Change<'_>,
-) -> Result<(), Error> {
+) -> Result<()> {
     let now = tx.now().await?;
     let insert = sql!(
         "INSERT INTO access_key (id, name, role, digest, per_minute, created, expires)
@@ -148,7 +148,7 @@ pub(super) async fn add(
 }
 
 /// Revokes the valid keys with this id or name; returns how many.
-pub(super) async fn revoke(name: &String, mut tx: Change<'_>) -> Result<usize, Error> {
+pub(super) async fn revoke(name: &String, mut tx: Change<'_>) -> Result<usize> {
     let now = tx.now().await?;
     let update = sql!(
         "UPDATE access_key SET revoked = $2
@@ -164,17 +164,14 @@ pub(super) async fn revoke(name: &String, mut tx: Change<'_>) -> Result<usize, E
 }
 
 /// Records that a key was used.
-pub(super) async fn was_used(by: &Actor, mut tx: Change<'_>) -> Result<(), Error> {
+pub(super) async fn was_used(by: &Actor, mut tx: Change<'_>) -> Result<()> {
     let now = tx.now().await?;
     tx.execute(sql!("UPDATE access_key SET last_used = $2 WHERE id = $1"; &by.key, now)).await?;
     record(&mut tx, now, (by, Act::UseKey), &by.key, &by.name).await
 }
 
 /// Stores the candidate as the secret that signs links, if there is none yet. Returns the stored secret.
-pub(super) async fn link_secret(
-    candidate: &[u8; 32],
-    mut tx: Change<'_>,
-) -> Result<[u8; 32], Error> {
+pub(super) async fn link_secret(candidate: &[u8; 32], mut tx: Change<'_>) -> Result<[u8; 32]> {
     let insert = sql!(
         "INSERT INTO link_secret (id, secret) VALUES (1, $1) ON CONFLICT DO NOTHING"; candidate
     );

@@ -56,7 +56,7 @@ pub use audit::{Act, Actor, AuditEntry};
 pub use body::Body;
 pub use cancel::{Canceled, Deleted};
 pub use claimed::{Claimed, Piece};
-pub use error::{Command, Doing, Error};
+pub use error::{Command, Doing, Error, Result};
 pub use keep::{Answered, Changed, Editor, Finish, Removed};
 pub use keys::{AccessKey, NewKey, Role, digest};
 pub use library::{FromFile, Known, Note, Program, Provenance};

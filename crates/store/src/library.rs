@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::error::Error;
+use super::error::{Error, Result};
 use super::row::{Columns, Row, read};
 use super::statement::{Statement, sql};
 use super::tables::{Connected, Tables};
@@ -37,7 +37,7 @@ impl Note {
     }
 
     /// Reads the columns `note`, `noted_by` and `noted`.
-    pub(super) fn read(row: &Row) -> Result<Option<Self>, sqlx::Error> {
+    pub(super) fn read(row: &Row) -> sqlx::Result<Option<Self>> {
         let Some(text) = row.get("note")? else { return Ok(None) };
         Ok(Some(Self { text, owner: row.get("noted_by")?, at: row.get("noted")? }))
     }
@@ -89,7 +89,7 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    pub(super) async fn of(key: &Key, mut db: impl Tables) -> Result<Option<Self>, Error> {
+    pub(super) async fn of(key: &Key, mut db: impl Tables) -> Result<Option<Self>> {
         Ok(db.row(Self::query(key)).await?.as_ref().map(Self::read).transpose()?)
     }
 
@@ -105,7 +105,7 @@ impl Provenance {
         )
     }
 
-    fn read(row: &Row) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row) -> sqlx::Result<Self> {
         Ok(read!(row => Self {
             created, owner, computed, wall, cpu, job, trace, warnings, jobs, pinned, pinned_by, last_access, evicted, deleted_by,
             size;
@@ -129,7 +129,7 @@ pub struct FromFile {
 }
 
 impl FromFile {
-    fn read(row: &Row) -> Result<Option<Self>, sqlx::Error> {
+    fn read(row: &Row) -> sqlx::Result<Option<Self>> {
         let Some(at) = row.get("imported")? else { return Ok(None) };
         Ok(Some(Self { at, from: row.get("imported_from")?, verified: row.get("verified")? }))
     }
@@ -168,7 +168,7 @@ impl Program {
     }
 
     /// The id of the row of this program. Inserts the row if necessary.
-    pub(super) async fn id(&self, db: &mut impl Connected) -> Result<i64, Error> {
+    pub(super) async fn id(&self, db: &mut impl Connected) -> Result<i64> {
         let Self { version, numerics, host, architecture, processors } = self;
         let insert = sql!(
             "INSERT INTO program (version, numerics, host, architecture, processors)
@@ -185,7 +185,7 @@ impl Program {
     }
 
     /// Reads the columns of the table `program`.
-    fn read(row: &Row) -> Result<Option<Self>, sqlx::Error> {
+    fn read(row: &Row) -> sqlx::Result<Option<Self>> {
         let Some(version) = row.get("version")? else { return Ok(None) };
         Ok(Some(read!(row => Self { numerics, host, architecture, processors; version })))
     }
@@ -205,7 +205,7 @@ pub struct Known {
 }
 
 impl Known {
-    pub(super) async fn of(key: &Key, mut db: impl Tables) -> Result<Option<Self>, Error> {
+    pub(super) async fn of(key: &Key, mut db: impl Tables) -> Result<Option<Self>> {
         let query = sql!(
             "SELECT task, summary, numerics, evicted IS NULL AS held
              FROM result JOIN result_task USING (key)

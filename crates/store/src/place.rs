@@ -43,33 +43,17 @@ impl fmt::Display for Place {
 pub struct DatabaseUrl(Box<PgConnectOptions>);
 
 /// The options that sqlx supports. For an unknown option, sqlx only logs a warning, which shows the value.
-const OPTIONS: [&str; 18] = [
-    "host",
-    "hostaddr",
-    "port",
-    "dbname",
-    "user",
-    "password",
-    "application_name",
-    "options",
-    "sslmode",
-    "ssl-mode",
-    "sslrootcert",
-    "ssl-root-cert",
-    "ssl-ca",
-    "sslcert",
-    "ssl-cert",
-    "sslkey",
-    "ssl-key",
-    "statement-cache-capacity",
-];
+const OPTIONS: &str = "host, hostaddr, port, dbname, user, password, application_name, options, sslmode, \
+    ssl-mode, sslrootcert, ssl-root-cert, ssl-ca, sslcert, ssl-cert, sslkey, ssl-key, statement-cache-capacity";
 
 /// The position of the first unknown option in an address, from 1.
 fn unknown_option(url: &str) -> Option<usize> {
     let (_, query) = url.split_once('?')?;
     let query = query.split_once('#').map_or(query, |(query, _)| query);
-    let is_known =
-        |name: &str| OPTIONS.contains(&name) || name.starts_with("options[") && name.ends_with(']');
+    let is_known = |name: &str| {
+        OPTIONS.split(", ").any(|known| known == name)
+            || name.starts_with("options[") && name.ends_with(']')
+    };
     let mut names = form_urlencoded::parse(query.as_bytes()).map(|(name, _)| name);
     names.position(|name| !is_known(&name)).map(|place| place + 1)
 }
@@ -83,9 +67,8 @@ impl FromStr for DatabaseUrl {
         }
         // No error repeats a part of the address, not even the name of an option: a password may contain & and ?.
         if let Some(place) = unknown_option(url) {
-            let options = OPTIONS.join(", ");
             return Err(format!(
-                "option {place} of the address is misspelt or unknown; the options are {options}"
+                "option {place} of the address is misspelt or unknown; the options are {OPTIONS}"
             ));
         }
         let options: PgConnectOptions = url.parse().map_err(|_| {

@@ -1,7 +1,7 @@
 //! Reads jobs, pages of jobs, and results.
 
 use super::body::Body;
-use super::error::Error;
+use super::error::{Error, Result};
 use super::row::{Columns, Row, RunId, Sum, page_of, read};
 use super::statement::{Statement, sql};
 use super::tables::Tables;
@@ -51,7 +51,7 @@ pub enum StoredResult {
 
 impl StoredResult {
     /// Reads a row. It contains the body only if the JSON has at most `most` bytes.
-    fn read(key: &Key, row: &Row, most: i64) -> Result<Self, Error> {
+    fn read(key: &Key, row: &Row, most: i64) -> Result<Self> {
         Ok(if let Some(at) = row.get("evicted")? {
             let task: Option<&str> = row.get("task")?;
             let damaged = Error::DamagedResult(*key);
@@ -81,7 +81,7 @@ pub struct Asked {
 }
 
 /// Reads the columns of a job.
-pub(super) fn read_job(row: &Row) -> Result<Job, sqlx::Error> {
+pub(super) fn read_job(row: &Row) -> sqlx::Result<Job> {
     let state = row.get("state")?;
     let failure = match state {
         JobState::Failed => {
@@ -122,7 +122,7 @@ macro_rules! select_job {
 }
 
 /// A job in its current state.
-pub(super) async fn job(id: JobId, mut db: impl Tables) -> Result<Option<Job>, Error> {
+pub(super) async fn job(id: JobId, mut db: impl Tables) -> Result<Option<Job>> {
     let row = db.row(select_job!("job.id = $1"; id)).await?;
     Ok(row.as_ref().map(read_job).transpose()?)
 }
@@ -133,7 +133,7 @@ pub(super) async fn jobs(
     cursor: Option<JobId>,
     limit: u32,
     mut db: impl Tables,
-) -> Result<Page, Error> {
+) -> Result<Page> {
     let mut query = select_job!("");
     matching(&mut query, filter);
     if let Some(cursor) = cursor {
@@ -152,7 +152,7 @@ pub(super) async fn unfinished(
     before: JobId,
     at_most: u32,
     mut db: impl Tables,
-) -> Result<Vec<JobId>, Error> {
+) -> Result<Vec<JobId>> {
     // The index of states skips the many finished jobs.
     let mut query = sql!("SELECT job.id AS id FROM job " ["INDEXED BY job_state " | ""] "WHERE ");
     matching(&mut query, filter);
@@ -166,7 +166,7 @@ pub(super) async fn unfinished(
 }
 
 /// The numbers of queued and of running jobs of an owner.
-pub(super) async fn counts(owner: &str, mut db: impl Tables) -> Result<(u64, u64), Error> {
+pub(super) async fn counts(owner: &str, mut db: impl Tables) -> Result<(u64, u64)> {
     // The index of states skips the many finished jobs.
     let query = sql!(
         "SELECT count(*) FILTER (WHERE state = 'queued') AS queued,
@@ -180,7 +180,7 @@ pub(super) async fn counts(owner: &str, mut db: impl Tables) -> Result<(u64, u64
 }
 
 /// The task of a job, and the text as the client submitted it.
-pub(super) async fn asked(id: JobId, mut db: impl Tables) -> Result<Asked, Error> {
+pub(super) async fn asked(id: JobId, mut db: impl Tables) -> Result<Asked> {
     // The task is in the row of the run. A job without a run has a result, and the task is stored with the result.
     // Versions before 0.3 could delete such a result completely. Then the run of another job with this key may have the
     // task.
@@ -202,7 +202,7 @@ pub(super) async fn live_job(
     key: &Key,
     owner: Option<&str>,
     mut db: impl Tables,
-) -> Result<Option<JobId>, Error> {
+) -> Result<Option<JobId>> {
     let query = sql!(
         "SELECT job.id AS id FROM run JOIN job ON job.run = run.id AND job.finished IS NULL
          WHERE run.key = $1 AND run.state IN ('queued', 'running')
@@ -218,7 +218,7 @@ pub(super) async fn result(
     key: &Key,
     most: i64,
     mut db: impl Tables,
-) -> Result<Option<(StoredResult, Sum)>, Error> {
+) -> Result<Option<(StoredResult, Sum)>> {
     let query = sql!(
         "SELECT size, CASE WHEN size <= $2 THEN body END AS body, digest, checksum, evicted, deleted_by,
              CASE WHEN evicted IS NOT NULL THEN (SELECT task FROM result_task WHERE key = $1) END AS task
@@ -230,7 +230,7 @@ pub(super) async fn result(
 }
 
 /// Whether the body of the result of a key is stored.
-pub(super) async fn has_result(key: &Key, mut db: impl Tables) -> Result<bool, Error> {
+pub(super) async fn has_result(key: &Key, mut db: impl Tables) -> Result<bool> {
     let query = sql!(
         "SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known"; key
     );
@@ -242,7 +242,7 @@ pub(super) async fn chunk(
     run: RunId,
     number: u32,
     mut db: impl Tables,
-) -> Result<Option<(Body, Sum)>, Error> {
+) -> Result<Option<(Body, Sum)>> {
     let query = sql!(
         "SELECT body, checksum FROM chunk WHERE run = $1 AND number = $2 AND state = 'done'";
         run, number
@@ -252,7 +252,7 @@ pub(super) async fn chunk(
 }
 
 /// The task of an unfinished run in its stored form.
-pub(super) async fn task(run: RunId, mut db: impl Tables) -> Result<Option<String>, Error> {
+pub(super) async fn task(run: RunId, mut db: impl Tables) -> Result<Option<String>> {
     let row = db.row(sql!("SELECT task FROM run WHERE id = $1 AND finished IS NULL"; run)).await?;
     Ok(row.map(|row| row.get("task")).transpose()?)
 }

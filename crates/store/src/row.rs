@@ -22,14 +22,14 @@ pub(super) type Part = (RunId, Option<u32>);
 
 /// A row of a database. Each method reads a column of one SQL type, and returns `None` if the column is null.
 pub(super) trait Columns {
-    fn integer(&self, column: &str) -> Result<Option<i64>, sqlx::Error>;
-    fn real(&self, column: &str) -> Result<Option<f64>, sqlx::Error>;
-    fn truth(&self, column: &str) -> Result<Option<bool>, sqlx::Error>;
-    fn text(&self, column: &str) -> Result<Option<&str>, sqlx::Error>;
-    fn bytes(&self, column: &str) -> Result<Option<&[u8]>, sqlx::Error>;
+    fn integer(&self, column: &str) -> sqlx::Result<Option<i64>>;
+    fn real(&self, column: &str) -> sqlx::Result<Option<f64>>;
+    fn truth(&self, column: &str) -> sqlx::Result<Option<bool>>;
+    fn text(&self, column: &str) -> sqlx::Result<Option<&str>>;
+    fn bytes(&self, column: &str) -> sqlx::Result<Option<&[u8]>>;
 
     /// Reads a column as the type that the caller needs.
-    fn get<'r, T: Cell<'r>>(&'r self, column: &str) -> Result<T, sqlx::Error>
+    fn get<'r, T: Cell<'r>>(&'r self, column: &str) -> sqlx::Result<T>
     where
         Self: Sized,
     {
@@ -38,7 +38,6 @@ pub(super) trait Columns {
 }
 
 /// A row of either database.
-#[derive(Debug)]
 pub(super) enum Row {
     Sqlite(SqliteRow),
     Postgres(PgRow),
@@ -51,7 +50,7 @@ macro_rules! columns {
     };
     ($row:ty, $self:ident, $column:ident => $value:expr, $($method:ident: $kind:ty),*) => {
         impl Columns for $row { $(
-            fn $method(&$self, $column: &str) -> Result<Option<$kind>, sqlx::Error> {
+            fn $method(&$self, $column: &str) -> sqlx::Result<Option<$kind>> {
                 $value
             }
         )* }
@@ -67,13 +66,13 @@ columns!(Row, self, column => match self {
 
 /// A type that [`Columns::get`] can return. For a null column, an `Option` is `None`, and any other type is an error.
 pub(super) trait Cell<'r>: Sized {
-    fn read(row: &'r impl Columns, column: &str) -> Result<Self, sqlx::Error>;
+    fn read(row: &'r impl Columns, column: &str) -> sqlx::Result<Self>;
 }
 
 /// Turns a failed conversion of a value into an error of sqlx.
 pub(super) fn decoded<T, E: Into<BoxDynError>>(
     value: Option<Result<T, E>>,
-) -> Result<Option<T>, sqlx::Error> {
+) -> sqlx::Result<Option<T>> {
     value.transpose().map_err(|error| sqlx::Error::Decode(error.into()))
 }
 
@@ -81,13 +80,13 @@ pub(super) fn decoded<T, E: Into<BoxDynError>>(
 macro_rules! cells {
     ($($method:ident by $convert:path: $($kind:ty),+;)*) => { $($(
         impl<'r> $crate::row::Cell<'r> for Option<$kind> {
-            fn read(row: &'r impl $crate::row::Columns, column: &str) -> Result<Self, sqlx::Error> {
+            fn read(row: &'r impl $crate::row::Columns, column: &str) -> sqlx::Result<Self> {
                 $crate::row::decoded(row.$method(column)?.map(|value| $convert(value)))
             }
         }
 
         impl<'r> $crate::row::Cell<'r> for $kind {
-            fn read(row: &'r impl $crate::row::Columns, column: &str) -> Result<Self, sqlx::Error> {
+            fn read(row: &'r impl $crate::row::Columns, column: &str) -> sqlx::Result<Self> {
                 row.get::<Option<$kind>>(column)?.ok_or_else(|| {
                     sqlx::Error::Decode(format!("the column {column} has no value").into())
                 })
@@ -132,7 +131,7 @@ fn key(bytes: &[u8]) -> Result<Key, TryFromSliceError> {
 }
 
 /// Reads the id of a job.
-pub(super) fn job_id(bytes: &[u8]) -> Result<JobId, uuid::Error> {
+fn job_id(bytes: &[u8]) -> Result<JobId, uuid::Error> {
     uuid::Uuid::from_slice(bytes).map(JobId)
 }
 
@@ -165,7 +164,7 @@ pub(super) enum Sum {
 
 impl Sum {
     /// Reads the columns `checksum` and `digest`.
-    pub(super) fn read(row: &impl Columns) -> Result<Self, sqlx::Error> {
+    pub(super) fn read(row: &impl Columns) -> sqlx::Result<Self> {
         Ok(match row.get::<Option<i64>>("checksum")? {
             Some(checksum) => Self::Check(checksum),
             None => Self::Digest(row.get("digest")?),

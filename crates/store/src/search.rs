@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
-use super::error::Error;
+use super::error::Result;
 use super::library::Note;
 use super::row::{Columns, Row, page_of, read};
 use super::statement::{Statement, sql};
@@ -262,7 +262,7 @@ pub(super) async fn nearest(
     to: &Outline,
     except: Option<Key>,
     mut db: impl Tables,
-) -> Result<Option<Key>, Error> {
+) -> Result<Option<Key>> {
     let mut query = sql!(
         "SELECT key FROM result_task WHERE id = (SELECT id FROM outline WHERE present AND kind = 'run'"
     );
@@ -297,7 +297,7 @@ pub struct Cursor {
 
 impl Cursor {
     /// Reads the columns `place` and `id`.
-    fn read(row: &Row) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row) -> sqlx::Result<Self> {
         Ok(Self { value: row.get("place")?, id: row.get("id")? })
     }
 }
@@ -349,7 +349,7 @@ pub struct Listed {
 }
 
 impl Listed {
-    fn read(row: &Row) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row) -> sqlx::Result<Self> {
         let mut outline = Outline::default();
         for (word, value) in WORDS.iter().zip(&mut outline.words) {
             *value = row.get(word.name)?;
@@ -378,7 +378,7 @@ impl Found {
         cursor: Option<Cursor>,
         limit: u32,
         mut db: impl Tables,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self> {
         let rows = db.rows(page(search, cursor, limit)).await?;
         let (rows, last) = page_of(&rows, limit);
         let next = last.map(Cursor::read).transpose()?;

@@ -2,20 +2,20 @@
 //! the metrics.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use parking_lot::Mutex;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{broadcast, watch};
 
-use super::error::Error;
+use super::error::Result;
 use super::row::{Part, RunId};
 use super::tally::{Ending, Tally};
 use fretwork_job::clock::now;
 use fretwork_job::{Key, Origin, Recomputed};
 
 /// A signal that is sent after a commit.
-#[derive(Debug)]
 pub(super) enum Effect {
     /// A job or run of this key has changed.
     Changed(Key),
@@ -107,7 +107,7 @@ impl Tables {
 impl Signals {
     /// Sends all signals, in the order of the changes.
     pub(super) fn apply(&self, effects: Vec<Effect>) {
-        let mut tables = self.tables();
+        let mut tables = self.tables.lock();
         for effect in effects {
             match effect {
                 Effect::Changed(key) => {
@@ -160,23 +160,23 @@ impl Signals {
     }
 
     /// Counts the error of a failed operation in the metrics, and returns the result unchanged.
-    pub(super) fn counted<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
+    pub(super) fn counted<T>(&self, result: Result<T>) -> Result<T> {
         result.inspect_err(|error| self.tally.failed(error))
     }
 
     /// Keeps in memory that a result was read at this time.
     pub(super) fn read(&self, key: Key, at: i64) {
-        self.tables().note(key, at);
+        self.tables.lock().note(key, at);
     }
 
     /// The parts that the workers of this process compute, with the stop flag of each worker.
     pub(super) fn running(&self) -> Vec<(Part, Stop)> {
-        self.tables().running.iter().map(|(part, stop)| (*part, stop.clone())).collect()
+        self.tables.lock().running.iter().map(|(part, stop)| (*part, stop.clone())).collect()
     }
 
     /// Stops workers that have lost their parts. If a worker has claimed such a part again since, that worker goes on.
     pub(super) fn stop(&self, lost: &[(Part, Stop)]) {
-        let mut tables = self.tables();
+        let mut tables = self.tables.lock();
         for (part, stop) in lost {
             stop.raise();
             if tables.running.get(part).is_some_and(|latest| Arc::ptr_eq(&latest.0, &stop.0)) {
@@ -188,7 +188,7 @@ impl Signals {
     /// Lets waiting clients and workers read the tables again, because signals of other servers may have been lost.
     pub(super) fn wake(&self) {
         self.queue.send_modify(|_| {});
-        for sender in self.tables().listeners.values() {
+        for sender in self.tables.lock().listeners.values() {
             sender.send_modify(|ends| *ends += 1);
         }
     }
@@ -208,13 +208,13 @@ impl Signals {
 
     /// Removes some results with their times of reading from memory. The caller stores the times.
     pub(super) fn take_read(&self) -> Vec<(Key, i64)> {
-        let mut tables = self.tables();
+        let mut tables = self.tables.lock();
         let some: Vec<_> = tables.read.keys().copied().take(READ_AT_ONCE).collect();
         some.into_iter().filter_map(|key| tables.read.remove_entry(&key)).collect()
     }
 
     pub(super) fn watch(self: &Arc<Self>, key: Key) -> Changes {
-        let receiver = self.tables().listeners.entry(key).or_default().subscribe();
+        let receiver = self.tables.lock().listeners.entry(key).or_default().subscribe();
         Changes::new(receiver, Some(Listening { signals: Arc::clone(self), key }))
     }
 
@@ -224,11 +224,6 @@ impl Signals {
 
     pub(super) fn watch_deletions(&self) -> Deletions {
         Deletions(self.deleted.0.subscribe())
-    }
-
-    /// A poisoned lock is safe: each change of a map is one call, so a panic leaves the maps consistent.
-    fn tables(&self) -> MutexGuard<'_, Tables> {
-        self.tables.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -290,7 +285,7 @@ struct Listening {
 
 impl Drop for Listening {
     fn drop(&mut self) {
-        let mut tables = self.signals.tables();
+        let mut tables = self.signals.tables.lock();
         if tables.listeners.get(&self.key).is_some_and(|sender| sender.receiver_count() == 0) {
             tables.listeners.remove(&self.key);
         }
@@ -308,9 +303,9 @@ mod tests {
         let first = signals.watch(key);
         let second = signals.watch(key);
         drop(first);
-        assert_eq!(signals.tables().listeners.len(), 1);
+        assert_eq!(signals.tables.lock().listeners.len(), 1);
         drop(second);
-        assert!(signals.tables().listeners.is_empty());
+        assert!(signals.tables.lock().listeners.is_empty());
     }
 
     #[test]
@@ -332,7 +327,7 @@ mod tests {
         let raised = flags.each_ref().map(Stop::is_raised);
         assert_eq!(raised, [false, true, true, false, false]);
         signals.apply(vec![Effect::LetGo((RunId(2), None))]);
-        assert!(signals.tables().running.is_empty());
+        assert!(signals.tables.lock().running.is_empty());
     }
 
     #[test]

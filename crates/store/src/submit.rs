@@ -4,7 +4,7 @@ use std::num::NonZeroU32;
 
 use serde_json::Value;
 
-use super::error::{Error, IDEMPOTENCY};
+use super::error::{Error, IDEMPOTENCY, Result};
 use super::keep::Source;
 use super::read;
 use super::row::Columns;
@@ -132,10 +132,7 @@ impl EncodedJob {
     }
 
     /// The answer if this submission is a repetition, or uses the idempotency key of another submission.
-    pub(super) async fn repeated(
-        &self,
-        db: &mut impl Connected,
-    ) -> Result<Option<Submitted>, Error> {
+    pub(super) async fn repeated(&self, db: &mut impl Connected) -> Result<Option<Submitted>> {
         let Some(repeatable) = &self.job.repeatable else { return Ok(None) };
         let query = sql!(
             "SELECT id, fingerprint FROM job WHERE owner = $1 AND idempotency_key = $2";

@@ -5,7 +5,7 @@ use std::future::Future;
 use sqlx::SqliteConnection;
 use sqlx::postgres::PgConnection;
 
-use super::error::Error;
+use super::error::Result;
 use super::row::Row;
 use super::statement::Statement;
 
@@ -51,26 +51,25 @@ pub(super) trait Tables: Send {
         &mut self,
         statement: Statement,
         most: Most,
-    ) -> impl Future<Output = Result<Vec<Row>, Error>> + Send;
+    ) -> impl Future<Output = Result<Vec<Row>>> + Send;
 
     /// All rows.
-    async fn rows(&mut self, statement: Statement) -> Result<Vec<Row>, Error> {
+    async fn rows(&mut self, statement: Statement) -> Result<Vec<Row>> {
         self.read(statement, Most::All).await
     }
 
     /// The first row, if there is one.
-    async fn row(&mut self, statement: Statement) -> Result<Option<Row>, Error> {
+    async fn row(&mut self, statement: Statement) -> Result<Option<Row>> {
         Ok(self.read(statement, Most::One).await?.pop())
     }
 
     /// The first row of a statement that always returns one.
-    async fn one(&mut self, statement: Statement) -> Result<Row, Error> {
+    async fn one(&mut self, statement: Statement) -> Result<Row> {
         Ok(self.row(statement).await?.ok_or(sqlx::Error::RowNotFound)?)
     }
 }
 
 /// A connection to either database.
-#[derive(Debug)]
 pub(super) enum Connection<'a> {
     Sqlite(&'a mut SqliteConnection),
     Postgres(&'a mut PgConnection),
@@ -80,8 +79,13 @@ pub(super) enum Connection<'a> {
 pub(super) trait Connected: Send {
     fn connection(&mut self) -> Connection<'_>;
 
-    /// Returns the number of rows that the statement has changed.
-    async fn execute(&mut self, statement: Statement) -> Result<u64, Error> {
+    /// Executes a statement.
+    async fn execute(&mut self, statement: Statement) -> Result<()> {
+        self.changed_by(statement).await.map(drop)
+    }
+
+    /// Executes a statement, and returns the number of rows that the statement has changed.
+    async fn changed_by(&mut self, statement: Statement) -> Result<u64> {
         Ok(match self.connection() {
             Connection::Sqlite(db) => statement.sqlite().execute(db).await?.rows_affected(),
             Connection::Postgres(db) => statement.postgres().execute(db).await?.rows_affected(),
@@ -90,7 +94,7 @@ pub(super) trait Connected: Send {
 
     /// In PostgreSQL, executes a statement that takes a lock until the end of the transaction. SQLite needs no lock,
     /// because it has one writer.
-    async fn lock(&mut self, statement: Statement) -> Result<(), Error> {
+    async fn lock(&mut self, statement: Statement) -> Result<()> {
         if let Connection::Postgres(db) = self.connection() {
             statement.postgres().execute(db).await?;
         }
@@ -125,7 +129,7 @@ connected! {
 }
 
 impl<T: Connected> Tables for T {
-    async fn read(&mut self, statement: Statement, most: Most) -> Result<Vec<Row>, Error> {
+    async fn read(&mut self, statement: Statement, most: Most) -> Result<Vec<Row>> {
         macro_rules! fetch {
             ($query:expr, $db:ident => $row:path) => {
                 match most {

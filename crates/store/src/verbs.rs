@@ -13,7 +13,7 @@ use super::audit::{self, Actor, AuditEntry};
 use super::cancel::{self, Canceled, Deleted};
 use super::change::{Change, Shared, Verb};
 use super::claimed::{Claimed, FinishedChunk, Piece};
-use super::error::{Command, Doing, Error};
+use super::error::{Command, Doing, Error, Result};
 use super::keep::{self, Answered, Changed, Editor, Finish, PinQuota, Removed};
 use super::keys::{self, AccessKey};
 use super::library::{Known, Provenance};
@@ -70,7 +70,7 @@ macro_rules! change {
 struct Reading<'a>(&'a Store, Purpose);
 
 impl Tables for Reading<'_> {
-    async fn read(&mut self, statement: Statement, most: Most) -> Result<Vec<Row>, Error> {
+    async fn read(&mut self, statement: Statement, most: Most) -> Result<Vec<Row>> {
         each!(self.0, db => db.read(self.1, statement, most).await)
     }
 }
@@ -88,7 +88,7 @@ impl Store {
     }
 
     /// Executes a verb that has the same statements in both engines.
-    async fn change<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer, Error>
+    async fn change<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer>
     where
         Input: Send + Sync + 'static,
         V: for<'a, 'tx> Verb<'a, Input, Change<'tx>, Answer = Answer>,
@@ -290,7 +290,7 @@ impl Store {
         &self,
         key: &Key,
         found: Option<(StoredResult, Sum)>,
-    ) -> Result<Option<StoredResult>, Error> {
+    ) -> Result<Option<StoredResult>> {
         let Some((found, sum)) = found else { return Ok(None) };
         let StoredResult::Whole(body) = &found else { return Ok(Some(found)) };
         let sound = if body.bytes().len() <= LARGE {
@@ -347,7 +347,7 @@ impl Store {
     }
 
     /// Returns the job once it has finished, or in its current state once `until` has completed.
-    pub async fn wait(&self, job: Job, until: impl Future<Output = ()>) -> Result<Job, Error> {
+    pub async fn wait(&self, job: Job, until: impl Future<Output = ()>) -> Result<Job> {
         if job.state.is_finished() {
             return Ok(job);
         }

@@ -74,9 +74,9 @@ impl Claimed {
         let (table, profiles) =
             (samples.or(searches).unwrap_or(table), profiles.unwrap_or_default());
         let (columns, points) = (study.columns(), study.points());
-        let outputs = &columns[study.problem().members.len()..columns.len() - 1];
+        let outputs = &columns[study.problem.members.len()..columns.len() - 1];
         let outputs = outputs.iter().map(|column| read(&table, &column.name, points));
-        let fields = study.problem().profiles.iter().flat_map(|profiles| &profiles.fields);
+        let fields = study.problem.profiles.iter().flat_map(|profiles| &profiles.fields);
         let curves = fields.map(|field| read(&profiles, field.name(), points));
         let claimed = Self {
             outputs: outputs.collect::<Result<_, _>>()?,
@@ -125,7 +125,7 @@ impl Claimed {
         self.refused.fetch_add(own.refused, Ordering::Relaxed);
         let mut row = Rows::default();
         row.push(&study.point(number), &self.row(number));
-        let fields = study.problem().profiles.iter().flat_map(|profiles| &profiles.fields);
+        let fields = study.problem.profiles.iter().flat_map(|profiles| &profiles.fields);
         let names = study.columns().into_iter().map(|column| column.name);
         let names = names.chain(fields.map(|field| field.name().to_owned()));
         let mut cells = names.zip(row.columns().zip(own.columns()));

@@ -1,6 +1,6 @@
 //! An evaluation: a run that is computed for some outputs. Its result is not stored.
 
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use deserr::{Deserr, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
 use fretwork_engine::outcome::{History, Loops, Profiles, QUANTITIES};
 use fretwork_engine::request::fault::Faults;
@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 
 use super::output::{NoValue, Output, OutputName};
 use super::run::Run;
-use fretwork_json::{self as json, BadBody, Distinct, both};
+use fretwork_json::{self as json, BadBody, Distinct, both, typed};
 
 /// Maximum number of outputs of an evaluation.
 const MAX_OUTPUTS: usize = 100;
@@ -68,8 +68,7 @@ impl Evaluation {
 
     fn read(mut body: Value) -> Result<Self, Faults> {
         let scenario = body.get_mut("scenario").map(Value::take);
-        let envelope: Result<Envelope, Faults> =
-            Envelope::deserialize_from_value(body.into_value(), ValuePointerRef::Origin);
+        let envelope = typed::<Envelope>(body);
         // The faults of the envelope say that the member `scenario` is missing.
         let Some(scenario) = scenario else {
             return Err(envelope.err().unwrap_or_else(|| Faults::one("", "must be an object")));

@@ -2,13 +2,12 @@
 
 use std::collections::HashMap;
 
-use deserr::{Deserr as _, IntoValue as _, ValuePointerRef};
 use fretwork_engine::request::Request;
-use fretwork_engine::request::fault::{Fault, Faults, unknown};
+use fretwork_engine::request::fault::{Fault, unknown};
 use fretwork_engine::request::quantity::{self, Dimension};
 use serde_json::{Number, Value};
 
-use fretwork_json::escaped;
+use fretwork_json::{escaped, typed};
 
 /// Maximum number of pointers that an error text lists.
 const LISTED: usize = 40;
@@ -115,8 +114,11 @@ fn found<'a>(scenario: &'a Value, pointer: &str) -> Result<&'a Value, String> {
     if is_number(found) {
         Ok(found)
     } else {
+        let mut inner = Vec::new();
+        numbers(found, Some(LISTED), &mut pointer.to_owned(), &mut inner);
+        let number = inner.last().map_or("/friction", String::as_str);
         Err(format!(
-            "`{pointer}` is not a number. Enter the pointer of a number in the scenario, such as `/friction`"
+            "`{pointer}` is not a number. Enter the pointer of a number in the scenario, such as `{number}`"
         ))
     }
 }
@@ -164,9 +166,7 @@ fn faults_with_probes(scenario: &Value, places: &[&str]) -> Vec<Fault> {
             *place = Value::from(PROBE);
         }
     }
-    let read: Result<Request, Faults> =
-        Request::deserialize_from_value(changed.into_value(), ValuePointerRef::Origin);
-    read.map_or_else(|faults| faults.0, |_| Vec::new())
+    typed::<Request>(changed).map_or_else(|faults| faults.0, |_| Vec::new())
 }
 
 fn first(is_measured: impl Fn(Dimension) -> bool) -> Dimension {
@@ -300,7 +300,7 @@ mod tests {
         let refused = |pointer| Member::find(&scenario(), pointer).unwrap_err();
         assert!(refused("/frction").contains("Did you mean `/friction`?"));
         assert!(refused("/profile/shape").contains("is not a number"));
-        assert!(refused("/profile").contains("is not a number"));
+        assert!(refused("/profile").ends_with("such as `/profile/radius`"));
         let radius = Member::find(&scenario(), "/profile/radius").unwrap();
         assert!(radius.read(&json!("20 GPa")).unwrap_err().contains("a length is needed"));
     }

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use deserr::Deserr;
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
@@ -13,7 +13,7 @@ use super::output::{NoValue, Output, OutputName};
 use super::problem::Problem;
 use super::run::{Ended, Run};
 use super::totals;
-use fretwork_json::Distinct;
+use fretwork_json::{Distinct, typed};
 
 /// Maximum number of parameters of a model, and of its outputs.
 const MOST: usize = 100;
@@ -55,8 +55,7 @@ impl Model {
     /// # Errors
     /// All faults, with pointers relative to this object.
     pub fn read(config: Value) -> Result<Self, Faults> {
-        let config: Config =
-            Config::deserialize_from_value::<Value>(config.into_value(), ValuePointerRef::Origin)?;
+        let config: Config = typed(config)?;
         let parameters =
             config.parameters.0.map_or_else(|| vec!["/friction".to_owned()], |it| it.0);
         let outputs = config.outputs.0.map_or_else(default_outputs, |outputs| outputs.0);

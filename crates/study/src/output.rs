@@ -22,6 +22,7 @@ use fretwork_engine::request::fault::{Faults, unknown};
 use fretwork_engine::request::instants::{Cycles, Measure};
 use fretwork_engine::request::quantity::{self, Dimension};
 use fretwork_engine::solver::events::EventKind;
+use fretwork_json::typed;
 
 /// Separates the name of a column from an output cycle.
 const AT: char = '@';
@@ -172,8 +173,7 @@ impl OutputName {
         scenario: &serde_json::Value,
     ) -> Result<Vec<Output>, Faults> {
         let cycles = scenario.get("cycles").cloned().unwrap_or_default();
-        let cycles = Cycles::deserialize_from_value(cycles.into_value(), ValuePointerRef::Origin);
-        let Ok(cycles): Result<_, Faults> = cycles else { return Ok(Vec::new()) };
+        let Ok(cycles) = typed::<Cycles>(cycles) else { return Ok(Vec::new()) };
         Faults::list(names.into_iter().map(|name| name.among(&cycles)))
     }
 }

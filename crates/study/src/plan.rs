@@ -13,6 +13,7 @@ use serde_json::{Map, Value, json};
 use super::output::Output;
 use super::problem::{Found, Problem};
 use super::rows::Rows;
+use fretwork_json::words;
 
 /// Maximum number of points of a study. A server can set a lower limit.
 pub const MAX_POINTS: u64 = 1 << 22;
@@ -86,39 +87,23 @@ pub struct Offer {
     pub sample: Option<(u8, u8)>,
 }
 
-/// A kind of figure of a study.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum StudyFigure {
-    /// An output over one number, with one curve for each value of a second one.
-    Curves,
-    /// A dot for each point.
-    Scatter,
-    /// Colours and contour lines over two numbers.
-    Heat,
-    /// Two regions, and the boundary between them.
-    Regimes,
-    /// Bars of the findings about each number that varies.
-    Tornado,
+words! {
+    /// A kind of figure of a study.
+    pub enum StudyFigure: "kind of figure" {
+        /// An output over one number, with one curve for each value of a second one.
+        Curves = "curves",
+        /// A dot for each point.
+        Scatter = "scatter",
+        /// Colours and contour lines over two numbers.
+        Heat = "heat",
+        /// Two regions, and the boundary between them.
+        Regimes = "regimes",
+        /// Bars of the findings about each number that varies.
+        Tornado = "tornado",
+    }
 }
 
 impl StudyFigure {
-    /// All kinds.
-    pub const ALL: [Self; 5] =
-        [Self::Curves, Self::Scatter, Self::Heat, Self::Regimes, Self::Tornado];
-
-    /// The name in addresses.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Curves => "curves",
-            Self::Scatter => "scatter",
-            Self::Heat => "heat",
-            Self::Regimes => "regimes",
-            Self::Tornado => "tornado",
-        }
-    }
-
     /// Whether the figure shows one of the outputs, which clients can choose.
     #[must_use]
     pub fn has_output(self) -> bool {

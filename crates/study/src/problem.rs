@@ -1,6 +1,5 @@
 //! A scenario, the numbers in it that a study varies, and the outputs that the study takes from each result.
 
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::scenario;
@@ -11,7 +10,7 @@ use super::output::{NoValue, Output, OutputName};
 use super::profile::CommonProfiles;
 use super::run::{Ended, Run};
 use super::vary::{self, Varied};
-use fretwork_json::Distinct;
+use fretwork_json::{Distinct, typed};
 
 /// The members of a study that take most of its memory. They are read without copying them.
 const LARGE: [&str; 3] = ["scenario", "vary", "outputs"];
@@ -209,10 +208,7 @@ pub(super) fn varied_and_outputs(
 /// `names` is not a list of names, or the scenario does not have these outputs. If `cycles` of the scenario has faults,
 /// the list is empty: the check of the scenario reports them.
 pub fn outputs_of(names: Value, scenario: &Value) -> Result<Vec<Output>, Faults> {
-    let Distinct(names) = Distinct::<OutputName, MAX_OUTPUTS>::deserialize_from_value::<Value>(
-        names.into_value(),
-        ValuePointerRef::Origin,
-    )?;
+    let Distinct(names) = typed::<Distinct<OutputName, MAX_OUTPUTS>>(names)?;
     if names.is_empty() {
         return Err(Faults::one("", "must list at least one output, such as \"wear_volume\""));
     }

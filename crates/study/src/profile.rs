@@ -1,6 +1,6 @@
 //! Profiles of a sweep: curves of each run after its last output cycle, at radii that all runs share.
 
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use deserr::Deserr;
 use fretwork_engine::outcome::{Outcome, Profiles};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::vary::{self, MAX_RADII};
-use fretwork_json::Distinct;
+use fretwork_json::{Distinct, typed};
 
 /// A curve over the radius.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
@@ -81,10 +81,7 @@ impl CommonProfiles {
     /// # Errors
     /// All faults, with pointers relative to `profiles`.
     pub fn read(profiles: Value) -> Result<Self, Faults> {
-        let Request { radius, fields } = Request::deserialize_from_value::<Value>(
-            profiles.into_value(),
-            ValuePointerRef::Origin,
-        )?;
+        let Request { radius, fields } = typed(profiles)?;
         let radii = vary::list_or_range(radius, Dimension::Length)
             .map_err(|faults| faults.below("/radius"))?;
         let wrong = |detail: String| Err(Faults::one("/radius", detail));

@@ -40,12 +40,15 @@ const HEAD: usize = 4096;
 /// A valid study.
 #[derive(Debug)]
 pub struct Study {
-    kind: &'static Kind,
-    canonical: Value,
-    problem: Problem,
+    /// The kind.
+    pub kind: &'static Kind,
+    /// The study in SI, with all defaults. It has the same key and the same rows.
+    pub canonical: Value,
+    /// The problem that is computed at each point.
+    pub problem: Problem,
     plan: Box<dyn Plan>,
-    /// Estimated processor time.
-    seconds: f64,
+    /// Estimated processor time, in seconds.
+    pub seconds: f64,
 }
 
 /// The computation of one point.
@@ -146,24 +149,6 @@ impl Study {
         Tried { values: self.point(number), found }
     }
 
-    /// The kind.
-    #[must_use]
-    pub fn kind(&self) -> &'static Kind {
-        self.kind
-    }
-
-    /// The study in SI, with all defaults. It has the same key and the same rows.
-    #[must_use]
-    pub fn canonical(&self) -> &Value {
-        &self.canonical
-    }
-
-    /// The problem that is computed at each point.
-    #[must_use]
-    pub fn problem(&self) -> &Problem {
-        &self.problem
-    }
-
     /// The number of points.
     #[must_use]
     pub fn points(&self) -> usize {
@@ -177,12 +162,6 @@ impl Study {
     #[must_use]
     pub fn point(&self, number: usize) -> Vec<f64> {
         self.plan.point(number)
-    }
-
-    /// Estimated processor time, in seconds.
-    #[must_use]
-    pub fn seconds(&self) -> f64 {
-        self.seconds
     }
 
     /// The largest possible size of the document, in bytes.

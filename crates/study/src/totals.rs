@@ -196,8 +196,8 @@ mod tests {
                 with(&per_length, json!("18.5 N/mm"), motions[0]),
                 with(&totals, json!(185), motions[1]),
             );
-            assert_eq!(one.canonical(), other.canonical());
-            let base = &one.problem().base;
+            assert_eq!(one.canonical, other.canonical);
+            let base = &one.problem.base;
             assert_eq!(base["load"]["normal_force"], 185);
         }
         let axes = |force: Value| json!({"normal_force": {"values": force}, "amplitude": {"values": ["5 um", "25 um"]}});

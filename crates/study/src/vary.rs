@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use deserr::Deserr;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::request::quantity::Dimension;
@@ -12,7 +12,7 @@ use serde_json::Value;
 use super::member::Member;
 use super::stats::design::{Spacing, range};
 use super::stats::distribution::Distribution;
-use fretwork_json::Whole;
+use fretwork_json::{Whole, typed};
 
 /// Maximum number of values of one member, listed or in a range.
 const MAX_VALUES: u64 = 100_000;
@@ -62,7 +62,7 @@ struct Entry {
     #[deserr(default)]
     count: Given<Whole<2, MAX_VALUES>>,
     #[deserr(default)]
-    spacing: Given<SpacingName>,
+    spacing: Given<Spacing>,
     #[deserr(default)]
     distribution: Given<Value>,
 }
@@ -75,14 +75,7 @@ struct Range {
     to: Value,
     count: Whole<2, MAX_RADII>,
     #[deserr(default)]
-    spacing: Given<SpacingName>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
-enum SpacingName {
-    Linear,
-    Log,
+    spacing: Given<Spacing>,
 }
 
 /// Reads the list `vary` of a study of this scenario.
@@ -160,8 +153,7 @@ impl Varied {
     /// # Errors
     /// The faults of the entry, with pointers relative to it.
     pub fn read(entry: Value, member: Result<Member, String>) -> Result<Self, Faults> {
-        let entry: Entry =
-            Entry::deserialize_from_value::<Value>(entry.into_value(), ValuePointerRef::Origin)?;
+        let entry: Entry = typed(entry)?;
         let member = member.map_err(|detail| Faults::one("/pointer", detail))?;
         let values = entry.values(&member)?;
         Ok(Self { member, values })
@@ -197,7 +189,7 @@ impl Entry {
             Some(value) => end_of(name, &value, member),
         };
         let (from, to) = (end("from", self.from.0)?, end("to", self.to.0)?);
-        let spacing = spacing_of(self.spacing);
+        let spacing = self.spacing.0.unwrap_or_default();
         match self.count.0 {
             None => Ok(Values::Range(from, to, spacing)),
             Some(Whole(count)) => {
@@ -213,13 +205,6 @@ fn end_of(name: &str, value: &Value, member: &Member) -> Result<f64, Faults> {
     member.read(value).map_err(|detail| Faults::one(&format!("/{name}"), detail))
 }
 
-fn spacing_of(name: Given<SpacingName>) -> Spacing {
-    match name.0 {
-        Some(SpacingName::Log) => Spacing::Logarithmic,
-        Some(SpacingName::Linear) | None => Spacing::Linear,
-    }
-}
-
 /// Reads quantities that a study does not vary: a list, or a range.
 ///
 /// # Errors
@@ -229,11 +214,10 @@ pub fn list_or_range(given: Value, dimension: Dimension) -> Result<Vec<f64>, Fau
     if let Value::Array(list) = given {
         return list_of(&list, &member);
     }
-    let given: Range =
-        Range::deserialize_from_value::<Value>(given.into_value(), ValuePointerRef::Origin)?;
-    let Range { from, to, count: Whole(count), spacing } = given;
+    let Range { from, to, count: Whole(count), spacing } = typed(given)?;
     let (from, to) = (end_of("from", &from, &member)?, end_of("to", &to, &member)?);
-    range(from, to, count as usize, spacing_of(spacing)).map_err(|fault| Faults(vec![fault]))
+    let list = range(from, to, count as usize, spacing.0.unwrap_or_default());
+    list.map_err(|fault| Faults(vec![fault]))
 }
 
 fn list_of(list: &[Value], member: &Member) -> Result<Vec<f64>, Faults> {

@@ -1,10 +1,13 @@
 //! Checks against published results. The inputs are the files of `examples/literature`, which also names the sources
 //! and licences.
 
+use std::f64::consts::LN_2;
+
 use serde_json::{Value, json};
 
 use super::known::run;
 use super::page::{Check, Section};
+use fretwork_engine::numeric::root;
 use fretwork_engine::outcome::Outcome;
 
 const CONTACT: &str = "CONTACT";
@@ -42,10 +45,30 @@ const COEFFICIENT: f64 = 415.1;
 const DEPTH_AT: f64 = 263.0;
 const DEPTHS: (f64, f64) = (1.05, 1.4);
 
-const PETEGHEM: &str = include_str!("../../../examples/literature/van-peteghem-2011.csv");
+const LLAVORI: &str = "Llavori 2026";
+const MCCOLL: &str = "McColl et al. 2004";
+const CYLINDER: &str = include_str!("../../../examples/cylinder-on-flat.json");
+/// Points of the worn flat by finite elements, and measured: cycles, x in mm and depth in µm.
+const NODES: &str = include_str!("../../../examples/literature/mccoll-2004-finite-elements.csv");
+const FLAT: &str = include_str!("../../../examples/literature/mccoll-2004-measured.csv");
+/// The scars in these files: the row of the history, and the half-length in mm. By finite elements, it is extrapolated
+/// from the two outermost worn nodes of each side.
+const SCARS: [(usize, &str, f64); 5] = [
+    (1, LLAVORI, 0.1101),
+    (2, LLAVORI, 0.1758),
+    (3, LLAVORI, 0.2146),
+    (4, LLAVORI, 0.2557),
+    (4, MCCOLL, 0.29),
+];
+
+const PETEGHEM: &str = "van Peteghem et al. 2011";
+/// The columns are number, cycles, frequency in Hz, stroke of the slip in µm, energy in J and volume in µm³.
+const TESTS: &str = include_str!("../../../examples/literature/van-peteghem-2011.csv");
+const TEST_3: &str = include_str!("../../../examples/literature/van-peteghem-2011-test-3.json");
+const TEST_14: &str = include_str!("../../../examples/literature/van-peteghem-2011-test-14.json");
 
 pub fn sections() -> Vec<Section> {
-    vec![ball(), spheres(), gross_slip(), coefficients()]
+    vec![ball(), spheres(), gross_slip(), cylinder(), titanium(), coefficients()]
 }
 
 /// The scenario in a job body.
@@ -138,11 +161,12 @@ fn first_loading(section: &mut Section, outcome: &Outcome, known: [(f64, f64); 6
     section.checks.extend(checks);
 }
 
-/// A run of the test: dissipated energy in J, and volume in µm³ and depth in µm of the flat.
+/// A run of the test: dissipated energy in J, and volume in µm³, depth in µm and half-length in mm of the flat.
 struct Worn {
     energy: Vec<f64>,
     volume: Vec<f64>,
     depth: Vec<f64>,
+    half_length: Vec<f64>,
 }
 
 impl Worn {
@@ -152,6 +176,7 @@ impl Worn {
             energy: history.dissipated_energy,
             volume: flat.wear_volume?.iter().map(|v| 1e18 * v).collect(),
             depth: flat.wear_depth?.iter().map(|w| 1e6 * w).collect(),
+            half_length: flat.scar_half_length.iter().map(|half| 1e3 * half).collect(),
         })
     }
 
@@ -185,7 +210,8 @@ fn gross_slip() -> Section {
         }
         let worn = Worn::of(&scenario(STROKES[0].1)?)?;
         let mut differences = Vec::new();
-        for (energy, measured) in points(MEASURED)? {
+        for row in rows(MEASURED)? {
+            let [energy, measured] = row[..] else { return None };
             let (volume, _) = worn.at(energy)?;
             differences.push(1e-4 * (volume - measured));
             let what = format!("V at {energy} J, 10⁴ µm³");
@@ -202,16 +228,91 @@ fn gross_slip() -> Section {
     })
 }
 
+fn cylinder() -> Section {
+    Section::of("Cylinder in gross slip", |section| {
+        let worn = Worn::of(&scenario(CYLINDER)?)?;
+        let points = [rows(NODES)?, rows(FLAT)?].concat();
+        let strip =
+            |pair: &[Vec<f64>]| 500.0 * (pair[1][1] - pair[0][1]) * (pair[0][2] + pair[1][2]);
+        // The measured scar follows that of the same cycles by finite elements, but begins further left.
+        let scars = points.chunk_by(|a, b| a[0].total_cmp(&b[0]).is_eq() && a[1] < b[1]);
+        for (scar, (row, source, half_length)) in scars.zip(SCARS) {
+            let depth = scar.iter().map(|point| point[2]).fold(0.0, f64::max);
+            let area = scar.windows(2).map(strip).sum::<f64>();
+            let accept = |error| (source == LLAVORI).then_some(error);
+            for (what, known, found, accepted) in [
+                ("depth, µm", depth, worn.depth[row], accept(0.05)),
+                // The cylinder is 10 mm long.
+                ("area, µm²", area, 1e-4 * worn.volume[row], accept(0.03)),
+                ("half-length, mm", half_length, worn.half_length[row], None),
+            ] {
+                let what = format!("N = {}: {what}", scar[0][0]);
+                let number = Check::reported(what, source, known, found);
+                section.checks.push(Check { accepted, ..number });
+            }
+        }
+        Some(())
+    })
+}
+
+fn titanium() -> Section {
+    Section::of("Titanium cylinder in gross slip", |section| {
+        let tests = rows(TESTS)?;
+        for (row, body, frequency, measured) in [(1, TEST_3, 2.0, 65.0), (6, TEST_14, 0.1, 155.0)] {
+            let Outcome { history, scales, .. } = run(&scenario(body)?)?;
+            let (number, cycles, energy) = (tests[row][0], tests[row][1], tests[row][4]);
+            let (a, depth) =
+                (1e3 * history.contact_radius.last()?, 1e6 * history.wear_depth.last()?);
+            // In mm: the cylinder has a radius of 80 mm and a length of 8 mm.
+            let cube = 1.5 * 80.0 * (1e9 * history.wear_volume.last()? / 8.0);
+            let late = libm::cbrt(cube);
+            let hertz = libm::pow(1e3 * scales.contact_radius, 2.0);
+            let elastic = root(late, 2.0 * late, |a| a * (a * a - 0.75 * hertz) - cube);
+            let drop = |square: f64| 1e3 * square / (2.0 * 80.0);
+            let next = libm::pow(hertz / (elastic * elastic), 2.0);
+            for (what, reference, elastic, value) in [
+                ("a, mm", late, elastic, a),
+                (
+                    "total depth, µm",
+                    drop(late * late),
+                    drop(elastic * elastic - LN_2 * hertz),
+                    depth,
+                ),
+            ] {
+                let what = format!("test {number}: {what}");
+                let check = Check::reported(what, "late gross slip", reference, value);
+                let expected = elastic / reference - 1.0;
+                section.checks.push(Check { expected, accepted: Some(next), ..check });
+            }
+            let what = format!("test {number}: N at {energy} J");
+            section.checks.push(Check::reported(what, PETEGHEM, cycles, *history.cycles.last()?));
+            let what = format!("test {number}: total depth, measured at {frequency} Hz, µm");
+            section.checks.push(Check::reported(what, "Arnaud et al. 2021", measured, depth));
+        }
+        for test in &tests {
+            let [number, cycles, _, stroke, energy, _] = test[..] else { return None };
+            let what = format!("test {number}: 4μF(δ_g/2)N, J");
+            let work = 4.0 * 0.6 * 8523.0 * 0.5e-6 * stroke * cycles;
+            section.checks.push(Check::reported(what, PETEGHEM, energy, work));
+        }
+        Some(())
+    })
+}
+
 fn coefficients() -> Section {
     Section::of("Energy wear coefficients", |section| {
-        for (what, source, published, measured) in [
-            ("TiC coating", FOUVRY, COEFFICIENT, MEASURED),
-            ("five tests at 5 Hz", "van Peteghem et al. 2011", 97_500.0, PETEGHEM),
+        let tests = rows(TESTS)?;
+        let at = |frequency: f64| {
+            let tests = tests.iter().filter(|test| (test[2] - frequency).abs() < 1e-9);
+            tests.map(|test| test[4..].to_vec()).collect()
+        };
+        for (what, source, published, points) in [
+            ("TiC coating", FOUVRY, COEFFICIENT, rows(MEASURED)?),
+            ("five tests at 5 Hz", PETEGHEM, 97_500.0, at(5.0)),
+            ("two tests at 0.11 Hz", PETEGHEM, 534_900.0, at(0.11)),
         ] {
-            let points = points(measured)?;
-            let sum = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>();
-            let slope =
-                sum(|(energy, volume)| energy * volume) / sum(|(energy, _)| energy * energy);
+            let sum = |of: fn(&[f64]) -> f64| points.iter().map(|point| of(point)).sum::<f64>();
+            let slope = sum(|point| point[0] * point[1]) / sum(|point| point[0] * point[0]);
             let what = format!("{what}: α, µm³/J");
             section.checks.push(Check::reported(what, source, published, slope));
         }
@@ -219,14 +320,10 @@ fn coefficients() -> Section {
     })
 }
 
-/// Dissipated energy in J and wear volume in µm³, from a CSV file with comments and a header.
-fn points(csv: &str) -> Option<Vec<(f64, f64)>> {
+/// The rows of a CSV file with comments and a header.
+fn rows(csv: &str) -> Option<Vec<Vec<f64>>> {
     let rows = csv.lines().filter(|line| !line.starts_with('#')).skip(1);
-    let point = |row: &str| {
-        let (energy, volume) = row.split_once(',')?;
-        Some((energy.parse().ok()?, volume.parse().ok()?))
-    };
-    rows.map(point).collect()
+    rows.map(|row| row.split(',').map(|number| number.parse().ok()).collect()).collect()
 }
 
 /// The value at `at` on the straight lines between points with ascending x; none beyond them.

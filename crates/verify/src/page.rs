@@ -26,7 +26,7 @@ For an event it is the error of its moment, or what is known of it if only one r
 ";
 
 /// Whom the program is compared with, and the sources of these checks.
-const GROUPS: [(&str, &[&str]); 7] = [
+const GROUPS: [(&str, &[&str]); 8] = [
     ("runs and limiting states of two other discretisations", &["table"]),
     (
         "formulas for the contact, and worked examples",
@@ -42,11 +42,21 @@ const GROUPS: [(&str, &[&str]); 7] = [
             "q < 0.57735",
             "2I/(1 − cⁿ)",
             "c(1 − c²) = 2q/3",
+            "late gross slip",
             "worked example",
         ],
     ),
     ("CONTACT by Vollebregt and Kalker", &["CONTACT"]),
-    ("tests of wear", &["Fouvry et al. 2007", "van Peteghem et al. 2011"]),
+    ("the worn flat by finite elements", &["Llavori 2026"]),
+    (
+        "tests of wear",
+        &[
+            "Arnaud et al. 2021",
+            "Fouvry et al. 2007",
+            "McColl et al. 2004",
+            "van Peteghem et al. 2011",
+        ],
+    ),
     ("the energy balance and the area of the loop", &["dV/dN = (k_w/μ)W", "W"]),
     (
         "itself on finer meshes, or by a closed form",

@@ -23,17 +23,6 @@ pub const MODES: [&str; 9] = [
     "sliding",
     "force blocks",
 ];
-/// The kinds of motion of a line contact. Three of four have a reference.
-const LINE_MODES: [&str; 8] = [
-    "amplitude",
-    "tangential force",
-    "rig",
-    "blocks",
-    "gross slip",
-    "loop",
-    "sliding",
-    "force blocks",
-];
 /// The shapes of the profile. The names of the power laws contain the exponent. Those of line contacts are the last.
 pub const SHAPES: [&str; 15] = [
     "sphere",
@@ -61,6 +50,8 @@ const SHARES: [f64; 6] = [0.01, 0.05, 0.125, 0.25, 0.5, 1.0];
 /// The output cycles of each block, as shares of its length.
 const BLOCK_SHARES: [f64; 2] = [0.1, 0.9];
 const FRICTION: f64 = 0.6;
+/// The largest coefficient of friction that changes.
+const MOST_FRICTION: f64 = 1.5;
 const WEAR: f64 = 1e-14;
 const NORMAL_MODULUS: f64 = 110e9;
 /// The length of the line contacts in m.
@@ -87,7 +78,9 @@ impl RandomScenario {
     pub fn draw(random: &mut Random) -> Option<Self> {
         let is_line = random.between(0.0, 1.0) < 0.4;
         let (held, mode, shape) = if is_line {
-            ("line", random.one_of(&LINE_MODES), random.one_of(&SHAPES[ROUND..]))
+            // All kinds but a record. Three of four have a reference.
+            let modes: Vec<_> = MODES.into_iter().filter(|mode| *mode != "record").collect();
+            ("line", random.one_of(&modes), random.one_of(&SHAPES[ROUND..]))
         } else {
             (random.one_of(&HELD[..2]), mode(random), shape(random))
         };
@@ -125,10 +118,17 @@ impl RandomScenario {
             motion(mode, stick_ratio, &preview, random)
         };
         request["cycles"] = SHARES.map(|share| json!(share * last)).into();
+        let energy = preview.unworn.energy_per_cycle;
         let coefficients = random.one_of(&["constant", "constant", "layers", "changing"]);
         match coefficients {
-            "layers" => request["wear"] = layers(preview.scales.indentation_depth, random),
-            "changing" => change(&mut request, last, random),
+            "layers" => {
+                request["wear"] = layers(preview.scales.indentation_depth, random);
+                if random.between(0.0, 1.0) < 0.3 {
+                    let end = last * random.log_between(2e-3, 1.0);
+                    request["friction"] = friction(end, energy, random);
+                }
+            }
+            "changing" => change(&mut request, last, energy, random),
             _ => {}
         }
         Some(Self { held, mode, shape, coefficients, request })
@@ -156,21 +156,37 @@ fn layers(depth: f64, random: &mut Random) -> Value {
     json!({"bodies": [first, body(below[1], if below[1] > below[0] { 2 } else { 0 })]})
 }
 
-/// Lets the friction or the wear coefficient change until the cycle `last`.
-fn change(request: &mut Value, last: f64, random: &mut Random) {
-    let mut other = |value: f64| value * random.log_between(0.6, 1.6);
-    let (friction, wear, second) = (other(FRICTION), other(WEAR), other(WEAR));
-    let (cycles, step) = (last * random.between(0.05, 0.8), last * random.between(0.1, 0.4));
+/// Lets the friction or the wear coefficient change, or both, until the cycle `last` or until the energy that the unworn
+/// contact would dissipate.
+fn change(request: &mut Value, last: f64, energy_per_cycle: f64, random: &mut Random) {
     let kind = random.one_of(&["friction", "wear", "both"]);
     if kind != "wear" {
-        request["friction"] =
-            json!({"run_in": {"cycles": cycles, "from": FRICTION, "to": friction}});
+        let end = last * random.log_between(2e-3, 1.0);
+        request["friction"] = friction(end, energy_per_cycle, random);
     }
     if kind != "friction" {
         // The coefficient has a step.
+        let mut other = || WEAR * random.log_between(0.3, 3.0);
+        let (first, second) = (other(), other());
+        let step = last * random.between(0.1, 0.4);
         let at = [0.0, step, step, 2.0 * step];
         request["wear"]["coefficient"] =
-            json!({"over": "cycles", "at": at, "values": [WEAR, wear, second, WEAR]});
+            json!({"over": "cycles", "at": at, "values": [WEAR, first, second, WEAR]});
+    }
+}
+
+/// A coefficient of friction that rises or falls by up to a factor of 4.
+fn friction(cycles: f64, energy_per_cycle: f64, random: &mut Random) -> Value {
+    let mut other = || FRICTION * random.log_between(0.25, 4.0).min(MOST_FRICTION / FRICTION);
+    let values = [FRICTION, other(), other(), other()];
+    let at = [0.0, 0.2, 0.6, 1.0].map(|share| share * cycles);
+    match random.one_of(&["run-in", "over cycles", "over energy"]) {
+        "run-in" => json!({"run_in": {"cycles": cycles, "from": FRICTION, "to": values[1]}}),
+        "over cycles" => json!({"over": "cycles", "at": at, "values": values}),
+        _ => {
+            let at = at.map(|cycles| cycles * energy_per_cycle);
+            json!({"over": "dissipated_energy", "at": at, "values": values})
+        }
     }
 }
 

@@ -13,7 +13,7 @@ use http_body_util::BodyExt as _;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::needs::Quota;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::ascii;
 
 const POLICY: HeaderName = HeaderName::from_static("ratelimit-policy");
@@ -33,7 +33,6 @@ pub struct Limits {
 type Bucket = RateLimiter<NotKeyed, InMemoryState, DefaultClock, StateInformationMiddleware>;
 
 /// The current use of the limits of one key.
-#[derive(Debug)]
 pub struct Account {
     pub limits: Limits,
     requests: Option<Bucket>,
@@ -78,7 +77,7 @@ impl Account {
     }
 
     /// Counts a request against a quota, or refuses it.
-    pub fn take(&self, quota: Quota) -> Result<OpenRequest, Problem> {
+    pub fn take(&self, quota: Quota) -> Result<OpenRequest> {
         let permit = match &self.concurrent {
             None => None,
             Some((permits, most)) => {
@@ -106,7 +105,7 @@ fn full(most: NonZeroU32) -> Problem {
         .with_header(STATE, "\"at-once\";r=0")
 }
 
-fn count(bucket: &Bucket, policy: &'static str, calls: &str) -> Result<Standing, Problem> {
+fn count(bucket: &Bucket, policy: &'static str, calls: &str) -> Result<Standing> {
     match bucket.check() {
         Ok(state) => {
             let per_minute = state.quota().burst_size();

@@ -21,7 +21,7 @@ use data_encoding::BASE64;
 use subtle::ConstantTimeEq as _;
 use tokio::sync::OnceCell;
 
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::instant;
 use fretwork_job::clock::now;
 use fretwork_store::{AccessKey, Actor, Role, Store, digest};
@@ -175,7 +175,7 @@ impl Gate {
     }
 
     /// The signer of links. The first call reads its secret from the store.
-    pub async fn signer(&self) -> Result<&Signer, Problem> {
+    pub async fn signer(&self) -> Result<&Signer> {
         self.signer
             .get_or_try_init(|| async {
                 let admin = self.admin.as_ref().map(|admin| admin.digest);
@@ -184,7 +184,7 @@ impl Gate {
             .await
     }
 
-    async fn accept(&self, request: &mut Request, needs: Needs) -> Result<Admitted, Problem> {
+    async fn accept(&self, request: &mut Request, needs: Needs) -> Result<Admitted> {
         let Some(required) = needs.role else { return Ok(Admitted::default()) };
         if signed_link::token(request.uri()).is_some() {
             return self.accept_link(request, required).await;
@@ -218,11 +218,7 @@ impl Gate {
     }
 
     /// Accepts a request with a signed link, and removes the link from its address.
-    async fn accept_link(
-        &self,
-        request: &mut Request,
-        required: Role,
-    ) -> Result<Admitted, Problem> {
+    async fn accept_link(&self, request: &mut Request, required: Role) -> Result<Admitted> {
         let link = signed_link::open(self.signer().await?, request.uri(), pattern(request))?;
         if required > Role::Read {
             return Err(Problem::new(
@@ -239,12 +235,12 @@ impl Gate {
     }
 
     /// Whether the server requires a key.
-    pub async fn requires_key(&self) -> Result<bool, Problem> {
+    pub async fn requires_key(&self) -> Result<bool> {
         Ok(!self.open && (self.admin.is_some() || !self.keyring.holders().await?.is_empty()))
     }
 
     /// The limits of a key; none for callers without a key.
-    pub async fn limits_of(&self, key: Option<&str>) -> Result<Limits, Problem> {
+    pub async fn limits_of(&self, key: Option<&str>) -> Result<Limits> {
         let Some(key) = key else { return Ok(Limits::default()) };
         if let Some(admin) = self.admin.as_ref().filter(|_| key == ADMIN) {
             return Ok(admin.usage.account.limits);
@@ -254,7 +250,7 @@ impl Gate {
     }
 
     /// Identifies the caller by its key, and records its use.
-    async fn identify(&self, headers: &HeaderMap) -> Result<(Identity, Arc<Usage>), Problem> {
+    async fn identify(&self, headers: &HeaderMap) -> Result<(Identity, Arc<Usage>)> {
         let (presented, now) = (presented_key(headers)?, now());
         let digest = digest(&presented);
         let (identity, usage) = if let Some(admin) = &self.admin
@@ -298,7 +294,7 @@ impl Gate {
 
     /// Counts a request with a link against the key that signed the link. Refuses the request if that key is no longer
     /// valid.
-    async fn count_link(&self, issuer: &str) -> Result<OpenRequest, Problem> {
+    async fn count_link(&self, issuer: &str) -> Result<OpenRequest> {
         let holders = self.keyring.holders().await?;
         let usage = match (holders.get(issuer), &self.admin) {
             (Some(holder), _) if self.open || invalid(&holder.key, now()).is_none() => {
@@ -347,7 +343,7 @@ fn invalid(key: &AccessKey, now: i64) -> Option<String> {
 }
 
 /// The key that a request presents.
-fn presented_key(headers: &HeaderMap) -> Result<String, Problem> {
+fn presented_key(headers: &HeaderMap) -> Result<String> {
     let Some(value) = headers.get(header::AUTHORIZATION) else {
         return Err(unauthorized(headers, "This server requires an access key."));
     };

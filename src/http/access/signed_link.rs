@@ -10,7 +10,7 @@ use data_encoding::HEXLOWER;
 use hmac::{Hmac, KeyInit as _, Mac as _};
 use sha2::Sha256;
 
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::{instant, read_key};
 use fretwork_job::{Key, clock};
 
@@ -74,7 +74,7 @@ impl Signer {
     }
 
     /// Verifies a link to a result. Returns its issuer, and the time until it expires.
-    fn verify(&self, key: &Key, token: &str, now: Duration) -> Result<(String, Duration), Problem> {
+    fn verify(&self, key: &Key, token: &str, now: Duration) -> Result<(String, Duration)> {
         let not_ours = || {
             let detail = "This server did not make this link for this result, or the link was changed. \
                 Ask its sender for a new link.";
@@ -111,7 +111,7 @@ pub fn token(uri: &Uri) -> Option<&str> {
     uri.query()?.split('&').find_map(|pair| pair.strip_prefix("link="))
 }
 
-fn without_token(uri: &Uri) -> Result<Uri, Problem> {
+fn without_token(uri: &Uri) -> Result<Uri> {
     let pairs = uri.query().into_iter().flat_map(|query| query.split('&'));
     let rest: Vec<&str> = pairs.filter(|pair| !pair.starts_with("link=")).collect();
     let mark = if rest.is_empty() { "" } else { "?" };
@@ -120,7 +120,7 @@ fn without_token(uri: &Uri) -> Result<Uri, Problem> {
 }
 
 /// Verifies the link of a request.
-pub fn open(signer: &Signer, uri: &Uri, route: &str) -> Result<Opened, Problem> {
+pub fn open(signer: &Signer, uri: &Uri, route: &str) -> Result<Opened> {
     if !OPENED.contains(&route) {
         let detail =
             "A link opens only one result and its parts. Send an access key for this address.";

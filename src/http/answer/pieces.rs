@@ -27,7 +27,6 @@ const WAITING: usize = 2;
 const PATIENCE: Duration = Duration::from_mins(1);
 
 /// Writes the pieces of an answer. Only a thread that may block can use it.
-#[derive(Debug)]
 pub struct PieceWriter<H> {
     sender: mpsc::Sender<Bytes>,
     piece: Vec<u8>,
@@ -42,11 +41,9 @@ pub struct PieceWriter<H> {
 }
 
 /// Receives the pieces of an answer.
-#[derive(Debug)]
 pub struct PieceReceiver(mpsc::Receiver<Bytes>);
 
 /// The beginning of an answer.
-#[derive(Debug)]
 pub enum Beginning {
     /// The writer has ended. If it has not failed, this is the whole answer.
     Ended(Bytes),

@@ -21,7 +21,7 @@ use super::stored::{Need, Reserved, find, large_json, makers_busy, missing, stor
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::memory::{Encoded, Lookup, Making};
-use crate::http::problem::{Complaint, Problem, kinds};
+use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::shares::{Permit, longest_wait};
 use crate::http::wire::coding::Coding;
 use crate::http::wire::{ascii, words};
@@ -90,7 +90,7 @@ impl Representation {
     }
 
     /// The answer to a request with these headers.
-    pub async fn answer(self, app: &App, headers: &HeaderMap) -> Result<Response, Problem> {
+    pub async fn answer(self, app: &App, headers: &HeaderMap) -> Result<Response> {
         if let Some(response) = self.not_modified(app, headers).await? {
             return Ok(response);
         }
@@ -124,7 +124,7 @@ impl Representation {
         app: &App,
         coding: Coding,
         reserved: &mut Reserved,
-    ) -> Result<Reply, Problem> {
+    ) -> Result<Reply> {
         let name = self.name_in(coding);
         let mut is_first = true;
         loop {
@@ -171,12 +171,7 @@ impl Representation {
     }
 
     /// Finds what the answer is made from.
-    async fn source(
-        &self,
-        app: &App,
-        coding: Coding,
-        reserved: &Reserved,
-    ) -> Result<MadeFrom, Problem> {
+    async fn source(&self, app: &App, coding: Coding, reserved: &Reserved) -> Result<MadeFrom> {
         if self.is_unchanged && coding != Coding::Gzip {
             return match stored(app, &self.key, reserved).await? {
                 Some(StoredResult::Whole(body))
@@ -223,7 +218,7 @@ impl Representation {
     /// Refuses a request for output cycles that the result does not have, before the large result is read. The scenario
     /// lists all output cycles of the result, except 0 and the last one of a run that ended early. If the scenario has
     /// energies instead of cycles, this checks nothing.
-    async fn refuse_missing_cycles(&self, app: &App) -> Result<(), Problem> {
+    async fn refuse_missing_cycles(&self, app: &App) -> Result<()> {
         if self.view.cycles.is_none() {
             return Ok(());
         }
@@ -254,7 +249,7 @@ impl Representation {
         making: Making,
         json: Bytes,
         reserved: Reserved,
-    ) -> Result<Encoded, Problem> {
+    ) -> Result<Encoded> {
         let (app, key, view) = (app.clone(), self.key, self.view.clone());
         let (part, format) = (self.part, self.format);
         let make = move || {
@@ -304,7 +299,7 @@ impl Representation {
         making: Making,
         json: Bytes,
         reserved: Reserved,
-    ) -> Result<Reply, Problem> {
+    ) -> Result<Reply> {
         let Reserved { mut permit, maker, .. } = reserved;
         // Until the first piece is sent, the JSON and the tables that were parsed from it are in memory. After that,
         // only the tables are.
@@ -321,7 +316,7 @@ impl Representation {
     }
 
     /// Decompresses the JSON of the result while the client reads it. `own` is the memory for the pieces.
-    async fn unpack(&self, packed: Encoded, own: Permit) -> Result<Reply, Problem> {
+    async fn unpack(&self, packed: Encoded, own: Permit) -> Result<Reply> {
         let Encoded { body, permit, .. } = packed;
         let size = Body::of(body.clone()).size();
         let write = move |out: &mut PieceWriter<_>| {
@@ -342,7 +337,7 @@ impl Representation {
         &self,
         held: H,
         write: impl FnOnce(&mut PieceWriter<H>) -> Result<(), format::Error> + Send + 'static,
-    ) -> Result<Reply, Problem> {
+    ) -> Result<Reply> {
         let (mut pieces, mut received) = pieces(held);
         let (done, written) = oneshot::channel();
         let write = move || {
@@ -402,11 +397,7 @@ impl Representation {
 
     /// The answer 304, if the client has this representation already. A result never changes, so it is enough that the
     /// result exists. A representation in memory is enough too, even if the result has been evicted.
-    async fn not_modified(
-        &self,
-        app: &App,
-        headers: &HeaderMap,
-    ) -> Result<Option<Response>, Problem> {
+    async fn not_modified(&self, app: &App, headers: &HeaderMap) -> Result<Option<Response>> {
         let Some(held) = held(headers, &self.tag) else { return Ok(None) };
         let in_memory =
             Coding::ALL.iter().any(|coding| app.memory.get(&self.name_in(*coding)).is_some());

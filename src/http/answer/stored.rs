@@ -10,7 +10,7 @@ use tokio::time::{Instant, timeout_at};
 
 use crate::http::app::App;
 use crate::http::memory::{Encoded, Lookup};
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::shares::{self, Permit, SMALL, longest_wait};
 use crate::http::wire::coding::Coding;
 use crate::http::wire::instant;
@@ -19,7 +19,7 @@ use fretwork_store::{self as store, Body, Error, StoredResult};
 
 /// Checks that a result is stored. Otherwise, returns the problem. The problem links to the job that computes the
 /// result, if there is one that the caller may see.
-pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<(), Problem> {
+pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<()> {
     match app.store.small_result(key).await? {
         Some(StoredResult::Whole(_) | StoredResult::Large(_)) => Ok(()),
         other => Err(missing(app, reach, key, other).await),
@@ -95,7 +95,7 @@ impl Reserved {
     }
 
     /// Reserves the memory beside the answer alone.
-    async fn hold_own(&mut self, app: &App, caller: &str) -> Result<(), Problem> {
+    async fn hold_own(&mut self, app: &App, caller: &str) -> Result<()> {
         self.own = Some(app.shares.answers.hold_until(self.end, caller, self.beside).await?);
         Ok(())
     }
@@ -106,13 +106,7 @@ impl Reserved {
     }
 
     /// Waits until the request has reserved what it needs, or until another request has made the answer with this name.
-    pub async fn wait(
-        &mut self,
-        app: &App,
-        caller: &str,
-        name: &str,
-        need: Need,
-    ) -> Result<(), Problem> {
+    pub async fn wait(&mut self, app: &App, caller: &str, name: &str, need: Need) -> Result<()> {
         let (end, beside) = (self.end, self.beside);
         // The request must not wait for memory that it holds itself.
         drop((self.take(), self.own.take()));
@@ -142,12 +136,7 @@ impl Reserved {
 
 /// Finds an answer in memory, or returns the permission to make it. Requests that read the same answer at the same time
 /// share one permit for its memory.
-pub async fn find(
-    app: &App,
-    caller: &str,
-    name: &str,
-    reserved: &mut Reserved,
-) -> Result<Lookup, Problem> {
+pub async fn find(app: &App, caller: &str, name: &str, reserved: &mut Reserved) -> Result<Lookup> {
     loop {
         if let Some(answer) = app.memory.get(name).filter(|answer| answer.body.len() <= SMALL) {
             return Ok(Lookup::Found(answer));
@@ -183,7 +172,7 @@ pub async fn find(
 
 /// The JSON of a result, or `None` if it is not stored. It is read once for all concurrent requests, and kept in
 /// memory.
-pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>, Problem> {
+pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>> {
     let name = key.to_string();
     let mut reserved = Reserved::nothing_until(longest_wait());
     loop {
@@ -210,7 +199,7 @@ pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>,
 }
 
 /// The JSON of a large result. The request must have reserved the memory for it.
-pub async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>, Problem> {
+pub async fn large_json(app: &App, key: &Key) -> Result<Option<Bytes>> {
     if let Some(answer) = app.memory.get(&key.to_string()) {
         return Ok(Some(answer.body));
     }
@@ -239,7 +228,7 @@ pub async fn stored(
 }
 
 /// The JSON of a body. A large body is decompressed on a blocking thread.
-pub async fn unpacked(key: &Key, body: Body) -> Result<Bytes, Problem> {
+pub async fn unpacked(key: &Key, body: Body) -> Result<Bytes> {
     let json = if !body.is_compressed() || body.size().is_none_or(|size| size <= store::LARGE) {
         body.json()
     } else {

@@ -1,13 +1,12 @@
 //! The audit log.
 
-use axum::extract::State;
 use axum::http::Uri;
 use axum::response::Response;
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::http::app::App;
-use crate::http::problem::Problem;
+use crate::http::problem::Result;
 use crate::http::wire::paging::{fresh_page, limit, next_page};
 use crate::http::wire::{Query, instant, schemas};
 use fretwork_store::{Act, AuditEntry as Stored};
@@ -82,11 +81,7 @@ pub struct AuditLog {
         ("Link" = String, description = "The address of the next page, `rel=\"next\"`."),
     ))),
 )]
-pub async fn audit(
-    State(app): State<App>,
-    uri: Uri,
-    mut query: Query,
-) -> Result<Response, Problem> {
+pub async fn audit(app: App, uri: Uri, mut query: Query) -> Result<Response> {
     let limit = limit(&mut query, 100, 1000);
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use axum::extract::State;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::Value;
@@ -12,7 +11,7 @@ use super::library::unknown;
 use crate::http::access::caller::Caller;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
-use crate::http::problem::{Complaint, Problem, kinds};
+use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::wire::{FRESH_JSON, Query, Segment, read_key, schemas};
 use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
 use fretwork_engine::request::fault::Faults;
@@ -88,7 +87,7 @@ struct Wanted {
 }
 
 impl Wanted {
-    fn read(mut query: Query) -> Result<Self, Problem> {
+    fn read(mut query: Query) -> Result<Self> {
         let list = |text: String| -> Vec<String> {
             text.split(',').map(|item| item.trim().to_owned()).collect()
         };
@@ -181,12 +180,7 @@ impl From<Unable> for Problem {
         (status = 422, description = "A parameter has faults, or the runs would take too long."),
     ),
 )]
-pub async fn derivatives(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    query: Query,
-) -> Result<Response, Problem> {
+pub async fn derivatives(app: App, caller: Caller, key: Segment, query: Query) -> Result<Response> {
     let wanted = Wanted::read(query)?;
     let key = read_key(&key)?;
     let known = app.store.known(&key).await?.ok_or_else(unknown)?;

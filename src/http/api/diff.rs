@@ -2,7 +2,6 @@
 
 use std::fmt;
 
-use axum::extract::State;
 use deserr::Deserr;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -12,7 +11,7 @@ use utoipa::ToSchema;
 use super::library::read;
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::NoQuery;
 use crate::http::wire::schemas;
@@ -21,6 +20,7 @@ use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
 use fretwork_job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
+use fretwork_json::both;
 use fretwork_store::Known;
 
 /// Maximum number of differing parameters that an answer lists.
@@ -172,7 +172,7 @@ impl Side {
         SideAnswer { key, numerics, result, link: format!("/v1/results/{key}") }
     }
 
-    async fn of(app: &App, asked: Requested) -> Result<Self, Problem> {
+    async fn of(app: &App, asked: Requested) -> Result<Self> {
         match asked {
             Requested::Key(key) => {
                 let known = app.store.known(&key).await?.ok_or_else(|| {
@@ -193,7 +193,7 @@ impl Side {
     }
 
     /// The outline of the scenario, from its unworn contact alone.
-    async fn outline(&self) -> Result<Outline, Problem> {
+    async fn outline(&self) -> Result<Outline> {
         if self.asked.kind != TaskKind::Run {
             let detail = "is missing. `a` is a study, and only runs have a nearest result. Enter another study as `b`";
             return Err(Problem::from(Faults::one("/b", detail)));
@@ -242,11 +242,7 @@ fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Faults> {
         (None, Some(a), None) => return Ok((side(a, "/a")?, None)),
         _ => return Err(Faults::one("", "must have either `keys`, or `a` and optionally `b`")),
     };
-    match (a, b) {
-        (Ok(a), Ok(b)) => Ok((a, Some(b))),
-        (Err(a), Err(b)) => Err(Faults([a.0, b.0].concat())),
-        (Err(faults), _) | (_, Err(faults)) => Err(faults),
-    }
+    both(a, b).map(|(a, b)| (a, Some(b)))
 }
 
 /// Compares two results or scenarios, for example to find out why a job was not answered from the cache.
@@ -266,12 +262,7 @@ fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Faults> {
         (status = 404, description = "A key is unknown, or there is no result to compare with."),
     ),
 )]
-pub async fn diff(
-    State(app): State<App>,
-    caller: Caller,
-    _: NoQuery,
-    body: Body,
-) -> Result<axum::Json<Diff>, Problem> {
+pub async fn diff(app: App, caller: Caller, _: NoQuery, body: Body) -> Result<axum::Json<Diff>> {
     let _turn = app.shares.heavy.turn(&caller.owner).await;
     // Parsing a table of 10 000 rows would block the async thread.
     let sides = task::spawn_blocking(move || asked(read(&body)?).map_err(Problem::from));

@@ -3,14 +3,13 @@
 use std::sync::Arc;
 
 use axum::Extension;
-use axum::extract::State;
 use axum::response::{IntoResponse, Response};
 use tokio::task;
 
 use super::scenarios::parse;
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::shares::SMALL;
 use crate::http::transport::body::Body;
 use crate::http::wire::{FRESH_JSON, NoQuery, schemas};
@@ -58,14 +57,27 @@ impl From<NotEvaluated> for Problem {
 #[utoipa::path(post, path = "/v1/evaluate", operation_id = "evaluate", tag = "scenarios",
     request_body(content = ref("#/components/schemas/EvaluateBody"), description = "The scenario, and what to \
         return.",
-        example = json!({
-            "scenario": {
-                "profile": {"shape": "paraboloid", "radius": "10 mm"},
-                "moduli": {"normal": "113 GPa", "tangential": "93 GPa"}, "friction": 0.7,
-                "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
-                "load": {"normal_force": "100 N", "held": "force"},
-                "motion": {"amplitude": "2 um"}, "cycles": [1000, 10000]},
-            "outputs": ["wear_volume", "wear_depth@1000", "unworn.stick_radius"]})),
+        examples(
+            ("ball" = (summary = "Ball on a flat", value = json!({
+                "scenario": {
+                    "profile": {"shape": "paraboloid", "radius": "10 mm"},
+                    "moduli": {"normal": "113 GPa", "tangential": "93 GPa"}, "friction": 0.7,
+                    "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+                    "load": {"normal_force": "100 N", "held": "force"},
+                    "motion": {"amplitude": "2 um"}, "cycles": [1000, 10000]},
+                "outputs": ["wear_volume", "wear_depth@1000", "unworn.stick_radius"]}))),
+            ("coated-cylinder" = (summary = "Coated cylinder on a flat, whose friction changes", value = json!({
+                "scenario": {
+                    "profile": {"shape": "cylinder", "radius": "6 mm", "length": "10 mm"},
+                    "moduli": {"normal": "113 GPa"},
+                    "friction": {"over": "cycles", "at": [0, 500, 5000], "values": [0.2, 0.6, 0.8]},
+                    "wear": {"bodies": [
+                        {"layers": [{"thickness": "1 um", "coefficient": "4e-15 1/Pa"}], "coefficient": "2e-14 1/Pa"},
+                        {"coefficient": "4e-15 1/Pa"}]},
+                    "load": {"normal_force": "18.5 N/mm"},
+                    "motion": {"sliding_amplitude": "25 um"}, "cycles": [1000, 10000]},
+                "outputs": ["contact_radius", "events.layer_worn_through"], "parts": ["profiles"]}))),
+        )),
     responses(
         (status = 200, description = "The outputs.", body = schemas::Evaluated),
         (status = 422, description = "The body has faults, which `errors` lists; or the run would take too long for \
@@ -75,12 +87,7 @@ impl From<NotEvaluated> for Problem {
             headers(("Retry-After" = u32, description = "Seconds."))),
     ),
 )]
-pub async fn evaluate(
-    State(app): State<App>,
-    caller: Caller,
-    _: NoQuery,
-    body: Body,
-) -> Result<Response, Problem> {
+pub async fn evaluate(app: App, caller: Caller, _: NoQuery, body: Body) -> Result<Response> {
     let evaluation = parse(body, Evaluation::parse).await?;
     let bytes = evaluation.answer_bytes();
     // An evaluation that waits for its turn holds no memory.

@@ -3,7 +3,6 @@
 use std::convert::Infallible;
 use std::time::Duration;
 
-use axum::extract::State;
 use axum::http::header::CACHE_CONTROL;
 use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -16,7 +15,7 @@ use tokio::time::sleep;
 use super::jobs::{JobAnswer, visible};
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
-use crate::http::problem::Problem;
+use crate::http::problem::Result;
 use crate::http::wire::{NoQuery, Segment, instant, schemas};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::Changes;
@@ -59,12 +58,12 @@ struct Changed {
     ),
 )]
 pub async fn follow(
-    State(app): State<App>,
+    app: App,
     caller: Caller,
-    Segment(id): Segment,
+    id: Segment,
     headers: HeaderMap,
     _: NoQuery,
-) -> Result<Response, Problem> {
+) -> Result<Response> {
     let job = visible(&app, &caller, &id).await?;
     let id = job.id;
     // If the client sends an unknown id, the stream begins with the first state.

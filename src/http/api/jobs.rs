@@ -3,7 +3,6 @@
 mod answer;
 mod submission;
 
-use axum::extract::State;
 use axum::http::{StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -12,7 +11,7 @@ use utoipa::ToSchema;
 use crate::http::access::caller::Caller;
 use crate::http::api::parameters::OfJobs;
 use crate::http::app::App;
-use crate::http::problem::{Complaint, Problem, kinds};
+use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::wire::include::Include;
 use crate::http::wire::paging::{limit, next_page};
 use crate::http::wire::{NoQuery, Query, Segment, schemas};
@@ -34,7 +33,7 @@ pub struct JobList {
     next: Option<String>,
 }
 
-pub(super) fn read_id(text: &str) -> Result<JobId, Problem> {
+pub(super) fn read_id(text: &str) -> Result<JobId> {
     text.parse().map_err(|_| {
         let detail = "No job has this id. An id is a UUID in lower case, as in the `id` of a job.";
         Problem::new(&kinds::NOT_FOUND, detail)
@@ -42,7 +41,7 @@ pub(super) fn read_id(text: &str) -> Result<JobId, Problem> {
 }
 
 /// The job with this id, if the caller may see it.
-pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job, Problem> {
+pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job> {
     app.service.job(caller.reach(), read_id(id)?).await?.ok_or_else(unknown)
 }
 
@@ -65,12 +64,7 @@ pub(super) fn unknown() -> Problem {
         ("Link" = String, description = "The address of the next page, `rel=\"next\"`."),
     ))),
 )]
-pub async fn list(
-    State(app): State<App>,
-    caller: Caller,
-    uri: Uri,
-    mut query: Query,
-) -> Result<Response, Problem> {
+pub async fn list(app: App, caller: Caller, uri: Uri, mut query: Query) -> Result<Response> {
     let filter = read_filter(&mut query, &caller);
     let limit = limit(&mut query, 50, 200);
     let cursor = query.value("cursor", "the id of a job", |text| text.parse().ok());
@@ -118,12 +112,7 @@ fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
         (status = 200, description = "The job.", body = JobAnswer),
     ),
 )]
-pub async fn show(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(id): Segment,
-    mut query: Query,
-) -> Result<Response, Problem> {
+pub async fn show(app: App, caller: Caller, id: Segment, mut query: Query) -> Result<Response> {
     let time = query.wait();
     let include = Include::take(&mut query);
     query.finish()?;
@@ -151,12 +140,7 @@ pub async fn show(
             or was canceled.", headers(("Retry-After" = u32, description = "Seconds."))),
     ),
 )]
-pub async fn result(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(id): Segment,
-    _: NoQuery,
-) -> Result<Response, Problem> {
+pub async fn result(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<Response> {
     let job = visible(&app, &caller, &id).await?;
     let problem = match job.state {
         JobState::Succeeded => {
@@ -164,9 +148,9 @@ pub async fn result(
             return Ok((StatusCode::SEE_OTHER, [(header::LOCATION, location)]).into_response());
         }
         JobState::Queued | JobState::Running | JobState::Canceling => {
+            let Job { id, state, .. } = job;
             let detail = format!(
-                "The job is {}. Try again in a second, or wait: GET /v1/jobs/{id}?wait=10.",
-                job.state
+                "The job is {state}. Try again in a second, or wait: GET /v1/jobs/{id}?wait=10."
             );
             Problem::new(&kinds::NOT_FINISHED, detail).retry_after(1)
         }
@@ -194,12 +178,7 @@ pub async fn result(
         (status = 200, description = "The job after the request.", body = JobAnswer),
     ),
 )]
-pub async fn cancel(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(id): Segment,
-    _: NoQuery,
-) -> Result<Response, Problem> {
+pub async fn cancel(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<Response> {
     match app.service.cancel(caller.reach(), read_id(&id)?, caller.actor()).await? {
         Canceled::NotFound => Err(unknown()),
         Canceled::AlreadyFinished(job) | Canceled::Done(job) => {
@@ -228,10 +207,10 @@ pub struct CanceledJobs {
     ),
 )]
 pub async fn cancel_all(
-    State(app): State<App>,
+    app: App,
     caller: Caller,
     mut query: Query,
-) -> Result<axum::Json<CanceledJobs>, Problem> {
+) -> Result<axum::Json<CanceledJobs>> {
     let filter = read_filter(&mut query, &caller);
     query.finish()?;
     if filter == Filter::default() {
@@ -252,13 +231,9 @@ pub async fn cancel_all(
         (status = 409, description = "The job is not finished. Cancel it first."),
     ),
 )]
-pub async fn delete(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(id): Segment,
-    _: NoQuery,
-) -> Result<StatusCode, Problem> {
-    match app.service.delete(caller.reach(), read_id(&id)?, caller.actor()).await? {
+pub async fn delete(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<StatusCode> {
+    let id = read_id(&id)?;
+    match app.service.delete(caller.reach(), id, caller.actor()).await? {
         Deleted::Done => Ok(StatusCode::NO_CONTENT),
         Deleted::NotFound => Err(unknown()),
         Deleted::Unfinished(state) => {

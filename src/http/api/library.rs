@@ -1,9 +1,8 @@
 //! The library of results: search, provenance, notes, deletion.
 
-use axum::extract::State;
 use axum::http::{StatusCode, Uri};
 use axum::response::Response;
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use deserr::Deserr;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
@@ -12,13 +11,13 @@ use crate::http::access::caller::{Caller, ME};
 use crate::http::answer::stored::require;
 use crate::http::api::parameters::{Conditions, ResultKey, SearchTable};
 use crate::http::app::App;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::paging::{fresh_page, limit, next_page};
 use crate::http::wire::{Fresh, NoQuery, Query, Segment, instant, read_key, schemas};
 use fretwork_engine::request::fault::Faults;
 use fretwork_job::{Key, SCALARS, Verified};
-use fretwork_json::read_body;
+use fretwork_json::{read_body, typed};
 use fretwork_store::{self as store, Changed, Listed, Removed, Search};
 
 /// What a user wrote about a result.
@@ -60,13 +59,13 @@ pub struct ResultEntry {
     evicted: Option<String>,
     /// Its note.
     note: Option<Note>,
-    /// `shape`, `geometry`, `method`, `regime`, `held` (of the load) and `motion`.
+    /// The words that describe it.
     #[serde(flatten)]
     #[schema(value_type = Object)]
     words: Map<String, Value>,
     /// Parameters and the last entry of the history; null where a result has none. The values from
     /// `normal_force` to `tangential_force` belong to the unworn contact.
-    #[schema(value_type = Object)]
+    #[schema(value_type = HashMap<String, Option<f64>>)]
     values: Map<String, Value>,
     /// The path of the result.
     #[schema(
@@ -122,12 +121,7 @@ pub struct ResultList {
         )),
     ),
 )]
-pub async fn list(
-    State(app): State<App>,
-    caller: Caller,
-    uri: Uri,
-    mut query: Query,
-) -> Result<Response, Problem> {
+pub async fn list(app: App, caller: Caller, uri: Uri, mut query: Query) -> Result<Response> {
     let mut search = Search::default();
     search.only_jobs_of(caller.reach());
     for name in Search::names() {
@@ -318,11 +312,7 @@ pub(super) fn unknown() -> Problem {
         (status = 200, description = "The provenance of the result.", body = Provenance),
     ),
 )]
-pub async fn provenance(
-    State(app): State<App>,
-    Segment(key): Segment,
-    _: NoQuery,
-) -> Result<Fresh<Provenance>, Problem> {
+pub async fn provenance(app: App, key: Segment, _: NoQuery) -> Result<Fresh<Provenance>> {
     let key = read_key(&key)?;
     let known = app.store.provenance(&key).await?.ok_or_else(unknown)?;
     Ok(Fresh(Provenance::of(key, known)))
@@ -346,11 +336,7 @@ pub struct SubmissionWarnings {
         (status = 200, description = "The warnings.", body = SubmissionWarnings),
     ),
 )]
-pub async fn warnings(
-    State(app): State<App>,
-    Segment(key): Segment,
-    _: NoQuery,
-) -> Result<Fresh<SubmissionWarnings>, Problem> {
+pub async fn warnings(app: App, key: Segment, _: NoQuery) -> Result<Fresh<SubmissionWarnings>> {
     let known = app.store.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?;
     Ok(Fresh(SubmissionWarnings { warnings: known.warnings }))
 }
@@ -364,14 +350,12 @@ pub struct NoteBody {
 }
 
 /// Parses a JSON body and collects all its faults.
-pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T, Problem> {
-    let read =
-        |value: Value| T::deserialize_from_value(value.into_value(), ValuePointerRef::Origin);
-    Ok(read_body(&body.0.bytes, read)?)
+pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T> {
+    Ok(read_body(&body.0.bytes, typed)?)
 }
 
 /// The answer to a change of a note.
-fn annotated(changed: Changed) -> Result<StatusCode, Problem> {
+fn annotated(changed: Changed) -> Result<StatusCode> {
     match changed {
         Changed::Done => Ok(StatusCode::NO_CONTENT),
         Changed::OtherOwner(owner) => Err(Problem::other_owner("note", owner)),
@@ -392,12 +376,12 @@ fn annotated(changed: Changed) -> Result<StatusCode, Problem> {
     ),
 )]
 pub async fn note(
-    State(app): State<App>,
+    app: App,
     caller: Caller,
-    Segment(key): Segment,
+    key: Segment,
     _: NoQuery,
     body: Body,
-) -> Result<StatusCode, Problem> {
+) -> Result<StatusCode> {
     let key = read_key(&key)?;
     let NoteBody { text } = read(&body)?;
     if let Some(detail) = store::Note::fault(&text) {
@@ -415,12 +399,7 @@ pub async fn note(
         (status = 204, description = "The result has no note."),
     ),
 )]
-pub async fn delete_note(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    _: NoQuery,
-) -> Result<StatusCode, Problem> {
+pub async fn delete_note(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<StatusCode> {
     annotated(app.store.annotate(&read_key(&key)?, None, caller.editor()).await?)
 }
 
@@ -437,12 +416,7 @@ pub async fn delete_note(
             scenario."),
     ),
 )]
-pub async fn delete(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    _: NoQuery,
-) -> Result<StatusCode, Problem> {
+pub async fn delete(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<StatusCode> {
     let key = read_key(&key)?;
     loop {
         let (here, by) = (app.clone(), caller.actor());

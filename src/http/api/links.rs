@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use axum::extract::State;
 use axum::http::StatusCode;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -12,7 +11,7 @@ use crate::http::access::signed_link;
 use crate::http::answer::stored::require;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
-use crate::http::problem::Problem;
+use crate::http::problem::Result;
 use crate::http::wire::{Fresh, Query, Segment, read_key};
 
 /// Default lifetime of a link.
@@ -47,11 +46,11 @@ pub struct SharedLink {
     ),
 )]
 pub async fn share(
-    State(app): State<App>,
+    app: App,
     caller: Caller,
-    Segment(key): Segment,
+    key: Segment,
     mut query: Query,
-) -> Result<(StatusCode, Fresh<SharedLink>), Problem> {
+) -> Result<(StatusCode, Fresh<SharedLink>)> {
     let accepted = "a time from 1s to 366d, for example 12h, 7d or 6months";
     let time = query.value("expires_in", accepted, |text| {
         let time = humantime::parse_duration(text).ok()?;

@@ -1,12 +1,11 @@
 //! The caller, as the server sees it.
 
-use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
-use crate::http::problem::Problem;
+use crate::http::problem::Result;
 use crate::http::wire::{Fresh, NoQuery, schemas};
 
 /// The caller, with its limits and their use.
@@ -63,7 +62,7 @@ struct CallerUsage {
 #[utoipa::path(get, path = "/v1/me", operation_id = "me", tag = "system", responses(
     (status = 200, description = "The caller.", body = Me),
 ))]
-pub async fn me(State(app): State<App>, caller: Caller, _: NoQuery) -> Result<Fresh<Me>, Problem> {
+pub async fn me(app: App, caller: Caller, _: NoQuery) -> Result<Fresh<Me>> {
     let (jobs_queued, jobs_running) = app.store.unfinished(&caller.owner).await?;
     let limits = app.gate.limits_of(caller.key.as_deref()).await?;
     let me = Me {

@@ -10,40 +10,43 @@ use crate::http::wire::schemas::{
 };
 use fretwork_job::{SCALARS, WORDS};
 
-/// Declares structs of parameters. Only the OpenAPI document uses them: no code makes a value of them.
+/// The key of the result that an operation reads or changes.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Path)]
+#[expect(dead_code, reason = "the document has it, and no request is parsed to it")]
+pub struct ResultKey {
+    /// The `key` of a job, or of a checked scenario or study.
+    key: KeyText,
+}
+
+/// Declares structs of optional parameters. Only the OpenAPI document uses them: no code makes a value of them.
 macro_rules! parameters {
-    ($($(#[$about:meta])* $name:ident $members:tt)*) => {
+    ($($(#[$about:meta])* $name:ident { $($(#[$member:meta])* $field:ident: $kind:ty,)* })*) => {
         $(
             #[derive(IntoParams)]
             $(#[$about])*
             #[expect(dead_code, reason = "the document has these, and no request is parsed to them")]
-            pub struct $name $members
+            pub struct $name {
+                $(#[param(required = false)] $(#[$member])* $field: $kind,)*
+            }
         )*
     };
 }
 
 parameters! {
-    /// The key of the result that an operation reads or changes.
-    #[into_params(parameter_in = Path)]
-    ResultKey {
-        /// The `key` of a job, or of a checked scenario or study.
-        key: KeyText,
-    }
     /// The parameters of each operation that answers a table of a result.
     #[into_params(parameter_in = Query)]
     OfTable {
         /// Overrides `Accept`.
-        #[param(required = false)]
         format: TableFormat,
         /// JSON only: one array per column (`columns`, the default), or a list of rows in the member `records`.
-        #[param(required = false)]
         layout: Layout,
     }
     /// The parameter of each operation that answers a table with rows at output cycles.
     #[into_params(parameter_in = Query)]
     AtCycles {
         /// Only these output cycles, separated by commas.
-        #[param(required = false, style = Form, explode = false, example = json!([0]))]
+        #[param(style = Form, explode = false, example = json!([0]))]
         cycles: ChosenInstants,
     }
     /// The parameters of each operation that answers numbers.
@@ -51,74 +54,60 @@ parameters! {
     Numbers {
         /// Rounds every number to this many significant digits. Up to 7 digits, arrays in NPZ and Arrow are float32, except
         /// columns with numbers below 1.2e-38.
-        #[param(required = false, minimum = 1, maximum = 17, example = 7)]
+        #[param(minimum = 1, maximum = 17, example = 7)]
         digits: u32,
         /// `si` (the default), or `engineering`: um, mm^3, MPa (moduli too), mJ, N, mm^3/(N m). The member `units` and the
         /// headers name them.
-        #[param(required = false, example = "engineering")]
+        #[param(example = "engineering")]
         units: UnitSystem,
     }
     /// The headers of each request whose answer a client may cache.
     #[into_params(parameter_in = Header)]
     Copied {
         /// The `ETag` of the client's copy.
-        #[param(required = false, rename = "If-None-Match")]
+        #[param(rename = "If-None-Match")]
         if_none_match: String,
         /// `zstd` or `gzip`; NPZ archives are always compressed.
-        #[param(required = false, rename = "Accept-Encoding")]
+        #[param(rename = "Accept-Encoding")]
         accept_encoding: String,
     }
     /// The filters of jobs.
     #[into_params(parameter_in = Query)]
     OfJobs {
         /// Jobs in this state.
-        #[param(required = false)]
         state: JobState,
         /// Jobs with exactly this label.
-        #[param(required = false)]
         label: String,
         /// Jobs with this tag.
-        #[param(required = false)]
         tag: String,
         /// Jobs for the result with this key.
-        #[param(required = false)]
         key: KeyText,
         /// Jobs of this owner; `me` is the caller. On a server with keys, only administrators see the jobs of others.
-        #[param(required = false, example = "me")]
+        #[param(example = "me")]
         owner: String,
     }
     /// The conditions of a search that do not follow from the tables of words and numbers.
     #[into_params(parameter_in = Query)]
     Conditions {
         /// Results that this server first stored in this range of days or times: `2026-01-31..`. A day is the whole day, UTC.
-        #[param(required = false)]
         created: String,
         /// Results whose size in bytes lies in this range.
-        #[param(required = false)]
         size: String,
         /// Results that a job of this owner computed; `me` is the caller.
-        #[param(required = false)]
         owner: String,
         /// Results that are pinned, or that are not.
-        #[param(required = false)]
         pinned: bool,
         /// Results that this owner has pinned; `me` is the caller.
-        #[param(required = false)]
         pinned_by: String,
         /// `true`: only results that were evicted or deleted. Default: only stored results.
-        #[param(required = false)]
         evicted: bool,
         /// Results whose note contains this text. Upper and lower case are equal.
-        #[param(required = false)]
         note: String,
         /// Results of jobs with this tag. Only jobs that the caller may see count.
-        #[param(required = false)]
         tag: String,
         /// Results of jobs with this label. Only jobs that the caller may see count.
-        #[param(required = false)]
         label: String,
         /// The value to sort by. A minus sign puts the largest first. Results without the value come last.
-        #[param(required = false)]
         sort: Order,
     }
 }

@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-use axum::extract::{Request, State};
+use axum::extract::Request;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use bytesize::ByteSize;
@@ -14,7 +14,7 @@ use crate::http::answer::representation::Representation;
 use crate::http::answer::stored::require;
 use crate::http::api::parameters::{AtCycles, Copied, Numbers, OfTable, ResultKey};
 use crate::http::app::App;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::negotiation::choose_format;
 use crate::http::wire::{NoQuery, Query, Segment, read_key, schemas};
 use fretwork_format::{
@@ -117,10 +117,9 @@ fn figure_view(query: &mut Query) -> View {
 /// Reads the parameters of a figure of a study. The names of outputs and numbers are checked later, because they depend
 /// on the study.
 fn study_options(query: &mut Query) -> StudyOptions {
-    let names = StudyFigure::ALL.map(StudyFigure::name);
-    let kind = query.value("kind", format_args!("one of {}", names.join(", ")), |text| {
-        StudyFigure::ALL.into_iter().find(|kind| kind.name() == text)
-    });
+    let names = StudyFigure::ALL.map(StudyFigure::as_str);
+    let accepted = format_args!("one of {}", names.join(", "));
+    let kind = query.value("kind", accepted, |text| text.parse().ok());
     let [output, over, by] = ["output", "over", "by"].map(|name| query.text(name));
     StudyOptions { kind, output, over, by }
 }
@@ -132,7 +131,7 @@ async fn answer(
     (key, part): (&str, Part),
     headers: &HeaderMap,
     mut query: Query,
-) -> Result<Response, Problem> {
+) -> Result<Response> {
     let offered = part.formats();
     let requested = query.format(offered);
     let mut view = view(&mut query, part);
@@ -162,7 +161,7 @@ async fn answer(
     Representation::new(caller, key, part, format, view).answer(app, headers).await
 }
 
-async fn is_run(app: &App, key: &Key) -> Result<bool, Problem> {
+async fn is_run(app: &App, key: &Key) -> Result<bool> {
     let known = app.store.known(key).await?;
     Ok(known.is_some_and(|known| known.asked.kind == TaskKind::Run))
 }
@@ -188,12 +187,12 @@ macro_rules! parts {
         $(
             $(#[$about])*
             pub async fn $name(
-                State(app): State<App>,
+                app: App,
                 caller: Caller,
-                Segment(key): Segment,
+                key: Segment,
                 query: Query,
                 request: Request,
-            ) -> Result<Response, Problem> {
+            ) -> Result<Response> {
                 answer(&app, &caller, (&key, $part), request.headers(), query).await
             }
         )*
@@ -378,12 +377,12 @@ table = Part::Table;
     ),
 )]
 pub async fn plot(
-    State(app): State<App>,
+    app: App,
     caller: Caller,
-    Segment(key): Segment,
+    key: Segment,
     mut query: Query,
     request: Request,
-) -> Result<Response, Problem> {
+) -> Result<Response> {
     let view = figure_view(&mut query);
     query.finish()?;
     // The address names the format, so `Accept` has no effect.
@@ -403,12 +402,7 @@ pub async fn plot(
         (status = 409, description = "The pinned results of this owner take too much room. Unpin some first."),
     ),
 )]
-pub async fn pin(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    _: NoQuery,
-) -> Result<StatusCode, Problem> {
+pub async fn pin(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<StatusCode> {
     set_pin(&app, &caller, &key, true).await
 }
 
@@ -421,21 +415,11 @@ pub async fn pin(
         (status = 204, description = "The result is not pinned."),
     ),
 )]
-pub async fn unpin(
-    State(app): State<App>,
-    caller: Caller,
-    Segment(key): Segment,
-    _: NoQuery,
-) -> Result<StatusCode, Problem> {
+pub async fn unpin(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<StatusCode> {
     set_pin(&app, &caller, &key, false).await
 }
 
-async fn set_pin(
-    app: &App,
-    caller: &Caller,
-    key: &str,
-    pinned: bool,
-) -> Result<StatusCode, Problem> {
+async fn set_pin(app: &App, caller: &Caller, key: &str, pinned: bool) -> Result<StatusCode> {
     let key = read_key(key)?;
     loop {
         match app.store.pin(&key, pinned, caller.editor()).await? {

@@ -1,7 +1,6 @@
 //! Scenarios: check, examples, schema.
 
 use axum::Json;
-use axum::extract::State;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -11,7 +10,7 @@ use tokio::task;
 use utoipa::ToSchema;
 
 use crate::http::app::App;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::{NoQuery, Segment, schemas};
 use fretwork_engine::outcome::Preview;
@@ -21,7 +20,6 @@ use fretwork_json::BadBody;
 use fretwork_study::Kind;
 
 /// A valid job body, from a file in `examples/`.
-#[derive(Debug)]
 pub struct Example {
     /// The name of the example in addresses.
     pub name: &'static str,
@@ -50,6 +48,7 @@ pub static EXAMPLES: &[Example] = examples!(
     "cylinder-on-flat",
     "coated-cylinder",
     "run-in",
+    "measured-friction",
     "paper-figure-3",
     "paper-figure-4"
 );
@@ -82,7 +81,7 @@ fn can_be_study(text: &[u8]) -> bool {
 pub(super) async fn parse<T: Send + 'static>(
     Body(body): Body,
     parse: fn(&[u8]) -> Result<T, BadBody>,
-) -> Result<T, Problem> {
+) -> Result<T> {
     if body.bytes.len() <= SMALL && !can_be_study(&body.bytes) {
         return Ok(parse(&body.bytes)?);
     }
@@ -181,11 +180,7 @@ struct CheckedLinks {
         body."),
     responses((status = 200, description = "The scenario or study is valid.", body = Checked)),
 )]
-pub async fn check(
-    State(app): State<App>,
-    _: NoQuery,
-    body: Body,
-) -> Result<Json<Checked>, Problem> {
+pub async fn check(app: App, _: NoQuery, body: Body) -> Result<Json<Checked>> {
     let prepared = parse(body, Submission::parse).await?.prepared;
     let warnings = prepared.warnings();
     let asked = prepared.asked();
@@ -204,7 +199,7 @@ pub async fn check(
         Task::Study(study) => {
             let units = study.units();
             let columns = study.columns().into_iter().map(|column| column.name).collect();
-            let (points, seconds, answer_bytes) = (study.points(), study.seconds(), study.bytes());
+            let (points, seconds, answer_bytes) = (study.points(), study.seconds, study.bytes());
             let cost = StudyCost { points, seconds, answer_bytes };
             let study = CheckedStudy { key, cached, asked, columns, units, cost, excess, links };
             Checked::Study(Box::new(study))
@@ -231,7 +226,7 @@ pub struct ExampleAnswer {
 #[utoipa::path(get, path = "/v1/examples", operation_id = "list_examples", tag = "scenarios",
     responses((status = 200, description = "The examples.", body = Vec<ExampleAnswer>)),
 )]
-pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>, Problem> {
+pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>> {
     #[derive(serde::Deserialize)]
     struct Label {
         label: String,
@@ -256,8 +251,8 @@ pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>, Problem> {
         (status = 404, description = "No example has this name."),
     ),
 )]
-pub async fn example(Segment(name): Segment, _: NoQuery) -> Result<Response, Problem> {
-    let example = EXAMPLES.iter().find(|example| example.name == name).ok_or_else(|| {
+pub async fn example(name: Segment, _: NoQuery) -> Result<Response> {
+    let example = EXAMPLES.iter().find(|example| example.name == &*name).ok_or_else(|| {
         Problem::new(&kinds::NOT_FOUND, "No example has this name. GET /v1/examples lists all.")
     })?;
     Ok(([(CONTENT_TYPE, "application/json")], example.body).into_response())

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use axum::Json;
-use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::http::header::{CONTENT_TYPE, VARY};
 use axum::response::{Html, IntoResponse, Response};
@@ -13,7 +12,7 @@ use utoipa::ToSchema;
 
 use crate::http::app::App;
 use crate::http::metrics::{Measurements, as_prometheus};
-use crate::http::problem::{self, Problem, kinds};
+use crate::http::problem::{self, Problem, Result, kinds};
 use crate::http::transport::body::BODY_LIMIT;
 use crate::http::wire::negotiation::choose_type;
 use crate::http::wire::{self, NoQuery, Segment};
@@ -65,7 +64,7 @@ const TIMEOUT: Duration = Duration::from_secs(3);
     (status = 200, description = "The server can accept jobs.", body = Readiness),
     (status = 503, description = "The server cannot accept jobs; `detail` says why."),
 ))]
-pub async fn ready(State(app): State<App>, _: NoQuery) -> Result<Json<Readiness>, Problem> {
+pub async fn ready(app: App, _: NoQuery) -> Result<Json<Readiness>> {
     let unready = |detail: &str| Problem::new(&kinds::NOT_READY, detail).retry_after(5);
     if app.service.is_draining() {
         return Err(unready("The server is shutting down."));
@@ -149,7 +148,7 @@ pub struct RequestLimits {
 #[utoipa::path(get, path = "/version", operation_id = "version", tag = "system", responses(
     (status = 200, description = "Name, release, numerics and limits.", body = Version),
 ))]
-pub async fn version(State(app): State<App>, _: NoQuery) -> Json<Version> {
+pub async fn version(app: App, _: NoQuery) -> Json<Version> {
     let WorkLimits { study, study_points, study_bytes, .. } = app.service.limits();
     Json(Version {
         name: env!("CARGO_PKG_NAME"),
@@ -183,11 +182,7 @@ const EXPOSITIONS: [&str; 2] = ["text/plain", "application/openmetrics-text"];
         (String = "application/openmetrics-text"),
     )),
 ))]
-pub async fn metrics(
-    State(app): State<App>,
-    headers: HeaderMap,
-    _: NoQuery,
-) -> Result<Response, Problem> {
+pub async fn metrics(app: App, headers: HeaderMap, _: NoQuery) -> Result<Response> {
     // If the database does not answer, the other metrics must still be available.
     let read = async {
         (app.store.longest_wait().await.ok(), app.store.last_backup().await.ok().flatten())
@@ -217,7 +212,7 @@ pub async fn metrics(
 #[utoipa::path(get, path = "/openapi.json", operation_id = "openapi", tag = "system", responses(
     (status = 200, description = "An OpenAPI 3.1 document.", body = serde_json::Value),
 ))]
-pub async fn openapi(State(app): State<App>, _: NoQuery) -> Response {
+pub async fn openapi(app: App, _: NoQuery) -> Response {
     ([(CONTENT_TYPE, "application/json")], app.document.clone()).into_response()
 }
 
@@ -242,7 +237,7 @@ pub async fn problems(_: NoQuery) -> Html<String> {
         (status = 404, description = "No problem type has this name."),
     ),
 )]
-pub async fn explain(Segment(slug): Segment, _: NoQuery) -> Result<Html<String>, Problem> {
+pub async fn explain(slug: Segment, _: NoQuery) -> Result<Html<String>> {
     let none = "No problem type has this name; GET /problems lists them all.";
     problem::page(&slug).map(Html).ok_or_else(|| Problem::new(&kinds::NOT_FOUND, none))
 }

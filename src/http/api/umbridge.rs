@@ -22,7 +22,7 @@ use crate::http::access::caller::owner_of;
 use crate::http::access::needs::Needs;
 use crate::http::app::App;
 use crate::http::problem::kinds::Kind;
-use crate::http::problem::{self, Problem};
+use crate::http::problem::{self, Problem, Result};
 use crate::http::shares::Turn;
 use crate::http::transport::body::{AnyBody, Counted};
 use crate::http::wire::FRESH_JSON;
@@ -60,7 +60,7 @@ pub fn has_route(route: &str) -> bool {
 
 /// An error type of the protocol. Unlike a problem type of the API, it has no page.
 const fn kind(slug: &'static str, status: StatusCode) -> Kind {
-    Kind { slug, status, title: "", meaning: "", remedy: "" }
+    Kind { slug, status }
 }
 
 static INVALID_INPUT: Kind = kind("InvalidInput", StatusCode::BAD_REQUEST);
@@ -111,7 +111,7 @@ struct Call {
 
 impl Call {
     /// Parses a body, and checks the name of the model.
-    fn read(body: &[u8]) -> Result<Self, Problem> {
+    fn read(body: &[u8]) -> Result<Self> {
         let empty = body.iter().all(u8::is_ascii_whitespace);
         let call: Self =
             serde_json::from_slice(if empty { b"{}" } else { body }).map_err(|error| {
@@ -142,7 +142,7 @@ struct Called {
 impl FromRequest<App> for Called {
     type Rejection = Problem;
 
-    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
+    async fn from_request(request: Request, app: &App) -> Result<Self> {
         let caller = owner_of(request.extensions());
         let AnyBody(body) = AnyBody::from_request(request, app).await?;
         let turn = app.shares.evaluations.turn(&caller).await;
@@ -154,7 +154,7 @@ impl FromRequest<App> for Called {
 
 impl Called {
     /// The input vector. The model has only one.
-    fn point(&mut self) -> Result<Vec<f64>, Problem> {
+    fn point(&mut self) -> Result<Vec<f64>> {
         let input = self.call.input.take().ok_or_else(|| missing("input"))?;
         let [point] = <[Vec<f64>; 1]>::try_from(input).map_err(|input| {
             bad_input(format!("`input` must have one vector, not {}.", input.len()))
@@ -170,7 +170,7 @@ impl Called {
 
     /// The input vector of a request for derivatives. The request must name the first output vector and the first input
     /// vector, because the model has no others.
-    fn point_of_derivative(&mut self) -> Result<Vec<f64>, Problem> {
+    fn point_of_derivative(&mut self) -> Result<Vec<f64>> {
         let point = self.point()?;
         for (name, given) in [("outWrt", self.call.out_wrt), ("inWrt", self.call.in_wrt)] {
             let given = given.ok_or_else(|| missing(name))?;
@@ -188,7 +188,7 @@ impl Called {
     async fn prepare<T: Send + 'static>(
         &self,
         prepare: impl Fn(&Arc<Model>) -> Result<T, Faults> + Send + 'static,
-    ) -> Result<T, Problem> {
+    ) -> Result<T> {
         let prepared = if self.model.bytes() <= SMALL {
             prepare(&self.model)
         } else {
@@ -208,7 +208,7 @@ impl Called {
         (by_output, by_member): (Vec<f64>, Vec<f64>),
         mut sums: Vec<f64>,
         place: fn(&Entry) -> usize,
-    ) -> Result<Response, Problem> {
+    ) -> Result<Response> {
         let is_wanted = by_output.iter().any(|weight| *weight != 0.0);
         let members = (0..by_member.len()).filter(|place| is_wanted && by_member[*place] != 0.0);
         let members: Vec<usize> = members.collect();
@@ -234,7 +234,7 @@ impl Called {
     }
 }
 
-fn sized(name: &str, numbers: Option<Vec<f64>>, expected: usize) -> Result<Vec<f64>, Problem> {
+fn sized(name: &str, numbers: Option<Vec<f64>>, expected: usize) -> Result<Vec<f64>> {
     let numbers = numbers.ok_or_else(|| missing(name))?;
     if numbers.len() == expected {
         return Ok(numbers);
@@ -247,7 +247,7 @@ async fn compute<T: Send + 'static>(
     app: &App,
     seconds: f64,
     step: impl FnMut() -> Option<T> + Send + 'static,
-) -> Result<T, Problem> {
+) -> Result<T> {
     let most = LONGEST_CALL.as_secs();
     let advice = "Use fewer output cycles or a larger `tolerance`.";
     app.service.compute_in_turns(seconds, step).await.map_err(|unable| match unable {
@@ -264,7 +264,7 @@ async fn compute<T: Send + 'static>(
 }
 
 /// The model of a config.
-async fn model_of(app: &App, config: Option<Box<RawValue>>) -> Result<Arc<Model>, Problem> {
+async fn model_of(app: &App, config: Option<Box<RawValue>>) -> Result<Arc<Model>> {
     let text: Box<str> = config.map_or_else(|| "{}".into(), Into::into);
     if let Some(model) = app.models.get(&*text) {
         return Ok(model);
@@ -292,7 +292,7 @@ async fn info() -> Response {
     answer(&json!({"protocolVersion": 1.0, "models": [NAME]}))
 }
 
-async fn model_info(AnyBody(body): AnyBody) -> Result<Response, Problem> {
+async fn model_info(AnyBody(body): AnyBody) -> Result<Response> {
     Call::read(&body.bytes)?;
     Ok(answer(&json!({"support": {
         "Evaluate": true, "Gradient": true, "ApplyJacobian": true, "ApplyHessian": false,
@@ -307,7 +307,7 @@ async fn output_sizes(called: Called) -> Response {
     answer(&json!({"outputSizes": [called.model.outputs().len()]}))
 }
 
-async fn evaluate(mut called: Called) -> Result<Response, Problem> {
+async fn evaluate(mut called: Called) -> Result<Response> {
     let point = called.point()?;
     let mut run = called.prepare(move |model| model.run(&point)).await?;
     let (seconds, model) = (run.seconds(), Arc::clone(&called.model));
@@ -322,14 +322,14 @@ async fn evaluate(mut called: Called) -> Result<Response, Problem> {
     Ok(answer(&json!({"output": [output?]})))
 }
 
-async fn gradient(mut called: Called) -> Result<Response, Problem> {
+async fn gradient(mut called: Called) -> Result<Response> {
     let point = called.point_of_derivative()?;
     let sens = sized("sens", called.call.sens.take(), called.model.outputs().len())?;
     let (weights, sums) = ((sens, vec![1.0; point.len()]), vec![0.0; point.len()]);
     called.weighted(point, weights, sums, |entry| entry.member).await
 }
 
-async fn apply_jacobian(mut called: Called) -> Result<Response, Problem> {
+async fn apply_jacobian(mut called: Called) -> Result<Response> {
     let point = called.point_of_derivative()?;
     let vec = sized("vec", called.call.vec.take(), point.len())?;
     let outputs = called.model.outputs().len();
@@ -337,7 +337,7 @@ async fn apply_jacobian(mut called: Called) -> Result<Response, Problem> {
     called.weighted(point, weights, sums, |entry| entry.output).await
 }
 
-async fn apply_hessian(AnyBody(body): AnyBody) -> Result<Response, Problem> {
+async fn apply_hessian(AnyBody(body): AnyBody) -> Result<Response> {
     Call::read(&body.bytes)?;
     let message = "The model has no Hessian. Use differences of its gradient.";
     Err(Problem::new(&UNSUPPORTED_FEATURE, message))

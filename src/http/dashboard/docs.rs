@@ -9,10 +9,9 @@ use std::sync::LazyLock;
 use axum::http::HeaderMap;
 use axum::response::Response;
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
-use tokio::task::spawn_blocking;
 
-use super::asset::Asset;
-use crate::http::problem::{Problem, kinds};
+use super::asset::{Asset, Assets};
+use crate::http::problem::Result;
 use crate::http::wire::{NoQuery, Segment};
 
 macro_rules! pages {
@@ -66,36 +65,25 @@ const FRAME: &str = include_str!("docs.html");
 const POLICY: &str = "default-src 'none'; style-src 'self'; img-src 'self'; frame-ancestors 'none'; \
     base-uri 'none'; form-action 'none'";
 
-static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
-    let page = |(path, text): &(&'static str, &str)| {
-        Asset::new(path, "text/html; charset=utf-8", render(path, text).as_bytes())
-    };
-    PAGES.iter().map(page).collect()
-});
+static ASSETS: Assets = Assets {
+    all: LazyLock::new(|| {
+        let page = |(path, text): &(&str, &str)| {
+            Asset::new(name_of(path), "text/html; charset=utf-8", render(path, text).as_bytes())
+        };
+        PAGES.iter().map(page).collect()
+    }),
+    policy: POLICY,
+    none: "The documentation does not have this page. Open /docs/ for a list of all pages.",
+};
 
 /// `GET /docs/`.
-pub async fn start(headers: HeaderMap, query: NoQuery) -> Result<Response, Problem> {
-    page(Segment(String::new()), headers, query).await
+pub async fn start(headers: HeaderMap, _: NoQuery) -> Result<Response> {
+    ASSETS.answer("", &headers).await
 }
 
 /// `GET /docs/{name}`.
-pub async fn page(
-    Segment(name): Segment,
-    headers: HeaderMap,
-    _: NoQuery,
-) -> Result<Response, Problem> {
-    // The first call renders and compresses all pages.
-    let assets = spawn_blocking(|| LazyLock::force(&ASSETS)).await;
-    let assets = assets.map_err(|error| Problem::internal().caused_by(&error))?;
-    let asset = assets
-        .iter()
-        .find(|asset| name_of(asset.name) == name.trim_end_matches('/'))
-        .ok_or_else(|| {
-            let detail =
-                "The documentation does not have this page. Open /docs/ for a list of all pages.";
-            Problem::new(&kinds::NOT_FOUND, detail)
-        })?;
-    Ok(asset.answer(&headers, POLICY))
+pub async fn page(name: Segment, headers: HeaderMap, _: NoQuery) -> Result<Response> {
+    ASSETS.answer(name.trim_end_matches('/'), &headers).await
 }
 
 /// The name of the page of a file: `scenario` for `docs/scenario.md`, and empty for `docs/README.md`.

@@ -3,8 +3,11 @@
 import { isLine, WORDS } from "./units.js";
 
 const RADIUS = ["radius", "Radius R", "10 mm"];
-const SLOPE = ["slope_angle", "Slope angle θ", "2 deg", "Measured from the plane. It is not half of the apex angle."];
+// With these angles, a cone, a wedge and a ball under 100 N have similar depths.
+const SLOPE = ["slope_angle", "Slope angle θ", "0.5 deg", "Measured from the plane. It is not half of the apex angle."];
 const FLAT = ["flat_radius", "Flat radius b", "60 um"];
+/** The flat of a punch sticks or slips as a whole, so smaller ratios do not exist. */
+const PUNCH_STICK_RATIO = 0.999;
 const LENGTH = ["length", "Length of the contact", "10 mm", "The length of the line, across the motion."];
 const POWER = [["exponent", "Exponent n", 4], ["at_radius", "Reference radius", "0.2 mm"], ["height", "Height at reference radius", "5 um"]];
 /**
@@ -49,7 +52,7 @@ const layersOf = ({ wear }, body) => wear?.bodies?.[body]?.layers ?? [];
 
 /** What the simplified rule lacks in a scenario; undefined if it applies. */
 const ruleLacks = (scenario) => (isLine(scenario.profile) ? "a round contact"
-  : courseOf(scenario.friction) !== "number" ? "a constant friction coefficient"
+  : [scenario.friction, scenario.wear?.coefficient].some((value) => courseOf(value) !== "number") ? "constant coefficients"
     : [0, 1].some((body) => layersOf(scenario, body).length) ? "bodies without layers" : undefined);
 
 const PER_LENGTH = "The force on the whole length, such as 100\u00a0N, or per length, such as 18.5\u00a0N/mm.";
@@ -80,12 +83,14 @@ const isPerLength = (value) => /\/(m|mm|in)$/.test(value);
 /** Gives a scenario what its new geometry requires. */
 function fitGeometry({ profile, moduli, load, motion }) {
   if (isLine(profile)) {
-    if (motion?.amplitude !== undefined && motion.loop_stiffness === undefined) motion.reference_distance ??= "10 mm";
+    const { amplitude, loop_stiffness } = { ...motion, ...motion?.blocks?.[0] };
+    if (amplitude !== undefined && loop_stiffness === undefined) motion.reference_distance ??= "10 mm";
     return;
   }
+  delete motion?.reference_distance;
   if (moduli) moduli.tangential ??= "92.8 GPa";
   if (isPerLength(load?.normal_force)) load.normal_force = "100 N";
-  if (isPerLength(motion?.tangential_force)) motion.tangential_force = "45 N";
+  if (isPerLength(motion?.tangential_force)) motion.tangential_force = "15 N";
 }
 
 const STEEL = () => ({ youngs_modulus: "205 GPa", poisson_ratio: 0.3 });
@@ -109,6 +114,7 @@ export const CHOICES = [
         setValueAt(scenario.profile, `/${member}`, kept === undefined || Array.isArray(kept) ? preset : kept);
       }
       if (isLine(scenario.profile) !== isLine(before)) fitGeometry(scenario);
+      if (shape === "punch" && scenario.motion?.stick_ratio !== undefined) scenario.motion.stick_ratio = PUNCH_STICK_RATIO;
     },
     fields: (shape) => SHAPES[shape].map(([member, label, , explanation]) => [`/profile/${member}`, label, null, explanation]),
   },
@@ -214,10 +220,9 @@ export const CHOICES = [
     apply: (scenario, kind) => {
       scenario.motion = {
         amplitude: { amplitude: "2.256 um", ...(isLine(scenario.profile) && { reference_distance: "10 mm" }) },
-        loop: { amplitude: "2.256 um", loop_stiffness: "10 N/um" }, sliding_amplitude: { sliding_amplitude: "25 um" },
-        // The flat of a punch sticks or slips as a whole, so smaller ratios do not exist.
-        stick_ratio: { stick_ratio: scenario.profile?.shape === "punch" ? 0.999 : 0.5 },
-        tangential_force: { tangential_force: isLine(scenario.profile) ? "4 N/mm" : "45 N" },
+        loop: { amplitude: "2.256 um", loop_stiffness: "10 N/um" }, sliding_amplitude: { sliding_amplitude: "10 um" },
+        stick_ratio: { stick_ratio: scenario.profile?.shape === "punch" ? PUNCH_STICK_RATIO : 0.5 },
+        tangential_force: { tangential_force: isLine(scenario.profile) ? "1.5 N/mm" : "15 N" },
       }[kind];
     },
     fields: (kind, { profile }) => (isLine(profile) ? lineMotion(kind) : [

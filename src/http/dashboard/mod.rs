@@ -12,9 +12,9 @@ use axum::http::HeaderMap;
 use axum::response::Response;
 use serde_json::{Value, json};
 
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::Result;
 use crate::http::wire::{NoQuery, Segment};
-use asset::Asset;
+use asset::{Asset, Assets};
 
 use fretwork_engine::outcome::{QUANTITIES, Quantity};
 use fretwork_job::WORDS;
@@ -45,11 +45,15 @@ const TEXTS: &[File] = files!("text/plain; charset=utf-8": "vendor/uPlot-LICENSE
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
     connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 
-static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
-    let files = [&[INDEX][..], SCRIPTS, STYLES, IMAGES, TEXTS];
-    let files = files.concat().into_iter().map(|(name, kind, bytes)| Asset::new(name, kind, bytes));
-    files.chain([Asset::new("words.js", "text/javascript", words().as_bytes())]).collect()
-});
+static ASSETS: Assets = Assets {
+    all: LazyLock::new(|| {
+        let files = [&[INDEX][..], SCRIPTS, STYLES, IMAGES, TEXTS].concat();
+        let files = files.into_iter().map(|(name, kind, bytes)| Asset::new(name, kind, bytes));
+        files.chain([Asset::new("words.js", "text/javascript", words().as_bytes())]).collect()
+    }),
+    policy: POLICY,
+    none: "The dashboard has no file of this name. Open / instead.",
+};
 
 /// The script with words that other crates define: the kinds of studies, the names of quantities, and what users search by.
 fn words() -> String {
@@ -64,23 +68,11 @@ fn words() -> String {
 }
 
 /// `GET /`.
-pub async fn page(headers: HeaderMap, _: NoQuery) -> Result<Response, Problem> {
-    file("", &headers)
+pub async fn page(headers: HeaderMap, _: NoQuery) -> Result<Response> {
+    ASSETS.answer("", &headers).await
 }
 
 /// `GET /assets/{name}`.
-pub async fn asset(
-    Segment(name): Segment,
-    headers: HeaderMap,
-    _: NoQuery,
-) -> Result<Response, Problem> {
-    file(&name, &headers)
-}
-
-/// Answers with a file.
-fn file(name: &str, headers: &HeaderMap) -> Result<Response, Problem> {
-    let asset = ASSETS.iter().find(|asset| asset.name == name).ok_or_else(|| {
-        Problem::new(&kinds::NOT_FOUND, "The dashboard has no file of this name. Open / instead.")
-    })?;
-    Ok(asset.answer(headers, POLICY))
+pub async fn asset(name: Segment, headers: HeaderMap, _: NoQuery) -> Result<Response> {
+    ASSETS.answer(&name, &headers).await
 }

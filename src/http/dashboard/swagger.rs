@@ -5,13 +5,12 @@ use std::sync::LazyLock;
 
 use axum::http::HeaderMap;
 use axum::response::Response;
-use tokio::task::spawn_blocking;
 use utoipa_swagger_ui_vendored::SWAGGER_UI_VENDORED;
 use zip::ZipArchive;
 use zip::result::ZipResult;
 
-use super::asset::Asset;
-use crate::http::problem::{Problem, kinds};
+use super::asset::{Asset, Assets};
+use crate::http::problem::Result;
 use crate::http::wire::Segment;
 
 /// The files of the archive that the page uses, and their media types.
@@ -41,7 +40,11 @@ const POLICY: &str = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-
     frame-ancestors 'none'";
 
 #[expect(clippy::expect_used, reason = "the archive is part of the program, and a test reads it")]
-static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| unpack().expect("the files of Swagger UI"));
+static ASSETS: Assets = Assets {
+    all: LazyLock::new(|| unpack().expect("the files of Swagger UI")),
+    policy: POLICY,
+    none: "Swagger UI does not have this file. Open /docs/api/ instead.",
+};
 
 fn unpack() -> ZipResult<Vec<Asset>> {
     let mut archive = ZipArchive::new(Cursor::new(SWAGGER_UI_VENDORED))?;
@@ -57,18 +60,11 @@ fn unpack() -> ZipResult<Vec<Asset>> {
 }
 
 /// `GET /docs/api/`.
-pub async fn start(headers: HeaderMap) -> Result<Response, Problem> {
-    page(Segment("index.html".to_owned()), headers).await
+pub async fn start(headers: HeaderMap) -> Result<Response> {
+    ASSETS.answer("index.html", &headers).await
 }
 
 /// `GET /docs/api/{path}`.
-pub async fn page(Segment(path): Segment, headers: HeaderMap) -> Result<Response, Problem> {
-    // The first call unpacks and compresses the files, which takes tens of milliseconds.
-    let assets = spawn_blocking(|| LazyLock::force(&ASSETS)).await;
-    let assets = assets.map_err(|error| Problem::internal().caused_by(&error))?;
-    let asset = assets.iter().find(|asset| asset.name == path).ok_or_else(|| {
-        let detail = "Swagger UI does not have this file. Open /docs/api/ instead.";
-        Problem::new(&kinds::NOT_FOUND, detail)
-    })?;
-    Ok(asset.answer(&headers, POLICY))
+pub async fn page(path: Segment, headers: HeaderMap) -> Result<Response> {
+    ASSETS.answer(&path, &headers).await
 }

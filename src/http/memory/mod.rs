@@ -7,16 +7,17 @@ pub mod models;
 
 use std::collections::HashMap;
 use std::ptr;
-use std::sync::{Arc, Mutex, OnceLock, Weak};
+use std::sync::{Arc, OnceLock, Weak};
 use std::time::Duration;
 
 use axum::body::Bytes;
+use parking_lot::Mutex;
 use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
 use tokio::time::sleep;
 
-use crate::http::shares::{Permit, SMALL, get_or_insert, lock};
+use crate::http::shares::{Permit, SMALL, get_or_insert};
 use crate::http::wire::coding::Coding;
 use fretwork_job::Key;
 use fretwork_store::Deletions;
@@ -67,7 +68,6 @@ struct Slot {
 
 /// A cache of encoded answers by name. When it is full, it evicts the least used answers. A name begins with the key of
 /// the result.
-#[derive(Debug)]
 pub struct Memory {
     cache: Cache<String, Encoded, Size>,
     /// Answers that are being made or sent.
@@ -76,7 +76,6 @@ pub struct Memory {
 }
 
 /// Permission to make an answer. Other requests for it wait until this is dropped.
-#[derive(Debug)]
 pub struct Making {
     name: String,
     slot: Arc<Slot>,
@@ -84,7 +83,6 @@ pub struct Making {
 }
 
 /// An answer, or the permission to make it.
-#[derive(Debug)]
 pub enum Lookup {
     /// The answer is in memory.
     Found(Encoded),
@@ -154,7 +152,7 @@ impl Memory {
     /// The answer with this name, shared with requests that read it now. If another request
     /// makes it, this waits. If that request fails or is dropped, the caller makes it.
     pub async fn lookup(&self, name: &str) -> Lookup {
-        let slot = get_or_insert(&mut lock(&self.slots), name, Slot::default);
+        let slot = get_or_insert(&mut self.slots.lock(), name, Slot::default);
         if let Some(answer) = slot.answer.get() {
             return Lookup::Found(share(answer, &slot));
         }
@@ -181,7 +179,7 @@ impl Memory {
     pub fn finish(&self, making: Making, answer: Encoded, keep: bool) -> Encoded {
         let Making { name, slot, _turn } = making;
         if keep {
-            let slots = lock(&self.slots);
+            let slots = self.slots.lock();
             // If the slot is no longer under its name, the result was deleted while the answer was made. Then the cache
             // must not keep the answer.
             let current = slots.get(&name).map_or(ptr::null(), Weak::as_ptr);
@@ -196,14 +194,14 @@ impl Memory {
     pub fn forget(&self, key: &Key) {
         let key = key.to_string();
         // `finish` inserts under the same lock.
-        let mut slots = lock(&self.slots);
+        let mut slots = self.slots.lock();
         self.cache.retain(|name, _| !name.starts_with(&key));
         slots.retain(|name, _| !name.starts_with(&key));
     }
 
     /// Removes all answers, because any result may have been deleted.
     fn forget_all(&self) {
-        let mut slots = lock(&self.slots);
+        let mut slots = self.slots.lock();
         self.cache.clear();
         slots.clear();
     }
@@ -343,7 +341,7 @@ mod tests {
         for number in 0..10_000 {
             drop(making(&memory, &number.to_string()).await);
         }
-        let slots = memory.slots.lock().unwrap();
+        let slots = memory.slots.lock();
         assert!(slots.len() <= 4 * NAMES && slots.contains_key("held"), "{}", slots.len());
         drop(held);
     }

@@ -22,7 +22,6 @@ use fretwork_engine::scenario::NUMERICS;
 use fretwork_store::{FileSizes, Tally};
 
 /// The metrics of this process.
-#[derive(Debug)]
 pub struct Metrics {
     registry: Registry,
     requests: Family<Answered, Counter>,

@@ -17,31 +17,17 @@ use crate::http::wire::schemas;
 use fretwork_engine::outcome::{ContactScales, History, LimitState, Member, Quantity, Unworn};
 use fretwork_engine::scenario::SCHEMA;
 use fretwork_format::{Format, Part};
-use fretwork_job::{Submission, TaskKind};
+use fretwork_job::{Submission, TaskKind, WORDS, Word};
 use fretwork_store::Role;
 use fretwork_study::Kind;
 
 const DOCUMENT_SCHEMAS: &str = include_str!("documents.schema.json");
 
-const ABOUT: &str = "\
-Fretting wear of axisymmetric contacts by the method of dimensionality reduction.
+/// The description of the API.
+const ABOUT: &str = include_str!("about.md").trim_ascii_end();
 
-Submit a scenario to `POST /v1/jobs` and read its result at `/v1/results/{key}`. Equal scenarios have \
-equal keys: each is computed once, and all clients share its result.
-
-**Quantities.** In requests a physical quantity is a number in SI units or a string with a unit: \
-`0.01`, `\"10 mm\"`, `\"205 GPa\"`, `\"3.03e-5 mm^3/(N m)\"`. Answers are in SI units, which `units` \
-lists; `?units=engineering` gives results in um, mm^3, MPa, mJ and N. `amplitude` is half of the peak-to-peak stroke.
-
-**Errors.** Every error is `application/problem+json` (RFC 9457). An error lists all faults of a request, \
-each with a JSON pointer. Unknown members and parameters are errors, so that a misspelt one is not \
-ignored.
-
-**Keys.** A server on a network requires a key, `Authorization: Bearer fretwork_…`. The role of a key is \
-`read`, `submit` or `admin`. A job belongs to the name of its key; all keys can read all results. \
-A server without keys, on a personal machine, is open.
-
-**Requests** may have an `x-request-id`. Every answer has one, and the log of the server contains it.";
+/// Parts of the document that are the same for all routes.
+const SHARED: &str = include_str!("shared.json");
 
 #[derive(utoipa::OpenApi)]
 #[openapi(
@@ -74,6 +60,7 @@ pub fn frame() -> OpenApi {
 #[expect(clippy::expect_used, reason = "utoipa's types are valid JSON")]
 pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
     let mut document = serde_json::to_value(document).expect("an OpenAPI document");
+    let mut shared: Value = parsed(SHARED);
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
         adopt(schemas, SCHEMA, Some("Scenario"));
         adopt(schemas, DOCUMENT_SCHEMAS, None);
@@ -81,13 +68,12 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
         describe(&mut schemas["Scales"], ContactScales::MEMBERS, false);
         describe(&mut schemas["Unworn"], Unworn::MEMBERS, false);
         describe(&mut schemas["Limit"], LimitState::MEMBERS, false);
+        for Word { name, values, .. } in &WORDS {
+            let values = values.iter().map(|it| json!(it)).chain([Value::Null]);
+            schemas["ResultEntry"]["allOf"][0]["properties"][name] = json!({"type": ["string", "null"], "enum": values.collect::<Vec<_>>(), "description": "Null where it does not apply."});
+        }
         // The server inserts the stored bytes, so the Rust type does not have these members.
-        schemas["Job"]["properties"]["scenario"] = json!({
-            "description": "With `include=scenario`: the scenario in SI units with all defaults, as in the \
-                result. Submitted again, it has the same key. Null only for a job whose result was \
-                already known and was evicted more than a year ago. A study is in its place, under its own name.",
-            "oneOf": [{"$ref": "#/components/schemas/Scenario"}, {"type": "null"}],
-        });
+        schemas["Job"]["properties"]["scenario"] = shared["job"]["scenario"].take();
         for kind in Kind::ALL {
             schemas["Job"]["properties"][kind.name] = json!({
                 "description": "With `include=scenario`, for a study: the study in SI units with all defaults.",
@@ -99,10 +85,7 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
                 "description": "What an evicted result was computed from.", "type": "object",
             });
         }
-        schemas["Job"]["properties"]["result"] = json!({
-            "description": "With `include=result`: the result, null until the job has succeeded.",
-            "oneOf": [{"$ref": "#/components/schemas/Result"}, {"type": "null"}],
-        });
+        schemas["Job"]["properties"]["result"] = shared["job"]["result"].take();
     }
     if let Some(Value::Object(paths)) = document.pointer_mut("/paths") {
         for (path, item) in paths {
@@ -111,7 +94,7 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
                 let needs = needs.of(&method, path);
                 add_path_responses(path, &method, needs, operation);
                 add_access_control(path, &method, needs, operation);
-                add_shared_responses(operation);
+                add_shared_responses(&shared, operation);
                 add_access_headers(needs, operation);
                 if let Some(Value::Object(responses)) = operation.get_mut("responses") {
                     responses.sort_keys();
@@ -119,8 +102,9 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
             }
         }
     }
-    document["components"]["headers"] = shared_headers();
-    document["components"]["securitySchemes"] = security_schemes();
+    for part in ["headers", "securitySchemes"] {
+        document["components"][part] = shared[part].take();
+    }
     // A server without keys needs none.
     document["security"] = json!([{"key": []}, {"password": []}, {}]);
     format!("{document:#}\n").into_bytes()
@@ -221,7 +205,7 @@ fn add_path_responses(path: &str, method: &Method, needs: Needs, operation: &mut
 
 /// Whether the operation at this path works for an evicted result too.
 fn outlives(path: &str) -> bool {
-    ["/provenance", "/warnings", "/note"].iter().any(|end| path.ends_with(end))
+    ["/provenance", "/warnings", "/note", "/derivatives"].iter().any(|end| path.ends_with(end))
 }
 
 /// Adds the formats and the headers of an operation that returns a part of a result; figures have fewer headers.
@@ -255,7 +239,7 @@ fn header(about: &str) -> Value {
 }
 
 /// Adds what all operations share: problems, request id, examples.
-fn add_shared_responses(operation: &mut Value) {
+fn add_shared_responses(shared: &Value, operation: &mut Value) {
     let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
     for parameter in parameters.into_iter().flatten() {
         // The key of the first example: after computing it, a reader can try every route.
@@ -283,19 +267,9 @@ fn add_shared_responses(operation: &mut Value) {
     let Some(Value::Object(responses)) = operation.get_mut("responses") else {
         return;
     };
-    let mut shared = vec![
-        ("422", "A parameter or the body has faults; `errors` lists all of them."),
-        ("500", "The server has an error, or its database is damaged."),
-        ("503", "The server is shutting down, or its database is busy; see `Retry-After`."),
-    ];
-    if takes_body {
-        shared.extend([
-            ("400", "The body is not JSON."),
-            ("413", "The body is larger than 4 MiB."),
-            ("415", "The `Content-Type` of the body is not JSON."),
-        ]);
-    }
-    for (status, description) in shared {
+    let lists = [true, takes_body].into_iter().zip(["responses", "responses to a body"]);
+    let lists = lists.filter(|(applies, _)| *applies).map(|(_, name)| &shared[name]);
+    for (status, description) in lists.filter_map(Value::as_object).flatten() {
         responses.entry(status).or_insert_with(|| json!({"description": description}));
     }
     for (status, response) in responses {
@@ -366,39 +340,6 @@ fn add_access_headers(needs: Needs, operation: &mut Value) {
             }
         }
     }
-}
-
-/// Headers of the answers of many operations.
-fn shared_headers() -> Value {
-    json!({
-        "x-request-id": header("The id of the request, which the log of the server contains."),
-        "Retry-After": {
-            "description": "Number of seconds to wait before the next attempt.", "schema": {"type": "integer", "minimum": 1},
-        },
-        "RateLimit": header(
-            "If the key has a limit. `\"minute\";r=…;t=…`: `r` requests may be sent now, and at least one \
-             more in `t` seconds. `\"evaluations\"`: evaluations, in the same way. `\"at-once\";r=0` with a 429: the key has too many concurrent \
-             requests."),
-        "RateLimit-Policy": header(
-            "If the key has a limit. `\"minute\";q=…;w=60`: `q` requests in 60 seconds. `\"evaluations\"`: \
-             `q` evaluations. \
-             `\"at-once\";q=…;qu=\"concurrent-requests\"` with a 429: `q` concurrent requests."),
-    })
-}
-
-/// The ways to send a key.
-fn security_schemes() -> Value {
-    json!({
-        "key": {
-            "type": "http", "scheme": "bearer", "bearerFormat": "fretwork_…",
-            "description": "An access key: `Authorization: Bearer fretwork_…`.",
-        },
-        "password": {
-            "type": "http", "scheme": "basic",
-            "description": "An access key as the password, with any name, or as the name: for clients \
-                that support only `http://name:key@host`.",
-        },
-    })
 }
 
 #[expect(clippy::expect_used, reason = "a test checks all examples")]

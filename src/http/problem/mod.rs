@@ -66,6 +66,9 @@ pub struct Problem {
     cause: Option<String>,
 }
 
+/// The result of a handler, and of everything that a handler calls.
+pub type Result<T, E = Problem> = std::result::Result<T, E>;
+
 /// Every error, as the server writes it (RFC 9457).
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Problem)]
@@ -268,7 +271,7 @@ pub(super) fn write(mut response: Response, instance: &str) -> Response {
     let Some(problem) = taken(&mut response) else { return response };
     let document = ProblemDocument {
         r#type: format!("/problems/{}", problem.kind.slug),
-        title: problem.kind.title,
+        title: problem.kind.texts()[0],
         status: status.as_u16(),
         detail: &problem.detail,
         instance,
@@ -309,11 +312,12 @@ fn of_status(status: StatusCode) -> Problem {
             &kinds::METHOD_NOT_ALLOWED,
             "This address does not accept the method of the request. The Allow header lists the accepted methods.",
         ),
-        _ => kinds::ALL
-            .iter()
-            .find(|kind| kind.status == status)
-            .map_or_else(Problem::internal, |kind| {
-                Problem::new(kind, format!("{} {}", kind.meaning, kind.remedy))
-            }),
+        _ => kinds::ALL.iter().find(|kind| kind.status == status).map_or_else(
+            Problem::internal,
+            |kind| {
+                let [_, meaning, remedy] = kind.texts();
+                Problem::new(kind, format!("{meaning} {remedy}"))
+            },
+        ),
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::kinds::{ALL, Kind};
+use super::kinds::ALL;
 
 const STYLE: &str = "body{font:17px/1.5 system-ui,sans-serif;max-width:40em;margin:3em auto;\
     padding:0 1em;color:#222;background:#fff}code{background:#eee;padding:0 .2em}\
@@ -34,8 +34,8 @@ pub fn index() -> String {
     let mut body = "<h1>Problems</h1><p>Every error is \
         <code>application/problem+json</code>. Its <code>type</code> is one of these.</p><ul>"
         .to_owned();
-    for Kind { slug, status, title, .. } in ALL {
-        let status = status.as_u16();
+    for kind in ALL {
+        let (slug, status, [title, ..]) = (kind.slug, kind.status.as_u16(), kind.texts());
         let _ = write!(body, "<li>{status} <a href=\"/problems/{slug}\">{title}</a>");
     }
     body.push_str("</ul>");
@@ -45,7 +45,7 @@ pub fn index() -> String {
 /// The page of one problem type.
 pub fn page(slug: &str) -> Option<String> {
     let kind = ALL.iter().find(|kind| kind.slug == slug)?;
-    let Kind { status, title, meaning, remedy, .. } = kind;
+    let (status, [title, meaning, remedy]) = (kind.status, kind.texts());
     let body = format!(
         "<small>{status}</small><h1>{title}</h1><p>{meaning}</p><h2>What to do</h2><p>{remedy}</p>\
          <p><a href=\"/problems\">All problems</a> · <a href=\"/docs/\">Documentation</a></p>"
@@ -61,8 +61,9 @@ mod tests {
     fn every_problem_type_has_a_unique_slug_and_a_page() {
         for (place, kind) in ALL.iter().enumerate() {
             assert!(ALL[..place].iter().all(|other| other.slug != kind.slug), "{}", kind.slug);
-            assert!(page(kind.slug).is_some_and(|page| page.contains(&code(kind.remedy))));
-            assert!(index().contains(kind.title));
+            let [title, _, remedy] = kind.texts();
+            assert!(page(kind.slug).is_some_and(|page| page.contains(&code(remedy))));
+            assert!(index().contains(title));
         }
         assert!(page("no-such-problem").is_none());
     }

@@ -2,8 +2,9 @@
 //! the disk. The metrics count all refusals.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
 
 /// Maximum number of refusals with one status that the log shows in each [`PERIOD`]. Their lines take about 20 kB.
 const SHOWN: u64 = 60;
@@ -32,8 +33,7 @@ impl Refusals {
     /// Counts a refusal with this status. Returns whether the log shows it. Logs how many it did not show in the period
     /// before.
     pub fn are_shown(&self, status: u16) -> bool {
-        // A poisoned lock is safe: a wrong count shows a line more or less.
-        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut all = self.0.lock();
         let now = Instant::now();
         let counted = all.entry(status).or_insert(Counted { began: now, count: 0 });
         if now - counted.began > PERIOD {

@@ -2,9 +2,10 @@
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::gauge::Gauge;
 
@@ -40,7 +41,6 @@ impl Default for Connections {
 }
 
 /// The open connections of a server.
-#[derive(Debug)]
 pub struct Admission {
     limits: Connections,
     table: Mutex<Table>,
@@ -64,7 +64,6 @@ struct Table {
 }
 
 /// An open connection. Dropping it frees its place.
-#[derive(Debug)]
 pub struct OpenConnection {
     admission: Arc<Admission>,
     number: u64,
@@ -89,7 +88,7 @@ impl Admission {
         let is_proxy = self.is_proxy(address);
         let is_own = !is_proxy && LOOPBACK.contains(&address);
         let origin = network(address);
-        let mut table = self.table();
+        let mut table = self.table.lock();
         let of_address = table.addresses.get(&origin).copied().unwrap_or(0);
         let is_limited = !is_own && !is_proxy;
         let most = if is_own { total } else { total.saturating_sub(RESERVE).max(1) };
@@ -115,10 +114,6 @@ impl Admission {
         *table.addresses.entry(origin).or_default() += 1;
         self.open.set(table.connections.len().cast_signed() as i64);
         Some(OpenConnection { admission: Arc::clone(self), number, activity })
-    }
-
-    fn table(&self) -> MutexGuard<'_, Table> {
-        self.table.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -162,7 +157,7 @@ impl Table {
 
 impl Drop for OpenConnection {
     fn drop(&mut self) {
-        let mut table = self.admission.table();
+        let mut table = self.admission.table.lock();
         if table.remove(self.number).is_none() {
             table.displaced -= 1;
         }
@@ -212,7 +207,7 @@ mod tests {
         std::thread::sleep(Duration::from_millis(5));
         let second = admission.admit(address(2)).unwrap();
         let third = admission.admit(address(3)).unwrap();
-        assert!(!admission.table().connections.contains_key(&first.number));
+        assert!(!admission.table.lock().connections.contains_key(&first.number));
         let requests = [&second, &third].map(|open| open.activity.begin(Version::HTTP_11));
         assert!(admission.admit(address(4)).is_none(), "all are busy");
         assert!(admission.admit(IpAddr::V4(Ipv4Addr::LOCALHOST)).is_some());
@@ -227,11 +222,11 @@ mod tests {
             let other = |n: u8| admission.admit(IpAddr::from([10, 0, 0, n])).unwrap();
             let first = admission.admit(own).unwrap();
             let others: Vec<_> = (1..=200).map(other).collect();
-            assert!(admission.table().connections.contains_key(&first.number), "{own}");
+            assert!(admission.table.lock().connections.contains_key(&first.number), "{own}");
             drop(others);
             // Beyond the reserve, connections of this machine are displaced like all others.
             let many: Vec<_> = (0..RESERVE).map(|_| admission.admit(own).unwrap()).collect();
-            let held = || admission.table().addresses.get(&network(own)).copied();
+            let held = || admission.table.lock().addresses.get(&network(own)).copied();
             assert_eq!(held(), Some(RESERVE + 1));
             let new = other(1);
             assert_eq!(held(), Some(RESERVE), "{own}");

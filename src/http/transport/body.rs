@@ -12,7 +12,7 @@ use tokio::time::{Instant, timeout_at};
 
 use super::connection::SLOWEST;
 use crate::http::access::caller::owner_of;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::shares::{Permit, SMALL, Shares};
 use crate::http::wire::excerpt;
 use crate::http::wire::weight::tree_bytes;
@@ -40,7 +40,7 @@ pub struct Counted {
 impl<S: Sync> FromRequest<S> for Body {
     type Rejection = Problem;
 
-    async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
+    async fn from_request(request: Request, _: &S) -> Result<Self> {
         let coding = request.headers().get(CONTENT_ENCODING);
         if coding.is_some_and(|coding| !coding.as_bytes().eq_ignore_ascii_case(b"identity")) {
             let detail = "The body has a Content-Encoding. Send it without compression, and without this header.";
@@ -65,13 +65,13 @@ impl<S: Sync> FromRequest<S> for Body {
 impl<S: Sync> FromRequest<S> for AnyBody {
     type Rejection = Problem;
 
-    async fn from_request(request: Request, _: &S) -> Result<Self, Problem> {
+    async fn from_request(request: Request, _: &S) -> Result<Self> {
         read_counted(request, false).await.map(Self)
     }
 }
 
 /// Reads a body. Reserves memory for its bytes, and for its tree if `becomes_tree` is true.
-async fn read_counted(request: Request, becomes_tree: bool) -> Result<Counted, Problem> {
+async fn read_counted(request: Request, becomes_tree: bool) -> Result<Counted> {
     let caller = owner_of(request.extensions());
     let shares = request.extensions().get::<Arc<Shares>>().cloned();
     let (bytes, body) = read(request, shares.as_deref(), &caller).await?;
@@ -94,7 +94,7 @@ async fn read(
     request: Request,
     shares: Option<&Shares>,
     caller: &str,
-) -> Result<(Vec<u8>, Permit), Problem> {
+) -> Result<(Vec<u8>, Permit)> {
     let too_large = || {
         Problem::new(
             &kinds::BODY_TOO_LARGE,

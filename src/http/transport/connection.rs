@@ -128,7 +128,6 @@ impl Activity {
 }
 
 /// A request without a complete answer.
-#[derive(Debug)]
 pub struct OpenRequest(Arc<Activity>);
 
 impl Drop for OpenRequest {
@@ -193,7 +192,6 @@ impl Seen {
 }
 
 /// A socket that counts its bytes.
-#[derive(Debug)]
 pub struct Watched<T> {
     pub socket: T,
     pub activity: Arc<Activity>,

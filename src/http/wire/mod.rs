@@ -11,6 +11,7 @@ pub mod weight;
 
 use std::fmt::{self, Display};
 use std::mem;
+use std::ops::Deref;
 use std::time::Duration;
 
 use axum::Json;
@@ -22,7 +23,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
-use crate::http::problem::{Complaint, Problem, kinds};
+use crate::http::problem::{Complaint, Problem, Result, kinds};
 use fretwork_format::Format;
 use fretwork_job::{BadKey, Key};
 
@@ -48,7 +49,7 @@ pub struct Query {
 impl<S: Sync> FromRequestParts<S> for Query {
     type Rejection = Problem;
 
-    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self> {
         let query = parts.uri.query().unwrap_or_default().as_bytes();
         let pairs = form_urlencoded::parse(query).into_owned().collect();
         Ok(Self { pairs, known: Vec::new(), complaints: Vec::new() })
@@ -122,7 +123,7 @@ impl Query {
     }
 
     /// Refuses the request if its parameters have faults, or if the handler did not take all of them.
-    pub fn finish(mut self) -> Result<(), Problem> {
+    pub fn finish(mut self) -> Result<()> {
         if self.pairs.is_empty() && self.complaints.is_empty() {
             return Ok(());
         }
@@ -143,19 +144,27 @@ pub struct NoQuery;
 impl<S: Sync> FromRequestParts<S> for NoQuery {
     type Rejection = Problem;
 
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self> {
         let query = <Query as FromRequestParts<S>>::from_request_parts(parts, state).await?;
         query.finish().map(|()| Self)
     }
 }
 
 /// The variable part of an address, as text.
-pub struct Segment(pub String);
+pub struct Segment(String);
+
+impl Deref for Segment {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        &self.0
+    }
+}
 
 impl<S: Send + Sync> FromRequestParts<S> for Segment {
     type Rejection = Problem;
 
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self> {
         let path = Path::<String>::from_request_parts(parts, state).await;
         path.map(|Path(text)| Self(text))
             .map_err(|_| Problem::new(&kinds::NOT_FOUND, "The address is not valid UTF-8."))
@@ -163,7 +172,7 @@ impl<S: Send + Sync> FromRequestParts<S> for Segment {
 }
 
 /// Reads the key in an address.
-pub fn read_key(text: &str) -> Result<Key, Problem> {
+pub fn read_key(text: &str) -> Result<Key> {
     text.parse().map_err(|bad: BadKey| {
         Problem::new(
             &kinds::UNKNOWN_RESULT,
@@ -225,7 +234,7 @@ const IDEMPOTENCY_KEY: HeaderName = HeaderName::from_static("idempotency-key");
 const LONGEST_KEY: usize = 255;
 
 /// The `Idempotency-Key` of a submission. The draft standard requires quotes around the key; here they are optional.
-pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, Problem> {
+pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>> {
     let mut values = headers.get_all(IDEMPOTENCY_KEY).iter();
     let Some(value) = values.next() else { return Ok(None) };
     let key = value.to_str().ok().map(|text| {

@@ -89,7 +89,7 @@ documented! {
     /// Quantities of figures.
     PlotQuantity words(QUANTITIES.iter().map(|quantity| quantity.name));
     /// Kinds of figures of a study.
-    PlotKind words(StudyFigure::ALL.map(StudyFigure::name));
+    PlotKind words(StudyFigure::ALL.map(StudyFigure::as_str));
     /// Output cycles in a figure.
     PlotInstants ArrayBuilder::new()
         .items(ObjectBuilder::new().schema_type(Type::Number).minimum(Some(0)).build())

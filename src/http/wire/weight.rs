@@ -2,7 +2,7 @@
 //!
 //! A tree of values can need a hundred times the memory of its text.
 
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 
 /// Maximum number of objects and arrays. A block or an output cycle can be one of them.
 const GROUPS: usize = 10_000;
@@ -21,7 +21,7 @@ const BYTES: [usize; 3] = [300, 250, 120];
 ///
 /// # Errors
 /// The text has too many parts.
-pub fn tree_bytes(text: &[u8]) -> Result<usize, Problem> {
+pub fn tree_bytes(text: &[u8]) -> Result<usize> {
     let (mut groups, mut members, mut commas, mut depth, mut deepest) = (0, 0, 0, 0_usize, 0);
     let mut letters = 0;
     let mut bytes = text.iter();

@@ -1,13 +1,15 @@
 //! Computes a claimed piece: a whole run, a chunk of a study, or the result of a study from its chunks.
 
-use std::sync::{Arc, MutexGuard, PoisonError, TryLockError};
+use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
+
+use parking_lot::MutexGuard;
 
 use super::{MAX_REFUSALS, Made, NotMade, PAUSE, REPORT, Worker, WorkerOrder};
 use crate::service::stopwatch::Stopwatch;
 use fretwork_job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
-use fretwork_store::{Claimed, Error, Piece, RunId};
+use fretwork_store::{Claimed, Error, Piece, Result, RunId};
 use fretwork_study::{Points, Rows, Study};
 
 /// Maximum number of prepared studies that all threads together keep in memory. The owners of studies take turns. So
@@ -92,11 +94,10 @@ impl Worker {
     /// Waits until no other worker makes a result from chunks. Returns the lock that excludes other workers.
     fn turn(&self, claimed: &Claimed) -> Result<MutexGuard<'_, ()>, NotMade> {
         loop {
-            match self.assembling.try_lock() {
-                Ok(turn) => return Ok(turn),
-                Err(TryLockError::Poisoned(poisoned)) => return Ok(poisoned.into_inner()),
-                Err(TryLockError::WouldBlock) => self.pause(claimed)?,
+            if let Some(turn) = self.assembling.try_lock() {
+                return Ok(turn);
             }
+            self.pause(claimed)?;
         }
     }
 
@@ -120,12 +121,11 @@ impl Worker {
 
     /// The prepared study of a claimed piece. Prepares it if it is not in memory.
     fn study(&self, claimed: &Claimed) -> Result<Arc<Study>, NotMade> {
-        let kept = || self.studies.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(study) = latest(&mut kept(), claimed.run) {
+        if let Some(study) = latest(&mut self.studies.lock(), claimed.run) {
             return Ok(study);
         }
         let study = self.prepared_study(claimed)?;
-        let mut studies = kept();
+        let mut studies = self.studies.lock();
         // Another thread may have prepared the study in the meantime. Then this thread uses that one.
         if let Some(study) = latest(&mut studies, claimed.run) {
             return Ok(study);
@@ -152,7 +152,7 @@ impl Worker {
     fn read<T>(
         &self,
         claimed: &Claimed,
-        read: impl AsyncFn() -> Result<Option<T>, Error>,
+        read: impl AsyncFn() -> Result<Option<T>>,
     ) -> Result<T, NotMade> {
         let mut refused = 0;
         loop {

@@ -75,14 +75,14 @@ impl Course {
         self.friction.as_ref().map_or(1.0, |track| track.extreme(f64::min))
     }
 
-    /// An upper bound of k·m.
-    pub(crate) fn fastest(&self) -> f64 {
+    /// The largest m and the largest k of the whole course.
+    pub(crate) fn largest(&self) -> Moment {
         let most = |track: &Option<Track>| track.as_ref().map_or(1.0, |it| it.extreme(f64::max));
-        most(&self.friction) * most(&self.wear)
+        Moment { friction: most(&self.friction), wear: most(&self.wear) }
     }
 }
 
-/// The present coefficients, relative to those at cycle 0.
+/// Coefficients relative to those at cycle 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Moment {
     /// m.
@@ -113,10 +113,6 @@ pub(crate) struct Follower {
 /// A segment over energy has ended if less than this share of its end is missing.
 const REACHED: f64 = 1e-10;
 
-/// The friction changes by at most this share during a step. The slip in the ring around the stick
-/// zone changes with it, even when the wear is too small for the error of a step to show it.
-const CHANGE: f64 = 0.02;
-
 impl Follower {
     /// Follows a course from cycle 0.
     pub(crate) fn new(course: Option<Arc<Course>>) -> Self {
@@ -142,7 +138,8 @@ impl Follower {
         Moment { friction: value(friction, first), wear: value(wear, second) }
     }
 
-    fn energy(&self, time: f64) -> f64 {
+    /// The dissipated energy at a time after the last step, extrapolated.
+    pub(crate) fn energy(&self, time: f64) -> f64 {
         let EnergyClock { time: known, energy, power, growth } = self.clock;
         let since = time - known;
         energy + since * (power + 0.5 * since * growth)
@@ -186,8 +183,7 @@ impl Follower {
         tracks.any(|(track, segment)| track.is_some_and(|track| segment < track.at.len()))
     }
 
-    /// The time at which the first of the present segments ends, as far as it is known, or at which
-    /// the friction has changed enough for a step.
+    /// The time at which the first of the present segments ends, as far as it is known.
     pub(crate) fn step_end(&self) -> f64 {
         let Some(course) = &self.course else { return f64::INFINITY };
         let tracks = course.tracks().into_iter().zip(self.segments);
@@ -202,25 +198,7 @@ impl Follower {
                 Over::Energy => f64::INFINITY,
             })
         });
-        ends.fold(self.changes(course), f64::min)
-    }
-
-    /// The time by which the friction has changed by `CHANGE`, as far as the power is known.
-    fn changes(&self, course: &Course) -> f64 {
-        let (Some(track), [segment, _]) = (&course.friction, self.segments) else {
-            return f64::INFINITY;
-        };
-        if segment == 0 || segment >= track.at.len() {
-            return f64::INFINITY;
-        }
-        let difference = |x: &[f64]| x[segment] - x[segment - 1];
-        let speed = match track.over {
-            Over::Time => 1.0,
-            Over::Energy => self.clock.power,
-        };
-        let now = self.at(self.clock.time).friction;
-        let slope = (difference(&track.values) / difference(&track.at)).abs() * speed;
-        if slope > 0.0 { self.clock.time + CHANGE * now / slope } else { f64::INFINITY }
+        ends.fold(f64::INFINITY, f64::min)
     }
 }
 

@@ -9,7 +9,7 @@
 //! ```
 
 use super::profile::Shape;
-use crate::numeric::integrate;
+use crate::numeric::{integrate, root};
 
 /// What the displacements of a line contact are measured against.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +52,18 @@ impl Series {
         let slipping =
             integrate(0.0, 1.0, |v| 3.0 * width * v * v * of_spring(from + width * v * v * v));
         threshold * self.outside(1.0) + slipping
+    }
+
+    /// The same reference at the contact, without the rig.
+    pub(crate) fn without_rig(self) -> Self {
+        Self { compliance: self.compliance - self.rig(), ..self }
+    }
+
+    /// θ of the unworn contact of `shape` at a stroke in μh₀, and the slip of the middle. θ is 1 in gross slip.
+    pub(crate) fn threshold(&self, shape: &Shape, stroke: f64) -> (f64, f64) {
+        let missing = |threshold: f64| self.stroke(shape, threshold) - stroke;
+        let middle = -missing(1.0);
+        if middle >= 0.0 { (1.0, middle) } else { (root(0.0, 1.0, missing), 0.0) }
     }
 
     /// C: what a unit of θ moves outside the half-width `end`.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::course::Course;
+use super::course::{Course, Moment};
 use super::geometry::Geometry;
 use super::layers::Layers;
 use super::limit::Limit;
@@ -90,6 +90,14 @@ impl Contact {
     /// Whether the coefficient of friction changes.
     pub(crate) fn changes_friction(&self) -> bool {
         self.course.as_ref().is_some_and(|course| course.friction.is_some())
+    }
+
+    /// The largest coefficients of friction and wear of the whole run, relative to those at cycle 0.
+    pub(crate) fn largest_coefficients(&self) -> Moment {
+        let none = Moment { friction: 1.0, wear: 1.0 };
+        let Moment { friction, wear } = self.course.as_ref().map_or(none, |it| it.largest());
+        let of_layers = self.layers.as_ref().map_or(1.0, |layers| layers.steepest());
+        Moment { friction, wear: wear * of_layers }
     }
 
     /// The contact of `shape` whose springs stick inside the radius 0 ≤ c < 1.

@@ -17,11 +17,15 @@ use serde::Serialize;
 use super::pressed::{MIN_RING, ROUNDED, UnwornContact};
 use crate::contact::control::{Block, Control, Normal, Tangential};
 use crate::contact::reference::Series;
-use crate::numeric::{root, twelve_digits};
+use crate::numeric::twelve_digits;
 use crate::request::fault::Faults;
 use crate::request::fields::{BlockCycles, Rounded};
 use crate::request::held::{self, Blocks, Motion, MotionHeld, Reference};
 
+/// A tangential force must be smaller than μF by more than this share of μF.
+const LEAST_MARGIN: f64 = 1e-9;
+/// Minimum distance of the reference, in half-widths of the unworn contact.
+const NEAREST: f64 = 1.1;
 /// Minimum amplitude of sliding, in μh₀. What the springs add to it is about μh₀ ln(a/a₀).
 const LEAST_SLIDING: f64 = 20.0;
 /// A loop that is stiffer than a contact whose displacement is measured at its own edge has no meaning. The number is
@@ -79,10 +83,11 @@ impl CanonicalReference {
         let Some(reference) = motion.reference() else { return Ok(None) };
         Ok(Some(match reference {
             Reference::Distance { distance, rig_stiffness } => {
-                if distance <= pressed.contact_radius {
+                if distance < NEAREST * pressed.contact_radius {
                     let detail = format!(
-                        "is {distance:e} m, but the half-width of the contact is {:.4e} m. Enter the distance from \
-                         the middle of the contact to the place of the displacement sensor",
+                        "is {distance:e} m, but the half-width of the contact is {:.4e} m. Enter at least {NEAREST} \
+                         times as much: the distance from the middle of the contact to the place of the displacement \
+                         sensor",
                         pressed.contact_radius
                     );
                     return Err(Faults::one("/motion/reference_distance", detail));
@@ -118,6 +123,11 @@ impl CanonicalReference {
             }
         }
     }
+
+    /// θ of the unworn contact at a stroke in m.
+    fn threshold(&self, pressed: &UnwornContact, amplitude: f64) -> f64 {
+        self.series(pressed).threshold(&pressed.shape, amplitude / pressed.slip()).0
+    }
 }
 
 impl LineMotion {
@@ -141,7 +151,7 @@ impl LineMotion {
                 },
             }
         } else if let Some(sliding) = motion.sliding_amplitude.0 {
-            let least = LEAST_SLIDING * pressed.slip();
+            let least = LEAST_SLIDING * pressed.most_friction * pressed.depth;
             if sliding.0 < least {
                 let detail = format!(
                     "is {:.4e} m. Below {least:.4e} m the elastic displacement of the surface matters, so the stroke \
@@ -162,21 +172,14 @@ impl LineMotion {
             let force = match (motion.tangential_force.0, motion.stick_ratio.0) {
                 (Some(force), _) => force.0,
                 (None, ratio) => {
-                    let ratio = ratio.expect("a motion without any of these is refused").0;
-                    let most = pressed.friction * pressed.force;
-                    twelve_digits(most * (1.0 - pressed.shape.image(ratio)))
+                    let ratio = ratio.expect("a motion without any of these is refused");
+                    force_at(ratio.0, pressed)?
                 }
             };
             let held = MotionHeld::TangentialForce;
             Self::Force { tangential_force: force, reference, held }
         };
-        found.check(pressed).map_err(|mut faults| {
-            // The force follows from the ratio.
-            for fault in faults.0.iter_mut().filter(|_| motion.stick_ratio.0.is_some()) {
-                "/motion/stick_ratio".clone_into(&mut fault.pointer);
-            }
-            faults
-        })?;
+        found.check(pressed)?;
         Ok(found)
     }
 
@@ -186,7 +189,7 @@ impl LineMotion {
         let least = 1.0 - pressed.shape.image(1.0 - narrowest);
         for (place, threshold, is_force) in self.thresholds(pressed) {
             let pointer = format!("/motion{place}");
-            if is_force && threshold >= 1.0 - 1e-9 {
+            if is_force && threshold >= 1.0 - LEAST_MARGIN {
                 let most = pressed.friction * pressed.force;
                 let detail = format!(
                     "is {:.6e} N, but friction carries at most μF = {most:.6e} N. Enter a smaller tangential force, or \
@@ -215,8 +218,7 @@ impl LineMotion {
                 vec![("/tangential_force".to_owned(), of_force(*tangential_force), true)]
             }
             Self::Stroke { amplitude, reference, .. } => {
-                let threshold = threshold_at(&reference.series(pressed), pressed, *amplitude);
-                vec![("/amplitude".to_owned(), threshold, false)]
+                vec![("/amplitude".to_owned(), reference.threshold(pressed, *amplitude), false)]
             }
             Self::Sliding { .. } => Vec::new(),
             Self::Forces { blocks, .. } => {
@@ -225,12 +227,11 @@ impl LineMotion {
                 blocks.map(|(i, it)| (place(i), of_force(it.tangential_force.0), true)).collect()
             }
             Self::Strokes { blocks, reference } => {
-                let series = reference.series(pressed);
-                let of_block = |(i, block): (usize, &held::Block)| {
-                    let threshold = threshold_at(&series, pressed, block.amplitude.0);
-                    (format!("/blocks/{i}/amplitude"), threshold, false)
-                };
-                blocks.iter().enumerate().map(of_block).collect()
+                let threshold =
+                    |block: &held::Block| reference.threshold(pressed, block.amplitude.0);
+                let place = |i| format!("/blocks/{i}/amplitude");
+                let blocks = blocks.iter().enumerate();
+                blocks.map(|(i, block)| (place(i), threshold(block), false)).collect()
             }
         }
     }
@@ -316,15 +317,22 @@ impl LineMotion {
     }
 }
 
-/// θ of the unworn contact at a stroke in m. It is 1 in gross slip.
-fn threshold_at(series: &Series, pressed: &UnwornContact, amplitude: f64) -> f64 {
-    let stroke = amplitude / pressed.slip();
-    let missing = |threshold: f64| series.stroke(&pressed.shape, threshold) - stroke;
-    if missing(1.0) <= 0.0 { 1.0 } else { root(0.0, 1.0, missing) }
+/// The tangential force at a stick ratio.
+fn force_at(ratio: f64, pressed: &UnwornContact) -> Result<f64, Faults> {
+    let least = pressed.shape.image_inverse(LEAST_MARGIN);
+    if ratio <= least {
+        let detail = format!(
+            "is {ratio}, but the whole contact slips if the ratio is not above {least:.4e}. Enter a larger ratio, or \
+             `sliding_amplitude` for gross slip"
+        );
+        return Err(Faults::one("/motion/stick_ratio", detail));
+    }
+    let most = pressed.friction * pressed.force;
+    Ok(twelve_digits(most * (1.0 - pressed.shape.image(ratio))))
 }
 
 /// The blocks, of which consecutive ones of the same motion are merged.
-fn merged<T: Copy>(
+pub(super) fn merged<T: Copy>(
     given: &[T],
     motion: impl Fn(&T) -> f64,
     cycles: impl Fn(&mut T) -> &mut Rounded<BlockCycles>,

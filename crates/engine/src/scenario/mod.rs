@@ -281,7 +281,7 @@ impl Scenario {
         let wear = CanonicalWear::of(&request.wear, &friction)?;
         let profile = Indenter::new(&request.profile)?;
         let load = canonical_load(request, &profile, moduli.normal)?;
-        let contact = UnwornContact::new(&profile, &load, moduli, friction.values()[0])?;
+        let contact = UnwornContact::new(&profile, &load, moduli, &friction)?;
         let motion = CanonicalMotion::resolve(&request.motion, &contact)?;
         let (_, unit) = motion.amplitude_and_cycles(&contact, wear.first())?;
         let (cycles, profiles_at) = canonical_cycles(request, &motion, unit)?;
@@ -306,8 +306,7 @@ impl Scenario {
     /// A fault if each number is valid but the combination has no solution.
     pub fn case(&self) -> Result<Case, Faults> {
         work_done::note(&work_done::CASES);
-        let friction = self.friction.values()[0];
-        let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, friction)?;
+        let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, &self.friction)?;
         let wear_coefficient = self.wear.first();
         let (amplitude, unit) = self.motion.amplitude_and_cycles(&contact, wear_coefficient)?;
         let reference = self.motion.reference(&contact);
@@ -319,7 +318,7 @@ impl Scenario {
             amplitude,
             normal_modulus: self.moduli.normal,
             tangential_modulus: self.moduli.tangential.unwrap_or(f64::NAN),
-            friction,
+            friction: contact.friction,
             wear_coefficient,
             length: self.profile.length(),
         };
@@ -379,7 +378,8 @@ impl Scenario {
         // The block with the largest amplitude determines the warnings. A record can contain many loops per cycle.
         let times = case.largest_amplitude();
         let amplitude = times * case.scales.amplitude;
-        let cycles = case.scales.cycles / (times * case.loops_per_cycle() * case.line_pace());
+        let pace = times * case.loops_per_cycle() * case.line_pace();
+        let cycles = case.scales.cycles / (pace * case.contact.largest_coefficients().wear);
         let slope = case.contact.shape.slope(1.0) * d / a;
         let mut warnings = Vec::new();
         let mut warn =
@@ -393,8 +393,9 @@ impl Scenario {
         }
         if cycles < 50.0 {
             let detail = format!(
-                "N₀ = {cycles:.3}: the profile changes within a single cycle, which the averaging \
-                 over cycles neglects; results are meaningful for N₀ of 50 and more."
+                "In about {cycles:.3} cycles, the contact wears by the depth of the unworn contact. The averaging over \
+                 cycles neglects that the profile changes within a cycle. Results are meaningful for 50 cycles and \
+                 more. Enter a smaller wear coefficient or amplitude."
             );
             warn("fast_wear", detail);
         }
@@ -528,9 +529,10 @@ fn yield_warning(case: &Case, index: usize, body: &ElasticBody) -> Option<Warnin
     let peak = shape.peak_pressure() * case.scales.pressure();
     let megapascals = |stress: f64| format!("{:.0} MPa", stress / 1e6);
     let excess = if shape.is_ball() {
-        let threshold = case.contact.threshold * case.largest_amplitude();
+        let largest = case.contact.largest_coefficients().friction;
+        let threshold = case.contact.threshold * case.largest_amplitude() / largest;
         let stick = if threshold < 1.0 { shape.image_inverse(1.0 - threshold) } else { 0.0 };
-        let rubbing = Rubbing { friction: case.scales.friction, stick };
+        let rubbing = Rubbing { friction: case.scales.friction * largest, stick };
         let stress = peak * rubbing.largest_von_mises(body.poisson_ratio.0);
         let told = megapascals(stress);
         (stress > strength)

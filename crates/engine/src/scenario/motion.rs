@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::line::LineMotion;
+use super::line::{LineMotion, merged};
 use super::pressed::{MIN_RING, ROUNDED, UnwornContact, half_tangential};
 use crate::contact::control::{Block, Control, Normal, Tangential};
 use crate::contact::record::DisplacementRecord;
@@ -80,21 +80,12 @@ impl CanonicalMotion {
     }
 
     fn resolve_blocks(given: &[held::Block], pressed: &UnwornContact) -> Result<Self, Faults> {
-        let mut blocks: Vec<held::Block> = Vec::new();
-        for (index, block) in given.iter().enumerate() {
-            let amplitude = block.amplitude.0;
-            if amplitude > 0.0 {
-                let pointer = format!("/motion/blocks/{index}/amplitude");
-                resolved(amplitude, false, pressed, &pointer)?;
-            }
-            match blocks.last_mut() {
-                // Consecutive blocks of the same amplitude are merged.
-                Some(last) if last.amplitude.0.total_cmp(&amplitude).is_eq() => {
-                    last.cycles.0 = twelve_digits(last.cycles.0 + block.cycles.0);
-                }
-                _ => blocks.push(*block),
-            }
+        let moving = given.iter().enumerate().filter(|(_, block)| block.amplitude.0 > 0.0);
+        for (index, block) in moving {
+            let pointer = format!("/motion/blocks/{index}/amplitude");
+            resolved(block.amplitude.0, false, pressed, &pointer)?;
         }
+        let blocks = merged(given, |block| block.amplitude.0, |block| &mut block.cycles);
         Ok(Self::Blocks { blocks })
     }
 

@@ -8,6 +8,7 @@ use crate::case;
 use crate::contact::control::Normal;
 use crate::contact::profile::Shape;
 use crate::numeric::{integrate, root};
+use crate::request::changing::Changing;
 use crate::request::fault::Faults;
 
 /// Minimum width of the slip ring, in a₀, if the stick edge can move.
@@ -23,7 +24,9 @@ pub(super) struct UnwornContact {
     pub(super) depth: f64,
     /// Contact radius a₀ in m.
     pub(super) contact_radius: f64,
+    /// The coefficient of friction at cycle 0, and its largest value.
     pub(super) friction: f64,
+    pub(super) most_friction: f64,
     /// The unit of force in N: E*a₀d₀, or the normal force of a line contact.
     pub(super) force: f64,
     /// The length of a line contact in m.
@@ -58,8 +61,10 @@ impl UnwornContact {
         indenter: &Indenter,
         load: &CanonicalLoad,
         moduli: CanonicalModuli,
-        friction: f64,
+        friction: &Changing,
     ) -> Result<Self, Faults> {
+        let values = friction.values();
+        let (friction, most_friction) = (values[0], values.iter().copied().fold(0.0, f64::max));
         let (depth, contact_radius, shape) = press(indenter, load, moduli.normal)?;
         let tangential_modulus = moduli.tangential.unwrap_or(f64::NAN);
         Ok(Self {
@@ -67,6 +72,7 @@ impl UnwornContact {
             depth,
             contact_radius,
             friction,
+            most_friction,
             force: match indenter.length() {
                 None => moduli.normal * contact_radius * depth,
                 Some(length) => FRAC_PI_2 * moduli.normal * depth * length,

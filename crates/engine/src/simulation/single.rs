@@ -8,8 +8,10 @@ use crate::contact::limit::WIDEST;
 use crate::contact::unworn::Decay;
 use crate::numeric::twelve_digits;
 use crate::outcome::{
-    Accuracy, BodyWear, ContactScales, Outcome, OutcomeEvent, Unworn, WornLayer, limit_state,
+    Accuracy, BodyWear, ContactScales, History, Outcome, OutcomeEvent, Unworn, WornLayer,
+    limit_state,
 };
+use crate::scenario::Warning;
 use crate::solver::closed::energy;
 use crate::solver::closed::events::{StopSearch, events};
 use crate::solver::closed::simplified::{Simplified, State, UnwornCurves};
@@ -321,6 +323,7 @@ impl SingleRun {
         let bodies = BodyWear::of(case.share, history, &recording.parts, &recording.half_lengths);
         let warnings = BodyWear::warnings(&bodies, history, case.scales.indentation_depth)
             .into_iter()
+            .chain(reference_reached(&case, history))
             .chain(numerical_error::warning(&case, recording.errors))
             .chain(warning(model_error));
         Outcome {
@@ -346,6 +349,18 @@ impl SingleRun {
             warnings: warnings.collect(),
         }
     }
+}
+
+/// A warning if a line contact has grown to the points that its stroke is measured against.
+fn reference_reached(case: &Case, history: &History) -> Option<Warning> {
+    let distance = case.contact.reference?.reach * case.scales.contact_radius;
+    let reached = history.contact_radius.iter().position(|radius| *radius >= distance)?;
+    let detail = format!(
+        "At cycle {:.4e} the contact reaches the points at `reference_distance` ({distance:.4e} m), so the stroke has no \
+         meaning any more. Enter a distance that is larger than the scar, or use the results before this cycle.",
+        history.cycles[reached]
+    );
+    Some(Warning { kind: "reference_reached".into(), detail })
 }
 
 /// Replaces the energies by the output cycles at which the closed form reaches them. Returns the event of the end if

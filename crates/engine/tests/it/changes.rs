@@ -243,3 +243,59 @@ fn the_energy_determines_the_volume_of_the_dose() {
         assert!(worn.is_sorted() && !worn.is_empty(), "{worn:?}");
     }
 }
+
+fn kinds(request: &Value) -> Vec<String> {
+    let (scenario, _) = scenario::check(request, "").expect("a valid scenario");
+    let case = scenario.case().expect("a contact");
+    let before = scenario.warnings(&case);
+    let after = Simulation::of(&scenario).expect("a contact").run().warnings;
+    before.into_iter().chain(after).map(|warning| warning.kind.to_string()).collect()
+}
+
+#[test]
+fn limits_of_validity_hold_for_the_largest_coefficients_of_a_run() {
+    let fast = "fast_wear".to_owned();
+    let wear = |most: f64| {
+        let table = json!({"over": "cycles", "at": [0, 10], "values": [2e-14, most]});
+        let slow = with(sliding_cylinder(), "motion", json!({"sliding_amplitude": "10 um"}));
+        with(slow, "wear", json!({"coefficient": table}))
+    };
+    assert!(!kinds(&wear(3e-14)).contains(&fast));
+    assert!(kinds(&with(wear(2e-11), "cycles", json!([1]))).contains(&fast));
+    let layer = json!([{"thickness": "1 um", "coefficient": 2e-11}]);
+    let bodies = json!([{"coefficient": 1e-14}, {"layers": layer, "coefficient": 1e-14}]);
+    let coated = with(sliding_cylinder(), "wear", json!({"bodies": bodies}));
+    assert!(kinds(&with(coated, "cycles", json!([1]))).contains(&fast));
+
+    // 1.5 µm is more than 20 times μh₀ at cycle 0, but not later.
+    let short = with(sliding_cylinder(), "motion", json!({"sliding_amplitude": "1.5 um"}));
+    assert!(scenario::check(&short, "").is_ok());
+    let rising = json!({"run_in": {"cycles": 100, "from": 0.6, "to": 0.9}});
+    let faults = scenario::check(&with(short, "friction", rising), "").expect_err("too short");
+    assert_eq!(faults.0[0].pointer, "/motion/sliding_amplitude");
+}
+
+#[test]
+fn a_contact_that_reaches_the_points_of_its_reference_has_a_warning() {
+    let motion = |distance: f64| json!({"amplitude": "20 um", "reference_distance": distance});
+    let request = |distance: f64| with(sliding_cylinder(), "motion", motion(distance));
+    let reached = "reference_reached".to_owned();
+    let half_width = outcome(&request(1e-3)).scales.contact_radius;
+    assert!(kinds(&request(1.2 * half_width)).contains(&reached));
+    assert!(!kinds(&request(1e-3)).contains(&reached));
+    let faults = scenario::check(&request(half_width), "").expect_err("too near");
+    assert_eq!(faults.0[0].pointer, "/motion/reference_distance");
+}
+
+#[test]
+fn a_stick_ratio_that_a_line_contact_cannot_have_is_refused_with_the_possible_ones() {
+    let punch = json!({"shape": "punch", "flat_half_width": "0.1 mm", "edge_radius": "3 mm", "length": "10 mm"});
+    let cylinder = sliding_cylinder()["profile"].clone();
+    for (profile, ratio) in [(&punch, 0.4), (&cylinder, 1e-9)] {
+        let request = with(sliding_cylinder(), "profile", profile.clone());
+        let request = with(request, "motion", json!({"stick_ratio": ratio}));
+        let faults = scenario::check(&request, "").expect_err("no such contact").0;
+        assert_eq!(faults[0].pointer, "/motion/stick_ratio");
+        assert!(faults[0].detail.contains("is not above"), "{}", faults[0].detail);
+    }
+}

@@ -2,7 +2,7 @@
 
 use super::words::typeset;
 use crate::document::Head;
-use crate::error::{Error, Missing, refuse_if_any};
+use crate::error::{Missing, Result, refuse_if_any};
 use crate::table::evenly_spaced;
 use crate::view::FigureOptions;
 use fretwork_plot::{About, Axis, Figure, Series};
@@ -16,7 +16,7 @@ const LOG_HEIGHT: f64 = 100.0;
 const UNEVEN: f64 = 1.5;
 
 /// Gives a figure the size and the axes that the client requests. Refuses a logarithmic axis without positive values.
-pub fn choose(figure: &mut Figure, options: &FigureOptions) -> Result<(), Error> {
+pub fn choose(figure: &mut Figure, options: &FigureOptions) -> Result<()> {
     figure.x.log = options.log_x.unwrap_or(figure.x.log);
     figure.y.log = options.log_y.unwrap_or(figure.y.log);
     figure.size = size(options);
@@ -31,7 +31,7 @@ pub fn choose(figure: &mut Figure, options: &FigureOptions) -> Result<(), Error>
 }
 
 /// Refuses the logarithmic axes that are impossible, for a reason.
-pub fn refuse_logarithms(axes: [(&'static str, bool); 2], reason: &str) -> Result<(), Error> {
+pub fn refuse_logarithms(axes: [(&'static str, bool); 2], reason: &str) -> Result<()> {
     let impossible = axes.into_iter().filter(|(_, is_impossible)| *is_impossible);
     let missing = |(parameter, _)| {
         let detail = format!("must be \"linear\" for this figure, because {reason}");

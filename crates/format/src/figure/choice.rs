@@ -48,7 +48,7 @@ impl Offer {
         let kind = options.kind.unwrap_or_else(|| self.default_kind(options));
         let is_possible = self.kinds().any(|known| known == kind);
         if !is_possible {
-            let names: Vec<_> = self.kinds().map(StudyFigure::name).collect();
+            let names: Vec<_> = self.kinds().map(StudyFigure::as_str).collect();
             wrong("kind", format!("must be one of {} for this study", names.join(", ")));
         }
         let outputs: Vec<&str> = self.outputs.iter().map(String::as_str).collect();
@@ -57,7 +57,7 @@ impl Offer {
             let name = name.as_deref()?;
             let place = names.iter().position(|own| *own == name);
             if !allowed {
-                wrong(parameter, format!("is not possible for kind={}", kind.name()));
+                wrong(parameter, format!("is not possible for kind={kind}"));
             } else if place.is_none() {
                 wrong(parameter, format!("must be one of {}, got {name:?}", names.join(", ")));
             }

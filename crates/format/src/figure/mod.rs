@@ -20,12 +20,12 @@ mod tornado;
 mod words;
 
 use super::document::Document;
-use super::error::Error;
+use super::error::Result;
 use super::view::View;
 use fretwork_job::TaskKind;
 
 /// Draws the requested figure as an SVG document.
-pub fn svg(document: &Document<'_>, view: &View) -> Result<Vec<u8>, Error> {
+pub fn svg(document: &Document<'_>, view: &View) -> Result<Vec<u8>> {
     let svg = match document.kind() {
         TaskKind::Run => run::svg(document, view)?,
         TaskKind::Study(kind) => study::svg(document, kind, view)?,

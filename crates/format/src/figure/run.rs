@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::axes::{self, LOG_RATIO};
 use super::words::{distinct, shortened};
 use crate::document::Document;
-use crate::error::{Error, Missing, refuse_if_any};
+use crate::error::{Error, Missing, Result, refuse_if_any};
 use crate::kind::Part;
 use crate::quantity::{QUANTITIES, Quantity};
 use crate::table::{Table, Values, evenly_spaced};
@@ -33,7 +33,7 @@ const NO_REFERENCE: &str =
     "No values: the displacements of a line contact are known only against a reference.";
 
 /// Draws the requested figure of a run as an SVG document.
-pub fn svg(document: &Document<'_>, view: &View) -> Result<String, Error> {
+pub fn svg(document: &Document<'_>, view: &View) -> Result<String> {
     let options = &view.figure;
     let quantity = options.quantity;
     refuse_study_options(view)?;
@@ -57,7 +57,7 @@ pub fn svg(document: &Document<'_>, view: &View) -> Result<String, Error> {
 }
 
 /// Refuses options that only figures of studies have.
-fn refuse_study_options(view: &View) -> Result<(), Error> {
+fn refuse_study_options(view: &View) -> Result<()> {
     let given = view.figure.study.given();
     let missing = |parameter: &'static str| {
         let detail = "applies only to studies, and this result is a run. Use `quantity` and `cycles` instead";
@@ -79,7 +79,7 @@ impl Drawing<'_> {
     }
 
     /// The table of the quantity, cut to the selected output cycles.
-    fn table(&self) -> Result<Table, Error> {
+    fn table(&self) -> Result<Table> {
         let selection = View { cycles: self.view.cycles.clone(), ..View::default() };
         let table = self.document.table(self.quantity.part, &selection)?;
         if table.cycles() > 0 {
@@ -89,7 +89,7 @@ impl Drawing<'_> {
     }
 
     /// Refuses the quantity, and names the columns of the history that the result has.
-    fn unavailable(&self, because: &str) -> Result<Error, Error> {
+    fn unavailable(&self, because: &str) -> Result<Error> {
         let history = self.document.table(Part::History, &View::default())?;
         let names = QUANTITIES.iter().map(|quantity| quantity.name);
         let available: Vec<_> = names.filter(|name| history.column(name).is_some()).collect();
@@ -123,7 +123,7 @@ impl Drawing<'_> {
         rows.iter().zip(labels).enumerate().map(styled).collect()
     }
 
-    fn profiles(&self) -> Result<Figure, Error> {
+    fn profiles(&self) -> Result<Figure> {
         let name = self.quantity.name;
         let table = self.table()?;
         let radius = table.axis("radius");
@@ -149,7 +149,7 @@ impl Drawing<'_> {
         Ok(Figure { x, y, series, ..Figure::default() })
     }
 
-    fn loops(&self) -> Result<Figure, Error> {
+    fn loops(&self) -> Result<Figure> {
         let table = self.table()?;
         let column = |name: &str, row: usize| match table.column(name) {
             Some(Values::Matrix(rows)) => rows[row].clone(),
@@ -163,7 +163,7 @@ impl Drawing<'_> {
         Ok(Figure { x, y, series, ..Figure::default() })
     }
 
-    fn history(&self) -> Result<Figure, Error> {
+    fn history(&self) -> Result<Figure> {
         let table = self.table()?;
         if table.column(self.quantity.name).is_none() {
             return Err(self.unavailable("an earlier version of the engine computed the result")?);
@@ -198,11 +198,7 @@ impl Drawing<'_> {
 
     /// The columns over the output cycles, followed by those of the simplified rule if the result has
     /// a comparison.
-    fn history_curves(
-        &self,
-        table: &Table,
-        columns: &[(&str, &str)],
-    ) -> Result<Vec<Series>, Error> {
+    fn history_curves(&self, table: &Table, columns: &[(&str, &str)]) -> Result<Vec<Series>> {
         let cycles = table.axis("cycles");
         let mut series: Vec<Series> = Vec::new();
         for (name, label) in columns {
@@ -238,7 +234,7 @@ impl Drawing<'_> {
     }
 
     /// The first event of each kind between two cycles.
-    fn events(&self, start: f64, end: f64) -> Result<Vec<(f64, String)>, Error> {
+    fn events(&self, start: f64, end: f64) -> Result<Vec<(f64, String)>> {
         let events = self.document.value("events")?;
         let mut marks: Vec<(f64, String)> = Vec::new();
         for event in events.as_array().into_iter().flatten() {
@@ -256,7 +252,7 @@ impl Drawing<'_> {
     }
 
     /// A description of the figure in words, for screen readers.
-    fn description(&self, figure: &Figure) -> Result<String, Error> {
+    fn description(&self, figure: &Figure) -> Result<String> {
         let scenario = self.document.value("scenario")?;
         let regime = self.document.value("regime")?;
         let word = |value: &Value| match value {

@@ -9,7 +9,7 @@ use super::grid::{self, Axes, Surface};
 use super::words::{capital, member, output};
 use super::{scatter, tornado};
 use crate::document::Document;
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::kind::Part;
 use crate::table::{Table, Values};
 use crate::view::View;
@@ -17,7 +17,7 @@ use fretwork_plot::{Axis, Figure};
 use fretwork_study::{Hints, Kind, Regions};
 
 /// Draws the requested figure of a study as an SVG document.
-pub fn svg(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<String, Error> {
+pub fn svg(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<String> {
     let asked = document.value(kind.name)?;
     let rows = document.rows(kind)?;
     let offer = offer(kind.hints(&asked), &rows);
@@ -103,7 +103,7 @@ impl Study<'_> {
         (self.axis(&quantity, name), quantity + &rest)
     }
 
-    fn curves(&self, output: usize, over: usize, by: Option<usize>) -> Result<String, Error> {
+    fn curves(&self, output: usize, over: usize, by: Option<usize>) -> Result<String> {
         let name = &self.offer.outputs[output];
         let (axis, title) = self.up(output);
         let across = self.across(over);
@@ -119,7 +119,7 @@ impl Study<'_> {
         self.finished(figure, &(note + &self.gaps(name)), "")
     }
 
-    fn heat(&self, output: usize, over: usize, by: usize) -> Result<String, Error> {
+    fn heat(&self, output: usize, over: usize, by: usize) -> Result<String> {
         let name = &self.offer.outputs[output];
         let (scale, title) = self.up(output);
         let (mut x, mut y) = (self.across(over), self.across(by));
@@ -142,7 +142,7 @@ impl Study<'_> {
 
     /// The boundary of two regions: the values of its first column, ascending, and those of its second column. A
     /// missing value of the second column is NaN.
-    fn boundary(&self, regions: &Regions) -> Result<[Vec<f64>; 2], Error> {
+    fn boundary(&self, regions: &Regions) -> Result<[Vec<f64>; 2]> {
         let boundary = self.document.value(regions.boundary)?;
         let [first, second] = [0, 1].map(|place| -> Vec<f64> {
             let cells = boundary[self.member(place)].as_array().into_iter().flatten();
@@ -155,7 +155,7 @@ impl Study<'_> {
     }
 
     #[expect(clippy::expect_used, reason = "a test reads the hints of all kinds")]
-    fn regimes(&self) -> Result<String, Error> {
+    fn regimes(&self) -> Result<String> {
         let regions = self.offer.hints.regions.expect("this figure has regions");
         let boundary = self.boundary(&regions)?;
         let [x, y] = [0, 1].map(|place| {
@@ -170,7 +170,7 @@ impl Study<'_> {
         self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, "", "")
     }
 
-    fn scatter(&self, output: usize, over: usize) -> Result<String, Error> {
+    fn scatter(&self, output: usize, over: usize) -> Result<String> {
         let name = &self.offer.outputs[output];
         let (axis, title) = self.up(output);
         let (x, y) = (self.column(self.member(over)), self.column(name));
@@ -186,7 +186,7 @@ impl Study<'_> {
     }
 
     #[expect(clippy::expect_used, reason = "a test reads the hints of all kinds")]
-    fn tornado(&self, output: usize) -> Result<String, Error> {
+    fn tornado(&self, output: usize) -> Result<String> {
         let bars = self.offer.hints.bars.expect("this figure has bars");
         let name = &self.offer.outputs[output];
         let table = self.document.table(Part::Table, &View::default())?;
@@ -227,7 +227,7 @@ impl Study<'_> {
 
     /// The figure with its metadata, as SVG. The note is printed below the figure. `colours` is only in its
     /// description.
-    fn finished(&self, mut figure: Figure, note: &str, colours: &str) -> Result<String, Error> {
+    fn finished(&self, mut figure: Figure, note: &str, colours: &str) -> Result<String> {
         axes::choose(&mut figure, &self.view.figure)?;
         note.trim().clone_into(&mut figure.note);
         let curves = axes::curves_in_words(&figure, "; ");

@@ -7,7 +7,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
+use sqlx::{Connection as _, SqliteConnection};
 
 use super::check::{of_pages, of_rows};
 use super::damage::Damage;
@@ -18,6 +18,8 @@ use crate::error::{Command, Error, unless_damaged};
 use crate::row::{Columns as _, Sum};
 use crate::sqlite::open::{self, DATABASE, LOCK};
 use crate::sqlite::{ledger, schema};
+use crate::statement::{Statement, sql};
+use crate::tables::{Connected as _, Tables as _};
 use fretwork_job::{Key, clock};
 
 /// The contents of a backup.
@@ -66,7 +68,7 @@ pub fn note_backup(dir: &Path) -> Command<'_, ()> {
     Box::pin(async move {
         let options = open::connecting(&dir.join(DATABASE)).busy_timeout(PATIENCE);
         let mut db = SqliteConnection::connect_with(&options).await?;
-        sqlx::query("UPDATE room SET backed_up = ?1").bind(clock::now()).execute(&mut db).await?;
+        db.execute(sql!("UPDATE room SET backed_up = $1"; clock::now())).await?;
         Ok(db.close().await?)
     })
 }
@@ -156,7 +158,7 @@ async fn settle(path: &Path) -> Result<(), Moving> {
     let settled = async {
         let options = open::connecting(path).busy_timeout(PATIENCE);
         let mut db = SqliteConnection::connect_with(&options).await?;
-        db.execute("SELECT count(*) FROM sqlite_schema").await?;
+        sqlx::query("SELECT count(*) FROM sqlite_schema").execute(&mut db).await?;
         let is_used: bool =
             sqlx::query_scalar("PRAGMA wal_checkpoint(TRUNCATE)").fetch_one(&mut db).await?;
         db.close().await?;
@@ -277,8 +279,7 @@ async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
         .auto_vacuum(sqlx::sqlite::SqliteAutoVacuum::Incremental)
         .pragma("application_id", open::APPLICATION_ID.to_string());
     let mut db = SqliteConnection::connect_with(&options).await?;
-    let source = from.to_string_lossy().into_owned();
-    sqlx::query("ATTACH ?1 AS source").bind(source).execute(&mut db).await?;
+    db.execute(sql!("ATTACH $1 AS source"; from.to_string_lossy().into_owned())).await?;
     let mut tx = db.begin().await?;
     // First the tables, then the indexes and triggers, which refer to tables.
     let parts: Vec<(String, String, String)> = sqlx::query_as(
@@ -288,10 +289,10 @@ async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
     .fetch_all(&mut *tx)
     .await?;
     for (kind, name, sql) in parts {
-        tx.execute(AssertSqlSafe(sql)).await?;
+        tx.execute(Statement::of(sql)).await?;
         if kind == "table" && !BODIES.contains(&&*name) {
             let insert = format!("INSERT INTO main.\"{name}\" SELECT * FROM source.\"{name}\"");
-            tx.execute(AssertSqlSafe(insert)).await?;
+            tx.execute(Statement::of(insert)).await?;
         }
     }
     let bodies: Vec<i64> =
@@ -303,12 +304,11 @@ async fn copy_readable(from: &Path, to: &Path) -> Result<(), Moving> {
         if unless_damaged(read.fetch_optional(&mut reader).await)?.is_err() {
             continue;
         }
-        sqlx::query(
+        tx.execute(sql!(
             "INSERT INTO main.result_blob (key, body)
-             SELECT key, body FROM source.result_blob WHERE rowid = ?1",
-        )
-        .bind(body)
-        .execute(&mut *tx)
+             SELECT key, body FROM source.result_blob WHERE rowid = $1";
+            body,
+        ))
         .await?;
     }
     reader.close().await?;
@@ -359,22 +359,20 @@ fn refuse(mut damage: Vec<Damage>, path: &Path) -> Result<(), Moving> {
 /// The results whose bodies have changed or are missing.
 async fn damaged(db: &mut SqliteConnection) -> Result<Vec<Key>, Moving> {
     let mut damaged = Vec::new();
-    let mut last = Vec::new();
+    let mut last: Vec<u8> = Vec::new();
     // Reads one body at a time, to save memory. In the tables of the first version, `result` has no columns `checksum`
     // and `evicted`. Then SQLite resolves these names to the columns of `absent`, which are null.
     loop {
-        let row = sqlx::query(
+        let next = db.row(sql!(
             "SELECT key, digest, body,
                  (SELECT checksum FROM result AS same WHERE same.key = result.key) AS checksum,
                  (SELECT evicted FROM result AS same WHERE same.key = result.key) AS evicted
              FROM result LEFT JOIN result_blob USING (key),
                  (SELECT NULL AS checksum, NULL AS evicted) AS absent
-             WHERE key > ?1 ORDER BY key LIMIT 1",
-        )
-        .bind(&last)
-        .fetch_optional(&mut *db)
-        .await?;
-        let Some(row) = row else { return Ok(damaged) };
+             WHERE key > $1 ORDER BY key LIMIT 1";
+            &last,
+        ));
+        let Some(row) = next.await? else { return Ok(damaged) };
         last = row.get("key")?;
         let body: Option<Vec<u8>> = row.get("body")?;
         let evicted: Option<i64> = row.get("evicted")?;
@@ -388,14 +386,11 @@ async fn damaged(db: &mut SqliteConnection) -> Result<Vec<Key>, Moving> {
 
 /// Deletes a body, and keeps the scenario of the result.
 async fn leave_out(db: &mut SqliteConnection, key: &Key) -> Result<(), Moving> {
-    sqlx::query(
-        "UPDATE result SET evicted = ?2 WHERE key = ?1; DELETE FROM result_blob WHERE key = ?1",
-    )
-    .bind(key.bytes().as_slice())
-    .bind(clock::now())
-    .execute(db)
-    .await?;
-    Ok(())
+    let change = sql!(
+        "UPDATE result SET evicted = $2 WHERE key = $1; DELETE FROM result_blob WHERE key = $1";
+        key, clock::now(),
+    );
+    Ok(db.execute(change).await?)
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
 use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
 use super::{Moving, reading};
 use crate::body::Body;
-use crate::error::{Command, Error, is_other_file, unless_damaged};
+use crate::error::{Command, Error, Result, is_other_file, unless_damaged};
 use crate::row::{Columns, Sum, changes, checksum};
 use crate::search::names;
 use crate::sqlite::open::{self, DATABASE};
@@ -75,7 +75,7 @@ fn of_schema(error: Error) -> Result<Checked, Moving> {
 }
 
 /// Compares all indexes with their tables, and checks the structure of all pages.
-pub(super) async fn of_pages(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
+pub(super) async fn of_pages(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
     let of_all = said(db, "PRAGMA integrity_check".to_owned()).await?;
     if of_all == ["ok"] {
         return Ok(Vec::new());
@@ -101,7 +101,7 @@ pub(super) async fn of_pages(db: &mut SqliteConnection) -> Result<Vec<Damage>, E
 }
 
 /// The lines of an integrity check.
-async fn said(db: &mut SqliteConnection, check: String) -> Result<Vec<String>, Error> {
+async fn said(db: &mut SqliteConnection, check: String) -> Result<Vec<String>> {
     let said = unless_damaged(sqlx::query_scalar(AssertSqlSafe(check)).fetch_all(db).await)?;
     let said: Vec<String> = said.unwrap_or_else(|error| vec![error]);
     let lines = said.iter().flat_map(|said| said.lines());
@@ -109,7 +109,7 @@ async fn said(db: &mut SqliteConnection, check: String) -> Result<Vec<String>, E
 }
 
 /// Compares rows with each other and with the bodies of results.
-pub(super) async fn of_rows(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
+pub(super) async fn of_rows(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
     let mut damage = Vec::new();
     for (table, column, statement) in COMPARISONS {
         match unless_damaged(sqlx::query_scalar(statement).fetch_all(&mut *db).await)? {
@@ -162,7 +162,7 @@ const COMPARISONS: [(&str, &str, &str); 13] = [
 
 /// Compares the state and the times of each job with its recorded changes of state, and the submitted text with its
 /// checksum.
-async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
+async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
     let mut damage = Vec::new();
     let mut rows = sqlx::query(
         "SELECT lower(hex(id)) AS id, state, attempt, created, started, finished, changes, submitted,
@@ -186,7 +186,7 @@ async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
 }
 
 /// A description of the first contradiction in the row of a job, if there is one.
-fn contradiction(row: &SqliteRow) -> Result<Option<String>, sqlx::Error> {
+fn contradiction(row: &SqliteRow) -> sqlx::Result<Option<String>> {
     let Ok(changes) = changes(row.get("changes")?) else {
         return Ok(Some("changes has an entry that is not a change of state".to_owned()));
     };
@@ -217,7 +217,7 @@ fn contradiction(row: &SqliteRow) -> Result<Option<String>, sqlx::Error> {
 }
 
 /// Compares each result with its body, its task and its outline.
-async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>, Error> {
+async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
     let columns: Vec<String> = names().map(|name| format!("outline.{name}")).collect();
     let statement = format!(
         "SELECT result.key AS key, summary, digest, result.size AS size, checksum, evicted, task, body, {}
@@ -269,7 +269,7 @@ fn table_of(error: &sqlx::Error) -> &'static str {
 }
 
 /// Each fault of a result: the table, and a description.
-fn of_result(row: &SqliteRow) -> Result<Vec<(&'static str, String)>, sqlx::Error> {
+fn of_result(row: &SqliteRow) -> sqlx::Result<Vec<(&'static str, String)>> {
     let (key, task) = (row.get("key")?, row.get::<Option<&str>>("task")?);
     let is_real = row.get::<Option<&str>>("kind")?.is_some();
     let of_task = |task| Canonical::in_stored(task).is_some_and(|asked| is_key_of(&key, &asked));

@@ -101,24 +101,24 @@ async fn names(
     db: &mut SqliteConnection,
     query: &'static str,
     of: &str,
-) -> Result<Vec<String>, sqlx::Error> {
+) -> sqlx::Result<Vec<String>> {
     sqlx::query_scalar(query).bind(of).fetch_all(db).await
 }
 
 /// The columns of an index that are columns of its table.
-async fn columns_of(db: &mut SqliteConnection, index: &str) -> Result<Vec<String>, sqlx::Error> {
+async fn columns_of(db: &mut SqliteConnection, index: &str) -> sqlx::Result<Vec<String>> {
     names(db, "SELECT name FROM pragma_index_info(?1) WHERE name IS NOT NULL", index).await
 }
 
 /// The columns of the primary key, or `rowid`.
-async fn keys_of(db: &mut SqliteConnection, table: &str) -> Result<Vec<String>, sqlx::Error> {
+async fn keys_of(db: &mut SqliteConnection, table: &str) -> sqlx::Result<Vec<String>> {
     let query = "SELECT name FROM pragma_table_info(?1) WHERE pk > 0 ORDER BY pk";
     let keys = names(db, query, table).await?;
     Ok(if keys.is_empty() { vec!["rowid".to_owned()] } else { keys })
 }
 
 /// A table in SQL, written so that SQLite reads the rows and not their copies in an index.
-async fn rows_of(db: &mut SqliteConnection, table: &str) -> Result<String, sqlx::Error> {
+async fn rows_of(db: &mut SqliteConnection, table: &str) -> sqlx::Result<String> {
     // For a `WITHOUT ROWID` table, `NOT INDEXED` would still permit an index that has all columns.
     let query = "SELECT iif(wr, 'INDEXED BY sqlite_autoindex_' || name || '_1', 'NOT INDEXED')
          FROM pragma_table_list WHERE schema = 'main' AND name = ?1";
@@ -139,7 +139,7 @@ async fn in_index(
     table: &str,
     row: i64,
     index: &str,
-) -> Result<Vec<Damage>, sqlx::Error> {
+) -> sqlx::Result<Vec<Damage>> {
     let (keys, rows) = (keys_of(db, table).await?, rows_of(db, table).await?);
     let quoted: Vec<String> =
         keys.iter().map(|key| format!("'{key} = ' || quote({key})")).collect();
@@ -167,7 +167,7 @@ async fn differing(
     index: &str,
     is_row: &str,
     columns: &[String],
-) -> Result<Option<String>, sqlx::Error> {
+) -> sqlx::Result<Option<String>> {
     let part = filter_of(db, index).await?;
     for column in columns {
         let mut values: [Option<String>; 2] = [None, None];
@@ -190,7 +190,7 @@ async fn beside_damage(
     db: &mut SqliteConnection,
     table: &str,
     line: &str,
-) -> Result<Vec<Damage>, sqlx::Error> {
+) -> sqlx::Result<Vec<Damage>> {
     for (order, place) in [("ASC", "after"), ("DESC", "before")] {
         match last_readable(db, table, order).await? {
             Readable::Disordered(row) => {
@@ -230,7 +230,7 @@ async fn last_readable(
     db: &mut SqliteConnection,
     table: &str,
     order: &str,
-) -> Result<Readable, sqlx::Error> {
+) -> sqlx::Result<Readable> {
     let (keys, rows) = (keys_of(db, table).await?, rows_of(db, table).await?);
     let columns = names(db, "SELECT name FROM pragma_table_info(?1)", table).await?;
     // The call of `instr` makes SQLite read the whole value, also from overflow pages.
@@ -275,7 +275,7 @@ async fn damaged_index(
     db: &mut SqliteConnection,
     table: &str,
     line: &str,
-) -> Result<Option<String>, sqlx::Error> {
+) -> sqlx::Result<Option<String>> {
     let query = "SELECT name FROM pragma_index_list(?1) WHERE origin <> 'pk' OR NOT (
          SELECT wr FROM pragma_table_list WHERE schema = 'main' AND name = ?1)";
     let indexes = names(db, query, table).await?;
@@ -301,7 +301,7 @@ async fn damaged_index(
 }
 
 /// The condition of a partial index in SQL; `TRUE` for any other index.
-async fn filter_of(db: &mut SqliteConnection, index: &str) -> Result<String, sqlx::Error> {
+async fn filter_of(db: &mut SqliteConnection, index: &str) -> sqlx::Result<String> {
     let query = "SELECT substr(sql, instr(sql, ' WHERE ') + 7) FROM sqlite_schema
          WHERE name = ?1 AND instr(sql, ' WHERE ') > 0";
     let part: Option<String> = sqlx::query_scalar(query).bind(index).fetch_optional(db).await?;
@@ -313,7 +313,7 @@ async fn in_column(
     kind: &str,
     table: &str,
     column: &str,
-) -> Result<Vec<Damage>, sqlx::Error> {
+) -> sqlx::Result<Vec<Damage>> {
     let wrong = match kind.strip_prefix("non-") {
         Some(kind) => format!("typeof({column}) NOT IN ('{}', 'null')", kind.to_lowercase()),
         None if kind == "NULL" => format!("{column} IS NULL"),

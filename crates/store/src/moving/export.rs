@@ -4,15 +4,17 @@ use std::path::Path;
 
 use serde_json::Value;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
-use sqlx::{Connection as _, Executor as _, QueryBuilder, Sqlite, SqliteConnection};
+use sqlx::{Connection as _, QueryBuilder, Sqlite, SqliteConnection};
 
 use super::{EXPORT, FORM, Moving, Part};
 use crate::administration::Administration;
-use crate::error::{Command, Error};
+use crate::error::{Command, Error, Result};
 use crate::library::Provenance;
 use crate::place::Place;
 use crate::read::{self, StoredResult};
 use crate::search::{Found, Search};
+use crate::statement::sql;
+use crate::tables::Connected as _;
 use fretwork_engine::outcome::{History, QUANTITIES};
 use fretwork_job::{Document, ENGINE, Key, SCALARS, WORDS, clock};
 
@@ -52,7 +54,7 @@ pub fn export<'a>(
         let part = Part::of(file, ".part")?;
         let mut out = create(&part.0).await?;
         let mut done = Exported::default();
-        out.execute("BEGIN").await?;
+        out.execute(sql!("BEGIN")).await?;
         for (place, key) in keys.iter().enumerate() {
             match entry(&mut db, key).await? {
                 Ok(entry) => {
@@ -65,7 +67,7 @@ pub fn export<'a>(
             }
             progress(place + 1, keys.len());
         }
-        out.execute("COMMIT").await?;
+        out.execute(sql!("COMMIT")).await?;
         out.close().await?;
         db.close().await?;
         part.name(file)?;
@@ -99,7 +101,7 @@ enum Absent {
     Damaged,
 }
 
-async fn entry(db: &mut Administration, key: &Key) -> Result<Result<Entry, Absent>, Error> {
+async fn entry(db: &mut Administration, key: &Key) -> Result<Result<Entry, Absent>> {
     let (body, sum) = match read::result(key, i64::MAX, &mut *db).await {
         Ok(Some((StoredResult::Whole(body), sum))) => (body, sum),
         Ok(_) => return Ok(Err(Absent::Unknown)),
@@ -130,37 +132,29 @@ async fn create(path: &Path) -> Result<SqliteConnection, Moving> {
         .journal_mode(SqliteJournalMode::Off)
         .synchronous(SqliteSynchronous::Off);
     let mut out = SqliteConnection::connect_with(&options).await?;
-    let mut query = QueryBuilder::<Sqlite>::new(
-        "CREATE TABLE results (key TEXT PRIMARY KEY, numerics INTEGER NOT NULL",
-    );
+    let mut create = sql!("CREATE TABLE results (key TEXT PRIMARY KEY, numerics INTEGER NOT NULL");
     for word in WORDS {
-        query.push(", ").push(word.name).push(" TEXT");
+        create.push(", ").push(word.name).push(" TEXT");
     }
     for scalar in SCALARS {
-        query.push(", ").push(scalar.name).push(" REAL");
+        create.push(", ").push(scalar.name).push(" REAL");
     }
-    query.push(
+    create.push(
         ", scenario TEXT NOT NULL, summary TEXT NOT NULL, size INTEGER NOT NULL, sha256 TEXT NOT NULL,
          created TEXT NOT NULL, owner TEXT, computed TEXT, wall_seconds REAL, cpu_seconds REAL,
          version TEXT, host TEXT, architecture TEXT, processors INTEGER, pinned INTEGER NOT NULL,
-         note TEXT, note_owner TEXT, note_at TEXT, warnings TEXT)",
-    );
-    query.build().execute(&mut out).await?;
-    out.execute(
-        "CREATE TABLE bodies (key TEXT PRIMARY KEY REFERENCES results (key), body TEXT NOT NULL);
+         note TEXT, note_owner TEXT, note_at TEXT, warnings TEXT);
+         CREATE TABLE bodies (key TEXT PRIMARY KEY REFERENCES results (key), body TEXT NOT NULL);
          CREATE TABLE units (name TEXT PRIMARY KEY, unit TEXT NOT NULL);
-         CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
-    )
-    .await?;
-    // A table and not a view, because a view would parse the whole body for each number.
-    let mut query = QueryBuilder::<Sqlite>::new(
-        "CREATE TABLE history (key TEXT NOT NULL REFERENCES results (key), entry INTEGER NOT NULL",
+         CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL);
+         CREATE TABLE history (key TEXT NOT NULL REFERENCES results (key), entry INTEGER NOT NULL",
     );
+    // `history` is a table and not a view, because a view would parse the whole body for each number.
     for column in History::MEMBERS {
-        query.push(", ").push(column.name).push(" REAL");
+        create.push(", ").push(column.name).push(" REAL");
     }
-    query.push(", PRIMARY KEY (key, entry)) WITHOUT ROWID");
-    query.build().execute(&mut out).await?;
+    create.push(", PRIMARY KEY (key, entry)) WITHOUT ROWID");
+    out.execute(create).await?;
     describe(&mut out).await?;
     Ok(out)
 }
@@ -171,8 +165,7 @@ async fn describe(out: &mut SqliteConnection) -> Result<(), Moving> {
     let others = [("wall_seconds", "s"), ("cpu_seconds", "s"), ("size", "B")];
     let quantities = QUANTITIES.iter().map(|quantity| (quantity.name, quantity.unit));
     for (name, unit) in quantities.chain(scalars).chain(others) {
-        let insert = sqlx::query("INSERT OR IGNORE INTO units VALUES (?1, ?2)");
-        insert.bind(name).bind(unit).execute(&mut *out).await?;
+        out.execute(sql!("INSERT OR IGNORE INTO units VALUES ($1, $2)"; name, unit)).await?;
     }
     let about = [
         ("format", format!("an export of fretwork, form {FORM}")),
@@ -182,8 +175,7 @@ async fn describe(out: &mut SqliteConnection) -> Result<(), Moving> {
         ("sha256", "of the body, byte for byte as the server answers it".to_owned()),
     ];
     for (name, value) in about {
-        let insert = sqlx::query("INSERT INTO about VALUES (?1, ?2)");
-        insert.bind(name).bind(value).execute(&mut *out).await?;
+        out.execute(sql!("INSERT INTO about VALUES ($1, $2)"; name, value)).await?;
     }
     Ok(())
 }
@@ -217,8 +209,7 @@ async fn write(out: &mut SqliteConnection, key: &Key, entry: &Entry) -> Result<(
     row.push_bind(provenance.warnings.as_ref().map(Value::to_string));
     query.push(")");
     query.build().execute(&mut *out).await?;
-    let insert = sqlx::query("INSERT INTO bodies VALUES (?1, ?2)");
-    insert.bind(key.to_string()).bind(body).execute(&mut *out).await?;
+    out.execute(sql!("INSERT INTO bodies VALUES ($1, $2)"; key.to_string(), body)).await?;
     let columns = History::MEMBERS.iter();
     let columns = columns.map(|column| document.history.get(column.name).and_then(Value::as_array));
     let columns: Vec<_> = columns.collect();

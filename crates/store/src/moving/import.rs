@@ -17,7 +17,7 @@ use sqlx::sqlite::SqliteRow;
 use super::Moving;
 use super::untrusted::{ExportFile, Found, unreadable};
 use crate::administration::Administration;
-use crate::error::{Command, Error};
+use crate::error::{Command, Error, Result};
 use crate::imports::{self, Before, Import, NoteTaken};
 use crate::keep::Answered;
 use crate::library::{Note, Program};
@@ -211,7 +211,7 @@ impl Entry {
         from: &mut ExportFile,
         row: i64,
         name: &str,
-    ) -> Result<Result<(Self, [u8; 32]), String>, Error> {
+    ) -> Result<Result<(Self, [u8; 32]), String>> {
         let Ok(key) = name.parse() else {
             return Ok(Err(
                 "the key of a result must have 64 lower-case hexadecimal digits".to_owned()

@@ -14,7 +14,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, Connection as _, Encode, Sqlite, SqliteConnection, Type};
 
 use super::{EXPORT, FORM, Moving};
-use crate::error::{Error, is_other_file};
+use crate::error::{Error, Result, is_other_file};
 use crate::row::Columns as _;
 use crate::sqlite::{open, schema};
 
@@ -114,7 +114,7 @@ impl ExportFile {
     /// The names of the columns of a table. Each must be stored, not computed.
     async fn columns(&mut self, table: &str) -> Result<Vec<String>, Moving> {
         self.steps.store(STEPS_OF_A_ROW, Ordering::Relaxed);
-        let columns: Result<Vec<(String, bool)>, sqlx::Error> =
+        let columns: sqlx::Result<Vec<(String, bool)>> =
             sqlx::query_as("SELECT name, hidden = 0 FROM pragma_table_xinfo(?1)")
                 .bind(table)
                 .fetch_all(&mut self.db)
@@ -152,7 +152,7 @@ impl ExportFile {
     }
 
     /// A row of `results`; `None` if it is too large.
-    pub(super) async fn result(&mut self, row: i64) -> Result<Option<SqliteRow>, Error> {
+    pub(super) async fn result(&mut self, row: i64) -> Result<Option<SqliteRow>> {
         let size = format!("SELECT {} AS size FROM results WHERE rowid = ?1", self.size_of_result);
         let size = self.row(size, STEPS_OF_A_ROW, row).await?;
         if size.map_or(Ok(0), |row| row.get::<u64>("size"))? > MAX_ROW {
@@ -162,7 +162,7 @@ impl ExportFile {
     }
 
     /// The body of a result, if there is one.
-    pub(super) async fn body(&mut self, key: &str, most: u64) -> Result<Option<Found>, Error> {
+    pub(super) async fn body(&mut self, key: &str, most: u64) -> Result<Option<Found>> {
         let size = format!("SELECT {} AS size FROM bodies WHERE key = ?1", self.size_of_body);
         let size = self.row(size, STEPS_OF_A_ROW, key).await?;
         if size.map_or(Ok(0), |row| row.get::<u64>("size"))? > most {
@@ -185,7 +185,7 @@ impl ExportFile {
         statement: String,
         steps: i64,
         parameter: T,
-    ) -> Result<Option<SqliteRow>, Error>
+    ) -> Result<Option<SqliteRow>>
     where
         T: Encode<'q, Sqlite> + Type<Sqlite> + 'q,
     {

@@ -5,7 +5,7 @@ use super::follow::{ended_by, follow};
 use super::transaction::Transaction;
 use crate::audit::{Act, Actor, record};
 use crate::cancel::Canceled;
-use crate::error::Error;
+use crate::error::Result;
 use crate::read;
 use crate::row::{Columns, RunId};
 use crate::signals::Effect;
@@ -18,7 +18,7 @@ use fretwork_job::{JobId, JobState};
 pub(crate) async fn cancel(
     (id, by): &(JobId, Actor),
     tx: &mut Transaction<'_>,
-) -> Result<Canceled, Error> {
+) -> Result<Canceled> {
     let id = *id;
     let Some(row) = tx.db.row(sql!("SELECT run FROM job WHERE id = $1"; id)).await? else {
         return Ok(Canceled::NotFound);
@@ -42,8 +42,7 @@ pub(crate) async fn cancel(
              SELECT 1 FROM job AS other WHERE other.run = $2 AND other.finished IS NULL AND other.id <> $1)";
         id, run
     );
-    let left = tx.db.execute(query).await?;
-    if left == 0 {
+    if tx.db.changed_by(query).await? == 0 {
         cancel_run(tx, run, is_study).await?;
     }
     tx.effects.push(Effect::Ended(job.key));
@@ -52,7 +51,7 @@ pub(crate) async fn cancel(
 }
 
 /// Locks a run, and its study if it has one. Returns whether the run is a study.
-async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<bool, Error> {
+async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<bool> {
     let study = chunks::lock(tx, run).await?;
     tx.db.execute(sql!("SELECT 1 FROM run WHERE id = $1 FOR NO KEY UPDATE"; run)).await?;
     Ok(study.is_some())
@@ -60,7 +59,7 @@ async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<bool, Error> {
 
 /// Cancels a locked run. A run that is already canceling does not change until its worker stops. A study ends at once.
 /// Its workers are told to stop, and chunks that they finish afterwards are not stored.
-async fn cancel_run(tx: &mut Transaction<'_>, run: RunId, is_study: bool) -> Result<(), Error> {
+async fn cancel_run(tx: &mut Transaction<'_>, run: RunId, is_study: bool) -> Result<()> {
     let query = sql!(
         "UPDATE run SET finished = CASE WHEN state = 'queued' OR $2 THEN moment() END, changed = moment(),
              state = CASE WHEN state = 'queued' OR $2 THEN 'canceled' ELSE 'canceling' END

@@ -7,14 +7,14 @@ use super::follow::follow;
 use super::lease;
 use super::transaction::Transaction;
 use crate::claimed::{Claim, Claimed, FinishedChunk, Stages, Study, is_step};
-use crate::error::Error;
+use crate::error::Result;
 use crate::row::{Columns, RunId, read};
 use crate::signals::Effect;
 use crate::statement::sql;
 use crate::tables::{Connected, Tables};
 
 /// Locks a study until the end of the transaction. Returns `None` if the run is no study.
-pub(super) async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Study>, Error> {
+pub(super) async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Study>> {
     let query = sql!(
         "SELECT chunks, next, queued, running, stages FROM study WHERE run = $1 FOR NO KEY UPDATE";
         run
@@ -30,7 +30,7 @@ async fn store(
     tx: &mut Transaction<'_>,
     run: RunId,
     (before, after): (Study, Study),
-) -> Result<(), Error> {
+) -> Result<()> {
     let query = sql!(
         "UPDATE study SET next = $2, queued = $3, running = $4, done = $5 WHERE run = $1";
         run, after.next, after.queued, after.running, after.done()
@@ -49,7 +49,7 @@ async fn store(
 
 /// Claims a piece of a study: a new chunk; if there is none, a chunk that was released or lost; if there is none, the
 /// assembly. So a chunk that may have caused a crash is computed last. Returns `None` if no piece can be claimed.
-pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Claimed>, Error> {
+pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Claimed>> {
     let Some(before) = lock(tx, run).await?.filter(Study::is_ready) else {
         return Ok(None);
     };
@@ -90,7 +90,7 @@ pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option
 }
 
 /// Starts the run of a study.
-async fn start(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
+async fn start(tx: &mut Transaction<'_>, run: RunId) -> Result<()> {
     let query = sql!(
         "UPDATE run SET state = 'running', attempt = attempt + 1, started = moment(), changed = moment()
          WHERE id = $1 AND state = 'queued'";
@@ -103,7 +103,7 @@ async fn start(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
 pub(crate) async fn finish_chunk(
     FinishedChunk { claim, body, cost }: &FinishedChunk,
     tx: &mut Transaction<'_>,
-) -> Result<bool, Error> {
+) -> Result<bool> {
     let Claim { part: (run, Some(number)), attempt, .. } = *claim else { return Ok(false) };
     let Some(before) = lock(tx, run).await? else { return Ok(false) };
     let query = sql!(
@@ -112,7 +112,7 @@ pub(crate) async fn finish_chunk(
              AND chunk.state = 'running' AND run.id = $1 AND run.state = 'running'";
         run, number, attempt, &**body.bytes(), body.checksum()
     );
-    if tx.db.execute(query).await? == 0 {
+    if tx.db.changed_by(query).await? == 0 {
         return Ok(false);
     }
     let after = Study { running: before.running - 1, ..before };
@@ -139,7 +139,7 @@ pub(super) async fn release(
     run: RunId,
     number: u32,
     attempt: u32,
-) -> Result<bool, Error> {
+) -> Result<bool> {
     let Some(before) = lock(tx, run).await? else { return Ok(false) };
     let query = sql!(
         "UPDATE chunk SET state = 'queued', lost = lost - 1
@@ -147,8 +147,7 @@ pub(super) async fn release(
              AND (SELECT state FROM run WHERE id = $1) = 'running'";
         run, number, attempt
     );
-    let released = tx.db.execute(query).await?;
-    if released == 0 {
+    if tx.db.changed_by(query).await? == 0 {
         return Ok(false);
     }
     let after = Study { running: before.running - 1, queued: before.queued + 1, ..before };
@@ -165,7 +164,7 @@ pub(super) async fn lose(
     run: RunId,
     before: Study,
     pieces: &[i64],
-) -> Result<u32, Error> {
+) -> Result<u32> {
     let lost = sqlx::query(
         "WITH requeued AS (
              UPDATE chunk SET state = 'queued' WHERE run = $1 AND number = ANY ($2) AND state = 'running'

@@ -2,9 +2,9 @@
 //! other servers need time to renew their leases. Until then, this server does not treat an expired lease as lost. The
 //! same holds after a step of the clock of the database.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use tokio::time::Instant;
 
 /// The time for which the database has answered without a pause.
@@ -38,7 +38,7 @@ impl Contact {
     /// enough to revoke leases.
     pub(super) fn goes_on(&self, clock: i64) -> bool {
         let now = Answer { at: Instant::now(), clock };
-        let mut times = self.times();
+        let mut times = self.times.lock();
         let began =
             times.filter(|(_, last)| self.is_soon_after(*last, now)).map(|(began, _)| began);
         let began = began.unwrap_or(now.at);
@@ -56,12 +56,7 @@ impl Contact {
 
     /// Ends the contact, because the database has not answered.
     pub(super) fn ends(&self) {
-        *self.times() = None;
-    }
-
-    /// A poisoned lock is safe: each change is one assignment.
-    fn times(&self) -> MutexGuard<'_, Option<(Instant, Answer)>> {
-        self.times.lock().unwrap_or_else(PoisonError::into_inner)
+        *self.times.lock() = None;
     }
 }
 

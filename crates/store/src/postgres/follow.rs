@@ -2,7 +2,7 @@
 
 use super::lease;
 use super::transaction::Transaction;
-use crate::error::Error;
+use crate::error::Result;
 use crate::row::{Columns, Row, RunId};
 use crate::signals::Effect;
 use crate::statement::sql;
@@ -11,7 +11,7 @@ use crate::tally::Ending;
 
 /// Copies the state of a run to its unfinished jobs. An earlier statement must have locked the run. A submission that
 /// adds a job to the run waits for this lock.
-pub(super) async fn follow(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
+pub(super) async fn follow(tx: &mut Transaction<'_>, run: RunId) -> Result<()> {
     let query = sql!(
         "UPDATE job SET state = run.state, attempt = run.attempt, finished = run.finished,
              started = CASE WHEN run.started IS NOT NULL THEN greatest(run.started, job.created) END,
@@ -21,8 +21,7 @@ pub(super) async fn follow(tx: &mut Transaction<'_>, run: RunId) -> Result<(), E
          FROM run WHERE run.id = $1 AND job.run = run.id AND job.finished IS NULL";
         run
     );
-    tx.db.execute(query).await?;
-    Ok(())
+    tx.db.execute(query).await
 }
 
 /// Updates the jobs and leases of a run that has ended or was queued again, and adds the signals. The row contains the
@@ -32,7 +31,7 @@ pub(super) async fn ended_by(
     run: RunId,
     row: &Row,
     ending: Ending,
-) -> Result<(), Error> {
+) -> Result<()> {
     follow(tx, run).await?;
     lease::end_all(tx, run).await?;
     let (started, finished): (Option<i64>, Option<i64>) =

@@ -8,12 +8,12 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::mem;
-use std::sync::{Mutex, PoisonError};
 
+use parking_lot::Mutex;
 use sqlx::postgres::PgConnection;
 use tokio::sync::Notify;
 
-use crate::error::Error;
+use crate::error::Result;
 use crate::row::RunId;
 use crate::signals::Effect;
 use crate::statement::sql;
@@ -52,7 +52,7 @@ impl Hints {
             Effect::Changed(key) => Some(Hint::Changed(*key)),
             _ => None,
         });
-        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut waiting = self.waiting.lock();
         let before = waiting.len();
         waiting.extend(hints);
         if waiting.len() > before {
@@ -71,7 +71,7 @@ impl Hints {
     }
 
     fn take(&self, node: &str) -> Option<String> {
-        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut waiting = self.waiting.lock();
         let rest = waiting.iter().nth(AT_ONCE).copied().map(|hint| waiting.split_off(&hint));
         let some = mem::replace(&mut *waiting, rest.unwrap_or_default());
         (!some.is_empty()).then(|| {
@@ -91,9 +91,8 @@ impl Hints {
 }
 
 /// Sends a notification.
-pub(super) async fn send(db: &mut PgConnection, text: &str) -> Result<(), Error> {
-    db.execute(sql!("SELECT pg_notify($1, $2)"; CHANNEL, text)).await?;
-    Ok(())
+pub(super) async fn send(db: &mut PgConnection, text: &str) -> Result<()> {
+    db.execute(sql!("SELECT pg_notify($1, $2)"; CHANNEL, text)).await
 }
 
 /// The signals in a notification of another server. A notification of this server gives none. Unknown hints, from a

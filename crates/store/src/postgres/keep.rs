@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use crate::error::Error;
+use crate::error::Result;
 use crate::keep::{Answered, COLUMNS, REPLACE, Source, outlined};
 use crate::statement::Statement;
 use crate::tables::{Connected, Tables};
@@ -39,7 +39,7 @@ pub(crate) async fn store(
     answered: &Answered,
     source: &Source<'_>,
     replaces: bool,
-) -> Result<bool, Error> {
+) -> Result<bool> {
     let query = Statement::of(STORE.as_str()).with(replaces).with_result(answered, source);
     Ok(db.row(query).await?.is_some())
 }

@@ -14,7 +14,7 @@ use sqlx::postgres::PgConnection;
 use super::Node;
 use super::transaction::Transaction;
 use crate::claimed::Claimed;
-use crate::error::Error;
+use crate::error::Result;
 use crate::row::{Columns, Part, RunId};
 use crate::statement::sql;
 use crate::tables::Connected;
@@ -50,11 +50,7 @@ fn number(part: Part) -> i64 {
 }
 
 /// Begins the lease of a claimed run or piece, and records the turn of its owner.
-pub(super) async fn begin(
-    tx: &mut Transaction<'_>,
-    owner: &str,
-    claimed: &Claimed,
-) -> Result<(), Error> {
+pub(super) async fn begin(tx: &mut Transaction<'_>, owner: &str, claimed: &Claimed) -> Result<()> {
     let node = &tx.of.node;
     let query = sql!(
         "WITH served AS (
@@ -66,21 +62,18 @@ pub(super) async fn begin(
          VALUES ($1, $2, $3, $4, $5, moment() + $6, $6)";
         claimed.run, number(claimed.part()), claimed.attempt, &node.id, owner, milliseconds(node.lease)
     );
-    tx.db.execute(query).await?;
-    Ok(())
+    tx.db.execute(query).await
 }
 
 /// Ends the lease of a part.
-pub(super) async fn end(tx: &mut Transaction<'_>, part: Part) -> Result<(), Error> {
+pub(super) async fn end(tx: &mut Transaction<'_>, part: Part) -> Result<()> {
     let query = sql!("DELETE FROM lease WHERE run = $1 AND number = $2"; part.0, number(part));
-    tx.db.execute(query).await?;
-    Ok(())
+    tx.db.execute(query).await
 }
 
 /// Ends all leases of a run.
-pub(super) async fn end_all(tx: &mut Transaction<'_>, run: RunId) -> Result<(), Error> {
-    tx.db.execute(sql!("DELETE FROM lease WHERE run = $1"; run)).await?;
-    Ok(())
+pub(super) async fn end_all(tx: &mut Transaction<'_>, run: RunId) -> Result<()> {
+    tx.db.execute(sql!("DELETE FROM lease WHERE run = $1"; run)).await
 }
 
 /// Renews the leases of these parts. Returns the time by the clock of the database, and the parts whose leases this
@@ -89,7 +82,7 @@ pub(super) async fn renew(
     db: &mut PgConnection,
     node: &Node,
     parts: &[Part],
-) -> Result<(i64, Vec<Part>), Error> {
+) -> Result<(i64, Vec<Part>)> {
     let (runs, numbers): (Vec<i64>, Vec<i64>) =
         parts.iter().map(|part| (part.0.0, number(*part))).unzip();
     let rows = sqlx::query(
@@ -116,11 +109,11 @@ pub(super) async fn renew(
         let number = Columns::get::<i64>(row, "number")?;
         Ok((RunId(Columns::get(row, "run")?), u32::try_from(number).ok()))
     };
-    Ok((now, rows.iter().map(part).collect::<Result<_, sqlx::Error>>()?))
+    Ok((now, rows.iter().map(part).collect::<sqlx::Result<_>>()?))
 }
 
 /// The time by the clock of the database, and the runs with an expired lease.
-pub(super) async fn lost(db: &mut PgConnection, node: &Node) -> Result<(i64, Vec<RunId>), Error> {
+pub(super) async fn lost(db: &mut PgConnection, node: &Node) -> Result<(i64, Vec<RunId>)> {
     let query = format!(
         "SELECT moment(), ARRAY (SELECT DISTINCT run FROM lease WHERE {IS_OVER} ORDER BY run LIMIT $3)"
     );
@@ -131,7 +124,7 @@ pub(super) async fn lost(db: &mut PgConnection, node: &Node) -> Result<(i64, Vec
 }
 
 /// Revokes the expired leases of a run. Returns the numbers of the parts, as in the column `number`.
-pub(super) async fn take_lost(tx: &mut Transaction<'_>, run: RunId) -> Result<Vec<i64>, Error> {
+pub(super) async fn take_lost(tx: &mut Transaction<'_>, run: RunId) -> Result<Vec<i64>> {
     let node = &tx.of.node;
     let query = format!("DELETE FROM lease WHERE ({IS_OVER}) AND run = $3 RETURNING number");
     let query = sqlx::query_scalar(AssertSqlSafe(query));

@@ -35,7 +35,7 @@ use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
 use tokio::time::timeout;
 
-use super::error::Error;
+use super::error::{Error, Result};
 use super::row::{Columns, Row};
 use super::signals::Signals;
 use super::statement::{Statement, sql};
@@ -114,7 +114,7 @@ impl Database {
         purpose: Purpose,
         statement: Statement,
         most: Most,
-    ) -> Result<Vec<Row>, Error> {
+    ) -> Result<Vec<Row>> {
         let permit = async {
             match purpose {
                 Purpose::Any | Purpose::Keys => Ok(None),
@@ -128,7 +128,7 @@ impl Database {
     }
 
     /// The time that the oldest queued run has waited. Also counts the queued and running runs for the metrics.
-    pub(super) async fn longest_wait(&self) -> Result<Duration, Error> {
+    pub(super) async fn longest_wait(&self) -> Result<Duration> {
         let query = sql!(
             "SELECT count(*) AS queued, moment() - min(created) AS waited,
                  (SELECT count(*) FROM lease) AS running,
@@ -145,7 +145,7 @@ impl Database {
     }
 
     /// Fails if only later versions of the program may write the tables.
-    fn may_write(&self) -> Result<(), Error> {
+    fn may_write(&self) -> Result<()> {
         self.0.refusal.get().cloned().map_or(Ok(()), Err)
     }
 }

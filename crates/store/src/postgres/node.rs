@@ -13,7 +13,7 @@ use super::lease;
 use super::transaction::reading;
 use super::upkeep::Upkeep;
 use super::{Database, Parts, hints, schema};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::options::Options;
 use crate::place::DatabaseUrl;
 use crate::signals::Signals;
@@ -65,7 +65,7 @@ enum Chore {
 }
 
 impl Chore {
-    async fn execute(&mut self, db: &Database) -> Result<(), Error> {
+    async fn execute(&mut self, db: &Database) -> Result<()> {
         match self {
             Self::Count => {
                 db.check_version().await?;
@@ -143,7 +143,7 @@ async fn listen(url: DatabaseUrl, signals: Arc<Signals>, node: String) {
 
 /// Connects a listener. When its connection breaks, the listener reports an error and does not reconnect by itself. So
 /// the caller notices that notifications may be lost.
-async fn connect(url: &DatabaseUrl) -> Result<PgListener, Error> {
+async fn connect(url: &DatabaseUrl) -> Result<PgListener> {
     // The listener has its own pool, because a broken listener may hold its connection for a long time.
     let pool = PgPoolOptions::new().max_connections(1).connect_lazy_with(url.listening());
     let connecting = async {
@@ -157,7 +157,7 @@ async fn connect(url: &DatabaseUrl) -> Result<PgListener, Error> {
 
 /// The next notification; `None` if none arrived in the time [`SILENCE`]. Then this has tested the connection. Fails if
 /// the connection is broken.
-async fn next(listener: &mut PgListener) -> Result<Option<String>, Error> {
+async fn next(listener: &mut PgListener) -> Result<Option<String>> {
     match timeout(SILENCE, listener.try_recv()).await {
         Ok(told) => told?.map(|told| Some(told.payload().to_owned())).ok_or(Error::Exhausted),
         Err(_) => match timeout(SILENCE, listener.execute("SELECT 1")).await {
@@ -169,7 +169,7 @@ async fn next(listener: &mut PgListener) -> Result<Option<String>, Error> {
 
 impl Database {
     /// Checks whether a later version of the program has forbidden this version to write.
-    async fn check_version(&self) -> Result<(), Error> {
+    async fn check_version(&self) -> Result<()> {
         let refusal = reading!(self, db => schema::refusal(db, &self.0.name).await)?;
         if let Some(refusal) = refusal
             && self.0.refusal.set(refusal.clone()).is_ok()
@@ -182,7 +182,7 @@ impl Database {
 
     /// Renews the leases of the workers of this process, and stops the workers that have lost their leases. Uses a
     /// separate connection, so that it never waits for requests of clients.
-    async fn renew(&self) -> Result<(), Error> {
+    async fn renew(&self) -> Result<()> {
         // A server that may not store results must let its leases expire, so that another server computes the runs.
         self.may_write()?;
         let running = self.0.signals.running();

@@ -10,7 +10,7 @@ use super::backlog::Backlog;
 use super::contact::Contact;
 use super::pool::Pool;
 use super::{Database, Node, Parts, node, schema};
-use crate::error::Error;
+use crate::error::Result;
 use crate::library::Program;
 use crate::options::Options;
 use crate::place::DatabaseUrl;
@@ -30,7 +30,7 @@ impl Database {
         url: &DatabaseUrl,
         options: &Options,
         signals: Arc<Signals>,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self> {
         let mut db = prepare(url).await?;
         let program = Program::this().id(&mut db).await?;
         db.close().await?;
@@ -57,7 +57,7 @@ impl Database {
 }
 
 /// Connects to a database, and creates or migrates its tables if necessary.
-pub(crate) async fn prepare(url: &DatabaseUrl) -> Result<PgConnection, Error> {
+pub(crate) async fn prepare(url: &DatabaseUrl) -> Result<PgConnection> {
     let mut db = url.patient().connect().await?;
     // Of several servers that start at the same time, only one migrates at a time.
     let lock = |call| sqlx::query(call).bind(Lock::Schema as i64);

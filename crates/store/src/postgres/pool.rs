@@ -4,15 +4,15 @@
 //! does not ping: a broken connection is noticed when a transaction begins, before anything has changed.
 
 use std::mem;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use sqlx::postgres::{PgConnectOptions, PgConnection};
 use sqlx::{ConnectOptions as _, Connection as _};
 use tokio::sync::{Semaphore, SemaphorePermit};
 use tokio::time::timeout;
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::tables::{Connected, Connection};
 
 /// Maximum time that a caller waits for a free connection, and maximum time to open one.
@@ -50,10 +50,10 @@ impl Pool {
     }
 
     /// Waits until a connection is free, and borrows it. The connection may be broken.
-    pub(super) async fn get(&self) -> Result<Borrowed<'_>, Error> {
+    pub(super) async fn get(&self) -> Result<Borrowed<'_>> {
         let permit = timeout(PATIENCE, self.free.acquire()).await.map_err(|_| Error::Exhausted)?;
         let permit = permit.map_err(|_| Error::Closed)?;
-        let idle = self.idle().pop();
+        let idle = self.idle.lock().pop();
         let is_new = idle.is_none();
         let connection = if let Some(connection) = idle {
             connection
@@ -69,23 +69,18 @@ impl Pool {
     pub(super) fn open(&self) -> u64 {
         // A connection that returns meanwhile may be counted twice.
         let borrowed = self.count as usize - self.free.available_permits();
-        (borrowed + self.idle().len()).min(self.count as usize) as u64
+        (borrowed + self.idle.lock().len()).min(self.count as usize) as u64
     }
 
     /// Waits a while for earlier borrowers, refuses later ones, and closes all connections.
     pub(super) async fn close(&self) {
         let _ = timeout(PATIENCE, self.free.acquire_many(self.count)).await;
         self.free.close();
-        let idle = mem::take(&mut *self.idle());
+        let idle = mem::take(&mut *self.idle.lock());
         for connection in idle {
             // If the connection is broken, the server rolls back its transaction.
             let _ = connection.close().await;
         }
-    }
-
-    /// A poisoned lock is safe: each change of the list is one call.
-    fn idle(&self) -> MutexGuard<'_, Vec<PgConnection>> {
-        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -108,7 +103,7 @@ impl Drop for Borrowed<'_> {
             && self.has_answered
             && !self.pool.free.is_closed()
         {
-            self.pool.idle().push(connection);
+            self.pool.idle.lock().push(connection);
         }
     }
 }

@@ -9,7 +9,7 @@ use super::follow::{ended_by, follow};
 use super::lease;
 use super::transaction::{Transaction, reading};
 use crate::claimed::{Claim, Claimed};
-use crate::error::Error;
+use crate::error::Result;
 use crate::keep::{self, Answered, Finish, Source};
 use crate::options::{MAX_LOST, Recovered};
 use crate::row::{Columns, RunId};
@@ -44,14 +44,14 @@ const TRIES: usize = 4;
 
 impl Database {
     /// Revokes all expired leases.
-    pub(crate) async fn recover(&self) -> Result<Recovered, Error> {
+    pub(crate) async fn recover(&self) -> Result<Recovered> {
         self.reclaim(true).await
     }
 
     /// Revokes expired leases. Unless `always`, it does so only while the contact with the database lasts. If the clock
     /// of the database has jumped over the end of a lease, its node had no time to renew it. Each transaction checks
     /// this again, because it may begin late.
-    pub(super) async fn reclaim(&self, always: bool) -> Result<Recovered, Error> {
+    pub(super) async fn reclaim(&self, always: bool) -> Result<Recovered> {
         let mut recovered = Recovered::default();
         let (now, runs) = reading!(self, db => lease::lost(db, &self.0.node).await)?;
         if !always && !self.0.contact.goes_on(now) {
@@ -67,7 +67,7 @@ impl Database {
     }
 }
 
-pub(crate) async fn claim((): &(), tx: &mut Transaction<'_>) -> Result<Option<Claimed>, Error> {
+pub(crate) async fn claim((): &(), tx: &mut Transaction<'_>) -> Result<Option<Claimed>> {
     for _ in 0..TRIES {
         let owners = tx.db.rows(Statement::of(TURNS).with(ENGINE.numerics)).await?;
         if owners.is_empty() {
@@ -85,7 +85,7 @@ pub(crate) async fn claim((): &(), tx: &mut Transaction<'_>) -> Result<Option<Cl
 }
 
 /// Claims the most urgent part of an owner. Returns `None` if other workers have claimed it in the meantime.
-async fn claim_of(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Claimed>, Error> {
+async fn claim_of(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Claimed>> {
     let query = sql!(
         "SELECT run, study FROM job WHERE claimable = $1 AND owner = $2
          ORDER BY priority, study, id LIMIT 1";
@@ -103,7 +103,7 @@ async fn claim_of(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Claime
     Ok(claimed)
 }
 
-async fn claim_whole(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Claimed>, Error> {
+async fn claim_whole(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Claimed>> {
     let query = sql!(
         "UPDATE run SET state = 'running', attempt = attempt + 1, lost = lost + 1, progress = 0,
              started = moment(), changed = moment()
@@ -125,7 +125,7 @@ async fn claim_whole(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Cla
 pub(crate) async fn progress(
     (claim, share): &(Claim, f64),
     tx: &mut Transaction<'_>,
-) -> Result<bool, Error> {
+) -> Result<bool> {
     let Claim { part: (run, None), attempt, key } = *claim else {
         return Ok(claim.attempt_of_run(&mut tx.db).await?.is_some());
     };
@@ -134,7 +134,7 @@ pub(crate) async fn progress(
              AND EXISTS (SELECT 1 FROM run WHERE id = $1 AND attempt = $2 AND state = 'running')";
         run, attempt, *share
     );
-    if tx.db.execute(query).await? == 0 {
+    if tx.db.changed_by(query).await? == 0 {
         return Ok(false);
     }
     tx.effects.push(Effect::Changed(key));
@@ -144,7 +144,7 @@ pub(crate) async fn progress(
 pub(crate) async fn finish(
     (claimed, answer): &(Claimed, Answered),
     tx: &mut Transaction<'_>,
-) -> Result<Finish, Error> {
+) -> Result<Finish> {
     let Claimed { run, key, ref trace, .. } = *claimed;
     let Some(attempt) = attempt_of_run(tx, claimed.claim()).await? else {
         return Ok(Finish::Refused);
@@ -174,13 +174,13 @@ pub(crate) async fn finish(
 pub(crate) async fn fail(
     (claim, kind, message): &(Claim, FailureKind, String),
     tx: &mut Transaction<'_>,
-) -> Result<bool, Error> {
+) -> Result<bool> {
     let (run, _) = claim.part;
     let Some(attempt) = attempt_of_run(tx, *claim).await? else { return Ok(false) };
     fail_run(tx, run, attempt, (*kind, message)).await
 }
 
-pub(crate) async fn stopped(claim: &Claim, tx: &mut Transaction<'_>) -> Result<bool, Error> {
+pub(crate) async fn stopped(claim: &Claim, tx: &mut Transaction<'_>) -> Result<bool> {
     let (run, _) = claim.part;
     let query = sql!(
         "UPDATE run SET state = 'canceled', finished = moment(), changed = moment()
@@ -191,7 +191,7 @@ pub(crate) async fn stopped(claim: &Claim, tx: &mut Transaction<'_>) -> Result<b
     end(tx, query, run, Ending::Canceled).await
 }
 
-pub(crate) async fn release(claim: &Claim, tx: &mut Transaction<'_>) -> Result<bool, Error> {
+pub(crate) async fn release(claim: &Claim, tx: &mut Transaction<'_>) -> Result<bool> {
     let Claim { part: (run, number), attempt, .. } = *claim;
     match number {
         Some(number) => chunks::release(tx, run, number, attempt).await,
@@ -207,7 +207,7 @@ async fn end(
     update: Statement,
     run: RunId,
     ending: Ending,
-) -> Result<bool, Error> {
+) -> Result<bool> {
     let Some(row) = tx.db.row(update).await? else { return Ok(false) };
     ended_by(tx, run, &row, ending).await?;
     Ok(true)
@@ -220,7 +220,7 @@ async fn requeue(
     run: RunId,
     attempt: u32,
     uncounted: i64,
-) -> Result<bool, Error> {
+) -> Result<bool> {
     // `started` is null after the update, and a released run does not count in the durations.
     let query = sql!(
         "UPDATE run SET state = 'queued', progress = 0, started = NULL, changed = moment(), lost = lost - $3
@@ -241,7 +241,7 @@ async fn fail_run(
     run: RunId,
     attempt: u32,
     (kind, message): (FailureKind, &str),
-) -> Result<bool, Error> {
+) -> Result<bool> {
     // A text in PostgreSQL cannot contain the character NUL, so it is replaced.
     let query = sql!(
         "UPDATE run SET state = 'failed', finished = moment(), changed = moment(), error_kind = $3, error = $4,
@@ -256,10 +256,7 @@ async fn fail_run(
 }
 
 /// Revokes the expired leases of a run. Fails the run if it was lost too often.
-async fn reclaim(
-    (run, always): &(RunId, bool),
-    tx: &mut Transaction<'_>,
-) -> Result<Recovered, Error> {
+async fn reclaim((run, always): &(RunId, bool), tx: &mut Transaction<'_>) -> Result<Recovered> {
     let (run, mut recovered) = (*run, Recovered::default());
     if !always && !tx.of.contact.goes_on(tx.now().await?) {
         return Ok(recovered);
@@ -300,7 +297,7 @@ async fn reclaim(
 }
 
 /// Returns [`Claim::attempt_of_run`]. For a piece, locks the study first.
-async fn attempt_of_run(tx: &mut Transaction<'_>, claim: Claim) -> Result<Option<u32>, Error> {
+async fn attempt_of_run(tx: &mut Transaction<'_>, claim: Claim) -> Result<Option<u32>> {
     if let (run, Some(_)) = claim.part {
         chunks::lock(tx, run).await?;
     }

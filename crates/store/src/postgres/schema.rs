@@ -6,7 +6,7 @@ use sqlx::SqlSafeStr as _;
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::postgres::PgConnection;
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::place::DatabaseUrl;
 
 /// The migrations of the schema: version, name and SQL.
@@ -21,7 +21,7 @@ const CHANGES: [(i64, &str, &str); 7] = [
 ];
 
 /// The error if this version of the program must not write the tables.
-pub(super) async fn refusal(db: &mut PgConnection, name: &str) -> Result<Option<Error>, Error> {
+pub(super) async fn refusal(db: &mut PgConnection, name: &str) -> Result<Option<Error>> {
     let (known, ..) = CHANGES[CHANGES.len() - 1];
     let found: Option<i64> = sqlx::query_scalar(
         "SELECT (SELECT max(version) FROM _sqlx_migrations) FROM upkeep WHERE oldest > $1",
@@ -33,7 +33,7 @@ pub(super) async fn refusal(db: &mut PgConnection, name: &str) -> Result<Option<
 }
 
 /// Creates or migrates the tables if necessary.
-pub(super) async fn migrate(db: &mut PgConnection, url: &DatabaseUrl) -> Result<(), Error> {
+pub(super) async fn migrate(db: &mut PgConnection, url: &DatabaseUrl) -> Result<()> {
     let migration = |(version, name, sql): (_, &'static str, &'static str)| {
         Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
     };

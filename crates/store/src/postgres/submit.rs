@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::transaction::Transaction;
 use super::{chunks, keep};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::keep::Answered;
 use crate::read::read_job;
 use crate::row::{Columns, Row, RunId};
@@ -20,7 +20,7 @@ use fretwork_job::{ENGINE, JobState, Origin};
 /// the same time.
 const TRIES: usize = 10;
 
-pub(crate) async fn submit(new: &EncodedJob, tx: &mut Transaction<'_>) -> Result<Submitted, Error> {
+pub(crate) async fn submit(new: &EncodedJob, tx: &mut Transaction<'_>) -> Result<Submitted> {
     match new.repeated(&mut tx.db).await? {
         Some(repeated) => Ok(repeated),
         None => admit(tx, new).await,
@@ -38,7 +38,7 @@ enum Place {
 }
 
 /// Finds the result or run for a job that is no repetition, and inserts the job.
-async fn admit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted, Error> {
+async fn admit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted> {
     for _ in 0..TRIES {
         let query = sql!(
             "SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known,
@@ -72,7 +72,7 @@ async fn admit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted, 
 type Found = Result<Option<Place>, Submitted>;
 
 /// Locks a live run, so that it cannot end before the job is inserted.
-async fn join(tx: &mut Transaction<'_>, new: &EncodedJob, run: RunId) -> Result<Found, Error> {
+async fn join(tx: &mut Transaction<'_>, new: &EncodedJob, run: RunId) -> Result<Found> {
     if new.job.chunks.is_some() {
         chunks::lock(tx, run).await?;
     }
@@ -92,7 +92,7 @@ async fn join(tx: &mut Transaction<'_>, new: &EncodedJob, run: RunId) -> Result<
 }
 
 /// Queues a new run, unless another server has done so.
-async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found, Error> {
+async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found> {
     if let Some(full) = queue_is_full(tx, new).await? {
         return Ok(Err(full));
     }
@@ -111,8 +111,7 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found, Erro
              AND EXISTS (SELECT 1 FROM result WHERE key = run.key AND evicted IS NULL)";
         run, new.job.afresh
     );
-    let unneeded = tx.db.execute(query).await?;
-    if unneeded > 0 {
+    if tx.db.changed_by(query).await? > 0 {
         return Ok(Ok(None));
     }
     if let Some(chunks) = new.job.chunks {
@@ -127,10 +126,7 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found, Erro
 }
 
 /// The answer to a job that must be queued, if the queue is full.
-async fn queue_is_full(
-    tx: &mut Transaction<'_>,
-    new: &EncodedJob,
-) -> Result<Option<Submitted>, Error> {
+async fn queue_is_full(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Option<Submitted>> {
     let Some(limit) = tx.of.backlog.limit() else { return Ok(None) };
     let query = sql!(
         "SELECT count(*) AS all_jobs, count(*) FILTER (WHERE owner = $1) AS own FROM job WHERE state = 'queued'";
@@ -143,11 +139,7 @@ async fn queue_is_full(
 }
 
 /// Inserts a job.
-async fn insert(
-    tx: &mut Transaction<'_>,
-    new: &EncodedJob,
-    place: &Place,
-) -> Result<Submitted, Error> {
+async fn insert(tx: &mut Transaction<'_>, new: &EncodedJob, place: &Place) -> Result<Submitted> {
     let row = insert_row(tx, new, place).await?;
     let job = read_job(&row)?;
     if !new.job.tags.is_empty() {
@@ -170,11 +162,7 @@ async fn insert(
     Ok(Submitted::Accepted(job))
 }
 
-async fn insert_row(
-    tx: &mut Transaction<'_>,
-    new: &EncodedJob,
-    place: &Place,
-) -> Result<Row, Error> {
+async fn insert_row(tx: &mut Transaction<'_>, new: &EncodedJob, place: &Place) -> Result<Row> {
     let job = &new.job;
     let repeatable = job.repeatable.as_ref();
     let (run, state, attempt, origin, began) = match *place {
@@ -214,7 +202,7 @@ async fn insert_row(
 pub(crate) async fn record(
     (jobs, answer, wall): &(Vec<EncodedJob>, Answered, Duration),
     tx: &mut Transaction<'_>,
-) -> Result<Vec<Submitted>, Error> {
+) -> Result<Vec<Submitted>> {
     let Some(first) = jobs.first() else { return Ok(Vec::new()) };
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
     let now = tx.now().await?;

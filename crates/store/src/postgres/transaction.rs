@@ -8,7 +8,7 @@ use tokio::time::timeout;
 use super::pool::Borrowed;
 use super::{Database, PATIENCE, Parts, hints};
 use crate::change::{Change, Verb};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::signals::Effect;
 use crate::tables::Connected;
 
@@ -26,7 +26,7 @@ pub(crate) struct Transaction<'a> {
 
 impl<'a> Transaction<'a> {
     /// Begins a transaction. If a connection is broken, takes another one.
-    pub(super) async fn begin(of: &'a Parts) -> Result<Self, Error> {
+    pub(super) async fn begin(of: &'a Parts) -> Result<Self> {
         loop {
             let mut db = of.pool.get().await?;
             match Executor::execute(db.connection(), "BEGIN").await.map_err(Error::from) {
@@ -39,13 +39,13 @@ impl<'a> Transaction<'a> {
 
     /// When the transaction began by the clock of the database, in milliseconds since 1970. The SQL function `moment()`
     /// returns the same time.
-    pub(super) async fn now(&mut self) -> Result<i64, Error> {
+    pub(super) async fn now(&mut self) -> Result<i64> {
         Change::from(self).now().await
     }
 
     /// Notifies the other servers of deleted results in this transaction. Unlike a hint, this must not be lost:
     /// otherwise a server would go on to answer with a deleted result from its memory.
-    async fn tell_deleted(&mut self) -> Result<(), Error> {
+    async fn tell_deleted(&mut self) -> Result<()> {
         for effect in &self.effects {
             if let Effect::Deleted(key) = effect {
                 hints::send(self.db.connection(), &format!("\ndeleted {key}")).await?;
@@ -55,10 +55,7 @@ impl<'a> Transaction<'a> {
     }
 
     /// Commits the changes of a verb, or rolls them back if it has failed.
-    pub(super) async fn end<T>(
-        mut self,
-        mut answer: Result<T, Error>,
-    ) -> Result<(T, Vec<Effect>), Error> {
+    pub(super) async fn end<T>(mut self, mut answer: Result<T>) -> Result<(T, Vec<Effect>)> {
         if answer.is_ok()
             && let Err(error) = self.tell_deleted().await
         {
@@ -88,7 +85,7 @@ pub(super) struct Conflicts(u32);
 
 impl Conflicts {
     /// Whether a verb must be retried. If so, waits for a short time first.
-    pub(super) async fn again<T>(&mut self, done: &Result<T, Error>) -> bool {
+    pub(super) async fn again<T>(&mut self, done: &Result<T>) -> bool {
         let is_conflict = done.as_ref().is_err_and(Error::is_conflict);
         if !is_conflict || self.0 == CONFLICTS {
             return false;
@@ -103,11 +100,7 @@ impl Conflicts {
 
 impl Database {
     /// Executes a verb in a transaction, and retries it after a conflict. Sends the signals after the commit.
-    pub(crate) async fn write<Input, V, Answer>(
-        &self,
-        verb: V,
-        input: Input,
-    ) -> Result<Answer, Error>
+    pub(crate) async fn write<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer>
     where
         V: for<'a, 'of> Verb<'a, Input, &'a mut Transaction<'of>, Answer = Answer>,
     {
@@ -137,12 +130,13 @@ macro_rules! reading {
         reading!($database, pool, $db => $query)
     };
     ($database:expr, $pool:ident, $db:ident => $query:expr) => {{
+        use $crate::error::Error;
         let database: &Database = $database;
         let attempts = async {
             loop {
                 let mut borrowed = database.0.$pool.get().await?;
                 let $db = borrowed.connection();
-                let answer: Result<_, Error> = async { $query }.await;
+                let answer: $crate::error::Result<_> = async { $query }.await;
                 match answer {
                     Err(Error::Unreachable(_)) if !borrowed.is_new => {}
                     Err(error @ Error::Unreachable(_)) => return Err(error),

@@ -6,7 +6,7 @@ use super::Database;
 use super::transaction::{Transaction, reading};
 use crate::ages::AgeClock;
 use crate::change::Verb;
-use crate::error::Error;
+use crate::error::Result;
 use crate::keep;
 use crate::options::Options;
 use crate::row::{Columns, RunId};
@@ -41,7 +41,6 @@ const SPILL: &str = "
     ) AS sorted";
 
 /// The state of the maintenance of one server.
-#[derive(Debug)]
 pub(super) struct Upkeep {
     keep_jobs: Option<Duration>,
     budget: Option<u64>,
@@ -57,7 +56,7 @@ pub(super) struct Upkeep {
 
 /// Repeats a part of the maintenance, each time in a new transaction. The part returns whether there is more to do, or
 /// `None` if another server does maintenance. Returns whether there may be more to do.
-async fn again<Input, V>(db: &Database, part: V, input: Input) -> Result<bool, Error>
+async fn again<Input, V>(db: &Database, part: V, input: Input) -> Result<bool>
 where
     V: for<'a, 'of> Verb<'a, Input, &'a mut Transaction<'of>, Answer = Option<bool>>,
     Input: Copy,
@@ -80,7 +79,7 @@ impl Upkeep {
 
     /// Stores the times at which this server has read results, and does the maintenance that is due. After an error in
     /// one kind of work, the other kinds are still done. Returns the first error.
-    pub(super) async fn round(&mut self, db: &Database) -> Result<(), Error> {
+    pub(super) async fn round(&mut self, db: &Database) -> Result<()> {
         let reads = db.0.signals.take_read();
         let written = if reads.is_empty() { Ok(()) } else { db.write(write_reads, reads).await };
         let cleaned = self.clean(db).await;
@@ -92,7 +91,7 @@ impl Upkeep {
     }
 
     /// If it is due, deletes old jobs, unneeded chunks, and the rows that [`forget`] deletes.
-    async fn clean(&mut self, db: &Database) -> Result<(), Error> {
+    async fn clean(&mut self, db: &Database) -> Result<()> {
         if Instant::now() < self.due {
             return Ok(());
         }
@@ -107,14 +106,14 @@ impl Upkeep {
     }
 
     /// Deletes old jobs. Returns whether there may be more.
-    async fn delete_old(&self, db: &Database, time: i64) -> Result<bool, Error> {
+    async fn delete_old(&self, db: &Database, time: i64) -> Result<bool> {
         let Some(age) = self.keep_jobs else { return Ok(false) };
         let before = time.saturating_sub(i64::try_from(age.as_millis()).unwrap_or(i64::MAX));
         again(db, delete_old, before).await
     }
 
     /// The time of the [`AgeClock`].
-    async fn time(&mut self, db: &Database) -> Result<i64, Error> {
+    async fn time(&mut self, db: &Database) -> Result<i64> {
         let (stored, now): (i64, i64) = reading!(db, db => {
             Ok(sqlx::query_as("SELECT clock, moment() FROM upkeep").fetch_one(db).await?)
         })?;
@@ -127,7 +126,7 @@ impl Upkeep {
     }
 
     /// If it is due, evicts the least recently read results until the bodies are within the budget.
-    async fn make_room(&mut self, db: &Database) -> Result<(), Error> {
+    async fn make_room(&mut self, db: &Database) -> Result<()> {
         if Instant::now() < self.room_due {
             return Ok(());
         }
@@ -171,29 +170,27 @@ fn rest(budget: Option<u64>, took: Duration) -> Duration {
 }
 
 /// Whether no other server does maintenance until the end of the transaction.
-async fn is_alone(tx: &mut Transaction<'_>) -> Result<bool, Error> {
+async fn is_alone(tx: &mut Transaction<'_>) -> Result<bool> {
     let query = sqlx::query_scalar("SELECT pg_try_advisory_xact_lock($1)");
     Ok(query.bind(Lock::Upkeep as i64).fetch_one(tx.db.connection()).await?)
 }
 
 /// Checks that the disk has room for a submission.
-pub(crate) async fn probe((): &(), tx: &mut Transaction<'_>) -> Result<(), Error> {
+pub(crate) async fn probe((): &(), tx: &mut Transaction<'_>) -> Result<()> {
     // Writes a temporary file of 256 KiB, about the size of a default result with its job. A temporary file always
     // needs new space. A write to a table could use free pages, and would make the table grow if many servers wrote.
     tx.db.execute(sql!("SET LOCAL work_mem = '64kB'")).await?;
     tx.db.execute(Statement::of(SPILL)).await?;
-    tx.db.execute(sql!("UPDATE upkeep SET probe = moment()")).await?;
-    Ok(())
+    tx.db.execute(sql!("UPDATE upkeep SET probe = moment()")).await
 }
 
 /// Stores the [`AgeClock`].
-async fn write_clock(time: &i64, tx: &mut Transaction<'_>) -> Result<(), Error> {
-    tx.db.execute(sql!("UPDATE upkeep SET clock = greatest(clock, $1)"; *time)).await?;
-    Ok(())
+async fn write_clock(time: &i64, tx: &mut Transaction<'_>) -> Result<()> {
+    tx.db.execute(sql!("UPDATE upkeep SET clock = greatest(clock, $1)"; *time)).await
 }
 
 /// Stores when results were last read.
-async fn write_reads(reads: &Vec<(Key, i64)>, tx: &mut Transaction<'_>) -> Result<(), Error> {
+async fn write_reads(reads: &Vec<(Key, i64)>, tx: &mut Transaction<'_>) -> Result<()> {
     let (mut keys, mut times) = (Vec::new(), Vec::new());
     for (key, at) in reads {
         keys.push(key.bytes().to_vec());
@@ -211,7 +208,7 @@ async fn write_reads(reads: &Vec<(Key, i64)>, tx: &mut Transaction<'_>) -> Resul
 }
 
 /// Deletes jobs that ended before this time, the oldest first, and runs without jobs.
-async fn delete_old(before: &i64, tx: &mut Transaction<'_>) -> Result<Option<bool>, Error> {
+async fn delete_old(before: &i64, tx: &mut Transaction<'_>) -> Result<Option<bool>> {
     if !is_alone(tx).await? {
         return Ok(None);
     }
@@ -231,7 +228,7 @@ async fn delete_old(before: &i64, tx: &mut Transaction<'_>) -> Result<Option<boo
 }
 
 /// Deletes finished jobs, and their runs if these have ended and have no other job.
-async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<(), Error> {
+async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<()> {
     // Without this lock, two servers could delete the last two jobs of a run at the same time. Each would still see the
     // job of the other, and the run would stay without a job.
     sqlx::query(
@@ -259,7 +256,7 @@ async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<(), Er
 }
 
 /// Deletes some chunks of a study that has ended. Deletes the row of the study together with the last chunk.
-async fn delete_chunks((): &(), tx: &mut Transaction<'_>) -> Result<Option<bool>, Error> {
+async fn delete_chunks((): &(), tx: &mut Transaction<'_>) -> Result<Option<bool>> {
     if !is_alone(tx).await? {
         return Ok(None);
     }
@@ -284,7 +281,7 @@ async fn delete_chunks((): &(), tx: &mut Transaction<'_>) -> Result<Option<bool>
 
 /// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs, the turns of
 /// owners without jobs, and the oldest entries of the audit log.
-async fn forget(time: &i64, tx: &mut Transaction<'_>) -> Result<(), Error> {
+async fn forget(time: &i64, tx: &mut Transaction<'_>) -> Result<()> {
     // Only the oldest 1000 are examined, so that many results with jobs do not slow every round.
     let query = sql!(
         "WITH idle AS (
@@ -298,16 +295,12 @@ async fn forget(time: &i64, tx: &mut Transaction<'_>) -> Result<(), Error> {
              WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100)";
         time - KEEP_EVICTED, ENTRIES
     );
-    tx.db.execute(query).await?;
-    Ok(())
+    tx.db.execute(query).await
 }
 
 /// Evicts some results if the sum of their sizes exceeds the budget. Returns that sum, the number of evicted bytes, and
 /// the duration of the sum. Returns `None` if another server does maintenance.
-async fn make_room(
-    budget: &i64,
-    tx: &mut Transaction<'_>,
-) -> Result<Option<(i64, i64, Duration)>, Error> {
+async fn make_room(budget: &i64, tx: &mut Transaction<'_>) -> Result<Option<(i64, i64, Duration)>> {
     if !is_alone(tx).await? {
         return Ok(None);
     }
@@ -322,7 +315,7 @@ async fn make_room(
 
 /// Evicts up to [`RESULTS`] results, until they have at least this number of bytes. Returns the number of evicted
 /// bytes; 0 if no result can be evicted.
-async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<i64, Error> {
+async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<i64> {
     let query = sql!(
         "SELECT key, stored FROM result WHERE NOT pinned AND evicted IS NULL
          ORDER BY last_access LIMIT $1 FOR NO KEY UPDATE SKIP LOCKED";

@@ -3,7 +3,7 @@
 use super::transaction::Transaction;
 use crate::audit::{Act, Actor, record};
 use crate::cancel::Canceled;
-use crate::error::Error;
+use crate::error::Result;
 use crate::read;
 use crate::row::{Columns, RunId};
 use crate::signals::Effect;
@@ -13,10 +13,7 @@ use crate::tally::Ending;
 use fretwork_job::{JobId, JobState};
 
 /// Cancels a job, and its run if no other unfinished job shares it.
-pub(crate) async fn cancel(
-    (id, by): &(JobId, Actor),
-    tx: &mut Transaction,
-) -> Result<Canceled, Error> {
+pub(crate) async fn cancel((id, by): &(JobId, Actor), tx: &mut Transaction) -> Result<Canceled> {
     let id = *id;
     let Some(job) = read::job(id, &mut tx.db).await? else { return Ok(Canceled::NotFound) };
     if job.state.is_finished() {

@@ -5,7 +5,7 @@
 
 use super::transaction::Transaction;
 use crate::claimed::{Claim, Claimed, FinishedChunk, is_step};
-use crate::error::Error;
+use crate::error::Result;
 use crate::row::{Columns, RunId};
 use crate::signals::Effect;
 use crate::statement::sql;
@@ -13,7 +13,7 @@ use crate::tables::{Connected, Tables};
 
 /// Claims a piece of a study: a new chunk of this stage; if there is none, a chunk that was released or lost; if there is none, the
 /// assembly. So a chunk that may have caused a crash is computed last.
-pub(super) async fn claim(run: RunId, tx: &mut Transaction) -> Result<Claimed, Error> {
+pub(super) async fn claim(run: RunId, tx: &mut Transaction) -> Result<Claimed> {
     // If no piece can be claimed, the number is null. Then the constraint of the table makes this an error.
     let query = sql!(
         "INSERT INTO chunk (run, number, state, attempt)
@@ -48,7 +48,7 @@ pub(super) async fn claim(run: RunId, tx: &mut Transaction) -> Result<Claimed, E
 }
 
 /// Starts the run of a study, unless it is running.
-async fn start(run: RunId, tx: &mut Transaction) -> Result<(), Error> {
+async fn start(run: RunId, tx: &mut Transaction) -> Result<()> {
     let query = sql!(
         "UPDATE run SET state = 'running', attempt = attempt + 1, started = $2, changed = $2
          WHERE id = $1 AND state = 'queued' RETURNING key";
@@ -63,7 +63,7 @@ async fn start(run: RunId, tx: &mut Transaction) -> Result<(), Error> {
 pub(crate) async fn finish_chunk(
     FinishedChunk { claim, body, cost }: &FinishedChunk,
     tx: &mut Transaction,
-) -> Result<bool, Error> {
+) -> Result<bool> {
     let Claim { part: (run, Some(number)), attempt, .. } = *claim else { return Ok(false) };
     let update = sql!(
         "UPDATE chunk SET state = 'done', body = $4, checksum = $5
@@ -100,15 +100,14 @@ pub(super) async fn release(
     number: u32,
     attempt: u32,
     tx: &mut Transaction,
-) -> Result<bool, Error> {
+) -> Result<bool> {
     let query = sql!(
         "UPDATE chunk SET state = 'queued'
          WHERE run = $1 AND number = $2 AND attempt = $3 AND state = 'running'
              AND (SELECT state FROM run WHERE id = $1) = 'running'";
         run, number, attempt
     );
-    let released = tx.db.execute(query).await?;
-    if released == 0 {
+    if tx.db.changed_by(query).await? == 0 {
         return Ok(false);
     }
     tx.queue.release(run, number);
@@ -117,7 +116,7 @@ pub(super) async fn release(
 }
 
 /// Queues the pieces again that the last process left running in unfinished studies. Returns their number.
-pub(super) async fn recover(tx: &mut Transaction) -> Result<u64, Error> {
+pub(super) async fn recover(tx: &mut Transaction) -> Result<u64> {
     // The study also counts its crashes since its last finished chunk. So a study of which every chunk crashes the
     // process fails soon.
     let query = sql!(
@@ -130,5 +129,5 @@ pub(super) async fn recover(tx: &mut Transaction) -> Result<u64, Error> {
          WHERE state = 'running' AND state <> 'done'
              AND run IN (SELECT id FROM run WHERE finished IS NULL)"
     );
-    tx.db.execute(requeue).await
+    tx.db.changed_by(requeue).await
 }

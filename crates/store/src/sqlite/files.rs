@@ -7,7 +7,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 
 /// The device and the number of a file.
 type Identity = (u64, u64);
@@ -25,7 +25,7 @@ impl Files {
     }
 
     /// Fails if one of the paths now leads to another file or to none. This takes about a microsecond for each file.
-    pub(super) fn check(&self) -> Result<(), Error> {
+    pub(super) fn check(&self) -> Result<()> {
         let moved = self.0.iter().find(|(path, own)| identity(path).ok() != Some(*own));
         moved.map_or(Ok(()), |(path, _)| Err(Error::Moved { path: path.clone() }))
     }

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use sqlx::SqliteConnection;
 
 use super::outline;
-use crate::error::Error;
+use crate::error::Result;
 use crate::keep::{Answered, COLUMNS, REPLACE, Source};
 use crate::statement::Statement;
 use crate::tables::Connected;
@@ -83,8 +83,7 @@ pub(crate) async fn import(
     answered: &Answered,
     db: &mut SqliteConnection,
     source: &Source<'_>,
-) -> Result<(), Error> {
+) -> Result<()> {
     static IMPORT: LazyLock<String> = LazyLock::new(|| keeping(Reason::Import, 1));
-    db.execute(Statement::of(IMPORT.as_str()).with_result(answered, source)).await?;
-    Ok(())
+    db.execute(Statement::of(IMPORT.as_str()).with_result(answered, source)).await
 }

@@ -13,7 +13,7 @@ use std::io::{self, Read as _, Seek as _, Write as _};
 
 use sqlx::SqliteConnection;
 
-use crate::error::Error;
+use crate::error::Result;
 use fretwork_job::clock::rfc3339;
 
 /// The number of commits, and the time of the last one in milliseconds since 1970.
@@ -24,7 +24,6 @@ struct Noted {
 }
 
 /// The lock file of the data directory, with the number of commits.
-#[derive(Debug)]
 pub(super) struct Ledger {
     /// Locks the directory against other servers.
     lock: File,
@@ -36,7 +35,7 @@ pub(super) struct Ledger {
 
 impl Ledger {
     /// Compares the number in the file with that in the database. Logs an error if commits are missing.
-    pub(super) async fn open(mut lock: File, db: &mut SqliteConnection) -> Result<Self, Error> {
+    pub(super) async fn open(mut lock: File, db: &mut SqliteConnection) -> Result<Self> {
         let (commits, at) =
             sqlx::query_as("SELECT commits, committed FROM room").fetch_one(db).await?;
         let stored = Noted { commits, at };

@@ -9,7 +9,6 @@ use std::path::PathBuf;
 use super::readers::BUSY;
 
 /// The write-ahead log.
-#[derive(Debug)]
 pub(super) struct Log {
     path: PathBuf,
     /// Length in bytes at which SQLite runs a checkpoint by itself.

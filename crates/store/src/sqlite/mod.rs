@@ -28,7 +28,7 @@ use std::time::Duration;
 use tokio::sync::{Semaphore, mpsc};
 
 use super::change::Verb;
-use super::error::Error;
+use super::error::{Error, Result};
 use super::row::{Columns, Row};
 use super::signals::Signals;
 use super::statement::{Statement, sql};
@@ -68,7 +68,7 @@ impl Database {
     }
 
     /// The time that the oldest queued run has waited.
-    pub(super) async fn longest_wait(&self) -> Result<Duration, Error> {
+    pub(super) async fn longest_wait(&self) -> Result<Duration> {
         let query = sql!(
             "SELECT created FROM run INDEXED BY run_unfinished
              WHERE state = 'queued' AND finished IS NULL ORDER BY id LIMIT 1"
@@ -85,7 +85,7 @@ impl Database {
         purpose: Purpose,
         statement: Statement,
         most: Most,
-    ) -> Result<Vec<Row>, Error> {
+    ) -> Result<Vec<Row>> {
         let done = async {
             let (readers, permit) = match purpose {
                 Purpose::Any => (&self.readers, None),
@@ -100,11 +100,7 @@ impl Database {
     }
 
     /// Lets the writer task execute a verb. Returns the answer of the verb after the commit.
-    pub(super) async fn write<Input, V, Answer>(
-        &self,
-        verb: V,
-        input: Input,
-    ) -> Result<Answer, Error>
+    pub(super) async fn write<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer>
     where
         Input: Send + Sync + 'static,
         V: for<'a> Verb<'a, Input, &'a mut Transaction, Answer = Answer>,

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
-use sqlx::{ConnectOptions, Connection, Executor as _, SqliteConnection};
+use sqlx::{ConnectOptions, Connection, SqliteConnection};
 use tokio::sync::Semaphore;
 
 use super::Database;
@@ -22,10 +22,13 @@ use super::transaction::Transaction;
 use super::upkeep::Upkeep;
 use super::writer::Writer;
 use crate::ages::AgeClock;
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::library::Program;
 use crate::options::{FileSizes, Options};
+use crate::row::Columns as _;
 use crate::signals::Signals;
+use crate::statement::sql;
+use crate::tables::{Connected as _, Tables as _};
 use fretwork_job::clock::now;
 use fretwork_job::{Canonical, ENGINE};
 
@@ -51,11 +54,7 @@ impl Database {
         FileSizes { database: size(&database), log: size(&with_suffix(&database, "-wal")) }
     }
 
-    pub(crate) async fn open(
-        dir: &Path,
-        options: &Options,
-        signals: Arc<Signals>,
-    ) -> Result<Self, Error> {
+    pub(crate) async fn open(dir: &Path, options: &Options, signals: Arc<Signals>) -> Result<Self> {
         let lock = lock(dir)?;
         let path = dir.join(DATABASE);
         let log_pages = log_pages(options.budget);
@@ -65,7 +64,7 @@ impl Database {
         let mut db = prepare(dir, writing).await?;
         // From here on, SQLite keeps the data to undo a statement in memory and not in a temporary file. During the
         // migrations above, these data could be large.
-        db.execute("PRAGMA temp_store = memory").await?;
+        db.execute(sql!("PRAGMA temp_store = memory")).await?;
         // 16 MiB for each connection: enough for the upper pages of all indexes.
         let reading = connecting(&path).read_only(true).pragma("cache_size", "-16384");
         // So a sorted list needs no temporary file, and works when the disk is full.
@@ -81,7 +80,7 @@ impl Database {
             [path.clone(), with_suffix(&path, "-wal"), with_suffix(&path, "-shm"), dir.join(LOCK)];
         let files = Files::at(files).map_err(|error| unusable(dir, error))?;
         // A new database has no stored time.
-        let clock = sqlx::query_scalar("SELECT clock FROM room").fetch_one(&mut db).await?;
+        let clock = db.one(sql!("SELECT clock FROM room")).await?.get("clock")?;
         let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::at(clock));
         let queue_limit = options.queue_limit;
         let effects = Vec::new();
@@ -94,7 +93,7 @@ impl Database {
 }
 
 /// Opens or creates the database of a locked directory, and migrates it to this version.
-async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConnection, Error> {
+async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConnection> {
     let path = dir.join(DATABASE);
     let refused = |error| unusable(dir, error);
     forget_foreign_log(&path).map_err(refused)?;
@@ -123,40 +122,35 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
 /// This writes no rollback journal. After a crash, SQLite would apply the journal at the next start. If an
 /// administrator had put a backup in place before that, the journal would destroy it. A crash without a journal does no
 /// harm, because only the first page changes, and the system writes a page as a whole.
-async fn use_log(path: &Path) -> Result<(), Error> {
+async fn use_log(path: &Path) -> Result<()> {
     let options = connecting(path).create_if_missing(true).journal_mode(SqliteJournalMode::Off);
     let mut db = SqliteConnection::connect_with(&options).await?;
-    db.execute("PRAGMA auto_vacuum = INCREMENTAL; PRAGMA journal_mode = WAL").await?;
+    db.execute(sql!("PRAGMA auto_vacuum = INCREMENTAL; PRAGMA journal_mode = WAL")).await?;
     Ok(db.close().await?)
 }
 
 /// Gives the unfinished runs of an earlier `numerics` version, and their jobs, the keys of this version, because this
 /// version computes their results. Deletes the chunks of studies, because one version must compute a whole result.
-async fn rekey(db: &mut SqliteConnection) -> Result<(), Error> {
+async fn rekey(db: &mut SqliteConnection) -> Result<()> {
     let mut tx = db.begin_with("BEGIN IMMEDIATE").await?;
-    let numerics: u32 = sqlx::query_scalar("SELECT numerics FROM room").fetch_one(&mut *tx).await?;
+    let numerics: u32 = tx.one(sql!("SELECT numerics FROM room")).await?.get("numerics")?;
     if numerics == ENGINE.numerics {
         return Ok(());
     }
-    let runs: Vec<(i64, String)> =
-        sqlx::query_as("SELECT id, task FROM run WHERE finished IS NULL")
-            .fetch_all(&mut *tx)
-            .await?;
-    for (run, task) in runs {
+    for run in tx.rows(sql!("SELECT id, task FROM run WHERE finished IS NULL")).await? {
         // A run whose task cannot be read fails when a worker claims it.
-        let Some(key) = Canonical::key_of(&task) else { continue };
-        sqlx::query(
+        let Some(key) = Canonical::key_of(run.get("task")?) else { continue };
+        let id: i64 = run.get("id")?;
+        tx.execute(sql!(
             "UPDATE run SET key = $2, progress = 0 WHERE id = $1;
              UPDATE job SET key = $2 WHERE run = $1 AND finished IS NULL;
              UPDATE study SET wall = 0, cpu = 0 WHERE run = $1;
-             DELETE FROM chunk WHERE run = $1",
-        )
-        .bind(run)
-        .bind(key.bytes().as_slice())
-        .execute(&mut *tx)
+             DELETE FROM chunk WHERE run = $1";
+            id, key,
+        ))
         .await?;
     }
-    sqlx::query("UPDATE room SET numerics = $1").bind(ENGINE.numerics).execute(&mut *tx).await?;
+    tx.execute(sql!("UPDATE room SET numerics = $1"; ENGINE.numerics)).await?;
     Ok(tx.commit().await?)
 }
 
@@ -194,7 +188,7 @@ fn unusable(dir: &Path, error: io::Error) -> Error {
     Error::Directory { dir: dir.to_owned(), source: Arc::new(error) }
 }
 
-pub(crate) fn lock(dir: &Path) -> Result<File, Error> {
+pub(crate) fn lock(dir: &Path) -> Result<File> {
     let refused = |error| unusable(dir, error);
     fs::create_dir_all(dir).map_err(refused)?;
     let path = dir.join(LOCK);
@@ -267,7 +261,7 @@ pub(crate) fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
 ///
 /// If a crash has left a rollback journal, SQLite must apply it before it can read the file. Only a connection that may
 /// write can do that.
-pub(crate) async fn inspect(path: &Path) -> Result<(), Error> {
+pub(crate) async fn inspect(path: &Path) -> Result<()> {
     if !path.exists() {
         return Ok(());
     }
@@ -291,7 +285,7 @@ pub(crate) async fn inspect(path: &Path) -> Result<(), Error> {
 
 /// Opens the database of a directory for an administrative command. A server may be using the database. Otherwise this
 /// creates or migrates it if necessary.
-pub(crate) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConnection, Error> {
+pub(crate) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConnection> {
     let path = dir.join(DATABASE);
     let options = writing(&path, false).busy_timeout(patience);
     match lock(dir) {

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use sqlx::SqliteConnection;
 
 use crate::body::Body;
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::keep::outlined;
 use crate::row::Columns;
 use crate::statement::{Statement, sql};
@@ -23,7 +23,7 @@ pub(super) fn insert(which: &str, first: usize) -> String {
 }
 
 /// Writes the missing outlines of a database of an earlier version. Always the results with the largest ids lack them.
-pub(super) async fn complete(db: &mut SqliteConnection) -> Result<(), Error> {
+pub(super) async fn complete(db: &mut SqliteConnection) -> Result<()> {
     let next = sql!(
         "SELECT result.key AS key, task, summary FROM result_task CROSS JOIN result USING (key)
          WHERE result_task.id > (SELECT coalesce(max(id), 0) FROM outline)
@@ -48,7 +48,7 @@ pub(super) async fn complete(db: &mut SqliteConnection) -> Result<(), Error> {
 }
 
 /// Reads a stored result; `None` if it was evicted or is damaged.
-async fn document(db: &mut SqliteConnection, key: Key) -> Result<Option<Document>, Error> {
+async fn document(db: &mut SqliteConnection, key: Key) -> Result<Option<Document>> {
     match db.row(sql!("SELECT body FROM result_blob WHERE key = $1"; key)).await {
         Ok(Some(row)) => {
             let body = Body::stored(row.get("body")?);

@@ -17,8 +17,10 @@ use std::collections::{BTreeMap, HashMap};
 use sqlx::SqliteConnection;
 
 use crate::claimed::{Stages, Study};
-use crate::error::Error;
-use crate::row::{Part, RunId, job_id};
+use crate::error::Result;
+use crate::row::{Columns as _, Part, RunId, read};
+use crate::statement::sql;
+use crate::tables::Tables as _;
 use fretwork_job::JobId;
 
 /// The position of a job in the lane of its owner: the priority, whether the run is a study, and the id. Ids are
@@ -49,52 +51,43 @@ struct Lane {
 
 impl Queue {
     /// Reads the queued and running runs.
-    pub(super) async fn load(db: &mut SqliteConnection) -> Result<Self, Error> {
+    pub(super) async fn load(db: &mut SqliteConnection) -> Result<Self> {
         let mut queue = Self::default();
-        let studies: Vec<(i64, u32, u32, u32, u32, String)> = sqlx::query_as(
+        let studies = db.rows(sql!(
             "SELECT run, chunks,
-                 coalesce((SELECT max(number) + 1 FROM chunk WHERE chunk.run = study.run), 0),
+                 coalesce((SELECT max(number) + 1 FROM chunk WHERE chunk.run = study.run), 0) AS next,
                  (SELECT count(*) FROM chunk
-                  WHERE chunk.run = study.run AND state = 'queued' AND state <> 'done'),
+                  WHERE chunk.run = study.run AND state = 'queued' AND state <> 'done') AS queued,
                  (SELECT count(*) FROM chunk
-                  WHERE chunk.run = study.run AND state = 'running' AND state <> 'done'),
+                  WHERE chunk.run = study.run AND state = 'running' AND state <> 'done') AS running,
                  stages
-             FROM study WHERE run IN (SELECT id FROM run WHERE finished IS NULL)",
-        )
-        .fetch_all(&mut *db)
-        .await?;
-        for (run, chunks, next, queued, running, stages) in studies {
-            let stages = Stages::read(&stages);
-            queue.studies.insert(RunId(run), Study { chunks, next, queued, running, stages });
+             FROM study WHERE run IN (SELECT id FROM run WHERE finished IS NULL)"
+        ));
+        for row in studies.await? {
+            let stages = Stages::read(row.get("stages")?);
+            let study = read!(row => Study { chunks, next, queued, running; stages });
+            queue.studies.insert(RunId(row.get("run")?), study);
         }
         // The index contains only unfinished runs. The table has many finished ones.
-        let rows: Vec<(i64, Option<u32>, String)> = sqlx::query_as(
-            "SELECT run.id, number, owner FROM run INDEXED BY run_unfinished
+        let running = db.rows(sql!(
+            "SELECT run.id AS run, number, owner FROM run INDEXED BY run_unfinished
              LEFT JOIN study ON study.run = run.id
              LEFT JOIN chunk ON chunk.run = run.id AND chunk.state = 'running' AND chunk.state <> 'done'
              WHERE finished IS NULL AND run.state IN ('running', 'canceling')
-                 AND (study.run IS NULL OR number IS NOT NULL)",
-        )
-        .fetch_all(&mut *db)
-        .await?;
-        for (run, number, owner) in rows {
-            queue.begin((RunId(run), number), owner);
+                 AND (study.run IS NULL OR number IS NOT NULL)"
+        ));
+        for row in running.await? {
+            queue.begin((RunId(row.get("run")?), row.get("number")?), row.get("owner")?);
         }
-        let rows: Vec<(i64, String, u8, Vec<u8>)> = sqlx::query_as(
-            "SELECT run.id, job.owner, job.priority, job.id
+        let waiting = db.rows(sql!(
+            "SELECT job.run, job.owner, job.priority, job.id
              FROM run INDEXED BY run_unfinished JOIN job ON job.run = run.id
              WHERE run.finished IS NULL AND job.finished IS NULL
-                 AND (run.state = 'queued' OR run.id IN (SELECT run FROM study))",
-        )
-        .fetch_all(db)
-        .await?;
-        for (run, owner, priority, job) in rows {
-            queue.add(
-                RunId(run),
-                &owner,
-                priority,
-                job_id(&job).map_err(|error| sqlx::Error::Decode(error.into()))?,
-            );
+                 AND (run.state = 'queued' OR run.id IN (SELECT run FROM study))"
+        ));
+        for row in waiting.await? {
+            let run = RunId(row.get("run")?);
+            queue.add(run, row.get("owner")?, row.get("priority")?, row.get("id")?);
         }
         Ok(queue)
     }

@@ -9,7 +9,7 @@ use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection as _, SqliteConnection};
 use tokio::sync::{MappedMutexGuard, Mutex, MutexGuard, Semaphore, SemaphorePermit};
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 
 /// Maximum time that a statement waits for a lock that another connection holds.
 pub(super) const BUSY: Duration = Duration::from_secs(5);
@@ -30,7 +30,7 @@ pub(super) struct Reader<'a> {
 }
 
 impl Readers {
-    pub(super) async fn open(options: &SqliteConnectOptions, count: u32) -> Result<Self, Error> {
+    pub(super) async fn open(options: &SqliteConnectOptions, count: u32) -> Result<Self> {
         let mut connections = Vec::new();
         for _ in 0..count {
             let connection = SqliteConnection::connect_with(options).await?;
@@ -41,7 +41,7 @@ impl Readers {
     }
 
     /// Borrows a connection, and waits until one is free.
-    pub(super) async fn get(&self) -> Result<Reader<'_>, Error> {
+    pub(super) async fn get(&self) -> Result<Reader<'_>> {
         let permit = self.free.acquire().await.map_err(|_| Error::Closed)?;
         let free = self.connections.iter().find_map(|connection| connection.try_lock().ok());
         let guard = free.ok_or(Error::Closed)?;

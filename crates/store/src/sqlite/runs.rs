@@ -10,7 +10,7 @@ use super::queue::Queue;
 use super::transaction::Transaction;
 use super::{Database, chunks};
 use crate::claimed::{Claim, Claimed};
-use crate::error::Error;
+use crate::error::Result;
 use crate::keep::{self, Answered, Finish, Source};
 use crate::options::{MAX_LOST, Recovered};
 use crate::row::{Columns, RunId};
@@ -21,12 +21,12 @@ use crate::tally::Ending;
 use fretwork_job::{FailureKind, Key};
 
 impl Database {
-    pub(crate) async fn recover(&self) -> Result<Recovered, Error> {
+    pub(crate) async fn recover(&self) -> Result<Recovered> {
         self.write(recover, ()).await
     }
 }
 
-pub(crate) async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claimed>, Error> {
+pub(crate) async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claimed>> {
     let Some((run, owner)) = tx.queue.next() else { return Ok(None) };
     let claimed = if tx.queue.is_study(run) {
         chunks::claim(run, tx).await?
@@ -38,7 +38,7 @@ pub(crate) async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claime
     Ok(Some(claimed))
 }
 
-async fn claim_whole(run: RunId, tx: &mut Transaction) -> Result<Claimed, Error> {
+async fn claim_whole(run: RunId, tx: &mut Transaction) -> Result<Claimed> {
     let query = sql!(
         "UPDATE run SET state = 'running', attempt = attempt + 1, progress = 0, started = $2,
              changed = $2
@@ -50,10 +50,7 @@ async fn claim_whole(run: RunId, tx: &mut Transaction) -> Result<Claimed, Error>
     Ok(claimed)
 }
 
-pub(crate) async fn progress(
-    (claim, share): &(Claim, f64),
-    tx: &mut Transaction,
-) -> Result<bool, Error> {
+pub(crate) async fn progress((claim, share): &(Claim, f64), tx: &mut Transaction) -> Result<bool> {
     let Claim { part: (run, None), attempt, key } = *claim else {
         return Ok(claim.attempt_of_run(&mut tx.db).await?.is_some());
     };
@@ -61,7 +58,7 @@ pub(crate) async fn progress(
         "UPDATE run SET progress = $3 WHERE id = $1 AND attempt = $2 AND state = 'running'";
         run, attempt, *share
     );
-    if tx.db.execute(query).await? == 0 {
+    if tx.db.changed_by(query).await? == 0 {
         return Ok(false);
     }
     tx.effects.push(Effect::Changed(key));
@@ -71,7 +68,7 @@ pub(crate) async fn progress(
 pub(crate) async fn finish(
     (claimed, answer): &(Claimed, Answered),
     tx: &mut Transaction,
-) -> Result<Finish, Error> {
+) -> Result<Finish> {
     static FINISH: LazyLock<String> = LazyLock::new(|| keeping(Reason::Run, 3));
     let Claimed { run, key, ref trace, .. } = *claimed;
     let Some(attempt) = claimed.claim().attempt_of_run(&mut tx.db).await? else {
@@ -91,7 +88,7 @@ pub(crate) async fn finish(
 pub(crate) async fn fail(
     (claim, kind, message): &(Claim, FailureKind, String),
     tx: &mut Transaction,
-) -> Result<bool, Error> {
+) -> Result<bool> {
     let (run, _) = claim.part;
     let Some(attempt) = claim.attempt_of_run(&mut tx.db).await? else { return Ok(false) };
     let update = sql!(
@@ -102,7 +99,7 @@ pub(crate) async fn fail(
     end(tx, update, run, Ending::Failed).await
 }
 
-pub(crate) async fn stopped(claim: &Claim, tx: &mut Transaction) -> Result<bool, Error> {
+pub(crate) async fn stopped(claim: &Claim, tx: &mut Transaction) -> Result<bool> {
     let (run, _) = claim.part;
     let update = sql!(
         "UPDATE run SET state = 'canceled', finished = $3, changed = $3
@@ -112,7 +109,7 @@ pub(crate) async fn stopped(claim: &Claim, tx: &mut Transaction) -> Result<bool,
     end(tx, update, run, Ending::Canceled).await
 }
 
-pub(crate) async fn release(claim: &Claim, tx: &mut Transaction) -> Result<bool, Error> {
+pub(crate) async fn release(claim: &Claim, tx: &mut Transaction) -> Result<bool> {
     let Claim { part: (run, number), attempt, .. } = *claim;
     if let Some(number) = number {
         return chunks::release(run, number, attempt, tx).await;
@@ -136,7 +133,7 @@ pub(crate) async fn release(claim: &Claim, tx: &mut Transaction) -> Result<bool,
     Ok(true)
 }
 
-async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
+async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered> {
     let query = sql!(
         "UPDATE run SET state = 'canceled', finished = $1, changed = $1
          WHERE state = 'canceling' AND finished IS NULL RETURNING key";
@@ -183,12 +180,7 @@ async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered, Error> {
 
 /// Ends or queues a run with the statement `update`, which returns `key` and `started`. Returns false if the worker has
 /// lost the run.
-async fn end(
-    tx: &mut Transaction,
-    update: Statement,
-    run: RunId,
-    ending: Ending,
-) -> Result<bool, Error> {
+async fn end(tx: &mut Transaction, update: Statement, run: RunId, ending: Ending) -> Result<bool> {
     let Some(row) = tx.db.row(update).await? else { return Ok(false) };
     ended(tx, run, row.get("key")?, row.get("started")?, ending);
     Ok(true)

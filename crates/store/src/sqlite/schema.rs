@@ -11,7 +11,7 @@ use std::sync::{Arc, LazyLock};
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::{Connection as _, SqlSafeStr as _, SqliteConnection};
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 
 /// The migrations of the schema: version, name and SQL.
 const CHANGES: [(i64, &str, &str); 17] = [
@@ -47,7 +47,6 @@ static MIGRATIONS: LazyLock<Migrator> = LazyLock::new(|| {
 });
 
 /// A table, index, trigger or view, and the statement that creates it.
-#[derive(Debug)]
 pub(crate) struct Part {
     kind: String,
     pub(crate) sql: String,
@@ -62,7 +61,7 @@ impl Part {
 
 /// The parts of the schema of a file, by name. They are read as bytes: if a damaged file contains values that are not
 /// text, sqlx would panic, and might then wait without end.
-pub(crate) async fn parts(db: &mut SqliteConnection) -> Result<BTreeMap<String, Part>, Error> {
+pub(crate) async fn parts(db: &mut SqliteConnection) -> Result<BTreeMap<String, Part>> {
     let encoding: String = sqlx::query_scalar("PRAGMA encoding").fetch_one(&mut *db).await?;
     if encoding != "UTF-8" {
         let error = sqlx::Error::Decode(format!("its texts are {encoding}, not UTF-8").into());
@@ -76,13 +75,13 @@ pub(crate) async fn parts(db: &mut SqliteConnection) -> Result<BTreeMap<String, 
     .await?;
     let text = |bytes| String::from_utf8(bytes).map_err(|error| sqlx::Error::Decode(error.into()));
     let part = |(name, kind, sql)| Ok((text(name)?, Part { kind: text(kind)?, sql: text(sql)? }));
-    let parts: Result<_, sqlx::Error> = rows.into_iter().map(part).collect();
+    let parts: sqlx::Result<_> = rows.into_iter().map(part).collect();
     parts.map_err(|error| Error::Damaged(Arc::new(error)))
 }
 
 /// Refuses a database whose schema differs from that of its version. The schema of a later version is not known, and is
 /// not compared.
-pub(crate) async fn compare(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+pub(crate) async fn compare(db: &mut SqliteConnection, path: &Path) -> Result<()> {
     let found = parts(db).await?;
     let altered = |(name, part): (&String, &Part), what: &str| {
         // The name may contain anything.
@@ -119,7 +118,7 @@ pub(crate) async fn compare(db: &mut SqliteConnection, path: &Path) -> Result<()
 }
 
 /// The schema that the migrations up to a version make.
-async fn made_by(version: i64) -> Result<BTreeMap<String, Part>, Error> {
+async fn made_by(version: i64) -> Result<BTreeMap<String, Part>> {
     let migrations = MIGRATIONS.iter().filter(|migration| migration.version <= version);
     let migrator = Migrator::with_migrations(migrations.cloned().collect());
     let mut db = SqliteConnection::connect("sqlite::memory:").await?;
@@ -131,7 +130,7 @@ async fn made_by(version: i64) -> Result<BTreeMap<String, Part>, Error> {
     Ok(parts)
 }
 
-pub(crate) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+pub(crate) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<()> {
     let known = latest();
     MIGRATIONS.run(db).await.map_err(|error| match error {
         MigrateError::VersionMissing(found) if found > known => {
@@ -143,7 +142,7 @@ pub(crate) async fn migrate(db: &mut SqliteConnection, path: &Path) -> Result<()
 
 /// The versions whose record in `_sqlx_migrations` differs from the migration of this program. A server does not start
 /// with such a record.
-pub(crate) async fn wrong_records(db: &mut SqliteConnection) -> Result<Vec<i64>, sqlx::Error> {
+pub(crate) async fn wrong_records(db: &mut SqliteConnection) -> sqlx::Result<Vec<i64>> {
     let mut expected: BTreeMap<i64, &[u8]> =
         MIGRATIONS.iter().map(|migration| (migration.version, &*migration.checksum)).collect();
     let recorded: Vec<(i64, Vec<u8>, bool)> =
@@ -167,7 +166,7 @@ pub(crate) fn latest() -> i64 {
 }
 
 /// Refuses a database whose schema version differs from that of this program.
-pub(crate) async fn require_latest(db: &mut SqliteConnection, path: &Path) -> Result<(), Error> {
+pub(crate) async fn require_latest(db: &mut SqliteConnection, path: &Path) -> Result<()> {
     let (path, found, known) = (path.to_owned(), version(db).await?, latest());
     match found.cmp(&known) {
         Ordering::Less => Err(Error::Older { path, found, known }),
@@ -177,7 +176,7 @@ pub(crate) async fn require_latest(db: &mut SqliteConnection, path: &Path) -> Re
 }
 
 /// The schema version of a database.
-pub(crate) async fn version(db: &mut SqliteConnection) -> Result<i64, sqlx::Error> {
+pub(crate) async fn version(db: &mut SqliteConnection) -> sqlx::Result<i64> {
     sqlx::query_scalar("SELECT coalesce(max(version), 0) FROM _sqlx_migrations").fetch_one(db).await
 }
 

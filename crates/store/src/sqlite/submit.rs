@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::keep::{Reason, keeping};
 use super::transaction::Transaction;
 use crate::claimed::Stages;
-use crate::error::Error;
+use crate::error::Result;
 use crate::keep::Answered;
 use crate::read::read_job;
 use crate::row::{Columns, Row, RunId, checksum};
@@ -20,7 +20,7 @@ use fretwork_job::{JobState, Origin};
 
 impl EncodedJob {
     /// The answer if the submission is refused.
-    async fn refusal(&self, tx: &mut Transaction) -> Result<Option<Submitted>, Error> {
+    async fn refusal(&self, tx: &mut Transaction) -> Result<Option<Submitted>> {
         let admission = self.job.admission;
         let queued = Queued { all: tx.queue.jobs, own: tx.queue.waiting_of(&self.job.owner) };
         if admission != Admission::OnlyKnown && !queued.is_full(tx.queue_limit) {
@@ -45,7 +45,7 @@ impl EncodedJob {
     }
 
     /// Inserts the job, and a run if it needs one. The new run is queued.
-    async fn insert(&self, tx: &mut Transaction) -> Result<Submitted, Error> {
+    async fn insert(&self, tx: &mut Transaction) -> Result<Submitted> {
         let query = self.bind(Statement::of(SUBMIT.as_str()), tx.now, None);
         let row = self.inserted(query, tx).await?;
         if let (Some(chunks), Some(row)) = (self.job.chunks, &row)
@@ -64,7 +64,7 @@ impl EncodedJob {
 
     /// Executes statements that insert the job. Returns the row of the job; `None` if the job needs a run and none is
     /// live.
-    async fn inserted(&self, query: Statement, tx: &mut Transaction) -> Result<Option<Row>, Error> {
+    async fn inserted(&self, query: Statement, tx: &mut Transaction) -> Result<Option<Row>> {
         let row = query.sqlite().fetch_optional(&mut tx.db).await;
         Ok(row.map_err(|error| self.refused(error))?.map(Row::Sqlite))
     }
@@ -97,7 +97,7 @@ impl EncodedJob {
 
     /// Adds an inserted job to the queue if necessary, and adds the signals. `row` is the row that [`JOB`] has
     /// returned.
-    fn submitted(&self, tx: &mut Transaction, row: Option<Row>) -> Result<Submitted, Error> {
+    fn submitted(&self, tx: &mut Transaction, row: Option<Row>) -> Result<Submitted> {
         let new = &self.job;
         let Some(row) = row else { return Ok(Submitted::NeedsRun) };
         let job = read_job(&row)?;
@@ -158,10 +158,7 @@ const JOB: &str = "
 /// `fetch_optional` skips all statements after the first row.
 static SUBMIT: LazyLock<String> = LazyLock::new(|| format!("{RUN}; {JOB}"));
 
-pub(crate) async fn submit(
-    submission: &EncodedJob,
-    tx: &mut Transaction,
-) -> Result<Submitted, Error> {
+pub(crate) async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitted> {
     if let Some(repeated) = submission.repeated(&mut tx.db).await? {
         return Ok(repeated);
     }
@@ -189,7 +186,7 @@ static RECORD: LazyLock<String> = LazyLock::new(|| format!("{}; {JOB}", keeping(
 pub(crate) async fn record(
     (jobs, answer, wall): &(Vec<EncodedJob>, Answered, Duration),
     tx: &mut Transaction,
-) -> Result<Vec<Submitted>, Error> {
+) -> Result<Vec<Submitted>> {
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
     let (began, now) = (tx.now.saturating_sub(took), tx.now);
     let Some((first, others)) = jobs.split_first() else { return Ok(Vec::new()) };

@@ -12,7 +12,7 @@ use sqlx::SqliteConnection;
 use super::transaction::Transaction;
 use crate::ages::AgeClock;
 use crate::cancel::{delete_job, delete_unnamed};
-use crate::error::Error;
+use crate::error::Result;
 use crate::row::{Columns, RunId};
 use crate::signals::Effect;
 use crate::statement::{Statement, sql};
@@ -35,7 +35,6 @@ pub(super) const ROOM: usize = 512;
 const OLDEST: i64 = 64;
 
 /// Decides when to run maintenance.
-#[derive(Debug)]
 pub(super) struct Upkeep {
     pub(super) keep_jobs: Option<Duration>,
     pub(super) budget: Option<u64>,
@@ -102,24 +101,19 @@ impl Upkeep {
 }
 
 /// Stores the [`AgeClock`].
-pub(super) async fn write_clock(time: &i64, tx: &mut Transaction) -> Result<(), Error> {
-    tx.db.execute(sql!("UPDATE room SET clock = $1"; *time)).await?;
-    Ok(())
+pub(super) async fn write_clock(time: &i64, tx: &mut Transaction) -> Result<()> {
+    tx.db.execute(sql!("UPDATE room SET clock = $1"; *time)).await
 }
 
 /// Checks that the disk has space for a submission: writes about as many bytes as a default result with its job takes.
-pub(crate) async fn probe((): &(), tx: &mut Transaction) -> Result<(), Error> {
+pub(crate) async fn probe((): &(), tx: &mut Transaction) -> Result<()> {
     // Random bytes, because SQLite does not write bytes that have not changed.
     let query = sql!("INSERT OR REPLACE INTO probe (id, bytes) VALUES (1, randomblob(262144))");
-    tx.db.execute(query).await?;
-    Ok(())
+    tx.db.execute(query).await
 }
 
 /// Stores when results were last read.
-pub(super) async fn write_reads(
-    reads: &Vec<(Key, i64)>,
-    tx: &mut Transaction,
-) -> Result<(), Error> {
+pub(super) async fn write_reads(reads: &Vec<(Key, i64)>, tx: &mut Transaction) -> Result<()> {
     for (key, at) in reads {
         let query = sql!(
             "UPDATE result SET last_access = $2 WHERE key = $1 AND last_access < $2";
@@ -132,7 +126,7 @@ pub(super) async fn write_reads(
 
 /// Deletes jobs that ended before this time, the oldest first, and runs without jobs. Returns whether there may be more
 /// to delete.
-pub(super) async fn delete_old(before: &i64, tx: &mut Transaction) -> Result<bool, Error> {
+pub(super) async fn delete_old(before: &i64, tx: &mut Transaction) -> Result<bool> {
     // A job id begins with the time in milliseconds, so the primary key finds the oldest jobs.
     let mut oldest = [0; 16];
     oldest[..6].copy_from_slice(&(*before).max(0).to_be_bytes()[2..]);
@@ -152,7 +146,7 @@ pub(super) async fn delete_old(before: &i64, tx: &mut Transaction) -> Result<boo
 }
 
 /// Deletes some chunks of a study that has ended. Returns whether it deleted any, because then there may be more.
-pub(super) async fn delete_chunks((): &(), tx: &mut Transaction) -> Result<bool, Error> {
+pub(super) async fn delete_chunks((): &(), tx: &mut Transaction) -> Result<bool> {
     let query = sql!(
         "DELETE FROM study WHERE NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = study.run)
              AND NOT EXISTS (SELECT 1 FROM run WHERE run.id = study.run AND finished IS NULL);
@@ -164,11 +158,11 @@ pub(super) async fn delete_chunks((): &(), tx: &mut Transaction) -> Result<bool,
         "DELETE FROM chunk WHERE rowid IN (SELECT rowid FROM chunk WHERE run = $1 LIMIT $2)";
         RunId(ended.get("run")?), CHUNKS
     );
-    Ok(tx.db.execute(query).await? > 0)
+    Ok(tx.db.changed_by(query).await? > 0)
 }
 
 /// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs.
-pub(super) async fn forget_evicted(time: &i64, tx: &mut Transaction) -> Result<(), Error> {
+pub(super) async fn forget_evicted(time: &i64, tx: &mut Transaction) -> Result<()> {
     // Only the oldest 1000 are examined, so that many results with jobs do not slow every round. Newer results are
     // examined after the jobs of older ones were deleted.
     let query = sql!(
@@ -180,8 +174,7 @@ pub(super) async fn forget_evicted(time: &i64, tx: &mut Transaction) -> Result<(
          )";
         time - KEEP_EVICTED
     );
-    tx.db.execute(query).await?;
-    Ok(())
+    tx.db.execute(query).await
 }
 
 /// The outcome of [`make_room`].
@@ -200,7 +193,7 @@ pub(super) struct Room {
 pub(super) async fn make_room(
     (budget, rows, leave_bodies): &(u64, usize, bool),
     tx: &mut Transaction,
-) -> Result<Room, Error> {
+) -> Result<Room> {
     let mut room = Room { used: used(&mut tx.db).await?, deleted: 0 };
     while room.used > *budget && room.deleted < *rows {
         let oldest = tx.db.rows(oldest()).await?;
@@ -216,7 +209,7 @@ pub(super) async fn make_room(
                 "job" => delete_job(id, &mut tx.db).await?,
                 "result" => evict(id, *leave_bodies, tx).await?,
                 // The scenario of an evicted result.
-                _ => drop(tx.db.execute(sql!("DELETE FROM result WHERE key = $1"; id)).await?),
+                _ => tx.db.execute(sql!("DELETE FROM result WHERE key = $1"; id)).await?,
             }
             room.deleted += 1;
             room.used = used(&mut tx.db).await?;
@@ -226,7 +219,7 @@ pub(super) async fn make_room(
 }
 
 /// The number of bytes of all used pages of the database: results, jobs, scenarios and indexes.
-async fn used(db: &mut SqliteConnection) -> Result<u64, Error> {
+async fn used(db: &mut SqliteConnection) -> Result<u64> {
     let query = sqlx::query_scalar(
         "SELECT (page_count - freelist_count) * page_size
          FROM pragma_page_count, pragma_freelist_count, pragma_page_size",
@@ -260,7 +253,7 @@ pub(super) fn oldest() -> Statement {
 }
 
 /// Evicts a result: deletes its body unless `leave_body`, and keeps its scenario.
-async fn evict(key: &[u8], leave_body: bool, tx: &mut Transaction) -> Result<(), Error> {
+async fn evict(key: &[u8], leave_body: bool, tx: &mut Transaction) -> Result<()> {
     tx.db.execute(sql!("UPDATE result SET evicted = $2 WHERE key = $1"; key, tx.now)).await?;
     if !leave_body {
         tx.db.execute(sql!("DELETE FROM result_blob WHERE key = $1"; key)).await?;
@@ -270,6 +263,6 @@ async fn evict(key: &[u8], leave_body: bool, tx: &mut Transaction) -> Result<(),
 }
 
 /// The number of bytes of the stored bodies.
-pub(super) async fn stored((): &(), tx: &mut Transaction) -> Result<i64, Error> {
+pub(super) async fn stored((): &(), tx: &mut Transaction) -> Result<i64> {
     Ok(sqlx::query_scalar("SELECT used FROM room").fetch_one(&mut tx.db).await?)
 }

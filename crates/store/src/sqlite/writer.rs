@@ -15,7 +15,7 @@ use super::queue::Queue;
 use super::transaction::Transaction;
 use super::upkeep::{self, Room, Upkeep, delete_old, make_room, write_clock, write_reads};
 use crate::change::Verb;
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::signals::{READ_AT_ONCE, Signals};
 use fretwork_job::clock::now;
 
@@ -41,17 +41,17 @@ type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 /// A [`Verb`] with its input, and with the channel for its answer. This trait hides their types, so that different
 /// verbs fit into one queue.
 pub(super) trait Order: Send {
-    fn apply<'a>(&'a mut self, tx: &'a mut Transaction) -> BoxFuture<'a, Result<(), Error>>;
+    fn apply<'a>(&'a mut self, tx: &'a mut Transaction) -> BoxFuture<'a, Result<()>>;
 
     /// Sends the answer. The transaction must have ended.
-    fn settle(self: Box<Self>, committed: Result<(), Error>);
+    fn settle(self: Box<Self>, committed: Result<()>);
 }
 
 struct Pending<V, Input, Answer> {
     verb: V,
     input: Input,
     answer: Option<Answer>,
-    reply: oneshot::Sender<Result<Answer, Error>>,
+    reply: oneshot::Sender<Result<Answer>>,
 }
 
 impl<V, Input, Answer> Order for Pending<V, Input, Answer>
@@ -60,21 +60,21 @@ where
     Input: Send + Sync,
     Answer: Send,
 {
-    fn apply<'a>(&'a mut self, tx: &'a mut Transaction) -> BoxFuture<'a, Result<(), Error>> {
+    fn apply<'a>(&'a mut self, tx: &'a mut Transaction) -> BoxFuture<'a, Result<()>> {
         Box::pin(async {
             self.answer = Some(self.verb.apply(&self.input, tx).await?);
             Ok(())
         })
     }
 
-    fn settle(self: Box<Self>, committed: Result<(), Error>) {
+    fn settle(self: Box<Self>, committed: Result<()>) {
         let Self { answer, reply, .. } = *self;
         // If the caller was dropped, the change is still committed.
         let _ = reply.send(committed.and_then(|()| answer.ok_or(Error::Closed)));
     }
 }
 
-type Reply<Answer> = oneshot::Receiver<Result<Answer, Error>>;
+type Reply<Answer> = oneshot::Receiver<Result<Answer>>;
 
 /// A verb with its input, for the writer task. The receiver gets the answer after the commit.
 pub(super) fn order<V, Input, Answer>(verb: V, input: Input) -> (Box<dyn Order>, Reply<Answer>)
@@ -225,7 +225,7 @@ impl Writer {
         Ok(())
     }
 
-    async fn begin(&mut self) -> Result<(), Error> {
+    async fn begin(&mut self) -> Result<()> {
         // A commit to a deleted or moved file would be acknowledged, but lost.
         self.files.check()?;
         // This does not use a transaction of sqlx. If the disk is full, SQLite rolls back by itself, and sqlx would
@@ -245,7 +245,7 @@ impl Writer {
         Ok(())
     }
 
-    async fn apply(&mut self, orders: &mut [Box<dyn Order>]) -> Result<(), Error> {
+    async fn apply(&mut self, orders: &mut [Box<dyn Order>]) -> Result<()> {
         for order in orders {
             order.apply(&mut self.tx).await?;
         }
@@ -338,7 +338,7 @@ impl Writer {
     }
 
     /// Applies a verb of the maintenance in its own transaction.
-    async fn chore<V, Input, Answer>(&mut self, verb: V, input: Input) -> Result<Answer, Error>
+    async fn chore<V, Input, Answer>(&mut self, verb: V, input: Input) -> Result<Answer>
     where
         V: for<'a> Verb<'a, Input, &'a mut Transaction, Answer = Answer>,
         Input: Send + Sync + 'static,

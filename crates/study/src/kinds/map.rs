@@ -12,7 +12,7 @@
 
 use std::sync::OnceLock;
 
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use deserr::Deserr;
 use fretwork_engine::case::Case;
 use fretwork_engine::outcome::Condition;
 use fretwork_engine::request::fault::Faults;
@@ -26,7 +26,7 @@ use crate::plan::{Cells, Column, Findings, Hints, Kind, Offer, Plan, Read, Regio
 use crate::problem::{Found, Lack, Problem, outputs_of, small_members};
 use crate::rows::{NUMBER, Rows};
 use crate::vary::{Values, Varied};
-use fretwork_json::{Whole, both};
+use fretwork_json::{Whole, both, typed};
 
 /// The kind of maps.
 pub const KIND: Kind = Kind {
@@ -104,9 +104,7 @@ struct Map {
 /// All faults, with pointers relative to the map.
 fn read(map: Value) -> Result<Read, Faults> {
     let complete = small_members(&map);
-    let request: Request =
-        Request::deserialize_from_value::<Value>(map.into_value(), ValuePointerRef::Origin)?;
-    let Request { scenario, normal_force, amplitude, outputs, .. } = request;
+    let Request { scenario, normal_force, amplitude, outputs, .. } = typed(map)?;
     let mut faults = Faults::default();
     faults.keep("", scenario::prepare(scenario.clone(), "/scenario"));
     faults.keep("/scenario", plain(&scenario));
@@ -416,7 +414,7 @@ mod tests {
             let study = study.unwrap();
             let table = document(&study)["table"].take();
             for number in numbers {
-                let case = study.problem().case(&study.point(number)).unwrap();
+                let case = study.problem.case(&study.point(number)).unwrap();
                 let unworn = Preview::of(&case).unworn;
                 let history = Simulation::new(case, Vec::new()).run().history;
                 let energy = table["unworn.energy_per_cycle"][number].as_f64().unwrap();

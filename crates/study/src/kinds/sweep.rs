@@ -1,6 +1,6 @@
 //! Sweeps: the outputs of a scenario for many values of some of its numbers.
 
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use deserr::Deserr;
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use serde::Serialize;
@@ -12,7 +12,7 @@ use crate::problem::{MAX_SEED, Problem, small_members, varied_and_outputs};
 use crate::profile::CommonProfiles;
 use crate::stats::design::Design;
 use crate::vary::{self, Values, Varied};
-use fretwork_json::{Whole, both};
+use fretwork_json::{Whole, both, typed};
 
 /// The kind of sweeps.
 pub const KIND: Kind = Kind {
@@ -83,9 +83,7 @@ enum DesignName {
 /// All faults, with pointers relative to the sweep.
 fn read(sweep: Value) -> Result<Read, Faults> {
     let mut complete = small_members(&sweep);
-    let request: Request =
-        Request::deserialize_from_value::<Value>(sweep.into_value(), ValuePointerRef::Origin)?;
-    let Request { scenario, vary, design, samples, seed, outputs, profiles, .. } = request;
+    let Request { scenario, vary, design, samples, seed, outputs, profiles, .. } = typed(sweep)?;
     let profiles = profiles.0.map(CommonProfiles::read).transpose();
     let profiles = profiles.map_err(|faults| faults.below("/profiles"));
     // If a member or an output has a fault, no design can be made.
@@ -254,7 +252,7 @@ mod tests {
 
             // A single run has profiles at other radii. So each value of the sweep must lie between two values of the
             // run.
-            let mut scenario = study.problem().base.clone();
+            let mut scenario = study.problem.base.clone();
             scenario["friction"] = json!(0.5);
             scenario["motion"]["amplitude"] = json!(4e-6);
             scenario["profiles_at"] = json!("last");
@@ -348,7 +346,7 @@ mod tests {
         assert_eq!((study.points(), rows.len()), (8, 8));
         let [friction, amplitude] = [&rows[5][0], &rows[5][1]];
         assert_eq!((friction, amplitude), (&json!(0.7), &json!(2e-6)));
-        let (_, case, _) = scenario::prepare(study.problem().base.clone(), "").unwrap();
+        let (_, case, _) = scenario::prepare(study.problem.base.clone(), "").unwrap();
         let single = Simulation::new(case, Vec::new()).run();
         let rounded = |number: f64| json::write(&number, 20).parse::<f64>().unwrap();
         assert_eq!(rows[5][2], json!(rounded(single.history.wear_volume[2])));
@@ -376,11 +374,11 @@ mod tests {
             sweep["design"] = json!("grid");
             sweep["seed"] = json!(5);
         });
-        assert_eq!(study.canonical().to_string(), in_si.unwrap().canonical().to_string());
-        let again = Study::read(&KIND, study.canonical().clone()).unwrap();
-        assert_eq!(study.canonical().to_string(), again.canonical().to_string());
-        assert_eq!(study.canonical()["scenario"]["profile"]["radius"], json!(0.01));
-        assert_eq!(study.canonical()["vary"][1]["from"], json!(1e-6));
+        assert_eq!(study.canonical.to_string(), in_si.unwrap().canonical.to_string());
+        let again = Study::read(&KIND, study.canonical.clone()).unwrap();
+        assert_eq!(study.canonical.to_string(), again.canonical.to_string());
+        assert_eq!(study.canonical["scenario"]["profile"]["radius"], json!(0.01));
+        assert_eq!(study.canonical["vary"][1]["from"], json!(1e-6));
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub const MAX_BLOCKS: usize = 1024;
 /// How intervals are computed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bootstrap {
-    resamples: usize,
+    pub(crate) resamples: usize,
     level: f64,
     seed: u64,
 }
@@ -46,12 +46,6 @@ impl Bootstrap {
         } else {
             Err("must be from 0.5 to 0.999. Use 0.95 for intervals of 95 %")
         }
-    }
-
-    /// The number of resamples.
-    #[must_use]
-    pub fn resamples(&self) -> usize {
-        self.resamples
     }
 
     /// Estimates from the sums of all rows, with intervals. Each row has `width` numbers in `rows`.

@@ -24,7 +24,8 @@
 pub mod latin;
 pub mod sobol;
 
-use fretwork_engine::request::fault::Fault;
+use deserr::Deserr;
+use fretwork_engine::request::fault::{Fault, Faults};
 
 use super::distribution::Distribution;
 use latin::LatinHypercube;
@@ -119,11 +120,14 @@ impl Design {
 }
 
 /// How the values of a range are spaced.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
 pub enum Spacing {
     /// The differences of neighbours are equal.
+    #[default]
     Linear,
     /// The ratios of neighbours are equal.
+    #[deserr(rename = "log")]
     Logarithmic,
 }
 

@@ -16,7 +16,7 @@ use crate::http::access::caller::Caller;
 use crate::http::answer::stored;
 use crate::http::app::App;
 use crate::http::memory::Encoded;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::include::{Include, NULL};
 use crate::http::wire::{instant, schemas};
 use fretwork_job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
@@ -172,7 +172,7 @@ fn warnings(mut warnings: Value, key: &Key, recomputed: Option<Recomputed>) -> V
 impl From<Failure> for JobError {
     fn from(failure: Failure) -> Self {
         let slug = failure.kind.as_str();
-        let title = kinds::ALL.iter().find(|kind| kind.slug == slug).map(|kind| kind.title);
+        let title = kinds::ALL.iter().find(|kind| kind.slug == slug).map(|kind| kind.texts()[0]);
         Self {
             r#type: format!("/problems/{slug}"),
             title: title.unwrap_or("The job failed").to_owned(),
@@ -191,7 +191,7 @@ pub(super) async fn answer(
     caller: &Caller,
     job: Job,
     include: Include,
-) -> Result<Response, Problem> {
+) -> Result<Response> {
     let asked = if include.scenario || include.submitted {
         app.store.asked(job.id).await?
     } else {
@@ -206,7 +206,7 @@ pub(super) async fn answer(
 }
 
 /// The JSON of the result of a job; null if it has none.
-pub(super) async fn result_of(app: &App, caller: &str, job: &Job) -> Result<Encoded, Problem> {
+pub(super) async fn result_of(app: &App, caller: &str, job: &Job) -> Result<Encoded> {
     let json = match job.state {
         JobState::Succeeded => stored::json(app, caller, &job.key).await?,
         _ => None,
@@ -215,7 +215,7 @@ pub(super) async fn result_of(app: &App, caller: &str, job: &Job) -> Result<Enco
 }
 
 /// Writes a job, followed by more members: their names and their JSON.
-pub(super) fn write(job: Job, members: Vec<(&str, Bytes)>) -> Result<Response, Problem> {
+pub(super) fn write(job: Job, members: Vec<(&str, Bytes)>) -> Result<Response> {
     let (key, id) = (job.key, job.id);
     let mut told = serde_json::to_vec(&JobAnswer::from(job)).map_err(Problem::bug)?;
     let mut pieces = Vec::new();

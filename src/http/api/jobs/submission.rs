@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use axum::Extension;
 use axum::body::Bytes;
-use axum::extract::State;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse as _, Response};
@@ -14,7 +13,7 @@ use crate::http::access::caller::Caller;
 use crate::http::api::scenarios::parse;
 use crate::http::app::App;
 use crate::http::memory::Encoded;
-use crate::http::problem::{Problem, kinds};
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::include::{Include, NULL};
 use crate::http::wire::{Query, idempotency_key, says, schemas, urgency, wait};
@@ -77,12 +76,12 @@ use fretwork_store::Asked;
     ),
 )]
 pub async fn submit(
-    State(app): State<App>,
+    app: App,
     caller: Caller,
     mut query: Query,
     headers: HeaderMap,
     body: Body,
-) -> Result<Response, Problem> {
+) -> Result<Response> {
     let include = Include::take(&mut query);
     query.finish()?;
     let (trace, share) = (caller.trace.clone(), caller.owner.clone());
@@ -117,7 +116,7 @@ pub async fn submit(
 }
 
 /// The terms of a submission, from its headers.
-fn terms(caller: Caller, headers: &HeaderMap) -> Result<Terms, Problem> {
+fn terms(caller: Caller, headers: &HeaderMap) -> Result<Terms> {
     let only_known = says(headers, "only-if-cached");
     Ok(Terms {
         owner: caller.owner,
@@ -136,7 +135,7 @@ fn accepted(
     members: Vec<(&str, Bytes)>,
     wait: Option<Duration>,
     afresh: bool,
-) -> Result<Response, Problem> {
+) -> Result<Response> {
     let cache = [(header::CACHE_STATUS, cache_status(&job, afresh))];
     let preference = HeaderName::from_static("preference-applied");
     let applied = wait.map(|time| [(preference, format!("wait={}", time.as_secs()))]);

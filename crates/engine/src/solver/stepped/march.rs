@@ -618,7 +618,11 @@ impl March {
         let least = (if later { LEAST_ERRORS.1 } else { LEAST_ERRORS.0 } * self.fine.rkc.tolerance)
             .max(self.fine.edge_error(&worn))
             .max(self.old_edges / worn.volume)
-            .max(self.fine.core_error(&worn));
+            .max(self.fine.core_error(&worn))
+            .max(match self.fine.wearing.law {
+                Law::Exact => (worn_by_energy / worn.dosed - 1.0).abs(),
+                Law::Simplified(_) => 0.0,
+            });
         let coarse = if self.fine.block > 0 { COARSE.1 } else { COARSE.0 };
         let depth = SHARES.1 * depth / (1.0 + depth / coarse) + self.fine.tip_error(&worn);
         let errors = RunErrors { volume: (SHARES.0 * volume).max(least), depth: depth.max(least) };

@@ -3,6 +3,7 @@
 
 use super::law::{Law, WearProblem};
 use crate::contact::control::{Control, Final, Normal, Tangential, critical_stick};
+use crate::contact::course::Moment;
 use crate::contact::geometry::Geometry;
 use crate::contact::limit::Limit;
 use crate::contact::unworn::Contact;
@@ -192,8 +193,9 @@ impl MeshPlan {
         let shape = &contact.shape;
         // The simplified rule satisfies the energy balance less accurately.
         let share = if law == Law::Exact { 1.0 } else { 1.6 };
-        let changes = contact.course.as_ref().map_or(1.0, |course| course.fastest());
-        let fastest = changes
+        let Moment { friction, wear } = contact.largest_coefficients();
+        let fastest = friction
+            * wear
             * match shape.geometry() {
                 Geometry::Round => {
                     let quickest = control.largest_threshold(contact) / contact.threshold;

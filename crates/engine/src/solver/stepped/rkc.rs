@@ -161,6 +161,29 @@ impl Rkc {
         self.before.0
     }
 
+    /// The values at the start of the last step.
+    pub(super) fn values_before(&self) -> &[f64] {
+        &self.before.1
+    }
+
+    /// The length of the shortest step at a time.
+    fn shortest(&self, time: f64) -> f64 {
+        (LEAST_STEP.0 * self.scale).max(LEAST_STEP.1 * time)
+    }
+
+    /// Whether the last step could not be shorter.
+    pub(super) fn is_shortest(&self) -> bool {
+        self.time - self.before.0 <= 2.0 * self.shortest(self.before.0)
+    }
+
+    /// Takes the last step back. The next one is at most half as long.
+    pub(super) fn retreat(&mut self, system: &mut impl Rates) {
+        self.step = 0.5 * (self.time - self.before.0);
+        self.time = self.before.0;
+        let values = std::mem::take(&mut self.before.1);
+        self.restart(system, Some(values));
+    }
+
     /// Continues with a changed right-hand side, or from other values.
     pub fn restart(&mut self, system: &mut impl Rates, values: Option<Vec<f64>>) {
         if let Some(values) = values {
@@ -189,7 +212,7 @@ impl Rkc {
     pub fn advance(&mut self, system: &mut impl Rates, end: f64) {
         // Evaluate both before the first trial, because a trial can change the state of the system.
         let (radius, live) = (system.radius(), system.live());
-        let least = (LEAST_STEP.0 * self.scale).max(LEAST_STEP.1 * self.time);
+        let least = self.shortest(self.time);
         loop {
             let limit = (MOST_STAGES * MOST_STAGES) as f64 / (1.54 * radius.max(1e-300));
             // A step that would stop just before `end` is extended to `end`.

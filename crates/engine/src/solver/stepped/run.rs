@@ -39,6 +39,9 @@ const EDGE_AND_TIP: (f64, f64) = (0.3, 1.2);
 const BLUNTED: f64 = 5e-4;
 /// If the profile is lower in one cell than this share of the wear, the error decreases with the square.
 const RESOLVED: f64 = 0.15;
+/// Maximum difference of the two volumes of a step, in units of the tolerance of the steps and of the volume so far, if
+/// a coefficient changes. The same holds for the extrapolated energy.
+const AGREEMENT: f64 = 0.2;
 /// Relative accuracy of the time at which an energy is reached.
 const TIME_DIGITS: f64 = 1e-13;
 
@@ -233,8 +236,13 @@ impl MeshRun {
         self.wearing.widen();
         let next = self.rkc.time * (1.0 + 4.0 * f64::EPSILON);
         let until = end.min(self.wearing.follower.step_end().max(next));
-        self.rkc.advance(&mut self.wearing, until);
-        self.account();
+        loop {
+            self.rkc.advance(&mut self.wearing, until);
+            if self.account() {
+                break;
+            }
+            self.rkc.retreat(&mut self.wearing);
+        }
         if end.is_infinite() && self.has_arrived(end) {
             self.stopped = Some(Stop::Settled);
         }
@@ -255,19 +263,42 @@ impl MeshRun {
         self.wearing.follower.record(now, self.dissipated[1], self.power);
     }
 
-    /// Adds the energy of the last step.
-    fn account(&mut self) {
+    /// Adds the energy of the last step. Returns false if the step is too long for a friction that changes.
+    fn account(&mut self) -> bool {
         let (began, time) = (self.rkc.began(), self.rkc.time);
+        let kept = (self.loss, self.power);
         self.loss = [self.loss[1], self.wearing.energy_rate()];
         self.power = [self.power[1], self.wearing.power()];
-        let [worn, dissipated] = if self.accounts {
+        let changes = self.wearing.follower.is_changing();
+        let [worn, dissipated] = if self.accounts || changes {
             self.energies_since(began, time, [self.loss[1], self.power[1]])
         } else {
             [self.loss, self.power].map(|ends| 0.5 * (time - began) * (ends[0] + ends[1]))
         };
+        if changes && !self.agrees(worn, dissipated) {
+            (self.loss, self.power) = kept;
+            return false;
+        }
         self.worn_by_energy = [self.worn_by_energy[1], self.worn_by_energy[1] + worn];
         self.dissipated = [self.dissipated[1], self.dissipated[1] + dissipated];
         self.wearing.follower.record((began, time), self.dissipated[1], self.power);
+        true
+    }
+
+    /// Whether the last step was short enough for coefficients that change. `worn` is the volume by its energy, and
+    /// `dissipated` the energy.
+    ///
+    /// If the friction changes, the slip around the stick zone changes with it, even when the wear is too small for
+    /// the error of a step to show it. Coefficients over the energy were taken at an extrapolated energy.
+    fn agrees(&self, worn: f64, dissipated: f64) -> bool {
+        let Self { wearing, rkc, .. } = self;
+        let mesh = &wearing.springs.mesh;
+        let step = mesh.volume(&rkc.values) - mesh.volume(rkc.values_before());
+        let energy = self.dissipated[1] + dissipated;
+        let allowed = AGREEMENT * rkc.tolerance;
+        let is_short = (step - worn).abs() <= allowed * (self.worn_by_energy[1] + worn)
+            && (wearing.follower.energy(rkc.time) - energy).abs() <= allowed * energy;
+        is_short || rkc.is_shortest()
     }
 
     /// The held quantities.
@@ -497,22 +528,33 @@ impl MeshRun {
 
     /// The error of the largest depth while the cells at a sharp tip or edge are too wide for the wear there.
     pub(super) fn tip_error(&self, worn: &WornContact) -> f64 {
-        let shape = &self.wearing.contact.shape;
-        let Some(sharp) = shape.sharp_radius().filter(|_| self.wearing.springs.stick() == 0.0)
-        else {
-            return 0.0;
-        };
-        let contact = &self.wearing.contact;
+        let Wearing { contact, springs, .. } = &self.wearing;
+        let shape = &contact.shape;
+        // If friction falls, the tip wears on a mesh that was not made for it, until the contact sticks again.
         let had_edge = contact.changes_friction() && contact.stick > 0.0;
+        let wears = had_edge || springs.stick() == 0.0;
+        let Some(sharp) = shape.sharp_radius().filter(|_| wears) else { return 0.0 };
         if self.blunt.is_none() && !had_edge {
             return BLUNTED;
         }
-        let width = self.wearing.springs.mesh.width_at(sharp);
+        let mesh = &springs.mesh;
+        // In gross slip, the wear is deepest at the tip or the edge.
+        let here = if springs.stick() == 0.0 {
+            worn.deepest
+        } else {
+            let place = mesh.geometry.place(sharp);
+            let next = worn.places.partition_point(|known| *known <= place);
+            worn.wear[next.saturating_sub(1)]
+        };
+        if here <= 0.0 {
+            return 0.0;
+        }
         let height = |r: f64| shape.profile(r) - shape.profile(sharp);
         // The height of the profile in one cell, relative to the wear.
-        let ratio = height(sharp + width) / worn.deepest;
+        let ratio = height(sharp + mesh.width_at(sharp)) / here;
         let share = if sharp > 0.0 { EDGE_AND_TIP.0 } else { EDGE_AND_TIP.1 };
-        share * ratio * ratio / ((ratio + RESOLVED) * (1.0 + ratio))
+        let error = share * ratio * ratio / ((ratio + RESOLVED) * (1.0 + ratio));
+        ((1.0 + error) * here / worn.deepest - 1.0).clamp(0.0, error)
     }
 
     /// The error of V that occurs because the mesh neglects a core smaller than the cells, at

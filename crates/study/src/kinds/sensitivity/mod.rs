@@ -11,7 +11,7 @@
 
 mod findings;
 
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use deserr::Deserr;
 use fretwork_engine::case::{Case, Method as RunMethod};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
@@ -30,7 +30,7 @@ use crate::stats::indices::Saltelli;
 use crate::stats::morris::{Morris, effects};
 use crate::stats::{Bootstrap, MAX_BLOCKS};
 use crate::vary::{Values, Varied};
-use fretwork_json::Whole;
+use fretwork_json::{Whole, typed};
 
 /// The kind of sensitivity studies.
 pub const KIND: Kind = Kind {
@@ -159,9 +159,7 @@ impl Neighbourhood {
 /// All faults, with pointers relative to the study.
 fn read(study: Value) -> Result<Read, Faults> {
     let mut complete = small_members(&study);
-    let request: Request =
-        Request::deserialize_from_value::<Value>(study.into_value(), ValuePointerRef::Origin)?;
-    let Request { scenario, vary, method, samples, seed, confidence, outputs, .. } = request;
+    let Request { scenario, vary, method, samples, seed, confidence, outputs, .. } = typed(study)?;
     // If a member or an output has a fault, no design can be made.
     let (varied, outputs) = varied_and_outputs(&scenario, &vary, outputs)?;
     let members = varied.iter().map(|one| one.member.clone()).collect();
@@ -388,7 +386,7 @@ impl Plan for Sensitivity {
             Self::Morris { trajectories, bootstrap, .. } => (bootstrap, *trajectories, 8 * members),
             Self::Local(_) => return 0.0,
         };
-        let drawn = bootstrap.resamples() * drawn.min(MAX_BLOCKS) * problem.outputs.len();
+        let drawn = bootstrap.resamples * drawn.min(MAX_BLOCKS) * problem.outputs.len();
         ADDITION * drawn as f64 * additions as f64
     }
 
