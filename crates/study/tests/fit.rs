@@ -260,6 +260,27 @@ fn volumes_and_profiles_that_need_different_coefficients_are_told_first() {
 }
 
 #[test]
+fn the_profile_of_one_body_is_its_part_of_the_wear() {
+    let mut shared = ball();
+    shared["wear"]["share"] = json!(0.25);
+    let depth = output_at(&ball(), "wear_depth", 1e4);
+    let trace = |body: u8, share: f64| json!({"profile": "wear", "at": 1e4, "body": body, "radius": [0, 1e-3], "depth": [depth * share, 0], "sigma": depth * 0.01});
+    let fit = |body: u8| {
+        json!({"scenario": shared, "starts": 1,
+            "parameters": [{"pointer": "/wear/coefficient", "from": 1e-15, "to": 1e-12, "spacing": "log"}],
+            "tests": [{"data": [trace(body, 0.25)]}]})
+    };
+    let coefficient = |found: Value| found["parameters"][0]["estimate"].as_f64().unwrap();
+    let [one, other] = [1, 2].map(|body| coefficient(fitted(fit(body)).unwrap()));
+    // In gross slip, the depth at the centre is nearly proportional to the volume to the power of 1/2.
+    assert!((one / 3e-14 - 1.0).abs() < 0.02, "{one}");
+    assert!(other < 0.5 * one, "{other}");
+    let mut unshared = fit(1);
+    unshared["scenario"] = ball();
+    assert_eq!(fitted(unshared).unwrap()["notes"][0]["kind"], "no_minimum");
+}
+
+#[test]
 fn the_fault_of_wrong_data_says_what_to_enter() {
     let told = |change: &dyn Fn(&mut Value)| {
         let point =
@@ -395,7 +416,7 @@ fn names_stay_and_quantities_become_numbers() {
                 {"name": "5 um", "specimen": "7 N", "data": [data], "changes": {"/load": {"normal_force": "37 N/mm"}}},
                 {"name": 7, "data": [data]}]});
         change(&mut fit);
-        Study::read(kind(), fit).unwrap().canonical().clone()
+        Study::read(kind(), fit).unwrap().canonical.clone()
     };
     let canonical = read(&|_| {});
     let test = &canonical["tests"][0];

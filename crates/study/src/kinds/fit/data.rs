@@ -21,6 +21,7 @@ use crate::profile::{CommonProfiles, Field};
 use crate::stats::design::Spacing;
 use crate::stats::measured::{Measured, Point};
 use crate::vary::{self, Values, Varied};
+use fretwork_json::Whole;
 
 /// Maximum number of parameters, of tests, and of measured numbers.
 const MAX_PARAMETERS: usize = 20;
@@ -84,6 +85,8 @@ struct Trace {
     #[deserr(rename = "profile")]
     field: Field,
     at: f64,
+    #[deserr(default)]
+    body: Given<Whole<1, 2>>,
     radius: Vec<Value>,
     depth: Vec<Value>,
     #[deserr(default)]
@@ -166,9 +169,10 @@ fn numbers<T>(
 /// Reads a set of measured numbers.
 fn set(test: usize, given: &Value) -> Result<Set, Faults> {
     let set = if given.get("profile").is_some() {
-        let Trace { field, at, radius, depth, sigma, relative, noise } = deserialized(given)?;
-        if !matches!(field, Field::Wear | Field::Worn) || at.is_nan() || at <= 0.0 {
-            let detail = "must be `wear` (the depth) or `worn` (the worn profile), and `at` more than 0 cycles";
+        let Trace { field, at, body, radius, depth, sigma, relative, noise } = deserialized(given)?;
+        let is_known = field == Field::Wear || field == Field::Worn && body.0.is_none();
+        if !is_known || at.is_nan() || at <= 0.0 {
+            let detail = "must be `wear` (the depth) or, without `body`, `worn` (the worn profile), with `at` more than 0";
             return Err(Faults::one("/profile", detail));
         }
         let not_negative = |x: Option<f64>| x.filter(|x| *x >= 0.0).ok_or("must be at least 0");
@@ -176,7 +180,8 @@ fn set(test: usize, given: &Value) -> Result<Set, Faults> {
         let y = numbers("depth", &depth, Dimension::Length, Ok)?;
         let noise = noise_of("depth", &x, &y, Dimension::Length, (sigma.0, relative.0, noise.0))?;
         let output = format!("profile.{}", field.name());
-        let quantity = Quantity::Profile { field, at: twelve_digits(at) };
+        let body = body.0.map(|body| body.0 as usize - 1);
+        let quantity = Quantity::Profile { field, at: twelve_digits(at), body };
         Set { test, output, unit: "m", quantity, x, y, noise: noise.0, is_estimated: noise.1 }
     } else {
         let Scalars { output, over, x, y, density, sigma, relative, noise } = deserialized(given)?;
@@ -497,14 +502,15 @@ impl Building {
             own.filter(|(_, it)| it.only.is_empty() || it.only.contains(name)).collect();
         let mut scenario = self.scenarios[test].clone();
         let (mut nodes, mut columns) = (Vec::new(), Vec::new());
-        let (mut radii, mut fields) = (Vec::new(), Vec::new());
+        let (mut radii, mut fields, mut of) = (Vec::new(), Vec::new(), None);
         for set in self.sets.iter().filter(|set| set.needs() == first.needs()) {
             match set.quantity {
                 Quantity::Column { column, .. } => {
                     nodes.extend_from_slice(&set.x);
                     columns.push(column);
                 }
-                Quantity::Profile { field, at } => {
+                Quantity::Profile { field, at, body } => {
+                    of = body;
                     nodes.push(at);
                     radii.extend_from_slice(&set.x);
                     fields.push(field);
@@ -551,7 +557,8 @@ impl Building {
             outputs.collect::<Result<_, _>>().map_err(|detail| Faults::one("/tests", detail))?;
         let outputs = OutputName::all_among(outputs, &scenario).map_err(told)?;
         let mut problem = Problem::new(scenario, members, outputs);
-        problem.profiles = (!fields.is_empty()).then_some(CommonProfiles { radii, fields });
+        let has_profiles = !fields.is_empty();
+        problem.profiles = has_profiles.then_some(CommonProfiles { radii, fields, body: of });
         let start: Vec<f64> = own.iter().map(|(_, parameter)| parameter.start).collect();
         problem.prepare(&start).map_err(told)?;
         let parameters = own.iter().map(|(place, _)| *place).collect();

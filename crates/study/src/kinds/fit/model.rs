@@ -124,8 +124,8 @@ pub enum Over {
 pub enum Quantity {
     /// A column of the history, times a factor.
     Column { column: &'static str, factor: f64, over: Over },
-    /// A profile after a number of cycles.
-    Profile { field: Field, at: f64 },
+    /// A profile after a number of cycles, perhaps of one body.
+    Profile { field: Field, at: f64, body: Option<usize> },
 }
 
 /// A set of measured numbers of one test. A number that was not measured is `None`.
@@ -152,9 +152,12 @@ impl Set {
     }
 
     /// The runs that it needs: those of its test over cycles, over energies, or up to a profile.
-    pub fn needs(&self) -> (usize, &'static str, f64) {
-        let at = if let Quantity::Profile { at, .. } = self.quantity { at } else { 0.0 };
-        (self.test, self.over(), at)
+    pub fn needs(&self) -> (usize, &'static str, Option<(f64, Option<usize>)>) {
+        let profile = match self.quantity {
+            Quantity::Profile { at, body, .. } => Some((at, body)),
+            Quantity::Column { .. } => None,
+        };
+        (self.test, self.over(), profile)
     }
 
     /// What x is.
