@@ -168,51 +168,48 @@ fn numbers<T>(
 
 /// Reads a set of measured numbers.
 fn set(test: usize, given: &Value) -> Result<Set, Faults> {
-    let set = if given.get("profile").is_some() {
+    if given.get("profile").is_some() {
         let Trace { field, at, body, radius, depth, sigma, relative, noise } = deserialized(given)?;
         let is_known = field == Field::Wear || field == Field::Worn && body.0.is_none();
         if !is_known || at.is_nan() || at <= 0.0 {
             let detail = "must be `wear` (the depth) or, without `body`, `worn` (the worn profile), with `at` more than 0";
             return Err(Faults::one("/profile", detail));
         }
+        let body = body.0.map(|body| body.0 as usize - 1);
+        let quantity = Quantity::Profile { field, at: twelve_digits(at), body };
+        let output = format!("profile.{}", field.name());
         let not_negative = |x: Option<f64>| x.filter(|x| *x >= 0.0).ok_or("must be at least 0");
         let x = numbers("radius", &radius, Dimension::Length, not_negative)?;
         let y = numbers("depth", &depth, Dimension::Length, Ok)?;
-        let noise = noise_of("depth", &x, &y, Dimension::Length, (sigma.0, relative.0, noise.0))?;
-        let output = format!("profile.{}", field.name());
-        let body = body.0.map(|body| body.0 as usize - 1);
-        let quantity = Quantity::Profile { field, at: twelve_digits(at), body };
-        Set { test, output, unit: "m", quantity, x, y, noise: noise.0, is_estimated: noise.1 }
-    } else {
-        let Scalars { output, over, x, y, density, sigma, relative, noise } = deserialized(given)?;
-        let over = over.0.unwrap_or(Over::Cycles);
-        let column = column_of(&output)?;
-        let factor = match (output == MASS_LOSS, density.0) {
-            (false, None) => 1.0,
-            (true, Some(density)) if density > 0.0 => density,
-            _ => {
-                let detail =
-                    "belongs to `mass_loss`, which needs it: a number in kg/m³ greater than 0";
-                return Err(Faults::one("/density", detail));
-            }
-        };
-        let unit = outcome::Quantity::named(column).map_or("1", |quantity| quantity.unit);
-        let unit = if output == MASS_LOSS { "kg" } else { unit };
-        let dimension = Dimension::ALL.into_iter().find(|it| it.si() == unit);
-        let dimension = dimension.unwrap_or(Dimension::Number);
-        let of_x = if over == Over::Cycles { Dimension::Number } else { Dimension::Energy };
-        let positive = |x: Option<f64>| x.filter(|x| *x > 0.0).ok_or("must be greater than 0");
-        let x = numbers("x", &x, of_x, positive)?;
-        let negative =
-            "is negative, but this quantity cannot be. Enter null if the number is not known";
-        let possible =
-            |y: Option<f64>| if y.is_some_and(|y| y < 0.0) { Err(negative) } else { Ok(y) };
-        let y = numbers("y", &y, dimension, possible)?;
-        let noise = noise_of("y", &x, &y, dimension, (sigma.0, relative.0, noise.0))?;
-        let quantity = Quantity::Column { column, factor, over };
-        Set { test, output, unit, quantity, x, y, noise: noise.0, is_estimated: noise.1 }
-    };
-    Ok(set)
+        let set =
+            Set { test, output, unit: "m", quantity, x, y, noise: Vec::new(), is_estimated: false };
+        return with_noise(set, "depth", sigma.0, relative.0, noise.0);
+    }
+    let Scalars { output, over, x, y, density, sigma, relative, noise } = deserialized(given)?;
+    let over = over.0.unwrap_or(Over::Cycles);
+    let column = column_of(&output)?;
+    let is_mass = output == MASS_LOSS;
+    if is_mass != density.0.is_some() || density.0.is_some_and(|density| density <= 0.0) {
+        let detail = "belongs to `mass_loss`, which needs it: a number in kg/m³ greater than 0";
+        return Err(Faults::one("/density", detail));
+    }
+    let unit = outcome::Quantity::named(column).map_or("1", |quantity| quantity.unit);
+    let unit = if is_mass { "kg" } else { unit };
+    let of_x = if over == Over::Cycles { Dimension::Number } else { Dimension::Energy };
+    let positive = |x: Option<f64>| x.filter(|x| *x > 0.0).ok_or("must be greater than 0");
+    let x = numbers("x", &x, of_x, positive)?;
+    let negative =
+        "is negative, but this quantity cannot be. Enter null if the number is not known";
+    let possible = |y: Option<f64>| if y.is_some_and(|y| y < 0.0) { Err(negative) } else { Ok(y) };
+    let y = numbers("y", &y, dimension_of(unit), possible)?;
+    let quantity = Quantity::Column { column, factor: density.0.unwrap_or(1.0), over };
+    let set = Set { test, output, unit, quantity, x, y, noise: Vec::new(), is_estimated: false };
+    with_noise(set, "y", sigma.0, relative.0, noise.0)
+}
+
+/// The dimension of numbers with this SI unit.
+fn dimension_of(unit: &str) -> Dimension {
+    Dimension::ALL.into_iter().find(|it| it.si() == unit).unwrap_or(Dimension::Number)
 }
 
 /// The column of the history from which an output follows.
@@ -225,54 +222,55 @@ fn column_of(output: &str) -> Result<&'static str, Faults> {
     })
 }
 
-/// The noise of each number, and whether it is estimated.
-fn noise_of(
+/// Checks a set and adds the noise of its numbers, which are the member `name`.
+fn with_noise(
+    mut set: Set,
     name: &str,
-    x: &[f64],
-    y: &[Option<f64>],
-    dimension: Dimension,
-    (sigma, relative, noise): (Option<Value>, Option<f64>, Option<Noise>),
-) -> Result<(Vec<f64>, bool), Faults> {
-    let place = format!("/{name}");
-    if x.len() != y.len() || x.is_empty() {
-        let detail = format!(
-            "has {} numbers for {} places. Enter as many, and at least one",
-            y.len(),
-            x.len()
-        );
+    sigma: Option<Value>,
+    relative: Option<f64>,
+    noise: Option<Noise>,
+) -> Result<Set, Faults> {
+    let (place, count) = (format!("/{name}"), set.y.len());
+    if set.x.len() != count || count == 0 {
+        let places = set.x.len();
+        let detail =
+            format!("has {count} numbers for {places} places. Enter as many, and at least one");
         return Err(Faults::one(&place, detail));
     }
-    let first = (x[0], y[0]);
-    let is_first = |(x, y): (&f64, &Option<f64>)| (*x, *y) == first && y.is_some();
-    if y.len() > 1 && x.iter().zip(y).all(is_first) {
-        let detail = format!("has the same point {} times. Enter it once", y.len());
+    let is_first = |(x, y): (&f64, &Option<f64>)| (*x, *y) == (set.x[0], set.y[0]) && y.is_some();
+    if count > 1 && set.x.iter().zip(&set.y).all(is_first) {
+        let detail = format!("has the same point {count} times. Enter it once");
         return Err(Faults::one(&place, detail));
     }
-    let is_estimated = noise.is_some();
-    if sigma.is_none() && relative.is_none() && !is_estimated {
+    set.is_estimated = noise.is_some();
+    let is_stated = sigma.is_some() || relative.is_some();
+    if !is_stated && !set.is_estimated {
         let detail = "is missing. Enter `sigma`, `relative`, or \"noise\": \"estimate\"";
         return Err(Faults::one("/sigma", detail));
     }
-    let largest = y.iter().flatten().fold(0.0, |largest: f64, y| largest.max(y.abs()));
-    let first = if sigma.is_none() && relative.is_none() { FIRST_NOISE * largest } else { 0.0 };
     let list = match sigma {
         Some(Value::Array(list)) => list,
-        one => vec![one.unwrap_or(json!(first)); y.len()],
+        one => {
+            let first = if is_stated { 0.0 } else { FIRST_NOISE * set.largest() };
+            vec![one.unwrap_or(json!(first)); count]
+        }
     };
-    let sigma = numbers("sigma", &list, dimension, |sigma| sigma.ok_or("must be a number"))?;
-    if sigma.len() != y.len() {
+    let given = |sigma: Option<f64>| sigma.ok_or("must be a number");
+    let sigma = numbers("sigma", &list, dimension_of(set.unit), given)?;
+    if sigma.len() != count {
         let detail =
-            format!("has {} numbers for {} points. Enter one, or as many", sigma.len(), y.len());
+            format!("has {} numbers for {count} points. Enter one, or as many", sigma.len());
         return Err(Faults::one("/sigma", detail));
     }
-    let noise = y.iter().zip(sigma).map(|(y, sigma)| {
+    let noise = set.y.iter().zip(sigma).map(|(y, sigma)| {
         let noise = libm::hypot(sigma, relative.unwrap_or(0.0) * y.unwrap_or(1.0));
         if noise > 0.0 && sigma >= 0.0 && relative.is_none_or(|relative| relative > 0.0) {
             return Ok(noise);
         }
         Err("has no noise. Enter a `sigma` or a `relative` greater than 0; `relative` gives none to 0".to_owned())
     });
-    Ok((Faults::list(noise).map_err(|faults| faults.below(&place))?, is_estimated))
+    set.noise = Faults::list(noise).map_err(|faults| faults.below(&place))?;
+    Ok(set)
 }
 
 fn parameter(given: &Value, building: &Building) -> Result<Parameter, Faults> {
@@ -437,7 +435,6 @@ impl Building {
         noises.dedup();
         let (mut positions, mut points, mut clusters) = (Vec::new(), Vec::new(), Vec::new());
         for (place, set) in self.sets.iter().enumerate() {
-            let largest = set.y.iter().flatten().fold(0.0, |largest: f64, y| largest.max(y.abs()));
             let is_profile = matches!(set.quantity, Quantity::Profile { .. });
             for (entry, y) in set.y.iter().enumerate() {
                 // A specimen is a cluster, and so is a profile. Other points stand for themselves.
@@ -451,7 +448,7 @@ impl Building {
                     clusters.push(cluster);
                     clusters.len() - 1
                 });
-                let size = if is_profile { largest } else { y.unwrap_or(0.0).abs() };
+                let size = if is_profile { set.largest() } else { y.unwrap_or(0.0).abs() };
                 points.push(Point {
                     value: y.unwrap_or(f64::NAN),
                     noise: set.noise[entry],

@@ -151,6 +151,11 @@ impl Set {
         }
     }
 
+    /// The size of the largest measured number.
+    pub fn largest(&self) -> f64 {
+        self.y.iter().flatten().fold(0.0, |largest, y| largest.max(y.abs()))
+    }
+
     /// The runs that it needs: those of its test over cycles, over energies, or up to a profile.
     pub fn needs(&self) -> (usize, &'static str, Option<(f64, Option<usize>)>) {
         let profile = match self.quantity {

@@ -134,6 +134,12 @@ impl Objective<'_> {
         Ok(self.theta(&minimum(self, &start, stop)?))
     }
 
+    /// The row of the minimum near the present parameters.
+    fn row(&self, stop: Stop) -> Result<Row, Wanted> {
+        let theta = self.minimum(stop)?;
+        Ok(Row { sum: Some(self.sum(&theta)?), theta: Some(theta), ..Row::default() })
+    }
+
     fn sum(&self, theta: &[f64]) -> Result<f64, Wanted> {
         Ok(self.at(theta)?.iter().map(|residual| residual * residual).sum())
     }
@@ -151,21 +157,18 @@ impl Function for Objective<'_> {
         let column = |place: usize| {
             let parameter = &self.fit.parameters[self.free[place]];
             let x = parameter.value(u[place]);
-            let step = DIFFERENCE * parameter.scale(x);
             // The coordinate and the residuals at another value of this parameter, if they exist.
-            let beside = |x: f64| {
-                let x = x.clamp(parameter.low, parameter.high);
+            let beside = |distance: f64| {
                 let mut other = u.to_vec();
-                other[place] = parameter.coordinate(x);
+                other[place] = parameter.coordinate(parameter.moved(x, distance));
+                let is_other = (other[place] - u[place]).abs() > f64::EPSILON;
                 let residuals = self.residuals(&other)?;
-                let is_known = residuals.iter().all(|residual| residual.is_finite());
-                Ok::<_, Wanted>(
-                    (is_known && (other[place] - u[place]).abs() > f64::EPSILON)
-                        .then_some((other[place], residuals)),
-                )
+                let is_known = is_other && residuals.iter().all(|residual| residual.is_finite());
+                Ok::<_, Wanted>(is_known.then_some((other[place], residuals)))
             };
-            let above = beside(x + step)?;
-            let below = if self.is_central || above.is_none() { beside(x - step)? } else { None };
+            let above = beside(DIFFERENCE)?;
+            let needs_below = self.is_central || above.is_none();
+            let below = if needs_below { beside(-DIFFERENCE)? } else { None };
             let known = (u[place], middle.clone());
             let (high, low) = (above.unwrap_or(known.clone()), below.unwrap_or(known));
             let width = high.0 - low.0;
@@ -337,9 +340,7 @@ impl Fit {
             let lack = reason.cloned().unwrap_or_else(|| "a number is missing".to_owned());
             return Ok(Row { lack: Some(lack), ..Row::default() });
         }
-        let theta = objective.minimum(COARSE)?;
-        let sum = objective.sum(&theta)?;
-        Ok(Row { theta: Some(theta), sum: Some(sum), ..Row::default() })
+        objective.row(COARSE)
     }
 
     fn at_minimum(&self, start: &[f64], tried: &[Tried]) -> Result<Row, Wanted> {
@@ -407,11 +408,8 @@ impl Fit {
         if free.is_empty() || part.count(None) + 1e-9 < free.len() as f64 {
             return Ok(Row::default());
         }
-        let objective =
-            Objective { measured: part, ..self.objective(&best.theta, &best.factors, free, tried) };
-        let theta = objective.minimum(FINE)?;
-        let sum = objective.sum(&theta)?;
-        Ok(Row { theta: Some(theta), sum: Some(sum), ..Row::default() })
+        let all = self.objective(&best.theta, &best.factors, free, tried);
+        Objective { measured: part, ..all }.row(FINE)
     }
 
     /// The slopes of a parameter as a function of all parameters.
@@ -451,12 +449,12 @@ impl Fit {
                 theta[*other] = self.parameters[*other].moved(best.theta[*other], step);
             }
             let objective = self.objective(&theta, &best.factors, &free, tried);
-            let found = objective.minimum(COARSE)?;
-            let sum = objective.sum(&found)?;
+            let row = objective.row(COARSE)?;
+            let sum = row.sum.unwrap_or(f64::NAN);
             let risen = (sum - best.sum).max(0.0).sqrt();
             let is_near = (risen / rise - 1.0).abs() < SAME_RISE;
             if is_near || trial + 1 == TRIALS {
-                return Ok(Row { theta: Some(found), sum: Some(sum), ..Row::default() });
+                return Ok(row);
             }
             // If predictions are missing there, the sum is not a number: the end is nearer.
             if risen < rise && sum.is_finite() {
