@@ -316,6 +316,7 @@ fn the_fault_of_wrong_data_says_what_to_enter() {
     starts(in_data(&|data| data["output"] = json!("wear_volum")), "/tests/0/data/0/output: ");
     starts(in_data(&|data| data["y"][0] = json!("1 mm")), "/tests/0/data/0/y/0: ");
     starts(in_data(&|data| data["radius"] = json!([1])), "/tests/0/data/0/radius: ");
+    starts(in_data(&|data| data["density"] = json!(-1)), "/tests/0/data/0/density: belongs to");
     starts(
         in_data(&|data| data["output"] = json!("mass_loss")),
         "/tests/0/data/0/density: belongs to",
