@@ -27,7 +27,6 @@ const SEED: u64 = 16;
 
 /// Executes the command in the arguments of the process, and returns the exit code. It may change the umask and the
 /// panic hook.
-#[must_use]
 pub fn main() -> ExitCode {
     let matches = Cli::command().get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());

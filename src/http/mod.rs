@@ -159,7 +159,6 @@ impl Server {
 }
 
 /// The OpenAPI document, as JSON text.
-#[must_use]
 pub fn document() -> Vec<u8> {
     let Routes { router, needs } = Routes::all();
     openapi::complete(&router.into_openapi(), &needs)

@@ -27,7 +27,6 @@ impl Default for WorkLimits {
 
 impl WorkLimits {
     /// Why a task is refused if its result is not known.
-    #[must_use]
     pub fn refuse(&self, prepared: &Prepared) -> Option<Excess> {
         let time = Duration::try_from_secs_f64(prepared.seconds).unwrap_or(Duration::MAX);
         let limit = match &prepared.task {

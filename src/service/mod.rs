@@ -57,7 +57,6 @@ fn processors() -> usize {
 
 impl Service {
     /// The service of a store, with a number of worker threads.
-    #[must_use]
     pub fn new(store: Store, begin: Begin, workers: usize, limits: WorkLimits) -> Self {
         // A server without workers still computes evaluations and short runs, because their clients wait for them.
         let places = if workers == 0 { processors() } else { workers };
@@ -70,31 +69,26 @@ impl Service {
     }
 
     /// The store behind the service.
-    #[must_use]
     pub fn store(&self) -> &Store {
         &self.0.store
     }
 
     /// The limits of new runs and studies.
-    #[must_use]
     pub fn limits(&self) -> WorkLimits {
         self.0.limits
     }
 
     /// The number of worker threads.
-    #[must_use]
     pub fn workers(&self) -> usize {
         self.0.workers
     }
 
     /// The number of short computations that can run at the same time while their clients wait.
-    #[must_use]
     pub fn places(&self) -> usize {
         self.0.places.number
     }
 
     /// The function with which a worker begins a claimed run. It uses the prepared task if that is still in memory.
-    #[must_use]
     pub fn compute(&self) -> Compute {
         let (begin, waiting) = (Arc::clone(&self.0.begin), Arc::clone(&self.0.waiting));
         Arc::new(move |key, stored| begin(key, stored, waiting.take(key)))
@@ -106,7 +100,6 @@ impl Service {
     }
 
     /// Whether the service has stopped accepting jobs.
-    #[must_use]
     pub fn is_draining(&self) -> bool {
         *self.0.draining.borrow()
     }

@@ -12,19 +12,16 @@ pub struct Stopwatch {
 
 impl Stopwatch {
     /// Starts the measurement.
-    #[must_use]
     pub fn start() -> Self {
         Self { started: Instant::now(), cpu: thread_time() }
     }
 
     /// Wall-clock time since the start.
-    #[must_use]
     pub fn elapsed(&self) -> Duration {
         self.started.elapsed()
     }
 
     /// Wall-clock time and processor time since the start.
-    #[must_use]
     pub fn cost(&self) -> Cost {
         let since = |before| thread_time().map(|now| now.saturating_sub(before));
         Cost { wall: self.elapsed(), cpu: self.cpu.and_then(since) }

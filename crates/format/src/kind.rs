@@ -34,25 +34,21 @@ impl Format {
     }
 
     /// The value of `?format=`, and the extension of a file name.
-    #[must_use]
     pub fn name(self) -> &'static str {
         self.words().0
     }
 
     /// The media type with its parameters.
-    #[must_use]
     pub fn media_type(self) -> &'static str {
         self.words().1
     }
 
     /// The media type without parameters.
-    #[must_use]
     pub fn essence(self) -> &'static str {
         self.media_type().split_once(';').map_or(self.media_type(), |(essence, _)| essence)
     }
 
     /// Whether a browser should save the file instead of showing it.
-    #[must_use]
     pub fn is_file(self) -> bool {
         matches!(self, Self::Csv | Self::Npz | Self::Arrow)
     }
@@ -80,7 +76,6 @@ impl Part {
     pub const TABLES: [Self; 4] = [Self::History, Self::Profiles, Self::Loops, Self::Table];
 
     /// The name in addresses and documents.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Whole => "result",
@@ -93,7 +88,6 @@ impl Part {
     }
 
     /// The formats that can hold this part, the default first.
-    #[must_use]
     pub fn formats(self) -> &'static [Format] {
         match self {
             Self::Whole => &[Format::Json, Format::Npz],

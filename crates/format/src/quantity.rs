@@ -60,7 +60,6 @@ impl fmt::Debug for Quantity {
 
 impl Quantity {
     /// The quantity with this name.
-    #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         QUANTITIES.iter().find(|quantity| quantity.name == name)
     }
@@ -71,13 +70,11 @@ impl Quantity {
     }
 
     /// Whether the figure has one curve per output cycle, so that cycles can be selected.
-    #[must_use]
     pub fn has_curve_per_cycle(&self) -> bool {
         self.part != Part::History
     }
 
     /// Whether values are positive and negative, so that logarithmic axes are impossible.
-    #[must_use]
     pub fn has_sign(&self) -> bool {
         self.part == Part::Loops
     }

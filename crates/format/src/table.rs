@@ -358,7 +358,6 @@ impl Serialize for Table {
 }
 
 /// The selected output cycles that are not among these.
-#[must_use]
 pub fn missing_cycles(view: &View, cycles: &[f64]) -> Vec<Missing> {
     let wanted = view.cycles.iter().flatten();
     let missing = wanted.filter(|wanted| !cycles.iter().any(|number| same(*number, **wanted)));

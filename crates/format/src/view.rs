@@ -31,14 +31,12 @@ pub struct View {
 
 impl View {
     /// A figure with default options, in engineering units.
-    #[must_use]
     pub fn figure(quantity: &'static Quantity) -> Self {
         let figure = FigureOptions { quantity, ..FigureOptions::default() };
         Self { engineering: true, figure, ..Self::default() }
     }
 
     /// The same view with sorted lists, so that equal selections compare equal.
-    #[must_use]
     pub fn sorted(mut self) -> Self {
         if let Some(fields) = &mut self.fields {
             fields.sort_unstable();
@@ -67,7 +65,6 @@ pub struct StudyOptions {
 
 impl StudyOptions {
     /// The names of the options that are given.
-    #[must_use]
     pub fn given(&self) -> Vec<&'static str> {
         let texts = [("output", &self.output), ("over", &self.over), ("by", &self.by)];
         let texts = texts.into_iter().filter(|(_, text)| text.is_some()).map(|(name, _)| name);

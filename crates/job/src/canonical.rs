@@ -32,13 +32,11 @@ impl TaskKind {
     }
 
     /// The kind with this member of a job body.
-    #[must_use]
     pub fn of_member(name: &str) -> Option<Self> {
         Self::all().find(|kind| kind.member() == name)
     }
 
     /// The member of a job body that says what to compute.
-    #[must_use]
     pub fn member(self) -> &'static str {
         match self {
             Self::Run => "scenario",
@@ -47,7 +45,6 @@ impl TaskKind {
     }
 
     /// The word by which users search for results of this kind.
-    #[must_use]
     pub fn word(self) -> &'static str {
         match self {
             Self::Run => "run",
@@ -56,13 +53,11 @@ impl TaskKind {
     }
 
     /// The key of a result of this kind under this `numerics` version. `canonical` is the canonical scenario or study.
-    #[must_use]
     pub fn key(self, numerics: u32, canonical: &impl Serialize) -> Key {
         Key::of(numerics, &BTreeMap::from([(self.member(), canonical)]))
     }
 
     /// The stored form of a task.
-    #[must_use]
     pub fn stored(self, canonical: &impl Serialize) -> String {
         #[derive(Serialize)]
         struct Stored<'a, T> {
@@ -91,20 +86,17 @@ pub struct Canonical {
 
 impl Canonical {
     /// The key of the result under this `numerics` version.
-    #[must_use]
     pub fn key(&self, numerics: u32) -> Key {
         self.kind.key(numerics, &self.value)
     }
 
     /// Reads a stored task; `None` if the text is not one.
-    #[must_use]
     pub fn in_stored(stored: &str) -> Option<Self> {
         let (kind, text) = asked_in(stored)?;
         Some(Self { kind, value: serde_json::from_str(text.get()).ok()? })
     }
 
     /// The key of a stored task for this version of the engine; `None` if the text is not a stored task.
-    #[must_use]
     pub fn key_of(stored: &str) -> Option<Key> {
         Some(Self::in_stored(stored)?.key(ENGINE.numerics))
     }
@@ -138,7 +130,6 @@ impl<'a> StoredText<'a> {
 }
 
 /// The kind of a stored task, and the stored text of its scenario or study; `None` if the text is not a stored task.
-#[must_use]
 pub fn asked_in(stored: &str) -> Option<(TaskKind, &RawValue)> {
     StoredText::read(stored).ok()?.asked()
 }

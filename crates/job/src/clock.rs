@@ -6,7 +6,6 @@ use std::time::{Duration, UNIX_EPOCH};
 ///
 /// # Panics
 /// If the system clock is before 1970.
-#[must_use]
 #[expect(
     clippy::expect_used,
     reason = "with a clock before 1970, every stored time would be wrong"
@@ -17,14 +16,12 @@ pub fn now() -> i64 {
 }
 
 /// Writes a time in milliseconds since 1970 as RFC 3339, UTC.
-#[must_use]
 pub fn rfc3339(milliseconds: i64) -> String {
     let since = Duration::from_millis(milliseconds.unsigned_abs());
     humantime::format_rfc3339_millis(UNIX_EPOCH + since).to_string()
 }
 
 /// Reads an RFC 3339 time after 1970; returns milliseconds since 1970.
-#[must_use]
 pub fn parse(text: &str) -> Option<i64> {
     let since = humantime::parse_rfc3339_weak(text).ok()?.duration_since(UNIX_EPOCH).ok()?;
     i64::try_from(since.as_millis()).ok()

@@ -27,13 +27,11 @@ pub struct Key([u8; 32]);
 
 impl Key {
     /// The 32 bytes of the digest.
-    #[must_use]
     pub fn bytes(&self) -> &[u8; 32] {
         &self.0
     }
 
     /// The key with this digest.
-    #[must_use]
     pub fn from_bytes(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
@@ -42,7 +40,6 @@ impl Key {
     ///
     /// # Panics
     /// The task cannot be written as JSON.
-    #[must_use]
     #[expect(clippy::expect_used, reason = "a wrong key would name another result")]
     pub fn of(numerics: u32, task: &impl Serialize) -> Self {
         #[derive(Serialize)]

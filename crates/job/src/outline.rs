@@ -62,7 +62,6 @@ scalars! {
 
 impl Scalar {
     /// The SI unit; `1` for dimensionless numbers.
-    #[must_use]
     pub fn unit(&self) -> &'static str {
         match (Quantity::named(self.name), self.dimension) {
             (Some(quantity), _) => quantity.unit,
@@ -143,7 +142,6 @@ pub struct Outline {
 impl Outline {
     /// Reads a document with the members `kind`, `scenario`, `scales`, `unworn` and `summary`.
     /// A value is `None` where the document does not have it.
-    #[must_use]
     pub fn of(document: &Value) -> Self {
         let word = |word: &Word| match (word.name, at(document, word.pointer)?) {
             (GEOMETRY, profile) => Some(geometry(profile).to_owned()),
@@ -162,14 +160,12 @@ impl Outline {
     }
 
     /// The words as members of a JSON object.
-    #[must_use]
     pub fn words(&self) -> Map<String, Value> {
         let members = WORDS.iter().zip(&self.words);
         members.map(|(word, value)| (word.name.into(), json!(value))).collect()
     }
 
     /// The numbers as members of a JSON object.
-    #[must_use]
     pub fn scalars(&self) -> Map<String, Value> {
         let members = SCALARS.iter().zip(&self.scalars);
         members.map(|(scalar, value)| (scalar.name.into(), json!(value))).collect()

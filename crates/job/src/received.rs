@@ -151,7 +151,6 @@ impl Received {
     }
 
     /// The number of rows that can be computed again independently. A run is one row.
-    #[must_use]
     pub fn rows(&self) -> usize {
         match &self.work {
             Work::Earlier => 0,
@@ -161,7 +160,6 @@ impl Received {
     }
 
     /// Estimated processor time of a row, in seconds; `None` if it is not known.
-    #[must_use]
     pub fn row_seconds(&self) -> Option<f64> {
         match &self.work {
             Work::Run(task) => Some(task.seconds),

@@ -15,7 +15,6 @@ pub struct JobId(pub uuid::Uuid);
 
 impl JobId {
     /// A new id. It sorts after all ids that this process has generated before.
-    #[must_use]
     pub fn generate() -> Self {
         Self(uuid::Uuid::now_v7())
     }
@@ -62,7 +61,6 @@ words! {
 
 impl JobState {
     /// Whether the state is final.
-    #[must_use]
     pub fn is_finished(self) -> bool {
         matches!(self, Self::Succeeded | Self::Failed | Self::Canceled)
     }

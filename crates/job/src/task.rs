@@ -51,13 +51,11 @@ pub struct Answer {
 
 impl Answer {
     /// The answer of a study from the rows of all its points.
-    #[must_use]
     pub fn of_study(key: Key, study: &Study, rows: &Rows) -> Self {
         Self::with_document(study, rows, study.document(&key, &ENGINE, rows))
     }
 
     /// As [`of_study`](Self::of_study), but returns `None` if `goes_on` becomes false.
-    #[must_use]
     pub fn of_study_while(
         key: Key,
         study: &Study,
@@ -75,7 +73,6 @@ impl Answer {
     }
 
     /// The answer whose JSON is `body`. `document` is the parsed body.
-    #[must_use]
     pub fn new(body: Bytes, document: &Document) -> Self {
         Self {
             body,
@@ -199,7 +196,6 @@ impl Prepared {
     }
 
     /// The number of chunks into which the task is divided; `None` if one worker computes all of it.
-    #[must_use]
     pub fn chunks(&self) -> Option<NonZeroU32> {
         match &self.task {
             Task::Run(_) => None,
@@ -212,7 +208,6 @@ impl Prepared {
 
     /// The chunks with which the later stages of the task begin, separated by commas. Their workers need the rows of all
     /// chunks before them.
-    #[must_use]
     pub fn stages(&self) -> String {
         let stages = match &self.task {
             Task::Study(study) if study.chunks() > 1 => study.stages(),
@@ -225,14 +220,12 @@ impl Prepared {
     ///
     /// # Panics
     /// The stored form was changed.
-    #[must_use]
     #[expect(clippy::expect_used, reason = "the stored form was written by this program")]
     pub fn asked(&self) -> Canonical {
         Canonical::in_stored(&self.stored).expect("a prepared task asks for something")
     }
 
     /// What the client should know about the task: the warnings of the submission, and those of the result.
-    #[must_use]
     pub fn warnings(&self) -> Vec<Warning> {
         let of_result = match &self.task {
             Task::Run(run) => run.0.warnings(&run.1),
@@ -243,7 +236,6 @@ impl Prepared {
 
     /// The estimated memory, in bytes. Measured memory was 0.5 to 1.4 times this estimate, for plain runs, records of
     /// 500 and 10 000 reversals, and tables of 300 and 5000 points.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         let task = match &self.task {
             Task::Run(_) => size_of::<(Scenario, Case)>(),
@@ -265,7 +257,6 @@ impl Prepared {
     }
 
     /// Begins the work.
-    #[must_use]
     pub fn start(&self) -> Box<dyn Work> {
         match &self.task {
             Task::Run(run) => {
@@ -283,7 +274,6 @@ impl Prepared {
 
 impl Task {
     /// What the task computes.
-    #[must_use]
     pub fn kind(&self) -> TaskKind {
         match self {
             Self::Run(_) => TaskKind::Run,

@@ -31,7 +31,6 @@ const MAX_POINTERS: usize = 1 << 16;
 ///
 /// # Panics
 /// The document cannot be written as JSON.
-#[must_use]
 #[expect(clippy::expect_used, reason = "a wrong document must not be stored or hashed")]
 pub fn write(document: &impl Serialize, bytes: usize) -> String {
     let mut out = Vec::with_capacity(bytes);
@@ -155,7 +154,6 @@ pub fn read_body<T>(
 }
 
 /// The name of a member as a part of a JSON pointer (RFC 6901).
-#[must_use]
 pub fn escaped(name: &str) -> String {
     name.replace('~', "~0").replace('/', "~1")
 }
@@ -355,7 +353,6 @@ const MAX_COMPARED: usize = 2_000_000;
 /// Says where JSON from a file first differs from the JSON that this program computes, such as
 /// `history.wear_volume[3]: the file has 1.2e-13, this server computes 1.1e-13`. Members are compared in alphabetical
 /// order. The returned place begins with `at`.
-#[must_use]
 pub fn difference(at: &str, file: &str, own: &str) -> String {
     if file.len().max(own.len()) > MAX_COMPARED {
         let same = file.bytes().zip(own.bytes()).take_while(|(file, own)| file == own).count();

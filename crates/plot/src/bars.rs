@@ -54,7 +54,6 @@ pub struct BarChart {
 
 impl BarChart {
     /// The chart as an SVG document.
-    #[must_use]
     pub fn svg(&self) -> String {
         let mut canvas = Canvas::default();
         let (area, scale) = self.layout();

@@ -148,7 +148,6 @@ impl Plan {
 
 impl Figure {
     /// The figure as an SVG document.
-    #[must_use]
     pub fn svg(&self) -> String {
         let mut canvas = Canvas::default();
         self.draw(&mut canvas, (0.0, 0.0), 0.0);
@@ -355,7 +354,6 @@ fn apart(
 
 impl Sheet {
     /// The sheet as an SVG document.
-    #[must_use]
     pub fn svg(&self) -> String {
         let mut canvas = Canvas::default();
         let columns = self.columns.max(1);

@@ -30,7 +30,6 @@ pub struct Axis {
 
 impl Axis {
     /// A linear axis with the range of the data.
-    #[must_use]
     pub fn labelled(label: &str) -> Self {
         Self { label: label.to_owned(), ..Self::default() }
     }

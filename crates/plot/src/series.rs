@@ -72,14 +72,12 @@ impl Mark {
 
 impl Style {
     /// The default style of series `i`, counted from 0.
-    #[must_use]
     pub fn numbered(i: usize) -> Self {
         let color = PALETTE[i % PALETTE.len()];
         Self { color, dash: Dash::ALL[i % Dash::ALL.len()], width: 1.6, mark: None }
     }
 
     /// A style with a marker and a solid line for series `i`.
-    #[must_use]
     pub fn marked(i: usize) -> Self {
         let mark = Some(Mark::ALL[i % Mark::ALL.len()]);
         Self { dash: Dash::Solid, width: 1.4, mark, ..Self::numbered(i) }
@@ -102,13 +100,11 @@ pub struct Series {
 
 impl Series {
     /// A series with the default style.
-    #[must_use]
     pub fn new(label: &str, x: Vec<f64>, y: Vec<f64>) -> Self {
         Self { label: label.to_owned(), x, y, style: None }
     }
 
     /// The same series in another style.
-    #[must_use]
     pub fn styled(self, style: Style) -> Self {
         Self { style: Some(style), ..self }
     }

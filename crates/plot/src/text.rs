@@ -16,7 +16,6 @@ pub(super) const GAP: f64 = 6.0;
 pub(super) const SINK: f64 = 0.35 * SMALL;
 
 /// The width of a label in units of its font size. `$` signs mark italics and have no width.
-#[must_use]
 pub fn width(label: &str) -> f64 {
     label.chars().map(advance).sum()
 }
@@ -46,7 +45,6 @@ fn advance(c: char) -> f64 {
 }
 
 /// Breaks a text into lines of at most `measure` font sizes. A longer word has its own line.
-#[must_use]
 pub fn wrap(text: &str, measure: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -63,7 +61,6 @@ pub fn wrap(text: &str, measure: f64) -> Vec<String> {
 
 /// A label as the content of a `text` element: escaped, with text between `$` signs in italics. If the
 /// number of signs is odd, they are dollar signs.
-#[must_use]
 pub fn markup(label: &str) -> String {
     let pieces: Vec<&str> = label.split('$').collect();
     if pieces.len().is_multiple_of(2) {
@@ -77,7 +74,6 @@ pub fn markup(label: &str) -> String {
 }
 
 /// Escapes a text for XML 1.0 elements and quoted attributes.
-#[must_use]
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -94,7 +90,6 @@ pub fn escape(text: &str) -> String {
 }
 
 /// 10 with a superscript exponent.
-#[must_use]
 pub fn power_of_ten(exponent: i32) -> String {
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     let raised = |c: char| c.to_digit(10).map_or('⁻', |digit| DIGITS[digit as usize]);

@@ -17,27 +17,23 @@ pub struct Stream(u64);
 
 impl Stream {
     /// The stream of this seed.
-    #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
     /// A stream whose numbers are independent of those of this stream and of its children with other labels.
-    #[must_use]
     pub fn child(self, label: u64) -> Self {
         // Without the second `mix`, the seed of the child would be a number of its parent.
         Self(mix(self.at(label)))
     }
 
     /// The number at an index: 64 random bits.
-    #[must_use]
     pub fn at(self, index: u64) -> u64 {
         mix(self.0.wrapping_add(index.wrapping_add(1).wrapping_mul(GAMMA)))
     }
 
     /// The random whole number at an index, from 0 to `end` − 1. The probabilities of two numbers differ by less than
     /// `end`/2⁶⁴.
-    #[must_use]
     pub fn below(self, index: u64, end: u64) -> u64 {
         ((u128::from(self.at(index)) * u128::from(end)) >> 64) as u64
     }
@@ -59,7 +55,6 @@ pub struct Random {
 
 impl Random {
     /// Starts at the first number of the stream of this seed.
-    #[must_use]
     pub fn new(seed: u64) -> Self {
         Self { stream: Stream::new(seed), next: 0 }
     }

@@ -54,7 +54,6 @@ impl Administration {
 
     /// Whether a directory contains a database. Always true for PostgreSQL: a missing database is an error of
     /// [`open`](Self::open).
-    #[must_use]
     pub fn is_at(place: &Place) -> bool {
         match place {
             Place::Directory(dir) => dir.join(sqlite::open::DATABASE).exists(),

@@ -41,7 +41,6 @@ pub struct Actor {
 
 impl Actor {
     /// The user of the operating system who runs this process.
-    #[must_use]
     pub fn of_process() -> Self {
         #[cfg(unix)]
         let name = format!("uid {}", rustix::process::getuid());

@@ -44,19 +44,16 @@ impl Body {
     }
 
     /// A body from bytes that were read and checked before.
-    #[must_use]
     pub fn of(bytes: Bytes) -> Self {
         Self(bytes)
     }
 
     /// The bytes as they are stored.
-    #[must_use]
     pub fn bytes(&self) -> &Bytes {
         &self.0
     }
 
     /// Whether the bytes are compressed with Zstandard. Otherwise they are JSON.
-    #[must_use]
     pub fn is_compressed(&self) -> bool {
         self.0.starts_with(&MAGIC)
     }
@@ -79,7 +76,6 @@ impl Body {
     }
 
     /// The number of bytes of the JSON, if the compressed body states it.
-    #[must_use]
     pub fn size(&self) -> Option<usize> {
         let size = zstd_safe::get_frame_content_size(&self.0).ok().flatten();
         size.and_then(|size| usize::try_from(size).ok())

@@ -55,7 +55,6 @@ impl Answered {
     ///
     /// # Panics
     /// There is no memory for the compressor.
-    #[must_use]
     #[expect(clippy::expect_used, reason = "a result must not be lost silently")]
     pub fn new(answer: &Answer, cost: Option<Cost>) -> Self {
         Self {

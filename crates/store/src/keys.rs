@@ -68,19 +68,16 @@ impl AccessKey {
     }
 
     /// Whether this is the digest of the key. The comparison takes constant time.
-    #[must_use]
     pub fn has_digest(&self, digest: &[u8; 32]) -> bool {
         digest.ct_eq(&*self.digest).into()
     }
 
     /// Whether both keys are equal apart from the time of last use.
-    #[must_use]
     pub fn is_like(&self, other: &Self) -> bool {
         Self { last_used: None, ..self.clone() } == Self { last_used: None, ..other.clone() }
     }
 
     /// The id in the text that a client has sent, if the text has the form of a key.
-    #[must_use]
     pub fn id_in(presented: &str) -> Option<&str> {
         let (id, secret) = presented.strip_prefix(MARK)?.strip_prefix('_')?.split_once('_')?;
         let hex = |text: &str| text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
@@ -89,7 +86,6 @@ impl AccessKey {
 }
 
 /// The digest that the database stores for a key.
-#[must_use]
 pub fn digest(key: &str) -> [u8; 32] {
     Sha256::digest(key).into()
 }

@@ -24,7 +24,6 @@ const LONGEST_NOTE: usize = 4000;
 
 impl Note {
     /// Why a text is not allowed as a note; `None` if it is allowed. The caller adds the subject of the sentence.
-    #[must_use]
     pub fn fault(text: &str) -> Option<String> {
         let length = text.chars().count();
         let is_control = |c: char| c.is_control() && c != '\n' && c != '\t';

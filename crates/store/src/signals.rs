@@ -49,7 +49,6 @@ pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
     /// Whether the worker must stop.
-    #[must_use]
     pub fn is_raised(&self) -> bool {
         // The flag guards no other data, so no ordering is needed.
         self.0.load(Ordering::Relaxed)

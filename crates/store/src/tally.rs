@@ -109,19 +109,16 @@ impl Tally {
     }
 
     /// Runs that wait for a worker.
-    #[must_use]
     pub fn queued(&self) -> u64 {
         self.queued.get().unsigned_abs()
     }
 
     /// Runs and chunks of studies that workers compute.
-    #[must_use]
     pub fn running(&self) -> u64 {
         self.working.get().unsigned_abs()
     }
 
     /// Typical duration of a run in seconds; 0 before the first one has ended.
-    #[must_use]
     pub fn seconds_per_run(&self) -> f64 {
         self.usual.get()
     }

@@ -427,7 +427,6 @@ impl Store {
     }
 
     /// The sizes of the database and of its log.
-    #[must_use]
     pub fn file_sizes(&self) -> FileSizes {
         match &self.engine {
             Engine::Sqlite(db) => db.file_sizes(),
@@ -436,7 +435,6 @@ impl Store {
     }
 
     /// The number of open connections to PostgreSQL; `None` for SQLite.
-    #[must_use]
     pub fn database_connections(&self) -> Option<u64> {
         match &self.engine {
             Engine::Sqlite(_) => None,
@@ -483,31 +481,26 @@ impl Store {
     }
 
     /// Free bytes on the disk of the database; `None` if the system does not report them.
-    #[must_use]
     pub fn free_bytes(&self) -> Option<u64> {
         each!(self, db => db.free_bytes())
     }
 
     /// Metrics since the start.
-    #[must_use]
     pub fn tally(&self) -> &Tally {
         &self.signals.tally
     }
 
     /// Signals changes of the jobs and the run of a key from now on. Read the tables after this call.
-    #[must_use]
     pub fn watch(&self, key: &Key) -> Changes {
         self.signals.watch(*key)
     }
 
     /// Signals deletions of results from now on, also those by servers that share the database.
-    #[must_use]
     pub fn watch_deletions(&self) -> Deletions {
         self.signals.watch_deletions()
     }
 
     /// Signals that a run was queued, from now on.
-    #[must_use]
     pub fn watch_queue(&self) -> Changes {
         self.signals.watch_queue()
     }

@@ -91,13 +91,11 @@ impl Evaluation {
     }
 
     /// Estimated processor time, in seconds.
-    #[must_use]
     pub fn seconds(&self) -> f64 {
         if self.needs_run() { self.case.seconds() } else { 0.0 }
     }
 
     /// Estimated size of the answer, in bytes.
-    #[must_use]
     pub fn answer_bytes(&self) -> usize {
         let tables = if self.parts.is_empty() { 0 } else { self.case.answer_bytes() };
         tables + OUTPUT_BYTES * (self.outputs.len() + self.warnings.len())

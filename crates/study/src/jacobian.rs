@@ -84,7 +84,6 @@ impl Jacobian {
     }
 
     /// Estimated processor time, in seconds, if one interval suffices for each number. More intervals take longer.
-    #[must_use]
     pub fn seconds(&self) -> f64 {
         (self.seconds + PREPARATION) * (1.0 + RUNS * self.next.len() as f64)
     }

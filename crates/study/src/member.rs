@@ -28,7 +28,6 @@ pub struct Member {
 
 impl Member {
     /// The pointers of all numbers of a scenario that are not in lists.
-    #[must_use]
     pub fn outside_lists(scenario: &Value) -> Vec<String> {
         let mut found = Vec::new();
         numbers(scenario, None, &mut String::new(), &mut found);

@@ -102,25 +102,21 @@ impl Model {
     }
 
     /// The numbers that vary.
-    #[must_use]
     pub fn members(&self) -> &[Member] {
         &self.0.members
     }
 
     /// The outputs.
-    #[must_use]
     pub fn outputs(&self) -> &[Output] {
         &self.0.outputs
     }
 
     /// Approximate memory, in bytes.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         VALUE_BYTES * self.0.size
     }
 
     /// The values of the numbers in the scenario, in SI.
-    #[must_use]
     pub fn origin(&self) -> Vec<f64> {
         self.members().iter().map(|member| member.value).collect()
     }
@@ -134,7 +130,6 @@ impl Model {
     }
 
     /// The values that a run has found.
-    #[must_use]
     pub fn values(&self, run: &Ended) -> PointValues {
         let outputs = || self.outputs().iter();
         PointValues {

@@ -243,19 +243,16 @@ fn row_of(text: &str, cycles: &Cycles) -> Result<usize, String> {
 
 impl Output {
     /// The name as the client wrote it.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// The SI unit; `1` for a number without a unit, and for the cycles of an event.
-    #[must_use]
     pub fn unit(&self) -> &'static str {
         outcome::Quantity::named(self.quantity.column).map_or("1", |quantity| quantity.unit)
     }
 
     /// Whether only a run finds the value. The others follow from the unworn contact.
-    #[must_use]
     pub fn needs_run(&self) -> bool {
         matches!(self.quantity.source, Source::Column(_) | Source::Event(_))
     }
@@ -300,7 +297,6 @@ impl Output {
     }
 
     /// Whether the value has a closed form. Formulas with quadratures and roots count as closed.
-    #[must_use]
     pub fn is_closed(&self, case: &Case) -> bool {
         !self.needs_run() || case.is_closed() && !ON_MESH.contains(&&*self.quantity.name)
     }
@@ -310,7 +306,6 @@ impl Output {
     /// A run states the errors of its wear volume and its wear depth. The test
     /// `stated_errors_of_derivatives_cover_the_noise_of_all_columns` checks the errors that are assumed for the other
     /// columns.
-    #[must_use]
     pub fn accuracy(&self, case: &Case, outcome: Option<&Outcome>) -> f64 {
         let computed = outcome.filter(|_| !self.is_closed(case));
         computed.and_then(|outcome| self.roughness(outcome)).unwrap_or(CLOSED).max(CLOSED)
@@ -342,13 +337,11 @@ impl Output {
     }
 
     /// Whether this is the radius at which the contact or the scar of a run ends.
-    #[must_use]
     pub fn is_edge(&self) -> bool {
         ["contact_radius", "scar_radius"].contains(&&*self.quantity.name)
     }
 
     /// Whether this is the estimated error of another output.
-    #[must_use]
     pub fn is_error(&self) -> bool {
         self.quantity.name.ends_with("_error")
     }

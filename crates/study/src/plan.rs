@@ -62,7 +62,6 @@ impl Kind {
     ///
     /// # Panics
     /// The kind has no designs.
-    #[must_use]
     #[expect(clippy::expect_used, reason = "a test reads the hints of all kinds")]
     pub fn hints(&self, study: &Value) -> Hints {
         let own = study[self.design].as_str();
@@ -105,13 +104,11 @@ words! {
 
 impl StudyFigure {
     /// Whether the figure shows one of the outputs, which clients can choose.
-    #[must_use]
     pub fn has_output(self) -> bool {
         self != Self::Regimes
     }
 
     /// Whether clients can choose the numbers that vary on the axes.
-    #[must_use]
     pub fn has_axes(self) -> bool {
         !matches!(self, Self::Regimes | Self::Tornado)
     }
@@ -132,7 +129,6 @@ pub struct Hints {
 
 impl Hints {
     /// Hints for figures that need only the rows.
-    #[must_use]
     pub const fn of(figures: &'static [StudyFigure]) -> Self {
         Self { figures, is_grid: false, regions: None, bars: None }
     }

@@ -24,14 +24,12 @@ pub struct Points {
 
 impl Points {
     /// All points of a study.
-    #[must_use]
     pub fn whole(study: Arc<Study>) -> Self {
         Self::chunk(study, 0, 1, Rows::default())
     }
 
     /// Chunk number `number` of `chunks` of about the same size. `earlier` has the rows of the
     /// [earlier chunks](Study::earlier_chunks), or more rows.
-    #[must_use]
     pub fn chunk(study: Arc<Study>, number: usize, chunks: usize, earlier: Rows) -> Self {
         let start = |number| number * study.points() / chunks;
         let points = start(number)..start(number + 1);
@@ -46,13 +44,11 @@ impl Points {
     }
 
     /// The share of the points that have a row, in 0…1.
-    #[must_use]
     pub fn progress(&self) -> f64 {
         (self.all - self.rest.len()) as f64 / self.all.max(1) as f64
     }
 
     /// Continues for at most about 30 ms. Returns the rows when all points have one.
-    #[must_use]
     pub fn step(&mut self) -> Option<Rows> {
         if self.rest.is_empty() {
             return Some(std::mem::take(&mut self.rows));

@@ -67,7 +67,6 @@ pub enum Lack {
 
 impl Problem {
     /// A problem of a valid scenario.
-    #[must_use]
     pub fn new(base: Value, members: Vec<Member>, outputs: Vec<Output>) -> Self {
         let size = size_of_tree(&base);
         Self { base, members, outputs, profiles: None, size }
@@ -98,7 +97,6 @@ impl Problem {
     }
 
     /// Estimated processor time of a point, in seconds.
-    #[must_use]
     pub fn seconds(&self, values: &[f64]) -> f64 {
         let run = self.case(values).ok().filter(|_| self.needs_run());
         self.preparation() + run.map_or(0.0, |case| case.seconds())

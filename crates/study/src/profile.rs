@@ -48,7 +48,6 @@ pub struct CommonProfiles {
 
 impl Field {
     /// The name of its column.
-    #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Wear => "wear",
@@ -59,7 +58,6 @@ impl Field {
     }
 
     /// The SI unit.
-    #[must_use]
     pub fn unit(self) -> &'static str {
         if self == Self::Pressure { "Pa" } else { "m" }
     }
@@ -127,7 +125,6 @@ impl CommonProfiles {
     }
 
     /// The curves of a point without a run: all values are missing.
-    #[must_use]
     pub fn missing(&self) -> Vec<Vec<Option<f64>>> {
         vec![vec![None; self.radii.len()]; self.fields.len()]
     }

@@ -66,14 +66,12 @@ impl Rows {
     ///
     /// # Panics
     /// The rows cannot be written as JSON.
-    #[must_use]
     #[expect(clippy::expect_used, reason = "rows must not be lost silently")]
     pub fn to_bytes(&self) -> Vec<u8> {
         serde_json::to_vec(self).expect("rows are numbers and texts")
     }
 
     /// Reads what [`Self::to_bytes`] has written; `None` if the bytes are not rows.
-    #[must_use]
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         serde_json::from_slice(bytes).ok()
     }
@@ -87,7 +85,6 @@ impl Rows {
     ///
     /// # Panics
     /// The column does not contain numbers.
-    #[must_use]
     #[expect(clippy::expect_used, reason = "the rows were written by this program")]
     pub fn numbers(&self, column: usize) -> Vec<Option<f64>> {
         let cells = self.columns.get(column).map_or("", String::as_str);
@@ -95,7 +92,6 @@ impl Rows {
     }
 
     /// The size of all texts, in bytes.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         self.columns.iter().map(String::len).sum()
     }

@@ -28,7 +28,6 @@ impl Run {
     }
 
     /// Estimated processor time, in seconds.
-    #[must_use]
     pub fn seconds(&self) -> f64 {
         if self.simulation.is_some() { self.case.seconds() } else { 0.0 }
     }

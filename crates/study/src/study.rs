@@ -150,7 +150,6 @@ impl Study {
     }
 
     /// The number of points.
-    #[must_use]
     pub fn points(&self) -> usize {
         self.plan.points()
     }
@@ -159,13 +158,11 @@ impl Study {
     ///
     /// # Panics
     /// There is no such point.
-    #[must_use]
     pub fn point(&self, number: usize) -> Vec<f64> {
         self.plan.point(number)
     }
 
     /// The largest possible size of the document, in bytes.
-    #[must_use]
     pub fn bytes(&self) -> usize {
         let row = NUMBER * (self.columns().len() - 1) + MAX_REASON;
         // The 3 bytes are the brackets and the comma of a curve. Each point also has its index.
@@ -183,7 +180,6 @@ impl Study {
     }
 
     /// Estimated memory of a prepared study without the text of its canonical form, in bytes.
-    #[must_use]
     pub fn memory(&self) -> usize {
         size_of::<Self>()
             + 8 * self.problem.members.len() * LISTED.min(self.points())
@@ -191,7 +187,6 @@ impl Study {
     }
 
     /// How many chunks of about 50 ms the study has. If the study has several stages, each chunk is one point.
-    #[must_use]
     pub fn chunks(&self) -> usize {
         if self.plan.stages().len() > 1 {
             return if self.seconds > CHUNK { self.points() } else { 1 };
@@ -201,20 +196,17 @@ impl Study {
     }
 
     /// The points with which the later stages begin.
-    #[must_use]
     pub fn stages(&self) -> Vec<usize> {
         self.plan.stages().split_off(1)
     }
 
     /// The number of chunks, from the first one on, whose rows this chunk of `chunks` needs: those of earlier stages.
-    #[must_use]
     pub fn earlier_chunks(&self, number: usize, chunks: usize) -> usize {
         let stages = self.plan.stages().into_iter();
         if chunks == 1 { 0 } else { stages.filter(|first| *first <= number).max().unwrap_or(0) }
     }
 
     /// The columns of the rows: members, outputs, and the reason why one is missing.
-    #[must_use]
     pub fn columns(&self) -> Vec<Column> {
         let members = self.problem.members.iter().map(|member| {
             let unit = member.dimension.si();
@@ -227,7 +219,6 @@ impl Study {
     }
 
     /// The units of the columns of numbers, by their names.
-    #[must_use]
     pub fn units(&self) -> Map<String, Value> {
         let columns = self.columns().into_iter().chain(self.plan.found_columns());
         let columns = columns.filter_map(|column| Some((column.name, column.unit?.into())));
@@ -242,7 +233,6 @@ impl Study {
     ///
     /// # Panics
     /// The members cannot be written as JSON.
-    #[must_use]
     #[expect(clippy::expect_used, reason = "nothing stops it")]
     pub fn document(&self, key: &impl Serialize, engine: &impl Serialize, rows: &Rows) -> String {
         self.document_while(key, engine, rows, &mut || true).expect("it goes on")
@@ -253,7 +243,6 @@ impl Study {
     ///
     /// # Panics
     /// The members cannot be written as JSON.
-    #[must_use]
     #[expect(clippy::expect_used, reason = "a damaged document must not be stored")]
     pub fn document_while(
         &self,
@@ -296,7 +285,6 @@ impl Study {
     }
 
     /// The number of points, and how many of them are refused or incomplete.
-    #[must_use]
     pub fn counts(&self, rows: &Rows) -> Value {
         json!({"points": self.points(), "refused": rows.refused, "incomplete": rows.incomplete})
     }

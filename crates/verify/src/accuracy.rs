@@ -45,19 +45,16 @@ pub struct OutputErrors(Vec<OutputError>);
 
 impl OutputErrors {
     /// The quantile of the error: a share `share` of the outputs has no larger error.
-    #[must_use]
     pub fn below(&self, share: f64) -> f64 {
         quantile(self.0.iter().map(|output| output.error).collect(), share)
     }
 
     /// The share of the outputs whose stated error is at least as large as the true error.
-    #[must_use]
     pub fn covered(&self) -> f64 {
         self.0.iter().filter(|output| output.is_covered()).count() as f64 / self.0.len() as f64
     }
 
     /// The median of the ratio of the stated error to the true error.
-    #[must_use]
     pub fn caution(&self) -> f64 {
         quantile(self.0.iter().map(|output| output.caution()).collect(), 0.5)
     }
@@ -73,7 +70,6 @@ impl Display for OutputErrors {
 
 impl Accuracy {
     /// Computes `count` random scenarios.
-    #[must_use]
     pub fn measured(count: usize, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let mut runs = Vec::new();
@@ -87,7 +83,6 @@ impl Accuracy {
     }
 
     /// The errors of a quantity at all output cycles.
-    #[must_use]
     pub fn of(&self, worn: Worn) -> OutputErrors {
         self.among(worn, |_| true)
     }
@@ -104,7 +99,6 @@ impl Accuracy {
 
     /// The quantile of the error of one of `OTHERS`: a share `share` of the runs has no larger error. `None` if no
     /// run has this quantity or event.
-    #[must_use]
     pub fn below(&self, other: &str, share: f64) -> Option<f64> {
         let errors = self.others(OTHERS.iter().position(|name| *name == other)?);
         (!errors.is_empty()).then(|| quantile(errors, share))
@@ -115,7 +109,6 @@ impl Accuracy {
     }
 
     /// The number of errors above 2 % in runs without a warning.
-    #[must_use]
     pub fn unwarned(&self) -> usize {
         let runs = self.runs.iter().filter(|(_, deviation)| !deviation.is_warned);
         let errors = runs.flat_map(|(_, deviation)| deviation.outputs());
@@ -123,7 +116,6 @@ impl Accuracy {
     }
 
     /// The number of runs in which no error exceeds 2 %, and the number of these runs that have a warning.
-    #[must_use]
     pub fn sound(&self) -> (usize, usize) {
         let is_sound =
             |deviation: &Deviation| deviation.outputs().all(|output| output.error <= LARGE);

@@ -23,7 +23,6 @@ pub use accuracy::{Accuracy, OutputErrors, Worn};
 pub use page::{Check, Section, VerificationPage};
 
 /// Computes the page, which takes some seconds.
-#[must_use]
 pub fn page() -> VerificationPage {
     let sections = [
         table::sections(),

@@ -95,13 +95,11 @@ impl Check {
     }
 
     /// The relative error; the value itself where the reference is 0.
-    #[must_use]
     pub fn error(&self) -> f64 {
         if self.reference == 0.0 { self.value } else { self.value / self.reference - 1.0 }
     }
 
     /// The distance from the expected error, divided by the accepted one. 1 or less passes; NaN never passes.
-    #[must_use]
     pub fn share(&self) -> f64 {
         let error = (self.error() - self.expected).abs();
         match self.accepted {
@@ -114,7 +112,6 @@ impl Check {
     }
 
     /// Whether the error is accepted. A number that is only reported always passes.
-    #[must_use]
     pub fn passes(&self) -> bool {
         self.share() <= 1.0
     }
@@ -181,7 +178,6 @@ impl Section {
     }
 
     /// The check with the largest ratio of error to accepted error.
-    #[must_use]
     pub fn closest(&self) -> Option<&Check> {
         let judged = self.checks.iter().filter(|check| check.accepted.is_some());
         judged.max_by(|a, b| a.share().total_cmp(&b.share()))

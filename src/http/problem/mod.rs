@@ -167,7 +167,6 @@ impl Problem {
     }
 
     /// Adds the error that caused the problem, for the log.
-    #[must_use]
     pub fn caused_by(self, error: &(dyn Error + 'static)) -> Self {
         let causes = iter::successors(Some(error), |&error| error.source());
         let causes: Vec<_> = causes.map(ToString::to_string).collect();
@@ -190,20 +189,17 @@ impl Problem {
     }
 
     /// Adds the canonical scenario or study of an evicted result.
-    #[must_use]
     pub fn with_asked(self, asked: Option<Canonical>) -> Self {
         Self { asked: asked.map(Box::new), ..self }
     }
 
     /// Adds a header to the answer.
-    #[must_use]
     pub fn with_header(mut self, name: HeaderName, value: impl Into<String>) -> Self {
         self.headers.push((name, value.into()));
         self
     }
 
     /// Adds `Retry-After`.
-    #[must_use]
     pub fn retry_after(self, seconds: u32) -> Self {
         self.with_header(axum::http::header::RETRY_AFTER, seconds.to_string())
     }

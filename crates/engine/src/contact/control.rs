@@ -268,6 +268,13 @@ impl Control {
                 let most = self.largest_threshold(contact) / least_friction;
                 if most >= 1.0 { 0.0 } else { contact.shape.image_inverse(1.0 - most) }
             }
+            // The unworn core alone determines F − Q/μ = 2 ∫ (g(c) − g) dx over the core.
+            (Normal::Force, Tangential::Force(half)) if contact.changes_friction() => {
+                let shape = &contact.shape;
+                let rest = shape.half_force() - half / least_friction;
+                let surplus = |c: f64| c * shape.image(c) - shape.area(c) - rest;
+                if rest <= 0.0 { 0.0 } else { root(0.0, 1.0, surplus) }
+            }
             // Δ falls less than friction does.
             (_, Tangential::Force(_) | Tangential::Rig { .. }) if contact.changes_friction() => 0.0,
             _ if least_friction < 1.0 => {

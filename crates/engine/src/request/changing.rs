@@ -157,13 +157,23 @@ impl<T: Deserr<Faults>> Deserr<Faults> for GivenChanging<T> {
         value: Value<V>,
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
-        let Value::Map(mut map) = value else {
-            return T::deserialize_from_value(value, location).map(Self::Constant);
+        let mut map = match value {
+            Value::Map(map) => map,
+            Value::Sequence(_) => {
+                let detail = "must not be a list. Enter a number, or a table such as {\"over\": \"cycles\", \"at\": \
+                              [0, 1000], \"values\": [0.2, 0.8]}";
+                return Err(Faults::at(location, detail));
+            }
+            _ => return T::deserialize_from_value(value, location).map(Self::Constant),
         };
-        if map.len() == 1
-            && let Some(run_in) = map.remove("run_in")
-        {
+        let others = map.len() > 1;
+        if let Some(run_in) = map.remove("run_in") {
             let here = location.push_key("run_in");
+            if others {
+                let detail =
+                    "cannot be combined with other members. Enter `run_in` alone, or a table";
+                return Err(Faults::at(here, detail));
+            }
             return Deserr::deserialize_from_value(run_in.into_value(), here).map(Self::RunIn);
         }
         Deserr::deserialize_from_value(Value::<V>::Map(map), location).map(Self::Table)

@@ -202,7 +202,7 @@ impl LineMotion {
                 let detail = format!(
                     "is too small: a ring of less than {MIN_RING:e} half-widths would slip, which is too narrow to \
                      compute. Enter a motion that is at least {:.1} times as large",
-                    (least / threshold).max(1.1)
+                    (10.0 * least / threshold).ceil().max(11.0) / 10.0
                 );
                 return Err(Faults::one(&pointer, detail));
             }

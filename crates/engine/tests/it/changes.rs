@@ -299,3 +299,25 @@ fn a_stick_ratio_that_a_line_contact_cannot_have_is_refused_with_the_possible_on
         assert!(faults[0].detail.contains("is not above"), "{}", faults[0].detail);
     }
 }
+
+/// With both forces held, the core that sticks at the smallest friction never wears, so the scar has a limit.
+#[test]
+fn a_core_that_always_sticks_limits_the_scar() {
+    let radii: Vec<f64> = (0..200).map(|i| 3.914e-4 * f64::from(i) / 199.0).collect();
+    let heights: Vec<f64> = radii.iter().map(|r| r * r / 0.02).collect();
+    let falling = json!({"over": "cycles", "at": [1e4, 2e4], "values": [0.8, 0.4]});
+    let ball = json!({
+        "profile": {"shape": "paraboloid", "radius": 0.01}, "moduli": {"normal": 1e11, "tangential": 8.2e10},
+        "friction": falling, "wear": {"coefficient": 3e-14}, "load": {"normal_force": 100},
+        "motion": {"tangential_force": 30}, "cycles": [1e5, 1e12], "profiles_at": "none",
+    });
+    let found = outcome(&ball);
+    let table = json!({"shape": "table", "radius": radii, "height": heights});
+    let measured = outcome(&with(ball, "profile", table));
+    let [volume, same] = [&found, &measured].map(|run| last(&run.history.wear_volume));
+    assert!((same / volume - 1.0).abs() < 1e-6, "{volume} {same}");
+    // F − Q/μ = (4/3)·E*·c³/R at the smallest friction.
+    let core = libm::cbrt(0.75 * (100.0 - 30.0 / 0.4) * 0.01 / 1e11);
+    let stick = last(&found.history.stick_radius);
+    assert!((stick / core - 1.0).abs() < 1e-3, "{stick} {core}");
+}

@@ -413,6 +413,12 @@ fn faulty_tables_of_a_coefficient_are_refused() {
             (over_cycles(json!([0, 5]), json!([0.2, 0.3, 0.4])), "/friction/values", "as many"),
             (over_cycles(json!([0, 5]), json!([0.2, 0])), "/friction/values/1", "greater than 0"),
             (over_cycles(json!([0]), json!([0.2, 0.3])), "/friction/at", "2 to 1000"),
+            (json!({"friction": [0.2, 0.3]}), "/friction", "or a table such as"),
+            (
+                json!({"friction": {"run_in": {"cycles": 9, "from": 0.2, "to": 0.3}, "over": "cycles"}}),
+                "/friction/run_in",
+                "alone, or a table",
+            ),
             (over_cycles(json!([0, "5 mJ"]), json!([0.2, 0.3])), "/friction/at/1", "plain number"),
             (
                 json!({"friction": {"at": [0, 5], "values": [0.2, 0.3]}}),

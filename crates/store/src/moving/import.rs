@@ -72,7 +72,6 @@ impl Importer {
     }
 
     /// The number of rows that are not read yet.
-    #[must_use]
     pub fn unread(&self) -> usize {
         self.rows.len()
     }
@@ -258,7 +257,6 @@ impl Entry {
     }
 
     /// Accepts the result, whose parsed body is `document`. Compresses the body.
-    #[must_use]
     pub fn accept(self, document: &Document, verified: Verified) -> Accepted {
         let Self { key, body, cost, owner, computed, program, warnings, note } = self;
         let program = program.map(|it| Program { numerics: document.numerics, ..it });

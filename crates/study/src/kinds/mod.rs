@@ -12,7 +12,6 @@ impl Kind {
     pub const ALL: [&'static Self; 4] = [&sweep::KIND, &sensitivity::KIND, &map::KIND, &fit::KIND];
 
     /// The kind with this name.
-    #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         Self::ALL.into_iter().find(|kind| kind.name == name)
     }

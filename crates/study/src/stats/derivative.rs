@@ -158,7 +158,6 @@ impl Search {
     ///
     /// # Panics
     /// If the point lies outside of the domain.
-    #[must_use]
     pub fn new(place: Place, accuracies: &[f64]) -> Self {
         assert!((place.low..=place.high).contains(&place.x), "the point lies in the domain");
         let output = |accuracy: &f64| Output {
@@ -171,7 +170,6 @@ impl Search {
     }
 
     /// The points at which the function must be computed next, or `None` when the search is complete.
-    #[must_use]
     pub fn points(&self) -> Option<Vec<f64>> {
         let done = self.outputs.iter().all(|output| output.done);
         if done || self.round == MAX_ROUNDS {
@@ -187,7 +185,6 @@ impl Search {
     ///
     /// # Panics
     /// If the point lies outside of the domain.
-    #[must_use]
     pub fn all_points(place: Place) -> Vec<Vec<f64>> {
         let of = |round| Self { round, ..Self::new(place, &[]) }.neighbours();
         (0..MAX_ROUNDS).map(of).collect()
@@ -242,7 +239,6 @@ impl Search {
     }
 
     /// The derivatives that are known so far.
-    #[must_use]
     pub fn found(&self) -> Vec<Option<Derivative>> {
         let found = |output: &Output| {
             let Derivative { value, error } = output.best?;

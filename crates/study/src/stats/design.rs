@@ -48,7 +48,6 @@ enum Rule {
 
 impl Design {
     /// All combinations of the values of each member. The values of the last member change from point to point.
-    #[must_use]
     pub fn grid(values: Vec<Vec<f64>>) -> Self {
         let points = values.iter().map(Vec::len).fold(1, usize::saturating_mul);
         Self { points, rule: Rule::Grid(values) }
@@ -72,20 +71,17 @@ impl Design {
     }
 
     /// A Latin hypercube: random points, one in each of `points` equally probable intervals of every member.
-    #[must_use]
     pub fn latin_hypercube(members: Vec<Distribution>, points: usize, seed: u64) -> Self {
         let latin = LatinHypercube::new(points, members.len(), seed);
         Self { points, rule: Rule::Latin(latin, members) }
     }
 
     /// The first points of a scrambled Sobol sequence. Powers of two fill the space most evenly.
-    #[must_use]
     pub fn sobol(members: Vec<Distribution>, points: usize, seed: u64) -> Self {
         Self { points, rule: Rule::Sobol(Sobol::new(members.len(), seed), members) }
     }
 
     /// The number of points.
-    #[must_use]
     pub fn points(&self) -> usize {
         self.points
     }
@@ -94,7 +90,6 @@ impl Design {
     ///
     /// # Panics
     /// If the design has no such point.
-    #[must_use]
     pub fn point(&self, index: usize) -> Vec<f64> {
         assert!(index < self.points, "the design has {} points", self.points);
         let quantiles = |members: &[Distribution], coordinate: &dyn Fn(usize) -> f64| {

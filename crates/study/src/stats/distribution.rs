@@ -137,7 +137,6 @@ impl Distribution {
     }
 
     /// The value below which the share `u` of the distribution lies, for 0 < u < 1.
-    #[must_use]
     pub fn quantile(&self, u: f64) -> f64 {
         match self.0 {
             // The rounded sum can lie beyond `high`.

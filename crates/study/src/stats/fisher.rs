@@ -22,7 +22,6 @@ const TERMS: u32 = 20_000;
 const TINY: f64 = 1e-300;
 
 /// The probability that an F-distributed number with these degrees of freedom exceeds `x`.
-#[must_use]
 pub fn above(x: f64, (of_numerator, of_denominator): (f64, f64)) -> f64 {
     let product = of_numerator * x;
     beta(0.5 * of_denominator, 0.5 * of_numerator, of_denominator / (product + of_denominator))
@@ -30,7 +29,6 @@ pub fn above(x: f64, (of_numerator, of_denominator): (f64, f64)) -> f64 {
 
 /// The factor of the standard error: an interval of ± this many standard errors has this confidence. `freedom` is the
 /// number of degrees of freedom from which the noise was estimated; `None` if the noise is known.
-#[must_use]
 pub fn factor(confidence: f64, freedom: Option<usize>) -> f64 {
     let Some(freedom) = freedom else {
         return super::distribution::normal_quantile(0.5 + 0.5 * confidence);

@@ -48,19 +48,16 @@ pub struct Saltelli {
 
 impl Saltelli {
     /// The design for this number of members. More groups with the same seed begin with the same points.
-    #[must_use]
     pub fn new(members: usize, seed: u64) -> Self {
         Self { sobol: Sobol::new(2 * members, seed), members }
     }
 
     /// The number of points of a group, d + 2.
-    #[must_use]
     pub fn group(&self) -> usize {
         self.members + 2
     }
 
     /// The coordinates of a point in the unit cube. Points 0 to d + 1 are the first group, and so on.
-    #[must_use]
     pub fn point(&self, index: usize) -> Vec<f64> {
         let (group, place) = (index / self.group(), index % self.group());
         let from_second = |member| place == self.members + 1 || place == member + 1;
@@ -160,7 +157,6 @@ impl fmt::Display for Caution {
 
 impl Indices {
     /// The limitations of these indices.
-    #[must_use]
     pub fn cautions(&self) -> Vec<Caution> {
         let planned = self.groups + self.left_out;
         let size =

@@ -59,7 +59,6 @@ pub struct Measured {
 
 impl Measured {
     /// Numbers from which this number of parameters is estimated. Parameters with a prior are not counted.
-    #[must_use]
     pub fn new(points: Vec<Point>, is_estimated: Vec<bool>, parameters: usize) -> Self {
         let clusters = points.iter().map(|point| point.cluster + 1).max().unwrap_or(0);
         let mut sizes = vec![0.0; clusters];
@@ -76,7 +75,6 @@ impl Measured {
     }
 
     /// The same numbers without those for which `is_left_out` holds.
-    #[must_use]
     pub fn without(&self, is_left_out: impl Fn(usize) -> bool) -> Self {
         let mut rest = self.clone();
         for (place, weight) in rest.weights.iter_mut().enumerate() {
@@ -88,13 +86,11 @@ impl Measured {
     }
 
     /// Whether the number takes part.
-    #[must_use]
     pub fn has(&self, place: usize) -> bool {
         self.weights[place] > 0.0
     }
 
     /// The effective number of points of all sets, or of one of them.
-    #[must_use]
     pub fn count(&self, set: Option<usize>) -> f64 {
         let own = self.points.iter().zip(&self.weights);
         own.filter(|(point, _)| set.is_none_or(|set| point.set == set)).map(|(_, w)| w).sum()
@@ -107,7 +103,6 @@ impl Measured {
     }
 
     /// The factor q of the noise of each set, from predictions.
-    #[must_use]
     pub fn factors(&self, predicted: &[f64]) -> Vec<f64> {
         let mut squares = vec![0.0; self.is_estimated.len()];
         let own = self.points.iter().zip(&self.weights).zip(predicted);
@@ -124,21 +119,18 @@ impl Measured {
     }
 
     /// The standard deviation s of the difference between a number and its prediction.
-    #[must_use]
     pub fn deviation(&self, place: usize, factors: &[f64]) -> f64 {
         let Point { noise, numerical, set, .. } = self.points[place];
         libm::hypot(factors[set] * noise, numerical)
     }
 
     /// What a change of each prediction by 1 changes in its residual: √w/s.
-    #[must_use]
     pub fn slopes(&self, factors: &[f64]) -> Vec<f64> {
         let weights = self.weights.iter().enumerate();
         weights.map(|(place, weight)| weight.sqrt() / self.deviation(place, factors)).collect()
     }
 
     /// The residuals.
-    #[must_use]
     pub fn residuals(&self, predicted: &[f64], factors: &[f64]) -> Vec<f64> {
         let slopes = self.slopes(factors).into_iter().zip(&self.points).zip(predicted);
         let residual = |((slope, point), found): ((f64, &Point), &f64)| {
@@ -149,7 +141,6 @@ impl Measured {
     }
 
     /// The degrees of freedom from which noise is estimated, at least 1; `None` if all noise is stated.
-    #[must_use]
     pub fn freedom(&self) -> Option<usize> {
         let estimated = self.is_estimated.iter().enumerate().filter(|(_, estimated)| **estimated);
         let sets: Vec<f64> = estimated.map(|(set, _)| self.count(Some(set))).collect();
@@ -158,14 +149,12 @@ impl Measured {
     }
 
     /// The size of an interval, in standard errors.
-    #[must_use]
     pub fn factor(&self, confidence: f64) -> f64 {
         fisher::factor(confidence, self.freedom())
     }
 
     /// The corrected information criterion of Akaike, without the constant that all models of the same numbers have in
     /// common. `None` if there are at most p + 2 points.
-    #[must_use]
     pub fn aicc(&self, predicted: &[f64], parameters: usize) -> Option<f64> {
         let factors = self.factors(predicted);
         let count = self.count(None);
@@ -208,7 +197,6 @@ impl Information {
     /// so that 1 is a large change. `errors` are the errors of the columns, as root sums of squares.
     ///
     /// A direction is undetermined if its standard error exceeds 1, or if its effect is smaller than the errors.
-    #[must_use]
     pub fn of(columns: &[Vec<f64>], errors: &[f64]) -> Self {
         let count = columns.len();
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
@@ -231,7 +219,6 @@ impl Information {
 
     /// The covariance of two linear functions of the parameters, which are given by their slopes. Directions that the
     /// residuals do not determine are left out.
-    #[must_use]
     pub fn covariance(&self, one: &[f64], other: &[f64]) -> f64 {
         let along = |direction: &[f64], slopes: &[f64]| -> f64 {
             direction.iter().zip(slopes).map(|(part, slope)| part * slope).sum()
@@ -246,13 +233,11 @@ impl Information {
     }
 
     /// The standard error of a linear function of the parameters.
-    #[must_use]
     pub fn standard_error(&self, slopes: &[f64]) -> f64 {
         self.covariance(slopes, slopes).sqrt()
     }
 
     /// The correlation of two parameters.
-    #[must_use]
     pub fn correlation(&self, one: usize, other: usize) -> f64 {
         let only = |place: usize| {
             (0..self.directions.len()).map(|it| f64::from(it == place)).collect::<Vec<_>>()
@@ -262,7 +247,6 @@ impl Information {
     }
 
     /// The directions that the residuals do not determine. Each has the fewest parameters that are possible.
-    #[must_use]
     pub fn undetermined(&self) -> Vec<Direction> {
         let directions = self.directions.iter().zip(&self.is_determined);
         let own = directions.filter(|(_, is_determined)| !**is_determined);

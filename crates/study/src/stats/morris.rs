@@ -48,19 +48,16 @@ struct Trajectory {
 
 impl Morris {
     /// The design for this number of members, with an even number of levels, usually 4.
-    #[must_use]
     pub fn new(members: usize, levels: usize, seed: u64) -> Self {
         Self { members, levels, random: Stream::new(seed) }
     }
 
     /// The number of points of a trajectory, d + 1.
-    #[must_use]
     pub fn trajectory(&self) -> usize {
         self.members + 1
     }
 
     /// The coordinates of a point in the unit cube. Points 0 to d are the first trajectory, and so on.
-    #[must_use]
     pub fn point(&self, index: usize) -> Vec<f64> {
         let Trajectory { start, turns } = self.draw(index / self.trajectory());
         let changes = index % self.trajectory();
@@ -122,7 +119,6 @@ pub struct TooFewEffects {
 ///
 /// # Panics
 /// If the last trajectory is not complete.
-#[must_use]
 pub fn effects(
     design: &Morris,
     outputs: &[Option<f64>],

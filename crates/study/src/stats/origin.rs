@@ -29,7 +29,6 @@ pub struct Line {
 
 impl Line {
     /// The line through points (x, y, weight). `None` if there are fewer than two points, or if all y are equal.
-    #[must_use]
     pub fn through(points: &[(f64, f64, f64)], confidence: f64) -> Option<Self> {
         let freedom = points.len().checked_sub(1).filter(|freedom| *freedom > 0)?;
         let sum = |of: &dyn Fn(f64, f64) -> f64| -> f64 {

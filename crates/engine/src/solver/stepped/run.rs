@@ -39,9 +39,9 @@ const EDGE_AND_TIP: (f64, f64) = (0.3, 1.2);
 const BLUNTED: f64 = 5e-4;
 /// If the profile is lower in one cell than this share of the wear, the error decreases with the square.
 const RESOLVED: f64 = 0.15;
-/// Maximum difference of the two volumes of a step, in units of the tolerance of the steps and of the volume so far, if
-/// a coefficient changes. The same holds for the extrapolated energy.
-const AGREEMENT: f64 = 0.2;
+/// If a coefficient changes: the maximum difference of the two volumes of a step, in units of the tolerance of the steps,
+/// as a share of the volume of the step and of the volume so far. The same holds for the extrapolated energy.
+const AGREEMENT: (f64, f64) = (1.0, 1e-4);
 /// Relative accuracy of the time at which an energy is reached.
 const TIME_DIGITS: f64 = 1e-13;
 
@@ -295,10 +295,13 @@ impl MeshRun {
         let mesh = &wearing.springs.mesh;
         let step = mesh.volume(&rkc.values) - mesh.volume(rkc.values_before());
         let energy = self.dissipated[1] + dissipated;
-        let allowed = AGREEMENT * rkc.tolerance;
-        let is_short = (step - worn).abs() <= allowed * (self.worn_by_energy[1] + worn)
-            && (wearing.follower.energy(rkc.time) - energy).abs() <= allowed * energy;
-        is_short || rkc.is_shortest()
+        let agree = |difference: f64, part: f64, before: f64| {
+            difference.abs() <= rkc.tolerance * (AGREEMENT.0 * part + AGREEMENT.1 * before)
+        };
+        let extrapolated = wearing.follower.energy(rkc.time);
+        agree(step - worn, worn, self.worn_by_energy[1])
+            && agree(extrapolated - energy, dissipated, self.dissipated[1])
+            || rkc.is_shortest()
     }
 
     /// The held quantities.
@@ -507,7 +510,7 @@ impl MeshRun {
         let rests = !control.drifts(contact) || !moves(control, contact);
         // With a coefficient of friction that changes, an edge that has not appeared may never appear.
         let has_none = worn.stick == 0.0 && contact.changes_friction();
-        if rests || has_none || worn.stick >= 1.0 {
+        if rests || has_none || worn.threshold == 0.0 || worn.stick >= 1.0 {
             return 0.0;
         }
         // The edge is not known better than the surface on which the block has started.

@@ -23,7 +23,6 @@ pub struct LatinHypercube {
 
 impl LatinHypercube {
     /// The design with this number of points.
-    #[must_use]
     pub fn new(points: usize, dimensions: usize, seed: u64) -> Self {
         let dimension = |place| [0, 1].map(|use_of| Stream::new(seed).child(place).child(use_of));
         let dimensions = (0..dimensions as u64).map(dimension).collect();
@@ -31,7 +30,6 @@ impl LatinHypercube {
     }
 
     /// One coordinate of the point with this index, greater than 0 and less than 1.
-    #[must_use]
     pub fn coordinate(&self, index: usize, dimension: usize) -> f64 {
         let [permutation, cells] = self.dimensions[dimension];
         let stratum = permute(index as u64, self.points, permutation);

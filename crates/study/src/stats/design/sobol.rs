@@ -54,7 +54,6 @@ impl Sobol {
     ///
     /// # Panics
     /// If there are more than [`MAX_DIMENSIONS`].
-    #[must_use]
     pub fn new(dimensions: usize, seed: u64) -> Self {
         assert!(dimensions <= MAX_DIMENSIONS, "the caller checks the number of dimensions");
         let bits = Stream::new(seed);
@@ -71,13 +70,11 @@ impl Sobol {
     }
 
     /// The number of coordinates of a point.
-    #[must_use]
     pub fn dimensions(&self) -> usize {
         self.dimensions.len()
     }
 
     /// One coordinate of the point with this index, greater than 0 and less than 1.
-    #[must_use]
     pub fn coordinate(&self, index: u32, dimension: usize) -> f64 {
         let dimension = &self.dimensions[dimension];
         scramble(dimension.digits(index), dimension.bits)
