@@ -260,6 +260,35 @@ fn volumes_and_profiles_that_need_different_coefficients_are_told_first() {
 }
 
 #[test]
+fn repeated_tests_show_whether_the_model_fits() {
+    let found = |friction: f64| {
+        let mut truth = ball();
+        truth["friction"] = json!(friction);
+        let mut both = tests(&truth, &[2.5e-6, 3e-6, 5e-6, 10e-6], Stream::new(4));
+        for test in &mut both.clone() {
+            test["name"] = json!(format!("{} again", test["name"]));
+            let volume = test["data"][0]["y"][0].as_f64().unwrap();
+            test["data"][0]["y"][0] = json!(volume * 1.03);
+            both.push(test.clone());
+        }
+        let mut fit = of_wear_and_friction(&both);
+        fit["parameters"].as_array_mut().unwrap().pop();
+        fit["starts"] = json!(1);
+        fitted(fit).unwrap()
+    };
+    let (same, other) = (found(0.7), found(0.9));
+    let probability =
+        |found: &Value| found["quality"]["lack_of_fit"]["probability"].as_f64().unwrap();
+    assert!(probability(&other) < 0.01 && probability(&other) < 0.1 * probability(&same));
+    assert_eq!(
+        (notes(&other, "lack_of_fit").len(), notes(&other, "misfit").len()),
+        (1, 1),
+        "{}",
+        other["notes"]
+    );
+}
+
+#[test]
 fn the_profile_of_one_body_is_its_part_of_the_wear() {
     let mut shared = ball();
     shared["wear"]["share"] = json!(0.25);
