@@ -62,7 +62,7 @@ struct Entry {
     #[deserr(default)]
     count: Given<Whole<2, MAX_VALUES>>,
     #[deserr(default)]
-    spacing: Given<Spacing>,
+    spacing: Given<SpacingName>,
     #[deserr(default)]
     distribution: Given<Value>,
 }
@@ -75,7 +75,14 @@ struct Range {
     to: Value,
     count: Whole<2, MAX_RADII>,
     #[deserr(default)]
-    spacing: Given<Spacing>,
+    spacing: Given<SpacingName>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum SpacingName {
+    Linear,
+    Log,
 }
 
 /// Reads the list `vary` of a study of this scenario.
@@ -189,7 +196,7 @@ impl Entry {
             Some(value) => end_of(name, &value, member),
         };
         let (from, to) = (end("from", self.from.0)?, end("to", self.to.0)?);
-        let spacing = self.spacing.0.unwrap_or_default();
+        let spacing = spacing_of(self.spacing);
         match self.count.0 {
             None => Ok(Values::Range(from, to, spacing)),
             Some(Whole(count)) => {
@@ -205,6 +212,13 @@ fn end_of(name: &str, value: &Value, member: &Member) -> Result<f64, Faults> {
     member.read(value).map_err(|detail| Faults::one(&format!("/{name}"), detail))
 }
 
+fn spacing_of(name: Given<SpacingName>) -> Spacing {
+    match name.0 {
+        Some(SpacingName::Log) => Spacing::Logarithmic,
+        Some(SpacingName::Linear) | None => Spacing::Linear,
+    }
+}
+
 /// Reads quantities that a study does not vary: a list, or a range.
 ///
 /// # Errors
@@ -216,8 +230,7 @@ pub fn list_or_range(given: Value, dimension: Dimension) -> Result<Vec<f64>, Fau
     }
     let Range { from, to, count: Whole(count), spacing } = typed(given)?;
     let (from, to) = (end_of("from", &from, &member)?, end_of("to", &to, &member)?);
-    let list = range(from, to, count as usize, spacing.0.unwrap_or_default());
-    list.map_err(|fault| Faults(vec![fault]))
+    range(from, to, count as usize, spacing_of(spacing)).map_err(|fault| Faults(vec![fault]))
 }
 
 fn list_of(list: &[Value], member: &Member) -> Result<Vec<f64>, Faults> {

@@ -24,8 +24,7 @@
 pub mod latin;
 pub mod sobol;
 
-use deserr::Deserr;
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Fault;
 
 use super::distribution::Distribution;
 use latin::LatinHypercube;
@@ -115,14 +114,11 @@ impl Design {
 }
 
 /// How the values of a range are spaced.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Spacing {
     /// The differences of neighbours are equal.
-    #[default]
     Linear,
     /// The ratios of neighbours are equal.
-    #[deserr(rename = "log")]
     Logarithmic,
 }
 
