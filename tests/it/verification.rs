@@ -64,7 +64,7 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
         let (error, covered, caution) = (errors.below(0.95), errors.covered(), errors.caution());
         assert!(error > 0.0 && error < limit, "{worn:?}: {error}\n{accuracy}");
         assert!(covered > least, "{worn:?}: {covered}\n{accuracy}");
-        assert!(caution > 1.0 && caution < 4.0, "{worn:?}: {caution}\n{accuracy}");
+        assert!(caution > 1.0 && caution < 5.0, "{worn:?}: {caution}\n{accuracy}");
     }
     let limits = [
         ("contact radius", 1e-2),
@@ -83,5 +83,15 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
     // While the friction changes by up to a factor of 4, the error of the moving stick edge is overestimated: one of four
     // of these runs has a warning.
     let (sound, warned) = accuracy.sound();
-    assert!(12 * warned <= sound, "{accuracy}");
+    assert!(10 * warned <= sound, "{accuracy}");
+    let steady = accuracy.with_constant_coefficients();
+    for worn in [Worn::Volume, Worn::Depth] {
+        let caution = steady.of(worn).caution();
+        assert!(caution < 4.0, "{worn:?}: {caution}\n{steady}");
+    }
+    assert_eq!(steady.unwarned(), 0, "{steady}");
+    let (sound, warned) = steady.sound();
+    // Of the few runs, one more or less decides.
+    let most = if is_long { 28 } else { 26 };
+    assert!(most * warned <= sound, "{steady}");
 }

@@ -82,6 +82,12 @@ impl Accuracy {
         Self { runs }
     }
 
+    /// The runs with constant coefficients alone.
+    pub fn with_constant_coefficients(mut self) -> Self {
+        self.runs.retain(|(scenario, _)| scenario.coefficients == "constant");
+        self
+    }
+
     /// The errors of a quantity at all output cycles.
     pub fn of(&self, worn: Worn) -> OutputErrors {
         self.among(worn, |_| true)

@@ -27,8 +27,11 @@ pub struct Assets {
 impl Assets {
     /// Answers with a file.
     pub async fn answer(&'static self, name: &str, headers: &HeaderMap) -> Result<Response> {
-        // The first call compresses the files, which takes tens of milliseconds.
-        let all = spawn_blocking(|| LazyLock::force(&self.all)).await.map_err(Problem::bug)?;
+        let all = match LazyLock::get(&self.all) {
+            Some(all) => all,
+            // The first call compresses the files, which takes tens of milliseconds.
+            None => spawn_blocking(|| LazyLock::force(&self.all)).await.map_err(Problem::bug)?,
+        };
         let asset = all.iter().find(|asset| asset.name == name);
         let none = || Problem::new(&kinds::NOT_FOUND, self.none);
         Ok(asset.ok_or_else(none)?.answer(headers, self.policy))
