@@ -74,11 +74,6 @@ pub struct Measured {
 /// Faults of the file have an empty pointer, and those of the wish the pointer `/x`, `/y` or `/prepare`.
 pub fn read(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Measured, Faults> {
     let mut table = Table::read(bytes)?;
-    let is_asked = wanted.x.is_some() || wanted.y.is_some() || wanted.prepare != Prepare::Points;
-    if table.columns.len() < 2 && !is_asked {
-        let Table { columns, notes } = table;
-        return Ok(Measured { columns, prepared: Value::Null, notes });
-    }
     let mut faults = Faults::default();
     let x = faults.keep("/x", table.column(0, wanted.x));
     let next =

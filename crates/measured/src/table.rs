@@ -282,7 +282,9 @@ impl<'a> Reading<'a> {
         let mut table = Table { columns: Vec::new(), notes: self.notes };
         for (((name, unit), values), is_number) in names.into_iter().zip(columns).zip(are_numbers) {
             if !is_number {
-                table.notes.push(format!("“{name}” has texts and was not read. Units belong into the header."));
+                table.notes.push(format!(
+                    "“{name}” has texts and was not read. Units belong into the header."
+                ));
                 continue;
             }
             let mut column = Column { name, unit: None, dimension: None, values, stated: None };

@@ -25,7 +25,11 @@ impl Scar {
         let outcome = serde_json::to_value(Simulation::of(&scenario).unwrap().run()).unwrap();
         let last = |name: &str| -> Vec<f64> {
             let lists = outcome["profiles"][name].as_array().unwrap();
-            let list = if lists[0].is_array() { lists.last().unwrap() } else { &outcome["profiles"][name] };
+            let list = if lists[0].is_array() {
+                lists.last().unwrap()
+            } else {
+                &outcome["profiles"][name]
+            };
             serde_json::from_value(list.clone()).unwrap()
         };
         Self(last("radius"), last("wear"))
@@ -156,8 +160,19 @@ fn a_trace_gives_back_what_it_was_made_of() {
         Trace { points: 60_000, ..BALL },
     ] {
         let most = accuracy(&scar, trace);
-        println!("{:e} {:e} {} {}: radius {:.1e}, axis {:.1e} m, tilt {:.1e}, depth rms {:.1e} m, largest {:.1e} m, edge {:.1e} m",
-            trace.radius, trace.noise, trace.tilt, trace.points, most[0], most[1], most[2], most[3], most[4], most[5]);
+        println!(
+            "{:e} {:e} {} {}: radius {:.1e}, axis {:.1e} m, tilt {:.1e}, depth rms {:.1e} m, largest {:.1e} m, edge {:.1e} m",
+            trace.radius,
+            trace.noise,
+            trace.tilt,
+            trace.points,
+            most[0],
+            most[1],
+            most[2],
+            most[3],
+            most[4],
+            most[5]
+        );
     }
 }
 
@@ -165,9 +180,19 @@ fn a_trace_gives_back_what_it_was_made_of() {
 fn spikes() {
     let scar = Scar::of_the_engine();
     let text = BALL.file(&scar);
-    let lines: Vec<String> = text.lines().enumerate().map(|(at, line)| {
-        if at == 100 || at == 903 || at == 400 { let (x, z) = line.split_once(';').unwrap(); let z: f64 = z.replace(',', ".").parse().unwrap(); format!("{x};{}", (z + 5.0).to_string().replace('.', ",")) } else { line.to_owned() }
-    }).collect();
+    let lines: Vec<String> = text
+        .lines()
+        .enumerate()
+        .map(|(at, line)| {
+            if at == 100 || at == 903 || at == 400 {
+                let (x, z) = line.split_once(';').unwrap();
+                let z: f64 = z.replace(',', ".").parse().unwrap();
+                format!("{x};{}", (z + 5.0).to_string().replace('.', ","))
+            } else {
+                line.to_owned()
+            }
+        })
+        .collect();
     let measured = read(lines.join("\n").as_bytes(), &TRACE).unwrap();
     println!("{:#?} {:?}", measured.notes, errors(&measured, &scar));
     for wanted in [Wanted { level: false, ..TRACE }, Wanted { centre: false, ..TRACE }] {
