@@ -15,65 +15,49 @@ use fretwork_measured::{Prepare, Wanted};
 
 /// The factor from the wear coefficient of the scenario to the ends of its range.
 const RANGE: f64 = 1e4;
-/// The range of the coefficient of friction.
-const FRICTION: [f64; 2] = [0.1, 1.5];
-/// Minimum number of points for two parameters.
+/// Minimum number of points for a wear coefficient and a friction.
 const FEWEST: usize = 3;
 
 /// Fits, and prints the estimates. The exit code is 2 if the file, the scenario or the fit has faults.
 pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
-    let prepare = if settings.profile { Prepare::Trace } else { Prepare::Points };
-    let (x, y) = (settings.x.as_deref(), settings.y.as_deref());
-    let wanted = Wanted { x, y, prepare, level: true, centre: true };
+    let Fit { x, y, sigma, relative, at, .. } = settings;
+    let prepare = if at.is_some() { Prepare::Trace } else { Prepare::Points };
+    let wanted = Wanted { x: x.as_deref(), y: y.as_deref(), prepare, level: true, centre: true };
     let mut measured = match fretwork_measured::read(&read(&settings.file)?, &wanted) {
         Ok(measured) => measured,
-        Err(faults) => return Ok(print_faults(&faults.below(&settings.file.to_string_lossy()).0)),
+        Err(faults) => return Ok(print_faults(&faults.0)),
     };
     let mut data = measured.prepared["data"].take();
-    for (name, given) in [
-        ("sigma", settings.sigma.as_ref().map(|sigma| json!(sigma))),
-        ("relative", settings.relative.map(|relative| json!(relative))),
-        ("at", settings.at.map(|at| json!(at))),
-    ] {
-        if let Some(given) = given {
-            data[name] = given;
-        }
+    let given = [("sigma", json!(sigma)), ("relative", json!(relative)), ("at", json!(at))];
+    for (name, given) in given.into_iter().filter(|(_, given)| !given.is_null()) {
+        data[name] = given;
     }
     if data.get("sigma").or(data.get("relative")).is_none() {
         data["noise"] = json!("estimate");
     }
-    let mut scenario: Value = serde_json::from_slice(&read(&settings.scenario)?)?;
-    if scenario.get("scenario").is_some() {
-        scenario = scenario["scenario"].take();
-    }
-    let known =
-        data["y"].as_array().map_or(usize::MAX, |y| y.iter().filter(|y| !y.is_null()).count());
-    let mut parameters = settings.parameter.iter().map(given).collect();
-    if settings.parameter.is_empty() {
-        parameters = defaults(&scenario, known)?;
+    let mut job: Value = serde_json::from_slice(&read(&settings.scenario)?)?;
+    let scenario = job.get_mut("scenario").map(Value::take).unwrap_or(job);
+    let points = data["y"].as_array().map_or(FEWEST, |y| y.iter().flat_map(Value::as_f64).count());
+    let mut parameters: Vec<Value> = settings.parameter.iter().map(named).collect();
+    if parameters.is_empty() {
+        parameters = defaults(&scenario, points)?;
     }
     loop {
         let tests = json!([{"data": [data]}]);
         let fit = json!({"scenario": scenario, "parameters": parameters, "tests": tests});
-        let body = json!({"fit": fit});
-        if settings.print {
-            return print(format!("{body:#}\n").as_bytes()).map(|()| ExitCode::SUCCESS);
-        }
-        let job = match Submission::parse(body.to_string().as_bytes()) {
+        let body = format!("{:#}\n", json!({"fit": fit}));
+        let job = match Submission::parse(body.as_bytes()) {
+            _ if settings.print => return print(body.as_bytes()).map(|()| ExitCode::SUCCESS),
             Ok(job) => job,
             Err(BadBody::Faults(faults)) => return Ok(print_faults(&faults)),
             Err(error) => return Err(error.into()),
         };
-        let (answer, _) = compute(&job.prepared)?;
-        let found: Value = serde_json::from_slice(&answer.body)?;
-        let friction = &found["parameters"][1];
-        let is_told = friction["at_bound"] == false
-            && friction["interval"].as_array().is_some_and(|ends| !ends.contains(&Value::Null));
-        if settings.parameter.is_empty() && parameters.len() == 2 && !is_told {
-            parameters.pop();
-            measured.notes.push(
-                "These data do not tell the friction. It stays as in the scenario.".to_owned(),
-            );
+        let found: Value = serde_json::from_slice(&compute(&job.prepared)?.0.body)?;
+        let ends = found["parameters"][1]["interval"].as_array();
+        if settings.parameter.is_empty() && ends.is_some_and(|ends| ends.contains(&Value::Null)) {
+            parameters.truncate(1);
+            let note = "These data do not tell the friction. It stays as in the scenario.";
+            measured.notes.push(note.to_owned());
             continue;
         }
         return print(told(&found, &measured.notes)?.as_bytes()).map(|()| ExitCode::SUCCESS);
@@ -81,54 +65,49 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
 }
 
 /// A parameter that the user names.
-fn given((pointer, low, high): &(String, String, String)) -> Value {
-    let read =
-        |text: &String| text.parse().map_or_else(|_| json!(text), |number: f64| json!(number));
+fn named((pointer, low, high): &(String, String, String)) -> Value {
+    let read = |text: &String| text.parse().map_or_else(|_| json!(text), |it: f64| json!(it));
     let spacing = if pointer.starts_with("/wear/") { "log" } else { "linear" };
     json!({"pointer": pointer, "from": read(low), "to": read(high), "spacing": spacing})
 }
 
 /// The wear coefficient, and the friction if there are enough points.
 fn defaults(scenario: &Value, points: usize) -> Result<Vec<Value>, Error> {
-    let names = [
-        ("/wear/coefficient", Dimension::WearCoefficient),
-        ("/wear/energy_coefficient", Dimension::EnergyWear),
+    let wear = [
+        ("coefficient", Dimension::WearCoefficient),
+        ("energy_coefficient", Dimension::EnergyWear),
     ];
-    let found = names.into_iter().find_map(|(pointer, dimension)| {
-        let value = scenario.pointer(pointer)?;
-        let text = || parse(value.as_str()?, dimension).ok();
-        Some((pointer, value.as_f64().or_else(text)?))
+    let found = wear.into_iter().find_map(|(name, dimension)| {
+        let value = scenario["wear"].get(name)?;
+        let start = value.as_f64().or_else(|| parse(value.as_str()?, dimension).ok())?;
+        let pointer = format!("/wear/{name}");
+        Some(json!({"pointer": pointer, "from": start / RANGE, "to": start * RANGE, "spacing": "log"}))
     });
-    let (pointer, start) = found.ok_or(
-        "the scenario has no constant wear coefficient; name a number to fit with --parameter",
-    )?;
-    let mut parameters = vec![
-        json!({"pointer": pointer, "from": start / RANGE, "to": start * RANGE, "spacing": "log"}),
-    ];
+    let advice =
+        "the scenario has no constant wear coefficient. Name a number to fit with --parameter";
+    let mut parameters = vec![found.ok_or(advice)?];
     if points >= FEWEST && scenario["friction"].is_number() {
-        let [from, to] = FRICTION;
-        parameters.push(json!({"pointer": "/friction", "from": from, "to": to}));
+        parameters.push(json!({"pointer": "/friction", "from": 0.1, "to": 1.5}));
     }
     Ok(parameters)
 }
 
-/// The units in which numbers are printed: the SI unit, the printed unit and its factor.
-const UNITS: [(&str, &str, f64); 5] = [
-    ("m^3", "mm^3", 1e9),
-    ("m", "um", 1e6),
-    ("1/Pa", "mm^3/(N m)", 1e9),
-    ("m^3/J", "mm^3/J", 1e9),
-    ("1", "", 1.0),
-];
-
-/// A number for people, and its unit.
-fn shown<'a>(number: &Value, unit: &'a str) -> (String, &'a str) {
-    let (_, unit, factor) =
-        UNITS.into_iter().find(|(si, ..)| *si == unit).unwrap_or((unit, unit, 1.0));
-    let Some(number) = number.as_f64() else { return ("-".to_owned(), unit) };
-    let scaled = number * factor;
-    let is_plain = scaled == 0.0 || (1e-2..1e6).contains(&scaled.abs());
-    (if is_plain { format!("{scaled:.4}") } else { format!("{scaled:.3e}") }, unit)
+/// A number in SI with four digits, in a usual unit.
+fn shown(number: &Value, unit: &str) -> String {
+    let (unit, factor) = match unit {
+        "m^3" => ("mm^3", 1e9),
+        "m" => ("um", 1e6),
+        "1/Pa" => ("mm^3/(N m)", 1e9),
+        "1" => ("", 1.0),
+        other => (other, 1.0),
+    };
+    let digits = number.as_f64().map(|number| format!("{:.3e}", number * factor));
+    let rounded: Option<f64> = digits.and_then(|digits| digits.parse().ok());
+    match rounded {
+        None => "?".to_owned(),
+        Some(it) if it == 0.0 || (1e-3..1e9).contains(&it.abs()) => format!("{it} {unit}"),
+        Some(it) => format!("{it:e} {unit}"),
+    }
 }
 
 /// The estimates, the notes and the predictions in words.
@@ -139,40 +118,27 @@ fn told(found: &Value, notes: &[String]) -> Result<String, Error> {
     for note in notes.iter().map(String::as_str).chain(details) {
         writeln!(text, "{note}")?;
     }
-    let percent = found["fit"]["confidence"].as_f64().unwrap_or(0.0) * 100.0;
-    writeln!(text, "\n{:<28} {:>11}  interval of {percent} %", "", "estimate")?;
-    for parameter in list("parameters").chain(list("combinations")) {
-        let name =
-            parameter["pointer"].as_str().or(parameter["combination"].as_str()).unwrap_or_default();
-        let unit = parameter["unit"].as_str().unwrap_or("1");
-        let [low, high] = [0, 1].map(|end| shown(&parameter["interval"][end], unit).0);
-        let (estimate, unit) = shown(&parameter["estimate"], unit);
-        writeln!(text, "{name:<28} {estimate:>11}  {low} to {high} {unit}")?;
+    let percent = 100.0 * found["fit"]["confidence"].as_f64().unwrap_or(0.0);
+    writeln!(text, "\nEstimates, with intervals of {percent} %:")?;
+    for it in list("parameters").chain(list("combinations")) {
+        let name = it["pointer"].as_str().or(it["combination"].as_str()).unwrap_or("");
+        let unit = it["unit"].as_str().unwrap_or("1");
+        let [x, low, high] =
+            [&it["estimate"], &it["interval"][0], &it["interval"][1]].map(|x| shown(x, unit));
+        writeln!(text, "  {name}: {x} ({low} to {high})")?;
     }
     let table = &found["table"];
-    writeln!(
-        text,
-        "\n{:>12} {:>12} {:>12}  band of {percent} % for a new test",
-        table["over"][0].as_str().unwrap_or(""),
-        "measured",
-        "predicted"
-    )?;
+    writeln!(text, "\nPredictions, with the band of {percent} % for a new test:")?;
     for row in 0..table["x"].as_array().map_or(0, Vec::len) {
-        let unit = table["unit"][row].as_str().unwrap_or("1");
-        let over = match table["over"][row].as_str() {
-            Some("cycles") => "1",
-            Some("dissipated_energy") => "J",
+        let word = |name: &str| table[name][row].as_str().unwrap_or("1");
+        let over = match word("over") {
+            "cycles" => "cycles",
+            "dissipated_energy" => "J",
             _ => "m",
         };
-        let (x, _) = shown(&table["x"][row], over);
-        let [measured, predicted, low, high] =
-            ["measured", "predicted", "prediction_low", "prediction_high"]
-                .map(|name| shown(&table[name][row], unit).0);
-        writeln!(
-            text,
-            "{x:>12} {measured:>12} {predicted:>12}  {low} to {high} {}",
-            shown(&Value::Null, unit).1
-        )?;
+        let [x, y, low, high] = ["predicted", "measured", "prediction_low", "prediction_high"]
+            .map(|name| shown(&table[name][row], word("unit")));
+        writeln!(text, "  {}: {x} ({low} to {high}), measured {y}", shown(&table["x"][row], over))?;
     }
     Ok(text)
 }

@@ -27,11 +27,8 @@ pub struct Fit {
     /// The standard deviation as a share of each number.
     #[arg(long)]
     pub relative: Option<f64>,
-    /// The file is a profilometer trace across the scar, measured after the cycles in --at.
-    #[arg(long, requires = "at")]
-    pub profile: bool,
-    /// The cycles of the trace.
-    #[arg(long, value_name = "CYCLES", requires = "profile")]
+    /// The cycles after which a profilometer trace was measured. The file then has this trace across the scar.
+    #[arg(long, value_name = "CYCLES")]
     pub at: Option<f64>,
     /// Only print the job body of the fit, which POST /v1/jobs takes.
     #[arg(long)]
@@ -42,6 +39,6 @@ pub struct Fit {
 fn range(text: &str) -> Result<(String, String, String), &'static str> {
     let parts =
         text.split_once('=').and_then(|(name, range)| Some((name, range.split_once("..")?)));
-    let (name, (low, high)) = parts.ok_or("must have the form /friction=0.1..1.5")?;
+    let (name, (low, high)) = parts.ok_or("write POINTER=LOW..HIGH, such as /friction=0.1..1.5")?;
     Ok((name.to_owned(), low.to_owned(), high.to_owned()))
 }

@@ -48,7 +48,8 @@ fn the_example_follows_from_its_seed() {
     let volumes = truth(&cycles);
     let mut text = "Synthetic volumes of examples/steel-ball.json with k_w = 4.2e-5 mm^3/(N m)\n\
         friction 0.62, noise 5 %, seed 38\n\
-        cycles;wear_volume [µm³]\n".to_owned();
+        cycles;wear_volume [µm³]\n"
+        .to_owned();
     for (place, cycles) in cycles.iter().enumerate() {
         let volume = volumes["history"]["wear_volume"][place + 1].as_f64().unwrap();
         let noise = 1.0 + TRUTH.2 * normal(Stream::new(38), place as u64);

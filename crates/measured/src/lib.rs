@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 
 use table::Table;
 
-pub use table::{Column, MAX_BYTES, MAX_ROWS};
+pub use table::{Column, MAX_ROWS};
 
 /// What is wanted from a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,8 +48,8 @@ pub enum Prepare {
 }
 
 impl Prepare {
-    /// All of them, with their names.
-    pub const ALL: [(&'static str, Self); 4] = [
+    /// The name of each.
+    pub const NAMES: [(&'static str, Self); 4] = [
         ("points", Self::Points),
         ("trace", Self::Trace),
         ("half", Self::Half),
@@ -62,7 +62,7 @@ impl Prepare {
 pub struct Measured {
     /// The columns of numbers, in SI.
     pub columns: Vec<Column>,
-    /// What was made from two columns. Null if the file has only one.
+    /// What was made from two columns.
     pub prepared: Value,
     /// What was done, in words.
     pub notes: Vec<String>,
@@ -74,57 +74,39 @@ pub struct Measured {
 /// Faults of the file have an empty pointer, and those of the wish the pointer `/x`, `/y` or `/prepare`.
 pub fn read(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Measured, Faults> {
     let mut table = Table::read(bytes)?;
+    let (of_x, of_y) = match wanted.prepare {
+        Prepare::Points => (None, None),
+        Prepare::Trace | Prepare::Half => (Some(Dimension::Length), Some(Dimension::Length)),
+        Prepare::Loop => (Some(Dimension::Length), Some(Dimension::Force)),
+    };
     let mut faults = Faults::default();
-    let x = faults.keep("/x", table.column(0, wanted.x));
-    let next =
-        x.as_ref().and_then(|x| table.columns.iter().position(|column| column.name != x.name));
-    let y = faults.keep("/y", table.column(next.unwrap_or(1), wanted.y));
-    let Table { columns, mut notes } = table;
+    let x = faults.keep("/x", table.column(0, wanted.x, of_x));
+    let is_next = |column: &Column| x.as_ref().is_some_and(|x| column.name != x.name);
+    let next = table.columns.iter().position(is_next).unwrap_or(1);
+    let y = faults.keep("/y", table.column(next, wanted.y, of_y));
     let (Some(x), Some(y)) = (x, y) else { return Err(faults) };
-    if columns.len() > 2 {
-        notes.push(format!("x is “{}”, and y is “{}”.", x.name, y.name));
-    }
-    let dimensions = match wanted.prepare {
-        Prepare::Points => None,
-        Prepare::Trace | Prepare::Half => Some([Dimension::Length, Dimension::Length]),
-        Prepare::Loop => Some([Dimension::Length, Dimension::Force]),
-    };
-    let needed = dimensions.into_iter().flatten().zip([("x", &x), ("y", &y)]);
-    for (dimension, (name, column)) in
-        needed.filter(|(it, (_, column))| column.dimension != Some(*it))
-    {
-        let (needs, si) = (dimension.name(), dimension.si());
-        faults.add(
-            format!("/{name}"),
-            format!("must be {needs}. Add its unit, such as {} [{si}]", column.name),
-        );
-    }
-    faults.or(())?;
-    let made = |made: Result<Value, String>| made.map_err(|detail| Faults::one("/prepare", detail));
+    let Table { columns, mut notes } = table;
+    notes.push(format!("x is “{}”, and y is “{}”.", x.name, y.name));
     let prepared = match wanted.prepare {
-        Prepare::Points => json!({"data": points(&x, &y, &mut notes)}),
-        Prepare::Trace | Prepare::Half => {
-            made(trace::profile((&x.values, &y.values), wanted, &mut notes))?
-        }
-        Prepare::Loop => made(trace::energy(&x.values, &y.values, &mut notes))?,
+        Prepare::Points => Ok(points(&x, &y, &mut notes)),
+        Prepare::Loop => trace::energy(&x.values, &y.values, &mut notes),
+        _ => trace::profile((&x.values, &y.values), wanted, &mut notes),
     };
+    let prepared = prepared.map_err(|detail| Faults::one("/prepare", detail))?;
     Ok(Measured { columns, prepared, notes })
 }
 
-/// Points as the data of a fit. If the name of y is no output, its dimension says which output it is.
+/// Points as the data of a fit. The dimension of y says which output it is, unless its name is that of an output.
 fn points(x: &Column, y: &Column, notes: &mut Vec<String>) -> Value {
-    let name = History::MEMBERS.iter().map(|member| member.name).find(|name| *name == y.name);
-    let output = name.or(match y.dimension {
-        Some(Dimension::Volume) => Some("wear_volume"),
-        Some(Dimension::Length) => Some("wear_depth"),
-        Some(Dimension::Energy) => Some("dissipated_energy"),
-        _ => None,
-    });
+    let output = match y.dimension {
+        _ if History::MEMBERS.iter().any(|member| member.name == y.name) => &*y.name,
+        Some(Dimension::Volume) => "wear_volume",
+        Some(Dimension::Length) => "wear_depth",
+        _ => &*y.name,
+    };
     let over = if x.dimension == Some(Dimension::Energy) { "dissipated_energy" } else { "cycles" };
-    if let Some(output) = output.filter(|output| *output != y.name) {
-        notes.push(format!("“{}” was taken as the output {output} over {over}.", y.name));
-    }
+    notes.push(format!("y was taken as the output {output} over {over}."));
     let known = x.values.iter().zip(&y.values).filter_map(|(x, y)| Some(((*x)?, *y)));
-    let (places, values): (Vec<f64>, Vec<Option<f64>>) = known.unzip();
-    json!({"output": output.unwrap_or(&y.name), "over": over, "x": places, "y": values})
+    let (x, y): (Vec<f64>, Vec<Option<f64>>) = known.unzip();
+    json!({"data": {"output": output, "over": over, "x": x, "y": y}})
 }

@@ -1,7 +1,7 @@
 //! The bytes of a file as text.
 
 /// The first bytes of files that are no text.
-const OTHERS: [(&[u8], &str); 7] = [
+const OTHERS: [(&[u8], &str); 8] = [
     (b"PK\x03\x04", "a ZIP archive, such as a workbook (.xlsx, .ods)"),
     (b"\xD0\xCF\x11\xE0", "an Excel workbook (.xls)"),
     (b"\x89PNG", "a PNG picture"),
@@ -9,6 +9,7 @@ const OTHERS: [(&[u8], &str); 7] = [
     (b"%PDF", "a PDF document"),
     (b"\x1F\x8B", "compressed by gzip"),
     (b"{", "a JSON document"),
+    (b"[[", "a JSON document"),
 ];
 
 /// Decodes UTF-8, UTF-16 and Latin-1. Adds a note if the text is not UTF-8.
@@ -16,28 +17,21 @@ const OTHERS: [(&[u8], &str); 7] = [
 /// # Errors
 /// The file is no text.
 pub fn decode(bytes: &[u8], notes: &mut Vec<String>) -> Result<String, String> {
-    let begin = bytes.trim_ascii_start();
-    let is_inside = |rest: &[u8]| matches!(rest.trim_ascii_start(), [b'[' | b'{' | b'"', ..]);
-    let is_list = begin.strip_prefix(b"[").is_some_and(is_inside);
-    let kind = OTHERS.iter().find(|(first, _)| begin.starts_with(first)).map(|(_, kind)| *kind);
-    if let Some(kind) = kind.or(is_list.then_some("a JSON document")) {
-        return Err(format!("The file is {kind}. Save the table as CSV and send that file"));
-    }
     let utf16 = |unit: fn([u8; 2]) -> u16| {
-        let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
-        let text =
-            char::decode_utf16(units).map(|read| read.unwrap_or(char::REPLACEMENT_CHARACTER));
-        (text.collect(), Some("UTF-16"))
+        let units: Vec<u16> = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]])).collect();
+        (String::from_utf16_lossy(&units), Some("UTF-16"))
     };
-    let (text, encoding): (String, _) = match (bytes, str::from_utf8(bytes)) {
+    let (text, encoding) = match (bytes, str::from_utf8(bytes)) {
         ([0xFF, 0xFE, ..] | [1..=u8::MAX, 0, 1..=u8::MAX, 0, ..], _) => utf16(u16::from_le_bytes),
         ([0xFE, 0xFF, ..] | [0, 1..=u8::MAX, 0, 1..=u8::MAX, ..], _) => utf16(u16::from_be_bytes),
         (_, Ok(text)) => (text.to_owned(), None),
         (_, Err(_)) => (bytes.iter().map(|byte| char::from(*byte)).collect(), Some("Latin-1")),
     };
-    if text.contains(|letter: char| letter < ' ' && !"\t\r\n".contains(letter)) {
-        return Err("The file is no text. Save the table as CSV and send that file".to_owned());
+    let kind = OTHERS.iter().find(|(first, _)| bytes.trim_ascii_start().starts_with(first));
+    let is_binary = text.contains(|letter: char| letter < ' ' && !"\t\r\n".contains(letter));
+    if let Some(kind) = kind.map(|(_, kind)| *kind).or(is_binary.then_some("no text")) {
+        return Err(format!("The file is {kind}. Save the table as CSV and send that file"));
     }
     notes.extend(encoding.map(|encoding| format!("The file was read as {encoding}.")));
-    Ok(text.trim_start_matches('\u{FEFF}').to_owned())
+    Ok(text.trim_start_matches('\u{FEFF}').replace("\r\n", "\n").replace('\r', "\n"))
 }

@@ -1,5 +1,7 @@
 //! Traces with known tilt, offset, noise and radius, and with the scar of an engine's run.
 
+#![expect(clippy::disallowed_methods, clippy::unwrap_used, reason = "a failed test may panic")]
+
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
 use fretwork_measured::{Measured, Prepare, Wanted, read};
@@ -148,63 +150,149 @@ const BALL: Trace = Trace {
 fn a_trace_gives_back_what_it_was_made_of() {
     let scar = Scar::of_the_engine();
     println!("scar {:.3e} m deep, radius {:.3e} m", scar.deepest(), scar.end());
-    for trace in [
-        Trace { noise: 0.0, ..BALL },
-        BALL,
-        Trace { noise: 100e-9, ..BALL },
-        Trace { noise: 500e-9, ..BALL },
-        Trace { radius: 0.0, ..BALL },
-        Trace { radius: 3e-3, ..BALL },
-        Trace { radius: 3e-3, tilt: 0.03, ..BALL },
-        Trace { points: 100, ..BALL },
-        Trace { points: 60_000, ..BALL },
+    // Accepted errors of the radius (relative), the axis, the tilt, the depths (root mean square and largest), the end of
+    // the scar.
+    for (trace, accepted) in [
+        (Trace { noise: 0.0, ..BALL }, [1e-7, 1e-7, 2e-6, 2e-9, 1e-8, 1e-7]),
+        (BALL, [3e-4, 2e-7, 2e-5, 1e-8, 4e-8, 2e-6]),
+        (Trace { noise: 100e-9, ..BALL }, [1.5e-3, 1e-6, 1e-4, 5e-8, 2e-7, 1e-5]),
+        (Trace { noise: 500e-9, ..BALL }, [6e-3, 1e-5, 1e-3, 3e-7, 1e-6, 6e-5]),
+        (Trace { radius: 0.0, ..BALL }, [0.0, 2e-7, 1e-5, 1e-8, 4e-8, 2e-6]),
+        (Trace { radius: 3e-3, ..BALL }, [3e-4, 2e-7, 1e-4, 2e-8, 4e-8, 2e-6]),
+        (Trace { radius: 3e-3, tilt: 0.03, ..BALL }, [3e-4, 3e-7, 2e-4, 2e-8, 4e-8, 2e-6]),
+        (Trace { points: 100, ..BALL }, [1e-3, 1e-6, 1e-4, 5e-8, 2e-7, 2e-5]),
+        (Trace { points: 60_000, ..BALL }, [4e-5, 1e-7, 1e-5, 3e-9, 2e-8, 2e-6]),
     ] {
         let most = accuracy(&scar, trace);
         println!(
-            "{:e} {:e} {} {}: radius {:.1e}, axis {:.1e} m, tilt {:.1e}, depth rms {:.1e} m, largest {:.1e} m, edge {:.1e} m",
-            trace.radius,
-            trace.noise,
-            trace.tilt,
-            trace.points,
-            most[0],
-            most[1],
-            most[2],
-            most[3],
-            most[4],
-            most[5]
+            "{:e} m, {:e} m, {}, {} points: {most:?}",
+            trace.radius, trace.noise, trace.tilt, trace.points
         );
+        assert!(most.iter().zip(accepted).all(|(most, accepted)| *most <= accepted), "{most:?}");
     }
 }
 
+fn prepared(text: &str, wanted: &Wanted<'_>) -> Measured {
+    read(text.as_bytes(), wanted).unwrap()
+}
+
 #[test]
-fn spikes() {
+fn spikes_hardly_change_a_profile() {
+    let scar = Scar::of_the_engine();
+    let spiked = |(at, line): (usize, &str)| match (line.split_once(';'), at) {
+        (Some((x, z)), 100 | 400 | 903) => {
+            let z: f64 = z.replace(',', ".").parse().unwrap();
+            format!("{x};{}\n", (z + 5.0).to_string().replace('.', ","))
+        }
+        _ => format!("{line}\n"),
+    };
+    let text: String = BALL.file(&scar).lines().enumerate().map(spiked).collect();
+    let (rms, _) = errors(&prepared(&text, &TRACE), &scar);
+    assert!(rms < 1e-7, "{rms}");
+}
+
+#[test]
+fn level_and_centre_can_be_switched_off() {
     let scar = Scar::of_the_engine();
     let text = BALL.file(&scar);
-    let lines: Vec<String> = text
-        .lines()
-        .enumerate()
-        .map(|(at, line)| {
-            if at == 100 || at == 903 || at == 400 {
-                let (x, z) = line.split_once(';').unwrap();
-                let z: f64 = z.replace(',', ".").parse().unwrap();
-                format!("{x};{}", (z + 5.0).to_string().replace('.', ","))
-            } else {
-                line.to_owned()
-            }
-        })
-        .collect();
-    let measured = read(lines.join("\n").as_bytes(), &TRACE).unwrap();
-    println!("{:#?} {:?}", measured.notes, errors(&measured, &scar));
-    for wanted in [Wanted { level: false, ..TRACE }, Wanted { centre: false, ..TRACE }] {
-        let measured = read(text.as_bytes(), &wanted).unwrap();
-        println!("{:#?} {:?}", measured.notes, errors(&measured, &scar));
-        println!("{:?}", &numbers(&measured.prepared["indenter"]["height"])[..5]);
-    }
+    let heights = |measured: &Measured| numbers(&measured.prepared["indenter"]["height"]);
+    let all = prepared(&text, &TRACE);
+    let tilted = prepared(&text, &Wanted { level: false, ..TRACE });
+    assert_eq!(all.prepared["data"], tilted.prepared["data"], "a tilt is no wear");
+    assert!(heights(&all) != heights(&tilted));
+    let shifted = prepared(&text, &Wanted { centre: false, ..TRACE });
+    assert_eq!(shifted.prepared["trace"]["centre"], 0.0);
+    let difference =
+        |measured: &Measured| measured.prepared["trace"]["difference"].as_f64().unwrap();
+    assert!(difference(&shifted) > 10.0 * difference(&all));
+    assert!(
+        tilted.notes.iter().any(|note| note.contains("stays in the heights")),
+        "{:?}",
+        tilted.notes
+    );
+}
+
+#[test]
+fn half_of_a_trace_and_a_reversed_one_give_the_same_profile() {
+    let scar = Scar::of_the_engine();
     let half = Trace { axis: 0.0, tilt: 0.0, from: 0.0, points: 500, ..BALL }.file(&scar);
-    let measured = read(half.as_bytes(), &Wanted { prepare: Prepare::Half, ..TRACE }).unwrap();
-    println!("{:#?} {:?}", measured.notes, errors(&measured, &scar));
-    println!("{:?}", read(half.as_bytes(), &TRACE).map(|measured| measured.notes));
-    let unworn = read(BALL.file(&Scar(vec![0.0, 1.0], vec![0.0, 0.0])).as_bytes(), &TRACE).unwrap();
-    println!("{:#?}", unworn.notes);
-    println!("{:?}", numbers(&unworn.prepared["indenter"]["height"]).len());
+    let measured = prepared(&half, &Wanted { prepare: Prepare::Half, ..TRACE });
+    assert!(errors(&measured, &scar).1 < 4e-8);
+    assert!(
+        measured.notes.iter().any(|note| note.contains("was mirrored")),
+        "{:?}",
+        measured.notes
+    );
+    let text = BALL.file(&scar);
+    let mut lines: Vec<&str> = text.lines().collect();
+    lines[1..].reverse();
+    let reversed = prepared(&lines.join("\n"), &TRACE);
+    assert_eq!(reversed.prepared, prepared(&text, &TRACE).prepared);
+}
+
+#[test]
+fn the_indenter_of_an_unworn_trace_makes_a_contact() {
+    let unworn = Scar(vec![0.0, 1.0], vec![0.0, 0.0]);
+    let measured = prepared(&BALL.file(&unworn), &TRACE);
+    assert!(measured.notes.iter().any(|note| note == "No scar was found."), "{:?}", measured.notes);
+    let request = json!({
+        "profile": measured.prepared["indenter"], "moduli": {"normal": "113 GPa", "tangential": "93 GPa"},
+        "friction": 0.7, "wear": {"coefficient": 1e-14}, "load": {"normal_force": "20 N"},
+        "motion": {"amplitude": "1 um"}, "cycles": [1000],
+    });
+    let (scenario, _) = scenario::check(&request, "").unwrap();
+    // a³ = 3FR/(4E*)
+    let hertz = libm::cbrt(0.75 * 20.0 * RADIUS / 113e9);
+    let found = scenario.preview().unwrap().scales.contact_radius;
+    assert!((found / hertz - 1.0).abs() < 0.01, "{found} {hertz}");
+}
+
+#[test]
+fn what_is_no_trace_is_refused() {
+    let scar = Scar::of_the_engine();
+    let refused = |text: &str, wanted: &Wanted<'_>| {
+        read(text.as_bytes(), wanted).unwrap_err().0[0].detail.clone()
+    };
+    let narrow = Trace { from: -400e-6, to: 500e-6, ..BALL }.file(&scar);
+    assert!(refused(&narrow, &TRACE).contains("Measure farther"));
+    let one = Trace { from: 37e-6, ..BALL }.file(&scar);
+    assert!(refused(&one, &TRACE).contains("write prepare=half"));
+    let circle = |place: usize| {
+        let angle = std::f64::consts::TAU * place as f64 / 400.0;
+        format!("{},{}\n", 5.0 * libm::cos(angle), 20.0 * libm::sin(angle))
+    };
+    let ring = |names: &str| names.to_owned() + "\n" + &(0..400).map(circle).collect::<String>();
+    assert!(refused(&ring("x [um],z [um]"), &TRACE).contains("is no trace: x turns back"));
+    let cycle = Wanted { prepare: Prepare::Loop, ..TRACE };
+    let energy =
+        prepared(&ring("delta [um],Q [N]"), &cycle).prepared["energy_per_cycle"].as_f64().unwrap();
+    assert!((energy / (std::f64::consts::PI * 5e-6 * 20.0) - 1.0).abs() < 1e-4, "{energy}");
+    let line = "x [um],Q [N]\n".to_owned()
+        + &(0..40).fold(String::new(), |text, x| format!("{text}{x},1\n"));
+    assert!(refused(&line, &cycle).contains("is no loop"));
+}
+
+/// Traces of random shape and extreme numbers neither panic nor take long.
+#[test]
+fn random_traces_are_prepared_or_refused() {
+    let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
+    let stream = Stream::new(39);
+    let mut good = 0;
+    for case in 0..if is_long { 50_000 } else { 500 } {
+        let own = stream.child(case);
+        let count = 30 + own.below(0, 200);
+        let scale = 10f64.powi(own.below(1, 40) as i32 - 20);
+        let mut x = 0.0;
+        let row = |place: u64| {
+            x += 1.0 + own.below(3 * place + 5, 3) as f64;
+            let step = [0.0, -scale, scale * x, normal(own, place)][own.below(2, 4) as usize];
+            let z = step * f64::from(u8::from(own.below(3 * place + 6, 10) < own.below(3, 10)));
+            format!("{x};{z:e}\n")
+        };
+        let text = "x [um];z [m]\n".to_owned() + &(0..count).map(row).collect::<String>();
+        for prepare in [Prepare::Trace, Prepare::Half, Prepare::Loop] {
+            good += usize::from(read(text.as_bytes(), &Wanted { prepare, ..TRACE }).is_ok());
+        }
+    }
+    assert!(good > 100, "{good}");
 }

@@ -68,9 +68,9 @@ pub async fn read(
     FileBody(body): FileBody,
 ) -> Result<Response> {
     let (x, y) = (query.text("x"), query.text("y"));
-    let names = Prepare::ALL.map(|(name, _)| name).join(", ");
+    let names = Prepare::NAMES.map(|(name, _)| name).join(", ");
     let prepare = query.value("prepare", format!("one of {names}"), |text| {
-        Prepare::ALL.into_iter().find(|(name, _)| *name == text)
+        Prepare::NAMES.into_iter().find(|(name, _)| *name == text)
     });
     let mut is =
         |name| query.value(name, "true or false", |text| text.parse().ok()).unwrap_or(true);

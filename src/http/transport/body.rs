@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use axum::body::HttpBody as _;
 use axum::extract::{FromRequest, Request};
-use axum::http::HeaderMap;
 use axum::http::header::{ACCEPT_ENCODING, CONTENT_ENCODING, CONTENT_TYPE};
 use http_body_util::BodyExt as _;
 use tokio::time::{Instant, timeout_at};
@@ -23,20 +22,20 @@ pub const BODY_LIMIT: usize = 4 << 20;
 /// Time that every body may take. After it, the body must have arrived with at least [`SLOWEST`] bytes per second.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// Memory for each byte of a file of measured numbers, in bytes. A number of a column takes 16 and two bytes of the file, a
-/// number of the prepared table 32 more.
-const PER_BYTE: usize = 12;
-
 /// A request body with a JSON content type. It holds memory for its bytes and for its tree, which are the parsed
 /// values.
 pub struct Body(pub Counted);
 
-/// A request body with a file of measured numbers. It holds memory for its bytes and for the columns.
-pub struct FileBody(pub Counted);
-
 /// A request body of any content type. It holds memory for its bytes only: calls of UM-Bridge take turns, so only a few
 /// trees exist at the same time.
 pub struct AnyBody(pub Counted);
+
+/// A request body with a file of measured numbers, of any content type. It holds memory for its bytes and for the columns.
+pub struct FileBody(pub Counted);
+
+/// Memory for each byte of a file of measured numbers, in bytes. Two bytes can become a number in a column, which takes 16,
+/// and in the prepared table, which takes 32 but has only two columns.
+const OF_FILE: usize = 12;
 
 /// A body, and the permits for the memory of its bytes and of its tree.
 pub struct Counted {
@@ -49,17 +48,24 @@ impl<S: Sync> FromRequest<S> for Body {
     type Rejection = Problem;
 
     async fn from_request(request: Request, _: &S) -> Result<Self> {
-        check(request.headers(), is_json, "application/json")?;
+        let coding = request.headers().get(CONTENT_ENCODING);
+        if coding.is_some_and(|coding| !coding.as_bytes().eq_ignore_ascii_case(b"identity")) {
+            let detail = "The body has a Content-Encoding. Send it without compression, and without this header.";
+            return Err(Problem::new(&kinds::UNSUPPORTED_CODING, detail)
+                .with_header(ACCEPT_ENCODING, "identity"));
+        }
+        // A body without a type is refused too: browsers let web pages of any origin send one.
+        let declared =
+            request.headers().get(CONTENT_TYPE).map(|value| value.to_str().unwrap_or(""));
+        if !declared.is_some_and(is_json) {
+            let declared = declared.map_or_else(
+                || "The body has no Content-Type".to_owned(),
+                |declared| format!("The Content-Type of the body is \"{}\"", excerpt(declared)),
+            );
+            let detail = format!("{declared}. Send it with Content-Type: application/json.");
+            return Err(Problem::new(&kinds::UNSUPPORTED_MEDIA_TYPE, detail));
+        }
         read_counted(request, tree_bytes).await.map(Self)
-    }
-}
-
-impl<S: Sync> FromRequest<S> for FileBody {
-    type Rejection = Problem;
-
-    async fn from_request(request: Request, _: &S) -> Result<Self> {
-        check(request.headers(), is_file, "text/csv")?;
-        read_counted(request, |bytes| Ok(PER_BYTE * bytes.len())).await.map(Self)
     }
 }
 
@@ -71,45 +77,25 @@ impl<S: Sync> FromRequest<S> for AnyBody {
     }
 }
 
-/// Refuses a compressed body, and one with another content type.
-fn check(headers: &HeaderMap, is_accepted: fn(&str) -> bool, example: &str) -> Result<()> {
-    let coding = headers.get(CONTENT_ENCODING);
-    if coding.is_some_and(|coding| !coding.as_bytes().eq_ignore_ascii_case(b"identity")) {
-        let detail = "The body has a Content-Encoding. Send it without compression, and without this header.";
-        return Err(Problem::new(&kinds::UNSUPPORTED_CODING, detail)
-            .with_header(ACCEPT_ENCODING, "identity"));
+impl<S: Sync> FromRequest<S> for FileBody {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, _: &S) -> Result<Self> {
+        read_counted(request, |bytes| Ok(OF_FILE * bytes.len())).await.map(Self)
     }
-    // A body without a type is refused too: browsers let web pages of any origin send one.
-    let declared = headers.get(CONTENT_TYPE).map(|value| value.to_str().unwrap_or(""));
-    if declared.is_some_and(is_accepted) {
-        return Ok(());
-    }
-    let declared = declared.map_or_else(
-        || "The body has no Content-Type".to_owned(),
-        |declared| format!("The Content-Type of the body is \"{}\"", excerpt(declared)),
-    );
-    let detail = format!("{declared}. Send it with Content-Type: {example}.");
-    Err(Problem::new(&kinds::UNSUPPORTED_MEDIA_TYPE, detail))
 }
 
-/// Reads a body. Reserves memory for its bytes, and for what becomes of them.
-async fn read_counted(request: Request, becomes: fn(&[u8]) -> Result<usize>) -> Result<Counted> {
+/// Reads a body. Reserves memory for its bytes, and for what they become.
+async fn read_counted(request: Request, tree: fn(&[u8]) -> Result<usize>) -> Result<Counted> {
     let caller = owner_of(request.extensions());
     let shares = request.extensions().get::<Arc<Shares>>().cloned();
     let (bytes, body) = read(request, shares.as_deref(), &caller).await?;
-    let tree = becomes(&bytes)?;
+    let tree = tree(&bytes)?;
     let tree = match shares {
         Some(shares) => shares.trees.hold(&caller, tree).await?,
         None => Permit::default(),
     };
     Ok(Counted { bytes, _body: body, _tree: tree })
-}
-
-/// Whether a file with this type can have a table. Browsers on Windows call CSV a type of Excel.
-fn is_file(media_type: &str) -> bool {
-    let essence = media_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
-    essence.starts_with("text/")
-        || ["application/octet-stream", "application/vnd.ms-excel"].contains(&&*essence)
 }
 
 fn is_json(media_type: &str) -> bool {

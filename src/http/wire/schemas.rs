@@ -133,5 +133,5 @@ documented! {
     /// What was read from a file of measured numbers.
     Measured kept_in_a_file();
     /// What becomes of two columns of a file.
-    Prepare words(Preparation::ALL.map(|(name, _)| name));
+    Prepare words(Preparation::NAMES.map(|(name, _)| name));
 }
