@@ -15,6 +15,8 @@ use fretwork_measured::{Prepare, Wanted};
 
 /// The factor from the wear coefficient of the scenario to the ends of its range.
 const RANGE: f64 = 1e4;
+/// The relative noise before the first estimate.
+const NOISE: f64 = 0.1;
 /// Minimum number of points for a wear coefficient and a friction.
 const FEWEST: usize = 3;
 
@@ -25,7 +27,7 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
     let wanted = Wanted { x: x.as_deref(), y: y.as_deref(), prepare, level: true, centre: true };
     let mut measured = match fretwork_measured::read(&read(&settings.file)?, &wanted) {
         Ok(measured) => measured,
-        Err(faults) => return Ok(print_faults(&faults.0)),
+        Err(faults) => return Ok(print_faults(&faults.below(&settings.file.to_string_lossy()).0)),
     };
     let mut data = measured.prepared["data"].take();
     let given = [("sigma", json!(sigma)), ("relative", json!(relative)), ("at", json!(at))];
@@ -33,12 +35,17 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
         data[name] = given;
     }
     if data.get("sigma").or(data.get("relative")).is_none() {
-        data["noise"] = json!("estimate");
+        (data["relative"], data["noise"]) = (json!(NOISE), json!("estimate"));
+        let note = "The noise is proportional to the numbers, and estimated from the residuals.";
+        measured.notes.push(note.to_owned());
     }
-    let mut job: Value = serde_json::from_slice(&read(&settings.scenario)?)?;
+    let named = |error| format!("{}: {error}", settings.scenario.display());
+    let job = serde_json::from_slice(&read(&settings.scenario)?);
+    let mut job: Value = job.map_err(named)?;
     let scenario = job.get_mut("scenario").map(Value::take).unwrap_or(job);
-    let points = data["y"].as_array().map_or(FEWEST, |y| y.iter().flat_map(Value::as_f64).count());
-    let mut parameters: Vec<Value> = settings.parameter.iter().map(named).collect();
+    let points =
+        data["y"].as_array().map_or(FEWEST, |y| y.iter().filter_map(Value::as_f64).count());
+    let mut parameters: Vec<Value> = settings.parameter.iter().map(asked).collect();
     if parameters.is_empty() {
         parameters = defaults(&scenario, points)?;
     }
@@ -65,7 +72,7 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
 }
 
 /// A parameter that the user names.
-fn named((pointer, low, high): &(String, String, String)) -> Value {
+fn asked((pointer, low, high): &(String, String, String)) -> Value {
     let read = |text: &String| text.parse().map_or_else(|_| json!(text), |it: f64| json!(it));
     let spacing = if pointer.starts_with("/wear/") { "log" } else { "linear" };
     json!({"pointer": pointer, "from": read(low), "to": read(high), "spacing": spacing})
@@ -104,9 +111,11 @@ fn shown(number: &Value, unit: &str) -> String {
     let digits = number.as_f64().map(|number| format!("{:.3e}", number * factor));
     let rounded: Option<f64> = digits.and_then(|digits| digits.parse().ok());
     match rounded {
-        None => "?".to_owned(),
-        Some(it) if it == 0.0 || (1e-3..1e9).contains(&it.abs()) => format!("{it} {unit}"),
-        Some(it) => format!("{it:e} {unit}"),
+        None => "-".to_owned(),
+        Some(it) if it == 0.0 || (1e-3..1e9).contains(&it.abs()) => {
+            format!("{it} {unit}").trim_end().to_owned()
+        }
+        Some(it) => format!("{it:e} {unit}").trim_end().to_owned(),
     }
 }
 

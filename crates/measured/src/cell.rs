@@ -13,11 +13,9 @@ const FOREIGN: [&str; 10] = ["s", "ms", "min", "h", "Hz", "kg", "g", "mg", "%", 
 pub fn number(text: &str) -> Option<f64> {
     let plain = text.replace('−', "-").replace(',', ".");
     let is_digit = |byte: u8| byte.is_ascii_digit() || b"+-.eE".contains(&byte);
-    if UNKNOWN.contains(&plain.to_lowercase().as_str()) {
-        return Some(f64::NAN);
-    }
     let is_number = plain.bytes().all(is_digit) && !text.ends_with(',');
-    plain.parse().ok().filter(|number| is_number && f64::is_finite(*number))
+    let number = plain.parse().ok().filter(|number| is_number && f64::is_finite(*number));
+    number.or_else(|| UNKNOWN.contains(&&*plain.to_lowercase()).then_some(f64::NAN))
 }
 
 /// A unit: its dimension, `None` if no quantity of a scenario has it, and its factor to SI.

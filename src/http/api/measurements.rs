@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use axum::Extension;
 use axum::response::{IntoResponse, Response};
+use tokio::task;
 
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
@@ -15,9 +16,8 @@ use fretwork_engine::request::fault::Faults;
 use fretwork_json as json;
 use fretwork_measured::{Prepare, Wanted};
 
-/// Bytes of the answer, and processor time, for each byte of the file.
+/// Bytes of the answer for each byte of the file.
 const ANSWER: usize = 8;
-const SECONDS: f64 = 2e-7;
 
 /// The problem for a file that cannot be read, or for parameters that do not fit it.
 fn refused(faults: &Faults) -> Problem {
@@ -77,15 +77,15 @@ pub async fn read(
     let (level, centre) = (is("level"), is("centre"));
     query.finish()?;
     let bytes = body.bytes.len();
-    let turn = app.shares.evaluations.turn(&caller.owner).await;
+    let turn = app.shares.heavy.turn(&caller.owner).await;
     let mut permit = app.shares.answers.hold(&caller.owner, ANSWER * bytes).await?;
     let prepare = prepare.map_or(Prepare::Points, |(_, prepare)| prepare);
-    let step = move || {
+    let read = task::spawn_blocking(move || {
         let wanted = Wanted { x: x.as_deref(), y: y.as_deref(), prepare, level, centre };
         let read = fretwork_measured::read(&body.bytes, &wanted);
-        Some(read.map(|measured| json::write(&measured, bytes)))
-    };
-    let read = app.service.compute_in_turns(SECONDS * bytes as f64, step).await?;
+        read.map(|measured| json::write(&measured, bytes))
+    });
+    let read = read.await.map_err(Problem::bug)?;
     drop(turn);
     let answer = read.map_err(|faults| refused(&faults))?;
     permit.shrink(answer.len());
