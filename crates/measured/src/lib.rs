@@ -18,44 +18,7 @@ use serde_json::{Value, json};
 use table::Table;
 
 pub use table::{Column, MAX_ROWS};
-
-/// What is wanted from a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Wanted<'a> {
-    /// The name of the first column, with a unit if the file states none. By default the first column of the file.
-    pub x: Option<&'a str>,
-    /// The name of the second column. By default the next column of the file.
-    pub y: Option<&'a str>,
-    /// What becomes of the two columns.
-    pub prepare: Prepare,
-    /// Whether the tilt of a trace is removed.
-    pub level: bool,
-    /// Whether the middle of the scar becomes the axis. Otherwise it is where x is 0.
-    pub centre: bool,
-}
-
-/// What becomes of two columns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Prepare {
-    /// Points of an output.
-    Points,
-    /// A profilometer trace across the whole scar becomes a profile.
-    Trace,
-    /// A trace from the axis outwards becomes a profile.
-    Half,
-    /// Friction force over displacement in one cycle becomes its energy.
-    Loop,
-}
-
-impl Prepare {
-    /// The name of each.
-    pub const NAMES: [(&'static str, Self); 4] = [
-        ("points", Self::Points),
-        ("trace", Self::Trace),
-        ("half", Self::Half),
-        ("loop", Self::Loop),
-    ];
-}
+pub use trace::{Prepare, Wanted};
 
 /// What was read from a file.
 #[derive(Debug, Clone, PartialEq, Serialize)]

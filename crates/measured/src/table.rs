@@ -219,7 +219,7 @@ impl Table {
         let text = decode(bytes, &mut notes)?;
         let lines = Lines::of(&text)?;
         let start = lines.start();
-        if lines.all.len() - start > MAX_ROWS {
+        if lines.all.len() - start.min(MAX_HEAD) > MAX_ROWS {
             return Err(format!(
                 "The table has more than {MAX_ROWS} rows. Keep, for example, every tenth row"
             ));

@@ -13,8 +13,6 @@ use std::ops::Range;
 
 use serde_json::{Value, json};
 
-use super::{Prepare, Wanted};
-
 /// Minimum number of points.
 const FEWEST: usize = 30;
 /// One in this many points at each end must be unworn.
@@ -30,6 +28,44 @@ const RADII: f64 = 40.0;
 const MOST_RADII: f64 = 1000.0;
 /// Depths are listed up to this many radii of the scar.
 const BEYOND: f64 = 1.25;
+
+/// What is wanted from a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Wanted<'a> {
+    /// The name of the first column, with a unit if the file states none. By default the first column of the file.
+    pub x: Option<&'a str>,
+    /// The name of the second column. By default the next column of the file.
+    pub y: Option<&'a str>,
+    /// What becomes of the two columns.
+    pub prepare: Prepare,
+    /// Whether the tilt of a trace is removed.
+    pub level: bool,
+    /// Whether the middle of the scar becomes the axis. Otherwise it is where x is 0.
+    pub centre: bool,
+}
+
+/// What becomes of two columns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Prepare {
+    /// Points of an output.
+    Points,
+    /// A profilometer trace across the whole scar becomes a profile.
+    Trace,
+    /// A trace from the axis outwards becomes a profile.
+    Half,
+    /// Friction force over displacement in one cycle becomes its energy.
+    Loop,
+}
+
+impl Prepare {
+    /// The name of each.
+    pub const NAMES: [(&'static str, Self); 4] = [
+        ("points", Self::Points),
+        ("trace", Self::Trace),
+        ("half", Self::Half),
+        ("loop", Self::Loop),
+    ];
+}
 
 type Points = Vec<(f64, f64)>;
 

@@ -171,6 +171,8 @@ fn a_bad_file_is_refused_with_a_remedy() {
     }
     let said = refused(rows(MAX_ROWS + 1).as_bytes(), &ALL);
     assert!(said.contains("more than 100000 rows. Keep, for example, every tenth row"), "{said}");
+    let long = "about\n".repeat(2000) + &rows(MAX_ROWS);
+    assert!(refused(long.as_bytes(), &ALL).contains("more than 100000 rows"));
     let wide = "1;".repeat(70) + "1\n";
     assert!(refused(wide.as_bytes(), &ALL).contains("Write 2 to 64 columns"));
 }
