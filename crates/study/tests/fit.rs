@@ -188,8 +188,6 @@ fn what_the_data_cannot_tell_is_said_in_words() {
         (&found["parameters"][0]["estimate"], &found["parameters"][1]["interval"][0]),
         (&Value::Null, &Value::Null)
     );
-    let ratio = found["combinations"][0]["estimate"].as_f64().unwrap();
-    assert!((ratio / (1e-4 / 3e9) - 1.0).abs() < 0.1, "{}", found["combinations"]);
     // A prior gives the rest.
     fit["parameters"][1]["prior"] = json!({"lognormal": {"median": "3 GPa", "factor": 1.1}});
     let found = fitted(fit).unwrap();
@@ -444,7 +442,7 @@ fn names_stay_and_quantities_become_numbers() {
             "parameters": [{"pointer": "/wear/coefficient", "from": 1e-15, "to": "1e-11 1/Pa", "spacing": "log", "for": ["5 um"]}],
             "tests": [
                 {"name": "5 um", "specimen": "7 N", "data": [data], "changes": {"/load": {"normal_force": "37 N/mm"}}},
-                {"name": 7, "data": [data]}]});
+                {"name": "7", "data": [data]}]});
         change(&mut fit);
         Study::read(kind(), fit).unwrap().canonical.clone()
     };

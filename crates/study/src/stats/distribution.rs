@@ -136,6 +136,16 @@ impl Distribution {
         Ok(Self(Kind::Triangular { low, mode, high }))
     }
 
+    /// The mean and the standard deviation of a normal distribution; those of the logarithm, and true, for a lognormal
+    /// one; `None` for others.
+    pub fn normal_parts(&self) -> Option<(f64, f64, bool)> {
+        match self.0 {
+            Kind::Normal { mean, deviation } => Some((mean, deviation, false)),
+            Kind::Lognormal { median, deviation } => Some((libm::log(median), deviation, true)),
+            _ => None,
+        }
+    }
+
     /// The value below which the share `u` of the distribution lies, for 0 < u < 1.
     pub fn quantile(&self, u: f64) -> f64 {
         match self.0 {

@@ -1,23 +1,25 @@
 //! Fits: the numbers of a scenario that agree best with measured volumes, depths, energies and profiles.
 //!
-//! The files of this room: [`data`] reads what was measured, [`model`] predicts it, [`search`] computes the points of
+//! The files of this room: [`data`] reads what was measured, [`source`] predicts it, [`search`] computes the points of
 //! the fit in stages, and [`findings`] says what follows.
 
 mod data;
 mod findings;
 mod model;
 mod search;
+mod source;
 
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use deserr::Deserr;
 use fretwork_engine::request::fault::Faults;
-use fretwork_engine::request::fields::Given;
+use fretwork_engine::request::fields::{Given, List};
 use serde_json::{Value, json};
 
+use self::data::{GivenParameter, GivenTest};
 use self::search::Fit;
 use crate::plan::{Column, Findings, Hints, Kind, Plan, Read, StudyFigure, Tried};
 use crate::problem::{Problem, small_members};
 use crate::rows::{NUMBER, Rows};
-use fretwork_json::Whole;
+use fretwork_json::{Whole, typed};
 
 /// The kind of fits.
 pub const KIND: Kind = Kind {
@@ -37,6 +39,9 @@ const CONFIDENCE: f64 = 0.95;
 const STARTS: u64 = 8;
 /// Maximum number of starts.
 const MAX_STARTS: u64 = 64;
+/// Maximum number of parameters, and of tests.
+const MAX_PARAMETERS: usize = 20;
+const MAX_TESTS: usize = 200;
 /// Maximum bytes of a number, a name or a note in the findings.
 const TEXT: usize = 400;
 
@@ -47,8 +52,8 @@ struct Request {
     #[deserr(default, rename = "version")]
     _version: Given<Whole<1, 1>>,
     scenario: Value,
-    parameters: Vec<Value>,
-    tests: Vec<Value>,
+    parameters: List<GivenParameter, 1, MAX_PARAMETERS>,
+    tests: List<GivenTest, 1, MAX_TESTS>,
     #[deserr(default)]
     confidence: Given<f64>,
     #[deserr(default)]
@@ -61,9 +66,7 @@ struct Request {
 /// All faults, with pointers relative to the fit.
 fn read(fit: Value) -> Result<Read, Faults> {
     let mut complete = small_members(&fit);
-    let request: Request =
-        Request::deserialize_from_value::<Value>(fit.into_value(), ValuePointerRef::Origin)?;
-    let Request { scenario, parameters, tests, confidence, starts, .. } = request;
+    let Request { scenario, parameters, tests, confidence, starts, .. } = typed(fit)?;
     let confidence = confidence.0.unwrap_or(CONFIDENCE);
     if !(0.5..=0.9999).contains(&confidence) {
         return Err(Faults::one("/confidence", "must be from 0.5 to 0.9999, such as 0.95"));
@@ -71,40 +74,35 @@ fn read(fit: Value) -> Result<Read, Faults> {
     let starts = starts.0.map_or(STARTS, |starts| starts.0);
     complete.insert("confidence".to_owned(), json!(confidence));
     complete.insert("starts".to_owned(), json!(starts));
-    let fit = data::fit(&scenario, &parameters, &tests, confidence, starts as u32)?;
-    let problem = Problem::new(scenario, Vec::new(), Vec::new());
-    Ok(Read::new(complete, problem, fit))
+    let fit = data::fit(&scenario, parameters.0, tests.0, (confidence, starts as u32))?;
+    Ok(Read::new(complete, Problem::new(scenario, Vec::new(), Vec::new()), fit))
 }
 
 impl Plan for Fit {
     fn points(&self) -> usize {
-        self.bounds()[4]
+        self.tasks.len()
     }
 
     fn stages(&self) -> Vec<usize> {
-        self.bounds()[..4].to_vec()
+        self.first.clone()
     }
 
     fn point(&self, _: usize) -> Vec<f64> {
         Vec::new()
     }
 
-    fn next(
+    fn row(
         &self,
-        _: &Problem,
+        problem: &Problem,
         number: usize,
         earlier: &Rows,
         tried: &[Tried],
-    ) -> Option<Vec<f64>> {
-        self.wanted(number, earlier, tried)
+    ) -> Result<Tried, Vec<f64>> {
+        self.row_or_run(problem, number, earlier, tried)
     }
 
     fn asked<'a>(&'a self, _: &'a Problem, values: &'a [f64]) -> (&'a Problem, &'a [f64]) {
         (&self.sources[values[0] as usize].problem, &values[1..])
-    }
-
-    fn row(&self, problem: &Problem, number: usize, earlier: &Rows, tried: Vec<Tried>) -> Tried {
-        self.row_of(problem, number, earlier, &tried)
     }
 
     fn seconds(&self, _: &Problem, _: &[f64]) -> f64 {
