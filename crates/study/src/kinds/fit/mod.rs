@@ -1,20 +1,22 @@
 //! Fits: the numbers of a scenario that agree best with measured volumes, depths, energies and profiles.
 //!
-//! The files of this room: [`data`] reads what was measured, [`source`] predicts it, [`search`] computes the points of
+//! The files of this room: [`data`] reads what was measured, [`model`] predicts it, [`search`] computes the points of
 //! the fit in stages, and [`findings`] says what follows.
 
 mod data;
 mod findings;
 mod model;
 mod search;
-mod source;
+
+use std::mem::replace;
 
 use deserr::Deserr;
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::{Given, List};
 use serde_json::{Value, json};
 
-use self::data::{GivenParameter, GivenTest};
+use self::data::GivenTest;
+use self::model::{Runs, Set};
 use self::search::Fit;
 use crate::plan::{Column, Findings, Hints, Kind, Plan, Read, StudyFigure, Tried};
 use crate::problem::{Problem, small_members};
@@ -42,6 +44,8 @@ const MAX_STARTS: u64 = 64;
 /// Maximum number of parameters, and of tests.
 const MAX_PARAMETERS: usize = 20;
 const MAX_TESTS: usize = 200;
+/// Estimated number of runs of a set in a search, and more for each parameter.
+const RUNS: (f64, f64) = (4.0, 6.0);
 /// Maximum bytes of a number, a name or a note in the findings.
 const TEXT: usize = 400;
 
@@ -52,7 +56,7 @@ struct Request {
     #[deserr(default, rename = "version")]
     _version: Given<Whole<1, 1>>,
     scenario: Value,
-    parameters: List<GivenParameter, 1, MAX_PARAMETERS>,
+    parameters: List<Value, 1, MAX_PARAMETERS>,
     tests: List<GivenTest, 1, MAX_TESTS>,
     #[deserr(default)]
     confidence: Given<f64>,
@@ -84,7 +88,9 @@ impl Plan for Fit {
     }
 
     fn stages(&self) -> Vec<usize> {
-        self.first.clone()
+        let stages = self.tasks.chunk_by(|one, next| one.0 == next.0);
+        let first = stages.scan(0, |sum, stage| Some(replace(sum, *sum + stage.len())));
+        first.collect()
     }
 
     fn point(&self, _: usize) -> Vec<f64> {
@@ -101,12 +107,18 @@ impl Plan for Fit {
         self.row_or_run(problem, number, earlier, tried)
     }
 
-    fn asked<'a>(&'a self, _: &'a Problem, values: &'a [f64]) -> (&'a Problem, &'a [f64]) {
-        (&self.sources[values[0] as usize].problem, &values[1..])
+    fn asked<'a>(&'a self, problem: &'a Problem, values: &'a [f64]) -> (&'a Problem, &'a [f64]) {
+        let runs = self.sets[values[0] as usize].runs.as_ref();
+        (runs.map_or(problem, |runs| &runs.problem), &values[1..])
     }
 
     fn seconds(&self, _: &Problem, _: &[f64]) -> f64 {
-        self.seconds
+        let runs = self.sets.iter().filter_map(|set| set.runs.as_ref());
+        let seconds = runs.map(|Runs { problem, parameters, .. }| {
+            let start: Vec<f64> = parameters.iter().map(|it| self.parameters[*it].start).collect();
+            (RUNS.0 + RUNS.1 * start.len() as f64) * problem.seconds(&start)
+        });
+        seconds.sum()
     }
 
     fn columns(&self) -> Vec<Column> {
@@ -114,11 +126,10 @@ impl Plan for Fit {
         let parameters = parameters.map(|it| Column { name: it.column(), unit: Some(it.unit) });
         let counts =
             ["sum_of_squares", "runs", "derivative_error"].map(|name| Column::new(name, "1"));
-        let numbers = self.positions.iter().enumerate().map(|(place, position)| {
-            let set = &self.sets[position.set];
-            let (test, x) = (&self.tests[set.test], set.x[position.entry]);
-            let name = format!("{test}.{}@{x} #{}", set.output, place + 1);
-            Column { name, unit: Some(set.unit) }
+        let numbers = self.positions.iter().enumerate().map(|(place, (set, entry))| {
+            let Set { test, output, unit, x, .. } = &self.sets[*set];
+            let name = format!("{}.{output}@{} #{}", self.tests[*test], x[*entry], place + 1);
+            Column { name, unit: Some(*unit) }
         });
         parameters.chain(counts).chain(numbers).collect()
     }
@@ -144,7 +155,7 @@ impl Plan for Fit {
     }
 
     fn memory(&self) -> usize {
-        let scenarios = self.sources.iter().map(|source| 150 * source.problem.size);
-        scenarios.sum::<usize>() + 400 * self.positions.len()
+        let runs = self.sets.iter().filter_map(|set| set.runs.as_ref());
+        runs.map(|runs| 150 * runs.problem.size).sum::<usize>() + 400 * self.positions.len()
     }
 }

@@ -7,19 +7,16 @@
 //! | derivatives and subsets | the derivatives of all predictions; the minimum without a test, or of some outputs |
 //! | profiles, [`TRIALS`] times | on both sides of each parameter, the least sum of squares at one more value of it |
 //!
-//! The tasks of a stage do not depend on the rows before it. A row has the parameters, the sum of squares, the number of
-//! runs, the error of a column of derivatives, and a number for each position: the numerical error of a prediction (from
-//! a start), a prediction (of the minimum), or its derivative.
+//! The tasks of a stage do not depend on the rows before it.
 
 use crate::plan::Tried;
 use crate::problem::{Lack, Problem};
 use crate::rows::Rows;
-use crate::stats::derivative::{Derivative, Place as At, Search};
+use crate::stats::derivative::{Place, Search as Derivatives};
 use crate::stats::least_squares::{self, Stop};
 use crate::stats::measured::{Information, Measured};
 
-use super::model::{Parameter, Position, Set};
-use super::source::Source;
+use super::model::{Parameter, Quantity, Set};
 
 /// Relative change of a parameter from which a search takes its differences. Numerical noise is much smaller.
 const DIFFERENCE: f64 = 0.04;
@@ -41,12 +38,12 @@ const MAX_LEAVES: usize = 24;
 #[derive(Debug)]
 pub struct Fit {
     pub parameters: Vec<Parameter>,
-    pub sources: Vec<Source>,
     pub sets: Vec<Set>,
-    pub positions: Vec<Position>,
+    /// The set and the entry of all numbers.
+    pub positions: Vec<(usize, usize)>,
     /// The outputs whose noise is estimated, for each kind of noise; `None` for stated noise.
     pub noises: Vec<Option<String>>,
-    /// The measured numbers at all positions, without numerical errors.
+    /// The numbers at all positions, without numerical errors.
     pub measured: Measured,
     /// The names of the tests.
     pub tests: Vec<String>,
@@ -54,11 +51,8 @@ pub struct Fit {
     pub coefficient: Option<usize>,
     pub starts: Vec<Vec<f64>>,
     pub confidence: f64,
-    /// Estimated processor time of a point.
-    pub seconds: f64,
-    /// The tasks of all points, and the index of the first one of each stage.
-    pub tasks: Vec<Task>,
-    pub first: Vec<usize>,
+    /// The tasks of all points, with their stages.
+    pub tasks: Vec<(usize, Task)>,
 }
 
 /// What a point computes.
@@ -72,373 +66,329 @@ pub enum Task {
     Profile { parameter: usize, is_high: bool },
 }
 
-/// The tasks of each stage, for these numbers of starts, parameters and tests.
-pub fn tasks(starts: u32, parameters: usize, tests: usize, has_subsets: bool) -> Vec<Vec<Task>> {
+/// All tasks, for these numbers of starts, parameters and tests.
+pub fn tasks(
+    starts: u32,
+    parameters: usize,
+    tests: usize,
+    has_subsets: bool,
+) -> Vec<(usize, Task)> {
+    let mut tasks: Vec<_> = (0..starts as usize).map(|start| (0, Task::Start(start))).collect();
+    tasks.push((1, Task::Minimum));
+    tasks.extend((0..parameters).map(|parameter| (2, Task::Derivative(parameter))));
     let leaves = if (2..=MAX_LEAVES).contains(&tests) { tests } else { 0 };
-    let subsets = [false, true].map(|are_depths| Task::Only { are_depths });
-    let all = (0..parameters).map(Task::Derivative).chain((0..leaves).map(Task::Without));
-    let sides = (0..parameters)
-        .flat_map(|parameter| [false, true].map(|is_high| Task::Profile { parameter, is_high }));
-    let mut stages = vec![(0..starts as usize).map(Task::Start).collect(), vec![Task::Minimum]];
-    stages.push(all.chain(subsets.into_iter().filter(|_| has_subsets)).collect());
-    stages.extend(vec![sides.collect(); TRIALS]);
-    stages
+    tasks.extend((0..leaves).map(|test| (2, Task::Without(test))));
+    let subsets = [false, true].map(|are_depths| (2, Task::Only { are_depths }));
+    tasks.extend(subsets.into_iter().filter(|_| has_subsets));
+    for (stage, parameter) in
+        (3..3 + TRIALS).flat_map(|stage| (0..parameters).map(move |it| (stage, it)))
+    {
+        tasks.extend([false, true].map(|is_high| (stage, Task::Profile { parameter, is_high })));
+    }
+    tasks
 }
 
-/// The values of a run that is not known: the index of its source, and the values of its members.
+/// The values of a run that is not known: the index of its set, and the values of its members.
 type Wanted = Vec<f64>;
 
-/// The best parameters, and the measured numbers with numerical errors.
-#[derive(Debug)]
-pub struct Best {
+/// A row. A missing number is NaN.
+#[derive(Debug, Default)]
+pub struct Row {
     pub theta: Vec<f64>,
     pub sum: f64,
-    pub predicted: Vec<f64>,
-    pub factors: Vec<f64>,
+    pub runs: f64,
+    /// The error of a column of derivatives, as the root sum of squares of those of residuals.
+    pub error: f64,
+    /// A number for each position: the numerical error of a prediction (from a start), a prediction (of the minimum), or
+    /// a derivative of a prediction.
+    pub numbers: Vec<f64>,
+}
+
+/// What the rows of the first stages say.
+#[derive(Debug)]
+pub struct Known {
+    pub rows: Vec<Row>,
+    /// The best start.
+    start: usize,
+    /// The numbers with the numerical errors of the runs of the best start.
     pub measured: Measured,
+    /// The index of the minimum.
+    pub minimum: usize,
+    /// The factors of the noise at the minimum.
+    pub factors: Vec<f64>,
 }
 
-/// A row. Missing parameters and missing numbers are an empty list.
-#[derive(Debug, Default)]
-struct Row {
-    theta: Vec<f64>,
-    sum: Option<f64>,
-    error: Option<f64>,
-    numbers: Vec<f64>,
-    lack: Option<String>,
-}
-
-/// The residuals of some of the measured numbers, as a function of the coordinates of some parameters.
-struct Objective<'a> {
+/// The predictions and the residuals of some of the measured numbers.
+struct Search<'a> {
     fit: &'a Fit,
     tried: &'a [Tried],
     measured: &'a Measured,
     factors: &'a [f64],
-    theta: &'a [f64],
-    free: &'a [usize],
 }
 
-impl Objective<'_> {
-    fn theta(&self, u: &[f64]) -> Vec<f64> {
-        let mut theta = self.theta.to_vec();
-        for (place, u) in self.free.iter().zip(u) {
-            theta[*place] = self.fit.parameters[*place].value(*u);
-        }
-        theta
-    }
-
-    fn at(&self, theta: &[f64]) -> Result<Vec<f64>, Wanted> {
+impl Search<'_> {
+    fn residuals(&self, theta: &[f64]) -> Result<Vec<f64>, Wanted> {
         let [predicted, _] = self.fit.predicted(theta, self.tried)?;
-        let mut residuals = self.measured.residuals(&predicted, self.factors);
-        let priors = self.fit.parameters.iter().zip(theta);
-        residuals.extend(priors.filter_map(|(it, x)| Some(it.prior_residual(*x)?.0)));
-        Ok(residuals)
+        Ok(self.measured.residuals(&predicted, self.factors))
     }
 
     fn sum(&self, theta: &[f64]) -> Result<f64, Wanted> {
-        Ok(self.at(theta)?.iter().map(|residual| residual * residual).sum())
+        Ok(self.residuals(theta)?.iter().map(|residual| residual * residual).sum())
     }
 
-    /// The derivatives of the residuals with respect to a coordinate, from central differences. At a bound, and where
-    /// predictions are missing on one side, they are differences to the other side.
-    fn slopes(&self, u: &[f64], place: usize, middle: &[f64]) -> Result<Vec<f64>, Wanted> {
-        let parameter = &self.fit.parameters[self.free[place]];
-        let step = DIFFERENCE * parameter.step(parameter.value(u[place]));
-        let beside = |step: f64| {
-            let mut other = u.to_vec();
-            other[place] = (u[place] + step).clamp(0.0, 1.0);
-            let residuals = self.at(&self.theta(&other))?;
-            let is_known = residuals.iter().all(|residual| residual.is_finite());
-            let known =
-                if is_known { (other[place], residuals) } else { (u[place], middle.to_vec()) };
-            Ok::<_, Wanted>(known)
+    /// The row of the minimum near these parameters, of which some are free.
+    fn minimum(&self, theta: &[f64], free: &[usize], stop: Stop) -> Result<Row, Wanted> {
+        let at = |u: &[f64]| {
+            let mut theta = theta.to_vec();
+            free.iter().zip(u).for_each(|(it, u)| theta[*it] = self.fit.parameters[*it].value(*u));
+            theta
         };
-        let (high, low) = (beside(step)?, beside(-step)?);
-        let slopes = high.1.iter().zip(&low.1).map(|(one, other)| (one - other) / (high.0 - low.0));
-        Ok(slopes.map(|slope| if slope.is_finite() { slope } else { 0.0 }).collect())
-    }
-
-    /// The parameters of the minimum near the present ones.
-    fn minimum(&self, stop: Stop) -> Result<Vec<f64>, Wanted> {
-        let coordinate = |place: &usize| self.fit.parameters[*place].coordinate(self.theta[*place]);
-        let start: Vec<f64> = self.free.iter().map(coordinate).collect();
-        if start.is_empty() {
-            return Ok(self.theta.to_vec());
-        }
-        let residuals = |u: &[f64]| self.at(&self.theta(u));
+        let residuals = |u: &[f64]| self.residuals(&at(u));
+        // Central differences. At a bound, and where predictions are missing on one side, they are one-sided.
+        let column = |u: &[f64], place: usize, middle: &[f64]| {
+            let parameter = &self.fit.parameters[free[place]];
+            let beside = |step: f64| {
+                let mut other = u.to_vec();
+                other[place] += step * parameter.step(parameter.value(u[place]));
+                other[place] = other[place].clamp(0.0, 1.0);
+                let found = residuals(&other)?;
+                let is_known = found.iter().all(|residual| residual.is_finite());
+                Ok::<_, Wanted>(if is_known {
+                    (other[place], found)
+                } else {
+                    (u[place], middle.to_vec())
+                })
+            };
+            let ((high, above), (low, below)) = (beside(DIFFERENCE)?, beside(-DIFFERENCE)?);
+            let slopes = above.iter().zip(&below).map(|(one, other)| (one - other) / (high - low));
+            Ok(slopes.map(|slope| if slope.is_finite() { slope } else { 0.0 }).collect())
+        };
         let derivatives = |u: &[f64]| {
             let middle = residuals(u)?;
-            (0..u.len()).map(|place| self.slopes(u, place, &middle)).collect()
+            (0..u.len()).map(|place| column(u, place, &middle)).collect()
         };
-        Ok(self.theta(&least_squares::minimum(&residuals, &derivatives, &start, stop)?))
-    }
-
-    /// The row of the minimum near the present parameters.
-    fn row(&self, stop: Stop) -> Result<Row, Wanted> {
-        let theta = self.minimum(stop)?;
-        Ok(Row { sum: Some(self.sum(&theta)?), theta, ..Row::default() })
+        let coordinate = |it: &usize| self.fit.parameters[*it].coordinate(theta[*it]);
+        let start: Vec<f64> = free.iter().map(coordinate).collect();
+        let theta = match start.len() {
+            0 => theta.to_vec(),
+            _ => at(&least_squares::minimum(&residuals, &derivatives, &start, stop)?),
+        };
+        Ok(Row { sum: self.sum(&theta)?, theta, ..Row::default() })
     }
 }
 
 impl Fit {
-    /// Predictions at all positions for these parameters, from known runs, and their relative numerical errors. A
-    /// missing one is not a number.
+    /// Predictions at all positions for these parameters, from known runs, and their relative numerical errors.
     ///
     /// # Errors
     /// A run is not known.
     fn predicted(&self, theta: &[f64], tried: &[Tried]) -> Result<[Vec<f64>; 2], Wanted> {
-        let run = |(place, source): (usize, &Source)| {
-            let Some(mut values) = source.values(theta) else { return Ok(None) };
+        let run = |(place, set): (usize, &Set)| {
+            let values = set.runs.as_ref().and_then(|runs| runs.values(theta));
+            let Some(mut values) = values else { return Ok(None) };
             values.insert(0, place as f64);
             tried.iter().find(|tried| tried.values == values).map(Some).ok_or(values)
         };
-        let runs: Vec<_> = self.sources.iter().enumerate().map(run).collect::<Result<_, _>>()?;
-        let number = |it: &Position| {
-            let run = runs[it.source].map(|tried| (&tried.values[1..], &tried.found));
-            let found = self.sources[it.source].predicted(&self.sets[it.set], it.entry, theta, run);
-            found.unwrap_or((f64::NAN, f64::NAN))
+        let runs: Vec<_> = self.sets.iter().enumerate().map(run).collect::<Result<_, _>>()?;
+        let number = |(set, entry): &(usize, usize)| {
+            let run = runs[*set].map(|tried| (&tried.values[1..], &tried.found));
+            self.sets[*set].predicted(*entry, theta, run).unwrap_or((f64::NAN, f64::NAN))
         };
         let (values, errors) = self.positions.iter().map(number).unzip();
         Ok([values, errors])
     }
 
     /// The set of a position.
-    pub fn set(&self, place: usize) -> &Set {
-        &self.sets[self.positions[place].set]
+    pub fn set(&self, position: usize) -> &Set {
+        &self.sets[self.positions[position].0]
     }
 
-    /// The indices of the points with these tasks.
-    pub fn points_of(&self, is_own: impl Fn(Task) -> bool) -> Vec<usize> {
-        (0..self.tasks.len()).filter(|point| is_own(self.tasks[*point])).collect()
-    }
-
-    /// The best start: its parameters, and the measured numbers with the numerical errors of its runs.
-    fn best_start(&self, rows: &Rows) -> Option<(Vec<f64>, Measured)> {
-        let sums = rows.numbers(self.parameters.len());
-        let known = sums[..self.starts.len()].iter().enumerate();
-        let known = known.filter_map(|(place, sum)| Some((place, (*sum)?)));
-        let (start, _) = known.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    /// What the rows of the first stages say. `None` if no start has led to numbers for all measured points.
+    pub fn known(&self, rows: &Rows) -> Option<Known> {
+        let (count, numbers) = (self.parameters.len(), self.positions.len());
+        let columns: Vec<_> = (0..count + 3 + numbers).map(|column| rows.numbers(column)).collect();
+        let row = |row: usize| {
+            let mut cells = columns.iter().map(|column| column[row].unwrap_or(f64::NAN));
+            let theta = cells.by_ref().take(count).collect();
+            let [sum, runs, error] = [(); 3].map(|()| cells.next().unwrap_or(f64::NAN));
+            Row { theta, sum, runs, error, numbers: cells.collect() }
+        };
+        let rows: Vec<Row> = (0..rows.count).map(row).collect();
+        let minimum = self.starts.len();
+        let finite = (0..minimum).filter(|start| rows[*start].sum.is_finite());
+        let start = finite.min_by(|a, b| rows[*a].sum.total_cmp(&rows[*b].sum))?;
         let mut measured = self.measured.clone();
-        for ((place, point), it) in measured.points.iter_mut().enumerate().zip(&self.positions) {
-            let set = &self.sets[it.set];
-            let size = if set.over() == "radius" { set.largest() } else { point.value.abs() };
-            point.numerical = size * self.numbers(rows, start, place).unwrap_or(0.0);
+        for (place, (set, entry)) in self.positions.iter().enumerate() {
+            let error = self.sets[*set].size(*entry) * rows[start].numbers[place];
+            measured.points[place].numerical = if error.is_finite() { error } else { 0.0 };
         }
-        let theta = (0..self.parameters.len()).filter_map(|it| rows.numbers(it)[start]);
-        Some((theta.collect(), measured))
+        let factors = rows.get(minimum).map_or(Vec::new(), |row| measured.factors(&row.numbers));
+        Some(Known { rows, start, measured, minimum, factors })
     }
 
-    /// The number of a position in a row.
-    fn numbers(&self, rows: &Rows, row: usize, position: usize) -> Option<f64> {
-        rows.numbers(self.parameters.len() + 3 + position)[row]
-    }
-
-    /// The best parameters, if a start has led to them.
-    pub fn best(&self, rows: &Rows) -> Option<Best> {
-        let (row, count) = (self.first[1], self.parameters.len());
-        let (_, measured) = self.best_start(rows)?;
-        let theta = (0..count).map(|it| rows.numbers(it)[row]).collect::<Option<_>>()?;
-        let predicted = (0..self.positions.len()).map(|it| self.numbers(rows, row, it));
-        let predicted: Vec<f64> = predicted.map(|it| it.unwrap_or(f64::NAN)).collect();
-        let (sum, factors) = (rows.numbers(count)[row]?, measured.factors(&predicted));
-        Some(Best { theta, sum, predicted, factors, measured })
-    }
-
-    /// What the data say about the parameters near the best ones: without and with their priors. The parameters are in
+    /// What the data say about the parameters near the best ones: with or without their priors. The parameters are in
     /// units of their [scales](Parameter::scale).
-    pub fn information(&self, rows: &Rows, best: &Best) -> [Information; 2] {
-        let count = self.parameters.len();
-        let mut columns = self.derivatives(rows);
-        for column in &mut columns {
-            let points = column.iter_mut().zip(&best.measured.points);
-            points.for_each(|(derivative, point)| *derivative *= point.slope(&best.factors));
-        }
-        let errors = &rows.numbers(count + 2)[self.first[2]..];
-        let errors: Vec<f64> = errors.iter().take(count).map(|it| it.unwrap_or(0.0)).collect();
-        let alone = Information::of(&columns, &errors);
-        for (place, parameter) in self.parameters.iter().enumerate() {
-            let x = best.theta[place];
-            let slope = parameter.prior_residual(x).map_or(0.0, |(_, slope)| slope);
-            for (other, column) in columns.iter_mut().enumerate() {
-                column.push(if other == place { slope * parameter.scale(x) } else { 0.0 });
-            }
-        }
-        [alone, Information::of(&columns, &errors)]
+    pub fn information(&self, known: &Known, has_priors: bool) -> Information {
+        let is_prior = |place| matches!(self.set(place).quantity, Quantity::Prior { .. });
+        let measured = known.measured.without(|place| !has_priors && is_prior(place));
+        let derivatives = self.derivatives(known);
+        let columns: Vec<Vec<f64>> = derivatives
+            .iter()
+            .map(|row| {
+                let cells = row.numbers.iter().zip(&measured.points);
+                let cells = cells.map(|(slope, point)| slope * point.slope(&known.factors));
+                cells.map(|cell| if cell.is_finite() { cell } else { 0.0 }).collect()
+            })
+            .collect();
+        let errors: Vec<f64> = derivatives.iter().map(|row| row.error).collect();
+        Information::of(&columns, &errors)
     }
 
-    /// The derivatives of all predictions with respect to each parameter, in units of its scale. A missing one is 0.
-    pub fn derivatives(&self, rows: &Rows) -> Vec<Vec<f64>> {
-        let mut columns = vec![Vec::with_capacity(self.positions.len()); self.parameters.len()];
-        for position in 0..self.positions.len() {
-            let cells = rows.numbers(self.parameters.len() + 3 + position);
-            let own = columns.iter_mut().zip(&cells[self.first[2]..]);
-            own.for_each(|(column, cell)| column.push(cell.unwrap_or(0.0)));
-        }
-        columns
+    /// The rows with the derivatives of all predictions with respect to each parameter, in units of its scale.
+    pub fn derivatives<'a>(&self, known: &'a Known) -> &'a [Row] {
+        &known.rows[known.minimum + 1..][..self.parameters.len()]
     }
 
-    /// The visited values in the profile of a parameter on one side: the distances from the estimate in coordinates,
-    /// ascending from 0, and the square roots of the rise of S. A missing S is infinite.
-    pub fn profile(&self, rows: &Rows, best: &Best, own: Task) -> Vec<(f64, f64)> {
+    /// The visited values in the profile of a parameter on one side: the distance from the estimate in coordinates, and
+    /// the square root of the rise of S.
+    pub fn profile(&self, known: &Known, own: Task) -> Vec<(f64, f64)> {
         let Task::Profile { parameter: place, .. } = own else { return Vec::new() };
-        let (sums, cells) = (rows.numbers(self.parameters.len()), rows.numbers(place));
-        let coordinate = |x: f64| self.parameters[place].coordinate(x);
-        let visited = self.points_of(|task| task == own).into_iter().filter_map(|row| {
-            let distance = coordinate((*cells.get(row)?)?) - coordinate(best.theta[place]);
-            let rise = sums[row].map_or(f64::INFINITY, |sum| (sum - best.sum).max(0.0).sqrt());
-            Some((distance.abs(), rise))
+        let best = &known.rows[known.minimum];
+        let coordinate = |row: &Row| self.parameters[place].coordinate(row.theta[place]);
+        let visited = known.rows.iter().zip(&self.tasks).filter_map(|(row, (_, task))| {
+            let distance = Some((coordinate(row) - coordinate(best)).abs());
+            // If predictions are missing there, the rise is infinite.
+            let rise = if row.sum.is_nan() { f64::INFINITY } else { row.sum - best.sum };
+            Some((distance.filter(|it| *task == own && it.is_finite())?, rise.max(0.0).sqrt()))
         });
-        let mut visited: Vec<_> = [(0.0, 0.0)].into_iter().chain(visited).collect();
-        visited.sort_by(|a, b| a.0.total_cmp(&b.0));
-        visited
+        visited.collect()
     }
 
     /// The row of a point from its runs, or the run that it needs next.
-    fn computed(&self, number: usize, earlier: &Rows, tried: &[Tried]) -> Result<Row, Wanted> {
-        let all: Vec<usize> = (0..self.parameters.len()).collect();
-        match self.tasks[number] {
-            Task::Start(place) => return self.at_start(&self.starts[place], &all, tried),
-            Task::Minimum => {
-                let Some((theta, measured)) = self.best_start(earlier) else {
-                    let lack =
-                        "no start leads to numbers for all measured points: see their reasons";
-                    return Ok(Row { lack: Some(lack.to_owned()), ..Row::default() });
-                };
-                return self.at_minimum(theta, &measured, &all, tried);
+    fn computed(
+        &self,
+        number: usize,
+        earlier: &Rows,
+        tried: &[Tried],
+    ) -> Result<Result<Row, String>, Wanted> {
+        let (all, task) = ((0..self.parameters.len()).collect::<Vec<_>>(), self.tasks[number].1);
+        if let Task::Start(place) = task {
+            let (measured, factors) = (&self.measured, &vec![1.0; self.noises.len()]);
+            let search = Search { fit: self, tried, measured, factors };
+            if !search.sum(&self.starts[place])?.is_finite() {
+                let lacks = tried.iter().filter_map(|tried| tried.found.lack.as_ref());
+                let reason = lacks.map(|(Lack::Refused(why) | Lack::Incomplete(why))| why).next();
+                return Ok(Err(reason.map_or("a number is missing", String::as_str).to_owned()));
             }
-            _ => {}
+            let row = search.minimum(&self.starts[place], &all, COARSE)?;
+            let [_, numbers] = self.predicted(&row.theta, tried)?;
+            return Ok(Ok(Row { numbers, ..row }));
         }
-        let Some(best) = self.best(earlier) else { return Ok(Row::default()) };
+        let Some(known) = self.known(earlier) else {
+            return Ok(Err("no start leads to numbers for all measured points".to_owned()));
+        };
+        let (measured, factors) = (&known.measured, &known.factors[..]);
+        let search = Search { fit: self, tried, measured, factors };
         let of_part = |part: Measured, free: &[usize]| {
             if free.is_empty() || part.count(None) + 1e-9 < free.len() as f64 {
-                return Ok(Row::default());
+                return Ok(missing());
             }
-            let (theta, factors) = (&best.theta, &best.factors);
-            Objective { fit: self, tried, measured: &part, factors, theta, free }.row(FINE)
+            let best = &known.rows[known.minimum].theta;
+            Search { measured: &part, ..search }.minimum(best, free, FINE)
         };
-        match self.tasks[number] {
-            Task::Derivative(parameter) => self.derivative(parameter, &best, tried),
-            Task::Without(test) => {
-                of_part(best.measured.without(|place| self.set(place).test == test), &all)
-            }
+        let row = match task {
+            Task::Start(_) | Task::Minimum => self.minimum(&known, &all, tried),
+            Task::Derivative(parameter) => self.derivative(parameter, &known, tried),
+            Task::Without(test) => of_part(measured.without(|it| self.set(it).test == test), &all),
             Task::Only { are_depths } => {
                 let is_other = |place| self.set(place).are_depths() != Some(are_depths);
-                of_part(best.measured.without(is_other), self.coefficient.as_slice())
+                of_part(measured.without(is_other), self.coefficient.as_slice())
             }
-            task => self.beside(task, earlier, &best, tried),
-        }
+            Task::Profile { parameter, .. } => match self.beside(task, &known) {
+                None => Ok(missing()),
+                Some(theta) => {
+                    let free: Vec<_> = all.into_iter().filter(|it| *it != parameter).collect();
+                    search.minimum(&theta, &free, COARSE)
+                }
+            },
+        };
+        row.map(Ok)
     }
 
-    fn at_start(&self, start: &[f64], free: &[usize], tried: &[Tried]) -> Result<Row, Wanted> {
-        let (measured, factors) = (&self.measured, &vec![1.0; self.noises.len()]);
-        let objective = Objective { fit: self, tried, measured, factors, theta: start, free };
-        if !objective.sum(start)?.is_finite() {
-            let lacks = tried.iter().filter_map(|tried| tried.found.lack.as_ref());
-            let reason = lacks.map(|(Lack::Refused(why) | Lack::Incomplete(why))| why).next();
-            let lack = reason.cloned().unwrap_or_else(|| "a number is missing".to_owned());
-            return Ok(Row { lack: Some(lack), ..Row::default() });
-        }
-        let row = objective.row(COARSE)?;
-        let [_, numbers] = self.predicted(&row.theta, tried)?;
-        Ok(Row { numbers, ..row })
-    }
-
-    fn at_minimum(
-        &self,
-        mut theta: Vec<f64>,
-        measured: &Measured,
-        free: &[usize],
-        tried: &[Tried],
-    ) -> Result<Row, Wanted> {
+    /// The minimum near the best start.
+    fn minimum(&self, known: &Known, all: &[usize], tried: &[Tried]) -> Result<Row, Wanted> {
+        let (measured, mut theta) = (&known.measured, known.rows[known.start].theta.clone());
         let mut factors = measured.factors(&self.predicted(&theta, tried)?[0]);
         for _ in 0..ESTIMATES {
-            let near =
-                Objective { fit: self, tried, measured, factors: &factors, theta: &theta, free };
-            let found = near.minimum(FINE)?;
-            let new = measured.factors(&self.predicted(&found, tried)?[0]);
+            let search = Search { fit: self, tried, measured, factors: &factors };
+            theta = search.minimum(&theta, all, FINE)?.theta;
+            let new = measured.factors(&self.predicted(&theta, tried)?[0]);
             let change = |(new, old): (&f64, &f64)| (new / old - 1.0).abs();
             let is_same = new.iter().zip(&factors).map(change).all(|change| change < SAME_NOISE);
-            (theta, factors) = (found, new);
+            factors = new;
             if is_same {
                 break;
             }
         }
-        let near = Objective { fit: self, tried, measured, factors: &factors, theta: &theta, free };
-        let (sum, [numbers, _]) = (near.sum(&theta)?, self.predicted(&theta, tried)?);
-        Ok(Row { theta, sum: Some(sum), numbers, ..Row::default() })
+        let sum = Search { fit: self, tried, measured, factors: &factors }.sum(&theta)?;
+        let [numbers, _] = self.predicted(&theta, tried)?;
+        Ok(Row { theta, sum, numbers, ..missing() })
     }
 
     /// The derivatives of all predictions.
-    fn derivative(&self, place: usize, best: &Best, tried: &[Tried]) -> Result<Row, Wanted> {
-        let Parameter { low, high, .. } = self.parameters[place];
+    fn derivative(&self, place: usize, known: &Known, tried: &[Tried]) -> Result<Row, Wanted> {
+        let (parameter, best) = (&self.parameters[place], &known.rows[known.minimum]);
         let x = best.theta[place];
-        let scale = self.parameters[place].scale(x);
-        let sizes = best.predicted.iter().zip(&best.measured.points);
-        let accuracies = sizes.map(|(y, point)| point.numerical / y.abs().max(f64::MIN_POSITIVE));
-        let accuracies: Vec<f64> = accuracies.map(|it| if it < 1.0 { it } else { 0.0 }).collect();
-        let mut search = Search::new(At { x, scale, low, high }, &accuracies);
+        let scale = parameter.scale(x);
+        let errors = known.rows[known.start].numbers.iter();
+        let errors: Vec<f64> = errors.map(|it| if *it < 1.0 { *it } else { 0.0 }).collect();
+        let at = Place { x, scale, low: parameter.low, high: parameter.high };
+        let mut search = Derivatives::new(at, &errors);
         for _ in 0..ROUNDS {
             let Some(points) = search.points() else { break };
             let values = points.iter().map(|x| {
                 let mut theta = best.theta.clone();
                 theta[place] = *x;
-                let [found, _] = self.predicted(&theta, tried)?;
-                Ok(found.into_iter().map(|it| Some(it).filter(|it| it.is_finite())).collect())
+                Ok(self.predicted(&theta, tried)?[0].iter().copied().map(Some).collect())
             });
             search.take(values.collect::<Result<_, Wanted>>()?);
         }
         let found = search.found();
-        let errors = found.iter().zip(&best.measured.points).filter_map(|(found, point)| {
-            Some(found.as_ref()?.error * scale * point.slope(&best.factors))
+        let errors = found.iter().zip(&known.measured.points).filter_map(|(found, point)| {
+            Some(found.as_ref()?.error * scale * point.slope(&known.factors))
         });
-        let number =
-            |found: &Option<Derivative>| found.map_or(f64::NAN, |found| found.value * scale);
-        Ok(Row {
-            theta: best.theta.clone(),
-            error: Some(errors.map(|error| error * error).sum::<f64>().sqrt()),
-            numbers: found.iter().map(number).collect(),
-            ..Row::default()
-        })
+        let error = errors.map(|error| error * error).sum::<f64>().sqrt();
+        let numbers = found.iter().map(|it| it.map_or(f64::NAN, |it| it.value * scale)).collect();
+        Ok(Row { theta: best.theta.clone(), error, numbers, ..missing() })
     }
 
-    /// The next value in the profile of a parameter: the least sum of squares there. It has no row if the data do not
-    /// determine the parameter, or if the end of the interval is known.
-    fn beside(
-        &self,
-        task: Task,
-        earlier: &Rows,
-        best: &Best,
-        tried: &[Tried],
-    ) -> Result<Row, Wanted> {
-        let Task::Profile { parameter: place, is_high } = task else { return Ok(Row::default()) };
-        let [_, information] = self.information(earlier, best);
-        let only = self.only(place);
-        let error = information.standard_error(&only);
+    /// The next value in the profile of a parameter, with a guess of the other ones. The first one is at half of the
+    /// expected end of the interval, and the next ones are where a proportional rise lets expect the end. `None` if the
+    /// data do not determine the parameter, or if the end or a bound is reached.
+    fn beside(&self, task: Task, known: &Known) -> Option<Vec<f64>> {
+        let Task::Profile { parameter: place, is_high } = task else { return None };
+        let (information, only) = (self.information(known, true), self.only(place));
+        let (error, best) = (information.standard_error(&only), &known.rows[known.minimum].theta);
         if information.is_open(place) || !error.is_finite() || error == 0.0 {
-            return Ok(Row::default());
+            return None;
         }
-        let (rise, visited) =
-            (best.measured.factor(self.confidence), self.profile(earlier, best, task));
-        let step = |it: usize| self.parameters[it].step(best.theta[it]);
-        let coordinate = |it: usize| self.parameters[it].coordinate(best.theta[it]);
-        let sign = if is_high { 1.0 } else { -1.0 };
-        let Some(distance) = next_distance(&visited, rise, rise * error * step(place)) else {
-            return Ok(Row::default());
+        let rise = known.measured.factor(self.confidence);
+        let coordinate = |it: usize| self.parameters[it].coordinate(best[it]);
+        let step = |it: usize| self.parameters[it].step(best[it]);
+        let room = if is_high { 1.0 - coordinate(place) } else { coordinate(place) };
+        let distance = match self.profile(known, task).last() {
+            None => 0.5 * rise * error * step(place),
+            Some((_, own)) if (own / rise - 1.0).abs() < SAME_RISE => return None,
+            Some((last, own)) if *own < rise && *last > 0.999_999 * room => return None,
+            Some((last, own)) => last * (rise / own).clamp(0.3, 3.0),
         };
-        let last = visited.last().map_or(0.0, |last| last.0);
-        let is_at_bound = !(0.0..=1.0).contains(&(coordinate(place) + sign * last * (1.0 + 1e-9)));
-        if is_at_bound && distance > last {
-            return Ok(Row::default());
-        }
+        let distance = if is_high { distance.min(room) } else { -distance.min(room) };
         let at = |other: usize| {
             let along = information.covariance(other, &only) / (error * error);
-            let moved = sign * distance * along * step(other) / step(place);
-            self.parameters[other].value((coordinate(other) + moved).clamp(0.0, 1.0))
+            let moved = distance * along * step(other) / step(place);
+            self.parameters[other].value(coordinate(other) + moved)
         };
-        let theta: Vec<f64> = (0..self.parameters.len()).map(at).collect();
-        let free: Vec<usize> = (0..theta.len()).filter(|other| *other != place).collect();
-        let (measured, factors) = (&best.measured, &best.factors);
-        Objective { fit: self, tried, measured, factors, theta: &theta, free: &free }.row(COARSE)
+        Some((0..best.len()).map(at).collect())
     }
 
     /// The slopes of a parameter as a function of all parameters.
@@ -454,52 +404,28 @@ impl Fit {
         earlier: &Rows,
         tried: &[Tried],
     ) -> Result<Tried, Wanted> {
-        let Row { mut theta, sum, error, mut numbers, lack } =
-            self.computed(number, earlier, tried)?;
+        let (row, lack) = match self.computed(number, earlier, tried)? {
+            Ok(row) => (row, None),
+            Err(lack) => (missing(), Some(Lack::Incomplete(lack))),
+        };
+        let Row { mut theta, sum, error, mut numbers, .. } = row;
         theta.resize(self.parameters.len(), f64::NAN);
         numbers.resize(self.positions.len(), f64::NAN);
-        let mut found = problem.no_run();
-        let counts = [sum, Some(tried.len() as f64), error];
-        let cells = theta.into_iter().map(Some).chain(counts).chain(numbers.into_iter().map(Some));
-        found.outputs = cells.map(|it| it.filter(|it| it.is_finite())).collect();
-        found.lack = lack.map(Lack::Incomplete);
+        let cells = theta.into_iter().chain([sum, tried.len() as f64, error]).chain(numbers);
+        let outputs = cells.map(|it| Some(it).filter(|it| it.is_finite())).collect();
+        let found = crate::problem::Found { outputs, lack, ..problem.no_run() };
         Ok(Tried { values: Vec::new(), found })
     }
 }
 
-/// The next distance in a profile, or `None` if the end of the interval is known. The first trial is at half of the
-/// expected distance. The next ones are where the visited values let expect the rise.
-fn next_distance(visited: &[(f64, f64)], rise: f64, expected: f64) -> Option<f64> {
-    let [below, above] = around(visited, rise);
-    if visited.iter().any(|(_, own)| (own / rise - 1.0).abs() < SAME_RISE) {
-        return None;
-    }
-    Some(match (below?, above) {
-        (below, Some(above)) => {
-            let share = ((rise - below.1) / (above.1.min(10.0 * rise) - below.1)).clamp(0.1, 0.9);
-            below.0 + share * (above.0 - below.0)
-        }
-        ((0.0, _), None) => 0.5 * expected,
-        (below, None) => below.0 * (rise / below.1).clamp(1.05, 3.0),
-    })
+/// A row without numbers.
+fn missing() -> Row {
+    Row { sum: f64::NAN, error: f64::NAN, ..Row::default() }
 }
 
-/// The visited values next to a rise.
-fn around(visited: &[(f64, f64)], rise: f64) -> [Option<(f64, f64)>; 2] {
-    let below = visited.iter().take_while(|(_, own)| *own < rise).last();
-    [below, visited.iter().find(|(_, own)| *own >= rise)].map(|it| it.copied())
-}
-
-/// The distance at which S has risen by the square of `rise`: between the visited values, or near the last one. `None`
-/// if S does not rise so much.
+/// The distance at which S has risen by the square of `rise`. `None` if it does not rise so much.
 pub fn end(visited: &[(f64, f64)], rise: f64) -> Option<f64> {
-    match around(visited, rise) {
-        [Some(below), Some(above)] if above.1.is_finite() => {
-            Some(below.0 + (rise - below.1) / (above.1 - below.1) * (above.0 - below.0))
-        }
-        [Some(below), _] => {
-            (below.1 > (1.0 - SAME_RISE) * rise).then_some(below.0 * rise / below.1)
-        }
-        _ => None,
-    }
+    let near = |it: &&(f64, f64)| (it.1 / rise - 1.0).abs();
+    let best = visited.iter().min_by(|a, b| near(a).total_cmp(&near(b)))?;
+    (near(&best) < 5.0 * SAME_RISE).then(|| best.0 * rise / best.1)
 }
