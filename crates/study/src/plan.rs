@@ -99,18 +99,26 @@ words! {
         Regimes = "regimes",
         /// Bars of the findings about each number that varies.
         Tornado = "tornado",
+        /// Measured numbers of a fit, with predictions and bands.
+        Bands = "bands",
+        /// The residuals of a fit.
+        Residuals = "residuals",
+        /// Wear volumes over dissipated energies, with a line through the origin.
+        Energy = "energy",
+        /// The least sum of squares of a fit over a parameter.
+        Profile = "profile",
     }
 }
 
 impl StudyFigure {
     /// Whether the figure shows one of the outputs, which clients can choose.
     pub fn has_output(self) -> bool {
-        self != Self::Regimes
+        !matches!(self, Self::Regimes | Self::Profile)
     }
 
     /// Whether clients can choose the numbers that vary on the axes.
     pub fn has_axes(self) -> bool {
-        !matches!(self, Self::Regimes | Self::Tornado)
+        matches!(self, Self::Curves | Self::Scatter | Self::Heat | Self::Profile)
     }
 }
 

@@ -16,7 +16,7 @@ use crate::member::Member;
 use crate::stats::design::Spacing;
 use crate::stats::measured::{Measured, Point};
 use crate::vary::{Values, Varied, distribution_of};
-use fretwork_json::{Whole, both, typed};
+use fretwork_json::{Whole, typed};
 
 /// Maximum number of measured numbers.
 const MAX_NUMBERS: usize = 2000;
@@ -116,16 +116,12 @@ struct Test {
     scenario: Value,
 }
 
-/// Reads quantities with this SI unit. Null is not measured.
-fn numbers(name: &str, list: &[Value], unit: &str) -> Result<Vec<Option<f64>>, Faults> {
+/// Reads a quantity with this SI unit. Null is not measured.
+fn number(value: &Value, unit: &str) -> Result<Option<f64>, String> {
     let dimension = Dimension::ALL.into_iter().find(|it| it.si() == unit);
     let dimension = dimension.unwrap_or(Dimension::Number);
     let member = Member { pointer: String::new(), dimension, value: 0.0 };
-    let read = |value: &Value| match value {
-        Value::Null => Ok(None),
-        value => member.read(value).map(|x| Some(twelve_digits(x))),
-    };
-    Faults::list(list.iter().map(read)).map_err(|faults| faults.below(&format!("/{name}")))
+    if value.is_null() { Ok(None) } else { Ok(Some(twelve_digits(member.read(value)?))) }
 }
 
 /// Reads a set of measured numbers.
@@ -153,36 +149,86 @@ fn set(test: usize, given: &Value) -> Result<Set, Faults> {
         };
         (output, if is_mass { "kg" } else { unit }, over, quantity, x, y)
     };
-    let (of_x, of_y, x_unit) = match over {
+    let set = Set::new(test, output, unit, over, quantity);
+    with_numbers(set, &x, &y, typed(noise.into())?)
+}
+
+/// Reads and checks the numbers of a set.
+fn with_numbers(
+    mut set: Set,
+    x: &[Value],
+    y: &[Value],
+    Noise { sigma, relative, noise }: Noise,
+) -> Result<Set, Faults> {
+    let (of_x, of_y, x_unit) = match set.over {
         "radius" => ("radius", "depth", "m"),
         "dissipated_energy" => ("x", "y", "J"),
         _ => ("x", "y", "1"),
     };
-    let (x, y) = both(numbers(of_x, &x, x_unit), numbers(of_y, &y, unit))?;
-    let noise = noise_of((of_y, unit), &x, &y, typed(noise.into())?)?;
-    let is_estimated = noise.1;
-    let (noise, is_profile) = (noise.0, over == "radius");
-    let fault = |place: usize| match (x[place], y[place]) {
-        (Some(x), _) if x < 0.0 || x == 0.0 && !is_profile => {
-            Some((of_x, "must be greater than 0, or a radius of 0"))
-        }
-        (None, _) => Some((of_x, "must be a number")),
-        (_, Some(y)) if y < 0.0 && !is_profile => Some((
-            of_y,
-            "is negative, but this quantity cannot be. Enter null if the number is not known",
-        )),
-        _ if noise[place] > 0.0 => None,
-        _ => Some((
-            of_y,
-            "has no noise. Enter a `sigma` or a `relative` greater than 0; `relative` gives none to 0",
-        )),
+    let wrong = |name: &str, detail: &str| Err(Faults::one(&format!("/{name}"), detail));
+    let (count, is_stated) = (y.len(), sigma.0.is_some() || relative.0.is_some());
+    let share = relative.0.unwrap_or(0.0);
+    let sigma = match sigma.0 {
+        Some(Value::Array(list)) => list,
+        one => vec![one.unwrap_or(json!(0)); count],
     };
-    let mut faults = Faults::default();
-    for (place, (name, detail)) in (0..y.len()).filter_map(|it| Some((it, fault(it)?))) {
-        faults.add(format!("/{name}/{place}"), detail);
+    set.is_estimated = noise.0.is_some();
+    if x.len() != count || sigma.len() != count || count == 0 {
+        let places = x.len();
+        return wrong(
+            of_y,
+            &format!(
+                "has {count} numbers for {places} places. Enter as many, and at least one; `sigma` is one number, or as many"
+            ),
+        );
     }
-    let x = x.into_iter().flatten().collect();
-    faults.or(Set { test, output, unit, over, quantity, x, y, noise, is_estimated, runs: None })
+    let are_equal = |list: &[Value]| list.iter().all(|it| *it == list[0] && !it.is_null());
+    if count > 1 && are_equal(x) && are_equal(y) {
+        return wrong(of_y, &format!("has the same point {count} times. Enter it once"));
+    }
+    if !is_stated && !set.is_estimated {
+        return wrong("sigma", "is missing. Enter `sigma`, `relative`, or \"noise\": \"estimate\"");
+    }
+    let mut faults = Faults::default();
+    for place in 0..count {
+        let mut read = |name: &str, value: &Value, unit: &str| {
+            faults.keep(&format!("/{name}/{place}"), number(value, unit))
+        };
+        let numbers = (
+            read(of_x, &x[place], x_unit),
+            read(of_y, &y[place], set.unit),
+            read("sigma", &sigma[place], set.unit),
+        );
+        let (Some(x), Some(y), Some(sigma)) = numbers else { continue };
+        let noise = libm::hypot(sigma.unwrap_or(f64::NAN), share * y.unwrap_or(1.0));
+        let is_profile = set.over == "radius";
+        let fault = match (x, y) {
+            (None, _) => Some((of_x, "must be a number")),
+            (Some(x), _) if x < 0.0 || x == 0.0 && !is_profile => {
+                Some((of_x, "must be greater than 0, or a radius of 0"))
+            }
+            (_, Some(y)) if y < 0.0 && !is_profile => Some((
+                of_y,
+                "is negative, but this quantity cannot be. Enter null if it is not known",
+            )),
+            _ if is_stated && !(noise > 0.0 && sigma >= Some(0.0) && share >= 0.0) => Some((
+                of_y,
+                "has no noise. Enter a `sigma` or a `relative` greater than 0; `relative` gives none to 0",
+            )),
+            _ => None,
+        };
+        if let Some((name, detail)) = fault {
+            faults.add(format!("/{name}/{place}"), detail);
+        }
+        set.x.extend(x);
+        set.y.push(y);
+        set.noise.push(noise);
+    }
+    if !is_stated {
+        let largest = set.y.iter().flatten().fold(0.0_f64, |largest, y| largest.max(*y));
+        set.noise.fill(FIRST_NOISE * largest);
+    }
+    faults.or(set)
 }
 
 /// The column of the history from which an output follows.
@@ -193,50 +239,6 @@ fn column_of(output: &str) -> Result<&'static str, Faults> {
     columns.iter().copied().find(|known| *known == name).ok_or_else(|| {
         Faults::one("/output", unknown("output", name, &[&columns[..], &[MASS_LOSS]].concat()))
     })
-}
-
-/// The standard deviations of numbers, not positive where there is none, and whether they are estimated. `of_y` is the
-/// member that has the numbers.
-fn noise_of(
-    (of_y, unit): (&str, &str),
-    x: &[Option<f64>],
-    y: &[Option<f64>],
-    Noise { sigma, relative, noise }: Noise,
-) -> Result<(Vec<f64>, bool), Faults> {
-    let wrong = |place: &str, detail: &str| Err(Faults::one(&format!("/{place}"), detail));
-    let (count, places, is_estimated) = (y.len(), x.len(), noise.0.is_some());
-    if places != count || count == 0 {
-        let detail = "numbers for {} places. Enter as many, and at least one";
-        return wrong(of_y, &format!("has {count} {}", detail.replace("{}", &places.to_string())));
-    }
-    let is_first = |it: (&Option<f64>, &Option<f64>)| it.1.is_some() && it == (&x[0], &y[0]);
-    if count > 1 && x.iter().zip(y).all(is_first) {
-        return wrong(of_y, &format!("has the same point {count} times. Enter it once"));
-    }
-    let is_stated = sigma.0.is_some() || relative.0.is_some();
-    if !is_stated && !is_estimated {
-        return wrong("sigma", "is missing. Enter `sigma`, `relative`, or \"noise\": \"estimate\"");
-    }
-    let largest = y.iter().flatten().fold(0.0_f64, |largest, y| largest.max(y.abs()));
-    let first = if is_stated { 0.0 } else { FIRST_NOISE * largest };
-    let sigma = match sigma.0 {
-        Some(Value::Array(list)) => list,
-        one => vec![one.unwrap_or(json!(first)); count],
-    };
-    let sigma = numbers("sigma", &sigma, unit)?;
-    if sigma.len() != count {
-        let detail =
-            format!("has {} numbers for {count} points. Enter one, or as many", sigma.len());
-        return wrong("sigma", &detail);
-    }
-    let share = relative.0.unwrap_or(0.0);
-    let noise = sigma.iter().zip(y).map(|(sigma, y)| match sigma {
-        Some(sigma) if *sigma >= 0.0 && share >= 0.0 => {
-            libm::hypot(*sigma, share * y.unwrap_or(1.0))
-        }
-        _ => f64::NAN,
-    });
-    Ok((noise.collect(), is_estimated))
 }
 
 /// Reads a test.
@@ -298,21 +300,9 @@ fn parameter(
         let (middle, deviation, is_log) =
             distribution.ok_or_else(|| "must be `normal` or `lognormal`".to_owned())?;
         let quantity = Quantity::Prior { parameter: place, is_log };
-        let (output, x, y, noise) =
-            (pointer.clone(), vec![0.0], vec![Some(middle)], vec![deviation]);
-        let (test, unit, over) = (tests.len(), "1", "");
-        Ok::<_, Faults>(Set {
-            test,
-            output,
-            unit,
-            over,
-            quantity,
-            x,
-            y,
-            noise,
-            is_estimated: false,
-            runs: None,
-        })
+        let mut set = Set::new(tests.len(), pointer.clone(), "1", "", quantity);
+        (set.x, set.y, set.noise) = (vec![0.0], vec![Some(middle)], vec![deviation]);
+        Ok::<_, Faults>(set)
     });
     let prior = prior.transpose().map_err(|faults| faults.below("/prior"))?;
     let unit = Some(member.dimension.si()).filter(|unit| !unit.is_empty()).unwrap_or("1");
@@ -379,6 +369,18 @@ fn points(sets: &[Set], tests: &[Test], noises: &[Option<String>]) -> Vec<Point>
 }
 
 impl Set {
+    /// A set without numbers.
+    fn new(
+        test: usize,
+        output: String,
+        unit: &'static str,
+        over: &'static str,
+        quantity: Quantity,
+    ) -> Self {
+        let (x, y, noise) = (Vec::new(), Vec::new(), Vec::new());
+        Self { test, output, unit, over, quantity, x, y, noise, is_estimated: false, runs: None }
+    }
+
     /// The output whose noise is estimated. All sets of an output have the same noise.
     fn estimated(&self) -> Option<String> {
         self.is_estimated.then(|| self.output.clone())

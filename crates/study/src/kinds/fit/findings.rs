@@ -357,11 +357,13 @@ impl Told<'_> {
         let noise = fit.noises.iter().zip(factors).filter_map(|(output, factor)| {
             Some(json!({"output": output.as_ref()?, "factor": number(*factor)}))
         });
+        let rise = measured.factor(fit.confidence);
         let lack = self.lack_of_fit().map(|(statistic, probability)| {
             json!({"statistic": number(statistic), "probability": number(probability)})
         });
         json!({
             "sum_of_squares": number(self.best.sum),
+            "allowed_rise": number(rise * rise),
             "effective_points": number(measured.count(None)),
             "degrees_of_freedom": measured.freedom(),
             "aicc": measured.aicc(&self.best.numbers, fit.parameters.len()).map(twelve_digits),

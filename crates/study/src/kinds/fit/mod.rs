@@ -18,7 +18,8 @@ use serde_json::{Value, json};
 use self::data::GivenTest;
 use self::model::{Runs, Set};
 use self::search::Fit;
-use crate::plan::{Column, Findings, Hints, Kind, Plan, Read, StudyFigure, Tried};
+use crate::plan::StudyFigure::{Bands, Energy, Profile, Residuals};
+use crate::plan::{Column, Findings, Hints, Kind, Plan, Read, Tried};
 use crate::problem::{Problem, small_members};
 use crate::rows::{NUMBER, Rows};
 use fretwork_json::{Whole, typed};
@@ -31,7 +32,7 @@ pub const KIND: Kind = Kind {
     keeps_profiles: false,
     axes: &[],
     design: "",
-    designs: &[("", Hints::of(&[StudyFigure::Scatter]))],
+    designs: &[("", Hints::of(&[Bands, Residuals, Energy, Profile]))],
     offers: &[],
     read,
 };

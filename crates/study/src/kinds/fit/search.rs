@@ -144,7 +144,8 @@ impl Search<'_> {
             theta
         };
         let residuals = |u: &[f64]| self.residuals(&at(u));
-        // Central differences. At a bound, and where predictions are missing on one side, they are one-sided.
+        // Differences, central ones for a fine minimum. At a bound, and where predictions are missing on one side, they
+        // are one-sided.
         let column = |u: &[f64], place: usize, middle: &[f64]| {
             let parameter = &self.fit.parameters[free[place]];
             let beside = |step: f64| {
@@ -159,7 +160,10 @@ impl Search<'_> {
                     (u[place], middle.to_vec())
                 })
             };
-            let ((high, above), (low, below)) = (beside(DIFFERENCE)?, beside(-DIFFERENCE)?);
+            let (high, above) = beside(DIFFERENCE)?;
+            let is_one_sided = stop.decrease > FINE.decrease && high > u[place];
+            let at_middle = || Ok((u[place], middle.to_vec()));
+            let (low, below) = if is_one_sided { at_middle() } else { beside(-DIFFERENCE) }?;
             let slopes = above.iter().zip(&below).map(|(one, other)| (one - other) / (high - low));
             Ok(slopes.map(|slope| if slope.is_finite() { slope } else { 0.0 }).collect())
         };
