@@ -2,7 +2,6 @@
 //! estimates are known, the time of everything, and the number of runs.
 
 #![expect(
-    clippy::disallowed_methods,
     clippy::expect_used,
     clippy::print_stdout,
     reason = "a benchmark prints its results, and may panic"
@@ -38,7 +37,9 @@ fn stage(study: &Arc<Study>, points: std::ops::Range<usize>, earlier: &Rows) -> 
     });
     rows.sort_by_key(|(number, _)| *number);
     let mut all = earlier.clone();
-    rows.iter().for_each(|(_, rows)| all.append(rows));
+    for (_, rows) in &rows {
+        all.append(rows);
+    }
     all
 }
 

@@ -104,7 +104,9 @@ fn dimensions(pointer: &str) -> Option<(Dimension, Dimension)> {
 fn replace(values: &mut Value, pointer: &str, length: f64, changed: &mut Option<String>) {
     match values {
         Value::Array(items) => {
-            items.iter_mut().for_each(|item| replace(item, pointer, length, changed));
+            for item in items {
+                replace(item, pointer, length, changed);
+            }
         }
         Value::Object(members) => {
             for (name, member) in members {

@@ -20,6 +20,8 @@ use fretwork_json::{Whole, typed};
 
 /// Maximum number of measured numbers.
 const MAX_NUMBERS: usize = 2000;
+/// Maximum number of cycles, a tenth of that of a run.
+const MAX_X: f64 = 1e14;
 /// Maximum bytes of the name of a test.
 const MAX_NAME: usize = 80;
 /// A set has a grid for bands if it has at most this many numbers; the numbers of points of a grid, and of all grids.
@@ -99,8 +101,8 @@ struct Noise {
     sigma: Given<Value>,
     #[deserr(default)]
     relative: Given<f64>,
-    #[deserr(default)]
-    noise: Given<Estimate>,
+    #[deserr(default, rename = "noise")]
+    estimate: Given<Estimate>,
 }
 
 #[derive(Deserr)]
@@ -158,7 +160,7 @@ fn with_numbers(
     mut set: Set,
     x: &[Value],
     y: &[Value],
-    Noise { sigma, relative, noise }: Noise,
+    Noise { sigma, relative, estimate }: Noise,
 ) -> Result<Set, Faults> {
     let (of_x, of_y, x_unit) = match set.over {
         "radius" => ("radius", "depth", "m"),
@@ -172,7 +174,7 @@ fn with_numbers(
         Some(Value::Array(list)) => list,
         one => vec![one.unwrap_or(json!(0)); count],
     };
-    set.is_estimated = noise.0.is_some();
+    set.is_estimated = estimate.0.is_some();
     if x.len() != count || sigma.len() != count || count == 0 {
         let places = x.len();
         return wrong(
@@ -204,8 +206,8 @@ fn with_numbers(
         let is_profile = set.over == "radius";
         let fault = match (x, y) {
             (None, _) => Some((of_x, "must be a number")),
-            (Some(x), _) if x < 0.0 || x == 0.0 && !is_profile => {
-                Some((of_x, "must be greater than 0, or a radius of 0"))
+            (Some(x), _) if x < 0.0 || x == 0.0 && !is_profile || x > MAX_X => {
+                Some((of_x, "must be greater than 0 and at most 1e14. A radius can be 0"))
             }
             (_, Some(y)) if y < 0.0 && !is_profile => Some((
                 of_y,
@@ -425,7 +427,9 @@ pub fn fit(
     let mut sets: Vec<Set> =
         sets.into_iter().flatten().chain(priors.into_iter().flatten()).collect();
     must_suffice(&sets, parameters.len())?;
-    tests.iter_mut().for_each(|test| refine(&mut test.scenario, &sets));
+    for test in &mut tests {
+        refine(&mut test.scenario, &sets);
+    }
     let grid = (GRIDS / sets.len()).clamp(2, GRID);
     for set in &mut sets {
         set.add_grid(grid);
@@ -433,7 +437,9 @@ pub fn fit(
         let is_own = |it: &Parameter| it.only.is_empty() || it.only.contains(name);
         let own: Vec<_> = parameters.iter().enumerate().filter(|it| is_own(it.1)).collect();
         set.add_runs(scenario.clone(), &own).map_err(|mut faults| {
-            faults.0.iter_mut().for_each(|it| it.detail += &format!(" (in the test {name})"));
+            for fault in &mut faults.0 {
+                fault.detail = format!("{} (in the test {name})", fault.detail);
+            }
             faults
         })?;
     }

@@ -239,8 +239,8 @@ impl Set {
         let Runs { rescaled, nodes, parameters, line, .. } = self.runs.as_ref()?;
         let Quantity::Column { column, factor } = self.quantity else {
             let (_, found) = run?;
-            let mut radii = self.runs.as_ref()?.problem.profiles.as_ref()?.radii.iter();
-            let radius = radii.position(|radius| *radius == x)?;
+            let radii = &self.runs.as_ref()?.problem.profiles.as_ref()?.radii;
+            let radius = radii.partition_point(|radius| *radius < x);
             return Some((found.profiles[0][radius]?, (*found.outputs.get(1)?)?));
         };
         if let Some((parameter, value)) = line {
