@@ -132,7 +132,7 @@ pub(super) struct Study {
 
 /// The pieces with which the later stages of a study begin.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Stages([Option<u32>; 4]);
+pub(super) struct Stages([Option<u32>; 8]);
 
 impl Stages {
     /// Reads numbers that are separated by commas, as the database stores them.

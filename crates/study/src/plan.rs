@@ -99,18 +99,26 @@ words! {
         Regimes = "regimes",
         /// Bars of the findings about each number that varies.
         Tornado = "tornado",
+        /// Measured numbers of a fit, with predictions and bands.
+        Bands = "bands",
+        /// The residuals of a fit.
+        Residuals = "residuals",
+        /// Wear volumes over dissipated energies, with a line through the origin.
+        Energy = "energy",
+        /// The least sum of squares of a fit over a parameter.
+        Profile = "profile",
     }
 }
 
 impl StudyFigure {
     /// Whether the figure shows one of the outputs, which clients can choose.
     pub fn has_output(self) -> bool {
-        self != Self::Regimes
+        !matches!(self, Self::Regimes | Self::Profile)
     }
 
     /// Whether clients can choose the numbers that vary on the axes.
     pub fn has_axes(self) -> bool {
-        !matches!(self, Self::Regimes | Self::Tornado)
+        matches!(self, Self::Curves | Self::Scatter | Self::Heat | Self::Profile)
     }
 }
 
@@ -213,10 +221,10 @@ pub struct Tried {
 ///
 /// Workers compute the points of a stage in any order and on several machines. So a point depends only on the study, on
 /// its own number, on the rows of earlier [`stages`](Self::stages), and on its own earlier runs. A kind whose later runs
-/// depend on earlier ones combines a sequence of runs into one point: [`next`](Self::next) chooses the values of each
-/// run from the runs before it, and [`row`](Self::row) makes one row of all of them. A fit from several starts, for
-/// example, has one point for each start, and its second stage begins at the best row. A point that is interrupted
-/// starts again, so `next` must depend on its arguments alone.
+/// depend on earlier ones combines a sequence of runs into one point: [`row`](Self::row) chooses the values of each run
+/// from the runs before it, and makes one row of all of them. A fit from several starts, for example, has one point for
+/// each start, and its second stage begins at the best row. A point that is interrupted starts again, so `row` must
+/// depend on its arguments alone.
 pub trait Plan: fmt::Debug + Send + Sync {
     /// The number of points.
     fn points(&self) -> usize;
@@ -229,27 +237,24 @@ pub trait Plan: fmt::Debug + Send + Sync {
     /// The values of the members in the first run of a point, in SI. All rows of a point begin with them.
     fn point(&self, number: usize) -> Vec<f64>;
 
-    /// The values of the next run of a point, from the rows of earlier stages and from its earlier runs; `None` if no
-    /// more run is necessary. `earlier` has at least the rows of all points of earlier stages.
-    fn next(
+    /// The row of a point, from the rows of earlier stages and from its earlier runs. `earlier` has at least the rows of
+    /// all points of earlier stages.
+    ///
+    /// # Errors
+    /// One more run is necessary: the values of this run.
+    fn row(
         &self,
         _: &Problem,
         number: usize,
         _earlier: &Rows,
         tried: &[Tried],
-    ) -> Option<Vec<f64>> {
-        tried.is_empty().then(|| self.point(number))
+    ) -> Result<Tried, Vec<f64>> {
+        tried.last().cloned().ok_or_else(|| self.point(number))
     }
 
-    /// The problem that [`next`](Self::next) asks for with these values, and the values of its members.
+    /// The problem that [`row`](Self::row) asks for with these values, and the values of its members.
     fn asked<'a>(&'a self, problem: &'a Problem, values: &'a [f64]) -> (&'a Problem, &'a [f64]) {
         (problem, values)
-    }
-
-    /// The row of a point, from the rows of earlier stages and from its runs.
-    fn row(&self, problem: &Problem, number: usize, _earlier: &Rows, tried: Vec<Tried>) -> Tried {
-        let none = || Tried { values: self.point(number), found: problem.no_run() };
-        tried.into_iter().next_back().unwrap_or_else(none)
     }
 
     /// Estimated processor time of a point whose first run has these values, in seconds.

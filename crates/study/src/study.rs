@@ -124,9 +124,9 @@ impl Study {
                 point.tried.push(Tried { values: mem::take(values), found });
                 point.running = None;
             }
-            let Some(values) = self.plan.next(&self.problem, number, earlier, &point.tried) else {
-                let tried = mem::take(&mut point.tried);
-                return Some(self.plan.row(&self.problem, number, earlier, tried));
+            let values = match self.plan.row(&self.problem, number, earlier, &point.tried) {
+                Ok(row) => return Some(row),
+                Err(values) => values,
             };
             let is_first = point.tried.is_empty();
             let (problem, own) = self.plan.asked(&self.problem, &values);

@@ -42,7 +42,7 @@ pub fn of_study(study: &mut Value, axes: &[(&str, &str)]) -> Result<(), Faults> 
     let tests = study.get_mut("tests").and_then(Value::as_array_mut).into_iter().flatten();
     let changes = tests.filter_map(|test| test.get_mut("changes")?.as_object_mut()).flatten();
     for (pointer, value) in changes {
-        replace_below(value, pointer, length, &mut changed);
+        replace(value, pointer, length, &mut changed);
     }
     varies.zip(changed).map_or(Ok(()), |(place, changed)| Err(both_vary(&place, &changed)))
 }
@@ -89,32 +89,19 @@ fn of_scenario(scenario: &mut Value) -> Option<(f64, Option<String>)> {
     Some((length, changed))
 }
 
-/// Replaces the texts per length in a part of the scenario that is at `pointer`.
-fn replace_below(part: &mut Value, pointer: &str, length: f64, changed: &mut Option<String>) {
-    match part {
-        Value::Object(members) => {
-            for (name, member) in members {
-                replace_below(member, &format!("{pointer}/{name}"), length, changed);
-            }
+/// The dimensions of a number, as a total and per length, if it has both.
+fn dimensions(pointer: &str) -> Option<(Dimension, Dimension)> {
+    match pointer.rsplit('/').next()? {
+        "normal_force" | "tangential_force" => Some((Dimension::Force, Dimension::ForcePerLength)),
+        "rig_stiffness" | "loop_stiffness" => {
+            Some((Dimension::Stiffness, Dimension::StiffnessPerLength))
         }
-        Value::Array(items) => {
-            for item in items {
-                replace_below(item, pointer, length, changed);
-            }
-        }
-        other => replace(other, pointer, length, changed),
+        _ => None,
     }
 }
 
-/// Replaces the texts per length among the values of the number at `pointer`.
+/// Replaces the texts per length among the values of the number at `pointer`, or in the part of the scenario there.
 fn replace(values: &mut Value, pointer: &str, length: f64, changed: &mut Option<String>) {
-    let (total, per_length) = match pointer.rsplit('/').next() {
-        Some("normal_force" | "tangential_force") => (Dimension::Force, Dimension::ForcePerLength),
-        Some("rig_stiffness" | "loop_stiffness") => {
-            (Dimension::Stiffness, Dimension::StiffnessPerLength)
-        }
-        _ => return,
-    };
     match values {
         Value::Array(items) => {
             for item in items {
@@ -122,12 +109,16 @@ fn replace(values: &mut Value, pointer: &str, length: f64, changed: &mut Option<
             }
         }
         Value::Object(members) => {
-            for member in members.values_mut() {
-                replace(member, pointer, length, changed);
+            for (name, member) in members {
+                // The members of a distribution have the dimension of its number.
+                let own = if dimensions(pointer).is_some() { pointer } else { name.as_str() };
+                replace(member, own, length, changed);
             }
         }
-        Value::String(text) if quantity::parse(text, total).is_err() => {
-            if let Ok(x) = quantity::parse(text, per_length) {
+        Value::String(text) => {
+            let Some((total, per_length)) = dimensions(pointer) else { return };
+            let total = quantity::parse(text, total).err();
+            if let Some(x) = total.and_then(|_| quantity::parse(text, per_length).ok()) {
                 *values = twelve_digits(x * length).into();
                 changed.get_or_insert_with(|| pointer.to_owned());
             }

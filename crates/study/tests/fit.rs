@@ -1,6 +1,7 @@
 //! Fits of synthetic and published measurements.
 
 #![expect(clippy::unwrap_used, reason = "a failed test may panic")]
+#![expect(clippy::print_stdout, reason = "the lines of VERIFICATION.md are printed")]
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -188,8 +189,6 @@ fn what_the_data_cannot_tell_is_said_in_words() {
         (&found["parameters"][0]["estimate"], &found["parameters"][1]["interval"][0]),
         (&Value::Null, &Value::Null)
     );
-    let ratio = found["combinations"][0]["estimate"].as_f64().unwrap();
-    assert!((ratio / (1e-4 / 3e9) - 1.0).abs() < 0.1, "{}", found["combinations"]);
     // A prior gives the rest.
     fit["parameters"][1]["prior"] = json!({"lognormal": {"median": "3 GPa", "factor": 1.1}});
     let found = fitted(fit).unwrap();
@@ -337,11 +336,9 @@ fn the_fault_of_wrong_data_says_what_to_enter() {
     );
     starts(in_data(&|data| data["y"][1] = json!(-1e-13)), "/tests/0/data/0/y/1: is negative");
     starts(in_data(&|data| data["y"][1] = json!(0)), "/tests/0/data/0/y/1: has no noise");
-    starts(in_data(&|data| data["x"][1] = json!(1e16)), "/scenario/cycles");
-    starts(
-        in_data(&|data| data["x"][1] = json!(null)),
-        "/tests/0/data/0/x/1: must be greater than 0",
-    );
+    starts(in_data(&|data| data["x"][1] = json!(1e16)), "/tests/0/data/0/x/1: must be greater");
+    starts(in_data(&|data| data["x"][1] = json!(null)), "/tests/0/data/0/x/1: must be a number");
+    starts(in_data(&|data| data["x"][1] = json!(0)), "/tests/0/data/0/x/1: must be greater than 0");
     starts(in_data(&|data| data["output"] = json!("wear_volum")), "/tests/0/data/0/output: ");
     starts(in_data(&|data| data["y"][0] = json!("1 mm")), "/tests/0/data/0/y/0: ");
     starts(in_data(&|data| data["radius"] = json!([1])), "/tests/0/data/0/radius: ");
@@ -362,7 +359,7 @@ fn the_fault_of_wrong_data_says_what_to_enter() {
         (data["x"], data["y"]) =
             (json!((1..=100_000).collect::<Vec<_>>()), json!(vec![1e-13; 100_000]));
     };
-    starts(in_data(&many), "/tests: have 100000 numbers, but a fit can have at most 2000");
+    starts(in_data(&many), "/tests: have 100000 numbers, but a fit can have fewer than 2000");
     starts(
         told(&|fit| fit["parameters"][1]["pointer"] = json!("/frction")),
         "/parameters/1/pointer: ",
@@ -374,8 +371,8 @@ fn the_fault_of_wrong_data_says_what_to_enter() {
     );
     starts(told(&|fit| fit["parameters"][0]["from"] = json!(0)), "/parameters/0/");
     starts(
-        told(&|fit| fit["parameters"][0]["prior"] = json!({"uniform": {}})),
-        "/parameters/0/prior: must be a distribution",
+        told(&|fit| fit["parameters"][0]["prior"] = json!({"uniform": {"low": 1, "high": 2}})),
+        "/parameters/0/prior: must be `normal`",
     );
     starts(
         told(&|fit| fit["tests"][0]["changes"] = json!({"/motion": {"amplitude": "1 N"}})),
@@ -385,7 +382,7 @@ fn the_fault_of_wrong_data_says_what_to_enter() {
         told(&|fit| fit["tests"][0]["changes"] = json!({"amplitude": 1})),
         "/tests/0/changes: has `amplitude`",
     );
-    starts(told(&|fit| fit["tests"] = json!([])), "/tests: must have 1 to 200 entries");
+    starts(told(&|fit| fit["tests"] = json!([])), "/tests: must list 1 to 200");
     starts(told(&|fit| fit["scenario"]["friction"] = json!(-1)), "/");
 }
 
@@ -444,7 +441,7 @@ fn names_stay_and_quantities_become_numbers() {
             "parameters": [{"pointer": "/wear/coefficient", "from": 1e-15, "to": "1e-11 1/Pa", "spacing": "log", "for": ["5 um"]}],
             "tests": [
                 {"name": "5 um", "specimen": "7 N", "data": [data], "changes": {"/load": {"normal_force": "37 N/mm"}}},
-                {"name": 7, "data": [data]}]});
+                {"name": "7", "data": [data]}]});
         change(&mut fit);
         Study::read(kind(), fit).unwrap().canonical.clone()
     };
@@ -514,24 +511,12 @@ fn noise_is_estimated_and_specimens_count_once() {
     }
 }
 
-/// A campaign of 3 to 8 tests whose volumes have a noise of 5 %, stated or estimated: whether the intervals of the wear
-/// coefficient and of the friction contain the truth, and the number of runs.
-fn campaign(seed: u64) -> ([bool; 2], f64) {
-    let mut random = Random::new(seed);
-    let truths = [random.log_between(3e-15, 3e-13), random.between(0.3, 1.0)];
-    let mut truth = ball();
-    truth["wear"]["coefficient"] = json!(truths[0]);
-    truth["friction"] = json!(truths[1]);
-    truth["profile"]["radius"] = json!(random.between(5e-3, 20e-3));
-    truth["load"]["normal_force"] = json!(random.log_between(20.0, 200.0));
-    truth["model"] = json!({"tolerance": 1e-4});
-    let threshold = output(&truth, "unworn.gross_slip_amplitude");
-    let mut test = |place: u64| {
-        let amplitude = threshold * random.log_between(0.5, 4.0);
-        let cycles = random.log_between(1e3, 1e5).round();
+/// Volumes of a truth at these amplitudes with a noise of 5 %, which is stated, or estimated for odd seeds.
+fn campaign(seed: u64, truth: &Value, conditions: &[(f64, f64)]) -> Vec<Value> {
+    let test = |(place, (amplitude, cycles)): (usize, &(f64, f64))| {
         let mut scenario = truth.clone();
         scenario["motion"]["amplitude"] = json!(amplitude);
-        let noise = 0.05 * normal(Stream::new(seed).child(7), place);
+        let noise = 0.05 * normal(Stream::new(seed).child(7), place as u64);
         let volume = output(&scenario, &format!("wear_volume@{cycles}")) * (1.0 + noise);
         let mut data =
             json!({"output": "wear_volume", "x": [cycles], "y": [volume], "relative": 0.05});
@@ -540,40 +525,190 @@ fn campaign(seed: u64) -> ([bool; 2], f64) {
         }
         json!({"changes": {"/motion/amplitude": amplitude}, "data": [data]})
     };
-    let tests: Vec<Value> = (0..3 + seed % 6).map(&mut test).collect();
-    truth.as_object_mut().unwrap().remove("model");
-    let mut fit = of_wear_and_friction(&tests);
-    fit["scenario"] = truth;
+    conditions.iter().enumerate().map(test).collect()
+}
+
+/// A random ball with its wear coefficient and friction, computed with a small tolerance, and random conditions for 3 to
+/// 8 tests: amplitudes and numbers of cycles.
+fn random_truth(seed: u64) -> (Value, Vec<(f64, f64)>, Random) {
+    let mut random = Random::new(seed);
+    let mut truth = ball();
+    truth["wear"]["coefficient"] = json!(random.log_between(3e-15, 3e-13));
+    truth["friction"] = json!(random.between(0.3, 1.0));
+    truth["profile"]["radius"] = json!(random.between(5e-3, 20e-3));
+    truth["load"]["normal_force"] = json!(random.log_between(20.0, 200.0));
+    truth["model"] = json!({"tolerance": 1e-4});
+    let threshold = output(&truth, "unworn.gross_slip_amplitude");
+    let mut condition =
+        |_| (threshold * random.log_between(0.5, 4.0), random.log_between(1e3, 1e5).round());
+    let conditions = (0..3 + seed % 6).map(&mut condition).collect();
+    (truth, conditions, random)
+}
+
+/// The fit of a campaign: whether the intervals of the wear coefficient and of the friction contain the truth, and the
+/// document. `hides` is a member of `motion` that the fit does not know.
+fn fit_of(truth: &Value, tests: &[Value], hides: &str) -> ([bool; 2], Value) {
+    let truths = [&truth["wear"]["coefficient"], &truth["friction"]].map(|x| x.as_f64().unwrap());
+    let mut fit = of_wear_and_friction(tests);
+    fit["scenario"] = truth.clone();
+    fit["scenario"].as_object_mut().unwrap().remove("model");
+    fit["scenario"]["motion"].as_object_mut().unwrap().remove(hides);
     let found = fitted(fit).unwrap();
     let covers = [0, 1].map(|place| {
         let end = |end: usize| found["parameters"][place]["interval"][end].as_f64();
-        let truth = truths[place];
-        end(0).is_none_or(|low| low <= truth) && end(1).is_none_or(|high| truth <= high)
+        end(0).is_none_or(|low| low <= truths[place])
+            && end(1).is_none_or(|high| truths[place] <= high)
     });
-    (covers, found["quality"]["runs"].as_f64().unwrap())
+    (covers, found)
+}
+
+/// Computes something for the seeds from 0 on, on all cores: for `most` of them in tests/long, and otherwise for `few`.
+fn of_seeds<T: Send>(most: u64, few: u64, of: impl Fn(u64) -> T + Sync) -> (u64, Vec<T>) {
+    let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
+    let (count, next) = (if is_long { most } else { few }, AtomicU64::new(0));
+    let work = || {
+        let seeds = iter::repeat_with(|| next.fetch_add(1, Ordering::Relaxed));
+        seeds.take_while(|seed| *seed < count).map(&of).collect::<Vec<_>>()
+    };
+    let cores = thread::available_parallelism().unwrap().get();
+    let found = thread::scope(|scope| {
+        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
+    });
+    (count, found)
+}
+
+/// Checks in tests/long that VERIFICATION.md has this line, and prints it.
+fn is_in_the_table(count: u64, most: u64, line: &str) {
+    println!("{line}");
+    let table = include_str!("../../verify/src/fits.md");
+    assert!(count < most || table.contains(line), "crates/verify/src/fits.md lacks {line}");
 }
 
 #[test]
-#[ignore = "it takes ten minutes in a release build"]
-fn intervals_of_95_percent_contain_the_truth_in_90_to_99_percent_of_200_campaigns() {
-    let next = AtomicU64::new(0);
-    let work = || {
-        let mut covered = [0; 2];
-        while let seed @ 0..200 = next.fetch_add(1, Ordering::Relaxed) {
-            let (covers, runs) = campaign(seed);
-            println!("{seed}: {covers:?}, {runs} runs");
-            for (covered, covers) in covered.iter_mut().zip(covers) {
-                *covered += u32::from(covers);
-            }
-        }
-        covered
-    };
-    let cores = thread::available_parallelism().unwrap().get();
-    let covered = thread::scope(|scope| {
-        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
-        let covered = workers.into_iter().map(|worker| worker.join().unwrap());
-        covered.fold([0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
+fn intervals_of_95_percent_contain_the_truth_in_90_to_99_percent_of_campaigns() {
+    let (count, found) = of_seeds(200, 5, |seed| {
+        let (truth, conditions, _) = random_truth(seed);
+        let tests = campaign(seed, &truth, &conditions);
+        let (covers, found) = fit_of(&truth, &tests, "");
+        let runs = found["quality"]["runs"].as_f64().unwrap();
+        assert!(conditions.len() != 5 || runs <= 2500.0, "{seed}: {runs}");
+        covers
     });
-    println!("{covered:?} of 200");
-    assert!(covered.iter().all(|count| (180..=198).contains(count)), "{covered:?}");
+    let covered = [0, 1].map(|place| found.iter().filter(|it| it[place]).count() as u64);
+    is_in_the_table(
+        count,
+        200,
+        &format!(
+            "| The model of the fit is true | {count} | the intervals contain k_w in {} and μ in {} |",
+            covered[0], covered[1]
+        ),
+    );
+    for covered in covered {
+        assert!(10 * covered >= 8 * count && (count < 200 || (180..=198).contains(&covered)));
+    }
+}
+
+#[test]
+fn campaigns_with_an_unknown_compliance_are_often_flagged() {
+    let (count, found) = of_seeds(50, 4, |seed| {
+        let (mut truth, conditions, mut random) = random_truth(seed);
+        truth["motion"]["rig_stiffness"] = json!(random.log_between(1e7, 1e8));
+        let tests = campaign(seed, &truth, &conditions);
+        let (covers, found) = fit_of(&truth, &tests, "rig_stiffness");
+        let is_flagged =
+            ["misfit", "lack_of_fit"].iter().any(|kind| !notes(&found, kind).is_empty());
+        let is_at_bound =
+            ["at_bound", "open_interval"].iter().any(|kind| !notes(&found, kind).is_empty());
+        [covers[0], covers[1], is_flagged, is_at_bound]
+    });
+    let of = |place: usize| found.iter().filter(|it| it[place]).count();
+    let both = found.iter().filter(|it| it[2] || it[3]).count();
+    let (k, mu, misfit, bound) = (of(0), of(1), of(2), of(3));
+    let line = format!(
+        "| The truth has a compliance that the fit does not know | {count} | flagged {both}: {misfit} as a misfit, {bound} \
+         because an estimate or an interval reaches a bound; the intervals contain k_w in {k} and μ in {mu} |"
+    );
+    is_in_the_table(count, 50, &line);
+    assert!(both > 0);
+}
+
+/// A fit whose data do not determine parameters, and the names of these parameters.
+fn undetermined(seed: u64) -> (Value, Vec<&'static str>) {
+    let mut random = Random::new(1000 + seed);
+    let mut truth = ball();
+    truth["profile"]["radius"] = json!(random.between(5e-3, 20e-3));
+    truth["load"]["normal_force"] = json!(random.log_between(20.0, 200.0));
+    truth["moduli"] = json!({"normal": 113e9, "tangential": 93e9});
+    truth.as_object_mut().unwrap().remove("bodies");
+    let threshold = output(&truth, "unworn.gross_slip_amplitude");
+    let range = |pointer: &str, low: f64, high: f64| json!({"pointer": pointer, "from": low, "to": high, "spacing": "log"});
+    let (coefficient, friction) =
+        (range("/wear/coefficient", 1e-15, 1e-12), range("/friction", 0.2, 1.5));
+    let (few, far, mut cycles) = ((0.5, 3.0), (200.0, 400.0), 1e4);
+    let (ratios, parameters, expected) = match seed % 6 {
+        0 => {
+            truth["wear"] = json!({"coefficient": 1e-4, "hardness": 3e9});
+            let own = [range("/wear/coefficient", 1e-6, 1e-2), range("/wear/hardness", 1e8, 1e11)];
+            (few, [&own[..], &[friction]].concat(), vec!["wear.coefficient", "wear.hardness"])
+        }
+        1 => {
+            truth["load"]["held"] = json!("depth");
+            cycles = 1e11;
+            ((0.4, 0.8), vec![coefficient, friction], vec!["wear.coefficient"])
+        }
+        2 => {
+            let own = vec![friction, range("/moduli/tangential", 2e10, 4e11)];
+            (few, own, vec!["friction", "moduli.tangential"])
+        }
+        3 => (far, vec![coefficient, friction], vec!["friction"]),
+        4 => {
+            let own = vec![coefficient, range("/load/normal_force", 5.0, 1000.0)];
+            (far, own, vec!["wear.coefficient", "load.normal_force"])
+        }
+        _ => {
+            truth["wear"] = json!({"energy_coefficient": 4e-14});
+            let own = vec![range("/wear/energy_coefficient", 1e-15, 1e-12), friction];
+            (far, own, vec!["wear.energy_coefficient", "friction"])
+        }
+    };
+    let count = 3 + seed % 3;
+    let mut conditions = (0..count).map(|_| {
+        (
+            threshold * random.log_between(ratios.0, ratios.1),
+            cycles * random.log_between(0.5, 2.0).round(),
+        )
+    });
+    let conditions: Vec<_> = conditions.by_ref().collect();
+    // Even seeds state the noise.
+    let tests = campaign(2 * seed, &truth, &conditions);
+    (json!({"scenario": truth, "parameters": parameters, "tests": tests, "starts": 3}), expected)
+}
+
+#[test]
+fn undetermined_parameters_are_named_and_have_no_numbers() {
+    let (count, found) = of_seeds(50, 6, |seed| {
+        let (fit, expected) = undetermined(seed);
+        let parameters = fit["parameters"].as_array().unwrap().clone();
+        let found = fitted(fit).unwrap();
+        let told = notes(&found, "undetermined");
+        let is_named = told.iter().any(|note| expected.iter().all(|name| note.contains(name)));
+        let pretends =
+            parameters.iter().zip(found["parameters"].as_array().unwrap()).any(|(it, own)| {
+                let name = it["pointer"].as_str().unwrap()[1..].replace('/', ".");
+                expected.contains(&name.as_str()) != own["estimate"].is_null()
+            });
+        if !is_named || pretends {
+            println!("{seed}: {expected:?} {told:?} {}", found["parameters"]);
+        }
+        [is_named, !pretends]
+    });
+    let of = |place: usize| found.iter().filter(|it| it[place]).count() as u64;
+    let line = format!(
+        "| The data do not determine one or two parameters | {count} | named in {}; in {} exactly these have no number |",
+        of(0),
+        of(1)
+    );
+    is_in_the_table(count, 50, &line);
+    assert!(100 * of(0) >= 96 * count && 100 * of(1) >= 96 * count, "{line}");
 }

@@ -66,13 +66,20 @@ mod tests {
             vec![AMPLITUDES[number], 0.5]
         }
 
-        fn next(&self, _: &Problem, number: usize, _: &Rows, tried: &[Tried]) -> Option<Vec<f64>> {
+        fn row(
+            &self,
+            _: &Problem,
+            number: usize,
+            _: &Rows,
+            tried: &[Tried],
+        ) -> Result<Tried, Vec<f64>> {
             let (mut low, mut high) = (0.0, 1.0);
             for Tried { values, found } in tried {
                 let slips = found.outputs[0] == Some(0.0);
                 *(if slips { &mut low } else { &mut high }) = values[1];
             }
-            (tried.len() < STEPS).then(|| vec![AMPLITUDES[number], 0.5 * (low + high)])
+            let last = tried.last().filter(|_| tried.len() == STEPS);
+            last.cloned().ok_or_else(|| vec![AMPLITUDES[number], 0.5 * (low + high)])
         }
     }
 

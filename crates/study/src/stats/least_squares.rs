@@ -35,31 +35,20 @@ pub struct Stop {
     pub steps: u64,
 }
 
-/// A function from the coordinates u, between 0 and 1, to residuals.
-pub trait Function {
-    /// Why a residual is not known.
-    type Unknown;
+/// The residuals at the coordinates u, between 0 and 1. If one is not finite, the search does not go there.
+pub type Residuals<'a, E> = dyn Fn(&[f64]) -> Result<Vec<f64>, E> + 'a;
 
-    /// The residuals at a point. If one is not finite, the search does not go there.
-    ///
-    /// # Errors
-    /// The residuals are not known.
-    fn residuals(&self, u: &[f64]) -> Result<Vec<f64>, Self::Unknown>;
+/// The derivatives of the residuals at u: a column for each coordinate.
+pub type Derivatives<'a, E> = dyn Fn(&[f64]) -> Result<Vec<Vec<f64>>, E> + 'a;
 
-    /// The derivatives of the residuals: a column for each coordinate.
-    ///
-    /// # Errors
-    /// They are not known.
-    fn derivatives(&self, u: &[f64]) -> Result<Vec<Vec<f64>>, Self::Unknown>;
-}
-
-struct Bounded<'a, F> {
-    function: &'a F,
+struct Bounded<'a, E> {
+    residuals: &'a Residuals<'a, E>,
+    derivatives: &'a Derivatives<'a, E>,
     low: Vec<f64>,
     high: Vec<f64>,
 }
 
-impl<F> Constraints for Bounded<'_, F> {
+impl<E> Constraints for Bounded<'_, E> {
     type Set = ConstraintSet<BoxBounds<Vec<f64>>>;
 
     fn constraints(&self) -> <Self::Set as ConstraintDescription>::Borrowed<'_> {
@@ -67,21 +56,21 @@ impl<F> Constraints for Bounded<'_, F> {
     }
 }
 
-impl<F: Function> Residual for Bounded<'_, F> {
+impl<E> Residual for Bounded<'_, E> {
     type Param = Vec<f64>;
     type Output = Vec<f64>;
-    type Error = F::Unknown;
+    type Error = E;
 
-    fn residual(&self, u: &Vec<f64>) -> Result<Vec<f64>, F::Unknown> {
-        self.function.residuals(u)
+    fn residual(&self, u: &Vec<f64>) -> Result<Vec<f64>, E> {
+        (self.residuals)(u)
     }
 }
 
-impl<F: Function> Jacobian for Bounded<'_, F> {
+impl<E> Jacobian for Bounded<'_, E> {
     type Jacobian = DenseMatrix;
 
-    fn jacobian(&self, u: &Vec<f64>) -> Result<DenseMatrix, F::Unknown> {
-        let columns = self.function.derivatives(u)?;
+    fn jacobian(&self, u: &Vec<f64>) -> Result<DenseMatrix, E> {
+        let columns = (self.derivatives)(u)?;
         let rows = columns.first().map_or(0, Vec::len);
         Ok(DenseMatrix::from_fn(rows, columns.len(), |row, column| columns[column][row]))
     }
@@ -90,21 +79,23 @@ impl<F: Function> Jacobian for Bounded<'_, F> {
 /// Searches the least sum of squares from this point on. Returns the best point that was found.
 ///
 /// # Errors
-/// The function does not know residuals that the search needs.
+/// The caller does not know residuals that the search needs.
 ///
 /// # Panics
 /// The point has no coordinates.
-pub fn minimum<F: Function>(
-    function: &F,
+pub fn minimum<E>(
+    residuals: &Residuals<'_, E>,
+    derivatives: &Derivatives<'_, E>,
     start: &[f64],
     stop: Stop,
-) -> Result<Vec<f64>, F::Unknown> {
-    let bounded = Bounded { function, low: vec![0.0; start.len()], high: vec![1.0; start.len()] };
+) -> Result<Vec<f64>, E> {
+    let (low, high) = (vec![0.0; start.len()], vec![1.0; start.len()]);
     let start = start.iter().map(|u| u.clamp(INSIDE, 1.0 - INSIDE)).collect();
     let solver = BoundedLevenbergMarquardt::<Vec<f64>, DenseMatrix>::new()
         .with_absolute_scaled_gradient_tolerance(0.0)
         .with_relative_cost_change_tolerance(stop.decrease)
         .with_absolute_step_tolerance(stop.step);
+    let bounded = Bounded { residuals, derivatives, low, high };
     let found = Executor::new(bounded, solver, PointState::new(start)).max_iter(stop.steps).run();
     match found {
         Ok(found) => Ok(found.state.param().clone()),
@@ -122,39 +113,30 @@ pub(super) mod tests {
 
     const STOP: Stop = Stop { decrease: 1e-14, step: 1e-10, steps: 200 };
 
-    /// A function of SI numbers, with derivatives by central differences.
-    struct Known<R> {
-        low: Vec<f64>,
-        high: Vec<f64>,
-        residuals: R,
-    }
-
-    impl<R: Fn(&[f64]) -> Vec<f64>> Known<R> {
-        fn values(&self, u: &[f64]) -> Vec<f64> {
-            let ends = self.low.iter().zip(&self.high);
-            u.iter().zip(ends).map(|(u, (low, high))| low + u * (high - low)).collect()
-        }
-    }
-
-    impl<R: Fn(&[f64]) -> Vec<f64>> Function for Known<R> {
-        type Unknown = Infallible;
-
-        fn residuals(&self, u: &[f64]) -> Result<Vec<f64>, Infallible> {
-            Ok((self.residuals)(&self.values(u)))
-        }
-
-        fn derivatives(&self, u: &[f64]) -> Result<Vec<Vec<f64>>, Infallible> {
+    /// The minimum of a function of SI numbers between these bounds, with derivatives by central differences.
+    fn found(
+        bounds: &[(f64, f64)],
+        residuals: impl Fn(&[f64]) -> Vec<f64>,
+        start: &[f64],
+    ) -> Vec<f64> {
+        let values = |u: &[f64]| -> Vec<f64> {
+            u.iter().zip(bounds).map(|(u, (low, high))| low + u * (high - low)).collect()
+        };
+        let of = |u: &[f64]| Ok::<_, Infallible>(residuals(&values(u)));
+        let derivatives = |u: &[f64]| {
             let column = |place: usize| {
                 let at = |step: f64| {
                     let mut u = u.to_vec();
                     u[place] += step;
-                    (self.residuals)(&self.values(&u))
+                    residuals(&values(&u))
                 };
                 let (above, below) = (at(1e-6), at(-1e-6));
                 above.iter().zip(&below).map(|(a, b)| (a - b) / 2e-6).collect()
             };
             Ok((0..u.len()).map(column).collect())
-        }
+        };
+        let Ok(u) = minimum(&of, &derivatives, start, STOP);
+        values(&u)
     }
 
     /// Data and certified values of Misra1a: <https://www.itl.nist.gov/div898/strd/nls/data/misra1a.shtml>.
@@ -181,10 +163,8 @@ pub(super) mod tests {
 
     #[test]
     fn the_minimum_of_misra1a_has_the_certified_digits() {
-        let function = Known { low: vec![10.0, 1e-5], high: vec![1000.0, 1e-2], residuals: misra };
         for start in [[0.5, 0.01], [0.1, 0.5], [0.9, 0.9]] {
-            let Ok(u) = minimum(&function, &start, STOP);
-            let b = function.values(&u);
+            let b = found(&[(10.0, 1000.0), (1e-5, 1e-2)], misra, &start);
             assert!((b[0] - 238.942_129_18).abs() < 1e-4, "{b:?}");
             assert!((b[1] - 5.501_564_318_1e-4).abs() < 1e-9, "{b:?}");
             let sum: f64 = misra(&b).iter().map(|r| r * r).sum();
@@ -196,57 +176,37 @@ pub(super) mod tests {
     fn a_minimum_outside_of_the_bounds_is_found_at_the_bound() {
         // The unbounded minimum is (3, 2). With x ≤ 1, the minimum is x = 1 and y = 2 + (3 − 1)·0.5.
         let residuals = |b: &[f64]| vec![b[0] - 3.0, (b[1] - 2.0) + 0.5 * (b[0] - 3.0)];
-        let function = Known { low: vec![0.0, 0.0], high: vec![1.0, 10.0], residuals };
-        let Ok(u) = minimum(&function, &[0.5, 0.5], STOP);
-        let b = function.values(&u);
+        let b = found(&[(0.0, 1.0), (0.0, 10.0)], residuals, &[0.5, 0.5]);
         assert!((b[0] - 1.0).abs() < 1e-4 && (b[1] - 3.0).abs() < 1e-3, "{b:?}");
     }
 
     #[test]
     fn a_search_does_not_go_where_residuals_are_not_finite() {
         let residuals = |b: &[f64]| vec![if b[0] > 0.8 { f64::NAN } else { b[0] - 0.7 }];
-        let function = Known { low: vec![0.0], high: vec![1.0], residuals };
-        let Ok(u) = minimum(&function, &[0.1], STOP);
-        assert!((u[0] - 0.7).abs() < 1e-5, "{u:?}");
-    }
-
-    /// Knows only the residuals in a list.
-    struct Listed {
-        known: Vec<Vec<f64>>,
-        asked: RefCell<usize>,
-    }
-
-    impl Function for Listed {
-        type Unknown = Vec<f64>;
-
-        fn residuals(&self, u: &[f64]) -> Result<Vec<f64>, Vec<f64>> {
-            *self.asked.borrow_mut() += 1;
-            if self.known.iter().any(|known| known == u) {
-                Ok(vec![10.0 * (u[1] - u[0] * u[0]), 0.5 - u[0]])
-            } else {
-                Err(u.to_vec())
-            }
-        }
-
-        fn derivatives(&self, u: &[f64]) -> Result<Vec<Vec<f64>>, Vec<f64>> {
-            Ok(vec![vec![-20.0 * u[0], -1.0], vec![10.0, 0.0]])
-        }
+        let b = found(&[(0.0, 1.0)], residuals, &[0.1]);
+        assert!((b[0] - 0.7).abs() < 1e-5, "{b:?}");
     }
 
     #[test]
     fn a_search_that_begins_again_asks_for_one_more_point_each_time() {
-        let mut listed = Listed { known: Vec::new(), asked: RefCell::new(0) };
+        let (known, asked) = (RefCell::new(Vec::<Vec<f64>>::new()), RefCell::new(0));
+        let residuals = |u: &[f64]| {
+            *asked.borrow_mut() += 1;
+            let is_known = known.borrow().iter().any(|known| known == u);
+            let residuals = vec![10.0 * (u[1] - u[0] * u[0]), 0.5 - u[0]];
+            is_known.then_some(residuals).ok_or(u.to_vec())
+        };
+        let derivatives = |u: &[f64]| Ok(vec![vec![-20.0 * u[0], -1.0], vec![10.0, 0.0]]);
         let found = loop {
-            match minimum(&listed, &[0.1, 0.9], STOP) {
+            match minimum(&residuals, &derivatives, &[0.1, 0.9], STOP) {
                 Ok(found) => break found,
                 Err(unknown) => {
-                    assert_eq!(*listed.asked.borrow(), listed.known.len() + 1);
-                    listed.known.push(unknown);
-                    *listed.asked.borrow_mut() = 0;
+                    assert_eq!(asked.replace(0), known.borrow().len() + 1);
+                    known.borrow_mut().push(unknown);
                 }
             }
         };
         assert!((found[0] - 0.5).abs() < 1e-6 && (found[1] - 0.25).abs() < 1e-6, "{found:?}");
-        assert!(listed.known.len() < 40, "{}", listed.known.len());
+        assert!(known.borrow().len() < 40, "{}", known.borrow().len());
     }
 }

@@ -8,16 +8,21 @@ mod findings;
 mod model;
 mod search;
 
-use deserr::{Deserr, IntoValue as _, ValuePointerRef};
+use std::mem::replace;
+
+use deserr::Deserr;
 use fretwork_engine::request::fault::Faults;
-use fretwork_engine::request::fields::Given;
+use fretwork_engine::request::fields::{Given, List};
 use serde_json::{Value, json};
 
+use self::data::GivenTest;
+use self::model::{Runs, Set};
 use self::search::Fit;
-use crate::plan::{Column, Findings, Hints, Kind, Plan, Read, StudyFigure, Tried};
+use crate::plan::StudyFigure::{Bands, Energy, Profile, Residuals};
+use crate::plan::{Column, Findings, Hints, Kind, Plan, Read, Tried};
 use crate::problem::{Problem, small_members};
 use crate::rows::{NUMBER, Rows};
-use fretwork_json::Whole;
+use fretwork_json::{Whole, typed};
 
 /// The kind of fits.
 pub const KIND: Kind = Kind {
@@ -27,7 +32,7 @@ pub const KIND: Kind = Kind {
     keeps_profiles: false,
     axes: &[],
     design: "",
-    designs: &[("", Hints::of(&[StudyFigure::Scatter]))],
+    designs: &[("", Hints::of(&[Bands, Residuals, Energy, Profile]))],
     offers: &[],
     read,
 };
@@ -37,6 +42,11 @@ const CONFIDENCE: f64 = 0.95;
 const STARTS: u64 = 8;
 /// Maximum number of starts.
 const MAX_STARTS: u64 = 64;
+/// Maximum number of parameters, and of tests.
+const MAX_PARAMETERS: usize = 20;
+const MAX_TESTS: usize = 200;
+/// Estimated number of runs of a set in a search, and more for each parameter.
+const RUNS: (f64, f64) = (4.0, 6.0);
 /// Maximum bytes of a number, a name or a note in the findings.
 const TEXT: usize = 400;
 
@@ -47,8 +57,8 @@ struct Request {
     #[deserr(default, rename = "version")]
     _version: Given<Whole<1, 1>>,
     scenario: Value,
-    parameters: Vec<Value>,
-    tests: Vec<Value>,
+    parameters: List<Value, 1, MAX_PARAMETERS>,
+    tests: List<GivenTest, 1, MAX_TESTS>,
     #[deserr(default)]
     confidence: Given<f64>,
     #[deserr(default)]
@@ -61,9 +71,7 @@ struct Request {
 /// All faults, with pointers relative to the fit.
 fn read(fit: Value) -> Result<Read, Faults> {
     let mut complete = small_members(&fit);
-    let request: Request =
-        Request::deserialize_from_value::<Value>(fit.into_value(), ValuePointerRef::Origin)?;
-    let Request { scenario, parameters, tests, confidence, starts, .. } = request;
+    let Request { scenario, parameters, tests, confidence, starts, .. } = typed(fit)?;
     let confidence = confidence.0.unwrap_or(CONFIDENCE);
     if !(0.5..=0.9999).contains(&confidence) {
         return Err(Faults::one("/confidence", "must be from 0.5 to 0.9999, such as 0.95"));
@@ -71,44 +79,47 @@ fn read(fit: Value) -> Result<Read, Faults> {
     let starts = starts.0.map_or(STARTS, |starts| starts.0);
     complete.insert("confidence".to_owned(), json!(confidence));
     complete.insert("starts".to_owned(), json!(starts));
-    let fit = data::fit(&scenario, &parameters, &tests, confidence, starts as u32)?;
-    let problem = Problem::new(scenario, Vec::new(), Vec::new());
-    Ok(Read::new(complete, problem, fit))
+    let fit = data::fit(&scenario, parameters.0, tests.0, (confidence, starts as u32))?;
+    Ok(Read::new(complete, Problem::new(scenario, Vec::new(), Vec::new()), fit))
 }
 
 impl Plan for Fit {
     fn points(&self) -> usize {
-        self.bounds()[4]
+        self.tasks.len()
     }
 
     fn stages(&self) -> Vec<usize> {
-        self.bounds()[..4].to_vec()
+        let stages = self.tasks.chunk_by(|one, next| one.0 == next.0);
+        let first = stages.scan(0, |sum, stage| Some(replace(sum, *sum + stage.len())));
+        first.collect()
     }
 
     fn point(&self, _: usize) -> Vec<f64> {
         Vec::new()
     }
 
-    fn next(
+    fn row(
         &self,
-        _: &Problem,
+        problem: &Problem,
         number: usize,
         earlier: &Rows,
         tried: &[Tried],
-    ) -> Option<Vec<f64>> {
-        self.wanted(number, earlier, tried)
+    ) -> Result<Tried, Vec<f64>> {
+        self.row_or_run(problem, number, earlier, tried)
     }
 
-    fn asked<'a>(&'a self, _: &'a Problem, values: &'a [f64]) -> (&'a Problem, &'a [f64]) {
-        (&self.sources[values[0] as usize].problem, &values[1..])
-    }
-
-    fn row(&self, problem: &Problem, number: usize, earlier: &Rows, tried: Vec<Tried>) -> Tried {
-        self.row_of(problem, number, earlier, &tried)
+    fn asked<'a>(&'a self, problem: &'a Problem, values: &'a [f64]) -> (&'a Problem, &'a [f64]) {
+        let runs = self.sets[values[0] as usize].runs.as_ref();
+        (runs.map_or(problem, |runs| &runs.problem), &values[1..])
     }
 
     fn seconds(&self, _: &Problem, _: &[f64]) -> f64 {
-        self.seconds
+        let runs = self.sets.iter().filter_map(|set| set.runs.as_ref());
+        let seconds = runs.map(|Runs { problem, parameters, .. }| {
+            let start: Vec<f64> = parameters.iter().map(|it| self.parameters[*it].start).collect();
+            (RUNS.0 + RUNS.1 * start.len() as f64) * problem.seconds(&start)
+        });
+        seconds.sum()
     }
 
     fn columns(&self) -> Vec<Column> {
@@ -116,11 +127,10 @@ impl Plan for Fit {
         let parameters = parameters.map(|it| Column { name: it.column(), unit: Some(it.unit) });
         let counts =
             ["sum_of_squares", "runs", "derivative_error"].map(|name| Column::new(name, "1"));
-        let numbers = self.positions.iter().enumerate().map(|(place, position)| {
-            let set = &self.sets[position.set];
-            let (test, x) = (&self.tests[set.test], set.x[position.entry]);
-            let name = format!("{test}.{}@{x} #{}", set.output, place + 1);
-            Column { name, unit: Some(set.unit) }
+        let numbers = self.positions.iter().enumerate().map(|(place, (set, entry))| {
+            let Set { test, output, unit, x, .. } = &self.sets[*set];
+            let name = format!("{}.{output}@{} #{}", self.tests[*test], x[*entry], place + 1);
+            Column { name, unit: Some(*unit) }
         });
         parameters.chain(counts).chain(numbers).collect()
     }
@@ -146,7 +156,7 @@ impl Plan for Fit {
     }
 
     fn memory(&self) -> usize {
-        let scenarios = self.sources.iter().map(|source| 150 * source.problem.size);
-        scenarios.sum::<usize>() + 400 * self.positions.len()
+        let runs = self.sets.iter().filter_map(|set| set.runs.as_ref());
+        runs.map(|runs| 150 * runs.problem.size).sum::<usize>() + 400 * self.positions.len()
     }
 }

@@ -1,14 +1,16 @@
-//! Predictions: what runs say about measured numbers, as a function of the parameters.
+//! Parameters, sets of measured numbers, and the runs that predict these numbers.
 
-use deserr::Deserr;
 use fretwork_engine::numeric::twelve_digits;
 use fretwork_engine::request::fault::Faults;
-use serde_json::Value;
+use serde_json::{Value, json};
 
-use crate::plan::Tried;
+use crate::member::Member;
+use crate::output::OutputName;
 use crate::problem::{Found, Problem};
-use crate::profile::Field;
+use crate::profile::{CommonProfiles, Field};
 
+/// Values of a linear parameter that are smaller than this share of its bounds are near 0.
+const NEAR_0: f64 = 0.01;
 /// The wear coefficients. They only rescale the cycles if nothing else depends on them.
 const COEFFICIENTS: [&str; 2] = ["/wear/coefficient", "/wear/energy_coefficient"];
 /// Members of a scenario that depend on the cycles in another way.
@@ -22,9 +24,6 @@ const SHARED: f64 = std::f64::consts::SQRT_2;
 const RATIO: f64 = 1.19;
 /// Maximum number of these output cycles.
 const MAX_NODES: f64 = 240.0;
-
-/// Values of a linear parameter that are smaller than this share of its bounds are near 0.
-const NEAR_0: f64 = 0.01;
 
 /// A number of the scenario that is estimated.
 #[derive(Debug, Clone)]
@@ -41,36 +40,23 @@ pub struct Parameter {
     /// Whether it is spaced logarithmically between them.
     pub is_log: bool,
     pub start: f64,
-    pub prior: Option<Prior>,
-}
-
-/// What is known about a parameter before the measurement.
-#[derive(Debug, Clone, Copy)]
-pub struct Prior {
-    /// The most probable number, and its standard deviation; of the logarithm if `is_log`.
-    pub middle: f64,
-    pub deviation: f64,
-    pub is_log: bool,
 }
 
 impl Parameter {
     /// The value at a coordinate from 0 to 1.
     pub fn value(&self, u: f64) -> f64 {
-        let value = if self.is_log {
-            self.low * libm::exp(u * libm::log(self.high / self.low))
-        } else {
-            self.low + u * (self.high - self.low)
-        };
-        value.clamp(self.low, self.high)
+        let distance = u.clamp(0.0, 1.0) * self.width();
+        let x = if self.is_log { self.low * libm::exp(distance) } else { self.low + distance };
+        x.clamp(self.low, self.high)
     }
 
     /// The coordinate of a value.
     pub fn coordinate(&self, x: f64) -> f64 {
-        if self.is_log {
-            libm::log(x / self.low) / libm::log(self.high / self.low)
-        } else {
-            (x - self.low) / (self.high - self.low)
-        }
+        (if self.is_log { libm::log(x / self.low) } else { x - self.low }) / self.width()
+    }
+
+    fn width(&self) -> f64 {
+        if self.is_log { libm::log(self.high / self.low) } else { self.high - self.low }
     }
 
     /// The change that counts as large: the value itself, or a part of the range for values near 0.
@@ -78,139 +64,71 @@ impl Parameter {
         if self.is_log { x } else { x.abs().max(NEAR_0 * self.high.abs().max(self.low.abs())) }
     }
 
-    /// The value at a distance from another one: the logarithm of their ratio, or a part of the scale.
-    pub fn moved(&self, from: f64, distance: f64) -> f64 {
-        let moved = if self.is_log {
-            from * libm::exp(distance)
-        } else {
-            from + distance * self.scale(from)
-        };
-        moved.clamp(self.low, self.high)
+    /// A large change of this value, in coordinates.
+    pub fn step(&self, x: f64) -> f64 {
+        (if self.is_log { 1.0 } else { self.scale(x) }) / self.width()
     }
 
-    /// The residual of the prior, and its derivative.
-    pub fn prior_residual(&self, x: f64) -> Option<(f64, f64)> {
-        let Prior { middle, deviation, is_log } = self.prior?;
-        Some(if is_log {
-            ((libm::log(x) - middle) / deviation, 1.0 / (x * deviation))
-        } else {
-            ((x - middle) / deviation, 1.0 / deviation)
-        })
-    }
-
-    /// The name of its column.
+    /// The name of its column, such as `/friction`, or `/friction (A1, A2)`.
     pub fn column(&self) -> String {
         let Self { pointer, only, .. } = self;
         if only.is_empty() { pointer.clone() } else { format!("{pointer} ({})", only.join(", ")) }
     }
 
-    /// The name in texts, such as `wear.coefficient`, or `friction (A1, A2)`.
+    /// The name in texts, such as `wear.coefficient`.
     pub fn name(&self) -> String {
         self.column().trim_start_matches('/').replace('/', ".")
     }
-}
-
-/// What a column of the history is measured over.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
-pub enum Over {
-    Cycles,
-    #[deserr(rename = "dissipated_energy")]
-    Energy,
 }
 
 /// A measured quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Quantity {
     /// A column of the history, times a factor.
-    Column { column: &'static str, factor: f64, over: Over },
-    /// A profile after a number of cycles, perhaps of one body.
-    Profile { field: Field, at: f64, body: Option<usize> },
+    Column { column: &'static str, factor: f64 },
+    /// The depth of the scar after a number of cycles, perhaps of one body.
+    Profile { at: f64, body: Option<usize> },
+    /// A parameter, or its logarithm, that is known before the measurement.
+    Prior { parameter: usize, is_log: bool },
 }
 
-/// A set of measured numbers of one test. A number that was not measured is `None`.
+/// A set of measured numbers.
 #[derive(Debug)]
 pub struct Set {
-    /// The index of its test.
+    /// The index of its test. Priors have one more.
     pub test: usize,
     pub output: String,
     pub unit: &'static str,
+    /// What x is.
+    pub over: &'static str,
     pub quantity: Quantity,
+    /// The points. After the measured ones, points of a grid follow, for bands. `y` is `None` for a number that was not
+    /// measured.
     pub x: Vec<f64>,
     pub y: Vec<Option<f64>>,
+    /// The standard deviations of all measured points.
     pub noise: Vec<f64>,
     pub is_estimated: bool,
+    /// The runs that predict the numbers. A prior needs none.
+    pub runs: Option<Runs>,
 }
 
-impl Set {
-    /// Whether these are depths; `None` if they are neither depths nor volumes.
-    pub fn are_depths(&self) -> Option<bool> {
-        match self.quantity {
-            Quantity::Profile { .. } | Quantity::Column { column: "wear_depth", .. } => Some(true),
-            Quantity::Column { column, .. } => (column == "wear_volume").then_some(false),
-        }
-    }
-
-    /// The size of the largest measured number.
-    pub fn largest(&self) -> f64 {
-        self.y.iter().flatten().fold(0.0, |largest, y| largest.max(y.abs()))
-    }
-
-    /// The runs that it needs: those of its test over cycles, over energies, or up to a profile.
-    pub fn needs(&self) -> (usize, &'static str, Option<(f64, Option<usize>)>) {
-        let profile = match self.quantity {
-            Quantity::Profile { at, body, .. } => Some((at, body)),
-            Quantity::Column { .. } => None,
-        };
-        (self.test, self.over(), profile)
-    }
-
-    /// What x is.
-    pub fn over(&self) -> &'static str {
-        match self.quantity {
-            Quantity::Profile { .. } => "radius",
-            Quantity::Column { over: Over::Cycles, .. } => "cycles",
-            Quantity::Column { over: Over::Energy, .. } => "dissipated_energy",
-        }
-    }
-}
-
-/// The runs of a test: its scenario at some output cycles, with parameters as members.
+/// The runs of a set: the scenario of its test at some output cycles, with parameters as members.
 #[derive(Debug)]
-pub struct Source {
+pub struct Runs {
     pub problem: Problem,
     /// The parameter of each member of the problem.
     pub parameters: Vec<usize>,
     /// The index among the members of the parameter that only rescales the cycles.
-    pub rescaled: Option<usize>,
+    rescaled: Option<usize>,
     /// The output cycles, or the energies, ascending.
-    pub nodes: Vec<f64>,
-    /// The names of the columns of the history. The outputs of the problem are all nodes of the first column, then of
-    /// the second one, and so on.
-    pub columns: Vec<&'static str>,
-}
-
-/// A predicted number: an entry of a set.
-#[derive(Debug, Clone, Copy)]
-pub struct Position {
-    pub set: usize,
-    pub entry: usize,
-    /// The index of its source, and where it is in a run.
-    pub source: usize,
-    pub place: Place,
-}
-
-/// Where a number is in a run.
-#[derive(Debug, Clone, Copy)]
-pub enum Place {
-    /// A column of the history at a number of cycles, or at a dissipated energy, times a factor.
-    History { column: usize, x: f64, factor: f64 },
-    /// A curve, and the index of a radius.
-    Profile { curve: usize, radius: usize },
+    nodes: Vec<f64>,
+    /// The wear volume per energy if it is constant: a parameter, or a value. Then no run is necessary.
+    line: Option<(Option<usize>, f64)>,
 }
 
 /// Whether a coefficient with this pointer only rescales the cycles of a scenario.
-pub fn only_rescales(pointer: &str, scenario: &Value) -> bool {
+fn only_rescales(pointer: &str, scenario: &Value) -> bool {
     let is_number = |value: &Value| value.is_number() || value.is_string();
     COEFFICIENTS.contains(&pointer)
         && scenario.pointer(pointer).is_some_and(is_number)
@@ -219,40 +137,142 @@ pub fn only_rescales(pointer: &str, scenario: &Value) -> bool {
 }
 
 /// The output cycles of a run that several coefficients share.
-pub fn shared_nodes(low: f64, high: f64) -> Vec<f64> {
+fn shared_nodes(low: f64, high: f64) -> Vec<f64> {
     let (from, to) = (low / (SHARED * RATIO * RATIO), high * SHARED * RATIO * RATIO);
     let count = (libm::log(to / from) / libm::log(RATIO)).ceil().min(MAX_NODES);
     let node = |place: u32| twelve_digits(from * libm::pow(to / from, f64::from(place) / count));
     (0..=count as u32).map(node).collect()
 }
 
-impl Source {
-    /// The values of the members in the run for these parameters.
-    fn values(&self, theta: &[f64]) -> Vec<f64> {
+impl Set {
+    /// Whether these are depths; `None` if they are neither depths nor volumes.
+    pub fn are_depths(&self) -> Option<bool> {
+        match self.quantity {
+            Quantity::Profile { .. } | Quantity::Column { column: "wear_depth", .. } => Some(true),
+            Quantity::Column { column: "wear_volume", .. } => Some(false),
+            _ => None,
+        }
+    }
+
+    /// Whether these are wear volumes over the dissipated energy.
+    pub fn is_over_energy(&self) -> bool {
+        self.are_depths() == Some(false) && self.over == "dissipated_energy"
+    }
+
+    /// The size of a measured number. Those of a profile have that of the largest one.
+    pub fn size(&self, entry: usize) -> f64 {
+        let largest = self.y.iter().flatten().fold(0.0_f64, |largest, y| largest.max(y.abs()));
+        if self.over == "radius" { largest } else { self.y[entry].map_or(0.0, f64::abs) }
+    }
+
+    /// Makes the runs. `own` are the parameters of the test, with their indices.
+    ///
+    /// # Errors
+    /// The scenario or a parameter is not valid.
+    pub fn add_runs(
+        &mut self,
+        mut scenario: Value,
+        own: &[(usize, &Parameter)],
+    ) -> Result<(), Faults> {
+        let (mut nodes, mut profiles, mut rescaled) = (self.x.clone(), None, None);
+        nodes.sort_by(f64::total_cmp);
+        nodes.dedup();
+        let mut column = "wear_depth";
+        match self.quantity {
+            Quantity::Profile { at, body } => {
+                let radii = std::mem::replace(&mut nodes, vec![at]);
+                profiles = Some(CommonProfiles { radii, fields: vec![Field::Wear], body });
+            }
+            Quantity::Column { column: own_column, .. } => {
+                column = own_column;
+                rescaled = own.iter().position(|(_, it)| only_rescales(&it.pointer, &scenario));
+            }
+            Quantity::Prior { .. } => return Ok(()),
+        }
+        if rescaled.is_some() {
+            nodes = shared_nodes(nodes[0], nodes[nodes.len() - 1]);
+        }
+        scenario["cycles"] = json!(nodes);
+        if self.over == "dissipated_energy" {
+            scenario["cycles"] = json!({"dissipated_energy": nodes});
+        }
+        let below = |faults: Faults| faults.below("/scenario");
+        fretwork_engine::scenario::prepare(scenario.clone(), "").map_err(below)?;
+        let mut members = Vec::<Member>::new();
+        let found = Member::find_all(&scenario, own.iter().map(|(_, it)| it.pointer.as_str()));
+        for ((place, _), member) in own.iter().zip(found) {
+            let twice = Err("is listed twice for this test".to_owned());
+            let member = member.and_then(|it| if members.contains(&it) { twice } else { Ok(it) });
+            let pointer = format!("/parameters/{place}/pointer");
+            members.push(member.map_err(|detail| Faults::one(&pointer, detail))?);
+        }
+        let names = nodes.iter().map(|node| format!("{column}@{node}").parse::<OutputName>());
+        let names = names.collect::<Result<_, _>>().map_err(|it| Faults::one("/tests", it))?;
+        let outputs = OutputName::all_among(names, &scenario).map_err(below)?;
+        let wear = scenario["wear"].as_object().filter(|wear| wear.len() == 1);
+        let coefficient = wear.and_then(|_| Member::find(&scenario, COEFFICIENTS[1]).ok());
+        let line = coefficient.filter(|_| self.is_over_energy()).map(|it| {
+            let parameter = own.iter().find(|(_, own)| own.pointer == it.pointer);
+            (parameter.map(|(place, _)| *place), it.value)
+        });
+        let new = Problem::new(scenario, members, outputs);
+        let problem = Problem { profiles, has_errors: true, ..new };
+        problem.prepare(&own.iter().map(|own| own.1.start).collect::<Vec<_>>()).map_err(below)?;
+        let parameters = own.iter().map(|own| own.0).collect();
+        self.runs = Some(Runs { problem, parameters, rescaled, nodes, line });
+        Ok(())
+    }
+
+    /// The prediction of an entry for these parameters, from the run with these values, and its relative numerical
+    /// error.
+    pub fn predicted(
+        &self,
+        entry: usize,
+        theta: &[f64],
+        run: Option<(&[f64], &Found)>,
+    ) -> Option<(f64, f64)> {
+        let x = self.x[entry];
+        if let Quantity::Prior { parameter, is_log } = self.quantity {
+            let value = theta[parameter];
+            return Some((if is_log { libm::log(value) } else { value }, 0.0));
+        }
+        let Runs { rescaled, nodes, parameters, line, .. } = self.runs.as_ref()?;
+        let Quantity::Column { column, factor } = self.quantity else {
+            let (_, found) = run?;
+            let radii = &self.runs.as_ref()?.problem.profiles.as_ref()?.radii;
+            let radius = radii.partition_point(|radius| *radius < x);
+            return Some((found.profiles[0][radius]?, (*found.outputs.get(1)?)?));
+        };
+        if let Some((parameter, value)) = line {
+            return Some((factor * x * parameter.map_or(*value, |it| theta[it]), 0.0));
+        }
+        let (values, found) = run?;
+        let ratio = rescaled.map_or(1.0, |it| theta[parameters[it]] / values[it]);
+        let node = nodes.partition_point(|node| *node < x * ratio).min(nodes.len() - 1);
+        let value = match rescaled {
+            None => found.outputs[node]?,
+            Some(_) => interpolated(nodes, &found.outputs, x * ratio)?,
+        };
+        let counted = if COUNTED.contains(&column) { ratio } else { 1.0 };
+        Some((factor * value / counted, (*found.outputs.get(nodes.len() + node)?)?))
+    }
+}
+
+impl Runs {
+    /// Whether a parameter only rescales the cycles.
+    pub fn is_rescaled_by(&self, parameter: usize) -> bool {
+        self.rescaled.is_some_and(|member| self.parameters[member] == parameter)
+    }
+
+    /// The values of the members in the run for these parameters; `None` if no run is necessary.
+    pub fn values(&self, theta: &[f64]) -> Option<Vec<f64>> {
         let mut values: Vec<f64> = self.parameters.iter().map(|it| theta[*it]).collect();
         if let Some(member) = self.rescaled {
             // The coefficients of runs are powers of 2, so that near coefficients share runs.
             let power = (libm::log2(values[member]) / libm::log2(SHARED * SHARED)).round();
             values[member] = twelve_digits(libm::exp2(power));
         }
-        values
-    }
-
-    /// The number of a run with these values, for these parameters.
-    fn number(&self, place: Place, theta: &[f64], values: &[f64], found: &Found) -> Option<f64> {
-        let (column, x, factor) = match place {
-            Place::Profile { curve, radius } => return found.profiles.get(curve)?[radius],
-            Place::History { column, x, factor } => (column, x, factor),
-        };
-        let count = self.nodes.len();
-        let outputs = &found.outputs[column * count..(column + 1) * count];
-        let Some(member) = self.rescaled else {
-            let node = self.nodes.partition_point(|node| *node < x);
-            return outputs.get(node)?.map(|value| factor * value);
-        };
-        let ratio = theta[self.parameters[member]] / values[member];
-        let value = factor * interpolated(&self.nodes, outputs, x * ratio)?;
-        Some(if COUNTED.contains(&self.columns[column]) { value / ratio } else { value })
+        self.line.is_none().then_some(values)
     }
 }
 
@@ -272,31 +292,4 @@ fn interpolated(nodes: &[f64], outputs: &[Option<f64>], x: f64) -> Option<f64> {
     };
     let value: f64 = y.iter().enumerate().map(term).sum();
     Some(if is_positive { libm::exp(value) } else { value })
-}
-
-/// The values of a run that is not known: the index of its source, and the values of its members.
-pub type Wanted = Vec<f64>;
-
-/// Predictions at these positions for these parameters, from known runs. A missing one is not a number.
-///
-/// # Errors
-/// A run is not known.
-pub fn predicted(
-    sources: &[Source],
-    positions: &[Position],
-    theta: &[f64],
-    tried: &[Tried],
-) -> Result<Vec<f64>, Wanted> {
-    let run = |(place, source): (usize, &Source)| {
-        let mut values = source.values(theta);
-        values.insert(0, place as f64);
-        tried.iter().find(|tried| tried.values == values).ok_or(values)
-    };
-    let runs: Vec<&Tried> = sources.iter().enumerate().map(run).collect::<Result<_, _>>()?;
-    let number = |position: &Position| {
-        let Tried { values, found } = runs[position.source];
-        let source = &sources[position.source];
-        source.number(position.place, theta, &values[1..], found).unwrap_or(f64::NAN)
-    };
-    Ok(positions.iter().map(number).collect())
 }

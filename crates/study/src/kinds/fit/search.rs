@@ -5,24 +5,22 @@
 //! | starts | the least sum of squares from each start |
 //! | minimum | the least sum of squares from the best of them, with the noise estimated anew |
 //! | derivatives and subsets | the derivatives of all predictions; the minimum without a test, or of some outputs |
-//! | ends | the ends of each interval, where the least sum of squares has risen by the allowed amount |
+//! | profiles, [`TRIALS`] times | on both sides of each parameter, the least sum of squares at one more value of it |
 //!
-//! The number of the points of a stage does not depend on the rows before it. A row has the parameters, the sum of
-//! squares, the number of runs, the error of a column of derivatives, and a number for each position: a prediction, or
-//! its derivative.
+//! The tasks of a stage do not depend on the rows before it.
 
 use crate::plan::Tried;
 use crate::problem::{Lack, Problem};
 use crate::rows::Rows;
-use crate::stats::derivative::{Derivative, Place as At, Search};
-use crate::stats::least_squares::{Function, Stop, minimum};
+use crate::stats::derivative::{Place, Search as Derivatives};
+use crate::stats::least_squares::{self, Stop};
 use crate::stats::measured::{Information, Measured};
 
-use super::model::{Parameter, Position, Set, Source, Wanted, predicted};
+use super::model::{Parameter, Quantity, Set};
 
 /// Relative change of a parameter from which a search takes its differences. Numerical noise is much smaller.
 const DIFFERENCE: f64 = 0.04;
-/// When searches end: from the starts, and elsewhere.
+/// When searches end: from the starts and in profiles, and elsewhere.
 const COARSE: Stop = Stop { decrease: 1e-3, step: 1e-3, steps: 25 };
 const FINE: Stop = Stop { decrease: 1e-5, step: 1e-4, steps: 20 };
 /// The noise is estimated at most this often, and until it changes by less than this share.
@@ -30,24 +28,22 @@ const ESTIMATES: usize = 6;
 const SAME_NOISE: f64 = 0.01;
 /// Maximum number of intervals in which a derivative is searched.
 const ROUNDS: usize = 2;
-/// Maximum number of trials for the end of an interval, and the accepted error of the square root of the rise.
-const TRIALS: usize = 8;
+/// Number of values in the profile of a parameter on each side of the estimate, and the accepted error of the last one.
+const TRIALS: usize = 5;
 const SAME_RISE: f64 = 0.02;
 /// With more tests than this, they are not left out one by one.
 const MAX_LEAVES: usize = 24;
-/// A parameter whose coordinate is nearer to 0 or 1 than this is at a bound.
-pub const AT_BOUND: f64 = 2e-3;
 
 /// Numbers that are measured, and what they should say about parameters.
 #[derive(Debug)]
 pub struct Fit {
     pub parameters: Vec<Parameter>,
-    pub sources: Vec<Source>,
     pub sets: Vec<Set>,
-    pub positions: Vec<Position>,
+    /// The set and the entry of all numbers.
+    pub positions: Vec<(usize, usize)>,
     /// The outputs whose noise is estimated, for each kind of noise; `None` for stated noise.
     pub noises: Vec<Option<String>>,
-    /// The measured numbers at all positions.
+    /// The numbers at all positions, without numerical errors.
     pub measured: Measured,
     /// The names of the tests.
     pub tests: Vec<String>,
@@ -55,10 +51,8 @@ pub struct Fit {
     pub coefficient: Option<usize>,
     pub starts: Vec<Vec<f64>>,
     pub confidence: f64,
-    /// The relative numerical error of all predictions.
-    pub accuracy: f64,
-    /// Estimated processor time of a point.
-    pub seconds: f64,
+    /// The tasks of all points, with their stages.
+    pub tasks: Vec<(usize, Task)>,
 }
 
 /// What a point computes.
@@ -69,290 +63,270 @@ pub enum Task {
     Derivative(usize),
     Without(usize),
     Only { are_depths: bool },
-    End { parameter: usize, is_high: bool },
+    Profile { parameter: usize, is_high: bool },
 }
 
-/// The best parameters.
-#[derive(Debug, Clone)]
-pub struct Best {
+/// All tasks, for these numbers of starts, parameters and tests.
+pub fn tasks(
+    starts: u32,
+    parameters: usize,
+    tests: usize,
+    has_subsets: bool,
+) -> Vec<(usize, Task)> {
+    let mut tasks: Vec<_> = (0..starts as usize).map(|start| (0, Task::Start(start))).collect();
+    tasks.push((1, Task::Minimum));
+    tasks.extend((0..parameters).map(|parameter| (2, Task::Derivative(parameter))));
+    let leaves = if (2..=MAX_LEAVES).contains(&tests) { tests } else { 0 };
+    tasks.extend((0..leaves).map(|test| (2, Task::Without(test))));
+    let subsets = [false, true].map(|are_depths| (2, Task::Only { are_depths }));
+    tasks.extend(subsets.into_iter().filter(|_| has_subsets));
+    for (stage, parameter) in
+        (3..3 + TRIALS).flat_map(|stage| (0..parameters).map(move |it| (stage, it)))
+    {
+        tasks.extend([false, true].map(|is_high| (stage, Task::Profile { parameter, is_high })));
+    }
+    tasks
+}
+
+/// The values of a run that is not known: the index of its set, and the values of its members.
+type Wanted = Vec<f64>;
+
+/// A row. A missing number is NaN.
+#[derive(Debug, Default)]
+pub struct Row {
     pub theta: Vec<f64>,
     pub sum: f64,
-    pub predicted: Vec<f64>,
+    pub runs: f64,
+    /// The error of a column of derivatives, as the root sum of squares of those of residuals.
+    pub error: f64,
+    /// A number for each position: the numerical error of a prediction (from a start), a prediction (of the minimum), or
+    /// a derivative of a prediction.
+    pub numbers: Vec<f64>,
+}
+
+/// What the rows of the first stages say.
+#[derive(Debug)]
+pub struct Known {
+    pub rows: Vec<Row>,
+    /// The best start.
+    start: usize,
+    /// The numbers with the numerical errors of the runs of the best start.
+    pub measured: Measured,
+    /// The index of the minimum.
+    pub minimum: usize,
+    /// The factors of the noise at the minimum.
     pub factors: Vec<f64>,
 }
 
-/// A row: the parameters, the sum of squares, the error of a column of derivatives, and the numbers of all positions.
-#[derive(Debug, Default)]
-struct Row {
-    theta: Option<Vec<f64>>,
-    sum: Option<f64>,
-    error: Option<f64>,
-    numbers: Option<Vec<f64>>,
-    lack: Option<String>,
-}
-
-/// The residuals of some of the measured numbers, as a function of the coordinates of some parameters.
-struct Objective<'a> {
+/// The predictions and the residuals of some of the measured numbers.
+struct Search<'a> {
     fit: &'a Fit,
     tried: &'a [Tried],
     measured: &'a Measured,
     factors: &'a [f64],
-    theta: &'a [f64],
-    free: &'a [usize],
-    is_central: bool,
 }
 
-impl Objective<'_> {
-    fn theta(&self, u: &[f64]) -> Vec<f64> {
-        let mut theta = self.theta.to_vec();
-        for (place, u) in self.free.iter().zip(u) {
-            theta[*place] = self.fit.parameters[*place].value(*u);
-        }
-        theta
-    }
-
-    fn at(&self, theta: &[f64]) -> Result<Vec<f64>, Wanted> {
-        let predicted = self.fit.predicted(theta, self.tried)?;
-        let mut residuals = self.measured.residuals(&predicted, self.factors);
-        let priors = self.fit.parameters.iter().zip(theta);
-        residuals.extend(
-            priors.filter_map(|(parameter, x)| parameter.prior_residual(*x)).map(|it| it.0),
-        );
-        Ok(residuals)
-    }
-
-    /// Finds the minimum near the present parameters.
-    fn minimum(&self, stop: Stop) -> Result<Vec<f64>, Wanted> {
-        let start: Vec<f64> = self
-            .free
-            .iter()
-            .map(|place| self.fit.parameters[*place].coordinate(self.theta[*place]))
-            .collect();
-        if start.is_empty() {
-            return Ok(self.theta.to_vec());
-        }
-        Ok(self.theta(&minimum(self, &start, stop)?))
-    }
-
-    /// The row of the minimum near the present parameters.
-    fn row(&self, stop: Stop) -> Result<Row, Wanted> {
-        let theta = self.minimum(stop)?;
-        Ok(Row { sum: Some(self.sum(&theta)?), theta: Some(theta), ..Row::default() })
+impl Search<'_> {
+    fn residuals(&self, theta: &[f64]) -> Result<Vec<f64>, Wanted> {
+        let [predicted, _] = self.fit.predicted(theta, self.tried)?;
+        Ok(self.measured.residuals(&predicted, self.factors))
     }
 
     fn sum(&self, theta: &[f64]) -> Result<f64, Wanted> {
-        Ok(self.at(theta)?.iter().map(|residual| residual * residual).sum())
-    }
-}
-
-impl Function for Objective<'_> {
-    type Unknown = Wanted;
-
-    fn residuals(&self, u: &[f64]) -> Result<Vec<f64>, Wanted> {
-        self.at(&self.theta(u))
+        Ok(self.residuals(theta)?.iter().map(|residual| residual * residual).sum())
     }
 
-    fn derivatives(&self, u: &[f64]) -> Result<Vec<Vec<f64>>, Wanted> {
-        let middle = self.residuals(u)?;
-        let column = |place: usize| {
-            let parameter = &self.fit.parameters[self.free[place]];
-            let x = parameter.value(u[place]);
-            // The coordinate and the residuals at another value of this parameter, if they exist.
-            let beside = |distance: f64| {
+    /// The row of the minimum near these parameters, of which some are free.
+    fn minimum(&self, theta: &[f64], free: &[usize], stop: Stop) -> Result<Row, Wanted> {
+        let at = |u: &[f64]| {
+            let mut theta = theta.to_vec();
+            free.iter().zip(u).for_each(|(it, u)| theta[*it] = self.fit.parameters[*it].value(*u));
+            theta
+        };
+        let residuals = |u: &[f64]| self.residuals(&at(u));
+        // Differences, central ones for a fine minimum. At a bound, and where predictions are missing on one side, they
+        // are one-sided.
+        let column = |u: &[f64], place: usize, middle: &[f64]| {
+            let parameter = &self.fit.parameters[free[place]];
+            let beside = |step: f64| {
                 let mut other = u.to_vec();
-                other[place] = parameter.coordinate(parameter.moved(x, distance));
-                let is_other = (other[place] - u[place]).abs() > f64::EPSILON;
-                let residuals = self.residuals(&other)?;
-                let is_known = is_other && residuals.iter().all(|residual| residual.is_finite());
-                Ok::<_, Wanted>(is_known.then_some((other[place], residuals)))
+                other[place] += step * parameter.step(parameter.value(u[place]));
+                other[place] = other[place].clamp(0.0, 1.0);
+                let found = residuals(&other)?;
+                let is_known = found.iter().all(|residual| residual.is_finite());
+                Ok::<_, Wanted>(if is_known {
+                    (other[place], found)
+                } else {
+                    (u[place], middle.to_vec())
+                })
             };
-            let above = beside(DIFFERENCE)?;
-            let needs_below = self.is_central || above.is_none();
-            let below = if needs_below { beside(-DIFFERENCE)? } else { None };
-            let known = (u[place], middle.clone());
-            let (high, low) = (above.unwrap_or(known.clone()), below.unwrap_or(known));
-            let width = high.0 - low.0;
-            let slopes = high.1.iter().zip(&low.1).map(|(high, low)| (high - low) / width);
+            let (high, above) = beside(DIFFERENCE)?;
+            let is_one_sided = stop.decrease > FINE.decrease && high > u[place];
+            let at_middle = || Ok((u[place], middle.to_vec()));
+            let (low, below) = if is_one_sided { at_middle() } else { beside(-DIFFERENCE) }?;
+            let slopes = above.iter().zip(&below).map(|(one, other)| (one - other) / (high - low));
             Ok(slopes.map(|slope| if slope.is_finite() { slope } else { 0.0 }).collect())
         };
-        (0..u.len()).map(column).collect()
+        let derivatives = |u: &[f64]| {
+            let middle = residuals(u)?;
+            (0..u.len()).map(|place| column(u, place, &middle)).collect()
+        };
+        let coordinate = |it: &usize| self.fit.parameters[*it].coordinate(theta[*it]);
+        let start: Vec<f64> = free.iter().map(coordinate).collect();
+        let theta = match start.len() {
+            0 => theta.to_vec(),
+            _ => at(&least_squares::minimum(&residuals, &derivatives, &start, stop)?),
+        };
+        Ok(Row { sum: self.sum(&theta)?, theta, ..Row::default() })
     }
 }
 
 impl Fit {
-    /// Predictions for these parameters.
-    pub fn predicted(&self, theta: &[f64], tried: &[Tried]) -> Result<Vec<f64>, Wanted> {
-        predicted(&self.sources, &self.positions, theta, tried)
+    /// Predictions at all positions for these parameters, from known runs, and their relative numerical errors.
+    ///
+    /// # Errors
+    /// A run is not known.
+    fn predicted(&self, theta: &[f64], tried: &[Tried]) -> Result<[Vec<f64>; 2], Wanted> {
+        let run = |(place, set): (usize, &Set)| {
+            let values = set.runs.as_ref().and_then(|runs| runs.values(theta));
+            let Some(mut values) = values else { return Ok(None) };
+            values.insert(0, place as f64);
+            tried.iter().find(|tried| tried.values == values).map(Some).ok_or(values)
+        };
+        let runs: Vec<_> = self.sets.iter().enumerate().map(run).collect::<Result<_, _>>()?;
+        let number = |(set, entry): &(usize, usize)| {
+            let run = runs[*set].map(|tried| (&tried.values[1..], &tried.found));
+            self.sets[*set].predicted(*entry, theta, run).unwrap_or((f64::NAN, f64::NAN))
+        };
+        let (values, errors) = self.positions.iter().map(number).unzip();
+        Ok([values, errors])
     }
 
     /// The set of a position.
-    pub fn set(&self, place: usize) -> &Set {
-        &self.sets[self.positions[place].set]
+    pub fn set(&self, position: usize) -> &Set {
+        &self.sets[self.positions[position].0]
     }
 
-    /// The numbers of the points with which the stages begin, and the number of all points.
-    pub fn bounds(&self) -> [usize; 5] {
-        let starts = self.starts.len();
-        let ends = starts + 1 + self.parameters.len() + self.leaves() + self.subsets();
-        [0, starts, starts + 1, ends, ends + 2 * self.parameters.len()]
-    }
-
-    /// The number of tests that are left out one by one.
-    pub fn leaves(&self) -> usize {
-        if (2..=MAX_LEAVES).contains(&self.tests.len()) { self.tests.len() } else { 0 }
-    }
-
-    /// The number of fits of volumes or depths alone.
-    pub fn subsets(&self) -> usize {
-        2 * usize::from(self.coefficient.is_some())
-    }
-
-    fn task(&self, number: usize) -> Task {
-        let [_, minimum, checks, ends, _] = self.bounds();
-        let (parameters, leaves) = (self.parameters.len(), self.leaves());
-        if number < minimum {
-            Task::Start(number)
-        } else if number < checks {
-            Task::Minimum
-        } else if number < checks + parameters {
-            Task::Derivative(number - checks)
-        } else if number < checks + parameters + leaves {
-            Task::Without(number - checks - parameters)
-        } else if number < ends {
-            Task::Only { are_depths: number + 1 == ends }
-        } else {
-            Task::End { parameter: (number - ends) / 2, is_high: (number - ends) % 2 == 1 }
+    /// What the rows of the first stages say. `None` if no start has led to numbers for all measured points.
+    pub fn known(&self, rows: &Rows) -> Option<Known> {
+        let (count, numbers) = (self.parameters.len(), self.positions.len());
+        let columns: Vec<_> = (0..count + 3 + numbers).map(|column| rows.numbers(column)).collect();
+        let row = |row: usize| {
+            let mut cells = columns.iter().map(|column| column[row].unwrap_or(f64::NAN));
+            let theta = cells.by_ref().take(count).collect();
+            let [sum, runs, error] = [(); 3].map(|()| cells.next().unwrap_or(f64::NAN));
+            Row { theta, sum, runs, error, numbers: cells.collect() }
+        };
+        let rows: Vec<Row> = (0..rows.count).map(row).collect();
+        let minimum = self.starts.len();
+        let finite = (0..minimum).filter(|start| rows[*start].sum.is_finite());
+        let start = finite.min_by(|a, b| rows[*a].sum.total_cmp(&rows[*b].sum))?;
+        let mut measured = self.measured.clone();
+        for (place, (set, entry)) in self.positions.iter().enumerate() {
+            let error = self.sets[*set].size(*entry) * rows[start].numbers[place];
+            measured.points[place].numerical = if error.is_finite() { error } else { 0.0 };
         }
+        let factors = rows.get(minimum).map_or(Vec::new(), |row| measured.factors(&row.numbers));
+        Some(Known { rows, start, measured, minimum, factors })
     }
 
-    /// The best parameters, if a start has led to them.
-    pub fn best(&self, rows: &Rows) -> Option<Best> {
-        let row = self.bounds()[1];
-        let count = self.parameters.len();
-        let number = |column: usize| rows.numbers(column)[row];
-        let theta: Vec<f64> = (0..count).map(number).collect::<Option<_>>()?;
-        let predicted: Vec<f64> = (0..self.positions.len())
-            .map(|place| number(count + 3 + place).unwrap_or(f64::NAN))
-            .collect();
-        let factors = self.measured.factors(&predicted);
-        Some(Best { theta, sum: number(count)?, predicted, factors })
-    }
-
-    /// What the data say about the parameters near the best ones: without and with their priors. The parameters are in
+    /// What the data say about the parameters near the best ones: with or without their priors. The parameters are in
     /// units of their [scales](Parameter::scale).
-    pub fn information(&self, rows: &Rows, best: &Best) -> [Information; 2] {
-        let (count, first) = (self.parameters.len(), self.bounds()[2]);
-        let mut columns = self.derivatives(rows);
-        let slopes = self.measured.slopes(&best.factors);
-        for column in &mut columns {
-            column.iter_mut().zip(&slopes).for_each(|(derivative, slope)| *derivative *= slope);
-        }
-        let errors = rows.numbers(count + 2);
-        let errors: Vec<f64> = (0..count).map(|it| errors[first + it].unwrap_or(0.0)).collect();
-        let alone = Information::of(&columns, &errors);
-        for (place, parameter) in self.parameters.iter().enumerate() {
-            let x = best.theta[place];
-            if let Some((_, slope)) = parameter.prior_residual(x) {
-                for (other, column) in columns.iter_mut().enumerate() {
-                    column.push(if other == place { slope * parameter.scale(x) } else { 0.0 });
-                }
-            }
-        }
-        [alone, Information::of(&columns, &errors)]
+    pub fn information(&self, known: &Known, has_priors: bool) -> Information {
+        let is_prior = |place| matches!(self.set(place).quantity, Quantity::Prior { .. });
+        let measured = known.measured.without(|place| !has_priors && is_prior(place));
+        let derivatives = self.derivatives(known);
+        let columns: Vec<Vec<f64>> = derivatives
+            .iter()
+            .map(|row| {
+                let cells = row.numbers.iter().zip(&measured.points);
+                let cells = cells.map(|(slope, point)| slope * point.slope(&known.factors));
+                cells.map(|cell| if cell.is_finite() { cell } else { 0.0 }).collect()
+            })
+            .collect();
+        let errors: Vec<f64> = derivatives.iter().map(|row| row.error).collect();
+        Information::of(&columns, &errors)
     }
 
-    /// The derivatives of all predictions with respect to each parameter, in units of its scale. A missing one is 0.
-    pub fn derivatives(&self, rows: &Rows) -> Vec<Vec<f64>> {
-        let (count, first) = (self.parameters.len(), self.bounds()[2]);
-        let mut columns = vec![Vec::with_capacity(self.positions.len()); count];
-        for position in 0..self.positions.len() {
-            let cells = rows.numbers(count + 3 + position);
-            for (place, column) in columns.iter_mut().enumerate() {
-                column.push(cells[first + place].unwrap_or(0.0));
-            }
-        }
-        columns
+    /// The rows with the derivatives of all predictions with respect to each parameter, in units of its scale.
+    pub fn derivatives<'a>(&self, known: &'a Known) -> &'a [Row] {
+        &known.rows[known.minimum + 1..][..self.parameters.len()]
+    }
+
+    /// The visited values in the profile of a parameter on one side: the distance from the estimate in coordinates, and
+    /// the square root of the rise of S.
+    pub fn profile(&self, known: &Known, own: Task) -> Vec<(f64, f64)> {
+        let Task::Profile { parameter: place, .. } = own else { return Vec::new() };
+        let best = &known.rows[known.minimum];
+        let coordinate = |row: &Row| self.parameters[place].coordinate(row.theta[place]);
+        let visited = known.rows.iter().zip(&self.tasks).filter_map(|(row, (_, task))| {
+            let distance = Some((coordinate(row) - coordinate(best)).abs());
+            // If predictions are missing there, the rise is infinite.
+            let rise = if row.sum.is_nan() { f64::INFINITY } else { row.sum - best.sum };
+            Some((distance.filter(|it| *task == own && it.is_finite())?, rise.max(0.0).sqrt()))
+        });
+        visited.collect()
     }
 
     /// The row of a point from its runs, or the run that it needs next.
-    fn computed(&self, number: usize, earlier: &Rows, tried: &[Tried]) -> Result<Row, Wanted> {
-        let task = self.task(number);
+    fn computed(
+        &self,
+        number: usize,
+        earlier: &Rows,
+        tried: &[Tried],
+    ) -> Result<Result<Row, String>, Wanted> {
+        let (all, task) = ((0..self.parameters.len()).collect::<Vec<_>>(), self.tasks[number].1);
         if let Task::Start(place) = task {
-            return self.at_start(&self.starts[place], tried);
-        }
-        if task == Task::Minimum {
-            let sums = earlier.numbers(self.parameters.len());
-            let known = sums[..self.starts.len()].iter().enumerate();
-            let known = known.filter_map(|(place, sum)| Some((place, (*sum)?)));
-            let Some((start, _)) = known.min_by(|a, b| a.1.total_cmp(&b.1)) else {
-                let lack = "no start leads to numbers for all measured points: see their reasons";
-                return Ok(Row { lack: Some(lack.to_owned()), ..Row::default() });
-            };
-            let theta = (0..self.parameters.len()).filter_map(|it| earlier.numbers(it)[start]);
-            return self.at_minimum(&theta.collect::<Vec<_>>(), tried);
-        }
-        let Some(best) = self.best(earlier) else { return Ok(Row::default()) };
-        match task {
-            Task::Start(_) | Task::Minimum => Ok(Row::default()),
-            Task::Derivative(parameter) => self.derivative(parameter, &best, tried),
-            Task::Without(test) => {
-                let rest = self.measured.without(|place| self.set(place).test == test);
-                let all: Vec<usize> = (0..self.parameters.len()).collect();
-                self.of_part(&rest, &all, &best, tried)
+            let (measured, factors) = (&self.measured, &vec![1.0; self.noises.len()]);
+            let search = Search { fit: self, tried, measured, factors };
+            if !search.sum(&self.starts[place])?.is_finite() {
+                let lacks = tried.iter().filter_map(|tried| tried.found.lack.as_ref());
+                let reason = lacks.map(|(Lack::Refused(why) | Lack::Incomplete(why))| why).next();
+                return Ok(Err(reason.map_or("a number is missing", String::as_str).to_owned()));
             }
+            let row = search.minimum(&self.starts[place], &all, COARSE)?;
+            let [_, numbers] = self.predicted(&row.theta, tried)?;
+            return Ok(Ok(Row { numbers, ..row }));
+        }
+        let Some(known) = self.known(earlier) else {
+            return Ok(Err("no start leads to numbers for all measured points".to_owned()));
+        };
+        let (measured, factors) = (&known.measured, &known.factors[..]);
+        let search = Search { fit: self, tried, measured, factors };
+        let of_part = |part: Measured, free: &[usize]| {
+            if free.is_empty() || part.count(None) + 1e-9 < free.len() as f64 {
+                return Ok(missing());
+            }
+            let best = &known.rows[known.minimum].theta;
+            Search { measured: &part, ..search }.minimum(best, free, FINE)
+        };
+        let row = match task {
+            Task::Start(_) | Task::Minimum => self.minimum(&known, &all, tried),
+            Task::Derivative(parameter) => self.derivative(parameter, &known, tried),
+            Task::Without(test) => of_part(measured.without(|it| self.set(it).test == test), &all),
             Task::Only { are_depths } => {
                 let is_other = |place| self.set(place).are_depths() != Some(are_depths);
-                let free: Vec<usize> = self.coefficient.into_iter().collect();
-                self.of_part(&self.measured.without(is_other), &free, &best, tried)
+                of_part(measured.without(is_other), self.coefficient.as_slice())
             }
-            Task::End { parameter, is_high } => {
-                let [_, information] = self.information(earlier, &best);
-                self.end(parameter, is_high, &best, &information, tried)
-            }
-        }
+            Task::Profile { parameter, .. } => match self.beside(task, &known) {
+                None => Ok(missing()),
+                Some(theta) => {
+                    let free: Vec<_> = all.into_iter().filter(|it| *it != parameter).collect();
+                    search.minimum(&theta, &free, COARSE)
+                }
+            },
+        };
+        row.map(Ok)
     }
 
-    fn objective<'a>(
-        &'a self,
-        theta: &'a [f64],
-        factors: &'a [f64],
-        free: &'a [usize],
-        tried: &'a [Tried],
-    ) -> Objective<'a> {
-        Objective {
-            fit: self,
-            tried,
-            measured: &self.measured,
-            factors,
-            theta,
-            free,
-            is_central: false,
-        }
-    }
-
-    fn at_start(&self, start: &[f64], tried: &[Tried]) -> Result<Row, Wanted> {
-        let factors = vec![1.0; self.noises.len()];
-        let free: Vec<usize> = (0..self.parameters.len()).collect();
-        let objective = self.objective(start, &factors, &free, tried);
-        if !objective.sum(start)?.is_finite() {
-            let lacks = tried.iter().filter_map(|tried| tried.found.lack.as_ref());
-            let reason = lacks.map(|(Lack::Refused(why) | Lack::Incomplete(why))| why).next();
-            let lack = reason.cloned().unwrap_or_else(|| "a number is missing".to_owned());
-            return Ok(Row { lack: Some(lack), ..Row::default() });
-        }
-        objective.row(COARSE)
-    }
-
-    fn at_minimum(&self, start: &[f64], tried: &[Tried]) -> Result<Row, Wanted> {
-        let free: Vec<usize> = (0..self.parameters.len()).collect();
-        let mut theta = start.to_vec();
-        let mut factors = self.measured.factors(&self.predicted(&theta, tried)?);
+    /// The minimum near the best start.
+    fn minimum(&self, known: &Known, all: &[usize], tried: &[Tried]) -> Result<Row, Wanted> {
+        let (measured, mut theta) = (&known.measured, known.rows[known.start].theta.clone());
+        let mut factors = measured.factors(&self.predicted(&theta, tried)?[0]);
         for _ in 0..ESTIMATES {
-            let objective =
-                Objective { is_central: true, ..self.objective(&theta, &factors, &free, tried) };
-            let found = objective.minimum(FINE)?;
-            let new = self.measured.factors(&self.predicted(&found, tried)?);
-            theta = found;
+            let search = Search { fit: self, tried, measured, factors: &factors };
+            theta = search.minimum(&theta, all, FINE)?.theta;
+            let new = measured.factors(&self.predicted(&theta, tried)?[0]);
             let change = |(new, old): (&f64, &f64)| (new / old - 1.0).abs();
             let is_same = new.iter().zip(&factors).map(change).all(|change| change < SAME_NOISE);
             factors = new;
@@ -360,56 +334,65 @@ impl Fit {
                 break;
             }
         }
-        let sum = self.objective(&theta, &factors, &free, tried).sum(&theta)?;
-        let numbers = Some(self.predicted(&theta, tried)?);
-        Ok(Row { theta: Some(theta), sum: Some(sum), numbers, ..Row::default() })
+        let sum = Search { fit: self, tried, measured, factors: &factors }.sum(&theta)?;
+        let [numbers, _] = self.predicted(&theta, tried)?;
+        Ok(Row { theta, sum, numbers, ..missing() })
     }
 
     /// The derivatives of all predictions.
-    fn derivative(&self, place: usize, best: &Best, tried: &[Tried]) -> Result<Row, Wanted> {
-        let parameter = &self.parameters[place];
+    fn derivative(&self, place: usize, known: &Known, tried: &[Tried]) -> Result<Row, Wanted> {
+        let (parameter, best) = (&self.parameters[place], &known.rows[known.minimum]);
         let x = best.theta[place];
         let scale = parameter.scale(x);
-        let at = At { x, scale, low: parameter.low, high: parameter.high };
-        let mut search = Search::new(at, &vec![self.accuracy; self.positions.len()]);
+        let errors = known.rows[known.start].numbers.iter();
+        let errors: Vec<f64> = errors.map(|it| if *it < 1.0 { *it } else { 0.0 }).collect();
+        let at = Place { x, scale, low: parameter.low, high: parameter.high };
+        let mut search = Derivatives::new(at, &errors);
         for _ in 0..ROUNDS {
             let Some(points) = search.points() else { break };
             let values = points.iter().map(|x| {
                 let mut theta = best.theta.clone();
                 theta[place] = *x;
-                let found = self.predicted(&theta, tried)?;
-                Ok(found.into_iter().map(|it| Some(it).filter(|it| it.is_finite())).collect())
+                Ok(self.predicted(&theta, tried)?[0].iter().copied().map(Some).collect())
             });
             search.take(values.collect::<Result<_, Wanted>>()?);
         }
         let found = search.found();
-        let slopes = self.measured.slopes(&best.factors);
-        let errors = found.iter().zip(slopes);
-        let errors =
-            errors.filter_map(|(found, slope)| Some(found.as_ref()?.error * scale * slope));
-        let number =
-            |found: &Option<Derivative>| found.map_or(f64::NAN, |found| found.value * scale);
-        Ok(Row {
-            theta: Some(best.theta.clone()),
-            error: Some(errors.map(|error| error * error).sum::<f64>().sqrt()),
-            numbers: Some(found.iter().map(number).collect()),
-            ..Row::default()
-        })
+        let errors = found.iter().zip(&known.measured.points).filter_map(|(found, point)| {
+            Some(found.as_ref()?.error * scale * point.slope(&known.factors))
+        });
+        let error = errors.map(|error| error * error).sum::<f64>().sqrt();
+        let numbers = found.iter().map(|it| it.map_or(f64::NAN, |it| it.value * scale)).collect();
+        Ok(Row { theta: best.theta.clone(), error, numbers, ..missing() })
     }
 
-    /// The minimum of a part of the measured numbers.
-    fn of_part(
-        &self,
-        part: &Measured,
-        free: &[usize],
-        best: &Best,
-        tried: &[Tried],
-    ) -> Result<Row, Wanted> {
-        if free.is_empty() || part.count(None) + 1e-9 < free.len() as f64 {
-            return Ok(Row::default());
+    /// The next value in the profile of a parameter, with a guess of the other ones. The first one is at half of the
+    /// expected end of the interval, and the next ones are where a proportional rise lets expect the end. `None` if the
+    /// data do not determine the parameter, or if the end or a bound is reached.
+    fn beside(&self, task: Task, known: &Known) -> Option<Vec<f64>> {
+        let Task::Profile { parameter: place, is_high } = task else { return None };
+        let (information, only) = (self.information(known, true), self.only(place));
+        let (error, best) = (information.standard_error(&only), &known.rows[known.minimum].theta);
+        if information.is_open(place) || !error.is_finite() || error == 0.0 {
+            return None;
         }
-        let all = self.objective(&best.theta, &best.factors, free, tried);
-        Objective { measured: part, ..all }.row(FINE)
+        let rise = known.measured.factor(self.confidence);
+        let coordinate = |it: usize| self.parameters[it].coordinate(best[it]);
+        let step = |it: usize| self.parameters[it].step(best[it]);
+        let room = if is_high { 1.0 - coordinate(place) } else { coordinate(place) };
+        let distance = match self.profile(known, task).last() {
+            None => 0.5 * rise * error * step(place),
+            Some((_, own)) if (own / rise - 1.0).abs() < SAME_RISE => return None,
+            Some((last, own)) if *own < rise && *last > 0.999_999 * room => return None,
+            Some((last, own)) => last * (rise / own).clamp(0.3, 3.0),
+        };
+        let distance = if is_high { distance.min(room) } else { -distance.min(room) };
+        let at = |other: usize| {
+            let along = information.covariance(other, &only) / (error * error);
+            let moved = distance * along * step(other) / step(place);
+            self.parameters[other].value(coordinate(other) + moved)
+        };
+        Some((0..best.len()).map(at).collect())
     }
 
     /// The slopes of a parameter as a function of all parameters.
@@ -417,91 +400,36 @@ impl Fit {
         (0..self.parameters.len()).map(|other| f64::from(other == place)).collect()
     }
 
-    /// The end of the interval of a parameter. It has no row if the data do not determine the parameter, or if the sum
-    /// of squares does not rise enough up to the bound.
-    fn end(
-        &self,
-        place: usize,
-        is_high: bool,
-        best: &Best,
-        information: &Information,
-        tried: &[Tried],
-    ) -> Result<Row, Wanted> {
-        let only = self.only(place);
-        let is_open = information.undetermined().iter().any(|direction| direction[place] != 0.0);
-        let error = information.standard_error(&only);
-        if is_open || !error.is_finite() || error == 0.0 {
-            return Ok(Row::default());
-        }
-        let parameter = &self.parameters[place];
-        let rise = self.measured.factor(self.confidence);
-        let sign = if is_high { 1.0 } else { -1.0 };
-        let bound = if is_high { parameter.high } else { parameter.low };
-        let free: Vec<usize> = (0..self.parameters.len()).filter(|other| *other != place).collect();
-        let (mut below, mut above) = ((0.0, 0.0), None::<(f64, f64)>);
-        let mut distance = rise * error;
-        for trial in 0..TRIALS {
-            let mut theta = best.theta.clone();
-            theta[place] = parameter.moved(best.theta[place], sign * distance);
-            for other in &free {
-                let along = information.covariance(&self.only(*other), &only) / (error * error);
-                let step = sign * distance * along;
-                theta[*other] = self.parameters[*other].moved(best.theta[*other], step);
-            }
-            let objective = self.objective(&theta, &best.factors, &free, tried);
-            let row = objective.row(COARSE)?;
-            let sum = row.sum.unwrap_or(f64::NAN);
-            let risen = (sum - best.sum).max(0.0).sqrt();
-            let is_near = (risen / rise - 1.0).abs() < SAME_RISE;
-            if is_near || trial + 1 == TRIALS {
-                return Ok(row);
-            }
-            // If predictions are missing there, the sum is not a number: the end is nearer.
-            if risen < rise && sum.is_finite() {
-                if (theta[place] - bound).abs() <= f64::EPSILON * bound.abs() {
-                    return Ok(Row::default());
-                }
-                below = (distance, risen);
-            } else {
-                above = Some((distance, risen.min(10.0 * rise)));
-            }
-            distance = match above {
-                Some(above) => {
-                    let share = ((rise - below.1) / (above.1 - below.1)).clamp(0.1, 0.9);
-                    below.0 + share * (above.0 - below.0)
-                }
-                None => distance * (rise / risen.max(0.3 * rise)).clamp(1.05, 3.0),
-            };
-        }
-        Ok(Row::default())
-    }
-
-    /// The values of the run that a point needs next.
-    pub fn wanted(&self, number: usize, earlier: &Rows, tried: &[Tried]) -> Option<Vec<f64>> {
-        self.computed(number, earlier, tried).err()
-    }
-
-    /// The row of a point.
-    pub fn row_of(
+    /// The row of a point, or the values of the run that it needs next.
+    pub fn row_or_run(
         &self,
         problem: &Problem,
         number: usize,
         earlier: &Rows,
         tried: &[Tried],
-    ) -> Tried {
-        let Row { theta, sum, error, numbers, lack } =
-            self.computed(number, earlier, tried).unwrap_or_default();
-        let known = |numbers: Option<Vec<f64>>, count: usize| {
-            let known = numbers.map(|numbers| numbers.into_iter().map(Some).collect());
-            known.unwrap_or_else(|| vec![None; count])
+    ) -> Result<Tried, Wanted> {
+        let (row, lack) = match self.computed(number, earlier, tried)? {
+            Ok(row) => (row, None),
+            Err(lack) => (missing(), Some(Lack::Incomplete(lack))),
         };
-        let mut outputs: Vec<Option<f64>> = known(theta, self.parameters.len());
-        outputs.extend([sum, Some(tried.len() as f64), error]);
-        outputs.extend(known(numbers, self.positions.len()));
-        let finite = outputs.into_iter().map(|it| it.filter(|it| it.is_finite()));
-        let mut found = problem.no_run();
-        found.outputs = finite.collect();
-        found.lack = lack.map(Lack::Incomplete);
-        Tried { values: Vec::new(), found }
+        let Row { mut theta, sum, error, mut numbers, .. } = row;
+        theta.resize(self.parameters.len(), f64::NAN);
+        numbers.resize(self.positions.len(), f64::NAN);
+        let cells = theta.into_iter().chain([sum, tried.len() as f64, error]).chain(numbers);
+        let outputs = cells.map(|it| Some(it).filter(|it| it.is_finite())).collect();
+        let found = crate::problem::Found { outputs, lack, ..problem.no_run() };
+        Ok(Tried { values: Vec::new(), found })
     }
+}
+
+/// A row without numbers.
+fn missing() -> Row {
+    Row { sum: f64::NAN, error: f64::NAN, ..Row::default() }
+}
+
+/// The distance at which S has risen by the square of `rise`. `None` if it does not rise so much.
+pub fn end(visited: &[(f64, f64)], rise: f64) -> Option<f64> {
+    let near = |it: &&(f64, f64)| (it.1 / rise - 1.0).abs();
+    let best = visited.iter().min_by(|a, b| near(a).total_cmp(&near(b)))?;
+    (near(&best) < 5.0 * SAME_RISE).then(|| best.0 * rise / best.1)
 }
