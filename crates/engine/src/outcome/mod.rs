@@ -127,7 +127,7 @@ pub struct BodyWear {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub share: Option<f64>,
     /// The largest wear depth of this body, if the scenario has a `share` or layers. Each body wears over its own length:
-    /// w_i = w·(k_i/ℓ_i)/Σ(k_j/ℓ_j), where ℓ is the half-length of its scar.
+    /// dw_i = dw·(k_i/ℓ_i)/Σ(k_j/ℓ_j), where ℓ is the half-length that is swept on it at the time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wear_depth: Option<Vec<f64>>,
     /// The wear volume of this body, if the scenario has a `share` or layers.
@@ -331,14 +331,11 @@ pub(crate) fn limit_state(case: &Case) -> Option<LimitState> {
 /// share.
 const LONG: f64 = 0.1;
 
-/// The depth of a body and the volume that it loses, if the scenario says how the wear is shared. They do not know the
-/// length that is swept.
+/// The share of each body in the wear depth and in the wear volume. The sum is 1, or 0 without wear.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PartsOfWear {
-    /// The depth of each body in the same unit as the other.
     pub(crate) depths: [f64; 2],
-    /// The share of each body in the volume.
-    pub(crate) shares: [f64; 2],
+    pub(crate) volumes: [f64; 2],
 }
 
 impl BodyWear {
@@ -350,24 +347,16 @@ impl BodyWear {
         half_lengths: &[Vec<f64>; 2],
     ) -> [Self; 2] {
         let share_of = |body: usize| share.map(|share| if body == 0 { share } else { 1.0 - share });
-        let is_known = !parts.is_empty();
-        let rows = || parts.iter().enumerate();
-        // What a body loses is spread over the length that is swept on it.
-        let depth = |body: usize, (row, parts): (usize, &PartsOfWear)| {
-            let weight = |body: usize| parts.depths[body] / half_lengths[body][row];
-            let both = weight(0) + weight(1);
-            let total = history.wear_depth[row];
-            if both > 0.0 && both.is_finite() { total * weight(body) / both } else { 0.0 }
+        let part = |total: &[f64], body: usize, of: fn(&PartsOfWear) -> [f64; 2]| {
+            let parts = parts.iter().zip(total).map(|(parts, total)| of(parts)[body] * total);
+            (parts.len() > 0).then(|| parts.collect())
         };
-        let [first, second] = [0, 1].map(|body| Self {
+        [0, 1].map(|body| Self {
             share: share_of(body),
-            wear_depth: is_known.then(|| rows().map(|row| depth(body, row)).collect()),
-            wear_volume: is_known.then(|| {
-                rows().map(|(row, it)| it.shares[body] * history.wear_volume[row]).collect()
-            }),
+            wear_depth: part(&history.wear_depth, body, |it| it.depths),
+            wear_volume: part(&history.wear_volume, body, |it| it.volumes),
             scar_half_length: half_lengths[body].clone(),
-        });
-        [first, second]
+        })
     }
 
     /// Warnings about the two scars: if that of the counterbody is much longer than the contact, and if the wear is too

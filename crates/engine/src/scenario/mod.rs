@@ -510,9 +510,11 @@ fn body_warnings(request: &Request, case: &Case) -> Vec<Warning> {
     let [first, second] =
         bodies.0.map(|body| (1.0 - 2.0 * body.poisson_ratio.0) / shear_modulus(&body));
     if (first - second).abs() > 1e-6 * first.abs().max(second.abs()) {
+        let both = bodies.0.map(|body| 2.0 * (1.0 - body.poisson_ratio.0) / shear_modulus(&body));
+        let beta = (first - second).abs() / (both[0] + both[1]);
         let detail = format!(
-            "The bodies are not elastically similar: (1−2ν)/G is {first:.3e} and {second:.3e} 1/Pa. \
-             Normal and tangential contact are then coupled, which is neglected here."
+            "The bodies are not elastically similar: Dundurs' constant β is {beta:.2}. Normal and tangential contact are \
+             then coupled, which is neglected here. It hardly matters if β is much smaller than the coefficient of friction."
         );
         warnings.push(Warning { kind: "elastic_mismatch".into(), detail });
     }

@@ -68,8 +68,10 @@ pub(super) struct HistoryEntry {
     pub(super) worn_by_energy: f64,
     /// The volume of the dose: the wear volume, except for bodies with layers.
     pub(super) dosed: f64,
-    /// Volume and largest depth of each body, if they have layers.
-    pub(super) bodies: Option<[(f64, f64); 2]>,
+    /// The volume of each body, if they have layers.
+    pub(super) bodies: Option<[f64; 2]>,
+    /// The share of each body in the wear depth, if that is known.
+    pub(super) depth_shares: Option<[f64; 2]>,
     /// The dissipated energy, as (k_w/μ)·ΣW with the coefficients at cycle 0.
     pub(super) dissipated: f64,
     /// The coefficient of friction, relative to that at cycle 0.
@@ -82,13 +84,14 @@ pub(super) struct HistoryEntry {
 impl HistoryEntry {
     /// How the wear is shared: by the layers, or by the share of the first body.
     fn parts(&self, share: Option<f64>) -> Option<PartsOfWear> {
-        let Some(bodies) = self.bodies else {
-            let shares = share.map(|share| [share, 1.0 - share])?;
-            return Some(PartsOfWear { depths: shares, shares });
+        let volumes = match (self.bodies, share) {
+            (Some([first, second]), _) if first + second > 0.0 => {
+                [first, second].map(|volume| volume / (first + second))
+            }
+            (Some(_), _) => [0.0; 2],
+            (None, share) => share.map(|share| [share, 1.0 - share])?,
         };
-        let both = bodies[0].0 + bodies[1].0;
-        let shares = bodies.map(|(volume, _)| if both > 0.0 { volume / both } else { 0.0 });
-        Some(PartsOfWear { depths: bodies.map(|(_, depth)| depth), shares })
+        Some(PartsOfWear { depths: self.depth_shares?, volumes })
     }
 }
 

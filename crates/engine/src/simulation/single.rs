@@ -19,6 +19,7 @@ use crate::solver::curves::{Curves, Grid};
 use crate::solver::events::{Event, EventKind, WornThrough};
 use crate::solver::stepped::march::March;
 use crate::solver::stepped::plan::MeshPlan;
+use crate::solver::stepped::shares::shares;
 
 /// Number of multiplications per step: about 30 ms.
 const STEP_OPERATIONS: f64 = 3e7;
@@ -191,6 +192,10 @@ impl SingleRun {
         let mut march = March::new(problem, self.case.tolerance(), last)
             .expect("a scenario whose scar outgrows its indenter has no case");
         march.until = self.case.until;
+        let Case { share, contact, scales, .. } = &self.case;
+        if share.is_some() || contact.layers.is_some() {
+            march.share(share.unwrap_or_default(), scales.slip() / scales.contact_radius);
+        }
         let (start, reach) = match tends_to {
             Some(end) => (end.stick, end.limit.radius.min(WIDEST)),
             None => (control.least_stick(contact), march.reach()),
@@ -230,6 +235,7 @@ impl SingleRun {
             loss: unworn.loss,
             friction: 1.0,
             bodies: first.worn.bodies,
+            depth_shares: first.depth_shares,
             curves,
             ..HistoryEntry::default()
         };
@@ -391,17 +397,20 @@ fn closed_entry(
     (cycles, decay): (f64, Decay),
     state: State,
 ) -> HistoryEntry {
-    let (contact, sums) = (&case.contact, state.sums);
+    let (contact, scales, sums, scar) = (&case.contact, &case.scales, state.sums, state.scar);
+    let edge_slip = if scar > 0.0 { solver.slip_outside(scar.max(1.0), decay) } else { 0.0 };
+    // The lengths that are swept in the limit, so that what is worn stays worn.
+    let limit = contact.limit.radius.min(WIDEST);
+    let slip = solver.slip_outside(limit, Decay::after(f64::INFINITY));
+    let lengths = [limit, limit + slip * scales.slip() / scales.contact_radius];
+    let plain = |share: f64| [share * state.depth, (1.0 - share) * state.depth];
     HistoryEntry {
         cycles,
         volume: state.volume,
         deepest: state.depth,
-        scar: state.scar,
-        edge_slip: if state.scar > 0.0 {
-            solver.slip_outside(state.scar.max(1.0), decay)
-        } else {
-            0.0
-        },
+        scar,
+        edge_slip,
+        depth_shares: case.share.map(|share| shares(plain(share), lengths)),
         contact_radius: 1.0,
         stick: contact.stick,
         depth: 1.0,
@@ -455,6 +464,7 @@ fn marched_entry(
         worn_by_energy: state.worn_by_energy,
         dosed: worn.dosed,
         bodies: worn.bodies,
+        depth_shares: state.depth_shares,
         dissipated: state.dissipated,
         friction: worn.friction,
         errors: state.errors,

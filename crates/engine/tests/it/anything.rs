@@ -248,6 +248,16 @@ fn judge_bodies(case: &Case, outcome: &Outcome) {
         let sum = volumes[0][i] + volumes[1][i];
         assert!((sum - volume).abs() <= 1e-15 * volume);
     }
+    let depths = [first, second].map(|body| body.wear_depth.as_ref().expect("a share"));
+    for (i, depth) in outcome.history.wear_depth.iter().enumerate() {
+        let sum = depths[0][i] + depths[1][i];
+        assert!((sum - depth).abs() <= 1e-14 * depth, "{sum} {depth}");
+    }
+    for depth in depths {
+        // What is worn stays worn, even if a later block has another amplitude.
+        let falls = depth.windows(2).find(|pair| pair[1] < pair[0] * (1.0 - 1e-6));
+        assert!(falls.is_none(), "{depth:?}");
+    }
     let blocks = case.largest_amplitude() * case.scales.amplitude;
     let stroke = amplitude.iter().copied().fold(blocks, f64::max);
     let lengths = first.scar_half_length.iter().zip(&second.scar_half_length);

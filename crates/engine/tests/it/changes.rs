@@ -321,3 +321,46 @@ fn a_core_that_always_sticks_limits_the_scar() {
     let stick = last(&found.history.stick_radius);
     assert!((stick / core - 1.0).abs() < 1e-3, "{stick} {core}");
 }
+
+/// What a body has worn over the length of an earlier amplitude stays as it is.
+#[test]
+fn each_body_wears_over_the_length_that_is_swept_on_it_at_the_time() {
+    let share = 0.4;
+    let run = |amplitudes: [&str; 2], cycles: Vec<u32>| {
+        let [first, second] = amplitudes;
+        outcome(&json!({
+            "profile": {"shape": "paraboloid", "radius": "10 mm"},
+            "moduli": {"normal": "100 GPa", "tangential": "82 GPa"}, "friction": 0.6,
+            "wear": {"coefficient": 3e-14, "share": share}, "load": {"normal_force": "100 N"},
+            "motion": {"blocks": [{"amplitude": first, "cycles": 5000}, {"amplitude": second, "cycles": 20_000}]},
+            "cycles": cycles, "profiles_at": "none",
+        }))
+    };
+    let depths = |outcome: &Outcome| {
+        [0, 1].map(|body| outcome.bodies[body].wear_depth.clone().expect("a share"))
+    };
+    let dense = || (1..=250).map(|step| 100 * step).collect();
+    for amplitudes in [["30 um", "5 um"], ["5 um", "30 um"]] {
+        let (many, one) =
+            (depths(&run(amplitudes, dense())), depths(&run(amplitudes, vec![25_000])));
+        for body in [0, 1] {
+            assert!(many[body].windows(2).all(|pair| pair[0] <= pair[1]), "{many:?}");
+            let (end, known) = (last(&many[body]), last(&one[body]));
+            assert!((end / known - 1.0).abs() < 1e-12, "the output cycles change {known} to {end}");
+        }
+    }
+    // An amplitude that grows: the present half-lengths are the largest ones. Sum the depths row by row.
+    let found = run(["5 um", "30 um"], dense());
+    let half_length = |body: usize, row: usize| found.bodies[body].scar_half_length[row];
+    let mut sums = [0.0; 2];
+    for row in 1..=250 {
+        let weights = [share / half_length(0, row), (1.0 - share) / half_length(1, row)];
+        let added = found.history.wear_depth[row] - found.history.wear_depth[row - 1];
+        for body in [0, 1] {
+            sums[body] += added * weights[body] / (weights[0] + weights[1]);
+        }
+    }
+    for (sum, depth) in sums.iter().zip(depths(&found)) {
+        assert!((sum / last(&depth) - 1.0).abs() < 2e-3, "{sum} {}", last(&depth));
+    }
+}

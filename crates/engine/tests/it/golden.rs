@@ -60,7 +60,7 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
             "exact, both forces held, shared",
             json!({"model": exact, "load": force, "motion": {"tangential_force": "50 N"},
                    "wear": {"coefficient": "3.03e-5 mm^3/(N m)", "share": 0.3}, "cycles": long}),
-            0xc955_b8cf_9a4a_f7d6,
+            0x2e84_3057_4421_5168,
         ),
         (
             "exact, tangential force held",

@@ -21,6 +21,7 @@ use super::edge::ContactEdge;
 use super::law::{Law, WearProblem};
 use super::plan::{FAR, MeshPlan, REST_BLUR, is_far};
 use super::run::{MeshRun, Outlook, Stop, moves};
+use super::shares::BodyShares;
 use super::wearing::{Wearing, WornContact};
 use crate::contact::control::{Control, Final, Normal, Tangential};
 use crate::contact::layers::Interface;
@@ -80,6 +81,8 @@ pub struct March {
     interfaces: Vec<Interface>,
     /// The condition that ends the run.
     pub(crate) until: StopCondition,
+    /// How the bodies share the wear, if that is known.
+    shares: Option<BodyShares>,
     /// The time of the next comparison.
     check: f64,
     /// The relative differences of the two runs so far.
@@ -112,6 +115,8 @@ pub struct MarchState {
     pub worn_by_energy: f64,
     /// (k_w/μ)·ΣW with the coefficients at cycle 0.
     pub dissipated: f64,
+    /// The share of each body in the wear depth, if the run shares it.
+    pub depth_shares: Option<[f64; 2]>,
 }
 
 /// The number of cells for a tolerance.
@@ -268,6 +273,7 @@ impl March {
             splits,
             interfaces: contact.layers.as_ref().map_or_else(Vec::new, |it| it.interfaces()),
             until,
+            shares: None,
             check,
             left_blocks: 0,
             old_edges: 0.0,
@@ -279,6 +285,12 @@ impl March {
             slips: contact.regime == Regime::GrossSlip,
             reach,
         })
+    }
+
+    /// Shares the wear depth between the bodies. `share` is that of the body with the profile, unless the bodies have layers,
+    /// and `unit` the unit of the slip in a₀.
+    pub(crate) fn share(&mut self, share: f64, unit: f64) {
+        self.shares = Some(BodyShares::new(share, unit, &self.fine.wearing));
     }
 
     /// Finds the mesh plans by coarse runs, for a stick edge that comes to rest in worn material: the plan of the first
@@ -338,6 +350,9 @@ impl March {
             if self.fine.advance(next) {
                 if let Some(edge) = &mut self.edge {
                     edge.follow(&mut self.fine);
+                }
+                if let Some(shares) = &mut self.shares {
+                    shares.follow(&self.fine);
                 }
                 self.watch();
                 return true;
@@ -607,9 +622,14 @@ impl March {
     pub fn at(&mut self, normalized_cycles: f64) -> MarchState {
         let time = self.fine.within(normalized_cycles);
         let [worn_by_energy, dissipated] = self.fine.energies_until(time);
-        let worn = self.fine.under(time, Wearing::at);
+        let shares = self.shares.as_ref();
+        let (worn, depth_shares) = self.fine.under(time, |wearing, values| {
+            let shares = shares.map(|shares| shares.at(wearing, values));
+            (wearing.at(values), shares)
+        });
         if worn.volume == 0.0 {
-            return MarchState { worn, errors: RunErrors::default(), worn_by_energy, dissipated };
+            let errors = RunErrors::default();
+            return MarchState { worn, errors, worn_by_energy, dissipated, depth_shares };
         }
         let apart = self.distance(normalized_cycles).or(self.apart);
         let RunErrors { volume, depth } =
@@ -626,6 +646,6 @@ impl March {
         let coarse = if self.fine.block > 0 { COARSE.1 } else { COARSE.0 };
         let depth = SHARES.1 * depth / (1.0 + depth / coarse) + self.fine.tip_error(&worn);
         let errors = RunErrors { volume: (SHARES.0 * volume).max(least), depth: depth.max(least) };
-        MarchState { worn, errors, worn_by_energy, dissipated }
+        MarchState { worn, errors, worn_by_energy, dissipated, depth_shares }
     }
 }

@@ -9,5 +9,6 @@ pub mod plan;
 pub mod prior;
 pub mod rkc;
 mod run;
+pub(crate) mod shares;
 pub mod springs;
 pub mod wearing;

@@ -107,8 +107,8 @@ pub struct WornContact {
     pub volume: f64,
     /// Volume of the dose, which the energy determines. It is the wear volume, except for bodies with layers.
     pub dosed: f64,
-    /// Volume and largest depth of each body, if they have layers.
-    pub bodies: Option<[(f64, f64); 2]>,
+    /// The volume of each body, if they have layers.
+    pub bodies: Option<[f64; 2]>,
     /// The largest wear depth.
     pub deepest: f64,
     /// The largest radius with wear. It is 0 without wear.
@@ -568,8 +568,7 @@ impl Wearing {
             [0, 1].map(|body| {
                 let depths: Vec<f64> =
                     values.iter().map(|dose| layers.depth(body, *dose)).collect();
-                let deepest = vertex(&mesh.radii, &depths, largest(&depths));
-                (mesh.geometry.positive_volume(&mesh.places, &depths), deepest)
+                mesh.geometry.positive_volume(&mesh.places, &depths)
             })
         });
         let dosed = bodies.map(|_| mesh.geometry.positive_volume(&mesh.places, values));
