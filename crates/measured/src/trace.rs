@@ -223,10 +223,7 @@ pub fn profile(
     let (half, reach) =
         (ends.map_or(0.0, |ends| 0.5 * (ends[1] - ends[0])), (axis - first).min(last - axis));
     if reach <= half {
-        return Err(
-            "does not contain the whole scar on both sides of the axis. Remove centre=false"
-                .to_owned(),
-        );
+        return Err("has not the whole scar on both sides of x = 0. Remove centre=false".into());
     }
     // Heights count away from the material, whose side follows from the curvature, or from the scar.
     let sum: f64 = heights[scar.clone()].iter().sum();
@@ -299,13 +296,10 @@ pub fn energy(
 ) -> Result<Value, String> {
     let points = known(x, force)?;
     if points.is_sorted() || points.iter().rev().is_sorted() {
-        return Err("is no loop, because x does not turn back. Write prepare=trace for a profile"
-            .to_owned());
+        return Err("is no loop: x does not turn back. For a profile, write prepare=trace".into());
     }
     let next = points.iter().cycle().skip(1);
     let area = points.iter().zip(next).map(|((x, q), (x1, q1))| 0.5 * (q + q1) * (x1 - x));
-    notes.push(
-        "The rows are one cycle, closed by a line from the last row to the first one.".to_owned(),
-    );
+    notes.push("The rows are one cycle, which a line from the last row closes.".into());
     Ok(json!({"energy_per_cycle": area.sum::<f64>().abs()}))
 }
