@@ -1,6 +1,7 @@
 //! The commands of the program.
 
 mod administration;
+mod fit;
 mod health;
 mod listening;
 mod moving;
@@ -43,6 +44,7 @@ pub fn main() -> ExitCode {
         }
         Some(Command::Worker(settings)) => worker::work(&settings).map(success),
         Some(Command::Run(settings)) => run::run(&settings),
+        Some(Command::Fit(settings)) => fit::fit(&settings),
         Some(Command::Openapi) => print(&http::document()).map(success),
         Some(Command::Verify { exact_volumes: true, .. }) => {
             print(model_error::exact_volumes().as_bytes()).map(success)

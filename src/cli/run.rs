@@ -22,8 +22,7 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Computes one job body. The exit code is 2 if the body is invalid.
 pub fn run(settings: &Run) -> Result<ExitCode, Error> {
-    let text = read(&settings.file)
-        .map_err(|error| format!("cannot read {}: {error}", settings.file.display()))?;
+    let text = read(&settings.file)?;
     let job = match Submission::parse(&text) {
         Ok(job) => job,
         Err(BadBody::Faults(faults)) => return Ok(print_faults(&faults)),
@@ -44,17 +43,17 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn read(file: &Path) -> io::Result<Vec<u8>> {
-    if file.as_os_str() != "-" {
-        return fs::read(file);
-    }
+/// Reads a file, or standard input.
+pub fn read(file: &Path) -> Result<Vec<u8>, Error> {
     let mut text = Vec::new();
-    io::stdin().read_to_end(&mut text)?;
-    Ok(text)
+    let is_file = file.as_os_str() != "-";
+    let read =
+        if is_file { fs::read(file) } else { io::stdin().read_to_end(&mut text).map(|_| text) };
+    read.map_err(|error| format!("cannot read {}: {error}", file.display()).into())
 }
 
 /// Computes the result. Shows the progress if standard error is a terminal.
-fn compute(prepared: &Prepared) -> Result<(Answer, Duration), Error> {
+pub fn compute(prepared: &Prepared) -> Result<(Answer, Duration), Error> {
     let started = Instant::now();
     if let Task::Study(study) = &prepared.task {
         let answer = Answer::of_study(prepared.key, study, &study::compute(study)?);
@@ -119,7 +118,7 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
 }
 
 /// Prints the faults of a body to standard error. Returns the exit code of a body that is not valid.
-fn print_faults(faults: &[Fault]) -> ExitCode {
+pub fn print_faults(faults: &[Fault]) -> ExitCode {
     for fault in faults {
         // If standard error is closed, the exit code still reports the faults.
         let _ = writeln!(io::stderr(), "{}: {}", fault.pointer, fault.detail);

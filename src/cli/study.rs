@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, IsTerminal as _, Write as _};
 use std::iter;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{self, ScopedJoinHandle};
@@ -14,26 +15,45 @@ use fretwork_study::{Points, Rows, Study};
 /// Time between two updates of the progress on a terminal.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Computes all rows on all cores. Shows the progress if standard error is a terminal.
+/// Computes all rows on all cores, one stage after another. Shows the progress if standard error is a terminal.
 pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
     let count = study.chunks();
-    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let (mut all, mut first) = (Rows::default(), 0);
+    while first < count {
+        let is_same_stage = |number: &usize| study.earlier_chunks(*number, count) <= first;
+        let end = (first..count).take_while(is_same_stage).last().map_or(count, |last| last + 1);
+        for rows in stage(study, first..end, &all)?.values() {
+            all.append(rows);
+        }
+        first = end;
+    }
+    Ok(all)
+}
+
+/// Computes the chunks of a stage on all cores.
+fn stage(
+    study: &Arc<Study>,
+    chunks: Range<usize>,
+    earlier: &Rows,
+) -> Result<BTreeMap<usize, Rows>, Error> {
+    let count = study.chunks();
+    let (next, done) = (AtomicUsize::new(chunks.start), AtomicUsize::new(chunks.start));
     let work = || {
         let mut computed = Vec::new();
         loop {
             let number = next.fetch_add(1, Ordering::Relaxed);
-            if number >= count {
+            if number >= chunks.end {
                 return computed;
             }
-            let mut points = Points::chunk(Arc::clone(study), number, count);
+            let mut points = Points::chunk(Arc::clone(study), number, count, earlier.clone());
             let rows = iter::repeat_with(|| points.step()).find_map(|rows| rows);
             computed.extend(rows.map(|rows| (number, rows)));
             done.fetch_add(1, Ordering::Relaxed);
         }
     };
     let cores = thread::available_parallelism().map_or(1, usize::from);
-    let chunks = thread::scope(|scope| {
-        let workers: Vec<_> = (0..cores.min(count)).map(|_| scope.spawn(work)).collect();
+    let computed = thread::scope(|scope| {
+        let workers: Vec<_> = (0..cores.min(chunks.len())).map(|_| scope.spawn(work)).collect();
         let is_terminal = io::stderr().is_terminal();
         while is_terminal && workers.iter().any(|worker| !worker.is_finished()) {
             let share = done.load(Ordering::Relaxed) as f64 / count as f64;
@@ -47,12 +67,7 @@ pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
         let computed = workers.into_iter().map(ScopedJoinHandle::join);
         computed.collect::<Result<Vec<_>, _>>()
     });
-    let chunks =
-        chunks.map_err(|_| "a thread of the computation failed; this is a defect of fretwork")?;
-    let chunks: BTreeMap<usize, Rows> = chunks.into_iter().flatten().collect();
-    let mut all = Rows::default();
-    for rows in chunks.values() {
-        all.append(rows);
-    }
-    Ok(all)
+    let computed =
+        computed.map_err(|_| "a thread of the computation failed; this is a defect of fretwork")?;
+    Ok(computed.into_iter().flatten().collect())
 }

@@ -2,6 +2,7 @@
 
 mod data;
 mod files;
+mod fit;
 mod keys;
 mod run;
 mod server;
@@ -15,6 +16,7 @@ use clap::{Args, Parser, Subcommand};
 
 pub use data::Data;
 pub use files::{Backup, Export, Import, Restore};
+pub use fit::Fit;
 pub use keys::{AddKey, Keys};
 pub use run::Run;
 pub use server::{Serve, described};
@@ -57,6 +59,12 @@ pub enum Command {
     /// The result goes to standard output or to a file, and a summary to standard error. If the job body is
     /// invalid, each fault is printed as `pointer: detail`, and the exit code is 2.
     Run(Run),
+    /// Fit numbers of a scenario to a file of measured numbers, without a server.
+    ///
+    /// Prints what was read, the estimates with their intervals, and measured and predicted numbers with the band of a new
+    /// test. A row without a measured number is predicted too.
+    #[command(after_help = examples!("fit"))]
+    Fit(Fit),
     /// Print the OpenAPI document of the server.
     Openapi,
     /// Compare computed numbers with the same numbers from other sources.

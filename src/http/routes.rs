@@ -8,8 +8,8 @@ use utoipa_axum::routes;
 
 use super::access::needs::{Needs, RouteNeeds};
 use super::api::{
-    audit, derivatives, diff, evaluate, events, jobs, library, links, me, results, scenarios,
-    system, umbridge,
+    audit, derivatives, diff, evaluate, events, jobs, library, links, me, measurements, results,
+    scenarios, system, umbridge,
 };
 use super::app::App;
 use super::dashboard::{docs, swagger};
@@ -50,6 +50,7 @@ impl Routes {
             .add(Needs::READ, routes!(library::warnings))
             .add(Needs::SUBMIT, routes!(library::note, library::delete_note))
             .add(Needs::EVALUATE, routes!(evaluate::evaluate))
+            .add(Needs::EVALUATE, routes!(measurements::read))
             .add(Needs::READ, routes!(scenarios::check))
             .add(Needs::READ, routes!(scenarios::examples))
             .add(Needs::READ, routes!(scenarios::example))
@@ -143,6 +144,7 @@ mod tests {
             (Method::POST, "/v1/scenarios", Needs::READ),
             (Method::POST, "/v1/jobs", Needs::SUBMIT),
             (Method::POST, "/v1/evaluate", Needs::EVALUATE),
+            (Method::POST, "/v1/measurements", Needs::EVALUATE),
             (Method::GET, "/v1/results/{key}/derivatives", Needs::DERIVE),
             (Method::POST, "/Gradient", Needs::EVALUATE),
             (Method::PUT, "/v1/results/{key}/pin", Needs::SUBMIT),

@@ -86,6 +86,7 @@ impl Service {
             key: prepared.key,
             task: prepared.stored.to_string(),
             chunks: prepared.chunks(),
+            stages: prepared.stages(),
             submitted,
             priority: terms.priority,
             repeatable: terms.idempotency_key.map(|key| Repeatable {

@@ -41,6 +41,7 @@ async fn finish_chunk(store: &Store, claimed: &Claimed) -> bool {
 
 on_both! {
     a_study_is_computed_chunk_by_chunk_and_then_assembled,
+    a_stage_waits_for_all_chunks_before_it,
     a_cancelled_study_ends_at_once_and_stops_all_its_workers,
     a_piece_that_fails_ends_its_study_and_stops_the_other_workers,
     after_a_crash_only_interrupted_chunks_are_computed_again_after_all_others,
@@ -86,6 +87,26 @@ async fn a_study_is_computed_chunk_by_chunk_and_then_assembled(on: Engine) {
     assert_eq!(body(&store, 1).await, b"a");
     let costs = "SELECT count(*) FROM result WHERE wall = 31 AND cpu = 22";
     assert_eq!(db.count(costs).await, 1);
+}
+
+async fn a_stage_waits_for_all_chunks_before_it(on: Engine) {
+    let (_db, store) = Database::fresh(on).await;
+    accepted(store.submit(NewJob { stages: "2,3".into(), ..study(1, 4) }).await);
+    let first = claim_chunk(&store, 0).await;
+    let second = claim_chunk(&store, 1).await;
+    assert!(store.claim().await.unwrap().is_none());
+    assert!(finish_chunk(&store, &first).await);
+    assert!(store.claim().await.unwrap().is_none());
+    // A chunk of this stage is queued again, but the next stage is not.
+    assert!(store.release(&second).await.unwrap());
+    let second = claim_chunk(&store, 1).await;
+    assert!(store.claim().await.unwrap().is_none());
+    assert!(finish_chunk(&store, &second).await);
+    let third = claim_chunk(&store, 2).await;
+    assert!(store.claim().await.unwrap().is_none());
+    assert!(finish_chunk(&store, &third).await);
+    assert!(finish_chunk(&store, &claim_chunk(&store, 3).await).await);
+    assert_eq!(claim(&store).await.piece, Piece::Assembly { of: 4 });
 }
 
 async fn a_cancelled_study_ends_at_once_and_stops_all_its_workers(on: Engine) {

@@ -9,7 +9,9 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
+use fretwork_job::{Prepared, TaskKind};
 use fretwork_store::check;
+use fretwork_study::Kind;
 use futures_util::future::join_all;
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -18,6 +20,7 @@ use tokio::time::timeout;
 use crate::program::{Running, serve, serve_by};
 use crate::server::{JSON, Reply, send, steel_ball};
 use crate::store::{crash, raw};
+use crate::studies::example;
 use crate::team::{Listener, states};
 
 /// The number of jobs.
@@ -446,4 +449,37 @@ async fn repeated_kills_under_load_lose_no_job_and_change_no_result() {
     server.end();
     no_key_was_completed_twice(dir.path()).await;
     equal_undisturbed_results(bodies_of(results)).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_fit_that_is_killed_ten_times_has_the_same_bytes() {
+    let mut body = example("fit");
+    body["fit"]["starts"] = json!(3);
+    let kind = TaskKind::Study(Kind::named("fit").unwrap());
+    let undisturbed = Prepared::read(kind, body["fit"].clone()).unwrap().compute(|_| {}).body;
+    let mut dice = Dice(1);
+    for workers in ["1", "4"] {
+        let dir = TempDir::new().unwrap();
+        let mut server = Program::start(dir.path(), workers);
+        let id = submit(server.address, &body, &[]).await.unwrap();
+        let (mut kills, mut before) = (0, 0.0);
+        // A run fails after three crashes. So each server lives until the fit has made progress.
+        while kills < 10 {
+            let job = server.get(&format!("/v1/jobs/{id}")).await.json();
+            assert!(job["times"]["finished"].is_null(), "the fit has ended after {kills} kills");
+            let progress = job["progress"].as_f64().unwrap();
+            if progress > before {
+                before = progress;
+                // A random pause; nothing depends on its length.
+                tokio::time::sleep(Duration::from_micros(dice.below(20_000))).await;
+                server.kill();
+                server = Program::start(dir.path(), workers);
+                kills += 1;
+            }
+        }
+        let job = server.ended(&id).await;
+        assert_eq!(job["state"], "succeeded", "{job}");
+        assert_eq!(server.result(&job).await, undisturbed);
+        server.end();
+    }
 }

@@ -47,6 +47,7 @@ mod keeping;
 mod kill;
 mod library;
 mod many;
+mod measurements;
 mod metrics;
 mod moving;
 mod nodes;

@@ -78,10 +78,11 @@ const ENGINE: Layout = Layout {
     reserved: IMPURE,
 };
 
-const LAYOUTS: [Layout; 10] = [
+const LAYOUTS: [Layout; 11] = [
     PACKAGE,
     ENGINE,
     Layout { dir: "crates/json/src", rooms: &[], reserved: IMPURE },
+    Layout { dir: "crates/measured/src", rooms: &[], reserved: IMPURE },
     Layout { dir: "crates/random/src", rooms: &[], reserved: IMPURE },
     Layout { dir: "crates/plot/src", rooms: &[], reserved: IMPURE },
     Layout { dir: "crates/study/src", rooms: &[], reserved: IMPURE },

@@ -33,6 +33,7 @@ pub fn new_job(number: u8) -> NewJob {
         key: key(number),
         task: format!("task {number}"),
         chunks: None,
+        stages: String::new(),
         submitted: None,
         priority: 3,
         label: None,

@@ -9,8 +9,9 @@ use std::time::Duration;
 
 use fretwork::http::{Limits, Settings};
 use fretwork::service::WorkLimits;
-use fretwork_job::Task;
+use fretwork_job::{Prepared, Task, TaskKind};
 use fretwork_store::{Options, Role};
+use fretwork_study::Kind;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -461,6 +462,22 @@ async fn a_map_answers_with_regimes_and_wear() {
     body["map"]["amplitude"]["to"] = json!("1 N");
     let refused = server.post("/v1/jobs", &body).await.problem(422, "invalid-request");
     assert_eq!(refused["errors"][0]["pointer"], "/map/amplitude/to");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_fit_that_workers_compute_in_stages_equals_that_of_one_process() {
+    let server = Server::start().await;
+    let mut body = example("fit");
+    body["fit"]["starts"] = json!(2);
+    let (key, job) = computed(&server, &body).await;
+    let found = server.get(&format!("/v1/results/{key}")).await;
+    let asked = Prepared::read(TaskKind::Study(Kind::named("fit").unwrap()), body["fit"].take());
+    let prepared = asked.unwrap();
+    assert!(prepared.chunks().is_some_and(|chunks| chunks.get() == job["summary"]["points"]));
+    assert_eq!(found.body, prepared.compute(|_| {}).body);
+    for format in ["csv", "ndjson", "npz", "arrow"] {
+        assert!(!table(&server, &key, format).await.body.is_empty());
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

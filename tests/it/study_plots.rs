@@ -248,3 +248,37 @@ async fn parameters_that_a_study_does_not_have_are_refused() {
         assert_eq!(named, expected, "{problem}");
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_figures_of_a_fit_show_measurements_and_what_follows() {
+    let server = Server::start().await;
+    let mut body = example("fit");
+    body["fit"]["starts"] = json!(1);
+    body["fit"]["tests"][4]["data"][0]["y"][1] = json!("1.1e-2 mm^3");
+    let energy = json!({"output": "wear_volume", "over": "dissipated_energy", "x": [1, 2], "y": ["0.05 mm^3", "0.11 mm^3"], "relative": 0.1});
+    body["fit"]["tests"][3]["data"].as_array_mut().unwrap().push(energy);
+    let (key, _) = computed(&server, &body).await;
+    let svg = figure(&server, &key, "output=wear_volume").await;
+    assert!(
+        svg.contains(">A1<") && svg.contains(">Cycles<") && svg.contains("Wear volume (m³)"),
+        "{svg}"
+    );
+    let residuals = figure(&server, &key, "kind=residuals").await;
+    assert!(residuals.contains("Residual (standard deviations)"));
+    let energies = figure(&server, &key, "kind=energy").await;
+    assert!(
+        energies.contains(">Dissipated energy (J)<") && energies.contains("m³/J"),
+        "{energies}"
+    );
+    let profile = figure(&server, &key, "kind=profile&over=/friction").await;
+    assert!(profile.contains(">Friction<") && profile.contains("end of the interval"));
+    // Ten values at most on both sides, and the estimate.
+    let document = Document::parse(&profile).unwrap();
+    let discs = window(&document).children().filter(|node| node.has_tag_name("circle")).count();
+    assert!((5..=11).contains(&discs), "{discs}");
+    body["fit"]["tests"][3]["data"].as_array_mut().unwrap().pop();
+    let (key, _) = computed(&server, &body).await;
+    let refused = server.get(&format!("/v1/results/{key}/plot.svg?kind=energy")).await;
+    let problem = refused.problem(422, "invalid-parameters");
+    assert!(problem["errors"][0]["detail"].as_str().unwrap().contains("over `dissipated_energy`"));
+}

@@ -192,7 +192,11 @@ impl Received {
                 }
             }
             Work::Study(study, claimed) => {
-                let mut point = Points::chunk(Arc::clone(study), row, study.points());
+                let needs_rows = study.earlier_chunks(row, study.points()) > 0;
+                // `read` has checked the counts, the only possible fault.
+                let earlier = needs_rows.then(|| claimed.rows(study).ok()).flatten();
+                let earlier = earlier.unwrap_or_default();
+                let mut point = Points::chunk(Arc::clone(study), row, study.points(), earlier);
                 loop {
                     match point.step() {
                         Some(own) => {

@@ -206,6 +206,16 @@ impl Prepared {
         }
     }
 
+    /// The chunks with which the later stages of the task begin, separated by commas. Their workers need the rows of all
+    /// chunks before them.
+    pub fn stages(&self) -> String {
+        let stages = match &self.task {
+            Task::Study(study) if study.chunks() > 1 => study.stages(),
+            _ => Vec::new(),
+        };
+        stages.iter().map(usize::to_string).collect::<Vec<_>>().join(",")
+    }
+
     /// The canonical scenario or study.
     ///
     /// # Panics

@@ -127,14 +127,35 @@ pub(super) struct Study {
     /// Number of pieces that were claimed, and are queued again.
     pub(super) queued: u32,
     pub(super) running: u32,
+    pub(super) stages: Stages,
+}
+
+/// The pieces with which the later stages of a study begin.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Stages([Option<u32>; 8]);
+
+impl Stages {
+    /// Reads numbers that are separated by commas, as the database stores them.
+    pub(super) fn read(text: &str) -> Self {
+        let mut stages = Self::default();
+        for (stage, number) in stages.0.iter_mut().zip(text.split(',')) {
+            *stage = number.parse().ok();
+        }
+        stages
+    }
 }
 
 impl Study {
-    /// Whether a worker can claim a piece. The last piece, the assembly, waits for all others.
+    /// Whether a worker can claim a piece.
     pub(super) fn is_ready(&self) -> bool {
-        self.next < self.chunks
-            || self.queued > 0
-            || (self.next == self.chunks && self.running == 0)
+        self.is_next_ready() || self.queued > 0
+    }
+
+    /// Whether a worker can claim the next piece. The first piece of a stage waits for all pieces before it, and so
+    /// does the last piece, the assembly.
+    pub(super) fn is_next_ready(&self) -> bool {
+        let waits = self.next == self.chunks || self.stages.0.contains(&Some(self.next));
+        self.next <= self.chunks && (!waits || self.queued + self.running == 0)
     }
 
     /// Number of finished pieces.

@@ -37,6 +37,7 @@ struct Members<'a> {
     #[serde(borrow)]
     table: Columns<'a>,
     samples: Option<Columns<'a>>,
+    searches: Option<Columns<'a>>,
     profiles: Option<Columns<'a>>,
 }
 
@@ -68,9 +69,10 @@ impl Claimed {
         engine: &impl Serialize,
         document: &str,
     ) -> Result<Self, String> {
-        let Members { counts, table, samples, profiles } =
+        let Members { counts, table, samples, searches, profiles } =
             serde_json::from_str(document).map_err(|error| error.to_string())?;
-        let (table, profiles) = (samples.unwrap_or(table), profiles.unwrap_or_default());
+        let (table, profiles) =
+            (samples.or(searches).unwrap_or(table), profiles.unwrap_or_default());
         let (columns, points) = (study.columns(), study.points());
         let outputs = &columns[study.problem.members.len()..columns.len() - 1];
         let outputs = outputs.iter().map(|column| read(&table, &column.name, points));
@@ -87,7 +89,11 @@ impl Claimed {
         if own == document { Ok(claimed) } else { Err(json::difference("", document, &own)) }
     }
 
-    fn rows(&self, study: &Study) -> Result<Rows, String> {
+    /// All rows, as the study writes them.
+    ///
+    /// # Errors
+    /// The counts contradict the rows.
+    pub fn rows(&self, study: &Study) -> Result<Rows, String> {
         let mut rows = Rows::default();
         for number in 0..study.points() {
             rows.push(&study.point(number), &self.row(number));

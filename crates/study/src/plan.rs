@@ -99,18 +99,26 @@ words! {
         Regimes = "regimes",
         /// Bars of the findings about each number that varies.
         Tornado = "tornado",
+        /// Measured numbers of a fit, with predictions and bands.
+        Bands = "bands",
+        /// The residuals of a fit.
+        Residuals = "residuals",
+        /// Wear volumes over dissipated energies, with a line through the origin.
+        Energy = "energy",
+        /// The least sum of squares of a fit over a parameter.
+        Profile = "profile",
     }
 }
 
 impl StudyFigure {
     /// Whether the figure shows one of the outputs, which clients can choose.
     pub fn has_output(self) -> bool {
-        self != Self::Regimes
+        !matches!(self, Self::Regimes | Self::Profile)
     }
 
     /// Whether clients can choose the numbers that vary on the axes.
     pub fn has_axes(self) -> bool {
-        !matches!(self, Self::Regimes | Self::Tornado)
+        matches!(self, Self::Curves | Self::Scatter | Self::Heat | Self::Profile)
     }
 }
 
@@ -211,28 +219,42 @@ pub struct Tried {
 
 /// Which points a study has, how each of them is computed, and what follows from their rows.
 ///
-/// Workers compute the points in any order and on several machines. So a point depends only on the study, on its own
-/// number, and on its own earlier runs. A kind whose later runs depend on earlier ones combines a sequence of runs into
-/// one point: [`next`](Self::next) chooses the values of each run from the runs before it, and [`row`](Self::row) makes
-/// one row of all of them. A fit from several starts, for example, has one point for each start. Its
-/// [`findings`](Self::findings) compare the rows of all points. A point that is interrupted starts again, so `next`
-/// must depend on its arguments alone.
+/// Workers compute the points of a stage in any order and on several machines. So a point depends only on the study, on
+/// its own number, on the rows of earlier [`stages`](Self::stages), and on its own earlier runs. A kind whose later runs
+/// depend on earlier ones combines a sequence of runs into one point: [`row`](Self::row) chooses the values of each run
+/// from the runs before it, and makes one row of all of them. A fit from several starts, for example, has one point for
+/// each start, and its second stage begins at the best row. A point that is interrupted starts again, so `row` must
+/// depend on its arguments alone.
 pub trait Plan: fmt::Debug + Send + Sync {
     /// The number of points.
     fn points(&self) -> usize;
 
-    /// The values of the members in the first run of a point, in SI.
-    fn point(&self, number: usize) -> Vec<f64>;
-
-    /// The values of the next run of a point, from its earlier runs; `None` if no more run is necessary.
-    fn next(&self, _: &Problem, number: usize, tried: &[Tried]) -> Option<Vec<f64>> {
-        tried.is_empty().then(|| self.point(number))
+    /// The numbers of the points with which the stages begin, ascending from 0.
+    fn stages(&self) -> Vec<usize> {
+        vec![0]
     }
 
-    /// The row of a point, from its runs.
-    fn row(&self, problem: &Problem, number: usize, tried: Vec<Tried>) -> Tried {
-        let none = || Tried { values: self.point(number), found: problem.no_run() };
-        tried.into_iter().next_back().unwrap_or_else(none)
+    /// The values of the members in the first run of a point, in SI. All rows of a point begin with them.
+    fn point(&self, number: usize) -> Vec<f64>;
+
+    /// The row of a point, from the rows of earlier stages and from its earlier runs. `earlier` has at least the rows of
+    /// all points of earlier stages.
+    ///
+    /// # Errors
+    /// One more run is necessary: the values of this run.
+    fn row(
+        &self,
+        _: &Problem,
+        number: usize,
+        _earlier: &Rows,
+        tried: &[Tried],
+    ) -> Result<Tried, Vec<f64>> {
+        tried.last().cloned().ok_or_else(|| self.point(number))
+    }
+
+    /// The problem that [`row`](Self::row) asks for with these values, and the values of its members.
+    fn asked<'a>(&'a self, problem: &'a Problem, values: &'a [f64]) -> (&'a Problem, &'a [f64]) {
+        (problem, values)
     }
 
     /// Estimated processor time of a point whose first run has these values, in seconds.
@@ -284,6 +306,8 @@ pub struct Findings {
     pub notes: Option<Vec<Note>>,
     /// Tables, by the names of their members in the document.
     pub tables: Vec<(&'static str, Vec<(String, Cells)>)>,
+    /// Other members of the document.
+    pub others: Vec<(&'static str, Value)>,
     /// Additional columns at the end of the table of rows: their names, and their cells as JSON, separated by commas.
     pub beside: Vec<(&'static str, String)>,
 }
@@ -324,6 +348,7 @@ impl Findings {
             (*name, Value::Object(columns.collect()))
         };
         let tables = self.tables.iter().map(table);
-        notes.chain(tables).map(|(name, value)| (name.to_owned(), value)).collect()
+        let others = self.others.iter().map(|(name, value)| (*name, value.clone()));
+        notes.chain(tables).chain(others).map(|(name, value)| (name.to_owned(), value)).collect()
     }
 }

@@ -18,16 +18,19 @@ pub struct Points {
     all: usize,
     point: Point,
     rows: Rows,
+    /// The rows of earlier stages, if other chunks have computed them.
+    earlier: Option<Rows>,
 }
 
 impl Points {
     /// All points of a study.
     pub fn whole(study: Arc<Study>) -> Self {
-        Self::chunk(study, 0, 1)
+        Self::chunk(study, 0, 1, Rows::default())
     }
 
-    /// Chunk number `number` of `chunks` of about the same size.
-    pub fn chunk(study: Arc<Study>, number: usize, chunks: usize) -> Self {
+    /// Chunk number `number` of `chunks` of about the same size. `earlier` has the rows of the
+    /// [earlier chunks](Study::earlier_chunks), or more rows.
+    pub fn chunk(study: Arc<Study>, number: usize, chunks: usize, earlier: Rows) -> Self {
         let start = |number| number * study.points() / chunks;
         let points = start(number)..start(number + 1);
         Self {
@@ -36,6 +39,7 @@ impl Points {
             rest: points,
             point: Point::default(),
             rows: Rows::default(),
+            earlier: (chunks > 1).then_some(earlier),
         }
     }
 
@@ -50,7 +54,8 @@ impl Points {
             return Some(std::mem::take(&mut self.rows));
         }
         let (study, number) = (&self.study, self.rest.start);
-        let row = guarded(|| study.step(number, &mut self.point))
+        let earlier = self.earlier.as_ref().unwrap_or(&self.rows);
+        let row = guarded(|| study.step(number, earlier, &mut self.point))
             .unwrap_or_else(|| Some(study.lacks_all(number, panicked())));
         if let Some(Tried { values, found }) = row {
             self.rows.push(&values, &found);

@@ -41,6 +41,8 @@ pub struct Problem {
     pub outputs: Vec<Output>,
     /// The curves that are taken from each result.
     pub profiles: Option<CommonProfiles>,
+    /// Whether the relative numerical errors of the outputs follow the outputs of a run.
+    pub has_errors: bool,
     /// The number of JSON values in the scenario.
     pub(super) size: usize,
 }
@@ -69,7 +71,7 @@ impl Problem {
     /// A problem of a valid scenario.
     pub fn new(base: Value, members: Vec<Member>, outputs: Vec<Output>) -> Self {
         let size = size_of_tree(&base);
-        Self { base, members, outputs, profiles: None, size }
+        Self { base, members, outputs, profiles: None, has_errors: false, size }
     }
 
     /// Estimated processor time to prepare a run, in seconds.
@@ -135,7 +137,9 @@ impl Problem {
                 None
             }
         });
-        Found { outputs: outputs.collect(), profiles: self.no_profiles(), lack }
+        let error = |output: &Output| Some(output.accuracy(run.case, run.outcome()));
+        let errors = self.outputs.iter().filter(|_| self.has_errors).map(error);
+        Found { outputs: outputs.chain(errors).collect(), profiles: self.no_profiles(), lack }
     }
 
     /// A [`Found`] without values, for a point without a run.

@@ -42,6 +42,8 @@ pub struct CommonProfiles {
     pub radii: Vec<f64>,
     /// The curves.
     pub fields: Vec<Field>,
+    /// If the wear is that of one body: the index of this body.
+    pub body: Option<usize>,
 }
 
 impl Field {
@@ -94,7 +96,7 @@ impl CommonProfiles {
         if fields.is_empty() {
             return Err(Faults::one("/fields", "must list at least one curve, such as \"wear\""));
         }
-        Ok(Self { radii, fields })
+        Ok(Self { radii, fields, body: None })
     }
 
     /// The curves of a run after its last output cycle at the radii of the study, interpolated linearly between the
@@ -108,9 +110,14 @@ impl CommonProfiles {
         if profiles.cycles.last() != outcome.history.cycles.last() {
             return Err(NoProfiles);
         }
+        let share = |body: usize| {
+            let depth = outcome.bodies[body].wear_depth.as_ref()?.last()?;
+            Some(depth / outcome.history.wear_depth.last()?)
+        };
+        let share = self.body.map_or(Some(1.0), share).ok_or(NoProfiles)?;
         let curves = self.fields.iter().map(|field| {
             let (curve, outside) = field.of(profiles).ok_or(NoProfiles)?;
-            let finite = |value: f64| Some(value).filter(|value| value.is_finite());
+            let finite = |value: f64| Some(share * value).filter(|value| value.is_finite());
             let at = |radius: &f64| at(&profiles.radius, curve, *radius).map_or(outside, finite);
             Ok(self.radii.iter().map(at).collect())
         });

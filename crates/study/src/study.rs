@@ -32,6 +32,8 @@ const SAMPLES: (usize, usize) = (4, 64);
 const SAMPLING: f64 = 5e-3;
 /// Maximum number of values of a member that [`Study::memory`] counts.
 const LISTED: usize = 100_000;
+/// The members that are names. They stay as they are, even if they look like quantities.
+const NAMES: [&str; 3] = ["name", "specimen", "for"];
 /// Maximum bytes of a document without its table, findings and canonical form.
 const HEAD: usize = 4096;
 
@@ -115,18 +117,20 @@ impl Study {
     }
 
     /// Continues to compute a point for at most about 30 ms. Returns its row when it is known.
-    pub(super) fn step(&self, number: usize, point: &mut Point) -> Option<Tried> {
+    pub(super) fn step(&self, number: usize, earlier: &Rows, point: &mut Point) -> Option<Tried> {
         loop {
             if let Some((values, run)) = &mut point.running {
-                let found = self.problem.found(&run.step()?);
+                let found = self.plan.asked(&self.problem, values).0.found(&run.step()?);
                 point.tried.push(Tried { values: mem::take(values), found });
                 point.running = None;
             }
-            let Some(values) = self.plan.next(&self.problem, number, &point.tried) else {
-                return Some(self.plan.row(&self.problem, number, mem::take(&mut point.tried)));
+            let values = match self.plan.row(&self.problem, number, earlier, &point.tried) {
+                Ok(row) => return Some(row),
+                Err(values) => values,
             };
             let is_first = point.tried.is_empty();
-            match self.problem.start(&values) {
+            let (problem, own) = self.plan.asked(&self.problem, &values);
+            match problem.start(own) {
                 Ok(run) => point.running = Some((values, run)),
                 Err(found) => point.tried.push(Tried { values, found }),
             }
@@ -182,10 +186,24 @@ impl Study {
             + self.plan.memory()
     }
 
-    /// How many chunks of about 50 ms the study has.
+    /// How many chunks of about 50 ms the study has. If the study has several stages, each chunk is one point.
     pub fn chunks(&self) -> usize {
+        if self.plan.stages().len() > 1 {
+            return if self.seconds > CHUNK { self.points() } else { 1 };
+        }
         let least = self.points().div_ceil(MAX_CHUNK);
         ((self.seconds / CHUNK).ceil() as usize).clamp(least, self.points())
+    }
+
+    /// The points with which the later stages begin.
+    pub fn stages(&self) -> Vec<usize> {
+        self.plan.stages().split_off(1)
+    }
+
+    /// The number of chunks, from the first one on, whose rows this chunk of `chunks` needs: those of earlier stages.
+    pub fn earlier_chunks(&self, number: usize, chunks: usize) -> usize {
+        let stages = self.plan.stages().into_iter();
+        if chunks == 1 { 0 } else { stages.filter(|first| *first <= number).max().unwrap_or(0) }
     }
 
     /// The columns of the rows: members, outputs, and the reason why one is missing.
@@ -305,7 +323,10 @@ fn canonical(mut study: Value) -> Value {
 fn change(value: &mut Value, new: fn(&Value) -> Option<Number>) {
     match value {
         Value::Array(items) => items.iter_mut().for_each(|item| change(item, new)),
-        Value::Object(members) => members.values_mut().for_each(|member| change(member, new)),
+        Value::Object(members) => {
+            let others = members.iter_mut().filter(|(name, _)| !NAMES.contains(&name.as_str()));
+            others.for_each(|(_, member)| change(member, new));
+        }
         other => {
             if let Some(number) = new(other) {
                 *other = Value::Number(number);

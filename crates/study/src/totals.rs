@@ -25,17 +25,24 @@ pub fn of_study(study: &mut Value, axes: &[(&str, &str)]) -> Result<(), Faults> 
         }
     }
     let mut varies = None;
-    let entries = study.get_mut("vary").and_then(Value::as_array_mut);
-    for (place, entry) in entries.into_iter().flatten().enumerate() {
-        let Some(pointer) = entry["pointer"].as_str().map(str::to_owned) else { continue };
-        if pointer == LENGTH {
-            varies = Some(format!("/vary/{place}/pointer"));
-        }
-        for values in ["values", "from", "to", "distribution"] {
-            if let Some(values) = entry.get_mut(values) {
-                replace(values, &pointer, length, &mut changed);
+    for list in ["vary", "parameters"] {
+        let entries = study.get_mut(list).and_then(Value::as_array_mut);
+        for (place, entry) in entries.into_iter().flatten().enumerate() {
+            let Some(pointer) = entry["pointer"].as_str().map(str::to_owned) else { continue };
+            if pointer == LENGTH {
+                varies = Some(format!("/{list}/{place}/pointer"));
+            }
+            for values in ["values", "from", "to", "distribution", "start", "prior"] {
+                if let Some(values) = entry.get_mut(values) {
+                    replace(values, &pointer, length, &mut changed);
+                }
             }
         }
+    }
+    let tests = study.get_mut("tests").and_then(Value::as_array_mut).into_iter().flatten();
+    let changes = tests.filter_map(|test| test.get_mut("changes")?.as_object_mut()).flatten();
+    for (pointer, value) in changes {
+        replace(value, pointer, length, &mut changed);
     }
     varies.zip(changed).map_or(Ok(()), |(place, changed)| Err(both_vary(&place, &changed)))
 }
@@ -82,15 +89,19 @@ fn of_scenario(scenario: &mut Value) -> Option<(f64, Option<String>)> {
     Some((length, changed))
 }
 
-/// Replaces the texts per length among the values of the number at `pointer`.
-fn replace(values: &mut Value, pointer: &str, length: f64, changed: &mut Option<String>) {
-    let (total, per_length) = match pointer.rsplit('/').next() {
-        Some("normal_force" | "tangential_force") => (Dimension::Force, Dimension::ForcePerLength),
-        Some("rig_stiffness" | "loop_stiffness") => {
-            (Dimension::Stiffness, Dimension::StiffnessPerLength)
+/// The dimensions of a number, as a total and per length, if it has both.
+fn dimensions(pointer: &str) -> Option<(Dimension, Dimension)> {
+    match pointer.rsplit('/').next()? {
+        "normal_force" | "tangential_force" => Some((Dimension::Force, Dimension::ForcePerLength)),
+        "rig_stiffness" | "loop_stiffness" => {
+            Some((Dimension::Stiffness, Dimension::StiffnessPerLength))
         }
-        _ => return,
-    };
+        _ => None,
+    }
+}
+
+/// Replaces the texts per length among the values of the number at `pointer`, or in the part of the scenario there.
+fn replace(values: &mut Value, pointer: &str, length: f64, changed: &mut Option<String>) {
     match values {
         Value::Array(items) => {
             for item in items {
@@ -98,12 +109,16 @@ fn replace(values: &mut Value, pointer: &str, length: f64, changed: &mut Option<
             }
         }
         Value::Object(members) => {
-            for member in members.values_mut() {
-                replace(member, pointer, length, changed);
+            for (name, member) in members {
+                // The members of a distribution have the dimension of its number.
+                let own = if dimensions(pointer).is_some() { pointer } else { name.as_str() };
+                replace(member, own, length, changed);
             }
         }
-        Value::String(text) if quantity::parse(text, total).is_err() => {
-            if let Ok(x) = quantity::parse(text, per_length) {
+        Value::String(text) => {
+            let Some((total, per_length)) = dimensions(pointer) else { return };
+            let total = quantity::parse(text, total).err();
+            if let Some(x) = total.and_then(|_| quantity::parse(text, per_length).ok()) {
                 *values = twelve_digits(x * length).into();
                 changed.get_or_insert_with(|| pointer.to_owned());
             }

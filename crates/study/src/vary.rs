@@ -78,10 +78,13 @@ struct Range {
     spacing: Given<SpacingName>,
 }
 
+/// The name of a spacing.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
-enum SpacingName {
+pub enum SpacingName {
+    /// Equal distances.
     Linear,
+    /// Equal ratios.
     Log,
 }
 
@@ -186,7 +189,9 @@ impl Entry {
             return Ok(Values::List(list));
         }
         if let Some(distribution) = self.distribution.0 {
-            return Ok(Values::Distribution(distribution_of(&distribution, member)?));
+            let read = distribution_of(&distribution, member);
+            let read = read.map_err(|faults| faults.below("/distribution"))?;
+            return Ok(Values::Distribution(read));
         }
         if !is_range {
             return Ok(Values::Base);
@@ -207,12 +212,16 @@ impl Entry {
     }
 }
 
-/// An end of a range.
-fn end_of(name: &str, value: &Value, member: &Member) -> Result<f64, Faults> {
+/// Reads the member `name` of a range.
+///
+/// # Errors
+/// It is not a number, or has another unit.
+pub fn end_of(name: &str, value: &Value, member: &Member) -> Result<f64, Faults> {
     member.read(value).map_err(|detail| Faults::one(&format!("/{name}"), detail))
 }
 
-fn spacing_of(name: Given<SpacingName>) -> Spacing {
+/// The spacing with this name. The default is linear.
+pub fn spacing_of(name: Given<SpacingName>) -> Spacing {
     match name.0 {
         Some(SpacingName::Log) => Spacing::Logarithmic,
         Some(SpacingName::Linear) | None => Spacing::Linear,
@@ -259,23 +268,26 @@ const FORMS: [Form; 6] = [
 const FACTOR: &str = "factor";
 const NAMES: &str = "uniform, log_uniform, normal, lognormal, triangular";
 
-fn distribution_of(value: &Value, member: &Member) -> Result<Distribution, Faults> {
+/// Reads a distribution of values of this number.
+///
+/// # Errors
+/// All faults, with pointers such as `/normal/mean`.
+pub fn distribution_of(value: &Value, member: &Member) -> Result<Distribution, Faults> {
     let one = value.as_object().filter(|members| members.len() == 1);
     let pair = one.and_then(|members| members.iter().next());
     let Some((name, Some(given))) = pair.map(|(name, inner)| (name, inner.as_object())) else {
         let detail = format!(
             "must be an object with one of {NAMES}, such as {{\"uniform\": {{\"low\": …, \"high\": …}}}}"
         );
-        return Err(Faults::one("/distribution", detail));
+        return Err(Faults::one("", detail));
     };
-    let fault = |parameter: &str, detail: &str| {
-        Faults::one(&format!("/distribution/{name}/{parameter}"), detail)
-    };
+    let fault =
+        |parameter: &str, detail: &str| Faults::one(&format!("/{name}/{parameter}"), detail);
     let forms = || FORMS.iter().filter(|(known, ..)| known == name);
     let form = forms().find(|(_, parameters, _)| given.contains_key(parameters[0]));
     let Some((_, parameters, make)) = form.or(forms().next_back()) else {
         let detail = format!("is not a distribution. Accepted distributions: {NAMES}");
-        return Err(Faults::one(&format!("/distribution/{name}"), detail));
+        return Err(Faults::one(&format!("/{name}"), detail));
     };
     if let Some(other) = given.keys().find(|name| !parameters.contains(&name.as_str())) {
         let accepted = parameters.join(", ");

@@ -25,6 +25,16 @@ For an event it is the error of its moment, or what is known of it if only one r
 `fretwork verify --random 1000 > crates/verify/src/accuracy.md` prints these tables again.
 ";
 
+/// The heading and the text of the section about fits in `fits.md`. The tests of the crate `study` compute them.
+const FITS: &str = "\
+## Fits
+
+Random campaigns of 3 to 8 tests of a ball, computed with the tolerance 1e-4. The volumes have a noise of 5 %, which the even
+seeds state and the odd seeds let the fit estimate. Each fit estimates k_w and μ with intervals of 95 %. The last line has random
+fits of six kinds, in which one parameter has no effect, or only the product or the ratio of two has one.
+`FRETWORK_TEST_LONG=1 cargo test --release -p fretwork-study --test fit` computes these lines again.
+";
+
 /// Whom the program is compared with, and the sources of these checks.
 const GROUPS: [(&str, &[&str]); 8] = [
     ("runs and limiting states of two other discretisations", &["table"]),
@@ -260,7 +270,8 @@ impl fmt::Display for VerificationPage {
             writeln!(f, "| [{title}](#{link}) | {lines} | {what} | {share} |")?;
         }
         self.sections.iter().try_for_each(|section| section.fmt(f))?;
-        write!(f, "\n{RANDOM}\n{}", include_str!("accuracy.md"))
+        write!(f, "\n{RANDOM}\n{}", include_str!("accuracy.md"))?;
+        write!(f, "\n{FITS}\n{}", include_str!("fits.md"))
     }
 }
 

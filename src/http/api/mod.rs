@@ -10,6 +10,7 @@ pub mod jobs;
 pub mod library;
 pub mod links;
 pub mod me;
+pub mod measurements;
 pub mod parameters;
 pub mod results;
 pub mod scenarios;

@@ -334,7 +334,8 @@ table = Part::Table;
 /// A study has other figures. A sweep of a grid is a family of curves, or a heat map with contour lines if two numbers
 /// have more than 7 values each. Drawn values are a scatter plot with the median in bins, and with percentiles where several points share each value. A map has its
 /// regimes with the boundary of gross slip; with `output` it is a heat map. A study of sensitivity has bars of its
-/// indices with their intervals. Numbers that are not on an axis have the middle one of their values. Rows without the
+/// indices with their intervals. A fit has the measured numbers with bands, the residuals, wear volumes over energies, or
+/// the sum of squares over a parameter. Numbers that are not on an axis have the middle one of their values. Rows without the
 /// output are gaps.
 ///
 /// `title` and `desc` describe the figure in words; `metadata`

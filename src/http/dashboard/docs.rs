@@ -24,6 +24,7 @@ macro_rules! pages {
 const PAGES: &[(&str, &str)] = pages![
     "docs/README.md",
     "docs/accuracy.md",
+    "docs/calibration.md",
     "docs/operating.md",
     "docs/results.md",
     "docs/scale.md",

@@ -9,7 +9,8 @@ import { KINDS } from "./words.js";
 
 /** Number of rows that the page shows. Downloads have all. */
 const ROWS = 200;
-const FIGURE_NAMES = { curves: "Curves", heat: "Heat map", scatter: "Scatter plot", regimes: "Regimes", tornado: "Bars" };
+const FIGURE_NAMES = { curves: "Curves", heat: "Heat map", scatter: "Scatter plot", regimes: "Regimes", tornado: "Bars",
+  bands: "Measurements", residuals: "Residuals", energy: "Wear over energy", profile: "Sum of squares" };
 
 /** Shows a study that was loaded without its rows. */
 export async function showStudy(main, result, { job, link, query, signal }) {

@@ -68,6 +68,7 @@ kinds! {
     UNSUPPORTED_CODING = UNSUPPORTED_MEDIA_TYPE "unsupported-content-encoding";
     INVALID_REQUEST = UNPROCESSABLE_ENTITY "invalid-request";
     INVALID_PARAMETERS = UNPROCESSABLE_ENTITY "invalid-parameters";
+    UNREADABLE_FILE = UNPROCESSABLE_ENTITY "unreadable-file";
     TOO_EXPENSIVE = UNPROCESSABLE_ENTITY "too-expensive";
     KEY_REUSED = UNPROCESSABLE_ENTITY "idempotency-key-reused";
     RATE_LIMITED = TOO_MANY_REQUESTS "rate-limited";

@@ -39,12 +39,23 @@ impl Worker {
     fn compute_chunk(&self, claimed: &Claimed, number: u32, of: u32) -> Result<Made, NotMade> {
         let study = self.study(claimed)?;
         let watch = Stopwatch::start();
-        let mut points = Points::chunk(study, number as usize, of as usize);
+        let mut earlier = Rows::default();
+        for number in 0..study.earlier_chunks(number as usize, of as usize) as u32 {
+            earlier.append(&self.stored_rows(claimed, number)?);
+        }
+        let mut points = Points::chunk(study, number as usize, of as usize, earlier);
         let rows = self.drive(claimed, self.limits.study, || match points.step() {
             Some(rows) => Step::Done(rows),
             None => Step::Working { progress: points.progress() },
         })?;
         Ok(Made::Rows(rows.to_bytes(), watch.cost()))
+    }
+
+    /// The rows of a finished chunk.
+    fn stored_rows(&self, claimed: &Claimed, number: u32) -> Result<Rows, NotMade> {
+        let bytes = self.read(claimed, async || self.store.chunk(claimed, number).await)?;
+        let form = || unreadable(format!("chunk {number} has the form of another version"));
+        Rows::from_bytes(&bytes).ok_or_else(form)
     }
 
     /// Makes the result of a study from its chunks.
@@ -54,9 +65,7 @@ impl Worker {
         let watch = Stopwatch::start();
         let (mut all, mut number) = (Rows::default(), 0);
         let rows = self.drive(claimed, None, || {
-            let bytes = self.read(claimed, async || self.store.chunk(claimed, number).await);
-            let form = || unreadable(format!("chunk {number} has the form of another version"));
-            match bytes.and_then(|bytes| Rows::from_bytes(&bytes).ok_or_else(form)) {
+            match self.stored_rows(claimed, number) {
                 Ok(rows) => all.append(&rows),
                 Err(why) => return Step::Done(Err(why)),
             }

@@ -10,8 +10,11 @@
 //! assert!(parse("10 GPa", Dimension::Length).unwrap_err().contains("stress"));
 //! ```
 
+use serde::Serialize;
+
 /// A physical dimension with its table of units.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Dimension {
     /// Metres.
     Length,
@@ -80,7 +83,8 @@ impl Dimension {
     ];
 
     /// The name in error texts.
-    pub(crate) fn name(self) -> &'static str {
+    #[must_use]
+    pub fn name(self) -> &'static str {
         match self {
             Length => "a length",
             Force => "a force",

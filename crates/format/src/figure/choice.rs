@@ -31,6 +31,8 @@ pub enum Choice {
     Regimes,
     /// Bars of all members.
     Tornado { output: usize },
+    /// A figure of a fit.
+    Fit { kind: StudyFigure, output: usize, over: usize },
 }
 
 impl Offer {
@@ -89,6 +91,7 @@ impl Offer {
             (StudyFigure::Scatter, _) => Choice::Scatter { output, over },
             (StudyFigure::Regimes, _) => Choice::Regimes,
             (StudyFigure::Tornado, _) => Choice::Tornado { output },
+            (kind, _) => Choice::Fit { kind, output, over },
         })
     }
 

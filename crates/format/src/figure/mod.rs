@@ -6,12 +6,14 @@
 //! | sweep of a grid or of lists | families of curves, heat maps ([`grid`]) |
 //! | sweep with drawn values | scatter plots ([`scatter`]) |
 //! | map | regimes, heat maps, families of curves ([`grid`]) |
+//! | fit | measured numbers with bands, residuals, profiles of the sum of squares ([`fit`]) |
 //! | sensitivity | bars of the indices ([`tornado`]), scatter plots |
 //!
 //! All figures can be read in greyscale and by colour-blind readers.
 
 mod axes;
 mod choice;
+mod fit;
 mod grid;
 mod run;
 mod scatter;

@@ -7,20 +7,23 @@ use super::axes;
 use super::choice::{Choice, Offer};
 use super::grid::{self, Axes, Surface};
 use super::words::{capital, member, output};
-use super::{scatter, tornado};
+use super::{fit, scatter, tornado};
 use crate::document::Document;
 use crate::error::{Error, Result};
 use crate::kind::Part;
 use crate::table::{Table, Values};
 use crate::view::View;
 use fretwork_plot::{Axis, Figure};
-use fretwork_study::{Hints, Kind, Regions};
+use fretwork_study::{Hints, Kind, Regions, StudyFigure};
 
 /// Draws the requested figure of a study as an SVG document.
 pub fn svg(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<String> {
     let asked = document.value(kind.name)?;
     let rows = document.rows(kind)?;
-    let offer = offer(kind.hints(&asked), &rows);
+    let mut offer = offer(kind.hints(&asked), &rows);
+    if offer.hints.figures.contains(&StudyFigure::Bands) {
+        offer.outputs = fit::outputs(document)?;
+    }
     let least = if offer.hints.regions.is_some() { 2 } else { 1 };
     if offer.members.len() < least || offer.outputs.is_empty() {
         return Err(serde_json::Error::custom(
@@ -36,6 +39,12 @@ pub fn svg(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<
         Choice::Curves { output, over, by } => study.curves(output, over, by),
         Choice::Heat { output, over, by } => study.heat(output, over, by),
         Choice::Regimes => study.regimes(),
+        Choice::Fit { kind: StudyFigure::Profile, over, .. } => {
+            study.finished(fit::profile(document, study.member(over))?, "", "")
+        }
+        Choice::Fit { kind, output, .. } => {
+            study.finished(fit::measured(document, kind, &study.offer.outputs[output])?, "", "")
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 use super::follow::follow;
 use super::lease;
 use super::transaction::Transaction;
-use crate::claimed::{Claim, Claimed, FinishedChunk, Study, is_step};
+use crate::claimed::{Claim, Claimed, FinishedChunk, Stages, Study, is_step};
 use crate::error::Result;
 use crate::row::{Columns, RunId, read};
 use crate::signals::Effect;
@@ -16,10 +16,12 @@ use crate::tables::{Connected, Tables};
 /// Locks a study until the end of the transaction. Returns `None` if the run is no study.
 pub(super) async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Study>> {
     let query = sql!(
-        "SELECT chunks, next, queued, running FROM study WHERE run = $1 FOR NO KEY UPDATE"; run
+        "SELECT chunks, next, queued, running, stages FROM study WHERE run = $1 FOR NO KEY UPDATE";
+        run
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(None) };
-    Ok(Some(read!(row => Study { chunks, next, queued, running })))
+    let stages = Stages::read(row.get("stages")?);
+    Ok(Some(read!(row => Study { chunks, next, queued, running; stages })))
 }
 
 /// Stores the numbers of pieces of a locked study. The jobs of a study are in the queue while a worker can claim a
@@ -62,7 +64,7 @@ pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option
     let Some(row) = tx.db.row(query).await? else { return Ok(None) };
     let mut after = before;
     let number = match row.get("waiting")? {
-        Some(waiting) if before.next >= before.chunks => {
+        Some(waiting) if before.next >= before.chunks || !before.is_next_ready() => {
             after.queued -= 1;
             waiting
         }
@@ -122,7 +124,7 @@ pub(crate) async fn finish_chunk(
     store(tx, run, (before, after)).await?;
     lease::end(tx, claim.part).await?;
     tx.effects.push(Effect::LetGo(claim.part));
-    if after.done() == after.chunks {
+    if after.is_ready() && !before.is_ready() {
         tx.effects.push(Effect::Queued);
     }
     if is_step(after.done(), after.chunks) {

@@ -115,7 +115,10 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found> {
         return Ok(Ok(None));
     }
     if let Some(chunks) = new.job.chunks {
-        let query = sql!("INSERT INTO study (run, chunks) VALUES ($1, $2)"; run, chunks.get());
+        let query = sql!(
+            "INSERT INTO study (run, chunks, stages) VALUES ($1, $2, $3)";
+            run, chunks.get(), &*new.job.stages
+        );
         tx.db.execute(query).await?;
     }
     let (state, origin) = (JobState::Queued, Origin::Computed);

@@ -11,20 +11,23 @@ use crate::signals::Effect;
 use crate::statement::sql;
 use crate::tables::{Connected, Tables};
 
-/// Claims a piece of a study: a new chunk; if there is none, a chunk that was released or lost; if there is none, the
+/// Claims a piece of a study: a new chunk of this stage; if there is none, a chunk that was released or lost; if there is none, the
 /// assembly. So a chunk that may have caused a crash is computed last.
 pub(super) async fn claim(run: RunId, tx: &mut Transaction) -> Result<Claimed> {
     // If no piece can be claimed, the number is null. Then the constraint of the table makes this an error.
     let query = sql!(
         "INSERT INTO chunk (run, number, state, attempt)
-         SELECT $1, CASE WHEN next < chunks THEN next ELSE coalesce(
+         SELECT $1, CASE WHEN next < chunks AND NOT (
+                 ',' || stages || ',' LIKE '%,' || next || ',%'
+                 AND EXISTS (SELECT 1 FROM chunk WHERE run = $1 AND state <> 'done')
+             ) THEN next ELSE coalesce(
                  (SELECT number FROM chunk
                   WHERE run = $1 AND state = 'queued' AND state <> 'done'
                   ORDER BY lost, number LIMIT 1),
                  (SELECT chunks WHERE next = chunks AND NOT EXISTS (
                       SELECT 1 FROM chunk WHERE run = $1 AND state <> 'done'))
              ) END, 'running', 1
-         FROM (SELECT chunks, coalesce((SELECT max(number) + 1 FROM chunk WHERE run = $1), 0) AS next
+         FROM (SELECT chunks, stages, coalesce((SELECT max(number) + 1 FROM chunk WHERE run = $1), 0) AS next
                FROM study WHERE run = $1)
          WHERE TRUE
          ON CONFLICT (run, number) DO UPDATE SET state = 'running', attempt = attempt + 1
@@ -75,9 +78,9 @@ pub(crate) async fn finish_chunk(
     let Some(row) = tx.db.row(update).await? else { return Ok(false) };
     let (chunks, done) = (row.get("chunks")?, row.get("done")?);
     tx.db.execute(sql!("UPDATE run SET lost = 0 WHERE id = $1 AND lost > 0"; run)).await?;
-    tx.queue.done(run, number);
+    let more_is_ready = tx.queue.done(run, number);
     tx.effects.push(Effect::LetGo((run, Some(number))));
-    if done == chunks {
+    if more_is_ready {
         tx.effects.push(Effect::Queued);
     }
     if is_step(done, chunks) {

@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use sqlx::SqliteConnection;
 
-use crate::claimed::Study;
+use crate::claimed::{Stages, Study};
 use crate::error::Result;
 use crate::row::{Columns as _, Part, RunId, read};
 use crate::statement::sql;
@@ -59,11 +59,13 @@ impl Queue {
                  (SELECT count(*) FROM chunk
                   WHERE chunk.run = study.run AND state = 'queued' AND state <> 'done') AS queued,
                  (SELECT count(*) FROM chunk
-                  WHERE chunk.run = study.run AND state = 'running' AND state <> 'done') AS running
+                  WHERE chunk.run = study.run AND state = 'running' AND state <> 'done') AS running,
+                 stages
              FROM study WHERE run IN (SELECT id FROM run WHERE finished IS NULL)"
         ));
         for row in studies.await? {
-            let study = read!(row => Study { chunks, next, queued, running });
+            let stages = Stages::read(row.get("stages")?);
+            let study = read!(row => Study { chunks, next, queued, running; stages });
             queue.studies.insert(RunId(row.get("run")?), study);
         }
         // The index contains only unfinished runs. The table has many finished ones.
@@ -111,8 +113,8 @@ impl Queue {
     }
 
     /// Adds a new study. The caller adds its jobs afterwards.
-    pub(super) fn add_study(&mut self, run: RunId, chunks: u32) {
-        self.studies.insert(run, Study { chunks, next: 0, queued: 0, running: 0 });
+    pub(super) fn add_study(&mut self, run: RunId, chunks: u32, stages: Stages) {
+        self.studies.insert(run, Study { chunks, next: 0, queued: 0, running: 0, stages });
     }
 
     /// Adds a job that waits for a queued run or a study.
@@ -183,10 +185,13 @@ impl Queue {
         self.studies.get(&run).is_none_or(|study| study.next == 0)
     }
 
-    /// Ends a running chunk.
-    pub(super) fn done(&mut self, run: RunId, number: u32) {
+    /// Ends a running chunk. Returns whether workers can claim pieces that had to wait for it.
+    pub(super) fn done(&mut self, run: RunId, number: u32) -> bool {
+        let is_ready = |queue: &Self| queue.studies.get(&run).is_some_and(Study::is_ready);
+        let was_ready = is_ready(self);
         self.rest((run, Some(number)));
         self.change(run, |study| study.running -= 1);
+        is_ready(self) && !was_ready
     }
 
     /// Queues a running piece again.
@@ -308,7 +313,7 @@ mod tests {
         std::iter::from_fn(|| {
             let (run, number) = take(queue)?;
             match (number, queue.studies.get(&run)) {
-                (Some(number), Some(study)) if number < study.chunks => queue.done(run, number),
+                (Some(number), Some(study)) if number < study.chunks => _ = queue.done(run, number),
                 _ => queue.end(run),
             }
             Some(run.0)
@@ -391,7 +396,7 @@ mod tests {
     #[test]
     fn the_pieces_of_a_study_take_turns_with_the_runs_of_other_owners() {
         let mut queue = Queue::default();
-        queue.add_study(RunId(1), 3);
+        queue.add_study(RunId(1), 3, Stages::default());
         queue.add(RunId(1), "ada", 3, JobId::generate());
         for run in [2, 3] {
             queue.add(RunId(run), "bob", 3, JobId::generate());
@@ -404,7 +409,7 @@ mod tests {
     fn in_a_lane_a_run_comes_before_a_study_of_equal_priority() {
         let mut queue = Queue::default();
         for (study, priority) in [(1, 3), (2, 2)] {
-            queue.add_study(RunId(study), 1);
+            queue.add_study(RunId(study), 1, Stages::default());
             queue.add(RunId(study), "ada", priority, JobId::generate());
         }
         queue.add(RunId(3), "ada", 3, JobId::generate());
@@ -415,7 +420,7 @@ mod tests {
     fn a_study_is_in_the_queue_only_while_a_worker_can_claim_a_piece() {
         let mut queue = Queue::default();
         let (study, job) = (RunId(1), JobId::generate());
-        queue.add_study(study, 2);
+        queue.add_study(study, 2, Stages::default());
         queue.add(study, "ada", 3, job);
         assert_eq!((queue.len(), queue.jobs), (1, 1));
         for number in 0..2 {
@@ -444,7 +449,7 @@ mod tests {
     #[test]
     fn the_end_of_a_study_ends_all_its_pieces() {
         let mut queue = Queue::default();
-        queue.add_study(RunId(1), 9);
+        queue.add_study(RunId(1), 9, Stages::default());
         queue.add(RunId(1), "ada", 3, JobId::generate());
         queue.add(RunId(2), "bob", 3, JobId::generate());
         for _ in 0..3 {

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use super::keep::{Reason, keeping};
 use super::transaction::Transaction;
+use crate::claimed::Stages;
 use crate::error::Result;
 use crate::keep::Answered;
 use crate::read::read_job;
@@ -51,9 +52,12 @@ impl EncodedJob {
             && row.get::<Origin>("origin")? == Origin::Computed
         {
             let (run, chunks) = (RunId(row.get("run")?), chunks.get());
-            let insert = sql!("INSERT INTO study (run, chunks) VALUES ($1, $2)"; run, chunks);
+            let insert = sql!(
+                "INSERT INTO study (run, chunks, stages) VALUES ($1, $2, $3)";
+                run, chunks, &*self.job.stages
+            );
             tx.db.execute(insert).await?;
-            tx.queue.add_study(run, chunks);
+            tx.queue.add_study(run, chunks, Stages::read(&self.job.stages));
         }
         self.submitted(tx, row)
     }

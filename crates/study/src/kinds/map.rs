@@ -236,21 +236,26 @@ impl Plan for Map {
         vec![self.forces[number / count], self.amplitudes[number % count]]
     }
 
-    /// A point needs one run, or none if the map has no outputs.
-    fn next(&self, problem: &Problem, number: usize, tried: &[Tried]) -> Option<Vec<f64>> {
-        (tried.is_empty() && !problem.outputs.is_empty()).then(|| self.point(number))
-    }
-
-    /// The row of a point: first the columns of the unworn contact, then the outputs of its run.
-    fn row(&self, problem: &Problem, number: usize, tried: Vec<Tried>) -> Tried {
-        let run = tried.into_iter().next().map_or_else(|| problem.no_run(), |tried| tried.found);
+    /// The row of a point: first the columns of the unworn contact, then the outputs of its run. A map without outputs
+    /// needs no run.
+    fn row(
+        &self,
+        problem: &Problem,
+        number: usize,
+        _: &Rows,
+        tried: &[Tried],
+    ) -> Result<Tried, Vec<f64>> {
+        let run = match tried.last() {
+            None if !problem.outputs.is_empty() => return Err(self.point(number)),
+            run => run.map_or_else(|| problem.no_run(), |tried| tried.found.clone()),
+        };
         let (closed, refused) = match self.unworn(problem, number) {
             Ok(closed) => (closed.map(Some), None),
             Err(reason) => ([None; CLOSED.len()], Some(Lack::Refused(reason))),
         };
         let outputs = closed.into_iter().chain(run.outputs).collect();
         let found = Found { outputs, lack: run.lack.or(refused), profiles: Vec::new() };
-        Tried { values: self.point(number), found }
+        Ok(Tried { values: self.point(number), found })
     }
 
     fn seconds(&self, problem: &Problem, values: &[f64]) -> f64 {
@@ -276,9 +281,9 @@ impl Plan for Map {
         let columns = [forces, amplitudes].map(Cells::Numbers);
         let boundary = MEMBERS.map(str::to_owned).into_iter().zip(columns).collect();
         Some(Findings {
-            notes: None,
             tables: vec![("boundary", boundary)],
             beside: vec![(REGIME, regimes(rows))],
+            ..Findings::default()
         })
     }
 
@@ -331,7 +336,7 @@ mod tests {
         let rows = |chunks: usize| {
             let mut all = Rows::default();
             for number in 0..chunks {
-                let mut points = Points::chunk(Arc::clone(study), number, chunks);
+                let mut points = Points::chunk(Arc::clone(study), number, chunks, Rows::default());
                 all.append(&iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap());
             }
             all

@@ -1,5 +1,6 @@
 //! The kinds of studies. [`Kind::ALL`] is the only list of all kinds.
 
+mod fit;
 mod map;
 mod sensitivity;
 mod sweep;
@@ -8,7 +9,7 @@ use super::plan::Kind;
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [&'static Self; 3] = [&sweep::KIND, &sensitivity::KIND, &map::KIND];
+    pub const ALL: [&'static Self; 4] = [&sweep::KIND, &sensitivity::KIND, &map::KIND, &fit::KIND];
 
     /// The kind with this name.
     pub fn named(name: &str) -> Option<&'static Self> {
@@ -28,6 +29,7 @@ mod tests {
     use crate::member::Member;
     use crate::plan::{Hints, Plan, Read, Tried};
     use crate::problem::{Problem, outputs_of};
+    use crate::rows::Rows;
     use crate::{Kind, Points, Study, StudyFigure};
 
     #[test]
@@ -64,13 +66,20 @@ mod tests {
             vec![AMPLITUDES[number], 0.5]
         }
 
-        fn next(&self, _: &Problem, number: usize, tried: &[Tried]) -> Option<Vec<f64>> {
+        fn row(
+            &self,
+            _: &Problem,
+            number: usize,
+            _: &Rows,
+            tried: &[Tried],
+        ) -> Result<Tried, Vec<f64>> {
             let (mut low, mut high) = (0.0, 1.0);
             for Tried { values, found } in tried {
                 let slips = found.outputs[0] == Some(0.0);
                 *(if slips { &mut low } else { &mut high }) = values[1];
             }
-            (tried.len() < STEPS).then(|| vec![AMPLITUDES[number], 0.5 * (low + high)])
+            let last = tried.last().filter(|_| tried.len() == STEPS);
+            last.cloned().ok_or_else(|| vec![AMPLITUDES[number], 0.5 * (low + high)])
         }
     }
 

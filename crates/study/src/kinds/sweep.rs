@@ -210,7 +210,7 @@ mod tests {
     fn all_rows(study: &Arc<Study>, chunks: usize) -> Rows {
         let mut all = Rows::default();
         for number in 0..chunks {
-            let mut points = Points::chunk(Arc::clone(study), number, chunks);
+            let mut points = Points::chunk(Arc::clone(study), number, chunks, Rows::default());
             let rows = std::iter::repeat_with(|| points.step()).find_map(|rows| rows);
             all.append(&rows.expect("the iterator has no end"));
         }

@@ -5,7 +5,11 @@ mod bootstrap;
 pub mod derivative;
 pub mod design;
 pub mod distribution;
+pub mod fisher;
 pub mod indices;
+pub mod least_squares;
+pub mod measured;
 pub mod morris;
+pub mod origin;
 
 pub use bootstrap::{Bootstrap, Estimate, MAX_BLOCKS};

@@ -41,7 +41,7 @@ impl Table {
         let texts = texts.into_iter().map(|(name, cells)| (name, Cells::Texts(cells)));
         let columns = self.columns.into_iter().map(|(name, cells)| (name, Cells::Numbers(cells)));
         let table = texts.chain(columns).map(|(name, cells)| (name.to_owned(), cells)).collect();
-        Findings { notes: Some(self.notes), tables: vec![("table", table)], beside: Vec::new() }
+        Findings { notes: Some(self.notes), tables: vec![("table", table)], ..Findings::default() }
     }
 
     fn row(&mut self, output: Named<'_>, member: &str, numbers: &[f64]) {

@@ -1,0 +1,298 @@
+//! Traces with known tilt, offset, noise and radius, and with the scar of an engine's run.
+
+#![expect(clippy::disallowed_methods, clippy::unwrap_used, reason = "a failed test may panic")]
+
+use fretwork_engine::scenario;
+use fretwork_engine::simulation::Simulation;
+use fretwork_measured::{Measured, Prepare, Wanted, read};
+use fretwork_random::Stream;
+use serde_json::{Value, json};
+
+const TRACE: Wanted<'_> =
+    Wanted { x: None, y: None, prepare: Prepare::Trace, level: true, centre: true };
+const RADIUS: f64 = 10e-3;
+
+/// Wear depth over radius of a steel ball, as a run computes it.
+struct Scar(Vec<f64>, Vec<f64>);
+
+impl Scar {
+    fn of_the_engine() -> Self {
+        let body = json!({"youngs_modulus": "205 GPa", "poisson_ratio": 0.3});
+        let request = json!({
+            "profile": {"shape": "paraboloid", "radius": RADIUS}, "bodies": [body, body], "friction": 0.7,
+            "wear": {"coefficient": "3e-5 mm^3/(N m)"}, "load": {"normal_force": "20 N"},
+            "motion": {"amplitude": "50 um"}, "cycles": [20_000],
+        });
+        let (scenario, _) = scenario::check(&request, "").unwrap();
+        let outcome = serde_json::to_value(Simulation::of(&scenario).unwrap().run()).unwrap();
+        let last = |name: &str| -> Vec<f64> {
+            let lists = outcome["profiles"][name].as_array().unwrap();
+            let list = if lists[0].is_array() {
+                lists.last().unwrap()
+            } else {
+                &outcome["profiles"][name]
+            };
+            serde_json::from_value(list.clone()).unwrap()
+        };
+        Self(last("radius"), last("wear"))
+    }
+
+    fn at(&self, r: f64) -> f64 {
+        let Self(radius, wear) = self;
+        let after = radius.partition_point(|known| *known <= r);
+        if after == radius.len() {
+            return 0.0;
+        }
+        let share = (r - radius[after - 1]) / (radius[after] - radius[after - 1]);
+        wear[after - 1] + share * (wear[after] - wear[after - 1])
+    }
+
+    fn deepest(&self) -> f64 {
+        self.1.iter().copied().fold(0.0, f64::max)
+    }
+
+    fn end(&self) -> f64 {
+        let last = self.1.iter().rposition(|wear| *wear > 0.01 * self.deepest()).unwrap();
+        self.0[last]
+    }
+}
+
+/// A measured trace.
+#[derive(Clone, Copy)]
+struct Trace {
+    /// The radius of the surface; 0 for a plane.
+    radius: f64,
+    axis: f64,
+    tilt: f64,
+    noise: f64,
+    points: usize,
+    /// Ends of x.
+    from: f64,
+    to: f64,
+    seed: u64,
+}
+
+/// A normal random number, from twelve uniform ones.
+fn normal(stream: Stream, place: u64) -> f64 {
+    let uniform = |at| stream.at(12 * place + at) as f64 / 2f64.powi(64);
+    (0..12).map(uniform).sum::<f64>() - 6.0
+}
+
+impl Trace {
+    fn file(&self, scar: &Scar) -> String {
+        let row = |place: usize| {
+            let x = self.from + (self.to - self.from) * place as f64 / (self.points - 1) as f64;
+            let r = (x - self.axis).abs();
+            let round = if self.radius > 0.0 {
+                self.radius - (self.radius * self.radius - r * r).sqrt()
+            } else {
+                0.0
+            };
+            let noise = self.noise * normal(Stream::new(self.seed), place as u64);
+            let z = 12e-6 - round - scar.at(r) + noise;
+            // The specimen is turned by the tilt around x = 0.
+            let (sine, cosine) = (self.tilt, (1.0 - self.tilt * self.tilt).sqrt());
+            let (x, z) = (cosine * x - sine * z, sine * x + cosine * z);
+            format!("{:.5};{:.5}\n", x * 1e6, z * 1e6).replace('.', ",")
+        };
+        "x [µm];z [µm]\n".to_owned() + &(0..self.points).map(row).collect::<String>()
+    }
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    serde_json::from_value(value.clone()).unwrap()
+}
+
+/// Root mean square and largest error of the depths.
+fn errors(measured: &Measured, scar: &Scar) -> (f64, f64) {
+    let data = &measured.prepared["data"];
+    let pairs = numbers(&data["radius"]).into_iter().zip(numbers(&data["depth"]));
+    let errors: Vec<f64> = pairs.map(|(r, depth)| depth - scar.at(r)).collect();
+    let square = errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64;
+    (square.sqrt(), errors.iter().fold(0.0, |most, error| error.abs().max(most)))
+}
+
+/// The largest errors of traces with these numbers: radius (relative), axis, tilt, depths (root mean square), depth, and
+/// radius of the scar.
+fn accuracy(scar: &Scar, trace: Trace) -> [f64; 6] {
+    let mut most = [0.0_f64; 6];
+    for seed in 0..20 {
+        let measured = read(Trace { seed, ..trace }.file(scar).as_bytes(), &TRACE).unwrap();
+        let found = &measured.prepared["trace"];
+        let number = |name: &str| found[name].as_f64().unwrap();
+        let (rms, largest) = errors(&measured, scar);
+        let radius = if trace.radius > 0.0 { number("radius") / trace.radius - 1.0 } else { 0.0 };
+        assert_eq!(found["radius"].is_null(), trace.radius == 0.0);
+        let ends = numbers(&found["scar"]);
+        let edge = 0.5 * (ends[1] - ends[0]) - scar.end();
+        // The axis is turned with the specimen.
+        let axis = number("centre") - trace.axis;
+        let all = [radius, axis, number("tilt") - trace.tilt, rms, largest, edge];
+        for (most, own) in most.iter_mut().zip(all) {
+            *most = most.max(own.abs());
+        }
+    }
+    most
+}
+
+const BALL: Trace = Trace {
+    radius: RADIUS,
+    axis: 37e-6,
+    tilt: 0.004,
+    noise: 20e-9,
+    points: 1000,
+    from: -900e-6,
+    to: 1000e-6,
+    seed: 1,
+};
+
+#[test]
+fn a_trace_gives_back_what_it_was_made_of() {
+    let scar = Scar::of_the_engine();
+    println!("scar {:.3e} m deep, radius {:.3e} m", scar.deepest(), scar.end());
+    // Accepted errors of the radius (relative), the axis, the tilt, the depths (root mean square and largest), the end of
+    // the scar.
+    for (trace, accepted) in [
+        (Trace { noise: 0.0, ..BALL }, [1e-7, 1e-7, 2e-6, 2e-9, 1e-8, 1e-7]),
+        (BALL, [3e-4, 2e-7, 2e-5, 1e-8, 4e-8, 2e-6]),
+        (Trace { noise: 100e-9, ..BALL }, [1.5e-3, 1e-6, 1e-4, 5e-8, 2e-7, 1e-5]),
+        (Trace { noise: 500e-9, ..BALL }, [6e-3, 1e-5, 1e-3, 3e-7, 1e-6, 6e-5]),
+        (Trace { radius: 0.0, ..BALL }, [0.0, 2e-7, 1e-5, 1e-8, 4e-8, 2e-6]),
+        (Trace { radius: 3e-3, ..BALL }, [3e-4, 2e-7, 1e-4, 2e-8, 4e-8, 2e-6]),
+        (Trace { radius: 3e-3, tilt: 0.03, ..BALL }, [3e-4, 3e-7, 2e-4, 2e-8, 4e-8, 2e-6]),
+        (Trace { points: 100, ..BALL }, [1e-3, 1e-6, 1e-4, 5e-8, 2e-7, 2e-5]),
+        (Trace { points: 60_000, ..BALL }, [4e-5, 1e-7, 1e-5, 3e-9, 2e-8, 2e-6]),
+    ] {
+        let most = accuracy(&scar, trace);
+        println!(
+            "{:e} m, {:e} m, {}, {} points: {most:?}",
+            trace.radius, trace.noise, trace.tilt, trace.points
+        );
+        assert!(most.iter().zip(accepted).all(|(most, accepted)| *most <= accepted), "{most:?}");
+    }
+}
+
+fn prepared(text: &str, wanted: &Wanted<'_>) -> Measured {
+    read(text.as_bytes(), wanted).unwrap()
+}
+
+#[test]
+fn spikes_hardly_change_a_profile() {
+    let scar = Scar::of_the_engine();
+    let spiked = |(at, line): (usize, &str)| match (line.split_once(';'), at) {
+        (Some((x, z)), 100 | 400 | 903) => {
+            let z: f64 = z.replace(',', ".").parse().unwrap();
+            format!("{x};{}\n", (z + 5.0).to_string().replace('.', ","))
+        }
+        _ => format!("{line}\n"),
+    };
+    let text: String = BALL.file(&scar).lines().enumerate().map(spiked).collect();
+    let (rms, _) = errors(&prepared(&text, &TRACE), &scar);
+    assert!(rms < 1e-7, "{rms}");
+}
+
+#[test]
+fn level_and_centre_can_be_switched_off() {
+    let scar = Scar::of_the_engine();
+    let text = BALL.file(&scar);
+    let heights = |measured: &Measured| numbers(&measured.prepared["indenter"]["height"]);
+    let all = prepared(&text, &TRACE);
+    let tilted = prepared(&text, &Wanted { level: false, ..TRACE });
+    assert_eq!(all.prepared["data"], tilted.prepared["data"], "a tilt is no wear");
+    assert!(heights(&all) != heights(&tilted));
+    let shifted = prepared(&text, &Wanted { centre: false, ..TRACE });
+    assert_eq!(shifted.prepared["trace"]["centre"], 0.0);
+    let difference =
+        |measured: &Measured| measured.prepared["trace"]["difference"].as_f64().unwrap();
+    assert!(difference(&shifted) > 10.0 * difference(&all));
+    assert!(
+        tilted.notes.iter().any(|note| note.contains("stays in the heights")),
+        "{:?}",
+        tilted.notes
+    );
+}
+
+#[test]
+fn half_of_a_trace_and_a_reversed_one_give_the_same_profile() {
+    let scar = Scar::of_the_engine();
+    let half = Trace { axis: 0.0, tilt: 0.0, from: 0.0, points: 500, ..BALL }.file(&scar);
+    let measured = prepared(&half, &Wanted { prepare: Prepare::Half, ..TRACE });
+    assert!(errors(&measured, &scar).1 < 4e-8);
+    assert!(
+        measured.notes.iter().any(|note| note.contains("was mirrored")),
+        "{:?}",
+        measured.notes
+    );
+    let text = BALL.file(&scar);
+    let mut lines: Vec<&str> = text.lines().collect();
+    lines[1..].reverse();
+    let reversed = prepared(&lines.join("\n"), &TRACE);
+    assert_eq!(reversed.prepared, prepared(&text, &TRACE).prepared);
+}
+
+#[test]
+fn the_indenter_of_an_unworn_trace_makes_a_contact() {
+    let unworn = Scar(vec![0.0, 1.0], vec![0.0, 0.0]);
+    let measured = prepared(&BALL.file(&unworn), &TRACE);
+    assert!(measured.notes.iter().any(|note| note == "No scar was found."), "{:?}", measured.notes);
+    let request = json!({
+        "profile": measured.prepared["indenter"], "moduli": {"normal": "113 GPa", "tangential": "93 GPa"},
+        "friction": 0.7, "wear": {"coefficient": 1e-14}, "load": {"normal_force": "20 N"},
+        "motion": {"amplitude": "1 um"}, "cycles": [1000],
+    });
+    let (scenario, _) = scenario::check(&request, "").unwrap();
+    // a³ = 3FR/(4E*)
+    let hertz = libm::cbrt(0.75 * 20.0 * RADIUS / 113e9);
+    let found = scenario.preview().unwrap().scales.contact_radius;
+    assert!((found / hertz - 1.0).abs() < 0.01, "{found} {hertz}");
+}
+
+#[test]
+fn what_is_no_trace_is_refused() {
+    let scar = Scar::of_the_engine();
+    let refused = |text: &str, wanted: &Wanted<'_>| {
+        read(text.as_bytes(), wanted).unwrap_err().0[0].detail.clone()
+    };
+    let narrow = Trace { from: -400e-6, to: 500e-6, ..BALL }.file(&scar);
+    assert!(refused(&narrow, &TRACE).contains("Measure farther"));
+    let one = Trace { from: 37e-6, ..BALL }.file(&scar);
+    assert!(refused(&one, &TRACE).contains("write prepare=half"));
+    let circle = |place: usize| {
+        let angle = std::f64::consts::TAU * place as f64 / 400.0;
+        format!("{},{}\n", 5.0 * libm::cos(angle), 20.0 * libm::sin(angle))
+    };
+    let ring = |names: &str| names.to_owned() + "\n" + &(0..400).map(circle).collect::<String>();
+    assert!(refused(&ring("x [um],z [um]"), &TRACE).contains("is no trace: x turns back"));
+    let cycle = Wanted { prepare: Prepare::Loop, ..TRACE };
+    let energy =
+        prepared(&ring("delta [um],Q [N]"), &cycle).prepared["energy_per_cycle"].as_f64().unwrap();
+    assert!((energy / (std::f64::consts::PI * 5e-6 * 20.0) - 1.0).abs() < 1e-4, "{energy}");
+    let line = "x [um],Q [N]\n".to_owned()
+        + &(0..40).fold(String::new(), |text, x| format!("{text}{x},1\n"));
+    assert!(refused(&line, &cycle).contains("is no loop"));
+}
+
+/// Traces of random shape and extreme numbers neither panic nor take long.
+#[test]
+fn random_traces_are_prepared_or_refused() {
+    let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
+    let stream = Stream::new(39);
+    let mut good = 0;
+    for case in 0..if is_long { 50_000 } else { 500 } {
+        let own = stream.child(case);
+        let count = 30 + own.below(0, 200);
+        let scale = 10f64.powi(own.below(1, 40) as i32 - 20);
+        let mut x = 0.0;
+        let row = |place: u64| {
+            x += 1.0 + own.below(3 * place + 5, 3) as f64;
+            let step = [0.0, -scale, scale * x, normal(own, place)][own.below(2, 4) as usize];
+            let z = step * f64::from(u8::from(own.below(3 * place + 6, 10) < own.below(3, 10)));
+            format!("{x};{z:e}\n")
+        };
+        let text = "x [um];z [m]\n".to_owned() + &(0..count).map(row).collect::<String>();
+        for prepare in [Prepare::Trace, Prepare::Half, Prepare::Loop] {
+            good += usize::from(read(text.as_bytes(), &Wanted { prepare, ..TRACE }).is_ok());
+        }
+    }
+    assert!(good > 100, "{good}");
+}

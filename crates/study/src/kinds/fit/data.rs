@@ -1,0 +1,483 @@
+//! Reads the parameters and the tests of a fit.
+
+use std::collections::BTreeMap;
+
+use deserr::Deserr;
+use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::outcome::{self, History};
+use fretwork_engine::request::fault::{Faults, unknown};
+use fretwork_engine::request::fields::{Given, List};
+use fretwork_engine::request::quantity::Dimension;
+use serde_json::{Map, Value, json};
+
+use super::model::{Parameter, Quantity, Set};
+use super::search::{Fit, tasks};
+use crate::member::Member;
+use crate::stats::design::Spacing;
+use crate::stats::measured::{Measured, Point};
+use crate::vary::{Values, Varied, distribution_of};
+use fretwork_json::{Whole, typed};
+
+/// Maximum number of measured numbers.
+const MAX_NUMBERS: usize = 2000;
+/// Maximum number of cycles, a tenth of that of a run.
+const MAX_X: f64 = 1e14;
+/// Maximum bytes of the name of a test.
+const MAX_NAME: usize = 80;
+/// A set has a grid for bands if it has at most this many numbers; the numbers of points of a grid, and of all grids.
+const DENSE: usize = 100;
+const GRID: usize = 25;
+const GRIDS: usize = 1000;
+/// The output that is the wear volume times `density`.
+const MASS_LOSS: &str = "mass_loss";
+/// The columns that a run states about itself, which cannot be measured.
+const STATED: [&str; 3] = ["normalized_cycles", "wear_volume_error", "wear_depth_error"];
+/// The members that say how large the noise of a set is.
+const NOISE: [&str; 3] = ["sigma", "relative", "noise"];
+/// The default tolerance of runs, and the smallest one that a fit chooses because the noise is small. The error of a run
+/// is about half of its tolerance, and should be at most a quarter of the noise.
+const TOLERANCES: (f64, f64) = (3e-3, 1e-4);
+const OF_NOISE: f64 = 0.5;
+/// Noise of a set whose noise is estimated before its first estimate, relative to its largest number.
+const FIRST_NOISE: f64 = 0.1;
+
+/// A test as a client writes it.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+pub struct GivenTest {
+    #[deserr(default)]
+    name: Given<String>,
+    #[deserr(default)]
+    specimen: Given<String>,
+    #[deserr(default)]
+    changes: Given<BTreeMap<String, Value>>,
+    data: List<Value, 1, MAX_NUMBERS>,
+}
+
+/// Measured numbers of a column of the history.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Scalars {
+    output: String,
+    #[deserr(default)]
+    over: Given<Over>,
+    x: Vec<Value>,
+    y: Vec<Value>,
+    #[deserr(default)]
+    density: Given<f64>,
+}
+
+#[derive(Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum Over {
+    Cycles,
+    #[deserr(rename = "dissipated_energy")]
+    Energy,
+}
+
+/// A measured profile.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Trace {
+    profile: Field,
+    at: f64,
+    #[deserr(default)]
+    body: Given<Whole<1, 2>>,
+    radius: Vec<Value>,
+    depth: Vec<Value>,
+}
+
+#[derive(Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum Field {
+    Wear,
+}
+
+/// The noise of a set.
+#[derive(Deserr)]
+#[deserr(error = Faults)]
+struct Noise {
+    #[deserr(default)]
+    sigma: Given<Value>,
+    #[deserr(default)]
+    relative: Given<f64>,
+    #[deserr(default, rename = "noise")]
+    estimate: Given<Estimate>,
+}
+
+#[derive(Deserr)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum Estimate {
+    Estimate,
+}
+
+/// A test: its scenario, and its specimen.
+struct Test {
+    name: String,
+    specimen: Option<String>,
+    scenario: Value,
+}
+
+/// Reads a quantity with this SI unit. Null is not measured.
+fn number(value: &Value, unit: &str) -> Result<Option<f64>, String> {
+    let dimension = Dimension::ALL.into_iter().find(|it| it.si() == unit);
+    let dimension = dimension.unwrap_or(Dimension::Number);
+    let member = Member { pointer: String::new(), dimension, value: 0.0 };
+    if value.is_null() { Ok(None) } else { Ok(Some(twelve_digits(member.read(value)?))) }
+}
+
+/// Reads a set of measured numbers.
+fn set(test: usize, given: &Value) -> Result<Set, Faults> {
+    let members = given.as_object().cloned().unwrap_or_default().into_iter();
+    let (noise, own): (Map<_, _>, Map<_, _>) =
+        members.partition(|(name, _)| NOISE.contains(&name.as_str()));
+    let (output, unit, over, quantity, x, y) = if own.contains_key("profile") {
+        let Trace { profile: Field::Wear, at, body, radius, depth } = typed(own.into())?;
+        let body = body.0.map(|body| body.0 as usize - 1);
+        let quantity = Quantity::Profile { at: twelve_digits(at), body };
+        ("profile.wear".to_owned(), "m", "radius", quantity, radius, depth)
+    } else {
+        let Scalars { output, over, x, y, density } = typed(own.into())?;
+        let (column, is_mass) = (column_of(&output)?, output == MASS_LOSS);
+        if is_mass != density.0.is_some() || density.0.is_some_and(|density| density <= 0.0) {
+            let detail = "belongs to `mass_loss`, which needs it: a number in kg/m³ greater than 0";
+            return Err(Faults::one("/density", detail));
+        }
+        let unit = outcome::Quantity::named(column).map_or("1", |quantity| quantity.unit);
+        let quantity = Quantity::Column { column, factor: density.0.unwrap_or(1.0) };
+        let over = match over.0 {
+            Some(Over::Energy) => "dissipated_energy",
+            Some(Over::Cycles) | None => "cycles",
+        };
+        (output, if is_mass { "kg" } else { unit }, over, quantity, x, y)
+    };
+    let set = Set::new(test, output, unit, over, quantity);
+    with_numbers(set, &x, &y, typed(noise.into())?)
+}
+
+/// Reads and checks the numbers of a set.
+fn with_numbers(
+    mut set: Set,
+    x: &[Value],
+    y: &[Value],
+    Noise { sigma, relative, estimate }: Noise,
+) -> Result<Set, Faults> {
+    let (of_x, of_y, x_unit) = match set.over {
+        "radius" => ("radius", "depth", "m"),
+        "dissipated_energy" => ("x", "y", "J"),
+        _ => ("x", "y", "1"),
+    };
+    let wrong = |name: &str, detail: &str| Err(Faults::one(&format!("/{name}"), detail));
+    let (count, is_stated) = (y.len(), sigma.0.is_some() || relative.0.is_some());
+    let share = relative.0.unwrap_or(0.0);
+    let sigma = match sigma.0 {
+        Some(Value::Array(list)) => list,
+        one => vec![one.unwrap_or(json!(0)); count],
+    };
+    set.is_estimated = estimate.0.is_some();
+    if x.len() != count || sigma.len() != count || count == 0 {
+        let places = x.len();
+        return wrong(
+            of_y,
+            &format!(
+                "has {count} numbers for {places} places. Enter as many, and at least one; `sigma` is one number, or as many"
+            ),
+        );
+    }
+    let are_equal = |list: &[Value]| list.iter().all(|it| *it == list[0] && !it.is_null());
+    if count > 1 && are_equal(x) && are_equal(y) {
+        return wrong(of_y, &format!("has the same point {count} times. Enter it once"));
+    }
+    if !is_stated && !set.is_estimated {
+        return wrong("sigma", "is missing. Enter `sigma`, `relative`, or \"noise\": \"estimate\"");
+    }
+    let mut faults = Faults::default();
+    for place in 0..count {
+        let mut read = |name: &str, value: &Value, unit: &str| {
+            faults.keep(&format!("/{name}/{place}"), number(value, unit))
+        };
+        let numbers = (
+            read(of_x, &x[place], x_unit),
+            read(of_y, &y[place], set.unit),
+            read("sigma", &sigma[place], set.unit),
+        );
+        let (Some(x), Some(y), Some(sigma)) = numbers else { continue };
+        let noise = libm::hypot(sigma.unwrap_or(f64::NAN), share * y.unwrap_or(1.0));
+        let is_profile = set.over == "radius";
+        let fault = match (x, y) {
+            (None, _) => Some((of_x, "must be a number")),
+            (Some(x), _) if x < 0.0 || x == 0.0 && !is_profile || x > MAX_X => {
+                Some((of_x, "must be greater than 0 and at most 1e14. A radius can be 0"))
+            }
+            (_, Some(y)) if y < 0.0 && !is_profile => Some((
+                of_y,
+                "is negative, but this quantity cannot be. Enter null if it is not known",
+            )),
+            _ if is_stated && !(noise > 0.0 && sigma >= Some(0.0) && share >= 0.0) => Some((
+                of_y,
+                "has no noise. Enter a `sigma` or a `relative` greater than 0; `relative` gives none to 0",
+            )),
+            _ => None,
+        };
+        if let Some((name, detail)) = fault {
+            faults.add(format!("/{name}/{place}"), detail);
+        }
+        set.x.extend(x);
+        set.y.push(y);
+        set.noise.push(noise);
+    }
+    if !is_stated {
+        let largest = set.y.iter().flatten().fold(0.0_f64, |largest, y| largest.max(*y));
+        set.noise.fill(FIRST_NOISE * largest);
+    }
+    faults.or(set)
+}
+
+/// The column of the history from which an output follows.
+fn column_of(output: &str) -> Result<&'static str, Faults> {
+    let name = if output == MASS_LOSS { "wear_volume" } else { output };
+    let columns = History::MEMBERS.iter().map(|member| member.name);
+    let columns: Vec<_> = columns.filter(|name| !STATED.contains(name)).collect();
+    columns.iter().copied().find(|known| *known == name).ok_or_else(|| {
+        Faults::one("/output", unknown("output", name, &[&columns[..], &[MASS_LOSS]].concat()))
+    })
+}
+
+/// Reads a test.
+fn test(
+    place: usize,
+    GivenTest { name, specimen, changes, data }: GivenTest,
+    mut scenario: Value,
+) -> Result<(Test, Vec<Set>), Faults> {
+    let name = name.0.unwrap_or_else(|| (place + 1).to_string());
+    if name.is_empty() || name.len() > MAX_NAME {
+        return Err(Faults::one("/name", format!("must be a text of 1 to {MAX_NAME} bytes")));
+    }
+    for (pointer, value) in changes.0.into_iter().flatten() {
+        let (parent, member) = pointer.rsplit_once('/').unwrap_or(("?", ""));
+        let Some(members) = scenario.pointer_mut(parent).and_then(Value::as_object_mut) else {
+            let detail = format!(
+                "has `{pointer}`, but the scenario has no object for it. Enter a pointer such as `/motion/amplitude`"
+            );
+            return Err(Faults::one("/changes", detail));
+        };
+        members.insert(member.to_owned(), value);
+    }
+    let sets = Faults::list(data.0.iter().map(|data| set(place, data)));
+    let sets = sets.map_err(|faults| faults.below("/data"))?;
+    Ok((Test { name, specimen: specimen.0, scenario }, sets))
+}
+
+/// Reads a parameter of these tests, and its prior as a measured number.
+fn parameter(
+    place: usize,
+    mut given: Value,
+    tests: &[Test],
+) -> Result<(Parameter, Option<Set>), Faults> {
+    let [only, start, prior] = ["for", "start", "prior"]
+        .map(|name| given.as_object_mut().and_then(|members| members.shift_remove(name)));
+    let only: Vec<String> = only.map_or(Ok(Vec::new()), typed).map_err(|it| it.below("/for"))?;
+    let names: Vec<&str> = tests.iter().map(|test| test.name.as_str()).collect();
+    if let Some(place) = only.iter().position(|name| !names.contains(&name.as_str())) {
+        return Err(Faults::one(&format!("/for/{place}"), unknown("test", &only[place], &names)));
+    }
+    let own = names.iter().position(|name| only.first().is_none_or(|first| first == name));
+    let pointer = given["pointer"].as_str().unwrap_or_default().to_owned();
+    let found = Member::find(&tests[own.unwrap_or(0)].scenario, &pointer);
+    let Varied { member, values } = Varied::read(given, found)?;
+    let Values::Range(low, high, spacing) = values else {
+        return Err(Faults::one("", "must have `from` and `to`, without `count`"));
+    };
+    let is_log = spacing == Spacing::Logarithmic;
+    if !(low < high && high.is_finite() && (!is_log || low > 0.0)) {
+        let detail = "must be greater than `from`, and `from` must be greater than 0 if the spacing is logarithmic";
+        return Err(Faults::one("/to", detail));
+    }
+    let start = start.map_or(Ok(member.value.clamp(low, high)), |start| member.read(&start));
+    let in_range =
+        |it: f64| if (low..=high).contains(&it) { Ok(it) } else { Err(OUTSIDE.to_owned()) };
+    let start = start.and_then(in_range).map_err(|detail| Faults::one("/start", detail))?;
+    let prior = prior.map(|given| {
+        let distribution = distribution_of(&given, &member)?.normal_parts();
+        let (middle, deviation, is_log) =
+            distribution.ok_or_else(|| "must be `normal` or `lognormal`".to_owned())?;
+        let quantity = Quantity::Prior { parameter: place, is_log };
+        let mut set = Set::new(tests.len(), pointer.clone(), "1", "", quantity);
+        (set.x, set.y, set.noise) = (vec![0.0], vec![Some(middle)], vec![deviation]);
+        Ok::<_, Faults>(set)
+    });
+    let prior = prior.transpose().map_err(|faults| faults.below("/prior"))?;
+    let unit = Some(member.dimension.si()).filter(|unit| !unit.is_empty()).unwrap_or("1");
+    Ok((Parameter { pointer, only, unit, low, high, is_log, start }, prior))
+}
+
+/// The fault of a start.
+const OUTSIDE: &str = "must be from `from` to `to`";
+
+/// Checks that there are enough measured numbers, and not too many.
+fn must_suffice(sets: &[Set], parameters: usize) -> Result<(), Faults> {
+    let all: usize = sets.iter().map(|set| set.y.len()).sum();
+    let measured = sets.iter().flat_map(|set| &set.y).flatten().count();
+    let noise = usize::from(sets.iter().any(|set| set.is_estimated));
+    let unknown = if noise > 0 { " parameter(s) and the noise" } else { " parameter(s)" };
+    let detail = match (all, measured) {
+        (MAX_NUMBERS.., _) => format!(
+            "have {all} numbers, but a fit can have fewer than {MAX_NUMBERS}. Thin out long profiles: neighbouring \
+             points say the same"
+        ),
+        (_, few) if few < parameters + noise => format!(
+            "have {few} measured number(s), too few for {parameters}{unknown}. Enter more numbers, or fewer parameters"
+        ),
+        _ => return Ok(()),
+    };
+    Err(Faults::one("/tests", detail))
+}
+
+/// Chooses a smaller tolerance for the runs of a scenario without one if the relative noise of the data is small.
+fn refine(scenario: &mut Value, sets: &[Set]) {
+    let stated = sets.iter().filter(|set| !set.is_estimated);
+    let numbers = stated.flat_map(|set| set.y.iter().zip(&set.noise));
+    let shares = numbers.filter_map(|(y, noise)| Some(noise / y.filter(|y| *y != 0.0)?.abs()));
+    let wanted = twelve_digits((OF_NOISE * shares.fold(f64::INFINITY, f64::min)).max(TOLERANCES.1));
+    let model = scenario.get("model").cloned().unwrap_or(json!({}));
+    let is_exact = model.is_object() && model.get("method") != Some(&json!("simplified"));
+    if wanted < TOLERANCES.0 && is_exact && model.get("tolerance").is_none() {
+        // Indexing adds the member `model` if the scenario does not have it.
+        scenario["model"]["tolerance"] = json!(wanted);
+    }
+}
+
+/// The measured numbers of all sets.
+fn points(sets: &[Set], tests: &[Test], noises: &[Option<String>]) -> Vec<Point> {
+    let (mut clusters, mut points) = (BTreeMap::new(), Vec::new());
+    for (place, set) in sets.iter().enumerate() {
+        for (entry, y) in set.y.iter().enumerate() {
+            // A specimen is a cluster, and so is a profile. Other points stand for themselves.
+            let specimen = tests.get(set.test).and_then(|test| test.specimen.as_deref());
+            let own = if set.over == "radius" { (place, 0) } else { (place, entry) };
+            let key = (specimen, if specimen.is_some() { (0, 0) } else { own });
+            let new = clusters.len();
+            points.push(Point {
+                value: y.unwrap_or(f64::NAN),
+                noise: set.noise.get(entry).copied().unwrap_or(f64::NAN),
+                numerical: 0.0,
+                set: noises.partition_point(|noise| *noise < set.estimated()),
+                cluster: *clusters.entry(key).or_insert(new),
+                weight: 0.0,
+            });
+        }
+    }
+    points
+}
+
+impl Set {
+    /// A set without numbers.
+    fn new(
+        test: usize,
+        output: String,
+        unit: &'static str,
+        over: &'static str,
+        quantity: Quantity,
+    ) -> Self {
+        let (x, y, noise) = (Vec::new(), Vec::new(), Vec::new());
+        Self { test, output, unit, over, quantity, x, y, noise, is_estimated: false, runs: None }
+    }
+
+    /// The output whose noise is estimated. All sets of an output have the same noise.
+    fn estimated(&self) -> Option<String> {
+        self.is_estimated.then(|| self.output.clone())
+    }
+
+    /// Appends the points of a grid over the range of x.
+    fn add_grid(&mut self, count: usize) {
+        let low = self.x.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = self.x.iter().copied().fold(0.0, f64::max);
+        if low < high && self.x.len() <= DENSE {
+            let step = (high - low) / (count - 1) as f64;
+            self.x.extend((0..count).map(|place| twelve_digits(low + step * place as f64)));
+            self.y.resize(self.x.len(), None);
+        }
+    }
+}
+
+/// Reads a fit of this scenario.
+///
+/// # Errors
+/// All faults, with pointers relative to the fit.
+pub fn fit(
+    scenario: &Value,
+    parameters: Vec<Value>,
+    tests: Vec<GivenTest>,
+    (confidence, starts): (f64, u32),
+) -> Result<Fit, Faults> {
+    if !scenario.is_object() {
+        return Err(Faults::one("/scenario", "must be an object"));
+    }
+    let read = tests.into_iter().enumerate().map(|(place, it)| test(place, it, scenario.clone()));
+    let read = Faults::list(read).map_err(|faults| faults.below("/tests"))?;
+    let (mut tests, sets): (Vec<_>, Vec<_>) = read.into_iter().unzip();
+    let is_twice = |place: &usize| tests[..*place].iter().any(|it| it.name == tests[*place].name);
+    if let Some(place) = (1..tests.len()).find(is_twice) {
+        return Err(Faults::one(&format!("/tests/{place}/name"), "is the name of two tests"));
+    }
+    let read = parameters.into_iter().enumerate();
+    let read = Faults::list(read.map(|(place, given)| parameter(place, given, &tests)));
+    let read = read.map_err(|faults| faults.below("/parameters"))?;
+    let (parameters, priors): (Vec<Parameter>, Vec<_>) = read.into_iter().unzip();
+    let mut sets: Vec<Set> =
+        sets.into_iter().flatten().chain(priors.into_iter().flatten()).collect();
+    must_suffice(&sets, parameters.len())?;
+    for test in &mut tests {
+        refine(&mut test.scenario, &sets);
+    }
+    let grid = (GRIDS / sets.len()).clamp(2, GRID);
+    for set in &mut sets {
+        set.add_grid(grid);
+        let Some(Test { name, scenario, .. }) = tests.get(set.test) else { continue };
+        let is_own = |it: &Parameter| it.only.is_empty() || it.only.contains(name);
+        let own: Vec<_> = parameters.iter().enumerate().filter(|it| is_own(it.1)).collect();
+        set.add_runs(scenario.clone(), &own).map_err(|mut faults| {
+            for fault in &mut faults.0 {
+                fault.detail = format!("{} (in the test {name})", fault.detail);
+            }
+            faults
+        })?;
+    }
+    let mut noises: Vec<Option<String>> = sets.iter().map(Set::estimated).collect();
+    noises.sort();
+    noises.dedup();
+    let is_estimated = noises.iter().map(Option::is_some).collect();
+    let points = points(&sets, &tests, &noises);
+    let has = |depths| sets.iter().any(|set| set.are_depths() == Some(depths));
+    let is_coefficient = |it: &Parameter| it.pointer.starts_with("/wear/") && it.only.is_empty();
+    let coefficient =
+        parameters.iter().position(is_coefficient).filter(|_| has(true) && has(false));
+    let positions = sets.iter().enumerate();
+    let positions = positions.flat_map(|(place, set)| (0..set.x.len()).map(move |it| (place, it)));
+    Ok(Fit {
+        positions: positions.collect(),
+        measured: Measured::new(points, is_estimated, parameters.len()),
+        starts: (0..starts).map(|start| start_at(start, &parameters)).collect(),
+        tasks: tasks(starts, parameters.len(), tests.len(), coefficient.is_some()),
+        tests: tests.into_iter().map(|test| test.name).chain(["prior".to_owned()]).collect(),
+        coefficient,
+        parameters,
+        sets,
+        noises,
+        confidence,
+    })
+}
+
+/// The first start is the given one. The others are spread over the ranges by the additive sequence of M. Roberts, whose
+/// steps are powers of the root of x^(d+1) = x + 1.
+fn start_at(start: u32, parameters: &[Parameter]) -> Vec<f64> {
+    let power = 1.0 / (parameters.len() as f64 + 1.0);
+    let root = (0..40).fold(2.0_f64, |root, _| libm::pow(1.0 + root, power));
+    let mut step = 1.0;
+    let place = |parameter: &Parameter| {
+        step /= root;
+        let spread = parameter.value((0.5 + f64::from(start) * step).fract());
+        if start == 0 { parameter.start } else { spread }
+    };
+    parameters.iter().map(place).collect()
+}

@@ -1,0 +1,162 @@
+//! Fits: the numbers of a scenario that agree best with measured volumes, depths, energies and profiles.
+//!
+//! The files of this room: [`data`] reads what was measured, [`model`] predicts it, [`search`] computes the points of
+//! the fit in stages, and [`findings`] says what follows.
+
+mod data;
+mod findings;
+mod model;
+mod search;
+
+use std::mem::replace;
+
+use deserr::Deserr;
+use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fields::{Given, List};
+use serde_json::{Value, json};
+
+use self::data::GivenTest;
+use self::model::{Runs, Set};
+use self::search::Fit;
+use crate::plan::StudyFigure::{Bands, Energy, Profile, Residuals};
+use crate::plan::{Column, Findings, Hints, Kind, Plan, Read, Tried};
+use crate::problem::{Problem, small_members};
+use crate::rows::{NUMBER, Rows};
+use fretwork_json::{Whole, typed};
+
+/// The kind of fits.
+pub const KIND: Kind = Kind {
+    name: "fit",
+    title: "Fit",
+    rows: "searches",
+    keeps_profiles: false,
+    axes: &[],
+    design: "",
+    designs: &[("", Hints::of(&[Bands, Residuals, Energy, Profile]))],
+    offers: &[],
+    read,
+};
+
+/// Defaults of `confidence` and `starts`.
+const CONFIDENCE: f64 = 0.95;
+const STARTS: u64 = 8;
+/// Maximum number of starts.
+const MAX_STARTS: u64 = 64;
+/// Maximum number of parameters, and of tests.
+const MAX_PARAMETERS: usize = 20;
+const MAX_TESTS: usize = 200;
+/// Estimated number of runs of a set in a search, and more for each parameter.
+const RUNS: (f64, f64) = (4.0, 6.0);
+/// Maximum bytes of a number, a name or a note in the findings.
+const TEXT: usize = 400;
+
+/// The body of a fit.
+#[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Request {
+    #[deserr(default, rename = "version")]
+    _version: Given<Whole<1, 1>>,
+    scenario: Value,
+    parameters: List<Value, 1, MAX_PARAMETERS>,
+    tests: List<GivenTest, 1, MAX_TESTS>,
+    #[deserr(default)]
+    confidence: Given<f64>,
+    #[deserr(default)]
+    starts: Given<Whole<1, MAX_STARTS>>,
+}
+
+/// Reads a fit.
+///
+/// # Errors
+/// All faults, with pointers relative to the fit.
+fn read(fit: Value) -> Result<Read, Faults> {
+    let mut complete = small_members(&fit);
+    let Request { scenario, parameters, tests, confidence, starts, .. } = typed(fit)?;
+    let confidence = confidence.0.unwrap_or(CONFIDENCE);
+    if !(0.5..=0.9999).contains(&confidence) {
+        return Err(Faults::one("/confidence", "must be from 0.5 to 0.9999, such as 0.95"));
+    }
+    let starts = starts.0.map_or(STARTS, |starts| starts.0);
+    complete.insert("confidence".to_owned(), json!(confidence));
+    complete.insert("starts".to_owned(), json!(starts));
+    let fit = data::fit(&scenario, parameters.0, tests.0, (confidence, starts as u32))?;
+    Ok(Read::new(complete, Problem::new(scenario, Vec::new(), Vec::new()), fit))
+}
+
+impl Plan for Fit {
+    fn points(&self) -> usize {
+        self.tasks.len()
+    }
+
+    fn stages(&self) -> Vec<usize> {
+        let stages = self.tasks.chunk_by(|one, next| one.0 == next.0);
+        let first = stages.scan(0, |sum, stage| Some(replace(sum, *sum + stage.len())));
+        first.collect()
+    }
+
+    fn point(&self, _: usize) -> Vec<f64> {
+        Vec::new()
+    }
+
+    fn row(
+        &self,
+        problem: &Problem,
+        number: usize,
+        earlier: &Rows,
+        tried: &[Tried],
+    ) -> Result<Tried, Vec<f64>> {
+        self.row_or_run(problem, number, earlier, tried)
+    }
+
+    fn asked<'a>(&'a self, problem: &'a Problem, values: &'a [f64]) -> (&'a Problem, &'a [f64]) {
+        let runs = self.sets[values[0] as usize].runs.as_ref();
+        (runs.map_or(problem, |runs| &runs.problem), &values[1..])
+    }
+
+    fn seconds(&self, _: &Problem, _: &[f64]) -> f64 {
+        let runs = self.sets.iter().filter_map(|set| set.runs.as_ref());
+        let seconds = runs.map(|Runs { problem, parameters, .. }| {
+            let start: Vec<f64> = parameters.iter().map(|it| self.parameters[*it].start).collect();
+            (RUNS.0 + RUNS.1 * start.len() as f64) * problem.seconds(&start)
+        });
+        seconds.sum()
+    }
+
+    fn columns(&self) -> Vec<Column> {
+        let parameters = self.parameters.iter();
+        let parameters = parameters.map(|it| Column { name: it.column(), unit: Some(it.unit) });
+        let counts =
+            ["sum_of_squares", "runs", "derivative_error"].map(|name| Column::new(name, "1"));
+        let numbers = self.positions.iter().enumerate().map(|(place, (set, entry))| {
+            let Set { test, output, unit, x, .. } = &self.sets[*set];
+            let name = format!("{}.{output}@{} #{}", self.tests[*test], x[*entry], place + 1);
+            Column { name, unit: Some(*unit) }
+        });
+        parameters.chain(counts).chain(numbers).collect()
+    }
+
+    fn found_columns(&self) -> Vec<Column> {
+        findings::COLUMNS.map(|(name, unit)| Column::new(name, unit)).to_vec()
+    }
+
+    fn findings(
+        &self,
+        problem: &Problem,
+        rows: &Rows,
+        _: &mut dyn FnMut() -> bool,
+    ) -> Option<Findings> {
+        Some(findings::findings(self, problem, rows))
+    }
+
+    fn findings_bytes(&self, problem: &Problem) -> usize {
+        let names = self.positions.len() * (NUMBER * 10 + TEXT);
+        let parameters = self.parameters.len();
+        let words = TEXT * (10 + self.points() + parameters * (parameters + 4));
+        names + words + problem.base.to_string().len()
+    }
+
+    fn memory(&self) -> usize {
+        let runs = self.sets.iter().filter_map(|set| set.runs.as_ref());
+        runs.map(|runs| 150 * runs.problem.size).sum::<usize>() + 400 * self.positions.len()
+    }
+}

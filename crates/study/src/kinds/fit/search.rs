@@ -1,0 +1,435 @@
+//! The points of a fit, in stages. Each point is a sequence of runs, and its row follows from them.
+//!
+//! | stage | points |
+//! |---|---|
+//! | starts | the least sum of squares from each start |
+//! | minimum | the least sum of squares from the best of them, with the noise estimated anew |
+//! | derivatives and subsets | the derivatives of all predictions; the minimum without a test, or of some outputs |
+//! | profiles, [`TRIALS`] times | on both sides of each parameter, the least sum of squares at one more value of it |
+//!
+//! The tasks of a stage do not depend on the rows before it.
+
+use crate::plan::Tried;
+use crate::problem::{Lack, Problem};
+use crate::rows::Rows;
+use crate::stats::derivative::{Place, Search as Derivatives};
+use crate::stats::least_squares::{self, Stop};
+use crate::stats::measured::{Information, Measured};
+
+use super::model::{Parameter, Quantity, Set};
+
+/// Relative change of a parameter from which a search takes its differences. Numerical noise is much smaller.
+const DIFFERENCE: f64 = 0.04;
+/// When searches end: from the starts and in profiles, and elsewhere.
+const COARSE: Stop = Stop { decrease: 1e-3, step: 1e-3, steps: 25 };
+const FINE: Stop = Stop { decrease: 1e-5, step: 1e-4, steps: 20 };
+/// The noise is estimated at most this often, and until it changes by less than this share.
+const ESTIMATES: usize = 6;
+const SAME_NOISE: f64 = 0.01;
+/// Maximum number of intervals in which a derivative is searched.
+const ROUNDS: usize = 2;
+/// Number of values in the profile of a parameter on each side of the estimate, and the accepted error of the last one.
+const TRIALS: usize = 5;
+const SAME_RISE: f64 = 0.02;
+/// With more tests than this, they are not left out one by one.
+const MAX_LEAVES: usize = 24;
+
+/// Numbers that are measured, and what they should say about parameters.
+#[derive(Debug)]
+pub struct Fit {
+    pub parameters: Vec<Parameter>,
+    pub sets: Vec<Set>,
+    /// The set and the entry of all numbers.
+    pub positions: Vec<(usize, usize)>,
+    /// The outputs whose noise is estimated, for each kind of noise; `None` for stated noise.
+    pub noises: Vec<Option<String>>,
+    /// The numbers at all positions, without numerical errors.
+    pub measured: Measured,
+    /// The names of the tests.
+    pub tests: Vec<String>,
+    /// The parameter that is also estimated from volumes and from depths alone, if there are both.
+    pub coefficient: Option<usize>,
+    pub starts: Vec<Vec<f64>>,
+    pub confidence: f64,
+    /// The tasks of all points, with their stages.
+    pub tasks: Vec<(usize, Task)>,
+}
+
+/// What a point computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Task {
+    Start(usize),
+    Minimum,
+    Derivative(usize),
+    Without(usize),
+    Only { are_depths: bool },
+    Profile { parameter: usize, is_high: bool },
+}
+
+/// All tasks, for these numbers of starts, parameters and tests.
+pub fn tasks(
+    starts: u32,
+    parameters: usize,
+    tests: usize,
+    has_subsets: bool,
+) -> Vec<(usize, Task)> {
+    let mut tasks: Vec<_> = (0..starts as usize).map(|start| (0, Task::Start(start))).collect();
+    tasks.push((1, Task::Minimum));
+    tasks.extend((0..parameters).map(|parameter| (2, Task::Derivative(parameter))));
+    let leaves = if (2..=MAX_LEAVES).contains(&tests) { tests } else { 0 };
+    tasks.extend((0..leaves).map(|test| (2, Task::Without(test))));
+    let subsets = [false, true].map(|are_depths| (2, Task::Only { are_depths }));
+    tasks.extend(subsets.into_iter().filter(|_| has_subsets));
+    for (stage, parameter) in
+        (3..3 + TRIALS).flat_map(|stage| (0..parameters).map(move |it| (stage, it)))
+    {
+        tasks.extend([false, true].map(|is_high| (stage, Task::Profile { parameter, is_high })));
+    }
+    tasks
+}
+
+/// The values of a run that is not known: the index of its set, and the values of its members.
+type Wanted = Vec<f64>;
+
+/// A row. A missing number is NaN.
+#[derive(Debug, Default)]
+pub struct Row {
+    pub theta: Vec<f64>,
+    pub sum: f64,
+    pub runs: f64,
+    /// The error of a column of derivatives, as the root sum of squares of those of residuals.
+    pub error: f64,
+    /// A number for each position: the numerical error of a prediction (from a start), a prediction (of the minimum), or
+    /// a derivative of a prediction.
+    pub numbers: Vec<f64>,
+}
+
+/// What the rows of the first stages say.
+#[derive(Debug)]
+pub struct Known {
+    pub rows: Vec<Row>,
+    /// The best start.
+    start: usize,
+    /// The numbers with the numerical errors of the runs of the best start.
+    pub measured: Measured,
+    /// The index of the minimum.
+    pub minimum: usize,
+    /// The factors of the noise at the minimum.
+    pub factors: Vec<f64>,
+}
+
+/// The predictions and the residuals of some of the measured numbers.
+struct Search<'a> {
+    fit: &'a Fit,
+    tried: &'a [Tried],
+    measured: &'a Measured,
+    factors: &'a [f64],
+}
+
+impl Search<'_> {
+    fn residuals(&self, theta: &[f64]) -> Result<Vec<f64>, Wanted> {
+        let [predicted, _] = self.fit.predicted(theta, self.tried)?;
+        Ok(self.measured.residuals(&predicted, self.factors))
+    }
+
+    fn sum(&self, theta: &[f64]) -> Result<f64, Wanted> {
+        Ok(self.residuals(theta)?.iter().map(|residual| residual * residual).sum())
+    }
+
+    /// The row of the minimum near these parameters, of which some are free.
+    fn minimum(&self, theta: &[f64], free: &[usize], stop: Stop) -> Result<Row, Wanted> {
+        let at = |u: &[f64]| {
+            let mut theta = theta.to_vec();
+            free.iter().zip(u).for_each(|(it, u)| theta[*it] = self.fit.parameters[*it].value(*u));
+            theta
+        };
+        let residuals = |u: &[f64]| self.residuals(&at(u));
+        // Differences, central ones for a fine minimum. At a bound, and where predictions are missing on one side, they
+        // are one-sided.
+        let column = |u: &[f64], place: usize, middle: &[f64]| {
+            let parameter = &self.fit.parameters[free[place]];
+            let beside = |step: f64| {
+                let mut other = u.to_vec();
+                other[place] += step * parameter.step(parameter.value(u[place]));
+                other[place] = other[place].clamp(0.0, 1.0);
+                let found = residuals(&other)?;
+                let is_known = found.iter().all(|residual| residual.is_finite());
+                Ok::<_, Wanted>(if is_known {
+                    (other[place], found)
+                } else {
+                    (u[place], middle.to_vec())
+                })
+            };
+            let (high, above) = beside(DIFFERENCE)?;
+            let is_one_sided = stop.decrease > FINE.decrease && high > u[place];
+            let at_middle = || Ok((u[place], middle.to_vec()));
+            let (low, below) = if is_one_sided { at_middle() } else { beside(-DIFFERENCE) }?;
+            let slopes = above.iter().zip(&below).map(|(one, other)| (one - other) / (high - low));
+            Ok(slopes.map(|slope| if slope.is_finite() { slope } else { 0.0 }).collect())
+        };
+        let derivatives = |u: &[f64]| {
+            let middle = residuals(u)?;
+            (0..u.len()).map(|place| column(u, place, &middle)).collect()
+        };
+        let coordinate = |it: &usize| self.fit.parameters[*it].coordinate(theta[*it]);
+        let start: Vec<f64> = free.iter().map(coordinate).collect();
+        let theta = match start.len() {
+            0 => theta.to_vec(),
+            _ => at(&least_squares::minimum(&residuals, &derivatives, &start, stop)?),
+        };
+        Ok(Row { sum: self.sum(&theta)?, theta, ..Row::default() })
+    }
+}
+
+impl Fit {
+    /// Predictions at all positions for these parameters, from known runs, and their relative numerical errors.
+    ///
+    /// # Errors
+    /// A run is not known.
+    fn predicted(&self, theta: &[f64], tried: &[Tried]) -> Result<[Vec<f64>; 2], Wanted> {
+        let run = |(place, set): (usize, &Set)| {
+            let values = set.runs.as_ref().and_then(|runs| runs.values(theta));
+            let Some(mut values) = values else { return Ok(None) };
+            values.insert(0, place as f64);
+            tried.iter().find(|tried| tried.values == values).map(Some).ok_or(values)
+        };
+        let runs: Vec<_> = self.sets.iter().enumerate().map(run).collect::<Result<_, _>>()?;
+        let number = |(set, entry): &(usize, usize)| {
+            let run = runs[*set].map(|tried| (&tried.values[1..], &tried.found));
+            self.sets[*set].predicted(*entry, theta, run).unwrap_or((f64::NAN, f64::NAN))
+        };
+        let (values, errors) = self.positions.iter().map(number).unzip();
+        Ok([values, errors])
+    }
+
+    /// The set of a position.
+    pub fn set(&self, position: usize) -> &Set {
+        &self.sets[self.positions[position].0]
+    }
+
+    /// What the rows of the first stages say. `None` if no start has led to numbers for all measured points.
+    pub fn known(&self, rows: &Rows) -> Option<Known> {
+        let (count, numbers) = (self.parameters.len(), self.positions.len());
+        let columns: Vec<_> = (0..count + 3 + numbers).map(|column| rows.numbers(column)).collect();
+        let row = |row: usize| {
+            let mut cells = columns.iter().map(|column| column[row].unwrap_or(f64::NAN));
+            let theta = cells.by_ref().take(count).collect();
+            let [sum, runs, error] = [(); 3].map(|()| cells.next().unwrap_or(f64::NAN));
+            Row { theta, sum, runs, error, numbers: cells.collect() }
+        };
+        let rows: Vec<Row> = (0..rows.count).map(row).collect();
+        let minimum = self.starts.len();
+        let finite = (0..minimum).filter(|start| rows[*start].sum.is_finite());
+        let start = finite.min_by(|a, b| rows[*a].sum.total_cmp(&rows[*b].sum))?;
+        let mut measured = self.measured.clone();
+        for (place, (set, entry)) in self.positions.iter().enumerate() {
+            let error = self.sets[*set].size(*entry) * rows[start].numbers[place];
+            measured.points[place].numerical = if error.is_finite() { error } else { 0.0 };
+        }
+        let factors = rows.get(minimum).map_or(Vec::new(), |row| measured.factors(&row.numbers));
+        Some(Known { rows, start, measured, minimum, factors })
+    }
+
+    /// What the data say about the parameters near the best ones: with or without their priors. The parameters are in
+    /// units of their [scales](Parameter::scale).
+    pub fn information(&self, known: &Known, has_priors: bool) -> Information {
+        let is_prior = |place| matches!(self.set(place).quantity, Quantity::Prior { .. });
+        let measured = known.measured.without(|place| !has_priors && is_prior(place));
+        let derivatives = self.derivatives(known);
+        let columns: Vec<Vec<f64>> = derivatives
+            .iter()
+            .map(|row| {
+                let cells = row.numbers.iter().zip(&measured.points);
+                let cells = cells.map(|(slope, point)| slope * point.slope(&known.factors));
+                cells.map(|cell| if cell.is_finite() { cell } else { 0.0 }).collect()
+            })
+            .collect();
+        let errors: Vec<f64> = derivatives.iter().map(|row| row.error).collect();
+        Information::of(&columns, &errors)
+    }
+
+    /// The rows with the derivatives of all predictions with respect to each parameter, in units of its scale.
+    pub fn derivatives<'a>(&self, known: &'a Known) -> &'a [Row] {
+        &known.rows[known.minimum + 1..][..self.parameters.len()]
+    }
+
+    /// The visited values in the profile of a parameter on one side: the distance from the estimate in coordinates, and
+    /// the square root of the rise of S.
+    pub fn profile(&self, known: &Known, own: Task) -> Vec<(f64, f64)> {
+        let Task::Profile { parameter: place, .. } = own else { return Vec::new() };
+        let best = &known.rows[known.minimum];
+        let coordinate = |row: &Row| self.parameters[place].coordinate(row.theta[place]);
+        let visited = known.rows.iter().zip(&self.tasks).filter_map(|(row, (_, task))| {
+            let distance = Some((coordinate(row) - coordinate(best)).abs());
+            // If predictions are missing there, the rise is infinite.
+            let rise = if row.sum.is_nan() { f64::INFINITY } else { row.sum - best.sum };
+            Some((distance.filter(|it| *task == own && it.is_finite())?, rise.max(0.0).sqrt()))
+        });
+        visited.collect()
+    }
+
+    /// The row of a point from its runs, or the run that it needs next.
+    fn computed(
+        &self,
+        number: usize,
+        earlier: &Rows,
+        tried: &[Tried],
+    ) -> Result<Result<Row, String>, Wanted> {
+        let (all, task) = ((0..self.parameters.len()).collect::<Vec<_>>(), self.tasks[number].1);
+        if let Task::Start(place) = task {
+            let (measured, factors) = (&self.measured, &vec![1.0; self.noises.len()]);
+            let search = Search { fit: self, tried, measured, factors };
+            if !search.sum(&self.starts[place])?.is_finite() {
+                let lacks = tried.iter().filter_map(|tried| tried.found.lack.as_ref());
+                let reason = lacks.map(|(Lack::Refused(why) | Lack::Incomplete(why))| why).next();
+                return Ok(Err(reason.map_or("a number is missing", String::as_str).to_owned()));
+            }
+            let row = search.minimum(&self.starts[place], &all, COARSE)?;
+            let [_, numbers] = self.predicted(&row.theta, tried)?;
+            return Ok(Ok(Row { numbers, ..row }));
+        }
+        let Some(known) = self.known(earlier) else {
+            return Ok(Err("no start leads to numbers for all measured points".to_owned()));
+        };
+        let (measured, factors) = (&known.measured, &known.factors[..]);
+        let search = Search { fit: self, tried, measured, factors };
+        let of_part = |part: Measured, free: &[usize]| {
+            if free.is_empty() || part.count(None) + 1e-9 < free.len() as f64 {
+                return Ok(missing());
+            }
+            let best = &known.rows[known.minimum].theta;
+            Search { measured: &part, ..search }.minimum(best, free, FINE)
+        };
+        let row = match task {
+            Task::Start(_) | Task::Minimum => self.minimum(&known, &all, tried),
+            Task::Derivative(parameter) => self.derivative(parameter, &known, tried),
+            Task::Without(test) => of_part(measured.without(|it| self.set(it).test == test), &all),
+            Task::Only { are_depths } => {
+                let is_other = |place| self.set(place).are_depths() != Some(are_depths);
+                of_part(measured.without(is_other), self.coefficient.as_slice())
+            }
+            Task::Profile { parameter, .. } => match self.beside(task, &known) {
+                None => Ok(missing()),
+                Some(theta) => {
+                    let free: Vec<_> = all.into_iter().filter(|it| *it != parameter).collect();
+                    search.minimum(&theta, &free, COARSE)
+                }
+            },
+        };
+        row.map(Ok)
+    }
+
+    /// The minimum near the best start.
+    fn minimum(&self, known: &Known, all: &[usize], tried: &[Tried]) -> Result<Row, Wanted> {
+        let (measured, mut theta) = (&known.measured, known.rows[known.start].theta.clone());
+        let mut factors = measured.factors(&self.predicted(&theta, tried)?[0]);
+        for _ in 0..ESTIMATES {
+            let search = Search { fit: self, tried, measured, factors: &factors };
+            theta = search.minimum(&theta, all, FINE)?.theta;
+            let new = measured.factors(&self.predicted(&theta, tried)?[0]);
+            let change = |(new, old): (&f64, &f64)| (new / old - 1.0).abs();
+            let is_same = new.iter().zip(&factors).map(change).all(|change| change < SAME_NOISE);
+            factors = new;
+            if is_same {
+                break;
+            }
+        }
+        let sum = Search { fit: self, tried, measured, factors: &factors }.sum(&theta)?;
+        let [numbers, _] = self.predicted(&theta, tried)?;
+        Ok(Row { theta, sum, numbers, ..missing() })
+    }
+
+    /// The derivatives of all predictions.
+    fn derivative(&self, place: usize, known: &Known, tried: &[Tried]) -> Result<Row, Wanted> {
+        let (parameter, best) = (&self.parameters[place], &known.rows[known.minimum]);
+        let x = best.theta[place];
+        let scale = parameter.scale(x);
+        let errors = known.rows[known.start].numbers.iter();
+        let errors: Vec<f64> = errors.map(|it| if *it < 1.0 { *it } else { 0.0 }).collect();
+        let at = Place { x, scale, low: parameter.low, high: parameter.high };
+        let mut search = Derivatives::new(at, &errors);
+        for _ in 0..ROUNDS {
+            let Some(points) = search.points() else { break };
+            let values = points.iter().map(|x| {
+                let mut theta = best.theta.clone();
+                theta[place] = *x;
+                Ok(self.predicted(&theta, tried)?[0].iter().copied().map(Some).collect())
+            });
+            search.take(values.collect::<Result<_, Wanted>>()?);
+        }
+        let found = search.found();
+        let errors = found.iter().zip(&known.measured.points).filter_map(|(found, point)| {
+            Some(found.as_ref()?.error * scale * point.slope(&known.factors))
+        });
+        let error = errors.map(|error| error * error).sum::<f64>().sqrt();
+        let numbers = found.iter().map(|it| it.map_or(f64::NAN, |it| it.value * scale)).collect();
+        Ok(Row { theta: best.theta.clone(), error, numbers, ..missing() })
+    }
+
+    /// The next value in the profile of a parameter, with a guess of the other ones. The first one is at half of the
+    /// expected end of the interval, and the next ones are where a proportional rise lets expect the end. `None` if the
+    /// data do not determine the parameter, or if the end or a bound is reached.
+    fn beside(&self, task: Task, known: &Known) -> Option<Vec<f64>> {
+        let Task::Profile { parameter: place, is_high } = task else { return None };
+        let (information, only) = (self.information(known, true), self.only(place));
+        let (error, best) = (information.standard_error(&only), &known.rows[known.minimum].theta);
+        if information.is_open(place) || !error.is_finite() || error == 0.0 {
+            return None;
+        }
+        let rise = known.measured.factor(self.confidence);
+        let coordinate = |it: usize| self.parameters[it].coordinate(best[it]);
+        let step = |it: usize| self.parameters[it].step(best[it]);
+        let room = if is_high { 1.0 - coordinate(place) } else { coordinate(place) };
+        let distance = match self.profile(known, task).last() {
+            None => 0.5 * rise * error * step(place),
+            Some((_, own)) if (own / rise - 1.0).abs() < SAME_RISE => return None,
+            Some((last, own)) if *own < rise && *last > 0.999_999 * room => return None,
+            Some((last, own)) => last * (rise / own).clamp(0.3, 3.0),
+        };
+        let distance = if is_high { distance.min(room) } else { -distance.min(room) };
+        let at = |other: usize| {
+            let along = information.covariance(other, &only) / (error * error);
+            let moved = distance * along * step(other) / step(place);
+            self.parameters[other].value(coordinate(other) + moved)
+        };
+        Some((0..best.len()).map(at).collect())
+    }
+
+    /// The slopes of a parameter as a function of all parameters.
+    pub fn only(&self, place: usize) -> Vec<f64> {
+        (0..self.parameters.len()).map(|other| f64::from(other == place)).collect()
+    }
+
+    /// The row of a point, or the values of the run that it needs next.
+    pub fn row_or_run(
+        &self,
+        problem: &Problem,
+        number: usize,
+        earlier: &Rows,
+        tried: &[Tried],
+    ) -> Result<Tried, Wanted> {
+        let (row, lack) = match self.computed(number, earlier, tried)? {
+            Ok(row) => (row, None),
+            Err(lack) => (missing(), Some(Lack::Incomplete(lack))),
+        };
+        let Row { mut theta, sum, error, mut numbers, .. } = row;
+        theta.resize(self.parameters.len(), f64::NAN);
+        numbers.resize(self.positions.len(), f64::NAN);
+        let cells = theta.into_iter().chain([sum, tried.len() as f64, error]).chain(numbers);
+        let outputs = cells.map(|it| Some(it).filter(|it| it.is_finite())).collect();
+        let found = crate::problem::Found { outputs, lack, ..problem.no_run() };
+        Ok(Tried { values: Vec::new(), found })
+    }
+}
+
+/// A row without numbers.
+fn missing() -> Row {
+    Row { sum: f64::NAN, error: f64::NAN, ..Row::default() }
+}
+
+/// The distance at which S has risen by the square of `rise`. `None` if it does not rise so much.
+pub fn end(visited: &[(f64, f64)], rise: f64) -> Option<f64> {
+    let near = |it: &&(f64, f64)| (it.1 / rise - 1.0).abs();
+    let best = visited.iter().min_by(|a, b| near(a).total_cmp(&near(b)))?;
+    (near(&best) < 5.0 * SAME_RISE).then(|| best.0 * rise / best.1)
+}

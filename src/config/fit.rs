@@ -1,0 +1,44 @@
+//! The settings of `fit`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// The settings of `fit`.
+#[derive(Debug, Args)]
+pub struct Fit {
+    /// A file with a table of measured numbers, such as CSV; - reads standard input.
+    pub file: PathBuf,
+    /// A job body, or a scenario alone.
+    pub scenario: PathBuf,
+    /// The column with the cycles or the dissipated energies, or with the positions of a trace [default: the first].
+    #[arg(long, value_name = "COLUMN")]
+    pub x: Option<String>,
+    /// The column with the measured numbers, such as "wear_volume [mm^3]" [default: the next].
+    #[arg(long, value_name = "COLUMN")]
+    pub y: Option<String>,
+    /// A number of the scenario to fit, such as /friction=0.1..1.5; may be repeated [default: the wear coefficient, and
+    /// the friction if the data can tell it].
+    #[arg(long, value_name = "POINTER=LOW..HIGH", value_parser = range)]
+    pub parameter: Vec<(String, String, String)>,
+    /// The standard deviation of the measured numbers, such as "0.3 um" [default: estimated from the residuals].
+    #[arg(long)]
+    pub sigma: Option<String>,
+    /// The standard deviation as a share of each number.
+    #[arg(long)]
+    pub relative: Option<f64>,
+    /// The cycles after which a profilometer trace was measured. The file then has this trace across the scar.
+    #[arg(long, value_name = "CYCLES")]
+    pub at: Option<f64>,
+    /// Only print the job body of the fit, which POST /v1/jobs takes.
+    #[arg(long)]
+    pub print: bool,
+}
+
+/// Parses a range of a number of the scenario.
+fn range(text: &str) -> Result<(String, String, String), &'static str> {
+    let parts =
+        text.split_once('=').and_then(|(name, range)| Some((name, range.split_once("..")?)));
+    let (name, (low, high)) = parts.ok_or("write POINTER=LOW..HIGH, such as /friction=0.1..1.5")?;
+    Ok((name.to_owned(), low.to_owned(), high.to_owned()))
+}

@@ -1,0 +1,94 @@
+//! Reads files of measured numbers. Nothing is stored.
+
+use std::sync::Arc;
+
+use axum::Extension;
+use axum::response::{IntoResponse, Response};
+use tokio::task;
+
+use crate::http::access::caller::Caller;
+use crate::http::app::App;
+use crate::http::problem::{Complaint, Problem, Result, kinds};
+use crate::http::transport::body::FileBody;
+use crate::http::wire::schemas::{self, Prepare as PrepareWord};
+use crate::http::wire::{FRESH_JSON, Query};
+use fretwork_engine::request::fault::Faults;
+use fretwork_json as json;
+use fretwork_measured::{Prepare, Wanted};
+
+/// Bytes of the answer for each byte of the file.
+const ANSWER: usize = 8;
+
+/// The problem for a file that cannot be read, or for parameters that do not fit it.
+fn refused(faults: &Faults) -> Problem {
+    let of_file = faults.0.iter().find(|fault| fault.pointer.is_empty());
+    if let Some(fault) = of_file {
+        return Problem::new(&kinds::UNREADABLE_FILE, format!("{}.", fault.detail));
+    }
+    let complaints = faults.0.iter();
+    let complaints = complaints.map(|it| Complaint::parameter(&it.pointer[1..], &*it.detail));
+    Problem::parameters(complaints.collect())
+}
+
+/// Reads a file of measured numbers.
+///
+/// The file is text with a table, as instruments and spreadsheets write it: with lines before the table, a row of names,
+/// units such as `depth [um]`, separated by semicolons, tabs, commas or spaces, with decimal points or commas. `notes` says
+/// all that was done. `prepared.data` goes into `data` of a fit. Nothing is stored.
+#[utoipa::path(post, path = "/v1/measurements", operation_id = "read_measurements", tag = "scenarios",
+    params(
+        ("x" = Option<String>, Query, description = "The name of a column, with a unit if the file states none. \
+            Default: the first column.", example = "cycles"),
+        ("y" = Option<String>, Query, description = "The name of another column. Default: the next column.",
+            example = "wear_volume [mm^3]"),
+        ("prepare" = Option<PrepareWord>, Query, description = "What becomes of x and y: `points` of an output (the \
+            default); a profilometer `trace` across the scar, or its `half` from the axis outwards, becomes a profile of \
+            wear and an indenter; a friction `loop`, the force over the displacement, becomes the energy of a cycle."),
+        ("level" = Option<bool>, Query, description = "Whether the tilt of a trace is removed. Default: true."),
+        ("centre" = Option<bool>, Query, description = "Whether the axis is the middle of the scar (the default). \
+            Otherwise it is where x is 0."),
+    ),
+    request_body(description = "The file, at most 4 MiB with 100 000 rows and 64 columns, in UTF-8, UTF-16 or Latin-1.",
+        content(
+            (String = "text/csv", example = "cycles;wear_volume [mm^3]\n10000;0,12\n50000;0,47\n"),
+            (String = "text/plain", example = "cycles;wear_volume [mm^3]\n10000;0,12\n50000;0,47\n"),
+            (schemas::File = "application/octet-stream"),
+        )),
+    responses(
+        (status = 200, description = "Columns, prepared table and notes.", body = schemas::Measured),
+        (status = 422, description = "The file has no readable table, or a parameter does not fit it."),
+        (status = 503, description = "The memory for large bodies is in use; see `Retry-After`.",
+            headers(("Retry-After" = u32, description = "Seconds."))),
+    ),
+)]
+pub async fn read(
+    app: App,
+    caller: Caller,
+    mut query: Query,
+    FileBody(body): FileBody,
+) -> Result<Response> {
+    let (x, y) = (query.text("x"), query.text("y"));
+    let names = Prepare::NAMES.map(|(name, _)| name).join(", ");
+    let prepare = query.value("prepare", format!("one of {names}"), |text| {
+        Prepare::NAMES.into_iter().find(|(name, _)| *name == text)
+    });
+    let mut is =
+        |name| query.value(name, "true or false", |text| text.parse().ok()).unwrap_or(true);
+    let (level, centre) = (is("level"), is("centre"));
+    query.finish()?;
+    let bytes = body.bytes.len();
+    let turn = app.shares.heavy.turn(&caller.owner).await;
+    let mut permit = app.shares.answers.hold(&caller.owner, ANSWER * bytes).await?;
+    let prepare = prepare.map_or(Prepare::Points, |(_, prepare)| prepare);
+    let read = task::spawn_blocking(move || {
+        let wanted = Wanted { x: x.as_deref(), y: y.as_deref(), prepare, level, centre };
+        let read = fretwork_measured::read(&body.bytes, &wanted);
+        read.map(|measured| json::write(&measured, bytes))
+    });
+    let read = read.await.map_err(Problem::bug)?;
+    drop(turn);
+    let answer = read.map_err(|faults| refused(&faults))?;
+    permit.shrink(answer.len());
+    let permit = permit.is_held().then(|| Extension(Arc::new(permit)));
+    Ok((permit, FRESH_JSON, answer).into_response())
+}
