@@ -331,7 +331,7 @@ pub(crate) fn limit_state(case: &Case) -> Option<LimitState> {
 /// share.
 const LONG: f64 = 0.1;
 
-/// The share of each body in the wear depth and in the wear volume. The sum is 1, or 0 without wear.
+/// The wear depth of each body in m, and its share in the wear volume. The sum of the shares is 1, or 0 without wear.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PartsOfWear {
     pub(crate) depths: [f64; 2],
@@ -347,14 +347,12 @@ impl BodyWear {
         half_lengths: &[Vec<f64>; 2],
     ) -> [Self; 2] {
         let share_of = |body: usize| share.map(|share| if body == 0 { share } else { 1.0 - share });
-        let part = |total: &[f64], body: usize, of: fn(&PartsOfWear) -> [f64; 2]| {
-            let parts = parts.iter().zip(total).map(|(parts, total)| of(parts)[body] * total);
-            (parts.len() > 0).then(|| parts.collect())
-        };
+        let is_known = !parts.is_empty();
+        let rows = || parts.iter().zip(&history.wear_volume);
         [0, 1].map(|body| Self {
             share: share_of(body),
-            wear_depth: part(&history.wear_depth, body, |it| it.depths),
-            wear_volume: part(&history.wear_volume, body, |it| it.volumes),
+            wear_depth: is_known.then(|| parts.iter().map(|it| it.depths[body]).collect()),
+            wear_volume: is_known.then(|| rows().map(|(it, all)| it.volumes[body] * all).collect()),
             scar_half_length: half_lengths[body].clone(),
         })
     }

@@ -339,17 +339,20 @@ impl Table {
         let radius = &self.radius;
         let reach = self.shape.reach();
         let row = radius.partition_point(|r| *r < reach * (1.0 - 1e-9)).min(radius.len() - 1);
-        let needed = needed.map_or(f64::INFINITY, |(radius, _)| radius);
+        // The limit of the wear at the constant amplitude. It says nothing if the scar outgrows it.
+        let limit =
+            needed.map(|(radius, _)| radius).filter(|limit| *limit > reach && limit.is_finite());
+        let until = limit.map_or_else(
+            || "further outwards".to_owned(),
+            |limit| format!("up to a radius of about {limit:.3e} m (extrapolated)"),
+        );
         let ends = if row + 1 == radius.len() {
             "is the end of the table, but it lies inside the contact or inside the future scar"
         } else {
             "is where the image of the profile starts to fall. The edge of the contact or of the \
              future scar would not be unique"
         };
-        let detail = format!(
-            "{ends}. Enter a profile that rises up to a radius of about {needed:.3e} m (extrapolated), \
-             or reduce the load"
-        );
+        let detail = format!("{ends}. Enter a profile that rises {until}, or reduce the load");
         Faults::one(&format!("/profile/radius/{row}"), detail)
     }
 }

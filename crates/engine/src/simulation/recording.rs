@@ -5,6 +5,7 @@ use crate::contact::hysteresis::Loop;
 use crate::outcome::{History, Loops, PartsOfWear, Profiles};
 use crate::solver::curves::Curves;
 use crate::solver::errors::RunErrors;
+use crate::solver::stepped::shares::shares;
 
 /// The rows recorded so far.
 #[derive(Debug)]
@@ -32,6 +33,8 @@ pub(super) struct Recording {
 struct Reported {
     volume: f64,
     deepest: f64,
+    /// The wear depths of the bodies: as computed, and as reported.
+    depths: [[f64; 2]; 2],
     scar: f64,
     /// Half of the length of the scar on each body, in m.
     half_lengths: [f64; 2],
@@ -70,8 +73,8 @@ pub(super) struct HistoryEntry {
     pub(super) dosed: f64,
     /// The volume of each body, if they have layers.
     pub(super) bodies: Option<[f64; 2]>,
-    /// The share of each body in the wear depth, if that is known.
-    pub(super) depth_shares: Option<[f64; 2]>,
+    /// The wear depth of each body, if that is known. Numerical noise can reduce it.
+    pub(super) depths: Option<[f64; 2]>,
     /// The dissipated energy, as (k_w/μ)·ΣW with the coefficients at cycle 0.
     pub(super) dissipated: f64,
     /// The coefficient of friction, relative to that at cycle 0.
@@ -83,7 +86,7 @@ pub(super) struct HistoryEntry {
 
 impl HistoryEntry {
     /// How the wear is shared: by the layers, or by the share of the first body.
-    fn parts(&self, share: Option<f64>) -> Option<PartsOfWear> {
+    fn parts(&self, share: Option<f64>, height: f64) -> Option<PartsOfWear> {
         let volumes = match (self.bodies, share) {
             (Some([first, second]), _) if first + second > 0.0 => {
                 [first, second].map(|volume| volume / (first + second))
@@ -91,7 +94,7 @@ impl HistoryEntry {
             (Some(_), _) => [0.0; 2],
             (None, share) => share.map(|share| [share, 1.0 - share])?,
         };
-        Some(PartsOfWear { depths: self.depth_shares?, volumes })
+        Some(PartsOfWear { depths: self.depths?.map(|depth| depth * height), volumes })
     }
 }
 
@@ -203,8 +206,8 @@ impl Recording {
         for (column, half_length) in self.half_lengths.iter_mut().zip(self.reported.half_lengths) {
             column.push(half_length);
         }
-        self.parts.extend(entry.parts(case.share));
         let (length, height) = (scales.contact_radius, scales.indentation_depth);
+        self.parts.extend(entry.parts(case.share, height));
         let history = &mut self.history;
         let n = entry.cycles;
         if entry.volume > 0.0 {
@@ -273,8 +276,20 @@ impl Reported {
             *known = *value;
         };
         hold(&mut self.volume, &mut entry.volume);
+        let before = self.deepest;
         hold(&mut self.deepest, &mut entry.deepest);
         hold(&mut self.scar, &mut entry.scar);
+        if let Some(depths) = &mut entry.depths {
+            let [known, reported] = &mut self.depths;
+            let more = [0, 1].map(|body| (depths[body] - known[body]).max(0.0));
+            let more = if more[0] + more[1] > 0.0 { more } else { *depths };
+            let shares = shares(more, [1.0; 2]);
+            for body in [0, 1] {
+                hold(&mut known[body], &mut depths[body]);
+                reported[body] += (entry.deepest - before) * shares[body];
+            }
+            *depths = *reported;
+        }
         if let Some((curves, _)) = &mut entry.curves {
             self.wear.resize(curves.wear.len(), 0.0);
             for (known, wear) in self.wear.iter_mut().zip(&mut curves.wear) {

@@ -235,7 +235,7 @@ impl SingleRun {
             loss: unworn.loss,
             friction: 1.0,
             bodies: first.worn.bodies,
-            depth_shares: first.depth_shares,
+            depths: first.depths,
             curves,
             ..HistoryEntry::default()
         };
@@ -410,7 +410,9 @@ fn closed_entry(
         deepest: state.depth,
         scar,
         edge_slip,
-        depth_shares: case.share.map(|share| shares(plain(share), lengths)),
+        depths: case
+            .share
+            .map(|share| shares(plain(share), lengths).map(|part| part * state.depth)),
         contact_radius: 1.0,
         stick: contact.stick,
         depth: 1.0,
@@ -464,7 +466,7 @@ fn marched_entry(
         worn_by_energy: state.worn_by_energy,
         dosed: worn.dosed,
         bodies: worn.bodies,
-        depth_shares: state.depth_shares,
+        depths: state.depths,
         dissipated: state.dissipated,
         friction: worn.friction,
         errors: state.errors,

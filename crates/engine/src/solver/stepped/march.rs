@@ -115,8 +115,8 @@ pub struct MarchState {
     pub worn_by_energy: f64,
     /// (k_w/μ)·ΣW with the coefficients at cycle 0.
     pub dissipated: f64,
-    /// The share of each body in the wear depth, if the run shares it.
-    pub depth_shares: Option<[f64; 2]>,
+    /// The wear depth of each body, if the run shares it.
+    pub depths: Option<[f64; 2]>,
 }
 
 /// The number of cells for a tolerance.
@@ -623,13 +623,13 @@ impl March {
         let time = self.fine.within(normalized_cycles);
         let [worn_by_energy, dissipated] = self.fine.energies_until(time);
         let shares = self.shares.as_ref();
-        let (worn, depth_shares) = self.fine.under(time, |wearing, values| {
-            let shares = shares.map(|shares| shares.at(wearing, values));
-            (wearing.at(values), shares)
+        let (worn, depths) = self.fine.under(time, |wearing, values| {
+            let depths = shares.map(|shares| shares.at(wearing, values));
+            (wearing.at(values), depths)
         });
         if worn.volume == 0.0 {
             let errors = RunErrors::default();
-            return MarchState { worn, errors, worn_by_energy, dissipated, depth_shares };
+            return MarchState { worn, errors, worn_by_energy, dissipated, depths };
         }
         let apart = self.distance(normalized_cycles).or(self.apart);
         let RunErrors { volume, depth } =
@@ -646,6 +646,6 @@ impl March {
         let coarse = if self.fine.block > 0 { COARSE.1 } else { COARSE.0 };
         let depth = SHARES.1 * depth / (1.0 + depth / coarse) + self.fine.tip_error(&worn);
         let errors = RunErrors { volume: (SHARES.0 * volume).max(least), depth: depth.max(least) };
-        MarchState { worn, errors, worn_by_energy, dissipated, depth_shares }
+        MarchState { worn, errors, worn_by_energy, dissipated, depths }
     }
 }

@@ -21,18 +21,17 @@ pub(crate) fn shares(plain: [f64; 2], lengths: [f64; 2]) -> [f64; 2] {
     weights.map(|weight| if both > 0.0 { weight / both } else { 0.0 })
 }
 
-/// The wear depths of both bodies up to the last step.
+/// The wear depths of both bodies in the last step.
 #[derive(Debug)]
 pub(crate) struct BodyShares {
     /// The share of the body with the profile, unless the layers tell it.
     share: f64,
     /// The unit of the slip in a₀.
     unit: f64,
-    /// The state after the last step, and its block.
-    last: Shared,
+    /// The states at the start and at the end of the last step, and its block.
+    began: Shared,
+    ended: Shared,
     block: usize,
-    /// The wear depth of each body after the last step.
-    depths: [f64; 2],
 }
 
 /// One state of the contact.
@@ -42,58 +41,64 @@ struct Shared {
     plain: [f64; 2],
     /// The half-length ℓ that is swept on each body, in a₀.
     lengths: [f64; 2],
+    /// The wear depth of each body.
+    depths: [f64; 2],
 }
 
 impl BodyShares {
     /// Starts with unworn bodies. `share` is that of the body with the profile, unless the bodies have layers, and `unit`
     /// the unit of the slip in a₀.
     pub(crate) fn new(share: f64, unit: f64, wearing: &Wearing) -> Self {
-        let mut new = Self {
-            share,
-            unit,
-            last: Shared { plain: [0.0; 2], lengths: [1.0; 2] },
-            block: 0,
-            depths: [0.0; 2],
-        };
-        let unworn = vec![0.0; wearing.springs.mesh.radii.len()];
-        new.last = new.shared(wearing, &unworn);
+        let unworn = Shared { plain: [0.0; 2], lengths: [1.0; 2], depths: [0.0; 2] };
+        let mut new = Self { share, unit, began: unworn, ended: unworn, block: 0 };
+        new.ended.lengths = new.lengths(wearing, &vec![0.0; wearing.springs.mesh.radii.len()]);
         new
     }
 
     /// Adds the wear of the last step.
     pub(super) fn follow(&mut self, run: &MeshRun) {
-        let now = self.shared(&run.wearing, &run.rkc.values);
+        self.began = self.ended;
         if run.block != self.block {
             // The amplitude has changed before this step.
-            (self.block, self.last.lengths) = (run.block, now.lengths);
+            self.block = run.block;
+            self.began.lengths = self.lengths(&run.wearing, &run.rkc.values);
         }
-        (self.depths, self.last) = (self.depths_at(&now), now);
+        self.ended = self.shared(&run.wearing, &run.rkc.values);
     }
 
-    /// The share of each body in the depth at a time within the last step. The sum is 1, or 0 without wear.
+    /// The wear depth of each body at a time within the last step.
     pub(super) fn at(&self, wearing: &Wearing, values: &[f64]) -> [f64; 2] {
-        shares(self.depths_at(&self.shared(wearing, values)), [1.0; 2])
+        self.shared(wearing, values).depths
     }
 
-    fn depths_at(&self, now: &Shared) -> [f64; 2] {
-        let Shared { plain, lengths } = &self.last;
-        let added = [0, 1].map(|body| (now.plain[body] - plain[body]).max(0.0));
-        let shares = shares(added, [0, 1].map(|body| lengths[body] + now.lengths[body]));
-        [0, 1].map(|body| self.depths[body] + (added[0] + added[1]) * shares[body])
-    }
-
+    /// A state within the last step.
     fn shared(&self, wearing: &Wearing, values: &[f64]) -> Shared {
+        let (plain, lengths) = (self.plain(wearing, values), self.lengths(wearing, values));
+        let Shared { plain: before, lengths: first, mut depths } = self.began;
+        // Numerical noise removes nothing.
+        let plain = [0, 1].map(|body| plain[body].max(before[body]));
+        let added = [0, 1].map(|body| plain[body] - before[body]);
+        let shares = shares(added, [0, 1].map(|body| first[body] + lengths[body]));
+        for body in [0, 1] {
+            depths[body] += (added[0] + added[1]) * shares[body];
+        }
+        Shared { plain, lengths, depths }
+    }
+
+    fn plain(&self, wearing: &Wearing, values: &[f64]) -> [f64; 2] {
+        if let Some(layers) = &wearing.contact.layers {
+            let dose = values.iter().copied().fold(0.0, f64::max);
+            return [0, 1].map(|body| layers.depth(body, dose));
+        }
+        let (_, depth) = wearing.volume_and_depth(values);
+        [self.share * depth, (1.0 - self.share) * depth]
+    }
+
+    fn lengths(&self, wearing: &Wearing, values: &[f64]) -> [f64; 2] {
         let springs = &wearing.springs;
         let radius = wearing.worn_radius(&wearing.wear(values));
         let slip =
             springs.middle + springs.mesh.slip_at(radius, springs.threshold, &springs.loads());
-        let plain = if let Some(layers) = &wearing.contact.layers {
-            let dose = values.iter().copied().fold(0.0, f64::max);
-            [0, 1].map(|body| layers.depth(body, dose))
-        } else {
-            let (_, depth) = wearing.volume_and_depth(values);
-            [self.share * depth, (1.0 - self.share) * depth]
-        };
-        Shared { plain, lengths: [radius, radius + slip * springs.friction * self.unit] }
+        [radius, radius + slip * springs.friction * self.unit]
     }
 }
