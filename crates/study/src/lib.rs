@@ -23,6 +23,7 @@ pub mod stats;
 pub use claimed::Claimed;
 pub use evaluation::{Evaluated, Evaluation};
 pub use jacobian::{Entry, Jacobian};
+pub use kinds::{Likelihood, LikelihoodCall};
 pub use member::Member;
 pub use model::Model;
 pub use output::{NoValue, Output, OutputName};

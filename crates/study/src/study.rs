@@ -58,6 +58,39 @@ pub(super) struct Point {
     running: Option<(Vec<f64>, Run)>,
 }
 
+impl Point {
+    /// Continues for at most about 30 ms. `end` returns the outcome from all runs so far, or the values of the run that
+    /// it needs next.
+    pub(super) fn step<T>(
+        &mut self,
+        plan: &dyn Plan,
+        problem: &Problem,
+        end: impl Fn(&[Tried]) -> Result<T, Vec<f64>>,
+    ) -> Option<T> {
+        loop {
+            if let Some((values, run)) = &mut self.running {
+                let found = plan.asked(problem, values).0.found(&run.step()?);
+                self.tried.push(Tried { values: mem::take(values), found });
+                self.running = None;
+            }
+            let values = match end(&self.tried) {
+                Ok(outcome) => return Some(outcome),
+                Err(values) => values,
+            };
+            let is_first = self.tried.is_empty();
+            let (own_problem, own) = plan.asked(problem, &values);
+            match own_problem.start(own) {
+                Ok(run) => self.running = Some((values, run)),
+                Err(found) => self.tried.push(Tried { values, found }),
+            }
+            // Returns after each run, so that a point of many short runs does not exceed the time of a step.
+            if !is_first {
+                return None;
+            }
+        }
+    }
+}
+
 impl Study {
     /// Reads a study with units, or in its canonical form.
     ///
@@ -118,27 +151,9 @@ impl Study {
 
     /// Continues to compute a point for at most about 30 ms. Returns its row when it is known.
     pub(super) fn step(&self, number: usize, earlier: &Rows, point: &mut Point) -> Option<Tried> {
-        loop {
-            if let Some((values, run)) = &mut point.running {
-                let found = self.plan.asked(&self.problem, values).0.found(&run.step()?);
-                point.tried.push(Tried { values: mem::take(values), found });
-                point.running = None;
-            }
-            let values = match self.plan.row(&self.problem, number, earlier, &point.tried) {
-                Ok(row) => return Some(row),
-                Err(values) => values,
-            };
-            let is_first = point.tried.is_empty();
-            let (problem, own) = self.plan.asked(&self.problem, &values);
-            match problem.start(own) {
-                Ok(run) => point.running = Some((values, run)),
-                Err(found) => point.tried.push(Tried { values, found }),
-            }
-            // Returns after each run, so that a point of many short runs does not exceed the time of a step.
-            if !is_first {
-                return None;
-            }
-        }
+        point.step(&*self.plan, &self.problem, |tried| {
+            self.plan.row(&self.problem, number, earlier, tried)
+        })
     }
 
     /// The row of a point that lacks all outputs, for this reason.

@@ -12,7 +12,7 @@ use fretwork_random::{Random, Stream};
 use serde_json::{Value, json};
 
 use fretwork_study::stats::distribution::Distribution;
-use fretwork_study::{Claimed, Kind, Model, Points, Rows, Study};
+use fretwork_study::{Claimed, Kind, Likelihood, Model, Points, Rows, Study};
 
 /// A steel ball on a flat.
 fn ball() -> Value {
@@ -711,4 +711,69 @@ fn undetermined_parameters_are_named_and_have_no_numbers() {
     );
     is_in_the_table(count, 50, &line);
     assert!(100 * of(0) >= 96 * count && 100 * of(1) >= 96 * count, "{line}");
+}
+
+/// The log likelihood of these values, or its gradient.
+fn likelihood(of: &Arc<Likelihood>, theta: &[f64], is_gradient: bool) -> Vec<f64> {
+    let mut call = of.at(theta.to_vec(), is_gradient);
+    assert!(call.seconds() < 30.0);
+    iter::repeat_with(|| call.step()).find_map(|found| found).unwrap()
+}
+
+#[test]
+fn the_log_likelihood_is_largest_at_the_estimate() {
+    // Volumes with a stated noise and a prior, and volumes whose noise is estimated.
+    let stated = tests(&ball(), &[2e-6, 2.5e-6, 3e-6, 5e-6, 10e-6], Stream::new(1));
+    let mut estimated = stated.clone();
+    for test in &mut estimated {
+        test["data"][0]["noise"] = json!("estimate");
+    }
+    for (tests, prior) in [(stated, true), (estimated, false)] {
+        let mut fit = of_wear_and_friction(&tests);
+        fit["starts"] = json!(2);
+        if prior {
+            fit["parameters"][1]["prior"] =
+                json!({"normal": {"mean": 0.65, "standard_deviation": 0.05}});
+        }
+        let found = fitted(fit).unwrap();
+        let of = Arc::new(Likelihood::read(found.to_string().as_bytes()).unwrap());
+        let number = |value: &Value| value.as_f64().unwrap();
+        let [best, errors] = ["estimate", "standard_error"]
+            .map(|name| [0, 1].map(|it| number(&found["parameters"][it][name])));
+        // All numbers count once, and their deviations are in the table.
+        let sum = number(&found["quality"]["sum_of_squares"]);
+        let deviations = found["table"]["deviation"].as_array().unwrap().iter().map(number);
+        let constant: f64 = deviations.map(|s| libm::log(std::f64::consts::TAU * s * s)).sum();
+        let largest = likelihood(&of, &best, false)[0];
+        let known = -0.5 * (sum + constant);
+        assert!((largest - known).abs() < 1e-6 * known.abs(), "{largest} {known}");
+        // In units of standard errors, the gradient is near 0, and elsewhere that of differences.
+        let scaled = |theta: &[f64; 2]| {
+            let slopes = likelihood(&of, theta, true);
+            [slopes[0] * errors[0], slopes[1] * errors[1]]
+        };
+        assert!(scaled(&best).iter().all(|slope| slope.abs() < 0.02), "{:?}", scaled(&best));
+        for (place, sign) in [(0, 2.0), (0, -2.0), (1, 2.0), (1, -2.0)] {
+            let mut theta = best;
+            theta[place] += sign * errors[place];
+            for (it, slope) in scaled(&theta).into_iter().enumerate() {
+                let [high, low] = [0.4, -0.4].map(|step| {
+                    let mut beside = theta;
+                    beside[it] += step * errors[it];
+                    likelihood(&of, &beside, false)[0]
+                });
+                let difference = (high - low) / 0.8;
+                assert!(
+                    (slope - difference).abs() < 0.02 * difference.abs().max(1.0),
+                    "{slope} {difference}"
+                );
+            }
+            assert!(likelihood(&of, &theta, false)[0] < largest - 0.5);
+        }
+        // Outside of the bounds.
+        assert_eq!(likelihood(&of, &[best[0], 1.6], false), [-1e300]);
+        assert_eq!(likelihood(&of, &[best[0], 1.6], true), [0.0, 0.0]);
+    }
+    let other = Likelihood::read(b"{\"fit\": {}, \"searches\": {}}").unwrap_err();
+    assert!(other.contains("cannot read its fit"), "{other}");
 }

@@ -5,6 +5,7 @@ mod map;
 mod sensitivity;
 mod sweep;
 
+pub use self::fit::{Likelihood, LikelihoodCall};
 use super::plan::Kind;
 
 impl Kind {

@@ -1,10 +1,11 @@
 //! Fits: the numbers of a scenario that agree best with measured volumes, depths, energies and profiles.
 //!
 //! The files of this room: [`data`] reads what was measured, [`model`] predicts it, [`search`] computes the points of
-//! the fit in stages, and [`findings`] says what follows.
+//! the fit in stages, [`findings`] says what follows, and [`likelihood`] continues from there for samplers.
 
 mod data;
 mod findings;
+mod likelihood;
 mod model;
 mod search;
 
@@ -16,6 +17,7 @@ use fretwork_engine::request::fields::{Given, List};
 use serde_json::{Value, json};
 
 use self::data::GivenTest;
+pub use self::likelihood::{Likelihood, LikelihoodCall};
 use self::model::{Runs, Set};
 use self::search::Fit;
 use crate::plan::StudyFigure::{Bands, Energy, Profile, Residuals};
@@ -71,16 +73,21 @@ struct Request {
 /// All faults, with pointers relative to the fit.
 fn read(fit: Value) -> Result<Read, Faults> {
     let mut complete = small_members(&fit);
+    let (problem, fit) = parsed(fit)?;
+    complete.insert("confidence".to_owned(), json!(fit.confidence));
+    complete.insert("starts".to_owned(), json!(fit.starts.len()));
+    Ok(Read::new(complete, problem, fit))
+}
+
+fn parsed(fit: Value) -> Result<(Problem, Fit), Faults> {
     let Request { scenario, parameters, tests, confidence, starts, .. } = typed(fit)?;
     let confidence = confidence.0.unwrap_or(CONFIDENCE);
     if !(0.5..=0.9999).contains(&confidence) {
         return Err(Faults::one("/confidence", "must be from 0.5 to 0.9999, such as 0.95"));
     }
     let starts = starts.0.map_or(STARTS, |starts| starts.0);
-    complete.insert("confidence".to_owned(), json!(confidence));
-    complete.insert("starts".to_owned(), json!(starts));
     let fit = data::fit(&scenario, parameters.0, tests.0, (confidence, starts as u32))?;
-    Ok(Read::new(complete, Problem::new(scenario, Vec::new(), Vec::new()), fit))
+    Ok((Problem::new(scenario, Vec::new(), Vec::new()), fit))
 }
 
 impl Plan for Fit {

@@ -89,7 +89,7 @@ pub fn tasks(
 }
 
 /// The values of a run that is not known: the index of its set, and the values of its members.
-type Wanted = Vec<f64>;
+pub type Wanted = Vec<f64>;
 
 /// A row. A missing number is NaN.
 #[derive(Debug, Default)]
@@ -119,15 +119,49 @@ pub struct Known {
 }
 
 /// The predictions and the residuals of some of the measured numbers.
-struct Search<'a> {
-    fit: &'a Fit,
-    tried: &'a [Tried],
-    measured: &'a Measured,
-    factors: &'a [f64],
+pub struct Search<'a> {
+    pub fit: &'a Fit,
+    pub tried: &'a [Tried],
+    pub measured: &'a Measured,
+    pub factors: &'a [f64],
 }
 
 impl Search<'_> {
-    fn residuals(&self, theta: &[f64]) -> Result<Vec<f64>, Wanted> {
+    /// The derivatives of all residuals with respect to the coordinates u of the free parameters, from differences:
+    /// central ones if `is_fine`. At a bound, and where predictions are missing on one side, they are one-sided.
+    pub fn slopes(
+        &self,
+        at: &dyn Fn(&[f64]) -> Vec<f64>,
+        u: &[f64],
+        free: &[usize],
+        is_fine: bool,
+    ) -> Result<Vec<Vec<f64>>, Wanted> {
+        let middle = &self.residuals(&at(u))?;
+        let column = |place: usize| {
+            let parameter = &self.fit.parameters[free[place]];
+            let beside = |step: f64| {
+                let mut other = u.to_vec();
+                other[place] += step * parameter.step(parameter.value(u[place]));
+                other[place] = other[place].clamp(0.0, 1.0);
+                let found = self.residuals(&at(&other))?;
+                let is_known = found.iter().all(|residual| residual.is_finite());
+                Ok::<_, Wanted>(if is_known {
+                    (other[place], found)
+                } else {
+                    (u[place], middle.clone())
+                })
+            };
+            let (high, above) = beside(DIFFERENCE)?;
+            let is_one_sided = !is_fine && high > u[place];
+            let at_middle = || Ok((u[place], middle.clone()));
+            let (low, below) = if is_one_sided { at_middle() } else { beside(-DIFFERENCE) }?;
+            let slopes = above.iter().zip(&below).map(|(one, other)| (one - other) / (high - low));
+            Ok(slopes.map(|slope| if slope.is_finite() { slope } else { 0.0 }).collect())
+        };
+        (0..u.len()).map(column).collect()
+    }
+
+    pub fn residuals(&self, theta: &[f64]) -> Result<Vec<f64>, Wanted> {
         let [predicted, _] = self.fit.predicted(theta, self.tried)?;
         Ok(self.measured.residuals(&predicted, self.factors))
     }
@@ -144,33 +178,8 @@ impl Search<'_> {
             theta
         };
         let residuals = |u: &[f64]| self.residuals(&at(u));
-        // Differences, central ones for a fine minimum. At a bound, and where predictions are missing on one side, they
-        // are one-sided.
-        let column = |u: &[f64], place: usize, middle: &[f64]| {
-            let parameter = &self.fit.parameters[free[place]];
-            let beside = |step: f64| {
-                let mut other = u.to_vec();
-                other[place] += step * parameter.step(parameter.value(u[place]));
-                other[place] = other[place].clamp(0.0, 1.0);
-                let found = residuals(&other)?;
-                let is_known = found.iter().all(|residual| residual.is_finite());
-                Ok::<_, Wanted>(if is_known {
-                    (other[place], found)
-                } else {
-                    (u[place], middle.to_vec())
-                })
-            };
-            let (high, above) = beside(DIFFERENCE)?;
-            let is_one_sided = stop.decrease > FINE.decrease && high > u[place];
-            let at_middle = || Ok((u[place], middle.to_vec()));
-            let (low, below) = if is_one_sided { at_middle() } else { beside(-DIFFERENCE) }?;
-            let slopes = above.iter().zip(&below).map(|(one, other)| (one - other) / (high - low));
-            Ok(slopes.map(|slope| if slope.is_finite() { slope } else { 0.0 }).collect())
-        };
-        let derivatives = |u: &[f64]| {
-            let middle = residuals(u)?;
-            (0..u.len()).map(|place| column(u, place, &middle)).collect()
-        };
+        let is_fine = stop.decrease <= FINE.decrease;
+        let derivatives = |u: &[f64]| self.slopes(&at, u, free, is_fine);
         let coordinate = |it: &usize| self.fit.parameters[*it].coordinate(theta[*it]);
         let start: Vec<f64> = free.iter().map(coordinate).collect();
         let theta = match start.len() {
@@ -209,15 +218,20 @@ impl Fit {
 
     /// What the rows of the first stages say. `None` if no start has led to numbers for all measured points.
     pub fn known(&self, rows: &Rows) -> Option<Known> {
-        let (count, numbers) = (self.parameters.len(), self.positions.len());
-        let columns: Vec<_> = (0..count + 3 + numbers).map(|column| rows.numbers(column)).collect();
+        let all = self.parameters.len() + 3 + self.positions.len();
+        self.known_from(&(0..all).map(|column| rows.numbers(column)).collect::<Vec<_>>())
+    }
+
+    /// As [`known`](Self::known), from the columns of the rows.
+    pub fn known_from(&self, columns: &[Vec<Option<f64>>]) -> Option<Known> {
+        let count = self.parameters.len();
         let row = |row: usize| {
             let mut cells = columns.iter().map(|column| column[row].unwrap_or(f64::NAN));
             let theta = cells.by_ref().take(count).collect();
             let [sum, runs, error] = [(); 3].map(|()| cells.next().unwrap_or(f64::NAN));
             Row { theta, sum, runs, error, numbers: cells.collect() }
         };
-        let rows: Vec<Row> = (0..rows.count).map(row).collect();
+        let rows: Vec<Row> = (0..columns[0].len()).map(row).collect();
         let minimum = self.starts.len();
         let finite = (0..minimum).filter(|start| rows[*start].sum.is_finite());
         let start = finite.min_by(|a, b| rows[*a].sum.total_cmp(&rows[*b].sum))?;

@@ -1,0 +1,157 @@
+//! The log likelihood of the parameters of a stored fit, for tools that sample them.
+//!
+//! # Equations
+//! ```text
+//! ln L = −½ Σ [rᵢ² + wᵢ ln(2π sᵢ²)],   ∂ln L/∂x = −Σ rᵢ ∂rᵢ/∂x
+//! ```
+//! The residuals r, weights w and deviations s are those of the fit, so its estimate is the maximum. Priors count as
+//! measured numbers, those of `lognormal` in ln x; else the parameters have none. Estimated noise stays at the scale that the
+//! fit has found: a marginal likelihood would need a prior of the noise, and has another maximum where runs have errors.
+//! With few points, intervals of the fit are wider, because they use Student's t.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use fretwork_engine::numeric::dot;
+use serde::Deserialize;
+use serde_json::Value;
+use serde_json::value::RawValue;
+
+use super::model::Runs;
+use super::search::{Fit, Known, Search, Wanted};
+use crate::plan::{Plan as _, Tried};
+use crate::problem::Problem;
+use crate::study::Point;
+
+/// The answer outside of the bounds, and where a prediction is missing. JSON has no infinity, and differences of two
+/// such numbers must be finite.
+const IMPOSSIBLE: f64 = -1e300;
+
+/// The log likelihood of a fit.
+#[derive(Debug)]
+pub struct Likelihood {
+    problem: Problem,
+    fit: Fit,
+    known: Known,
+}
+
+/// The members of the document of a fit that it needs.
+#[derive(Deserialize)]
+struct Document<'a> {
+    fit: Value,
+    #[serde(borrow)]
+    searches: BTreeMap<Cow<'a, str>, &'a RawValue>,
+}
+
+/// The computation of the log likelihood or of its gradient.
+#[derive(Debug)]
+pub struct LikelihoodCall {
+    of: Arc<Likelihood>,
+    theta: Vec<f64>,
+    is_gradient: bool,
+    point: Point,
+}
+
+impl Likelihood {
+    /// Reads the document of a fit.
+    ///
+    /// # Errors
+    /// A clause for the client: the document is not one of a fit that has found a minimum.
+    pub fn read(document: &[u8]) -> Result<Self, String> {
+        let read: Document = serde_json::from_slice(document).map_err(|error| error.to_string())?;
+        let faults = |_| "this version of the server cannot read its fit".to_owned();
+        let (problem, fit) = super::parsed(read.fit).map_err(faults)?;
+        let cells = |name: &str| serde_json::from_str(read.searches.get(name)?.get()).ok();
+        let columns = fit.columns().into_iter();
+        let columns: Option<Vec<Vec<_>>> = columns.map(|column| cells(&column.name)).collect();
+        let columns = columns.filter(|all| all.iter().all(|it| it.len() == fit.points()));
+        let known = columns.and_then(|columns| fit.known_from(&columns));
+        let known = known.filter(|known| known.rows[known.minimum].sum.is_finite());
+        let known = known.ok_or("it has found no minimum. See `reason` in its `searches`")?;
+        Ok(Self { problem, fit, known })
+    }
+
+    /// The number of parameters.
+    pub fn parameters(&self) -> usize {
+        self.fit.parameters.len()
+    }
+
+    /// Approximate memory, in bytes.
+    pub fn bytes(&self) -> usize {
+        self.fit.memory() + 8 * self.known.rows.len() * self.fit.columns().len()
+    }
+
+    /// Prepares the log likelihood of these values in SI, or its gradient.
+    pub fn at(self: &Arc<Self>, theta: Vec<f64>, is_gradient: bool) -> LikelihoodCall {
+        LikelihoodCall { of: Arc::clone(self), theta, is_gradient, point: Point::default() }
+    }
+
+    fn is_possible(&self, theta: &[f64]) -> bool {
+        self.fit.parameters.iter().zip(theta).all(|(it, x)| (it.low..=it.high).contains(x))
+    }
+
+    fn value(&self, theta: &[f64], tried: &[Tried]) -> Result<f64, Wanted> {
+        let residuals = self.search(tried).residuals(theta)?;
+        let terms = self.known.measured.taking_part().map(|(place, point)| {
+            let deviation = point.deviation(&self.known.factors);
+            let constant = point.weight * libm::log(TAU * deviation * deviation);
+            residuals[place] * residuals[place] + constant
+        });
+        let value = -0.5 * terms.sum::<f64>();
+        Ok(if value.is_finite() { value } else { IMPOSSIBLE })
+    }
+
+    fn gradient(&self, theta: &[f64], tried: &[Tried]) -> Result<Vec<f64>, Wanted> {
+        let parameters = &self.fit.parameters;
+        let u: Vec<f64> = parameters.iter().zip(theta).map(|(it, x)| it.coordinate(*x)).collect();
+        let at = |u: &[f64]| -> Vec<f64> {
+            parameters.iter().zip(u).map(|(it, u)| it.value(*u)).collect()
+        };
+        let residuals = self.search(tried).residuals(&at(&u))?;
+        if residuals.iter().any(|residual| !residual.is_finite()) {
+            return Ok(vec![0.0; u.len()]);
+        }
+        let all: Vec<usize> = (0..u.len()).collect();
+        let slopes = self.search(tried).slopes(&at, &u, &all, true)?;
+        let entry = |(place, slopes): (usize, &Vec<f64>)| {
+            let (it, x) = (&parameters[place], theta[place]);
+            -dot(&residuals, slopes) * it.step(x) / it.scale(x)
+        };
+        Ok(slopes.iter().enumerate().map(entry).collect())
+    }
+
+    fn search<'a>(&'a self, tried: &'a [Tried]) -> Search<'a> {
+        let Known { measured, factors, .. } = &self.known;
+        Search { fit: &self.fit, tried, measured, factors }
+    }
+}
+
+impl LikelihoodCall {
+    /// Estimated processor time, in seconds.
+    pub fn seconds(&self) -> f64 {
+        let Self { of, theta, is_gradient, .. } = self;
+        let runs = of.fit.sets.iter().filter_map(|set| set.runs.as_ref());
+        let seconds = runs.map(|Runs { problem, parameters, .. }| {
+            problem.seconds(&parameters.iter().map(|it| theta[*it]).collect::<Vec<_>>())
+        });
+        let count = if *is_gradient { 1 + 2 * theta.len() } else { 1 };
+        if of.is_possible(theta) { count as f64 * seconds.sum::<f64>() } else { 0.0 }
+    }
+
+    /// Continues for at most about 30 ms. Returns the log likelihood alone, or its gradient.
+    pub fn step(&mut self) -> Option<Vec<f64>> {
+        let Self { of, theta, is_gradient, point } = self;
+        if !of.is_possible(theta) {
+            return Some(if *is_gradient { vec![0.0; theta.len()] } else { vec![IMPOSSIBLE] });
+        }
+        point.step(&of.fit, &of.problem, |tried| {
+            if *is_gradient {
+                of.gradient(theta, tried)
+            } else {
+                of.value(theta, tried).map(|value| vec![value])
+            }
+        })
+    }
+}
