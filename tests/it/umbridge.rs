@@ -48,7 +48,7 @@ fn config(parameters: &Value, outputs: &Value) -> Value {
 async fn an_evaluation_returns_the_numbers_of_the_result() {
     let server = Server::start().await;
     let info = server.get("/Info").await.json();
-    assert_eq!(info, json!({"protocolVersion": 1.0, "models": ["wear"]}));
+    assert_eq!(info, json!({"protocolVersion": 1.0, "models": ["wear", "log_likelihood"]}));
     let support = call(&server, "/ModelInfo", &json!({"name": "wear"})).await.json();
     let expected = json!({"support": {
         "Evaluate": true, "Gradient": true, "ApplyJacobian": true, "ApplyHessian": false}});
@@ -126,6 +126,67 @@ async fn gradients_agree_with_the_closed_form() {
         }
     }
     assert_eq!(ask("/Gradient", "sens", [0.0, 0.0]).await, [0.0, 0.0]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_log_likelihood_of_a_stored_fit_has_a_gradient() {
+    let server = Server::start().await;
+    let mut scenario = steel_ball()["scenario"].clone();
+    scenario["cycles"] = json!([10_000]);
+    let data = json!({"output": "wear_volume", "relative": 0.05, "x": [3e3, 1e4, 3e4],
+        "y": ["3.3e-5 mm^3", "7.5e-5 mm^3", "2.1e-4 mm^3"]});
+    let fit = json!({"fit": {"scenario": scenario, "starts": 1, "tests": [{"data": [data]}],
+        "parameters": [{"pointer": "/wear/coefficient", "from": 1e-16, "to": 1e-12, "spacing": "log"}]}});
+    let link = server.compute(&fit).await.json()["links"]["result"].clone();
+    let found = server.get(link.as_str().unwrap()).await.json();
+    let estimate = found["parameters"][0]["estimate"].as_f64().unwrap();
+    let error = found["parameters"][0]["standard_error"].as_f64().unwrap();
+    let ask = async |path: &str, x: f64, weight: f64| -> f64 {
+        let body = json!({"name": "log_likelihood", "config": {"fit": found["key"]}, "input": [[x]],
+            "outWrt": 0, "inWrt": 0, "sens": [weight], "vec": [weight]});
+        let answer = call(&server, path, &body).await.json();
+        let output = &answer["output"];
+        let number = output[0].as_f64().or_else(|| output[0][0].as_f64());
+        number.unwrap_or_else(|| panic!("{answer}"))
+    };
+    let sizes = json!({"name": "log_likelihood", "config": {"fit": found["key"]}});
+    assert_eq!(call(&server, "/InputSizes", &sizes).await.json(), json!({"inputSizes": [1]}));
+    assert_eq!(call(&server, "/OutputSizes", &sizes).await.json(), json!({"outputSizes": [1]}));
+    let [below, best, above] = [-1.0, 0.0, 1.0].map(|step| estimate + step * error);
+    let values = [
+        ask("/Evaluate", below, 1.0).await,
+        ask("/Evaluate", best, 1.0).await,
+        ask("/Evaluate", above, 1.0).await,
+    ];
+    // One standard error is half a unit of log likelihood.
+    for beside in [values[0], values[2]] {
+        assert!((0.4..0.6).contains(&(values[1] - beside)), "{values:?}");
+    }
+    assert!((error * ask("/Gradient", best, 1.0).await).abs() < 0.02);
+    let slope = ask("/Gradient", above, 1.0).await;
+    let [near, far] = [0.5, 1.5].map(|step| estimate + step * error);
+    let difference = ask("/Evaluate", far, 1.0).await - ask("/Evaluate", near, 1.0).await;
+    assert!((error * slope - difference).abs() < 0.03, "{} {difference}", error * slope);
+    let product = ask("/ApplyJacobian", above, 2.0).await;
+    assert!((product / (2.0 * slope) - 1.0).abs() < 1e-11, "{product} {slope}");
+    assert_eq!(ask("/Evaluate", 2e-12, 1.0).await.to_bits(), (-1e300_f64).to_bits());
+    assert_eq!(ask("/Gradient", 2e-12, 1.0).await.to_bits(), 0.0_f64.to_bits());
+
+    let run = server.compute(&steel_ball()).await.json()["key"].clone();
+    for (fit, status, kind, words) in [
+        (json!(null), 400, "InvalidInput", "Enter {\"fit\": \"KEY\"} with the key"),
+        (json!("7"), 400, "InvalidInput", "config/fit is no key"),
+        (run, 400, "InvalidInput", "key of another result"),
+        (json!("0".repeat(64)), 404, "unknown-result", "POST /v1/jobs"),
+    ] {
+        let body = json!({"name": "log_likelihood", "config": {"fit": fit}, "input": [[1e-14]]});
+        let message = self::error(&call(&server, "/Evaluate", &body).await, status, kind);
+        assert!(message.contains(words), "{message}");
+    }
+    let body =
+        json!({"name": "log_likelihood", "config": {"fit": found["key"]}, "input": [[1.0, 2.0]]});
+    let message = self::error(&call(&server, "/Evaluate", &body).await, 400, "InvalidInput");
+    assert!(message.contains("must have 1 numbers, not 2"), "{message}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

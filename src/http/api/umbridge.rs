@@ -1,8 +1,9 @@
 //! UM-Bridge 1.0, the protocol of tools for uncertainty quantification.
 //!
-//! The model `wear` maps numbers of a scenario to outputs of its result. Its config is read by [`Model::read`]. Errors
-//! have the form of the protocol, `{"error": {"type", "message"}}`. Bodies need no content type, because the clients
-//! send none. This is safe: a call changes nothing, so a foreign web page can do no harm with it.
+//! The model `wear` maps numbers of a scenario to outputs of its result. Its config is read by [`Model::read`]. The model
+//! `log_likelihood` maps the parameters of a stored fit to one number; its config has the key of the fit. Errors have the
+//! form of the protocol, `{"error": {"type", "message"}}`. Bodies need no content type, because the clients send none. This
+//! is safe: a call changes nothing, so a foreign web page can do no harm with it.
 //!
 //! # Sources
 //! - L. Seelinger et al., J. Open Source Softw. 8 (2023) 4748; protocol: <https://um-bridge-benchmarks.readthedocs.io>.
@@ -10,6 +11,7 @@
 use std::fmt::Write as _;
 use std::sync::Arc;
 
+use axum::RequestExt as _;
 use axum::extract::{FromRequest, Request};
 use axum::http::{Method, StatusCode};
 use axum::response::{IntoResponse, Response};
@@ -18,9 +20,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use serde_json::value::RawValue;
 
-use crate::http::access::caller::owner_of;
+use crate::http::access::caller::Caller;
 use crate::http::access::needs::Needs;
+use crate::http::answer::stored::{json as stored, require};
 use crate::http::app::App;
+use crate::http::memory::Encoded;
+use crate::http::memory::models::AnyModel;
 use crate::http::problem::kinds::Kind;
 use crate::http::problem::{self, Problem, Result};
 use crate::http::shares::Turn;
@@ -28,11 +33,12 @@ use crate::http::transport::body::{AnyBody, Counted};
 use crate::http::wire::FRESH_JSON;
 use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
 use fretwork_engine::request::fault::Faults;
+use fretwork_job::Key;
 use fretwork_json::{self as json, BadBody};
-use fretwork_study::{Entry, Jacobian, Model, Output};
+use fretwork_study::{Jacobian, Likelihood, LikelihoodCall, Model, Output};
 
-/// The name of the model.
-const NAME: &str = "wear";
+/// The names of the models. Clients that test a server take the first one, which needs no config.
+const NAMES: [&str; 2] = ["wear", "log_likelihood"];
 /// Largest scenario that is prepared on the async thread, in bytes of memory.
 const SMALL: usize = 1 << 14;
 /// Maximum number of faults that a message lists.
@@ -118,10 +124,13 @@ impl Call {
                 bad_input(format!("The body of the request cannot be read as JSON: {error}."))
             })?;
         match call.name.as_deref() {
-            Some(NAME) => Ok(call),
+            Some(name) if NAMES.contains(&name) => Ok(call),
             Some(other) => {
                 let other: String = other.chars().take(60).collect();
-                let message = format!("There is no model \"{other}\". Enter \"{NAME}\" as `name`.");
+                let [one, two] = NAMES;
+                let message = format!(
+                    "There is no model \"{other}\". Enter \"{one}\" as `name`, or \"{two}\" for that of a stored fit."
+                );
                 Err(Problem::new(&MODEL_NOT_FOUND, message))
             }
             None => Err(missing("name")),
@@ -129,11 +138,11 @@ impl Call {
     }
 }
 
-/// A call of the model, and the turn of its caller.
+/// A call of a model, and the turn of its caller.
 struct Called {
     app: App,
     call: Call,
-    model: Arc<Model>,
+    model: AnyModel,
     _turn: Turn,
     /// Holds the permit for the memory of the body while the call uses numbers from it.
     _body: Counted,
@@ -142,12 +151,17 @@ struct Called {
 impl FromRequest<App> for Called {
     type Rejection = Problem;
 
-    async fn from_request(request: Request, app: &App) -> Result<Self> {
-        let caller = owner_of(request.extensions());
+    async fn from_request(mut request: Request, app: &App) -> Result<Self> {
+        let Ok(caller) = request.extract_parts::<Caller>().await;
         let AnyBody(body) = AnyBody::from_request(request, app).await?;
-        let turn = app.shares.evaluations.turn(&caller).await;
+        let turn = app.shares.evaluations.turn(&caller.owner).await;
         let mut call = Call::read(&body.bytes)?;
-        let model = model_of(app, call.config.take()).await?;
+        let config = call.config.take();
+        let model = if call.name.as_deref() == Some(NAMES[0]) {
+            AnyModel::Wear(model_of(app, config).await?)
+        } else {
+            AnyModel::Likelihood(likelihood_of(app, &caller, config).await?)
+        };
         Ok(Self { app: app.clone(), call, model, _turn: turn, _body: body })
     }
 }
@@ -159,13 +173,32 @@ impl Called {
         let [point] = <[Vec<f64>; 1]>::try_from(input).map_err(|input| {
             bad_input(format!("`input` must have one vector, not {}.", input.len()))
         })?;
-        let (expected, given) = (self.model.members().len(), point.len());
+        let (expected, given) = (self.inputs(), point.len());
         if given == expected {
             return Ok(point);
         }
         Err(bad_input(format!(
-            "`input` must have {expected} numbers, not {given}: one for each of the `parameters` in `config`."
+            "`input` must have {expected} numbers, not {given}: one for each of the `parameters` in `config` or of the fit."
         )))
+    }
+
+    fn inputs(&self) -> usize {
+        match &self.model {
+            AnyModel::Wear(model) => model.members().len(),
+            AnyModel::Likelihood(model) => model.parameters(),
+        }
+    }
+
+    fn outputs(&self) -> usize {
+        match &self.model {
+            AnyModel::Wear(model) => model.outputs().len(),
+            AnyModel::Likelihood(_) => 1,
+        }
+    }
+
+    /// The log likelihood of a fit alone, or its gradient.
+    async fn of_fit(&self, mut call: LikelihoodCall) -> Result<Vec<f64>> {
+        compute(&self.app, call.seconds(), move || call.step()).await
     }
 
     /// The input vector of a request for derivatives. The request must name the first output vector and the first input
@@ -187,12 +220,13 @@ impl Called {
     /// Prepares a computation. This parses the scenario of the model; a large scenario is parsed on a blocking thread.
     async fn prepare<T: Send + 'static>(
         &self,
+        model: &Arc<Model>,
         prepare: impl Fn(&Arc<Model>) -> Result<T, Faults> + Send + 'static,
     ) -> Result<T> {
-        let prepared = if self.model.bytes() <= SMALL {
-            prepare(&self.model)
+        let prepared = if model.bytes() <= SMALL {
+            prepare(model)
         } else {
-            let model = Arc::clone(&self.model);
+            let model = Arc::clone(model);
             compute(&self.app, 1e-3, move || Some(prepare(&model))).await?
         };
         prepared.map_err(|faults| {
@@ -207,31 +241,49 @@ impl Called {
         point: Vec<f64>,
         (by_output, by_member): (Vec<f64>, Vec<f64>),
         mut sums: Vec<f64>,
-        place: fn(&Entry) -> usize,
+        place: fn(output: usize, member: usize) -> usize,
     ) -> Result<Response> {
+        let model = match &self.model {
+            AnyModel::Wear(model) => model,
+            AnyModel::Likelihood(model) => {
+                let slopes = self.of_fit(model.at(point, true)).await?;
+                for (member, slope) in slopes.into_iter().enumerate() {
+                    sums[place(0, member)] += by_output[0] * by_member[member] * slope;
+                }
+                return weighted_answer(&sums);
+            }
+        };
         let is_wanted = by_output.iter().any(|weight| *weight != 0.0);
         let members = (0..by_member.len()).filter(|place| is_wanted && by_member[*place] != 0.0);
         let members: Vec<usize> = members.collect();
         let start = move |model: &Arc<Model>| Jacobian::new(model, &point, members.clone());
-        let mut search = self.prepare(start).await?;
+        let mut search = self.prepare(model, start).await?;
         let found = compute(&self.app, search.seconds(), move || search.step()).await?;
         for entry in found.into_iter().filter(|entry| by_output[entry.output] != 0.0) {
-            let (sum, weight) = (place(&entry), by_output[entry.output] * by_member[entry.member]);
+            let (sum, weight) = (
+                place(entry.output, entry.member),
+                by_output[entry.output] * by_member[entry.member],
+            );
             let derivative = entry.derivative.map_err(|reason| {
-                let output = self.model.outputs()[entry.output].name();
-                let member = &self.model.members()[entry.member].pointer;
+                let output = model.outputs()[entry.output].name();
+                let member = &model.members()[entry.member].pointer;
                 let message =
                     format!("{output} has no derivative with respect to {member}: {reason}.");
                 Problem::new(&INVALID_OUTPUT, message)
             })?;
             sums[sum] += weight * derivative.value;
         }
-        if sums.iter().any(|sum| !sum.is_finite()) {
-            let message = "A weighted sum of the derivatives is too large for a number. Enter smaller weights.";
-            return Err(Problem::new(&INVALID_OUTPUT, message));
-        }
-        Ok(answer(&json!({"output": sums})))
+        weighted_answer(&sums)
     }
+}
+
+fn weighted_answer(sums: &[f64]) -> Result<Response> {
+    if sums.iter().any(|sum| !sum.is_finite()) {
+        let message =
+            "A weighted sum of the derivatives is too large for a number. Enter smaller weights.";
+        return Err(Problem::new(&INVALID_OUTPUT, message));
+    }
+    Ok(answer(&json!({"output": sums})))
 }
 
 fn sized(name: &str, numbers: Option<Vec<f64>>, expected: usize) -> Result<Vec<f64>> {
@@ -266,7 +318,7 @@ async fn compute<T: Send + 'static>(
 /// The model of a config.
 async fn model_of(app: &App, config: Option<Box<RawValue>>) -> Result<Arc<Model>> {
     let text: Box<str> = config.map_or_else(|| "{}".into(), Into::into);
-    if let Some(model) = app.models.get(&*text) {
+    if let Some(AnyModel::Wear(model)) = app.models.get(&*text) {
         return Ok(model);
     }
     let config = text.clone().into_string();
@@ -278,7 +330,46 @@ async fn model_of(app: &App, config: Option<Box<RawValue>>) -> Result<Arc<Model>
         BadBody::Empty => missing("config"),
     })?;
     let model = Arc::new(model);
-    app.models.insert(config, Arc::clone(&model));
+    app.models.insert(config, AnyModel::Wear(Arc::clone(&model)));
+    Ok(model)
+}
+
+/// The config of a log likelihood.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OfFit {
+    fit: String,
+}
+
+/// The log likelihood of the fit whose key is in the config. Like all results, every caller of the server may use it.
+async fn likelihood_of(
+    app: &App,
+    caller: &Caller,
+    config: Option<Box<RawValue>>,
+) -> Result<Arc<Likelihood>> {
+    let text: Box<str> = config.map_or_else(|| "{}".into(), Into::into);
+    let advice = "Enter {\"fit\": \"KEY\"} with the key of the result of a fit";
+    let OfFit { fit } = serde_json::from_str(&text)
+        .map_err(|error| bad_input(format!("`config` cannot be read: {error}. {advice}.")))?;
+    let key: Key =
+        fit.parse().map_err(|bad| bad_input(format!("config/fit is no key: {bad}. {advice}.")))?;
+    if let Some(AnyModel::Likelihood(model)) = app.models.get(&key.to_string()) {
+        return Ok(model);
+    }
+    require(app, caller.reach(), &key).await?;
+    let known = app.store.known(&key).await?;
+    if known.is_none_or(|known| known.asked.kind.member() != "fit") {
+        let message = format!("config/fit is the key of another result. {advice}: POST /v1/jobs.");
+        return Err(bad_input(message));
+    }
+    let Some(Encoded { body, permit, .. }) = stored(app, &caller.owner, &key).await? else {
+        return Err(bad_input("The fit was deleted meanwhile. Submit it again to POST /v1/jobs."));
+    };
+    let read = move || Some((Likelihood::read(&body), &permit).0);
+    let model = compute(app, 1e-3, read).await?;
+    let model =
+        Arc::new(model.map_err(|why| bad_input(format!("The fit has no likelihood: {why}.")))?);
+    app.models.insert(key.to_string(), AnyModel::Likelihood(Arc::clone(&model)));
     Ok(model)
 }
 
@@ -289,7 +380,7 @@ fn answer(document: &impl Serialize) -> Response {
 
 /// Lists the models.
 async fn info() -> Response {
-    answer(&json!({"protocolVersion": 1.0, "models": [NAME]}))
+    answer(&json!({"protocolVersion": 1.0, "models": NAMES}))
 }
 
 async fn model_info(AnyBody(body): AnyBody) -> Result<Response> {
@@ -300,41 +391,48 @@ async fn model_info(AnyBody(body): AnyBody) -> Result<Response> {
 }
 
 async fn input_sizes(called: Called) -> Response {
-    answer(&json!({"inputSizes": [called.model.members().len()]}))
+    answer(&json!({"inputSizes": [called.inputs()]}))
 }
 
 async fn output_sizes(called: Called) -> Response {
-    answer(&json!({"outputSizes": [called.model.outputs().len()]}))
+    answer(&json!({"outputSizes": [called.outputs()]}))
 }
 
 async fn evaluate(mut called: Called) -> Result<Response> {
     let point = called.point()?;
-    let mut run = called.prepare(move |model| model.run(&point)).await?;
-    let (seconds, model) = (run.seconds(), Arc::clone(&called.model));
-    let values = move || run.step().map(|ended| model.values(&ended));
+    let model = match called.model.clone() {
+        AnyModel::Wear(model) => model,
+        AnyModel::Likelihood(model) => {
+            let output = called.of_fit(model.at(point, false)).await?;
+            return Ok(answer(&json!({"output": [output]})));
+        }
+    };
+    let mut run = called.prepare(&model, move |model| model.run(&point)).await?;
+    let (seconds, of) = (run.seconds(), Arc::clone(&model));
+    let values = move || run.step().map(|ended| of.values(&ended));
     let found = compute(&called.app, seconds, values).await?;
     let value = |(value, output): (Result<f64, _>, &Output)| {
         let message = |reason| format!("{} has no value: {reason}.", output.name());
         value.map_err(|reason| Problem::new(&INVALID_OUTPUT, message(reason)))
     };
     let output: Result<Vec<f64>, _> =
-        found.values.into_iter().zip(called.model.outputs()).map(value).collect();
+        found.values.into_iter().zip(model.outputs()).map(value).collect();
     Ok(answer(&json!({"output": [output?]})))
 }
 
 async fn gradient(mut called: Called) -> Result<Response> {
     let point = called.point_of_derivative()?;
-    let sens = sized("sens", called.call.sens.take(), called.model.outputs().len())?;
+    let sens = sized("sens", called.call.sens.take(), called.outputs())?;
     let (weights, sums) = ((sens, vec![1.0; point.len()]), vec![0.0; point.len()]);
-    called.weighted(point, weights, sums, |entry| entry.member).await
+    called.weighted(point, weights, sums, |_, member| member).await
 }
 
 async fn apply_jacobian(mut called: Called) -> Result<Response> {
     let point = called.point_of_derivative()?;
     let vec = sized("vec", called.call.vec.take(), point.len())?;
-    let outputs = called.model.outputs().len();
+    let outputs = called.outputs();
     let (weights, sums) = ((vec![1.0; outputs], vec), vec![0.0; outputs]);
-    called.weighted(point, weights, sums, |entry| entry.output).await
+    called.weighted(point, weights, sums, |output, _| output).await
 }
 
 async fn apply_hessian(AnyBody(body): AnyBody) -> Result<Response> {
