@@ -69,7 +69,7 @@ def check_posterior(random):
     assert (model.get_input_sizes(config), model.get_output_sizes(config)) == ([2], [1])
     gradient = error * model.gradient(0, 0, [estimate.tolist()], [1.0], config)
     assert numpy.all(abs(gradient) < 0.05), gradient
-    begun, walkers, steps = time.monotonic(), 16, 150
+    begun, walkers, steps = time.monotonic(), 16, 90
 
     def log_probability(x):
         return model([x.tolist()], config)[0][0]
