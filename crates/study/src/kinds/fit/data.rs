@@ -115,6 +115,8 @@ enum Estimate {
 struct Test {
     name: String,
     specimen: Option<String>,
+    /// The pointers of its changes.
+    changed: Vec<String>,
     scenario: Value,
 }
 
@@ -175,14 +177,14 @@ fn with_numbers(
         one => vec![one.unwrap_or(json!(0)); count],
     };
     set.is_estimated = estimate.0.is_some();
-    if x.len() != count || sigma.len() != count || count == 0 {
+    for (name, numbers) in [(of_y, count), ("sigma", sigma.len())] {
         let places = x.len();
-        return wrong(
-            of_y,
-            &format!(
-                "has {count} numbers for {places} places. Enter as many, and at least one; `sigma` is one number, or as many"
-            ),
-        );
+        if numbers != places || numbers == 0 {
+            let detail = format!(
+                "has {numbers} numbers for {places} places. Enter as many, and at least one; `sigma` is one number, or as many"
+            );
+            return wrong(name, &detail);
+        }
     }
     let are_equal = |list: &[Value]| list.iter().all(|it| *it == list[0] && !it.is_null());
     if count > 1 && are_equal(x) && are_equal(y) {
@@ -253,7 +255,14 @@ fn test(
     if name.is_empty() || name.len() > MAX_NAME {
         return Err(Faults::one("/name", format!("must be a text of 1 to {MAX_NAME} bytes")));
     }
-    for (pointer, value) in changes.0.into_iter().flatten() {
+    let changes = changes.0.unwrap_or_default();
+    if let Some(pointer) = changes.keys().find(|it| it.starts_with("/cycles")) {
+        let detail =
+            format!("has `{pointer}`, but the cycles of a test are those of its data. Remove it");
+        return Err(Faults::one("/changes", detail));
+    }
+    let changed = changes.keys().cloned().collect();
+    for (pointer, value) in changes {
         let (parent, member) = pointer.rsplit_once('/').unwrap_or(("?", ""));
         let Some(members) = scenario.pointer_mut(parent).and_then(Value::as_object_mut) else {
             let detail = format!(
@@ -265,7 +274,7 @@ fn test(
     }
     let sets = Faults::list(data.0.iter().map(|data| set(place, data)));
     let sets = sets.map_err(|faults| faults.below("/data"))?;
-    Ok((Test { name, specimen: specimen.0, scenario }, sets))
+    Ok((Test { name, specimen: specimen.0, changed, scenario }, sets))
 }
 
 /// Reads a parameter of these tests, and its prior as a measured number.
@@ -283,6 +292,14 @@ fn parameter(
     }
     let own = names.iter().position(|name| only.first().is_none_or(|first| first == name));
     let pointer = given["pointer"].as_str().unwrap_or_default().to_owned();
+    let mut own_tests = tests.iter().filter(|it| only.is_empty() || only.contains(&it.name));
+    if let Some(test) = own_tests.find(|test| test.changed.contains(&pointer)) {
+        let detail = format!(
+            "is changed by the test \"{}\". Remove it there, or name the other tests in `for`",
+            test.name
+        );
+        return Err(Faults::one("/pointer", detail));
+    }
     let found = Member::find(&tests[own.unwrap_or(0)].scenario, &pointer);
     let Varied { member, values } = Varied::read(given, found)?;
     let Values::Range(low, high, spacing) = values else {

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use fretwork_engine::numeric::twelve_digits;
 use serde_json::{Value, json};
 
-use super::model::Set;
+use super::model::{Parameter, Set};
 use super::search::{Fit, Known, Row, Task, end};
 use crate::member::Member;
 use crate::plan::{Cells, Findings};
@@ -24,6 +24,8 @@ const WIDE_SCATTER: f64 = 0.3;
 const ABOUT_ONE: f64 = 0.15;
 /// Denominator degrees of freedom that stand for known noise.
 const MANY: f64 = 1e7;
+/// Numbers of a start count as outside of an interval beyond this share of its end.
+const COARSE: f64 = 0.05;
 /// A parameter whose coordinate is nearer to 0 or 1 than this is at a bound.
 const AT_BOUND: f64 = 2e-3;
 
@@ -210,8 +212,9 @@ impl Told<'_> {
         match &parts[..] {
             [(name, _)] => {
                 let place = direction.iter().take_while(|part| **part == 0.0).count();
-                let mut runs = self.fit.sets.iter().filter_map(|set| set.runs.as_ref());
-                let has_stopped = runs.any(|runs| runs.is_rescaled_by(place));
+                let mut worn = self.fit.sets.iter().filter(|set| set.are_depths().is_some());
+                let has_stopped =
+                    worn.any(|set| set.runs.as_ref().is_some_and(|it| it.is_rescaled_by(place)));
                 let reason = if has_stopped { ": wear has stopped" } else { "" };
                 format!("`{name}` has almost no effect on these data{reason}.")
             }
@@ -243,22 +246,33 @@ impl Told<'_> {
         let Known { measured, minimum, rows, .. } = self.known;
         let mut notes: Vec<(&str, String)> = Vec::new();
         notes.extend(self.discrepancy().map(|detail| ("discrepancy", detail)));
+        notes.extend(self.other_start(parameters).map(|detail| ("other_minimum", detail)));
         let open = &self.information.undetermined;
         notes.extend(open.iter().map(|it| ("undetermined", self.in_words(it))));
         if open.is_empty() {
             let told = |it| format!("{} The rest follows from priors.", self.in_words(it));
             notes.extend(self.alone.undetermined.iter().map(|it| ("prior", told(it))));
         }
-        for (parameter, told) in self.fit.parameters.iter().zip(parameters) {
+        for (place, (parameter, told)) in self.fit.parameters.iter().zip(parameters).enumerate() {
             let (name, low, high) = (parameter.name(), parameter.low, parameter.high);
             let is_cut = told["interval"][0].is_null() || told["interval"][1].is_null();
+            let is_lost = [false, true].into_iter().enumerate().any(|(end, is_high)| {
+                let task = Task::Profile { parameter: place, is_high };
+                told["interval"][end].is_null() && !self.fit.reaches_bound(self.known, task)
+            });
             let is_at_bound = told["at_bound"] == true;
             if told["estimate"].is_number() && (is_cut || is_at_bound) {
                 let what = if is_cut { "interval" } else { "estimate" };
                 let kind = if is_at_bound { "at_bound" } else { "open_interval" };
-                let detail = format!(
-                    "The {what} of `{name}` reaches an end of its range from {low:e} to {high:e}."
-                );
+                let detail = if is_lost {
+                    format!(
+                        "An end of the interval of `{name}` was not found. Enter a narrower range than {low:e} to {high:e}."
+                    )
+                } else {
+                    format!(
+                        "The {what} of `{name}` reaches an end of its range from {low:e} to {high:e}."
+                    )
+                };
                 notes.push((kind, detail));
             }
         }
@@ -285,6 +299,32 @@ impl Told<'_> {
         notes.iter().map(|(kind, detail)| json!({"kind": kind, "detail": detail})).collect()
     }
 
+    /// A start whose sum of squares is in the allowed rise, but whose parameters are outside of the intervals.
+    fn other_start(&self, parameters: &[Value]) -> Option<String> {
+        let (fit, Known { measured, rows, .. }) = (self.fit, self.known);
+        let rise = measured.factor(fit.confidence);
+        let starts = &rows[..fit.starts.len()];
+        let least = starts.iter().map(|row| row.sum).fold(f64::INFINITY, f64::min);
+        // With estimated noise, S of the starts has another unit.
+        let unit = measured.freedom().map_or(1.0, |_| self.best.sum / least);
+        let near = starts.iter().filter(|row| (row.sum - least) * unit < rise * rise);
+        let is_outside = |(told, x): (&Value, &f64)| {
+            let [low, high] = [0, 1].map(|end| told["interval"][end].as_f64());
+            // The searches from the starts are coarse.
+            low.is_some_and(|low| *x < low - COARSE * low.abs())
+                || high.is_some_and(|high| *x > high + COARSE * high.abs())
+        };
+        let is_other = |row: &&Row| parameters.iter().zip(&row.theta).any(is_outside);
+        let names = fit.parameters.iter().map(Parameter::name);
+        let other = near.into_iter().find(is_other)?;
+        let values = names.zip(&other.theta).map(|(name, x)| format!("`{name}` = {x:.3e}"));
+        let values = values.collect::<Vec<_>>().join(", ");
+        Some(format!(
+            "Other numbers describe the data almost as well: {values}. The intervals do not contain them. Enter a range \
+             around those that you expect, or more data."
+        ))
+    }
+
     /// Whether the residuals are larger than the stated noise, or the estimated noise is large.
     fn misfit(&self) -> Option<String> {
         let (fit, measured) = (self.fit, &self.known.measured);
@@ -309,15 +349,19 @@ impl Told<'_> {
         ))
     }
 
-    /// The test of lack of fit, if points were repeated: F and its probability. Repeated points have equal predictions.
+    /// The test of lack of fit, if points were repeated: F and its probability. Repeated points have equal predictions. In
+    /// profiles they have not: all points beside the scar have the prediction 0.
     fn lack_of_fit(&self) -> Option<(f64, f64)> {
-        let mut groups = BTreeMap::<(&str, u64), Vec<(f64, f64)>>::new();
+        let mut groups = BTreeMap::<(Option<usize>, &str, u64), Vec<(f64, f64)>>::new();
         for (place, point) in self.points() {
-            let key = (self.fit.set(place).output.as_str(), self.best.numbers[place].to_bits());
+            let predicted = self.best.numbers[place].to_bits();
+            let is_profile = self.fit.set(place).over == "radius";
+            let key = (is_profile.then_some(place), self.fit.set(place).output.as_str(), predicted);
             groups.entry(key).or_default().push((point.value, self.deviation(point)));
         }
         let spread = |group: &Vec<(f64, f64)>| {
-            let mean = group.iter().map(|(y, _)| y).sum::<f64>() / group.len() as f64;
+            let weights: f64 = group.iter().map(|(_, s)| 1.0 / (s * s)).sum();
+            let mean = group.iter().map(|(y, s)| y / (s * s)).sum::<f64>() / weights;
             group.iter().map(|(y, s)| (y - mean) * (y - mean) / (s * s)).sum::<f64>()
         };
         let pure: f64 = groups.values().map(spread).sum();

@@ -12,7 +12,7 @@
 use crate::plan::Tried;
 use crate::problem::{Lack, Problem};
 use crate::rows::Rows;
-use crate::stats::derivative::{Place, Search as Derivatives};
+use crate::stats::derivative::{Derivative, Place, Search as Derivatives};
 use crate::stats::least_squares::{self, Stop};
 use crate::stats::measured::{Information, Measured};
 
@@ -28,9 +28,15 @@ const ESTIMATES: usize = 6;
 const SAME_NOISE: f64 = 0.01;
 /// Maximum number of intervals in which a derivative is searched.
 const ROUNDS: usize = 2;
+/// A derivative whose error is a larger share of it is also taken from a difference.
+const UNSURE: f64 = 0.3;
 /// Number of values in the profile of a parameter on each side of the estimate, and the accepted error of the last one.
-const TRIALS: usize = 5;
+const TRIALS: usize = 8;
 const SAME_RISE: f64 = 0.02;
+/// The end of an interval is known if a visited value is within this share of it.
+const NEAR_RISE: f64 = 0.1;
+/// A parameter that has moved by this share of the distance to its bound is at the bound.
+const AT_END: f64 = 0.999_999;
 /// With more tests than this, they are not left out one by one.
 const MAX_LEAVES: usize = 24;
 
@@ -282,6 +288,21 @@ impl Fit {
         visited.collect()
     }
 
+    /// The distance from the estimate of a parameter to its bound, in coordinates.
+    fn room(&self, known: &Known, task: Task) -> f64 {
+        let Task::Profile { parameter: place, is_high } = task else { return 0.0 };
+        let u = self.parameters[place].coordinate(known.rows[known.minimum].theta[place]);
+        if is_high { 1.0 - u } else { u }
+    }
+
+    /// Whether the interval of a parameter reaches its bound on one side.
+    pub fn reaches_bound(&self, known: &Known, task: Task) -> bool {
+        let last = AT_END * self.room(known, task);
+        let rise = known.measured.factor(self.confidence);
+        let visited = self.profile(known, task);
+        last <= 0.0 || visited.iter().any(|(distance, own)| *distance > last && *own < rise)
+    }
+
     /// The row of a point from its runs, or the run that it needs next.
     fn computed(
         &self,
@@ -371,18 +392,39 @@ impl Fit {
             });
             search.take(values.collect::<Result<_, Wanted>>()?);
         }
-        let found = search.found();
-        let errors = found.iter().zip(&known.measured.points).filter_map(|(found, point)| {
-            Some(found.as_ref()?.error * scale * point.slope(&known.factors))
-        });
-        let error = errors.map(|error| error * error).sum::<f64>().sqrt();
+        let mut found = search.found();
+        let size = |found: &[Option<Derivative>], part: fn(&Derivative) -> f64| {
+            let parts = found.iter().zip(&known.measured.points).filter_map(|(found, point)| {
+                Some(part(found.as_ref()?) * scale * point.slope(&known.factors))
+            });
+            parts.map(|part| part * part).sum::<f64>().sqrt()
+        };
+        if size(&found, |it| it.error) > UNSURE * size(&found, |it| it.value) {
+            // Near a kink, such as the onset of gross slip, the slope over some percent tells more.
+            let [low, high] = [-DIFFERENCE, DIFFERENCE]
+                .map(|step| (x + step * scale).clamp(parameter.low, parameter.high));
+            let beside = |x: f64| {
+                let mut theta = best.theta.clone();
+                theta[place] = x;
+                Ok::<_, Wanted>(self.predicted(&theta, tried)?[0].clone())
+            };
+            let (below, above) = (beside(low)?, beside(high)?);
+            for (place, found) in found.iter_mut().enumerate() {
+                let value = (above[place] - below[place]) / (high - low);
+                let error = 2.0 * errors[place] * above[place].abs() / (high - low);
+                if value.is_finite() && found.is_none_or(|it| it.error > error) {
+                    *found = Some(Derivative { value, error });
+                }
+            }
+        }
+        let error = size(&found, |it| it.error);
         let numbers = found.iter().map(|it| it.map_or(f64::NAN, |it| it.value * scale)).collect();
         Ok(Row { theta: best.theta.clone(), error, numbers, ..missing() })
     }
 
     /// The next value in the profile of a parameter, with a guess of the other ones. The first one is at half of the
-    /// expected end of the interval, and the next ones are where a proportional rise lets expect the end. `None` if the
-    /// data do not determine the parameter, or if the end or a bound is reached.
+    /// expected end of the interval. The next ones are where a straight line lets expect the end. `None` if the data do
+    /// not determine the parameter, or if the end or a bound is reached.
     fn beside(&self, task: Task, known: &Known) -> Option<Vec<f64>> {
         let Task::Profile { parameter: place, is_high } = task else { return None };
         let (information, only) = (self.information(known, true), self.only(place));
@@ -393,12 +435,22 @@ impl Fit {
         let rise = known.measured.factor(self.confidence);
         let coordinate = |it: usize| self.parameters[it].coordinate(best[it]);
         let step = |it: usize| self.parameters[it].step(best[it]);
-        let room = if is_high { 1.0 - coordinate(place) } else { coordinate(place) };
-        let distance = match self.profile(known, task).last() {
-            None => 0.5 * rise * error * step(place),
-            Some((_, own)) if (own / rise - 1.0).abs() < SAME_RISE => return None,
-            Some((last, own)) if *own < rise && *last > 0.999_999 * room => return None,
-            Some((last, own)) => last * (rise / own).clamp(0.3, 3.0),
+        let room = self.room(known, task);
+        let visited = self.profile(known, task);
+        if visited.iter().any(|(_, own)| (own / rise - 1.0).abs() < SAME_RISE) {
+            return None;
+        }
+        let distance = match around(&visited, rise) {
+            _ if visited.is_empty() => 0.5 * rise * error * step(place),
+            ((last, _), None) if last > AT_END * room => return None,
+            ((last, own), None) => last * (rise / own).clamp(1.5, 3.0),
+            ((below, own), Some((above, other))) => {
+                // A straight line through a strongly curved profile is slow: it stays on one side of the end.
+                let stays = visited.chunk_by(|a, b| (a.1 < rise) == (b.1 < rise)).next_back();
+                let is_slow = stays.is_some_and(|stays| stays.len() > 1);
+                let share = if is_slow { 0.5 } else { (rise - own) / (other - own) };
+                below + share.clamp(0.1, 0.9) * (above - below)
+            }
         };
         let distance = if is_high { distance.min(room) } else { -distance.min(room) };
         let at = |other: usize| {
@@ -441,9 +493,26 @@ fn missing() -> Row {
     Row { sum: f64::NAN, error: f64::NAN, ..Row::default() }
 }
 
-/// The distance at which S has risen by the square of `rise`. `None` if it does not rise so much.
+/// The visited values around the end of an interval: the last one below it, or the estimate, and the first one above it.
+fn around(visited: &[(f64, f64)], rise: f64) -> ((f64, f64), Option<(f64, f64)>) {
+    let by_distance = |a: &&(f64, f64), b: &&(f64, f64)| a.0.total_cmp(&b.0);
+    let above = visited.iter().filter(|(_, own)| *own >= rise).min_by(by_distance).copied();
+    let inside = |it: &&(f64, f64)| above.is_none_or(|above| it.0 < above.0);
+    let below = visited.iter().filter(inside).max_by(by_distance).copied();
+    (below.unwrap_or((0.0, 0.0)), above)
+}
+
+/// The distance at which S has risen by the square of `rise`. `None` if no visited value is near it.
 pub fn end(visited: &[(f64, f64)], rise: f64) -> Option<f64> {
-    let near = |it: &&(f64, f64)| (it.1 / rise - 1.0).abs();
-    let best = visited.iter().min_by(|a, b| near(a).total_cmp(&near(b)))?;
-    (near(&best) < 5.0 * SAME_RISE).then(|| best.0 * rise / best.1)
+    let is_near = |own: f64| (own / rise - 1.0).abs() < NEAR_RISE;
+    match around(visited, rise) {
+        ((below, own), Some((above, other)))
+            if is_near(own) || is_near(other) || above - below < NEAR_RISE * above =>
+        {
+            let share = (rise - own) / (other - own);
+            Some(below + share * (above - below))
+        }
+        ((below, own), None) if is_near(own) => Some(below * rise / own),
+        _ => None,
+    }
 }
