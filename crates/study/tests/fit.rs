@@ -421,7 +421,8 @@ fn what_would_have_no_effect_is_refused() {
         let mut fit = of_wear_and_friction(&[json!({"name": "A", "data": [
             {"output": "wear_volume", "x": [1e4, 2e4], "y": [1e-13, 2e-13], "relative": 0.1}]})]);
         change(&mut fit["tests"][0]);
-        Study::read(kind(), fit).unwrap_err().0.remove(0).to_string()
+        let fault = Study::read(kind(), fit).unwrap_err().0.swap_remove(0);
+        format!("{}: {}", fault.pointer, fault.detail)
     };
     let cycles = told(&|test| test["changes"] = json!({"/cycles": [1]}));
     assert!(cycles.starts_with("/tests/0/changes: has `/cycles`"), "{cycles}");
