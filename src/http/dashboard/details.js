@@ -2,8 +2,12 @@
 
 import { explained, h, list } from "./dom.js";
 import { depthOrForce, drawWarnings, grossSlip } from "./estimate.js";
+import { isAtNumber } from "./headline.js";
 import { sketch } from "./sketch.js";
 import { cycles, digits, percent, quantity, wordOf, WORDS } from "./units.js";
+
+/** Warnings that do not stand at a number of the headline. */
+const isElsewhere = (warning) => !isAtNumber(warning);
 
 const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
 
@@ -30,8 +34,8 @@ export function drawDetails(place, result, bodyWarnings) {
     isRule && h("p", { class: "muted" }, "The default choice is the exact method. The simplified rule is kept for comparison with the paper. ",
       "It is fast only with depth and amplitude held. It satisfies the energy balance V = (k_w/μ)·ΣW only approximately. ",
       "The mismatch shows by how much. To measure the error of the rule, run the exact method and compare it with the rule."),
-    drawWarnings(warnings),
-    drawWarnings(bodyWarnings.list, bodyWarnings.title),
+    drawWarnings(warnings.filter(isElsewhere)),
+    drawWarnings(bodyWarnings.list.filter(isElsewhere), bodyWarnings.title),
     explained("accuracy", "How accurate a result is")),
     events.length > 0 && card("Events", h("ul", { id: "events" }, events.map((event) =>
       h("li", {}, `${eventWords(event)} at N = ${cycles(Math.round(event.cycles))}`))), explained("results#events", "What the events mean")),

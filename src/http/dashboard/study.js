@@ -2,13 +2,19 @@
 
 import { drawActions } from "./actions.js";
 import { get, resultAddress, send } from "./api.js";
-import { fill, h, list, select } from "./dom.js";
+import { debounced, fill, h, list, select } from "./dom.js";
+import { drawingOf } from "./drawn.js";
+import { saving } from "./figure-save.js";
+import { extent } from "./curves.js";
+import { axisUnit, withUnit } from "./scaling.js";
 import { kindOf } from "./summary.js";
-import { axisTitle, digits, displayUnit, si } from "./units.js";
+import { digits, si } from "./units.js";
 import { KINDS } from "./words.js";
 
 /** Number of rows that the page shows. Downloads have all. */
 const ROWS = 200;
+/** Limits of the size of the server's figures, in px, and px in a millimetre. */
+const [SMALLEST, SMALLEST_HEIGHT, LARGEST, PX] = [320, 240, 1400, 96 / 25.4];
 const FIGURE_NAMES = { curves: "Curves", heat: "Heat map", scatter: "Scatter plot", regimes: "Regimes", tornado: "Bars",
   bands: "Measurements", residuals: "Residuals", energy: "Wear over energy", profile: "Sum of squares" };
 
@@ -28,7 +34,7 @@ export async function showStudy(main, result, { job, link, query, signal }) {
       h("p", { class: "muted" }, `${points} points · numerics version ${result.engine.numerics} · `, h("code", {}, result.key.slice(0, 12)), "…")),
     drawActions(result, { job, link, remember() {}, signal })),
     h("section", { class: "card wide-values", "aria-label": "Counts" }, list([["Points", String(points)],
-      ["Refused, because their scenario is not valid", String(refused)], ["Without all outputs", String(incomplete)]])),
+      ["Invalid points", String(refused)], ["Points with missing outputs", String(incomplete)]])),
     result.notes?.length > 0 && h("section", { class: "card", "aria-label": "Notes" }, h("h2", {}, "Notes"),
       h("ul", {}, result.notes.map(({ output, member, detail }) => h("li", {}, h("code", {}, member ?? output), " ", detail)))),
     figureOf(result, { link, query, signal }),
@@ -49,7 +55,7 @@ function figureOf(result, { link, query, signal }) {
   const { figures, is_grid: isGrid } = designs[result[kind.name][kind.design]] ?? kind.designs.at(-1)[1];
   const columns = Object.keys(result[kind.rows]).filter((name) => name in result.units);
   const members = columns.filter((name) => name.startsWith("/"));
-  const image = h("img", { class: "drawn" });
+  const place = h("div", { class: "drawing-place" });
   const fault = h("p", { class: "muted", role: "status" });
   const choice = (name, label, names, words = {}) => names.length > 1 && { name, label,
     field: select({ "": "Automatic", ...Object.fromEntries(names.map((own) => [own, words[own] ?? own])) },
@@ -67,18 +73,22 @@ function figureOf(result, { link, query, signal }) {
     draw();
   }
 
+  /** The figure of the server, of a size in px. */
+  async function load([width, height]) {
+    const words = new URLSearchParams([...chosen(), ["units", si() ? "si" : "engineering"], ["width", Math.round(width)], ["height", Math.round(height)], ...(link ? [["link", link]] : [])]);
+    return (await send(`${resultAddress(result.key, "/plot.svg")}?${words}`, { headers: { Accept: "*/*" }, signal })).text();
+  }
+
   let latest = 0;
   async function draw() {
     const own = ++latest;
-    const words = new URLSearchParams([...chosen(), ["units", si() ? "si" : "engineering"], ...(link ? [["link", link]] : [])]);
-    image.setAttribute("aria-busy", "true");
+    place.setAttribute("aria-busy", "true");
     try {
-      // An `img` element cannot send the access key. So the page loads the SVG, and sets it as a data URL.
-      const text = await (await send(`${resultAddress(result.key, "/plot.svg")}?${words}`, { headers: { Accept: "*/*" }, signal })).text();
+      const width = Math.min(Math.max(place.clientWidth || 640, SMALLEST), LARGEST);
+      const text = await load([width, Math.min(Math.max(0.6 * width, 300), 560)]);
       // An answer to an earlier choice may arrive late. It is ignored.
       if (own !== latest) return;
-      image.src = `data:image/svg+xml,${encodeURIComponent(text)}`;
-      image.alt = new DOMParser().parseFromString(text, "image/svg+xml").querySelector("desc").textContent;
+      place.replaceChildren(drawingOf(text));
       fault.textContent = "";
     } catch (problem) {
       if (signal.aborted || own !== latest) return;
@@ -86,26 +96,37 @@ function figureOf(result, { link, query, signal }) {
       fault.textContent = `This figure cannot be drawn: ${faults || problem.message}`;
     }
     // The figure of an earlier choice must not look like the answer to this one.
-    image.hidden = fault.textContent !== "";
-    image.removeAttribute("aria-busy");
+    place.hidden = fault.textContent !== "";
+    place.removeAttribute("aria-busy");
   }
 
-  draw();
+  // The server draws for the width of the page.
+  const resize = new ResizeObserver(debounced(150, () => signal.aborted || draw()));
+  resize.observe(place);
+  signal.addEventListener("abort", () => resize.disconnect());
   document.addEventListener("units", draw, { signal });
-  return h("section", { class: "card", "aria-label": "Figure" },
-    h("div", { class: "row" }, choices.map(({ label, field }) => h("span", { class: "choice" }, h("label", { for: field.id }, label), field))),
-    image, fault);
+  /** A size in mm as the px of the server's figures, which are limited. */
+  const menu = saving(() => kind.name, async ([width, height]) => {
+    const scale = Math.max(1, SMALLEST / (width * PX), SMALLEST_HEIGHT / (height * PX));
+    const text = await load([width * PX * scale, height * PX * scale]);
+    return text.replace(/ width="[\d.]+" height="[\d.]+"/, ` width="${width}mm" height="${height}mm"`);
+  });
+  return h("section", { class: "card plot", "aria-label": "Figure" },
+    h("div", { class: "row" }, choices.map(({ label, field }) => h("span", { class: "choice" }, h("label", { for: field.id }, label), field)),
+      h("span", { class: "tools" }, menu)),
+    place, fault);
 }
 
 /** The first rows of the table, with units in the header. */
 function rowsOf({ table, units }) {
   const names = Object.keys(table);
   const count = table[names[0]].length;
-  const factor = Object.fromEntries(names.map((name) => [name, displayUnit(units[name])[1]]));
-  const cell = (name, value) => (typeof value === "number" ? digits(value * factor[name], 5) : value ?? "–");
-  const head = names.map((name) => h("th", { scope: "col" }, axisTitle(name, units[name])));
+  const sizeOf = (name) => Math.max(...(extent([table[name].filter((value) => typeof value === "number")]) ?? [0]).map(Math.abs));
+  const scales = Object.fromEntries(names.map((name) => [name, axisUnit(units[name], sizeOf(name))]));
+  const cell = (name, value) => (typeof value === "number" ? digits(value * scales[name].factor, 5) : value ?? "–");
+  const head = names.map((name) => h("th", { scope: "col" }, withUnit(name, scales[name].unit)));
   const row = (number) => h("tr", {}, names.map((name) => h("td", {}, cell(name, table[name][number]))));
-  return [h("h2", {}, "Table"), count > ROWS && h("p", { class: "muted" }, `The first ${ROWS} rows. Download has all.`),
+  return [h("h2", {}, "Table"), count > ROWS && h("p", { class: "muted" }, `The first ${ROWS} rows. The download contains all rows.`),
     h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Rows" }, h("table", { id: "study" },
       h("thead", {}, h("tr", {}, head)), h("tbody", {}, Array.from({ length: Math.min(count, ROWS) }, (_, i) => row(i)))))].filter(Boolean);
 }
