@@ -182,13 +182,18 @@ struct CheckedLinks {
 )]
 pub async fn check(app: App, _: NoQuery, body: Body) -> Result<Json<Checked>> {
     let prepared = parse(body, Submission::parse).await?.prepared;
+    checked(&app, prepared).await.map(Json)
+}
+
+/// What is known of a prepared task.
+pub(super) async fn checked(app: &App, prepared: Prepared) -> Result<Checked> {
     let warnings = prepared.warnings();
     let asked = prepared.asked();
     let excess = app.service.limits().refuse(&prepared).map(|excess| excess.to_string());
     let Prepared { key, task, .. } = prepared;
     let cached = app.store.has_result(&key).await?;
     let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
-    Ok(Json(match task {
+    Ok(match task {
         Task::Run(run) => {
             // The limiting state takes a few milliseconds to compute.
             let computed = task::spawn_blocking(move || (Preview::of(&run.1), run.0.clone()));
@@ -204,7 +209,7 @@ pub async fn check(app: App, _: NoQuery, body: Body) -> Result<Json<Checked>> {
             let study = CheckedStudy { key, cached, asked, columns, units, cost, excess, links };
             Checked::Study(Box::new(study))
         }
-    }))
+    })
 }
 
 /// An example.
