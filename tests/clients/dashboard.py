@@ -42,7 +42,7 @@ def run_steel_ball(browser):
     # An error is shown at its field and disappears when it is fixed.
     page.fill("#profile-radius", "-10 mm")
     expect(page.locator("#profile-radius-fault")).to_contain_text("greater than 0")
-    expect(page.locator(".estimate h2")).to_have_text("Fix 1 field to continue")
+    expect(page.locator(".estimate h2")).to_have_text("1 field needs correction.")
     expect(page.locator("button.primary")).to_be_disabled()
     browser.check_accessibility(page, "form-error")
     # The label of an example disappears when its scenario is edited.

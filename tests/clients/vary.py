@@ -84,7 +84,7 @@ def units(page, base):
     expect(page.locator("#profile-radius-from-fault")).to_contain_text("does not begin with a number")
     expect(page.locator("#profile-radius-from")).to_have_attribute("aria-invalid", "true")
     expect(page.locator("#profile-radius-to-fault")).to_have_text("")
-    expect(page.locator(".estimate h2")).to_have_text("Fix 1 field to continue")
+    expect(page.locator(".estimate h2")).to_have_text("1 field needs correction.")
     expect(page.locator("button.primary")).to_be_disabled()
     page.fill("#profile-radius-from", "5")
     page.fill("#profile-radius-count", "1")

@@ -337,19 +337,3 @@ export function setValueAt(scenario, pointer, value) {
   else parent[last] = value;
   if (value === undefined && names[0] === "until" && !Object.keys(parent).length) delete scenario.until;
 }
-
-/** The value that the user typed: a number, true, a list of cycles, or text with a unit. */
-export function parseInput(pointer, text) {
-  const trimmed = text.trim();
-  if (trimmed === "") return undefined;
-  // A space before a unit does not separate two numbers.
-  if (/^\/cycles(\/(normalized|dissipated_energy))?$/.test(pointer))
-    return trimmed.split(/\s*[,;]\s*|\s+(?=[-+.\d])/).filter(Boolean).map(numberOrText);
-  return trimmed === "true" ? true : numberOrText(trimmed);
-}
-
-/** The number of a text; the text if it is not only a number. */
-export const numberOrText = (text) => (text.trim() === "" || Number.isNaN(Number(text)) ? text : Number(text));
-
-/** The text of a value in its field. */
-export const inputText = (value) => (value === undefined ? "" : Array.isArray(value) ? value.join(", ") : String(value));

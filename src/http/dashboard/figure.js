@@ -45,14 +45,14 @@ export class Figure {
   #zoom;
 
   /** `name` names downloads and the zoom in the address. `onzoom` is called after a change of the zoom. */
-  constructor({ name, group, signal, onzoom = () => {} }) {
-    Object.assign(this, { name, group, curves: [], axes: null });
+  constructor({ name, group, signal, height, onzoom = () => {} }) {
+    Object.assign(this, { name, group, height, curves: [], axes: null });
     this.#reader = new Reader(this, this.#place, this.#values);
     this.#zoom = new Zoom(this, this.#place, () => {
       this.draw();
       onzoom();
     });
-    this.element = h("figure", { class: "plot" },
+    this.element = h("figure", { class: height ? "plot small" : "plot" },
       h("figcaption", {}, this.#caption, h("span", { class: "tools" }, this.#zoom.buttons, saveMenu(this))), this.#place, this.#values);
     this.#resize = new ResizeObserver(([{ contentRect }]) => this.#fit(contentRect.width));
     this.#resize.observe(this.#place);
@@ -141,7 +141,7 @@ export class Figure {
   #fit(width, redraw = true) {
     const own = Math.max(240, Math.floor(width));
     if (own === this.#size?.width) return;
-    this.#size = { width: own, height: Math.round(Math.min(340, Math.max(230, own * 0.62))) };
+    this.#size = { width: own, height: this.height ?? Math.round(Math.min(340, Math.max(230, own * 0.62))) };
     if (redraw) this.draw();
   }
 

@@ -35,6 +35,8 @@ macro_rules! files {
 const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "details.js", "dom.js",
     "error.js", "estimate.js", "fields.js", "form.js", "library.js", "limits.js", "main.js", "plan.js",
     "queue.js", "result.js", "run.js", "sketch.js", "study.js", "summary.js", "units.js", "vary.js",
+    // The live form.
+    "draft.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js", "preview.js", "slider.js", "typed.js", "undo.js",
     // Figures and the views of results.
     "curves.js", "drawn.js", "explain.js", "figure.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
     "figure-reader.js", "figure-save.js", "figure-zoom.js", "headline.js", "player.js",

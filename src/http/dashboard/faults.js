@@ -1,0 +1,35 @@
+// The faults that the server finds in a scenario, at the fields of the form.
+
+import { h } from "./dom.js";
+import { formPointer } from "./vary.js";
+
+/** The sentence for a fault at the field of a name. */
+function sentence(detail, name) {
+  if (/^is missing\b/.test(detail) && name) return `Enter the ${name.replace(/ \S{1,3}$/, "").toLowerCase()}.`;
+  return /[.?!]$/.test(detail) ? detail : `${detail}.`;
+}
+
+export const countOf = (problem) => {
+  const count = problem.errors?.length ?? 0;
+  return count === 1 ? "1 field needs correction." : `${count} fields need correction.`;
+};
+
+/** Shows each error at its field, or in the list `others` if it has no field. Null removes all. */
+export function showFaults(main, others, problem, study) {
+  for (const place of main.querySelectorAll("p.fault:not(#json-fault)")) place.textContent = "";
+  for (const field of main.querySelectorAll("[aria-invalid]")) field.removeAttribute("aria-invalid");
+  others.replaceChildren();
+  for (const { pointer: sent = "", detail } of problem?.errors ?? []) {
+    const pointer = formPointer(sent, study);
+    const all = [...main.querySelectorAll("[data-pointer]")];
+    // A fault of all members of a range is shown at its first field.
+    const field = all.find(({ dataset }) => pointer === dataset.pointer || pointer.startsWith(`${dataset.pointer}/`))
+      ?? all.find(({ dataset }) => pointer && dataset.pointer.startsWith(`${pointer}/`));
+    if (field) {
+      field.setAttribute("aria-invalid", "true");
+      document.getElementById(`${field.id}-fault`).textContent = sentence(detail, field.dataset.name);
+    } else {
+      others.append(h("li", {}, h("code", {}, pointer.replace("/scenario", "")), ` ${detail}`));
+    }
+  }
+}
