@@ -18,9 +18,6 @@ const text = (x, y, anchor, content, more = {}) =>
   svg("text", { x: x.toFixed(1), y: y.toFixed(1), "text-anchor": anchor, fill: "var(--ink)", "font-size": 12, ...more }, content);
 const line = (x1, y1, x2, y2, more) => svg("line", { x1: x1.toFixed(1), y1: y1.toFixed(1), x2: x2.toFixed(1), y2: y2.toFixed(1), ...more });
 
-/** A name with its symbol as plain text. */
-export const withSymbol = ({ title, symbol = "" }) => `${title} ${symbol.replaceAll("$", "")}`.trim();
-
 /** The title of an axis as SVG. The letters between `$` are in italics. */
 const titleOf = ({ title, symbol = "", unit }) => [title, symbol && " ",
   ...symbol.split("$").map((piece, i) => (i % 2 ? svg("tspan", { "font-style": "italic" }, piece) : piece)), withUnit("", unit)].filter(Boolean);
@@ -109,8 +106,8 @@ function drawAxes({ area, horizontal, vertical }) {
 function drawMarks(marks, { area, horizontal }) {
   let free = area.left;
   return [...marks].sort((a, b) => a.x - b.x).flatMap(({ x: value, name }) => {
+    if (!isOn(value, horizontal)) return [];
     const x = horizontal.at(value);
-    if (!(x >= area.left && x <= area.right)) return [];
     const parts = [line(x, area.top, x, area.bottom, { stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "3 3", opacity: name ? 1 : 0.45 })];
     const half = name ? widthOf(name) / 2 : 0;
     const middle = Math.min(Math.max(x, free + half), area.right - half);
@@ -127,6 +124,9 @@ const drawLabels = (labels) => labels.flatMap(({ x, y, anchor, text: name, ink: 
   text(x, y + 4, anchor, name, { fill: ink(own), "font-weight": 600, stroke: "var(--card)", "stroke-width": 3.5, "stroke-linejoin": "round", "paint-order": "stroke" }),
 ].filter(Boolean));
 
+/** Whether an axis shows a value: a logarithmic axis shows no zero. */
+const isOn = (value, { ends: [low, high] }) => value != null && value >= low && value <= high;
+
 /** Draws a figure by its plan into the element `root`. */
 export function drawFigure(root, curves, axes, plan) {
   const { area, horizontal, vertical, width, height } = plan;
@@ -139,7 +139,7 @@ export function drawFigure(root, curves, axes, plan) {
     svg("clipPath", { id: clip }, svg("rect", { x: area.left, y: area.top - 1.5, width: Math.max(0, area.right - area.left), height: area.bottom - area.top + 3 })),
     ...drawAxes(plan), ...drawMarks(axes.marks ?? [], plan),
     svg("g", { "clip-path": `url(#${clip})` },
-      axes.at == null ? null : line(horizontal.at(axes.at), area.top, horizontal.at(axes.at), area.bottom, { class: "at", stroke: "var(--accent)", "stroke-width": 2, opacity: 0.5 }),
+      !isOn(axes.at, horizontal) ? null : line(horizontal.at(axes.at), area.top, horizontal.at(axes.at), area.bottom, { class: "at", stroke: "var(--accent)", "stroke-width": 2, opacity: 0.5 }),
       ...lines, ...curves.flatMap((curve) => arrowOf(curve, horizontal, vertical)),
       ...curves.flatMap((curve) => (curve.points ? pointsOf(curve, horizontal, vertical) : []))),
     ...(plan.needsLegend ? [] : drawLabels(placeLabels(curves, horizontal, vertical, area))));

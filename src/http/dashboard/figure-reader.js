@@ -2,6 +2,7 @@
 
 import { interpolate } from "./curves.js";
 import { fill, h, svg } from "./dom.js";
+import { quantity } from "./scaling.js";
 
 const HINT = "Point at the figure or press ← → to read values. Drag, or press + and −, to zoom.";
 
@@ -41,7 +42,7 @@ export class Reader {
     const { left, width } = this.#place.getBoundingClientRect();
     const pixel = ((event.clientX - left) * plan.width) / width;
     const { area, horizontal } = plan;
-    this.#figure.cursor(pixel < area.left - 4 || pixel > area.right + 4 ? null : horizontal.value(pixel));
+    this.#figure.cursor(horizontal.value(Math.min(Math.max(pixel, area.left), area.right)));
   }
 
   /** All points of the curves that are visible. */
@@ -93,8 +94,7 @@ export class Reader {
   }
 
   #show() {
-    const { curves, plan } = this.#figure;
-    const { horizontal, vertical, area, needsLegend } = plan;
+    const { curves, axes, plan: { horizontal, area, needsLegend } } = this.#figure;
     const isOn = this.#x !== null;
     this.#line.toggleAttribute("hidden", !isOn);
     if (isOn) {
@@ -102,8 +102,8 @@ export class Reader {
       for (const [name, value] of Object.entries({ x1: x, x2: x, y1: area.top, y2: area.bottom })) this.#line.setAttribute(name, value);
     }
     const named = curves.filter(({ name }) => name);
-    const rows = named.map((curve) => [curve, isOn ? this.#figure.valueText(this.#valueOf(curve), vertical) : ""]);
-    const head = isOn ? [horizontal.title, this.#figure.valueText(this.#x, horizontal)] : ["", HINT];
+    const rows = named.map((curve) => [curve, isOn ? quantity(this.#valueOf(curve), axes.y.unit) : ""]);
+    const head = isOn ? [horizontal.title, quantity(this.#x, axes.x.unit)] : ["", HINT];
     const item = (name, value, sample) => h("li", {}, sample, name && h("span", { class: "name" }, name), name && " ", h("span", { class: "value" }, value));
     fill(this.#values, isOn || needsLegend ? rows.map(([curve, value]) => item(curve.name, value, h("span", { class: `sample ink-${curve.ink} ${curve.dash ?? ""}` }))) : null,
       item(...head));

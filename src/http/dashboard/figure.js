@@ -1,11 +1,10 @@
 // A figure with curves: it chooses units and axes, names the curves at their ends, and can be read, zoomed and saved.
 
 import { h, svg } from "./dom.js";
-import { drawFigure, planFigure, withSymbol } from "./figure-draw.js";
+import { drawFigure, planFigure } from "./figure-draw.js";
 import { Reader } from "./figure-reader.js";
 import { saveMenu } from "./figure-save.js";
 import { Zoom } from "./figure-zoom.js";
-import { digits, withUnit } from "./scaling.js";
 
 /** Figures whose cursors move together if they have the same quantity on their x axes. */
 export class Cursors {
@@ -126,16 +125,6 @@ export class Figure {
   cursor(x, isOwn = true) {
     this.#reader.move(x);
     if (isOwn) this.group?.move(this, x);
-  }
-
-  /** The name of an axis with its symbol and its unit. */
-  nameOf(axis) {
-    return withUnit(withSymbol(axis), axis.unit);
-  }
-
-  /** A value as text with the unit of its axis. */
-  valueText(value, axis) {
-    return value == null || !Number.isFinite(value) ? "–" : `${digits(value * axis.factor)}${axis.unit && `\u00a0${axis.unit.replace(" ", "\u00a0")}`}`;
   }
 
   #fit(width, redraw = true) {
