@@ -7,7 +7,7 @@ import { digits, duration } from "./units.js";
 /** The job starts when the form has not changed for this time. */
 const IDLE_MS = 800;
 
-/** The job of the form. `show` is called as `show.rows(history)`, `show.result(result)` and `show.says(text)`. */
+/** The job of the form. `show` is called as `show.rows(history)`, `show.result(result)` and `show.says(text, progress)`. */
 export class Draft {
   #abort = null;
   #start = debounced(IDLE_MS, (scenario, checked) => this.#run(scenario, checked));
@@ -55,7 +55,7 @@ export class Draft {
   async #follow(address, checked, signal) {
     for await (const { name, data } of events(`${address}/events`, signal)) {
       if (name !== "progress") continue;
-      this.show.says(`Computing as a job: ${digits(100 * data.progress, 2)}\u00a0%.`);
+      this.show.says(`Computing as a job: ${digits(100 * data.progress, 2)}\u00a0%.`, data.progress);
       const rows = await get(`${address}/so-far`, { signal });
       if (rows) this.show.rows(rows, checked);
     }

@@ -6,6 +6,7 @@ import { formPointer } from "./vary.js";
 /** The sentence for a fault at the field of a name. */
 function sentence(detail, name) {
   if (/^is missing\b/.test(detail) && name) return `Enter the ${name.replace(/ \S{1,3}$/, "").toLowerCase()}.`;
+  if (/^must be a number, not a string/.test(detail)) return "Enter a number.";
   return /[.?!]$/.test(detail) ? detail : `${detail}.`;
 }
 

@@ -9,7 +9,7 @@ import { varied } from "./vary.js";
 
 const group = (name, ...content) => h("fieldset", {}, h("legend", {}, name), content);
 
-/** Draws the fields of `form`, which has a scenario and a study. `editors(choice, selected)` are the editors of an option. */
+/** Draws the fields of `form`, which has a scenario and a study. `editors.of(choice, selected)` are the editors of an option. */
 export class Fieldset {
   #inputs;
 
@@ -57,6 +57,6 @@ export class Fieldset {
     } });
     if (!known) field.prepend(h("option", { selected: true }, `${WORDS[selected] ?? selected ?? "None"} (JSON)`));
     return [h("div", { class: "field" }, h("label", { for: choice.id }, choice.label), field, reason && hint(choice.id, reason)),
-      known && choice.fields(selected, scenario).map((field) => this.#inputs.draw(field)), this.editors(choice, selected)];
+      known && choice.fields(selected, scenario).map((field) => this.#inputs.draw(field)), this.editors.of(choice, selected)];
   }
 }

@@ -4,6 +4,7 @@
 import { get, idempotencyKey, Problem, post } from "./api.js";
 import { debounced, explained, fill, h, notify, select } from "./dom.js";
 import { Draft } from "./draft.js";
+import { Editors } from "./editors.js";
 import { announce, drawEstimate, drawStudyEstimate } from "./estimate.js";
 import { countOf, showFaults } from "./faults.js";
 import { withoutField } from "./fields.js";
@@ -80,12 +81,13 @@ export async function showForm(main, { query, signal }) {
 
   const preview = new Preview(signal);
   const live = new Live(showAnswer, refused, signal);
-  const draft = new Draft({ says: (text) => preview.mark(text), result: (result) => preview.show(result),
+  const draft = new Draft({ says: (...said) => preview.mark(...said), result: (result) => preview.show(result),
     rows: ({ history, units }, checked) => preview.showRows(history, { ...checked, units }) }, signal);
-  const fieldset = new Fieldset(form, { edited, changed, redraw, chosen: () => {
+  const calls = { edited, changed, redraw, chosen: () => {
     draw();
     edited(null);
-  } }, () => null);
+  } };
+  const fieldset = new Fieldset(form, calls, new Editors(form, calls));
 
   /** Keeps the scenario, its study and its label in the address, so that a reload or a bookmark restores them. */
   const remember = () => {

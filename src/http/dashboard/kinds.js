@@ -1,6 +1,6 @@
 // The kinds of quantities in the form: the unit that a number without a unit has in a field, and which sizes are usual.
 
-const LENGTHS = { m: 1, mm: 1e-3, um: 1e-6, nm: 1e-9, cm: 1e-2, in: 0.0254, mil: 2.54e-5 };
+export const LENGTHS = { m: 1, mm: 1e-3, um: 1e-6, nm: 1e-9, cm: 1e-2, in: 0.0254, mil: 2.54e-5 };
 const STRESSES = { Pa: 1, GPa: 1e9, MPa: 1e6, kPa: 1e3, "N/mm^2": 1e6 };
 const STIFFNESSES = { "N/m": 1, "N/um": 1e6, "N/mm": 1e3, "kN/mm": 1e6, "MN/m": 1e6 };
 const WEAR = { "1/Pa": 1, "mm^3/(N m)": 1e-9, "m^3/(N m)": 1, "um^3/(N m)": 1e-18, "mm^2/N": 1e-6 };
@@ -14,6 +14,8 @@ const MICRO = kind("um", LENGTHS, 1e-10, 2e-3);
 const MODULUS = kind("GPa", STRESSES, 1e4, 2e12);
 const WEAR_COEFFICIENT = kind("mm^3/(N m)", WEAR, 1e-20, 1e-10);
 const FORCE = kind("N", { N: 1, mN: 1e-3, kN: 1e3, uN: 1e-6, MN: 1e6 }, 1e-6, 1e6);
+
+const ENERGY = kind("J", { J: 1, mJ: 1e-3, kJ: 1e3, uJ: 1e-6 }, 1e-9, 1e9);
 
 /** Patterns of pointers. The first that matches decides. */
 const KINDS = [
@@ -34,11 +36,13 @@ const KINDS = [
   [/^\/motion\/(.*\/)?(rig|loop)_stiffness$/, kind("N/um", STIFFNESSES, 1e2, 1e12)],
   [/^\/motion\/(.*\/)?reference_distance$/, RADIUS],
   [/wear_volume$/, kind("mm^3", { "m^3": 1, "mm^3": 1e-9, "um^3": 1e-18, "cm^3": 1e-6 }, 1e-22, 1e-5)],
-  [/dissipated_energy(\/(from|to|\d+))?$/, kind("J", { J: 1, mJ: 1e-3, kJ: 1e3, uJ: 1e-6 }, 1e-9, 1e9)],
+  [/dissipated_energy(\/(from|to|\d+))?$/, ENERGY],
 ];
 
 /** The kind of the quantity at a pointer of a scenario. Archard's coefficient is a plain number. */
 export function kindAt(pointer, scenario) {
+  const table = pointer.match(/^(.*)\/at\/\d+$/)?.[1];
+  if (table) return table.split("/").slice(1).reduce((value, name) => value?.[name], scenario)?.over === "dissipated_energy" ? ENERGY : NUMBER;
   const own = KINDS.find(([pattern]) => pattern.test(pointer))?.[1] ?? NUMBER;
   return own === WEAR_COEFFICIENT && scenario?.wear?.hardness !== undefined ? NUMBER : own;
 }

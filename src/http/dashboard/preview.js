@@ -9,7 +9,7 @@ import { Section } from "./section.js";
 import { cycles } from "./units.js";
 
 /** Height of a figure in px: five of them stand above the fold. */
-const HEIGHT = 158;
+const HEIGHT = 166;
 const FIGURES = ["profile", "depth", "volume", "loop"];
 
 export class Preview {
@@ -24,6 +24,7 @@ export class Preview {
   #headline = { first: h("dl", { class: "headline", id: "headline" }), others: h("dl", { class: "tiles" }), notes: h("div", { class: "notes", id: "number-warnings" }) };
   #texts = Object.fromEntries(["difference", "missing", "ratios"].map((name) => [name, h("p", { class: "muted", id: name })]));
   #state = h("p", { class: "muted", id: "computing", role: "status" });
+  #progress = h("progress", { max: 1, "aria-label": "Progress", hidden: true });
   #stepRow;
   #grid;
 
@@ -38,7 +39,7 @@ export class Preview {
     this.#grid = h("div", { class: "figures", hidden: true }, card("profile", "Profiles", this.#figures.profile.element),
       card("section", "Section", this.#section.element), card("depth", "Depth", this.#figures.depth.element),
       card("volume", "Volume", this.#figures.volume.element), card("loop", "Fretting loop", this.#figures.loop.element, this.#texts.ratios));
-    this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#headline.first, this.#stepRow, this.#state, this.#grid,
+    this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#headline.first, this.#stepRow, this.#state, this.#progress, this.#grid,
       this.#headline.notes, this.#texts.difference, this.#texts.missing,
       h("details", { class: "card" }, h("summary", {}, "More numbers"), this.#headline.others));
     document.addEventListener("units", () => this.#result && this.#draw(), { signal });
@@ -49,9 +50,11 @@ export class Preview {
     if (this.#result) for (const figure of Object.values(this.#figures)) figure.hold(yes);
   }
 
-  /** Says that the figures do not belong to the form: why, or null if they do. */
-  mark(text) {
+  /** Says that the figures do not belong to the form: why, or null if they do. A job that is computed has a progress. */
+  mark(text, progress = null) {
     this.#state.textContent = text ?? "";
+    this.#progress.hidden = progress === null;
+    this.#progress.value = progress ?? 0;
     this.element.classList.toggle("outdated", text !== null);
   }
 
@@ -72,9 +75,11 @@ export class Preview {
 
   /** Shows the rows of a run that is being computed. */
   showRows(history, result) {
-    const rows = { ...result, history, profiles: undefined, loops: undefined, events: [] };
+    const rows = { ...result, history, events: [], accuracy: { model_error: null } };
     this.#grid.hidden = false;
+    this.#stepRow.hidden = true;
     this.#grid.classList.add("rows");
+    drawHeadline(this.#headline, rows, history.cycles.length - 1, result.warnings.filter(isAtNumber));
     for (const name of ["depth", "volume"]) drawHistory(this.#figures[name], this.#texts.missing, rows, null, { history: name, log: "x", at: null });
   }
 

@@ -11,7 +11,7 @@ export const WORDS = {
   paraboloid: "Paraboloid", sphere: "Sphere", cone: "Cone", power: "Power law", table: "Measured profile",
   truncated_paraboloid: "Truncated paraboloid", truncated_cone: "Truncated cone",
   crossed_cylinders: "Crossed cylinders", cylinder: "Cylinder", wedge: "Wedge", punch: "Punch",
-  changing: "Table of values", blocks: "Amplitude blocks", reversals: "Displacement record",
+  changing: "Table of values", changing_hardness: "Table of values", blocks: "Amplitude blocks", reversals: "Displacement record",
   full_stick: "Full stick", partial_slip: "Partial slip", gross_slip: "Gross slip",
   simplified: "Simplified rule", exact: "Exact method",
   contact_lost: "Contact lost", shakedown: "Wear practically stops", until_reached: "Stop condition reached",
