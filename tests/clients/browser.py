@@ -17,7 +17,9 @@ from playwright.sync_api import sync_playwright
 
 ROOT = pathlib.Path(__file__).parents[2]
 SCREENS = ROOT / "target/screens"
-SIZES = {1440: 900, 1280: 720, 390: 844}
+SIZES = {1440: 900, 1280: 720, 720: 450, 390: 844}
+# 720 is a screen of 1440 at 200 % zoom.
+VIEWS = [(1440, "light"), (1440, "dark"), (1280, "light"), (720, "dark"), (390, "light"), (390, "dark")]
 
 
 def ask(base, path, body=None, method=None, wait=20):
@@ -104,16 +106,15 @@ class Browser:
         page.screenshot(path=SCREENS / f"{view}.png", full_page=True)
 
     def check_views(self, base, views):
-        """Checks each view in light and dark, wide and narrow. A view is an address, or a function that makes one, and a
+        """Checks each view in light and dark, on several screens. A view is an address, or a function that makes one, and a
         selector to wait for."""
-        for width in SIZES:
-            for scheme in ("light", "dark"):
-                page = self.page(base, scheme=scheme, width=width)
-                for view, (address, ready) in views.items():
-                    page.goto(base + (address() if callable(address) else address))
-                    page.wait_for_selector(ready, state="attached")
-                    self.check_view(page, f"{view}-{width}-{scheme}")
-                page.context.close()
+        for width, scheme in VIEWS:
+            page = self.page(base, scheme=scheme, width=width)
+            for view, (address, ready) in views.items():
+                page.goto(base + (address() if callable(address) else address))
+                page.wait_for_selector(ready, state="attached")
+                self.check_view(page, f"{view}-{width}-{scheme}")
+            page.context.close()
 
 
 @contextlib.contextmanager

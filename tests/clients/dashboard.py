@@ -22,6 +22,7 @@ from lines import lines
 from plots import every_loop, every_plot
 from studies import studies
 from vary import VARIED, vary
+from views import views
 
 BASE = sys.argv[1]
 get = functools.partial(ask, BASE)
@@ -287,6 +288,7 @@ def main():
         hostile_address(browser, key)
         every_plot(page, BASE, key)
         every_plot(page, BASE, both, scales=["xy"])
+        views(browser, BASE)
         cancel(page)
         edit_typed_values(page)
         vary(browser, BASE)

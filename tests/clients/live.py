@@ -59,9 +59,8 @@ def type_a_radius(browser):
     """The curve changes without a click. Everything stands above the fold of a small screen, and Keep is near."""
     page = first_page(browser)
     page.set_viewport_size({"width": 1280, "height": 720})
-    for figure in ("Profiles", "Section", "Depth", "Volume", "Fretting loop"):
-        box = page.locator(f".preview section[aria-label='{figure}']").bounding_box()
-        assert box["y"] + box["height"] <= 720, (figure, box)
+    page.wait_for_function("[...document.querySelectorAll('.figures .card')].every(card => card.getBoundingClientRect().bottom <= innerHeight)")
+    expect(page.locator(".figures .card >> visible=true")).to_have_count(5)
     assert scenario(page)["load"] == {"normal_force": "100 N", "held": "force"}
     before = curve(page)
     page.fill("#profile-radius", "20")

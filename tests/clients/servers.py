@@ -15,7 +15,7 @@ import tempfile
 
 from playwright.sync_api import expect
 
-from browser import LONG, SIZES, Server, ask, blocks, curves, item, key_of, opened
+from browser import LONG, VIEWS, Server, ask, blocks, curves, item, key_of, opened
 from vary import beyond_a_limit
 
 MASTER = "fretwork_" + "0123456789abcdef" * 3
@@ -236,7 +236,7 @@ def sign_in(browser, data):
 
 def lose_the_server(browser, data):
     with server(data) as own:
-        pages = [(width, scheme, browser.page(own.base, scheme, width)) for width in SIZES for scheme in ("light", "dark")]
+        pages = [(width, scheme, browser.page(own.base, scheme, width)) for width, scheme in VIEWS]
         for _, _, page in pages:
             page.goto(own.base + "/")
             expect(item(page, "regime")).to_have_text("Partial slip")

@@ -85,8 +85,8 @@ async function addPinAndNote(row, key, signal) {
     await send(resultAddress(key, "/pin"), { method: pinned ? "DELETE" : "PUT" });
     pinned = !pinned;
     pin.setAttribute("aria-pressed", String(pinned));
-    notify(pinned ? "Pinned: never evicted." : "Unpinned: may be evicted when storage is full.");
-  }, { "aria-pressed": String(pinned), title: "The server never evicts a pinned result" });
+    notify(pinned ? "Pinned: will not be deleted automatically." : "Unpinned: may be deleted automatically when storage is full.");
+  }, { "aria-pressed": String(pinned), title: "A pinned result is not deleted automatically" });
   const noteText = h("p", { class: "note" });
   const drawNote = () => {
     noteText.textContent = note ? `“${note.text}”${note.owner ? ` (${note.owner})` : ""}` : "";

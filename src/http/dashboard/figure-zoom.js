@@ -7,6 +7,8 @@ import { endsOfX } from "./figure-axis.js";
 const SHORTEST_DRAG = 6;
 /** The smallest part of the axis that can be shown. */
 const SMALLEST = 1e-4;
+/** Significant digits of the ends. */
+const DIGITS = 6;
 
 export class Zoom {
   range = null;
@@ -36,7 +38,8 @@ export class Zoom {
   }
 
   #apply(range) {
-    this.range = range;
+    // The address has the same digits, so that it gives the same view.
+    this.range = range && range.map((end) => Number(end.toPrecision(DIGITS)));
     this.#changed();
   }
 

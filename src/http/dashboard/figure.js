@@ -87,7 +87,7 @@ export class Figure {
 
   /** The zoom as text for an address. */
   get zoomText() {
-    return this.zoom ? this.zoom.map((end) => Number(end.toPrecision(5))).join("..") : "";
+    return this.zoom ? this.zoom.join("..") : "";
   }
 
   set zoomText(text) {

@@ -40,7 +40,7 @@ const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "deta
     // Figures and the views of results.
     "curves.js", "drawn.js", "explain.js", "figure.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
     "figure-reader.js", "figure-save.js", "figure-zoom.js", "headline.js", "player.js",
-    "result-figures.js", "scaling.js", "section.js");
+    "result-figures.js", "scaling.js", "section.js", "so-far.js");
 const STYLES: &[File] = files!("text/css": "style.css");
 const IMAGES: &[File] = files!("image/svg+xml": "icon.svg");
 
@@ -70,8 +70,7 @@ fn words() -> String {
     // A later meaning of a name replaces an earlier one: a column of the history means more to a reader than the
     // unworn contact.
     let members = Unworn::MEMBERS.iter().chain(History::MEMBERS);
-    let meanings: Value =
-        members.map(|member| (member.name, json!(member.meaning))).collect();
+    let meanings: Value = members.map(|member| (member.name, json!(member.meaning))).collect();
     let searched: Value = WORDS.iter().map(|word| (word.name, json!(word.values))).collect();
     format!(
         "/** The kinds of studies. */\nexport const KINDS = {kinds};\n\n/** The names of quantities. */\nexport const NAMES = {names};\n\n\

@@ -41,7 +41,7 @@ const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 export const powerOfTen = (exponent) => `10${String(exponent).replace("-", "⁻").replace(/\d/g, (digit) => SUPERSCRIPTS[digit])}`;
 
 /** Narrow spaces between thousands from five digits on. */
-export const spaced = (text) => text.replace(/\d{5,}(?=\.|$)/, (whole) => whole.replace(/\B(?=(\d{3})+$)/g, "\u202f"));
+export const spaced = (text) => text.replace(/^(-?)(\d{5,})(?=\.|$)/, (_, sign, whole) => sign + whole.replace(/\B(?=(\d{3})+$)/g, "\u202f"));
 
 /** A number with at most `count` significant digits. */
 export function digits(value, count = 4) {

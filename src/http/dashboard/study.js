@@ -7,7 +7,7 @@ import { drawingOf } from "./drawn.js";
 import { saving } from "./figure-save.js";
 import { extent } from "./curves.js";
 import { axisUnit, withUnit } from "./scaling.js";
-import { kindOf } from "./summary.js";
+import { kindOf, studyTitle } from "./summary.js";
 import { digits, si } from "./units.js";
 import { KINDS } from "./words.js";
 
@@ -23,7 +23,7 @@ export async function showStudy(main, result, { job, link, query, signal }) {
   // The page loads one row more than it shows, to see whether there are more rows.
   const words = new URLSearchParams({ rows: ROWS + 1, ...(link && { link }) });
   const rows = await get(`${resultAddress(result.key, "/table")}?${words}`, { signal });
-  const kind = KINDS[kindOf(result)].title;
+  const kind = studyTitle(kindOf(result), result[kindOf(result)]);
   document.title = `${job.label || kind} · fretwork`;
   const table = h("section", { class: "card", "aria-label": "Table" });
   const drawTable = () => table.replaceChildren(...rowsOf(rows));
