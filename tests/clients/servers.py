@@ -95,7 +95,7 @@ def interrupt(browser, data):
         interrupted()
         expect(page.locator("#state")).to_have_text("failed")
         expect(page.locator(".error")).to_contain_text("crashed repeatedly")
-        expect(page.get_by_role("link", name="Explanation and remedy")).to_have_attribute("href", "/problems/worker-lost")
+        expect(page.get_by_role("link", name="How to fix this")).to_have_attribute("href", "/problems/worker-lost")
         expect(page.get_by_role("link", name="Edit and run again")).to_be_visible()
 
         frictions = iter(range(300, 700))

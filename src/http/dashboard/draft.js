@@ -2,6 +2,7 @@
 
 import { events, get, idempotencyKey, jobAddress, post, Problem, resultAddress } from "./api.js";
 import { debounced } from "./dom.js";
+import { OPERATIONS_PER_SECOND } from "./estimate.js";
 import { digits, duration } from "./units.js";
 
 /** The job starts when the form has not changed for this time. */
@@ -21,7 +22,7 @@ export class Draft {
   ask(scenario, checked) {
     this.stop();
     this.wanted = scenario;
-    this.show.says(`This takes about ${duration(checked.cost.operations / 1e9)}. It will be computed as a job.`);
+    this.show.says(`This takes about ${duration(checked.cost.operations / OPERATIONS_PER_SECOND)}. It will be computed as a job.`);
     this.#start(scenario, checked);
   }
 

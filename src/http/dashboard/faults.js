@@ -7,6 +7,7 @@ import { formPointer } from "./vary.js";
 function sentence(detail, name) {
   if (/^is missing\b/.test(detail) && name) return `Enter the ${name.replace(/ \S{1,3}$/, "").toLowerCase()}.`;
   if (/^must be a number, not a string/.test(detail)) return "Enter a number.";
+  if (/^must increase/.test(detail) && name) return `${name.split(",")[0]} ${detail}.`;
   return /[.?!]$/.test(detail) ? detail : `${detail}.`;
 }
 

@@ -141,7 +141,7 @@ export const CHOICES = [
   },
   {
     id: "wear", group: "Material", label: "Wear law",
-    options: { coefficient: "Wear coefficient k_w", run_in: "k_w with run-in", hardness: "Archard: k and hardness",
+    options: { coefficient: "Coefficient k_w", run_in: "k_w with run-in", hardness: "Archard: k and hardness",
       changing: "k_w from a table", energy: "Energy coefficient α", bodies: "Bodies with layers" },
     selected: ({ wear }) => {
       const course = courseOf(wear?.coefficient);
@@ -218,8 +218,8 @@ export const CHOICES = [
     },
     fields: (kind, { profile }) => (isLine(profile) ? [["/load/normal_force", "Normal force F", null, PER_LENGTH]]
       : [kind === "normal_force" ? ["/load/normal_force", "Normal force F"] : ["/load/indentation_depth", "Indentation depth d"],
-      ["/load/held", "Load: held constant",
-        { "": kind === "normal_force" ? "Default (force)" : "Default (depth)", force: "Normal force", depth: "Indentation depth" }]]),
+      ["/load/held", "During the test, keep constant",
+        { "": kind === "normal_force" ? "Force (as entered)" : "Depth (as entered)", force: "Force (dead weight)", depth: "Depth (press fit)" }]]),
   },
   {
     id: "motion", group: "Load and motion", label: "Motion",
@@ -247,8 +247,8 @@ export const CHOICES = [
         tangential_force: ["/motion/tangential_force", "Tangential force Q"],
         blocks: null, reversals: null,
       }[kind],
-      ["/motion/held", "Motion: held constant", {
-        "": kind === "tangential_force" ? "Default (tangential force)" : "Default (amplitude)",
+      ["/motion/held", "During the test, keep constant", {
+        "": kind === "tangential_force" ? "Tangential force (as entered)" : "Amplitude (as entered)",
         amplitude: "Amplitude", tangential_force: "Tangential force" }],
       ["/motion/rig_stiffness", "Rig stiffness (optional)"]].filter(Boolean)),
   },
@@ -283,7 +283,7 @@ export const CHOICES = [
       const { points } = scenario.model ?? {};
       scenario.model = { method, ...(points && { points }) };
     },
-    fields: (method, scenario) => [["/model/points", "Profile points (optional)"],
+    fields: (method, scenario) => [["/model/points", "Output radii (optional)"],
       ...(method === "exact" ? [["/model/tolerance", "Tolerance (optional)"],
         ...(ruleLacks(scenario) ? [] : [["/model/compare", "Compare with simplified rule", { "": "No", true: "Yes" }]])]
         : [["/model/xi", "Fitting parameter ξ (optional)"]])],

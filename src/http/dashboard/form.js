@@ -250,7 +250,8 @@ export async function showForm(main, { query, signal }) {
     } catch (problem) {
       if (signal.aborted) return;
       showFaults(main, otherFaults, problem, form.study);
-      fill(estimate, h("h2", {}, problem.title ?? "The job was not submitted"), h("p", {}, problem.detail ?? problem.message));
+      fill(estimate, h("h2", {}, problem.errors ? countOf(problem) : problem.title ?? "The job was not submitted"),
+        h("p", {}, problem.errors ? "" : problem.detail ?? problem.message));
       submitting = false;
       allowKeep();
     }
