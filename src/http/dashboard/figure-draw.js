@@ -132,7 +132,7 @@ export function drawFigure(root, curves, axes, plan) {
   const { area, horizontal, vertical, width, height } = plan;
   const clip = `figure-area-${++figures}`;
   const lines = curves.map((curve) => svg("path", { d: pathOf(curve, horizontal, vertical, area), class: "curve", fill: "none", stroke: ink(curve.ink),
-    "stroke-width": curve.faint ? 1.2 : 2, "stroke-linejoin": "round", "stroke-linecap": "round",
+    "stroke-width": curve.line === false ? 0 : curve.faint ? 1.2 : 2, "stroke-linejoin": "round", "stroke-linecap": "round",
     ...(DASHES[curve.dash] && { "stroke-dasharray": DASHES[curve.dash] }) }));
   root.setAttribute("viewBox", `0 0 ${width} ${height}`);
   root.replaceChildren(

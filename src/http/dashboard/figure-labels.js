@@ -92,7 +92,7 @@ function separate(labels) {
 
 /** Moves a label into the area. */
 function within(label, area) {
-  const left = label.x - { start: 0, middle: 0.5, end: 1 }[label.anchor] * widthOf(label.text);
+  const left = label.x - (label.anchor === "end" ? widthOf(label.text) : 0);
   const inside = Math.max(area.left + GAP, Math.min(left, area.right - widthOf(label.text)));
   return { ...label, x: inside, anchor: "start", y: Math.min(Math.max(label.y, area.top + 0.5 * LINE), area.bottom - 0.6 * LINE) };
 }
@@ -119,7 +119,9 @@ export function placeLabels(curves, horizontal, vertical, area) {
   for (const label of beside) if (Math.abs(label.y - label.from.y) < 0.4 * LINE) delete label.from;
   const middle = labelled(curves, "middle").map((curve) => {
     const x = (horizontal.at(Math.max(curve.x[0], horizontal.ends[0])) + horizontal.at(Math.min(curve.x.at(-1), horizontal.ends[1]))) / 2;
-    return { ...named(curve), x, y: clamp(heightAt(curve, x)) + (curve.below ? 1.2 : -1.2) * LINE, anchor: "middle" };
+    const isRising = heightAt(curve, x + 1) < heightAt(curve, x - 1);
+    const isLeft = isRising !== Boolean(curve.below);
+    return { ...named(curve), x: x + (isLeft ? -GAP : GAP), y: clamp(heightAt(curve, x)) + (curve.below ? 0.9 : -0.9) * LINE, anchor: isLeft ? "end" : "start" };
   }).filter(({ y }) => Number.isFinite(y));
   const family = labelled(curves, "apart");
   const places = family.map((curve) => [curve, farthest(curve, family.filter((other) => other !== curve), area, { heightAt })]);

@@ -26,8 +26,9 @@ export class Cursors {
 
 /**
  * One curve, in SI units. `x` ascends; null in `y` is a gap. `ink` is the number of a colour in style.css. `points`
- * marks the computed points. `label` is the place of the name. `direction` draws an arrow.
- * @typedef {{name: string, x: number[], y: (number|null)[], ink: number, dash?: "dashed"|"dotted", points?: boolean,
+ * marks the computed points, and without a `line` the curve has only them. `label` is the place of the name. `direction`
+ * draws an arrow.
+ * @typedef {{name: string, x: number[], y: (number|null)[], ink: number, dash?: "dashed"|"dotted", points?: boolean, line?: boolean,
  *   label?: "end"|"start"|"apart"|"middle"|"none", below?: boolean, direction?: 1|-1, faint?: boolean}} Curve
  * @typedef {{title: string, symbol?: string, unit: string, log?: boolean, range?: number[], top?: number}} Axis
  */

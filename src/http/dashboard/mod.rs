@@ -16,7 +16,7 @@ use crate::http::problem::Result;
 use crate::http::wire::{NoQuery, Segment};
 use asset::{Asset, Assets};
 
-use fretwork_engine::outcome::{History, QUANTITIES, Quantity, Unworn};
+use fretwork_engine::outcome::{EVENTS, History, QUANTITIES, Quantity, Unworn};
 use fretwork_job::WORDS;
 use fretwork_study::Kind;
 
@@ -71,10 +71,13 @@ fn words() -> String {
     // unworn contact.
     let members = Unworn::MEMBERS.iter().chain(History::MEMBERS);
     let meanings: Value = members.map(|member| (member.name, json!(member.meaning))).collect();
+    let named = |(kind, words): &(_, _)| Some((json!(kind).as_str()?.to_owned(), json!(words)));
+    let events: Value = EVENTS.iter().filter_map(named).collect();
     let searched: Value = WORDS.iter().map(|word| (word.name, json!(word.values))).collect();
     format!(
         "/** The kinds of studies. */\nexport const KINDS = {kinds};\n\n/** The names of quantities. */\nexport const NAMES = {names};\n\n\
          /** Their symbols, with italics between `$`. */\nexport const SYMBOLS = {symbols};\n\n\
+         /** The names of events. */\nexport const EVENTS = {events};\n\n\
          /** What they mean. */\nexport const MEANINGS = {meanings};\n\n\
          /** The words that results are searched by. */\nexport const SEARCHED = {searched};\n"
     )

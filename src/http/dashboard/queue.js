@@ -2,7 +2,7 @@
 
 import { get, jobAddress, post } from "./api.js";
 import { dateTime, h, notify, select } from "./dom.js";
-import { loadName } from "./summary.js";
+import { knownName, loadNames } from "./summary.js";
 import { quantity } from "./units.js";
 
 const REFRESH_MS = 2000;
@@ -36,20 +36,23 @@ export async function showQueue(main, { query, signal }) {
     if (older.length === 0) next = page.next;
     const shown = new Set(page.jobs.map((job) => job.id));
     const jobs = [...page.jobs, ...older.filter((job) => !shown.has(job.id))];
-    const names = await Promise.all(jobs.map((job) => loadName(job, signal)));
     // A refresh must not take the focus from a button.
     const focused = document.activeElement?.dataset.job;
-    list.replaceChildren(...jobs.map((job, i) => drawRow(job, names[i])));
+    list.replaceChildren(...jobs.map(drawRow));
     if (focused) list.querySelector(`[data-job="${focused}"]`)?.focus();
     empty.replaceChildren(...(jobs.length ? [] : state.value ? ["No match. Choose another state."]
       : ["No jobs yet. ", h("a", { href: "#/new" }, "Start a run"), "."]));
     more.hidden = !next;
+    loadNames(jobs, signal, (job) => {
+      for (const place of list.querySelectorAll(`[data-name="${job.id}"]`)) place.textContent = knownName(job);
+    });
   }
 
-  function drawRow(job, name) {
+  function drawRow(job) {
+    const name = knownName(job) ?? "…";
     const done = job.state === "succeeded";
     return h("tr", {},
-      h("th", { scope: "row" }, h("a", { href: done ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}` }, name)),
+      h("th", { scope: "row" }, h("a", { href: done ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`, "data-name": job.id }, name)),
       h("td", {}, h("span", { class: `state ${job.state}` }, job.state),
         OPEN.includes(job.state) && h("progress", { max: 1, value: job.progress, "aria-label": "Progress" })),
       h("td", {}, dateTime(job.times.created)),
@@ -58,7 +61,7 @@ export async function showQueue(main, { query, signal }) {
       h("td", {}, OPEN.includes(job.state) && h("button", { type: "button", "data-job": job.id, onclick: async () => {
         await post(jobAddress(job.id, "/cancel")).catch((problem) => notify(problem.detail));
         read();
-      }, "aria-label": `Cancel ${name}` }, "Cancel")));
+      }, "aria-label": `Cancel ${knownName(job) ?? job.id}` }, "Cancel")));
   }
 
   await read();

@@ -31,6 +31,9 @@ export function nearest(cycles, at) {
   return distances.indexOf(Math.min(...distances));
 }
 
+/** Columns that jump when a block begins. A line would suggest values between two blocks. */
+const JUMPING = new Set(["amplitude", "tangential_force", "energy_per_cycle", "contact_radius", "stick_radius"]);
+
 /** Whether a column has values. Displacements of a line contact have none without a reference. */
 const isKnown = (values) => values.some((value) => value != null);
 /** Says why quantities are not drawn. */
@@ -62,10 +65,8 @@ function profileCurves({ profiles }, name, row, label) {
   return curves;
 }
 
-const PROFILE_TITLES = { worn: "Worn profile", wear: "Wear depth", pressure: "Pressure", slip: "Slip amplitude" };
-const nameOf = (name) => PROFILE_TITLES[name] ?? WORDS[name];
-const after = (name, at) => (at > 0 ? `${nameOf(name)} after ${cycles(at)} cycles`
-  : name === "worn" ? "Unworn profile" : `${nameOf(name)} of the unworn contact`);
+const after = (name, at) => (at > 0 ? `${WORDS[name]} after ${cycles(at)} cycles`
+  : name === "worn" ? "Unworn profile" : `${WORDS[name]} of the unworn contact`);
 
 export function drawProfile(figure, difference, result, other, { plot: name, row }) {
   if (!result.profiles) return;
@@ -95,7 +96,7 @@ export function drawProfile(figure, difference, result, other, { plot: name, row
   figure.title = after(name, at);
   const across = wordOf("radius", scenario);
   figure.show(curves, { x: { title: across, symbol: symbolOf("radius", scenario), unit: units.radius },
-    y: { title: nameOf(name), symbol: symbolOf(name), unit: units[name], range }, description: `${after(name, at)}, over ${across}` });
+    y: { title: name === "worn" ? "Height" : WORDS[name], symbol: symbolOf(name), unit: units[name], range }, description: `${after(name, at)}, over ${across}` });
 }
 
 /** The marks of a history: its events, and the edges of amplitude blocks. */
@@ -111,7 +112,8 @@ export function drawHistory(figure, missing, result, other, { history, log, at }
   const heading = historyTitle(history, result);
   const { units, scenario } = result;
   const points = result.history.cycles.length < MARKED;
-  const curve = (from, name, more) => ({ x: from.cycles, y: from[name], points, ...more });
+  const isJumping = (name) => Boolean(scenario.motion.blocks) && JUMPING.has(name);
+  const curve = (from, name, more) => ({ x: from.cycles, y: from[name], points: points || isJumping(name), line: !isJumping(name), ...more });
   // The title of the axis says what a single column is. Then a curve only needs the name of its run.
   const isSingle = columns.length === 1;
   const isAlone = isSingle && !result.comparison && !other;

@@ -72,16 +72,17 @@ export function nameOf(job) {
 
 const names = new Map();
 
-/** Loads the name of a job from a list, once. */
-export function loadName(job, signal) {
-  if (job.label) return job.label;
-  if (!names.has(job.id)) {
-    names.set(job.id, get(jobAddress(job.id, "?include=submitted,scenario"), { signal }).then(nameOf).catch(() => {
-      names.delete(job.id);
-      return `Job ${job.id.slice(0, 8)}`;
-    }));
+/** The name of a job in a list: its label, or the name that was loaded; undefined until then. */
+export const knownName = (job) => job.label || names.get(job.id);
+
+/** Loads the names of jobs without a label, one after the other. Calls `done` for each of them. */
+export async function loadNames(jobs, signal, done) {
+  for (const job of jobs.filter((own) => !knownName(own))) {
+    const whole = await get(jobAddress(job.id, "?include=submitted,scenario"), { signal }).catch(() => null);
+    if (signal.aborted) return;
+    names.set(job.id, whole ? nameOf(whole) : `Job ${job.id.slice(0, 8)}`);
+    done(job);
   }
-  return names.get(job.id);
 }
 
 /** The latest jobs of a result, newest first. A user who may not list jobs gets none. */

@@ -1,22 +1,19 @@
 // Numbers, units and names as the dashboard shows them. The server sends all quantities in SI units.
 
 import { digits, quantity, si, useSi } from "./scaling.js";
-import { NAMES } from "./words.js";
+import { EVENTS, NAMES } from "./words.js";
 
 export { digits, quantity, si, useSi };
 
 /** The words that the dashboard shows for the names of the server. */
 export const WORDS = {
-  ...NAMES, image: "1D profile (MDR)",
+  ...NAMES, ...EVENTS,
   paraboloid: "Paraboloid", sphere: "Sphere", cone: "Cone", power: "Power law", table: "Measured profile",
   truncated_paraboloid: "Truncated paraboloid", truncated_cone: "Truncated cone",
   crossed_cylinders: "Crossed cylinders", cylinder: "Cylinder", wedge: "Wedge", punch: "Punch",
   changing: "Table of values", changing_hardness: "Table of values", blocks: "Amplitude blocks", reversals: "Displacement record",
   full_stick: "Full stick", partial_slip: "Partial slip", gross_slip: "Gross slip",
   simplified: "Simplified rule", exact: "Exact method",
-  contact_lost: "Contact lost", shakedown: "Wear practically stops", until_reached: "Stop condition reached",
-  rim_reached: "Edge of the profile reached", contact_splits: "Contact splits into core and ring",
-  energy_not_reached: "Requested energy not reached", layer_worn_through: "Layer worn through",
 };
 
 /** The words that differ for a line contact. */
