@@ -44,6 +44,8 @@ export function drawActions(result, { job, link, remember, signal }) {
     const all = new URLSearchParams(words);
     const own = await createLink(key);
     all.set("link", token(own));
+    // Who opens the link may not read the job, which has the label.
+    if (job.label) all.set("label", job.label);
     // A link opens only one result, so the second result of a comparison needs a link of its own.
     if (all.has("with")) all.set("withlink", token(await createLink(all.get("with"))));
     await copy(`${location.origin}/${path}?${all}`, "Link", `Link copied. It is valid until ${own.expires.slice(0, 10)}.`);

@@ -43,7 +43,7 @@ const noProfiles = (what) => h("p", {}, `This result has no ${what}, because the
 
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
-  const [result, job] = await Promise.all([loadResult(key, link, signal), link ? {} : loadJob(key, query.get("job"), signal)]);
+  const [result, job] = await Promise.all([loadResult(key, link, signal), link ? { label: query.get("label") } : loadJob(key, query.get("job"), signal)]);
   if (kindOf(result)) return showStudy(main, result, { job, link, query, signal });
   const bodyWarnings = await loadBodyWarnings(result, job, link, signal);
   const other = query.get("with") ? await loadResult(query.get("with"), query.get("withlink"), signal).catch((problem) => {
@@ -65,7 +65,7 @@ export async function showResult(main, { id: key, query, signal }) {
 
   /** Keeps the state of the view in the address. */
   function remember() {
-    const kept = ["job", "link", ...(other ? ["with", "withlink"] : [])].filter((name) => query.get(name)).map((name) => [name, query.get(name)]);
+    const kept = ["job", "link", "label", ...(other ? ["with", "withlink"] : [])].filter((name) => query.get(name)).map((name) => [name, query.get(name)]);
     const words = new URLSearchParams({ ...Object.fromEntries(kept),
       at: outputs[state.row], plot: state.plot, history: state.history, log: state.log,
       ...Object.fromEntries(Object.entries(figures).filter(([, { zoom }]) => zoom).map(([name, { zoomText }]) => [`zoom-${name}`, zoomText])) });
