@@ -66,7 +66,7 @@ def edit(page):
     page.reload()
     expect(page.locator("#friction-count")).to_have_value("5")
     page.click("#friction-vary")
-    expect(page.locator("button.primary")).to_have_text("Run")
+    expect(page.locator("button.primary")).to_have_text("Keep")
     expect(page.locator("#friction")).to_have_value("0.7")
     expect(page.locator("section[aria-label=Study]")).to_be_hidden()
     # Only numbers vary.
@@ -137,6 +137,7 @@ def without_field(page, base):
     expect(own).to_have_value("1.5")
     # A number that is missing in the JSON stays too. Its range says what is wrong.
     text = json.loads(page.input_value("#json"))
+    page.click("summary:has-text('as JSON')")
     page.fill("#json", json.dumps({**text, "motion": {"amplitude": "2 um"}}))
     expect(page.locator("#motion-blocks-0-amplitude-from-fault")).not_to_be_empty()
     expect(page.locator("button.primary")).to_be_disabled()

@@ -101,7 +101,7 @@ export function jobBody(scenario, study) {
   if (varied(study).length === 0) return { scenario };
   const range = (pointer) => {
     const { from, to, unit, count, spacing } = ranges[pointer];
-    return { from: withUnit(from, unit), to: withUnit(to, unit), ...(!isDrawn(study) && { count: withUnit(count) }),
+    return { from: withUnit(from, unit), to: withUnit(to, unit), ...(!isDrawn(study) && { count: withUnit(count) ?? "" }),
       ...(spacing === "log" && { spacing }) };
   };
   const ranged = kind.axes.length ? Object.fromEntries(kind.axes.map(([axis, pointer]) => [axis, range(pointer)]))
