@@ -19,7 +19,8 @@ use std::thread;
 
 use tokio::sync::watch;
 
-use fretwork_job::Begin;
+use fretwork_engine::outcome::History;
+use fretwork_job::{Begin, Key};
 use fretwork_store::Store;
 
 pub use evaluate::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
@@ -30,7 +31,7 @@ pub use turns::{LONGEST_CALL, MAX_CALL, Unable};
 
 use places::Places;
 use short::ShortRuns;
-use so_far::{Watched, WatchedWork};
+use so_far::Watched;
 use waiting::Waiting;
 use workers::Compute;
 
@@ -97,10 +98,12 @@ impl Service {
     pub fn compute(&self) -> Compute {
         let Parts { begin, waiting, watched, .. } = &*self.0;
         let (begin, waiting, watched) = (begin.clone(), waiting.clone(), watched.clone());
-        Arc::new(move |key, stored| {
-            let work = begin(key, stored, waiting.take(key))?;
-            Ok(Box::new(WatchedWork::new(work, *key, Arc::clone(&watched))))
-        })
+        Arc::new(move |key, stored| Ok(watched.begin(begin(key, stored, waiting.take(key))?, *key)))
+    }
+
+    /// The rows that a run has found so far. `None` if this process computes no such run.
+    pub async fn so_far(&self, key: &Key) -> Option<Arc<History>> {
+        self.0.watched.rows(key).await
     }
 
     /// Stops accepting jobs, and ends waits and event streams.

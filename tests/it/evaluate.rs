@@ -165,6 +165,7 @@ async fn a_longer_run_is_refused_unless_no_run_is_needed() {
     let server = Server::start().await;
     let mut body = ball(&json!(["limit.wear_volume", "wear_volume"]));
     body["scenario"]["model"] = json!({"method": "exact", "tolerance": 1e-4});
+    body["scenario"]["cycles"] = json!([1e7]);
     let problem = server.post(PATH, &body).await.problem(422, "too-expensive");
     let detail = problem["detail"].as_str().unwrap();
     assert!(

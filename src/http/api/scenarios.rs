@@ -12,11 +12,11 @@ use utoipa::ToSchema;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
-use crate::http::wire::{NoQuery, Segment, schemas};
+use crate::http::wire::{FRESH_JSON, NoQuery, Segment, schemas};
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
 use fretwork_job::{Canonical, Key, Prepared, Submission, Task};
-use fretwork_json::BadBody;
+use fretwork_json::{self as json, BadBody};
 use fretwork_study::Kind;
 
 /// A valid job body, from a file in `examples/`.
@@ -180,9 +180,12 @@ struct CheckedLinks {
         body."),
     responses((status = 200, description = "The scenario or study is valid.", body = Checked)),
 )]
-pub async fn check(app: App, _: NoQuery, body: Body) -> Result<Json<Checked>> {
+pub async fn check(app: App, _: NoQuery, body: Body) -> Result<Response> {
+    /// Bytes of a usual answer.
+    const BYTES: usize = 4096;
     let prepared = parse(body, Submission::parse).await?.prepared;
-    checked(&app, prepared).await.map(Json)
+    let checked = checked(&app, prepared).await?;
+    Ok((FRESH_JSON, json::write(&checked, BYTES)).into_response())
 }
 
 /// What is known of a prepared task.

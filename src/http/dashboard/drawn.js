@@ -2,8 +2,8 @@
 
 /** The colours of the server's figures, and the variables of style.css that replace them. */
 const COLOURS = {
-  "#fff": "--card", "#000": "--ink", "#555": "--soft", "#e4e4e4": "--grid", "#888888": "--ink-4", "#0072b2": "--ink-1", "#d55e00": "--ink-2",
-  "#009e73": "--ink-3", "#cc79a7": "--ink-5", "#e69f00": "--ink-7", "#56b4e9": "--ink-8",
+  "#fff": "--card", "#000": "--ink", "#555": "--soft", "#e4e9ee": "--grid", "#6b7785": "--ink-4", "#0072b2": "--ink-1", "#bf4f00": "--ink-2",
+  "#007a5a": "--ink-3", "#a64d83": "--ink-5", "#8a6d00": "--ink-7", "#5b4bb5": "--ink-8",
 };
 /** Letters and contours on a heat map keep their colour, because the map keeps its own. */
 const ON_PAPER = { "#000000": "--ink" };

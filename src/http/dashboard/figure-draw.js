@@ -75,7 +75,9 @@ function arrowOf({ x, y, direction, ink: own }, horizontal, vertical) {
     const pixel = first + share * (last - first);
     return [pixel, vertical.at(interpolate(x, y, horizontal.value(pixel)) ?? NaN)];
   };
-  const [[x1, y1], [left, top], [x2, y2]] = [at(0.42), at(0.45), at(0.48)];
+  // The arrows of both branches do not meet.
+  const place = direction > 0 ? 0.62 : 0.38;
+  const [[x1, y1], [left, top], [x2, y2]] = [at(place - 0.03), at(place), at(place + 0.03)];
   if (![y1, top, y2].every(Number.isFinite)) return [];
   const angle = (Math.atan2(y2 - y1, x2 - x1) * 180) / Math.PI + (direction < 0 ? 180 : 0);
   return [svg("path", { d: "M-5 -5L6 0L-5 5Z", fill: ink(own), transform: `translate(${px(left)} ${px(top)}) rotate(${px(angle)})` })];

@@ -19,6 +19,8 @@ export const HISTORIES = {
 const MAX_BRANCHES = 24;
 /** Maximum number of curves at other output cycles, and of edges of blocks. */
 const [MAX_OTHERS, MAX_EDGES] = [8, 40];
+/** The dashes of the columns of a history: the scar often ends where the contact does, and must not hide it. */
+const DASHES = [undefined, undefined, "dashed"];
 /** A history with fewer output cycles has marked points. */
 const MARKED = 60;
 
@@ -120,7 +122,7 @@ export function drawHistory(figure, missing, result, other, { history, log, at }
   const run = other ? "Run A" : result.comparison ? WORDS[scenario.model.method] : "";
   const named = (own, name, of) => (isSingle && own ? own : [own, wordOf(name, of)].filter(Boolean).join(": "));
   const curves = columns.map((name, i) => curve(result.history, name,
-    { name: named(isSingle || other ? run : "", name, scenario), ink: i + 1, label: isAlone ? "none" : "end" }));
+    { name: named(isSingle || other ? run : "", name, scenario), ink: i + 1, label: isAlone ? "none" : "end", dash: DASHES[i] }));
   const addSecond = ({ history: own, scenario: of }, second, ink) => curves.push(curve(own, columns[0],
     { name: named(second, columns[0], of), ink, dash: "dashed" }));
   if (result.comparison) addSecond({ ...result, ...result.comparison }, "Simplified rule", 4);
