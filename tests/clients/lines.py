@@ -121,7 +121,7 @@ def every_shape(page, base):
             page.select_option("#motion", motion)
             scenario = json.loads(page.input_value("#json"))
             assert ask(base, "/v1/scenarios", {"scenario": scenario})["scales"]["contact_radius"] > 0, scenario
-            assert "Not in the form" not in page.locator("details.card").text_content(), scenario
+            assert "Not in the form" not in page.locator("details:has(#json)").text_content(), scenario
             expect(page.locator("option:checked", has_text="(JSON)")).to_have_count(0)
 
 

@@ -3,9 +3,15 @@
 import { h } from "./dom.js";
 import { formPointer } from "./vary.js";
 
+/** The noun of a label: "Body 1: Young's modulus E" is about the Young's modulus, "Radius R" about the radius. */
+function noun(name) {
+  const own = name.split(": ").at(-1).split(",")[0].replace(/ [^\s\d]{1,4}$/, "");
+  return /^(Young|Poisson|Archard)/.test(own) ? own : own[0].toLowerCase() + own.slice(1);
+}
+
 /** The sentence for a fault at the field of a name. */
 function sentence(detail, name) {
-  if (/^is missing\b/.test(detail) && name) return `Enter the ${name.replace(/ \S{1,3}$/, "").toLowerCase()}.`;
+  if (/^is missing\b/.test(detail) && name) return `Enter the ${noun(name)}.`;
   if (/^must be a number, not a string/.test(detail)) return "Enter a number.";
   if (/^must increase/.test(detail) && name) return `${name.split(",")[0]} ${detail}.`;
   return /[.?!]$/.test(detail) ? detail : `${detail}.`;

@@ -11,7 +11,7 @@ const PUNCH_STICK_RATIO = 0.999;
 const LENGTH = ["length", "Length of the contact", "10 mm", "The length of the line, across the motion."];
 const POWER = [["exponent", "Exponent n", 4], ["at_radius", "Reference radius", "0.2 mm"], ["height", "Height at reference radius", "5 um"]];
 /** Radii in metres of a profile that the user can overwrite: a ball of 10 mm. */
-const RADII = Array.from({ length: 21 }, (_, i) => Number((i * 25e-6).toPrecision(3)));
+const RADII = Array.from({ length: 21 }, (_, i) => Number((i * 75e-6).toPrecision(3)));
 /**
  * Members of each shape: name, label, default and explanation. A name can be the path of an entry. A power law can be round or
  * a line.
@@ -54,11 +54,12 @@ const runIn = (pointer, name) => [
   [`${pointer}/run_in/from`, `${name} at the start`], [`${pointer}/run_in/to`, `${name} after the run-in`]];
 
 const layersOf = ({ wear }, body) => wear?.bodies?.[body]?.layers ?? [];
+const hasLayers = (scenario) => [0, 1].some((body) => layersOf(scenario, body).length > 0);
 
 /** What the simplified rule lacks in a scenario; undefined if it applies. */
 const ruleLacks = (scenario) => (isLine(scenario.profile) ? "a round contact"
   : [scenario.friction, scenario.wear?.coefficient].some((value) => courseOf(value) !== "number") ? "constant coefficients"
-    : [0, 1].some((body) => layersOf(scenario, body).length) ? "bodies without layers" : undefined);
+    : hasLayers(scenario) ? "bodies without layers" : undefined);
 
 const PER_LENGTH = "The force on the whole length, such as 100\u00a0N, or per length, such as 18.5\u00a0N/mm.";
 const LAYER = { thickness: "3 um", coefficient: "1e-6 mm^3/(N m)" };
@@ -225,7 +226,8 @@ export const CHOICES = [
     id: "motion", group: "Load and motion", label: "Motion",
     options: { amplitude: "Amplitude U", loop: "Amplitude U, loop stiffness", sliding_amplitude: "Sliding amplitude",
       stick_ratio: "Stick ratio c/a₀", tangential_force: "Tangential force Q", blocks: "Amplitude blocks", reversals: "Displacement record" },
-    lacks: ({ profile }) => (isLine(profile) ? ["reversals"] : ["loop", "sliding_amplitude"]),
+    lacks: (scenario) => [...(isLine(scenario.profile) ? ["reversals"] : ["loop", "sliding_amplitude"]), ...(hasLayers(scenario) ? ["blocks"] : [])],
+    reason: (scenario) => hasLayers(scenario) && "Layers need one amplitude. Remove them for amplitude blocks.",
     selected: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio", "sliding_amplitude"]
       .find((name) => name in Object(motion)) ?? (motion?.loop_stiffness === undefined ? "amplitude" : "loop"),
     apply: (scenario, kind) => {
@@ -234,8 +236,8 @@ export const CHOICES = [
         loop: { amplitude: "2.256 um", loop_stiffness: "10 N/um" }, sliding_amplitude: { sliding_amplitude: "10 um" },
         stick_ratio: { stick_ratio: scenario.profile?.shape === "punch" ? PUNCH_STICK_RATIO : 0.5 },
         tangential_force: { tangential_force: isLine(scenario.profile) ? "1.5 N/mm" : "15 N" },
-        blocks: { blocks: [["2 um", 50000], ["1 um", 50000]].map(([amplitude, cycles]) => ({
-          ...(isLine(scenario.profile) ? { tangential_force: amplitude.replace("um", "N/mm") } : { amplitude }), cycles })) },
+        blocks: { blocks: (isLine(scenario.profile) ? ["1.5 N/mm", "1 N/mm"] : ["2 um", "1 um"]).map((own) => ({
+          [isLine(scenario.profile) ? "tangential_force" : "amplitude"]: own, cycles: 50000 })) },
         reversals: { reversals: ["2.2 um", "-1.4 um", "0.6 um", "-2.2 um"] },
       }[kind];
     },

@@ -75,7 +75,6 @@ export async function showForm(main, { query, signal }) {
     "", { id: "example", onchange: () => {
       restore({ scenario: structuredClone(examples.find(({ name }) => name === chooseExample.value).body.scenario), label: null, study: newStudy() });
       canonical.hidden = notShown.hidden = true;
-      record();
     } });
   chooseExample.options[0].hidden = true;
 
@@ -109,6 +108,7 @@ export async function showForm(main, { query, signal }) {
     if (form.label === ownLabel()) form.label = null;
     showJson();
     changed();
+    labelField.value = label();
     undoButton.disabled = !undo.canUndo;
   }
 

@@ -43,7 +43,7 @@ function evaluation(scenario, isFine) {
   return { scenario: copy, parts: PARTS };
 }
 
-/** Sends evaluations. `draw(answer, isFine)` shows an answer, and `refuse(problem, isFine)` says why there is none. */
+/** Sends evaluations. `draw(answer)` shows an answer, and `refuse(problem, isFine)` says why there is none. */
 export class Live {
   #waiting = null;
   #running = null;
@@ -67,19 +67,23 @@ export class Live {
   }
 
   async #next() {
-    while (this.#waiting && !this.signal.aborted) {
-      const asked = this.#waiting;
-      this.#waiting = null;
-      const abort = new AbortController();
-      this.#running = { abort, since: performance.now() };
-      try {
-        const answer = await post("/v1/evaluate", asked.body, { signal: abort.signal });
-        if (!abort.signal.aborted) this.draw(answer, asked.isFine);
-      } catch (problem) {
-        if (!abort.signal.aborted) await this.#failed(problem, asked);
-      }
+    try {
+      while (this.#waiting && !this.signal.aborted) await this.#evaluate(this.#waiting);
+    } finally {
+      this.#running = null;
     }
-    this.#running = null;
+  }
+
+  async #evaluate(asked) {
+    this.#waiting = null;
+    const abort = new AbortController();
+    this.#running = { abort, since: performance.now() };
+    try {
+      const answer = await post("/v1/evaluate", asked.body, { signal: abort.signal });
+      if (!abort.signal.aborted) this.draw(answer);
+    } catch (problem) {
+      if (!abort.signal.aborted) await this.#failed(problem, asked);
+    }
   }
 
   /** A busy server is asked again, unless there is a newer value. */
