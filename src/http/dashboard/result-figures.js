@@ -45,7 +45,7 @@ const isKnown = (values) => values.some((value) => value != null);
 const notDrawn = (words) => `Not drawn: ${words.join(", ")}. A line contact needs a reference distance for this.`;
 
 /** At most `count` rows that are evenly spaced. */
-const spread = (rows, count) => (rows.length <= count ? rows
+export const spread = (rows, count) => (rows.length <= count ? rows
   : Array.from({ length: count }, (_, i) => rows[Math.round((i * (rows.length - 1)) / (count - 1))]));
 
 /** The ends of the vertical axis over all output cycles, so that it stays while the slider moves. */
