@@ -2,6 +2,7 @@
 
 import { get, key as accessKey, post, resultAddress, send } from "./api.js";
 import { copy, h, notify, openDialog } from "./dom.js";
+import { saveAs } from "./figure-save.js";
 import { kindOf } from "./summary.js";
 import { editLink } from "./vary.js";
 
@@ -31,9 +32,7 @@ export function drawActions(result, { job, link, remember, signal }) {
 
   async function download(path, format) {
     const response = await send(partOf(path, { format }), { headers: { Accept: "*/*" } });
-    const url = URL.createObjectURL(await response.blob());
-    h("a", { href: url, download: `fretwork-${key.slice(0, 12)}${path.replace("/", "-")}.${format}` }).click();
-    setTimeout(() => URL.revokeObjectURL(url), 10000);
+    saveAs(`fretwork-${key.slice(0, 12)}${path.replace("/", "-")}.${format}`, await response.blob());
   }
 
   async function share() {

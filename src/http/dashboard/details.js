@@ -2,9 +2,10 @@
 
 import { explained, h, list } from "./dom.js";
 import { depthOrForce, drawWarnings, grossSlip } from "./estimate.js";
+import { term } from "./explain.js";
 import { isAtNumber } from "./headline.js";
 import { sketch } from "./sketch.js";
-import { cycles, digits, percent, quantity, wordOf, WORDS } from "./units.js";
+import { cycles, digits, percent, quantity, WORDS } from "./units.js";
 
 /** Warnings that do not stand at a number of the headline. */
 const isElsewhere = (warning) => !isAtNumber(warning);
@@ -17,11 +18,12 @@ export function drawDetails(place, result, bodyWarnings) {
   const inUnits = (name, value) => quantity(value, units[name]);
   place.replaceChildren(...[
     card("Unworn contact", sketch(result), list([
-      [`${wordOf("contact_radius", scenario)} a₀`, inUnits("contact_radius", scales.contact_radius)],
+      [[term("contact_radius", scenario), "₀"], inUnits("contact_radius", scales.contact_radius)],
       depthOrForce(scenario, scales),
-      ["Normal force F₀", inUnits("normal_force", scales.normal_force)],
+      [[term("normal_force", scenario), "₀"], inUnits("normal_force", scales.normal_force)],
       ["Characteristic cycles N₀", scales.cycles == null ? "–" : cycles(Math.round(scales.cycles))],
-      ["Gross-slip threshold", grossSlip(unworn)],
+      [term("gross_slip_amplitude", scenario), grossSlip(unworn)],
+      [term("peak_pressure", scenario), unworn.peak_pressure == null ? "Infinite" : inUnits("peak_pressure", unworn.peak_pressure)],
       limit && ["Limiting volume", inUnits("wear_volume", limit.wear_volume)],
       limit && ["Limiting depth", inUnits("wear_depth", limit.wear_depth)],
     ])),

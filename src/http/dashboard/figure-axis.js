@@ -16,7 +16,7 @@ function stepOf(length, count) {
 }
 
 /** The ends of a vertical axis for values between `low` and `high`: round numbers, so that small changes do not move it. */
-export function roundEnds([low, high], log, count) {
+function roundEnds([low, high], log, count) {
   if (log) {
     const margin = low === high ? 2 : (high / low) ** 0.04;
     return [low / margin, high * margin];

@@ -18,9 +18,12 @@ const text = (x, y, anchor, content, more = {}) =>
   svg("text", { x: x.toFixed(1), y: y.toFixed(1), "text-anchor": anchor, fill: "var(--ink)", "font-size": 12, ...more }, content);
 const line = (x1, y1, x2, y2, more) => svg("line", { x1: x1.toFixed(1), y1: y1.toFixed(1), x2: x2.toFixed(1), y2: y2.toFixed(1), ...more });
 
-/** The title of an axis as SVG. The letters between `$` are in italics. */
-const titleOf = ({ title, symbol = "", unit }) => [title, symbol && " ",
-  ...symbol.split("$").map((piece, i) => (i % 2 ? svg("tspan", { "font-style": "italic" }, piece) : piece)), withUnit("", unit)].filter(Boolean);
+/** The title of an axis as SVG. The letters between `$` are in italics. Where the words do not fit, the symbol stands alone. */
+function titleOf({ title, symbol = "", unit }, room) {
+  const shown = withUnit("", unit);
+  const words = symbol && widthOf(`${title} ${symbol}${shown}`) > room ? "" : title;
+  return [words, words && symbol && " ", ...symbol.split("$").map((piece, i) => (i % 2 ? svg("tspan", { "font-style": "italic" }, piece) : piece)), shown].filter(Boolean);
+}
 
 /** The plan of a figure of `width` and `height` px: its area and its axes. `held` are ends that the figure keeps. */
 export function planFigure(curves, axes, { width, height, zoom, held }) {
@@ -99,8 +102,8 @@ function drawAxes({ area, horizontal, vertical }) {
   }
   const middle = (top + bottom) / 2;
   parts.push(line(left, bottom, right, bottom, rule), line(left, top, left, bottom, rule),
-    text((left + right) / 2, bottom + 2 * LINE + 4, "middle", titleOf(horizontal)),
-    text(LINE - 3, middle, "middle", titleOf(vertical), { transform: `rotate(-90 ${LINE - 3} ${px(middle)})` }));
+    text((left + right) / 2, bottom + 2 * LINE + 4, "middle", titleOf(horizontal, right - left)),
+    text(LINE - 3, middle, "middle", titleOf(vertical, bottom - top + 3 * GAP), { transform: `rotate(-90 ${LINE - 3} ${px(middle)})` }));
   return parts;
 }
 

@@ -27,7 +27,7 @@ export function standalone(drawing, size, whole = size.map((length) => length * 
 }
 
 /** The figure as an SVG document of a size in mm. */
-export function figureText({ curves, axes, zoom, title }, size) {
+function figureText({ curves, axes, zoom, title }, size) {
   const drawing = svg("svg");
   drawFigure(drawing, curves, axes, planFigure(curves, axes, { width: size[0] * PX, height: size[1] * PX, zoom }));
   drawing.prepend(svg("title", {}, title), svg("desc", {}, axes.description ?? ""));
@@ -76,7 +76,7 @@ async function withResolution(blob, dpi) {
 }
 
 /** A picture of an SVG document. */
-export async function pictureOf(text, [width, height], dpi) {
+async function pictureOf(text, [width, height], dpi) {
   const [wide, high] = [width, height].map((length) => Math.round((length / INCH) * dpi));
   if (Math.max(wide, high) > LARGEST) throw new Error(`The picture would have ${wide} × ${high} pixels. Choose fewer dpi or a smaller size.`);
   const image = new Image();

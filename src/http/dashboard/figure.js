@@ -131,7 +131,7 @@ export class Figure {
   #fit(width, redraw = true) {
     const own = Math.max(240, Math.floor(width));
     if (own === this.#size?.width) return;
-    this.#size = { width: own, height: this.height ?? Math.round(Math.min(340, Math.max(230, own * 0.62))) };
+    this.#size = { width: own, height: this.height ?? Math.round(Math.min(own > 900 ? 440 : 340, Math.max(230, own * 0.62))) };
     if (redraw) this.draw();
   }
 

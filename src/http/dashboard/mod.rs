@@ -40,7 +40,8 @@ const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "deta
     // Figures and the views of results.
     "curves.js", "drawn.js", "explain.js", "figure.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
     "figure-reader.js", "figure-save.js", "figure-zoom.js", "headline.js", "player.js",
-    "result-figures.js", "scaling.js", "section.js", "so-far.js");
+    "result-figures.js", "scaling.js", "section.js", "so-far.js", "study-curves.js",
+    "study-figure.js");
 const STYLES: &[File] = files!("text/css": "style.css");
 const IMAGES: &[File] = files!("image/svg+xml": "icon.svg");
 

@@ -1,7 +1,7 @@
 // All jobs of the server, newest first.
 
 import { get, jobAddress, post } from "./api.js";
-import { dateTime, h, notify, select } from "./dom.js";
+import { capital, dateTime, h, notify, select } from "./dom.js";
 import { knownName, loadNames } from "./summary.js";
 import { quantity } from "./units.js";
 
@@ -15,7 +15,7 @@ export async function showQueue(main, { query, signal }) {
   const list = h("tbody", {});
   const empty = h("p", { class: "muted empty" });
   const more = h("button", { type: "button", hidden: true }, "Show older jobs");
-  const state = select({ "": "All", ...Object.fromEntries(STATES.map((name) => [name, name[0].toUpperCase() + name.slice(1)])) },
+  const state = select({ "": "All", ...Object.fromEntries(STATES.map((name) => [name, capital(name)])) },
     query.get("state"), { id: "state-filter", onchange: () => {
       history.replaceState(null, "", state.value ? `#/queue?state=${state.value}` : "#/queue");
       older = [];

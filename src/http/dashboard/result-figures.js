@@ -1,7 +1,8 @@
 // The figures of a run: profiles, history and loop at one output cycle, alone or beside those of a second run.
 
 import { axisLimit, branches, extent, maxDifference } from "./curves.js";
-import { symbolOf } from "./explain.js";
+import { fill } from "./dom.js";
+import { symbolOf, term } from "./explain.js";
 import { cycles, digits, isLine, quantity, wordOf, WORDS } from "./units.js";
 
 export const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
@@ -21,6 +22,8 @@ const MAX_BRANCHES = 24;
 const [MAX_OTHERS, MAX_EDGES] = [8, 40];
 /** The dashes of the columns of a history: the scar often ends where the contact does, and must not hide it. */
 const DASHES = [undefined, undefined, "dashed"];
+/** Numbers of a loop. */
+const RATIOS = ["energy_ratio", "slip_ratio", "free_ratio", "actuator_energy_ratio", "actuator_slip_ratio"];
 /** A history with fewer output cycles has marked points. */
 const MARKED = 60;
 
@@ -42,7 +45,7 @@ const isKnown = (values) => values.some((value) => value != null);
 const notDrawn = (words) => `Not drawn: ${words.join(", ")}. A line contact needs a reference distance for this.`;
 
 /** At most `count` rows that are evenly spaced. */
-const spread = (rows, count) => (rows.length <= count ? rows
+export const spread = (rows, count) => (rows.length <= count ? rows
   : Array.from({ length: count }, (_, i) => rows[Math.round((i * (rows.length - 1)) / (count - 1))]));
 
 /** The ends of the vertical axis over all output cycles, so that it stays while the slider moves. */
@@ -85,7 +88,8 @@ export function drawProfile(figure, difference, result, other, { plot: name, row
     curves.push(second);
     ranges.push(rangeOf(other, name));
     const found = maxDifference(current, second);
-    texts.push(found ? `Largest difference ${quantity(found.value, units[name], 2)} at ${letter}\u00a0=\u00a0${quantity(found.at, units.radius, 3)}. Run B is at N\u00a0=\u00a0${cycles(other.profiles.cycles[otherRow])}.`
+    const nearby = `Run B is at N\u00a0=\u00a0${cycles(other.profiles.cycles[otherRow])}.`;
+    texts.push(found ? `Largest difference ${quantity(found.value, units[name], 2)} at ${letter}\u00a0=\u00a0${quantity(found.at, units.radius, 3)}. ${nearby}`
       : "At this output cycle there is nothing to compare.");
   }
   const range = extent(ranges.filter(Boolean));
@@ -152,11 +156,9 @@ export function drawLoop(figure, ratios, result, other, at) {
   const own = isDrawn ? loopCurves(result, row, other ? "Run A: " : "", 1) : { curves: [], truncated: "" };
   const otherRow = other?.loops?.cycles.length ? nearest(other.loops.cycles, at) : -1;
   const second = otherRow >= 0 && isKnown(other.loops.displacement[otherRow]) ? loopCurves(other, otherRow, "Run B: ", 5).curves : [];
-  const known = [["Energy ratio A", "energy_ratio"], ["slip ratio D", "slip_ratio"], ["system-free ratio B", "free_ratio"],
-    ["energy ratio A at the actuator", "actuator_energy_ratio"], ["slip ratio D at the actuator", "actuator_slip_ratio"]]
-    .filter(([, name]) => loops[name]?.[row] != null)
-    .map(([word, name]) => `${word}\u00a0=\u00a0${digits(loops[name][row], 3)}`).join(", ");
-  ratios.textContent = isDrawn ? known : `${notDrawn(["Fretting loop"])} ${known[0].toUpperCase()}${known.slice(1)}`;
+  const known = RATIOS.filter((name) => loops[name]?.[row] != null)
+    .flatMap((name, i) => [i > 0 && ", ", term(name, result.scenario), `\u00a0=\u00a0${digits(loops[name][row], 3)}`]);
+  fill(ratios, !isDrawn && [notDrawn(["Fretting loop"]), " "], known);
   const curves = [...own.curves, ...second];
   figure.element.hidden = !curves.length;
   figure.title = `Fretting loop ${at > 0 ? `after ${cycles(at)} cycles` : "of the unworn contact"}${own.truncated}`;

@@ -27,7 +27,7 @@ export function useSi(yes) {
 }
 
 /** Name and factor of the unit that is shown for values of an SI unit. `size` is the largest of them, in SI units. */
-export function scaleOf(unit, size = 0) {
+function scaleOf(unit, size = 0) {
   const ladder = !isSi && LADDERS[unit];
   if (!ladder) return { unit: PRINTED[unit] ?? unit ?? "", factor: 1 };
   // A value that is rounded up to the next prefix has that prefix: 999.99 µm is 1 mm.

@@ -22,7 +22,7 @@ function shareOf({ bodies, history }, row) {
 }
 
 /** The surfaces of both bodies over the radius, at the moment when they touch without force. Both begin at the middle. */
-export function surfaces({ profiles: { initial, wear, worn } }, row, share) {
+function surfaces({ profiles: { initial, wear, worn } }, row, share) {
   const touching = Math.min(...worn[row].filter((height) => height != null));
   return {
     upper: initial.map((height, i) => height + share * (wear[row][i] ?? 0) - touching),
