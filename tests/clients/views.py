@@ -197,6 +197,30 @@ def live(page, base):
     expect(page.locator("tbody tr").first).to_contain_text("Paraboloid, R\u00a0=\u00a010\u00a0mm")
 
 
+HELD = """async () => {
+    const { Figure } = await import("/assets/figure.js");
+    const figure = new Figure({ name: "test" });
+    document.querySelector("main").append(figure.element);
+    const ends = (height) => {
+        figure.show([{ name: "", x: [0, 1e-4], y: [0, height], ink: 1 }], { x: { title: "Radius", unit: "m" }, y: { title: "Height", unit: "m" } });
+        return figure.plan.vertical.ends[1];
+    };
+    const before = ends(8e-6);
+    figure.hold(true);
+    const held = [ends(2e-6), ends(2e-5), ends(8e-6)];
+    figure.hold(false);
+    const after = ends(2e-6);
+    figure.element.remove();
+    return [before, ...held, after];
+}"""
+
+
+def hold(page):
+    """While a slider moves, the axes only grow."""
+    before, smaller, larger, again, after = page.evaluate(HELD)
+    assert before == smaller >= 8e-6 and larger == again >= 2e-5 and 2e-6 <= after < 4e-6, (before, smaller, larger, again, after)
+
+
 def views(browser, base):
     key = ask(base, "/v1/jobs", ask(base, "/v1/examples/steel-ball-simplified"))["key"]
     page = browser.page(base)
@@ -207,6 +231,7 @@ def views(browser, base):
     loop(page)
     section(page)
     explanations(page)
+    hold(page)
     warnings(page, base)
     live(page, base)
     page.context.close()
