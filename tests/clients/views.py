@@ -156,6 +156,25 @@ def explanations(page):
     expect(told).to_be_hidden()
 
 
+def on_screen(browser, page):
+    """Neither an explanation nor the menu that saves a figure leaves the screen. Both are accessible."""
+    wide = page.evaluate("document.documentElement.clientWidth")
+    terms = page.locator(".term").all()
+    assert len(terms) > 10, terms
+    page.locator("#output").focus()
+    for term in terms:
+        term.focus()
+        box = page.locator(".explained:focus-within [role=tooltip]").bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= wide, (term.inner_text(), box)
+    browser.check_accessibility(page, "explanation")
+    menu = figure_of(page, "Profiles").locator("details.save")
+    menu.locator("summary").click()
+    box = menu.locator(".sheet").bounding_box()
+    assert box["x"] >= 0 and box["x"] + box["width"] <= wide, box
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    browser.check_accessibility(page, "save")
+
+
 def warnings(page, base):
     """A warning stands at the number that it concerns."""
     open_result(page, base, ask(base, "/v1/jobs", ask(base, "/v1/examples/coated-cylinder"))["key"])
@@ -231,6 +250,7 @@ def views(browser, base):
     loop(page)
     section(page)
     explanations(page)
+    on_screen(browser, page)
     hold(page)
     warnings(page, base)
     live(page, base)
@@ -238,5 +258,6 @@ def views(browser, base):
     narrow = browser.page(base, width=390)
     open_result(narrow, base, key)
     names(narrow, base, key)
+    on_screen(browser, narrow)
     narrow.context.close()
     printed(browser, base, key)
