@@ -156,6 +156,25 @@ def explanations(page):
     expect(told).to_be_hidden()
 
 
+def on_screen(browser, page):
+    """Neither an explanation nor the menu that saves a figure leaves the screen. Both are accessible."""
+    wide = page.evaluate("document.documentElement.clientWidth")
+    terms = page.locator(".term").all()
+    assert len(terms) > 10, terms
+    page.locator("#output").focus()
+    for term in terms:
+        term.focus()
+        box = page.locator(".explained:focus-within [role=tooltip]").bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= wide, (term.inner_text(), box)
+    browser.check_accessibility(page, "explanation")
+    menu = figure_of(page, "Profiles").locator("details.save")
+    menu.locator("summary").click()
+    box = menu.locator(".sheet").bounding_box()
+    assert box["x"] >= 0 and box["x"] + box["width"] <= wide, box
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    browser.check_accessibility(page, "save")
+
+
 def warnings(page, base):
     """A warning stands at the number that it concerns."""
     open_result(page, base, ask(base, "/v1/jobs", ask(base, "/v1/examples/coated-cylinder"))["key"])
@@ -197,6 +216,30 @@ def live(page, base):
     expect(page.locator("tbody tr").first).to_contain_text("Paraboloid, R\u00a0=\u00a010\u00a0mm")
 
 
+HELD = """async () => {
+    const { Figure } = await import("/assets/figure.js");
+    const figure = new Figure({ name: "test" });
+    document.querySelector("main").append(figure.element);
+    const ends = (height) => {
+        figure.show([{ name: "", x: [0, 1e-4], y: [0, height], ink: 1 }], { x: { title: "Radius", unit: "m" }, y: { title: "Height", unit: "m" } });
+        return figure.plan.vertical.ends[1];
+    };
+    const before = ends(8e-6);
+    figure.hold(true);
+    const held = [ends(2e-6), ends(2e-5), ends(8e-6)];
+    figure.hold(false);
+    const after = ends(2e-6);
+    figure.element.remove();
+    return [before, ...held, after];
+}"""
+
+
+def hold(page):
+    """While a slider moves, the axes only grow."""
+    before, smaller, larger, again, after = page.evaluate(HELD)
+    assert before == smaller >= 8e-6 and larger == again >= 2e-5 and 2e-6 <= after < 4e-6, (before, smaller, larger, again, after)
+
+
 def views(browser, base):
     key = ask(base, "/v1/jobs", ask(base, "/v1/examples/steel-ball-simplified"))["key"]
     page = browser.page(base)
@@ -207,11 +250,14 @@ def views(browser, base):
     loop(page)
     section(page)
     explanations(page)
+    on_screen(browser, page)
+    hold(page)
     warnings(page, base)
     live(page, base)
     page.context.close()
     narrow = browser.page(base, width=390)
     open_result(narrow, base, key)
     names(narrow, base, key)
+    on_screen(browser, narrow)
     narrow.context.close()
     printed(browser, base, key)

@@ -4,6 +4,8 @@ import { h } from "./dom.js";
 import { isLine, wordOf } from "./units.js";
 import { MEANINGS, SYMBOLS } from "./words.js";
 
+/** Distance of an explanation from the edges of the screen, in px. */
+const MARGIN = 8;
 let explanations = 0;
 
 /** The symbol of a quantity, with italics between `$`. */
@@ -18,9 +20,15 @@ export function term(name, scenario) {
   const content = [wordOf(name, scenario), SYMBOLS[name] && " ", ...italics(SYMBOLS[name] ?? "")];
   if (!meaning) return h("span", {}, content);
   const id = `explanation-${++explanations}`;
-  const button = h("button", { type: "button", class: "term", "aria-describedby": id }, content);
+  const told = h("span", { role: "tooltip", id }, `${meaning.replaceAll("`", "")}.`);
+  const appear = () => {
+    whole.classList.remove("hushed");
+    // Keeps the text on the screen.
+    told.style.translate = "";
+    const { left, right } = told.getBoundingClientRect();
+    told.style.translate = `${Math.max(MARGIN - left, Math.min(0, document.documentElement.clientWidth - MARGIN - right))}px`;
+  };
   const whole = h("span", { class: "explained", onkeydown: (event) => event.key === "Escape" && whole.classList.add("hushed"),
-    onpointerenter: () => whole.classList.remove("hushed"), onfocusout: () => whole.classList.remove("hushed") },
-  button, h("span", { role: "tooltip", id }, `${meaning.replaceAll("`", "")}.`));
+    onpointerenter: appear, onfocusin: appear }, h("button", { type: "button", class: "term", "aria-describedby": id }, content), told);
   return whole;
 }

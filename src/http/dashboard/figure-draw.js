@@ -32,10 +32,10 @@ export function planFigure(curves, axes, { width, height, zoom, held }) {
   const named = axes.marks?.some(({ name }) => name);
   const [top, bottom] = [named ? LINE + GAP : 0.5 * LINE, height - 2 * LINE - GAP - 2];
   const counts = { y: (bottom - top) / TICK_ROOM.y };
-  const across = held?.x && !zoom ? held.x : zoom ?? endsOfX(curves, axes.x);
-  let up = endsOfY(curves, axes.y, across, Boolean(zoom), counts.y);
   // While the axes are held, they only grow.
-  if (held?.y && !zoom) up = [Math.min(held.y[0], up[0]), Math.max(held.y[1], up[1])];
+  const grown = (ends, own) => (own && !zoom ? [Math.min(own[0], ends[0]), Math.max(own[1], ends[1])] : ends);
+  const across = zoom ?? grown(endsOfX(curves, axes.x), held?.x);
+  const up = grown(endsOfY(curves, axes.y, across, Boolean(zoom), counts.y), held?.y);
   const vertical = placeAxis(axes.y, up, [bottom, top], counts.y);
   const widest = Math.max(...vertical.ticks.map((tick) => (tick.text ? widthOf(tick.text) : 0)));
   const left = Math.ceil((widest + LINE + 2.5 * GAP) / 8) * 8;

@@ -106,7 +106,7 @@ export class Figure {
     if (!this.axes) return;
     if (!this.#size) this.#fit(this.#place.clientWidth || 480, false);
     this.#plan = planFigure(this.curves, this.axes, { ...this.#size, zoom: this.zoom, held: this.#held });
-    if (this.#held) this.#held = { x: this.#held.x ?? this.#plan.horizontal.ends, y: this.#plan.vertical.ends };
+    if (this.#held) this.#held = { x: this.#plan.horizontal.ends, y: this.#plan.vertical.ends };
     drawFigure(this.#drawing, this.curves, this.axes, this.#plan);
     this.#place.setAttribute("aria-label", this.axes.description || `${this.axes.y.title} over ${this.axes.x.title}`);
     this.#zoom.draw();
