@@ -221,6 +221,8 @@ def sign_in(browser, data):
         guest = browser.page(own.base)
         guest.goto(link)
         guest.wait_for_selector("#headline dd")
+        # The guest may not read the job, which has the label. The link has it too.
+        expect(guest.locator("#result-label")).to_have_text(page.locator("#result-label").inner_text())
         assert guest.locator("#readout").inner_text() == page.locator("#readout").inner_text()
         # The link of a comparison opens both results.
         key = key_of(page)

@@ -50,7 +50,7 @@ export async function showForm(main, { query, signal }) {
   const label = () => (form.label ?? ownLabel()).slice(0, MAX_LABEL);
 
   const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
-    "The text that was typed for this run is not available. The form shows the computed values in SI units.");
+    "The text that was typed for this run is not available. The form shows the computed values.");
   const notShown = h("p", { class: "warning", id: "not-shown", hidden: !query.has("study") || isStudy() },
     "The form cannot show the study in the address. It shows a single run.");
   const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault", oninput: editJson });
