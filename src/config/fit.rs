@@ -9,7 +9,7 @@ use clap::Args;
 pub struct Fit {
     /// A file with a table of measured numbers, such as CSV; - reads standard input.
     pub file: PathBuf,
-    /// A job body, or a scenario alone.
+    /// Input file: a job, such as those in examples/, or a scenario alone.
     pub scenario: PathBuf,
     /// The column with the cycles or the dissipated energies, or with the positions of a trace [default: the first].
     #[arg(long, value_name = "COLUMN")]
@@ -30,7 +30,7 @@ pub struct Fit {
     /// The cycles after which a profilometer trace was measured. The file then has this trace across the scar.
     #[arg(long, value_name = "CYCLES")]
     pub at: Option<f64>,
-    /// Only print the job body of the fit, which POST /v1/jobs takes.
+    /// Only print the input file of the fit, which POST /v1/jobs takes.
     #[arg(long)]
     pub print: bool,
 }

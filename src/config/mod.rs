@@ -54,9 +54,9 @@ pub enum Command {
     /// Start any number of workers on any number of machines, beside servers with the same --database.
     #[command(after_help = examples!("worker"))]
     Worker(Box<Worker>),
-    /// Compute a job body from a file, without a server or a database.
+    /// Compute an input file, without a server or a database.
     ///
-    /// The result goes to standard output or to a file, and a summary to standard error. If the job body is
+    /// The result goes to standard output or to a file, and a summary to standard error. If the file is
     /// invalid, each fault is printed as `pointer: detail`, and the exit code is 2.
     Run(Run),
     /// Fit numbers of a scenario to a file of measured numbers, without a server.

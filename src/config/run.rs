@@ -10,7 +10,7 @@ use fretwork_format::{Format, QUANTITIES, Quantity};
 /// The settings of `run`.
 #[derive(Debug, Args)]
 pub struct Run {
-    /// A job body, such as the files in examples/; - reads standard input.
+    /// Input file, such as those in examples/; - reads standard input.
     pub file: PathBuf,
     /// The format: json and npz hold the whole result; csv, ndjson and arrow hold the history.
     #[arg(long, default_value = "json", value_parser = one_of(&Format::ALL, |format| format.name()))]

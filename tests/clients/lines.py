@@ -5,7 +5,7 @@ import json
 import jsonschema
 from playwright.sync_api import expect
 
-from browser import ask, close, item, key_of
+from browser import ask, item, key_of, near
 
 
 def run(page):
@@ -45,24 +45,24 @@ def cylinder(browser, page, base):
     browser.check_accessibility(page, "form-cylinder")
     result = run(page)
     history = result["history"]
-    close(page.locator("[data-value=contact_radius]").inner_text(), history["contact_radius"][-1] * 1e6)
+    near(page.locator("[data-value=contact_radius]").inner_text(), history["contact_radius"][-1], 5e-3)
     expect(page.locator("#readout")).to_contain_text("Contact half-width")
-    expect(page.locator("section[aria-label=Profiles] .u-label").first).to_have_text("Distance x from the middle")
+    expect(page.locator("section[aria-label=Profiles] .drawing")).to_contain_text("Distance x from the middle (µm)")
     # Displacements need a reference.
     assert history["amplitude"] == [None] * len(history["cycles"]), history["amplitude"]
     page.select_option("#choose-history", "depths")
     expect(page.locator("#missing")).to_contain_text("Displacement amplitude. A line contact needs a reference distance")
-    expect(page.locator("section[aria-label=History] canvas")).to_be_hidden()
+    expect(page.locator("section[aria-label=History] .drawing")).to_be_hidden()
     expect(page.locator("#ratios")).to_contain_text("Not drawn: Fretting loop")
     page.select_option("#choose-history", "radii")
     expect(page.locator("section[aria-label=History]")).to_contain_text("Stick half-width")
     edit(page)
     page.fill("#motion-reference_distance", "5 mm")
     run(page)
-    expect(page.locator("section[aria-label='Fretting loop'] canvas")).to_be_visible()
+    expect(page.locator("section[aria-label='Fretting loop'] .drawing")).to_be_visible()
     page.select_option("#choose-history", "depths")
     expect(page.locator("#missing")).to_have_text("")
-    expect(page.locator("section[aria-label=History] canvas")).to_be_visible()
+    expect(page.locator("section[aria-label=History] .drawing")).to_be_visible()
 
 
 def layers(page):
@@ -121,7 +121,7 @@ def every_shape(page, base):
             page.select_option("#motion", motion)
             scenario = json.loads(page.input_value("#json"))
             assert ask(base, "/v1/scenarios", {"scenario": scenario})["scales"]["contact_radius"] > 0, scenario
-            assert "Not in the form" not in page.locator("details.card").text_content(), scenario
+            assert "Not in the form" not in page.locator("details:has(#json)").text_content(), scenario
             expect(page.locator("option:checked", has_text="(JSON)")).to_have_count(0)
 
 

@@ -15,7 +15,7 @@ import tempfile
 
 from playwright.sync_api import expect
 
-from browser import LONG, SIZES, Server, ask, blocks, drawn_pixels, item, key_of, opened
+from browser import LONG, VIEWS, Server, ask, blocks, curves, item, key_of, opened
 from vary import beyond_a_limit
 
 MASTER = "fretwork_" + "0123456789abcdef" * 3
@@ -28,8 +28,8 @@ def first_plot(browser, data):
         page = browser.page(own.base, before="addEventListener('click', () => window.clicks = (window.clicks ?? 0) + 1, true)")
         page.goto(own.page)
         page.click("button.primary")
-        page.wait_for_selector("canvas")
-        assert drawn_pixels(page, "Profiles")[0] > 500 and page.evaluate("window.clicks") == 1
+        page.wait_for_selector("#headline dd")
+        assert max(map(len, curves(page, "Profiles"))) > 500 and page.evaluate("window.clicks") == 1
         page.context.close()
 
 
@@ -83,7 +83,7 @@ def interrupt(browser, data):
         expect(page.locator("[data-item=attempt]")).to_contain_text("2")
         assert "last-event-id" not in streams[0] and int(streams[-1]["last-event-id"]) >= 1, streams
         page.wait_for_url("**/#/result/*", timeout=240000)
-        page.wait_for_selector("section[aria-label=History] canvas")
+        page.wait_for_selector("section[aria-label=History] .curve")
 
         # After three lost attempts the server gives up.
         submit(LONG)
@@ -95,7 +95,7 @@ def interrupt(browser, data):
         interrupted()
         expect(page.locator("#state")).to_have_text("failed")
         expect(page.locator(".error")).to_contain_text("crashed repeatedly")
-        expect(page.get_by_role("link", name="Explanation and remedy")).to_have_attribute("href", "/problems/worker-lost")
+        expect(page.get_by_role("link", name="How to fix this")).to_have_attribute("href", "/problems/worker-lost")
         expect(page.get_by_role("link", name="Edit and run again")).to_be_visible()
 
         frictions = iter(range(300, 700))
@@ -215,19 +215,21 @@ def sign_in(browser, data):
         expect(item(page, "regime")).to_have_text("Partial slip")
         expect(page.locator("#user")).to_contain_text("admin")
         page.click("button.primary")
-        page.wait_for_selector("canvas")
+        page.wait_for_selector("#headline dd")
         link = share(page)
         # A guest without a key opens the link.
         guest = browser.page(own.base)
         guest.goto(link)
-        guest.wait_for_selector("canvas")
+        guest.wait_for_selector("#headline dd")
+        # The guest may not read the job, which has the label. The link has it too.
+        expect(guest.locator("#result-label")).to_have_text(page.locator("#result-label").inner_text())
         assert guest.locator("#readout").inner_text() == page.locator("#readout").inner_text()
         # The link of a comparison opens both results.
         key = key_of(page)
         page.goto(f"{own.base}/#/result/{key}?with={key}")
-        page.wait_for_selector("#difference:has-text('%')")
+        page.wait_for_selector("#difference:has-text('Largest difference')")
         guest.goto(share(page))
-        guest.wait_for_selector("#difference:has-text('0 %')")
+        guest.wait_for_selector("#difference:has-text('Largest difference 0')")
         page.get_by_role("button", name="Sign out").click()
         expect(page.locator("#key")).to_be_visible()
         assert page.evaluate("[sessionStorage.length, Object.values(localStorage).join()]")[0] == 0
@@ -236,7 +238,7 @@ def sign_in(browser, data):
 
 def lose_the_server(browser, data):
     with server(data) as own:
-        pages = [(width, scheme, browser.page(own.base, scheme, width)) for width in SIZES for scheme in ("light", "dark")]
+        pages = [(width, scheme, browser.page(own.base, scheme, width)) for width, scheme in VIEWS]
         for _, _, page in pages:
             page.goto(own.base + "/")
             expect(item(page, "regime")).to_have_text("Partial slip")
@@ -261,7 +263,7 @@ def lose_the_server(browser, data):
         done = ask(own.base, "/v1/jobs", ask(own.base, "/v1/examples/steel-ball"))
         address = f"{own.base}/#/result/{done['key']}"
         page.goto(address)
-        page.wait_for_selector("canvas")
+        page.wait_for_selector("#headline dd")
         ask(own.base, f"/v1/results/{done['key']}", method="DELETE")
         page.goto(own.base + "/#/queue")
         page.goto(address)
@@ -269,7 +271,7 @@ def lose_the_server(browser, data):
         expect(page.locator("#canonical")).to_be_visible()
         expect(item(page, "cached")).to_have_text("No")
         page.click("button.primary")
-        page.wait_for_selector("canvas")
+        page.wait_for_selector("#headline dd")
 
 
 def main():

@@ -4,7 +4,7 @@ import re
 
 from playwright.sync_api import expect
 
-from browser import ask
+from browser import ask, near, readout
 
 ROWS = 200
 
@@ -31,7 +31,7 @@ def open_study(page, base, key, words=""):
 
 def long_table(page, base):
     """The page loads the rows that it shows, and says if there are more."""
-    note = page.get_by_text("Download has all")
+    note = page.get_by_text("The download contains all rows")
     for count, is_long in ((ROWS, False), (ROWS + 100, True)):
         key = computed(base, sweep(base, ("/friction", 0.5, 0.8, count)))
         with page.expect_response(lambda response: f"/v1/results/{key}?" in response.url) as head, \
@@ -45,27 +45,34 @@ def long_table(page, base):
 
 
 def figure(page, base):
-    """The address has the choices of the figure. A refused choice shows no figure."""
-    image = page.locator("section[aria-label=Figure] img")
+    """The address has the choices of the figure. The values of curves can be read. A refused choice shows no figure."""
+    image = page.locator("section[aria-label=Figure] svg.drawn")
+    plot = page.locator("section[aria-label=Figure] [role=slider]")
     fault = page.locator("section[aria-label=Figure] [role=status]")
     key = computed(base, sweep(base, ("/friction", 0.5, 0.8, 9), ("/load/normal_force", "50 N", "150 N", 9)))
     open_study(page, base, key)
-    expect(image).to_have_attribute("alt", re.compile("Wear volume"))
+    expect(image.locator("desc")).to_have_text(re.compile("Wear volume"))
     choices = {"kind": "curves", "output": "wear_depth", "over": "/friction", "by": "/load/normal_force"}
-    for name, value in choices.items():
-        page.select_option(f"#figure-{name}", value)
-    drawn = re.compile("Wear depth .* against Friction")
-    expect(image).to_have_attribute("alt", drawn)
+    for name, choice in choices.items():
+        page.select_option(f"#figure-{name}", choice)
+    expect(plot).to_have_attribute("aria-label", "Largest wear depth over friction")
+    expect(image).to_be_hidden()
     page.reload()
-    expect(image).to_have_attribute("alt", drawn)
-    for name, value in choices.items():
-        expect(page.locator(f"#figure-{name}")).to_have_value(value)
+    expect(plot).to_have_attribute("aria-label", "Largest wear depth over friction")
+    for name, choice in choices.items():
+        expect(page.locator(f"#figure-{name}")).to_have_value(choice)
+    expect(fault).to_have_text("8 of 9 values of normal force are drawn.")
+    plot.focus()
+    page.keyboard.press("Home")
+    table = ask(base, f"/v1/results/{key}")["table"]
+    row = next(i for i, pair in enumerate(zip(table["/friction"], table["/load/normal_force"])) if pair == (0.5, 50))
+    near(readout(page, "Figure")["normal force = 50\u00a0N"], table["wear_depth"][row], 1e-3)
     page.select_option("#figure-by", "/friction")
     expect(fault).to_contain_text("cannot be drawn: by ")
     expect(image).to_be_hidden()
+    expect(plot).to_be_hidden()
     page.select_option("#figure-by", "")
-    expect(image).to_be_visible()
-    expect(fault).to_have_text("")
+    expect(plot).to_be_visible()
     assert "by=" not in page.url and "kind=curves" in page.url, page.url
     return key
 

@@ -95,7 +95,7 @@ impl Quantity {
     pub(super) fn columns(&self) -> Vec<(&'static str, &'static str)> {
         match self.name {
             "contact_radius" => {
-                vec![("contact_radius", "contact radius $a$"), ("stick_radius", "stick radius $c$")]
+                vec![("contact_radius", "Contact radius $a$"), ("stick_radius", "Stick radius $c$")]
             }
             name => vec![(name, "")],
         }

@@ -1,7 +1,7 @@
 //! Figures as SVG: curves on linear or logarithmic axes, for the screen and for print.
 //!
 //! A [`Figure`] is one diagram; a [`Sheet`] contains several diagrams, with a common legend and a caption. The same
-//! figure gives the same bytes on every machine. By default, series have the colours of Okabe and Ito, which
+//! figure gives the same bytes on every machine. By default, series have colours after Okabe and Ito, which
 //! colour-blind readers can distinguish, and different dashes, so that they also differ in greyscale. The legend is
 //! placed where it covers no curve, or beside the diagram if there is no such place. In labels, `$` signs enclose
 //! italics: `"$r$/$a$₀"`.

@@ -1,10 +1,10 @@
 //! Series of points, and their styles.
 
-/// The colours of Okabe and Ito without yellow, which is hardly visible on white paper.
+/// Colours after Okabe and Ito, darker where their contrast with white paper is low. The dashboard has the same.
 pub const PALETTE: [&str; 7] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000"];
+    ["#0072b2", "#bf4f00", "#007a5a", "#a64d83", "#8a6d00", "#5b4bb5", "#000000"];
 /// Grey, for reference curves.
-pub const GREY: &str = "#888888";
+pub const GREY: &str = "#6b7785";
 
 /// The dashes of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,7 +43,7 @@ pub struct Style {
 /// The ticks of an axis.
 pub const TICK: Style = Style { color: "#000", dash: Dash::Solid, width: 0.8, mark: None };
 /// The lines across a figure at labelled ticks.
-pub const GRID: Style = Style { color: "#e4e4e4", dash: Dash::Solid, width: 0.6, mark: None };
+pub const GRID: Style = Style { color: "#e4e9ee", dash: Dash::Solid, width: 0.6, mark: None };
 
 /// A marker of the points of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

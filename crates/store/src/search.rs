@@ -91,12 +91,26 @@ impl Range {
             // `0.1..0.2 kN` would be 0.1 N to 200 N, which is probably a mistake.
             return Err(format!("must have a unit at both bounds or at neither, got {text:?}"));
         }
+        if let Some(range) = dashed(text, dimension) {
+            return Err(format!("must be a range. Write {range}"));
+        }
         Self::read(text, |text| {
             let value = quantity::parse(text, dimension)?;
             let slack = SLACK * value.abs();
             Ok(Self { low: value - slack, high: value + slack })
         })
     }
+}
+
+/// The range that is meant by `0.6-0.8`. A dash is not part of the syntax, because it is also a sign.
+fn dashed(text: &str, dimension: Dimension) -> Option<String> {
+    let is_dash = |&(at, letter): &(usize, char)| {
+        matches!(letter, '-' | '–' | '—') && !text[..at].ends_with(['e', 'E', '.'])
+    };
+    let (at, dash) = text.char_indices().skip(1).find(is_dash)?;
+    let (low, high) = (text[..at].trim(), text[at + dash.len_utf8()..].trim());
+    let are_values = [low, high].iter().all(|bound| quantity::parse(bound, dimension).is_ok());
+    are_values.then(|| format!("{low}..{high}"))
 }
 
 /// Reads an RFC 3339 time or a day (UTC), in milliseconds since 1970. A day is read as the interval from its first to
@@ -463,6 +477,12 @@ mod tests {
         {
             assert!(range(bad).is_err(), "{bad}");
         }
+        for (dashed, meant) in
+            [("50-200", "50..200"), ("50 N – 0.2 kN", "50 N..0.2 kN"), ("1e-3-2", "1e-3..2")]
+        {
+            assert!(range(dashed).unwrap_err().ends_with(&format!("Write {meant}")), "{dashed}");
+        }
+        near("-2..-1e-3", -2.0, -1e-3);
     }
 
     #[test]

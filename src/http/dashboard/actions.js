@@ -2,6 +2,7 @@
 
 import { get, key as accessKey, post, resultAddress, send } from "./api.js";
 import { copy, h, notify, openDialog } from "./dom.js";
+import { saveAs } from "./figure-save.js";
 import { kindOf } from "./summary.js";
 import { editLink } from "./vary.js";
 
@@ -31,9 +32,7 @@ export function drawActions(result, { job, link, remember, signal }) {
 
   async function download(path, format) {
     const response = await send(partOf(path, { format }), { headers: { Accept: "*/*" } });
-    const url = URL.createObjectURL(await response.blob());
-    h("a", { href: url, download: `fretwork-${key.slice(0, 12)}${path.replace("/", "-")}.${format}` }).click();
-    setTimeout(() => URL.revokeObjectURL(url), 10000);
+    saveAs(`fretwork-${key.slice(0, 12)}${path.replace("/", "-")}.${format}`, await response.blob());
   }
 
   async function share() {
@@ -44,6 +43,8 @@ export function drawActions(result, { job, link, remember, signal }) {
     const all = new URLSearchParams(words);
     const own = await createLink(key);
     all.set("link", token(own));
+    // Who opens the link may not read the job, which has the label.
+    if (job.label) all.set("label", job.label);
     // A link opens only one result, so the second result of a comparison needs a link of its own.
     if (all.has("with")) all.set("withlink", token(await createLink(all.get("with"))));
     await copy(`${location.origin}/${path}?${all}`, "Link", `Link copied. It is valid until ${own.expires.slice(0, 10)}.`);
@@ -85,8 +86,8 @@ async function addPinAndNote(row, key, signal) {
     await send(resultAddress(key, "/pin"), { method: pinned ? "DELETE" : "PUT" });
     pinned = !pinned;
     pin.setAttribute("aria-pressed", String(pinned));
-    notify(pinned ? "Pinned: never evicted." : "Unpinned: may be evicted when storage is full.");
-  }, { "aria-pressed": String(pinned), title: "The server never evicts a pinned result" });
+    notify(pinned ? "Pinned: will not be deleted automatically." : "Unpinned: may be deleted automatically when storage is full.");
+  }, { "aria-pressed": String(pinned), title: "A pinned result is not deleted automatically" });
   const noteText = h("p", { class: "note" });
   const drawNote = () => {
     noteText.textContent = note ? `“${note.text}”${note.owner ? ` (${note.owner})` : ""}` : "";

@@ -82,11 +82,12 @@ export async function send(path, { method = "GET", body, headers = {}, signal } 
     const sentKey = key();
     const all = { Accept: "application/json", ...headers };
     if (sentKey) all.Authorization = `Bearer ${sentKey}`;
-    if (body !== undefined) all["Content-Type"] = "application/json";
+    const isFile = body instanceof Blob;
+    if (body !== undefined) all["Content-Type"] = isFile ? body.type : "application/json";
     let response;
     try {
       // `no-cache` revalidates cached results: the result may be deleted or the key revoked.
-      response = await fetch(path, { method, body: body && JSON.stringify(body), headers: all, signal, cache: "no-cache" });
+      response = await fetch(path, { method, body: isFile ? body : body && JSON.stringify(body), headers: all, signal, cache: "no-cache" });
     } catch (error) {
       if (signal?.aborted || error.name === "AbortError") throw error;
       await reconnect();

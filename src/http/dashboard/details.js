@@ -2,8 +2,13 @@
 
 import { explained, h, list } from "./dom.js";
 import { depthOrForce, drawWarnings, grossSlip } from "./estimate.js";
+import { term } from "./explain.js";
+import { isAtNumber } from "./headline.js";
 import { sketch } from "./sketch.js";
-import { cycles, digits, percent, quantity, wordOf, WORDS } from "./units.js";
+import { cycles, digits, percent, quantity, WORDS } from "./units.js";
+
+/** Warnings that do not stand at a number of the headline. */
+const isElsewhere = (warning) => !isAtNumber(warning);
 
 const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
 
@@ -13,11 +18,12 @@ export function drawDetails(place, result, bodyWarnings) {
   const inUnits = (name, value) => quantity(value, units[name]);
   place.replaceChildren(...[
     card("Unworn contact", sketch(result), list([
-      [`${wordOf("contact_radius", scenario)} a₀`, inUnits("contact_radius", scales.contact_radius)],
+      [[term("contact_radius", scenario), "₀"], inUnits("contact_radius", scales.contact_radius)],
       depthOrForce(scenario, scales),
-      ["Normal force F₀", inUnits("normal_force", scales.normal_force)],
+      [[term("normal_force", scenario), "₀"], inUnits("normal_force", scales.normal_force)],
       ["Characteristic cycles N₀", scales.cycles == null ? "–" : cycles(Math.round(scales.cycles))],
-      ["Gross-slip threshold", grossSlip(unworn)],
+      [term("gross_slip_amplitude", scenario), grossSlip(unworn)],
+      [term("peak_pressure", scenario), unworn.peak_pressure == null ? "Infinite" : inUnits("peak_pressure", unworn.peak_pressure)],
       limit && ["Limiting volume", inUnits("wear_volume", limit.wear_volume)],
       limit && ["Limiting depth", inUnits("wear_depth", limit.wear_depth)],
     ])),
@@ -30,8 +36,8 @@ export function drawDetails(place, result, bodyWarnings) {
     isRule && h("p", { class: "muted" }, "The default choice is the exact method. The simplified rule is kept for comparison with the paper. ",
       "It is fast only with depth and amplitude held. It satisfies the energy balance V = (k_w/μ)·ΣW only approximately. ",
       "The mismatch shows by how much. To measure the error of the rule, run the exact method and compare it with the rule."),
-    drawWarnings(warnings),
-    drawWarnings(bodyWarnings.list, bodyWarnings.title),
+    drawWarnings(warnings.filter(isElsewhere)),
+    drawWarnings(bodyWarnings.list.filter(isElsewhere), bodyWarnings.title),
     explained("accuracy", "How accurate a result is")),
     events.length > 0 && card("Events", h("ul", { id: "events" }, events.map((event) =>
       h("li", {}, `${eventWords(event)} at N = ${cycles(Math.round(event.cycles))}`))), explained("results#events", "What the events mean")),

@@ -40,6 +40,7 @@ const PAGES: &[(&str, &str)] = pages![
     "docs/decisions/evaluations-leave-nothing.md",
     "docs/decisions/exact-method-is-the-default.md",
     "docs/decisions/faults-all-at-once.md",
+    "docs/decisions/figures-are-drawn-here.md",
     "docs/decisions/fits-work-in-stages.md",
     "docs/decisions/imports-compute-again.md",
     "docs/decisions/kinds-of-studies.md",

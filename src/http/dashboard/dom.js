@@ -30,6 +30,9 @@ export function fill(element, ...children) {
   element.replaceChildren(...children.flat(Infinity).filter((child) => child != null && child !== false));
 }
 
+/** A text with a capital first letter. */
+export const capital = (text) => text[0].toUpperCase() + text.slice(1);
+
 /** A drop-down list. `options` maps each value to its text. */
 export const select = (options, value, properties) => h("select", properties,
   Object.entries(options).map(([own, text]) => h("option", { value: own, selected: own === value }, text)));

@@ -14,7 +14,7 @@ export function errorCard(problem) {
     h("p", {}, problem.detail ?? problem.message),
     faults.length > 0 && h("ul", {}, faults),
     computeAgain(problem),
-    problem.type?.startsWith("/problems/") && h("p", {}, h("a", { href: problem.type }, "Explanation and remedy")),
+    problem.type?.startsWith("/problems/") && h("p", {}, h("a", { href: problem.type }, "How to fix this")),
     problem.instance && h("p", { class: "muted" }, `Request ID: ${problem.instance}`));
 }
 

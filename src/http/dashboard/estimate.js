@@ -4,11 +4,19 @@ import { explained, fill, h, list } from "./dom.js";
 import { sketch } from "./sketch.js";
 import { cycles, digits, duration, isLine, quantity, wordOf, WORDS } from "./units.js";
 
-/** A count with an SI prefix, for example 1.3 G or 390 k. */
+/** Operations of an estimate that take a second. */
+export const OPERATIONS_PER_SECOND = 1e9;
+
+/** A count with an SI prefix, for example 1.3 M or 390 k. */
 function prefixed(count) {
-  const [prefix, size] = [["G", 1e9], ["M", 1e6], ["k", 1e3]].find(([, size]) => count >= size) ?? ["", 1];
+  const [prefix, size] = [["M", 1e6], ["k", 1e3]].find(([, size]) => count >= size) ?? ["", 1];
   return `${digits(count / size, 2)}\u00a0${prefix}`;
 }
+
+const timeOf = ({ operations }) => {
+  const seconds = operations / OPERATIONS_PER_SECOND;
+  return seconds < 0.1 ? "less than 0.1\u00a0s" : `about ${duration(seconds)}`;
+};
 
 /** Draws the response of `POST /v1/scenarios`. */
 export function drawEstimate(place, { scenario, scales, unworn, limit, cost, regime, warnings, cached }) {
@@ -23,7 +31,7 @@ export function drawEstimate(place, { scenario, scales, unworn, limit, cost, reg
     ["Characteristic cycles N₀", scales.cycles == null ? "–" : cycles(Math.round(scales.cycles)), "characteristic-cycles"],
     ["Limiting volume", limit ? quantity(limit.wear_volume, "m^3") : "Not known in advance"],
     ["Limiting depth", limit ? quantity(limit.wear_depth, "m") : "Not known in advance"],
-    ["Computing cost", `${prefixed(cost.operations)} operations`],
+    ["Estimated time", timeOf(cost), "seconds"],
     ["Result size", `${prefixed(cost.answer_bytes)}B`],
     ["Already computed", cached ? "Yes" : "No", "cached"],
   ]), drawWarnings(warnings));

@@ -10,6 +10,8 @@ const FLAT = ["flat_radius", "Flat radius b", "60 um"];
 const PUNCH_STICK_RATIO = 0.999;
 const LENGTH = ["length", "Length of the contact", "10 mm", "The length of the line, across the motion."];
 const POWER = [["exponent", "Exponent n", 4], ["at_radius", "Reference radius", "0.2 mm"], ["height", "Height at reference radius", "5 um"]];
+/** Radii in metres of a profile that the user can overwrite: a ball of 10 mm. */
+const RADII = Array.from({ length: 21 }, (_, i) => Number((i * 75e-6).toPrecision(3)));
 /**
  * Members of each shape: name, label, default and explanation. A name can be the path of an entry. A power law can be round or
  * a line.
@@ -28,7 +30,10 @@ const SHAPES = {
   punch: [["flat_half_width", "Half-width of the flat b", "1 mm", "Half of the width of the flat, along the motion."],
     ["edge_radius", "Edge radius R", "3 mm", "The radius of the rounded edges."], LENGTH],
   power_line: [...POWER, LENGTH],
+  table: [["radius", "", RADII], ["height", "", RADII.map((r) => (r * r) / 0.02)]],
 };
+/** The members of a shape that are lists have an editor, not a field. */
+const fieldsOf = (shape, profile) => (shape === "table" ? (isLine(profile) ? [LENGTH] : []) : SHAPES[shape]);
 /** What the shapes of line contacts have in the scenario. */
 const OF_SHAPE = { power_line: { shape: "power", geometry: "line" } };
 const shapeWord = (shape) => {
@@ -49,11 +54,12 @@ const runIn = (pointer, name) => [
   [`${pointer}/run_in/from`, `${name} at the start`], [`${pointer}/run_in/to`, `${name} after the run-in`]];
 
 const layersOf = ({ wear }, body) => wear?.bodies?.[body]?.layers ?? [];
+const hasLayers = (scenario) => [0, 1].some((body) => layersOf(scenario, body).length > 0);
 
 /** What the simplified rule lacks in a scenario; undefined if it applies. */
 const ruleLacks = (scenario) => (isLine(scenario.profile) ? "a round contact"
   : [scenario.friction, scenario.wear?.coefficient].some((value) => courseOf(value) !== "number") ? "constant coefficients"
-    : [0, 1].some((body) => layersOf(scenario, body).length) ? "bodies without layers" : undefined);
+    : hasLayers(scenario) ? "bodies without layers" : undefined);
 
 const PER_LENGTH = "The force on the whole length, such as 100\u00a0N, or per length, such as 18.5\u00a0N/mm.";
 const LAYER = { thickness: "3 um", coefficient: "1e-6 mm^3/(N m)" };
@@ -110,13 +116,14 @@ export const CHOICES = [
       scenario.profile = { shape, ...OF_SHAPE[shape], ...(shape === "crossed_cylinders" && { radii: [] }) };
       for (const [member, , preset] of SHAPES[shape]) {
         const kept = valueAt(before ?? {}, `/${member}`);
-        // The radii of a measured profile are no radius.
-        setValueAt(scenario.profile, `/${member}`, kept === undefined || Array.isArray(kept) ? preset : kept);
+        // The radii of a measured profile are no radius, and the reverse.
+        setValueAt(scenario.profile, `/${member}`, kept === undefined || Array.isArray(kept) !== Array.isArray(preset) ? structuredClone(preset) : kept);
       }
       if (isLine(scenario.profile) !== isLine(before)) fitGeometry(scenario);
       if (shape === "punch" && scenario.motion?.stick_ratio !== undefined) scenario.motion.stick_ratio = PUNCH_STICK_RATIO;
     },
-    fields: (shape) => SHAPES[shape].map(([member, label, , explanation]) => [`/profile/${member}`, label, null, explanation]),
+    edits: (shape) => (shape === "table" ? ["/profile/radius", "/profile/height"] : []),
+    fields: (shape, { profile }) => fieldsOf(shape, profile).map(([member, label, , explanation]) => [`/profile/${member}`, label, null, explanation]),
   },
   {
     id: "elasticity", group: "Material", label: "Elastic constants",
@@ -135,13 +142,13 @@ export const CHOICES = [
   },
   {
     id: "wear", group: "Material", label: "Wear law",
-    options: { coefficient: "Wear coefficient k_w", run_in: "k_w with run-in", hardness: "Archard: k and hardness",
-      energy: "Energy coefficient α", bodies: "Bodies with layers" },
+    options: { coefficient: "Coefficient k_w", run_in: "k_w with run-in", hardness: "Archard: k and hardness",
+      changing: "k_w from a table", energy: "Energy coefficient α", bodies: "Bodies with layers" },
     selected: ({ wear }) => {
       const course = courseOf(wear?.coefficient);
       if ("bodies" in Object(wear)) return "bodies";
       if ("energy_coefficient" in Object(wear)) return "energy";
-      if ("hardness" in Object(wear)) return course === "number" ? "hardness" : "changing";
+      if ("hardness" in Object(wear)) return course === "number" ? "hardness" : "changing_hardness";
       return course === "number" ? "coefficient" : course;
     },
     apply: (scenario, kind) => {
@@ -149,6 +156,7 @@ export const CHOICES = [
       scenario.wear = {
         coefficient: { coefficient: "3.03e-5 mm^3/(N m)" },
         run_in: { coefficient: { run_in: { cycles: 1000, from: "1e-4 mm^3/(N m)", to: "3.03e-5 mm^3/(N m)" } } },
+        changing: { coefficient: { over: "cycles", at: [0, 10000], values: ["1e-4 mm^3/(N m)", "3.03e-5 mm^3/(N m)"] } },
         hardness: { coefficient: 1e-4, hardness: "3 GPa" },
         energy: { energy_coefficient: "4.3e-5 mm^3/J" },
         bodies: { bodies: [{ coefficient: "3.03e-5 mm^3/(N m)" },
@@ -156,11 +164,13 @@ export const CHOICES = [
       }[kind];
       if (share !== undefined) scenario.wear.share = share;
     },
+    edits: (kind) => (kind === "changing" ? ["/wear/coefficient"] : []),
     fields: (kind) => [
       ...{
         coefficient: [["/wear/coefficient", "Wear coefficient k_w"]],
         run_in: runIn("/wear/coefficient", "k_w"),
         bodies: [],
+        changing: [],
         hardness: [["/wear/coefficient", "Archard coefficient k"], ["/wear/hardness", "Hardness"]],
         energy: [["/wear/energy_coefficient", "Energy coefficient α"]],
       }[kind],
@@ -188,12 +198,14 @@ export const CHOICES = [
   })),
   {
     id: "friction-kind", group: "Material", label: "Friction",
-    options: { number: "Constant", run_in: "Run-in" },
+    options: { number: "Constant", run_in: "Run-in", changing: "Table" },
     selected: ({ friction }) => courseOf(friction),
     apply: (scenario, kind) => {
-      scenario.friction = kind === "number" ? 0.7 : { run_in: { cycles: 1000, from: 0.2, to: 0.7 } };
+      scenario.friction = { number: 0.7, run_in: { run_in: { cycles: 1000, from: 0.2, to: 0.7 } },
+        changing: { over: "cycles", at: [0, 10000], values: [0.3, 0.7] } }[kind];
     },
-    fields: (kind) => (kind === "number" ? [["/friction", "Friction coefficient μ"]] : runIn("/friction", "μ")),
+    edits: (kind) => (kind === "changing" ? ["/friction"] : []),
+    fields: (kind) => ({ number: [["/friction", "Friction coefficient μ"]], run_in: runIn("/friction", "μ"), changing: [] })[kind],
   },
   {
     id: "load", group: "Load and motion", label: "Load",
@@ -207,14 +219,15 @@ export const CHOICES = [
     },
     fields: (kind, { profile }) => (isLine(profile) ? [["/load/normal_force", "Normal force F", null, PER_LENGTH]]
       : [kind === "normal_force" ? ["/load/normal_force", "Normal force F"] : ["/load/indentation_depth", "Indentation depth d"],
-      ["/load/held", "Load: held constant",
-        { "": kind === "normal_force" ? "Default (force)" : "Default (depth)", force: "Normal force", depth: "Indentation depth" }]]),
+      ["/load/held", "During the test, keep constant",
+        { "": kind === "normal_force" ? "Force (as entered)" : "Depth (as entered)", force: "Force (dead weight)", depth: "Depth (press fit)" }]]),
   },
   {
     id: "motion", group: "Load and motion", label: "Motion",
     options: { amplitude: "Amplitude U", loop: "Amplitude U, loop stiffness", sliding_amplitude: "Sliding amplitude",
-      stick_ratio: "Stick ratio c/a₀", tangential_force: "Tangential force Q" },
-    lacks: ({ profile }) => (isLine(profile) ? [] : ["loop", "sliding_amplitude"]),
+      stick_ratio: "Stick ratio c/a₀", tangential_force: "Tangential force Q", blocks: "Amplitude blocks", reversals: "Displacement record" },
+    lacks: (scenario) => [...(isLine(scenario.profile) ? ["reversals"] : ["loop", "sliding_amplitude"]), ...(hasLayers(scenario) ? ["blocks"] : [])],
+    reason: (scenario) => hasLayers(scenario) && "Layers need one amplitude. Remove them for amplitude blocks.",
     selected: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio", "sliding_amplitude"]
       .find((name) => name in Object(motion)) ?? (motion?.loop_stiffness === undefined ? "amplitude" : "loop"),
     apply: (scenario, kind) => {
@@ -223,18 +236,23 @@ export const CHOICES = [
         loop: { amplitude: "2.256 um", loop_stiffness: "10 N/um" }, sliding_amplitude: { sliding_amplitude: "10 um" },
         stick_ratio: { stick_ratio: scenario.profile?.shape === "punch" ? PUNCH_STICK_RATIO : 0.5 },
         tangential_force: { tangential_force: isLine(scenario.profile) ? "1.5 N/mm" : "15 N" },
+        blocks: { blocks: (isLine(scenario.profile) ? ["1.5 N/mm", "1 N/mm"] : ["2 um", "1 um"]).map((own) => ({
+          [isLine(scenario.profile) ? "tangential_force" : "amplitude"]: own, cycles: 50000 })) },
+        reversals: { reversals: ["2.2 um", "-1.4 um", "0.6 um", "-2.2 um"] },
       }[kind];
     },
-    fields: (kind, { profile }) => (isLine(profile) ? lineMotion(kind) : [
+    edits: (kind) => ({ blocks: ["/motion/blocks"], reversals: ["/motion/reversals"] })[kind] ?? [],
+    fields: (kind, { profile }) => (isLine(profile) ? lineMotion(kind) ?? [] : [
       {
         amplitude: ["/motion/amplitude", "Amplitude U (half the stroke)"],
         stick_ratio: ["/motion/stick_ratio", "Stick ratio c/a₀"],
         tangential_force: ["/motion/tangential_force", "Tangential force Q"],
+        blocks: null, reversals: null,
       }[kind],
-      ["/motion/held", "Motion: held constant", {
-        "": kind === "tangential_force" ? "Default (tangential force)" : "Default (amplitude)",
+      ["/motion/held", "During the test, keep constant", {
+        "": kind === "tangential_force" ? "Tangential force (as entered)" : "Amplitude (as entered)",
         amplitude: "Amplitude", tangential_force: "Tangential force" }],
-      ["/motion/rig_stiffness", "Rig stiffness (optional)"]]),
+      ["/motion/rig_stiffness", "Rig stiffness (optional)"]].filter(Boolean)),
   },
   {
     id: "cycles-kind", group: "Duration", label: "Output cycles",
@@ -267,7 +285,7 @@ export const CHOICES = [
       const { points } = scenario.model ?? {};
       scenario.model = { method, ...(points && { points }) };
     },
-    fields: (method, scenario) => [["/model/points", "Profile points (optional)"],
+    fields: (method, scenario) => [["/model/points", "Output radii (optional)"],
       ...(method === "exact" ? [["/model/tolerance", "Tolerance (optional)"],
         ...(ruleLacks(scenario) ? [] : [["/model/compare", "Compare with simplified rule", { "": "No", true: "Yes" }]])]
         : [["/model/xi", "Fitting parameter ξ (optional)"]])],
@@ -305,10 +323,10 @@ export function chooseOption(choice, scenario, option) {
   return gone;
 }
 
-/** Pointers of the values that the form shows as fields. */
+/** Pointers of the values that the form shows as fields or in editors. */
 const withField = (scenario) => choicesOf(scenario).flatMap((choice) => {
   const kind = choice.selected(scenario);
-  return kind in optionsOf(choice, scenario)[0] ? choice.fields(kind, scenario).map(([pointer]) => pointer) : [];
+  return kind in optionsOf(choice, scenario)[0] ? [...choice.fields(kind, scenario).map(([pointer]) => pointer), ...(choice.edits?.(kind) ?? [])] : [];
 });
 
 /** Pointers of the values that the form cannot show as fields. They are edited as JSON. */
@@ -337,19 +355,3 @@ export function setValueAt(scenario, pointer, value) {
   else parent[last] = value;
   if (value === undefined && names[0] === "until" && !Object.keys(parent).length) delete scenario.until;
 }
-
-/** The value that the user typed: a number, true, a list of cycles, or text with a unit. */
-export function parseInput(pointer, text) {
-  const trimmed = text.trim();
-  if (trimmed === "") return undefined;
-  // A space before a unit does not separate two numbers.
-  if (/^\/cycles(\/(normalized|dissipated_energy))?$/.test(pointer))
-    return trimmed.split(/\s*[,;]\s*|\s+(?=[-+.\d])/).filter(Boolean).map(numberOrText);
-  return trimmed === "true" ? true : numberOrText(trimmed);
-}
-
-/** The number of a text; the text if it is not only a number. */
-export const numberOrText = (text) => (text.trim() === "" || Number.isNaN(Number(text)) ? text : Number(text));
-
-/** The text of a value in its field. */
-export const inputText = (value) => (value === undefined ? "" : Array.isArray(value) ? value.join(", ") : String(value));

@@ -1,126 +1,164 @@
-// The form for a new run: fields and JSON of one scenario. The server checks the scenario while the user types. Numbers that
-// vary make it a study.
+// The form for a new run: fields and JSON of one scenario. Each change is computed at once, and Keep makes a job of it. Numbers
+// that vary make it a study.
 
 import { get, idempotencyKey, Problem, post } from "./api.js";
 import { debounced, explained, fill, h, notify, select } from "./dom.js";
+import { Draft } from "./draft.js";
+import { Editors } from "./editors.js";
 import { announce, drawEstimate, drawStudyEstimate } from "./estimate.js";
-import { choicesOf, chooseOption, inputText, optionsOf, parseInput, setValueAt, valueAt, withoutField } from "./fields.js";
+import { countOf, showFaults } from "./faults.js";
+import { withoutField } from "./fields.js";
+import { Fieldset } from "./fieldset.js";
 import { loadLimits } from "./limits.js";
-import { drawPlan, drawRange, drawRuns, submitText, varyButton } from "./plan.js";
-import { WORDS } from "./units.js";
-import { canVary, choose, formPointer, isPossible, jobBody, newStudy, OFFERS, studyOf, suggested, varied } from "./vary.js";
+import { Live } from "./live.js";
+import { drawPlan, drawRuns, submitText } from "./plan.js";
+import { Preview } from "./preview.js";
+import { Undo } from "./undo.js";
+import { choose, isPossible, jobBody, newStudy, OFFERS, studyOf, varied } from "./vary.js";
 
 /** Maximum number of characters of a label. */
 const MAX_LABEL = 200;
-/** Maximum number of characters of a value beside its name. The name of a longer value is above it. */
-const MAX_BESIDE = 14;
+/** After this time without a change, the server checks the job, and computes the figures with all radii. */
+const IDLE_MS = 250;
 
 let examples = null;
 
-/** The id of the field of a number. */
-const idOf = (pointer) => pointer.slice(1).replaceAll("/", "-");
-
-export async function showForm(main, { query, signal }) {
-  [examples] = await Promise.all([examples ?? get("/v1/examples", { signal }), loadLimits(signal)]);
+/** The scenario, the study and the label of an address, or of the first example. */
+function fromAddress(query) {
   const first = examples.find((example) => example.name === query.get("example")) ?? examples[0];
-  let scenario = structuredClone(first.body.scenario);
+  const form = { scenario: structuredClone(first.body.scenario), study: newStudy(), label: query.get("label") };
   try {
-    if (query.has("scenario")) scenario = Object(JSON.parse(query.get("scenario")));
+    if (query.has("scenario")) form.scenario = Object(JSON.parse(query.get("scenario")));
   } catch {
     notify("The scenario in the address is not valid JSON. The form shows an example.");
   }
-  let study = newStudy();
   try {
-    if (query.has("study")) study = studyOf(JSON.parse(query.get("study"))) ?? study;
+    if (query.has("study")) form.study = studyOf(JSON.parse(query.get("study")), form.scenario) ?? form.study;
   } catch { /* The form reports the fault below. */ }
-  const isStudy = () => varied(study).length > 0;
-  const example = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(scenario));
-  /** The names of the fields whose numbers can vary, by their pointers. */
-  let shown = new Map();
-  const names = () => varied(study).map((pointer) => shown.get(pointer) ?? pointer);
-  // The label that the user typed. A study and an unchanged example have labels of their own, which change with the form.
-  let typedLabel = query.get("label");
-  const ownLabel = () => (isStudy() ? `${OFFERS[study.kind].title}: ${names().join(", ")}` : example()?.body.label ?? "");
-  const label = () => (typedLabel ?? ownLabel()).slice(0, MAX_LABEL);
+  return form;
+}
+
+export async function showForm(main, { query, signal }) {
+  [examples] = await Promise.all([examples ?? get("/v1/examples", { signal }), loadLimits(signal)]);
+  // `label` is what the user typed. A study and an unchanged example have labels of their own, which change with the form.
+  const form = fromAddress(query);
+  const undo = new Undo();
+  const isStudy = () => varied(form.study).length > 0;
+  const example = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(form.scenario));
+  const names = () => varied(form.study).map((pointer) => fieldset.names.get(pointer) ?? pointer);
+  const ownLabel = () => (isStudy() ? `${OFFERS[form.study.kind].title}: ${names().join(", ")}` : example()?.body.label ?? "");
+  const label = () => (form.label ?? ownLabel()).slice(0, MAX_LABEL);
 
   const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
-    "The text that was typed for this run is not available. The form shows the computed values in SI units.");
+    "The text that was typed for this run is not available. The form shows the computed values.");
   const notShown = h("p", { class: "warning", id: "not-shown", hidden: !query.has("study") || isStudy() },
     "The form cannot show the study in the address. It shows a single run.");
-  const fields = h("div", { class: "fields" });
   const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault", oninput: editJson });
   const jsonFault = h("p", { id: "json-fault", class: "fault" });
   const jsonOnly = h("p", { class: "muted" });
   const jsonEditor = h("details", { class: "card" }, h("summary", {}, "Scenario as JSON"),
-    h("label", { for: "json", class: "muted" }, "Amplitude blocks, displacement records, measured profiles and tables of coefficients are edited here."),
-    jsonOnly, json, jsonFault, explained("scenario#varying-motion", "How to write them"));
+    h("label", { for: "json", class: "muted" }, "All that a scenario can have, as the API reads it. Numbers without a unit are in SI units here."),
+    jsonOnly, json, jsonFault, explained("scenario#varying-motion", "How to write it"));
   const heading = h("h1", {});
   const plan = h("section", { class: "card plan", "aria-label": "Study", hidden: true });
   const estimate = h("section", { class: "card estimate", "aria-label": "Estimate" });
   const announcement = h("p", { class: "hidden", role: "status" });
   const otherFaults = h("ul", { class: "fault" });
-  const labelField = h("input", { id: "label", maxLength: MAX_LABEL, placeholder: "Optional name for this run", oninput: () => {
-    typedLabel = labelField.value;
+  const labelField = h("input", { id: "label", maxLength: MAX_LABEL, placeholder: "Optional", oninput: () => {
+    form.label = labelField.value;
+    record("label");
     remember();
   } });
-  const run = h("button", { class: "primary", type: "submit" }, "Run");
+  const keep = h("button", { class: "primary", type: "submit" }, "Keep");
+  const undoButton = h("button", { type: "button", id: "undo", title: "Undo the last change (Ctrl+Z)", onclick: () => restore(undo.undo()) }, "Undo");
   const chooseExample = select({ "": "Custom scenario", ...Object.fromEntries(examples.map(({ name, label }) => [name, label ?? name])) },
     "", { id: "example", onchange: () => {
-      scenario = structuredClone(examples.find(({ name }) => name === chooseExample.value).body.scenario);
-      typedLabel = null;
-      study = newStudy();
+      restore({ scenario: structuredClone(examples.find(({ name }) => name === chooseExample.value).body.scenario), label: null, study: newStudy() });
       canonical.hidden = notShown.hidden = true;
-      restart();
     } });
   chooseExample.options[0].hidden = true;
 
+  const preview = new Preview(signal);
+  const live = new Live(showAnswer, refused, signal);
+  const draft = new Draft({ says: (...said) => preview.mark(...said), result: (result) => preview.show(result),
+    rows: ({ history, units }, checked) => preview.showRows(history, { ...checked, units }) }, signal);
+  const calls = { edited, changed, redraw, chosen: () => {
+    draw();
+    edited(null);
+  } };
+  const fieldset = new Fieldset(form, calls, new Editors(form, calls));
+
   /** Keeps the scenario, its study and its label in the address, so that a reload or a bookmark restores them. */
   const remember = () => {
-    const words = new URLSearchParams({ scenario: JSON.stringify(scenario), ...(typedLabel !== null && { label: typedLabel }),
-      ...(isStudy() && { study: JSON.stringify(jobBody(undefined, study)) }) });
+    const words = new URLSearchParams({ scenario: JSON.stringify(form.scenario), ...(form.label !== null && { label: form.label }),
+      ...(isStudy() && { study: JSON.stringify(jobBody(undefined, form.study)) }) });
     history.replaceState(null, "", `#/new?${words}`);
   };
 
-  function restart() {
+  function record(source = null) {
+    undo.record(form, source);
+    undoButton.disabled = !undo.canUndo;
+  }
+
+  /** Shows a state of the form; nothing if there is none. */
+  function restore(state) {
+    if (!state) return;
+    Object.assign(form, state);
     draw();
-    if (typedLabel === ownLabel()) typedLabel = null;
-    json.value = JSON.stringify(scenario, null, 2);
-    jsonFault.textContent = "";
-    changed(check);
-    jsonEditor.open ||= withoutField(scenario).length > 0;
-  }
-
-  function edited() {
-    json.value = JSON.stringify(scenario, null, 2);
-    jsonFault.textContent = "";
+    if (form.label === ownLabel()) form.label = null;
+    showJson();
     changed();
+    labelField.value = label();
+    undoButton.disabled = !undo.canUndo;
   }
 
-  const checkSoon = debounced(250, check);
-  function changed(checkNow = checkSoon) {
-    remember();
+  function showJson() {
+    json.value = JSON.stringify(form.scenario, null, 2);
+    jsonFault.textContent = "";
+  }
+
+  /** A value of the scenario has changed. */
+  function edited(pointer, isDragging = false) {
+    showJson();
+    changed(pointer, isDragging);
+  }
+
+  function changed(source = null, isDragging = false) {
+    // Browsers limit how often an address changes.
+    if (!isDragging) {
+      record(source);
+      remember();
+    }
     chooseExample.value = example()?.name ?? "";
     if (document.activeElement !== labelField) labelField.value = label();
-    const pointers = withoutField(scenario);
+    const pointers = withoutField(form.scenario);
     jsonOnly.textContent = pointers.length ? `Not in the form: ${pointers.join(", ")}` : "";
     estimate.setAttribute("aria-busy", "true");
     heading.textContent = isStudy() ? "New study" : "New run";
-    run.textContent = submitText(study);
-    drawRuns(study);
-    checkNow();
+    keep.textContent = submitText(form.study);
+    preview.element.hidden = isStudy();
+    (isStudy() ? side : left).insertBefore(estimate, isStudy() ? null : jsonEditor);
+    drawRuns(form.study);
+    draft.stop();
+    if (isStudy()) live.stop();
+    else {
+      preview.hold(isDragging);
+      live.ask(form.scenario);
+    }
+    checkSoon();
   }
 
   function editJson() {
     try {
       const parsed = JSON.parse(json.value);
-      scenario = Object(parsed?.scenario ?? parsed);
-      if (parsed?.scenario) typedLabel = parsed.label ?? null;
+      form.scenario = Object(parsed?.scenario ?? parsed);
+      if (parsed?.scenario) form.label = parsed.label ?? null;
       jsonFault.textContent = "";
       draw();
-      changed();
+      changed("json");
     } catch (error) {
       jsonFault.textContent = `Invalid JSON: ${error.message}`;
-      allowRun();
+      allowKeep();
     }
   }
 
@@ -128,31 +166,10 @@ export async function showForm(main, { query, signal }) {
   function draw() {
     const focused = document.activeElement?.id;
     // `choose` can change ranges, so it comes before they are drawn.
-    if (!isPossible(study.kind, study)) choose(newStudy().kind, scenario, study);
-    drawFields();
-    drawPlan(plan, names(), scenario, study, { changed, redraw });
+    if (!isPossible(form.study.kind, form.study)) choose(newStudy().kind, form.scenario, form.study);
+    fieldset.draw();
+    drawPlan(plan, names(), form.scenario, form.study, { changed, redraw });
     if (focused) document.getElementById(focused)?.focus();
-  }
-
-  function drawFields() {
-    const groups = Map.groupBy(choicesOf(scenario), (choice) => choice.group);
-    shown = new Map();
-    const group = (name, ...content) => h("fieldset", {}, h("legend", {}, name), content);
-    fill(fields, [...groups].map(([name, choices]) => group(name, choices.map(drawChoice))));
-    const others = varied(study).filter((pointer) => !shown.has(pointer));
-    fields.append(explained("scenario", "What these numbers mean"));
-    if (others.length) fields.append(group("Varied values without a field", others.map(drawOther)));
-  }
-
-  /** The range of a number that has no field, such as the amplitude of a block. */
-  function drawOther(pointer) {
-    const id = idOf(pointer);
-    const remove = h("button", { type: "button", class: "vary", "aria-label": `Remove ${pointer} from the study`, onclick: () => {
-      delete study.ranges[pointer];
-      redraw();
-    } }, "Remove");
-    return h("div", { class: "field varied" }, h("label", { for: `${id}-from` }, h("code", {}, pointer)), remove,
-      drawRange(id, pointer, pointer, study, changed));
   }
 
   function redraw() {
@@ -160,132 +177,106 @@ export async function showForm(main, { query, signal }) {
     changed();
   }
 
-  function drawChoice(choice) {
-    const selected = choice.selected(scenario);
-    const [options, reason] = optionsOf(choice, scenario);
-    const known = selected in options;
-    const field = select(options, selected, { id: choice.id, "aria-describedby": reason ? `${choice.id}-hint` : null, onchange: () => {
-      // If the field of a number disappears, the study no longer varies the number.
-      for (const pointer of chooseOption(choice, scenario, field.value)) delete study.ranges[pointer];
-      draw();
-      edited();
-    } });
-    if (!known) field.prepend(h("option", { selected: true }, `${WORDS[selected] ?? selected ?? "None"} (JSON)`));
-    return [h("div", { class: "field" }, h("label", { for: choice.id }, choice.label), field, reason && hint(choice.id, reason)),
-      known && choice.fields(selected, scenario).map(drawField)];
+  /** Shows the answer of an evaluation. */
+  function showAnswer(answer) {
+    const { check } = answer;
+    showFaults(main, otherFaults, null, form.study);
+    preview.mark(null);
+    preview.show({ ...answer, scenario: check.scenario, regime: check.regime, scales: check.scales, unworn: check.unworn });
   }
 
-  const hint = (id, text) => h("p", { id: `${id}-hint`, class: "hint" }, text);
-
-  function drawField([pointer, text, options, explanation]) {
-    const id = idOf(pointer);
-    const value = inputText(valueAt(scenario, pointer));
-    // The name of a number is its label without the hint in brackets.
-    const name = text.replace(/ \(.*\)$/, "");
-    const vary = !options && canVary(pointer) && varyButton(id, name, pointer, scenario, study, redraw);
-    if (vary) shown.set(pointer, name);
-    if (Object.hasOwn(study.ranges, pointer)) {
-      return h("div", { class: "field varied" }, h("label", { for: `${id}-from` }, text), vary, drawRange(id, name, pointer, study, changed));
-    }
-    const update = () => {
-      setValueAt(scenario, pointer, parseInput(pointer, input.value));
-      if (vary) vary.disabled = !suggested(scenario, pointer);
-      edited();
-    };
-    const attributes = { id, "data-pointer": `/scenario${pointer}`, "aria-describedby": `${id}-fault${explanation ? ` ${id}-hint` : ""}` };
-    const input = options ? select(options, value, { ...attributes, onchange: update })
-      : h("input", { ...attributes, value, autocomplete: "off", spellcheck: false, oninput: update });
-    return h("div", { class: !options && value.length > MAX_BESIDE ? "field long" : "field" }, h("label", { for: id }, text),
-      vary ? h("div", { class: "value" }, input, vary) : input,
-      explanation && hint(id, explanation), h("p", { id: `${id}-fault`, class: "fault" }));
+  /** An evaluation that takes too long becomes a job as soon as the server has checked the scenario. */
+  function refused(problem, isFine) {
+    if (isFine) return;
+    preview.mark(problem.errors ? countOf(problem) : "");
+    if (problem.errors) refuse(problem);
+    else isLong = true;
   }
 
-  let checks = 0, submitting = false, accepted = false;
-  /** Enables Run if the server accepts what the form shows. While the JSON is invalid, the form shows an earlier scenario. */
-  const allowRun = () => { run.disabled = submitting || !accepted || jsonFault.textContent !== ""; };
+  function refuse(problem) {
+    accepted = false;
+    allowKeep();
+    showFaults(main, otherFaults, problem, form.study);
+    estimate.removeAttribute("aria-busy");
+    announcement.textContent = problem.errors ? countOf(problem) : problem.detail;
+    fill(estimate, h("h2", {}, problem.errors ? countOf(problem) : problem.title),
+      h("p", {}, problem.errors ? "Messages in the form say what to change." : problem.detail));
+  }
 
+  let checks = 0, submitting = false, accepted = false, isLong = false;
+  /** Enables Keep if the server accepts what the form shows. While the JSON is invalid, the form shows an earlier scenario. */
+  const allowKeep = () => { keep.disabled = submitting || !accepted || jsonFault.textContent !== ""; };
+  const checkSoon = debounced(IDLE_MS, check);
+
+  /** Checks the job, and refines the figures. */
   async function check() {
     const own = ++checks;
-    let checked = null, problem = null;
+    let checked = null;
     try {
-      checked = await post("/v1/scenarios", jobBody(scenario, study), { signal });
-    } catch (error) {
+      checked = await post("/v1/scenarios", jobBody(form.scenario, form.study), { signal });
+    } catch (problem) {
       if (signal.aborted) return;
-      if (!(error instanceof Problem)) throw error;
-      problem = error;
+      if (!(problem instanceof Problem)) throw problem;
+      if (own === checks) refuse(problem);
+      return;
     }
     if (own !== checks || signal.aborted) return;
-    showFaults(problem);
+    showFaults(main, otherFaults, null, form.study);
     // The server returns a stored result beyond its limits too.
-    const excess = checked && !checked.cached && checked.excess;
-    accepted = Boolean(checked) && !excess;
-    allowRun();
+    const excess = !checked.cached && checked.excess;
+    accepted = !excess;
+    allowKeep();
     estimate.removeAttribute("aria-busy");
-    if (checked) {
-      const isRun = checked.scales !== undefined;
-      announcement.textContent = excess || (isRun ? announce(checked) : submitText(study));
-      (isRun ? drawEstimate : drawStudyEstimate)(estimate, checked);
-      if (excess) estimate.append(h("p", { class: "warning", id: "excess" }, excess));
-    } else {
-      const count = problem.errors?.length;
-      announcement.textContent = problem.detail;
-      fill(estimate, h("h2", {}, count ? `Fix ${count} ${count > 1 ? "fields" : "field"} to continue` : problem.title),
-        h("p", {}, count ? "Messages in the form say what to change." : problem.detail));
-    }
-  }
-
-  /** Shows each error at its field, or above the form if it has no field. */
-  function showFaults(problem) {
-    for (const place of main.querySelectorAll("p.fault:not(#json-fault)")) place.textContent = "";
-    for (const field of main.querySelectorAll("[aria-invalid]")) field.removeAttribute("aria-invalid");
-    otherFaults.replaceChildren();
-    for (const { pointer: sent = "", detail } of problem?.errors ?? []) {
-      const pointer = formPointer(sent, study);
-      const all = [...main.querySelectorAll("[data-pointer]")];
-      // A fault of all members of a range is shown at its first field.
-      const field = all.find(({ dataset }) => pointer === dataset.pointer || pointer.startsWith(`${dataset.pointer}/`))
-        ?? all.find(({ dataset }) => pointer && dataset.pointer.startsWith(`${pointer}/`));
-      if (field) {
-        field.setAttribute("aria-invalid", "true");
-        document.getElementById(`${field.id}-fault`).textContent = detail;
-      } else {
-        otherFaults.append(h("li", {}, h("code", {}, pointer.replace("/scenario", "")), ` ${detail}`));
-      }
-    }
+    announcement.textContent = excess || (isStudy() ? submitText(form.study) : announce(checked));
+    (isStudy() ? drawStudyEstimate : drawEstimate)(estimate, checked);
+    if (excess) estimate.append(h("p", { class: "warning", id: "excess" }, excess));
+    if (isStudy()) return;
+    if (isLong && !excess) draft.ask(form.scenario, checked);
+    else if (!isLong) live.ask(form.scenario, true);
+    isLong = false;
   }
 
   async function submit(event) {
     event.preventDefault();
-    if (submitting) return;
+    if (submitting || keep.disabled) return;
     submitting = true;
-    allowRun();
+    allowKeep();
     try {
       const headers = { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() };
-      const job = await post("/v1/jobs", { ...jobBody(scenario, study), ...(label() && { label: label() }) }, { headers });
+      const job = await post("/v1/jobs", { ...jobBody(form.scenario, form.study), ...(label() && { label: label() }) }, { headers });
       // The user may have opened another view meanwhile.
       if (signal.aborted) return;
       location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`;
     } catch (problem) {
       if (signal.aborted) return;
-      showFaults(problem);
-      fill(estimate, h("h2", {}, problem.title ?? "The job was not submitted"), h("p", {}, problem.detail ?? problem.message));
+      showFaults(main, otherFaults, problem, form.study);
+      fill(estimate, h("h2", {}, problem.errors ? countOf(problem) : problem.title ?? "The job was not submitted"),
+        h("p", {}, problem.errors ? "" : problem.detail ?? problem.message));
       submitting = false;
-      allowRun();
+      allowKeep();
     }
   }
 
+  /** Ctrl+Z undoes the last change of the form, whichever field has the focus. */
+  function undoByKey(event) {
+    if (!(event.ctrlKey || event.metaKey) || event.altKey || !["z", "Z", "y"].includes(event.key)) return;
+    event.preventDefault();
+    restore(event.key === "z" ? undo.undo() : undo.redo());
+  }
+
+  const left = h("div", {},
+    h("div", { class: "card" }, canonical, notShown, otherFaults, fieldset.element,
+      h("p", { class: "muted" }, "Type a number, with or without a unit: 10, 10 mm, 3.03×10⁻⁵ mm³/Nm. The arrow keys and the slider change it. "
+        + "Press Vary to compute many values of it in one study.")),
+    jsonEditor);
+  const side = h("div", { class: "side" }, announcement, plan, preview.element);
   main.replaceChildren(
-    heading,
-    h("form", { class: "two", onsubmit: submit, noValidate: true },
-      h("div", {},
-        h("div", { class: "card" },
-          h("div", { class: "field wide" }, h("label", { for: "example" }, "Start from"), chooseExample),
-          h("div", { class: "field wide" }, h("label", { for: "label" }, "Label"), labelField),
-          canonical, notShown, otherFaults, fields,
-          h("p", { class: "muted" }, "Enter values with their unit, for example 10 mm, 205 GPa or 3.03e-5 mm^3/(N m). Numbers without a unit are in SI units. "
-            + "Press Vary beside a number to compute many values of it in one study.")),
-        jsonEditor),
-      h("div", { class: "side" }, announcement, plan, estimate, h("div", { class: "row run" }, run))));
+    h("form", { class: "maker", onsubmit: submit, noValidate: true, onkeydown: undoByKey },
+      h("div", { class: "bar run" }, heading,
+        h("div", { class: "field" }, h("label", { for: "example" }, "Start from"), chooseExample),
+        h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), undoButton, keep),
+      h("div", { class: "two" }, left, side)));
   document.addEventListener("units", () => check(), { signal });
-  restart();
+  restore(form);
+  jsonEditor.open = withoutField(form.scenario).length > 0;
 }

@@ -121,7 +121,7 @@ export async function showLibrary(main, { query, signal }) {
     observer.observe(picture);
     return h("li", { class: "card entry" }, picture,
       h("div", {}, h("h2", {}, h("a", { href: `#/result/${key}` }, title(entry)),
-        pinned && h("span", { class: "state", title: "This result is never evicted" }, "pinned")),
+        pinned && h("span", { class: "state", title: "This result will not be deleted automatically" }, "pinned")),
         h("p", {}, subtitle(entry)), label,
         isRun && h("p", {}, `N = ${cycles(values.cycles)}: wear volume `, h("strong", {}, quantity(values.wear_volume, "m^3")), `, wear depth ${quantity(values.wear_depth, "m")}`),
         note && h("p", { class: "note" }, `“${note.text}”`),

@@ -54,11 +54,9 @@ async function route() {
   }
 }
 
-const showUnits = () => units.setAttribute("aria-pressed", String(si()));
-
-units.addEventListener("click", () => {
-  useSi(!si());
-  showUnits();
+units.value = si() ? "si" : "engineering";
+units.addEventListener("change", () => {
+  useSi(units.value === "si");
   document.dispatchEvent(new Event("units"));
 });
 
@@ -93,7 +91,6 @@ document.querySelector(".skip").addEventListener("click", (event) => {
   event.preventDefault();
   main.focus();
 });
-showUnits();
 showUser();
 route();
 watchConnection();

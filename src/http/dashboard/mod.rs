@@ -16,7 +16,7 @@ use crate::http::problem::Result;
 use crate::http::wire::{NoQuery, Segment};
 use asset::{Asset, Assets};
 
-use fretwork_engine::outcome::{QUANTITIES, Quantity};
+use fretwork_engine::outcome::{EVENTS, History, QUANTITIES, Quantity, Unworn};
 use fretwork_job::WORDS;
 use fretwork_study::Kind;
 
@@ -34,11 +34,16 @@ macro_rules! files {
 
 const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "details.js", "dom.js",
     "error.js", "estimate.js", "fields.js", "form.js", "library.js", "limits.js", "main.js", "plan.js",
-    "plots.js", "queue.js", "result.js", "run.js", "sketch.js", "study.js", "summary.js", "units.js",
-    "vary.js", "vendor/uPlot.iife.min.js");
-const STYLES: &[File] = files!("text/css": "style.css", "vendor/uPlot.min.css");
+    "queue.js", "result.js", "run.js", "sketch.js", "study.js", "summary.js", "units.js", "vary.js",
+    // The live form.
+    "draft.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js", "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js", "undo.js",
+    // Figures and the views of results.
+    "curves.js", "drawn.js", "explain.js", "figure.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
+    "figure-reader.js", "figure-save.js", "figure-zoom.js", "headline.js", "player.js",
+    "result-figures.js", "scaling.js", "section.js", "so-far.js", "study-curves.js",
+    "study-figure.js");
+const STYLES: &[File] = files!("text/css": "style.css");
 const IMAGES: &[File] = files!("image/svg+xml": "icon.svg");
-const TEXTS: &[File] = files!("text/plain; charset=utf-8": "vendor/uPlot-LICENSE.txt");
 
 /// Content security policy. The browser runs scripts of this server only, so a label or a note cannot
 /// inject one.
@@ -47,7 +52,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 
 static ASSETS: Assets = Assets {
     all: LazyLock::new(|| {
-        let files = [&[INDEX][..], SCRIPTS, STYLES, IMAGES, TEXTS].concat();
+        let files = [&[INDEX][..], SCRIPTS, STYLES, IMAGES].concat();
         let files = files.into_iter().map(|(name, kind, bytes)| Asset::new(name, kind, bytes));
         files.chain([Asset::new("words.js", "text/javascript", words().as_bytes())]).collect()
     }),
@@ -55,14 +60,26 @@ static ASSETS: Assets = Assets {
     none: "The dashboard has no file of this name. Open / instead.",
 };
 
-/// The script with words that other crates define: the kinds of studies, the names of quantities, and what users search by.
+/// The script with words that other crates define: the kinds of studies, the names, symbols and meanings of quantities,
+/// and what users search by.
 fn words() -> String {
     let kinds: Value = Kind::ALL.into_iter().map(|kind| (kind.name, json!(kind))).collect();
     let words = |quantity: &Quantity| (quantity.name, json!(quantity.words));
     let names: Value = QUANTITIES.iter().map(words).collect();
+    let symbols: Value =
+        QUANTITIES.iter().map(|quantity| (quantity.name, json!(quantity.symbol))).collect();
+    // A later meaning of a name replaces an earlier one: a column of the history means more to a reader than the
+    // unworn contact.
+    let members = Unworn::MEMBERS.iter().chain(History::MEMBERS);
+    let meanings: Value = members.map(|member| (member.name, json!(member.meaning))).collect();
+    let named = |(kind, words): &(_, _)| Some((json!(kind).as_str()?.to_owned(), json!(words)));
+    let events: Value = EVENTS.iter().filter_map(named).collect();
     let searched: Value = WORDS.iter().map(|word| (word.name, json!(word.values))).collect();
     format!(
         "/** The kinds of studies. */\nexport const KINDS = {kinds};\n\n/** The names of quantities. */\nexport const NAMES = {names};\n\n\
+         /** Their symbols, with italics between `$`. */\nexport const SYMBOLS = {symbols};\n\n\
+         /** The names of events. */\nexport const EVENTS = {events};\n\n\
+         /** What they mean. */\nexport const MEANINGS = {meanings};\n\n\
          /** The words that results are searched by. */\nexport const SEARCHED = {searched};\n"
     )
 }

@@ -9,6 +9,7 @@ const OUTPUTS = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "
   "energy_per_cycle"];
 
 const SPACINGS = { linear: "Linear", log: "Logarithmic" };
+const DISTRIBUTIONS = { linear: "uniform", log: "uniform in the logarithm" };
 
 /** The button beside a number that lets it vary. It is disabled while the field has no number. */
 export function varyButton(id, name, pointer, scenario, study, redraw) {
@@ -42,13 +43,13 @@ export function drawRange(id, name, pointer, study, changed) {
   const [to, toFault] = field("to", `to${inUnit}`);
   const [count, countFault] = field("count", "number of values");
   count.inputMode = "numeric";
-  const spacing = select(SPACINGS, range.spacing, { id: `${id}-spacing`, "aria-label": `${name}: spacing`, onchange: () => {
+  const spacing = select(isDrawn(study) ? DISTRIBUTIONS : SPACINGS, range.spacing, { id: `${id}-spacing`, "aria-label": `${name}: ${isDrawn(study) ? "distribution" : "spacing"}`, onchange: () => {
     range.spacing = spacing.value;
     changed();
   } });
   return h("div", { class: "range", role: "group", "aria-label": `Range of ${name}` },
     h("div", {}, h("span", {}, "From"), from, h("span", {}, "to"), to, range.unit && h("span", {}, range.unit)), fromFault, toFault,
-    h("div", {}, isDrawn(study) ? h("span", {}, "Spacing") : [count, h("span", {}, "values")], spacing), countFault);
+    h("div", {}, isDrawn(study) ? h("span", {}, "Distribution:") : [count, h("span", {}, "values")], spacing), countFault);
 }
 
 /** The text that shows how the number of runs follows from the ranges, for example 9 × 9 = 81 runs. */
@@ -61,7 +62,7 @@ function sum(study) {
 
 /** The text of the button that submits the form. */
 export function submitText(study) {
-  if (varied(study).length === 0) return "Run";
+  if (varied(study).length === 0) return "Keep";
   const runs = runsOf(study);
   return runs ? `Compute ${cycles(runs)} runs` : "Compute";
 }

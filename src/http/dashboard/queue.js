@@ -1,7 +1,8 @@
 // All jobs of the server, newest first.
 
 import { get, jobAddress, post } from "./api.js";
-import { dateTime, h, notify, select } from "./dom.js";
+import { capital, dateTime, h, notify, select } from "./dom.js";
+import { knownName, loadNames } from "./summary.js";
 import { quantity } from "./units.js";
 
 const REFRESH_MS = 2000;
@@ -14,7 +15,7 @@ export async function showQueue(main, { query, signal }) {
   const list = h("tbody", {});
   const empty = h("p", { class: "muted empty" });
   const more = h("button", { type: "button", hidden: true }, "Show older jobs");
-  const state = select({ "": "All", ...Object.fromEntries(STATES.map((name) => [name, name[0].toUpperCase() + name.slice(1)])) },
+  const state = select({ "": "All", ...Object.fromEntries(STATES.map((name) => [name, capital(name)])) },
     query.get("state"), { id: "state-filter", onchange: () => {
       history.replaceState(null, "", state.value ? `#/queue?state=${state.value}` : "#/queue");
       older = [];
@@ -42,12 +43,16 @@ export async function showQueue(main, { query, signal }) {
     empty.replaceChildren(...(jobs.length ? [] : state.value ? ["No match. Choose another state."]
       : ["No jobs yet. ", h("a", { href: "#/new" }, "Start a run"), "."]));
     more.hidden = !next;
+    loadNames(jobs, signal, (job) => {
+      for (const place of list.querySelectorAll(`[data-name="${job.id}"]`)) place.textContent = knownName(job);
+    });
   }
 
   function drawRow(job) {
+    const name = knownName(job) ?? "…";
     const done = job.state === "succeeded";
     return h("tr", {},
-      h("th", { scope: "row" }, h("a", { href: done ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}` }, job.label || job.id.slice(0, 13))),
+      h("th", { scope: "row" }, h("a", { href: done ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`, "data-name": job.id }, name)),
       h("td", {}, h("span", { class: `state ${job.state}` }, job.state),
         OPEN.includes(job.state) && h("progress", { max: 1, value: job.progress, "aria-label": "Progress" })),
       h("td", {}, dateTime(job.times.created)),
@@ -56,7 +61,7 @@ export async function showQueue(main, { query, signal }) {
       h("td", {}, OPEN.includes(job.state) && h("button", { type: "button", "data-job": job.id, onclick: async () => {
         await post(jobAddress(job.id, "/cancel")).catch((problem) => notify(problem.detail));
         read();
-      }, "aria-label": `Cancel ${job.label || job.id}` }, "Cancel")));
+      }, "aria-label": `Cancel ${knownName(job) ?? job.id}` }, "Cancel")));
   }
 
   await read();

@@ -4,7 +4,8 @@ import { events, get, jobAddress, post } from "./api.js";
 import { dateTime, debounced, fill, h, list, notify } from "./dom.js";
 import { errorCard } from "./error.js";
 import { drawEstimate } from "./estimate.js";
-import { entryOf, subtitle, title } from "./summary.js";
+import { SoFar } from "./so-far.js";
+import { entryOf, nameOf, subtitle, title } from "./summary.js";
 import { cycles, duration } from "./units.js";
 import { editLink } from "./vary.js";
 
@@ -28,7 +29,8 @@ class RemainingTime {
 export async function showRun(main, { id, signal }) {
   const address = jobAddress(id);
   let job = await get(`${address}?include=submitted,scenario`, { signal });
-  const { label, scenario } = job;
+  const { scenario } = job;
+  const name = nameOf(job);
   const remaining = new RemainingTime();
   const state = h("strong", { id: "state" });
   const bar = h("progress", { max: 1, "aria-label": "Progress" });
@@ -37,6 +39,9 @@ export async function showRun(main, { id, signal }) {
   const summary = h("section", { class: "card wide-values", "aria-label": "Scenario", hidden: true });
   const estimate = h("section", { class: "card", "aria-label": "Estimate", hidden: true });
   const outcome = h("div", { class: "stack" });
+  const soFar = new SoFar(`${address}/so-far`, scenario, signal);
+  // The server may forget the progress of a job that was canceled.
+  let farthest = job.progress;
   const form = editLink(job);
   const edit = h("a", { href: form, hidden: !form }, "Edit and run again");
   const cancel = h("button", { type: "button", id: "cancel", onclick: async () => {
@@ -55,7 +60,9 @@ export async function showRun(main, { id, signal }) {
   function draw() {
     state.textContent = job.state;
     bar.value = job.progress;
-    percentage.textContent = job.state === "queued" ? "" : `${Math.floor(job.progress * 100)}\u00a0%`;
+    farthest = Math.max(farthest, job.progress);
+    const reached = `${Math.floor(farthest * 100)}\u00a0%`;
+    percentage.textContent = job.state === "queued" ? "" : job.state !== "canceled" ? reached : farthest >= 0.01 ? `at ${reached}` : "";
     cancel.hidden = !OPEN.includes(job.state);
     edit.className = cancel.hidden ? "button primary" : "button";
     drawTimes();
@@ -84,17 +91,17 @@ export async function showRun(main, { id, signal }) {
     const checked = await post("/v1/scenarios", { scenario }, { signal });
     const { cycles: outputs, model } = checked.scenario;
     fill(summary, h("h2", {}, "Scenario"), h("p", {}, title(entryOf(checked))), h("p", {}, subtitle(entryOf(checked))),
-      list([["Output cycles", `${outputs.length}, the last at N\u00a0=\u00a0${cycles(outputs.at(-1))}`], ["Profile points", model.points]]));
+      list([["Output cycles", `${outputs.length}, the last at N\u00a0=\u00a0${cycles(outputs.at(-1))}`], ["Output radii", model.points]]));
     drawEstimate(estimate, checked);
     summary.hidden = estimate.hidden = false;
   }
 
-  main.replaceChildren(h("h1", {}, label || "Run"),
+  main.replaceChildren(h("h1", {}, name),
     h("div", { class: "two" },
       h("div", {},
         h("section", { class: "card wide-values", "aria-label": "Progress" },
           h("div", { class: "row spread" }, h("p", { class: "row" }, state, percentage), h("div", { class: "row" }, edit, cancel)), bar, times),
-        outcome, summary),
+        outcome, soFar.element, summary),
       h("div", { class: "side" }, estimate)));
   draw();
   const clock = setInterval(() => OPEN.includes(job.state) && drawTimes(), 1000);
@@ -117,6 +124,7 @@ export async function showRun(main, { id, signal }) {
       if (name === "snapshot") job = data;
       if (name === "progress") job = { ...job, ...data };
       if (name === "state") job = data.job ?? { ...job, state: data.state, attempt: data.attempt };
+      if (name === "progress") soFar.update();
       draw();
       announce();
       if (job.state === "succeeded") break;

@@ -1,6 +1,6 @@
 // The title and the subtitle that describe a result: shape, load, motion, method.
 
-import { get } from "./api.js";
+import { get, jobAddress } from "./api.js";
 import { digits, quantity, WORDS } from "./units.js";
 import { KINDS } from "./words.js";
 
@@ -44,6 +44,46 @@ const titleOfRun = ({ shape, motion, values }) => `${joined(WORDS[shape], equati
 /** For example "Exact method · Partial slip · constant depth, constant amplitude". */
 export const subtitle = ({ kind, method, regime, held, motion }) => KINDS[kind] ? "A study of many runs"
   : `${WORDS[method]} · ${WORDS[regime]} · constant ${held}, ${MOTIONS[motion]}`;
+
+/** A job whose scenario is known but not yet checked, in the form of an entry of `GET /v1/results`. */
+const entryOfScenario = ({ profile, model, load, motion, friction }) => ({
+  shape: profile.shape, method: model?.method, held: load.held, motion: motionOf(motion),
+  values: { ...profile, friction, normal_force: load.normal_force, amplitude: motion.amplitude ?? motion.sliding_amplitude, tangential_force: motion.tangential_force },
+});
+
+/** The title of a study: the offer that made its design, for example a random sample. */
+export function studyTitle(kind, study) {
+  const { title: usual, design, offers = [] } = KINDS[kind];
+  const own = offers.find(({ members }) => JSON.parse(members || "{}")[design] === study?.[design]);
+  return own && own.id !== kind ? own.title : usual;
+}
+
+/** The name of a job: its label, or a name made of its values. `job` has its scenario or its study. */
+export function nameOf(job) {
+  if (job.label) return job.label;
+  const whole = { ...job.submitted, ...job };
+  const kind = kindOf(whole);
+  if (kind) {
+    const members = (whole[kind].vary ?? []).map(({ pointer }) => pointer.split("/").at(-1).replaceAll("_", " "));
+    return [studyTitle(kind, whole[kind]), members.join(", ")].filter(Boolean).join(": ");
+  }
+  return whole.scenario ? titleOfRun(entryOfScenario(whole.scenario)) : "Run without a name";
+}
+
+const names = new Map();
+
+/** The name of a job in a list: its label, or the name that was loaded; undefined until then. */
+export const knownName = (job) => job.label || names.get(job.id);
+
+/** Loads the names of jobs without a label, one after the other. Calls `done` for each of them. */
+export async function loadNames(jobs, signal, done) {
+  for (const job of jobs.filter((own) => !knownName(own))) {
+    const whole = await get(jobAddress(job.id, "?include=submitted,scenario"), { signal }).catch(() => null);
+    if (signal.aborted) return;
+    names.set(job.id, whole ? nameOf(whole) : `Job ${job.id.slice(0, 8)}`);
+    done(job);
+  }
+}
 
 /** The latest jobs of a result, newest first. A user who may not list jobs gets none. */
 export const jobsOf = (key, signal) => get(`/v1/jobs?${new URLSearchParams({ key, limit: 20 })}`, { signal }).then(({ jobs }) => jobs, () => []);

@@ -4,9 +4,11 @@
 // `{from, to, unit, count, spacing}` for the pointer of each number that varies. All values are texts, as the user
 // typed them. `profiles` comes from a stored sweep; the form has no fields for it.
 
-import { numberOrText, valueAt } from "./fields.js";
+import { valueAt } from "./fields.js";
+import { fieldText } from "./kinds.js";
 import { limitsOf } from "./limits.js";
 import { kindOf } from "./summary.js";
+import { readNumber } from "./typed.js";
 import { KINDS } from "./words.js";
 
 /** What the form can compute from numbers that vary, by the id of the choice. */
@@ -36,12 +38,6 @@ export const isPossible = (id, study) => {
   return pointers.length === 0 || varied(study).sort().join() === pointers.sort().join();
 };
 
-/** The number and the unit of a text such as 10 mm; undefined if it does not begin with a number. */
-function split(value) {
-  const [, number, unit] = String(value).trim().match(/^([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*)$/i) ?? [];
-  return number && { number, unit };
-}
-
 /** A number as a person types it, with four digits. */
 function typed(value) {
   const size = Math.abs(value);
@@ -54,14 +50,15 @@ export const canVary = (pointer) => !FIXED.test(pointer);
 
 /** The range that the form suggests for a number; undefined if the scenario has no number there. */
 export function suggested(scenario, pointer, kind) {
-  const value = split(valueAt(scenario, pointer));
-  if (!value) return undefined;
-  const [least, most] = limitsOf(pointer, value.unit);
-  const number = Number(value.number);
+  const value = valueAt(scenario, pointer);
+  const read = ["number", "string"].includes(typeof value) && readNumber(fieldText(value, pointer, scenario));
+  if (!read) return undefined;
+  const [least, most] = limitsOf(pointer, read.rest);
+  const number = Number(read.number);
   const { factors, count, spacing } = OFFERS[kind]?.kind.axes.length ? WIDE : NARROW;
   const ends = number === 0 ? [0, 1] : factors.map((factor) => factor * number);
   const [from, to] = [Math.max(Math.min(...ends), least), Math.min(Math.max(...ends), most)];
-  return { from: typed(from), to: typed(to), unit: value.unit, count: String(count), spacing };
+  return { from: typed(from), to: typed(to), unit: read.rest, count: String(count), spacing };
 }
 
 /** Chooses what is computed. Ranges that the user has not changed become the suggested ranges of the new choice. */
@@ -73,11 +70,12 @@ export function choose(kind, scenario, study) {
   study.kind = kind;
 }
 
-/** A number without a unit has the unit of its field. */
-function withUnit(text, unit) {
-  const number = numberOrText(text.trim());
+/** What is typed as an end of a range. A number without a unit has the unit of its field. */
+function withUnit(text, unit = "") {
   if (text.trim() === "") return undefined;
-  return unit && typeof number === "number" ? `${text.trim()} ${unit}` : number;
+  const read = readNumber(text);
+  if (!read) return text.trim();
+  return read.rest || unit ? `${read.number} ${read.rest || unit}` : Number(read.number);
 }
 
 /** The factors whose product is the number of points of a study, as texts. */
@@ -103,12 +101,12 @@ export function jobBody(scenario, study) {
   if (varied(study).length === 0) return { scenario };
   const range = (pointer) => {
     const { from, to, unit, count, spacing } = ranges[pointer];
-    return { from: withUnit(from, unit), to: withUnit(to, unit), ...(!isDrawn(study) && { count: numberOrText(count) }),
+    return { from: withUnit(from, unit), to: withUnit(to, unit), ...(!isDrawn(study) && { count: withUnit(count) ?? "" }),
       ...(spacing === "log" && { spacing }) };
   };
   const ranged = kind.axes.length ? Object.fromEntries(kind.axes.map(([axis, pointer]) => [axis, range(pointer)]))
     : { vary: varied(study).map((pointer) => ({ pointer, ...range(pointer) })) };
-  return { [kind.name]: { scenario, ...ranged, ...members, ...(isDrawn(study) && { samples: numberOrText(study.samples) }), outputs,
+  return { [kind.name]: { scenario, ...ranged, ...members, ...(isDrawn(study) && { samples: withUnit(study.samples) ?? "" }), outputs,
     ...(kind.keeps_profiles && { profiles }) } };
 }
 
@@ -128,16 +126,17 @@ const offerOf = (name, study) => Object.values(OFFERS).find(({ kind, members }) 
   && Object.entries(members).every(([member, value]) => [undefined, value].includes(study[member])));
 
 /** The range of the form for an entry of `vary`. The form shows the common unit of both ends once. */
-function rangeOf({ from, to, count = NARROW.count, spacing = "linear" }) {
+function rangeOf({ pointer, from, to, count = NARROW.count, spacing = "linear" }, scenario) {
   // The user may have emptied the field of one end. Then the unit is that of the other end.
-  const units = new Set([from, to].filter((end) => end !== undefined).map((end) => split(end)?.unit));
+  const ends = [from, to].map((end) => fieldText(end, pointer, scenario));
+  const units = new Set(ends.filter(Boolean).map((end) => readNumber(end)?.rest));
   const [unit = ""] = units.size === 1 ? units : [];
-  const end = (value = "") => String(unit && value !== "" ? split(value).number : value);
-  return { from: end(from), to: end(to), unit, count: String(count), spacing };
+  const end = (text) => (unit && text ? readNumber(text).number : text);
+  return { from: end(ends[0]), to: end(ends[1]), unit, count: String(count), spacing };
 }
 
 /** The study of the form for a job body such as `{"sweep": …}`; undefined if the form cannot show all of it. */
-export function studyOf(body) {
+export function studyOf(body, scenario) {
   const name = kindOf(body);
   if (!name) return undefined;
   const study = body[name];
@@ -149,7 +148,7 @@ export function studyOf(body) {
   // A range need not have all members: the user may have emptied the fields of both ends.
   const isRange = (entry) => Object.keys(entry).every((member) => members.includes(member));
   if (!offer || !vary?.every(isRange) || !Object.keys(study).every((member) => known.includes(member))) return undefined;
-  return { kind: offer.id, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry)])),
+  return { kind: offer.id, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry, scenario)])),
     samples: String(study.samples ?? newStudy().samples), outputs: Array.from(study.outputs ?? [], String),
     profiles: study.profiles };
 }

@@ -23,6 +23,7 @@ use crate::contact::unworn::Regime;
 use crate::numeric::integrate_beyond;
 use crate::request::fault::Faults;
 use crate::scenario::{Scenario, Warning};
+pub use crate::solver::events::EVENTS;
 use crate::solver::events::EventKind;
 
 /// The properties of a scenario that are known without a run.

@@ -81,8 +81,8 @@ fn list<T: Deserr<Faults> + Into<f64>, V: IntoValue>(
                 Some(before) => Err(Faults::at(
                     location.push_index(before + 1),
                     format!(
-                        "must be greater than the number before it. Here {} follows {} \
-                         (compared with 12 digits). Sort the list, or remove repeated numbers",
+                        "must increase: {} comes after {}. Sort the list, or remove repeated numbers \
+                         (equal in 12 digits)",
                         list[before + 1],
                         list[before]
                     ),

@@ -33,6 +33,18 @@ pub enum EventKind {
     EnergyNotReached,
 }
 
+/// The kinds of events with their names for people.
+pub const EVENTS: [(EventKind, &str); 8] = [
+    (EventKind::GrossSlip, "Gross slip"),
+    (EventKind::ContactLost, "Contact lost"),
+    (EventKind::Shakedown, "Wear practically stops"),
+    (EventKind::UntilReached, "Stop condition reached"),
+    (EventKind::RimReached, "Edge of the profile reached"),
+    (EventKind::ContactSplits, "Contact splits into core and ring"),
+    (EventKind::LayerWornThrough, "Layer worn through"),
+    (EventKind::EnergyNotReached, "Requested energy not reached"),
+];
+
 /// An event and its time in N₀.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Event {

@@ -4,7 +4,7 @@
 //! and by colour-blind readers. The initial and the limiting state are dashed. An infinite pressure is
 //! a gap: the curve rises to the frame on both sides of it.
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::axes::{self, LOG_RATIO};
 use super::words::{distinct, shortened};
@@ -14,6 +14,7 @@ use crate::kind::Part;
 use crate::quantity::{QUANTITIES, Quantity};
 use crate::table::{Table, Values, evenly_spaced};
 use crate::view::View;
+use fretwork_engine::outcome::EVENTS;
 use fretwork_plot::{Axis, Dash, Figure, GREY, Series, Style};
 
 /// Number of output cycles in a figure by default.
@@ -127,9 +128,9 @@ impl Drawing<'_> {
         let name = self.quantity.name;
         let table = self.table()?;
         let radius = table.axis("radius");
-        let reference = |column: &str, style| match table.column(column) {
+        let reference = |column: &str, label, style| match table.column(column) {
             Some(Values::Points(row)) if name == "worn" => {
-                Some(Series::new(column, radius.to_vec(), row.clone()).styled(style))
+                Some(Series::new(label, radius.to_vec(), row.clone()).styled(style))
             }
             _ => None,
         };
@@ -141,9 +142,9 @@ impl Drawing<'_> {
             let y = (0..radius.len()).map(|point| at(point).unwrap_or(f64::INFINITY));
             (radius.to_vec(), y.collect())
         });
-        series.splice(0..0, reference("initial", INITIAL));
+        series.splice(0..0, reference("initial", "Unworn", INITIAL));
         // The limiting profile is drawn last. Otherwise the worn profiles, which approach it, would cover it.
-        series.extend(reference("limiting", LIMITING));
+        series.extend(reference("limiting", "Limit", LIMITING));
         let along = if name == "image" { "Coordinate $x$" } else { "Radius $r$" };
         let (x, y) = (self.axis(along, "radius"), self.axis(&self.quantity.label(), name));
         Ok(Figure { x, y, series, ..Figure::default() })
@@ -180,8 +181,8 @@ impl Drawing<'_> {
         for (name, label) in &columns {
             let Some(value) = limit[*name].as_f64() else { continue };
             let label = match label.rsplit_once(' ') {
-                Some((_, symbol)) => format!("limit of {symbol}"),
-                None => "limiting state".to_owned(),
+                Some((_, symbol)) => format!("Limit of {symbol}"),
+                None => "Limit".to_owned(),
             };
             if within_reach(value, &series) {
                 let second = series.iter().any(|one| one.style == Some(LIMITING));
@@ -209,14 +210,14 @@ impl Drawing<'_> {
         let comparison = self.document.value("comparison")?;
         if comparison.is_object() {
             let xi = comparison["xi"].as_f64().unwrap_or(f64::NAN);
-            let rule = format!("rule, ξ = {}", shortened(xi, 4));
+            let rule = format!("Simplified rule, ξ = {}", shortened(xi, 4));
             let named = |label: &str, method: &str| match label {
                 "" => method.to_owned(),
-                label => format!("{label}, {method}"),
+                label => format!("{method}: {label}"),
             };
             let x = numbers(&comparison["history"]["cycles"]);
             for (i, (name, label)) in columns.iter().enumerate() {
-                series[i].label = named(label, "exact");
+                series[i].label = named(label, "Exact method");
                 let y = numbers(&comparison["history"][*name]);
                 series.push(Series::new(&named(label, &rule), x.clone(), y));
             }
@@ -238,14 +239,13 @@ impl Drawing<'_> {
         let events = self.document.value("events")?;
         let mut marks: Vec<(f64, String)> = Vec::new();
         for event in events.as_array().into_iter().flatten() {
-            let (Some(kind), Some(cycle)) = (event["kind"].as_str(), event["cycles"].as_f64())
-            else {
+            let known = EVENTS.iter().find(|(kind, _)| json!(kind) == event["kind"]);
+            let (Some((_, name)), Some(cycle)) = (known, event["cycles"].as_f64()) else {
                 continue;
             };
-            let name = kind.replace('_', " ");
             let visible = (start..=end).contains(&cycle) && cycle > 0.0;
-            if visible && marks.iter().all(|mark| mark.1 != name) {
-                marks.push((cycle, name));
+            if visible && marks.iter().all(|mark| mark.1 != *name) {
+                marks.push((cycle, (*name).to_owned()));
             }
         }
         Ok(marks)
@@ -316,7 +316,7 @@ fn typical_height(series: &Series) -> f64 {
 /// Labels of output cycles, with 6 digits if these suffice to distinguish them.
 fn labels(cycles: &[f64]) -> Vec<String> {
     distinct(cycles, [6, 17], |cycles, digits| match cycles {
-        0.0 => "unworn".to_owned(),
+        0.0 => "Unworn".to_owned(),
         cycles => format!("$N$ = {}", shortened(cycles, digits)),
     })
 }
@@ -329,7 +329,7 @@ mod tests {
     fn labels_of_output_cycles_are_short_and_distinct() {
         assert_eq!(
             labels(&[0.0, 1000.0, 177.827_941_004]),
-            ["unworn", "$N$ = 1000", "$N$ = 177.828"]
+            ["Unworn", "$N$ = 1000", "$N$ = 177.828"]
         );
         assert_eq!(labels(&[2.5e7, 1e9, 5e-5]), ["$N$ = 2.5×10⁷", "$N$ = 10⁹", "$N$ = 5×10⁻⁵"]);
         assert_eq!(labels(&[1000.001, 1000.002]), ["$N$ = 1000.001", "$N$ = 1000.002"]);

@@ -1,0 +1,34 @@
+// Names of quantities that explain themselves: with the pointer, or with the keyboard.
+
+import { h } from "./dom.js";
+import { isLine, wordOf } from "./units.js";
+import { MEANINGS, SYMBOLS } from "./words.js";
+
+/** Distance of an explanation from the edges of the screen, in px. */
+const MARGIN = 8;
+let explanations = 0;
+
+/** The symbol of a quantity, with italics between `$`. */
+export const symbolOf = (name, { profile } = {}) => (name === "radius" && isLine(profile) ? "" : SYMBOLS[name] ?? "");
+
+/** A text with italics between `$`, as elements. */
+export const italics = (text) => text.split("$").map((piece, i) => (i % 2 ? h("i", {}, piece) : piece));
+
+/** The name and the symbol of a quantity. Its meaning appears at the pointer and at the focus; Escape hides it. */
+export function term(name, scenario) {
+  const meaning = MEANINGS[name];
+  const content = [wordOf(name, scenario), SYMBOLS[name] && " ", ...italics(SYMBOLS[name] ?? "")];
+  if (!meaning) return h("span", {}, content);
+  const id = `explanation-${++explanations}`;
+  const told = h("span", { role: "tooltip", id }, `${meaning.replaceAll("`", "")}.`);
+  const appear = () => {
+    whole.classList.remove("hushed");
+    // Keeps the text on the screen.
+    told.style.translate = "";
+    const { left, right } = told.getBoundingClientRect();
+    told.style.translate = `${Math.max(MARGIN - left, Math.min(0, document.documentElement.clientWidth - MARGIN - right))}px`;
+  };
+  const whole = h("span", { class: "explained", onkeydown: (event) => event.key === "Escape" && whole.classList.add("hushed"),
+    onpointerenter: appear, onfocusin: appear }, h("button", { type: "button", class: "term", "aria-describedby": id }, content), told);
+  return whole;
+}

@@ -1,0 +1,97 @@
+// The field of one value of the scenario: it reads what is typed, says how it was read, and asks what is doubtful.
+
+import { fill, h, select } from "./dom.js";
+import { setValueAt, valueAt } from "./fields.js";
+import { fieldText, kindAt, pretty } from "./kinds.js";
+import { drawRange, varyButton } from "./plan.js";
+import { slider } from "./slider.js";
+import { readList, understand } from "./typed.js";
+import { canVary, suggested } from "./vary.js";
+
+/** Maximum number of characters of a value, and of a label, beside each other. Longer ones stand in two rows. */
+const [MAX_VALUE, MAX_LABEL] = [14, 26];
+
+/** The id of the field of a number. */
+export const idOf = (pointer) => pointer.slice(1).replaceAll("/", "-");
+
+export const hint = (id, text) => h("p", { id: `${id}-hint`, class: "hint" }, text);
+
+/** The name of a number is its label without the hint in brackets. */
+const nameOf = (label) => label.replace(/ \(.*\)$/, "");
+
+const isList = (pointer) => /^\/cycles(\/(normalized|dissipated_energy))?$/.test(pointer);
+
+/** What a text means in the field of a pointer. */
+function meaning(pointer, text, scenario) {
+  if (text.trim() === "") return { value: undefined };
+  if (!isList(pointer)) return understand(text, kindAt(pointer, scenario));
+  const value = readList(text);
+  const read = value.map(pretty).join(", ");
+  return { value, note: read.replace(/\s/g, "") === text.replace(/\s/g, "") ? "" : `Read as ${read}.` };
+}
+
+/**
+ * Draws the fields of a scenario. `edited(pointer, isDragging)` is called when a value has changed, and `redraw` when the fields
+ * are to be drawn again.
+ */
+export class Inputs {
+  /** The names of the fields whose numbers can vary, by their pointers. */
+  names = new Map();
+
+  constructor(form, { edited, changed, redraw }) {
+    Object.assign(this, { form, edited, changed, redraw });
+  }
+
+  /** The field of `[pointer, label, options, explanation]`. */
+  draw([pointer, label, options, explanation]) {
+    const { scenario, study } = this.form;
+    const [id, name] = [idOf(pointer), nameOf(label)];
+    const vary = !options && canVary(pointer) && varyButton(id, name, pointer, scenario, study, this.redraw);
+    if (vary) this.names.set(pointer, name);
+    if (Object.hasOwn(study.ranges, pointer)) {
+      return h("div", { class: "field varied" }, h("label", { for: `${id}-from` }, label), vary,
+        drawRange(id, name, pointer, study, this.changed));
+    }
+    const described = `${id}-fault${explanation ? ` ${id}-hint` : ""}`;
+    const attributes = { id, "data-pointer": `/scenario${pointer}`, "data-name": name, "aria-describedby": described };
+    const parts = options ? this.#choice(pointer, options, attributes) : this.#number(pointer, name, vary, attributes);
+    const isLong = !options && parts.input.value.length > MAX_VALUE || label.length > MAX_LABEL;
+    return h("div", { class: isLong ? "field long" : "field" }, h("label", { for: id }, label), parts.elements,
+      explanation && hint(id, explanation), h("p", { id: `${id}-fault`, class: "fault" }));
+  }
+
+  #choice(pointer, options, attributes) {
+    const { scenario } = this.form;
+    const value = valueAt(scenario, pointer);
+    const input = select(options, value === undefined ? "" : String(value), { ...attributes, onchange: () => {
+      setValueAt(scenario, pointer, input.value === "" ? undefined : input.value === "true" || input.value);
+      this.edited(pointer);
+    } });
+    return { input, elements: [input] };
+  }
+
+  #number(pointer, name, vary, attributes) {
+    const { scenario, study } = this.form;
+    const note = h("p", { class: "note-read", id: `${attributes.id}-note`, role: "status" });
+    const input = h("input", { ...attributes, value: fieldText(valueAt(scenario, pointer), pointer, scenario), autocomplete: "off",
+      spellcheck: false });
+    const set = (text, isDragging = false) => {
+      const { value, note: said, instead } = meaning(pointer, text, scenario);
+      setValueAt(scenario, pointer, value);
+      if (vary) vary.disabled = !suggested(scenario, pointer, study.kind);
+      fill(note, said, said && instead && " ", instead && [instead.question, " ", h("button", { type: "button", class: "vary", onclick: () => {
+        input.value = pretty(instead.value).replaceAll("\u00a0", " ");
+        set(input.value);
+        slide?.follow();
+        input.focus();
+      } }, `Use ${pretty(instead.value)}`)]);
+      this.edited(pointer, isDragging);
+    };
+    const slide = vary ? slider(input, name, pointer, scenario, set) : null;
+    input.addEventListener("input", () => {
+      set(input.value);
+      slide?.follow();
+    });
+    return { input, elements: [vary ? h("div", { class: "value" }, input, vary, slide.element) : input, note] };
+  }
+}

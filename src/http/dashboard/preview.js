@@ -1,0 +1,107 @@
+// The result beside the form, drawn from each evaluation: numbers with their errors, profiles, histories, loop and section.
+
+import { fill, h } from "./dom.js";
+import { Cursors, Figure } from "./figure.js";
+import { drawHeadline, isAtNumber } from "./headline.js";
+import { playButton } from "./player.js";
+import { drawHistory, drawLoop, drawProfile, nearest } from "./result-figures.js";
+import { Section } from "./section.js";
+import { cycles } from "./units.js";
+
+/** Height of a figure in px: five of them stand above the fold. */
+const HEIGHT = 166;
+const FIGURES = ["profile", "depth", "volume", "loop"];
+
+export class Preview {
+  #figures;
+  #section;
+  #result = null;
+  #row = null;
+  #signal;
+  #steps = h("input", { type: "range", id: "output", min: 0, step: 1, "aria-label": "Cycles", oninput: () => this.#showRow(Number(this.#steps.value)) });
+  #position = h("output", { for: "output", id: "at" });
+  #player = h("span", {});
+  #headline = { first: h("dl", { class: "headline", id: "headline" }), others: h("dl", { class: "tiles" }), notes: h("div", { class: "notes", id: "number-warnings" }) };
+  #texts = Object.fromEntries(["difference", "missing", "ratios"].map((name) => [name, h("p", { class: "muted", id: name })]));
+  #state = h("p", { class: "muted", id: "computing", role: "status" });
+  #progress = h("progress", { max: 1, "aria-label": "Progress", hidden: true });
+  #stepRow;
+  #grid;
+
+  constructor(signal) {
+    this.#signal = signal;
+    const group = new Cursors();
+    this.#figures = Object.fromEntries(FIGURES.map((name) => [name, new Figure({ name, group, signal, height: HEIGHT })]));
+    this.#section = new Section(signal);
+    this.#section.element.classList.add("small");
+    this.#stepRow = h("div", { class: "row steps", hidden: true }, this.#player, this.#steps, this.#position);
+    const card = (name, label, ...more) => h("section", { class: `card ${name}`, "aria-label": label }, ...more);
+    this.#grid = h("div", { class: "figures", hidden: true }, card("profile", "Profiles", this.#figures.profile.element),
+      card("section", "Section", this.#section.element), card("depth", "Depth", this.#figures.depth.element),
+      card("volume", "Volume", this.#figures.volume.element), card("loop", "Fretting loop", this.#figures.loop.element, this.#texts.ratios));
+    this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#headline.first, this.#stepRow, this.#state, this.#progress, this.#grid,
+      this.#headline.notes, this.#texts.difference, this.#texts.missing,
+      h("details", { class: "card" }, h("summary", {}, "More numbers"), this.#headline.others));
+    document.addEventListener("units", () => this.#result && this.#draw(), { signal });
+  }
+
+  /** While the form is held, the axes of the figures stay. */
+  hold(yes) {
+    if (this.#result) for (const figure of Object.values(this.#figures)) figure.hold(yes);
+  }
+
+  /** Says that the figures do not belong to the form: why, or null if they do. A job that is computed has a progress. */
+  mark(text, progress = null) {
+    this.#state.textContent = text ?? "";
+    this.#progress.hidden = progress === null;
+    this.#progress.value = progress ?? 0;
+    this.element.classList.toggle("outdated", text !== null);
+  }
+
+  /** Shows an answer of `POST /v1/evaluate`, or a result. */
+  show(result) {
+    const before = this.#result?.profiles?.cycles.length ?? 0;
+    this.#result = result;
+    const outputs = result.profiles?.cycles ?? [0];
+    const last = outputs.length - 1;
+    if (outputs.length !== before) {
+      this.#row = null;
+      fill(this.#player, playButton(outputs.length, () => this.#row ?? last, (row) => this.#showRow(row), this.#signal));
+    }
+    this.#row = this.#row === null ? null : Math.min(this.#row, last);
+    this.#steps.max = last;
+    this.#draw();
+  }
+
+  /** Shows the rows of a run that is being computed. */
+  showRows(history, result) {
+    const rows = { ...result, history, events: [], accuracy: { model_error: null } };
+    this.#grid.hidden = false;
+    this.#stepRow.hidden = true;
+    this.#grid.classList.add("rows");
+    drawHeadline(this.#headline, rows, history.cycles.length - 1, result.warnings.filter(isAtNumber));
+    for (const name of ["depth", "volume"]) drawHistory(this.#figures[name], this.#texts.missing, rows, null, { history: name, log: "x", at: null });
+  }
+
+  #showRow(row) {
+    this.#row = row === Number(this.#steps.max) ? null : row;
+    this.#draw();
+  }
+
+  #draw() {
+    const result = this.#result;
+    const outputs = result.profiles?.cycles ?? [];
+    const row = this.#row ?? outputs.length - 1;
+    const at = outputs[row] ?? result.history.cycles.at(-1);
+    this.#grid.hidden = this.#stepRow.hidden = false;
+    this.#grid.classList.toggle("rows", !outputs.length);
+    this.#steps.value = row;
+    this.#steps.setAttribute("aria-valuetext", `${cycles(at)} cycles`);
+    this.#position.textContent = `N = ${cycles(at)}`;
+    drawHeadline(this.#headline, result, nearest(result.history.cycles, at), result.warnings.filter(isAtNumber));
+    drawProfile(this.#figures.profile, this.#texts.difference, result, null, { plot: "worn", row });
+    for (const name of ["depth", "volume"]) drawHistory(this.#figures[name], this.#texts.missing, result, null, { history: name, log: "x", at });
+    drawLoop(this.#figures.loop, this.#texts.ratios, result, null, at);
+    if (result.profiles) this.#section.show(result, row);
+  }
+}

@@ -1,0 +1,170 @@
+// The figures of a run: profiles, history and loop at one output cycle, alone or beside those of a second run.
+
+import { axisLimit, branches, extent, maxDifference } from "./curves.js";
+import { fill } from "./dom.js";
+import { symbolOf, term } from "./explain.js";
+import { cycles, digits, isLine, quantity, wordOf, WORDS } from "./units.js";
+
+export const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
+/** Title and columns of each history figure. */
+export const HISTORIES = {
+  volume: ["Wear volume", ["wear_volume"]],
+  depth: ["Wear depth", ["wear_depth"]],
+  radii: ["Radii", ["contact_radius", "stick_radius", "scar_radius"]],
+  forces: ["Forces", ["normal_force", "tangential_force"]],
+  depths: ["Depth and amplitude", ["indentation_depth", "amplitude"]],
+  energy: ["Energy per cycle", ["energy_per_cycle"]],
+  dissipated: ["Dissipated energy", ["dissipated_energy"]],
+};
+/** Maximum number of loop branches in the figure: a displacement record may have thousands. */
+const MAX_BRANCHES = 24;
+/** Maximum number of curves at other output cycles, and of edges of blocks. */
+const [MAX_OTHERS, MAX_EDGES] = [8, 40];
+/** The dashes of the columns of a history: the scar often ends where the contact does, and must not hide it. */
+const DASHES = [undefined, undefined, "dashed"];
+/** Numbers of a loop. */
+const RATIOS = ["energy_ratio", "slip_ratio", "free_ratio", "actuator_energy_ratio", "actuator_slip_ratio"];
+/** A history with fewer output cycles has marked points. */
+const MARKED = 60;
+
+export const historyTitle = (name, { scenario }) => (name === "radii" && isLine(scenario.profile) ? "Half-widths" : HISTORIES[name][0]);
+
+/** The row of `cycles` nearest to `at`; the last row if `at` is missing. */
+export function nearest(cycles, at) {
+  if (at == null || at === "") return cycles.length - 1;
+  const distances = cycles.map((own) => Math.abs(own - Number(at)));
+  return distances.indexOf(Math.min(...distances));
+}
+
+/** Columns that jump when a block begins. A line would suggest values between two blocks. */
+const JUMPING = new Set(["amplitude", "tangential_force", "energy_per_cycle", "contact_radius", "stick_radius"]);
+
+/** Whether a column has values. Displacements of a line contact have none without a reference. */
+const isKnown = (values) => values.some((value) => value != null);
+/** Says why quantities are not drawn. */
+const notDrawn = (words) => `Not drawn: ${words.join(", ")}. A line contact needs a reference distance for this.`;
+
+/** At most `count` rows that are evenly spaced. */
+export const spread = (rows, count) => (rows.length <= count ? rows
+  : Array.from({ length: count }, (_, i) => rows[Math.round((i * (rows.length - 1)) / (count - 1))]));
+
+/** The ends of the vertical axis over all output cycles, so that it stays while the slider moves. */
+function rangeOf({ profiles }, name) {
+  const rows = name === "worn" ? [profiles.initial, ...profiles.worn, profiles.limiting ?? []] : profiles[name];
+  const range = extent(rows);
+  if (name === "pressure" && range) range[1] = Math.max(...profiles.pressure.map(axisLimit));
+  return range;
+}
+
+/** The curves of one run: other output cycles, the unworn state, the output cycle, and on top of it the limit. */
+function profileCurves({ profiles }, name, row, label) {
+  const { radius: x, initial, limiting, cycles: outputs, [name]: rows } = profiles;
+  const isWorn = name === "worn";
+  const others = spread(outputs.map((_, i) => i).filter((i) => i !== row && outputs[i] > 0), MAX_OTHERS);
+  const curves = others.map((i) => ({ name: "", x, y: rows[i], ink: 6, faint: true }));
+  if (outputs[row] > 0) curves.push({ name: "Unworn", x, y: isWorn ? initial : rows[0], ink: 4, dash: "dashed", label: "apart" });
+  curves.push({ name: outputs[row] > 0 ? label : "Unworn", x, y: rows[row], ink: 1, label: "apart" });
+  if (limiting && (isWorn || name === "wear")) {
+    curves.push({ name: "Limit", x, y: isWorn ? limiting : limiting.map((height, i) => height - initial[i]), ink: 3, dash: "dotted", label: "apart" });
+  }
+  return curves;
+}
+
+const after = (name, at) => (at > 0 ? `${WORDS[name]} after ${cycles(at)} cycles`
+  : name === "worn" ? "Unworn profile" : `${WORDS[name]} of the unworn contact`);
+
+export function drawProfile(figure, difference, result, other, { plot: name, row }) {
+  if (!result.profiles) return;
+  const { profiles, units, scenario } = result;
+  const texts = [];
+  const at = profiles.cycles[row];
+  const letter = isLine(scenario.profile) ? "x" : "r";
+  const curves = profileCurves(result, name, row, other ? "Run A" : `N = ${cycles(at)}`);
+  const current = curves.find(({ ink }) => ink === 1);
+  const ranges = [rangeOf(result, name)];
+  if (other?.profiles) {
+    const otherRow = nearest(other.profiles.cycles, at);
+    const second = { name: "Run B", x: other.profiles.radius, y: other.profiles[name][otherRow], ink: 5, dash: "dashed", label: "apart" };
+    curves.push(second);
+    ranges.push(rangeOf(other, name));
+    const found = maxDifference(current, second);
+    const nearby = `Run B is at N\u00a0=\u00a0${cycles(other.profiles.cycles[otherRow])}.`;
+    texts.push(found ? `Largest difference ${quantity(found.value, units[name], 2)} at ${letter}\u00a0=\u00a0${quantity(found.at, units.radius, 3)}. ${nearby}`
+      : "At this output cycle there is nothing to compare.");
+  }
+  const range = extent(ranges.filter(Boolean));
+  const peak = Math.max(...current.y);
+  if (range && peak > range[1] * 1.0001) {
+    const radius = quantity(profiles.radius[current.y.indexOf(peak)], units.radius);
+    texts.push(`Peak outside the axis range: ${quantity(peak, units[name])} at ${letter} = ${radius}, at an edge of the worn profile.`);
+  }
+  difference.textContent = texts.join(" ");
+  figure.title = after(name, at);
+  const across = wordOf("radius", scenario);
+  figure.show(curves, { x: { title: across, symbol: symbolOf("radius", scenario), unit: units.radius },
+    y: { title: name === "worn" ? "Height" : WORDS[name], symbol: symbolOf(name), unit: units[name], range }, description: `${after(name, at)}, over ${across}` });
+}
+
+/** The marks of a history: its events, and the edges of amplitude blocks. */
+function marksOf({ events, scenario: { motion } }) {
+  const names = events.map(({ kind, cycles: x }) => ({ x, name: WORDS[kind] }));
+  const blocks = motion.blocks?.length <= MAX_EDGES ? motion.blocks : [];
+  let x = 0;
+  return [...blocks.slice(0, -1).map(({ cycles: length }) => ({ x: (x += length), name: "" })), ...names];
+}
+
+export function drawHistory(figure, missing, result, other, { history, log, at }) {
+  const [, columns] = HISTORIES[history];
+  const heading = historyTitle(history, result);
+  const { units, scenario } = result;
+  const points = result.history.cycles.length < MARKED;
+  const isJumping = (name) => Boolean(scenario.motion.blocks) && JUMPING.has(name);
+  const curve = (from, name, more) => ({ x: from.cycles, y: from[name], points: points || isJumping(name), line: !isJumping(name), ...more });
+  // The title of the axis says what a single column is. Then a curve only needs the name of its run.
+  const isSingle = columns.length === 1;
+  const isAlone = isSingle && !result.comparison && !other;
+  const run = other ? "Run A" : result.comparison ? WORDS[scenario.model.method] : "";
+  const named = (own, name, of) => (isSingle && own ? own : [own, wordOf(name, of)].filter(Boolean).join(": "));
+  const curves = columns.map((name, i) => curve(result.history, name,
+    { name: named(isSingle || other ? run : "", name, scenario), ink: i + 1, label: isAlone ? "none" : "end", dash: DASHES[i] }));
+  const addSecond = ({ history: own, scenario: of }, second, ink) => curves.push(curve(own, columns[0],
+    { name: named(second, columns[0], of), ink, dash: "dashed" }));
+  if (result.comparison) addSecond({ ...result, ...result.comparison }, "Simplified rule", 4);
+  if (other) addSecond(other, "Run B", 5);
+  const [drawn, others] = [true, false].map((wanted) => curves.filter(({ y }) => isKnown(y) === wanted));
+  missing.textContent = others.length ? notDrawn(others.map(({ name }) => name)) : "";
+  figure.element.hidden = !drawn.length;
+  figure.title = heading;
+  figure.show(drawn, { x: { title: WORDS.cycles, symbol: symbolOf("cycles"), unit: "1", log: log.includes("x") },
+    y: { title: heading, symbol: columns.length > 1 ? "" : symbolOf(columns[0]), unit: units[columns[0]], log: log.includes("y") }, marks: marksOf(result), at });
+}
+
+/** The curves of a loop: unloading is dashed, and arrows show the direction. */
+function loopCurves({ loops }, row, run, ink) {
+  const all = branches(loops.displacement[row], loops.tangential_force[row]);
+  const curves = all.slice(0, MAX_BRANCHES).map(({ x, y, direction }, i) => ({ x, y, ink, direction,
+    name: i > 1 ? "" : `${run}${direction > 0 ? "Loading" : "Unloading"}`, dash: direction > 0 ? undefined : "dashed",
+    label: run ? "none" : "middle", below: direction < 0 }));
+  return { curves, truncated: all.length > MAX_BRANCHES ? ` (first ${MAX_BRANCHES} of ${all.length} branches)` : "" };
+}
+
+export function drawLoop(figure, ratios, result, other, at) {
+  const { loops, units } = result;
+  if (!loops?.cycles.length) return;
+  const row = nearest(loops.cycles, at);
+  const isDrawn = isKnown(loops.displacement[row]);
+  const own = isDrawn ? loopCurves(result, row, other ? "Run A: " : "", 1) : { curves: [], truncated: "" };
+  const otherRow = other?.loops?.cycles.length ? nearest(other.loops.cycles, at) : -1;
+  const second = otherRow >= 0 && isKnown(other.loops.displacement[otherRow]) ? loopCurves(other, otherRow, "Run B: ", 5).curves : [];
+  const known = RATIOS.filter((name) => loops[name]?.[row] != null)
+    .flatMap((name, i) => [i > 0 && ", ", term(name, result.scenario), `\u00a0=\u00a0${digits(loops[name][row], 3)}`]);
+  fill(ratios, !isDrawn && [notDrawn(["Fretting loop"]), " "], known);
+  const curves = [...own.curves, ...second];
+  figure.element.hidden = !curves.length;
+  figure.title = `Fretting loop ${at > 0 ? `after ${cycles(at)} cycles` : "of the unworn contact"}${own.truncated}`;
+  const all = [result, other].filter((run) => run?.loops?.cycles.length).map((run) => run.loops);
+  figure.show(curves, {
+    x: { title: WORDS.displacement, symbol: symbolOf("displacement"), unit: units.displacement, range: extent(all.flatMap(({ displacement }) => displacement)) },
+    y: { title: "Tangential force", symbol: symbolOf("tangential_force"), unit: "N", range: extent(all.flatMap(({ tangential_force: force }) => force)) },
+    legend: Boolean(other), description: `Tangential force over displacement ${at > 0 ? `after ${cycles(at)} cycles` : "of the unworn contact"}` });
+}

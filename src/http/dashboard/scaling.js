@@ -1,0 +1,76 @@
+// Numbers with their units and prefixes, as the page shows them. The server sends all quantities in SI units.
+
+/** For each SI unit: the units that are shown, each with its factor and the size from which it is used. */
+const LADDERS = {
+  m: [["nm", 1e9, 0], ["µm", 1e6, 1e-7], ["mm", 1e3, 1e-3], ["m", 1, 1]],
+  "m^3": [["µm³", 1e18, 0], ["mm³", 1e9, 1e-12]],
+  Pa: [["Pa", 1, 0], ["kPa", 1e-3, 1e3], ["MPa", 1e-6, 1e6], ["GPa", 1e-9, 1e9]],
+  J: [["nJ", 1e9, 0], ["µJ", 1e6, 1e-7], ["mJ", 1e3, 1e-3], ["J", 1, 1], ["kJ", 1e-3, 1e3], ["MJ", 1e-6, 1e6]],
+  N: [["mN", 1e3, 0], ["N", 1, 0.1], ["kN", 1e-3, 1e3]],
+  "1/Pa": [["mm³/(N m)", 1e9, 0]],
+  "N/m": [["N/m", 1, 0], ["N/mm", 1e-3, 1e3], ["N/µm", 1e-6, 1e5]],
+  "N per m": [["N/m", 1, 0], ["N/mm", 1e-3, 1e3]],
+  rad: [["deg", 180 / Math.PI, 0]],
+};
+/** The unit of a zero, and of a column without values. */
+const USUAL = { m: 1, "m^3": 1, Pa: 2, J: 2, N: 1, "N/m": 2, "N per m": 1 };
+const PRINTED = { "1": "", "m^3": "m³", "N per m": "N/m" };
+
+let isSi = localStorage.getItem("fretwork-units") === "si";
+
+/** Whether the dashboard shows SI units. */
+export const si = () => isSi;
+
+export function useSi(yes) {
+  isSi = yes;
+  localStorage.setItem("fretwork-units", yes ? "si" : "engineering");
+}
+
+/** Name and factor of the unit that is shown for values of an SI unit. `size` is the largest of them, in SI units. */
+function scaleOf(unit, size = 0) {
+  const ladder = !isSi && LADDERS[unit];
+  if (!ladder) return { unit: PRINTED[unit] ?? unit ?? "", factor: 1 };
+  // A value that is rounded up to the next prefix has that prefix: 999.99 µm is 1 mm.
+  const own = Math.abs(size) * (1 + 1e-4);
+  const [name, factor] = own > 0 ? ladder.findLast(([, , from]) => own >= from) : ladder[USUAL[unit] ?? 0];
+  return { unit: name, factor };
+}
+
+const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+/** 10 with an exponent. */
+export const powerOfTen = (exponent) => `10${String(exponent).replace("-", "⁻").replace(/\d/g, (digit) => SUPERSCRIPTS[digit])}`;
+
+/** Narrow spaces between thousands from five digits on. */
+export const spaced = (text) => text.replace(/^(-?)(\d{5,})(?=\.|$)/, (_, sign, whole) => sign + whole.replace(/\B(?=(\d{3})+$)/g, "\u202f"));
+
+/** A number with at most `count` significant digits. */
+export function digits(value, count = 4) {
+  if (value == null || !Number.isFinite(value)) return "–";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e6 || size < 1e-3) {
+    const [mantissa, exponent] = value.toExponential(count - 1).split("e");
+    return `${Number(mantissa)}×${powerOfTen(Number(exponent))}`.replace("-", "−");
+  }
+  return spaced(String(Number(value.toPrecision(count)))).replace("-", "−");
+}
+
+/** A number with its unit, joined by no-break spaces: 0.102 µJ, 1.4 kJ. */
+export function quantity(value, unit, count = 4) {
+  const { unit: name, factor } = scaleOf(unit, value ?? 0);
+  const text = digits(value == null ? null : value * factor, count);
+  return name && text !== "–" ? `${text}\u00a0${name.replace(" ", "\u00a0")}` : text;
+}
+
+/** A name with its unit in brackets. */
+export const withUnit = (name, unit) => (unit ? `${name} (${unit})` : name);
+
+/** The unit of an axis that ends at `size`, and the factor to it. A power of ten keeps the numbers of the axis short. */
+export function axisUnit(unit, size) {
+  const scale = scaleOf(unit, size);
+  const shown = Math.abs(size) * scale.factor;
+  const isShort = shown === 0 || (shown >= 0.01 && shown < (scale.unit ? 1e4 : 1e6));
+  if (isShort) return scale;
+  const exponent = 3 * Math.floor(Math.log10(shown) / 3 + 1e-9);
+  return { unit: `${powerOfTen(exponent)}${scale.unit && `\u00a0${scale.unit}`}`, factor: scale.factor * 10 ** -exponent };
+}

@@ -1,0 +1,94 @@
+// Reads numbers as people type and paste them: 0,7 · 1 000 · 3.03×10⁻⁵ mm³/Nm. Says how it read what is ambiguous.
+
+import { factorIn, pretty } from "./kinds.js";
+
+const SPACE = "[ '’\\u00a0\\u2007\\u2009\\u202f]";
+const SIGN = "[-+−–]";
+/** Digits in groups of three, with decimal points or commas. */
+const MANTISSA = `${SIGN}?(?:\\d+(?:${SPACE}\\d{3}(?!\\d))*(?:[.,]\\d*)*|[.,]\\d+)`;
+const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+/** A power of ten: e-5, ×10⁻⁵, ·10^-5 or x10-5. */
+const POWER = `(?:[eE](?<e>${SIGN}?\\d+)|\\s*[×·⋅*xX]\\s*10(?:\\^?\\s*\\(?(?<plain>${SIGN}?\\d+)\\)?|(?<raised>[⁺⁻]?[${SUPERSCRIPTS}]+)))`;
+const NUMBER = new RegExp(`^(?<mantissa>${MANTISSA})${POWER}?`, "u");
+
+const plainSign = (text) => text.replace(/[−–⁻]/, "-").replace(/[+⁺]/, "");
+const plainPower = (text) => plainSign(text).replace(/[⁰¹²³⁴⁵⁶⁷⁸⁹]/g, (digit) => SUPERSCRIPTS.indexOf(digit));
+
+/** Digits with a decimal point, and their other reading if there is one; undefined if the separators contradict. */
+function plainDigits(text) {
+  const isGrouped = new RegExp(`\\d${SPACE}\\d`).test(text);
+  const digits = text.replace(new RegExp(SPACE, "g"), "").replace(/[.,]$/, "");
+  const marks = digits.match(/[.,]/g) ?? [];
+  const decimal = (mark) => digits.replaceAll(mark === "," ? "." : ",", "").replace(mark, ".");
+  const whole = () => (/^[-+−–]?\d{1,3}([.,]\d{3})+$/.test(digits) ? [digits.replace(/[.,]/g, "")] : undefined);
+  if (marks.length === 0) return [digits];
+  if (new Set(marks).size === 2) return marks.indexOf(marks.at(-1)) === marks.length - 1 ? [decimal(marks.at(-1))] : undefined;
+  if (marks.length > 1) return whole();
+  // One comma before three digits is a decimal comma, or it separates thousands. Nobody writes 1,000 for 1.
+  const thousands = marks[0] === "," && !isGrouped && !/^[-+−–]?0/.test(digits) && whole();
+  if (!thousands) return [decimal(marks[0])];
+  return digits.endsWith(",000") ? [thousands[0], decimal(",")] : [decimal(","), thousands[0]];
+}
+
+/** The number at the start of a text, as the API writes it, its other reading, and the rest; undefined if there is none. */
+export function readNumber(text) {
+  const trimmed = text.trim();
+  const found = trimmed.match(NUMBER);
+  const [digits, other] = (found && plainDigits(found.groups.mantissa)) ?? [];
+  if (!digits) return undefined;
+  const { e, plain, raised } = found.groups;
+  const power = e ?? plain ?? raised;
+  const whole = (mantissa) => plainSign(mantissa) + (power === undefined ? "" : `e${plainPower(power)}`);
+  return { number: whole(digits), other: other && whole(other), rest: trimmed.slice(found[0].length).trim() };
+}
+
+/** A number with its unit as a scenario has it. */
+const valueOf = (number, unit) => (unit ? `${number} ${unit}` : Number(number));
+
+/**
+ * What a text means in a field of a kind: the value of the scenario, a note if the reading is not obvious, and values that the
+ * user may have meant instead, each with a question.
+ */
+export function understand(text, kind) {
+  const read = readNumber(text);
+  if (!read) return { value: text.trim() };
+  const unit = read.rest || kind.unit;
+  const value = valueOf(read.number, unit);
+  const shown = pretty(value);
+  const other = read.other && valueOf(read.other, unit);
+  if (other) {
+    return { value, note: `Read as ${shown}.`, instead: { question: `Or did you mean ${pretty(other)}?`, value: other } };
+  }
+  const meant = suspect(read.number, unit, kind);
+  return { value, note: !read.rest && kind.unit ? `Read as ${shown}.` : "",
+    instead: meant && { question: `${shown}. Did you mean ${pretty(meant)}?`, value: meant } };
+}
+
+/** The value that is probably meant instead of one that no contact has; undefined if there is none. */
+function suspect(number, unit, kind) {
+  const size = Math.abs(number) * (factorIn(kind, unit) ?? NaN);
+  const isUsual = (si) => si >= kind.usual[0] && si <= kind.usual[1];
+  if (!kind.usual || !(size > 0) || isUsual(size)) return undefined;
+  const meant = [kind.unit, ...Object.keys(kind.units)].find((name) => isUsual(Math.abs(number) * kind.units[name]));
+  return meant && valueOf(number, meant);
+}
+
+/** The numbers of a list: 1000, 2000 · 1 000; 2 000 · 0,5; 1,5 · 1000 2000. Texts that are no number stay as they are. */
+export function readList(text) {
+  const items = listItems(text.trim());
+  return items.map((item) => {
+    const read = readNumber(item);
+    if (!read) return item;
+    return valueOf(read.number, read.rest);
+  });
+}
+
+function listItems(text) {
+  if (/[;\n\t]/.test(text)) return text.split(/\s*[;\n\t]\s*/).filter(Boolean);
+  // In "1,000, 2,000" the commas without a space separate thousands.
+  if (/,\s/.test(text) && /\d,\d{3}(?!\d)/.test(text)) return text.split(/\s*,\s+/).filter(Boolean);
+  if (text.includes(",")) return /^\d{1,3}(,000)+$/.test(text) ? [text] : text.split(/\s*,\s*/).filter(Boolean);
+  // Spaces separate numbers, unless all of them group digits.
+  if (new RegExp(`^${MANTISSA}$`, "u").test(text)) return [text];
+  return text.split(/\s+(?=[-+.\d])/).filter(Boolean);
+}

@@ -1,0 +1,288 @@
+"""Tests the live form: each from the first click to the number or the picture at the end.
+
+    python live.py http://127.0.0.1:8080
+"""
+
+import functools
+import json
+import re
+import sys
+
+from playwright.sync_api import expect
+
+from browser import ask, blocks, item, key_of, number, opened
+
+BASE = sys.argv[1]
+get = functools.partial(ask, BASE)
+DEPTH = "#headline [data-value=wear_depth]"
+
+
+def first_page(browser, width=1440):
+    page = browser.page(BASE, width=width)
+    page.goto(BASE + "/")
+    page.wait_for_selector(DEPTH)
+    settled(page)
+    return page
+
+
+def settled(page):
+    """Waits until the form has been checked and shows what it says."""
+    expect(page.locator(".estimate")).not_to_have_attribute("aria-busy", "true")
+    expect(page.locator("#computing")).to_have_text("")
+
+
+def scenario(page):
+    return json.loads(page.input_value("#json"))
+
+
+def curve(page, figure="Profiles"):
+    """The drawn curves of a figure."""
+    return page.locator(f".preview section[aria-label='{figure}'] svg.drawing").inner_html()
+
+
+def evaluated(page, **changed):
+    """The wear depth in micrometres that the server computes for the scenario of the form."""
+    body = {"scenario": {**scenario(page), **changed}, "outputs": ["wear_depth"]}
+    return get("/v1/evaluate", body)["outputs"]["wear_depth"] * 1e6
+
+
+def shows(page, expected, unit="µm"):
+    """The page shows a wear depth to three digits. The figures have other output cycles than the job, so the last may differ."""
+    page.wait_for_function("""([place, expected]) => {
+        const shown = parseFloat(document.querySelector(place)?.textContent.replace("\\u202f", ""));
+        return Math.abs(shown / expected - 1) < 0.01;
+    }""", arg=[DEPTH, expected])
+    assert page.locator(DEPTH).inner_text().endswith(unit), page.locator(DEPTH).inner_text()
+
+
+def type_a_radius(browser):
+    """The curve changes without a click. Everything stands above the fold of a small screen, and Keep is near."""
+    page = first_page(browser)
+    page.set_viewport_size({"width": 1280, "height": 720})
+    page.wait_for_function("[...document.querySelectorAll('.figures .card')].every(card => card.getBoundingClientRect().bottom <= innerHeight)")
+    expect(page.locator(".figures .card >> visible=true")).to_have_count(5)
+    assert scenario(page)["load"] == {"normal_force": "100 N", "held": "force"}
+    before = curve(page)
+    page.fill("#profile-radius", "20")
+    shows(page, evaluated(page))
+    assert curve(page) != before and scenario(page)["profile"]["radius"] == "20 mm"
+    expect(page.locator("button.primary")).to_have_count(1)
+    page.context.close()
+
+
+def units(browser):
+    """A number has the unit of its field. What is doubtful is asked, and one click takes the answer."""
+    page = first_page(browser)
+    page.fill("#motion-amplitude", "2")
+    expect(page.locator("#motion-amplitude-note")).to_have_text("Read as 2 µm.")
+    assert scenario(page)["motion"]["amplitude"] == "2 um"
+    shows(page, evaluated(page, motion={"amplitude": 2e-6}))
+    page.fill("#motion-amplitude", "2 m")
+    expect(page.locator("#motion-amplitude-note")).to_contain_text("2 m. Did you mean 2 µm?")
+    browser.check_accessibility(page, "doubt")
+    page.get_by_role("button", name="Use 2 µm").click()
+    expect(page.locator("#motion-amplitude")).to_have_value("2 µm")
+    shows(page, evaluated(page, motion={"amplitude": 2e-6}))
+    page.fill("#friction", "0,7")
+    assert scenario(page)["friction"] == 0.7
+    page.fill("#wear-coefficient", "3.03×10⁻⁵ mm³/Nm")
+    shows(page, evaluated(page, wear={"coefficient": 3.03e-14}))
+    page.fill("#cycles", "1 000, 100 000")
+    assert scenario(page)["cycles"] == [1000, 100000]
+    page.fill("#load-normal_force", "1,000")
+    expect(page.locator("#load-normal_force-note")).to_contain_text("Read as 1000 N. Or did you mean 1.000 N?")
+    # A scenario of the API is in SI. The fields show their own units.
+    page.goto(BASE + "/#/queue")
+    page.goto(f"{BASE}/#/new?scenario={json.dumps({**get('/v1/examples/steel-ball')['scenario'], 'motion': {'amplitude': 2e-6}})}")
+    expect(page.locator("#motion-amplitude")).to_have_value("2 um")
+    assert scenario(page)["motion"]["amplitude"] == 2e-6
+    page.context.close()
+
+
+def drag_friction(browser):
+    """The slider of the friction moves the curves while it is dragged."""
+    page = first_page(browser)
+    slide = page.locator(".value:has(#friction) .slide")
+    slide.scroll_into_view_if_needed()
+    box = slide.bounding_box()
+    middle, left = box["y"] + box["height"] / 2, box["x"] + 8
+    page.mouse.move(left, middle)
+    page.mouse.down()
+    seen = set()
+    for step in range(1, 9):
+        before = curve(page)
+        page.mouse.move(left + step * (box["width"] - 16) / 8, middle)
+        page.wait_for_function("([place, before]) => document.querySelector(place).innerHTML !== before",
+            arg=[".preview section[aria-label=Profiles] svg.drawing", before])
+        seen.add(page.input_value("#friction"))
+    page.mouse.up()
+    assert len(seen) == 8 and max(map(float, seen)) == 1.5, seen
+    shows(page, evaluated(page))
+    # One undo takes the whole drag back.
+    page.keyboard.press("Control+z")
+    expect(page.locator("#friction")).to_have_value("0.7")
+    shows(page, evaluated(page))
+    page.context.close()
+
+
+TRACE = "x [mm];z [µm]\n" + "\n".join(f"{x / 100 + 1.234:.3f};{x * x / 200 + x / 2:.3f}".replace(".", ",") for x in range(-40, 41))
+
+
+def paste_a_trace(browser):
+    """A two-sided trace with decimal commas, off the middle and tilted, is pasted. It is a ball of 10 mm."""
+    page = first_page(browser)
+    ball = evaluated(page)
+    page.select_option("#shape", "table")
+    page.evaluate("text => navigator.clipboard.writeText(text)", TRACE)
+    page.focus("#trace")
+    page.keyboard.press("Control+v")
+    expect(page.locator("#trace-says")).to_contain_text("81 points")
+    shows(page, evaluated(page))
+    profile = scenario(page)["profile"]
+    assert abs(profile["radius"][-1] - 0.4e-3) < 2e-5 and abs(profile["height"][-1] / profile["radius"][-1] ** 2 * 0.02 - 1) < 0.01, profile
+    assert abs(evaluated(page) / ball - 1) < 0.02, (evaluated(page), ball)
+    page.select_option("#trace-axis", "middle")
+    page.select_option("#trace-sides", "left")
+    settled(page)
+    browser.check_accessibility(page, "trace")
+    page.click("button.primary")
+    page.wait_for_url("**/#/result/*")
+    assert get(f"/v1/results/{key_of(page)}")["scenario"]["profile"]["shape"] == "table"
+    page.context.close()
+
+
+def edit_rows(browser):
+    """Blocks are pasted from a spreadsheet, typed, added and removed. One undo takes a paste back."""
+    page = first_page(browser)
+    page.select_option("#motion", "blocks")
+    page.fill("#motion-blocks-1-amplitude", "2,5")
+    assert scenario(page)["motion"]["blocks"][1] == {"amplitude": "2.5 um", "cycles": 50000}
+    before = scenario(page)
+    page.evaluate("text => navigator.clipboard.writeText(text)", "1,5\t40 000\n2\t50000\n2,2 µm\t30000\n")
+    page.focus("#motion-blocks-0-amplitude")
+    page.keyboard.press("Control+v")
+    expect(page.locator("#motion-blocks-2-amplitude")).to_have_value("2.2 µm")
+    assert [block["cycles"] for block in scenario(page)["motion"]["blocks"]] == [40000, 50000, 30000]
+    shows(page, evaluated(page))
+    page.keyboard.press("Control+z")
+    expect(page.locator("#motion-blocks-2-amplitude")).to_have_count(0)
+    assert scenario(page) == before
+    page.fill("#motion-blocks-0-cycles", "many")
+    expect(page.locator("#motion-blocks-0-cycles-fault")).to_have_text("Enter a number.")
+    expect(page.locator("button.primary")).to_be_disabled()
+    page.click("#undo")
+    page.get_by_role("button", name="Remove row 1").click()
+    assert len(scenario(page)["motion"]["blocks"]) == 1
+    page.select_option("#motion", "amplitude")
+    page.select_option("#friction-kind", "changing")
+    page.fill("#friction-values-1", "0,8")
+    assert scenario(page)["friction"] == {"over": "cycles", "at": [0, 10000], "values": [0.3, 0.8]}
+    shows(page, evaluated(page))
+    browser.check_accessibility(page, "rows")
+    page.context.close()
+
+
+def long_run(browser):
+    """What takes too long for an evaluation runs as a job by itself. Its curves appear before its end."""
+    page = first_page(browser)
+    page.click("summary:has-text('as JSON')")
+    page.fill("#json", json.dumps({**blocks(20_000), "friction": 0.71}))
+    expect(page.locator("#computing")).to_contain_text("Computing as a job")
+    page.wait_for_selector(".figures.rows section[aria-label=Depth] svg.drawing path")
+    depth = page.locator(DEPTH)
+    page.wait_for_function("place => parseFloat(document.querySelector(place)?.textContent) > 1", arg=DEPTH)
+    expect(page.locator("#computing")).to_contain_text("Computing as a job")
+    assert number(depth.inner_text()) > 1
+    drafts = get("/v1/jobs?tag=draft&state=running")["jobs"]
+    assert len(drafts) == 1, drafts
+    # The job of a form that has changed is canceled.
+    page.fill("#json", json.dumps(get("/v1/examples/steel-ball")["scenario"]))
+    shows(page, evaluated(page))
+    assert get(f"/v1/jobs/{drafts[0]['id']}?wait=10")["state"] == "canceled"
+    page.context.close()
+
+
+def keep_and_reopen(browser):
+    """A kept job opens in the form with nothing else changed, alone and changed, and from the shared address."""
+    page = first_page(browser)
+    page.fill("#motion-amplitude", "1,9")
+    page.fill("#label", "Kept & reopened")
+    settled(page)
+    typed = scenario(page)
+    page.click("button.primary")
+    page.wait_for_url("**/#/result/*")
+    expect(page.locator("#result-label")).to_have_text("Kept & reopened")
+    key = key_of(page)
+    page.get_by_role("link", name="Edit and run again").click()
+    page.wait_for_selector(DEPTH)
+    settled(page)
+    assert scenario(page) == typed
+    expect(page.locator("#label")).to_have_value("Kept & reopened")
+    expect(page.locator("#motion-amplitude")).to_have_value("1.9 um")
+    expect(item(page, "cached")).to_have_text("Yes")
+    page.fill("#friction", "0.61")
+    assert scenario(page) == {**typed, "friction": 0.61}
+    settled(page)
+    other = browser.page(BASE)
+    other.goto(page.url)
+    other.wait_for_selector(DEPTH)
+    assert scenario(other) == {**typed, "friction": 0.61} and other.input_value("#label") == "Kept & reopened"
+    other.context.close()
+    page.click("button.primary")
+    page.wait_for_url(lambda address: "result" in address and key not in address)
+    page.context.close()
+
+
+def faults(browser):
+    """Faults say what to do at their fields. Invalid JSON disables Keep and says where the fault is."""
+    page = first_page(browser)
+    for field, text, said in (("profile-radius", "", "Enter the radius."), ("cycles", "1, 0", "Cycles must increase: 0 comes after 1."),
+            ("motion-amplitude", "plenty", "does not begin with a number")):
+        page.fill(f"#{field}", text)
+        expect(page.locator(f"#{field}-fault")).to_contain_text(said)
+        expect(page.locator(".estimate h2")).to_have_text("1 field needs correction.")
+        expect(page.locator("button.primary")).to_be_disabled()
+        page.keyboard.press("Control+z")
+        expect(page.locator(f"#{field}-fault")).to_have_text("")
+    page.click("summary:has-text('as JSON')")
+    page.fill("#json", '{\n  "friction": 0.6,\n  "wear" 3\n}')
+    expect(page.locator("#json-fault")).to_contain_text(re.compile("line 3", re.I))
+    expect(page.locator("button.primary")).to_be_disabled()
+    page.context.close()
+
+
+def keyboard(browser):
+    """Without a mouse: reach Keep in less than 15 steps, change numbers, undo, name, keep."""
+    page = first_page(browser)
+    page.focus("body")
+    for steps in range(1, 15):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.matches('button.primary')"):
+            break
+    assert page.evaluate("document.activeElement.matches('button.primary')") and steps < 15, steps
+    page.focus("#friction")
+    before = curve(page)
+    for _ in range(3):
+        page.keyboard.press("ArrowUp")
+    assert float(page.input_value("#friction")) > 0.7, page.input_value("#friction")
+    shows(page, evaluated(page))
+    assert curve(page) != before
+    page.keyboard.press("Control+z")
+    expect(page.locator("#friction")).to_have_value("0.7")
+    page.keyboard.press("Control+a")
+    page.keyboard.type("0,62")
+    settled(page)
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/#/result/*")
+    assert get(f"/v1/results/{key_of(page)}")["scenario"]["friction"] == 0.62
+    page.context.close()
+
+
+def main():
+    with opened() as browser:
+        for test in (type_a_radius, units, drag_friction, paste_a_trace, edit_rows, long_run, keep_and_reopen, faults, keyboard):
+            test(browser)
+    print("the live form passes its tests")
+
+
+main()

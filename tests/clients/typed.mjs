@@ -1,0 +1,67 @@
+// Tests how the form of the dashboard reads what is typed.
+//
+//     node typed.mjs
+
+import assert from "node:assert/strict";
+import { fieldText, kindAt } from "../../src/http/dashboard/kinds.js";
+import { readList, readNumber, understand } from "../../src/http/dashboard/typed.js";
+
+const scenario = { wear: {} };
+const value = (pointer, text) => understand(text, kindAt(pointer, scenario)).value;
+const question = (pointer, text) => understand(text, kindAt(pointer, scenario)).instead?.question.replaceAll("\u00a0", " ");
+
+// A number without a unit has the unit of its field.
+for (const [pointer, text, expected] of [
+  ["/motion/amplitude", "2", "2 um"],
+  ["/motion/blocks/3/amplitude", "2", "2 um"],
+  ["/profile/radius", "10", "10 mm"],
+  ["/bodies/1/youngs_modulus", "205", "205 GPa"],
+  ["/wear/coefficient", "3.03e-5", "3.03e-5 mm^3/(N m)"],
+  ["/wear/coefficient/run_in/from", "1e-4", "1e-4 mm^3/(N m)"],
+  ["/wear/bodies/0/layers/1/coefficient", "1e-6", "1e-6 mm^3/(N m)"],
+  ["/wear/energy_coefficient", "4e-5", "4e-5 mm^3/J"],
+  ["/load/normal_force", "1 000", "1000 N"],
+  ["/motion/rig_stiffness", "30", "30 N/um"],
+  ["/profile/slope_angle", "2", "2 deg"],
+  ["/until/wear_depth", "1", "1 um"],
+  ["/friction", "0,7", 0.7],
+  ["/motion/stick_ratio", ".5", 0.5],
+  ["/motion/amplitude", "2,5 µm", "2.5 µm"],
+  ["/motion/amplitude", "−2 um", "-2 um"],
+  ["/motion/amplitude", "some", "some"],
+  ["/profile/radius", "10mm", "10 mm"],
+  ["/friction", "0.7 mm", "0.7 mm"],
+]) assert.equal(value(pointer, text), expected, `${pointer} ${text}`);
+assert.equal(understand("1e-4", kindAt("/wear/coefficient", { wear: { hardness: "3 GPa" } })).value, 1e-4);
+
+// Powers of ten, as the page and papers write them.
+for (const text of ["3.03×10⁻⁵ mm³/Nm", "3.03·10^-5 mm³/Nm", "3.03 × 10^(−5) mm³/Nm", "3.03x10-5 mm³/Nm", "3,03*10⁻⁵ mm³/Nm", "3.03e−5 mm³/Nm",
+  "3.03·10⁻⁵\u00a0mm³/Nm"]) assert.equal(value("/wear/coefficient", text), "3.03e-5 mm³/Nm", text);
+
+// Groups of three digits.
+for (const [text, number] of [["1 000", "1000"], ["1\u202f000", "1000"], ["1\u2009000", "1000"], ["1\u00a0000\u00a0000", "1000000"], ["1,000,000", "1000000"],
+  ["1.000.000", "1000000"], ["1,234.5", "1234.5"], ["1.234,5", "1234.5"], ["1 000,5", "1000.5"], ["1,000", "1000"], ["2,256", "2.256"],
+  ["0,700", "0.700"], ["1'000", "1000"], ["2.", "2"], ["30 1/Pa", "30"]]) assert.equal(readNumber(text).number, number, text);
+for (const text of ["1,00,000", "1.2.3", "1,2.3,4", "plenty", ""]) assert.equal(readNumber(text), undefined, text);
+
+// What is doubtful is asked.
+assert.equal(question("/motion/amplitude", "2 m"), "2 m. Did you mean 2 µm?");
+assert.equal(question("/motion/amplitude", "2e-6"), "2e−6 µm. Did you mean 2e−6 m?");
+assert.equal(question("/wear/coefficient", "3.03e-5 1/Pa"), "3.03e−5 1/Pa. Did you mean 3.03e−5 mm³/(N m)?");
+assert.equal(question("/load/normal_force", "1,000"), "Or did you mean 1.000 N?");
+assert.equal(question("/motion/amplitude", "2,256"), "Or did you mean 2256 µm?");
+for (const [pointer, text] of [["/motion/amplitude", "2"], ["/motion/amplitude", "0"], ["/profile/radius", "0.5 in"], ["/friction", "7"],
+  ["/motion/amplitude", "2 GPa"]]) assert.equal(question(pointer, text), undefined, `${pointer} ${text}`);
+
+// Lists of cycles.
+for (const [text, list] of [["1 000, 2 000", [1000, 2000]], ["1,000, 2,000", [1000, 2000]], ["1000 2000", [1000, 2000]], ["1000,2000", [1000, 2000]],
+  ["0,5; 1,5", [0.5, 1.5]], ["1 000", [1000]], ["1,000", [1000]], ["1e3, 2·10⁴", [1000, 20000]], ["5 mJ, 10 J", ["5 mJ", "10 J"]],
+  ["1000, many", [1000, "many"]]]) assert.deepEqual(readList(text), list, text);
+
+// Numbers of a scenario are in SI. A field shows them in its own unit.
+assert.equal(fieldText(0.01, "/profile/radius", scenario), "10 mm");
+assert.equal(fieldText(3.03e-14, "/wear/coefficient", scenario), "3.03e-5 mm^3/(N m)");
+assert.equal(fieldText("10 mm", "/profile/radius", scenario), "10 mm");
+assert.equal(fieldText(0.7, "/friction", scenario), "0.7");
+assert.equal(fieldText([1000, 2000], "/cycles", scenario), "1000, 2000");
+console.log("what is typed is understood");

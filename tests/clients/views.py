@@ -1,0 +1,263 @@
+"""Tests the page of a run: zoom, saved figures, names at curves, playing, the section, explanations, warnings, print, and
+the curves of a run that is still computed.
+"""
+
+import csv
+import itertools
+import pathlib
+import re
+import struct
+
+from playwright.sync_api import expect
+
+from browser import ask, blocks, curves, readout, value
+
+
+def figure_of(page, figure):
+    return page.locator(f"section[aria-label='{figure}']")
+
+
+def open_result(page, base, key, words=""):
+    page.goto(base + "/#/queue")
+    page.goto(f"{base}/#/result/{key}{words}")
+    page.wait_for_selector("#headline dd")
+
+
+def zoom(page, base, key):
+    """Keys zoom a figure, the address keeps the part that is shown, and a button shows all."""
+    open_result(page, base, key)
+    profiles, reset = figure_of(page, "Profiles"), figure_of(page, "Profiles").get_by_role("button", name="Reset")
+    whole = curves(page, "Profiles")
+    expect(reset).to_be_disabled()
+    expect(profiles).to_contain_text("press + and −, to zoom")
+    profiles.get_by_role("slider").focus()
+    for keys in ("+", "+", "Shift+ArrowLeft"):
+        page.keyboard.press(keys)
+    zoomed = curves(page, "Profiles")
+    assert zoomed != whole and re.search(r"zoom-profile=[\de.-]+", page.url), page.url
+    # A value that is read is inside the part that is shown.
+    page.keyboard.press("Home")
+    low, high = map(float, re.search(r"zoom-profile=([\de.-]+?)\.\.([\de.-]+)", page.url).groups())
+    assert low * 0.999 <= value(readout(page, "Profiles")["Radius"]) <= high
+    page.reload()
+    page.wait_for_selector("#headline dd")
+    assert curves(page, "Profiles") == zoomed
+    reset.click()
+    assert curves(page, "Profiles") == whole and "zoom-profile" not in page.url
+    # The same with the pointer, and back with a key.
+    plot = figure_of(page, "History").get_by_role("slider")
+    plot.scroll_into_view_if_needed()
+    whole, box = curves(page, "History"), plot.bounding_box()
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 0.4 * box["width"], middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], middle, steps=4)
+    page.mouse.up()
+    assert curves(page, "History") != whole and "zoom-history" in page.url, page.url
+    plot.press("0")
+    assert curves(page, "History") == whole
+
+
+def saved(page, figure, kind):
+    """The bytes of a saved figure. Its width is 85 mm."""
+    menu = figure_of(page, figure).locator("details.save")
+    if menu.get_attribute("open") is None:
+        menu.locator("summary").click()
+    menu.get_by_label("Width in mm").fill("85")
+    with page.expect_download() as download:
+        menu.get_by_role("button", name=f"as {kind}").click()
+    return pathlib.Path(download.value.path()).read_bytes()
+
+
+def save(page, base, key):
+    """A saved figure has its size in mm and light colours. The CSV has the values of the server."""
+    open_result(page, base, key)
+    drawing = saved(page, "Profiles", "SVG").decode()
+    assert 'width="85mm" height="60mm"' in drawing and "Radius" in drawing, drawing[:300]
+    assert "var(" not in drawing and 'stroke="#0072b2"' in drawing, drawing[:300]
+    picture = saved(page, "Profiles", "PNG")
+    assert picture[:8] == b"\x89PNG\r\n\x1a\n" and picture[37:41] == b"pHYs", picture[:60]
+    # 300 dots per inch: 1004 dots in 85 mm, 11811 in a metre.
+    assert struct.unpack(">II", picture[16:24]) == (1004, 709), picture[:60]
+    assert struct.unpack(">IIB", picture[41:50]) == (11811, 11811, 1), picture[:60]
+    head, *rows = csv.reader(saved(page, "Profiles", "CSV").decode().splitlines())
+    profiles = ask(base, f"/v1/results/{key}")["profiles"]
+    place = next(i for i, name in enumerate(head) if name.startswith("N = "))
+    assert head[0] == "Radius (µm)" and head[place].endswith("(µm)"), head
+    for row, radius, height in zip(rows, profiles["radius"], profiles["worn"][-1], strict=True):
+        assert abs(float(row[0]) - 1e6 * radius) < 1e-6 and abs(float(row[place]) - 1e6 * height) < 1e-6, row
+    assert b"Body 2" in saved(page, "Section", "SVG")
+
+
+def names(page, base, key):
+    """The names at the curves neither overlap nor leave the figure. The limit is drawn above the profile that it may cover."""
+    boxes = """figure => {
+        const own = figure.querySelector(".drawing").getBoundingClientRect();
+        return [...figure.querySelectorAll("text[font-weight='600']")].map((text) => {
+            const { left, right, top, bottom } = text.getBoundingClientRect();
+            return [text.textContent, left - own.left, right - own.left, top - own.top, bottom - own.top, own.width];
+        });
+    }"""
+    seen = 0
+    for figure, choice in (("Profiles", "plot"), ("History", "history")):
+        for option in page.locator(f"#choose-{choice} option").evaluate_all("all => all.map(({value}) => value)"):
+            page.select_option(f"#choose-{choice}", option)
+            found = figure_of(page, figure).evaluate(boxes)
+            seen += len(found)
+            for name, left, right, *_, width in found:
+                assert left >= 0 and right <= width + 1, (option, name, left, right, width)
+            for (one, *a, _), (other, *b, _) in itertools.combinations(found, 2):
+                # A line of text is 13 px high, with 2 px of room.
+                assert a[1] <= b[0] or b[1] <= a[0] or a[3] - 3 <= b[2] or b[3] - 3 <= a[2], (option, one, other, a, b)
+    assert seen > 8, seen
+    page.select_option("#choose-plot", "worn")
+    dashes = figure_of(page, "Profiles").locator(".curve").evaluate_all("paths => paths.map(path => path.getAttribute('stroke-dasharray'))")
+    assert dashes[-2:] == [None, "2 3"], dashes
+
+
+def play(page):
+    """The button moves the slider from the unworn contact to the last output cycle."""
+    page.get_by_role("button", name="Play").click()
+    expect(page.locator("#at")).to_have_text("N = 0")
+    expect(figure_of(page, "Profiles").locator(".caption")).to_have_text("Unworn profile")
+    # The axis stays while the profiles change.
+    axis = "figure => [...figure.querySelectorAll('text[text-anchor=end]')].map(({textContent}) => textContent).join()"
+    ticks = figure_of(page, "Profiles").evaluate(axis)
+    last = page.locator("#output").get_attribute("max")
+    expect(page.get_by_role("button", name="Play")).to_be_visible(timeout=15000)
+    assert page.input_value("#output") == last and figure_of(page, "Profiles").evaluate(axis) == ticks
+
+
+def loop(page):
+    """Loading and unloading differ, and arrows show their direction."""
+    loops = figure_of(page, "Fretting loop")
+    assert loops.locator(".curve").evaluate_all("paths => paths.map(path => path.getAttribute('stroke-dasharray'))") == ["7 4", None]
+    assert loops.locator("path[transform]").count() == 2
+    expect(loops.locator(".drawing")).to_contain_text("Loading")
+    expect(loops.locator(".drawing")).to_contain_text("Unloading")
+
+
+def section(page):
+    """The section says how much its heights are exaggerated."""
+    expect(page.locator("#section-words")).to_contain_text(re.compile(r"exaggerated \d+×"))
+    page.select_option("#choose-section", "true")
+    expect(page.locator("#section-words")).to_contain_text("True to scale")
+
+
+def explanations(page):
+    """The meaning of a quantity appears at the focus. Escape hides it."""
+    term = page.locator("#headline .term").first
+    told = page.locator("#headline [role=tooltip]").first
+    expect(told).to_be_hidden()
+    term.focus()
+    expect(told).to_have_text("Largest depth of the wear scar.")
+    expect(told).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(told).to_be_hidden()
+
+
+def on_screen(browser, page):
+    """Neither an explanation nor the menu that saves a figure leaves the screen. Both are accessible."""
+    wide = page.evaluate("document.documentElement.clientWidth")
+    terms = page.locator(".term").all()
+    assert len(terms) > 10, terms
+    page.locator("#output").focus()
+    for term in terms:
+        term.focus()
+        box = page.locator(".explained:focus-within [role=tooltip]").bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= wide, (term.inner_text(), box)
+    browser.check_accessibility(page, "explanation")
+    menu = figure_of(page, "Profiles").locator("details.save")
+    menu.locator("summary").click()
+    box = menu.locator(".sheet").bounding_box()
+    assert box["x"] >= 0 and box["x"] + box["width"] <= wide, box
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    browser.check_accessibility(page, "save")
+
+
+def warnings(page, base):
+    """A warning stands at the number that it concerns."""
+    open_result(page, base, ask(base, "/v1/jobs", ask(base, "/v1/examples/coated-cylinder"))["key"])
+    page.locator("#readout div", has_text="Scar half-width").get_by_role("link", name="Has a warning").click()
+    expect(page.locator("#warning-scar_radius")).to_be_focused()
+    expect(page.locator("#warning-scar_radius")).to_contain_text("Scar half-width: Along the motion")
+    expect(page.locator("section.output #warning-wear_depth")).to_be_visible()
+
+
+def printed(browser, base, key):
+    """A result fits on one printed page, without buttons."""
+    page = browser.page(base, scheme="dark")
+    open_result(page, base, key)
+    assert len(re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True))) == 1
+    page.emulate_media(media="print")
+    for name in ("Units", "Play", "Share link", "Reset"):
+        assert not page.get_by_text(name, exact=False).first.is_visible(), name
+    expect(page.locator("#headline")).to_be_visible()
+    assert page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--card').trim()") == "#ffffff"
+    page.context.close()
+
+
+def live(page, base):
+    """The page of a run shows its curves before its end. A canceled run says how far it came. It has a name in the queue."""
+    job = ask(base, "/v1/jobs", {"scenario": blocks(150_000, points=1024)}, wait=0)
+    page.goto(f"{base}/#/run/{job['id']}")
+    expect(page.locator("h1")).to_have_text("Paraboloid, R\u00a0=\u00a010\u00a0mm; F\u00a0=\u00a0100\u00a0N, μ\u00a0=\u00a00.7")
+    figures = figure_of(page, "Results so far")
+    expect(figures.locator(".curve").first).to_be_attached(timeout=30000)
+    expect(page.locator("#state")).to_have_text("running")
+    figures.get_by_role("slider").first.focus()
+    page.keyboard.press("End")
+    # Both cursors move.
+    expect(figures.locator(".values").last).to_contain_text(re.compile("Largest wear depth"))
+    expect(page.locator("section[aria-label=Progress] p span")).to_have_text(re.compile("^[1-9]"), timeout=60000)
+    page.click("#cancel")
+    expect(page.locator("section[aria-label=Progress] p").first).to_have_text(re.compile(r"canceledat \d+\u00a0%"))
+    page.click("nav >> text=Queue")
+    expect(page.locator("tbody tr").first).to_contain_text("Paraboloid, R\u00a0=\u00a010\u00a0mm")
+
+
+HELD = """async () => {
+    const { Figure } = await import("/assets/figure.js");
+    const figure = new Figure({ name: "test" });
+    document.querySelector("main").append(figure.element);
+    const ends = (height) => {
+        figure.show([{ name: "", x: [0, 1e-4], y: [0, height], ink: 1 }], { x: { title: "Radius", unit: "m" }, y: { title: "Height", unit: "m" } });
+        return figure.plan.vertical.ends[1];
+    };
+    const before = ends(8e-6);
+    figure.hold(true);
+    const held = [ends(2e-6), ends(2e-5), ends(8e-6)];
+    figure.hold(false);
+    const after = ends(2e-6);
+    figure.element.remove();
+    return [before, ...held, after];
+}"""
+
+
+def hold(page):
+    """While a slider moves, the axes only grow."""
+    before, smaller, larger, again, after = page.evaluate(HELD)
+    assert before == smaller >= 8e-6 and larger == again >= 2e-5 and 2e-6 <= after < 4e-6, (before, smaller, larger, again, after)
+
+
+def views(browser, base):
+    key = ask(base, "/v1/jobs", ask(base, "/v1/examples/steel-ball-simplified"))["key"]
+    page = browser.page(base)
+    zoom(page, base, key)
+    save(page, base, key)
+    names(page, base, key)
+    play(page)
+    loop(page)
+    section(page)
+    explanations(page)
+    on_screen(browser, page)
+    hold(page)
+    warnings(page, base)
+    live(page, base)
+    page.context.close()
+    narrow = browser.page(base, width=390)
+    open_result(narrow, base, key)
+    names(narrow, base, key)
+    on_screen(browser, narrow)
+    narrow.context.close()
+    printed(browser, base, key)
