@@ -53,7 +53,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
 use std::process::{self, Child, Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
-use std::{env, fs, thread};
+use std::{env, fs, iter, thread};
 
 use axum::Router;
 use axum::body::Bytes;
@@ -187,7 +187,10 @@ fn evaluations() {
         body["scenario"]["model"] = model;
         let (one, text) = (body.to_string().replace('#', "0"), body.to_string());
         let load = || Load::new(&server, request("POST /v1/evaluate", "", &text));
-        let run = || Evaluation::parse(one.as_bytes()).expect("a body").compute(|| true);
+        let run = || {
+            let mut evaluation = Evaluation::parse(one.as_bytes()).expect("a body");
+            iter::repeat_with(|| evaluation.step()).find_map(|evaluated| evaluated)
+        };
         let prepared = scenario::prepare(body_scenario(&one), "").expect("a scenario");
         let (scenario, mut case, _) = prepared;
         case.profiles.fill(false);

@@ -31,6 +31,7 @@ impl Routes {
             .add(Needs::READ, routes!(jobs::show))
             .add(Needs::CANCEL, routes!(jobs::delete))
             .add(Needs::READ, routes!(jobs::result))
+            .add(Needs::READ, routes!(jobs::so_far))
             .add(Needs::CANCEL, routes!(jobs::cancel))
             .add(Needs::CANCEL, routes!(jobs::cancel_all))
             .add(Needs::READ, routes!(events::follow))

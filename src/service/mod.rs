@@ -7,6 +7,7 @@ mod jobs;
 mod limits;
 mod places;
 mod short;
+mod so_far;
 mod stopwatch;
 mod submit;
 mod turns;
@@ -18,7 +19,8 @@ use std::thread;
 
 use tokio::sync::watch;
 
-use fretwork_job::Begin;
+use fretwork_engine::outcome::History;
+use fretwork_job::{Begin, Key};
 use fretwork_store::Store;
 
 pub use evaluate::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
@@ -29,6 +31,7 @@ pub use turns::{LONGEST_CALL, MAX_CALL, Unable};
 
 use places::Places;
 use short::ShortRuns;
+use so_far::Watched;
 use waiting::Waiting;
 use workers::Compute;
 
@@ -40,6 +43,7 @@ struct Parts {
     store: Store,
     begin: Begin,
     waiting: Arc<Waiting>,
+    watched: Watched,
     short: ShortRuns,
     /// Places for evaluations and derivatives.
     places: Places,
@@ -63,8 +67,10 @@ impl Service {
         // Short submissions have places of their own, so a burst of them does not delay evaluations.
         let short = ShortRuns::new(store.clone(), Arc::clone(&begin), Places::new(places));
         let places = Places::new(places);
-        let (waiting, draining) = (Arc::default(), watch::Sender::new(false));
-        let parts = Parts { store, begin, waiting, short, places, workers, limits, draining };
+        let (waiting, watched, draining) =
+            (Arc::default(), Watched::default(), watch::Sender::new(false));
+        let parts =
+            Parts { store, begin, waiting, watched, short, places, workers, limits, draining };
         Self(Arc::new(parts))
     }
 
@@ -90,8 +96,14 @@ impl Service {
 
     /// The function with which a worker begins a claimed run. It uses the prepared task if that is still in memory.
     pub fn compute(&self) -> Compute {
-        let (begin, waiting) = (Arc::clone(&self.0.begin), Arc::clone(&self.0.waiting));
-        Arc::new(move |key, stored| begin(key, stored, waiting.take(key)))
+        let Parts { begin, waiting, watched, .. } = &*self.0;
+        let (begin, waiting, watched) = (begin.clone(), waiting.clone(), watched.clone());
+        Arc::new(move |key, stored| Ok(watched.begin(begin(key, stored, waiting.take(key))?, *key)))
+    }
+
+    /// The rows that a run has found so far. `None` if this process computes no such run.
+    pub async fn so_far(&self, key: &Key) -> Option<Arc<History>> {
+        self.0.watched.rows(key).await
     }
 
     /// Stops accepting jobs, and ends waits and event streams.

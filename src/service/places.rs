@@ -8,17 +8,17 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task;
 use tokio::time::timeout;
 
-/// Longest estimated time of a short computation, in seconds.
+/// Longest estimated time of a run that a submission waits for without the queue, in seconds.
 pub const SHORT: f64 = 0.02;
-/// Maximum time of a short computation. If it takes longer, its estimate was grossly wrong.
+/// Maximum time of such a run. If it takes longer, its estimate was grossly wrong.
 pub const MAX_TIME: Duration = Duration::from_millis(50);
 /// Computations with a shorter estimated time, in seconds, run on the async thread: passing them to another thread
 /// would take as long. A default run without profiles has an estimate of 2e-4.
 pub const INLINE: f64 = 3e-4;
 /// Longest scenario, in bytes, whose run is computed on the async thread.
 pub const INLINE_BYTES: usize = 1 << 14;
-/// Longest wait for a place.
-const MAX_WAIT: Duration = Duration::from_millis(250);
+/// Longest wait for the first place.
+pub const MAX_WAIT: Duration = Duration::from_millis(250);
 
 /// A computation needs one of these places. There are as many as workers, because more computations at a time would
 /// only share the processors.
@@ -50,30 +50,35 @@ impl Places {
         inline: bool,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Unfinished> {
-        let place = timeout(MAX_WAIT, Arc::clone(&self.free).acquire_owned()).await;
-        let Ok(Ok(place)) = place else { return Err(Unfinished::NoPlace) };
+        let place = self.place(MAX_WAIT).await?;
         Self::compute_at(place, inline, work).await
     }
 
-    /// Calls `turn` until it returns an outcome. Waits for a place before each turn, without a time limit. Only the
-    /// first turn can run on the async thread.
+    async fn place(&self, patience: Duration) -> Result<OwnedSemaphorePermit, Unfinished> {
+        let place = timeout(patience, Arc::clone(&self.free).acquire_owned()).await;
+        place.ok().and_then(Result::ok).ok_or(Unfinished::NoPlace)
+    }
+
+    /// Calls `turn` until it returns an outcome. Waits for a place before each turn; before the first one, at most for
+    /// `patience`. Places are given in the order of the requests, so the turns of long computations do not delay a short
+    /// one for long. Only the first turn can run on the async thread.
     ///
     /// # Errors
-    /// A turn panics.
+    /// There is no place, or a turn panics.
     pub async fn compute_in_turns<T: Send + 'static>(
         &self,
         mut inline: bool,
+        mut patience: Duration,
         mut turn: impl FnMut() -> Option<T> + Send + 'static,
     ) -> Result<T, Unfinished> {
         loop {
-            let place = Arc::clone(&self.free).acquire_owned().await;
-            let place = place.map_err(|_| Unfinished::NoPlace)?;
+            let place = self.place(patience).await?;
             let work = move || (turn(), turn);
             let (outcome, next) = Self::compute_at(place, inline, work).await?;
             if let Some(outcome) = outcome {
                 return Ok(outcome);
             }
-            (turn, inline) = (next, false);
+            (turn, inline, patience) = (next, false, Duration::MAX);
         }
     }
 
@@ -114,12 +119,36 @@ mod tests {
     async fn another_computation_can_run_between_two_turns() {
         let places = Places::new(1);
         let mut turns = 0;
-        let long = places.compute_in_turns(true, move || {
+        let long = places.compute_in_turns(true, MAX_WAIT, move || {
             turns += 1;
             (turns == 3).then_some(turns)
         });
         let (long, short) = tokio::join!(long, places.compute(true, || 1));
         assert!(matches!((long, short), (Ok(3), Ok(1))));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_short_computation_waits_for_one_turn_of_each_long_one() {
+        let places = Places::new(1);
+        let ended = parking_lot::Mutex::new(Vec::new());
+        let long = async |name| {
+            let mut turns = 0;
+            let end = places.compute_in_turns(false, Duration::MAX, move || {
+                turns += 1;
+                (turns == 9).then_some(())
+            });
+            assert!(end.await.is_ok());
+            ended.lock().push(name);
+        };
+        let short = async {
+            assert!(places.compute(true, || ()).await.is_ok());
+            ended.lock().push("short");
+        };
+        tokio::join!(long("first"), long("second"), short);
+        assert_eq!(*ended.lock(), ["short", "first", "second"]);
+        let _taken = Arc::clone(&places.free).acquire_owned().await.unwrap();
+        let refused = places.compute_in_turns(true, MAX_WAIT, || Some(())).await;
+        assert!(matches!(refused, Err(Unfinished::NoPlace)));
     }
 
     #[tokio::test]

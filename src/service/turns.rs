@@ -40,29 +40,57 @@ impl Service {
     pub async fn compute_in_turns<T: Send + 'static>(
         &self,
         seconds: f64,
-        mut step: impl FnMut() -> Option<T> + Send + 'static,
+        step: impl FnMut() -> Option<T> + Send + 'static,
     ) -> Result<T, Unable> {
         let estimate = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
         if estimate > LONGEST_CALL {
             return Err(Unable::TooLong(estimate));
         }
-        let mut used = Duration::ZERO;
-        let turn = move || {
-            let watch = Stopwatch::start();
-            loop {
-                if let Some(outcome) = step() {
-                    return Some(Ok(outcome));
-                }
-                let Cost { wall, cpu } = watch.cost();
-                if wall >= TURN {
-                    used += cpu.unwrap_or(wall);
-                    return (used > MAX_CALL).then_some(Err(Unable::Stopped));
-                }
-            }
-        };
-        match self.0.places.compute_in_turns(seconds < INLINE, turn).await {
-            Ok(outcome) => outcome,
+        let turn = turns(MAX_CALL, step);
+        match self.0.places.compute_in_turns(seconds < INLINE, Duration::MAX, turn).await {
+            Ok(outcome) => outcome.ok_or(Unable::Stopped),
             Err(Unfinished::NoPlace | Unfinished::Panicked) => Err(Unable::Panicked),
         }
+    }
+}
+
+/// Divides a computation into turns. A turn returns `Some(None)` if the computation took more than `limit` of processor
+/// time: on a busy machine, a thread may wait for longer than it computes.
+pub fn turns<T>(
+    limit: Duration,
+    mut step: impl FnMut() -> Option<T>,
+) -> impl FnMut() -> Option<Option<T>> {
+    let mut used = Duration::ZERO;
+    move || {
+        let watch = Stopwatch::start();
+        loop {
+            let outcome = step();
+            if outcome.is_some() {
+                return Some(outcome);
+            }
+            let Cost { wall, cpu } = watch.cost();
+            if wall >= TURN {
+                used += cpu.unwrap_or(wall);
+                return (used > limit).then_some(None);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_computation_ends_with_its_outcome_or_at_its_limit() {
+        let mut steps = 0;
+        let step = || {
+            steps += 1;
+            (steps == 3).then_some(steps)
+        };
+        assert_eq!(turns(Duration::MAX, step)(), Some(Some(3)));
+        let endless = || None::<()>;
+        assert_eq!(turns(Duration::MAX, endless)(), None, "it needs another turn");
+        assert_eq!(turns(Duration::ZERO, endless)(), Some(None));
     }
 }

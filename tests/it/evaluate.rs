@@ -43,15 +43,19 @@ async fn the_numbers_of_an_evaluation_equal_those_of_the_stored_result() {
             continue;
         }
         evaluated += 1;
-        body["parts"] = json!(["history", "profiles", "loops"]);
+        body["parts"] = json!(["history", "profiles", "loops", "events", "accuracy", "check"]);
         let whole = server.post(PATH, &body).await.json();
         let key = server.compute(&job).await.json()["key"].as_str().unwrap().to_owned();
         let result = server.get(&format!("/v1/results/{key}")).await.json();
-        for part in ["history", "profiles", "loops", "warnings"] {
+        // The result of a run that is compared has the same other members.
+        for part in ["history", "profiles", "loops", "events", "accuracy", "warnings"] {
             assert_eq!(whole[part], result[part], "{part} of {}", known.name);
         }
+        let mut check = server.post("/v1/scenarios", &job).await.json();
+        check["cached"] = json!(false);
+        assert_eq!(whole["check"], check, "{}", known.name);
         let scalars = scalars.json();
-        for part in ["history", "profiles", "loops"] {
+        for part in ["history", "profiles", "loops", "events", "accuracy", "check"] {
             assert!(scalars.get(part).is_none(), "{part} was not requested");
         }
         assert_eq!(scalars["warnings"], result["warnings"], "{}", known.name);
@@ -161,16 +165,19 @@ async fn a_longer_run_is_refused_unless_no_run_is_needed() {
     let server = Server::start().await;
     let mut body = ball(&json!(["limit.wear_volume", "wear_volume"]));
     body["scenario"]["model"] = json!({"method": "exact", "tolerance": 1e-4});
+    body["scenario"]["cycles"] = json!([1e7]);
     let problem = server.post(PATH, &body).await.problem(422, "too-expensive");
     let detail = problem["detail"].as_str().unwrap();
     assert!(
-        detail.contains("the limit of an evaluation is 20 ms. Submit a job instead"),
+        detail.contains("the limit of an evaluation is 150 ms. Submit a job instead"),
         "{detail}"
     );
 
     body["outputs"] = json!(["limit.wear_volume", "unworn.slip_ratio"]);
+    body["parts"] = json!(["check"]);
     let known = server.post(PATH, &body).await.json();
     let checked = server.post("/v1/scenarios", &json!({"scenario": body["scenario"]})).await.json();
+    assert_eq!(known["check"], checked);
     let expected = json!({
         "limit.wear_volume": checked["limit"]["wear_volume"],
         "unworn.slip_ratio": checked["unworn"]["slip_ratio"],

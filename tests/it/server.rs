@@ -293,6 +293,13 @@ impl Gate {
         })
     }
 
+    /// Waits for a short time until the gate is open, so that the run can be canceled. Returns whether it is open.
+    pub fn is_passed(&self) -> bool {
+        let (open, changed) = &*self.0;
+        let step = Duration::from_millis(20);
+        *changed.wait_timeout_while(open.lock().unwrap(), step, |open| !*open).unwrap().0
+    }
+
     /// The same runs, with a gate that is already open.
     pub fn opened() -> Begin {
         let gate = Self::default();
@@ -308,11 +315,7 @@ struct Gated {
 
 impl Work for Gated {
     fn step(&mut self) -> Step {
-        let (open, changed) = &*self.gate.0;
-        // Short steps, so that the run can be canceled.
-        let step = Duration::from_millis(20);
-        let open = changed.wait_timeout_while(open.lock().unwrap(), step, |open| !*open).unwrap().0;
-        if !*open {
+        if !self.gate.is_passed() {
             return Step::Working { progress: 0.5 };
         }
         let body = document(&self.key.to_string()).into();

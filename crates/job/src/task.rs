@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use fretwork_engine::case::Case;
-use fretwork_engine::outcome::{Outcome, ResultUnits};
+use fretwork_engine::outcome::{History, Outcome, ResultUnits};
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::scenario::{self, Scenario, Warning};
 use fretwork_engine::simulation::{self, Simulation};
@@ -24,6 +24,11 @@ use fretwork_study::{Points, Rows, Study};
 pub trait Work: Send {
     /// Computes the next step.
     fn step(&mut self) -> Step;
+
+    /// The rows that a run has computed so far; `None` if the work is not one run.
+    fn so_far(&self) -> Option<History> {
+        None
+    }
 }
 
 /// The state of a computation after a step.
@@ -152,8 +157,12 @@ impl Prepared {
     /// # Errors
     /// Every fault of the scenario.
     pub fn from_scenario(scenario: Value, prefix: &str) -> Result<Self, Faults> {
-        let (scenario, case, warnings) = scenario::prepare(scenario, prefix)?;
-        Ok(Self::new(Task::Run(Arc::new((scenario, case))), warnings))
+        Ok(Self::of_run(scenario::prepare(scenario, prefix)?))
+    }
+
+    /// The run of a case of a canonical scenario, with the warnings about the two bodies.
+    pub fn of_run((scenario, case, warnings): (Scenario, Case, Vec<Warning>)) -> Self {
+        Self::new(Task::Run(Arc::new((scenario, case))), warnings)
     }
 
     fn new(task: Task, submission_warnings: Vec<Warning>) -> Self {
@@ -312,6 +321,10 @@ impl Work for RunWork {
             simulation::Advance::Working(progress) => Step::Working { progress },
             simulation::Advance::Done(outcome) => Step::Done(self.answer(&outcome)),
         }
+    }
+
+    fn so_far(&self) -> Option<History> {
+        Some(self.simulation.so_far())
     }
 }
 

@@ -2,10 +2,10 @@
 
 use deserr::{Deserr, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
-use fretwork_engine::outcome::{History, Loops, Profiles, QUANTITIES};
+use fretwork_engine::outcome::{Accuracy, History, Loops, OutcomeEvent, Profiles, QUANTITIES};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
-use fretwork_engine::scenario::{self, Warning};
+use fretwork_engine::scenario::{self, Scenario, Warning};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -18,13 +18,16 @@ const MAX_OUTPUTS: usize = 100;
 /// Estimated bytes of an output in the answer: its name, value and unit, and perhaps the reason why it has no value.
 const OUTPUT_BYTES: usize = 200;
 
-/// A table of a result.
+/// A part of a result, or the answer to a check of the scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
 enum Part {
     History,
     Profiles,
     Loops,
+    Events,
+    Accuracy,
+    Check,
 }
 
 /// A valid body `{"scenario": {…}, "outputs"?: […], "parts"?: […]}`, ready to be computed.
@@ -34,6 +37,9 @@ pub struct Evaluation {
     outputs: Vec<Output>,
     parts: Vec<Part>,
     warnings: Vec<Warning>,
+    run: Option<Run>,
+    /// What a job of the scenario would compute, and the warnings about the two bodies. Only if the check is requested.
+    pub checked: Option<Box<(Scenario, Case, Vec<Warning>)>>,
     /// Size of the body, in bytes.
     pub body_bytes: usize,
 }
@@ -53,6 +59,10 @@ pub struct Evaluated {
     profiles: Option<Profiles>,
     #[serde(skip_serializing_if = "Option::is_none")]
     loops: Option<Loops>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    events: Option<Vec<OutcomeEvent>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    accuracy: Option<Accuracy>,
     warnings: Vec<Warning>,
 }
 
@@ -74,8 +84,9 @@ impl Evaluation {
             return Err(envelope.err().unwrap_or_else(|| Faults::one("", "must be an object")));
         };
         let asked = envelope.and_then(|envelope| envelope.resolve(&scenario));
-        let ((outputs, parts), (scenario, mut case, mut warnings)) =
-            both(asked, scenario::prepare(scenario, "/scenario"))?;
+        let ((outputs, parts), prepared) = both(asked, scenario::prepare(scenario, "/scenario"))?;
+        let checked = parts.contains(&Part::Check).then(|| Box::new(prepared.clone()));
+        let (scenario, mut case, mut warnings) = prepared;
         warnings.extend(scenario.warnings(&case));
         if !parts.iter().any(|part| matches!(part, Part::Profiles | Part::Loops)) {
             case.profiles.fill(false);
@@ -83,11 +94,12 @@ impl Evaluation {
         if let Method::Exact { compare, .. } = &mut case.method {
             *compare = None;
         }
-        Ok(Self { case, outputs, parts, warnings, body_bytes: 0 })
+        Ok(Self { case, outputs, parts, warnings, run: None, checked, body_bytes: 0 })
     }
 
     fn needs_run(&self) -> bool {
-        !self.parts.is_empty() || self.outputs.iter().any(Output::needs_run)
+        self.parts.iter().any(|part| *part != Part::Check)
+            || self.outputs.iter().any(Output::needs_run)
     }
 
     /// Estimated processor time, in seconds.
@@ -97,26 +109,24 @@ impl Evaluation {
 
     /// Estimated size of the answer, in bytes.
     pub fn answer_bytes(&self) -> usize {
-        let tables = if self.parts.is_empty() { 0 } else { self.case.answer_bytes() };
+        let tables = if self.needs_run() { self.case.answer_bytes() } else { 0 };
         tables + OUTPUT_BYTES * (self.outputs.len() + self.warnings.len())
     }
 
-    /// Computes the outputs and the requested parts of the result. Calls `may_continue` after each step of about 30 ms,
-    /// and returns `None` if it is false.
-    pub fn compute(self, may_continue: impl Fn() -> bool) -> Option<Evaluated> {
+    /// Computes for at most about 30 ms. Returns the outputs and the requested parts of the result, once.
+    ///
+    /// # Panics
+    /// An earlier call has returned them.
+    pub fn step(&mut self) -> Option<Evaluated> {
         let needs_run = self.needs_run();
-        let Self { case, outputs, parts, warnings, .. } = self;
-        let mut run = Run::new(case, needs_run, warnings.clone());
-        let ended = loop {
-            match run.step() {
-                Some(ended) => break ended,
-                None if may_continue() => {}
-                None => return None,
-            }
-        };
+        let Self { case, outputs, parts, warnings, run, .. } = self;
+        let run = run.get_or_insert_with(|| Run::new(case.clone(), needs_run, warnings.clone()));
+        let ended = run.step()?;
         let values = outputs.iter().map(|output| (output, ended.value(output)));
         let mut found = Evaluated::of(values);
-        let Ok(outcome) = ended.found else { return Some(Evaluated { warnings, ..found }) };
+        let Ok(outcome) = ended.found else {
+            return Some(Evaluated { warnings: std::mem::take(warnings), ..found });
+        };
         if !parts.is_empty() {
             let others = QUANTITIES
                 .iter()
@@ -127,6 +137,8 @@ impl Evaluation {
         found.history = asked(Part::History).then_some(outcome.history);
         found.profiles = outcome.profiles.filter(|_| asked(Part::Profiles));
         found.loops = outcome.loops.filter(|_| asked(Part::Loops));
+        found.events = asked(Part::Events).then_some(outcome.events);
+        found.accuracy = asked(Part::Accuracy).then_some(outcome.accuracy);
         found.warnings = outcome.warnings;
         Some(found)
     }
@@ -157,7 +169,7 @@ struct Envelope {
     #[deserr(default)]
     outputs: Given<Distinct<OutputName, MAX_OUTPUTS>>,
     #[deserr(default)]
-    parts: Given<Distinct<Part, 3>>,
+    parts: Given<Distinct<Part, 6>>,
 }
 
 impl Envelope {
@@ -185,14 +197,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_evaluation_that_may_not_continue_stops_after_a_step() {
+    fn an_evaluation_is_computed_in_steps() {
         let body = br#"{"scenario": {
             "profile": {"shape": "paraboloid", "radius": "10 mm"},
             "moduli": {"normal": "113 GPa", "tangential": "93 GPa"}, "friction": 0.7,
             "wear": {"coefficient": "3.03e-5 mm^3/(N m)"}, "load": {"normal_force": "100 N"},
             "motion": {"amplitude": "2 um"}, "cycles": [1000]}, "outputs": ["wear_volume"]}"#;
-        let evaluation = || Evaluation::parse(body).unwrap();
-        assert!(evaluation().compute(|| false).is_none());
-        assert!(evaluation().compute(|| true).is_some());
+        let mut evaluation = Evaluation::parse(body).unwrap();
+        assert!(evaluation.step().is_none());
+        assert!((0..100).any(|_| evaluation.step().is_some()));
     }
 }

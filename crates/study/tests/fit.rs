@@ -191,11 +191,26 @@ fn what_the_data_cannot_tell_is_said_in_words() {
     );
     // A prior gives the rest.
     fit["parameters"][1]["prior"] = json!({"lognormal": {"median": "3 GPa", "factor": 1.1}});
-    let found = fitted(fit).unwrap();
+    let found = fitted(fit.clone()).unwrap();
     assert_eq!(notes(&found, "prior").len(), 1, "{}", found["notes"]);
     let [low, high] = [0, 1].map(|end| found["parameters"][1]["interval"][end].as_f64().unwrap());
     let expected = 3e9 * libm::pow(1.1, 1.96);
     assert!((high / expected - 1.0).abs() < 0.02 && low < 3e9, "{low} {high}");
+    // Two tests with own parameters have two such directions.
+    let own = ["A0", "A1"].map(|test| {
+        json!([{"pointer": "/wear/coefficient", "from": 1e-6, "to": 1e-2, "spacing": "log", "for": [test]},
+            {"pointer": "/wear/hardness", "from": "0.1 GPa", "to": "20 GPa", "spacing": "log", "for": [test]}])
+    });
+    fit["tests"] = json!(tests(&fit["scenario"], &[3e-6, 5e-6, 7e-6, 10e-6], Stream::new(2)));
+    fit["parameters"] = own.iter().flat_map(|own| own.as_array().unwrap()).cloned().collect();
+    let found = fitted(fit).unwrap();
+    assert_eq!(
+        notes(&found, "undetermined"),
+        ["A0", "A1"].map(|test| format!(
+            "Changes of `wear.coefficient ({test})` and `wear.hardness ({test})` that keep `wear.coefficient \
+             ({test})/wear.hardness ({test})` have almost no effect."
+        ))
+    );
 
     // With the depth held, wear ends. Long after that, the coefficient has no effect.
     let mut held = ball();

@@ -4,18 +4,20 @@ use std::sync::Arc;
 
 use axum::Extension;
 use axum::response::{IntoResponse, Response};
+use serde::Serialize;
 use tokio::task;
 
-use super::scenarios::parse;
+use super::scenarios::{Checked, checked, parse};
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
-use crate::http::shares::SMALL;
+use crate::http::shares::{Permit, SMALL};
 use crate::http::transport::body::Body;
 use crate::http::wire::{FRESH_JSON, NoQuery, schemas};
 use crate::service::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
+use fretwork_job::Prepared;
 use fretwork_json as json;
-use fretwork_study::Evaluation;
+use fretwork_study::{Evaluated, Evaluation};
 
 /// The address of evaluations.
 pub const PATH: &str = "/v1/evaluate";
@@ -51,9 +53,9 @@ impl From<NotEvaluated> for Problem {
 
 /// Computes outputs of a scenario at once, and keeps nothing.
 ///
-/// For sliders, optimisers and samplers. The run may take an estimated 20 ms; for a longer one, submit a job. The
+/// For sliders, optimisers and samplers. The run may take an estimated 150 ms; for a longer one, submit a job. The
 /// numbers are those of the result that a job has. Without `profiles` and `loops` in `parts`, none are computed.
-/// Evaluations have a rate limit of their own.
+/// `check` alone needs no run, so the scenario may be of any length. Evaluations have a rate limit of their own.
 #[utoipa::path(post, path = "/v1/evaluate", operation_id = "evaluate", tag = "scenarios",
     request_body(content = ref("#/components/schemas/EvaluateBody"), description = "The scenario, and what to \
         return.",
@@ -88,17 +90,41 @@ impl From<NotEvaluated> for Problem {
     ),
 )]
 pub async fn evaluate(app: App, caller: Caller, _: NoQuery, body: Body) -> Result<Response> {
-    let evaluation = parse(body, Evaluation::parse).await?;
-    let bytes = evaluation.answer_bytes();
+    let mut evaluation = parse(body, Evaluation::parse).await?;
+    let asked = evaluation.checked.take().map(|run| Prepared::of_run(*run));
+    let canonical = asked.as_ref().map_or(0, |prepared| prepared.stored.len());
+    let bytes = evaluation.answer_bytes() + canonical;
     // An evaluation that waits for its turn holds no memory.
     let turn = app.shares.evaluations.turn(&caller.owner).await;
-    let mut permit = app.shares.answers.hold(&caller.owner, bytes.min(LARGEST_EVALUATION)).await?;
+    let permit = app.shares.answers.hold(&caller.owner, bytes.min(LARGEST_EVALUATION)).await?;
     let evaluated = app.service.evaluate(evaluation).await?;
     drop(turn);
+    let check = match asked {
+        Some(prepared) => Some(checked(&app, prepared).await?),
+        None => None,
+    };
+    fresh(permit, bytes, Answer { evaluated, check }).await
+}
+
+/// The answer to an evaluation.
+#[derive(Serialize)]
+struct Answer {
+    #[serde(flatten)]
+    evaluated: Evaluated,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    check: Option<Checked>,
+}
+
+/// An answer of about `bytes` bytes that no cache may keep, and the memory that it uses.
+pub(super) async fn fresh(
+    mut permit: Permit,
+    bytes: usize,
+    answer: impl Serialize + Send + 'static,
+) -> Result<Response> {
     let answer = if bytes <= SMALL {
-        json::write(&evaluated, bytes)
+        json::write(&answer, bytes)
     } else {
-        let written = task::spawn_blocking(move || json::write(&evaluated, bytes));
+        let written = task::spawn_blocking(move || json::write(&answer, bytes));
         written.await.map_err(Problem::bug)?
     };
     permit.shrink(answer.len());

@@ -3,11 +3,14 @@
 mod answer;
 mod submission;
 
+use std::sync::Arc;
+
 use axum::http::{StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
+use super::evaluate::fresh;
 use crate::http::access::caller::Caller;
 use crate::http::api::parameters::OfJobs;
 use crate::http::app::App;
@@ -15,6 +18,7 @@ use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::wire::include::Include;
 use crate::http::wire::paging::{limit, next_page};
 use crate::http::wire::{NoQuery, Query, Segment, schemas};
+use fretwork_engine::outcome::{History, ResultUnits};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::{Canceled, Deleted, Filter};
 
@@ -166,6 +170,41 @@ pub async fn result(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result
         }
     };
     Err(problem)
+}
+
+/// The rows of a run that is being computed.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct SoFar {
+    /// The units of the columns.
+    #[schema(value_type = Object)]
+    units: ResultUnits,
+    /// The history up to the present output cycle. While the exact method computes it, `contact_radius` and `scar_radius`
+    /// have no entries: the run smooths them over time when all rows are known.
+    #[schema(value_type = schemas::Columns)]
+    history: Arc<History>,
+}
+
+/// Returns the rows that a run has computed so far.
+///
+/// Their digits are those of the result. Ask again after a `progress` event of the job. The rows exist only while the run is
+/// computed, and only on the server that computes it.
+#[utoipa::path(get, path = "/v1/jobs/{id}/so-far", operation_id = "get_job_so_far", tag = "jobs",
+    params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
+    responses(
+        (status = 200, description = "The rows so far.", body = SoFar),
+        (status = 204, description = "No rows: the job is queued, finished or a study, or another server computes it."),
+    ),
+)]
+pub async fn so_far(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<Response> {
+    /// Maximum bytes of a number in JSON, with its comma.
+    const NUMBER: usize = 24;
+    let job = visible(&app, &caller, &id).await?;
+    let Some(history) = app.service.so_far(&job.key).await else {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    };
+    let bytes = 4096 + NUMBER * History::MEMBERS.len() * history.cycles.len();
+    let permit = app.shares.answers.hold(&caller.owner, bytes).await?;
+    fresh(permit, bytes, SoFar { units: ResultUnits, history }).await
 }
 
 /// Cancels a job.

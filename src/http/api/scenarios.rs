@@ -12,11 +12,11 @@ use utoipa::ToSchema;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
-use crate::http::wire::{NoQuery, Segment, schemas};
+use crate::http::wire::{FRESH_JSON, NoQuery, Segment, schemas};
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
 use fretwork_job::{Canonical, Key, Prepared, Submission, Task};
-use fretwork_json::BadBody;
+use fretwork_json::{self as json, BadBody};
 use fretwork_study::Kind;
 
 /// A valid job body, from a file in `examples/`.
@@ -180,15 +180,23 @@ struct CheckedLinks {
         body."),
     responses((status = 200, description = "The scenario or study is valid.", body = Checked)),
 )]
-pub async fn check(app: App, _: NoQuery, body: Body) -> Result<Json<Checked>> {
+pub async fn check(app: App, _: NoQuery, body: Body) -> Result<Response> {
+    /// Bytes of a usual answer.
+    const BYTES: usize = 4096;
     let prepared = parse(body, Submission::parse).await?.prepared;
+    let checked = checked(&app, prepared).await?;
+    Ok((FRESH_JSON, json::write(&checked, BYTES)).into_response())
+}
+
+/// What is known of a prepared task.
+pub(super) async fn checked(app: &App, prepared: Prepared) -> Result<Checked> {
     let warnings = prepared.warnings();
     let asked = prepared.asked();
     let excess = app.service.limits().refuse(&prepared).map(|excess| excess.to_string());
     let Prepared { key, task, .. } = prepared;
     let cached = app.store.has_result(&key).await?;
     let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
-    Ok(Json(match task {
+    Ok(match task {
         Task::Run(run) => {
             // The limiting state takes a few milliseconds to compute.
             let computed = task::spawn_blocking(move || (Preview::of(&run.1), run.0.clone()));
@@ -204,7 +212,7 @@ pub async fn check(app: App, _: NoQuery, body: Body) -> Result<Json<Checked>> {
             let study = CheckedStudy { key, cached, asked, columns, units, cost, excess, links };
             Checked::Study(Box::new(study))
         }
-    }))
+    })
 }
 
 /// An example.

@@ -123,7 +123,7 @@ pub struct RequestLimits {
     #[schema(example = 64_000_000)]
     answer_bytes: usize,
     /// Longest estimated run of `POST /v1/evaluate`, in seconds.
-    #[schema(example = 0.02)]
+    #[schema(example = 0.15)]
     evaluate_seconds: f64,
     /// Longest estimated computation of derivatives or of a call of UM-Bridge, in seconds.
     #[schema(example = 30)]

@@ -128,6 +128,8 @@ documented! {
     Warning kept_in_a_file();
     /// An estimate for a scenario.
     Preview kept_in_a_file();
+    /// Columns with one entry per output cycle.
+    Columns kept_in_a_file();
     /// The outputs of a scenario.
     Evaluated kept_in_a_file();
     /// What was read from a file of measured numbers.

@@ -28,7 +28,7 @@ mod recording;
 mod single;
 
 use crate::case::{Case, Method};
-use crate::outcome::Outcome;
+use crate::outcome::{History, Outcome};
 use crate::request::fault::Faults;
 use crate::scenario::{Scenario, Warning};
 use comparing::Comparing;
@@ -109,6 +109,24 @@ impl Simulation {
                 Advance::Done(outcome)
             }
             Phase::Done => unreachable!("the simulation was stepped after its end"),
+        }
+    }
+
+    /// The rows that are computed so far. Their digits are those of the outcome. The contact radii and scar radii of the
+    /// exact method are missing until all rows are computed, because the run then smooths them over time.
+    #[must_use]
+    pub fn so_far(&self) -> History {
+        match &self.phase {
+            Phase::Running(run) => {
+                let mut history = run.recording.history.clone();
+                if matches!(run.case.method, Method::Exact { .. }) {
+                    history.contact_radius.clear();
+                    history.scar_radius.clear();
+                }
+                history
+            }
+            Phase::Comparing { outcome, .. } => outcome.history.clone(),
+            Phase::Done => History::default(),
         }
     }
 

@@ -9,7 +9,7 @@ use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::contact::row::SpringRow;
 use fretwork_engine::contact::unworn::{Contact, Decay, Regime};
 use fretwork_engine::numeric::integrate;
-use fretwork_engine::outcome::Outcome;
+use fretwork_engine::outcome::{History, Outcome};
 use fretwork_engine::scenario::{self, Scenario};
 use fretwork_engine::simulation::{Advance, Simulation};
 use fretwork_engine::solver::closed::simplified::Simplified;
@@ -537,6 +537,36 @@ fn the_closed_form_solver_converges_with_second_order() {
         if c > 0.0 {
             let depth = order(found[1].0 - found[0].0, found[3].0 - found[2].0, 2.0);
             assert!(depth > 1.7, "depth converges with order {depth}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn the_rows_so_far_are_rows_of_the_result() {
+    for model in [
+        json!({"method": "simplified"}),
+        json!({"method": "exact", "tolerance": 1e-4, "compare": true}),
+    ] {
+        let mut request = steel_ball();
+        request["model"] = model;
+        request["cycles"] = json!({"from": 10, "to": 1e6, "count": 300});
+        let mut simulation = Simulation::of(&scenario(&request)).expect("a contact");
+        let mut seen = vec![simulation.so_far()];
+        let all = loop {
+            match simulation.step() {
+                Advance::Working(_) => seen.push(simulation.so_far()),
+                Advance::Done(outcome) => break outcome.history,
+            }
+        };
+        let is_part = |rows: &History| (2..all.cycles.len()).contains(&rows.cycles.len());
+        assert!(seen.iter().any(is_part), "{}", seen.len());
+        for rows in seen {
+            let smoothed = request["model"]["method"] == "exact" && rows != all;
+            for ((name, part), (_, whole)) in rows.columns().into_iter().zip(all.columns()) {
+                let missing = smoothed && ["contact_radius", "scar_radius"].contains(&name);
+                let count = if missing { 0 } else { rows.cycles.len() };
+                assert_eq!(part, &whole[..count], "{name}");
+            }
         }
     }
 }

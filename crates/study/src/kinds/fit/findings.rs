@@ -221,7 +221,11 @@ impl Told<'_> {
                 let sign = if power < 0.0 { "/" } else { "·" };
                 let is_one = (power.abs() - 1.0).abs() < ABOUT_ONE;
                 let power = if is_one { String::new() } else { format!("^{:.2}", power.abs()) };
-                format!("These data determine only `{one}{sign}{other}{power}`.")
+                let kept = format!("`{one}{sign}{other}{power}`");
+                if self.alone.undetermined.len() == 1 {
+                    return format!("These data determine only {kept}.");
+                }
+                format!("Changes of `{one}` and `{other}` that keep {kept} have almost no effect.")
             }
             _ => {
                 let names: Vec<_> = parts.iter().map(|(name, _)| format!("`{name}`")).collect();

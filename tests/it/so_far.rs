@@ -1,0 +1,83 @@
+//! The rows of a run while it is computed.
+
+use std::sync::Arc;
+
+use fretwork::http::Origins;
+use fretwork_engine::outcome::History;
+use fretwork_job::{Begin, Step, Task, Work};
+use serde_json::{Value, json};
+
+use crate::keeping::eventually;
+use crate::server::{Gate, Server, example};
+
+/// A run that pauses after its first rows, until its gate opens.
+struct Paused {
+    run: Box<dyn Work>,
+    gate: Gate,
+}
+
+impl Work for Paused {
+    fn step(&mut self) -> Step {
+        if self.so_far().is_some_and(|rows| rows.cycles.len() > 1) && !self.gate.is_passed() {
+            return Step::Working { progress: 0.5 };
+        }
+        self.run.step()
+    }
+
+    fn so_far(&self) -> Option<History> {
+        self.run.so_far()
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_running_job_shows_its_rows_until_it_ends() {
+    let gate = Gate::default();
+    let own = gate.clone();
+    let begin: Begin = Arc::new(move |key, stored, prepared| {
+        let run = Task::start(key, stored, prepared)?;
+        Ok(Box::new(Paused { run, gate: own.clone() }) as Box<dyn Work>)
+    });
+    let server = Server::computing(begin, &Origins::Own).await;
+    let mut body = example("steel-ball");
+    body["scenario"]["model"] = json!({"tolerance": 1e-4});
+    body["scenario"]["cycles"] = json!({"from": 10, "to": 1e5, "count": 300, "spacing": "log"});
+    let job = server.post("/v1/jobs", &body).await.json();
+    let address = format!("/v1/jobs/{}/so-far", job["id"].as_str().unwrap());
+    let count = |rows: &Value| rows["history"]["cycles"].as_array().map_or(0, Vec::len);
+    eventually(async || {
+        let reply = server.get(&address).await;
+        reply.status == 200 && count(&reply.json()) > 1
+    })
+    .await;
+    let rows = server.get(&address).await;
+    assert_eq!(rows.header("cache-control"), Some("no-store"));
+    let rows = rows.json();
+    let twin = server.post("/v1/jobs", &body).await.json();
+    let shared = server.get(&format!("/v1/jobs/{}/so-far", twin["id"].as_str().unwrap())).await;
+    assert_eq!(shared.json(), rows, "two jobs share the run");
+
+    gate.open();
+    let job = server.compute(&body).await.json();
+    let result = server.get(job["links"]["result"].as_str().unwrap()).await.json();
+    assert!(count(&rows) < count(&result), "{}", count(&rows));
+    assert_eq!(rows["units"], result["units"]);
+    for (name, column) in rows["history"].as_object().unwrap() {
+        let smoothed = ["contact_radius", "scar_radius"].contains(&name.as_str());
+        let known = if smoothed { 0 } else { count(&rows) };
+        let whole = result["history"][name].as_array().unwrap();
+        assert_eq!(column.as_array().unwrap(), &whole[..known], "{name}");
+    }
+    let ended = server.get(&address).await;
+    assert_eq!((ended.status, ended.text()), (204, ""));
+    server.get("/v1/jobs/0/so-far").await.problem(404, "not-found");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn other_work_has_no_rows() {
+    let gate = Gate::default();
+    let server = Server::computing(gate.compute(), &Origins::Own).await;
+    let job = server.post("/v1/jobs", &example("steel-ball")).await.json();
+    let address = job["links"]["self"].as_str().unwrap();
+    eventually(async || server.get(address).await.json()["state"] == "running").await;
+    assert_eq!(server.get(&format!("{address}/so-far")).await.status, 204);
+}
