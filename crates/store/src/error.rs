@@ -2,8 +2,9 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::pin::Pin;
 use std::sync::Arc;
+
+use futures_util::future::{BoxFuture, LocalBoxFuture};
 
 use fretwork_job::{JobId, Key};
 
@@ -15,10 +16,10 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// The future of a verb. All verbs return this boxed type, so that their code is compiled only in this crate, and not
 /// again in each crate that awaits them.
-pub type Doing<'a, T> = Pin<Box<dyn Future<Output = Result<T>> + Send + 'a>>;
+pub type Doing<'a, T> = BoxFuture<'a, Result<T>>;
 
 /// The future of a command. Like [`Doing`], but not `Send`.
-pub type Command<'a, T, E = Error> = Pin<Box<dyn Future<Output = Result<T, E>> + 'a>>;
+pub type Command<'a, T, E = Error> = LocalBoxFuture<'a, Result<T, E>>;
 
 /// Why an operation of the store failed.
 #[derive(Debug, Clone, thiserror::Error)]

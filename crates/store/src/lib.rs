@@ -49,6 +49,7 @@ mod statement;
 mod submit;
 mod tables;
 mod tally;
+mod upkeep;
 mod verbs;
 
 pub use administration::Administration;

@@ -94,10 +94,7 @@ impl Store {
         V: for<'a, 'tx> Verb<'a, Input, Change<'tx>, Answer = Answer>,
         Answer: Send + 'static,
     {
-        match &self.engine {
-            Engine::Sqlite(db) => db.write(Shared(verb), input).await,
-            Engine::Postgres(db) => db.write(Shared(verb), input).await,
-        }
+        each!(self, db => db.write(Shared(verb), input).await)
     }
 
     /// Accepts a job. If the result is stored, the job ends at once. Otherwise it waits for the live run of its key. If

@@ -7,33 +7,7 @@ const WORDS: &str = include_str!("page.md");
 
 /// The heading and the text of the section about the random runs in `accuracy.md`. These runs take too long to be
 /// repeated whenever the page is computed.
-const RANDOM: &str = "\
-## Random scenarios
-
-1000 random scenarios by the exact method with the default tolerance, compared with the tolerance 1e-4. The profiles are power
-laws, spheres, truncated paraboloids and truncated cones. The stick ratios lie between 0.05 and 0.98, and the runs last between
-0.5 and 16 N₀. A third of the runs have two to five blocks with amplitudes between 0.02 and 1.3 U_gs. They last between 0.5
-and 30 N₀ of the first block.
-
-The tables of volume and depth compare **every output cycle**: six in each run, the first at 1 % of its length, or two in each
-block, at 10 % and 90 % of its length. An output is *covered* if its stated error, `wear_volume_error` or `wear_depth_error`, is
-not below its distance from the fine run. The error of the fine run is not added. *Caution* is the median of the stated error
-over the true one.
-
-For contact radius and energy the error is the largest of a run. The energy counts where it is at least 1 % of its largest value.
-For an event it is the error of its moment, or what is known of it if only one run reports the event.
-`fretwork verify --random 1000 > crates/verify/src/accuracy.md` prints these tables again.
-";
-
-/// The heading and the text of the section about fits in `fits.md`. The tests of the crate `study` compute them.
-const FITS: &str = "\
-## Fits
-
-Random campaigns of 3 to 8 tests of a ball, computed with the tolerance 1e-4. The volumes have a noise of 5 %, which the even
-seeds state and the odd seeds let the fit estimate. Each fit estimates k_w and μ with intervals of 95 %. The last line has random
-fits of six kinds, in which one parameter has no effect, or only the product or the ratio of two has one.
-`FRETWORK_TEST_LONG=1 cargo test --release -p fretwork-study --test fit` computes these lines again.
-";
+const RANDOM: &str = include_str!("random.md");
 
 /// Whom the program is compared with, and the sources of these checks.
 const GROUPS: [(&str, &[&str]); 8] = [
@@ -271,7 +245,7 @@ impl fmt::Display for VerificationPage {
         }
         self.sections.iter().try_for_each(|section| section.fmt(f))?;
         write!(f, "\n{RANDOM}\n{}", include_str!("accuracy.md"))?;
-        write!(f, "\n{FITS}\n{}", include_str!("fits.md"))
+        write!(f, "\n{}", include_str!("fits.md"))
     }
 }
 

@@ -1,14 +1,14 @@
 //! The audit log.
 
 use axum::http::Uri;
-use axum::response::Response;
+use axum::response::{IntoResponse as _, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::http::app::App;
 use crate::http::problem::Result;
-use crate::http::wire::paging::{fresh_page, limit, next_page};
-use crate::http::wire::{Query, instant, schemas};
+use crate::http::wire::paging::{limit, next_page};
+use crate::http::wire::{Fresh, Query, instant, schemas};
 use fretwork_store::{Act, AuditEntry as Stored};
 
 /// Equal acts of one day (UTC).
@@ -91,5 +91,5 @@ pub async fn audit(app: App, uri: Uri, mut query: Query) -> Result<Response> {
     found.truncate(limit as usize);
     let (next, link) = next_page(&uri, found.last().filter(|_| more).map(|entry| entry.id));
     let entries = found.into_iter().map(AuditEntry::from).collect();
-    Ok(fresh_page(link, AuditLog { entries, next }))
+    Ok((link, Fresh(AuditLog { entries, next })).into_response())
 }

@@ -1,7 +1,7 @@
 //! The library of results: search, provenance, notes, deletion.
 
 use axum::http::{StatusCode, Uri};
-use axum::response::Response;
+use axum::response::{IntoResponse as _, Response};
 use deserr::Deserr;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -13,7 +13,7 @@ use crate::http::api::parameters::{Conditions, ResultKey, SearchTable};
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
-use crate::http::wire::paging::{fresh_page, limit, next_page};
+use crate::http::wire::paging::{limit, next_page};
 use crate::http::wire::{Fresh, NoQuery, Query, Segment, instant, read_key, schemas};
 use fretwork_engine::request::fault::Faults;
 use fretwork_job::{Key, SCALARS, Verified};
@@ -143,7 +143,7 @@ pub async fn list(app: App, caller: Caller, uri: Uri, mut query: Query) -> Resul
     let (next, link) = next_page(&uri, found.next);
     let results = found.results.into_iter().map(ResultEntry::from).collect();
     let units = SCALARS.iter().map(|scalar| (scalar.name.to_owned(), json!(scalar.unit())));
-    Ok(fresh_page(link, ResultList { results, units: units.collect(), next }))
+    Ok((link, Fresh(ResultList { results, units: units.collect(), next })).into_response())
 }
 
 /// Who computed a result, when, and with which program. Values that the server does not know are null.

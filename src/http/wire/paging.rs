@@ -2,10 +2,7 @@
 
 use std::fmt::Display;
 
-use axum::Json;
 use axum::http::{HeaderName, Uri, header};
-use axum::response::{IntoResponse as _, Response};
-use serde::Serialize;
 
 use super::Query;
 
@@ -32,9 +29,4 @@ pub fn next_page(uri: &Uri, cursor: Option<impl Display>) -> (Option<String>, Li
     });
     let link = next.as_ref().map(|next| [(header::LINK, format!("<{next}>; rel=\"next\""))]);
     (next, link)
-}
-
-/// The answer with a page that no cache may keep, because it changes.
-pub fn fresh_page(link: Link, page: impl Serialize) -> Response {
-    (link, [(header::CACHE_CONTROL, "no-store")], Json(page)).into_response()
 }

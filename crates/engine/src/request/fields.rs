@@ -57,20 +57,6 @@ pub(super) fn number<V: IntoValue>(
     }
 }
 
-/// Reads a number, or a string with a unit. Returns the value in SI units.
-fn quantity<V: IntoValue>(
-    value: Value<V>,
-    location: ValuePointerRef<'_>,
-    dimension: Dimension,
-) -> Result<f64, Faults> {
-    match value {
-        Value::String(text) => {
-            quantity::parse(&text, dimension).map_err(|detail| Faults::at(location, detail))
-        }
-        other => number(other, location, &[ValueKind::Float, ValueKind::String]),
-    }
-}
-
 pub(super) fn within(
     x: f64,
     (low, high): (f64, f64),
@@ -99,7 +85,7 @@ pub trait Quantity {
 
 /// Defines quantities: numbers in SI units within a range, parsed with their units.
 macro_rules! quantities {
-    ($($(#[$doc:meta])* $name:ident: $dimension:ident in $range:expr;)*) => {$(
+    ($($(#[$doc:meta])* $name:ident: $dimension:ident $(or $per_length:ident)? in $range:expr;)*) => {$(
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct $name(pub f64);
@@ -113,6 +99,10 @@ macro_rules! quantities {
             const DIMENSION: Dimension = Dimension::$dimension;
             const RANGE: (f64, f64) = $range;
         }
+
+        $(impl PerLength for $name {
+            const PER_LENGTH: Dimension = Dimension::$per_length;
+        })?
 
         impl From<$name> for f64 {
             fn from(quantity: $name) -> Self {
@@ -129,7 +119,7 @@ macro_rules! quantities {
                 let x = if dimension == Dimension::Number {
                     number(value, location, &[ValueKind::Float])?
                 } else {
-                    quantity(value, location, dimension)?
+                    NumberOrText::deserialize_from_value(value, location)?.read(dimension, location)?
                 };
                 within(x, Self::RANGE, dimension.si(), location).map(Self)
             }
@@ -145,13 +135,13 @@ quantities! {
     /// A height in metres, positive or negative.
     Height: Length in (-1e6, 1e6);
     /// A normal force in newtons.
-    Force: Force in (1e-12, 1e15);
+    Force: Force or ForcePerLength in (1e-12, 1e15);
     /// The amplitude of a tangential force in newtons.
-    TangentialForce: Force in (1e-18, 1e15);
+    TangentialForce: Force or ForcePerLength in (1e-18, 1e15);
     /// The amplitude of the tangential force of a block, in newtons; 0 is allowed.
-    BlockForce: Force in (0.0, 1e15);
+    BlockForce: Force or ForcePerLength in (0.0, 1e15);
     /// A stiffness in newtons per metre.
-    Stiffness: Stiffness in (1e-6, 1e18);
+    Stiffness: Stiffness or StiffnessPerLength in (1e-6, 1e18);
     /// An amplitude in metres; 0 is allowed.
     Stroke: Length in (0.0, 1e6);
     /// A position in metres.
@@ -209,22 +199,6 @@ impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Rounded<T> {
 pub trait PerLength: Quantity {
     /// The dimension of the quantity per length.
     const PER_LENGTH: Dimension;
-}
-
-impl PerLength for Force {
-    const PER_LENGTH: Dimension = Dimension::ForcePerLength;
-}
-
-impl PerLength for TangentialForce {
-    const PER_LENGTH: Dimension = Dimension::ForcePerLength;
-}
-
-impl PerLength for BlockForce {
-    const PER_LENGTH: Dimension = Dimension::ForcePerLength;
-}
-
-impl PerLength for Stiffness {
-    const PER_LENGTH: Dimension = Dimension::StiffnessPerLength;
 }
 
 /// The total of a force or stiffness over the length of the contact, rounded to 12 digits. The text of a request can
@@ -341,14 +315,13 @@ impl Deserr<Faults> for GivenXi {
         value: Value<V>,
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
-        match value {
-            Value::String(text) if text == "auto" => Ok(Self::Auto),
-            Value::String(text) => {
+        match NumberOrText::deserialize_from_value(value, location)? {
+            NumberOrText::Text(text) if text == "auto" => Ok(Self::Auto),
+            NumberOrText::Text(text) => {
                 let detail = format!("must be a number or \"auto\", not \"{text}\"");
                 Err(Faults::at(location, detail))
             }
-            other => {
-                let x = number(other, location, &[ValueKind::Float, ValueKind::String])?;
+            NumberOrText::Number(x) => {
                 within(x, Xi::RANGE, "", location).map(|x| Self::Number(Xi(x)))
             }
         }
@@ -408,6 +381,19 @@ pub(super) fn pair<T: Deserr<Faults>, V: IntoValue>(
     }
     let list = Vec::<T>::deserialize_from_value(value, location)?;
     list.try_into().map_err(|_| Faults::at(location, format!("must list exactly two {items}")))
+}
+
+/// The two bodies of a contact. The first one carries the profile.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bodies<T>(pub [T; 2]);
+
+impl<T: Deserr<Faults>> Deserr<Faults> for Bodies<T> {
+    fn deserialize_from_value<V: IntoValue>(
+        value: Value<V>,
+        location: ValuePointerRef<'_>,
+    ) -> Result<Self, Faults> {
+        pair(value, location, "bodies").map(Self)
+    }
 }
 
 /// A list of `LEAST` to `MOST` items.

@@ -359,63 +359,49 @@ impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Column<T> {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
-enum ShapeName {
-    Paraboloid,
-    Sphere,
-    Cone,
-    Power,
-    #[deserr(rename = "truncated_paraboloid")]
-    TruncatedParaboloid,
-    #[deserr(rename = "truncated_cone")]
-    TruncatedCone,
-    Table,
-    #[deserr(rename = "crossed_cylinders")]
-    CrossedCylinders,
-    Cylinder,
-    Wedge,
-    Punch,
+/// Reads a profile by the name of its shape. Not derived, because the error of `deserr` does not list the accepted tags of
+/// an enum.
+macro_rules! shapes {
+    ($($shape:ident $name:literal,)*) => {
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
+        #[deserr(error = Faults)]
+        enum ShapeName {
+            $(#[deserr(rename = $name)] $shape,)*
+        }
+
+        impl Deserr<Faults> for Profile {
+            fn deserialize_from_value<V: IntoValue>(
+                value: Value<V>,
+                location: ValuePointerRef<'_>,
+            ) -> Result<Self, Faults> {
+                let Value::Map(mut map) = value else {
+                    return Err(wrong_kind(value, &[ValueKind::Map], location));
+                };
+                let here = location.push_key("shape");
+                let Some(shape) = map.remove("shape") else {
+                    let detail = "is missing. Enter the shape of the indenter, such as \"paraboloid\"";
+                    return Err(Faults::at(here, detail));
+                };
+                let shape = ShapeName::deserialize_from_value(shape.into_value(), here)?;
+                let rest = Value::<V>::Map(map);
+                match shape {
+                    $(ShapeName::$shape => Deserr::deserialize_from_value(rest, location).map(Self::$shape),)*
+                }
+            }
+        }
+    };
 }
 
-// Not derived, because the error of `deserr` does not list the accepted tags of an enum.
-impl Deserr<Faults> for Profile {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        let Value::Map(mut map) = value else {
-            return Err(wrong_kind(value, &[ValueKind::Map], location));
-        };
-        let here = location.push_key("shape");
-        let Some(shape) = map.remove("shape") else {
-            return Err(Faults::at(
-                here,
-                "is missing. Enter the shape of the indenter, such as \"paraboloid\"",
-            ));
-        };
-        let shape = ShapeName::deserialize_from_value(shape.into_value(), here)?;
-        let rest = Value::<V>::Map(map);
-        Ok(match shape {
-            ShapeName::Paraboloid => {
-                Self::Paraboloid(Deserr::deserialize_from_value(rest, location)?)
-            }
-            ShapeName::Sphere => Self::Sphere(Deserr::deserialize_from_value(rest, location)?),
-            ShapeName::Cone => Self::Cone(Deserr::deserialize_from_value(rest, location)?),
-            ShapeName::Power => Self::Power(Deserr::deserialize_from_value(rest, location)?),
-            ShapeName::TruncatedParaboloid => {
-                Self::TruncatedParaboloid(Deserr::deserialize_from_value(rest, location)?)
-            }
-            ShapeName::TruncatedCone => {
-                Self::TruncatedCone(Deserr::deserialize_from_value(rest, location)?)
-            }
-            ShapeName::Table => Self::Table(Deserr::deserialize_from_value(rest, location)?),
-            ShapeName::CrossedCylinders => {
-                Self::CrossedCylinders(Deserr::deserialize_from_value(rest, location)?)
-            }
-            ShapeName::Cylinder => Self::Cylinder(Deserr::deserialize_from_value(rest, location)?),
-            ShapeName::Wedge => Self::Wedge(Deserr::deserialize_from_value(rest, location)?),
-            ShapeName::Punch => Self::Punch(Deserr::deserialize_from_value(rest, location)?),
-        })
-    }
+shapes! {
+    Paraboloid "paraboloid",
+    Sphere "sphere",
+    Cone "cone",
+    Power "power",
+    TruncatedParaboloid "truncated_paraboloid",
+    TruncatedCone "truncated_cone",
+    Table "table",
+    CrossedCylinders "crossed_cylinders",
+    Cylinder "cylinder",
+    Wedge "wedge",
+    Punch "punch",
 }

@@ -13,14 +13,14 @@ pub mod instants;
 pub mod quantity;
 pub mod wear;
 
-use deserr::{Deserr, IntoValue, Value, ValuePointerRef};
+use deserr::{Deserr, ValuePointerRef};
 use serde::Serialize;
 
 use changing::{Changing, Course};
 use fault::Faults;
 use fields::{
-    DissipatedEnergy, Friction, Given, GivenXi, Length, PointCount, PoissonRatio, Rounded, Stress,
-    Tolerance, Volume, pair,
+    Bodies, DissipatedEnergy, Friction, Given, GivenXi, Length, PointCount, PoissonRatio, Rounded,
+    Stress, Tolerance, Volume,
 };
 use held::{Load, Motion};
 use indenter::Profile;
@@ -35,7 +35,7 @@ pub struct Request {
     pub profile: Profile,
     /// The two bodies. The first one carries the profile. The alternative is `moduli`.
     #[deserr(default)]
-    pub bodies: Given<Bodies>,
+    pub bodies: Given<Bodies<ElasticBody>>,
     /// The effective moduli E* and G*. The alternative is `bodies`.
     #[deserr(default)]
     pub moduli: Given<Moduli>,
@@ -128,19 +128,6 @@ impl Request {
             faults.keep("/model", self.model.check_exact(obstacle));
         }
         faults.or(self)
-    }
-}
-
-/// The two bodies of a contact.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bodies(pub [ElasticBody; 2]);
-
-impl Deserr<Faults> for Bodies {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        pair(value, location, "bodies").map(Self)
     }
 }
 

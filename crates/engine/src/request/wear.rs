@@ -6,7 +6,8 @@ use serde::Serialize;
 use super::changing::{Changing, GivenChanging};
 use super::fault::Faults;
 use super::fields::{
-    EnergyWear, Given, Length, List, NumberOrText, Rounded, Share, Stress, WEAR_RANGE, pair, within,
+    Bodies, EnergyWear, Given, Length, List, NumberOrText, Rounded, Share, Stress, WEAR_RANGE,
+    within,
 };
 use super::quantity::Dimension;
 use crate::numeric::twelve_digits;
@@ -104,19 +105,6 @@ impl Deserr<Faults> for WearRate {
     }
 }
 
-/// The member `bodies` of `wear`.
-#[derive(Debug, Clone, PartialEq)]
-struct WornBodies([WornBody; 2]);
-
-impl Deserr<Faults> for WornBodies {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        pair(value, location, "bodies").map(Self)
-    }
-}
-
 /// The member `wear` as the client gives it: k_w, or k with the hardness, or α, or the bodies.
 #[derive(Debug, Clone, PartialEq, Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
@@ -135,7 +123,7 @@ struct GivenWear {
     share: Given<Rounded<Share>>,
     /// The two bodies, the one with the profile first.
     #[deserr(default)]
-    bodies: Given<WornBodies>,
+    bodies: Given<Bodies<WornBody>>,
 }
 
 impl Deserr<Faults> for Wear {
@@ -144,7 +132,7 @@ impl Deserr<Faults> for Wear {
         location: ValuePointerRef<'_>,
     ) -> Result<Self, Faults> {
         let mut given = GivenWear::deserialize_from_value(value, location)?;
-        if let Some(WornBodies(bodies)) = given.bodies.0.take() {
+        if let Some(Bodies(bodies)) = given.bodies.0.take() {
             return given.with_bodies(bodies, location);
         }
         let share = given.share.0.map(|share| share.0);

@@ -9,10 +9,11 @@ use crate::change::Verb;
 use crate::error::Result;
 use crate::keep;
 use crate::options::Options;
-use crate::row::{Columns, RunId};
+use crate::row::Columns;
 use crate::signals::Effect;
 use crate::statement::{Statement, sql};
 use crate::tables::{Connected, Lock, Tables};
+use crate::upkeep;
 use fretwork_job::Key;
 
 /// Maximum time between two cleanings, and between two sums of the sizes of all results.
@@ -31,8 +32,6 @@ const RESULTS: i64 = 256;
 const AT_ONCE: usize = 50;
 /// Maximum number of entries of the audit log.
 const ENTRIES: i64 = 100_000;
-/// The scenario of an evicted result without jobs is kept for this time: one year, in milliseconds.
-const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
 
 /// Sorts 256 KiB. With a small `work_mem`, PostgreSQL writes them to a temporary file.
 const SPILL: &str = "
@@ -255,47 +254,27 @@ async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<()> {
     Ok(())
 }
 
-/// Deletes some chunks of a study that has ended. Deletes the row of the study together with the last chunk.
+/// Deletes some chunks of a study that has ended. Returns whether there may be more.
 async fn delete_chunks((): &(), tx: &mut Transaction<'_>) -> Result<Option<bool>> {
     if !is_alone(tx).await? {
         return Ok(None);
     }
-    let query = sql!(
-        "SELECT study.run AS run FROM study LEFT JOIN run ON run.id = study.run
-         WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1"
-    );
-    let Some(ended) = tx.db.row(query).await? else { return Ok(Some(false)) };
-    let run = RunId(ended.get("run")?);
-    let query = sql!(
-        "DELETE FROM chunk WHERE run = $1 AND number IN (
-             SELECT number FROM chunk WHERE run = $1 ORDER BY number LIMIT $2)";
-        run, CHUNKS
-    );
-    tx.db.execute(query).await?;
-    let query = sql!(
-        "DELETE FROM study WHERE run = $1 AND NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = $1)"; run
-    );
-    tx.db.execute(query).await?;
-    Ok(Some(true))
+    upkeep::delete_chunks(&CHUNKS, tx.into()).await.map(Some)
 }
 
 /// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs, the turns of
 /// owners without jobs, and the oldest entries of the audit log.
 async fn forget(time: &i64, tx: &mut Transaction<'_>) -> Result<()> {
-    // Only the oldest 1000 are examined, so that many results with jobs do not slow every round.
     let query = sql!(
         "WITH idle AS (
              DELETE FROM turn WHERE NOT EXISTS (SELECT 1 FROM lease WHERE lease.owner = turn.owner)
                  AND NOT EXISTS (SELECT 1 FROM job WHERE claimable IS NOT NULL AND job.owner = turn.owner)
-         ), old AS (DELETE FROM audit WHERE id <= (SELECT max(id) FROM audit) - $2)
-         DELETE FROM result WHERE key IN (
-             SELECT key FROM (
-                 SELECT key FROM result WHERE evicted < $1 ORDER BY evicted LIMIT 1000
-             ) AS old
-             WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100)";
-        time - KEEP_EVICTED, ENTRIES
+         )
+         DELETE FROM audit WHERE id <= (SELECT max(id) FROM audit) - $1";
+        ENTRIES
     );
-    tx.db.execute(query).await
+    tx.db.execute(query).await?;
+    upkeep::forget_evicted(time, tx.into()).await
 }
 
 /// Evicts some results if the sum of their sizes exceeds the budget. Returns that sum, the number of evicted bytes, and

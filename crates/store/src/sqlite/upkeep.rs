@@ -26,9 +26,7 @@ const OFTEN: Duration = Duration::from_mins(1);
 /// Maximum number of jobs that one transaction deletes. This takes a few milliseconds.
 const JOBS: u32 = 100;
 /// Maximum number of chunks that one transaction deletes. Each has tens of kilobytes.
-const CHUNKS: u32 = 32;
-/// The scenario of an evicted result without jobs is kept for this time: one year, in milliseconds.
-const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
+pub(super) const CHUNKS: i64 = 32;
 /// Maximum number of rows that one transaction deletes to free space: twice as many as one transaction adds.
 pub(super) const ROOM: usize = 512;
 /// Maximum number of rows that one query for the oldest rows returns.
@@ -143,38 +141,6 @@ pub(super) async fn delete_old(before: &i64, tx: &mut Transaction) -> Result<boo
         }
     }
     Ok(rows.len() as u64 == u64::from(JOBS))
-}
-
-/// Deletes some chunks of a study that has ended. Returns whether it deleted any, because then there may be more.
-pub(super) async fn delete_chunks((): &(), tx: &mut Transaction) -> Result<bool> {
-    let query = sql!(
-        "DELETE FROM study WHERE NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = study.run)
-             AND NOT EXISTS (SELECT 1 FROM run WHERE run.id = study.run AND finished IS NULL);
-         SELECT study.run AS run FROM study LEFT JOIN run ON run.id = study.run
-         WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1"
-    );
-    let Some(ended) = tx.db.row(query).await? else { return Ok(false) };
-    let query = sql!(
-        "DELETE FROM chunk WHERE rowid IN (SELECT rowid FROM chunk WHERE run = $1 LIMIT $2)";
-        RunId(ended.get("run")?), CHUNKS
-    );
-    Ok(tx.db.changed_by(query).await? > 0)
-}
-
-/// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs.
-pub(super) async fn forget_evicted(time: &i64, tx: &mut Transaction) -> Result<()> {
-    // Only the oldest 1000 are examined, so that many results with jobs do not slow every round. Newer results are
-    // examined after the jobs of older ones were deleted.
-    let query = sql!(
-        "DELETE FROM result WHERE key IN (
-             SELECT key FROM (
-                 SELECT key FROM result WHERE evicted < $1 ORDER BY evicted LIMIT 1000
-             ) AS old
-             WHERE NOT EXISTS (SELECT 1 FROM job WHERE job.key = old.key) LIMIT 100
-         )";
-        time - KEEP_EVICTED
-    );
-    tx.db.execute(query).await
 }
 
 /// The outcome of [`make_room`].

@@ -1,9 +1,8 @@
 //! The writer task, which makes all changes of the database. It commits many changes in one transaction (group commit).
 
-use std::future::Future;
-use std::pin::Pin;
 use std::sync::Arc;
 
+use futures_util::future::BoxFuture;
 use sqlx::{AssertSqlSafe, Connection, Executor, Row as _};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
@@ -13,10 +12,11 @@ use super::ledger::Ledger;
 use super::log::{self, Log};
 use super::queue::Queue;
 use super::transaction::Transaction;
-use super::upkeep::{self, Room, Upkeep, delete_old, make_room, write_clock, write_reads};
-use crate::change::Verb;
+use super::upkeep::{self, CHUNKS, Room, Upkeep, delete_old, make_room, write_clock, write_reads};
+use crate::change::{Shared, Verb};
 use crate::error::{Error, Result};
 use crate::signals::{READ_AT_ONCE, Signals};
+use crate::upkeep::{delete_chunks, forget_evicted};
 use fretwork_job::clock::now;
 
 /// Maximum number of messages that wait for the writer task. Senders of further messages wait.
@@ -35,8 +35,6 @@ pub(super) enum Message {
     Apply(Box<dyn Order>),
     Close(oneshot::Sender<()>),
 }
-
-type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
 /// A [`Verb`] with its input, and with the channel for its answer. This trait hides their types, so that different
 /// verbs fit into one queue.
@@ -289,8 +287,8 @@ impl Writer {
             }
             None => false,
         };
-        let chunks = self.chore(upkeep::delete_chunks, ()).await.unwrap_or(false);
-        let _ = self.chore(upkeep::forget_evicted, time).await;
+        let chunks = self.chore(Shared(delete_chunks), CHUNKS).await.unwrap_or(false);
+        let _ = self.chore(Shared(forget_evicted), time).await;
         let exceeds = match self.upkeep.budget {
             // Chunks that no study needs are deleted before results.
             Some(budget) if !chunks => self.make_room(budget).await,
