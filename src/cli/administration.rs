@@ -8,7 +8,7 @@ use super::runtime::block_on;
 use crate::config::{AddKey, Data, Keys};
 use crate::telemetry::Logging;
 use fretwork_job::clock::{self, now};
-use fretwork_store::{AccessKey, Administration, AuditEntry, NewKey, Place, Role};
+use fretwork_store::{self as store, AccessKey, Administration, AuditEntry, NewKey, Place, Role};
 
 /// Adds, lists or revokes access keys.
 pub fn keys(command: Keys) -> Result<(), Error> {
@@ -21,12 +21,7 @@ pub fn keys(command: Keys) -> Result<(), Error> {
 
 /// Prints the audit log, the oldest entries first.
 pub fn audit(data: &Data) -> Result<(), Error> {
-    let mut entries = block_on(async {
-        let mut tables = open(data).await?;
-        let entries = tables.audit(None, u32::MAX).await?;
-        tables.close().await?;
-        Ok::<_, Error>(entries)
-    })?;
+    let mut entries = block_on(of(data, async |tables| tables.audit(None, u32::MAX).await))?;
     entries.reverse();
     let heading = format!("{:<24}  {:<24}  {:>5}  act\n", "first", "last", "times");
     let line = |entry| {
@@ -45,15 +40,21 @@ pub fn audit(data: &Data) -> Result<(), Error> {
     print((heading + &lines).as_bytes())
 }
 
-/// Opens an existing database.
-async fn open(data: &Data) -> Result<Administration, Error> {
+/// What a command reads or changes in an existing database.
+async fn of<T>(
+    data: &Data,
+    command: impl AsyncFnOnce(&mut Administration) -> store::Result<T>,
+) -> Result<T, Error> {
     let place = data.place()?;
     if !Administration::is_at(&place) {
         return Err(
             format!("{place} contains no database; name its directory with --data-dir").into()
         );
     }
-    Ok(Administration::open(place).await?)
+    let mut tables = Administration::open(place).await?;
+    let done = command(&mut tables).await?;
+    tables.close().await?;
+    Ok(done)
 }
 
 async fn add(new: AddKey) -> Result<(), Error> {
@@ -109,9 +110,7 @@ pub async fn add_first_key(place: &Place, logging: &Logging) -> Result<(), Error
 }
 
 async fn list(data: &Data) -> Result<(), Error> {
-    let mut tables = open(data).await?;
-    let keys = tables.keys().await?;
-    tables.close().await?;
+    let keys = of(data, Administration::keys).await?;
     let mut out = io::stdout().lock();
     if keys.is_empty() {
         writeln!(
@@ -133,10 +132,7 @@ async fn list(data: &Data) -> Result<(), Error> {
 }
 
 async fn revoke(name: &str, data: &Data) -> Result<(), Error> {
-    let mut tables = open(data).await?;
-    let count = tables.revoke_keys(name).await?;
-    tables.close().await?;
-    match count {
+    match of(data, async |tables| tables.revoke_keys(name).await).await? {
         0 => Err(format!(
             "no valid access key has the id or the name {name}; `fretwork keys list` shows all keys"
         )

@@ -77,9 +77,7 @@ pub struct AuditLog {
         ("cursor" = Option<i64>, Query, description = "Continues after a page. The server puts it into `next` of that \
             page."),
     ),
-    responses((status = 200, description = "A page of the log.", body = AuditLog, headers(
-        ("Link" = String, description = "The address of the next page, `rel=\"next\"`."),
-    ))),
+    responses((status = 200, description = "A page of the log.", body = AuditLog)),
 )]
 pub async fn audit(app: App, uri: Uri, mut query: Query) -> Result<Response> {
     let limit = limit(&mut query, 100, 1000);

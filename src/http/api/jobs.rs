@@ -64,9 +64,7 @@ pub(super) fn unknown() -> Problem {
         ("cursor" = Option<uuid::Uuid>, Query,
             description = "Continues after this job. The server puts it into `next` of a page."),
     ),
-    responses((status = 200, description = "A page of jobs.", body = JobList, headers(
-        ("Link" = String, description = "The address of the next page, `rel=\"next\"`."),
-    ))),
+    responses((status = 200, description = "A page of jobs.", body = JobList)),
 )]
 pub async fn list(app: App, caller: Caller, uri: Uri, mut query: Query) -> Result<Response> {
     let filter = read_filter(&mut query, &caller);

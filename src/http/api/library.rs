@@ -115,11 +115,7 @@ pub struct ResultList {
             maximum = 1000, example = 50),
         ("cursor" = Option<String>, Query, description = "Continues after a page. The server puts it into `next` of that page."),
     ),
-    responses(
-        (status = 200, description = "A page of results, in SI.", body = ResultList, headers(
-            ("Link" = String, description = "The path of the next page, `rel=\"next\"`."),
-        )),
-    ),
+    responses((status = 200, description = "A page of results, in SI.", body = ResultList)),
 )]
 pub async fn list(app: App, caller: Caller, uri: Uri, mut query: Query) -> Result<Response> {
     let mut search = Search::default();

@@ -6,7 +6,8 @@ use utoipa::openapi::path::{Parameter, ParameterBuilder, ParameterIn};
 use utoipa::openapi::schema::{ObjectBuilder, Type};
 
 use crate::http::wire::schemas::{
-    ChosenInstants, JobState, KeyText, Layout, Order, TableFormat, UnitSystem,
+    ChosenInstants, JobState, KeyText, Layout, Order, PlotInstants, PlotKind, PlotQuantity,
+    Spacing, TableFormat, UnitSystem,
 };
 use fretwork_job::{SCALARS, WORDS};
 
@@ -48,6 +49,54 @@ parameters! {
         /// Only these output cycles, separated by commas.
         #[param(style = Form, explode = false, example = json!([0]))]
         cycles: ChosenInstants,
+    }
+    /// The parameter of each operation that answers profiles.
+    #[into_params(parameter_in = Query)]
+    AtPoints {
+        /// Largest number of radii of the profiles, evenly spaced.
+        #[param(minimum = 2, maximum = 4096, example = 200)]
+        points: u32,
+    }
+    /// The parameters of a figure.
+    #[into_params(parameter_in = Query)]
+    OfFigure {
+        /// Runs: the quantity to draw, by default `worn`. A result computed with `profiles_at: "none"` has histories
+        /// only.
+        #[param(example = "pressure")]
+        quantity: PlotQuantity,
+        /// Profiles and loops: only these output cycles, separated by commas. By default up to 6, evenly spaced.
+        #[param(style = Form, explode = false, example = json!([0]))]
+        cycles: PlotInstants,
+        /// Studies: the kind of figure. By default it follows from the study.
+        #[param(example = "heat")]
+        kind: PlotKind,
+        /// Studies: a column of the outputs, by default the first one.
+        #[param(example = "wear_volume")]
+        output: String,
+        /// Studies: the JSON pointer of the number on the horizontal axis, by default the one with most values.
+        #[param(example = "/motion/amplitude")]
+        over: String,
+        /// Studies: the JSON pointer of a second number, with one curve for each value, or on the vertical axis of a
+        /// heat map.
+        #[param(example = "/friction")]
+        by: String,
+        /// `engineering` (the default here): µm, mm³, MPa, mJ and N; or `si`.
+        #[param(example = "si")]
+        units: UnitSystem,
+        /// The horizontal axis. By default it is `linear`, but `log` for a history whose output cycles span a factor of
+        /// 20 or more, and for values of a study that are spaced so. A logarithmic axis omits values that are not
+        /// positive.
+        #[param(example = "linear")]
+        x: Spacing,
+        /// The vertical axis, by default `linear`. That of a study is `log` if its values span two decades.
+        #[param(example = "linear")]
+        y: Spacing,
+        /// Width in px (1/96 inch), by default 640.
+        #[param(minimum = 320, maximum = 4000, example = 640)]
+        width: u16,
+        /// Height in px, by default 440.
+        #[param(minimum = 240, maximum = 4000, example = 440)]
+        height: u16,
     }
     /// The parameters of each operation that answers numbers.
     #[into_params(parameter_in = Query)]

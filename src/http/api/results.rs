@@ -12,7 +12,9 @@ use bytesize::ByteSize;
 use crate::http::access::caller::Caller;
 use crate::http::answer::representation::Representation;
 use crate::http::answer::stored::require;
-use crate::http::api::parameters::{AtCycles, Copied, Numbers, OfTable, ResultKey};
+use crate::http::api::parameters::{
+    AtCycles, AtPoints, Copied, Numbers, OfFigure, OfTable, ResultKey,
+};
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::negotiation::choose_format;
@@ -212,7 +214,7 @@ parts! {
 /// archive without pickle. An infinite pressure is null in JSON and NaN in NPZ.
 #[utoipa::path(get, path = "/v1/results/{key}", operation_id = "get_result", tag = "results",
     params(
-        ResultKey, Numbers, Copied,
+        ResultKey, Numbers, Copied, AtPoints,
         ("format" = Option<schemas::WholeFormat>, Query, description = "Overrides `Accept`."),
         ("layout" = Option<schemas::WholeLayout>, Query, description = "Only the parts of a \
             result have the layout `records`."),
@@ -220,8 +222,6 @@ parts! {
             description = "Only the profiles and loops at these output cycles, separated by commas; the \
             history is complete.",
             example = json!([0])),
-        ("points" = Option<u32>, Query, description = "Largest number of radii of the profiles, evenly spaced.",
-            minimum = 2, maximum = 4096, example = 200),
         ("rows" = Option<u32>, Query, description = "Studies: only the first rows of `table`, `samples` and \
             `profiles`. A run has none.", minimum = 0, maximum = 10_000_000, example = 200),
     ),
@@ -247,10 +247,7 @@ whole = Part::Whole;
             `cycles` is always included.",
             example = json!(["wear_volume", "wear_depth"])),
     ),
-    responses(
-        (status = 200, description = "The history."),
-        (status = 406, description = "The history is available as JSON, NDJSON, CSV, NPZ and Arrow."),
-    ),
+    responses((status = 200, description = "The history.")),
 )]
 history = Part::History;
 
@@ -264,18 +261,13 @@ history = Part::History;
 /// A sweep that was submitted with `profiles` has the curves of each point, with `point` in place of `cycles`.
 #[utoipa::path(get, path = "/v1/results/{key}/profiles", operation_id = "get_profiles", tag = "results",
     params(
-        ResultKey, OfTable, AtCycles, Numbers, Copied,
+        ResultKey, OfTable, AtCycles, Numbers, Copied, AtPoints,
         ("fields" = Option<schemas::ProfileFields>, Query, style = Form, explode = false,
             description = "Only these columns, separated by commas; \
             `cycles` (`point` of a sweep) and `radius` are always included.",
             example = json!(["wear", "pressure"])),
-        ("points" = Option<u32>, Query, description = "Largest number of radii, evenly spaced.",
-            minimum = 2, maximum = 4096, example = 200),
     ),
-    responses(
-        (status = 200, description = "The profiles."),
-        (status = 406, description = "The profiles are available as JSON, NDJSON, CSV, NPZ and Arrow."),
-    ),
+    responses((status = 200, description = "The profiles.")),
 )]
 profiles = Part::Profiles;
 
@@ -295,10 +287,7 @@ profiles = Part::Profiles;
             `cycles` is always included.",
             example = json!(["displacement", "tangential_force"])),
     ),
-    responses(
-        (status = 200, description = "The loops."),
-        (status = 406, description = "The loops are available as JSON, NDJSON, CSV, NPZ and Arrow."),
-    ),
+    responses((status = 200, description = "The loops.")),
 )]
 loops = Part::Loops;
 
@@ -315,10 +304,7 @@ loops = Part::Loops;
         ("rows" = Option<u32>, Query, description = "Only the first rows.", minimum = 0, maximum = 10_000_000,
             example = 200),
     ),
-    responses(
-        (status = 200, description = "The table."),
-        (status = 406, description = "The table is available as JSON, NDJSON, CSV, NPZ and Arrow."),
-    ),
+    responses((status = 200, description = "The table.")),
 )]
 table = Part::Table;
 }
@@ -341,36 +327,7 @@ table = Part::Table;
 /// `title` and `desc` describe the figure in words; `metadata`
 /// contains the key and the engine. The same request gives the same bytes everywhere.
 #[utoipa::path(get, path = "/v1/results/{key}/plot.svg", operation_id = "plot_result", tag = "results",
-    params(
-        ResultKey, Copied,
-        ("quantity" = Option<schemas::PlotQuantity>, Query, description = "Runs: the quantity to \
-            draw, by default `worn`. A result computed with `profiles_at: \"none\"` has histories only.",
-            example = "pressure"),
-        ("cycles" = Option<schemas::PlotInstants>, Query, style = Form, explode = false,
-            description = "Profiles and loops: only these output cycles, separated by commas. By default up \
-            to 6, evenly spaced.",
-            example = json!([0])),
-        ("kind" = Option<schemas::PlotKind>, Query, description = "Studies: the kind of figure. By \
-            default it follows from the study.", example = "heat"),
-        ("output" = Option<String>, Query, description = "Studies: a column of the outputs, by default the \
-            first one.", example = "wear_volume"),
-        ("over" = Option<String>, Query, description = "Studies: the JSON pointer of the number on the \
-            horizontal axis, by default the one with most values.", example = "/motion/amplitude"),
-        ("by" = Option<String>, Query, description = "Studies: the JSON pointer of a second number, with one \
-            curve for each value, or on the vertical axis of a heat map.", example = "/friction"),
-        ("units" = Option<schemas::UnitSystem>, Query, description = "`engineering` (the default \
-            here): µm, mm³, MPa, mJ and N; or `si`.", example = "si"),
-        ("x" = Option<schemas::Spacing>, Query, description = "The horizontal axis. By default \
-            it is `linear`, but `log` for a history whose output cycles span a factor of 20 or more, and for \
-            values of a study that are spaced so. A logarithmic axis omits values that are not positive.",
-            example = "linear"),
-        ("y" = Option<schemas::Spacing>, Query, description = "The vertical axis, by default \
-            `linear`. That of a study is `log` if its values span two decades.", example = "linear"),
-        ("width" = Option<u16>, Query, description = "Width in px (1/96 inch), by default 640.",
-            minimum = 320, maximum = 4000, example = 640),
-        ("height" = Option<u16>, Query, description = "Height in px, by default 440.",
-            minimum = 240, maximum = 4000, example = 440),
-    ),
+    params(ResultKey, Copied, OfFigure),
     responses(
         (status = 200, description = "The figure."),
         (status = 422, description = "A parameter has a fault, or requests something that the result does \

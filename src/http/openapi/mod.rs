@@ -92,8 +92,13 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
             for (method, operation) in item.as_object_mut().into_iter().flatten() {
                 let method = parsed_method(method);
                 let needs = needs.of(&method, path);
-                add_path_responses(path, &method, needs, operation);
-                add_access_control(path, &method, needs, operation);
+                add_path_responses(path, needs, operation);
+                if let Some((_, part, schema)) = REPRESENTATIONS.iter().find(|(of, ..)| of == path)
+                    && method == Method::GET
+                {
+                    add_representations(operation, *part, schema, &shared["representation"]);
+                }
+                add_access_control(path, &method, needs, &shared, operation);
                 add_shared_responses(&shared, operation);
                 add_access_headers(needs, operation);
                 if let Some(Value::Object(responses)) = operation.get_mut("responses") {
@@ -176,7 +181,7 @@ fn is_opened(path: &str, method: &Method) -> bool {
 
 /// Adds the responses that follow from the path of an operation: an unknown job, an unknown or evicted
 /// result, a full disk.
-fn add_path_responses(path: &str, method: &Method, needs: Needs, operation: &mut Value) {
+fn add_path_responses(path: &str, needs: Needs, operation: &mut Value) {
     let mut shared = Vec::new();
     if path.starts_with("/v1/jobs/{id}") {
         shared.push(("404", "No job has this id."));
@@ -197,10 +202,6 @@ fn add_path_responses(path: &str, method: &Method, needs: Needs, operation: &mut
             responses.entry(status).or_insert_with(|| json!({"description": description}));
         }
     }
-    let representation = REPRESENTATIONS.iter().find(|(of, ..)| *of == path);
-    if let Some((_, part, schema)) = representation.filter(|_| *method == Method::GET) {
-        add_representations(operation, *part, schema);
-    }
 }
 
 /// Whether the operation at this path works for an evicted result too.
@@ -209,14 +210,16 @@ fn outlives(path: &str) -> bool {
 }
 
 /// Adds the formats and the headers of an operation that returns a part of a result; figures have fewer headers.
-fn add_representations(operation: &mut Value, part: Part, schema: &str) {
+fn add_representations(operation: &mut Value, part: Part, schema: &str, shared: &Value) {
     let responses = &mut operation["responses"];
-    responses["304"] =
-        json!({"description": "The client's copy is valid. A result never changes."});
-    responses["404"] = json!({
-        "description": "No result has this key. `Link` names the job that computes it, if there is one.",
-        "headers": {"Link": header("`rel=\"related\"`.")},
-    });
+    for status in ["304", "404"] {
+        responses[status] = shared[status].clone();
+    }
+    if Part::TABLES.contains(&part) {
+        let names: Vec<_> = part.formats().iter().map(|format| format.name()).collect();
+        responses["406"] =
+            json!({"description": format!("The formats are `{}`.", names.join("`, `"))});
+    }
     for format in part.formats() {
         let schema = match format {
             Format::Json => json!({"$ref": format!("#/components/schemas/{schema}")}),
@@ -225,21 +228,18 @@ fn add_representations(operation: &mut Value, part: Part, schema: &str) {
         };
         responses["200"]["content"][format.essence()] = json!({"schema": schema});
     }
-    let headers = &mut responses["200"]["headers"];
-    headers["ETag"] = header("The tag of this representation; weak if it is compressed.");
-    headers["Cache-Control"] = header("`immutable`: clients may cache it for ever.");
+    responses["200"]["headers"] = shared["headers"].clone();
     if part != Part::Plot {
-        headers["Content-Disposition"] = header("A file name, for CSV, NPZ and Arrow.");
+        responses["200"]["headers"]["Content-Disposition"] = shared["Content-Disposition"].clone();
     }
-}
-
-/// A header with text.
-fn header(about: &str) -> Value {
-    json!({"description": about, "schema": {"type": "string"}})
 }
 
 /// Adds what all operations share: problems, request id, examples.
 fn add_shared_responses(shared: &Value, operation: &mut Value) {
+    let mut named = operation["parameters"].as_array().into_iter().flatten();
+    if named.any(|parameter| parameter["name"] == "cursor") {
+        operation["responses"]["200"]["headers"]["Link"] = shared["next page"].clone();
+    }
     let parameters = operation.get_mut("parameters").and_then(Value::as_array_mut);
     for parameter in parameters.into_iter().flatten() {
         // The key of the first example: after computing it, a reader can try every route.
@@ -282,7 +282,13 @@ fn add_shared_responses(shared: &Value, operation: &mut Value) {
 }
 
 /// Adds the responses and parameters of access control.
-fn add_access_control(path: &str, method: &Method, needs: Needs, operation: &mut Value) {
+fn add_access_control(
+    path: &str,
+    method: &Method,
+    needs: Needs,
+    shared: &Value,
+    operation: &mut Value,
+) {
     let Some(role) = needs.role else {
         operation["security"] = json!([]);
         return;
@@ -297,40 +303,20 @@ fn add_access_control(path: &str, method: &Method, needs: Needs, operation: &mut
     if is_opened(path, method) {
         forbidden.push_str("The `link` does not open this address. ");
         if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
-            let about = "A link from `POST /v1/results/{key}/links`, instead of a key.";
-            parameters.push(
-                json!({"name": "link", "in": "query", "description": about, "required": false,
-                "schema": {"type": "string"}}),
-            );
+            parameters.push(shared["link"].clone());
         }
     }
-    for (status, description) in [
-        ("421", "A server without keys accepts only localhost or an IP address as `Host`."),
-        ("401", "The server requires a key, and the request has no valid one."),
-        ("403", forbidden.trim_end()),
-        (
-            "429",
-            "The key has sent too many requests this minute (with `Retry-After`), or has too many concurrent requests \
-             (without).",
-        ),
-    ] {
-        if !description.is_empty() {
-            operation["responses"][status] = json!({"description": description});
-        }
+    for status in ["401", "421", "429"] {
+        operation["responses"][status] = shared["access"][status].clone();
+    }
+    if !forbidden.is_empty() {
+        operation["responses"]["403"] = json!({"description": forbidden.trim_end()});
     }
 }
 
 /// Adds the headers of access control.
 fn add_access_headers(needs: Needs, operation: &mut Value) {
     for (status, response) in operation["responses"].as_object_mut().into_iter().flatten() {
-        match status.as_str() {
-            "401" => response["headers"]["WWW-Authenticate"] = header("How to send a key."),
-            "429" => {
-                response["headers"]["Retry-After"] =
-                    json!({"$ref": "#/components/headers/Retry-After"});
-            }
-            _ => {}
-        }
         // The quota of requests does not count cancellations. A client without a valid key learns nothing about limits.
         if needs.quota.is_some()
             && (status.starts_with(['2', '3']) || ["403", "404", "429"].contains(&&**status))
