@@ -54,7 +54,7 @@ def local(program: str | None = None, *, data: str | os.PathLike[str] | None = N
         )
     temporary = "" if data else tempfile.mkdtemp(prefix="fretwork-")
     guard = [sys.executable, "-I", str(pathlib.Path(__file__).with_name("guard.py")), temporary]
-    command = [found, "serve", "--listen", "127.0.0.1:0", "--data-dir", os.fspath(data or temporary)]
+    command = [found, "serve", "--listen", "127.0.0.1:0", "--drain-seconds", "0", "--data-dir", os.fspath(data or temporary)]
     # Settings of another server do not apply. Ctrl-C interrupts the caller, not the server, hence a new session.
     environment = {name: value for name, value in os.environ.items() if not name.startswith("FRETWORK_")}
     with tempfile.TemporaryFile("w+") as log:
