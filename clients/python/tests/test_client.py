@@ -7,7 +7,7 @@ import pytest
 from conftest import Server, changed
 
 from fretwork_client import AccessDenied, AsyncClient, Client, InvalidRequest
-from fretwork_client.api_types import Scenario
+from fretwork_client.api_types import FitParametersItem, Scenario
 
 
 def test_a_run_has_arrays_units_and_errors(client: Client, ball: Scenario) -> None:
@@ -74,6 +74,16 @@ def test_a_fit_finds_the_coefficient(client: Client, ball: Scenario) -> None:
     assert float(fit.estimates["/wear/coefficient"]) == pytest.approx(3.03e-14, rel=1e-3)
     low, high = fit.intervals["/wear/coefficient"]
     assert low < 3.03e-14 < high
+
+
+def test_a_fit_says_what_the_data_do_not_determine(client: Client, ball: Scenario) -> None:
+    worn = changed(ball, cycles=[10**9])
+    volume = client.evaluate(worn, ["wear_volume"])["wear_volume"]
+    start: FitParametersItem = {"pointer": "/wear/coefficient", "from": 1e-15, "to": 1e-12, "spacing": "log", "start": 1e-14}
+    fit = client.fit(worn, [start], [{"data": [{"output": "wear_volume", "x": [1e9], "y": [volume], "relative": 0.05}]}])
+    assert "undetermined" in fit._repr_html_()
+    assert np.isnan(fit.intervals["/wear/coefficient"]).all()
+    assert any("wear has stopped" in warning for warning in fit.warnings)
 
 
 def test_profiles_and_histories_become_datasets_and_frames(client: Client, ball: Scenario) -> None:

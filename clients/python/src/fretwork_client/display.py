@@ -14,6 +14,8 @@ def number(value: float, error: float, unit: str) -> str:
     """A number in engineering units, with two digits of its error: `0.1822 ± 0.0014 mm³`."""
     name, factor = ENGINEERING.get(unit, (unit, 1.0))
     value, error = value * factor, error * factor
+    if math.isnan(value):
+        return "undetermined"
     suffix = "" if name == "1" else f" {name}"
     if not error or not math.isfinite(error):
         return f"{value:.4g}{suffix}"
@@ -38,7 +40,7 @@ def html(title: str, numbers: Mapping[str, str], warnings: Sequence[str], svg: b
         f'<tr><th style="text-align:left">{text(name)}</th><td style="text-align:left">{text(value)}</td></tr>'
         for name, value in numbers.items()
     )
-    notes = "".join(f"<p>Warning: {text(warning)}</p>" for warning in warnings)
+    notes = "".join(f"<p>Note: {text(warning)}</p>" for warning in warnings)
     figure = ""
     if svg:
         data = base64.b64encode(svg).decode("ascii")

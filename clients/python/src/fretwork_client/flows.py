@@ -233,16 +233,17 @@ class Operations:
         self,
         /,
         scenario: api.Scenario,
-        parameters: Mapping[str, Mapping[str, Any]],
+        parameters: Mapping[str, Mapping[str, Any]] | Sequence[api.FitParametersItem],
         tests: Sequence[api.FitTestsItem],
         *,
         label: str | None = None,
         tags: Sequence[str] = (),
         **options: Any,
     ) -> Flow[Fit]:
-        """Estimates numbers of a scenario from measurements. `parameters` has a range for each JSON pointer.
+        """Estimates numbers of a scenario from measurements.
 
-        `tests` and `options` are those of a fit in the API.
+        `parameters` has a range for each JSON pointer, or is the list of the API. `tests` and `options` are those of a
+        fit in the API.
         """
         body = {"scenario": scenario, "parameters": _varied(parameters), "tests": list(tests), **options}
         return (yield from self._compute(Fit, "fit", body, label, tags))
@@ -276,10 +277,10 @@ class Operations:
 ResultT = TypeVar("ResultT", Run, Study, Fit)
 
 
-def _varied(vary: Vary | Sequence[str]) -> list[dict[str, Any]]:
+def _varied(vary: Mapping[str, Any] | Sequence[str] | Sequence[api.FitParametersItem]) -> list[dict[str, Any]]:
     """The entries of `vary` or `parameters` in the API."""
     if not isinstance(vary, Mapping):
-        return [{"pointer": pointer} for pointer in vary]
+        return [{"pointer": entry} if isinstance(entry, str) else dict(entry) for entry in vary]
     return [
         {"pointer": pointer} | (dict(values) if isinstance(values, Mapping) else {"values": list(values)})
         for pointer, values in vary.items()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
@@ -64,8 +65,8 @@ class Result:
 
     @property
     def warnings(self) -> list[str]:
-        """Why the model may be wrong for this contact."""
-        return [warning["detail"] for warning in self.job["warnings"]]
+        """Why the model may be wrong for this contact, and what a study found about its data."""
+        return [said["detail"] for said in [*self.job["warnings"], *self.meta.get("notes", [])]]
 
     def numbers(self) -> dict[str, str]:
         """The most important numbers as text, by their names."""
@@ -152,25 +153,36 @@ class Fit(Study):
 
     @property
     def estimates(self) -> dict[str, Number]:
-        """The estimated numbers in SI units with their standard errors, by JSON pointer."""
+        """The estimated numbers in SI units with their standard errors, by JSON pointer. NaN if the data determine no number.
+
+        A number with one value for each group of tests has the names of the tests, too: `/friction for A1, A2`.
+        """
         return {
-            estimate["pointer"]: Number(estimate["estimate"], estimate["standard_error"] or 0.0, estimate["unit"])
-            for estimate in self.meta["parameters"]
+            name: Number(_or_nan(estimate["estimate"]), _or_nan(estimate["standard_error"]), estimate["unit"])
+            for name, estimate in self._parameters()
         }
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """The confidence intervals of the estimates in SI units, by JSON pointer. An open end is NaN."""
+        return {
+            name: (_or_nan(estimate["interval"][0]), _or_nan(estimate["interval"][1])) for name, estimate in self._parameters()
+        }
 
-        def ends(interval: list[float | None] | None) -> tuple[float, float]:
-            low, high = interval or [None, None]
-            return (np.nan if low is None else low, np.nan if high is None else high)
-
-        return {estimate["pointer"]: ends(estimate["interval"]) for estimate in self.meta["parameters"]}
+    def _parameters(self) -> list[tuple[str, api.FitResultParametersItem]]:
+        # A fit without a minimum has no parameters. Its notes say why.
+        parameters: list[api.FitResultParametersItem] = self.meta.get("parameters", [])
+        return [
+            (" for ".join([each["pointer"], *([", ".join(each["for"])] if "for" in each else [])]), each) for each in parameters
+        ]
 
     def numbers(self) -> dict[str, str]:
         """The estimates with their standard errors."""
         return {pointer: str(estimate) for pointer, estimate in self.estimates.items()}
+
+
+def _or_nan(number: float | None) -> float:
+    return math.nan if number is None else number
 
 
 @dataclass(frozen=True)
