@@ -1,13 +1,17 @@
 """All operations against a server with and without keys."""
 
 import asyncio
+import sys
 
+import matplotlib
 import numpy as np
 import pytest
 from conftest import Server, changed
 
 from fretwork_client import AccessDenied, AsyncClient, Client, InvalidRequest
 from fretwork_client.api_types import FitParametersItem, Scenario
+
+matplotlib.use("Agg")
 
 
 def test_a_run_has_arrays_units_and_errors(client: Client, ball: Scenario) -> None:
@@ -94,6 +98,15 @@ def test_profiles_and_histories_become_datasets_and_frames(client: Client, ball:
     assert run.history.to_pandas()["wear_volume"].iloc[-1] == run.wear_volume.value
     with pytest.raises(TypeError, match="to_xarray"):
         run.profiles.to_pandas()
+    axes = run.profiles.plot("radius", "wear")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("radius [µm]", "wear [µm]")
+    np.testing.assert_allclose(np.asarray(axes.lines[0].get_ydata()), run.profiles["wear"][-1] * 1e6)
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, client: Client, ball: Scenario) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match="pip install pandas"):
+        client.run(ball).history.to_pandas()
 
 
 def test_a_fault_has_its_place_and_says_what_to_change(client: Client, ball: Scenario) -> None:

@@ -4,14 +4,16 @@ import asyncio
 import json
 import pathlib
 from collections.abc import Iterator
+from typing import cast
 
 import httpx
 import pytest
 from conftest import Server
 
 from fretwork_client import ApiError, AsyncClient, Client, JobFailed, ServerUnreachable
-from fretwork_client.api_types import Scenario
-from fretwork_client.flows import Answer, Lost, Pause, Request, send
+from fretwork_client.api_types import Job, Scenario
+from fretwork_client.flows import Answer, Lost, Pause, Request, finish, send
+from fretwork_client.progress import Silent
 
 
 @pytest.fixture
@@ -113,7 +115,7 @@ def answers(status: int, **headers: str) -> Answer:
 @pytest.mark.parametrize("status", [429, 502, 503])
 def test_a_busy_server_decides_how_long_the_client_waits(status: int) -> None:
     request = Request("POST", "/v1/jobs", headers={"idempotency-key": "a"})
-    flow = send(request, patience=10)
+    flow = send(request, 10)
     assert next(flow) is request
     assert flow.send(answers(status, retry_after="7")) == Pause(7)
     assert flow.send(Answer(0, {}, b"")) is request
@@ -128,8 +130,25 @@ def test_a_busy_server_decides_how_long_the_client_waits(status: int) -> None:
 
 
 def test_a_fault_is_not_sent_again() -> None:
-    flow = send(Request("GET", "/v1/jobs"), patience=10)
+    flow = send(Request("GET", "/v1/jobs"), 10)
     next(flow)
     with pytest.raises(ApiError) as caught:
         flow.send(Answer(500, {}, b"<html>proxy</html>"))
     assert str(caught.value) == "The server answered 500: <html>proxy</html>"
+
+
+def test_a_stream_that_often_breaks_is_followed_to_its_end() -> None:
+    flow = finish(cast(Job, {"id": "a", "state": "queued"}), Silent(), 10)
+    stream = next(flow)
+    assert isinstance(stream, Request)
+    assert stream.on_line
+    for _ in range(100):
+        assert not stream.on_line("event: progress")
+        assert not stream.on_line('data: {"progress": 0.5}')
+        assert flow.throw(Lost("reset")) == Pause(0.1)
+        assert flow.send(Answer(0, {}, b"")) is stream
+    assert not stream.on_line("event: state")
+    assert stream.on_line('data: {"state": "succeeded", "job": {"id": "a", "state": "succeeded"}}')
+    with pytest.raises(StopIteration) as end:
+        flow.send(Answer(200, {}, b""))
+    assert end.value.value["state"] == "succeeded"

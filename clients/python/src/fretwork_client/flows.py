@@ -60,39 +60,51 @@ class Lost(Exception):
     """The connection failed before the whole answer arrived."""
 
 
-@dataclass
 class Patience:
     """How long the client still tries again, in seconds, without the time of the requests themselves."""
 
-    seconds: float
-    tries: int = 0
+    def __init__(self, seconds: float) -> None:
+        self.whole = seconds
+        self.renew()
+
+    def renew(self) -> None:
+        """The server has answered: the next failure is a new one."""
+        self.left, self.tries = self.whole, 0
 
     def pause(self, reason: str, retry_after: str = "") -> Pause:
         """The next pause: what the server asks for, else twice as long as the last one."""
-        if self.seconds <= 0:
+        if self.left <= 0:
             raise ServerUnreachable(f"{reason}. Check that the server runs, and the address in FRETWORK_URL.")
         own = min(0.1 * 2.0**self.tries, LONGEST_PAUSE)
         wanted = float(retry_after) if retry_after.isdecimal() else own
         self.tries += 1
-        self.seconds -= wanted
+        self.left -= wanted
         return Pause(wanted)
 
 
-def send(request: Request, patience: float) -> Flow[Answer]:
-    """The answer to a request that the server may receive twice. Raises an `ApiError` if the server refuses it."""
-    left = Patience(patience)
+def attempt(request: Request, patience: Patience) -> Flow[Answer | None]:
+    """Sends a request once. After a failure that may pass, pauses and returns None. Raises the `ApiError` of other failures."""
+    try:
+        answer = yield request
+    except Lost as lost:
+        yield patience.pause(f"The server did not answer: {lost}")
+        return None
+    if answer.status < 400:
+        return answer
+    error = refusal(answer.status, answer.content)
+    if answer.status not in TEMPORARY or patience.left <= 0:
+        raise error
+    yield patience.pause(str(error), answer.headers.get("retry-after", ""))
+    return None
+
+
+def send(request: Request, seconds: float) -> Flow[Answer]:
+    """The answer to a request that the server may receive twice."""
+    patience = Patience(seconds)
     while True:
-        try:
-            answer = yield request
-        except Lost as lost:
-            yield left.pause(f"The server did not answer: {lost}")
-            continue
-        if answer.status < 400:
+        answer = yield from attempt(request, patience)
+        if answer is not None:
             return answer
-        error = refusal(answer.status, answer.content)
-        if answer.status not in TEMPORARY or left.seconds <= 0:
-            raise error
-        yield left.pause(str(error), answer.headers.get("retry-after", ""))
 
 
 def post(path: str, body: Mapping[str, Any], patience: float, **headers: str) -> Flow[Any]:
@@ -111,20 +123,20 @@ def get(path: str, patience: float, **params: str) -> Flow[bytes]:
 class JobEvents:
     """Reads the server-sent events of a job: progress, and at the end the job itself."""
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: Progress, patience: Patience) -> None:
         self.progress = progress
+        self.patience = patience
         self.job: api.Job | None = None
-        self.received = False
         self._kind = ""
 
     def line(self, line: str) -> bool:
         """Reads a line. Returns True when the job has ended."""
+        self.patience.renew()
         name, _, value = line.partition(":")
         if name == "event":
             self._kind = value.strip()
         if name != "data":
             return False
-        self.received = True
         data = json.loads(value)
         job = data if self._kind == "snapshot" else data.get("job")
         if "progress" in data:
@@ -134,23 +146,19 @@ class JobEvents:
         return self.job is not None
 
 
-def finish(job: api.Job, progress: Progress, patience: float) -> Flow[api.Job]:
+def finish(job: api.Job, progress: Progress, seconds: float) -> Flow[api.Job]:
     """Follows a job to its end. After a lost connection, the next stream begins with the present state of the job."""
-    left = Patience(patience)
-    while job["state"] not in FINISHED:
-        events = JobEvents(progress)
-        reason = "The stream of events ended"
-        stream = Request("GET", f"/v1/jobs/{job['id']}/events", {}, {"accept": "text/event-stream"}, on_line=events.line)
-        try:
-            yield from send(stream, left.seconds)
-        except Lost as lost:
-            reason = str(lost)
+    if job["state"] in FINISHED:
+        return job
+    patience = Patience(seconds)
+    events = JobEvents(progress, patience)
+    stream = Request("GET", f"/v1/jobs/{job['id']}/events", headers={"accept": "text/event-stream"}, on_line=events.line)
+    while True:
+        answer = yield from attempt(stream, patience)
         if events.job:
             return events.job
-        if events.received:
-            left = Patience(patience)
-        yield left.pause(reason)
-    return job
+        if answer is not None:
+            yield patience.pause("The stream of events ended early")
 
 
 def submit(body: api.JobBody, patience: float, wait: float = 1) -> Flow[api.Job]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from . import api_types as api
 from . import display
-from .tables import Array, Table
+from .tables import Array, Table, needed
 
 if TYPE_CHECKING:
     import pandas
@@ -141,6 +141,7 @@ class Study(Result):
         """A map, or a sweep over a grid, as a Dataset with one dimension for each number. Needs xarray."""
         if "map" not in self.meta and self.meta.get("sweep", {}).get("design") != "grid":
             raise TypeError("Only maps and sweeps with the design `grid` have dimensions. Use `frame`")
+        needed("xarray")
         varied = [name for name in self.table if name.startswith("/")]
         data = self.frame.set_index(varied).to_xarray()
         for name in self.table:

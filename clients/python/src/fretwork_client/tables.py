@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,15 @@ ENGINEERING = {
     "J": ("mJ", 1e3),
     "1/Pa": ("mm³/(N m)", 1e9),
 }
+
+
+def needed(module: str) -> Any:
+    """A module of an optional package."""
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        package = module.split(".")[0]
+        raise ImportError(f"{package} is missing. Install it with: pip install {package}") from error
 
 
 class Table(Mapping[str, Array]):
@@ -63,19 +73,15 @@ class Table(Mapping[str, Array]):
 
     def to_pandas(self) -> pandas.DataFrame:
         """A DataFrame with a row for each entry. `attrs["units"]` has the units. Needs pandas, and columns of one dimension."""
-        import pandas
-
         matrices = [name for name, array in self.items() if array.ndim > 1]
         if matrices:
             raise TypeError(f"{', '.join(matrices)} have two dimensions. Use to_xarray()")
-        frame = pandas.DataFrame(self._columns)
+        frame: pandas.DataFrame = needed("pandas").DataFrame(self._columns)
         frame.attrs["units"] = dict(self._units)
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
         """A Dataset over `cycles`, and `radius` if the table has profiles. Each variable has its unit. Needs xarray."""
-        import xarray
-
         across = "radius" if "radius" in self else "point"
 
         def dimensions(name: str, array: Array) -> tuple[str, ...]:
@@ -84,18 +90,17 @@ class Table(Mapping[str, Array]):
 
         coordinates = [name for name in ("cycles", "radius") if name in self]
         variables = {name: (dimensions(name, array), array, {"units": self.unit(name)}) for name, array in self.items()}
-        return xarray.Dataset(variables).set_coords(coordinates)
+        dataset: xarray.Dataset = needed("xarray").Dataset(variables)
+        return dataset.set_coords(coordinates)
 
     def plot(self, x: str, y: str, axes: matplotlib.axes.Axes | None = None) -> matplotlib.axes.Axes:
         """Draws one column over another, with labels and the engineering unit. Needs Matplotlib."""
-        from matplotlib import pyplot
-
         table = self.engineering()
-        axes = axes or pyplot.subplots()[1]
-        axes.plot(table[x], np.atleast_2d(table[y])[-1] if table[y].ndim > 1 else table[y])
-        axes.set_xlabel(table.label(x))
-        axes.set_ylabel(table.label(y))
-        return axes
+        chosen: matplotlib.axes.Axes = axes or needed("matplotlib.pyplot").subplots()[1]
+        chosen.plot(table[x], np.atleast_2d(table[y])[-1] if table[y].ndim > 1 else table[y])
+        chosen.set_xlabel(table.label(x))
+        chosen.set_ylabel(table.label(y))
+        return chosen
 
     def label(self, name: str) -> str:
         """The name of a column for people, with its unit."""
