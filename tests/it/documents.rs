@@ -85,6 +85,7 @@ fn linked() -> Vec<Document> {
         "VERIFICATION.md",
         "benches/scale.md",
         "clients/README.md",
+        "clients/python/README.md",
         "crates/engine/README.md",
         "docs/third-party-licenses.md",
         "examples/literature/README.md",
@@ -639,6 +640,7 @@ fn all_files_name_this_version() {
         ("CITATION.cff", format!("\nversion: {version}\n")),
         ("Dockerfile", format!("version=\"{version}\"")),
         ("CHANGELOG.md", format!("\n## {version}\n")),
+        ("clients/python/pyproject.toml", format!("\nversion = \"{version}\"\n")),
     ] {
         assert!(read(file).text.contains(&text), "{file} does not have {text}");
     }

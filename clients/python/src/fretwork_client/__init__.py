@@ -1,0 +1,28 @@
+"""Computes fretting wear with a server of fretwork. Start with `Client`, `AsyncClient` or `local`."""
+
+from .client import AsyncClient, Client
+from .errors import AccessDenied, ApiError, Fault, FretworkError, InvalidRequest, JobFailed, ServerUnreachable
+from .local import LocalClient, local
+from .results import Evaluation, Fit, Number, Result, Run, Study
+from .tables import Table
+
+__all__ = [
+    "AccessDenied",
+    "ApiError",
+    "AsyncClient",
+    "Client",
+    "Evaluation",
+    "Fault",
+    "Fit",
+    "FretworkError",
+    "InvalidRequest",
+    "JobFailed",
+    "LocalClient",
+    "Number",
+    "Result",
+    "Run",
+    "ServerUnreachable",
+    "Study",
+    "Table",
+    "local",
+]

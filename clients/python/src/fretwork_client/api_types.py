@@ -1,0 +1,1277 @@
+"""Types of the requests and answers of fretwork. generate_types.py makes this file from openapi/openapi.json."""
+
+from typing import Any, Literal, NotRequired, TypeAlias, TypedDict
+
+class Accuracy(TypedDict):
+    """The accuracy of the numbers. It does not contain the errors of the theory. For a Poisson's ratio other than 0, local slip and wear vary around the ring, by ±20 % at ν = 0.42. The result is their mean around the ring, which is right."""
+
+    energy_mismatch: "NotRequired[float | None]"
+    numerical_error: "NotRequired[float | None]"
+    wear_depth_error: "NotRequired[float | None]"
+    model_error: "NotRequired[float | None]"
+    cells: "NotRequired[int]"
+    steps: "NotRequired[int]"
+    evaluations: "NotRequired[int]"
+
+Act: TypeAlias = "Literal['add_key', 'revoke_key', 'use_key', 'cancel_job', 'delete_job', 'delete_result']"
+
+class Archard(TypedDict):
+    coefficient: "float | ChangeTable | RunIn"
+    hardness: "Stress"
+    share: "NotRequired[float]"
+
+class AuditEntry(TypedDict):
+    """Equal acts of one day (UTC)."""
+
+    act: "Act"
+    actor: "str"
+    first: "str"
+    key: "NotRequired[str | None]"
+    last: "str"
+    owner: "NotRequired[str | None]"
+    subject: "NotRequired[str | None]"
+    times: "int"
+
+class AuditLog(TypedDict):
+    """A page of the audit log, the newest entries first."""
+
+    entries: "list[AuditEntry]"
+    next: "NotRequired[str | None]"
+
+Axis = TypedDict(
+    "Axis",
+    {
+        "from": "NotRequired[float | str]",
+        "to": "NotRequired[float | str]",
+        "count": "NotRequired[int]",
+        "spacing": "NotRequired[Literal['linear', 'log']]",
+        "values": "NotRequired[list[float | str]]",
+    },
+)
+
+class Block(TypedDict):
+    """A stretch of cycles of one amplitude."""
+
+    amplitude: "float | str"
+    cycles: "float"
+
+class Blocks(TypedDict):
+    blocks: "list[Block | ForceBlock]"
+    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
+    rig_stiffness: "NotRequired[StiffnessOrPerLength]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[StiffnessOrPerLength]"
+
+class BodiesAndLayers(TypedDict):
+    """The wear coefficients of each body. Bodies without layers are the same as `coefficient` with `share`."""
+
+    bodies: "list[WornBody]"
+
+class Body(TypedDict):
+    """One isotropic elastic body."""
+
+    youngs_modulus: "Stress"
+    poisson_ratio: "float"
+    yield_strength: "NotRequired[Stress]"
+
+class BodySum(TypedDict):
+    """Size and digest of a result."""
+
+    bytes: "int"
+    sha256: "str"
+
+class BodyWear(TypedDict):
+    """The wear of one body."""
+
+    scar_half_length: "list[float]"
+    share: "NotRequired[float]"
+    wear_depth: "NotRequired[list[float]]"
+    wear_volume: "NotRequired[list[float]]"
+
+class ByAmplitude(TypedDict):
+    amplitude: "Length"
+    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
+    rig_stiffness: "NotRequired[StiffnessOrPerLength]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[StiffnessOrPerLength]"
+
+class ByDepth(TypedDict):
+    """Only for a round contact."""
+
+    indentation_depth: "Length"
+    held: "NotRequired[Literal['depth', 'force']]"
+
+class ByForce(TypedDict):
+    normal_force: "ForceOrPerLength"
+    held: "NotRequired[Literal['force', 'depth']]"
+
+class ByStickRatio(TypedDict):
+    stick_ratio: "float"
+    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
+    rig_stiffness: "NotRequired[StiffnessOrPerLength]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[StiffnessOrPerLength]"
+
+class ByTangentialForce(TypedDict):
+    tangential_force: "ForceOrPerLength"
+    held: "NotRequired[Literal['tangential_force', 'amplitude']]"
+    rig_stiffness: "NotRequired[StiffnessOrPerLength]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[StiffnessOrPerLength]"
+
+class CallerLimits(TypedDict):
+    """The limits of a key; null is no limit."""
+
+    evaluations_per_minute: "NotRequired[int | None]"
+    requests_at_once: "NotRequired[int | None]"
+    requests_per_minute: "NotRequired[int | None]"
+
+class CallerUsage(TypedDict):
+    """The use of the limits, and the unfinished jobs of the caller."""
+
+    jobs_queued: "int"
+    jobs_running: "int"
+    requests_left: "NotRequired[int | None]"
+
+class CanceledJobs(TypedDict):
+    """The number of canceled jobs."""
+
+    canceled: "int"
+
+class ChangeTable(TypedDict):
+    """A coefficient that changes during the run. It is linear between the rows, and constant before the first row and after the last one. A table of equal values is the same as the number."""
+
+    over: "Literal['cycles', 'dissipated_energy']"
+    at: "list[float | str]"
+    values: "list[float | str]"
+
+Checked: TypeAlias = "CheckedRun | CheckedStudy"
+
+class CheckedLinks(TypedDict):
+    """Addresses related to a checked scenario."""
+
+    result: "str"
+    submit: "str"
+
+CheckedRun: TypeAlias = "dict[str, Any]"
+
+CheckedStudy: TypeAlias = "dict[str, Any]"
+
+ChosenInstants: TypeAlias = "list[float]"
+
+class Columns(TypedDict):
+    """One array per quantity, all of the same length. Entry 0 is the unworn state. A run that ends early has fewer entries than requested."""
+
+    indentation_depth: "NotRequired[list[float | None]]"
+    amplitude: "NotRequired[list[float | None]]"
+    cycles: "list[float]"
+    normalized_cycles: "NotRequired[list[float]]"
+    wear_volume: "NotRequired[list[float]]"
+    wear_depth: "NotRequired[list[float]]"
+    scar_radius: "NotRequired[list[float]]"
+    contact_radius: "NotRequired[list[float]]"
+    stick_radius: "NotRequired[list[float]]"
+    normal_force: "NotRequired[list[float]]"
+    tangential_force: "NotRequired[list[float]]"
+    energy_per_cycle: "NotRequired[list[float]]"
+    dissipated_energy: "NotRequired[list[float]]"
+    wear_volume_error: "NotRequired[list[float]]"
+    wear_depth_error: "NotRequired[list[float]]"
+
+class CommonCurves(TypedDict):
+    """The curves of each point of a sweep after its last output cycle, at radii that all points share. A value is null where the point has no run, and next to an infinite value. Beyond the radii of the run, `worn` and `slip` are null, `wear` and `pressure` 0."""
+
+    point: "list[int]"
+    radius: "list[float]"
+    wear: "NotRequired[list[list[float | None]]]"
+    worn: "NotRequired[list[list[float | None]]]"
+    pressure: "NotRequired[list[list[float | None]]]"
+    slip: "NotRequired[list[list[float | None]]]"
+
+class Comparison(TypedDict):
+    """The simplified rule for the same scenario, if `compare` was requested."""
+
+    xi: "float"
+    history: "Columns"
+    errors: "ComparisonErrors"
+    best_xi: "float | None"
+    best_error: "float | None"
+
+class ComparisonErrors(TypedDict):
+    """Rule/exact − 1 at each output cycle that both histories have; 0 where both are 0."""
+
+    wear_volume: "NotRequired[list[float]]"
+    wear_depth: "NotRequired[list[float]]"
+    normal_force: "NotRequired[list[float]]"
+    indentation_depth: "NotRequired[list[float]]"
+    dissipated_energy: "NotRequired[list[float]]"
+
+class Complaint(TypedDict):
+    """One fault of a request."""
+
+    detail: "str"
+    parameter: "NotRequired[str | None]"
+    pointer: "NotRequired[str | None]"
+
+class Computation(TypedDict):
+    """Who computed a result, when, and how long it took."""
+
+    at: "NotRequired[str | None]"
+    cpu_seconds: "NotRequired[float | None]"
+    job: "NotRequired[str | None]"
+    owner: "NotRequired[str | None]"
+    request: "NotRequired[str | None]"
+    wall_seconds: "NotRequired[float | None]"
+
+class Cone(TypedDict):
+    """f = r·tan θ."""
+
+    shape: "Literal['cone']"
+    slope_angle: "SlopeAngle"
+
+class Counts(TypedDict):
+    """How many points a study has, and how many of them lack outputs."""
+
+    points: "int"
+    refused: "int"
+    incomplete: "int"
+
+class CrossedCylinders(TypedDict):
+    """Two cylinders with perpendicular axes, one of them along the motion. If the ratio of their radii is at most 1.5, the contact is computed as round."""
+
+    shape: "Literal['crossed_cylinders']"
+    radii: "list[Length]"
+
+class Curves(TypedDict):
+    """Profiles over the radius; null if none were requested. Row 0 of every matrix is the unworn state."""
+
+    cycles: "list[float]"
+    radius: "list[float]"
+    initial: "NotRequired[list[float]]"
+    limiting: "NotRequired[list[float | None] | None]"
+    worn: "NotRequired[list[list[float]]]"
+    wear: "NotRequired[list[list[float]]]"
+    image: "NotRequired[list[list[float]]]"
+    pressure: "NotRequired[list[list[float | None]]]"
+    slip: "NotRequired[list[list[float]]]"
+
+Cycles: TypeAlias = "Instants | Range | Normalized | DissipatedEnergy"
+
+class Cylinder(TypedDict):
+    """A line contact: f = x²/(2R), a cylinder whose axis lies across the motion."""
+
+    shape: "Literal['cylinder']"
+    radius: "Length"
+    length: "Length"
+
+class Derivative(TypedDict):
+    """The derivative of an output with respect to a number of the scenario."""
+
+    error: "NotRequired[float | None]"
+    method: "DerivativeMethod"
+    output: "str"
+    parameter: "str"
+    reason: "NotRequired[str | None]"
+    unit: "str"
+    value: "NotRequired[float | None]"
+
+class DerivativeList(TypedDict):
+    """The derivatives of a result."""
+
+    derivatives: "list[Derivative]"
+    key: "str"
+    numerics: "int"
+
+DerivativeMethod: TypeAlias = "Literal['closed', 'numerical']"
+
+class Diff(TypedDict):
+    """The differences of two results or scenarios."""
+
+    a: "SideAnswer"
+    b: "SideAnswer"
+    omitted: "int"
+    outputs: "NotRequired[list[OutputDifference] | None]"
+    parameters: "list[ParameterDifference]"
+    remarks: "list[str]"
+    same_scenario: "bool"
+    units: "dict[str, Any]"
+
+DiffBody: TypeAlias = "TwoKeys | TwoSides"
+
+class DiffSide(TypedDict):
+    """A result by its key, or a scenario."""
+
+    key: "NotRequired[str]"
+    scenario: "NotRequired[Scenario]"
+
+class DissipatedEnergy(TypedDict):
+    dissipated_energy: "Energies | EnergyRange"
+
+Energies: TypeAlias = "list[Energy]"
+
+Energy: TypeAlias = "float | str"
+
+EnergyRange = TypedDict(
+    "EnergyRange",
+    {
+        "from": "Energy",
+        "to": "Energy",
+        "count": "int",
+        "spacing": "NotRequired[Literal['log', 'linear']]",
+    },
+)
+
+class EnergyWearCoefficient(TypedDict):
+    energy_coefficient: "float | str"
+    share: "NotRequired[float]"
+
+class Engine(TypedDict):
+    """The engine that computed the result."""
+
+    name: "str"
+    numerics: "int"
+
+class EvaluateBody(TypedDict):
+    """A scenario to evaluate, and what to return. At least one of `outputs` and `parts` must have an item."""
+
+    scenario: "Scenario"
+    outputs: "NotRequired[list[str]]"
+    parts: "NotRequired[list[Literal['history', 'profiles', 'loops', 'events', 'accuracy', 'check']]]"
+
+class Evaluated(TypedDict):
+    """The outputs of a scenario, in SI units. The numbers are those of the result that a job of this scenario has."""
+
+    outputs: "dict[str, float | None]"
+    units: "dict[str, str]"
+    reasons: "NotRequired[dict[str, str]]"
+    history: "NotRequired[Columns]"
+    profiles: "NotRequired[Curves]"
+    loops: "NotRequired[LoopCurves]"
+    events: "NotRequired[list[Event]]"
+    accuracy: "NotRequired[Accuracy]"
+    check: "NotRequired[CheckedRun]"
+    warnings: "list[Warning]"
+
+class Event(TypedDict):
+    """An event during the run."""
+
+    cycles: "float"
+    kind: "Literal['gross_slip', 'contact_lost', 'shakedown', 'until_reached', 'rim_reached', 'contact_splits', 'energy_not_reached', 'layer_worn_through']"
+    body: "NotRequired[int]"
+    layer: "NotRequired[int]"
+    radius: "NotRequired[float]"
+
+class ExampleAnswer(TypedDict):
+    """An example."""
+
+    body: "dict[str, Any]"
+    label: "str"
+    name: "str"
+
+File: TypeAlias = "str"
+
+class Fit(TypedDict):
+    """A fit of numbers of a scenario to measurements."""
+
+    version: "NotRequired[Literal[1]]"
+    scenario: "Scenario"
+    parameters: "list[FitParametersItem]"
+    tests: "list[FitTestsItem]"
+    confidence: "NotRequired[float]"
+    starts: "NotRequired[int]"
+
+FitParametersItem = TypedDict(
+    "FitParametersItem",
+    {
+        "pointer": "str",
+        "from": "float | str",
+        "to": "float | str",
+        "spacing": "NotRequired[Literal['linear', 'log']]",
+        "start": "NotRequired[float | str]",
+        "for": "NotRequired[list[str]]",
+        "prior": "NotRequired[dict[str, Any]]",
+    },
+)
+
+class FitResult(TypedDict):
+    """The result of a fit. Without a minimum it has only notes, the measured numbers and the searches."""
+
+    key: "str"
+    engine: "Engine"
+    fit: "Fit"
+    units: "dict[str, str]"
+    counts: "Counts"
+    notes: "list[FitResultNotesItem]"
+    parameters: "NotRequired[list[FitResultParametersItem]]"
+    correlation: "NotRequired[list[list[float | None]]]"
+    quality: "NotRequired[FitResultQuality]"
+    lines: "NotRequired[list[FitResultLinesItem]]"
+    estimated_scenario: "NotRequired[dict[str, Any]]"
+    table: "TableColumns"
+    bands: "NotRequired[TableColumns]"
+    searches: "TableColumns"
+
+class FitResultLinesItem(TypedDict):
+    weights: "Literal['equal', 'noise']"
+    energy_coefficient: "float | None"
+    standard_error: "float | None"
+    interval: "list[float | None]"
+    r_squared: "float | None"
+
+class FitResultNotesItem(TypedDict):
+    kind: "str"
+    detail: "str"
+
+FitResultParametersItem = TypedDict(
+    "FitResultParametersItem",
+    {
+        "pointer": "str",
+        "for": "NotRequired[list[str]]",
+        "unit": "str",
+        "estimate": "float | None",
+        "standard_error": "float | None",
+        "interval": "list[float | None]",
+        "at_bound": "bool",
+    },
+)
+
+class FitResultQuality(TypedDict):
+    """How well the parameters describe the measurements."""
+
+    sum_of_squares: "float | None"
+    allowed_rise: "NotRequired[float | None]"
+    effective_points: "float | None"
+    degrees_of_freedom: "NotRequired[int | None]"
+    aicc: "NotRequired[float | None]"
+    lack_of_fit: "NotRequired[dict[str, Any] | None]"
+    noise: "NotRequired[list[dict[str, Any]]]"
+    runs: "float"
+
+class FitTestsItem(TypedDict):
+    """A test: how its scenario differs, and what was measured."""
+
+    name: "NotRequired[str]"
+    specimen: "NotRequired[str]"
+    changes: "NotRequired[dict[str, Any]]"
+    data: "list[FitTestsItemDataItem1 | FitTestsItemDataItem2]"
+
+class FitTestsItemDataItem1(TypedDict):
+    output: "str"
+    over: "NotRequired[Literal['cycles', 'dissipated_energy']]"
+    x: "list[float | str]"
+    y: "list[float | str | None]"
+    density: "NotRequired[float]"
+    sigma: "NotRequired[float | str | list[float | str]]"
+    relative: "NotRequired[float]"
+    noise: "NotRequired[Literal['estimate']]"
+
+class FitTestsItemDataItem2(TypedDict):
+    profile: "Literal['wear']"
+    at: "float"
+    body: "NotRequired[int]"
+    radius: "list[float | str]"
+    depth: "list[float | str | None]"
+    sigma: "NotRequired[float | str | list[float | str]]"
+    relative: "NotRequired[float]"
+    noise: "NotRequired[Literal['estimate']]"
+
+Force: TypeAlias = "float | str"
+
+class ForceBlock(TypedDict):
+    """A stretch of cycles of one amplitude of the tangential force."""
+
+    tangential_force: "float | str"
+    cycles: "float"
+
+ForceOrPerLength: TypeAlias = "Force | str"
+
+class FrettingMap(TypedDict):
+    """A map over normal force and amplitude. Its scenario has both, and no rig."""
+
+    version: "NotRequired[Literal[1]]"
+    scenario: "Scenario"
+    normal_force: "Axis"
+    amplitude: "Axis"
+    outputs: "NotRequired[list[str]]"
+
+Geometry: TypeAlias = "Literal['round', 'line']"
+
+class Health(TypedDict):
+    """The health of the process."""
+
+    status: "str"
+
+Height: TypeAlias = "float | str"
+
+class History(TypedDict):
+    """The history of a result."""
+
+    key: "str"
+    engine: "Engine"
+    units: "dict[str, str]"
+    history: "Columns"
+
+HistoryAnswer: TypeAlias = "History | Records"
+
+HistoryFields: TypeAlias = "list[Literal['cycles', 'normalized_cycles', 'wear_volume', 'wear_depth', 'scar_radius', 'contact_radius', 'stick_radius', 'normal_force', 'indentation_depth', 'amplitude', 'tangential_force', 'energy_per_cycle', 'dissipated_energy', 'wear_volume_error', 'wear_depth_error']]"
+
+Import = TypedDict(
+    "Import",
+    {
+        "at": "str",
+        "from": "str",
+        "verified": "NotRequired[str | None]",
+        "verified_rows": "NotRequired[int | None]",
+    },
+)
+
+Include: TypeAlias = "list[Literal['result', 'scenario', 'submitted']]"
+
+Instants: TypeAlias = "list[float]"
+
+class Job(TypedDict):
+    """A job: one submission and its progress."""
+
+    attempt: "int"
+    error: "NotRequired[JobError | None]"
+    id: "str"
+    key: "str"
+    label: "NotRequired[str | None]"
+    links: "Links"
+    origin: "Origin"
+    owner: "str"
+    priority: "int"
+    progress: "float"
+    recomputed: "NotRequired[Recomputed | None]"
+    state: "JobState"
+    summary: "NotRequired[dict[str, Any] | None]"
+    tags: "list[str]"
+    times: "Times"
+    warnings: "list[Warning]"
+    scenario: "NotRequired[Scenario | None]"
+    sweep: "NotRequired[Sweep]"
+    sensitivity: "NotRequired[Sensitivity]"
+    map: "NotRequired[FrettingMap]"
+    fit: "NotRequired[Fit]"
+    result: "NotRequired[Result | None]"
+
+class JobBody(TypedDict):
+    """What to compute, exactly one of `scenario`, `sweep`, `sensitivity`, `map` and `fit`, and words to find the job by."""
+
+    scenario: "NotRequired[Scenario]"
+    sweep: "NotRequired[Sweep]"
+    sensitivity: "NotRequired[Sensitivity]"
+    map: "NotRequired[FrettingMap]"
+    fit: "NotRequired[Fit]"
+    label: "NotRequired[str]"
+    tags: "NotRequired[list[str]]"
+
+class JobError(TypedDict):
+    """Why a job failed."""
+
+    detail: "str"
+    title: "str"
+    type: "str"
+
+class JobEvent(TypedDict):
+    """One of the events that follow a job."""
+
+    event: "Literal['snapshot', 'state', 'progress']"
+    id: "NotRequired[str]"
+    data: "str"
+
+class JobList(TypedDict):
+    """A page of jobs, the newest first."""
+
+    jobs: "list[Job]"
+    next: "NotRequired[str | None]"
+
+JobState: TypeAlias = "Literal['queued', 'running', 'canceling', 'succeeded', 'failed', 'canceled']"
+
+KeyText: TypeAlias = "str"
+
+class Layer(TypedDict):
+    """A layer on a body."""
+
+    thickness: "Length"
+    coefficient: "WearRate"
+
+Layout: TypeAlias = "Literal['columns', 'records']"
+
+Length: TypeAlias = "float | str"
+
+class Limit(TypedDict):
+    """The limiting state for many cycles; null without a closed form."""
+
+    indentation_depth: "NotRequired[float | None]"
+    contact_radius: "NotRequired[float]"
+    stick_radius: "NotRequired[float]"
+    wear_volume: "NotRequired[float]"
+    wear_depth: "NotRequired[float]"
+    wear_depth_radius: "NotRequired[float]"
+    normal_force: "NotRequired[float]"
+    tangential_force: "NotRequired[float]"
+
+class Limits(TypedDict):
+    """The limits of a request."""
+
+    answer_bytes: "int"
+    body_bytes: "int"
+    call_seconds: "int"
+    cycles: "int"
+    evaluate_seconds: "float"
+    points: "list[int]"
+    study_bytes: "int"
+    study_points: "int"
+    study_seconds: "NotRequired[int | None]"
+    wait_seconds: "int"
+
+class Links(TypedDict):
+    """Addresses related to a job."""
+
+    cancel: "NotRequired[str | None]"
+    events: "str"
+    result: "str"
+    self: "str"
+
+Load: TypeAlias = "ByForce | ByDepth"
+
+class LoopCurves(TypedDict):
+    """Force–displacement loops at the output cycles of the profiles. A loop is one cycle and has a point wherever another spring starts to slip, so that straight lines between the points enclose `energy_per_cycle`. Loops may differ in their number of points. Null if no profiles were requested."""
+
+    cycles: "list[float]"
+    displacement: "NotRequired[list[list[float | None]]]"
+    tangential_force: "NotRequired[list[list[float]]]"
+    energy_ratio: "NotRequired[list[float | None]]"
+    slip_ratio: "NotRequired[list[float | None]]"
+    free_ratio: "NotRequired[list[float]]"
+    actuator_energy_ratio: "NotRequired[list[float]]"
+    actuator_slip_ratio: "NotRequired[list[float]]"
+
+LoopFields: TypeAlias = "list[Literal['cycles', 'displacement', 'tangential_force', 'energy_ratio', 'slip_ratio', 'free_ratio']]"
+
+class Loops(TypedDict):
+    """The force–displacement loops of a result."""
+
+    key: "str"
+    engine: "Engine"
+    units: "dict[str, str]"
+    loops: "LoopCurves"
+
+LoopsAnswer: TypeAlias = "Loops | Records"
+
+class MapResult(TypedDict):
+    """The result of a map."""
+
+    key: "str"
+    engine: "Engine"
+    map: "FrettingMap"
+    units: "dict[str, str]"
+    counts: "Counts"
+    boundary: "MapResultBoundary"
+    table: "TableColumns"
+
+MapResultBoundary = TypedDict(
+    "MapResultBoundary",
+    {
+        "/load/normal_force": "list[float]",
+        "/motion/amplitude": "list[float | None]",
+    },
+)
+
+class Me(TypedDict):
+    """The caller, with its limits and their use."""
+
+    key: "NotRequired[str | None]"
+    limits: "CallerLimits"
+    name: "str"
+    role: "Role"
+    usage: "CallerUsage"
+
+class Measured(TypedDict):
+    """What was read from a file of measured numbers."""
+
+    columns: "list[MeasuredColumnsItem]"
+    prepared: "MeasuredPrepared | None"
+    notes: "list[str]"
+
+class MeasuredColumnsItem(TypedDict):
+    name: "str"
+    unit: "str | None"
+    dimension: "str | None"
+    values: "list[float | None]"
+
+class MeasuredPrepared(TypedDict):
+    """What was made from x and y. Null if the file has only one column."""
+
+    data: "NotRequired[dict[str, Any]]"
+    indenter: "NotRequired[dict[str, Any] | None]"
+    trace: "NotRequired[dict[str, Any]]"
+    energy_per_cycle: "NotRequired[float]"
+    cycles: "NotRequired[int]"
+
+class Model(TypedDict):
+    """How wear is computed."""
+
+    method: "NotRequired[Literal['exact', 'simplified']]"
+    xi: "NotRequired[Literal['auto'] | float]"
+    tolerance: "NotRequired[float]"
+    compare: "NotRequired[bool]"
+    points: "NotRequired[int]"
+
+class Moduli(TypedDict):
+    """The effective moduli of the pair. Give these or `bodies`."""
+
+    normal: "Stress"
+    tangential: "NotRequired[Stress]"
+
+Motion: TypeAlias = "ByAmplitude | ByStickRatio | ByTangentialForce | Blocks | Reversals | Sliding"
+
+class Normalized(TypedDict):
+    normalized: "Instants | Range"
+
+class Note(TypedDict):
+    """What a user wrote about a result."""
+
+    at: "str"
+    owner: "str"
+    text: "str"
+
+class NoteBody(TypedDict):
+    """A note on a result."""
+
+    text: "str"
+
+Order: TypeAlias = "Literal['created', '-created', 'size', '-size', 'friction', '-friction', 'normal_modulus', '-normal_modulus', 'tangential_modulus', '-tangential_modulus', 'wear_coefficient', '-wear_coefficient', 'radius', '-radius', 'slope_angle', '-slope_angle', 'flat_radius', '-flat_radius', 'exponent', '-exponent', 'normal_force', '-normal_force', 'indentation_depth', '-indentation_depth', 'contact_radius', '-contact_radius', 'stick_radius', '-stick_radius', 'amplitude', '-amplitude', 'gross_slip_amplitude', '-gross_slip_amplitude', 'tangential_force', '-tangential_force', 'rig_stiffness', '-rig_stiffness', 'points', '-points', 'cycles', '-cycles', 'wear_volume', '-wear_volume', 'wear_depth', '-wear_depth', 'scar_radius', '-scar_radius', 'dissipated_energy', '-dissipated_energy']"
+
+Origin: TypeAlias = "Literal['computed', 'coalesced', 'cached']"
+
+class OutputDifference(TypedDict):
+    """An output of both results."""
+
+    a: "dict[str, Any]"
+    b: "dict[str, Any]"
+    name: "str"
+    relative: "NotRequired[float | None]"
+
+class Paraboloid(TypedDict):
+    """f = r²/(2R): the usual stand-in for a ball."""
+
+    shape: "Literal['paraboloid']"
+    radius: "Length"
+
+class ParameterDifference(TypedDict):
+    """A parameter that differs."""
+
+    a: "dict[str, Any]"
+    b: "dict[str, Any]"
+    pointer: "str"
+    relative: "NotRequired[float | None]"
+
+PlotInstants: TypeAlias = "list[float]"
+
+PlotKind: TypeAlias = "Literal['curves', 'scatter', 'heat', 'regimes', 'tornado', 'bands', 'residuals', 'energy', 'profile']"
+
+PlotQuantity: TypeAlias = "Literal['worn', 'wear', 'image', 'pressure', 'slip', 'wear_volume', 'wear_depth', 'scar_radius', 'contact_radius', 'stick_radius', 'normal_force', 'indentation_depth', 'amplitude', 'tangential_force', 'energy_per_cycle', 'dissipated_energy', 'wear_volume_error', 'wear_depth_error', 'loops']"
+
+Position: TypeAlias = "float | str"
+
+class PowerLaw(TypedDict):
+    """f = height·(r/at_radius)^exponent. For a line contact, r is the distance from the middle, and `length` is required."""
+
+    shape: "Literal['power']"
+    exponent: "float"
+    height: "Length"
+    at_radius: "Length"
+    geometry: "NotRequired[Geometry]"
+    length: "NotRequired[Length]"
+
+Prepare: TypeAlias = "Literal['points', 'trace', 'half', 'loop']"
+
+class Preview(TypedDict):
+    """An estimate for a scenario."""
+
+    scales: "Scales"
+    unworn: "Unworn"
+    regime: "Regime"
+    limit: "Limit"
+    units: "dict[str, str]"
+    cost: "PreviewCost"
+
+class PreviewCost(TypedDict):
+    """An estimate of the cost of a run."""
+
+    operations: "float"
+    answer_bytes: "int"
+
+class Problem(TypedDict):
+    """Every error, as the server writes it (RFC 9457)."""
+
+    detail: "str"
+    errors: "NotRequired[list[Complaint]]"
+    instance: "str"
+    status: "int"
+    title: "str"
+    type: "str"
+    scenario: "NotRequired[dict[str, Any]]"
+    sweep: "NotRequired[dict[str, Any]]"
+    sensitivity: "NotRequired[dict[str, Any]]"
+    map: "NotRequired[dict[str, Any]]"
+    fit: "NotRequired[dict[str, Any]]"
+
+Profile: TypeAlias = "Paraboloid | Sphere | Cone | PowerLaw | TruncatedParaboloid | TruncatedCone | Table | CrossedCylinders | Cylinder | Wedge | Punch"
+
+ProfileFields: TypeAlias = "list[Literal['cycles', 'radius', 'initial', 'limiting', 'worn', 'wear', 'image', 'pressure', 'slip']]"
+
+class Profiles(TypedDict):
+    """The profiles of a result."""
+
+    key: "str"
+    engine: "Engine"
+    units: "dict[str, str]"
+    profiles: "Curves | CommonCurves"
+
+ProfilesAnswer: TypeAlias = "Profiles | Records"
+
+ProfilesAt: TypeAlias = "Literal['all', 'last', 'none'] | Instants"
+
+class Program(TypedDict):
+    """A version of the program on a machine."""
+
+    architecture: "NotRequired[str | None]"
+    host: "NotRequired[str | None]"
+    numerics: "int"
+    processors: "NotRequired[int | None]"
+    version: "str"
+
+class Provenance(TypedDict):
+    """Who computed a result, when, and with which program. Values that the server does not know are null."""
+
+    body: "BodySum"
+    computed: "Computation"
+    created: "str"
+    deleted_by: "NotRequired[str | None]"
+    evicted: "NotRequired[str | None]"
+    imported: "NotRequired[Import | None]"
+    jobs: "int"
+    key: "str"
+    last_access: "str"
+    note: "NotRequired[Note | None]"
+    pinned: "bool"
+    pinned_by: "NotRequired[str | None]"
+    program: "NotRequired[Program | None]"
+    warnings: "NotRequired[list[Warning] | None]"
+
+class Punch(TypedDict):
+    """A line contact: f = (|x|−b)²/(2R) for |x| > b, flat inside. A flat punch with rounded edges, as in tests of fretting fatigue."""
+
+    shape: "Literal['punch']"
+    flat_half_width: "Length"
+    edge_radius: "Length"
+    length: "Length"
+
+Radius: TypeAlias = "float | str"
+
+Range = TypedDict(
+    "Range",
+    {
+        "from": "float",
+        "to": "float",
+        "count": "int",
+        "spacing": "NotRequired[Literal['log', 'linear']]",
+    },
+)
+
+class Readiness(TypedDict):
+    """Whether the server can accept jobs."""
+
+    oldest_seconds: "float"
+    queued: "int"
+    status: "str"
+
+Recomputed: TypeAlias = "Literal['same', 'differs', 'replaced']"
+
+class Records(TypedDict):
+    """A table in rows: one object per output cycle, or per output cycle and point."""
+
+    key: "str"
+    engine: "Engine"
+    units: "dict[str, str]"
+    records: "list[RecordsRecordsItem]"
+
+class RecordsRecordsItem(TypedDict):
+    cycles: "float"
+
+Regime: TypeAlias = "Literal['full_stick', 'partial_slip', 'gross_slip']"
+
+Result: TypeAlias = "RunResult | SweepResult | SensitivityResult | MapResult | FitResult"
+
+ResultEntry: TypeAlias = "dict[str, Any]"
+
+class ResultList(TypedDict):
+    """A page of results."""
+
+    next: "NotRequired[str | None]"
+    results: "list[ResultEntry]"
+    units: "dict[str, Any]"
+
+class Reversals(TypedDict):
+    """Only for a round contact."""
+
+    reversals: "list[Position]"
+    held: "NotRequired[Literal['amplitude']]"
+
+Role: TypeAlias = "Literal['read', 'submit', 'admin']"
+
+class RunIn(TypedDict):
+    """Short form of a table with two rows: the coefficient goes from `from` to `to` in the first `cycles`, and stays there."""
+
+    run_in: "RunInRunIn"
+
+RunInRunIn = TypedDict(
+    "RunInRunIn",
+    {
+        "cycles": "float",
+        "from": "float | str",
+        "to": "float | str",
+    },
+)
+
+class RunResult(TypedDict):
+    """The result of a scenario, in SI units."""
+
+    key: "str"
+    engine: "Engine"
+    scenario: "dict[str, Any]"
+    units: "dict[str, str]"
+    scales: "Scales"
+    unworn: "Unworn"
+    regime: "Regime"
+    limit: "Limit"
+    history: "Columns"
+    bodies: "NotRequired[list[BodyWear]]"
+    profiles: "Curves"
+    loops: "LoopCurves"
+    events: "list[Event]"
+    accuracy: "Accuracy"
+    comparison: "NotRequired[Comparison]"
+    warnings: "list[Warning]"
+
+class Scales(TypedDict):
+    """The scales of the contact. All results are multiples of them."""
+
+    contact_radius: "float"
+    indentation_depth: "float"
+    normal_force: "float"
+    cycles: "float"
+
+class Scenario(TypedDict):
+    """One fretting contact and how long it is worn. Quantities are numbers in SI, or strings with a unit."""
+
+    profile: "Profile"
+    bodies: "NotRequired[list[Body]]"
+    moduli: "NotRequired[Moduli]"
+    friction: "float | ChangeTable | RunIn"
+    wear: "Wear"
+    load: "Load"
+    motion: "Motion"
+    cycles: "Cycles"
+    profiles_at: "NotRequired[ProfilesAt]"
+    until: "NotRequired[Until]"
+    model: "NotRequired[Model]"
+
+class Sensitivity(TypedDict):
+    """A sensitivity study: which numbers of a scenario matter for its outputs."""
+
+    version: "NotRequired[Literal[1]]"
+    scenario: "Scenario"
+    vary: "list[Varied]"
+    method: "NotRequired[Literal['sobol', 'morris', 'local']]"
+    samples: "NotRequired[int]"
+    seed: "NotRequired[int]"
+    confidence: "NotRequired[float]"
+    outputs: "list[str]"
+
+class SensitivityResult(TypedDict):
+    """The result of a sensitivity study."""
+
+    key: "str"
+    engine: "Engine"
+    sensitivity: "Sensitivity"
+    units: "dict[str, str]"
+    counts: "Counts"
+    notes: "list[SensitivityResultNotesItem]"
+    table: "TableColumns"
+    samples: "TableColumns"
+
+class SensitivityResultNotesItem(TypedDict):
+    output: "str"
+    detail: "str"
+    member: "NotRequired[str]"
+
+class SharedLink(TypedDict):
+    """A link to a result."""
+
+    expires: "str"
+    url: "str"
+
+class SideAnswer(TypedDict):
+    """One side of the comparison."""
+
+    key: "str"
+    link: "str"
+    numerics: "int"
+    result: "Standing"
+
+class Sliding(TypedDict):
+    """Only for a line contact that slides as a whole."""
+
+    sliding_amplitude: "Length"
+    held: "NotRequired[Literal['amplitude']]"
+
+SlopeAngle: TypeAlias = "float | str"
+
+class SoFar(TypedDict):
+    """The rows of a run that is being computed."""
+
+    history: "Columns"
+    units: "dict[str, Any]"
+
+Spacing: TypeAlias = "Literal['linear', 'log']"
+
+class SpecificWearRate(TypedDict):
+    coefficient: "float | str | ChangeTable | RunIn"
+    share: "NotRequired[float]"
+
+class Sphere(TypedDict):
+    """f = R − √(R²−r²), for contacts that are not small beside the radius; up to a₀/R = 0.6."""
+
+    shape: "Literal['sphere']"
+    radius: "Length"
+
+Standing: TypeAlias = "Literal['held', 'dropped', 'unknown']"
+
+Stiffness: TypeAlias = "float | str"
+
+StiffnessOrPerLength: TypeAlias = "Stiffness | str"
+
+Stress: TypeAlias = "float | str"
+
+class StudyCost(TypedDict):
+    """What a study takes."""
+
+    answer_bytes: "int"
+    points: "int"
+    seconds: "float"
+
+class StudyTable(TypedDict):
+    key: "str"
+    engine: "Engine"
+    units: "dict[str, str]"
+    table: "TableColumns"
+
+class SubmissionWarnings(TypedDict):
+    """The warnings of the submission that computed a result."""
+
+    warnings: "NotRequired[list[Warning] | None]"
+
+class Sweep(TypedDict):
+    """A sweep: the outputs of a scenario for many values of some of its numbers."""
+
+    version: "NotRequired[Literal[1]]"
+    scenario: "Scenario"
+    vary: "list[Varied]"
+    design: "NotRequired[Literal['grid', 'zip', 'latin_hypercube', 'sobol']]"
+    samples: "NotRequired[int]"
+    seed: "NotRequired[int]"
+    outputs: "list[str]"
+    profiles: "NotRequired[SweepProfiles]"
+
+class SweepProfiles(TypedDict):
+    """Curves of each run after its last output cycle, at radii that all runs share. They are linear between the output radii of the run, whose number is `points` of `model`."""
+
+    radius: "list[float | str] | SweepProfilesRadius2"
+    fields: "NotRequired[list[Literal['wear', 'worn', 'pressure', 'slip']]]"
+
+SweepProfilesRadius2 = TypedDict(
+    "SweepProfilesRadius2",
+    {
+        "from": "float | str",
+        "to": "float | str",
+        "count": "int",
+        "spacing": "NotRequired[Literal['linear', 'log']]",
+    },
+)
+
+class SweepResult(TypedDict):
+    """The result of a sweep."""
+
+    key: "str"
+    engine: "Engine"
+    sweep: "Sweep"
+    units: "dict[str, str]"
+    counts: "Counts"
+    table: "TableColumns"
+    profiles: "NotRequired[CommonCurves]"
+
+class Table(TypedDict):
+    """A measured profile: heights over radii, evenly spaced or not. The gap is the height less that on the axis. Noise is taken off by local parabolas whose reach the points themselves decide (exact points are left as they are), and the points are joined by a monotone cubic; more than 500 points are first averaged in groups of neighbours. The table must go on beyond the scar to come, and the profile's image must rise as far. For a line contact, the radii are distances from the middle, and `length` is required."""
+
+    shape: "Literal['table']"
+    radius: "list[Radius]"
+    height: "list[Height]"
+    geometry: "NotRequired[Geometry]"
+    length: "NotRequired[Length]"
+
+TableAnswer: TypeAlias = "StudyTable | Records"
+
+TableColumns: TypeAlias = "dict[str, list[float | str | None]]"
+
+TableFields: TypeAlias = "list[str]"
+
+TableFormat: TypeAlias = "Literal['json', 'ndjson', 'csv', 'npz', 'arrow']"
+
+class Times(TypedDict):
+    """When a job was submitted, begun and finished: RFC 3339, UTC."""
+
+    created: "str"
+    finished: "NotRequired[str | None]"
+    started: "NotRequired[str | None]"
+
+class TruncatedCone(TypedDict):
+    """f = (r−b)·tan θ for r > b, flat inside. Stick ratios as for the truncated paraboloid."""
+
+    shape: "Literal['truncated_cone']"
+    slope_angle: "SlopeAngle"
+    flat_radius: "Length"
+
+class TruncatedParaboloid(TypedDict):
+    """f = (r²−b²)/(2R) for r > b, flat inside: a ball worn or cut at its tip. The springs under the flat slip all together, so that a stick ratio is either 0, which means that just the flat sticks, or at least b/a₀."""
+
+    shape: "Literal['truncated_paraboloid']"
+    radius: "Length"
+    flat_radius: "Length"
+
+class TwoKeys(TypedDict):
+    keys: "list[str]"
+
+class TwoSides(TypedDict):
+    a: "DiffSide"
+    b: "NotRequired[DiffSide]"
+
+UnitSystem: TypeAlias = "Literal['si', 'engineering']"
+
+Until: TypeAlias = "Until1 | Until2 | Until3"
+
+class Until1(TypedDict):
+    wear_depth: "Length"
+
+class Until2(TypedDict):
+    wear_volume: "Volume"
+
+class Until3(TypedDict):
+    dissipated_energy: "Energy"
+
+class Unworn(TypedDict):
+    """The state before the first cycle."""
+
+    peak_pressure: "float | None"
+    tangential_modulus: "float | None"
+    gross_slip_amplitude: "float | None"
+    amplitude: "float | None"
+    energy_ratio: "float | None"
+    slip_ratio: "float | None"
+    normal_modulus: "float"
+    wear_coefficient: "float"
+    mean_pressure: "float"
+    stick_radius: "float"
+    tangential_force: "float"
+    energy_per_cycle: "float"
+    free_ratio: "float"
+    actuator_amplitude: "NotRequired[float]"
+    actuator_energy_ratio: "NotRequired[float]"
+    actuator_slip_ratio: "NotRequired[float]"
+
+Varied = TypedDict(
+    "Varied",
+    {
+        "pointer": "str",
+        "values": "NotRequired[list[float | str]]",
+        "from": "NotRequired[float | str]",
+        "to": "NotRequired[float | str]",
+        "count": "NotRequired[int]",
+        "spacing": "NotRequired[Literal['linear', 'log']]",
+        "distribution": "NotRequired[VariedDistribution]",
+    },
+)
+
+class VariedDistribution(TypedDict):
+    """The name of a distribution with its parameters, in the unit of the number."""
+
+    uniform: "NotRequired[VariedDistributionUniform]"
+    log_uniform: "NotRequired[VariedDistributionLogUniform]"
+    normal: "NotRequired[VariedDistributionNormal]"
+    lognormal: "NotRequired[VariedDistributionLognormal]"
+    triangular: "NotRequired[VariedDistributionTriangular]"
+
+class VariedDistributionLogUniform(TypedDict):
+    low: "float | str"
+    high: "float | str"
+
+class VariedDistributionLognormal(TypedDict):
+    """Of its mean and standard deviation, or of its median and the factor by which one standard deviation of the logarithm multiplies it."""
+
+    mean: "NotRequired[float | str]"
+    standard_deviation: "NotRequired[float | str]"
+    median: "NotRequired[float | str]"
+    factor: "NotRequired[float]"
+
+class VariedDistributionNormal(TypedDict):
+    mean: "float | str"
+    standard_deviation: "float | str"
+
+class VariedDistributionTriangular(TypedDict):
+    low: "float | str"
+    mode: "float | str"
+    high: "float | str"
+
+class VariedDistributionUniform(TypedDict):
+    low: "float | str"
+    high: "float | str"
+
+class Version(TypedDict):
+    """The program, the version of its numbers, and its limits."""
+
+    limits: "Limits"
+    name: "str"
+    numerics: "int"
+    version: "str"
+
+Volume: TypeAlias = "float | str"
+
+class Warning(TypedDict):
+    """A warning about a scenario. It does not prevent a run."""
+
+    kind: "str"
+    detail: "str"
+
+Wear: TypeAlias = "SpecificWearRate | Archard | EnergyWearCoefficient | BodiesAndLayers"
+
+WearRate: TypeAlias = "float | str"
+
+class Wedge(TypedDict):
+    """A line contact: f = |x|·tan θ."""
+
+    shape: "Literal['wedge']"
+    slope_angle: "SlopeAngle"
+    length: "Length"
+
+WholeFormat: TypeAlias = "Literal['json', 'npz']"
+
+WholeLayout: TypeAlias = "Literal['columns']"
+
+class WornBody(TypedDict):
+    """How one body wears: its layers, and the material below them."""
+
+    layers: "NotRequired[list[Layer]]"
+    coefficient: "WearRate"

@@ -1,0 +1,191 @@
+"""The synchronous and the asynchronous client: two loops that drive the flows."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import inspect
+import time
+from collections.abc import Callable, Coroutine
+from functools import update_wrapper
+from types import TracebackType
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar
+
+import httpx
+
+from .flows import Answer, Flow, Lost, Operations, Pause, Request
+from .progress import chosen
+from .settings import access_key, base_address
+
+P = ParamSpec("P")
+T = TypeVar("T")
+M = TypeVar("M", bound=Callable[..., object])
+
+# The server sends something at least every 15 seconds while a client follows a job, and answers a wait of 1 second.
+TIMEOUT = httpx.Timeout(75.0, connect=10.0)
+
+
+def _described(method: M, flow: Callable[..., object]) -> M:
+    """Gives a method the documentation of its flow. What the flow returns at its end is what the method returns."""
+    signature = inspect.signature(flow)
+    returned = str(signature.return_annotation).removeprefix("Flow[").removesuffix("]")
+    update_wrapper(method, flow)
+    method.__signature__ = signature.replace(return_annotation=returned)  # type: ignore[attr-defined]
+    return method
+
+
+def _blocking(flow: Callable[Concatenate[Operations, P], Flow[T]]) -> Callable[Concatenate[Client, P], T]:
+    def method(self: Client, /, *args: P.args, **options: P.kwargs) -> T:
+        return self._drive(flow(self._operations, *args, **options))
+
+    return _described(method, flow)
+
+
+def _awaitable(
+    flow: Callable[Concatenate[Operations, P], Flow[T]],
+) -> Callable[Concatenate[AsyncClient, P], Coroutine[Any, Any, T]]:
+    async def method(self: AsyncClient, /, *args: P.args, **options: P.kwargs) -> T:
+        return await self._drive(flow(self._operations, *args, **options))
+
+    return _described(method, flow)
+
+
+def _settings(url: str | None, key: str | None) -> dict[str, Any]:
+    token = access_key(key)
+    headers = {"authorization": f"Bearer {token}"} if token else {}
+    return {"base_url": base_address(url), "headers": headers, "timeout": TIMEOUT}
+
+
+def _request(http: httpx.Client | httpx.AsyncClient, step: Request) -> httpx.Request:
+    return http.build_request(step.method, step.path, params=step.params, headers=step.headers, content=step.content)
+
+
+def _answer(response: httpx.Response, content: bytes) -> Answer:
+    return Answer(response.status_code, response.headers, content)
+
+
+class Client:
+    """A server of fretwork.
+
+    `url` is its base address (FRETWORK_URL by default), and `key` an access key (FRETWORK_KEY, or the file FRETWORK_KEY_FILE).
+    `progress` is False, True (a bar of tqdm, if installed), or a function that receives numbers from 0 to 1. After a lost
+    connection, and if the server is busy, the client tries again for `patience` seconds. `http` are options of `httpx.Client`.
+    """
+
+    def __init__(
+        self,
+        url: str | None = None,
+        key: str | None = None,
+        *,
+        progress: bool | Callable[[float], None] = True,
+        patience: float = 60.0,
+        **http: Any,
+    ) -> None:
+        self._operations = Operations(patience, chosen(progress))
+        self._http = httpx.Client(**_settings(url, key) | http)
+        self.url = base_address(url)
+
+    run = _blocking(Operations.run)
+    evaluate = _blocking(Operations.evaluate)
+    sweep = _blocking(Operations.sweep)
+    sensitivity = _blocking(Operations.sensitivity)
+    map = _blocking(Operations.map)
+    fit = _blocking(Operations.fit)
+    example = _blocking(Operations.example)
+
+    def _drive(self, flow: Flow[T]) -> T:
+        with contextlib.closing(flow):
+            try:
+                step = next(flow)
+                while True:
+                    try:
+                        answer = self._do(step)
+                    except httpx.TransportError as error:
+                        step = flow.throw(Lost(str(error) or type(error).__name__))
+                    else:
+                        step = flow.send(answer)
+            except StopIteration as end:
+                return end.value  # type: ignore[no-any-return]
+
+    def _do(self, step: Request | Pause) -> Answer:
+        if isinstance(step, Pause):
+            time.sleep(step.seconds)
+            return Answer(0, {}, b"")
+        response = self._http.send(_request(self._http, step), stream=True)
+        with contextlib.closing(response):
+            if step.on_line and response.is_success:
+                any(map(step.on_line, response.iter_lines()))
+                return _answer(response, b"")
+            return _answer(response, response.read())
+
+    def close(self) -> None:
+        """Closes the connections."""
+        self._http.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+        self.close()
+
+
+class AsyncClient:
+    """Like `Client`, with methods to await. `http` are options of `httpx.AsyncClient`."""
+
+    def __init__(
+        self,
+        url: str | None = None,
+        key: str | None = None,
+        *,
+        progress: bool | Callable[[float], None] = False,
+        patience: float = 60.0,
+        **http: Any,
+    ) -> None:
+        self._operations = Operations(patience, chosen(progress))
+        self._http = httpx.AsyncClient(**_settings(url, key) | http)
+        self.url = base_address(url)
+
+    run = _awaitable(Operations.run)
+    evaluate = _awaitable(Operations.evaluate)
+    sweep = _awaitable(Operations.sweep)
+    sensitivity = _awaitable(Operations.sensitivity)
+    map = _awaitable(Operations.map)
+    fit = _awaitable(Operations.fit)
+    example = _awaitable(Operations.example)
+
+    async def _drive(self, flow: Flow[T]) -> T:
+        with contextlib.closing(flow):
+            try:
+                step = next(flow)
+                while True:
+                    try:
+                        answer = await self._do(step)
+                    except httpx.TransportError as error:
+                        step = flow.throw(Lost(str(error) or type(error).__name__))
+                    else:
+                        step = flow.send(answer)
+            except StopIteration as end:
+                return end.value  # type: ignore[no-any-return]
+
+    async def _do(self, step: Request | Pause) -> Answer:
+        if isinstance(step, Pause):
+            await asyncio.sleep(step.seconds)
+            return Answer(0, {}, b"")
+        response = await self._http.send(_request(self._http, step), stream=True)
+        async with contextlib.aclosing(response):
+            if step.on_line and response.is_success:
+                async for line in response.aiter_lines():
+                    if step.on_line(line):
+                        break
+                return _answer(response, b"")
+            return _answer(response, await response.aread())
+
+    async def aclose(self) -> None:
+        """Closes the connections."""
+        await self._http.aclose()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+        await self.aclose()

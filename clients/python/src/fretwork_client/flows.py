@@ -1,0 +1,295 @@
+"""What the client sends and how it reads the answers, without a connection.
+
+A flow is a generator. It yields a `Request` or a `Pause`, and receives an `Answer`. If the connection was lost, the driver
+throws `Lost` into the flow. So the synchronous and the asynchronous client share everything but the loop that drives a flow.
+"""
+
+from __future__ import annotations
+
+import json
+import uuid
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar, cast
+
+from . import api_types as api
+from .errors import InvalidRequest, JobFailed, ServerUnreachable, refusal
+from .progress import Progress
+from .results import Evaluation, Fit, Run, Study
+
+T = TypeVar("T")
+Flow = Generator["Request | Pause", "Answer", T]
+# Numbers to vary: values, a range such as {"from": 1, "to": 2, "count": 5}, or {"distribution": …}, by JSON pointer.
+Vary = Mapping[str, Sequence[float | str] | Mapping[str, Any]]
+
+FINISHED = ("succeeded", "failed", "canceled")
+# Answers after which the same request may succeed: too many requests, a proxy without a server, a server that starts or stops.
+TEMPORARY = (429, 502, 503)
+LONGEST_PAUSE = 5.0
+
+
+@dataclass(frozen=True)
+class Request:
+    """One request. `on_line` receives the lines of a stream until it returns True."""
+
+    method: str
+    path: str
+    params: Mapping[str, str] = field(default_factory=dict)
+    headers: Mapping[str, str] = field(default_factory=dict)
+    content: bytes | None = None
+    on_line: Callable[[str], bool] | None = None
+
+
+@dataclass(frozen=True)
+class Pause:
+    """The driver waits for this time."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer to a request. The body of a stream is empty."""
+
+    status: int
+    headers: Mapping[str, str]
+    content: bytes
+
+
+class Lost(Exception):
+    """The connection failed before the whole answer arrived."""
+
+
+class Patience:
+    """How long the client still tries again, in seconds, without the time of the requests themselves."""
+
+    def __init__(self, seconds: float) -> None:
+        self.whole = seconds
+        self.renew()
+
+    def renew(self) -> None:
+        """The server has answered: the next failure is a new one."""
+        self.left, self.tries = self.whole, 0
+
+    def pause(self, reason: str, retry_after: str = "") -> Pause:
+        """The next pause: what the server asks for, else twice as long as the last one."""
+        if self.left <= 0:
+            raise ServerUnreachable(f"{reason}. Check that the server runs, and the address in FRETWORK_URL.")
+        own = min(0.1 * 2.0**self.tries, LONGEST_PAUSE)
+        wanted = float(retry_after) if retry_after.isdecimal() else own
+        self.tries += 1
+        self.left -= wanted
+        return Pause(wanted)
+
+
+def attempt(request: Request, patience: Patience) -> Flow[Answer | None]:
+    """Sends a request once. After a failure that may pass, pauses and returns None. Raises the `ApiError` of other failures."""
+    try:
+        answer = yield request
+    except Lost as lost:
+        yield patience.pause(f"The server did not answer: {lost}")
+        return None
+    if answer.status < 400:
+        return answer
+    error = refusal(answer.status, answer.content)
+    if answer.status not in TEMPORARY or patience.left <= 0:
+        raise error
+    yield patience.pause(str(error), answer.headers.get("retry-after", ""))
+    return None
+
+
+def send(request: Request, seconds: float) -> Flow[Answer]:
+    """The answer to a request that the server may receive twice."""
+    patience = Patience(seconds)
+    while True:
+        answer = yield from attempt(request, patience)
+        if answer is not None:
+            return answer
+
+
+def post(path: str, body: Mapping[str, Any], patience: float, **headers: str) -> Flow[Any]:
+    """Sends JSON, and returns the JSON of the answer."""
+    named = {"content-type": "application/json"} | {name.replace("_", "-"): value for name, value in headers.items()}
+    answer = yield from send(Request("POST", path, headers=named, content=json.dumps(body).encode()), patience)
+    return json.loads(answer.content)
+
+
+def get(path: str, patience: float, **params: str) -> Flow[bytes]:
+    """The body of an answer."""
+    answer = yield from send(Request("GET", path, params), patience)
+    return answer.content
+
+
+class JobEvents:
+    """Reads the server-sent events of a job: progress, and at the end the job itself."""
+
+    def __init__(self, progress: Progress, patience: Patience) -> None:
+        self.progress = progress
+        self.patience = patience
+        self.job: api.Job | None = None
+        self._kind = ""
+
+    def line(self, line: str) -> bool:
+        """Reads a line. Returns True when the job has ended."""
+        self.patience.renew()
+        name, _, value = line.partition(":")
+        if name == "event":
+            self._kind = value.strip()
+        if name != "data":
+            return False
+        data = json.loads(value)
+        job = data if self._kind == "snapshot" else data.get("job")
+        if "progress" in data:
+            self.progress.show(data["progress"])
+        if job and job["state"] in FINISHED:
+            self.job = cast(api.Job, job)
+        return self.job is not None
+
+
+def finish(job: api.Job, progress: Progress, seconds: float) -> Flow[api.Job]:
+    """Follows a job to its end. After a lost connection, the next stream begins with the present state of the job."""
+    if job["state"] in FINISHED:
+        return job
+    patience = Patience(seconds)
+    events = JobEvents(progress, patience)
+    stream = Request("GET", f"/v1/jobs/{job['id']}/events", headers={"accept": "text/event-stream"}, on_line=events.line)
+    while True:
+        answer = yield from attempt(stream, patience)
+        if events.job:
+            return events.job
+        if answer is not None:
+            yield patience.pause("The stream of events ended early")
+
+
+def submit(body: api.JobBody, patience: float, wait: float = 1) -> Flow[api.Job]:
+    """Submits a job once, however often the request is sent. Waits up to `wait` seconds for its end."""
+    key = str(uuid.uuid4())
+    return cast(api.Job, (yield from post("/v1/jobs", body, patience, idempotency_key=key, prefer=f"wait={wait:.0f}")))
+
+
+@dataclass(frozen=True)
+class Operations:
+    """The operations of both clients, as flows. `patience` is the time in seconds for tries after a failure."""
+
+    patience: float
+    show: Callable[[], Progress]
+
+    def run(self, scenario: api.Scenario, *, label: str | None = None, tags: Sequence[str] = ()) -> Flow[Run]:
+        """Computes a scenario, or reads its stored result."""
+        return (yield from self._compute(Run, "scenario", scenario, label, tags))
+
+    def evaluate(self, scenario: api.Scenario, outputs: Sequence[str]) -> Flow[Evaluation]:
+        """Computes some outputs of a short run, such as `wear_depth@10000`. The server stores nothing."""
+        body = {"scenario": scenario, "outputs": list(outputs)}
+        answer: api.Evaluated = yield from post("/v1/evaluate", body, self.patience)
+        return Evaluation(answer["outputs"], answer["units"], answer.get("reasons", {}))
+
+    def sweep(
+        self,
+        /,
+        scenario: api.Scenario,
+        vary: Vary,
+        outputs: Sequence[str],
+        *,
+        label: str | None = None,
+        tags: Sequence[str] = (),
+        **options: Any,
+    ) -> Flow[Study]:
+        """Computes outputs for many values of some numbers. `options` are `design`, `samples`, `seed` and `profiles`.
+
+        `vary` has, for the JSON pointer of each number, its values, or a range such as `{"from": 1, "to": 2, "count": 5}`.
+        """
+        body = {"scenario": scenario, "vary": _varied(vary), "outputs": list(outputs), **options}
+        return (yield from self._compute(Study, "sweep", body, label, tags))
+
+    def sensitivity(
+        self,
+        /,
+        scenario: api.Scenario,
+        vary: Vary | Sequence[str],
+        outputs: Sequence[str],
+        *,
+        method: str = "sobol",
+        label: str | None = None,
+        tags: Sequence[str] = (),
+        **options: Any,
+    ) -> Flow[Study]:
+        """Says how strongly each number changes each output. `method` is `sobol`, `morris` or `local`.
+
+        For `local`, `vary` may be a list of pointers. `options` are `samples`, `seed` and `confidence`.
+        """
+        body = {"scenario": scenario, "vary": _varied(vary), "outputs": list(outputs), "method": method, **options}
+        return (yield from self._compute(Study, "sensitivity", body, label, tags))
+
+    def map(
+        self,
+        scenario: api.Scenario,
+        normal_force: api.Axis,
+        amplitude: api.Axis,
+        outputs: Sequence[str] = (),
+        *,
+        label: str | None = None,
+        tags: Sequence[str] = (),
+    ) -> Flow[Study]:
+        """Computes the slip regime for many normal forces and amplitudes."""
+        body: dict[str, Any] = {"scenario": scenario, "normal_force": normal_force, "amplitude": amplitude}
+        if outputs:
+            body["outputs"] = list(outputs)
+        return (yield from self._compute(Study, "map", body, label, tags))
+
+    def fit(
+        self,
+        /,
+        scenario: api.Scenario,
+        parameters: Mapping[str, Mapping[str, Any]] | Sequence[api.FitParametersItem],
+        tests: Sequence[api.FitTestsItem],
+        *,
+        label: str | None = None,
+        tags: Sequence[str] = (),
+        **options: Any,
+    ) -> Flow[Fit]:
+        """Estimates numbers of a scenario from measurements.
+
+        `parameters` has a range for each JSON pointer, or is the list of the API. `tests` and `options` are those of a
+        fit in the API.
+        """
+        body = {"scenario": scenario, "parameters": _varied(parameters), "tests": list(tests), **options}
+        return (yield from self._compute(Fit, "fit", body, label, tags))
+
+    def example(self, name: str) -> Flow[api.JobBody]:
+        """One of the examples of the server, such as `steel-ball`."""
+        return cast(api.JobBody, json.loads((yield from get(f"/v1/examples/{name}", self.patience))))
+
+    def _compute(self, kind: type[ResultT], name: str, body: Any, label: str | None, tags: Sequence[str]) -> Flow[ResultT]:
+        submission: dict[str, Any] = {name: body, "tags": list(tags)} | ({"label": label} if label else {})
+        progress = self.show()
+        try:
+            job = yield from submit(cast(api.JobBody, submission), self.patience)
+            job = yield from finish(job, progress, self.patience)
+        finally:
+            progress.close()
+        if job["state"] != "succeeded":
+            raise JobFailed(job)
+        path = f"/v1/results/{job['key']}"
+        arrays = yield from get(path, self.patience, format="npz")
+        return kind.read(job, arrays, (yield from self._picture(path)))
+
+    def _picture(self, path: str) -> Flow[bytes | None]:
+        """The figure of a result as SVG; None if the server has no figure for it."""
+        try:
+            return (yield from get(f"{path}/plot.svg", self.patience, width="560", height="360"))
+        except InvalidRequest:
+            return None
+
+
+ResultT = TypeVar("ResultT", Run, Study, Fit)
+
+
+def _varied(vary: Mapping[str, Any] | Sequence[str] | Sequence[api.FitParametersItem]) -> list[dict[str, Any]]:
+    """The entries of `vary` or `parameters` in the API."""
+    if not isinstance(vary, Mapping):
+        return [{"pointer": entry} if isinstance(entry, str) else dict(entry) for entry in vary]
+    return [
+        {"pointer": pointer} | (dict(values) if isinstance(values, Mapping) else {"values": list(values)})
+        for pointer, values in vary.items()
+    ]

@@ -1,0 +1,154 @@
+"""Lost connections, killed servers and busy servers."""
+
+import asyncio
+import json
+import pathlib
+from collections.abc import Iterator
+from typing import cast
+
+import httpx
+import pytest
+from conftest import Server
+
+from fretwork_client import ApiError, AsyncClient, Client, JobFailed, ServerUnreachable
+from fretwork_client.api_types import Job, Scenario
+from fretwork_client.flows import Answer, Lost, Pause, Request, finish, send
+from fretwork_client.progress import Silent
+
+
+@pytest.fixture
+def own(tmp_path: pathlib.Path) -> Iterator[Server]:
+    """A server that the test may kill."""
+    server = Server(tmp_path / "data", "")
+    yield server
+    server.kill()
+
+
+def long_sweep(ball: Scenario) -> tuple[Scenario, dict[str, list[float | str]], list[str]]:
+    """A sweep that takes some seconds."""
+    return (
+        {**ball, "cycles": [100000], "model": {"method": "exact", "tolerance": 0.0005}},
+        {"/friction": [0.6 + i / 10000 for i in range(1000)]},
+        ["wear_volume"],
+    )
+
+
+def jobs(server: Server) -> list[str]:
+    """The ids of all jobs of a server."""
+    return [job["id"] for job in httpx.get(f"{server.url}/v1/jobs", trust_env=False).json()["jobs"]]
+
+
+def test_a_sweep_survives_a_killed_server(own: Server, ball: Scenario) -> None:
+    kills: list[float] = []
+
+    def kill_once(part: float) -> None:
+        if 0 < part < 1 and not kills:
+            kills.append(part)
+            own.kill()
+            own.start()
+
+    with own.client(progress=kill_once) as client:
+        study = client.sweep(*long_sweep(ball))
+    assert kills
+    assert len(study.table["wear_volume"]) == 1000
+    assert (study.table["reason"] == "").all()
+    assert jobs(own) == [study.job["id"]]
+
+
+def test_an_asynchronous_sweep_survives_a_killed_server(own: Server, ball: Scenario) -> None:
+    async def sweep() -> str:
+        killed = asyncio.Event()
+        async with AsyncClient(own.url, "", trust_env=False, progress=lambda _: killed.set()) as client:
+            task = asyncio.create_task(client.sweep(*long_sweep(ball)))
+            await asyncio.wait_for(killed.wait(), 30)
+            own.kill()
+            await asyncio.sleep(0.3)
+            own.start()
+            return (await task).job["id"]
+
+    found = asyncio.run(sweep())
+    assert jobs(own) == [found]
+
+
+def test_a_job_that_is_sent_twice_is_one_job(own: Server, ball: Scenario) -> None:
+    class Forgetful(httpx.HTTPTransport):
+        """Loses the answer to the first submission."""
+
+        posts = 0
+
+        def handle_request(self, request: httpx.Request) -> httpx.Response:
+            answer = super().handle_request(request)
+            self.posts += request.method == "POST"
+            if request.method == "POST" and self.posts == 1:
+                answer.read()
+                raise httpx.ReadError("the connection was reset")
+            return answer
+
+    transport = Forgetful()
+    with own.client(transport=transport) as client:
+        run = client.run(ball)
+    assert transport.posts == 2
+    assert jobs(own) == [run.job["id"]]
+
+
+def test_a_canceled_job_is_an_error(own: Server, ball: Scenario) -> None:
+    def cancel(_: float) -> None:
+        httpx.post(f"{own.url}/v1/jobs/cancel?state=running", trust_env=False).raise_for_status()
+
+    with own.client(progress=cancel) as client, pytest.raises(JobFailed, match="canceled"):
+        client.sweep(*long_sweep(ball))
+
+
+def test_without_a_server_the_client_says_what_to_check(ball: Scenario) -> None:
+    with (
+        Client("http://127.0.0.1:9", "", patience=0.2, trust_env=False) as client,
+        pytest.raises(ServerUnreachable, match="FRETWORK_URL"),
+    ):
+        client.run(ball)
+
+
+def answers(status: int, **headers: str) -> Answer:
+    body = json.dumps({"detail": f"status {status}"}).encode()
+    return Answer(status, {name.replace("_", "-"): value for name, value in headers.items()}, body)
+
+
+@pytest.mark.parametrize("status", [429, 502, 503])
+def test_a_busy_server_decides_how_long_the_client_waits(status: int) -> None:
+    request = Request("POST", "/v1/jobs", headers={"idempotency-key": "a"})
+    flow = send(request, 10)
+    assert next(flow) is request
+    assert flow.send(answers(status, retry_after="7")) == Pause(7)
+    assert flow.send(Answer(0, {}, b"")) is request
+    assert flow.send(answers(status)) == Pause(0.2)
+    assert flow.send(Answer(0, {}, b"")) is request
+    assert flow.throw(Lost("reset")) == Pause(0.4)
+    assert flow.send(Answer(0, {}, b"")) is request
+    assert flow.send(answers(status, retry_after="7")) == Pause(7)
+    assert flow.send(Answer(0, {}, b"")) is request
+    with pytest.raises(ApiError, match=f"status {status}"):
+        flow.send(answers(status))
+
+
+def test_a_fault_is_not_sent_again() -> None:
+    flow = send(Request("GET", "/v1/jobs"), 10)
+    next(flow)
+    with pytest.raises(ApiError) as caught:
+        flow.send(Answer(500, {}, b"<html>proxy</html>"))
+    assert str(caught.value) == "The server answered 500: <html>proxy</html>"
+
+
+def test_a_stream_that_often_breaks_is_followed_to_its_end() -> None:
+    flow = finish(cast(Job, {"id": "a", "state": "queued"}), Silent(), 10)
+    stream = next(flow)
+    assert isinstance(stream, Request)
+    assert stream.on_line
+    for _ in range(100):
+        assert not stream.on_line("event: progress")
+        assert not stream.on_line('data: {"progress": 0.5}')
+        assert flow.throw(Lost("reset")) == Pause(0.1)
+        assert flow.send(Answer(0, {}, b"")) is stream
+    assert not stream.on_line("event: state")
+    assert stream.on_line('data: {"state": "succeeded", "job": {"id": "a", "state": "succeeded"}}')
+    with pytest.raises(StopIteration) as end:
+        flow.send(Answer(200, {}, b""))
+    assert end.value.value["state"] == "succeeded"
