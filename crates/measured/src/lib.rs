@@ -75,23 +75,18 @@ fn points(x: &Column, y: &Column, notes: &mut Vec<String>) -> Result<Value, Faul
         _ => &*y.name,
     };
     let needed = Quantity::named(output).map_or("kg", |quantity| quantity.unit);
-    match y.unit.as_deref().filter(|_| is_output) {
-        None if is_output => {
-            notes.push(format!("“{output}” has no unit, so it was read in {needed}."));
-        }
-        Some(own) if own != needed => {
-            let other = if needed == "kg" { MASSES.map(|it| it.0).join(", ") } else { "1".into() };
-            let dimension = Dimension::ALL.into_iter().find(|it| it.si() == needed);
-            let accepted = dimension.map_or(other, Dimension::accepted);
-            let detail = format!(
-                "is the output {output} in the unit {own}. Accepted units: {accepted}. Convert the numbers to one of them"
-            );
-            return Err(Faults::one("/y", detail));
-        }
-        _ => {}
+    let own = y.unit.as_deref().unwrap_or(needed);
+    if is_output && own != needed {
+        let other = if needed == "kg" { MASSES.map(|it| it.0).join(", ") } else { "1".into() };
+        let dimension = Dimension::ALL.into_iter().find(|it| it.si() == needed);
+        let accepted = dimension.map_or(other, Dimension::accepted);
+        let detail = format!(
+            "is the output {output} in the unit {own}. Accepted units: {accepted}. Convert the numbers to one of them"
+        );
+        return Err(Faults::one("/y", detail));
     }
     let is_over = x.unit.as_ref().is_none_or(|unit| ["1", "J"].contains(&&**unit));
-    if !is_over || y.unit.as_ref().is_some_and(|text| unit(text).is_none()) {
+    if !is_over || y.unit.as_ref().is_some_and(|own| unit(own).is_none()) {
         notes.push(
             "There are no data for a fit: x must be cycles or an energy, and y needs a known unit."
                 .to_owned(),
@@ -100,7 +95,7 @@ fn points(x: &Column, y: &Column, notes: &mut Vec<String>) -> Result<Value, Faul
     }
     let is_energy = x.dimension == Some(Dimension::Energy) || x.name == "dissipated_energy";
     let over = if is_energy { "dissipated_energy" } else { "cycles" };
-    notes.push(format!("y was taken as the output {output} over {over}."));
+    notes.push(format!("y was taken as the output {output} over {over}, in {own}."));
     let known = x.values.iter().zip(&y.values).filter_map(|(x, y)| Some(((*x)?, *y)));
     let (x, y): (Vec<f64>, Vec<Option<f64>>) = known.unzip();
     Ok(json!({"data": {"output": output, "over": over, "x": x, "y": y}}))

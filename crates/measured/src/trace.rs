@@ -2,8 +2,8 @@
 //!
 //! Isolated spikes are dropped. The unworn surface is a circle or a plane with a tilt, fitted by least squares to the points
 //! outside of the scar. The scar is where several neighbouring points deviate from it to the same side by more than twice
-//! their scatter. Both are repeated until the ends of the scar stay. Across a ball or cylinder, a tilt and a shift of the apex look alike. So the
-//! axis is the centroid of the scar, and the tilt is the slope of the unworn surface there.
+//! their scatter. Both are repeated until the ends of the scar stay. Across a ball or cylinder, a tilt and a shift of the
+//! apex look alike. So the axis is the centroid of the scar, and the tilt is the slope of the unworn surface there.
 //!
 //! # Accuracy
 //! Of 20 traces with 1000 points across a scar of 8.7 µm with a scatter of 20 nm, the worst had these errors: radius 2e-4,
@@ -215,6 +215,7 @@ fn ascending(mut points: Points, is_half: bool, notes: &mut Vec<String>) -> Resu
             at + 2
         ));
     }
+    points = without_spikes(&points, notes);
     if is_half {
         points.retain(|(x, _)| *x >= 0.0);
         let mirrored = points.iter().rev().filter(|(x, _)| *x > 0.0).map(|(x, z)| (-x, *z));
@@ -281,7 +282,6 @@ pub fn profile(
     if points.len() < FEWEST {
         return Err("has too few points with x above 0. The axis must be at x = 0".into());
     }
-    let points = without_spikes(&points, notes);
     let surface = Surface::find(&points)?;
     let Surface { unworn, heights, is_round, scar } = &surface;
     let (first, last) = (points[0].0, points[points.len() - 1].0);

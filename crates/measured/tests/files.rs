@@ -180,7 +180,7 @@ fn an_output_needs_its_unit() {
         assert!(said.starts_with("/y: is the output") && said.contains(accepted), "{said}");
     }
     let bare = good("cycles;wear_volume\n1000;2e-12\n").notes.join("\n");
-    assert!(bare.contains("“wear_volume” has no unit, so it was read in m^3."), "{bare}");
+    assert!(bare.contains("the output wear_volume over cycles, in m^3."), "{bare}");
     let time = good("t [s];wear_volume [mm^3]\n1000;2\n");
     assert_eq!((time.columns.len(), &time.prepared["data"]), (2, &serde_json::Value::Null));
     let energy = good("dissipated_energy;wear_volume [mm^3]\n1000;2\n");

@@ -305,6 +305,9 @@ fn what_is_no_trace_is_refused() {
     };
     let narrow = Trace { from: -400e-6, to: 500e-6, ..BALL }.file(&scar);
     assert!(refused(&narrow, &TRACE).contains("Measure farther"));
+    let left = Trace { to: -200e-6, ..BALL }.file(&scar);
+    let half = Wanted { prepare: Prepare::Half, ..TRACE };
+    assert!(refused(&left, &half).contains("too few points with x above 0"));
     let one = Trace { from: 37e-6, ..BALL }.file(&scar);
     assert!(refused(&one, &TRACE).contains("write prepare=half"));
     let circle = |place: usize| {
