@@ -256,7 +256,7 @@ fn without_spikes(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
     let least = (SPIKE.1 * median(&deviations)).max(STEP * (high - low));
     let is_far = |at: usize| {
         let near = &deviations[at.saturating_sub(AROUND)..=(at + AROUND).min(last)];
-        deviations[at] > least.max(SPIKE.1 * median(near))
+        deviations[at] > least && deviations[at] > SPIKE.1 * median(near)
     };
     let judged: Vec<_> = (0..=last).map(|at| (points[at], is_far(at))).collect();
     let runs = judged.chunk_by(|one, next| one.1 == next.1);
