@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::printing::{Error, print};
 use super::run::{compute, print_faults, read};
 use crate::config::Fit;
+use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::quantity::{Dimension, parse};
 use fretwork_job::Submission;
 use fretwork_json::BadBody;
@@ -17,12 +18,14 @@ use fretwork_measured::{Prepare, Wanted};
 const RANGE: f64 = 1e4;
 /// The relative noise before the first estimate.
 const NOISE: f64 = 0.1;
+/// The options that are members of the data.
+const OPTIONS: [&str; 4] = ["sigma", "relative", "at", "density"];
 /// Minimum number of points for a wear coefficient and a friction.
 const FEWEST: usize = 3;
 
 /// Fits, and prints the estimates. The exit code is 2 if the file, the scenario or the fit has faults.
 pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
-    let Fit { x, y, sigma, relative, at, .. } = settings;
+    let Fit { x, y, sigma, relative, at, density, .. } = settings;
     let prepare = if at.is_some() { Prepare::Trace } else { Prepare::Points };
     let wanted = Wanted { x: x.as_deref(), y: y.as_deref(), prepare, level: true, centre: true };
     let mut measured = match fretwork_measured::read(&read(&settings.file)?, &wanted) {
@@ -30,8 +33,13 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
         Err(faults) => return Ok(print_faults(&faults.below(&settings.file.to_string_lossy()).0)),
     };
     let mut data = measured.prepared["data"].take();
-    let given = [("sigma", json!(sigma)), ("relative", json!(relative)), ("at", json!(at))];
-    for (name, given) in given.into_iter().filter(|(_, given)| !given.is_null()) {
+    if data.is_null() {
+        let file = settings.file.to_string_lossy();
+        return Ok(print_faults(&Faults::one(&file, measured.notes.join(" ")).0));
+    }
+    let given = [json!(sigma), json!(relative), json!(at), json!(density)];
+    let given = OPTIONS.into_iter().zip(given);
+    for (name, given) in given.filter(|(_, given)| !given.is_null()) {
         data[name] = given;
     }
     if data.get("sigma").or(data.get("relative")).is_none() {
@@ -49,26 +57,54 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
     if parameters.is_empty() {
         parameters = defaults(&scenario, points)?;
     }
-    loop {
+    let body = |parameters: &[Value]| {
         let tests = json!([{"data": [data]}]);
         let fit = json!({"scenario": scenario, "parameters": parameters, "tests": tests});
-        let body = format!("{:#}\n", json!({"fit": fit}));
-        let job = match Submission::parse(body.as_bytes()) {
-            _ if settings.print => return print(body.as_bytes()).map(|()| ExitCode::SUCCESS),
-            Ok(job) => job,
-            Err(BadBody::Faults(faults)) => return Ok(print_faults(&faults)),
-            Err(error) => return Err(error.into()),
-        };
-        let found: Value = serde_json::from_slice(&compute(&job.prepared)?.0.body)?;
-        let ends = found["parameters"][1]["interval"].as_array();
-        if settings.parameter.is_empty() && ends.is_some_and(|ends| ends.contains(&Value::Null)) {
-            parameters.truncate(1);
+        format!("{:#}\n", json!({"fit": fit}))
+    };
+    if settings.print {
+        return print(body(&parameters).as_bytes()).map(|()| ExitCode::SUCCESS);
+    }
+    let mut found = match fitted(&body(&parameters))? {
+        Ok(found) => found,
+        Err(faults) => return Ok(print_faults(&faults)),
+    };
+    let ends = found["parameters"][1]["interval"].as_array();
+    if settings.parameter.is_empty() && ends.is_some_and(|ends| ends.contains(&Value::Null)) {
+        let less = fitted(&body(&parameters[..1]))?;
+        if let Some(less) = less.ok().filter(|less| !is_worse(less, &found)) {
+            found = less;
             let note = "These data do not tell the friction. It stays as in the scenario.";
             measured.notes.push(note.to_owned());
-            continue;
         }
-        return print(told(&found, &measured.notes)?.as_bytes()).map(|()| ExitCode::SUCCESS);
     }
+    print(told(&found, &measured.notes)?.as_bytes()).map(|()| ExitCode::SUCCESS)
+}
+
+/// The result of a job, or its faults. A fault of an option names this option.
+fn fitted(body: &str) -> Result<Result<Value, Vec<Fault>>, Error> {
+    let mut faults = match Submission::parse(body.as_bytes()) {
+        Ok(job) => return Ok(Ok(serde_json::from_slice(&compute(&job.prepared)?.0.body)?)),
+        Err(BadBody::Faults(faults)) => faults,
+        Err(error) => return Err(error.into()),
+    };
+    for fault in &mut faults {
+        let member = fault.pointer.strip_prefix("/fit/tests/0/data/0/").unwrap_or("");
+        let option = OPTIONS.into_iter().find(|option| member.split('/').next() == Some(option));
+        fault.pointer = option.map_or(fault.pointer.clone(), |option| format!("--{option}"));
+    }
+    faults.dedup_by(|one, other| one.pointer == other.pointer);
+    Ok(Err(faults))
+}
+
+/// Whether a fit with fewer parameters is worse than another one by more than its noise allows.
+fn is_worse(less: &Value, other: &Value) -> bool {
+    let number = |fit: &Value, place| fit["quality"].pointer(place).and_then(Value::as_f64);
+    // The sums of squares are in units of the noise, which a fit can estimate.
+    let noise = |fit| number(fit, "/noise/0/factor").map_or(1.0, |factor| factor * factor);
+    let sum = |fit| number(fit, "/sum_of_squares").map_or(f64::INFINITY, |sum| sum * noise(fit));
+    let rise = number(other, "/allowed_rise").map_or(0.0, |rise| rise * noise(other));
+    sum(less) - sum(other) > rise
 }
 
 /// A parameter that the user names.
@@ -132,9 +168,9 @@ fn told(found: &Value, notes: &[String]) -> Result<String, Error> {
     for it in list("parameters").chain(list("combinations")) {
         let name = it["pointer"].as_str().or(it["combination"].as_str()).unwrap_or("");
         let unit = it["unit"].as_str().unwrap_or("1");
-        let [x, low, high] =
-            [&it["estimate"], &it["interval"][0], &it["interval"][1]].map(|x| shown(x, unit));
-        writeln!(text, "  {name}: {x} ({low} to {high})")?;
+        let end = |x: &Value| if x.is_null() { "open".to_owned() } else { shown(x, unit) };
+        let [low, high] = [0, 1].map(|place| end(&it["interval"][place]));
+        writeln!(text, "  {name}: {} ({low} to {high})", shown(&it["estimate"], unit))?;
     }
     let table = &found["table"];
     writeln!(text, "\nPredictions, with the band of {percent} % for a new test:")?;

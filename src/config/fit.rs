@@ -27,6 +27,9 @@ pub struct Fit {
     /// The standard deviation as a share of each number.
     #[arg(long)]
     pub relative: Option<f64>,
+    /// The density of the worn body in kg/m³, for the output `mass_loss`.
+    #[arg(long, value_name = "KG/M^3")]
+    pub density: Option<f64>,
     /// The cycles after which a profilometer trace was measured. The file then has this trace across the scar.
     #[arg(long, value_name = "CYCLES")]
     pub at: Option<f64>,

@@ -129,13 +129,52 @@ fn the_command_reads_a_scenario_alone_and_prints_the_job() {
         (&["-", BALL][..], "a;b\n1;2\n3;x\n4;5\n", "-: Line 3: “x” in “b” is not a number"),
         (&["-", BALL, "--y", "volume"], table, "-/y: unknown column `volume`"),
         (&["-", BALL, "--at", "1000"], table, "-/x: must be a length"),
-        (&["-", BALL, "--sigma", "1 N"], table, "/fit/tests/0/data/0/sigma"),
+        (&["-", BALL, "--sigma", "1 N"], table, "--sigma: \"N\" is the unit of a force"),
+        (
+            &["-", BALL, "--density", "0"],
+            "N;mass_loss [mg]\n1000;1\n2000;2\n",
+            "--density: belongs",
+        ),
+        (&["-", BALL], "N;V (1e-3 mm3)\n1000;1\n", "“V” stays in the unknown unit 1e-3 mm3"),
+        (
+            &["-", BALL],
+            "N;wear_volume [um]\n1000;1\n",
+            "-/y: is the output wear_volume in the unit m",
+        ),
         (&["-", BALL], "cycles;V\n1;2\n3;4\n", "unknown output `V`"),
     ] {
         let (code, _, err) = said(&[&["fit"], words].concat(), input);
         assert!(code == Some(2) && err.contains(told), "{told}: {err}");
     }
     assert!(said(&["fit", FILE, FILE], "").2.contains("volumes.csv: expected value"));
+}
+
+#[test]
+fn the_command_keeps_a_friction_that_the_data_need() {
+    // The friction is open, but its value in the scenario contradicts the data.
+    let (code, out, err) = said(&["fit", FILE, BALL, "--sigma", "3000 um^3"], "");
+    assert_eq!(code, Some(0), "{err}");
+    assert!(out.contains("  /friction: ") && out.contains("open"), "{out}");
+    assert!(!out.contains("do not tell the friction") && !out.contains("times as large"), "{out}");
+    // Two points cannot contradict it.
+    let (_, out, _) = said(
+        &["fit", "-", BALL, "--relative", "0.5"],
+        "N;wear_volume [mm^3]\n1000;4,6e-6\n2000;9,6e-6\n5000;2,4e-5\n",
+    );
+    assert!(out.contains("do not tell the friction"), "{out}");
+}
+
+#[test]
+fn the_command_fits_a_mass_loss_with_its_density() {
+    let volumes = fs::read_to_string(FILE).unwrap().replace("wear_volume [µm³]", "mass_loss [µg]");
+    let (_, volume, _) = said(&["fit", FILE, BALL, "--relative", "0.05"], "");
+    // 1 µm³ weighs 1 µg.
+    let (_, mass, err) =
+        said(&["fit", "-", BALL, "--relative", "0.05", "--density", "1e9"], &volumes);
+    let line =
+        |out: &str| out.lines().find(|line| line.contains("/wear/coefficient:")).map(str::to_owned);
+    assert_eq!(line(&mass), line(&volume), "{err}");
+    assert!(line(&mass).is_some(), "{err}");
 }
 
 /// The worn ball after 20 000 cycles, as a profilometer measures it.

@@ -4,7 +4,7 @@ use fretwork_engine::request::fault::unknown;
 use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 
-use super::cell::{header, number, unit};
+use super::cell::{has_thousands, header, is_grouped, number, unit};
 use super::text::decode;
 
 /// Maximum number of rows of a table.
@@ -13,9 +13,11 @@ pub const MAX_ROWS: usize = 100_000;
 const MAX_COLUMNS: usize = 64;
 /// Maximum number of lines before the table.
 const MAX_HEAD: usize = 1000;
+/// Maximum number of characters of a name, and of a cell in a fault.
+const MAX_NAME: usize = 200;
 /// Number of last lines that decide on the separator.
 const SAMPLE: usize = 500;
-/// The characters that separate cells. Where two are possible, the last one does.
+/// The characters that separate cells. Where two are possible, the last one does. Tabs and semicolons do so surely.
 const SEPARATORS: [(char, &str); 4] =
     [(' ', "spaces"), (',', "commas"), ('\t', "tabs"), (';', "semicolons")];
 
@@ -45,12 +47,12 @@ impl Column {
         if self.stated.is_some() {
             return Ok(());
         }
-        let (dimension, factor) = unit(text).unwrap_or((None, 1.0));
-        let si = dimension.map_or(text, |it| if it == Dimension::Number { "1" } else { it.si() });
-        let read = if dimension.is_some() { "was read in" } else { "stays in the unknown unit" };
+        let known = unit(text);
+        let read = if known.is_some() { "was read in" } else { "stays in the unknown unit" };
         notes.push(format!("“{}” {read} {text}.", self.name));
+        let (dimension, si, factor) = known.unwrap_or((None, text.to_owned(), 1.0));
         self.values.iter_mut().flatten().for_each(|value| *value *= factor);
-        (self.dimension, self.unit) = (dimension, Some(si.to_owned()));
+        (self.dimension, self.unit) = (dimension, Some(si));
         self.stated = Some(text.to_owned());
         Ok(())
     }
@@ -70,9 +72,15 @@ fn cells(line: &str, separator: char) -> Vec<&str> {
     cells.filter(|cell| separator != ' ' || !cell.is_empty()).take(MAX_COLUMNS + 1).collect()
 }
 
-/// 1 for a number, 0 for an unknown number, and -1 for another text.
+/// 1 for a number, 0 for an unknown number, and -1 for another text. Faulty numbers count as numbers, and are refused later.
 fn weight(cell: &str) -> i64 {
-    number(cell).map_or(-1, |number| i64::from(!number.is_nan()))
+    let other = if is_grouped(cell) { 1 } else { -1 };
+    number(cell).map_or(other, |number| i64::from(!number.is_nan()))
+}
+
+/// The beginning of a text.
+fn short(text: &str) -> String {
+    text.chars().take(MAX_NAME).collect()
 }
 
 /// The sum of the weights, and which columns have numbers, for the most frequent number of cells in lines with numbers.
@@ -104,7 +112,12 @@ impl<'a> Lines<'a> {
         let all: Vec<_> = all.take(MAX_HEAD + MAX_ROWS + 1).collect();
         let sample = &all[all.len().saturating_sub(SAMPLE)..];
         let found = SEPARATORS.map(|it| (layout(sample, it.0), it));
-        let best = found.into_iter().max_by_key(|((score, _), _)| *score);
+        let is_sure = |numbers: &[bool], separator: char| {
+            ";\t".contains(separator) && numbers.iter().filter(|it| **it).count() > 1
+        };
+        let best = found.into_iter().max_by_key(|((score, numbers), (separator, _))| {
+            (*score > 0 && is_sure(numbers, *separator), *score)
+        });
         let Some(((1.., numbers), (separator, separators))) = best else {
             return Err(format!(
                 "The file has no table of numbers. Write 2 to {MAX_COLUMNS} columns, separated by semicolons, tabs, \
@@ -129,14 +142,20 @@ impl<'a> Lines<'a> {
         let is_first = |at: &usize| weights(*at).contains(&1) && !weights(*at).contains(&-1);
         let start = (0..self.all.len()).find(is_first).unwrap_or(0);
         // A row with a number just above is a row of numbers with a fault.
-        start - usize::from(start > 0 && weights(start - 1).contains(&1))
+        let is_fault = start > 0 && weights(start - 1).contains(&1) && !self.is_units(start - 1);
+        start - usize::from(is_fault)
+    }
+
+    /// Whether all cells of a line are units.
+    fn is_units(&self, at: usize) -> bool {
+        let is_unit = |cell: &str| unit(cell).is_some() || header(cell).0.is_empty();
+        self.row(at).is_some_and(|cells| cells.into_iter().all(is_unit))
     }
 
     /// The headers, from the one or two rows above the first row of numbers.
-    fn headers(&self, start: usize, notes: &mut Vec<String>) -> Vec<String> {
+    fn headers(&self, start: usize, notes: &mut Vec<String>) -> Result<Vec<String>, String> {
         let above = |count: usize| self.row(start.checked_sub(count)?);
-        let is_unit = |cell: &&str| cell.starts_with('[') || unit(cell).is_some();
-        let units = above(1).filter(|cells| above(2).is_some() && cells.iter().all(is_unit));
+        let units = above(1).filter(|_| above(2).is_some() && self.is_units(start - 1));
         let names = above(1 + usize::from(units.is_some()));
         let before = start - usize::from(names.is_some()) - usize::from(units.is_some());
         if let Some((_, first)) = self.all[..before].first() {
@@ -144,6 +163,16 @@ impl<'a> Lines<'a> {
             notes.push(format!("{before} line(s) before the table were not read: “{first}”."));
         }
         if names.is_none() {
+            let (line, text) = start.checked_sub(1).map_or((0, ""), |last| self.all[last]);
+            let (count, width) = (cells(text, self.separator).len(), self.numbers.len());
+            if (2..width).contains(&count) || text.contains([';', '\t']) && count < 2 {
+                return Err(format!(
+                    "The rows have {width} columns, separated by {}, but line {line} has other names: “{}”. Write one \
+                     name for each column, the same separator in all lines, and no separators of thousands",
+                    self.separators,
+                    short(text)
+                ));
+            }
             notes.push("The table has no row of names, so its columns have numbers.".to_owned());
         }
         let header = |place: usize| match (names.as_ref().map_or("", |names| names[place]), &units)
@@ -152,7 +181,7 @@ impl<'a> Lines<'a> {
             (name, Some(units)) => format!("{name} [{}]", units[place].trim_matches(['[', ']'])),
             (name, None) => name.to_owned(),
         };
-        (0..self.numbers.len()).map(header).collect()
+        Ok((0..self.numbers.len()).map(|place| short(&header(place))).collect())
     }
 
     /// The numbers of the columns.
@@ -163,7 +192,7 @@ impl<'a> Lines<'a> {
         notes: &mut Vec<String>,
     ) -> Result<Vec<Vec<Option<f64>>>, String> {
         let mut columns = vec![Vec::new(); headers.len()];
-        let (mut point, mut comma) = ("", "");
+        let (mut point, mut comma, mut space) = ("", "", "");
         for (line, text) in &self.all[start..] {
             let cells = cells(text, self.separator);
             let (count, width, by) = (cells.len(), headers.len(), self.separators);
@@ -176,16 +205,20 @@ impl<'a> Lines<'a> {
             for (place, cell) in cells.into_iter().enumerate().filter(|(at, _)| self.numbers[*at]) {
                 let read = number(cell).ok_or_else(|| {
                     format!(
-                        "Line {line}: “{cell}” in “{}” is not a number. Write it like 1234.5, without separators of \
+                        "Line {line}: “{}” in “{}” is not a number. Write it like 1234.5, without separators of \
                          thousands and without its unit, or leave the cell empty if it is not known",
-                        headers[place]
+                        short(cell), headers[place]
                     )
                 })?;
                 let known = Some(read).filter(|read| !read.is_nan());
                 // A number that could have a separator of thousands is the best example of a decimal comma.
-                let is_example = |at| comma.is_empty() || cell.len() - at == 4;
-                point = if known.is_some() && cell.contains('.') { cell } else { point };
-                comma = if cell.find(',').is_some_and(is_example) { cell } else { comma };
+                let found = |mark, best: &str| {
+                    let at = cell.find(mark).filter(|_| known.is_some());
+                    at.is_some_and(|at| best.is_empty() || cell.len() - at == 4)
+                };
+                point = if found('.', point) { cell } else { point };
+                comma = if found(',', comma) { cell } else { comma };
+                space = if has_thousands(cell) { cell } else { space };
                 columns[place].push(known);
             }
         }
@@ -195,9 +228,15 @@ impl<'a> Lines<'a> {
                  decimal mark, without separators of thousands"
             ));
         }
-        if !comma.is_empty() {
-            let read = comma.replace(',', ".");
-            notes.push(format!("Commas are decimal marks: “{comma}” was read as {read}."));
+        let is_clear = point.find('.') != point.len().checked_sub(4) || point.starts_with('0');
+        for (told, example) in [
+            ("Points are decimal marks", if is_clear { "" } else { point }),
+            ("Commas are decimal marks", comma),
+            ("Spaces separate thousands", space),
+        ] {
+            if let Some(read) = number(example).filter(|_| !example.is_empty()) {
+                notes.push(format!("{told}: “{example}” was read as {read}."));
+            }
         }
         Ok(columns)
     }
@@ -225,7 +264,7 @@ impl Table {
             ));
         }
         notes.push(format!("Cells are separated by {}.", lines.separators));
-        let headers = lines.headers(start, &mut notes);
+        let headers = lines.headers(start, &mut notes)?;
         let columns = lines.columns(start, &headers, &mut notes)?;
         let mut table = Self { columns: Vec::new(), notes };
         for (head, values) in headers.iter().zip(columns) {
@@ -261,8 +300,9 @@ impl Table {
         let missing = || "is missing: the file has only one column of numbers".to_owned();
         let own = self.columns.get(place).map(|column| column.name.clone());
         let wanted = wanted.map(str::to_owned).or(own).ok_or_else(missing)?;
-        let (name, unit) = header(&wanted);
-        let found = self.columns.iter().find(|column| [&*wanted, name].contains(&&*column.name));
+        let is_name = self.columns.iter().any(|column| column.name == wanted);
+        let (name, unit) = if is_name { (&*wanted, None) } else { header(&wanted) };
+        let found = self.columns.iter().find(|column| column.name == name);
         let mut column = found.cloned().ok_or_else(|| {
             let names: Vec<&str> = self.columns.iter().map(|column| &*column.name).collect();
             unknown("column", name, &names)

@@ -102,15 +102,98 @@ fn everything_that_was_done_is_told() {
         "separated by semicolons",
         "1 line(s) before the table were not read: “Rig 3”",
         "“specimen” has no numbers",
-        "“10,000” was read as 10.000",
+        "“10,000” was read as 10.",
         "“V” was read in mm³",
-        "“t” stays in the unknown unit s",
+        "“t” was read in s",
         "x is “N”, and y is “V”",
         "y was taken as the output wear_volume over cycles",
     ] {
         assert!(notes.contains(told), "{told}: {notes}");
     }
     assert!(good("1;2\n3;4\n").notes.iter().any(|note| note.contains("no row of names")));
+}
+
+#[test]
+fn spaces_and_points_in_numbers_are_told() {
+    let points = "cycles;wear_volume [um^3]\n1000;4629,9\n12000;0,5\n";
+    for text in [
+        points.replace("1000;4629", "1 000;4 629").replace("12000", "12 000"),
+        points.replace("1000;4629", "1\u{a0}000;4\u{2009}629").replace("12000", "12\u{202f}000"),
+        points.replace("1000;4629", "1 000;4 629").replace("12000", "12 000").replace(';', "\t"),
+    ] {
+        let read = good(&text);
+        assert_eq!(read.columns, good(points).columns, "{text}");
+        assert!(read.notes.iter().any(|it| it.starts_with("Spaces separate thousands")), "{text}");
+    }
+    let notes = good("cycles;wear_volume [um^3]\n1.000;4.6\n2.000;9.6\n").notes.join("\n");
+    assert!(notes.contains("Points are decimal marks: “2.000” was read as 2."), "{notes}");
+    let units = good("cycles;wear_volume\n1;mm^3\n1000;0.5\n");
+    assert_eq!(units.columns[1].unit.as_deref(), Some("m^3"));
+    let date = good("date;cycles;wear_volume\n12.05.2024;1000;0.5\n");
+    assert_eq!(date.columns.len(), 2, "a date is no number");
+}
+
+#[test]
+fn a_factor_makes_a_unit_unknown() {
+    for (head, name, unit) in [
+        ("V (1e-3 mm3)", "V", "1e-3 mm3)"),
+        ("V / 10^-3 mm^3", "V", "10^-3 mm^3"),
+        ("V in 1e-3 mm^3", "V in", "1e-3 mm^3"),
+        ("V [10^-3 mm3]", "V", "10^-3 mm3"),
+        ("V × 10⁻³ (mm³)", "V", "10⁻³ (mm³)"),
+        ("V 1000 mm^3", "V", "1000 mm^3"),
+        ("cycles (10^3)", "cycles", "10^3)"),
+        ("cycles/1000", "cycles", "1000"),
+        ("cycles x1000", "cycles", "x1000"),
+    ] {
+        let read = good(&format!("{head};b\n1;2\n"));
+        assert_eq!((&*read.columns[0].name, read.columns[0].unit.as_deref()), (name, Some(unit)));
+        assert!(read.prepared["data"].is_null(), "{head}: {:?}", read.prepared);
+        let y = head.starts_with('V').then(|| good(&format!("a;{head}\n1;2\n")));
+        assert!(y.is_none_or(|read| read.prepared["data"].is_null()), "{head}");
+    }
+    let rows = good("cycles;V\n-;10^-3 mm^3\n1;2\n");
+    assert_eq!(rows.columns[1].unit.as_deref(), Some("10^-3 mm^3"));
+    for (label, factor) in [("Sensor 2 (um)", 1e-6), ("Force 1", 1.0), ("x1 (um)", 1e-6)] {
+        assert_eq!(good(&format!("{label};b\n1;2\n")).columns[0].values, [Some(factor)], "{label}");
+    }
+}
+
+#[test]
+fn an_output_needs_its_unit() {
+    let mass = good("cycles;mass_loss [mg]\n1000;2\n");
+    assert_eq!(
+        (mass.columns[1].unit.as_deref(), mass.columns[1].values[0]),
+        (Some("kg"), Some(2e-6))
+    );
+    assert_eq!(mass.prepared["data"]["output"], "mass_loss");
+    assert_eq!(good("cycles;mass [µg]\n1000;2\n").prepared["data"]["output"], "mass_loss");
+    for (head, accepted) in [
+        ("wear_volume [10^-3 mm3]", "Accepted units: m^3, cm^3, mm^3, um^3"),
+        ("wear_volume [um]", "Accepted units: m^3"),
+        ("wear_volume [mg]", "Accepted units: m^3"),
+        ("wear_depth [%]", "Accepted units: m, cm, mm"),
+        ("cycles [10^3]", "Accepted units: 1."),
+        ("mass_loss [mm^3]", "Accepted units: kg, g, mg, ug"),
+    ] {
+        let said = refused(format!("N;{head}\n1000;2\n").as_bytes(), &ALL);
+        assert!(said.starts_with("/y: is the output") && said.contains(accepted), "{said}");
+    }
+    let bare = good("cycles;wear_volume\n1000;2e-12\n").notes.join("\n");
+    assert!(bare.contains("the output wear_volume over cycles, in m^3."), "{bare}");
+    let time = good("t [s];wear_volume [mm^3]\n1000;2\n");
+    assert_eq!((time.columns.len(), &time.prepared["data"]), (2, &serde_json::Value::Null));
+    let energy = good("dissipated_energy;wear_volume [mm^3]\n1000;2\n");
+    assert_eq!(energy.prepared["data"]["over"], "dissipated_energy");
+}
+
+#[test]
+fn a_long_name_is_cut() {
+    let text = "n".repeat(100_000) + ";b\n1;2\n";
+    let read = good(&text);
+    assert_eq!(read.columns[0].name.len(), 200);
+    assert!(read.notes.iter().all(|note| note.len() < 1000));
+    assert!(refused(text.replace('1', &"1x".repeat(50_000)).as_bytes(), &ALL).len() < 1000);
 }
 
 #[test]
@@ -138,10 +221,6 @@ fn a_bad_file_is_refused_with_a_remedy() {
         (b"a;b\n1;x\n3;2\n4;5\n", "Line 2: \u{201c}x\u{201d}"),
         (b"a;b\n1;2\n3;inf\n4;5\n", "\u{201c}inf\u{201d} in"),
         (
-            b"a;b\n1 000;2\n3;4\n5;6\n",
-            "is not a number. Write it like 1234.5, without separators of thousands and without its unit",
-        ),
-        (
             b"a;b\n1.000.000;2\n3;4\n5;6\n",
             "is not a number. Write it like 1234.5, without separators of thousands and without its unit",
         ),
@@ -153,6 +232,15 @@ fn a_bad_file_is_refused_with_a_remedy() {
             b"a;b\n1.234,5;2\n3;4\n5;6\n",
             "is not a number. Write it like 1234.5, without separators of thousands and without its unit",
         ),
+        (
+            b"a;b\n1;4.629,9\n2;9.612,0\n",
+            "Line 2: \u{201c}4.629,9\u{201d} in \u{201c}b\u{201d} is not a number",
+        ),
+        (
+            b"a,b [mm^3]\n1000,0,12\n2000,0,13\n",
+            "The rows have 3 columns, separated by commas, but line 1",
+        ),
+        (b"a;b\n1,2\n3,4\n", "The rows have 2 columns, separated by commas, but line 1"),
         (
             b"a;b\n1,5;2.5\n",
             "have points and commas, such as \u{201c}2.5\u{201d} and \u{201c}1,5\u{201d}",

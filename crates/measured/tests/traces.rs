@@ -187,8 +187,53 @@ fn spikes_hardly_change_a_profile() {
         _ => format!("{line}\n"),
     };
     let text: String = BALL.file(&scar).lines().enumerate().map(spiked).collect();
-    let (rms, _) = errors(&prepared(&text, &TRACE), &scar);
-    assert!(rms < 1e-7, "{rms}");
+    let measured = prepared(&text, &TRACE);
+    let (rms, _) = errors(&measured, &scar);
+    assert!(rms < 1e-8, "{rms}");
+    let sigma = measured.prepared["data"]["sigma"].as_f64().unwrap();
+    assert!((sigma / BALL.noise - 1.0).abs() < 0.1, "{sigma}");
+    let told = "3 isolated spike point(s) were dropped.";
+    assert!(measured.notes.iter().any(|note| note == told), "{:?}", measured.notes);
+}
+
+/// A surface with a curvature in 1/m and a tilt in um/mm, with a parabolic scar with a depth in um.
+fn bowed(sign: f64, curvature: f64, tilt: f64, depth: f64) -> String {
+    let row = |place: u32| {
+        let x = f64::from(place) * 2.0 - 500.0;
+        let scar = depth * (1.0 - x * x / 4e4).max(0.0);
+        let noise = 0.02 * normal(Stream::new(5), u64::from(place));
+        let z = sign * (5e-7 * curvature * x * x + 1e-3 * tilt * x - scar) + noise;
+        format!("{x};{z}\n")
+    };
+    "x [um];z [um]\n".to_owned() + &(0..501).map(row).collect::<String>()
+}
+
+#[test]
+fn wear_is_positive_on_every_surface() {
+    let half = Wanted { prepare: Prepare::Half, ..TRACE };
+    for (sign, curvature, tilt, wanted, most) in [
+        (1.0, 20.0, 0.0, &TRACE, 0.03),
+        (1.0, 3.3, 0.0, &TRACE, 0.03),
+        (1.0, 1.0, 0.0, &TRACE, 0.03),
+        (1.0, 0.0, 2.0, &TRACE, 0.03),
+        (1.0, -1.0, 0.0, &TRACE, 0.03),
+        (1.0, -100.0, 0.0, &TRACE, 0.03),
+        (-1.0, -100.0, 0.0, &TRACE, 0.03),
+        (-1.0, 0.0, 0.0, &TRACE, 0.03),
+        // Half of a tilted plane looks like a cone.
+        (1.0, 0.0, 1.0, &half, 0.25),
+        (1.0, 0.0, -1.0, &half, 0.25),
+    ] {
+        let measured = prepared(&bowed(sign, curvature, tilt, 1.0), wanted);
+        let depths = numbers(&measured.prepared["data"]["depth"]);
+        let deepest = 1e6 * depths.iter().copied().fold(0.0, f64::max);
+        assert!((deepest - 1.0).abs() < most, "{curvature} {tilt}: {deepest}");
+        let has_indenter = !measured.prepared["indenter"].is_null();
+        assert!(has_indenter == (curvature < 0.0) || tilt < 0.0, "{curvature} {tilt}");
+    }
+    let refused = |text: &str| read(text.as_bytes(), &TRACE).unwrap_err().0[0].detail.clone();
+    assert!(refused(&bowed(-1.0, 20.0, 0.0, 1.0)).contains("Change the sign of the heights"));
+    assert!(refused(&bowed(1.0, 0.0, 2.0, 0.0)).contains("has no scar"));
 }
 
 #[test]
@@ -234,7 +279,12 @@ fn half_of_a_trace_and_a_reversed_one_give_the_same_profile() {
 fn the_indenter_of_an_unworn_trace_makes_a_contact() {
     let unworn = Scar(vec![0.0, 1.0], vec![0.0, 0.0]);
     let measured = prepared(&BALL.file(&unworn), &TRACE);
-    assert!(measured.notes.iter().any(|note| note == "No scar was found."), "{:?}", measured.notes);
+    assert!(
+        measured.notes.iter().any(|note| note.starts_with("No scar was found")),
+        "{:?}",
+        measured.notes
+    );
+    assert!(measured.prepared["data"].is_null());
     let request = json!({
         "profile": measured.prepared["indenter"], "moduli": {"normal": "113 GPa", "tangential": "93 GPa"},
         "friction": 0.7, "wear": {"coefficient": 1e-14}, "load": {"normal_force": "20 N"},
@@ -255,6 +305,9 @@ fn what_is_no_trace_is_refused() {
     };
     let narrow = Trace { from: -400e-6, to: 500e-6, ..BALL }.file(&scar);
     assert!(refused(&narrow, &TRACE).contains("Measure farther"));
+    let left = Trace { to: -200e-6, ..BALL }.file(&scar);
+    let half = Wanted { prepare: Prepare::Half, ..TRACE };
+    assert!(refused(&left, &half).contains("too few points with x above 0"));
     let one = Trace { from: 37e-6, ..BALL }.file(&scar);
     assert!(refused(&one, &TRACE).contains("write prepare=half"));
     let circle = |place: usize| {
@@ -267,6 +320,34 @@ fn what_is_no_trace_is_refused() {
     let energy =
         prepared(&ring("delta [um],Q [N]"), &cycle).prepared["energy_per_cycle"].as_f64().unwrap();
     assert!((energy / (std::f64::consts::PI * 5e-6 * 20.0) - 1.0).abs() < 1e-4, "{energy}");
+    // Rows of several cycles, from any place of a loop whose force changes at once.
+    let rows = |rows: std::ops::Range<u32>| {
+        let row = |at: u32| {
+            let angle = std::f64::consts::TAU * (f64::from(at) + 0.5) / 100.0;
+            format!(
+                "{};{};{}\n",
+                at / 100,
+                5.0 * libm::sin(angle),
+                20.0 * libm::cos(angle).signum()
+            )
+        };
+        "cycle;delta [um];Q [N]\n".to_owned() + &rows.map(row).collect::<String>()
+    };
+    let of = Wanted { x: Some("delta"), y: Some("Q"), ..cycle };
+    for (begin, end, cycles) in [(0, 100, 1), (25, 125, 1), (0, 300, 3), (25, 525, 5), (70, 270, 2)]
+    {
+        let measured = prepared(&rows(begin..end), &of);
+        let energy = measured.prepared["energy_per_cycle"].as_f64().unwrap();
+        assert!((energy / 4e-4 - 1.0).abs() < 0.02, "{begin} {end}: {energy}");
+        let told = format!("The rows are {cycles} cycle(s)");
+        assert!(measured.notes.iter().any(|note| note.starts_with(&told)), "{:?}", measured.notes);
+    }
+    for (begin, end) in [(0, 250), (25, 175), (0, 140), (10, 60)] {
+        assert!(
+            refused(&rows(begin..end), &of).contains("does not end where it begins"),
+            "{begin}"
+        );
+    }
     let line = "x [um],Q [N]\n".to_owned()
         + &(0..40).fold(String::new(), |text, x| format!("{text}{x},1\n"));
     assert!(refused(&line, &cycle).contains("is no loop"));
