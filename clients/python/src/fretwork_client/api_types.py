@@ -704,7 +704,7 @@ class MeasuredColumnsItem(TypedDict):
 class MeasuredPrepared(TypedDict):
     """What was made from x and y. Null if the file has only one column."""
 
-    data: "NotRequired[dict[str, Any]]"
+    data: "NotRequired[dict[str, Any] | None]"
     indenter: "NotRequired[dict[str, Any] | None]"
     trace: "NotRequired[dict[str, Any]]"
     energy_per_cycle: "NotRequired[float]"
