@@ -146,7 +146,7 @@ def paste_a_trace(browser):
     settled(page)
     browser.check_accessibility(page, "trace")
     page.click("button.primary")
-    page.wait_for_url("**/#/result/*")
+    page.wait_for_url("**/#/result/*", timeout=60000)
     assert get(f"/v1/results/{key_of(page)}")["scenario"]["profile"]["shape"] == "table"
     page.context.close()
 
@@ -210,7 +210,7 @@ def keep_and_reopen(browser):
     settled(page)
     typed = scenario(page)
     page.click("button.primary")
-    page.wait_for_url("**/#/result/*")
+    page.wait_for_url("**/#/result/*", timeout=60000)
     expect(page.locator("#result-label")).to_have_text("Kept & reopened")
     key = key_of(page)
     page.get_by_role("link", name="Edit and run again").click()
@@ -273,7 +273,7 @@ def keyboard(browser):
     page.keyboard.type("0,62")
     settled(page)
     page.keyboard.press("Enter")
-    page.wait_for_url("**/#/result/*")
+    page.wait_for_url("**/#/result/*", timeout=60000)
     assert get(f"/v1/results/{key_of(page)}")["scenario"]["friction"] == 0.62
     page.context.close()
 
