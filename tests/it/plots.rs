@@ -193,7 +193,7 @@ fn a_figure_contains_a_title_and_a_text_description() {
     for part in ["Height f (µm)", "paraboloid", "partial slip", "friction 0.7", "exact"] {
         assert!(told.contains(part), "{told}");
     }
-    assert!(told.contains("Curves: initial, N = 1000, N = 3000") && told.ends_with("limiting."));
+    assert!(told.contains("Curves: Unworn, N = 1000, N = 3000") && told.ends_with("Limit."));
 }
 
 #[test]
@@ -225,11 +225,11 @@ fn a_figure_shows_the_selected_or_evenly_spaced_output_cycles() {
         let told = svg.split_once("Curves: ").unwrap().1;
         told.split_once(".</desc>").unwrap().0.to_owned()
     };
-    assert!(legend("pressure", None).starts_with("unworn, N = 316"));
+    assert!(legend("pressure", None).starts_with("Unworn, N = 316"));
     assert_eq!(legend("pressure", None).split(", ").count(), 6);
     let chosen = legend("wear", Some(&[100_000.0, 1000.0]));
     assert_eq!(chosen, "N = 1000, N = 100000");
-    assert!(!legend("wear", None).contains("unworn"));
+    assert!(!legend("wear", None).contains("Unworn"));
 }
 
 #[test]
