@@ -35,7 +35,8 @@ export class Cursors {
 export class Figure {
   #caption = h("span", { class: "caption" });
   #drawing = svg("svg", { "aria-hidden": "true", class: "drawing", "font-family": "system-ui, sans-serif" });
-  #place = h("div", { class: "canvas", role: "slider", tabIndex: 0, "aria-valuemin": "0" }, this.#drawing);
+  #place = h("div", { class: "canvas", role: "slider", tabIndex: 0, "aria-valuemin": "0", "aria-valuemax": "0", "aria-valuenow": "0",
+    "aria-label": "Figure" }, this.#drawing);
   #values = h("ul", { class: "values" });
   #plan = null;
   #held = null;
