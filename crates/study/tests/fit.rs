@@ -457,24 +457,6 @@ fn parameters_beside_a_kink_are_determined() {
     }
 }
 
-#[test]
-fn another_minimum_is_told() {
-    let mut scenario = ball();
-    scenario["motion"]["amplitude"] = json!(2.256e-6);
-    let found = fitted(json!({"scenario": scenario, "parameters": [
-            {"pointer": "/wear/coefficient", "from": 1e-16, "to": 1e-12, "spacing": "log"},
-            {"pointer": "/friction", "from": 0.1, "to": 1.5}],
-        "tests": [{"data": [{"output": "wear_volume", "x": [1e3, 2e3, 5e3, 1e4, 2e4, 5e4], "sigma": 3e-15,
-            "y": [4.6299e-15, 9.612e-15, 2.38802e-14, 5.56799e-14, 1.041_812e-13, 2.67823e-13]}]}]}))
-    .unwrap();
-    assert!(
-        notes(&found, "other_minimum")[0]
-            .starts_with("Other numbers describe the data almost as well"),
-        "{}",
-        found["notes"]
-    );
-}
-
 /// The pointers of all values in a document.
 fn pointers(value: &Value, at: &str, found: &mut Vec<String>) {
     found.push(at.to_owned());
