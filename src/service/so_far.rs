@@ -1,7 +1,7 @@
 //! What a running computation has found so far, for the clients that ask.
 //!
-//! A worker looks after each step whether a client waits. Only then it copies the rows. So nothing is kept, and runs that
-//! nobody watches are not delayed.
+//! After each step, the worker checks whether a client waits, and copies the rows only then. So nothing is kept, and a run that
+//! nobody watches loses no time.
 
 use std::collections::HashMap;
 use std::sync::Arc;

@@ -24,7 +24,7 @@ function plainDigits(text) {
   if (marks.length === 0) return [digits];
   if (new Set(marks).size === 2) return marks.indexOf(marks.at(-1)) === marks.length - 1 ? [decimal(marks.at(-1))] : undefined;
   if (marks.length > 1) return whole();
-  // One comma before three digits is a decimal comma, or it separates thousands. Nobody writes 1,000 for 1.
+  // A comma before three digits is a decimal mark or separates thousands. People who write 1,000 mean 1000.
   const thousands = marks[0] === "," && !isGrouped && !/^[-+−–]?0/.test(digits) && whole();
   if (!thousands) return [decimal(marks[0])];
   return digits.endsWith(",000") ? [thousands[0], decimal(",")] : [decimal(","), thousands[0]];
