@@ -119,7 +119,7 @@ impl Claim {
 }
 
 /// The number of pieces of an unfinished study in each state.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Study {
     pub(super) chunks: u32,
     /// The number of the first piece that was never claimed.
@@ -131,17 +131,13 @@ pub(super) struct Study {
 }
 
 /// The pieces with which the later stages of a study begin.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Stages([Option<u32>; 8]);
+#[derive(Debug, Clone, Default)]
+pub(super) struct Stages(Vec<u32>);
 
 impl Stages {
     /// Reads numbers that are separated by commas, as the database stores them.
     pub(super) fn read(text: &str) -> Self {
-        let mut stages = Self::default();
-        for (stage, number) in stages.0.iter_mut().zip(text.split(',')) {
-            *stage = number.parse().ok();
-        }
-        stages
+        Self(text.split(',').filter_map(|number| number.parse().ok()).collect())
     }
 }
 
@@ -154,7 +150,7 @@ impl Study {
     /// Whether a worker can claim the next piece. The first piece of a stage waits for all pieces before it, and so
     /// does the last piece, the assembly.
     pub(super) fn is_next_ready(&self) -> bool {
-        let waits = self.next == self.chunks || self.stages.0.contains(&Some(self.next));
+        let waits = self.next == self.chunks || self.stages.0.contains(&self.next);
         self.next <= self.chunks && (!waits || self.queued + self.running == 0)
     }
 

@@ -438,7 +438,7 @@ fn end(found: &Value, parameter: usize, end: usize) -> f64 {
 }
 
 #[test]
-fn parameters_beside_a_kink_are_determined() {
+fn intervals_beside_kinks_and_far_from_parabolas_are_found() {
     let rule = json!({"profile": {"shape": "paraboloid", "radius": 0.01}, "moduli": {"normal": 113e9, "tangential": 93e9},
         "friction": 0.7, "wear": {"coefficient": 3e-14}, "load": {"normal_force": 100, "held": "depth"},
         "motion": {"amplitude": 2.256e-6}, "cycles": [10_000], "model": {"method": "simplified", "xi": 0.8}});
@@ -450,11 +450,45 @@ fn parameters_beside_a_kink_are_determined() {
         "tests": [test(2e-6, 5e3, 8.845_963_080_94e-15), test(2.5e-6, 1e4, 5.295_199_775_586e-14),
             test(3e-6, 1e4, 1.151_748_771_795e-13), test(2.2e-6, 2e4, 5.899_226_675_019e-14)]}))
     .unwrap();
-    assert_eq!(notes(&found, "undetermined").len(), 0);
-    for (parameter, known) in [6.18e-14, 0.782].into_iter().enumerate() {
-        let own = end(&found, parameter, 1);
-        assert!((own / known - 1.0).abs() < 5e-3, "{own} {known}");
+    assert_eq!(found["notes"], json!([]));
+    for (parameter, ends) in [[2.12e-14, 6.18e-14], [0.564, 0.782]].into_iter().enumerate() {
+        for (place, known) in ends.into_iter().enumerate() {
+            let own = end(&found, parameter, place);
+            assert!((own / known - 1.0).abs() < 5e-3, "{own} {known}");
+        }
     }
+    // S rises slowly, then fast.
+    let mut scenario = rule.clone();
+    scenario["load"] = json!({"normal_force": 100});
+    scenario["motion"] = json!({"amplitude": 3e-6});
+    scenario["model"] = json!({});
+    let found = fitted(json!({"scenario": scenario, "parameters": [
+            {"pointer": "/wear/coefficient", "from": 1e-16, "to": 1e-12, "spacing": "log"},
+            {"pointer": "/moduli/normal", "from": 5e10, "to": 3e11}],
+        "tests": [{"data": [{"output": "wear_volume", "x": [5e3, 1e4, 2e4], "y": [4e-14, 8e-14, 1.7e-13], "relative": 0.05}]}]}))
+    .unwrap();
+    assert!(end(&found, 0, 0) > 1.3e-14 && end(&found, 0, 1) < 1e-13, "{}", found["parameters"]);
+    assert!(
+        notes(&found, "open_interval")[0].starts_with("The interval of `moduli.normal` reaches")
+    );
+}
+
+#[test]
+fn another_minimum_is_told() {
+    let mut scenario = ball();
+    scenario["motion"]["amplitude"] = json!(2.256e-6);
+    let found = fitted(json!({"scenario": scenario, "parameters": [
+            {"pointer": "/wear/coefficient", "from": 1e-16, "to": 1e-12, "spacing": "log"},
+            {"pointer": "/friction", "from": 0.1, "to": 1.5}],
+        "tests": [{"data": [{"output": "wear_volume", "x": [1e3, 2e3, 5e3, 1e4, 2e4, 5e4], "sigma": 3e-15,
+            "y": [4.6299e-15, 9.612e-15, 2.38802e-14, 5.56799e-14, 1.041_812e-13, 2.67823e-13]}]}]}))
+    .unwrap();
+    assert!(
+        notes(&found, "other_minimum")[0]
+            .starts_with("Other numbers describe the data almost as well"),
+        "{}",
+        found["notes"]
+    );
 }
 
 /// The pointers of all values in a document.

@@ -29,7 +29,7 @@ pub(super) async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<
 async fn store(
     tx: &mut Transaction<'_>,
     run: RunId,
-    (before, after): (Study, Study),
+    (before, after): (&Study, &Study),
 ) -> Result<()> {
     let query = sql!(
         "UPDATE study SET next = $2, queued = $3, running = $4, done = $5 WHERE run = $1";
@@ -62,7 +62,7 @@ pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option
         run
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(None) };
-    let mut after = before;
+    let mut after = before.clone();
     let number = match row.get("waiting")? {
         Some(waiting) if before.next >= before.chunks || !before.is_next_ready() => {
             after.queued -= 1;
@@ -85,7 +85,7 @@ pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option
         start(tx, run).await?;
         tx.effects.push(Effect::Changed(row.get("key")?));
     }
-    store(tx, run, (before, after)).await?;
+    store(tx, run, (&before, &after)).await?;
     Ok(Some(Claimed::piece(run, (number, before.chunks), attempt.get("attempt")?, &row)?))
 }
 
@@ -115,13 +115,13 @@ pub(crate) async fn finish_chunk(
     if tx.db.changed_by(query).await? == 0 {
         return Ok(false);
     }
-    let after = Study { running: before.running - 1, ..before };
+    let after = Study { running: before.running - 1, ..before.clone() };
     let query = sql!(
         "UPDATE study SET lost = 0, wall = wall + $2, cpu = cpu + $3 WHERE run = $1";
         run, cost.wall.as_secs_f64(), cost.cpu.map(|cpu| cpu.as_secs_f64())
     );
     tx.db.execute(query).await?;
-    store(tx, run, (before, after)).await?;
+    store(tx, run, (&before, &after)).await?;
     lease::end(tx, claim.part).await?;
     tx.effects.push(Effect::LetGo(claim.part));
     if after.is_ready() && !before.is_ready() {
@@ -150,8 +150,8 @@ pub(super) async fn release(
     if tx.db.changed_by(query).await? == 0 {
         return Ok(false);
     }
-    let after = Study { running: before.running - 1, queued: before.queued + 1, ..before };
-    store(tx, run, (before, after)).await?;
+    let after = Study { running: before.running - 1, queued: before.queued + 1, ..before.clone() };
+    store(tx, run, (&before, &after)).await?;
     lease::end(tx, (run, Some(number))).await?;
     tx.effects.push(Effect::Queued);
     Ok(true)
@@ -162,7 +162,7 @@ pub(super) async fn release(
 pub(super) async fn lose(
     tx: &mut Transaction<'_>,
     run: RunId,
-    before: Study,
+    before: &Study,
     pieces: &[i64],
 ) -> Result<u32> {
     let lost = sqlx::query(
@@ -181,8 +181,11 @@ pub(super) async fn lose(
     .fetch_one(tx.db.connection())
     .await?;
     let pieces: u32 = lost.get("pieces")?;
-    let after =
-        Study { running: before.running - pieces, queued: before.queued + pieces, ..before };
-    store(tx, run, (before, after)).await?;
+    let after = Study {
+        running: before.running - pieces,
+        queued: before.queued + pieces,
+        ..before.clone()
+    };
+    store(tx, run, (before, &after)).await?;
     Ok(lost.get("most")?)
 }

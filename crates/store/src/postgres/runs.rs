@@ -271,7 +271,7 @@ async fn reclaim((run, always): &(RunId, bool), tx: &mut Transaction<'_>) -> Res
     let pieces = lease::take_lost(tx, run).await?;
     let Some(row) = row.filter(|_| !pieces.is_empty()) else { return Ok(recovered) };
     let attempt = row.get("attempt")?;
-    let lost = match study {
+    let lost = match &study {
         Some(study) => chunks::lose(tx, run, study, &pieces).await?,
         None => row.get::<u32>("lost")?,
     };

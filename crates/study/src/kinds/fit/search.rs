@@ -31,7 +31,7 @@ const ROUNDS: usize = 2;
 /// A derivative whose error is a larger share of it is also taken from a difference.
 const UNSURE: f64 = 0.3;
 /// Number of values in the profile of a parameter on each side of the estimate, and the accepted error of the last one.
-const TRIALS: usize = 5;
+const TRIALS: usize = 8;
 const SAME_RISE: f64 = 0.02;
 /// The end of an interval is known if a visited value is within this share of it.
 const NEAR_RISE: f64 = 0.1;
