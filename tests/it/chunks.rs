@@ -42,6 +42,7 @@ async fn finish_chunk(store: &Store, claimed: &Claimed) -> bool {
 on_both! {
     a_study_is_computed_chunk_by_chunk_and_then_assembled,
     a_stage_waits_for_all_chunks_before_it,
+    each_of_twelve_stages_waits,
     a_cancelled_study_ends_at_once_and_stops_all_its_workers,
     a_piece_that_fails_ends_its_study_and_stops_the_other_workers,
     after_a_crash_only_interrupted_chunks_are_computed_again_after_all_others,
@@ -107,6 +108,18 @@ async fn a_stage_waits_for_all_chunks_before_it(on: Engine) {
     assert!(finish_chunk(&store, &third).await);
     assert!(finish_chunk(&store, &claim_chunk(&store, 3).await).await);
     assert_eq!(claim(&store).await.piece, Piece::Assembly { of: 4 });
+}
+
+async fn each_of_twelve_stages_waits(on: Engine) {
+    let (_db, store) = Database::fresh(on).await;
+    let stages = (1..12).map(|chunk| chunk.to_string()).collect::<Vec<_>>().join(",");
+    accepted(store.submit(NewJob { stages, ..study(1, 12) }).await);
+    for chunk in 0..12 {
+        let claimed = claim_chunk(&store, chunk).await;
+        assert!(store.claim().await.unwrap().is_none(), "stage {} does not wait", chunk + 1);
+        assert!(finish_chunk(&store, &claimed).await);
+    }
+    assert_eq!(claim(&store).await.piece, Piece::Assembly { of: 12 });
 }
 
 async fn a_cancelled_study_ends_at_once_and_stops_all_its_workers(on: Engine) {

@@ -27,8 +27,8 @@ pub struct NewJob {
     /// The number of chunks into which the work is divided, so that workers share it; `None` if one worker computes
     /// all.
     pub chunks: Option<NonZeroU32>,
-    /// The numbers of at most eight chunks with which later stages of the work begin, separated by commas. Workers
-    /// compute them after all chunks before them.
+    /// The numbers of the chunks with which later stages of the work begin, separated by commas. Workers compute them
+    /// after all chunks before them.
     pub stages: String,
     /// The scenario as the client wrote it, in JSON.
     pub submitted: Option<String>,
