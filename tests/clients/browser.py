@@ -19,6 +19,9 @@ ROOT = pathlib.Path(__file__).parents[2]
 SCREENS = ROOT / "target/screens"
 SIZES = {1440: 900, 1280: 720, 720: 450, 390: 844}
 # 720 is a screen of 1440 at 200 % zoom.
+# The tests run in Firefox if its path is given, else in Chromium.
+FIREFOX = os.environ.get("FIREFOX")
+DOWNLOADS = ROOT / "target/screens/downloads"
 VIEWS = [(1440, "light"), (1440, "dark"), (1280, "light"), (720, "dark"), (390, "light"), (390, "dark")]
 
 
@@ -69,14 +72,34 @@ class Server:
 class Browser:
     """Fresh profiles of one browser. Records the errors of its pages and their requests to other servers."""
 
-    def __init__(self, chromium):
-        self.chromium, self.errors, self.script = chromium, [], axe()
+    def __init__(self, play):
+        self.play, self.programs, self.errors, self.script = play, {}, [], axe()
+
+    def program(self, scheme):
+        """The browser, started when it is first needed. Firefox has one colour scheme for all of its pages."""
+        scheme = scheme if FIREFOX else "light"
+        if scheme not in self.programs:
+            self.programs[scheme] = self.start(scheme)
+        return self.programs[scheme]
+
+    def start(self, scheme):
+        if not FIREFOX:
+            return self.play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        settings = {
+            "layout.css.prefers-color-scheme.content-override": ["dark", "light"].index(scheme),
+            "dom.events.testing.asyncClipboard": True,
+            # The list of downloads would take the focus.
+            "browser.download.alwaysOpenPanel": False,
+        }
+        return self.play.firefox.launch(
+            channel="moz-firefox", executable_path=FIREFOX, firefox_user_prefs=settings, downloads_path=DOWNLOADS)
 
     def page(self, base, scheme="light", width=1440, before=None):
         """A page in a fresh profile. The script `before` runs before the scripts of the page."""
         size = {"width": width, "height": SIZES[width]}
-        context = self.chromium.new_context(viewport=size, color_scheme=scheme, bypass_csp=False)
-        context.grant_permissions(["clipboard-read", "clipboard-write"], origin=base)
+        context = self.program(scheme).new_context(viewport=size, color_scheme="null" if FIREFOX else scheme, bypass_csp=False)
+        if not FIREFOX:
+            context.grant_permissions(["clipboard-read", "clipboard-write"], origin=base)
         if before:
             context.add_init_script(before)
         page = context.new_page()
@@ -103,7 +126,8 @@ class Browser:
         """Checks accessibility and that nothing is wider than the screen, and takes a screenshot."""
         self.check_accessibility(page, view)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), view
-        page.screenshot(path=SCREENS / f"{view}.png", full_page=True)
+        # To hide the caret, the browser would add a style that the page forbids.
+        page.screenshot(path=SCREENS / f"{view}.png", full_page=True, caret="initial")
 
     def check_views(self, base, views):
         """Checks each view in light and dark, on several screens. A view is an address, or a function that makes one, and a
@@ -120,13 +144,29 @@ class Browser:
 @contextlib.contextmanager
 def opened():
     """A browser, which must record no errors."""
-    SCREENS.mkdir(parents=True, exist_ok=True)
+    DOWNLOADS.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as play:
-        program = play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        browser = Browser(program)
+        browser = Browser(play)
         yield browser
-        program.close()
+        for program in browser.programs.values():
+            program.close()
     assert not browser.errors, browser.errors
+
+
+def downloaded(page, click):
+    """The bytes of the file that a click downloads. Firefox does not tell the test that a download begins."""
+    if not FIREFOX:
+        with page.expect_download() as download:
+            click()
+        return pathlib.Path(download.value.path()).read_bytes()
+    before = set(DOWNLOADS.iterdir())
+    click()
+    for _ in range(150):
+        made = [path for path in set(DOWNLOADS.iterdir()) - before if path.suffix != ".part" and path.stat().st_size]
+        if made:
+            return made[0].read_bytes()
+        page.wait_for_timeout(100)
+    raise AssertionError("no file was downloaded")
 
 
 def curves(page, figure):

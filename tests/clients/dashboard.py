@@ -17,7 +17,7 @@ import tempfile
 
 from playwright.sync_api import expect
 
-from browser import LONG, ask, close, item, key_of, near, opened
+from browser import LONG, ask, close, downloaded, item, key_of, near, opened
 from lines import lines
 from plots import every_loop, every_plot
 from studies import studies
@@ -122,9 +122,7 @@ def view_result(page):
 
     page.click("summary:has-text('Download')")
     for name, start in (("Profiles as csv", b"#"), ("Full result as npz", b"PK"), ("Loops as arrow", b"ARROW1")):
-        with page.expect_download() as download:
-            page.get_by_role("button", name=name).click()
-        assert pathlib.Path(download.value.path()).read_bytes().startswith(start), name
+        assert downloaded(page, page.get_by_role("button", name=name).click).startswith(start), name
     page.get_by_role("button", name="Copy curl command").click()
     command = page.evaluate("navigator.clipboard.readText()")
     with tempfile.TemporaryDirectory() as made:
