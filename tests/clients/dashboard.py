@@ -43,7 +43,7 @@ def run_steel_ball(browser):
     # An error is shown at its field and disappears when it is fixed.
     page.fill("#profile-radius", "-10 mm")
     expect(page.locator("#profile-radius-fault")).to_contain_text("greater than 0")
-    expect(page.locator(".estimate h2")).to_have_text("1 field needs correction.")
+    expect(page.locator(".estimate h2")).to_have_text("1 field needs correction: Radius R")
     expect(page.locator("button.primary")).to_be_disabled()
     browser.check_accessibility(page, "form-error")
     # The label of an example disappears when its scenario is edited.
@@ -101,7 +101,7 @@ def view_result(page):
             error, shown = result["history"][f"{name}_error"][row], page.locator(f"[data-error={name}]")
             if error > 0:
                 expect(shown).to_have_text(re.compile("^numerical error (below )?[0-9.]+\u00a0%$"))
-                expect(page.locator(f"[data-model-error={name}]")).to_have_text("exact method, no model error")
+                expect(page.locator(f"[data-model-error={name}]")).to_have_text("errors of the theory are not included")
             else:
                 expect(shown).to_have_count(0)
         if row < len(outputs) - 1:
@@ -203,7 +203,7 @@ def body_warnings(browser):
         page.goto(BASE + "/#/library")
         page.goto(f"{BASE}/#/result/{weak['key']}?{words}")
         page.wait_for_selector("#headline dd")
-        expect(page.locator("#warning-normal_force", has_text="exceeds the yield strength of body")).to_have_count(1 if shown else 0)
+        expect(page.locator("#warning-normal_force", has_text="exceeds the yield strength of the")).to_have_count(1 if shown else 0)
     page.context.close()
 
 

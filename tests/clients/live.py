@@ -94,8 +94,15 @@ def units(browser):
     # A scenario of the API is in SI. The fields show their own units.
     page.goto(BASE + "/#/queue")
     page.goto(f"{BASE}/#/new?scenario={json.dumps({**get('/v1/examples/steel-ball')['scenario'], 'motion': {'amplitude': 2e-6}})}")
-    expect(page.locator("#motion-amplitude")).to_have_value("2 um")
+    expect(page.locator("#motion-amplitude")).to_have_value("2 µm")
     assert scenario(page)["motion"]["amplitude"] == 2e-6
+    # A number without a unit follows the units that the page shows.
+    page.select_option("#units", "si")
+    page.fill("#profile-radius", "0.02")
+    expect(page.locator("#profile-radius-note")).to_have_text("Read as 0.02 m.")
+    assert scenario(page)["profile"]["radius"] == "0.02 m"
+    page.select_option("#units", "engineering")
+    shows(page, evaluated(page, profile={"shape": "paraboloid", "radius": 0.02}))
     page.context.close()
 
 
@@ -136,11 +143,14 @@ def paste_a_trace(browser):
     page.evaluate("text => navigator.clipboard.writeText(text)", TRACE)
     page.focus("#trace")
     page.keyboard.press("Control+v")
-    expect(page.locator("#trace-says")).to_contain_text("81 points")
+    for said in ("81 points", "800 µm wide", "Tilt of 2.9 deg removed", "R = 10 mm"):
+        expect(page.locator("#trace-says")).to_contain_text(said)
     shows(page, evaluated(page))
     profile = scenario(page)["profile"]
     assert abs(profile["radius"][-1] - 0.4e-3) < 2e-5 and abs(profile["height"][-1] / profile["radius"][-1] ** 2 * 0.02 - 1) < 0.01, profile
     assert abs(evaluated(page) / ball - 1) < 0.02, (evaluated(page), ball)
+    page.fill("#trace", "no numbers")
+    expect(page.locator("#trace-says")).to_contain_text("The form still uses the trace that was read before.")
     page.select_option("#trace-axis", "middle")
     page.select_option("#trace-sides", "left")
     settled(page)
@@ -195,6 +205,10 @@ def long_run(browser):
     assert number(depth.inner_text()) > 1
     drafts = get("/v1/jobs?tag=draft&state=running")["jobs"]
     assert len(drafts) == 1, drafts
+    queue = page.context.new_page()
+    queue.goto(BASE + "/#/queue")
+    expect(queue.locator(f"tr:has([data-name='{drafts[0]['id']}'])")).to_contain_text("draft")
+    queue.close()
     # The job of a form that has changed is canceled.
     page.fill("#json", json.dumps(get("/v1/examples/steel-ball")["scenario"]))
     shows(page, evaluated(page))
@@ -218,7 +232,7 @@ def keep_and_reopen(browser):
     settled(page)
     assert scenario(page) == typed
     expect(page.locator("#label")).to_have_value("Kept & reopened")
-    expect(page.locator("#motion-amplitude")).to_have_value("1.9 um")
+    expect(page.locator("#motion-amplitude")).to_have_value("1.9 µm")
     expect(item(page, "cached")).to_have_text("Yes")
     page.fill("#friction", "0.61")
     assert scenario(page) == {**typed, "friction": 0.61}
@@ -236,11 +250,17 @@ def keep_and_reopen(browser):
 def faults(browser):
     """Faults say what to do at their fields. Invalid JSON disables Keep and says where the fault is."""
     page = first_page(browser)
-    for field, text, said in (("profile-radius", "", "Enter the radius."), ("cycles", "1, 0", "Cycles must increase: 0 comes after 1."),
-            ("motion-amplitude", "plenty", "does not begin with a number")):
+    for field, name, text, said in (("profile-radius", "Radius R", "", "Enter the radius."),
+            ("cycles", "Cycles, separated by commas", "1, 0", "Cycles must increase: 0 comes after 1."),
+            ("motion-amplitude", "Amplitude U", "plenty", "does not begin with a number"),
+            # The amplitude is mistyped, not the cycles.
+            ("motion-amplitude", "Amplitude U", "2 m", "would make the scar wider")):
         page.fill(f"#{field}", text)
         expect(page.locator(f"#{field}-fault")).to_contain_text(said)
-        expect(page.locator(".estimate h2")).to_have_text("1 field needs correction.")
+        expect(page.locator(".estimate h2")).to_have_text(f"1 field needs correction: {name}")
+        page.focus("#label")
+        page.locator("#computing").get_by_role("button", name=name).click()
+        expect(page.locator(f"#{field}")).to_be_focused()
         expect(page.locator("button.primary")).to_be_disabled()
         page.keyboard.press("Control+z")
         expect(page.locator(f"#{field}-fault")).to_have_text("")
@@ -248,6 +268,52 @@ def faults(browser):
     page.fill("#json", '{\n  "friction": 0.6,\n  "wear" 3\n}')
     expect(page.locator("#json-fault")).to_contain_text(re.compile("line 3", re.I))
     expect(page.locator("button.primary")).to_be_disabled()
+    page.context.close()
+
+
+def errors_and_warnings(browser):
+    """The error of a number says what it contains and what changes it. A warning leads to the field that it is about."""
+    page = first_page(browser)
+    volume = page.locator("#headline > div", has_text="Wear volume")
+    expect(volume.locator(".errors .term")).to_have_text(re.compile("^numerical error [0-9.]+\u00a0%; errors of the theory are not included$"))
+    page.locator("#friction").focus()
+    volume.locator(".errors .term").focus()
+    expect(volume.locator(".errors [role=tooltip]")).to_be_visible()
+    expect(volume.locator(".errors [role=tooltip]")).to_contain_text("A smaller tolerance makes it smaller.")
+    before = volume.locator("[data-error]").inner_text()
+    page.keyboard.press("Enter")
+    expect(page.locator("#model-tolerance")).to_be_focused()
+    page.keyboard.type("0.0003")
+    expect(volume.locator("[data-error]")).not_to_have_text(before)
+    # The regime is that of the output cycle, and the threshold stands beside it.
+    expect(page.locator("#headline [data-value=regime]")).to_have_text("Partial slip")
+    threshold = get("/v1/scenarios", {"scenario": scenario(page)})["unworn"]["gross_slip_amplitude"] * 1e6
+    expect(page.locator("#headline > :last-child")).to_contain_text(f"= {threshold:.3g}\u00a0µm, unworn")
+    page.fill("#load-normal_force", "20 kN")
+    warning = page.locator("#warning-normal_force")
+    expect(warning).to_contain_text("A body with a yield strength below 4.93\u00a0GPa yields")
+    browser.check_accessibility(page, "warning")
+    warning.get_by_role("button", name="Body 1: yield strength").click()
+    expect(page.locator("#bodies-0-yield_strength")).to_be_focused()
+    page.keyboard.type("500")
+    expect(warning).to_contain_text("exceeds the yield strength of the first body (500 MPa)")
+    # The words are those of the documentation.
+    expect(warning).to_contain_text("Reduce the load, or expect a larger contact.")
+    page.goto(BASE + "/docs/accuracy")
+    expect(page.locator("tr:has(code:text-is('yield'))")).to_contain_text("reduce the load, or expect a larger contact")
+    page.context.close()
+
+
+def phone(browser):
+    """The numbers and the profile stay above the field that is typed, and Keep covers no field that has the focus."""
+    page = first_page(browser, width=390)
+    for field in ("#friction", "#model-points"):
+        page.focus(field)
+        # The browser scrolls smoothly.
+        page.wait_for_function("""places => {
+            const [depth, profile, field, keep] = places.map((place) => document.querySelector(place).getBoundingClientRect());
+            return depth.top > 0 && depth.bottom < profile.bottom && profile.bottom < field.top && field.bottom < keep.top;
+        }""", arg=[DEPTH, ".profile svg.drawing", field, "button.primary"])
     page.context.close()
 
 
@@ -272,7 +338,11 @@ def keyboard(browser):
     page.keyboard.press("Control+a")
     page.keyboard.type("0,62")
     settled(page)
+    # Enter in a field does not keep the run.
     page.keyboard.press("Enter")
+    settled(page)
+    assert "#/new" in page.url, page.url
+    page.keyboard.press("Control+Enter")
     page.wait_for_url("**/#/result/*", timeout=60000)
     assert get(f"/v1/results/{key_of(page)}")["scenario"]["friction"] == 0.62
     page.context.close()
@@ -280,7 +350,7 @@ def keyboard(browser):
 
 def main():
     with opened() as browser:
-        for test in (type_a_radius, units, drag_friction, paste_a_trace, edit_rows, long_run, keep_and_reopen, faults, keyboard):
+        for test in (type_a_radius, units, drag_friction, paste_a_trace, edit_rows, long_run, keep_and_reopen, faults, errors_and_warnings, phone, keyboard):
             test(browser)
     print("the live form passes its tests")
 

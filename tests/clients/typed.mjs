@@ -4,6 +4,7 @@
 
 import assert from "node:assert/strict";
 import { fieldText, kindAt } from "../../src/http/dashboard/kinds.js";
+import { useSi } from "../../src/http/dashboard/scaling.js";
 import { readList, readNumber, understand } from "../../src/http/dashboard/typed.js";
 
 const scenario = { wear: {} };
@@ -46,8 +47,11 @@ for (const text of ["1,00,000", "1.2.3", "1,2.3,4", "plenty", ""]) assert.equal(
 
 // What is doubtful is asked.
 assert.equal(question("/motion/amplitude", "2 m"), "2 m. Did you mean 2 µm?");
-assert.equal(question("/motion/amplitude", "2e-6"), "2e−6 µm. Did you mean 2e−6 m?");
+assert.equal(question("/motion/amplitude", "2e-6"), "2e−6 µm. Did you mean 2 µm (2e−6 m)?");
 assert.equal(question("/wear/coefficient", "3.03e-5 1/Pa"), "3.03e−5 1/Pa. Did you mean 3.03e−5 mm³/(N m)?");
+assert.equal(question("/bodies/0/youngs_modulus", "205000"), "205000 GPa. Did you mean 205 GPa (205000 MPa)?");
+assert.equal(question("/profile/radius", "0.01"), "0.01 mm. Did you mean 10 mm (0.01 m)?");
+assert.equal(question("/profile/radius", "0.01 mm"), undefined);
 assert.equal(question("/load/normal_force", "1,000"), "Or did you mean 1.000 N?");
 assert.equal(question("/motion/amplitude", "2,256"), "Or did you mean 2256 µm?");
 for (const [pointer, text] of [["/motion/amplitude", "2"], ["/motion/amplitude", "0"], ["/profile/radius", "0.5 in"], ["/friction", "7"],
@@ -64,4 +68,10 @@ assert.equal(fieldText(3.03e-14, "/wear/coefficient", scenario), "3.03e-5 mm^3/(
 assert.equal(fieldText("10 mm", "/profile/radius", scenario), "10 mm");
 assert.equal(fieldText(0.7, "/friction", scenario), "0.7");
 assert.equal(fieldText([1000, 2000], "/cycles", scenario), "1000, 2000");
+
+// If the page shows SI units, a number without a unit has the SI unit.
+useSi(true);
+assert.equal(value("/motion/amplitude", "2e-6"), "2e-6 m");
+assert.equal(question("/motion/amplitude", "2"), "2 m. Did you mean 2 µm?");
+assert.equal(fieldText(205e9, "/bodies/0/youngs_modulus", scenario), "205000000000 Pa");
 console.log("what is typed is understood");

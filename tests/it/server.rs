@@ -270,7 +270,8 @@ pub fn assert_yields(warnings: &Value) {
     assert_eq!(warnings.len(), 2, "{warnings:?}");
     for (i, warning) in warnings.iter().enumerate() {
         assert_eq!(warning["kind"], "yield");
-        let words = format!("exceeds the yield strength of body {i} (300 MPa)");
+        let words =
+            format!("exceeds the yield strength of the {} body (300 MPa)", ["first", "second"][i]);
         assert!(warning["detail"].as_str().unwrap().contains(&words), "{warning}");
     }
 }

@@ -1,11 +1,11 @@
 // The cards below the plots of a result: scales, accuracy, events, comparison, bodies and scenario.
 
 import { explained, h, list } from "./dom.js";
-import { depthOrForce, drawWarnings, grossSlip } from "./estimate.js";
+import { depthOrForce, grossSlip } from "./estimate.js";
 import { term } from "./explain.js";
-import { isAtNumber } from "./headline.js";
 import { sketch } from "./sketch.js";
 import { cycles, digits, percent, quantity, WORDS } from "./units.js";
+import { drawWarnings, isAtNumber } from "./warnings.js";
 
 /** Warnings that do not stand at a number of the headline. */
 const isElsewhere = (warning) => !isAtNumber(warning);

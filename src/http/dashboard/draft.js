@@ -3,12 +3,16 @@
 import { events, get, idempotencyKey, jobAddress, post, Problem, resultAddress } from "./api.js";
 import { debounced } from "./dom.js";
 import { OPERATIONS_PER_SECOND } from "./estimate.js";
+import { DRAFT } from "./summary.js";
 import { digits, duration } from "./units.js";
 
 /** The job starts when the form has not changed for this time. */
 const IDLE_MS = 800;
 
-/** The job of the form. `show` is called as `show.rows(history)`, `show.result(result)` and `show.says(text, progress)`. */
+/**
+ * The job of the form. `show` is called as `show.rows(history, checked)`, `show.result(result, checked)` and
+ * `show.says(text, progress)`.
+ */
 export class Draft {
   #abort = null;
   #start = debounced(IDLE_MS, (scenario, checked) => this.#run(scenario, checked));
@@ -16,6 +20,11 @@ export class Draft {
   constructor(show, signal) {
     Object.assign(this, { show, signal });
     signal.addEventListener("abort", () => this.stop());
+  }
+
+  /** Whether the job runs: a job that the user keeps then shares its run. */
+  get isRunning() {
+    return this.#abort !== null;
   }
 
   /** Computes a scenario soon. */
@@ -38,7 +47,7 @@ export class Draft {
     const abort = new AbortController();
     this.#abort = abort;
     try {
-      const job = await post("/v1/jobs", { scenario, tags: ["draft"] }, { headers: { "Idempotency-Key": idempotencyKey() } });
+      const job = await post("/v1/jobs", { scenario, tags: [DRAFT] }, { headers: { "Idempotency-Key": idempotencyKey() } });
       const address = jobAddress(job.id);
       // An unfinished job of a form that has changed or is left has no use.
       const cancel = () => post(`${address}/cancel`).catch(() => null);
@@ -46,6 +55,7 @@ export class Draft {
       abort.signal.addEventListener("abort", cancel);
       await this.#follow(address, checked, abort.signal);
       abort.signal.removeEventListener("abort", cancel);
+      if (this.#abort === abort) this.#abort = null;
     } catch (problem) {
       if (abort.signal.aborted) return;
       if (!(problem instanceof Problem)) throw problem;
@@ -62,7 +72,7 @@ export class Draft {
     }
     const done = await get(address, { signal });
     if (done.state !== "succeeded") return this.show.says(done.error?.detail ?? `The job is ${done.state}.`);
-    this.show.result(await get(resultAddress(done.key), { signal }));
+    this.show.result(await get(resultAddress(done.key), { signal }), checked);
     this.show.says(null);
   }
 }

@@ -1,8 +1,9 @@
 // What the server can say about a scenario before it is run.
 
-import { explained, fill, h, list } from "./dom.js";
+import { fill, h, list } from "./dom.js";
 import { sketch } from "./sketch.js";
 import { cycles, digits, duration, isLine, quantity, wordOf, WORDS } from "./units.js";
+import { drawWarnings } from "./warnings.js";
 
 /** Operations of an estimate that take a second. */
 export const OPERATIONS_PER_SECOND = 1e9;
@@ -59,7 +60,3 @@ export function drawStudyEstimate(place, { cost, cached }) {
     ["Already computed", cached ? "Yes" : "No", "cached"],
   ]));
 }
-
-/** The server's warnings about a scenario, or nothing. */
-export const drawWarnings = (warnings, title = "Warnings") => warnings.length > 0 && h("div", { class: "warning" }, h("h3", {}, title),
-  h("ul", {}, warnings.map(({ detail }) => h("li", {}, detail))), explained("accuracy#warnings", "What the warnings mean"));

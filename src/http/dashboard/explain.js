@@ -14,13 +14,20 @@ export const symbolOf = (name, { profile } = {}) => (name === "radius" && isLine
 /** A text with italics between `$`, as elements. */
 export const italics = (text) => text.split("$").map((piece, i) => (i % 2 ? h("i", {}, piece) : piece));
 
-/** The name and the symbol of a quantity. Its meaning appears at the pointer and at the focus; Escape hides it. */
+/** What only clients of the API need in the meaning of a quantity. */
+const FOR_CLIENTS = /(; null|, and null|: then it is null|\. Results of version).*$/;
+
+/** The name and the symbol of a quantity. */
 export function term(name, scenario) {
-  const meaning = MEANINGS[name];
   const content = [wordOf(name, scenario), SYMBOLS[name] && " ", ...italics(SYMBOLS[name] ?? "")];
-  if (!meaning) return h("span", {}, content);
+  const meaning = MEANINGS[name]?.replace(FOR_CLIENTS, "").replace(/`(\w+)`/g, (_, own) => own.replaceAll("_", " "));
+  return meaning ? withMeaning(content, `${meaning}.`) : h("span", {}, content);
+}
+
+/** A text whose meaning appears at the pointer and at the focus; Escape hides it. A press calls `onclick`. */
+export function withMeaning(content, meaning, onclick) {
   const id = `explanation-${++explanations}`;
-  const told = h("span", { role: "tooltip", id }, `${meaning.replaceAll("`", "")}.`);
+  const told = h("span", { role: "tooltip", id }, meaning);
   const appear = () => {
     whole.classList.remove("hushed");
     // Keeps the text on the screen.
@@ -29,6 +36,6 @@ export function term(name, scenario) {
     told.style.translate = `${Math.max(MARGIN - left, Math.min(0, document.documentElement.clientWidth - MARGIN - right))}px`;
   };
   const whole = h("span", { class: "explained", onkeydown: (event) => event.key === "Escape" && whole.classList.add("hushed"),
-    onpointerenter: appear, onfocusin: appear }, h("button", { type: "button", class: "term", "aria-describedby": id }, content), told);
+    onpointerenter: appear, onfocusin: appear }, h("button", { type: "button", class: "term", "aria-describedby": id, onclick }, content), told);
   return whole;
 }

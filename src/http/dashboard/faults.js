@@ -1,6 +1,7 @@
 // The faults that the server finds in a scenario, at the fields of the form.
 
 import { h } from "./dom.js";
+import { visit } from "./warnings.js";
 import { formPointer } from "./vary.js";
 
 /** The noun of a label: "Body 1: Young's modulus E" is about the Young's modulus, "Radius R" about the radius. */
@@ -22,6 +23,14 @@ export const countOf = (problem) => {
   return count === 1 ? "1 field needs correction." : `${count} fields need correction.`;
 };
 
+/** The number of faults, with a button to the first field that has one. */
+export function drawCount(main, problem) {
+  const field = main.querySelector("[aria-invalid]");
+  if (!field) return countOf(problem);
+  return [countOf(problem).replace(/\.$/, ": "), h("button", { type: "button", class: "vary", onclick: () => visit(field) },
+    field.dataset.name ?? field.getAttribute("aria-label"))];
+}
+
 /** Shows each error at its field, or in the list `others` if it has no field. Null removes all. */
 export function showFaults(main, others, problem, study) {
   for (const place of main.querySelectorAll("p.fault:not(#json-fault)")) place.textContent = "";
@@ -33,9 +42,12 @@ export function showFaults(main, others, problem, study) {
     // A fault of all members of a range is shown at its first field.
     const field = all.find(({ dataset }) => pointer === dataset.pointer || pointer.startsWith(`${dataset.pointer}/`))
       ?? all.find(({ dataset }) => pointer && dataset.pointer.startsWith(`${pointer}/`));
-    if (field) {
-      field.setAttribute("aria-invalid", "true");
-      document.getElementById(`${field.id}-fault`).textContent = sentence(detail, field.dataset.name);
+    // The cycles are too many for an amplitude that is probably mistyped: the question at the amplitude comes first.
+    const place = /\/cycles/.test(pointer) ? main.querySelector("[data-doubt]") ?? field : field;
+    if (place) {
+      place.setAttribute("aria-invalid", "true");
+      const name = place === field ? field.dataset.name : "";
+      document.getElementById(`${place.id}-fault`).textContent = `${name === "" ? "The output cycles " : ""}${sentence(detail, name)}`;
     } else {
       others.append(h("li", {}, h("code", {}, pointer.replace("/scenario", "")), ` ${detail}`));
     }

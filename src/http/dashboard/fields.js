@@ -138,7 +138,8 @@ export const CHOICES = [
     fields: (kind, { profile }) => kind === "moduli"
       ? [["/moduli/normal", "Normal modulus E*"], ...(isLine(profile) ? [] : [["/moduli/tangential", "Tangential modulus G*"]])]
       : [0, 1].flatMap((i) => [[`/bodies/${i}/youngs_modulus`, `Body ${i + 1}: Young's modulus E`],
-        [`/bodies/${i}/poisson_ratio`, `Body ${i + 1}: Poisson's ratio ν`]]),
+        [`/bodies/${i}/poisson_ratio`, `Body ${i + 1}: Poisson's ratio ν`],
+        [`/bodies/${i}/yield_strength`, `Body ${i + 1}: yield strength`]]),
   },
   {
     id: "wear", group: "Material", label: "Wear law",
@@ -286,7 +287,7 @@ export const CHOICES = [
       scenario.model = { method, ...(points && { points }) };
     },
     fields: (method, scenario) => [["/model/points", "Output radii (optional)"],
-      ...(method === "exact" ? [["/model/tolerance", "Tolerance (optional)"],
+      ...(method === "exact" ? [["/model/tolerance", "Tolerance (optional)", null, "The error that the method aims at: 0.003 if empty. A smaller one takes longer."],
         ...(ruleLacks(scenario) ? [] : [["/model/compare", "Compare with simplified rule", { "": "No", true: "Yes" }]])]
         : [["/model/xi", "Fitting parameter ξ (optional)"]])],
   },

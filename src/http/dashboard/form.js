@@ -6,7 +6,7 @@ import { debounced, explained, fill, h, notify, select } from "./dom.js";
 import { Draft } from "./draft.js";
 import { Editors } from "./editors.js";
 import { announce, drawEstimate, drawStudyEstimate } from "./estimate.js";
-import { countOf, showFaults } from "./faults.js";
+import { countOf, drawCount, showFaults } from "./faults.js";
 import { withoutField } from "./fields.js";
 import { Fieldset } from "./fieldset.js";
 import { loadLimits } from "./limits.js";
@@ -15,6 +15,7 @@ import { drawPlan, drawRuns, submitText } from "./plan.js";
 import { Preview } from "./preview.js";
 import { Undo } from "./undo.js";
 import { choose, isPossible, jobBody, newStudy, OFFERS, studyOf, varied } from "./vary.js";
+import { unknownYield } from "./warnings.js";
 
 /** Maximum number of characters of a label. */
 const MAX_LABEL = 200;
@@ -69,7 +70,7 @@ export async function showForm(main, { query, signal }) {
     record("label");
     remember();
   } });
-  const keep = h("button", { class: "primary", type: "submit" }, "Keep");
+  const keep = h("button", { class: "primary", type: "submit", title: "Ctrl+Enter" }, "Keep");
   const undoButton = h("button", { type: "button", id: "undo", title: "Undo the last change (Ctrl+Z)", onclick: () => restore(undo.undo()) }, "Undo");
   const chooseExample = select({ "": "Custom scenario", ...Object.fromEntries(examples.map(({ name, label }) => [name, label ?? name])) },
     "", { id: "example", onchange: () => {
@@ -80,8 +81,8 @@ export async function showForm(main, { query, signal }) {
 
   const preview = new Preview(signal);
   const live = new Live(showAnswer, refused, signal);
-  const draft = new Draft({ says: (...said) => preview.mark(...said), result: (result) => preview.show(result),
-    rows: ({ history, units }, checked) => preview.showRows(history, { ...checked, units }) }, signal);
+  const draft = new Draft({ says: (...said) => preview.mark(...said), result: (result, checked) => preview.show(warned(result, checked.warnings)),
+    rows: ({ history, units }, checked) => preview.showRows(history, { ...warned(checked), units }) }, signal);
   const calls = { edited, changed, redraw, chosen: () => {
     draw();
     edited(null);
@@ -177,18 +178,22 @@ export async function showForm(main, { query, signal }) {
     changed();
   }
 
+  /** A result with all its warnings: a stored result has none about the bodies. */
+  const warned = (result, more = []) => ({ ...result, warnings: [...result.warnings,
+    ...more.filter(({ detail }) => result.warnings.every((own) => own.detail !== detail)), ...unknownYield(form.scenario, result.unworn)] });
+
   /** Shows the answer of an evaluation. */
   function showAnswer(answer) {
     const { check } = answer;
     showFaults(main, otherFaults, null, form.study);
     preview.mark(null);
-    preview.show({ ...answer, scenario: check.scenario, regime: check.regime, scales: check.scales, unworn: check.unworn });
+    preview.show(warned({ ...answer, scenario: check.scenario, regime: check.regime, scales: check.scales, unworn: check.unworn }));
   }
 
   /** An evaluation that takes too long becomes a job as soon as the server has checked the scenario. */
   function refused(problem, isFine) {
     if (isFine) return;
-    preview.mark(problem.errors ? countOf(problem) : "");
+    preview.mark("");
     if (problem.errors) refuse(problem);
     else isLong = true;
   }
@@ -199,8 +204,8 @@ export async function showForm(main, { query, signal }) {
     showFaults(main, otherFaults, problem, form.study);
     estimate.removeAttribute("aria-busy");
     announcement.textContent = problem.errors ? countOf(problem) : problem.detail;
-    fill(estimate, h("h2", {}, problem.errors ? countOf(problem) : problem.title),
-      h("p", {}, problem.errors ? "Messages in the form say what to change." : problem.detail));
+    if (problem.errors) preview.mark(drawCount(main, problem));
+    fill(estimate, h("h2", {}, problem.errors ? drawCount(main, problem) : problem.title), problem.errors ? null : h("p", {}, problem.detail));
   }
 
   let checks = 0, submitting = false, accepted = false, isLong = false;
@@ -246,19 +251,23 @@ export async function showForm(main, { query, signal }) {
       const job = await post("/v1/jobs", { ...jobBody(form.scenario, form.study), ...(label() && { label: label() }) }, { headers });
       // The user may have opened another view meanwhile.
       if (signal.aborted) return;
-      location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`;
+      location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}${draft.isRunning ? "?draft=yes" : ""}`;
     } catch (problem) {
       if (signal.aborted) return;
       showFaults(main, otherFaults, problem, form.study);
-      fill(estimate, h("h2", {}, problem.errors ? countOf(problem) : problem.title ?? "The job was not submitted"),
+      fill(estimate, h("h2", {}, problem.errors ? drawCount(main, problem) : problem.title ?? "The job was not submitted"),
         h("p", {}, problem.errors ? "" : problem.detail ?? problem.message));
       submitting = false;
       allowKeep();
     }
   }
 
-  /** Ctrl+Z undoes the last change of the form, whichever field has the focus. */
-  function undoByKey(event) {
+  /** Ctrl+Z undoes the last change of the form, whichever field has the focus. Ctrl+Enter keeps the run, and Enter alone does not. */
+  function pressed(event) {
+    if (event.key === "Enter" && event.target.matches("input")) {
+      event.preventDefault();
+      if (event.ctrlKey || event.metaKey) submit(event);
+    }
     if (!(event.ctrlKey || event.metaKey) || event.altKey || !["z", "Z", "y"].includes(event.key)) return;
     event.preventDefault();
     restore(event.key === "z" ? undo.undo() : undo.redo());
@@ -271,12 +280,16 @@ export async function showForm(main, { query, signal }) {
     jsonEditor);
   const side = h("div", { class: "side" }, announcement, plan, preview.element);
   main.replaceChildren(
-    h("form", { class: "maker", onsubmit: submit, noValidate: true, onkeydown: undoByKey },
+    h("form", { class: "maker", onsubmit: submit, noValidate: true, onkeydown: pressed },
       h("div", { class: "bar run" }, heading,
         h("div", { class: "field" }, h("label", { for: "example" }, "Start from"), chooseExample),
         h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), undoButton, keep),
       h("div", { class: "two" }, left, side)));
-  document.addEventListener("units", () => check(), { signal });
+  // The unit of a number without a unit follows the choice.
+  document.addEventListener("units", () => {
+    draw();
+    check();
+  }, { signal });
   restore(form);
   jsonEditor.open = withoutField(form.scenario).length > 0;
 }

@@ -1,65 +1,69 @@
 // The numbers of a run at one output cycle: the wear first, with its errors beside it and its warnings below it.
 
 import { explained, fill, h } from "./dom.js";
-import { term } from "./explain.js";
+import { term, withMeaning } from "./explain.js";
 import { cycles, percent, quantity, wordOf, WORDS } from "./units.js";
+import { drawWarning, fieldAt, numberOf, visit } from "./warnings.js";
 
 const FIRST = ["wear_depth", "wear_volume"];
 const OTHERS = ["scar_radius", "contact_radius", "stick_radius", "indentation_depth", "normal_force", "tangential_force",
   "energy_per_cycle", "dissipated_energy"];
 
-/** The number that each kind of warning concerns. The warnings of other kinds stand in the cards below. */
-const CONCERNED = {
-  numerical_error: "wear_volume", model_error: "wear_volume", model_error_unknown: "wear_volume", simplified_gross_slip: "wear_volume",
-  fast_wear: "wear_depth", split_of_wear: "wear_depth", large_contact: "contact_radius", short_line: "contact_radius",
-  elliptical_contact: "contact_radius", long_scar: "scar_radius", large_amplitude: "regime", reference_reached: "regime",
-  elastic_mismatch: "tangential_force", yield: "normal_force",
-};
-
-/** The error of the method, in words. The exact method solves the equations of the model, so it adds none. */
-function modelError({ model }, { model_error: error }) {
-  if (model.method === "exact") return "exact method, no model error";
-  return error == null ? "model error unknown" : `model error about ${percent(error, 2)}`;
-}
-
 /** Smaller numerical errors are not told apart. */
 const SMALLEST = 1e-4;
 const numericalError = (error) => (error < SMALLEST ? `below ${percent(SMALLEST)}` : percent(error, 2));
 
-/** The regime at an output cycle: a later gross slip changes it. */
-function regimeAt({ regime, events }, at) {
+const SOLVER = "The server estimates the error of the solver at this output cycle. A smaller tolerance makes it smaller.";
+const THEORY = "The theory leaves out plasticity, debris and oxidation, and the wear is as uncertain as the wear coefficient that you enter.";
+/** The variation with Poisson's ratio is proportional to ν/(2 − ν), as docs/accuracy.md says. */
+const AROUND = "The depth is the mean around a ring. The local depth varies by ±13 % if Poisson's ratio is 0.3.";
+
+/** The error of the method, in words, and what it leaves out. The exact method solves the equations of the theory. */
+function modelError({ model }, { model_error: error }) {
+  if (model.method === "exact") return "errors of the theory are not included";
+  return error == null ? "error of the simplified rule unknown" : `error of the simplified rule about ${percent(error, 2)}`;
+}
+
+/** The regime at an output cycle, where the contact may stick less or more than before the test. */
+function regimeAt({ regime, events, history }, row, at) {
+  const [stick, contact] = [history.stick_radius?.[row], history.contact_radius?.[row]];
   const first = events.find(({ kind }) => kind === "gross_slip");
-  if (!first || regime === "gross_slip") return [WORDS[regime], "of the unworn contact"];
-  return first.cycles <= at ? [WORDS.gross_slip, `since N\u00a0=\u00a0${cycles(first.cycles)}`]
-    : [WORDS[regime], `gross slip from N\u00a0=\u00a0${cycles(first.cycles)}`];
+  if (first?.cycles <= at && regime !== "gross_slip") return [WORDS.gross_slip, `since N\u00a0=\u00a0${cycles(first.cycles)}`];
+  if (stick == null || contact == null || !(at > 0)) return [WORDS[regime], "of the unworn contact"];
+  const now = stick <= 0 ? "gross_slip" : stick >= contact ? "full_stick" : "partial_slip";
+  return [WORDS[now], first && regime !== "gross_slip" ? `gross slip from N\u00a0=\u00a0${cycles(first.cycles)}` : `at N\u00a0=\u00a0${cycles(at)}`];
 }
 
 /** Draws the numbers at the row of the history into two lists, and the warnings into a third. */
 export function drawHeadline({ first, others, notes }, result, row, warnings) {
-  const { history, units, scenario, accuracy } = result;
+  const { history, units, scenario, accuracy, unworn } = result;
   const at = history.cycles[row];
-  const marked = (name) => warnings.some(({ kind }) => CONCERNED[kind] === name)
+  const marked = (name) => warnings.some((warning) => numberOf(warning) === name)
     && h("a", { class: "mark", href: `#warning-${name}`, "aria-label": "Has a warning", onclick: (event) => {
       event.preventDefault();
-      document.getElementById(`warning-${name}`).focus();
+      visit(document.getElementById(`warning-${name}`));
     } }, "⚠");
+  const tolerance = "/model/tolerance";
   const wear = (name) => {
     const error = history[`${name}_error`]?.[row];
+    const own = name === "wear_depth" ? `${THEORY} ${AROUND}` : THEORY;
     return h("div", {}, h("dt", {}, term(name, scenario)),
       h("dd", {}, h("span", { "data-value": name }, quantity(history[name][row], units[name], 3)), marked(name)),
-      h("dd", { class: "errors" }, error > 0 && h("span", { "data-error": name }, `numerical error ${numericalError(error)}`),
-        error > 0 && ", ", at > 0 && h("span", { "data-model-error": name }, modelError(scenario, accuracy))));
+      at > 0 && h("dd", { class: "errors" }, withMeaning([
+        error > 0 && h("span", { "data-error": name }, `numerical error ${numericalError(error)}`), error > 0 && "; ",
+        h("span", { "data-model-error": name }, modelError(scenario, accuracy))].filter(Boolean),
+      `${error > 0 ? `${SOLVER} ${fieldAt(tolerance) ? "Press to change it. " : ""}` : ""}${own}`, () => visit(fieldAt(tolerance)))));
   };
-  const [regime, since] = regimeAt(result, at);
+  const [regime, when] = regimeAt(result, row, at);
+  const threshold = unworn?.gross_slip_amplitude;
   fill(first, FIRST.map(wear), h("div", {}, h("dt", {}, "Regime"),
-    h("dd", {}, h("span", { "data-value": "regime" }, regime), marked("regime")), h("dd", { class: "errors" }, since)));
+    h("dd", {}, h("span", { "data-value": "regime" }, regime), marked("regime")), h("dd", { class: "errors" }, when,
+      threshold != null && [" · ", term("gross_slip_amplitude", scenario), `\u00a0=\u00a0${quantity(threshold, "m", 3)}, unworn`])));
   fill(others, OTHERS.map((name) => h("div", {}, h("dt", {}, term(name, scenario)),
     h("dd", {}, h("span", { "data-value": name }, quantity(history[name][row], units[name], 3)), marked(name)))));
-  const concerned = [...FIRST, "regime", ...OTHERS].map((name) => [name, warnings.filter(({ kind }) => CONCERNED[kind] === name)]);
-  fill(notes, concerned.filter(([, own]) => own.length).map(([name, own]) => h("div", { id: `warning-${name}`, tabIndex: -1, class: "warning" },
-    h("p", {}, h("strong", {}, `⚠ ${name === "regime" ? "Regime" : wordOf(name, scenario)}: `), own.map(({ detail }) => detail).join(" ")))),
-  concerned.some(([, own]) => own.length) && explained("accuracy#warnings", "What the warnings mean"));
+  const concerned = [...FIRST, "regime", ...OTHERS].map((name) => [name, warnings.filter((warning) => numberOf(warning) === name)])
+    .filter(([, own]) => own.length);
+  fill(notes, concerned.map(([name, own]) => h("div", { id: `warning-${name}`, tabIndex: -1, class: "warning" },
+    h("strong", {}, `⚠ ${name === "regime" ? "Regime" : wordOf(name, scenario)}: `), own.map(drawWarning))),
+  concerned.length > 0 && explained("accuracy#warnings", "What the warnings mean"));
 }
-
-/** Whether a warning stands at a number of the headline. */
-export const isAtNumber = ({ kind }) => kind in CONCERNED;

@@ -2,7 +2,7 @@
 
 import { fill, h, select } from "./dom.js";
 import { setValueAt, valueAt } from "./fields.js";
-import { fieldText, kindAt, pretty } from "./kinds.js";
+import { fieldText, kindAt, pretty, printed } from "./kinds.js";
 import { drawRange, varyButton } from "./plan.js";
 import { slider } from "./slider.js";
 import { readList, understand } from "./typed.js";
@@ -73,12 +73,14 @@ export class Inputs {
   #number(pointer, name, vary, attributes) {
     const { scenario, study } = this.form;
     const note = h("p", { class: "note-read", id: `${attributes.id}-note`, role: "status" });
-    const input = h("input", { ...attributes, value: fieldText(valueAt(scenario, pointer), pointer, scenario), autocomplete: "off",
-      spellcheck: false });
+    const input = h("input", { ...attributes, value: printed(fieldText(valueAt(scenario, pointer), pointer, scenario)), autocomplete: "off",
+      spellcheck: false, placeholder: [/yield_strength$/.test(pointer) && "optional", printed(kindAt(pointer, scenario).unit)].filter(Boolean).join(", ") });
     const set = (text, isDragging = false) => {
       const { value, note: said, instead } = meaning(pointer, text, scenario);
       setValueAt(scenario, pointer, value);
       if (vary) vary.disabled = !suggested(scenario, pointer, study.kind);
+      // A list has no other reading, so only a question without a note doubts the size.
+      input.toggleAttribute("data-doubt", Boolean(instead) && !said);
       fill(note, said, said && instead && " ", instead && [instead.question, " ", h("button", { type: "button", class: "vary", onclick: () => {
         input.value = pretty(instead.value).replaceAll("\u00a0", " ");
         set(input.value);

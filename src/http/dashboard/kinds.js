@@ -1,7 +1,10 @@
 // The kinds of quantities in the form: the unit that a number without a unit has in a field, and which sizes are usual.
 
+import { si } from "./scaling.js";
+
 export const LENGTHS = { m: 1, mm: 1e-3, um: 1e-6, nm: 1e-9, cm: 1e-2, in: 0.0254, mil: 2.54e-5 };
-const STRESSES = { Pa: 1, GPa: 1e9, MPa: 1e6, kPa: 1e3, "N/mm^2": 1e6 };
+// MPa comes first: it is meant most often by a number that no field has in GPa.
+const STRESSES = { MPa: 1e6, GPa: 1e9, kPa: 1e3, Pa: 1, "N/mm^2": 1e6 };
 const STIFFNESSES = { "N/m": 1, "N/um": 1e6, "N/mm": 1e3, "kN/mm": 1e6, "MN/m": 1e6 };
 const WEAR = { "1/Pa": 1, "mm^3/(N m)": 1e-9, "m^3/(N m)": 1, "um^3/(N m)": 1e-18, "mm^2/N": 1e-6 };
 
@@ -9,7 +12,7 @@ const NUMBER = { unit: "", units: {} };
 /** Plain numbers whose sliders have fixed ends. */
 const between = (least, most) => ({ ...NUMBER, slide: [least, most] });
 const kind = (unit, units, least, most) => ({ unit, units, usual: [least, most] });
-const RADIUS = kind("mm", LENGTHS, 1e-6, 100);
+const RADIUS = { ...kind("mm", LENGTHS, 1e-6, 100), bare: [5e-5, 100] };
 const MICRO = kind("um", LENGTHS, 1e-10, 2e-3);
 const MODULUS = kind("GPa", STRESSES, 1e4, 2e12);
 const WEAR_COEFFICIENT = kind("mm^3/(N m)", WEAR, 1e-20, 1e-10);
@@ -39,12 +42,16 @@ const KINDS = [
   [/dissipated_energy(\/(from|to|\d+))?$/, ENERGY],
 ];
 
-/** The kind of the quantity at a pointer of a scenario. Archard's coefficient is a plain number. */
+/**
+ * The kind of the quantity at a pointer of a scenario. Archard's coefficient is a plain number. If the page shows SI units, a number
+ * without a unit has the SI unit.
+ */
 export function kindAt(pointer, scenario) {
   const table = pointer.match(/^(.*)\/at\/\d+$/)?.[1];
   if (table) return table.split("/").slice(1).reduce((value, name) => value?.[name], scenario)?.over === "dissipated_energy" ? ENERGY : NUMBER;
   const own = KINDS.find(([pattern]) => pattern.test(pointer))?.[1] ?? NUMBER;
-  return own === WEAR_COEFFICIENT && scenario?.wear?.hardness !== undefined ? NUMBER : own;
+  if (own === WEAR_COEFFICIENT && scenario?.wear?.hardness !== undefined) return NUMBER;
+  return si() ? { ...own, likely: own.unit, unit: Object.keys(own.units).find((name) => own.units[name] === 1) ?? "" } : own;
 }
 
 /** All spellings of a unit as one: µm³/(N·m), um3/Nm. */
@@ -53,8 +60,11 @@ const plainUnit = (unit) => unit.replace(/[µμ]/g, "u").replace("²", "2").repl
 /** The size of a unit in SI; undefined if the kind has no such unit. */
 export const factorIn = ({ units }, unit) => units[Object.keys(units).find((name) => plainUnit(name) === plainUnit(unit))];
 
+/** A text with the signs of printed units: µm, mm³. The server reads them too. */
+export const printed = (text) => text.replace(/\bu(?=[mNJ])/g, "µ").replace("^3", "³").replace("^2", "²");
+
 /** A value of a scenario for reading: 2 µm. */
-export const pretty = (value) => String(value).replace(/\bu(?=[mNJ])/g, "µ").replace("^3", "³").replace("^2", "²").replace("-", "−").replaceAll(" ", "\u00a0");
+export const pretty = (value) => printed(String(value)).replace("-", "−").replaceAll(" ", "\u00a0");
 
 /** A number without the digits that conversions add. Small numbers have a power of ten. */
 function plain(number) {
@@ -62,10 +72,13 @@ function plain(number) {
   return Math.abs(rounded) < 1e-3 ? rounded.toExponential() : String(rounded);
 }
 
+/** A value in SI as a text in the unit of its field. */
+export const inUnitOf = ({ unit, units }, si) => `${plain(si / units[unit])} ${unit}`;
+
 /** The text of a value in its field. A number of the scenario is in SI; the field has its own unit. */
 export function fieldText(value, pointer, scenario) {
   if (value === undefined) return "";
-  const { unit, units } = kindAt(pointer, scenario);
-  const text = (own) => (typeof own === "number" && unit && own !== 0 ? `${plain(own / units[unit])} ${unit}` : String(own));
+  const kind = kindAt(pointer, scenario);
+  const text = (own) => (typeof own === "number" && kind.unit && own !== 0 ? inUnitOf(kind, own) : String(own));
   return Array.isArray(value) ? value.map(text).join(", ") : text(value);
 }

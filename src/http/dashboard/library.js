@@ -1,9 +1,9 @@
 // All results of the server: search, preview, and choice of two for comparison.
 
 import { get, resultAddress } from "./api.js";
-import { dateTime, debounced, h, select, svg } from "./dom.js";
+import { dateTime, debounced, fill, h, select, svg } from "./dom.js";
 import { errorCard } from "./error.js";
-import { jobsOf, labelOf, subtitle, title } from "./summary.js";
+import { isDraft, jobsOf, labelOf, subtitle, title } from "./summary.js";
 import { cycles, quantity, WORDS } from "./units.js";
 import { KINDS, SEARCHED } from "./words.js";
 
@@ -20,9 +20,9 @@ const OPTIONS = {
 const TEXTS = {
   friction: ["Friction coefficient", "0.6..0.8"],
   normal_force: ["Normal force", "50 N..0.2 kN"],
-  amplitude: ["Amplitude", "..5 um"],
-  wear_depth: ["Wear depth", "..2 um"],
-  wear_volume: ["Wear volume", "1e-5 mm^3.."],
+  amplitude: ["Amplitude", "..5 µm"],
+  wear_depth: ["Wear depth", "..2 µm"],
+  wear_volume: ["Wear volume", "1e-5 mm³.."],
   owner: ["Submitted by", ""],
   note: ["Note contains", ""],
 };
@@ -116,7 +116,9 @@ export async function showLibrary(main, { query, signal }) {
     const picture = svg("svg", { viewBox: "0 0 96 48", class: "thumbnail", "aria-hidden": "true" });
     loaders.set(picture, async () => {
       if (isRun) drawThumbnail(picture, key, values.cycles, signal);
-      label.textContent = labelOf(await jobsOf(key, signal));
+      const jobs = await jobsOf(key, signal);
+      label.textContent = labelOf(jobs);
+      if (jobs.length && jobs.every(isDraft)) fill(label, h("span", { class: "state", title: "The form computed this by itself. It was not kept." }, "draft"));
     });
     observer.observe(picture);
     return h("li", { class: "card entry" }, picture,
@@ -134,7 +136,7 @@ export async function showLibrary(main, { query, signal }) {
     Object.entries(OPTIONS).map(([name, [label, options]]) => filter(name, label, options)),
     Object.entries(TEXTS).map(([name, [label, example]]) => filter(name, label, null, example && `e.g. ${example}`)),
     filter("sort", "Sort by", ORDERS),
-    h("p", { class: "muted" }, "Ranges: 0.6..0.8 is between, ..5 um is at most, and 50 N.. is at least."));
+    h("p", { class: "muted" }, "Ranges: 0.6..0.8 is between, ..5 µm is at most, and 50 N.. is at least."));
   main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Library"), compare), form, errors, list, more);
   document.addEventListener("units", search, { signal });
   drawCompare();

@@ -36,7 +36,7 @@ const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "deta
     "error.js", "estimate.js", "fields.js", "form.js", "library.js", "limits.js", "main.js", "plan.js",
     "queue.js", "result.js", "run.js", "sketch.js", "study.js", "summary.js", "units.js", "vary.js",
     // The live form.
-    "draft.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js", "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js", "undo.js",
+    "draft.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js", "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js", "undo.js", "warnings.js",
     // Figures and the views of results.
     "curves.js", "drawn.js", "explain.js", "figure.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
     "figure-reader.js", "figure-save.js", "figure-zoom.js", "headline.js", "player.js",

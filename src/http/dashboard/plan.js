@@ -1,6 +1,7 @@
 // The parts of the form that belong to a study: the range of a number that varies, and the card that says what is computed.
 
 import { explained, fill, h, select } from "./dom.js";
+import { printed } from "./kinds.js";
 import { cycles, wordOf, WORDS } from "./units.js";
 import { choose, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied } from "./vary.js";
 
@@ -33,7 +34,7 @@ function faulty(id, pointer, label, properties) {
 /** The fields of a number that varies: from, to, count and spacing. */
 export function drawRange(id, name, pointer, study, changed) {
   const range = study.ranges[pointer];
-  const inUnit = range.unit && ` in ${range.unit}`;
+  const inUnit = range.unit && ` in ${printed(range.unit)}`;
   const field = (member, label) => faulty(`${id}-${member}`, `/vary${pointer}/${member}`, `${name}: ${label}`, { value: range[member],
     class: member, oninput: (event) => {
       range[member] = event.target.value;
@@ -48,7 +49,7 @@ export function drawRange(id, name, pointer, study, changed) {
     changed();
   } });
   return h("div", { class: "range", role: "group", "aria-label": `Range of ${name}` },
-    h("div", {}, h("span", {}, "From"), from, h("span", {}, "to"), to, range.unit && h("span", {}, range.unit)), fromFault, toFault,
+    h("div", {}, h("span", {}, "From"), from, h("span", {}, "to"), to, range.unit && h("span", {}, printed(range.unit))), fromFault, toFault,
     h("div", {}, isDrawn(study) ? h("span", {}, "Distribution:") : [count, h("span", {}, "values")], spacing), countFault);
 }
 

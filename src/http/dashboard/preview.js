@@ -2,11 +2,12 @@
 
 import { fill, h } from "./dom.js";
 import { Cursors, Figure } from "./figure.js";
-import { drawHeadline, isAtNumber } from "./headline.js";
+import { drawHeadline } from "./headline.js";
 import { playButton } from "./player.js";
 import { drawHistory, drawLoop, drawProfile, nearest } from "./result-figures.js";
 import { Section } from "./section.js";
 import { cycles } from "./units.js";
+import { isAtNumber } from "./warnings.js";
 
 /** Height of a figure in px: five of them stand above the fold. */
 const HEIGHT = 166;
@@ -39,8 +40,8 @@ export class Preview {
     this.#grid = h("div", { class: "figures", hidden: true }, card("profile", "Profiles", this.#figures.profile.element),
       card("section", "Section", this.#section.element), card("depth", "Depth", this.#figures.depth.element),
       card("volume", "Volume", this.#figures.volume.element), card("loop", "Fretting loop", this.#figures.loop.element, this.#texts.ratios));
-    this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#headline.first, this.#stepRow, this.#state, this.#progress, this.#grid,
-      this.#headline.notes, this.#texts.difference, this.#texts.missing,
+    this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#headline.first, this.#headline.notes, this.#stepRow, this.#state, this.#progress, this.#grid,
+      this.#texts.difference, this.#texts.missing,
       h("details", { class: "card" }, h("summary", {}, "More numbers"), this.#headline.others));
     document.addEventListener("units", () => this.#result && this.#draw(), { signal });
   }
@@ -52,7 +53,7 @@ export class Preview {
 
   /** Says that the figures do not belong to the form: why, or null if they do. A job that is computed has a progress. */
   mark(text, progress = null) {
-    this.#state.textContent = text ?? "";
+    fill(this.#state, text ?? "");
     this.#progress.hidden = progress === null;
     this.#progress.value = progress ?? 0;
     this.element.classList.toggle("outdated", text !== null);

@@ -2,7 +2,7 @@
 
 import { get, jobAddress, post } from "./api.js";
 import { capital, dateTime, h, notify, select } from "./dom.js";
-import { knownName, loadNames } from "./summary.js";
+import { isDraft, knownName, loadNames } from "./summary.js";
 import { quantity } from "./units.js";
 
 const REFRESH_MS = 2000;
@@ -35,7 +35,8 @@ export async function showQueue(main, { query, signal }) {
     const page = await get(`/v1/jobs?${words}`, { signal });
     if (older.length === 0) next = page.next;
     const shown = new Set(page.jobs.map((job) => job.id));
-    const jobs = [...page.jobs, ...older.filter((job) => !shown.has(job.id))];
+    // A draft that was canceled, because its form changed, is of no use.
+    const jobs = [...page.jobs, ...older.filter((job) => !shown.has(job.id))].filter((job) => !isDraft(job) || job.state !== "canceled");
     // A refresh must not take the focus from a button.
     const focused = document.activeElement?.dataset.job;
     list.replaceChildren(...jobs.map(drawRow));
@@ -52,7 +53,8 @@ export async function showQueue(main, { query, signal }) {
     const name = knownName(job) ?? "…";
     const done = job.state === "succeeded";
     return h("tr", {},
-      h("th", { scope: "row" }, h("a", { href: done ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`, "data-name": job.id }, name)),
+      h("th", { scope: "row" }, h("a", { href: done ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`, "data-name": job.id }, name),
+        isDraft(job) && h("span", { class: "state", title: "The form computed this by itself. It was not kept." }, "draft")),
       h("td", {}, h("span", { class: `state ${job.state}` }, job.state),
         OPEN.includes(job.state) && h("progress", { max: 1, value: job.progress, "aria-label": "Progress" })),
       h("td", {}, dateTime(job.times.created)),

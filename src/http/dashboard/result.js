@@ -5,13 +5,14 @@ import { get, jobAddress, Problem, resultAddress } from "./api.js";
 import { drawDetails } from "./details.js";
 import { fill, h, notify, select } from "./dom.js";
 import { Cursors, Figure } from "./figure.js";
-import { drawHeadline, isAtNumber } from "./headline.js";
+import { drawHeadline } from "./headline.js";
 import { playButton } from "./player.js";
 import { drawHistory, drawLoop, drawProfile, HISTORIES, historyTitle, nearest, PROFILES } from "./result-figures.js";
 import { Section } from "./section.js";
 import { showStudy } from "./study.js";
 import { entryOf, jobsOf, kindOf, labelOf, subtitle, title } from "./summary.js";
 import { cycles, WORDS } from "./units.js";
+import { isAtNumber } from "./warnings.js";
 
 /** Loads the part of a result at `path`. `link` is the token of a shared link. */
 async function load(key, link, signal, path, words = {}) {

@@ -1,7 +1,7 @@
 // An editor of rows: blocks, reversals and tables. It takes rows from the clipboard and from files.
 
 import { fill, h } from "./dom.js";
-import { fieldText, kindAt } from "./kinds.js";
+import { fieldText, kindAt, printed } from "./kinds.js";
 import { readFile } from "./measured.js";
 import { understand } from "./typed.js";
 import { idOf } from "./inputs.js";
@@ -29,7 +29,7 @@ export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited,
     const pointer = columns[column].pointer(row);
     const id = idOf(pointer);
     const input = h("input", { id, "data-pointer": `/scenario${pointer}`, "aria-label": `${columns[column].name}, row ${row + 1}`,
-      "aria-describedby": `${id}-fault`, value: fieldText(value, pointer, scenario), autocomplete: "off", spellcheck: false,
+      "aria-describedby": `${id}-fault`, value: printed(fieldText(value, pointer, scenario)), autocomplete: "off", spellcheck: false,
       oninput: () => {
         const all = rows();
         all[row][column] = understand(input.value, kindAt(pointer, scenario)).value;

@@ -26,7 +26,7 @@ class RemainingTime {
   }
 }
 
-export async function showRun(main, { id, signal }) {
+export async function showRun(main, { id, query, signal }) {
   const address = jobAddress(id);
   let job = await get(`${address}?include=submitted,scenario`, { signal });
   const { scenario } = job;
@@ -83,7 +83,7 @@ export async function showRun(main, { id, signal }) {
       started && [finished ? "Duration" : "Running for", duration(elapsed)],
       job.state === "running" && ["Time left (estimate)", left === null ? "Not available yet" : duration(left), "left"],
       job.attempt > 1 && ["Attempt", `${job.attempt}. The server stopped during an earlier attempt.`, "attempt"],
-      job.origin === "coalesced" && ["Shared run", "Another job already computes this scenario."],
+      job.origin === "coalesced" && !query.has("draft") && ["Shared run", "Another job already computes this scenario."],
     ]));
   }
 

@@ -16,14 +16,14 @@ const LADDERS = {
 const USUAL = { m: 1, "m^3": 1, Pa: 2, J: 2, N: 1, "N/m": 2, "N per m": 1 };
 const PRINTED = { "1": "", "m^3": "m³", "N per m": "N/m" };
 
-let isSi = localStorage.getItem("fretwork-units") === "si";
+let isSi = globalThis.localStorage?.getItem("fretwork-units") === "si";
 
 /** Whether the dashboard shows SI units. */
 export const si = () => isSi;
 
 export function useSi(yes) {
   isSi = yes;
-  localStorage.setItem("fretwork-units", yes ? "si" : "engineering");
+  globalThis.localStorage?.setItem("fretwork-units", yes ? "si" : "engineering");
 }
 
 /** Name and factor of the unit that is shown for values of an SI unit. `size` is the largest of them, in SI units. */

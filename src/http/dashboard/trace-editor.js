@@ -3,7 +3,8 @@
 import { fill, h, select } from "./dom.js";
 import { LENGTHS } from "./kinds.js";
 import { readFile } from "./measured.js";
-import { profileOf } from "./trace.js";
+import { profileOf, radiusOf } from "./trace.js";
+import { quantity } from "./units.js";
 
 const AXES = { lowest: "Lowest point", middle: "Middle of the trace", zero: "Where x is 0" };
 const SIDES = { both: "Mean of left and right", left: "Left", right: "Right" };
@@ -45,7 +46,9 @@ export class TraceEditor {
       this.#drawOptions();
       this.#apply(notes.filter((note) => /^Commas|separated/.test(note)));
     } catch (problem) {
-      this.#says.textContent = problem.errors?.[0]?.detail ?? problem.detail ?? problem.message;
+      const detail = problem.errors?.[0]?.detail ?? problem.detail ?? problem.message;
+      this.#says.textContent = `This is no trace. ${/[.?!]$/.test(detail) ? detail : `${detail}.`} ${
+        this.#columns ? "The form still uses the trace that was read before." : "The form still uses the profile below."}`;
     }
   }
 
@@ -58,9 +61,16 @@ export class TraceEditor {
 
   #apply(notes = []) {
     const [x, z] = this.#columns.map(({ values, choice }) => values.map((value) => (value == null ? null : value * (choice ? LENGTHS[choice.value] : 1))));
-    const profile = profileOf(x, z, { level: this.#level.checked, axis: this.#axis.value, sides: this.#sides.value });
-    this.#says.textContent = profile ? `${x.length} points became ${profile.radius.length} radii. ${notes.join(" ")}`
-      : "The trace has no such side. Choose another axis or side.";
-    if (profile) this.use(profile);
+    const found = profileOf(x, z, { level: this.#level.checked, axis: this.#axis.value, sides: this.#sides.value });
+    if (!found) {
+      this.#says.textContent = "The trace has no such side. Choose another axis or side.";
+      return;
+    }
+    const { profile, slope } = found;
+    const extent = (all) => quantity(Math.max(...all.filter(Number.isFinite)) - Math.min(...all.filter(Number.isFinite)), "m", 3);
+    this.#says.textContent = [`${x.length} points became ${profile.radius.length} radii.`, `The trace is ${extent(x)} wide and ${extent(z)} high.`,
+      slope !== 0 && `Tilt of ${quantity(Math.atan(slope), "rad", 2)} removed.`, `The best ball has R = ${quantity(radiusOf(profile), "m", 3)}.`, ...notes]
+      .filter(Boolean).join(" ");
+    this.use(profile);
   }
 }

@@ -28,6 +28,9 @@ function lowest(points) {
   return c > 0 && vertex > points[0][0] && vertex < points.at(-1)[0] ? vertex : points[heights.indexOf(least)][0];
 }
 
+/** The radius of the ball through a profile: the least squares of z = r²/(2R). */
+export const radiusOf = ({ radius, height }) => radius.reduce((sum, r) => sum + r ** 4, 0) / (2 * radius.reduce((sum, r, i) => sum + r * r * height[i], 0));
+
 /** The height at a position, linear between the points. */
 function heightAt(points, x) {
   const after = points.findIndex(([own]) => own >= x);
@@ -38,7 +41,8 @@ function heightAt(points, x) {
 
 /**
  * The profile from the axis outwards, in the units of the trace. `level` removes the tilt between both ends. `axis` is `lowest`,
- * `middle` or `zero`, and `sides` is `both`, `left` or `right`. Undefined if the trace has no such side.
+ * `middle` or `zero`, and `sides` is `both`, `left` or `right`. `slope` is the tilt that was removed. Undefined if the trace has no
+ * such side.
  */
 export function profileOf(xs, zs, { level, axis, sides }) {
   let points = xs.map((x, i) => [x, zs[i]]).filter(([x, z]) => x != null && z != null).sort((a, b) => a[0] - b[0]);
@@ -61,5 +65,5 @@ export function profileOf(xs, zs, { level, axis, sides }) {
   const radius = Array.from({ length: count }, (_, i) => (i * end) / (count - 1));
   const height = radius.map((r) => mean(wanted.map((side) => heightAt(points, centre + (side === "left" ? -r : r)))));
   const rounded = (values) => values.map((value) => Number(value.toPrecision(DIGITS)));
-  return { radius: rounded(radius), height: rounded(height.map((value) => value - height[0])) };
+  return { profile: { radius: rounded(radius), height: rounded(height.map((value) => value - height[0])) }, slope: level ? slope : 0 };
 }

@@ -1,6 +1,6 @@
 // Reads numbers as people type and paste them: 0,7 · 1 000 · 3.03×10⁻⁵ mm³/Nm. Says how it read what is ambiguous.
 
-import { factorIn, pretty } from "./kinds.js";
+import { factorIn, inUnitOf, pretty } from "./kinds.js";
 
 const SPACE = "[ '’\\u00a0\\u2007\\u2009\\u202f]";
 const SIGN = "[-+−–]";
@@ -59,18 +59,24 @@ export function understand(text, kind) {
   if (other) {
     return { value, note: `Read as ${shown}.`, instead: { question: `Or did you mean ${pretty(other)}?`, value: other } };
   }
-  const meant = suspect(read.number, unit, kind);
-  return { value, note: !read.rest && kind.unit ? `Read as ${shown}.` : "",
-    instead: meant && { question: `${shown}. Did you mean ${pretty(meant)}?`, value: meant } };
+  const meant = suspect(read, unit, kind);
+  if (meant) return { value, note: "", instead: { question: `${shown}. Did you mean ${pretty(meant.value)}${meant.told}?`, value: meant.value } };
+  return { value, note: !read.rest && kind.unit ? `Read as ${shown}.` : "" };
 }
 
-/** The value that is probably meant instead of one that no contact has; undefined if there is none. */
-function suspect(number, unit, kind) {
+/**
+ * The value that is probably meant instead of one that no contact has, in the unit of the field or as typed; undefined if there is
+ * none. A number without a unit is doubted sooner.
+ */
+function suspect({ number, rest }, unit, kind) {
   const size = Math.abs(number) * (factorIn(kind, unit) ?? NaN);
-  const isUsual = (si) => si >= kind.usual[0] && si <= kind.usual[1];
+  const [least, most] = (!rest && kind.bare) || kind.usual || [];
+  const isUsual = (si) => si >= least && si <= most;
   if (!kind.usual || !(size > 0) || isUsual(size)) return undefined;
-  const meant = [kind.unit, ...Object.keys(kind.units)].find((name) => isUsual(Math.abs(number) * kind.units[name]));
-  return meant && valueOf(number, meant);
+  const meant = [kind.likely ?? kind.unit, ...Object.keys(kind.units)].find((name) => isUsual(Math.abs(number) * kind.units[name]));
+  if (!meant) return undefined;
+  const [value, inField] = [valueOf(number, meant), inUnitOf(kind, number * kind.units[meant])];
+  return meant === kind.unit || /e/.test(inField) ? { value, told: "" } : { value: inField, told: ` (${pretty(value)})` };
 }
 
 /** The numbers of a list: 1000, 2000 · 1 000; 2 000 · 0,5; 1,5 · 1000 2000. Texts that are no number stay as they are. */

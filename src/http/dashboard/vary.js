@@ -15,8 +15,8 @@ import { KINDS } from "./words.js";
 export const OFFERS = Object.fromEntries(Object.values(KINDS).flatMap((kind) =>
   kind.offers.map((offer) => [offer.id, { ...offer, kind, members: JSON.parse(offer.members) }])));
 
-/** Numbers that are settings of the computation, or decide which rows a result has. */
-const FIXED = /^\/(cycles|model\/points)/;
+/** Numbers that are settings of the computation, decide which rows a result has, or change warnings only. */
+const FIXED = /^\/(cycles|model\/points|bodies\/\d\/yield_strength)/;
 
 /** The range that the form suggests, as factors of a number. It is wide for a study with axes. */
 const NARROW = { factors: [0.8, 1.2], count: 9, spacing: "linear" };

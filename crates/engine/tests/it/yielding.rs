@@ -281,7 +281,7 @@ fn a_ball_has_a_warning_if_its_von_mises_stress_exceeds_the_yield_strength() {
         let told = yields(&request, 0.9999 * stress);
         let start = format!(
             "The largest von Mises stress of the unworn contact ({:.0} MPa) exceeds the yield \
-             strength of body 0",
+             strength of the first body",
             stress / 1e6
         );
         assert!(told.len() == 1 && told[0].starts_with(&start), "{told:?}");
