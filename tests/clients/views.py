@@ -61,11 +61,11 @@ def zoom(page, base, key):
 def saved(page, figure, kind):
     """The bytes of a saved figure. Its width is 85 mm."""
     menu = figure_of(page, figure).locator("details.save")
-    if menu.get_attribute("open") is None:
-        menu.locator("summary").click()
+    menu.locator("summary").click()
     menu.get_by_label("Width in mm").fill("85")
     with page.expect_download() as download:
         menu.get_by_role("button", name=f"as {kind}").click()
+    expect(menu).not_to_have_attribute("open", "")
     return pathlib.Path(download.value.path()).read_bytes()
 
 
@@ -82,11 +82,36 @@ def save(page, base, key):
     assert struct.unpack(">IIB", picture[41:50]) == (11811, 11811, 1), picture[:60]
     head, *rows = csv.reader(saved(page, "Profiles", "CSV").decode().splitlines())
     profiles = ask(base, f"/v1/results/{key}")["profiles"]
-    place = next(i for i, name in enumerate(head) if name.startswith("N = "))
+    assert len(head) == len(set(head)) > 5, head
+    place = head.index("N = 100\u202f000 (µm)")
     assert head[0] == "Radius (µm)" and head[place].endswith("(µm)"), head
     for row, radius, height in zip(rows, profiles["radius"], profiles["worn"][-1], strict=True):
         assert abs(float(row[0]) - 1e6 * radius) < 1e-6 and abs(float(row[place]) - 1e6 * height) < 1e-6, row
     assert b"Body 2" in saved(page, "Section", "SVG")
+    menu = figure_of(page, "History").locator("details.save")
+    for close in (lambda: page.keyboard.press("Escape"), lambda: page.locator("h1").click()):
+        menu.locator("summary").click()
+        expect(menu).to_have_attribute("open", "")
+        close()
+        expect(menu).not_to_have_attribute("open", "")
+
+
+def smooth(browser, base):
+    """A history of five outputs is drawn through more points of the same run. The outputs are marked, and the names stand in a saved figure."""
+    page = browser.page(base)
+    open_result(page, base, ask(base, "/v1/jobs", ask(base, "/v1/examples/steel-ball"))["key"])
+    history = figure_of(page, "History")
+    assert [path.count("L") > 30 for path in curves(page, "History")] == [True, True], curves(page, "History")
+    assert history.locator("circle").count() == 10
+    drawing = saved(page, "History", "SVG").decode()
+    assert "Exact method" in drawing and "Simplified rule" in drawing, drawing[:300]
+    # The value at the cursor stays where it is.
+    history.get_by_role("slider").press("Home")
+    history.get_by_role("slider").press("ArrowRight")
+    before = history.locator(".cursor").get_attribute("x1")
+    history.get_by_role("slider").press("+")
+    assert abs(float(before) - float(history.locator(".cursor").get_attribute("x1"))) < 1, before
+    page.context.close()
 
 
 def names(page, base, key):
@@ -193,6 +218,7 @@ def printed(browser, base, key):
     for name in ("Units", "Play", "Share link", "Reset"):
         assert not page.get_by_text(name, exact=False).first.is_visible(), name
     expect(page.locator("#headline")).to_be_visible()
+    expect(page.locator(".printed")).to_contain_text(re.compile(f"E₁\u00a0=\u00a0205 GPa; ν₁\u00a0=\u00a00.3; .*k_w.*Printed .* from {base}"))
     assert page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--card').trim()") == "#ffffff"
     page.context.close()
 
@@ -261,3 +287,4 @@ def views(browser, base):
     on_screen(browser, narrow)
     narrow.context.close()
     printed(browser, base, key)
+    smooth(browser, base)
