@@ -5,7 +5,9 @@ the curves of a run that is still computed.
 import csv
 import itertools
 import re
+import statistics
 import struct
+import subprocess
 
 from playwright.sync_api import expect
 
@@ -60,12 +62,13 @@ def zoom(page, base, key):
 def saved(page, figure, kind):
     """The bytes of a saved figure. Its width is 85 mm."""
     menu = figure_of(page, figure).locator("details.save")
-    if menu.get_attribute("open") is None:
-        menu.locator("summary").click()
+    menu.locator("summary").click()
     # The driver of Firefox adds to a number instead of filling it.
     menu.get_by_label("Width in mm").press("Control+a")
     page.keyboard.type("85")
-    return downloaded(page, menu.get_by_role("button", name=f"as {kind}").click)
+    content = downloaded(page, menu.get_by_role("button", name=f"as {kind}").click)
+    expect(menu).not_to_have_attribute("open", "")
+    return content
 
 
 def save(page, base, key):
@@ -81,11 +84,36 @@ def save(page, base, key):
     assert struct.unpack(">IIB", picture[41:50]) == (11811, 11811, 1), picture[:60]
     head, *rows = csv.reader(saved(page, "Profiles", "CSV").decode().splitlines())
     profiles = ask(base, f"/v1/results/{key}")["profiles"]
-    place = next(i for i, name in enumerate(head) if name.startswith("N = "))
+    assert len(head) == len(set(head)) > 5, head
+    place = head.index("N = 100\u202f000 (µm)")
     assert head[0] == "Radius (µm)" and head[place].endswith("(µm)"), head
     for row, radius, height in zip(rows, profiles["radius"], profiles["worn"][-1], strict=True):
         assert abs(float(row[0]) - 1e6 * radius) < 1e-6 and abs(float(row[place]) - 1e6 * height) < 1e-6, row
     assert b"Body 2" in saved(page, "Section", "SVG")
+    menu = figure_of(page, "History").locator("details.save")
+    for close in (lambda: page.keyboard.press("Escape"), lambda: page.locator("h1").click()):
+        menu.locator("summary").click()
+        expect(menu).to_have_attribute("open", "")
+        close()
+        expect(menu).not_to_have_attribute("open", "")
+
+
+def smooth(browser, base):
+    """A history of five outputs is drawn through more points of the same run. The outputs are marked, and the names stand in a saved figure."""
+    page = browser.page(base)
+    open_result(page, base, ask(base, "/v1/jobs", ask(base, "/v1/examples/steel-ball"))["key"])
+    history = figure_of(page, "History")
+    assert [path.count("L") > 30 for path in curves(page, "History")] == [True, True], curves(page, "History")
+    assert history.locator("circle").count() == 10
+    drawing = saved(page, "History", "SVG").decode()
+    assert "Exact method" in drawing and "Simplified rule" in drawing, drawing[:300]
+    # The value at the cursor stays where it is.
+    history.get_by_role("slider").press("Home")
+    history.get_by_role("slider").press("ArrowRight")
+    before = history.locator(".cursor").get_attribute("x1")
+    history.get_by_role("slider").press("+")
+    assert abs(float(before) - float(history.locator(".cursor").get_attribute("x1"))) < 1, before
+    page.context.close()
 
 
 def names(page, base, key):
@@ -183,16 +211,24 @@ def warnings(page, base):
     expect(page.locator("section.output #warning-wear_depth")).to_be_visible()
 
 
+def ghostscript(pdf, device):
+    """What a device of Ghostscript makes of a PDF."""
+    command = ["gs", "-q", f"-sDEVICE={device}", "-r10", "-o", "-", "-"]
+    return subprocess.run(command, input=pdf, capture_output=True, check=True).stdout
+
+
 def printed(browser, base, key):
-    """A result fits on one printed page, without buttons."""
+    """A result fits on one printed page, in light colours and without buttons."""
     page = browser.page(base, scheme="dark")
     open_result(page, base, key)
-    assert len(re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True))) == 1
-    page.emulate_media(media="print")
+    pdf = page.pdf(prefer_css_page_size=True)
+    pages = ghostscript(pdf, "pgmraw")
+    assert pages.count(b"P5\n") == 1 and statistics.median(pages[100:]) > 240, pages[:100]
+    words = " ".join(ghostscript(pdf, "txtwrite").decode().replace("\u00a0", " ").split())
     for name in ("Units", "Play", "Share link", "Reset"):
-        assert not page.get_by_text(name, exact=False).first.is_visible(), name
-    expect(page.locator("#headline")).to_be_visible()
-    assert page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--card').trim()") == "#ffffff"
+        assert name not in words, words
+    for part in ("Largest wear depth", "E₁ = 205 GPa; ν₁ = 0.3; ", "k_w", f"from {base}"):
+        assert part in words, (part, words)
     page.context.close()
 
 
@@ -260,3 +296,4 @@ def views(browser, base):
     on_screen(browser, narrow)
     narrow.context.close()
     printed(browser, base, key)
+    smooth(browser, base)

@@ -25,23 +25,43 @@ function titleOf({ title, symbol = "", unit }, room) {
   return [words, words && symbol && " ", ...symbol.split("$").map((piece, i) => (i % 2 ? svg("tspan", { "font-style": "italic" }, piece) : piece)), shown].filter(Boolean);
 }
 
-/** The plan of a figure of `width` and `height` px: its area and its axes. `held` are ends that the figure keeps. */
-export function planFigure(curves, axes, { width, height, zoom, held }) {
+/** Length of the sample of a curve in a legend, in px. */
+const SAMPLE = 24;
+
+/** The places of the names in a legend of `width` px: rows from left to right. */
+function planLegend(curves, width) {
+  let [x, y] = [GAP, 0.5 * LINE];
+  return curves.filter(({ name }) => name).map((curve) => {
+    const length = SAMPLE + 3 * GAP + widthOf(curve.name);
+    if (x > GAP && x + length > width) [x, y] = [GAP, y + LINE];
+    const place = { curve, x, y };
+    x += length;
+    return place;
+  });
+}
+
+/**
+ * The plan of a figure of `width` and `height` px: its area and its axes. `held` are ends that the figure keeps. A
+ * figure that stands alone has its legend inside.
+ */
+export function planFigure(curves, axes, { width, height, zoom, held, isAlone = false }) {
   const room = roomOf(curves, { width, height });
   const needsLegend = room === null || Boolean(axes.legend);
+  const legend = needsLegend && isAlone ? planLegend(curves, width) : [];
   const named = axes.marks?.some(({ name }) => name);
-  const [top, bottom] = [named ? LINE + GAP : 0.5 * LINE, height - 2 * LINE - GAP - 2];
+  const above = legend.length ? legend.at(-1).y + LINE : 0;
+  const [top, bottom] = [above + (named ? LINE + GAP : 0.5 * LINE), height - 2 * LINE - GAP - 2];
   const counts = { y: (bottom - top) / TICK_ROOM.y };
   // While the axes are held, they only grow.
   const grown = (ends, own) => (own && !zoom ? [Math.min(own[0], ends[0]), Math.max(own[1], ends[1])] : ends);
   const across = zoom ?? grown(endsOfX(curves, axes.x), held?.x);
-  const up = grown(endsOfY(curves, axes.y, across, Boolean(zoom), counts.y), held?.y);
+  const up = grown(endsOfY(curves.flatMap((curve) => (curve.smooth ? [curve, curve.smooth] : [curve])), axes.y, across, Boolean(zoom), counts.y), held?.y);
   const vertical = placeAxis(axes.y, up, [bottom, top], counts.y);
   const widest = Math.max(...vertical.ticks.map((tick) => (tick.text ? widthOf(tick.text) : 0)));
   const left = Math.ceil((widest + LINE + 2.5 * GAP) / 8) * 8;
   const right = width - Math.max(needsLegend ? 0 : room, 2 * GAP);
   const horizontal = placeAxis(axes.x, across, [left, right], (right - left) / TICK_ROOM.x);
-  return { area: { left, right, top, bottom }, horizontal, vertical, needsLegend, width, height };
+  return { area: { left, right, top, bottom }, horizontal, vertical, needsLegend, legend, width, height };
 }
 
 /** A number of px with one decimal. */
@@ -129,6 +149,11 @@ const drawLabels = (labels) => labels.flatMap(({ x, y, anchor, text: name, ink: 
   text(x, y + 4, anchor, name, { fill: ink(own), "font-weight": 600, stroke: "var(--card)", "stroke-width": 3.5, "stroke-linejoin": "round", "paint-order": "stroke" }),
 ].filter(Boolean));
 
+const dashOf = ({ dash }) => DASHES[dash] && { "stroke-dasharray": DASHES[dash] };
+
+const drawLegend = (legend) => legend.flatMap(({ curve, x, y }) => [
+  line(x, y, x + SAMPLE, y, { stroke: ink(curve.ink), "stroke-width": 2, ...dashOf(curve) }), text(x + SAMPLE + GAP, y + 4, "start", curve.name)]);
+
 /** Whether an axis shows a value: a logarithmic axis shows no zero. */
 const isOn = (value, { ends: [low, high] }) => value != null && value >= low && value <= high;
 
@@ -136,13 +161,13 @@ const isOn = (value, { ends: [low, high] }) => value != null && value >= low && 
 export function drawFigure(root, curves, axes, plan) {
   const { area, horizontal, vertical, width, height } = plan;
   const clip = `figure-area-${++figures}`;
-  const lines = curves.map((curve) => svg("path", { d: pathOf(curve, horizontal, vertical, area), class: "curve", fill: "none", stroke: ink(curve.ink),
+  const lines = curves.map((curve) => svg("path", { d: pathOf(curve.smooth ?? curve, horizontal, vertical, area), class: "curve", fill: "none", stroke: ink(curve.ink),
     "stroke-width": curve.line === false ? 0 : curve.faint ? 1.2 : 2, "stroke-linejoin": "round", "stroke-linecap": "round",
-    ...(DASHES[curve.dash] && { "stroke-dasharray": DASHES[curve.dash] }) }));
+    ...dashOf(curve) }));
   root.setAttribute("viewBox", `0 0 ${width} ${height}`);
   root.replaceChildren(
     svg("clipPath", { id: clip }, svg("rect", { x: area.left, y: area.top - 1.5, width: Math.max(0, area.right - area.left), height: area.bottom - area.top + 3 })),
-    ...drawAxes(plan), ...drawMarks(axes.marks ?? [], plan),
+    ...drawLegend(plan.legend), ...drawAxes(plan), ...drawMarks(axes.marks ?? [], plan),
     svg("g", { "clip-path": `url(#${clip})` },
       !isOn(axes.at, horizontal) ? null : line(horizontal.at(axes.at), area.top, horizontal.at(axes.at), area.bottom, { class: "at", stroke: "var(--accent)", "stroke-width": 2, opacity: 0.5 }),
       ...lines, ...curves.flatMap((curve) => arrowOf(curve, horizontal, vertical)),

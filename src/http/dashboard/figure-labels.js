@@ -120,8 +120,11 @@ export function placeLabels(curves, horizontal, vertical, area) {
   const middle = labelled(curves, "middle").map((curve) => {
     const x = (horizontal.at(Math.max(curve.x[0], horizontal.ends[0])) + horizontal.at(Math.min(curve.x.at(-1), horizontal.ends[1]))) / 2;
     const isRising = heightAt(curve, x + 1) < heightAt(curve, x - 1);
-    const isLeft = isRising !== Boolean(curve.below);
-    return { ...named(curve), x: x + (isLeft ? -GAP : GAP), y: clamp(heightAt(curve, x)) + (curve.below ? 0.9 : -0.9) * LINE, anchor: isLeft ? "end" : "start" };
+    const own = clamp(heightAt(curve, x));
+    // At the edge of the area, the name stands on the other side of the curve.
+    const isBelow = curve.below ? own + 1.5 * LINE < area.bottom : own - 1.5 * LINE < area.top;
+    const isLeft = isRising !== isBelow;
+    return { ...named(curve), x: x + (isLeft ? -GAP : GAP), y: own + (isBelow ? 0.9 : -0.9) * LINE, anchor: isLeft ? "end" : "start" };
   }).filter(({ y }) => Number.isFinite(y));
   const family = labelled(curves, "apart");
   const places = family.map((curve) => [curve, farthest(curve, family.filter((other) => other !== curve), area, { heightAt })]);

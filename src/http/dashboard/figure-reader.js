@@ -36,6 +36,10 @@ export class Reader {
     place.addEventListener("keydown", (event) => this.#step(event));
   }
 
+  get x() {
+    return this.#x;
+  }
+
   #follow(event) {
     const { plan } = this.#figure;
     if (!plan) return;

@@ -29,7 +29,7 @@ export function standalone(drawing, size, whole = size.map((length) => length * 
 /** The figure as an SVG document of a size in mm. */
 function figureText({ curves, axes, zoom, title }, size) {
   const drawing = svg("svg");
-  drawFigure(drawing, curves, axes, planFigure(curves, axes, { width: size[0] * PX, height: size[1] * PX, zoom }));
+  drawFigure(drawing, curves, axes, planFigure(curves, axes, { width: size[0] * PX, height: size[1] * PX, zoom, isAlone: true }));
   drawing.prepend(svg("title", {}, title), svg("desc", {}, axes.description ?? ""));
   return standalone(drawing, size);
 }
@@ -40,10 +40,10 @@ function tableText(figure) {
   const head = (axis, name) => `${name} (${axis.unit || "1"})`.replaceAll("\u00a0", " ");
   const columns = [];
   let last = null;
-  for (const { name, x, y } of curves) {
+  for (const { name, column = name, x, y } of curves) {
     const isSame = last?.length === x.length && last.every((value, i) => value === x[i]);
     if (!isSame) columns.push([head(horizontal, horizontal.title), x.map((value) => value * horizontal.factor)]);
-    columns.push([head(vertical, name || vertical.title), y.map((value) => (value == null || !Number.isFinite(value) ? "" : value * vertical.factor))]);
+    columns.push([head(vertical, column || vertical.title), y.map((value) => (value == null || !Number.isFinite(value) ? "" : value * vertical.factor))]);
     last = x;
   }
   const cell = (value) => (typeof value === "number" ? String(Number(value.toPrecision(12))) : `"${String(value).replaceAll('"', '""')}"`);
@@ -103,17 +103,19 @@ export function saving(name, drawn, table) {
   const act = async (make) => {
     try {
       await make();
+      menu.open = false;
     } catch (fault) {
       notify(fault.message);
     }
   };
   const button = (text, make) => h("button", { type: "button", onclick: () => act(make), "aria-label": `Save ${name()} as ${text}` }, text);
-  return h("details", { class: "menu save" }, h("summary", { "aria-label": `Save ${name()}` }, "Save"), h("div", { class: "sheet" },
+  const menu = h("details", { class: "menu save" }, h("summary", { "aria-label": `Save ${name()}` }, "Save"), h("div", { class: "sheet" },
     h("div", { class: "row" }, width, " × ", height, " mm, ", dpi, " dpi"),
     h("div", { class: "row" },
       button("SVG", async () => saveAs(`${name()}.svg`, await drawn(size()), "image/svg+xml")),
       button("PNG", async () => saveAs(`${name()}.png`, await pictureOf(await drawn(size()), size(), Math.min(Math.max(Number(dpi.value) || 300, 36), 1200)))),
       table && button("CSV", () => saveAs(`${name()}.csv`, table(), "text/csv")))));
+  return menu;
 }
 
 /** The menu that saves a figure with curves. */

@@ -60,9 +60,13 @@ export class Zoom {
     if (range[1] - range[0] > SMALLEST * (horizontal.log ? range[0] : high - low)) this.#apply(range);
   }
 
-  /** Multiplies the visible length by a factor around the middle. */
+  /** Multiplies the visible length by a factor. The value at the cursor stays where it is; without one, the middle does. */
   #scale(factor) {
-    if (this.#figure.plan) this.#show(0.5 - factor / 2, 0.5 + factor / 2);
+    const { plan, at } = this.#figure;
+    if (!plan) return;
+    const { left, right } = plan.area;
+    const fixed = at === null ? 0.5 : (plan.horizontal.at(at) - left) / (right - left);
+    this.#show(fixed * (1 - factor), fixed + (1 - fixed) * factor);
   }
 
   /** Moves the visible part by a share of its length, at most to the end of the axis. */

@@ -26,10 +26,10 @@ export class Cursors {
 
 /**
  * One curve, in SI units. `x` ascends; null in `y` is a gap. `ink` is the number of a colour in style.css. `points`
- * marks the computed points, and without a `line` the curve has only them. `label` is the place of the name. `direction`
- * draws an arrow.
+ * marks the computed points, and without a `line` the curve has only them. `smooth` has more points for the line. `label` is
+ * the place of the name, and `column` the name in a table. `direction` draws an arrow.
  * @typedef {{name: string, x: number[], y: (number|null)[], ink: number, dash?: "dashed"|"dotted", points?: boolean, line?: boolean,
- *   label?: "end"|"start"|"apart"|"middle"|"none", below?: boolean, direction?: 1|-1, faint?: boolean}} Curve
+ *   smooth?: {x: number[], y: (number|null)[]}, column?: string, label?: "end"|"start"|"apart"|"middle"|"none", below?: boolean, direction?: 1|-1, faint?: boolean}} Curve
  * @typedef {{title: string, symbol?: string, unit: string, log?: boolean, range?: number[], top?: number}} Axis
  */
 export class Figure {
@@ -71,6 +71,11 @@ export class Figure {
 
   get plan() {
     return this.#plan;
+  }
+
+  /** The x of the cursor, in SI units; null without one. */
+  get at() {
+    return this.#reader.x;
   }
 
   /** The quantity of the x axis. */

@@ -21,7 +21,7 @@ function endsOf(cycles) {
 }
 
 /** The cycles of the figures: evenly spread on a logarithmic axis. They end where the output cycles end. */
-function spread([first, last]) {
+export function spread([first, last]) {
   const from = Math.max(Math.min(first, last / RANGE), Math.min(1, last / 2));
   const all = Array.from({ length: CYCLES }, (_, i) => from * (last / from) ** (i / (CYCLES - 1)));
   return [...new Set([...all.slice(0, -1).map((value) => (value >= 100 ? Math.round(value) : Number(value.toPrecision(3)))), last])];

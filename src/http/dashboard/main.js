@@ -87,6 +87,16 @@ addEventListener("hashchange", ({ newURL }) => {
   main.focus({ preventScroll: true });
   scrollTo(0, 0);
 });
+/** Closes the open menus that do not contain a place. */
+function closeMenus(place) {
+  for (const menu of document.querySelectorAll("details.menu[open]")) if (!menu.contains(place)) menu.open = false;
+}
+addEventListener("pointerdown", ({ target }) => closeMenus(target));
+addEventListener("keydown", ({ key: pressed }) => {
+  if (pressed !== "Escape") return;
+  document.activeElement.closest("details.menu[open]")?.querySelector("summary").focus();
+  closeMenus(null);
+});
 document.querySelector(".skip").addEventListener("click", (event) => {
   event.preventDefault();
   main.focus();

@@ -25,7 +25,7 @@ const DASHES = [undefined, undefined, "dashed"];
 /** Numbers of a loop. */
 const RATIOS = ["energy_ratio", "slip_ratio", "free_ratio", "actuator_energy_ratio", "actuator_slip_ratio"];
 /** A history with fewer output cycles has marked points. */
-const MARKED = 60;
+export const MARKED = 60;
 
 export const historyTitle = (name, { scenario }) => (name === "radii" && isLine(scenario.profile) ? "Half-widths" : HISTORIES[name][0]);
 
@@ -61,7 +61,7 @@ function profileCurves({ profiles }, name, row, label) {
   const { radius: x, initial, limiting, cycles: outputs, [name]: rows } = profiles;
   const isWorn = name === "worn";
   const others = spread(outputs.map((_, i) => i).filter((i) => i !== row && outputs[i] > 0), MAX_OTHERS);
-  const curves = others.map((i) => ({ name: "", x, y: rows[i], ink: 6, faint: true }));
+  const curves = others.map((i) => ({ name: "", column: `N = ${cycles(outputs[i])}`, x, y: rows[i], ink: 6, faint: true }));
   if (outputs[row] > 0) curves.push({ name: "Unworn", x, y: isWorn ? initial : rows[0], ink: 4, dash: "dashed", label: "apart" });
   curves.push({ name: outputs[row] > 0 ? label : "Unworn", x, y: rows[row], ink: 1, label: "apart" });
   if (limiting && (isWorn || name === "wear")) {
@@ -119,7 +119,8 @@ export function drawHistory(figure, missing, result, other, { history, log, at }
   const { units, scenario } = result;
   const points = result.history.cycles.length < MARKED;
   const isJumping = (name) => Boolean(scenario.motion.blocks) && JUMPING.has(name);
-  const curve = (from, name, more) => ({ x: from.cycles, y: from[name], points: points || isJumping(name), line: !isJumping(name), ...more });
+  const curve = ({ smooth, ...from }, name, more) => ({ x: from.cycles, y: from[name], points: points || isJumping(name), line: !isJumping(name),
+    ...(smooth && !isJumping(name) && { smooth: { x: smooth.cycles, y: smooth[name] } }), ...more });
   // The title of the axis says what a single column is. Then a curve only needs the name of its run.
   const isSingle = columns.length === 1;
   const isAlone = isSingle && !result.comparison && !other;
@@ -143,7 +144,7 @@ export function drawHistory(figure, missing, result, other, { history, log, at }
 function loopCurves({ loops }, row, run, ink) {
   const all = branches(loops.displacement[row], loops.tangential_force[row]);
   const curves = all.slice(0, MAX_BRANCHES).map(({ x, y, direction }, i) => ({ x, y, ink, direction,
-    name: i > 1 ? "" : `${run}${direction > 0 ? "Loading" : "Unloading"}`, dash: direction > 0 ? undefined : "dashed",
+    name: i > 1 ? "" : `${run}${direction > 0 ? "Loading" : "Unloading"}`, column: `${run}${direction > 0 ? "Loading" : "Unloading"} ${i > 1 ? i + 1 : ""}`.trim(), dash: direction > 0 ? undefined : "dashed",
     label: run ? "none" : "middle", below: direction < 0 }));
   return { curves, truncated: all.length > MAX_BRANCHES ? ` (first ${MAX_BRANCHES} of ${all.length} branches)` : "" };
 }
@@ -161,10 +162,12 @@ export function drawLoop(figure, ratios, result, other, at) {
   fill(ratios, !isDrawn && [notDrawn(["Fretting loop"]), " "], known);
   const curves = [...own.curves, ...second];
   figure.element.hidden = !curves.length;
-  figure.title = `Fretting loop ${at > 0 ? `after ${cycles(at)} cycles` : "of the unworn contact"}${own.truncated}`;
+  // The slider above a small figure says the cycle.
+  const when = at > 0 ? `after ${cycles(at)} cycles` : "of the unworn contact";
+  figure.title = `Fretting loop${figure.height ? "" : ` ${when}`}${own.truncated}`;
   const all = [result, other].filter((run) => run?.loops?.cycles.length).map((run) => run.loops);
   figure.show(curves, {
     x: { title: WORDS.displacement, symbol: symbolOf("displacement"), unit: units.displacement, range: extent(all.flatMap(({ displacement }) => displacement)) },
     y: { title: "Tangential force", symbol: symbolOf("tangential_force"), unit: "N", range: extent(all.flatMap(({ tangential_force: force }) => force)) },
-    legend: Boolean(other), description: `Tangential force over displacement ${at > 0 ? `after ${cycles(at)} cycles` : "of the unworn contact"}` });
+    legend: Boolean(other), description: `Tangential force over displacement ${when}` });
 }

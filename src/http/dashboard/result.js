@@ -7,8 +7,10 @@ import { fill, h, notify, select } from "./dom.js";
 import { Cursors, Figure } from "./figure.js";
 import { drawHeadline } from "./headline.js";
 import { playButton } from "./player.js";
+import { printedFacts } from "./printed.js";
 import { drawHistory, drawLoop, drawProfile, HISTORIES, historyTitle, nearest, PROFILES } from "./result-figures.js";
 import { Section } from "./section.js";
+import { smooth } from "./smooth.js";
 import { showStudy } from "./study.js";
 import { entryOf, jobsOf, kindOf, labelOf, subtitle, title } from "./summary.js";
 import { cycles, WORDS } from "./units.js";
@@ -56,6 +58,8 @@ export async function showResult(main, { id: key, query, signal }) {
     notify("Run B cannot be shown. It is a study, and this result is a run.");
     return null;
   }) : null;
+  // A shared link may not compute.
+  if (!link) await smooth([result, other], signal);
   const outputs = result.profiles?.cycles ?? result.history.cycles;
   const state = {
     plot: PROFILES.includes(query.get("plot")) ? query.get("plot") : "worn",
@@ -130,7 +134,8 @@ export async function showResult(main, { id: key, query, signal }) {
     h("div", { class: "head" }, h("div", {},
       h("h1", {}, other && h("span", { class: "key" }, "Run A: "), heading),
       job.label && h("p", { id: "result-label" }, job.label),
-      h("p", { class: "muted" }, `${subtitle(entryOf(result))} · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…")),
+      h("p", { class: "muted" }, `${subtitle(entryOf(result))} · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…"),
+      printedFacts(result, job.submitted, signal)),
     drawActions(result, { job, link, remember, signal })),
     other && h("p", {}, h("span", { class: "key other" }, "Run B: "), `${title(entryOf(other))} · ${subtitle(entryOf(other))} `,
       h("a", { href: `#/result/${key}` }, "Close comparison")),

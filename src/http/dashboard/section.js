@@ -14,10 +14,10 @@ function roundLength(longest) {
   return ROUND.find((nice) => nice * decade <= longest * (1 + 1e-9)) * decade;
 }
 
-/** The share of the wear that the body with the profile has at a row; null if the scenario does not say it. */
-function shareOf({ bodies, history }, row) {
+/** The share of the wear that the body with the profile has at a row; null if it is unknown. */
+function shareOf({ bodies, history, scenario: { wear } }, row) {
   const own = bodies?.[0].wear_depth?.[row];
-  if (own == null) return null;
+  if (own == null) return wear.share ?? null;
   return history.wear_depth[row] > 0 ? Math.min(1, own / history.wear_depth[row]) : 0;
 }
 
@@ -76,8 +76,9 @@ export class Section {
       text(WIDTH / 2, 18, "Body 1, with the profile", "middle"), text(WIDTH - MARGIN - 6, surface + 17, "Body 2", "end"));
     const factor = up / across;
     const scale = factor > 1.01 ? `Heights are exaggerated ${Math.round(factor)}×.` : "True to scale.";
-    const split = known === null ? "The scenario does not say how the bodies share the wear: half of it is drawn on each." : "";
-    this.#words.textContent = `${scale} ${split} Dashed: unworn surfaces.`.replace("  ", " ");
+    const unknown = scenario.wear.bodies ? "The share of layers is in the kept result" : "Share of the wear not given";
+    const split = known === null ? ` ${unknown}: half is drawn on each body.` : "";
+    this.#words.textContent = `${scale} Dashed: unworn.${split}`;
     const depth = history.wear_depth[history.cycles.indexOf(profiles.cycles[row])];
     this.#drawing.setAttribute("aria-label", `Section of both bodies ${isLine(scenario.profile) ? "along the motion" : "through the middle"}: wear depth ${quantity(depth, units.wear_depth, 3)}. ${scale}`);
   }
