@@ -30,7 +30,7 @@ def zoom(page, base, key):
     profiles, reset = figure_of(page, "Profiles"), figure_of(page, "Profiles").get_by_role("button", name="Reset")
     whole = curves(page, "Profiles")
     expect(reset).to_be_disabled()
-    expect(profiles).to_contain_text("press + and −, to zoom")
+    expect(profiles).to_contain_text("press + − to zoom")
     profiles.get_by_role("slider").focus()
     for keys in ("+", "+", "Shift+ArrowLeft"):
         page.keyboard.press(keys)

@@ -7,6 +7,8 @@ import { axisUnit, powerOfTen, spaced } from "./scaling.js";
 const MIN_DECADES = 0.6;
 /** Decades whose ticks are written without a power of ten. */
 const [SMALLEST_PLAIN, LARGEST_PLAIN] = [-3, 4];
+/** An axis with this many labels has room for long numbers. */
+const ROOMY = 6;
 
 /** The step between ticks: 1, 2 or 5 times a power of ten, at most `count` times in `length`. */
 function stepOf(length, count) {
@@ -73,9 +75,10 @@ function evenTicks(low, high, count) {
 
 function decadeTicks(low, high, decades, count) {
   const [first, last] = [Math.floor(Math.log10(low) - 1e-9), Math.floor(Math.log10(high) + 1e-9)];
-  const isPlain = first >= SMALLEST_PLAIN && last <= LARGEST_PLAIN;
+  const isPlain = first >= SMALLEST_PLAIN && last <= LARGEST_PLAIN + (count >= ROOMY ? 1 : 0);
   const every = Math.max(1, Math.ceil(decades / count));
-  const named = decades < 1.2 && count >= 4 ? [1, 2, 3, 5, 7] : decades < 2.2 && count >= 4 ? [1, 2, 5] : [1];
+  const isRoomy = count >= (last < LARGEST_PLAIN ? 4 : ROOMY);
+  const named = decades < 1.2 && isRoomy ? [1, 2, 3, 5, 7] : decades < 2.2 && isRoomy ? [1, 2, 5] : [1];
   const text = (exponent, digit) => {
     if (isPlain) return spaced((digit * 10 ** exponent).toFixed(Math.max(0, -exponent)));
     return digit === 1 ? powerOfTen(exponent) : `${digit}×${powerOfTen(exponent)}`;

@@ -83,10 +83,10 @@ function pathOf({ x, y }, horizontal, vertical, { top, bottom }) {
   return path;
 }
 
-/** The marks of the computed points. */
+/** The marks of the computed points in the area. Those on its edge are whole. */
 const pointsOf = ({ x, y, ink: own }, horizontal, vertical) => x.flatMap((value, i) => {
+  if (!isOn(value, horizontal) || !isOn(y[i], vertical)) return [];
   const [left, top] = [horizontal.at(value), vertical.at(y[i])];
-  if (y[i] == null || !Number.isFinite(left) || !Number.isFinite(top)) return [];
   return [svg("circle", { cx: px(left), cy: px(top), r: 3, fill: ink(own), stroke: "var(--card)", "stroke-width": 1 })];
 });
 
@@ -106,13 +106,13 @@ function arrowOf({ x, y, direction, ink: own }, horizontal, vertical) {
   return [svg("path", { d: "M-5 -5L6 0L-5 5Z", fill: ink(own), transform: `translate(${px(left)} ${px(top)}) rotate(${px(angle)})` })];
 }
 
-function drawAxes({ area, horizontal, vertical }) {
+function drawAxes({ area, horizontal, vertical, width }) {
   const { left, right, top, bottom } = area;
   const grid = { stroke: "var(--grid)", "stroke-width": 1 }, rule = { stroke: "var(--edge)", "stroke-width": 1 };
   const parts = [];
   for (const tick of horizontal.ticks) {
     const x = horizontal.at(tick.value);
-    if (tick.text) parts.push(line(x, top, x, bottom, grid), text(x, bottom + LINE + 2, "middle", tick.text));
+    if (tick.text) parts.push(line(x, top, x, bottom, grid), text(Math.min(x, width - widthOf(tick.text) / 2), bottom + LINE + 2, "middle", tick.text));
     parts.push(line(x, bottom, x, bottom + (tick.text ? 4 : 2), rule));
   }
   for (const tick of vertical.ticks) {
@@ -170,7 +170,7 @@ export function drawFigure(root, curves, axes, plan) {
     ...drawLegend(plan.legend), ...drawAxes(plan), ...drawMarks(axes.marks ?? [], plan),
     svg("g", { "clip-path": `url(#${clip})` },
       !isOn(axes.at, horizontal) ? null : line(horizontal.at(axes.at), area.top, horizontal.at(axes.at), area.bottom, { class: "at", stroke: "var(--accent)", "stroke-width": 2, opacity: 0.5 }),
-      ...lines, ...curves.flatMap((curve) => arrowOf(curve, horizontal, vertical)),
-      ...curves.flatMap((curve) => (curve.points ? pointsOf(curve, horizontal, vertical) : []))),
+      ...lines, ...curves.flatMap((curve) => arrowOf(curve, horizontal, vertical))),
+    ...curves.flatMap((curve) => (curve.points ? pointsOf(curve, horizontal, vertical) : [])),
     ...(plan.needsLegend ? [] : drawLabels(placeLabels(curves, horizontal, vertical, area))));
 }

@@ -4,7 +4,8 @@ import { interpolate } from "./curves.js";
 import { fill, h, svg } from "./dom.js";
 import { quantity } from "./scaling.js";
 
-const HINT = "Point at the figure or press ← → to read values. Drag, or press + and −, to zoom.";
+// A line ends between the sentences only: small figures show the first.
+const HINT = ["Point or press ← → to read values.", "Drag or press + − to zoom."].map((text) => text.replaceAll(" ", "\u00a0")).join(" ");
 
 /** The index of the value nearest to `x` in ascending values. */
 function nearest(values, x) {

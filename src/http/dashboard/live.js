@@ -4,8 +4,8 @@ import { Problem, post } from "./api.js";
 
 /** The history has this many cycles, spread evenly on a logarithmic axis over at most this range. */
 const [CYCLES, RANGE] = [60, 1000];
-/** What an evaluation computes while a value changes. */
-const [PROFILES, RADII] = [8, 64];
+/** What an evaluation computes while a value changes: with the unworn profile, 8 profiles. */
+const [PROFILES, RADII] = [7, 64];
 /** An evaluation that takes longer gives way to a newer value. */
 const STALE_MS = 120;
 const PARTS = ["history", "profiles", "loops", "events", "accuracy", "check"];

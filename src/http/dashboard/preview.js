@@ -33,7 +33,7 @@ export class Preview {
     this.#signal = signal;
     const group = new Cursors();
     this.#figures = Object.fromEntries(FIGURES.map((name) => [name, new Figure({ name, group, signal, height: HEIGHT })]));
-    this.#section = new Section(signal);
+    this.#section = new Section(signal, [272, 146]);
     this.#section.element.classList.add("small");
     this.#stepRow = h("div", { class: "row steps", hidden: true }, this.#player, this.#steps, this.#position);
     const card = (name, label, ...more) => h("section", { class: `card ${name}`, "aria-label": label }, ...more);

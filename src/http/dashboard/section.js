@@ -4,7 +4,8 @@ import { h, select, svg } from "./dom.js";
 import { standalone, saving } from "./figure-save.js";
 import { isLine, quantity } from "./units.js";
 
-const [WIDTH, HEIGHT, MARGIN] = [480, 250, 14];
+/** Width and height in px, and the margin. */
+const [SIZE, MARGIN] = [[480, 250], 14];
 /** Lengths of scale bars, as multiples of powers of ten. */
 const ROUND = [5, 2, 1];
 
@@ -33,16 +34,19 @@ function surfaces({ profiles: { initial, wear, worn } }, row, share) {
 
 /** A figure of the section. `show(result, row)` draws it. */
 export class Section {
-  #drawing = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", class: "drawing", "font-family": "system-ui, sans-serif" });
+  #size;
+  #drawing = svg("svg", { role: "img", class: "drawing", "font-family": "system-ui, sans-serif" });
   #words = h("p", { class: "muted", id: "section-words" });
   #last = null;
   #scale;
 
-  constructor(signal) {
+  constructor(signal, size = SIZE) {
+    this.#size = size;
+    this.#drawing.setAttribute("viewBox", `0 0 ${size.join(" ")}`);
     this.#scale = select({ exaggerated: "Exaggerated", true: "True to scale" }, "exaggerated",
       { id: "choose-section", onchange: () => this.show(...this.#last) });
     this.choice = h("span", { class: "choice" }, h("label", { for: "choose-section" }, "Heights"), this.#scale);
-    const drawn = (size) => standalone(this.#drawing.cloneNode(true), size, [WIDTH, HEIGHT]);
+    const drawn = (own) => standalone(this.#drawing.cloneNode(true), own, size);
     this.element = h("figure", { class: "plot" }, h("figcaption", {}, h("span", { class: "caption" }, "Section of the scar"),
       h("span", { class: "tools" }, saving(() => "section", drawn))), this.#drawing, this.#words);
     document.addEventListener("units", () => this.#last && this.show(...this.#last), { signal });
@@ -50,30 +54,31 @@ export class Section {
 
   show(result, row) {
     this.#last = [result, row];
+    const [wide, tall] = this.#size;
     const { profiles, history, units, scenario } = result;
     const known = shareOf(result, history.cycles.indexOf(profiles.cycles[row]));
     const { upper, lower, unworn } = surfaces(result, row, known ?? 0.5);
     const { radius } = profiles;
-    const across = (WIDTH / 2 - MARGIN) / radius.at(-1);
+    const across = (wide / 2 - MARGIN) / radius.at(-1);
     // The heights that are drawn at the last output cycle fit in at all of them, so that the scale stays.
     const deepest = Math.max(...profiles.worn.at(-1).map((height) => height ?? 0), ...profiles.initial);
-    const up = this.#scale.value === "true" ? across : Math.max(across, (0.55 * HEIGHT) / (deepest || 1));
-    const surface = 0.68 * HEIGHT;
-    const x = (r) => (WIDTH / 2 + r * across).toFixed(1);
-    const y = (height) => Math.min(Math.max(surface - height * up, -HEIGHT), 2 * HEIGHT).toFixed(1);
+    const up = this.#scale.value === "true" ? across : Math.max(across, (0.55 * tall) / (deepest || 1));
+    const surface = 0.68 * tall;
+    const x = (r) => (wide / 2 + r * across).toFixed(1);
+    const y = (height) => Math.min(Math.max(surface - height * up, -tall), 2 * tall).toFixed(1);
     const outline = (heights) => [...heights.map((height, i) => `${x(-radius[i])} ${y(height)}`).reverse(), ...heights.map((height, i) => `${x(radius[i])} ${y(height)}`)].join("L");
     const left = x(-radius.at(-1)), right = x(radius.at(-1));
-    const bar = roundLength((0.3 * WIDTH) / across), high = roundLength((0.22 * HEIGHT) / up);
+    const bar = roundLength((0.3 * wide) / across), high = roundLength((0.22 * tall) / up);
     const text = (left, top, content, anchor = "start") => svg("text", { x: left, y: top, "text-anchor": anchor, fill: "var(--ink)", "font-size": 12 }, content);
     const line = (x1, y1, x2, y2) => svg("line", { x1, y1, x2, y2, stroke: "var(--ink)", "stroke-width": 1.5 });
     const body = (heights, end, fill) => svg("path", { d: `M${outline(heights)}L${right} ${end}L${left} ${end}Z`, fill: `var(${fill})`, stroke: "var(--ink)", "stroke-width": 1.2 });
     const trace = (heights) => svg("path", { d: `M${outline(heights)}`, fill: "none", stroke: "var(--ink-4)", "stroke-width": 1.3, "stroke-dasharray": "5 4" });
-    const foot = HEIGHT - MARGIN;
-    this.#drawing.replaceChildren(body(upper, 0, "--metal"), body(lower, HEIGHT, "--body"),
+    const foot = tall - MARGIN;
+    this.#drawing.replaceChildren(body(upper, 0, "--metal"), body(lower, tall, "--body"),
       trace(unworn), trace(lower.map(() => 0)),
       line(MARGIN, foot, MARGIN + bar * across, foot), text(MARGIN + bar * across + 6, foot + 4, quantity(bar, "m")),
-      line(WIDTH - 90, foot, WIDTH - 90, foot - high * up), text(WIDTH - 82, foot + 4, quantity(high, "m")),
-      text(WIDTH / 2, 18, "Body 1, with the profile", "middle"), text(WIDTH - MARGIN - 6, surface + 17, "Body 2", "end"));
+      line(wide - 90, foot, wide - 90, foot - high * up), text(wide - 82, foot + 4, quantity(high, "m")),
+      text(wide / 2, 18, "Body 1, with the profile", "middle"), text(wide - MARGIN - 6, surface + 17, "Body 2", "end"));
     const factor = up / across;
     const scale = factor > 1.01 ? `Heights are exaggerated ${Math.round(factor)}×.` : "True to scale.";
     const unknown = scenario.wear.bodies ? "The share of layers is in the kept result" : "Share of the wear not given";

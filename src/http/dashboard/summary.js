@@ -4,7 +4,7 @@ import { get, jobAddress } from "./api.js";
 import { digits, quantity, WORDS } from "./units.js";
 import { KINDS } from "./words.js";
 
-const MOTIONS = { amplitude: "constant amplitude", tangential_force: "constant tangential force", rig: "compliant rig",
+const MOTIONS = { amplitude: "constant amplitude", sliding: "constant sliding amplitude", tangential_force: "constant tangential force", rig: "compliant rig",
   blocks: "amplitude blocks", reversals: "displacement record" };
 
 /** The kind of motion, in the words of `GET /v1/results`. */
