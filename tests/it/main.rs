@@ -36,6 +36,7 @@ mod damage;
 mod database;
 mod derivatives;
 mod documents;
+mod encryption;
 mod evaluate;
 mod faults;
 mod figures;
