@@ -18,7 +18,7 @@ pub use data::Data;
 pub use files::{Backup, Export, Import, Restore};
 pub use fit::Fit;
 pub use keys::{AddKey, Keys};
-pub use run::Run;
+pub use run::{Part, Run};
 pub use server::{Serve, described};
 pub use values::resolve;
 pub use worker::Worker;

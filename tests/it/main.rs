@@ -53,6 +53,7 @@ mod metrics;
 mod moving;
 mod nodes;
 mod openapi;
+mod parts;
 mod plots;
 mod program;
 mod reference;
