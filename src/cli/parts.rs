@@ -26,6 +26,9 @@ use fretwork_study::{Rows, Study};
 /// The version of the form of these files.
 const FORM: u32 = 1;
 
+/// Computed chunks by their numbers.
+type Chunks = BTreeMap<usize, Rows>;
+
 /// The first line of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Head {
@@ -51,7 +54,7 @@ struct Chunk {
 #[derive(Debug, Default)]
 struct Content {
     head: Option<Head>,
-    rows: BTreeMap<usize, Rows>,
+    rows: Chunks,
     /// The length of all complete lines, in bytes.
     length: usize,
 }
@@ -128,7 +131,7 @@ pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Resul
 
 /// Opens the file of a part, and reads its chunks. Creates the file if it is missing. The inner error says why the file
 /// is refused.
-fn open(store: &Path, head: &Head) -> io::Result<Result<(File, BTreeMap<usize, Rows>), String>> {
+fn open(store: &Path, head: &Head) -> io::Result<Result<(File, Chunks), String>> {
     let mut file = OpenOptions::new().create(true).read(true).append(true).open(store)?;
     // Some file systems of clusters have no locks.
     if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
@@ -161,7 +164,7 @@ pub struct Joined {
     key: String,
     /// The number of all chunks.
     count: usize,
-    chunks: BTreeMap<usize, Rows>,
+    chunks: Chunks,
 }
 
 /// Reads the files of all parts of a study.

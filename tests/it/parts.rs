@@ -63,8 +63,7 @@ fn kill(study: &Divided, number: usize) {
     let mut command = fretwork(&words.each_ref().map(String::as_str));
     let mut child = command.stdin(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
     child.stdin.take().unwrap().write_all(study.body.as_bytes()).unwrap();
-    let lines =
-        |file: &Path| fs::read(file).map_or(0, |it| it.iter().filter(|it| **it == b'\n').count());
+    let lines = |file: &Path| fs::read_to_string(file).map_or(0, |text| text.lines().count());
     while lines(&study.file(number)) < 3 {
         assert!(child.try_wait().unwrap().is_none(), "the part was computed before the kill");
     }
