@@ -35,6 +35,8 @@ LABEL org.opencontainers.image.title="fretwork" \
 RUN groupadd --gid 10001 fretwork \
     && useradd --uid 10001 --gid 10001 --no-create-home --home-dir /data --shell /usr/sbin/nologin fretwork \
     && install --directory --owner 10001 --group 10001 --mode 700 /data
+# The authorities whose certificates prove who a PostgreSQL of a provider is.
+COPY --from=build /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/
 COPY --from=build /src/target/release/fretwork /usr/local/bin/fretwork
 COPY --from=build /src/LICENSE-MIT /src/LICENSE-APACHE /src/docs/third-party-licenses.md /usr/local/share/doc/fretwork/
 USER 10001:10001

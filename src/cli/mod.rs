@@ -5,6 +5,7 @@ mod fit;
 mod health;
 mod listening;
 mod moving;
+mod parts;
 mod printing;
 mod run;
 mod runtime;

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::parts;
 use super::printing::{Error, print, print_error};
 use super::study;
 use crate::config::Run;
@@ -22,7 +23,11 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Computes one job body. The exit code is 2 if the body is invalid.
 pub fn run(settings: &Run) -> Result<ExitCode, Error> {
-    let text = read(&settings.file)?;
+    let joined = settings.join.as_deref().map(parts::join).transpose()?;
+    let text = match (&joined, &settings.file) {
+        (Some(joined), _) => joined.body.clone(),
+        (None, file) => read(file.as_deref().unwrap_or(Path::new("-")))?,
+    };
     let job = match Submission::parse(&text) {
         Ok(job) => job,
         Err(BadBody::Faults(faults)) => return Ok(print_faults(&faults)),
@@ -31,7 +36,13 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
             return Ok(ExitCode::from(2));
         }
     };
-    let (answer, time) = compute(&job.prepared)?;
+    if let (Some(part), Some(store)) = (settings.part, &settings.store) {
+        return parts::compute(&job, &text, part, store);
+    }
+    let (answer, time) = match &joined {
+        Some(joined) => joined.answer(&job.prepared)?,
+        None => compute(&job.prepared)?,
+    };
     write_result(&answer, job.prepared.task.kind(), settings)?;
     if let Some(file) = &settings.plot {
         let mut figure = Vec::new();

@@ -9,6 +9,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread::{self, ScopedJoinHandle};
 use std::time::Duration;
 
+use parking_lot::Mutex;
+
 use super::printing::Error;
 use fretwork_study::{Points, Rows, Study};
 
@@ -22,7 +24,13 @@ pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
     while first < count {
         let is_same_stage = |number: &usize| study.earlier_chunks(*number, count) <= first;
         let end = (first..count).take_while(is_same_stage).last().map_or(count, |last| last + 1);
-        for rows in stage(study, first..end, &all)?.values() {
+        let stage = Mutex::new(BTreeMap::new());
+        let numbers: Vec<_> = (first..end).collect();
+        chunks(study, &numbers, &all, first..count, |number, rows| {
+            stage.lock().insert(number, rows);
+            Ok(())
+        })?;
+        for rows in stage.into_inner().values() {
             all.append(rows);
         }
         first = end;
@@ -30,44 +38,43 @@ pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
     Ok(all)
 }
 
-/// Computes the chunks of a stage on all cores.
-fn stage(
+/// Computes chunks on all cores, and hands each to `keep`. `earlier` has the rows of earlier stages. `span` is what the
+/// progress shows: the number of chunks that are done already, and of all.
+pub fn chunks(
     study: &Arc<Study>,
-    chunks: Range<usize>,
+    numbers: &[usize],
     earlier: &Rows,
-) -> Result<BTreeMap<usize, Rows>, Error> {
-    let count = study.chunks();
-    let (next, done) = (AtomicUsize::new(chunks.start), AtomicUsize::new(chunks.start));
+    span: Range<usize>,
+    keep: impl Fn(usize, Rows) -> io::Result<()> + Sync,
+) -> Result<(), Error> {
+    let next = AtomicUsize::new(0);
     let work = || {
-        let mut computed = Vec::new();
-        loop {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            if number >= chunks.end {
-                return computed;
-            }
-            let mut points = Points::chunk(Arc::clone(study), number, count, earlier.clone());
+        while let Some(number) = numbers.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let earlier = earlier.clone();
+            let mut points = Points::chunk(Arc::clone(study), *number, study.chunks(), earlier);
             let rows = iter::repeat_with(|| points.step()).find_map(|rows| rows);
-            computed.extend(rows.map(|rows| (number, rows)));
-            done.fetch_add(1, Ordering::Relaxed);
+            keep(*number, rows.unwrap_or_default())?;
         }
+        Ok(())
     };
     let cores = thread::available_parallelism().map_or(1, usize::from);
-    let computed = thread::scope(|scope| {
-        let workers: Vec<_> = (0..cores.min(chunks.len())).map(|_| scope.spawn(work)).collect();
+    let done = thread::scope(|scope| {
+        let workers: Vec<_> = (0..cores.min(numbers.len())).map(|_| scope.spawn(work)).collect();
         let is_terminal = io::stderr().is_terminal();
         while is_terminal && workers.iter().any(|worker| !worker.is_finished()) {
-            let share = done.load(Ordering::Relaxed) as f64 / count as f64;
+            let done = span.start + next.load(Ordering::Relaxed).min(numbers.len());
             // Progress is optional: an error here does not stop the study.
-            let _ = write!(io::stderr(), "\r{:4.0} %", share * 100.0);
+            let _ = write!(io::stderr(), "\r{:4.0} %", done as f64 / span.end as f64 * 100.0);
             thread::sleep(PROGRESS_INTERVAL);
         }
         if is_terminal {
             let _ = write!(io::stderr(), "\r      \r");
         }
-        let computed = workers.into_iter().map(ScopedJoinHandle::join);
-        computed.collect::<Result<Vec<_>, _>>()
+        let done = workers.into_iter().map(ScopedJoinHandle::join);
+        done.collect::<Result<Vec<io::Result<()>>, _>>()
     });
-    let computed =
-        computed.map_err(|_| "a thread of the computation failed; this is a defect of fretwork")?;
-    Ok(computed.into_iter().flatten().collect())
+    let done =
+        done.map_err(|_| "a thread of the computation failed; this is a defect of fretwork")?;
+    let kept: io::Result<()> = done.into_iter().collect();
+    kept.map_err(|error| format!("cannot write a chunk of the study: {error}").into())
 }

@@ -5,6 +5,7 @@ use std::future;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::thread;
+use std::time::Duration;
 
 use super::listening::{greeting, listen};
 use super::printing::Error;
@@ -60,8 +61,11 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
         }
     };
     let work = async {
-        signals.next().await;
-        tracing::info!("draining; a second signal stops at once");
+        tokio::select! {
+            () = signals.next() => tracing::info!("draining; a second signal stops at once"),
+            () = passed(settings.until) => tracing::info!("draining after the time of --until"),
+            () = workers.idle_for(settings.idle_exit) => tracing::info!("nothing to compute"),
+        }
         service.drain();
         let drain = async {
             workers.drain(settings.drain_seconds).await;
@@ -79,6 +83,14 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
         () = monitoring => {}
     }
     Ok(())
+}
+
+/// Waits for this time, or forever.
+async fn passed(time: Option<Duration>) {
+    match time {
+        Some(time) => tokio::time::sleep(time).await,
+        None => future::pending().await,
+    }
 }
 
 /// Prints the address at which a worker answers monitors.

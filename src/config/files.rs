@@ -29,7 +29,7 @@ pub struct Export {
 /// The settings of `import`.
 #[derive(Debug, Args)]
 pub struct Import {
-    /// The file that `export` wrote.
+    /// The file that `export` wrote, or the JSON of one result that `run` wrote.
     pub file: PathBuf,
     /// Longest processor time to compute one result again. Of a study that takes longer, as many random rows are
     /// computed again as this time allows. A run that takes longer is stored unverified. 0 verifies nothing.

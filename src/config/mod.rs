@@ -18,7 +18,7 @@ pub use data::Data;
 pub use files::{Backup, Export, Import, Restore};
 pub use fit::Fit;
 pub use keys::{AddKey, Keys};
-pub use run::Run;
+pub use run::{Part, Run};
 pub use server::{Serve, described};
 pub use values::resolve;
 pub use worker::Worker;
@@ -88,7 +88,7 @@ pub enum Command {
     /// GET /v1/results), or those with the given keys.
     #[command(after_help = examples!("export"))]
     Export(Export),
-    /// Import the results of an exported file.
+    /// Import the results of an exported file, or the JSON of one result.
     ///
     /// The server may run meanwhile, and serves the imported results at once. The command computes every result again, on all
     /// cores, and refuses what differs. Results of earlier versions of the engine, and runs that take longer than

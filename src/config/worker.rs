@@ -35,6 +35,13 @@ pub struct Worker {
     #[arg(long, env = "FRETWORK_RUN_LIMIT", default_value = "30min", value_name = "TIME",
         value_parser = duration)]
     pub run_limit: Duration,
+    /// End when there was nothing to compute for this time, such as 60s.
+    #[arg(long, env = "FRETWORK_IDLE_EXIT", value_name = "TIME", value_parser = duration)]
+    pub idle_exit: Option<Duration>,
+    /// End this time after the start, such as 3h50m: each thread first finishes its run, or its chunk of a study, within
+    /// --drain-seconds.
+    #[arg(long, env = "FRETWORK_UNTIL", value_name = "TIME", value_parser = duration)]
+    pub until: Option<Duration>,
     #[command(flatten)]
     pub logging: Logging,
 }

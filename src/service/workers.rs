@@ -6,6 +6,7 @@
 mod compute;
 
 use std::any::Any;
+use std::future;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -55,6 +56,8 @@ pub struct Workers {
     threads: Vec<JoinHandle<()>>,
     /// Carries no messages. It is closed when the last thread has ended.
     alive: mpsc::Receiver<()>,
+    /// How many threads have a run.
+    busy: watch::Receiver<usize>,
 }
 
 impl Workers {
@@ -72,6 +75,7 @@ impl Workers {
     ) -> io::Result<Self> {
         let (order, orders) = watch::channel(WorkerOrder::Work);
         let (living, alive) = mpsc::channel(1);
+        let (busy, busy_threads) = watch::channel(0);
         let (studies, assembling) = (Arc::default(), Arc::default());
         let start = |number| {
             let mut worker = Worker {
@@ -82,12 +86,26 @@ impl Workers {
                 runtime: Handle::current(),
                 studies: Arc::clone(&studies),
                 assembling: Arc::clone(&assembling),
+                busy: busy.clone(),
                 _living: living.clone(),
             };
             thread::Builder::new().name(format!("worker-{number}")).spawn(move || worker.run())
         };
         let threads = (0..count).map(start).collect::<io::Result<_>>()?;
-        Ok(Self { order, threads, alive })
+        Ok(Self { order, threads, alive, busy: busy_threads })
+    }
+
+    /// Waits until no thread has had a run for this time; without a time, forever.
+    pub async fn idle_for(&self, time: Option<Duration>) {
+        let Some(time) = time else { return future::pending().await };
+        let mut busy = self.busy.clone();
+        loop {
+            // An error means that the threads have ended.
+            let _ = busy.wait_for(|count| *count == 0).await;
+            if tokio::time::timeout(time, busy.changed()).await.is_err() {
+                return;
+            }
+        }
     }
 
     /// Claims no more runs, and waits up to `grace` for the current ones. Then releases them to the queue, and
@@ -128,6 +146,7 @@ struct Worker {
     studies: Arc<Studies>,
     /// Held while a result is made from chunks, because a large one takes much memory.
     assembling: Arc<Mutex<()>>,
+    busy: watch::Sender<usize>,
     _living: mpsc::Sender<()>,
 }
 
@@ -152,6 +171,7 @@ impl Worker {
     fn run(&mut self) {
         let runtime = self.runtime.clone();
         while let Some(claimed) = runtime.block_on(self.claim()) {
+            self.busy.send_modify(|count| *count += 1);
             let mut next = Some(claimed);
             while let Some(claimed) = next {
                 let _span = span(&claimed).entered();
@@ -163,6 +183,7 @@ impl Worker {
                     });
                 next = runtime.block_on(self.settle_and_claim(&claimed, &outcome));
             }
+            self.busy.send_modify(|count| *count -= 1);
         }
     }
 

@@ -492,6 +492,28 @@ async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_worker_ends_by_itself_when_its_time_is_over_and_when_nothing_is_left_to_compute() {
+    let (cluster, dir) = (Cluster::start(&[]), TempDir::new().unwrap());
+    let front = front(&cluster, &dir);
+    let ids = submit_all(&front, vec![long_sweep(100_000)]).await;
+    let work = |option: &str, time: &str| {
+        let mut command = node(fretwork(&["worker", "--workers", "1", option, time]), &cluster);
+        assert!(command.env("FRETWORK_LOG", "off").status().unwrap().success());
+    };
+    work("--until", "1s");
+    let job = front.get(&format!("/v1/jobs/{}", ids[0].1)).await.json();
+    let progress = job["progress"].as_f64().unwrap();
+    assert!(0.0 < progress && progress < 1.0, "{job}");
+    let mut db = PgConnection::connect(cluster.address()).await.unwrap();
+    let begun =
+        "SELECT (SELECT count(*) FROM lease) + (SELECT count(*) FROM chunk WHERE attempt > 1)";
+    let begun: i64 = sqlx::query_scalar(begun).fetch_one(&mut db).await.unwrap();
+    assert_eq!(begun, 0, "chunks that the worker has begun and not finished");
+    work("--idle-exit", "1s");
+    equal_undisturbed_results(results(&front, ids).await).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_restart_of_the_database_loses_nothing_that_was_acknowledged() {
     let mut cluster = Cluster::start(&["--durable"]);
     let dir = TempDir::new().unwrap();

@@ -115,8 +115,8 @@ pub enum Error {
     /// Another process locked the database for longer than the timeout.
     #[error("the database is busy: another process has locked it; try again")]
     Busy(#[source] Arc<sqlx::Error>),
-    /// The database server cannot be reached, or it shuts down.
-    #[error("the database server cannot be reached")]
+    /// The database server cannot be reached, shuts down, or does not prove who it is.
+    #[error("{}", unreachable(_0))]
     Unreachable(#[source] Arc<sqlx::Error>),
     /// The database server does not answer in time, or all connections to it are in use.
     #[error("the database server does not answer in time")]
@@ -159,6 +159,20 @@ fn advice(dir: &Path, error: &io::Error) -> String {
     let _ = (dir, error);
     String::new()
 }
+
+/// Says whether there is no connection, or one that was refused because it is not secure.
+fn unreachable(error: &sqlx::Error) -> &'static str {
+    match error {
+        sqlx::Error::Tls(_) => INSECURE,
+        // The library for TLS reports a refused certificate in this way.
+        sqlx::Error::Io(error) if error.kind() == io::ErrorKind::InvalidData => INSECURE,
+        _ => "the database server cannot be reached",
+    }
+}
+
+/// The message for a server without encryption, or with a certificate that is not accepted.
+const INSECURE: &str = "the connection to the database server is refused, because it is not secure; `sslmode` and \
+    `sslrootcert` in the address of the database say what is required";
 
 impl From<sqlx::Error> for Error {
     fn from(error: sqlx::Error) -> Self {

@@ -1,12 +1,14 @@
 //! Where a database is.
 
-use std::fmt;
+use std::borrow::Cow;
+use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
+use std::{env, fmt, fs};
 
 use sqlx::ConnectOptions as _;
-use sqlx::postgres::PgConnectOptions;
+use sqlx::postgres::{PgConnectOptions, PgSslMode};
 
 /// Where a database is.
 #[derive(Debug, Clone)]
@@ -46,16 +48,63 @@ pub struct DatabaseUrl(Box<PgConnectOptions>);
 const OPTIONS: &str = "host, hostaddr, port, dbname, user, password, application_name, options, sslmode, \
     ssl-mode, sslrootcert, ssl-root-cert, ssl-ca, sslcert, ssl-cert, sslkey, ssl-key, statement-cache-capacity";
 
+/// The names of the option that names the file of a certificate authority.
+const ROOT: [&str; 3] = ["sslrootcert", "ssl-root-cert", "ssl-ca"];
+
+/// The options of an address and their values.
+fn given(url: &str) -> impl Iterator<Item = (Cow<'_, str>, Cow<'_, str>)> {
+    let query = url.split_once('?').map_or("", |(_, query)| query);
+    let query = query.split_once('#').map_or(query, |(query, _)| query);
+    form_urlencoded::parse(query.as_bytes())
+}
+
 /// The position of the first unknown option in an address, from 1.
 fn unknown_option(url: &str) -> Option<usize> {
-    let (_, query) = url.split_once('?')?;
-    let query = query.split_once('#').map_or(query, |(query, _)| query);
     let is_known = |name: &str| {
         OPTIONS.split(", ").any(|known| known == name)
             || name.starts_with("options[") && name.ends_with(']')
     };
-    let mut names = form_urlencoded::parse(query.as_bytes()).map(|(name, _)| name);
-    names.position(|name| !is_known(&name)).map(|place| place + 1)
+    given(url).position(|(name, _)| !is_known(&name)).map(|place| place + 1)
+}
+
+/// Whether nobody on a network can read or change what a connection carries.
+fn is_local(options: &PgConnectOptions) -> bool {
+    let host = options.get_host().trim_matches(['[', ']']);
+    let is_loopback = host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback());
+    options.get_socket().is_some() || host.starts_with('/') || host == "localhost" || is_loopback
+}
+
+/// Decides how connections are encrypted. The error says why a mode is refused.
+fn encrypted(options: PgConnectOptions, url: &str) -> Result<PgConnectOptions, String> {
+    let root = given(url).filter(|(name, _)| ROOT.contains(&&**name)).last();
+    if let Some((_, file)) = &root {
+        let unread =
+            |error| format!("the file of its option `sslrootcert` cannot be read: {error}");
+        fs::read(&**file).map_err(unread)?;
+    }
+    let is_set = given(url).any(|(name, _)| ["sslmode", "ssl-mode"].contains(&&*name));
+    if !is_set && env::var_os("PGSSLMODE").is_none() {
+        let is_open = is_local(&options) && root.is_none();
+        let mode = if is_open { PgSslMode::Disable } else { PgSslMode::VerifyFull };
+        return Ok(options.ssl_mode(mode));
+    }
+    let why = match options.get_ssl_mode() {
+        PgSslMode::Disable | PgSslMode::VerifyFull => return Ok(options),
+        PgSslMode::Require if root.is_none() => return Ok(options),
+        PgSslMode::Require => {
+            "`sslmode=require` does not verify the server, so `sslrootcert` has no effect"
+        }
+        // sqlx trusts the authorities of the system besides that of `sslrootcert`.
+        PgSslMode::VerifyCa => {
+            "with `sslmode=verify-ca`, anybody who has a certificate can pose as the server"
+        }
+        PgSslMode::Prefer | PgSslMode::Allow => {
+            "with `sslmode=prefer` or `allow`, an attacker on the network can switch the encryption off"
+        }
+    };
+    Err(format!(
+        "{why}. Use `sslmode=verify-full`; in a private network, `sslmode=disable` encrypts nothing"
+    ))
 }
 
 impl FromStr for DatabaseUrl {
@@ -76,6 +125,7 @@ impl FromStr for DatabaseUrl {
              characters in it, such as @ as %40"
                 .to_owned()
         })?;
+        let options = encrypted(options, url)?;
         Ok(Self(Box::new(options.disable_statement_logging())))
     }
 }
@@ -167,5 +217,41 @@ mod tests {
         }
         let good = "?host=/run&options[search_path]=wear&statement-cache-capacity=0";
         assert!(format!("{base}{good}").parse::<DatabaseUrl>().is_ok());
+    }
+
+    /// How the connections to an address are encrypted, or why it is refused.
+    fn mode(address: &str) -> String {
+        match address.parse::<DatabaseUrl>() {
+            Ok(url) => format!("{:?}", url.0.get_ssl_mode()),
+            Err(why) => why,
+        }
+    }
+
+    #[test]
+    fn connections_to_other_machines_are_encrypted_and_verified_by_default() {
+        for local in ["localhost", "127.0.0.1", "[::1]", "%2Frun", "db.example/wear?host=/run"] {
+            assert_eq!(mode(&format!("postgres://ada@{local}")), "Disable", "{local}");
+        }
+        for other in ["db.example", "10.0.0.1", "localhost.example", "postgres"] {
+            assert_eq!(mode(&format!("postgres://ada@{other}/wear")), "VerifyFull", "{other}");
+        }
+        let root = tempfile::NamedTempFile::new().unwrap();
+        let root = format!("sslrootcert={}", root.path().display());
+        assert_eq!(mode(&format!("postgres://ada@localhost/wear?{root}")), "VerifyFull");
+        for (set, expected) in
+            [("disable", "Disable"), ("verify-full", "VerifyFull"), ("require", "Require")]
+        {
+            assert_eq!(mode(&format!("postgres://ada@db.example/wear?sslmode={set}")), expected);
+        }
+        for weak in ["prefer", "allow", "verify-ca", &format!("require&{root}")] {
+            let why = mode(&format!("postgres://ada@localhost/wear?sslmode={weak}"));
+            assert!(why.ends_with("Use `sslmode=verify-full`; in a private network, `sslmode=disable` encrypts nothing"), "{why}");
+        }
+        let missing = mode("postgres://ada:secret@db.example/wear?sslrootcert=/missing");
+        assert!(
+            missing
+                .starts_with("the file of its option `sslrootcert` cannot be read: No such file"),
+            "{missing}"
+        );
     }
 }

@@ -1,8 +1,10 @@
-//! Imports the results of an export into a database.
+//! Imports the results of an export, or the JSON of one result, into a database.
 //!
 //! This module reads and stores the results. The caller verifies each result before it is stored, by computing it
 //! again.
 
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use std::vec;
@@ -49,31 +51,63 @@ pub struct Imported {
 /// An import in progress. It skips results that the database already has, so an interrupted import can be repeated.
 #[derive(Debug)]
 pub struct Importer {
-    from: ExportFile,
+    from: Source,
     db: Administration,
     path: PathBuf,
-    /// The numbers and keys of the rows that are not read yet.
-    rows: vec::IntoIter<(i64, String)>,
     done: Imported,
 }
 
+/// The results of a file that are not read yet.
+#[derive(Debug)]
+enum Source {
+    /// An export, and the numbers and keys of its rows.
+    Export(ExportFile, vec::IntoIter<(i64, String)>),
+    /// The JSON of one result.
+    Json(Option<Bytes>),
+}
+
+impl Source {
+    async fn open(path: &Path) -> Result<Self, Moving> {
+        if let Some(json) = json_of(path) {
+            return Ok(Self::Json(Some(json)));
+        }
+        let mut file = ExportFile::open(path).await?;
+        let rows = file.rows().await?.into_iter();
+        Ok(Self::Export(file, rows))
+    }
+}
+
+/// The JSON of a result that `fretwork run` has written, or its first bytes if it is too large; `None` if the file is not
+/// JSON or cannot be read.
+fn json_of(path: &Path) -> Option<Bytes> {
+    let mut file = File::open(path).ok()?;
+    let mut json = vec![0];
+    file.read_exact(&mut json).ok().filter(|()| json == *b"{")?;
+    file.take(MAX_BODY + 1).read_to_end(&mut json).ok()?;
+    // The command ends the result with a line feed, which is not a part of the result.
+    json.pop_if(|last| *last == b'\n');
+    Some(json.into())
+}
+
 impl Importer {
-    /// Opens an export, and the database that receives its results.
+    /// Opens an export, or the JSON of one result, and the database that receives the results.
     ///
     /// # Errors
-    /// The file is not an export, or a database fails.
+    /// The file is neither, or a database fails.
     pub fn open(place: Place, file: &Path) -> Command<'_, Self, Moving> {
         Box::pin(async move {
-            let mut from = ExportFile::open(file).await?;
-            let rows = from.rows().await?.into_iter();
+            let from = Source::open(file).await?;
             let (db, path) = (Administration::open(place).await?, file.to_owned());
-            Ok(Self { from, db, path, rows, done: Imported::default() })
+            Ok(Self { from, db, path, done: Imported::default() })
         })
     }
 
     /// The number of rows that are not read yet.
     pub fn unread(&self) -> usize {
-        self.rows.len()
+        match &self.from {
+            Source::Export(_, rows) => rows.len(),
+            Source::Json(json) => usize::from(json.is_some()),
+        }
     }
 
     /// Reads the next row. Returns `None` if there is no row left, or if its result is already stored or is refused.
@@ -82,28 +116,35 @@ impl Importer {
     /// A database fails.
     pub fn next_entry(&mut self) -> Command<'_, Option<Entry>, Moving> {
         Box::pin(async move {
-            let Some((row, name)) = self.rows.next() else { return Ok(None) };
-            let read = self.read(row, &name).await?;
+            let (name, entry) = match &mut self.from {
+                Source::Export(file, rows) => {
+                    let Some((row, name)) = rows.next() else { return Ok(None) };
+                    let entry = match Entry::read(file, row, &name).await {
+                        Err(Error::Damaged(_)) => {
+                            Err("the file is damaged at this result; export it again".to_owned())
+                        }
+                        read => read.map_err(|error| unreadable(&self.path, error))?,
+                    };
+                    (if name.is_empty() { format!("row {row}") } else { name }, entry)
+                }
+                Source::Json(json) => {
+                    let Some(body) = json.take() else { return Ok(None) };
+                    ("in the file".to_owned(), Entry::of_json(body))
+                }
+            };
+            let read = self.unless_known(entry).await?;
             Ok(read.unwrap_or_else(|why| {
-                let name = if name.is_empty() { format!("row {row}") } else { name };
                 self.done.refused.push((name, why));
                 None
             }))
         })
     }
 
-    /// Reads a result; `None` if the database already has it. The inner error is the reason why the result is refused.
-    async fn read(
+    /// Returns `None` if the database already has the result. The inner error is the reason why the result is refused.
+    async fn unless_known(
         &mut self,
-        row: i64,
-        name: &str,
+        entry: Result<(Entry, [u8; 32]), String>,
     ) -> Result<Result<Option<Entry>, String>, Moving> {
-        let entry = match Entry::read(&mut self.from, row, name).await {
-            Err(Error::Damaged(_)) => {
-                Err("the file is damaged at this result; export it again".to_owned())
-            }
-            read => read.map_err(|error| unreadable(&self.path, error))?,
-        };
         let (entry, digest) = match entry {
             Ok(read) => read,
             Err(why) => return Ok(Err(why)),
@@ -168,7 +209,9 @@ impl Importer {
     /// A database fails.
     pub fn close(mut self) -> Command<'static, Imported, Moving> {
         Box::pin(async move {
-            self.from.close().await?;
+            if let Source::Export(file, _) = self.from {
+                file.close().await?;
+            }
             self.db.close().await?;
             self.done.refused.sort_unstable();
             self.done.other_notes.sort_unstable();
@@ -221,13 +264,29 @@ impl Entry {
         };
         Ok(match from.body(name, MAX_BODY).await? {
             Some(Found::Body(body)) => Self::check(key, &row, body.into()),
-            Some(Found::TooLarge) => {
-                Err(format!("the JSON of the result has more than {MAX_BODY} bytes"))
-            }
+            Some(Found::TooLarge) => Err(too_large()),
             None => {
                 Err("the file does not contain the JSON of the result; export it again".to_owned())
             }
         })
+    }
+
+    /// The result whose JSON is `body`, and its digest. Nothing is known of its computation.
+    fn of_json(body: Bytes) -> Result<(Self, [u8; 32]), String> {
+        #[derive(Deserialize)]
+        struct Named {
+            key: String,
+        }
+        if body.len() as u64 > MAX_BODY {
+            return Err(too_large());
+        }
+        let named: Option<Named> = serde_json::from_slice(&body).ok();
+        let key = named.and_then(|named| named.key.parse().ok()).ok_or(
+            "the JSON is not a result; name a file that `fretwork run` or `fretwork export` wrote",
+        )?;
+        let digest = Sha256::digest(&body).into();
+        let (cost, owner, computed, program, warnings, note) = (None, None, None, None, None, None);
+        Ok((Self { key, body, cost, owner, computed, program, warnings, note }, digest))
     }
 
     /// Checks a row, and that its SHA-256 is that of the body.
@@ -264,6 +323,10 @@ impl Entry {
         let task = document.asked.kind.stored(&document.asked.value);
         Accepted(Import { key, answer, task, owner, warnings, program, computed, note, verified })
     }
+}
+
+fn too_large() -> String {
+    format!("the JSON of the result has more than {MAX_BODY} bytes")
 }
 
 /// Reads a column; `None` if it is empty.
