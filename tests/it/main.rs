@@ -49,6 +49,7 @@ mod library;
 mod many;
 mod measurements;
 mod metrics;
+mod mistakes;
 mod moving;
 mod nodes;
 mod openapi;
