@@ -151,6 +151,7 @@ def check_part(key, part, query=""):
     frame = pandas.read_csv(io.StringIO(csv), comment="#")
     for name, column in expected.items():
         same(frame[headers[name]], column, ("csv", part, name))
+    assert frame.equals(pandas.read_csv(f"{BASE}{address}&format=csv&comments=none")), part
 
     arrow = body(f"{address}&format=arrow")
     found = pyarrow.ipc.open_file(arrow).read_all()

@@ -50,6 +50,7 @@ mod library;
 mod many;
 mod measurements;
 mod metrics;
+mod mistakes;
 mod moving;
 mod nodes;
 mod openapi;

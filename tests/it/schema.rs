@@ -3,7 +3,7 @@
 use fretwork_engine::request::changing::MAX_CHANGES;
 use fretwork_engine::request::fields::{
     BlockCycles, BlockForce, DissipatedEnergy, EnergyWear, Exponent, Force, Friction, Height,
-    Instant, LAST_CYCLE, Length, MAX_CYCLES, POINTS_RANGE, PoissonRatio, Position, Radius, Share,
+    Instant, LAST_CYCLE, Length, MAX_CYCLES, POINTS_RANGE, PoissonRatio, Position, Share,
     SlopeAngle, StickRatio, Stiffness, Stress, Stroke, Tolerance, Volume, WEAR_RANGE, Xi,
 };
 use fretwork_engine::request::held::{MAX_BLOCKS, MAX_REVERSALS};
@@ -24,7 +24,7 @@ fn the_schema_has_the_ranges_and_defaults_of_the_parser() {
     let number = |pointer: &str| at(pointer).as_f64().unwrap_or_else(|| panic!("{pointer}"));
     for (pointer, range) in [
         ("/$defs/Length/oneOf/0", Length::RANGE),
-        ("/$defs/Radius/oneOf/0", Radius::RANGE),
+        ("/$defs/Radius/oneOf/0", (0.0, Position::RANGE.1)),
         ("/$defs/Height/oneOf/0", Height::RANGE),
         ("/$defs/Force/oneOf/0", Force::RANGE),
         ("/$defs/Stress/oneOf/0", Stress::RANGE),

@@ -1,4 +1,4 @@
-//! Tables as CSV: comment lines about the result, a header row with units, one line per row.
+//! Tables as CSV: comment lines about the result (unless they are not wanted), a header row with units, one line per row.
 
 use std::io::Write;
 
@@ -10,10 +10,16 @@ use super::view::View;
 /// Writes a table as CSV. Infinite and undefined numbers are empty cells.
 pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> Result<()> {
     let Head { units, key, engine_text, .. } = head;
-    let (part, system) = (table.part.name(), if view.engineering { "engineering" } else { "SI" });
-    write!(out, "# fretwork {part}\n# key: {key}\n# engine: {engine_text}\n# units: {system}\n")?;
-    if let Some(digits) = view.digits {
-        writeln!(out, "# digits: {digits}")?;
+    if !view.without_comments {
+        let system = if view.engineering { "engineering" } else { "SI" };
+        let part = table.part.name();
+        writeln!(
+            out,
+            "# fretwork {part}\n# key: {key}\n# engine: {engine_text}\n# units: {system}"
+        )?;
+        if let Some(digits) = view.digits {
+            writeln!(out, "# digits: {digits}")?;
+        }
     }
     let names: Vec<_> = table.columns.iter().map(|(name, _)| units.header(name)).collect();
     writeln!(out, "{}", names.join(","))?;

@@ -159,6 +159,13 @@ mod tests {
     }
 
     #[test]
+    fn csv_without_comments_begins_with_the_header_row() {
+        let view = View { without_comments: true, digits: Some(3), ..View::default() };
+        let csv = made(Part::History, Format::Csv, &view);
+        assert_eq!(csv, "cycles,wear_volume[m^3]\n0.0,0.0\n1000.0,1.23e-13\n");
+    }
+
+    #[test]
     fn profiles_have_one_row_per_output_cycle_and_radius() {
         let expected = [
             "cycles,radius[m],initial,limiting,worn[m],pressure[Pa]",

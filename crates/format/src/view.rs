@@ -25,6 +25,8 @@ pub struct View {
     pub points: Option<usize>,
     /// Studies: maximum number of rows of each table. The first rows are selected.
     pub rows: Option<usize>,
+    /// CSV only: leaves out the comment lines before the header row.
+    pub without_comments: bool,
     /// Figures only: the quantity and the axes.
     pub figure: FigureOptions,
 }

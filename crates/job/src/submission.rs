@@ -65,7 +65,12 @@ fn take_asked(body: &mut Value) -> Result<(TaskKind, Value), Faults> {
     let mut found =
         TaskKind::all().filter_map(|kind| Some((kind, members.shift_remove(kind.member())?)));
     let Some(asked) = found.next() else {
-        let detail = format!("is missing. Enter what the job computes: `{}`", names());
+        let detail = if members.contains_key("profile") {
+            "is missing, because the body is the scenario itself. Enter it as {\"scenario\": {…}}"
+                .to_owned()
+        } else {
+            format!("is missing. Enter what the job computes: `{}`", names())
+        };
         return Err(Faults::one("/scenario", detail));
     };
     match found.next() {

@@ -144,13 +144,36 @@ pub fn read_body<T>(
     if text.iter().all(u8::is_ascii_whitespace) {
         return Err(BadBody::Empty);
     }
-    let (body, mut faults) = parse(text).map_err(BadBody::Json)?;
+    let (body, mut faults) = parse(text).map_err(|error| BadBody::Json(explained(text, error)))?;
     match read(body) {
         Ok(read) if faults.is_empty() => return Ok(read),
         Ok(_) => {}
         Err(more) => faults.extend(more.0),
     }
     Err(BadBody::Faults(faults))
+}
+
+/// Adds to an error what to write instead of a number that is not JSON.
+fn explained(text: &[u8], error: serde_json::Error) -> serde_json::Error {
+    let line = text.split(|byte| *byte == b'\n').nth(error.line().saturating_sub(1));
+    let line = line.unwrap_or_default();
+    let (before, after) = line.split_at(error.column().saturating_sub(1).min(line.len()));
+    let digit = |byte: Option<&u8>| byte.is_some_and(u8::is_ascii_digit);
+    let mut earlier = before.iter().rev().skip_while(|byte| b", ".contains(byte));
+    let start = before.iter().rposition(|byte| !byte.is_ascii_alphabetic()).map_or(0, |at| at + 1);
+    let word = line[start..].iter().take_while(|byte| byte.is_ascii_alphabetic());
+    let word: Vec<u8> = word.take(9).map(u8::to_ascii_lowercase).collect();
+    let advice = match &word[..] {
+        b"nan" | b"inf" | b"infinity" => {
+            "NaN and Infinity are not JSON: enter a number, or leave the member out"
+        }
+        _ if digit(after.first()) && digit(earlier.next()) => {
+            "enter a number with a decimal point and without spaces, such as 0.7 or 10000"
+        }
+        _ => return error,
+    };
+    // The parser recognises a place at the end of a text, and writes it there again.
+    Error::custom(format!("{advice} at line {} column {}", error.line(), error.column()))
 }
 
 /// The name of a member as a part of a JSON pointer (RFC 6901).

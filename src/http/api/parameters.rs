@@ -6,8 +6,8 @@ use utoipa::openapi::path::{Parameter, ParameterBuilder, ParameterIn};
 use utoipa::openapi::schema::{ObjectBuilder, Type};
 
 use crate::http::wire::schemas::{
-    ChosenInstants, JobState, KeyText, Layout, Order, PlotInstants, PlotKind, PlotQuantity,
-    Spacing, TableFormat, UnitSystem,
+    ChosenInstants, Comments, JobState, KeyText, Layout, Order, PlotInstants, PlotKind,
+    PlotQuantity, Spacing, TableFormat, UnitSystem,
 };
 use fretwork_job::{SCALARS, WORDS};
 
@@ -42,6 +42,8 @@ parameters! {
         format: TableFormat,
         /// JSON only: one array per column (`columns`, the default), or a list of rows in the member `records`.
         layout: Layout,
+        /// CSV only: `none` leaves out the comment lines, so that spreadsheets and pandas read the answer without options.
+        comments: Comments,
     }
     /// The parameter of each operation that answers a table with rows at output cycles.
     #[into_params(parameter_in = Query)]

@@ -69,6 +69,7 @@ fn view(query: &mut Query, part: Part) -> View {
     if part != Part::Whole {
         let names = |text: String| text.split(',').map(|name| name.trim().to_owned()).collect();
         view.fields = query.text("fields").map(names);
+        view.without_comments = either(query, "comments", ["all", "none"]) == Some(true);
     }
     if matches!(part, Part::Whole | Part::Table) {
         view.rows = integer(query, "rows", 0..=MAX_ROWS);
@@ -152,6 +153,9 @@ async fn answer(
             "layout",
             "applies only to JSON. Remove it: the other formats have one layout",
         );
+    }
+    if view.without_comments && format.is_some_and(|format| format != Format::Csv) {
+        query.complain("comments", "applies only to CSV. Add format=csv, or remove it");
     }
     query.finish()?;
     let format = format.ok_or_else(|| not_acceptable(key, part))?;
@@ -420,9 +424,10 @@ mod tests {
     }
 
     fn any_query() -> impl Strategy<Value = String> {
-        const NAMES: [&str; 18] = [
-            "layout", "digits", "units", "cycles", "fields", "points", "format", "quantity", "x",
-            "y", "width", "height", "kind", "output", "over", "by", "rows", "other",
+        const NAMES: [&str; 19] = [
+            "comments", "layout", "digits", "units", "cycles", "fields", "points", "format",
+            "quantity", "x", "y", "width", "height", "kind", "output", "over", "by", "rows",
+            "other",
         ];
         const WORDS: [&str; 16] = [
             "records",

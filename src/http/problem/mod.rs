@@ -47,6 +47,14 @@ impl Complaint {
     }
 }
 
+impl Complaint {
+    /// The place and the fault.
+    fn in_words(&self) -> String {
+        let place = self.pointer.as_deref().or(self.parameter.as_deref()).unwrap_or_default();
+        format!("{place} {}.", self.detail.trim_end_matches('.')).trim_start().to_owned()
+    }
+}
+
 impl From<Fault> for Complaint {
     fn from(fault: Fault) -> Self {
         Self { pointer: Some(fault.pointer), parameter: None, detail: fault.detail }
@@ -83,7 +91,7 @@ pub struct ProblemDocument<'a> {
     #[schema(example = 422, minimum = 400, maximum = 599)]
     status: u16,
     /// What is wrong with this request, and what to change.
-    #[schema(example = "The body has 1 fault, see `errors`.")]
+    #[schema(example = "The body has a fault: /scenario/friction must be greater than 0, not -1.")]
     detail: &'a str,
     /// The request id, as in the `x-request-id` header and in the log of the server.
     #[schema(example = "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
@@ -128,8 +136,13 @@ impl Problem {
     }
 
     fn complaints(kind: &'static Kind, part: &str, errors: Vec<Complaint>) -> Self {
-        let plural = if errors.len() == 1 { "fault" } else { "faults" };
-        let detail = format!("The {part} has {} {plural}, see `errors`.", errors.len());
+        let first = errors.first().map_or_else(String::new, Complaint::in_words);
+        let detail = match errors.len() {
+            0 | 1 => format!("The {part} has a fault: {first}"),
+            count => {
+                format!("The {part} has {count} faults, which `errors` lists. The first: {first}")
+            }
+        };
         Self { errors, ..Self::new(kind, detail) }
     }
 
@@ -181,11 +194,9 @@ impl Problem {
     /// The type of the problem, and its detail with all faults as one text, for UM-Bridge.
     pub fn in_words(&self) -> (&'static str, String) {
         let Self { kind, detail, errors, .. } = self;
-        let place = |error: &Complaint| error.pointer.clone().or(error.parameter.clone());
-        let faults = errors
-            .iter()
-            .map(|error| format!(" {} {}.", place(error).unwrap_or_default(), error.detail));
-        (kind.slug, iter::once(detail.clone()).chain(faults).collect())
+        // The detail contains the first fault.
+        let others = errors.iter().skip(1).map(|error| format!(" {}", error.in_words()));
+        (kind.slug, iter::once(detail.clone()).chain(others).collect())
     }
 
     /// Adds the canonical scenario or study of an evicted result.

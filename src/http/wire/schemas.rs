@@ -111,6 +111,8 @@ documented! {
     WholeLayout words(["columns"]);
     /// The layouts of a table in JSON.
     Layout words(["columns", "records"]);
+    /// The comment lines of a CSV.
+    Comments words(["all", "none"]);
     /// The units of an answer.
     UnitSystem words(["si", "engineering"]);
     /// A binary file.

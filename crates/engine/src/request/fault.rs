@@ -176,15 +176,33 @@ fn kind_name(kind: ValueKind) -> &'static str {
     }
 }
 
+/// What users call members and values, their names here, and what to note.
+const OTHER_NAMES: [(&str, &str, &str); 9] = [
+    ("ball", "sphere", ""),
+    ("hertz", "paraboloid", ""),
+    ("parabola", "paraboloid", ""),
+    ("stroke", "amplitude", " It is half of the stroke from one end to the other."),
+    ("displacement_amplitude", "amplitude", ""),
+    ("mu", "friction", ""),
+    ("force", "normal_force", ""),
+    ("e", "youngs_modulus", ""),
+    ("nu", "poisson_ratio", ""),
+];
+
 /// The error text for an unknown name. It contains the most similar accepted name and all accepted names.
 #[must_use]
 pub fn unknown(what: &str, given: &str, accepted: &[&str]) -> String {
-    let near = accepted
-        .iter()
-        .map(|known| (strsim::jaro_winkler(given, known), known))
-        .filter(|(likeness, _)| *likeness > 0.8)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map_or(String::new(), |(_, known)| format!(" Did you mean `{known}`?"));
+    let lower = given.to_lowercase();
+    let other = OTHER_NAMES.iter().find(|it| it.0 == lower && accepted.contains(&it.1));
+    let similar = || {
+        accepted
+            .iter()
+            .map(|known| (strsim::jaro_winkler(given, known), known))
+            .filter(|(likeness, _)| *likeness > 0.8)
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .map_or(String::new(), |(_, known)| format!(" Did you mean `{known}`?"))
+    };
+    let near = other.map_or_else(similar, |(_, known, note)| format!(" Enter `{known}`.{note}"));
     // Limit the length, because a name in a request can be megabytes long.
     let given: String = given.chars().take(60).collect();
     format!("unknown {what} `{given}`.{near} Accepted here: {}.", accepted.join(", "))

@@ -53,6 +53,13 @@ pub(super) fn number<V: IntoValue>(
         Value::Integer(n) => Ok(n as f64),
         Value::NegativeInteger(n) => Ok(n as f64),
         Value::Float(x) => Ok(x),
+        Value::String(text) if !accepted.contains(&ValueKind::String) => {
+            let better = quantity::plain(&text);
+            let better = better.unwrap_or_else(|| "a number such as 0.7".to_owned());
+            let detail =
+                format!("must be a number, not a string. Enter {better}, without quotation marks");
+            Err(Faults::at(location, detail))
+        }
         other => Err(wrong_kind(other, accepted, location)),
     }
 }
@@ -130,8 +137,6 @@ macro_rules! quantities {
 quantities! {
     /// A length in metres.
     Length: Length in (1e-12, 1e6);
-    /// A radius in metres; 0 is allowed.
-    Radius: Length in (0.0, 1e6);
     /// A height in metres, positive or negative.
     Height: Length in (-1e6, 1e6);
     /// A normal force in newtons.

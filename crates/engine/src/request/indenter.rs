@@ -6,7 +6,7 @@ use deserr::{Deserr, IntoValue, Map, Value, ValueKind, ValuePointerRef};
 use serde::Serialize;
 
 use super::fault::{Faults, pointer, unknown, wrong_kind};
-use super::fields::{Exponent, Given, Height, Length, Radius, Rounded, SlopeAngle, list, pair};
+use super::fields::{Exponent, Given, Height, Length, Position, Rounded, SlopeAngle, list, pair};
 use crate::numeric::twelve_digits;
 
 /// Maximum number of rows of a table.
@@ -274,7 +274,7 @@ pub(crate) const LEVEL: f64 = 1e-4;
 #[deserr(error = Faults, deny_unknown_fields, validate = TableProfile::validate -> Faults)]
 pub struct TableProfile {
     /// Radius r of each point, strictly ascending from 0, rounded to 12 digits.
-    pub radius: Column<Radius>,
+    pub radius: Column<Position>,
     /// Height z of each point. The profile is z minus the first height.
     pub height: Column<Height>,
     /// Whether the contact is round or a line.
@@ -295,7 +295,11 @@ impl TableProfile {
             faults.add(pointer(column.push_index(row)), detail);
         };
         let (radius, height) = (&self.radius.0, &self.height.0);
-        if radius[0] > 0.0 {
+        if radius[0] < 0.0 {
+            let detail = "must be 0: a table lists one side of the profile, from the axis outwards. Remove the other \
+                          side, or let POST /v1/measurements?prepare=trace make the table from the whole trace";
+            fault("radius", 0, detail);
+        } else if radius[0] > 0.0 {
             let detail =
                 "must be 0, because the first point lies on the axis. Add a point at radius 0";
             fault("radius", 0, detail);

@@ -210,15 +210,58 @@ pub fn parse(text: &str, dimension: Dimension) -> Result<f64, String> {
     if unit.is_empty() {
         return Ok(number);
     }
-    if unit.starts_with(',') {
-        return Err(format!("{text:?} contains a comma. Enter a decimal point instead"));
-    }
-    let value = number * factor(unit, dimension)?;
+    let factor = factor(unit, dimension).map_err(|detail| {
+        corrected(text).map_or(detail, |better| {
+            format!("{text:?} contains a comma or a space in the number. Enter {better}")
+        })
+    })?;
+    let value = number * factor;
     if value.is_finite() {
         Ok(value)
     } else {
         Err(format!("{text} is too large. Enter a smaller number"))
     }
+}
+
+/// What to write instead of the text of a plain number, for an error text. `None` if the text is no number.
+pub(super) fn plain(text: &str) -> Option<String> {
+    if parse(text, Number).is_ok() {
+        return Some(text.trim().to_owned());
+    }
+    let better = corrected(text)?;
+    let is_number = better.split(" or ").all(|it| parse(it.trim_matches('"'), Number).is_ok());
+    is_number.then(|| better.replace('"', ""))
+}
+
+/// The quoted text with a decimal point and without thousands separators. A comma before three digits can be either, so
+/// there are then two texts. `None` if the text has no such fault.
+fn corrected(text: &str) -> Option<String> {
+    let letters: Vec<char> = text.chars().collect();
+    let (mut plain, mut point) = (String::new(), None);
+    for (at, letter) in letters.iter().enumerate() {
+        let separates = at > 0 && letters[at - 1].is_ascii_digit();
+        if !separates || !(matches!(letter, ',' | '\'' | '’') || letter.is_whitespace()) {
+            plain.push(*letter);
+            continue;
+        }
+        match letters[at + 1..].iter().take_while(|it| it.is_ascii_digit()).count() {
+            3 if *letter != ',' => {}
+            0 => plain.push(*letter),
+            _ if *letter == ',' && point.is_some() => return None,
+            digits if *letter == ',' => {
+                point = Some((plain.len(), digits));
+                plain.push('.');
+            }
+            _ => plain.push(*letter),
+        }
+    }
+    let (changed, mut whole) = (plain != text, plain.clone());
+    if let Some((at, 3)) = point {
+        whole.remove(at);
+    }
+    let both =
+        if whole == plain { format!("{plain:?}") } else { format!("{plain:?} or {whole:?}") };
+    changed.then_some(both)
 }
 
 fn factor(unit: &str, dimension: Dimension) -> Result<f64, String> {
@@ -317,7 +360,10 @@ mod tests {
         assert!(of("inf", Length).contains("does not begin with a number"));
         assert!(of("1e999 mm", Length).contains("too large"));
         assert!(of("1e308 kN", Force).contains("too large"));
-        assert!(of("0,5 mm", Length).contains("decimal point"));
+        assert!(of("0,5 mm", Length).ends_with("Enter \"0.5 mm\""));
+        assert!(of("10 000 N", Force).ends_with("Enter \"10000 N\""));
+        assert!(of("1'500 000,5 N", Force).ends_with("Enter \"1500000.5 N\""));
+        assert!(of("1,000 N", Force).ends_with("Enter \"1.000 N\" or \"1000 N\""));
         assert!(of("0.7 mm", Number).contains("plain number"));
         assert!(of("", Length).contains("does not begin with a number"));
     }

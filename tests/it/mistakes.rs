@@ -1,0 +1,65 @@
+//! Common mistakes in a body. The message of each says what to write instead, on the command line and in the API.
+
+use crate::program::run;
+use crate::server::{JSON, Server};
+
+const JOB: &str = r#"{"scenario":{"profile":{"shape":"sphere","radius":"10 mm"},
+    "moduli":{"normal":"113 GPa","tangential":"93 GPa"},"friction":0.7,
+    "wear":{"coefficient":"3e-5 mm^3/(N m)"},"load":{"indentation_depth":"3 um"},
+    "motion":{"amplitude":"2 um"},"cycles":{"normalized":[1,4,16]}}}"#;
+
+const SPHERE: &str = r#""shape":"sphere","radius":"10 mm""#;
+const TRACE: &str =
+    r#""shape":"table","radius":["-1 mm","0 mm","1 mm"],"height":["50 um",0,"50 um"]"#;
+
+/// What is replaced, what the user writes instead, and the fault in the words of the program.
+const MISTAKES: [(&str, &str, &str); 13] = [
+    ("0.7", "\"0.7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
+    ("0.7", "\"0,7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
+    ("0.7", "NaN", "NaN and Infinity are not JSON: enter a number, or leave the member out"),
+    ("0.7", "0,7", "enter a number with a decimal point and without spaces, such as 0.7"),
+    ("0.7", "-0.7", "must be greater than 0, not -0.7"),
+    ("friction", "mu", "unknown member `mu`. Enter `friction`."),
+    ("friction", "frictoin", "unknown member `frictoin`. Did you mean `friction`?"),
+    ("sphere", "ball", "unknown value `ball`. Enter `sphere`."),
+    (
+        "amplitude",
+        "stroke",
+        "Enter `amplitude`. It is half of the stroke from one end to the other.",
+    ),
+    ("10 mm", "10 000 um", "contains a comma or a space in the number. Enter \"10000 um\""),
+    ("10 mm", "0,01 m", "contains a comma or a space in the number. Enter \"0.01 m\""),
+    (
+        "10 mm",
+        "10 N",
+        "\"N\" is the unit of a force, but a length is needed. Accepted units: m, cm, mm",
+    ),
+    (
+        SPHERE,
+        TRACE,
+        "Remove the other side, or let POST /v1/measurements?prepare=trace make the table",
+    ),
+];
+
+#[test]
+fn a_message_of_the_command_line_says_what_to_write_instead() {
+    for (right, wrong, words) in MISTAKES {
+        let output = run(&["run", "-"], &JOB.replacen(right, wrong, 1));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(words), "{wrong}: {said}");
+    }
+}
+
+#[tokio::test]
+async fn the_detail_of_a_problem_says_what_to_write_instead() {
+    let server = Server::start().await;
+    let scenario = JOB.strip_prefix("{\"scenario\":").unwrap();
+    let bare = (JOB, &scenario[..scenario.len() - 1], "Enter it as {\"scenario\": {…}}");
+    for (right, wrong, words) in MISTAKES.into_iter().chain([bare]) {
+        let body = JOB.replacen(right, wrong, 1);
+        let problem = server.send("POST", "/v1/jobs", &[JSON], body).await.json();
+        let detail = problem["detail"].as_str().unwrap();
+        assert!(detail.contains(words), "{wrong}: {problem}");
+    }
+}
