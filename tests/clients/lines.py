@@ -84,7 +84,7 @@ def layers(page):
     expect(page.locator("#shape")).to_have_value("cylinder")
     expect(page.locator("#layers-1")).to_have_value("0")
     expect(page.locator("#layers-2")).to_have_value("2")
-    expect(page.locator("#wear-bodies-1-layers-1-coefficient")).to_have_value("2e-5 mm^3/(N m)")
+    expect(page.locator("#wear-bodies-1-layers-1-coefficient")).to_have_value("2e-5 mm³/(N m)")
     expect(item(page, "cached")).to_have_text("Yes")
 
 
