@@ -1,6 +1,6 @@
 //! Studies that are computed in parts, without a server.
 
-use std::fs::{self, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
@@ -138,6 +138,10 @@ fn a_joined_result_with_an_altered_digit_is_not_imported() {
 fn what_is_no_part_of_the_study_is_refused_and_not_overwritten() {
     let study = Divided::new(&example("sweep"), 2);
     succeeds(&study.compute(1));
+    let file = File::open(study.file(1)).unwrap();
+    file.lock().unwrap();
+    fails(&study.compute(1), "another process computes the part");
+    drop(file);
     let other = Divided { body: example("map").to_string(), ..study };
     fails(&other.compute(1), "is not the file of this part of this study; name another file");
     fs::write(other.file(2), "my notes").unwrap();
