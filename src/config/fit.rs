@@ -7,7 +7,7 @@ use clap::Args;
 /// The settings of `fit`.
 #[derive(Debug, Args)]
 pub struct Fit {
-    /// A file with a table of measured numbers, such as CSV; - reads standard input.
+    /// A file with the measured numbers of one test, such as CSV; - reads standard input.
     pub file: PathBuf,
     /// Input file: a job, such as those in examples/, or a scenario alone.
     pub scenario: PathBuf,

@@ -220,9 +220,7 @@ fn ascending(mut points: Points, is_half: bool, notes: &mut Vec<String>) -> Resu
         points.retain(|(x, _)| *x >= 0.0);
         let mirrored = points.iter().rev().filter(|(x, _)| *x > 0.0).map(|(x, z)| (-x, *z));
         points = mirrored.chain(points.iter().copied()).collect();
-        notes.push(
-            "The half of the trace with x above 0 was mirrored, so it has no tilt.".to_owned(),
-        );
+        notes.push("The half with x above 0 was mirrored, so a tilt was not removed.".to_owned());
     }
     Ok(points)
 }

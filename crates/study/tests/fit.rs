@@ -365,6 +365,7 @@ fn the_fault_of_wrong_data_says_what_to_enter() {
     );
     starts(in_data(&|data| data["y"][1] = json!(-1e-13)), "/tests/0/data/0/y/1: is negative");
     starts(in_data(&|data| data["y"][1] = json!(0)), "/tests/0/data/0/y/1: has no noise");
+    starts(in_data(&|data| data["y"][1] = json!(1e-300)), "/tests/0/data/0/y/1: has no noise, or");
     starts(in_data(&|data| data["x"][1] = json!(1e16)), "/tests/0/data/0/x/1: must be greater");
     starts(in_data(&|data| data["x"][1] = json!(null)), "/tests/0/data/0/x/1: must be a number");
     starts(in_data(&|data| data["x"][1] = json!(0)), "/tests/0/data/0/x/1: must be greater than 0");

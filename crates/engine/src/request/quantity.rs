@@ -148,7 +148,15 @@ impl Dimension {
             ],
             ForcePerLength => &FORCES_PER_LENGTH,
             StiffnessPerLength => &STIFFNESSES_PER_LENGTH,
-            Volume => &[("m^3", 1.0), ("cm^3", 1e-6), ("mm^3", 1e-9), ("um^3", 1e-18)],
+            Volume => &[
+                ("m^3", 1.0),
+                ("cm^3", 1e-6),
+                ("mm^3", 1e-9),
+                ("um^3", 1e-18),
+                ("l", 1e-3),
+                ("ml", 1e-6),
+                ("ul", 1e-9),
+            ],
             Energy => &[
                 ("J", 1.0),
                 ("kJ", 1e3),
@@ -347,6 +355,7 @@ mod tests {
             let value = parse(text, Length).expect(text);
             assert!((value / 2.256e-6 - 1.0).abs() < 1e-14, "{text}: {value}");
         }
+        assert_eq!(parse("2 µl", Volume), parse("2 mm³", Volume));
         assert!((parse("45°", Angle).expect("deg") - std::f64::consts::FRAC_PI_4).abs() < 1e-15);
     }
 

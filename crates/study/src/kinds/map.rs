@@ -218,12 +218,7 @@ fn regimes(rows: &Rows) -> String {
         Some(0.0) => "\"gross_slip\"",
         Some(_) => "\"partial_slip\"",
     });
-    let mut text = String::with_capacity(rows.count * 16);
-    for (place, regime) in regimes.enumerate() {
-        text.push_str(if place == 0 { "" } else { "," });
-        text.push_str(regime);
-    }
-    text
+    regimes.collect::<Vec<_>>().join(",")
 }
 
 impl Plan for Map {

@@ -40,6 +40,8 @@ const TOLERANCES: (f64, f64) = (3e-3, 1e-4);
 const OF_NOISE: f64 = 0.5;
 /// Noise of a set whose noise is estimated before its first estimate, relative to its largest number.
 const FIRST_NOISE: f64 = 0.1;
+/// The smallest noise in SI. Squares of residuals with less noise could exceed the largest number.
+const TINY: f64 = 1e-100;
 
 /// A test as a client writes it.
 #[derive(Deserr)]
@@ -215,9 +217,9 @@ fn with_numbers(
                 of_y,
                 "is negative, but this quantity cannot be. Enter null if it is not known",
             )),
-            _ if is_stated && !(noise > 0.0 && sigma >= Some(0.0) && share >= 0.0) => Some((
+            _ if is_stated && !(noise >= TINY && sigma >= Some(0.0) && share >= 0.0) => Some((
                 of_y,
-                "has no noise. Enter a `sigma` or a `relative` greater than 0; `relative` gives none to 0",
+                "has no noise, or less than 1e-100. Enter a larger `sigma` or `relative`; `relative` gives none to 0",
             )),
             _ => None,
         };
@@ -230,7 +232,7 @@ fn with_numbers(
     }
     if !is_stated {
         let largest = set.y.iter().flatten().fold(0.0_f64, |largest, y| largest.max(*y));
-        set.noise.fill(FIRST_NOISE * largest);
+        set.noise.fill((FIRST_NOISE * largest).max(TINY));
     }
     faults.or(set)
 }

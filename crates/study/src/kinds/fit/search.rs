@@ -383,13 +383,14 @@ impl Fit {
         let errors: Vec<f64> = errors.map(|it| if *it < 1.0 { *it } else { 0.0 }).collect();
         let at = Place { x, scale, low: parameter.low, high: parameter.high };
         let mut search = Derivatives::new(at, &errors);
+        let predicted = |x: f64| {
+            let mut theta = best.theta.clone();
+            theta[place] = x;
+            self.predicted(&theta, tried).map(|[values, _]| values)
+        };
         for _ in 0..ROUNDS {
             let Some(points) = search.points() else { break };
-            let values = points.iter().map(|x| {
-                let mut theta = best.theta.clone();
-                theta[place] = *x;
-                Ok(self.predicted(&theta, tried)?[0].iter().copied().map(Some).collect())
-            });
+            let values = points.iter().map(|x| Ok(predicted(*x)?.into_iter().map(Some).collect()));
             search.take(values.collect::<Result<_, Wanted>>()?);
         }
         let mut found = search.found();
@@ -403,12 +404,7 @@ impl Fit {
             // Near a kink, such as the onset of gross slip, the slope over some percent tells more.
             let [low, high] = [-DIFFERENCE, DIFFERENCE]
                 .map(|step| (x + step * scale).clamp(parameter.low, parameter.high));
-            let beside = |x: f64| {
-                let mut theta = best.theta.clone();
-                theta[place] = x;
-                Ok::<_, Wanted>(self.predicted(&theta, tried)?[0].clone())
-            };
-            let (below, above) = (beside(low)?, beside(high)?);
+            let (below, above) = (predicted(low)?, predicted(high)?);
             for (place, found) in found.iter_mut().enumerate() {
                 let value = (above[place] - below[place]) / (high - low);
                 let error = 2.0 * errors[place] * above[place].abs() / (high - low);
