@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use serde_json::{Value, json};
 
-use super::printing::{Error, print};
+use super::printing::{Error, print, shown};
 use super::run::{compute, print_faults, read};
 use crate::config::Fit;
 use fretwork_engine::request::fault::{Fault, Faults};
@@ -133,26 +133,6 @@ fn defaults(scenario: &Value, points: usize) -> Result<Vec<Value>, Error> {
         parameters.push(json!({"pointer": "/friction", "from": 0.1, "to": 1.5}));
     }
     Ok(parameters)
-}
-
-/// A number in SI with four digits, in a usual unit.
-fn shown(number: &Value, unit: &str) -> String {
-    let (unit, factor) = match unit {
-        "m^3" => ("mm^3", 1e9),
-        "m" => ("um", 1e6),
-        "1/Pa" => ("mm^3/(N m)", 1e9),
-        "1" => ("", 1.0),
-        other => (other, 1.0),
-    };
-    let digits = number.as_f64().map(|number| format!("{:.3e}", number * factor));
-    let rounded: Option<f64> = digits.and_then(|digits| digits.parse().ok());
-    match rounded {
-        None => "-".to_owned(),
-        Some(it) if it == 0.0 || (1e-3..1e9).contains(&it.abs()) => {
-            format!("{it} {unit}").trim_end().to_owned()
-        }
-        Some(it) => format!("{it:e} {unit}").trim_end().to_owned(),
-    }
 }
 
 /// The estimates, the notes and the predictions in words.

@@ -1,12 +1,14 @@
 //! The commands of the program.
 
 mod administration;
+mod client;
 mod fit;
 mod health;
 mod listening;
 mod moving;
 mod parts;
 mod printing;
+mod remote;
 mod run;
 mod runtime;
 mod serve;
@@ -16,11 +18,11 @@ mod worker;
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory as _, FromArgMatches as _};
+use clap::FromArgMatches as _;
 use fretwork_engine::simulation::model_error;
 
 use self::printing::{Error, print, print_error};
-use crate::config::{Cli, Command};
+use crate::config::{self, Cli, Command};
 use crate::http;
 use fretwork_verify::{self as verification, Accuracy};
 
@@ -30,10 +32,13 @@ const SEED: u64 = 16;
 /// Executes the command in the arguments of the process, and returns the exit code. It may change the umask and the
 /// panic hook.
 pub fn main() -> ExitCode {
-    let matches = Cli::command().get_matches();
+    let matches = config::command().get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    // The user may want to share the files of these two commands, so others may read them.
-    if !matches!(cli.command, Some(Command::Run(_) | Command::Export(_))) {
+    // The user may want to share the files of these commands, so others may read them.
+    if !matches!(
+        cli.command,
+        Some(Command::Run(_) | Command::Get(_) | Command::Man { .. } | Command::Export(_))
+    ) {
         restrict_permissions();
     }
     let success = |()| ExitCode::SUCCESS;
@@ -46,6 +51,20 @@ pub fn main() -> ExitCode {
         Some(Command::Worker(settings)) => worker::work(&settings).map(success),
         Some(Command::Run(settings)) => run::run(&settings),
         Some(Command::Fit(settings)) => fit::fit(&settings),
+        Some(Command::Submit(settings)) => remote::submit(&settings),
+        Some(Command::Get(settings)) => remote::get(&settings),
+        Some(Command::Watch(settings)) => remote::watch(&settings),
+        Some(Command::List(settings)) => remote::list(&settings),
+        Some(Command::Cancel(settings)) => remote::cancel(&settings),
+        Some(Command::Evaluate(settings)) => remote::evaluate(&settings),
+        Some(Command::Completions { shell }) => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut config::command(), "fretwork", &mut script);
+            print(&script).map(success)
+        }
+        Some(Command::Man { directory }) => {
+            clap_mangen::generate_to(config::command(), directory).map_err(Into::into).map(success)
+        }
         Some(Command::Openapi) => print(&http::document()).map(success),
         Some(Command::Verify { exact_volumes: true, .. }) => {
             print(model_error::exact_volumes().as_bytes()).map(success)

@@ -2,6 +2,8 @@
 
 use std::io::{self, Write as _};
 
+use serde_json::Value;
+
 /// The error of a command. Its message is one line for the user.
 pub type Error = Box<dyn std::error::Error>;
 
@@ -23,5 +25,27 @@ pub fn print(text: &[u8]) -> Result<(), Error> {
     match out.write_all(text).and_then(|()| out.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),
+    }
+}
+
+/// A number in SI with four digits, in a usual unit.
+pub fn shown(number: &Value, unit: &str) -> String {
+    let (unit, factor) = match unit {
+        "m^3" => ("mm^3", 1e9),
+        "m" => ("um", 1e6),
+        "1/Pa" => ("mm^3/(N m)", 1e9),
+        "Pa" => ("MPa", 1e-6),
+        "J" => ("mJ", 1e3),
+        "1" => ("", 1.0),
+        other => (other, 1.0),
+    };
+    let digits = number.as_f64().map(|number| format!("{:.3e}", number * factor));
+    let rounded: Option<f64> = digits.and_then(|digits| digits.parse().ok());
+    match rounded {
+        None => "-".to_owned(),
+        Some(it) if it == 0.0 || (1e-3..1e9).contains(&it.abs()) => {
+            format!("{it} {unit}").trim_end().to_owned()
+        }
+        Some(it) => format!("{it:e} {unit}").trim_end().to_owned(),
     }
 }

@@ -1,19 +1,19 @@
-//! The command `run`: computes one job without a server.
+//! The command `run`: computes jobs without a server.
 
 use std::fs;
 use std::io::{self, IsTerminal as _, Read as _, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use serde::Deserialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::parts;
-use super::printing::{Error, print, print_error};
+use super::printing::{Error, print, shown};
 use super::study;
-use crate::config::Run;
-use fretwork_engine::request::fault::Fault;
+use crate::config::{Change, Output, Run};
+use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_format::{self as format, Format, Part, View};
 use fretwork_job::{Answer, Prepared, Submission, Task, TaskKind};
 use fretwork_json::BadBody;
@@ -21,37 +21,142 @@ use fretwork_json::BadBody;
 /// Minimum time between two updates of the progress on a terminal.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Computes one job body. The exit code is 2 if the body is invalid.
+/// Computes job bodies. The exit code is 2 if one of them is invalid. The others are computed anyway.
 pub fn run(settings: &Run) -> Result<ExitCode, Error> {
-    let joined = settings.join.as_deref().map(parts::join).transpose()?;
-    let text = match (&joined, &settings.file) {
-        (Some(joined), _) => joined.body.clone(),
-        (None, file) => read(file.as_deref().unwrap_or(Path::new("-")))?,
-    };
-    let job = match Submission::parse(&text) {
-        Ok(job) => job,
-        Err(BadBody::Faults(faults)) => return Ok(print_faults(&faults)),
-        Err(error) => {
-            print_error(&error);
-            return Ok(ExitCode::from(2));
-        }
-    };
-    if let (Some(part), Some(store)) = (settings.part, &settings.store) {
-        return parts::compute(&job, &text, part, store);
+    settings.output.format()?;
+    if let Some(files) = &settings.join {
+        let joined = parts::join(files)?;
+        let job = match parse(&joined.body) {
+            Ok(job) => job,
+            Err(faults) => return Ok(print_faults(&faults)),
+        };
+        let computed = joined.answer(&job.prepared)?;
+        finish(&job, computed, Path::new("-"), settings)?;
+        return Ok(ExitCode::SUCCESS);
     }
-    let (answer, time) = match &joined {
-        Some(joined) => joined.answer(&job.prepared)?,
-        None => compute(&job.prepared)?,
-    };
-    write_result(&answer, job.prepared.task.kind(), settings)?;
-    if let Some(file) = &settings.plot {
+    let files = listed(&settings.files)?;
+    let is_one = files.len() == 1;
+    check_places(settings, is_one)?;
+    let mut code = ExitCode::SUCCESS;
+    for file in &files {
+        let name = if is_one { String::new() } else { format!("{}: ", file.display()) };
+        let text = read_job(file, &settings.change)?;
+        let job = match parse(&text) {
+            Ok(job) => job,
+            Err(faults) => {
+                code = print_faults(&Faults(faults).below(&name).0);
+                continue;
+            }
+        };
+        if let (Some(part), Some(store)) = (settings.part, &settings.store) {
+            return parts::compute(&job, &text, part, store);
+        }
+        finish(&job, compute(&job.prepared)?, file, settings)?;
+    }
+    Ok(code)
+}
+
+/// Several input files need directories for their results. A part belongs to one study.
+fn check_places(settings: &Run, is_one: bool) -> Result<(), Error> {
+    if is_one {
+        return Ok(());
+    }
+    if settings.part.is_some() {
+        return Err("--part computes a part of one study: name one input file".into());
+    }
+    let places = [&settings.output.file, &settings.plot].into_iter().flatten();
+    match places.map(PathBuf::as_path).find(|place| !place.is_dir()) {
+        Some(place) => {
+            let place = place.display();
+            Err(format!("{place} is not a directory, which several input files need").into())
+        }
+        None => Ok(()),
+    }
+}
+
+/// Writes the result and the figure of a job, and prints the summary.
+fn finish(
+    job: &Submission,
+    (answer, time): (Answer, Duration),
+    file: &Path,
+    settings: &Run,
+) -> Result<(), Error> {
+    write_result(&answer.body, job.prepared.task.kind(), &settings.output, file)?;
+    if let Some(plot) = &settings.plot {
         let mut figure = Vec::new();
         let view = View::figure(settings.quantity);
         format::write(&mut figure, &answer.body, Part::Plot, Format::Svg, &view)?;
-        write_file(file, &figure)?;
+        write_file(&inside(plot, file, Format::Svg), &figure)?;
     }
-    summarise(&job, &answer, time)?;
-    Ok(ExitCode::SUCCESS)
+    summarise(job, &answer, time)
+}
+
+/// Parses a job body. A text that is not JSON has one fault.
+fn parse(text: &[u8]) -> Result<Submission, Vec<Fault>> {
+    Submission::parse(text).map_err(|bad| match bad {
+        BadBody::Faults(faults) => faults,
+        BadBody::Json(error) => Faults::one("the text is not JSON", error.to_string()).0,
+        empty @ BadBody::Empty => Faults::one("", empty.to_string()).0,
+    })
+}
+
+/// The input files, and those of the directories among them in the order of their names.
+pub fn listed(files: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
+    let mut all = Vec::new();
+    for file in files {
+        if !file.is_dir() {
+            all.push(file.clone());
+            continue;
+        }
+        let inside = fs::read_dir(file)?.map(|entry| entry.map(|entry| entry.path()));
+        let mut inside: Vec<_> = inside.collect::<Result<_, _>>()?;
+        inside.retain(|file| file.extension().is_some_and(|suffix| suffix == "json"));
+        inside.sort();
+        all.append(&mut inside);
+    }
+    if all.is_empty() { Err("the directory contains no .json file".into()) } else { Ok(all) }
+}
+
+/// Reads a job body. A scenario alone becomes a job. Makes the changes of the scenario.
+pub fn read_job(file: &Path, change: &Change) -> Result<Vec<u8>, Error> {
+    let text = read(file)?;
+    // The parser of jobs reports what is not JSON, and repeated members.
+    let Ok(mut body) = serde_json::from_slice::<Value>(&text) else { return Ok(text) };
+    let is_bare = body.get("profile").is_some();
+    if !is_bare && change.set.is_empty() {
+        return Ok(text);
+    }
+    if is_bare {
+        body = json!({"scenario": body});
+    }
+    let mut members = TaskKind::all().map(TaskKind::member);
+    let study = members.find(|member| body[*member].get("scenario").is_some());
+    let scenario = study.map_or("/scenario".to_owned(), |member| format!("/{member}/scenario"));
+    for (pointer, value) in &change.set {
+        let (parent, name) = pointer.rsplit_once('/').unwrap_or_default();
+        if let Some(place) = body.pointer_mut(&format!("{scenario}{pointer}")) {
+            *place = value.clone();
+        } else if let Some(Value::Object(members)) =
+            body.pointer_mut(&format!("{scenario}{parent}"))
+        {
+            members.insert(name.to_owned(), value.clone());
+        } else {
+            let file = file.display();
+            return Err(format!("--set {pointer}: the scenario in {file} has no {parent}").into());
+        }
+    }
+    Ok(serde_json::to_vec(&body)?)
+}
+
+/// The file itself, or the file in a directory that is named after the input file.
+fn inside(place: &Path, input: &Path, format: Format) -> PathBuf {
+    if !place.is_dir() {
+        return place.to_owned();
+    }
+    let name = input.file_stem().filter(|_| input.as_os_str() != "-").unwrap_or("result".as_ref());
+    let mut name = name.to_owned();
+    name.push(format!(".{}", format.name()));
+    place.join(name)
 }
 
 /// Reads a file, or standard input.
@@ -85,20 +190,34 @@ pub fn compute(prepared: &Prepared) -> Result<(Answer, Duration), Error> {
     Ok((answer, started.elapsed()))
 }
 
-/// Writes the result to the output file or to standard output.
-fn write_result(answer: &Answer, kind: TaskKind, settings: &Run) -> Result<(), Error> {
-    let format = *settings.format;
+/// Writes a result to the output file or to standard output.
+pub fn write_result(
+    result: &[u8],
+    kind: TaskKind,
+    output: &Output,
+    input: &Path,
+) -> Result<(), Error> {
+    let format = output.format()?;
     let part = match (format, kind) {
         (Format::Json | Format::Npz, _) => Part::Whole,
         (_, TaskKind::Run) => Part::History,
         (_, TaskKind::Study(_)) => Part::Table,
     };
+    let view = View { engineering: output.units == "engineering", ..View::default() };
     let mut bytes = Vec::new();
-    format::write(&mut bytes, &answer.body, part, format, &View::default())?;
+    format::write(&mut bytes, result, part, format, &view)?;
     if format == Format::Json {
         bytes.push(b'\n');
     }
-    write_output(settings, &bytes)
+    let is_binary = matches!(format, Format::Npz | Format::Arrow);
+    match &output.file {
+        Some(file) => write_file(&inside(file, input, format), &bytes),
+        None if is_binary && io::stdout().is_terminal() => Err(
+            "the requested format is binary, not for a terminal: write it to a file with --output"
+                .into(),
+        ),
+        None => print(&bytes),
+    }
 }
 
 /// The units of a result.
@@ -114,13 +233,13 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
     writeln!(err, "{label} ({:.1} ms)", time.as_secs_f64() * 1e3)?;
     // The result of a study can be large, so only its units are kept.
     let Units { units } = serde_json::from_slice(&answer.body)?;
-    for (name, value) in answer.summary.as_object().into_iter().flatten() {
-        let shown = match value.as_f64() {
-            Some(number) => format!("{number:>12.5e}"),
-            None => format!("{:>12}", value.as_str().unwrap_or("-")),
-        };
-        let unit = units[name].as_str().filter(|unit| *unit != "1").unwrap_or("");
-        writeln!(err, "  {name:<20} {}", format!("{shown} {unit}").trim_end())?;
+    let numbers = || answer.summary.as_object().into_iter().flatten();
+    for (name, value) in numbers().filter(|(name, _)| !name.ends_with("_error")) {
+        let text = value.as_str().map(str::to_owned);
+        let text = text.unwrap_or_else(|| shown(value, units[name].as_str().unwrap_or("1")));
+        let error = answer.summary[format!("{name}_error")].as_f64();
+        let error = error.map_or(String::new(), |error| format!(" ± {:.2} %", 100.0 * error));
+        writeln!(err, "  {name:<20} {text}{error}")?;
     }
     for warning in job.prepared.warnings() {
         writeln!(err, "  warning: {}", warning.detail)?;
@@ -135,19 +254,6 @@ pub fn print_faults(faults: &[Fault]) -> ExitCode {
         let _ = writeln!(io::stderr(), "{}: {}", fault.pointer, fault.detail);
     }
     ExitCode::from(2)
-}
-
-/// Writes to the output file, or to standard output.
-fn write_output(settings: &Run, bytes: &[u8]) -> Result<(), Error> {
-    let is_binary = matches!(*settings.format, Format::Npz | Format::Arrow);
-    match &settings.output {
-        Some(file) => write_file(file, bytes),
-        None if is_binary && io::stdout().is_terminal() => Err(
-            "the requested format is binary, not for a terminal: write it to a file with --output"
-                .into(),
-        ),
-        None => print(bytes),
-    }
 }
 
 /// Writes a file.

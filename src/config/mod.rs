@@ -4,23 +4,24 @@ mod data;
 mod files;
 mod fit;
 mod keys;
+mod remote;
 mod run;
 mod server;
 mod values;
 mod worker;
 
-use std::net::SocketAddr;
 use std::num::NonZeroUsize;
+use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 pub use data::Data;
 pub use files::{Backup, Export, Import, Restore};
 pub use fit::Fit;
 pub use keys::{AddKey, Keys};
-pub use run::{Part, Run};
+pub use remote::{Evaluate, Get, List, OneJob, Remote, Submit};
+pub use run::{Change, Output, Part, Run};
 pub use server::{Serve, described};
-pub use values::resolve;
 pub use worker::Worker;
 
 /// The examples that the help of a command shows.
@@ -32,9 +33,9 @@ macro_rules! examples {
 
 /// Fretting wear of round and line contacts, as a service with a shared result cache.
 ///
-/// Without a command, the server starts.
+/// Without a command, the server starts. `fretwork serve --help` lists its options.
 #[derive(Debug, Parser)]
-#[command(version, args_conflicts_with_subcommands = true, after_help = examples!("serve"))]
+#[command(version, args_conflicts_with_subcommands = true, after_help = examples!("fretwork"))]
 pub struct Cli {
     /// The command; `serve` by default.
     #[command(subcommand)]
@@ -44,27 +45,65 @@ pub struct Cli {
     pub serve: Serve,
 }
 
+/// The command line. The help of the program shows its commands, that of `serve` the options of the server.
+pub fn command() -> clap::Command {
+    Cli::command().mut_args(|option| option.hide(true))
+}
+
 /// A command.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Start the server (the default).
+    #[command(after_help = examples!("serve"))]
     Serve(Box<Serve>),
-    /// Compute the runs of other servers, which share a PostgreSQL database. Answers no requests of clients.
+    /// Compute the runs of other servers.
     ///
-    /// Start any number of workers on any number of machines, beside servers with the same --database.
+    /// The servers share a PostgreSQL database. A worker answers no requests of clients. Start any number of workers on any number of machines, beside servers with the same --database.
     #[command(after_help = examples!("worker"))]
     Worker(Box<Worker>),
-    /// Compute an input file, without a server or a database.
+    /// Compute input files, without a server or a database.
     ///
-    /// The result goes to standard output or to a file, and a summary to standard error. If the file is
-    /// invalid, each fault is printed as `pointer: detail`, and the exit code is 2.
+    /// An input file is a job, or a scenario alone. The result goes to standard output or to a file, and a summary to
+    /// standard error. If a file is invalid, each fault is printed as `pointer: detail`, and the exit code is 2.
     Run(Run),
-    /// Fit numbers of a scenario to a file of measured numbers, without a server.
+    /// Fit a scenario to measured numbers, without a server.
     ///
     /// Prints what was read, the estimates with their intervals, and measured and predicted numbers with the band of a new
     /// test. A row without a measured number is predicted too.
     #[command(after_help = examples!("fit"))]
     Fit(Fit),
+    /// Submit input files to a server.
+    ///
+    /// Prints the id, the state and the key of each job.
+    ///
+    /// The exit code is 0 if all jobs were accepted (with --wait: if all succeeded), 2 if a file has faults, 3 if a job
+    /// failed, 4 if a job was canceled, and 1 for any other error. Of several, the largest counts.
+    #[command(after_help = examples!("submit"))]
+    Submit(Submit),
+    /// Print a result of a server, or write it to a file.
+    Get(Get),
+    /// Wait for the end of a job.
+    ///
+    /// The exit codes are those of `submit --wait`.
+    Watch(OneJob),
+    /// List the jobs of a server, the newest first.
+    List(List),
+    /// Cancel a job.
+    Cancel(OneJob),
+    /// Compute a scenario on a server at once.
+    ///
+    /// The server stores nothing. The command prints the answer as JSON.
+    Evaluate(Evaluate),
+    /// Print the completions of a shell.
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+    /// Write the manual pages to a directory.
+    Man {
+        /// The directory.
+        directory: PathBuf,
+    },
     /// Print the OpenAPI document of the server.
     Openapi,
     /// Compare computed numbers with the same numbers from other sources.
@@ -81,8 +120,8 @@ pub enum Command {
         random: Option<NonZeroUsize>,
     },
     /// Check a server's health: exit code 0 or 1.
-    Health(Health),
-    /// Write results to an SQLite file that another server can import.
+    Health(Remote),
+    /// Write results to a file that another server can import.
     ///
     /// The server may run meanwhile. Exports all results, or those that match every NAME=VALUE (as in
     /// GET /v1/results), or those with the given keys.
@@ -117,33 +156,26 @@ pub enum Command {
     /// a second.
     #[command(subcommand, after_help = examples!("keys"))]
     Keys(Keys),
-    /// Print who made, revoked and used which key, and who canceled and deleted whose jobs and results.
+    /// Print who used keys, and who deleted what.
     ///
     /// Equal acts of one day (UTC) share a line. The last 100 000 lines are kept.
     Audit(Data),
 }
 
-/// The settings of `health`.
-#[derive(Debug, Args)]
-pub struct Health {
-    /// URL of the server [default: the address in `FRETWORK_LISTEN`, on this machine].
-    #[arg(long, env = "FRETWORK_URL", default_value = None)]
-    pub url: Option<String>,
-    /// Address of the server if no URL is given.
-    #[arg(long, env = "FRETWORK_LISTEN", hide = true, default_value = "127.0.0.1:8080",
-        value_parser = resolve)]
-    pub listen: SocketAddr,
-}
-
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory as _;
-
     use super::*;
 
     #[test]
     fn the_command_line_definition_is_valid() {
-        Cli::command().debug_assert();
+        command().debug_assert();
+    }
+
+    #[test]
+    fn the_short_help_fits_on_a_screen_and_shows_no_option_of_the_server() {
+        let help = command().term_width(100).render_help().to_string();
+        assert!(help.lines().count() <= 40, "{help}");
+        assert!(!help.contains("--listen <") && help.contains("  submit "), "{help}");
     }
 
     #[test]

@@ -7,32 +7,33 @@ use std::str::FromStr;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use fretwork_format::{Format, QUANTITIES, Quantity};
 
 /// The settings of `run`.
 #[derive(Debug, Args)]
 pub struct Run {
-    /// Input file, such as those in examples/; - reads standard input.
+    /// Input files, such as those in examples/, or directories of them; - reads standard input.
     #[arg(required_unless_present = "join")]
-    pub file: Option<PathBuf>,
+    pub files: Vec<PathBuf>,
     /// Compute only one of several parts of a study, such as 3/16, and keep it in the file of --store.
     #[arg(long, value_name = "PART/PARTS", requires = "store")]
     pub part: Option<Part>,
     /// The file of the part. If the command was killed, it continues from this file.
-    #[arg(long, value_name = "FILE", requires = "part", conflicts_with_all = ["output", "plot"])]
+    #[arg(long, value_name = "FILE", requires = "part", conflicts_with_all = ["file", "plot"])]
     pub store: Option<PathBuf>,
     /// Put the files of all parts together. The result is that of a run in one piece.
-    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["file", "part"])]
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["files", "part", "set"])]
     pub join: Option<Vec<PathBuf>>,
-    /// The format: json and npz hold the whole result; csv, ndjson and arrow hold the history.
-    #[arg(long, default_value = "json", value_parser = one_of(&Format::ALL, |format| format.name()))]
-    pub format: &'static Format,
-    /// Output file [default: standard output].
-    #[arg(long, value_name = "FILE")]
-    pub output: Option<PathBuf>,
-    /// Also draw a figure to this SVG file.
-    #[arg(long, value_name = "FIGURE.svg")]
+    /// The changes of the scenario.
+    #[command(flatten)]
+    pub change: Change,
+    /// Where the result goes, and how.
+    #[command(flatten)]
+    pub output: Output,
+    /// Also draw a figure to this SVG file. With several input files, a directory.
+    #[arg(long, value_name = "FIGURE.svg", value_parser = figure)]
     pub plot: Option<PathBuf>,
     /// The quantity in the figure of a run: a profile, a history, or the loops.
     #[arg(long, default_value = "worn", requires = "plot",
@@ -65,6 +66,65 @@ impl FromStr for Part {
             _ => Err("expected a part such as 3/16: its number, from 1, and the number of parts"),
         }
     }
+}
+
+/// The changes of a scenario.
+#[derive(Debug, Args)]
+pub struct Change {
+    /// Change a member of the scenario, such as /friction=0.6 or "/motion/amplitude=3 um"; may be repeated.
+    #[arg(long, value_name = "POINTER=VALUE", value_parser = change)]
+    pub set: Vec<(String, Value)>,
+}
+
+/// Where a result goes, and how.
+#[derive(Debug, Args)]
+pub struct Output {
+    /// The format: json and npz hold the whole result; csv, ndjson and arrow hold the history [default: the suffix of the
+    /// output file, or json].
+    #[arg(long, value_parser = one_of(&Format::ALL, |format| format.name()))]
+    pub format: Option<&'static Format>,
+    /// Output file; its suffix names the format. With several input files, a directory [default: standard output].
+    #[arg(short = 'o', long = "output", value_name = "FILE")]
+    pub file: Option<PathBuf>,
+    /// The units of numbers: si, or um, mm^3, MPa and mJ.
+    #[arg(long, value_parser = ["si", "engineering"], default_value = "si")]
+    pub units: String,
+}
+
+impl Output {
+    /// The format of the result.
+    pub fn format(&self) -> Result<Format, String> {
+        let Some(file) = self.file.as_deref().filter(|file| !file.is_dir()) else {
+            return Ok(self.format.copied().unwrap_or(Format::Json));
+        };
+        if let Some(format) = self.format {
+            return Ok(*format);
+        }
+        let suffix = file.extension().unwrap_or_default();
+        let found = Format::ALL.into_iter().find(|format| suffix == format.name());
+        found.ok_or_else(|| {
+            let all = Format::ALL.map(|format| format!(".{}", format.name())).join(", ");
+            format!(
+                "{}: the suffix names no format. Enter one of {all}, or --format",
+                file.display()
+            )
+        })
+    }
+}
+
+/// Parses POINTER=VALUE. A value that is not JSON is a text, such as 3 um.
+fn change(text: &str) -> Result<(String, Value), &'static str> {
+    let parts = text.split_once('=').filter(|(pointer, _)| pointer.starts_with('/'));
+    let (pointer, value) = parts.ok_or("write POINTER=VALUE, such as /friction=0.6")?;
+    let value = serde_json::from_str(value).unwrap_or_else(|_| value.into());
+    Ok((pointer.to_owned(), value))
+}
+
+/// Parses the name of a figure.
+fn figure(text: &str) -> Result<PathBuf, &'static str> {
+    let file = PathBuf::from(text);
+    let is_figure = file.is_dir() || file.extension().is_some_and(|suffix| suffix == "svg");
+    is_figure.then_some(file).ok_or("figures are SVG. Enter a name that ends with .svg")
 }
 
 /// Parses the name of one of these items.

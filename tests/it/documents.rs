@@ -374,7 +374,7 @@ fn helps() -> BTreeMap<String, String> {
         names.filter(|name| *name != "help").map(|name| (name.to_owned(), help(&[name]))).collect();
     let keys = ["add", "list", "revoke"].map(|name| help(&["keys", name])).concat();
     all.get_mut("keys").unwrap().push_str(&keys);
-    all.insert(String::new(), main);
+    all.insert(String::new(), main + &all["serve"]);
     all
 }
 

@@ -117,9 +117,63 @@ fn a_result_is_written_to_a_file_in_every_format() {
         assert!(written.starts_with(begins.as_bytes()), "{format}");
         assert!(run(&words[..4], "").stdout == written, "{format}");
     }
-    let output = run(&["run", BALL, "--output", dir.path().to_str().unwrap()], "");
-    assert!(text(&output.stderr).contains("cannot write"), "{}", text(&output.stderr));
+    let none = dir.path().join("none/r.csv");
+    fails_on(BALL, none.to_str().unwrap(), "cannot write");
+    fails_on(BALL, "r.txt", "Enter one of .json, .ndjson, .csv, .npz, .arrow, or --format");
+}
+
+fn fails_on(input: &str, output: &str, words: &str) {
+    let output = run(&["run", input, "-o", output], "");
+    assert!(text(&output.stderr).contains(words), "{}", text(&output.stderr));
     assert_eq!(output.status.code(), Some(1));
+}
+
+#[test]
+fn several_files_and_changed_scenarios_are_computed() {
+    let (inputs, results) = (TempDir::new().unwrap(), TempDir::new().unwrap());
+    let job: Value = serde_json::from_str(http::EXAMPLES[0].body).unwrap();
+    std::fs::write(inputs.path().join("a.json"), job.to_string()).unwrap();
+    std::fs::write(inputs.path().join("b.json"), job["scenario"].to_string()).unwrap();
+    let input = inputs.path().to_str().unwrap();
+    let set = ["--set", "/friction=0.6", "--set", "/model/points=64", "--units", "engineering"];
+    let mut words = vec!["run", input, "-o", results.path().to_str().unwrap()];
+    words.extend(set);
+    let output = run(&words, "");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let read = |name| std::fs::read(results.path().join(name)).unwrap();
+    let result: Value = serde_json::from_slice(&read("a.json")).unwrap();
+    assert_eq!(read("a.json"), read("b.json"));
+    assert_eq!(result["scenario"]["friction"], 0.6);
+    assert_eq!(result["units"]["wear_volume"], "mm^3");
+    fails_on(input, "r.csv", "is not a directory, which several input files need");
+    fails(&run(&["run", BALL, "--set", "/no/such=1"], ""), "the scenario in");
+}
+
+#[test]
+fn a_server_computes_what_the_command_line_submits() {
+    let dir = TempDir::new().unwrap();
+    let (_server, address) = serve(dir.path(), &[]);
+    let with = |words: &[&str], input: &str| run(&[words, &["--url", &address]].concat(), input);
+    let done = with(&["submit", BALL, "--wait", "--set", "/friction=0.6"], "");
+    let line = text(&done.stdout);
+    assert_eq!(done.status.code(), Some(0), "{line} {}", text(&done.stderr));
+    let [id, state, key] = line.split_whitespace().take(3).collect::<Vec<_>>()[..] else {
+        panic!("{line}")
+    };
+    assert_eq!(state, "succeeded");
+    let local = run(&["run", BALL, "--format", "csv", "--set", "/friction=0.6"], "");
+    assert_eq!(with(&["get", key, "--format", "csv"], "").stdout, local.stdout);
+    assert_eq!(text(&with(&["watch", id], "").stdout), line);
+    assert_eq!(text(&with(&["list"], "").stdout), line);
+
+    let refused = with(&["submit", "-"], "{\"scenario\": {\"friction\": \"0.7\"}}");
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("-: /scenario/friction: must be a number"));
+    let unknown = with(&["cancel", "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11"], "");
+    assert_eq!(unknown.status.code(), Some(1));
+    let evaluated = with(&["evaluate", BALL, "--set", "/model/method=simplified"], "");
+    let answer: Value = serde_json::from_slice(&evaluated.stdout).unwrap();
+    assert!(answer["outputs"].is_object(), "{}", text(&evaluated.stderr));
 }
 
 #[test]

@@ -1,0 +1,168 @@
+//! Sends requests to a server.
+
+use std::fs;
+use std::thread::sleep;
+use std::time::Duration;
+
+use serde_json::Value;
+use ureq::http::Request;
+use ureq::tls::{RootCerts, TlsConfig};
+use ureq::{Agent, Error as Failure};
+
+use super::listening::reachable;
+use super::printing::Error;
+use crate::config::Remote;
+
+/// Maximum time to connect, and to wait for an answer that needs no computation.
+pub const TIMEOUT: Duration = Duration::from_secs(5);
+/// How often a request is sent again if the server is busy.
+const RETRIES: u32 = 5;
+/// Longest pause before a request is sent again, in seconds.
+const LONGEST_PAUSE: u64 = 60;
+/// Largest answer in bytes. The largest result is smaller.
+const LARGEST: u64 = 1 << 30;
+
+/// A server, and the key that it gets.
+pub struct Client {
+    /// The base address, without a slash at its end.
+    pub base: String,
+    agent: Agent,
+    key: Option<String>,
+}
+
+/// An answer.
+pub struct Reply {
+    pub status: u16,
+    pub body: Vec<u8>,
+    /// Seconds until the server wants the request again.
+    retry_after: Option<u64>,
+}
+
+impl Client {
+    pub fn new(settings: &Remote) -> Result<Self, Error> {
+        let listen = format!("http://{}", reachable(settings.listen));
+        let base = settings.url.as_ref().unwrap_or(&listen).trim_end_matches('/').to_owned();
+        if !base.starts_with("http://") && !base.starts_with("https://") {
+            return Err(format!("{base} must begin with http:// or https://").into());
+        }
+        let in_file = settings.key_file.as_ref().map(|file| {
+            let key = fs::read_to_string(file);
+            key.map_err(|error| format!("cannot read {}: {error}", file.display()))
+        });
+        let key = settings.key.as_ref().map(|key| key.0.clone()).or(in_file.transpose()?);
+        // An earlier call has installed the same provider.
+        let _ = rustls::crypto::ring::default_provider().install_default();
+        let tls = TlsConfig::builder().root_certs(RootCerts::PlatformVerifier).build();
+        let agent = Agent::config_builder()
+            .http_status_as_error(false)
+            .tls_config(tls)
+            .user_agent(concat!("fretwork/", env!("CARGO_PKG_VERSION")))
+            // A proxy of the user cannot reach a server on this machine.
+            .proxy(None)
+            .max_redirects(0)
+            .timeout_connect(Some(TIMEOUT))
+            .build()
+            .new_agent();
+        Ok(Self { base, agent, key: key.map(|key| key.trim().to_owned()) })
+    }
+
+    /// Sends a request once.
+    pub fn send(
+        &self,
+        method: &str,
+        path: &str,
+        body: Option<&[u8]>,
+        timeout: Duration,
+    ) -> Result<Reply, Error> {
+        let mut request = Request::builder().method(method).uri(format!("{}{path}", self.base));
+        if let Some(key) = &self.key {
+            request = request.header("authorization", format!("Bearer {key}"));
+        }
+        let answer = if let Some(body) = body {
+            let request = request.header("content-type", "application/json").body(body)?;
+            let request = self.agent.configure_request(request);
+            self.agent.run(request.timeout_global(Some(timeout)).build())
+        } else {
+            let request = self.agent.configure_request(request.body(())?);
+            self.agent.run(request.timeout_global(Some(timeout)).build())
+        };
+        let mut answer = answer.map_err(|error| self.failed(&error, timeout))?;
+        let status = answer.status().as_u16();
+        let retry_after = answer.headers().get("retry-after");
+        let retry_after = retry_after.and_then(|seconds| seconds.to_str().ok()?.parse().ok());
+        let body = answer.body_mut().with_config().limit(LARGEST).read_to_vec();
+        let body = body.map_err(|error| self.failed(&error, timeout))?;
+        Ok(Reply { status, body, retry_after })
+    }
+
+    /// Sends a request, and sends it again while the server is busy. Returns an answer of success.
+    pub fn call(
+        &self,
+        method: &str,
+        path: &str,
+        body: Option<&[u8]>,
+    ) -> Result<Result<Reply, Refusal>, Error> {
+        for attempt in 0.. {
+            let reply = self.send(method, path, body, Duration::from_mins(2))?;
+            match reply.retry_after {
+                _ if reply.status < 300 => return Ok(Ok(reply)),
+                Some(seconds) if attempt < RETRIES => {
+                    sleep(Duration::from_secs(seconds.clamp(1, LONGEST_PAUSE)));
+                }
+                _ => return Ok(Err(Refusal::of(&reply))),
+            }
+        }
+        unreachable!("the loop returns")
+    }
+
+    /// The version of the server, if it is another one.
+    pub fn other_version(&self) -> Result<Option<String>, Error> {
+        let reply = self.send("GET", "/version", None, TIMEOUT)?;
+        let answer: Value = serde_json::from_slice(&reply.body).unwrap_or_default();
+        let version = answer["version"].as_str();
+        Ok(version.filter(|it| *it != env!("CARGO_PKG_VERSION")).map(str::to_owned))
+    }
+
+    fn failed(&self, error: &Failure, timeout: Duration) -> String {
+        let base = &self.base;
+        match error {
+            // The system accepts connections for a process that is stopped.
+            Failure::Timeout(_) => {
+                format!("the server at {base} does not answer within {timeout:?}")
+            }
+            Failure::BadUri(_) | Failure::Http(_) => format!("{base} is not a URL: {error}"),
+            _ => format!("no server answers at {base}: {error}. Check FRETWORK_URL"),
+        }
+    }
+}
+
+/// Why a server refused a request.
+pub struct Refusal {
+    /// The exit code of the command: 2 if the request has faults, or else 1.
+    pub code: u8,
+    /// One line for each fault.
+    pub lines: Vec<String>,
+}
+
+impl Refusal {
+    fn of(reply: &Reply) -> Self {
+        let problem: Value = serde_json::from_slice(&reply.body).unwrap_or_default();
+        let place =
+            |it: &Value| it["pointer"].as_str().or(it["parameter"].as_str()).map(str::to_owned);
+        let line = |it: &Value| Some(format!("{}: {}", place(it)?, it["detail"].as_str()?));
+        let faults = problem["errors"].as_array();
+        let lines: Vec<_> = faults.into_iter().flatten().filter_map(line).collect();
+        let code = if matches!(reply.status, 400 | 422) { 2 } else { 1 };
+        if !lines.is_empty() {
+            return Self { code, lines };
+        }
+        let mut line = match problem["detail"].as_str() {
+            Some(detail) => detail.to_owned(),
+            None => format!("the server answers {}. Check FRETWORK_URL", reply.status),
+        };
+        if reply.status == 401 {
+            line += " Enter it in FRETWORK_KEY or FRETWORK_KEY_FILE.";
+        }
+        Self { code, lines: vec![line] }
+    }
+}

@@ -1,0 +1,173 @@
+//! The commands `submit`, `get`, `watch`, `list`, `cancel` and `evaluate`, which talk to a server.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::{self, IsTerminal as _, Write as _};
+use std::path::Path;
+use std::process::ExitCode;
+
+use serde_json::value::RawValue;
+use serde_json::{Value, json};
+
+use super::client::{Client, Refusal, Reply};
+use super::printing::{Error, print};
+use super::run::{listed, read_job, write_result};
+use crate::config::{Evaluate, Get, List, OneJob, Remote, Submit};
+use fretwork_job::TaskKind;
+
+/// Seconds between two updates of the progress on a terminal.
+const TERMINAL_WAIT: u64 = 1;
+/// Longest wait of one request, in seconds.
+const LOG_WAIT: u64 = 50;
+
+/// Submits files. With `--wait`, waits for the ends of their jobs.
+pub fn submit(settings: &Submit) -> Result<ExitCode, Error> {
+    let client = connect(&settings.server)?;
+    let (mut code, mut jobs) = (0, Vec::new());
+    for file in listed(&settings.files)? {
+        let body = read_job(&file, &settings.change)?;
+        match client.call("POST", "/v1/jobs", Some(&body))? {
+            Ok(reply) => jobs.push(serde_json::from_slice(&reply.body)?),
+            Err(refusal) => code = code.max(refused(refusal, &format!("{}: ", file.display()))),
+        }
+        if let (Some(job), false) = (jobs.last(), settings.wait) {
+            print(line(job).as_bytes())?;
+        }
+    }
+    for job in jobs.iter().filter(|_| settings.wait) {
+        code = code.max(end(&client, job["id"].as_str().unwrap_or_default())?);
+    }
+    Ok(ExitCode::from(code))
+}
+
+/// Writes a result.
+pub fn get(settings: &Get) -> Result<ExitCode, Error> {
+    let client = connect(&settings.server)?;
+    let path = format!("/v1/results/{}", settings.key_of_result);
+    match client.call("GET", &path, None)? {
+        Err(refusal) => Ok(ExitCode::from(refused(refusal, ""))),
+        Ok(reply) => {
+            let members: BTreeMap<String, &RawValue> = serde_json::from_slice(&reply.body)?;
+            let mut kinds = TaskKind::all();
+            let kind = kinds.find(|kind| members.contains_key(kind.member()));
+            let kind = kind.ok_or("the answer of the server is no result")?;
+            let name = Path::new(&settings.key_of_result);
+            write_result(&reply.body, kind, &settings.output, name).map(|()| ExitCode::SUCCESS)
+        }
+    }
+}
+
+/// Waits for the end of a job.
+pub fn watch(settings: &OneJob) -> Result<ExitCode, Error> {
+    end(&connect(&settings.server)?, &settings.id).map(ExitCode::from)
+}
+
+/// Lists jobs.
+pub fn list(settings: &List) -> Result<ExitCode, Error> {
+    let client = connect(&settings.server)?;
+    let path = format!("/v1/jobs?limit={}", settings.limit);
+    printed(client.call("GET", &path, None)?, |answer| {
+        answer["jobs"].as_array().into_iter().flatten().map(line).collect()
+    })
+}
+
+/// Cancels a job.
+pub fn cancel(settings: &OneJob) -> Result<ExitCode, Error> {
+    let client = connect(&settings.server)?;
+    printed(client.call("POST", &format!("/v1/jobs/{}/cancel", settings.id), None)?, line)
+}
+
+/// Evaluates a scenario.
+pub fn evaluate(settings: &Evaluate) -> Result<ExitCode, Error> {
+    let client = connect(&settings.server)?;
+    let mut body = read_job(&settings.file, &settings.change)?;
+    // The server says what is wrong with a text that is not JSON.
+    if let Ok(Value::Object(mut members)) = serde_json::from_slice(&body) {
+        // A job can have words for people, which an evaluation does not take.
+        members.retain(|name, _| !matches!(&**name, "label" | "tags"));
+        if !members.contains_key("outputs") && !members.contains_key("parts") {
+            members.insert("outputs".to_owned(), json!(settings.outputs));
+        }
+        body = serde_json::to_vec(&members)?;
+    }
+    printed(client.call("POST", "/v1/evaluate", Some(&body))?, |answer| format!("{answer:#}\n"))
+}
+
+/// The server of a command. Warns of another version.
+fn connect(server: &Remote) -> Result<Client, Error> {
+    let client = Client::new(server)?;
+    if let Some(version) = client.other_version()? {
+        let own = env!("CARGO_PKG_VERSION");
+        writeln!(
+            io::stderr(),
+            "warning: the server is of version {version}, and this program of version {own}"
+        )?;
+    }
+    Ok(client)
+}
+
+/// Prints what a server answers in words.
+fn printed(
+    reply: Result<Reply, Refusal>,
+    words: impl FnOnce(&Value) -> String,
+) -> Result<ExitCode, Error> {
+    match reply {
+        Ok(reply) => {
+            print(words(&serde_json::from_slice(&reply.body)?).as_bytes())?;
+            Ok(ExitCode::SUCCESS)
+        }
+        Err(refusal) => Ok(ExitCode::from(refused(refusal, ""))),
+    }
+}
+
+/// Prints why a server refused a request. Returns the exit code.
+fn refused(refusal: Refusal, name: &str) -> u8 {
+    for line in refusal.lines {
+        // If standard error is closed, the exit code still reports the refusal.
+        let _ = writeln!(io::stderr(), "{name}{line}");
+    }
+    refusal.code
+}
+
+/// Id, state, key and label of a job.
+fn line(job: &Value) -> String {
+    let text = |name: &str| job[name].as_str().unwrap_or_default().to_owned();
+    let mut line = format!("{}  {:<9}  {}", text("id"), text("state"), text("key"));
+    if let Some(label) = job["label"].as_str() {
+        let _ = write!(line, "  {label}");
+    }
+    line + "\n"
+}
+
+/// Waits for the end of a job and prints its line. Returns the exit code.
+fn end(client: &Client, id: &str) -> Result<u8, Error> {
+    let is_terminal = io::stderr().is_terminal();
+    let wait = if is_terminal { TERMINAL_WAIT } else { LOG_WAIT };
+    loop {
+        let reply = match client.call("GET", &format!("/v1/jobs/{id}?wait={wait}"), None)? {
+            Ok(reply) => reply,
+            Err(refusal) => return Ok(refused(refusal, "")),
+        };
+        let job: Value = serde_json::from_slice(&reply.body)?;
+        let code = match job["state"].as_str() {
+            Some("succeeded") => 0,
+            Some("failed") => 3,
+            Some("canceled") => 4,
+            _ => {
+                if is_terminal {
+                    let percent = 100.0 * job["progress"].as_f64().unwrap_or(0.0);
+                    write!(io::stderr(), "\r{percent:4.0} %")?;
+                }
+                continue;
+            }
+        };
+        if is_terminal {
+            write!(io::stderr(), "\r      \r")?;
+        }
+        print(line(&job).as_bytes())?;
+        if let Some(detail) = job["error"]["detail"].as_str() {
+            writeln!(io::stderr(), "{detail}")?;
+        }
+        return Ok(code);
+    }
+}
