@@ -43,6 +43,8 @@ impl Routes {
             .add(Needs::READ, routes!(results::profiles))
             .add(Needs::READ, routes!(results::loops))
             .add(Needs::READ, routes!(results::table))
+            .add(Needs::READ, routes!(results::statistics))
+            .add(Needs::READ, routes!(results::histogram))
             .add(Needs::READ, routes!(results::plot))
             .add(Needs::DERIVE, routes!(derivatives::derivatives))
             .add(Needs::SUBMIT, routes!(results::pin, results::unpin))

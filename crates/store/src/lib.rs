@@ -67,7 +67,7 @@ pub use moving::{
 };
 pub use options::{FileSizes, Options, Recovered};
 pub use place::{DatabaseUrl, Place};
-pub use read::{Asked, Filter, LARGE, Page, StoredResult};
+pub use read::{Asked, Filter, LARGE, Page, StoredResult, Unfinished};
 pub use row::RunId;
 pub use search::{Cursor, Found, Listed, Search};
 pub use signals::{Changes, Deletions, Stop};

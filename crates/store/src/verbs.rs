@@ -19,7 +19,7 @@ use super::keys::{self, AccessKey};
 use super::library::{Known, Provenance};
 use super::options::{FileSizes, Options, Recovered};
 use super::place::Place;
-use super::read::{self, Asked, Filter, LARGE, Page, StoredResult};
+use super::read::{self, Asked, Filter, LARGE, Page, StoredResult, Unfinished};
 use super::row::{Columns, Row, Sum};
 use super::search::{self, Cursor, Found, Search};
 use super::signals::{Changes, Deletions, Signals};
@@ -200,6 +200,28 @@ impl Store {
             let bytes = sum.is_of(&body).then(|| body.json().ok()).flatten();
             let damaged = Error::DamagedChunk { key: claimed.key, number };
             self.signals.counted(bytes.ok_or(damaged).map(Some))
+        })
+    }
+
+    /// The study of a job, if it is being computed or was canceled; `None` otherwise.
+    pub fn unfinished_study(&self, id: JobId) -> Doing<'_, Option<Unfinished>> {
+        Box::pin(read::unfinished_study(id, self.reading()))
+    }
+
+    /// The data of the finished chunks of a job's study, with their numbers.
+    pub fn chunks_so_far<'a>(
+        &'a self,
+        id: JobId,
+        study: &'a Unfinished,
+    ) -> Doing<'a, Vec<(u32, Bytes)>> {
+        Box::pin(async move {
+            let found = read::chunks(id, study.chunks, self.scanning()).await?;
+            let chunks = found.into_iter().map(|(number, body, sum)| {
+                let bytes = sum.is_of(&body).then(|| body.json().ok()).flatten();
+                let damaged = Error::DamagedChunk { key: study.key, number };
+                Ok((number, bytes.ok_or(damaged)?))
+            });
+            self.signals.counted(chunks.collect())
         })
     }
 
