@@ -22,6 +22,7 @@ use super::place::Place;
 use super::read::{self, Asked, Filter, LARGE, Page, StoredResult, Unfinished};
 use super::row::{Columns, Row, Sum};
 use super::search::{self, Cursor, Found, Search};
+use super::sessions::{self, SignedIn};
 use super::signals::{Changes, Deletions, Signals};
 use super::statement::{Statement, sql};
 use super::submit::{Admission, EncodedJob, NewJob, Submitted};
@@ -424,6 +425,25 @@ impl Store {
     /// Records that a key was used now.
     pub fn key_was_used(&self, by: Actor) -> Doing<'_, ()> {
         Box::pin(self.change(keys::was_used, by))
+    }
+
+    /// Begins a session of the browser that has sent this key. Returns its token, which cannot be read later.
+    pub fn begin_session(&self, by: SignedIn) -> Doing<'_, String> {
+        Box::pin(async move {
+            let token = sessions::token()?;
+            self.change(sessions::begin, (token.clone(), by)).await?;
+            Ok(token)
+        })
+    }
+
+    /// The key of the session with this token; `None` if the session has ended.
+    pub fn session<'a>(&'a self, token: &'a str) -> Doing<'a, Option<SignedIn>> {
+        Box::pin(sessions::find(token, now(), Reading(self, Purpose::Keys)))
+    }
+
+    /// Ends the session with this token, if there is one.
+    pub fn end_session(&self, token: String) -> Doing<'_, ()> {
+        Box::pin(self.change(sessions::end, token))
     }
 
     /// The secret that signs links to results. It is created once for each database.
