@@ -501,7 +501,7 @@ async fn the_statistics_of_a_random_sample_are_those_of_a_known_distribution() {
     assert_eq!(points.clone().sum::<f64>(), 2.0 * count);
     assert_eq!((points.clone().next(), points.count()), (Some(count), 1 + 50));
     let csv = server.get(&format!("{address}/statistics?format=csv&units=engineering")).await;
-    let csv = String::from_utf8(csv.body.to_vec()).unwrap();
+    let csv = csv.text();
     assert!(csv.contains("\n\"wear_volume@1\",\"mm^3\",4096.0,"), "{csv}");
     let (run, _) = computed(&server, &steel_ball()).await;
     server.get(&format!("/v1/results/{run}/statistics")).await.problem(404, "no-such-part");

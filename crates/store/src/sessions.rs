@@ -59,7 +59,7 @@ pub(super) async fn find(token: &str, now: i64, mut db: impl Tables) -> Result<O
     Ok(Some(SignedIn { key: row.get("key")?, key_digest }))
 }
 
-/// Ends the session with this token, if there is one.
-pub(super) async fn end(token: &String, mut tx: Change<'_>) -> Result<()> {
-    tx.execute(sql!("DELETE FROM session WHERE digest = $1"; &digest(token))).await
+/// Ends the session whose token has this digest, if there is one.
+pub(super) async fn end(digest: &[u8; 32], mut tx: Change<'_>) -> Result<()> {
+    tx.execute(sql!("DELETE FROM session WHERE digest = $1"; digest)).await
 }

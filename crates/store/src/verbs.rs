@@ -442,8 +442,8 @@ impl Store {
     }
 
     /// Ends the session with this token, if there is one.
-    pub fn end_session(&self, token: String) -> Doing<'_, ()> {
-        Box::pin(self.change(sessions::end, token))
+    pub fn end_session(&self, token: &str) -> Doing<'_, ()> {
+        Box::pin(self.change(sessions::end, keys::digest(token)))
     }
 
     /// The secret that signs links to results. It is created once for each database.

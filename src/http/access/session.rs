@@ -5,6 +5,7 @@
 //! works from a bookmark or a link.
 
 use axum::extract::Request;
+use axum::http::uri::Authority;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 
 use super::caller::ViaProxy;
@@ -57,7 +58,7 @@ pub fn is_own_origin(request: &Request) -> Option<bool> {
 /// The host and the port that the client asked.
 fn host_of(request: &Request) -> Option<&str> {
     let host = || request.headers().get(header::HOST)?.to_str().ok();
-    request.uri().authority().map(|own| own.as_str()).or_else(host)
+    request.uri().authority().map(Authority::as_str).or_else(host)
 }
 
 /// Whether the client speaks TLS with the trusted proxy that forwards the request.

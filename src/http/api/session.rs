@@ -38,7 +38,7 @@ pub async fn sign_in(app: App, _: NoQuery, request: Request) -> Result<Answer> {
     };
     // The browser gets a new token, so nobody can know it in advance. The session before it ends.
     if let Some(token) = token(&request)? {
-        app.store.end_session(token).await?;
+        app.store.end_session(&token).await?;
     }
     let token = app.store.begin_session(by).await?;
     Ok(answer(&request, Some(&token)))
@@ -50,7 +50,7 @@ pub async fn sign_in(app: App, _: NoQuery, request: Request) -> Result<Answer> {
 ))]
 pub async fn sign_out(app: App, _: NoQuery, request: Request) -> Result<Answer> {
     if let Some(token) = token(&request)? {
-        app.store.end_session(token).await?;
+        app.store.end_session(&token).await?;
     }
     Ok(answer(&request, None))
 }
