@@ -278,16 +278,16 @@ pub(super) async fn unfinished_study(id: JobId, mut db: impl Tables) -> Result<O
     Ok(Some(read!(row => Unfinished { key, task, chunks, done })))
 }
 
-/// The stored data of the finished chunks of a job's study, with their numbers and hashes.
+/// The stored data of the finished chunks of a job's study, with their numbers and hashes: at most as many as were done.
 pub(super) async fn chunks(
     id: JobId,
-    chunks: u32,
+    &Unfinished { chunks, done, .. }: &Unfinished,
     mut db: impl Tables,
 ) -> Result<Vec<(u32, Body, Sum)>> {
     let query = sql!(
         "SELECT number, body, checksum FROM job JOIN chunk ON chunk.run = job.run
-         WHERE job.id = $1 AND chunk.state = 'done' AND number < $2 ORDER BY number";
-        id, chunks
+         WHERE job.id = $1 AND chunk.state = 'done' AND number < $2 ORDER BY number LIMIT $3";
+        id, chunks, done
     );
     let rows = db.rows(query).await?;
     let chunk = |row: &Row| {

@@ -216,7 +216,7 @@ impl Store {
         study: &'a Unfinished,
     ) -> Doing<'a, Vec<(u32, Bytes)>> {
         Box::pin(async move {
-            let found = read::chunks(id, study.chunks, self.scanning()).await?;
+            let found = read::chunks(id, study, self.scanning()).await?;
             let chunks = found.into_iter().map(|(number, body, sum)| {
                 let bytes = sum.is_of(&body).then(|| body.json().ok()).flatten();
                 let damaged = Error::DamagedChunk { key: study.key, number };

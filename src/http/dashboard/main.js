@@ -65,7 +65,10 @@ async function showUser() {
   const place = document.getElementById("user");
   const me = await readUser();
   if (!me) return place.replaceChildren();
-  place.replaceChildren(`${me.name} (${me.role})`, h("button", { type: "button", onclick: async () => {
+  place.replaceChildren(`${me.name} (${me.role})`);
+  // The sign-on proxy ends the sessions of its users.
+  if (me.key === "sign-on") return;
+  place.append(h("button", { type: "button", onclick: async () => {
     await signOut();
     signIn("You are signed out.").then(route);
   } }, "Sign out"));

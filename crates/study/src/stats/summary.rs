@@ -45,10 +45,12 @@ impl Summary {
 
     /// The standard deviation, with n − 1; `None` with fewer than two values.
     pub fn standard_deviation(&self) -> Option<f64> {
-        let (mean, most) = (self.mean()?, self.0[0].abs().max(self.0[self.0.len() - 1].abs()));
-        if most == 0.0 {
+        let (mean, low, high) = (self.mean()?, self.0[0], self.0[self.0.len() - 1]);
+        // The mean of equal values can have a rounding error.
+        if low >= high {
             return (self.0.len() > 1).then_some(0.0);
         }
+        let most = low.abs().max(high.abs());
         // The largest value is the unit, because squares of volumes in m³ can be smaller than any float64.
         let scaled = self.0.iter().map(|value| (value - mean) / most);
         let squares: f64 = scaled.map(|value| value * value).sum();
@@ -67,9 +69,11 @@ impl Summary {
         };
         let count = self.0.len();
         let bins = if low < high { count.isqrt().clamp(1, MAX_BINS) } else { 1 };
+        // Halves, so that the width stays finite. Each operation is monotonic, so the edges are in order.
+        let half = high / 2.0 - low / 2.0;
         let edge = |bin: usize| {
-            let part = bin as f64 / bins as f64;
-            if bin == bins { high } else { low * (1.0 - part) + high * part }
+            let inner = 2.0 * (low / 2.0 + half * (bin as f64 / bins as f64));
+            if bin == bins { high } else { inner.min(high) }
         };
         let before = |bin: usize| {
             let end = edge(bin);
@@ -106,7 +110,7 @@ mod tests {
     fn the_deviation_of_tiny_values_does_not_underflow() {
         let deviation = Summary::new(&[1e-200, 3e-200]).standard_deviation().unwrap();
         assert!((deviation / 2.0_f64.sqrt() / 1e-200 - 1.0).abs() < 1e-15, "{deviation}");
-        assert_eq!(Summary::new(&[0.0, 0.0]).standard_deviation(), Some(0.0));
+        assert_eq!(Summary::new(&[0.1; 10]).standard_deviation(), Some(0.0));
     }
 
     #[test]
@@ -115,6 +119,9 @@ mod tests {
         let bins = Summary::new(&values).histogram();
         assert_eq!((bins.len(), bins.iter().map(|bin| bin.points).sum::<usize>()), (31, 1000));
         assert!(bins.windows(2).all(|pair| pair[0].to.to_bits() == pair[1].from.to_bits()));
+        let neighbours = [1.0, 1.0 + f64::EPSILON].repeat(1250);
+        let bins = Summary::new(&neighbours).histogram();
+        assert_eq!((bins.len(), bins.iter().map(|bin| bin.points).sum::<usize>()), (50, 2500));
         assert_eq!(Summary::new(&[2.0; 9]).histogram().len(), 1);
         let none = Summary::new(&[f64::NAN]);
         assert!(none.histogram().is_empty() && none.mean().is_none());
