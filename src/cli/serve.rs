@@ -160,6 +160,9 @@ async fn requires_key(
         return Ok(true);
     }
     if !settings.is_reachable() {
+        if settings.auth_header.is_some() {
+            return Ok(true);
+        }
         warn_of_open_origins(settings);
         return Ok(false);
     }

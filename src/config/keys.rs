@@ -1,6 +1,5 @@
 //! The commands for access keys.
 
-use std::net::IpAddr;
 use std::time::Duration;
 
 use clap::{Args, Subcommand};
@@ -45,22 +44,15 @@ pub struct AddKey {
     pub data: Data,
 }
 
-fn role(text: &str) -> Result<Role, String> {
+pub(super) fn role(text: &str) -> Result<Role, String> {
     text.parse().map_err(|_| "expected read, submit or admin".to_owned())
 }
 
-/// Parses the name of a key. The name must differ from addresses, ids of keys and reserved names.
+/// Parses the name of a key.
 fn key_name(text: &str) -> Result<String, String> {
-    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"._@+-".contains(&byte);
-    let is_id = text.len() == 8 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
-    let sound = (1..=64).contains(&text.len())
-        && text.bytes().all(plain)
-        && text.parse::<IpAddr>().is_err()
-        && !is_id
-        && ![http::ADMIN, http::ME].contains(&text);
     let expected = "expected up to 64 letters, digits and . _ @ + -; the name must not be a network \
         address, the id of a key, \"admin\" or \"me\"";
-    if sound { Ok(text.to_owned()) } else { Err(expected.to_owned()) }
+    if http::is_owner_name(text) { Ok(text.to_owned()) } else { Err(expected.to_owned()) }
 }
 
 /// Parses the time until a key expires.

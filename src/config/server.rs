@@ -15,14 +15,15 @@ use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, ValueEnum};
 use fretwork_engine::scenario::MAX_ANSWER;
 use hyper::Uri;
-use hyper::header::HeaderValue;
+use hyper::header::{HeaderName, HeaderValue};
 
 use super::data::Data;
+use super::keys::role;
 use super::values::{Secret, duration, lease, nonzero, resolve, seconds};
-use crate::http::{self, Access, AdminKey, Connections, Limits, Origins};
+use crate::http::{self, Access, AdminKey, Connections, Limits, Origins, SignOn};
 use crate::service::WorkLimits;
 use crate::telemetry::Logging;
-use fretwork_store::{self as store, Place};
+use fretwork_store::{self as store, Place, Role};
 
 /// The settings of the server.
 #[derive(Debug, Clone, Args)]
@@ -144,6 +145,18 @@ pub struct Serve {
         value_delimiter = ','
     )]
     pub trusted_proxies: Vec<IpAddr>,
+    /// The header in which a sign-on proxy, one of --trusted-proxy, names the user, such as X-Remote-User. The proxy must remove this
+    /// header from the requests of its clients.
+    #[arg(long, env = "FRETWORK_AUTH_HEADER", value_name = "NAME", conflicts_with = "no_auth",
+        requires_all = ["trusted_proxies", "auth_secret", "auth_role"])]
+    pub auth_header: Option<HeaderName>,
+    /// What the sign-on proxy sends in the header X-Fretwork-Proxy-Secret: at least 20 characters. Prefer the environment variable.
+    #[arg(long, env = "FRETWORK_AUTH_SECRET", hide_env_values = true, value_name = "SECRET", value_parser = proxy_secret,
+        requires = "auth_header")]
+    pub auth_secret: Option<Secret>,
+    /// The role of all users of the sign-on proxy.
+    #[arg(long, env = "FRETWORK_AUTH_ROLE", value_name = "read|submit|admin", value_parser = role, requires = "auth_header")]
+    pub auth_role: Option<Role>,
     #[command(flatten)]
     pub logging: Logging,
     /// Print these settings with their sources, and exit.
@@ -189,6 +202,7 @@ impl Serve {
                     evaluations: NonZeroU32::new(self.evaluate_rate),
                     at_once: NonZeroU32::new(self.concurrency),
                 },
+                sign_on: self.sign_on(),
             },
             memory: self.memory_cache.as_u64(),
             transfers: self.transfer_memory.as_u64(),
@@ -199,6 +213,12 @@ impl Serve {
             },
             origins: self.origins(),
         }
+    }
+
+    /// The sign-on proxy. The command line accepts its options only together.
+    fn sign_on(&self) -> Option<SignOn> {
+        let (header, Secret(secret)) = (self.auth_header.clone()?, self.auth_secret.clone()?);
+        Some(SignOn { header, secret, role: self.auth_role? })
     }
 
     /// The settings of the store.
@@ -278,6 +298,16 @@ pub fn described(matches: &ArgMatches) -> String {
         let _ = writeln!(text, "# {source}\n{comment}{name}={}", values.join(","));
     }
     text
+}
+
+/// Parses the secret of a sign-on proxy.
+fn proxy_secret(text: &str) -> Result<Secret, &'static str> {
+    let sound = text.len() >= 20 && text.bytes().all(|byte| byte.is_ascii_graphic());
+    if sound {
+        Ok(Secret(text.to_owned()))
+    } else {
+        Err("expected at least 20 printable characters")
+    }
 }
 
 /// Parses an origin. Accepts only the form that browsers send, because another form would match no page.

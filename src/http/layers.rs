@@ -16,6 +16,7 @@ use tower::{Layer as _, Service, ServiceExt as _, service_fn};
 use tower_http::cors::{AllowHeaders, Any as AnyOrigin, CorsLayer};
 
 use super::access::caller::{Peer, REQUEST_ID, Trace, owner_of};
+use super::access::session::is_own_origin;
 use super::access::{self, Gate, Identity};
 use super::api::evaluate;
 use super::api::umbridge;
@@ -207,20 +208,15 @@ fn is_cross_site(known: &Origins, request: &Request) -> bool {
     let text = |name: HeaderName| request.headers().get(name).map(HeaderValue::as_bytes);
     let site = text(HeaderName::from_static("sec-fetch-site"));
     let origin = text(header::ORIGIN);
-    let own = request.uri().authority().map(|own| own.as_str().as_bytes()).or(text(header::HOST));
     let is_known = match known {
         Origins::Own => false,
         Origins::Any => true,
         Origins::These(list) => list.iter().any(|known| Some(known.as_bytes()) == origin),
     };
     // Over plain HTTP, browsers send `Origin`, but not `Sec-Fetch-Site`.
-    let is_own = match (site, origin) {
+    let is_own = match (site, is_own_origin(request)) {
         (Some(b"same-origin" | b"none"), _) | (None, None) => true,
-        (_, Some(origin)) => {
-            let end = origin.windows(3).position(|mark| mark == b"://").map(|at| at + 3);
-            end.is_some_and(|end| Some(&origin[end..]) == own)
-        }
-        (Some(_), None) => false,
+        (_, is_own) => is_own == Some(true),
     };
     !request.method().is_safe() && !is_known && !is_own
 }
@@ -313,7 +309,8 @@ mod tests {
     #[tokio::test]
     async fn a_compressed_answer_counts_as_concurrent_until_it_was_sent() {
         let limits = Limits { at_once: NonZeroU32::new(1), ..Limits::default() };
-        let access = Access { admin_key: Some(AdminKey("secret".into())), limits, open: false };
+        let access =
+            Access { admin_key: Some(AdminKey("secret".into())), limits, ..Access::default() };
         let (router, _dir) = surrounded(get(|| async { "text ".repeat(1000) }), &access).await;
         let ask = async || {
             let request = Request::get("/")

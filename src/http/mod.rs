@@ -28,8 +28,9 @@ use futures_util::future::{OptionFuture, join};
 use tokio::net::TcpListener;
 use utoipa_axum::router::OpenApiRouter;
 
-pub use access::caller::ME;
+pub use access::caller::{ME, is_owner_name};
 pub use access::limits::Limits;
+pub use access::sign_on::SignOn;
 pub use access::signed_link::ADMIN;
 pub use access::{Access, AdminKey};
 pub use api::scenarios::{EXAMPLES, Example};

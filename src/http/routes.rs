@@ -9,7 +9,7 @@ use utoipa_axum::routes;
 use super::access::needs::{Needs, RouteNeeds};
 use super::api::{
     audit, derivatives, diff, evaluate, events, jobs, library, links, me, measurements, results,
-    scenarios, system, umbridge,
+    scenarios, session, system, umbridge,
 };
 use super::app::App;
 use super::dashboard::{docs, swagger};
@@ -43,6 +43,8 @@ impl Routes {
             .add(Needs::READ, routes!(results::profiles))
             .add(Needs::READ, routes!(results::loops))
             .add(Needs::READ, routes!(results::table))
+            .add(Needs::READ, routes!(results::statistics))
+            .add(Needs::READ, routes!(results::histogram))
             .add(Needs::READ, routes!(results::plot))
             .add(Needs::DERIVE, routes!(derivatives::derivatives))
             .add(Needs::SUBMIT, routes!(results::pin, results::unpin))
@@ -57,6 +59,7 @@ impl Routes {
             .add(Needs::READ, routes!(scenarios::example))
             .add(Needs::READ, routes!(scenarios::schema))
             .add(Needs::READ, routes!(me::me))
+            .add(Needs::READ, routes!(session::sign_in, session::sign_out))
             .add(Needs::ADMIN, routes!(audit::audit))
             .monitoring()
             .add(Needs::READ, routes!(system::version))

@@ -10,6 +10,7 @@ import json
 import resource
 import socket
 import struct
+import subprocess
 import sys
 import traceback
 
@@ -35,9 +36,18 @@ class Target:
         self.readers = values["readers"]
         self.reader = values["reader"]
         self.bystander = values["bystander"]
+        # The key of a user who leaves, and the command that revokes keys.
+        self.leaver, self.revoke = values["leaver"], values["revoke"]
+        # The address and the secret of the sign-on proxy.
+        self.proxy, self.secret = values["proxy"], values["secret"]
 
 
 target = Target(sys.argv[1])
+
+
+def revoke(name):
+    """Revokes the keys of a user."""
+    subprocess.run([*target.revoke, name], check=True, capture_output=True)
 
 
 def argument(place):

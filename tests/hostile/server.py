@@ -15,6 +15,8 @@ MEMORY = 512 << 20
 FILES = 1024
 # One key may have 256 requests at once, so the attackers have several.
 KEYS, READERS, SHARERS = 16, 4, 4
+# The address of the sign-on proxy, and its secret.
+PROXY, SECRET = "127.0.0.77", "the-secret-of-the-proxy"
 # A result with 62 MB of JSON, about the largest that the server computes.
 LARGE = {
     "profile": {"shape": "paraboloid", "radius": "10 mm"},
@@ -53,7 +55,8 @@ class Server:
         self.log = open(data / "log", "w+", encoding="utf-8")
         self.process = subprocess.Popen(
             # Variables could change the settings, but systemd-run needs them.
-            [*cgroup(), "env", "-i", program, "--listen", "127.0.0.1:0", "--data-dir", data, "--log", "error"],
+            [*cgroup(), "env", "-i", f"FRETWORK_AUTH_SECRET={SECRET}", program, "--listen", "127.0.0.1:0", "--data-dir", data,
+             "--log", "error", "--trusted-proxy", PROXY, "--auth-header", "X-Remote-User", "--auth-role", "submit"],
             stdout=subprocess.PIPE,
             stderr=self.log,
             text=True,
@@ -71,6 +74,10 @@ class Server:
             "readers": [self.key("readers", "read") for _ in range(READERS)],
             "reader": self.key("reader", "read"),
             "bystander": self.bystander,
+            "leaver": self.key("leaver", "submit"),
+            "revoke": [str(program), "keys", "revoke", "--data-dir", str(data)],
+            "proxy": PROXY,
+            "secret": SECRET,
         }
         # For the programs that attack.
         self.target = data / "target.json"

@@ -115,7 +115,7 @@ async fn each_role_allows_only_its_own_operations() {
     for (method, target) in operations() {
         let needs = match (method.as_str(), target.split('/').nth(2).unwrap_or_default()) {
             ("GET", "audit") => Role::Admin,
-            ("GET", _) | ("POST", "scenarios") => Role::Read,
+            ("GET", _) | ("POST", "scenarios") | (_, "session") => Role::Read,
             ("POST", "results") if target.ends_with("/diff") => Role::Read,
             ("DELETE", "results") if target.ends_with(&"0".repeat(64)) => Role::Admin,
             _ => Role::Submit,

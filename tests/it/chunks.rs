@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
+use bytes::Bytes;
 use fretwork_job::{Cost, FailureKind, JobState, Origin, Submission};
 use fretwork_store::{Actor, Claimed, Deleted, Error, Finish, NewJob, Piece, Recovered, Store};
 use sqlx::Executor as _;
@@ -322,28 +323,36 @@ async fn operations_on_chunks_in_random_order_lose_no_chunk(on: Engine) {
 
 async fn chunks_are_deleted_after_their_study_has_ended(on: Engine) {
     let (db, store) = Database::fresh(on).await;
-    for (number, chunks) in [(1, 40), (2, 3), (3, 2)] {
+    for (number, chunks) in [(1, 40), (2, 3), (4, 3), (3, 2)] {
         accepted(store.submit(study(number, chunks)).await);
     }
-    let mut canceled = None;
-    for _ in 0..43 {
+    let mut canceled = Vec::new();
+    for _ in 0..46 {
         let claimed = claim(&store).await;
         assert!(finish_chunk(&store, &claimed).await);
-        canceled = Some(claimed.key);
         if claimed.key == key(1) && matches!(claimed.piece, Piece::Chunk { number: 39, .. }) {
             let assembly = claim(&store).await;
             store.finish(&assembly, &answer("a"), Cost::ZERO).await.unwrap();
         }
+        if matches!(claimed.piece, Piece::Chunk { number: 2, of: 3 }) {
+            let job = store.live_job(&claimed.key, None).await.unwrap().unwrap();
+            cancel(&store, job).await;
+            canceled.push(job);
+        }
     }
-    assert_eq!(canceled, Some(key(2)));
-    let job = store.live_job(&key(2), None).await.unwrap().unwrap();
-    cancel(&store, job).await;
-    // The run of the study is deleted with its job.
-    assert_eq!(store.delete(job, Actor::default()).await.unwrap(), Deleted::Done);
+    // The run of a study is deleted with its job.
+    assert_eq!(store.delete(canceled[1], Actor::default()).await.unwrap(), Deleted::Done);
+    assert!(store.unfinished_study(canceled[1]).await.unwrap().is_none());
     let first = claim_chunk(&store, 0).await;
     assert!(finish_chunk(&store, &first).await);
-    eventually(async || db.count("SELECT count(*) FROM study").await == 1).await;
-    assert_eq!(db.count("SELECT count(*) FROM chunk").await, 1);
+    eventually(async || db.count("SELECT count(*) FROM study").await == 2).await;
+    assert_eq!(db.count("SELECT count(*) FROM chunk").await, 3 + 1);
+    // The canceled study keeps its chunks while it has a job.
+    let study = store.unfinished_study(canceled[0]).await.unwrap().unwrap();
+    assert_eq!((study.key, study.chunks, study.done), (key(2), 3, 3));
+    let chunks = store.chunks_so_far(canceled[0], &study).await.unwrap();
+    let expected = |number| (number, Bytes::from_static(b"1,2"));
+    assert_eq!(chunks, [0, 1, 2].map(expected));
     // The unfinished study keeps its chunks and continues.
     assert_eq!(store.chunk(&first, 0).await.unwrap().as_deref(), Some(&b"1,2"[..]));
     claim_chunk(&store, 1).await;

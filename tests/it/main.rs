@@ -65,6 +65,7 @@ mod rooms;
 mod rule;
 mod schema;
 mod server;
+mod sign_in;
 mod so_far;
 mod store;
 mod studies;

@@ -8,7 +8,8 @@ use fretwork_job::{Begin, Step, Task, Work};
 use serde_json::{Value, json};
 
 use crate::keeping::eventually;
-use crate::server::{Gate, Server, example};
+use crate::server::{Gate, JSON, Server, example};
+use crate::studies::long_sweep;
 
 /// A run that pauses after its first rows, until its gate opens.
 struct Paused {
@@ -80,4 +81,40 @@ async fn other_work_has_no_rows() {
     let address = job["links"]["self"].as_str().unwrap();
     eventually(async || server.get(address).await.json()["state"] == "running").await;
     assert_eq!(server.get(&format!("{address}/so-far")).await.status, 204);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_study_shows_its_rows_while_it_runs_and_after_it_was_canceled() {
+    let server = Server::start().await;
+    let body = long_sweep(100_000);
+    let job = server.post("/v1/jobs", &body).await.json();
+    let address = job["links"]["self"].as_str().unwrap();
+    let so_far = format!("{address}/so-far");
+    let computed = |rows: &Value| rows["counts"]["computed"].as_u64().unwrap();
+    eventually(async || {
+        let reply = server.get(&so_far).await;
+        reply.status == 200 && computed(&reply.json()) > 0
+    })
+    .await;
+    assert_eq!(server.get(address).await.json()["state"], "running");
+    server.send("POST", &format!("{address}/cancel"), &[JSON], "").await;
+    let rows = server.get(&so_far).await.json();
+    assert_eq!(rows["counts"]["points"], 100_000);
+    assert_eq!(rows["units"]["wear_volume"], "m^3");
+    let table = rows["table"].as_object().unwrap();
+    for (name, column) in table {
+        assert_eq!(column.as_array().unwrap().len() as u64, computed(&rows), "{name}");
+    }
+    assert_eq!(server.get(&so_far).await.json(), rows);
+    // Each row is that of its point.
+    let last = computed(&rows) as usize - 1;
+    let mut scenario = body["sweep"]["scenario"].clone();
+    for (pointer, column) in table.iter().filter(|(name, _)| name.starts_with('/')) {
+        *scenario.pointer_mut(pointer).unwrap() = column[last].clone();
+    }
+    let one = json!({"scenario": scenario, "outputs": ["wear_volume"]});
+    let one = server.post("/v1/evaluate", &one).await.json();
+    assert_eq!(table["wear_volume"][last], one["outputs"]["wear_volume"]);
+    assert_eq!(server.send("DELETE", address, &[], "").await.status, 204);
+    server.get(&so_far).await.problem(404, "not-found");
 }

@@ -446,6 +446,68 @@ async fn a_client_can_read_the_first_rows_only() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_statistics_of_a_random_sample_are_those_of_a_known_distribution() {
+    const POINTS: u32 = 4096;
+    let server = Server::start().await;
+    let mut body = sweep();
+    // In gross slip, the wear volume of one cycle is proportional to the wear coefficient.
+    body["sweep"]["scenario"]["motion"]["amplitude"] = json!("20 um");
+    body["sweep"]["scenario"]["friction"] = json!(0.1);
+    body["sweep"]["scenario"]["cycles"] = json!([1]);
+    let one =
+        json!({"scenario": body["sweep"]["scenario"], "outputs": ["wear_volume", "stick_radius"]});
+    let one = server.post("/v1/evaluate", &one).await.json();
+    assert_eq!(one["outputs"]["stick_radius"], 0.0);
+    let normal = json!({"normal": {"mean": 3.03e-14, "standard_deviation": 3.03e-15}});
+    body["sweep"]["vary"] = json!([{"pointer": "/wear/coefficient", "distribution": normal}]);
+    body["sweep"]["outputs"] = json!(["unworn.stick_radius", "wear_volume@1"]);
+    body["sweep"]["design"] = json!("latin_hypercube");
+    body["sweep"]["samples"] = json!(POINTS);
+    let (key, _) = computed(&server, &body).await;
+    let count = f64::from(POINTS);
+
+    let address = format!("/v1/results/{key}");
+    let found = server.get(&format!("{address}/statistics?layout=records")).await.json();
+    let found = &found["records"][1];
+    assert_eq!((&found["output"], &found["unit"]), (&json!("wear_volume@1"), &json!("m^3")));
+    assert_eq!(found["points"], count);
+    let middle = one["outputs"]["wear_volume"].as_f64().unwrap();
+    let deviation = 0.1 * middle;
+    // A percentile at share p, z deviations from the mean, has the standard error √(p (1 − p) / n) / density(z).
+    for (name, share, z) in [
+        ("percentile_5", 0.05, -1.644_854),
+        ("percentile_25", 0.25, -0.674_490),
+        ("median", 0.5, 0.0),
+        ("percentile_75", 0.75, 0.674_490),
+        ("percentile_95", 0.95, 1.644_854),
+    ] {
+        let density = f64::exp(-0.5 * z * z) / (2.0 * std::f64::consts::PI).sqrt();
+        let error = deviation * f64::sqrt(share * (1.0 - share) / count) / density;
+        let difference = found[name].as_f64().unwrap() - (middle + z * deviation);
+        assert!(difference.abs() < error, "{name}: {difference} {error} {found}");
+    }
+    let known = [
+        ("mean", middle, deviation),
+        ("standard_deviation", deviation, deviation / 2.0_f64.sqrt()),
+    ];
+    for (name, known, spread) in known {
+        let difference = found[name].as_f64().unwrap() - known;
+        assert!(difference.abs() < spread / count.sqrt(), "{name}: {found}");
+    }
+
+    let bins = server.get(&format!("{address}/histogram")).await.json();
+    let points = bins["histogram"]["points"].as_array().unwrap().iter().filter_map(Value::as_f64);
+    // The first output is 0 in all points, so it has one bin.
+    assert_eq!(points.clone().sum::<f64>(), 2.0 * count);
+    assert_eq!((points.clone().next(), points.count()), (Some(count), 1 + 50));
+    let csv = server.get(&format!("{address}/statistics?format=csv&units=engineering")).await;
+    let csv = csv.text();
+    assert!(csv.contains("\n\"wear_volume@1\",\"mm^3\",4096.0,"), "{csv}");
+    let (run, _) = computed(&server, &steel_ball()).await;
+    server.get(&format!("/v1/results/{run}/statistics")).await.problem(404, "no-such-part");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_map_answers_with_regimes_and_wear() {
     let server = Server::start().await;
     let mut body = example("map");

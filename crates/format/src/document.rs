@@ -121,6 +121,12 @@ impl<'a> Document<'a> {
         self.read(Part::Table, self.members.get(kind.rows), &View::default())
     }
 
+    /// The rows of all points of a study in SI, unrounded.
+    pub fn rows_in_si(&self, kind: &Kind) -> Result<Table> {
+        let text = self.members.get(kind.rows);
+        Table::read(Part::Table, text, &self.head.units, &View::default())
+    }
+
     /// A table, cut to a selection and converted.
     pub fn table(&self, part: Part, selection: &View) -> Result<Table> {
         self.must_have(part)?;

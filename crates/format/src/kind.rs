@@ -67,6 +67,10 @@ pub enum Part {
     Loops,
     /// The table of a study.
     Table,
+    /// Statistics of the outputs of a study: one row per output.
+    Statistics,
+    /// Histograms of the outputs of a study: one row per bin.
+    Histogram,
     /// A figure.
     Plot,
 }
@@ -83,8 +87,15 @@ impl Part {
             Self::Profiles => "profiles",
             Self::Loops => "loops",
             Self::Table => "table",
+            Self::Statistics => "statistics",
+            Self::Histogram => "histogram",
             Self::Plot => "plot",
         }
+    }
+
+    /// Whether the part summarises the outputs of a study.
+    pub fn is_summary(self) -> bool {
+        matches!(self, Self::Statistics | Self::Histogram)
     }
 
     /// The formats that can hold this part, the default first.
@@ -92,7 +103,7 @@ impl Part {
         match self {
             Self::Whole => &[Format::Json, Format::Npz],
             Self::Plot => &[Format::Svg],
-            Self::History | Self::Profiles | Self::Loops | Self::Table => &Format::ALL,
+            _ => &Format::ALL,
         }
     }
 }

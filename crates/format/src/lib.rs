@@ -24,6 +24,7 @@ mod json;
 mod kind;
 mod npz;
 mod quantity;
+mod statistics;
 mod table;
 mod units;
 mod view;
@@ -74,7 +75,11 @@ pub fn write(
             _ => json::whole(out, &object),
         };
     }
-    let (table, head) = (document.table(part, view)?, document.head);
+    let table = match part {
+        Part::Statistics | Part::Histogram => statistics::table(&document, part)?,
+        _ => document.table(part, view)?,
+    };
+    let head = document.head;
     drop(stored);
     match format {
         Format::Svg => unreachable!("a figure is not a table"),
@@ -341,10 +346,30 @@ mod tests {
     }
 
     #[test]
+    fn statistics_have_a_row_for_each_output_and_a_histogram_one_for_each_bin() {
+        let view = View { engineering: true, digits: Some(3), ..View::default() };
+        let made = |part| {
+            let csv = written(STUDY, part, Format::Csv, &view).unwrap();
+            let csv = String::from_utf8(csv).unwrap();
+            csv.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>()
+        };
+        let names = "output,unit,points,mean,standard_deviation,minimum,percentile_5,percentile_25,\
+            median,percentile_75,percentile_95,maximum";
+        // One value has no standard deviation.
+        let row = format!("\"wear_volume\",\"mm^3\",1.0,0.000125,{}", ",0.000125".repeat(7));
+        assert_eq!(made(Part::Statistics), [names.to_owned(), row]);
+        let bin = "\"wear_volume\",\"mm^3\",0.000125,0.000125,1.0";
+        assert_eq!(made(Part::Histogram), ["output,unit,from,to,points", bin]);
+    }
+
+    #[test]
     fn a_study_has_no_history_and_a_run_has_no_table() {
-        for (stored, part) in
-            [(STUDY, Part::History), (STUDY, Part::Profiles), (RESULT, Part::Table)]
-        {
+        for (stored, part) in [
+            (STUDY, Part::History),
+            (STUDY, Part::Profiles),
+            (RESULT, Part::Table),
+            (RESULT, Part::Statistics),
+        ] {
             let made = written(stored, part, part.formats()[0], &View::default());
             assert!(
                 matches!(made, Err(Error::OtherKind(refused, _)) if refused == part),

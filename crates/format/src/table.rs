@@ -201,7 +201,7 @@ impl Table {
         let empty = match part {
             Part::Profiles => serde_json::to_string(&Profiles::default()),
             Part::Loops => serde_json::to_string(&Loops::default()),
-            Part::Whole | Part::History | Part::Table | Part::Plot => Ok("{}".to_owned()),
+            _ => Ok("{}".to_owned()),
         }?;
         let members: Members<'_> = serde_json::from_str(text.map_or(&empty, |text| text.get()))?;
         let axes = axes(part, &members);
@@ -226,6 +226,11 @@ impl Table {
         let table = Self { part, columns, exists: text.is_some() };
         let is_sound = table.is_whole() && !table.columns.is_empty();
         if is_sound { Ok(table) } else { Err(Error::Document(unsound(part))) }
+    }
+
+    /// A table with one row per cell of its first column.
+    pub fn of_outputs(part: Part, columns: Vec<(String, Values)>) -> Self {
+        Self { part, columns, exists: true }
     }
 
     /// Whether all columns have the length of their axes, and the rows of all loops the same points.
@@ -275,8 +280,8 @@ impl Table {
     /// The number of output cycles, or of points of a study.
     pub fn cycles(&self) -> usize {
         match self.columns.first() {
+            Some((_, Values::Texts(texts))) => texts.len(),
             Some((_, Values::Cycles(row))) if self.part == Part::Table => row.len(),
-            Some((_, Values::Texts(texts))) if self.part == Part::Table => texts.len(),
             _ => ROWS.iter().map(|name| self.axis(name).len()).max().unwrap_or(0),
         }
     }

@@ -251,6 +251,52 @@ pub(super) async fn chunk(
     Ok(Some((Body::stored(row.get("body")?), Sum::Check(row.get("checksum")?))))
 }
 
+/// A study that is being computed or was canceled.
+#[derive(Debug)]
+pub struct Unfinished {
+    /// The key of its result.
+    pub key: Key,
+    /// The task in its stored form.
+    pub task: String,
+    /// The number of its chunks.
+    pub chunks: u32,
+    /// How many of them are finished.
+    pub done: u32,
+}
+
+/// The study of a job, if it is being computed or was canceled.
+pub(super) async fn unfinished_study(id: JobId, mut db: impl Tables) -> Result<Option<Unfinished>> {
+    let query = sql!(
+        "SELECT run.key AS key, run.task AS task, study.chunks AS chunks,
+             (SELECT count(*) FROM chunk
+              WHERE chunk.run = study.run AND chunk.state = 'done' AND number < study.chunks) AS done
+         FROM job JOIN run ON run.id = job.run JOIN study ON study.run = run.id
+         WHERE job.id = $1 AND (run.finished IS NULL OR run.state = 'canceled')";
+        id
+    );
+    let Some(row) = db.row(query).await? else { return Ok(None) };
+    Ok(Some(read!(row => Unfinished { key, task, chunks, done })))
+}
+
+/// The stored data of the finished chunks of a job's study, with their numbers and hashes: at most as many as were done.
+pub(super) async fn chunks(
+    id: JobId,
+    &Unfinished { chunks, done, .. }: &Unfinished,
+    mut db: impl Tables,
+) -> Result<Vec<(u32, Body, Sum)>> {
+    let query = sql!(
+        "SELECT number, body, checksum FROM job JOIN chunk ON chunk.run = job.run
+         WHERE job.id = $1 AND chunk.state = 'done' AND number < $2 ORDER BY number LIMIT $3";
+        id, chunks, done
+    );
+    let rows = db.rows(query).await?;
+    let chunk = |row: &Row| {
+        let body = Body::stored(row.get("body")?);
+        Ok((row.get("number")?, body, Sum::Check(row.get("checksum")?)))
+    };
+    rows.iter().map(chunk).collect()
+}
+
 /// The task of an unfinished run in its stored form.
 pub(super) async fn task(run: RunId, mut db: impl Tables) -> Result<Option<String>> {
     let row = db.row(sql!("SELECT task FROM run WHERE id = $1 AND finished IS NULL"; run)).await?;

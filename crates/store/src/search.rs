@@ -83,6 +83,7 @@ impl Range {
 
     /// Reads a range of a quantity. The bounds may have units.
     fn quantity(text: &str, dimension: Dimension) -> Result<Self, String> {
+        let text = &*written(text, dimension);
         let is_plain = |text: &str| text.trim().parse::<f64>().is_ok_and(|number| number != 0.0);
         let has_unit = |text: &str| !text.trim().is_empty() && text.trim().parse::<f64>().is_err();
         if let Some((low, high)) = text.split_once("..")
@@ -90,9 +91,6 @@ impl Range {
         {
             // `0.1..0.2 kN` would be 0.1 N to 200 N, which is probably a mistake.
             return Err(format!("must have a unit at both bounds or at neither, got {text:?}"));
-        }
-        if let Some(range) = dashed(text, dimension) {
-            return Err(format!("must be a range. Write {range}"));
         }
         Self::read(text, |text| {
             let value = quantity::parse(text, dimension)?;
@@ -102,7 +100,34 @@ impl Range {
     }
 }
 
-/// The range that is meant by `0.6-0.8`. A dash is not part of the syntax, because it is also a sign.
+/// The range `a..b` that is meant by a text such as `0.6-0.8`, `0,6..0,8` or `>0.6`.
+fn written(text: &str, dimension: Dimension) -> String {
+    let text = with_points(text.trim());
+    for (signs, below) in [(["<=", "≤", "<"], true), ([">=", "≥", ">"], false)] {
+        if let Some(bound) = signs.iter().find_map(|sign| text.strip_prefix(sign)) {
+            return if below { format!("..{bound}") } else { format!("{bound}..") };
+        }
+    }
+    dashed(&text, dimension).unwrap_or(text)
+}
+
+/// Replaces decimal commas. A comma before three digits stays, and gives an error: it can separate thousands.
+fn with_points(text: &str) -> String {
+    let digits = |text: &str| text.bytes().take_while(u8::is_ascii_digit).count();
+    let decimal = |(at, _): &(usize, &str)| {
+        let before = text[..*at].bytes().next_back().is_some_and(|byte| byte.is_ascii_digit());
+        let is_zero = text[..*at].rsplit(|c: char| !c.is_ascii_digit()).next() == Some("0");
+        let after = digits(&text[at + 1..]);
+        before && after > 0 && (after != 3 || is_zero)
+    };
+    let mut text_with_points = text.to_owned();
+    for (at, _) in text.match_indices(',').filter(decimal) {
+        text_with_points.replace_range(at..=at, ".");
+    }
+    text_with_points
+}
+
+/// The range that is meant by `0.6-0.8`. A dash between two values is no sign.
 fn dashed(text: &str, dimension: Dimension) -> Option<String> {
     let is_dash = |&(at, letter): &(usize, char)| {
         matches!(letter, '-' | '–' | '—') && !text[..at].ends_with(['e', 'E', '.'])
@@ -477,10 +502,15 @@ mod tests {
         {
             assert!(range(bad).is_err(), "{bad}");
         }
-        for (dashed, meant) in
-            [("50-200", "50..200"), ("50 N – 0.2 kN", "50 N..0.2 kN"), ("1e-3-2", "1e-3..2")]
-        {
-            assert!(range(dashed).unwrap_err().ends_with(&format!("Write {meant}")), "{dashed}");
+        near("50-200", 50.0, 200.0);
+        near("50 N – 0.2 kN", 50.0, 200.0);
+        near("1e-3-2", 1e-3, 2.0);
+        near("0,6..0,8 ", 0.6, 0.8);
+        near("0,125", 0.125, 0.125);
+        near("> 50 N", 50.0, f64::INFINITY);
+        near("<=0,2 kN", f64::NEG_INFINITY, 200.0);
+        for bad in ["1,000", ">", "<1..2", ">50-200", "1,", ",5", "50-200 N"] {
+            assert!(range(bad).is_err(), "{bad}");
         }
         near("-2..-1e-3", -2.0, -1e-3);
     }

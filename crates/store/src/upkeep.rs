@@ -9,11 +9,17 @@ use super::tables::{Connected, Tables};
 /// Time in milliseconds for which the scenario of an evicted result is kept: a year.
 const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
 
-/// Deletes up to `most` chunks of a study that has ended, and then the study. Returns whether there may be more.
+/// Time in milliseconds for which the rows of a canceled study are kept: a week.
+const KEEP_CANCELED: i64 = 7 * 24 * 3600 * 1000;
+
+/// Deletes up to `most` chunks of a study that has ended, and then the study. Returns whether there may be more. A
+/// canceled study keeps its chunks for a week, as long as it has a job.
 pub(super) async fn delete_chunks(most: &i64, mut tx: Change<'_>) -> Result<bool> {
     let query = sql!(
         "SELECT study.run AS run FROM study LEFT JOIN run ON run.id = study.run
-         WHERE run.id IS NULL OR run.finished IS NOT NULL LIMIT 1"
+         WHERE run.id IS NULL OR run.finished <= CASE WHEN run.state = 'canceled' THEN $1 ELSE run.finished END
+         LIMIT 1";
+        tx.now().await? - KEEP_CANCELED
     );
     let Some(ended) = tx.row(query).await? else { return Ok(false) };
     let run = RunId(ended.get("run")?);

@@ -19,9 +19,10 @@ use super::keys::{self, AccessKey};
 use super::library::{Known, Provenance};
 use super::options::{FileSizes, Options, Recovered};
 use super::place::Place;
-use super::read::{self, Asked, Filter, LARGE, Page, StoredResult};
+use super::read::{self, Asked, Filter, LARGE, Page, StoredResult, Unfinished};
 use super::row::{Columns, Row, Sum};
 use super::search::{self, Cursor, Found, Search};
+use super::sessions::{self, SignedIn};
 use super::signals::{Changes, Deletions, Signals};
 use super::statement::{Statement, sql};
 use super::submit::{Admission, EncodedJob, NewJob, Submitted};
@@ -200,6 +201,28 @@ impl Store {
             let bytes = sum.is_of(&body).then(|| body.json().ok()).flatten();
             let damaged = Error::DamagedChunk { key: claimed.key, number };
             self.signals.counted(bytes.ok_or(damaged).map(Some))
+        })
+    }
+
+    /// The study of a job, if it is being computed or was canceled; `None` otherwise.
+    pub fn unfinished_study(&self, id: JobId) -> Doing<'_, Option<Unfinished>> {
+        Box::pin(read::unfinished_study(id, self.reading()))
+    }
+
+    /// The data of the finished chunks of a job's study, with their numbers.
+    pub fn chunks_so_far<'a>(
+        &'a self,
+        id: JobId,
+        study: &'a Unfinished,
+    ) -> Doing<'a, Vec<(u32, Bytes)>> {
+        Box::pin(async move {
+            let found = read::chunks(id, study, self.scanning()).await?;
+            let chunks = found.into_iter().map(|(number, body, sum)| {
+                let bytes = sum.is_of(&body).then(|| body.json().ok()).flatten();
+                let damaged = Error::DamagedChunk { key: study.key, number };
+                Ok((number, bytes.ok_or(damaged)?))
+            });
+            self.signals.counted(chunks.collect())
         })
     }
 
@@ -402,6 +425,25 @@ impl Store {
     /// Records that a key was used now.
     pub fn key_was_used(&self, by: Actor) -> Doing<'_, ()> {
         Box::pin(self.change(keys::was_used, by))
+    }
+
+    /// Begins a session of the browser that has sent this key. Returns its token, which cannot be read later.
+    pub fn begin_session(&self, by: SignedIn) -> Doing<'_, String> {
+        Box::pin(async move {
+            let token = sessions::token()?;
+            self.change(sessions::begin, (token.clone(), by)).await?;
+            Ok(token)
+        })
+    }
+
+    /// The key of the session with this token; `None` if the session has ended.
+    pub fn session<'a>(&'a self, token: &'a str) -> Doing<'a, Option<SignedIn>> {
+        Box::pin(sessions::find(token, now(), Reading(self, Purpose::Keys)))
+    }
+
+    /// Ends the session with this token, if there is one.
+    pub fn end_session(&self, token: &str) -> Doing<'_, ()> {
+        Box::pin(self.change(sessions::end, keys::digest(token)))
     }
 
     /// The secret that signs links to results. It is created once for each database.

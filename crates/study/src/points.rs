@@ -31,8 +31,7 @@ impl Points {
     /// Chunk number `number` of `chunks` of about the same size. `earlier` has the rows of the
     /// [earlier chunks](Study::earlier_chunks), or more rows.
     pub fn chunk(study: Arc<Study>, number: usize, chunks: usize, earlier: Rows) -> Self {
-        let start = |number| number * study.points() / chunks;
-        let points = start(number)..start(number + 1);
+        let points = study.points_of(number, chunks);
         Self {
             study,
             all: points.len(),

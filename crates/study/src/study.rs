@@ -1,6 +1,7 @@
 //! A study of any kind: its canonical form, its points, and its document.
 
 use std::mem;
+use std::ops::Range;
 
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::quantity::{self, Dimension};
@@ -210,6 +211,12 @@ impl Study {
         ((self.seconds / CHUNK).ceil() as usize).clamp(least, self.points())
     }
 
+    /// The points of chunk number `number` of `chunks`, which have about the same size.
+    pub(crate) fn points_of(&self, number: usize, chunks: usize) -> Range<usize> {
+        let start = |number| number * self.points() / chunks;
+        start(number)..start(number + 1)
+    }
+
     /// The points with which the later stages begin.
     pub fn stages(&self) -> Vec<usize> {
         self.plan.stages().split_off(1)
@@ -297,6 +304,26 @@ impl Study {
         }
         text.push(end);
         Some(text)
+    }
+
+    /// The table of the rows that some of `of` chunks have computed, as JSON, and the counts of these rows. The column
+    /// `point` has the number of each point.
+    pub fn table_so_far(&self, chunks: &[(usize, Rows)], of: usize) -> (String, Value) {
+        let mut all = Rows::default();
+        let mut points = Vec::new();
+        for (number, rows) in chunks {
+            all.append(rows);
+            points.extend(self.points_of(*number, of).take(rows.count));
+        }
+        let mut counts = self.counts(&all);
+        counts["computed"] = json!(all.count);
+        let points: Vec<_> = points.iter().map(usize::to_string).collect();
+        let (points, columns) = (points.join(","), self.columns());
+        let names = columns.iter().map(|column| column.name.as_str());
+        let cells = names.zip(all.columns());
+        let mut text = String::with_capacity(all.bytes() + points.len() + HEAD);
+        add_columns(&mut text, [("point", points.as_str())].into_iter().chain(cells));
+        (text, counts)
     }
 
     /// The number of points, and how many of them are refused or incomplete.

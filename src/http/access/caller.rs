@@ -10,9 +10,9 @@ use axum::http::request::Parts;
 use axum::http::{Extensions, HeaderMap, HeaderName};
 use uuid::Uuid;
 
-use super::Identity;
 use super::limits::Standing;
-use fretwork_store::{Actor, Editor, Role};
+use super::signed_link::ADMIN;
+use fretwork_store::{Actor, Editor, Role, SignedIn};
 
 /// The client of a request: the name of its network, which owns the jobs of a client without a key.
 #[derive(Debug, Clone)]
@@ -26,6 +26,29 @@ impl From<IpAddr> for Peer {
         })
     }
 }
+
+/// The caller, as identified by its key.
+#[derive(Debug, Clone)]
+pub struct Identity {
+    /// The owner of the caller's jobs: the name of the key.
+    pub owner: String,
+    pub role: Role,
+    /// The public id of the key.
+    pub key: String,
+    /// The key with which a browser can sign in; `None` for a link or a user of a sign-on proxy.
+    pub credential: Option<SignedIn>,
+}
+
+/// The caller in the log.
+impl fmt::Display for Identity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.owner, self.key)
+    }
+}
+
+/// Marks a request that a trusted proxy has forwarded.
+#[derive(Debug, Clone, Copy)]
+pub struct ViaProxy;
 
 /// The ids of a request. The server writes them to the answer, to the log, and to the log of the job that the request
 /// submits.
@@ -82,6 +105,17 @@ fn is_traceparent(text: &str) -> bool {
 
 /// In filters by owner, this word means the caller. No key can have this name.
 pub const ME: &str = "me";
+
+/// Whether the owner of a key can have this name. It must differ from addresses, ids of keys and reserved names.
+pub fn is_owner_name(text: &str) -> bool {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"._@+-".contains(&byte);
+    let is_id = text.len() == 8 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
+    (1..=64).contains(&text.len())
+        && text.bytes().all(plain)
+        && text.parse::<IpAddr>().is_err()
+        && !is_id
+        && ![ADMIN, ME].contains(&text)
+}
 
 /// The client that sent a request.
 #[derive(Debug, Clone)]

@@ -7,6 +7,8 @@ pub mod caller;
 pub mod keyring;
 pub mod limits;
 pub mod needs;
+pub mod session;
+pub mod sign_on;
 pub mod signed_link;
 
 use std::fmt;
@@ -23,11 +25,14 @@ use tokio::sync::OnceCell;
 
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::instant;
+pub use caller::Identity;
 use fretwork_job::clock::now;
-use fretwork_store::{AccessKey, Actor, Role, Store, digest};
+use fretwork_store::{AccessKey, Actor, Role, SignedIn, Store, digest};
 use keyring::{Keyring, MAX_AGE, Usage};
 use limits::{Limits, OpenRequest};
 use needs::{Needs, Quota, RouteNeeds};
+use session::unauthorized;
+use sign_on::{SIGN_ON, SignOn, Users};
 use signed_link::{ADMIN, ANYONE, Signer};
 
 /// Settings of access control.
@@ -39,6 +44,8 @@ pub struct Access {
     pub admin_key: Option<AdminKey>,
     /// The limits of each key that has no limits of its own.
     pub limits: Limits,
+    /// The proxy that signs users on.
+    pub sign_on: Option<SignOn>,
 }
 
 /// An administrator's key from the settings. `Debug` hides it.
@@ -51,28 +58,12 @@ impl fmt::Debug for AdminKey {
     }
 }
 
-/// The caller, as identified by its key.
-#[derive(Debug, Clone)]
-pub struct Identity {
-    /// The owner of the caller's jobs: the name of the key.
-    pub owner: String,
-    pub role: Role,
-    /// The public id of the key.
-    pub key: String,
-}
-
-/// The caller in the log.
-impl fmt::Display for Identity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} {}", self.owner, self.key)
-    }
-}
-
 /// Decides which requests are accepted.
 pub struct Gate {
     store: Store,
     open: bool,
     admin: Option<AdminHolder>,
+    sign_on: Option<Users>,
     keyring: Keyring,
     route_needs: RouteNeeds,
     signer: OnceCell<Signer>,
@@ -82,6 +73,16 @@ pub struct Gate {
 struct AdminHolder {
     digest: [u8; 32],
     usage: Arc<Usage>,
+}
+
+/// How a request identifies its caller.
+enum Presented {
+    /// A sign-on proxy names its user.
+    User(Identity, Arc<Usage>),
+    /// A browser sends the token of its session.
+    Session(String),
+    /// An access key.
+    Key(SignedIn),
 }
 
 /// An accepted request.
@@ -125,6 +126,9 @@ pub async fn check<A: Future<Output = Response>>(
     if identity.is_some() || link.is_some() {
         restrict_caching(response.headers_mut(), link);
     }
+    if identity.is_some() && link.is_none() {
+        response.headers_mut().append(header::VARY, HeaderValue::from_static("Cookie"));
+    }
     if let Some(identity) = identity {
         response.extensions_mut().insert(identity);
     }
@@ -167,6 +171,7 @@ impl Gate {
         Self {
             store: store.clone(),
             open: access.open,
+            sign_on: access.sign_on.clone().map(|proxy| Users::new(proxy, access.limits)),
             admin,
             keyring: Keyring::new(store, access.limits),
             route_needs,
@@ -198,7 +203,8 @@ impl Gate {
             }
             return Ok(Admitted::default());
         }
-        let (identity, usage) = self.identify(request.headers()).await?;
+        let presented = self.presented(request)?;
+        let (identity, usage) = self.identify(presented, request.headers()).await?;
         let open_request = match needs.quota {
             Some(quota) => usage.account.take(quota)?,
             None => OpenRequest::default(),
@@ -230,18 +236,22 @@ impl Gate {
         *request.uri_mut() = link.address;
         // No key can have this name, so the caller owns no jobs.
         let owner = "a link".to_owned();
-        let identity = Identity { owner, role: Role::Read, key: link.issuer };
+        let identity = Identity { owner, role: Role::Read, key: link.issuer, credential: None };
         Ok(Admitted { identity: Some(identity), open_request, link: Some(link.left) })
     }
 
     /// Whether the server requires a key.
     pub async fn requires_key(&self) -> Result<bool> {
-        Ok(!self.open && (self.admin.is_some() || !self.keyring.holders().await?.is_empty()))
+        let is_asked = self.admin.is_some() || self.sign_on.is_some();
+        Ok(!self.open && (is_asked || !self.keyring.holders().await?.is_empty()))
     }
 
     /// The limits of a key; none for callers without a key.
     pub async fn limits_of(&self, key: Option<&str>) -> Result<Limits> {
         let Some(key) = key else { return Ok(Limits::default()) };
+        if let Some(users) = self.sign_on.as_ref().filter(|_| key == SIGN_ON) {
+            return Ok(users.limits);
+        }
         if let Some(admin) = self.admin.as_ref().filter(|_| key == ADMIN) {
             return Ok(admin.usage.account.limits);
         }
@@ -249,24 +259,56 @@ impl Gate {
         Ok(holders.get(key).map_or_else(Limits::default, |holder| holder.usage.account.limits))
     }
 
-    /// Identifies the caller by its key, and records its use.
-    async fn identify(&self, headers: &HeaderMap) -> Result<(Identity, Arc<Usage>)> {
-        let (presented, now) = (presented_key(headers)?, now());
-        let digest = digest(&presented);
+    /// How a request identifies its caller.
+    fn presented(&self, request: &Request) -> Result<Presented> {
+        if let Some(users) = &self.sign_on
+            && let Some((identity, usage)) = users.identify(request)?
+        {
+            return Ok(Presented::User(identity, usage));
+        }
+        if !request.headers().contains_key(header::AUTHORIZATION)
+            && let Some(token) = session::token(request)?
+        {
+            session::check_site(request)?;
+            return Ok(Presented::Session(token));
+        }
+        let key = presented_key(request.headers())?;
+        let id = AccessKey::id_in(&key).unwrap_or_default().to_owned();
+        Ok(Presented::Key(SignedIn { key: id, key_digest: digest(&key) }))
+    }
+
+    /// Identifies the caller by its key, its session or its sign-on proxy. Records the use of the key.
+    async fn identify(
+        &self,
+        presented: Presented,
+        headers: &HeaderMap,
+    ) -> Result<(Identity, Arc<Usage>)> {
+        let credential = match presented {
+            Presented::User(identity, usage) => return Ok((identity, usage)),
+            Presented::Key(credential) => credential,
+            Presented::Session(token) => {
+                let ended = || unauthorized(headers, "The session has ended. Sign in again.");
+                self.store.session(&token).await?.ok_or_else(ended)?
+            }
+        };
+        let now = now();
+        let digest = credential.key_digest;
         let (identity, usage) = if let Some(admin) = &self.admin
             && bool::from(digest.ct_eq(&admin.digest))
         {
             let (owner, key) = (ADMIN.to_owned(), ADMIN.to_owned());
-            (Identity { owner, role: Role::Admin, key }, Arc::clone(&admin.usage))
+            let credential = Some(SignedIn { key: ADMIN.to_owned(), key_digest: digest });
+            (Identity { owner, role: Role::Admin, key, credential }, Arc::clone(&admin.usage))
         } else {
             let unknown = || unauthorized(headers, "This server does not know the key.");
-            let id = AccessKey::id_in(&presented).ok_or_else(unknown)?;
-            let holder = self.keyring.holder_of(id, &digest).await?.ok_or_else(unknown)?;
+            let known = Some(&*credential.key).filter(|id| !id.is_empty()).ok_or_else(unknown)?;
+            let holder = self.keyring.holder_of(known, &digest).await?.ok_or_else(unknown)?;
             if let Some(reason) = invalid(&holder.key, now) {
                 return Err(unauthorized(headers, &reason));
             }
             let AccessKey { id, name, role, .. } = &holder.key;
-            let identity = Identity { owner: name.clone(), role: *role, key: id.clone() };
+            let (owner, key, credential) = (name.clone(), id.clone(), Some(credential));
+            let identity = Identity { owner, role: *role, key, credential };
             (identity, Arc::clone(&holder.usage))
         };
         let Identity { owner, key, .. } = &identity;
@@ -365,19 +407,6 @@ fn key_in(authorization: &str) -> Option<String> {
     let (name, password) = decoded.split_once(':')?;
     let is_name = AccessKey::id_in(name).is_some() || password.is_empty();
     Some(if is_name { name } else { password }.to_owned())
-}
-
-/// The problem for a request without a valid key. It names an authentication scheme that the client supports.
-fn unauthorized(headers: &HeaderMap, reason: &str) -> Problem {
-    let detail = format!("{reason} Send a key as `Authorization: Bearer fretwork_…`.");
-    let problem = Problem::new(&kinds::UNAUTHORIZED, detail)
-        .with_header(header::WWW_AUTHENTICATE, "Bearer realm=\"fretwork\"");
-    let accepts = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok());
-    if accepts.is_some_and(|accepts| accepts.contains("text/html")) {
-        // If the scheme is Basic, a browser asks its user for a name and a password.
-        return problem.with_header(header::WWW_AUTHENTICATE, "Basic realm=\"fretwork\"");
-    }
-    problem
 }
 
 #[cfg(test)]

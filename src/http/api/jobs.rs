@@ -5,9 +5,13 @@ mod submission;
 
 use std::sync::Arc;
 
+use axum::body::Bytes;
 use axum::http::{StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
+use serde_json::value::RawValue;
+use serde_json::{Map, Value};
+use tokio::task::spawn_blocking;
 use utoipa::ToSchema;
 
 use super::evaluate::fresh;
@@ -19,8 +23,9 @@ use crate::http::wire::include::Include;
 use crate::http::wire::paging::{limit, next_page};
 use crate::http::wire::{NoQuery, Query, Segment, schemas};
 use fretwork_engine::outcome::{History, ResultUnits};
-use fretwork_job::{Job, JobId, JobState};
+use fretwork_job::{Job, JobId, JobState, Prepared, Task};
 use fretwork_store::{Canceled, Deleted, Filter};
+use fretwork_study::Rows;
 
 use answer::answer;
 
@@ -170,9 +175,19 @@ pub async fn result(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result
     Err(problem)
 }
 
+/// What a job has computed so far.
+#[derive(Debug, Serialize, ToSchema)]
+#[serde(untagged)]
+pub enum SoFar {
+    /// Of a run.
+    Run(RunSoFar),
+    /// Of a study.
+    Study(StudySoFar),
+}
+
 /// The rows of a run that is being computed.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct SoFar {
+pub struct RunSoFar {
     /// The units of the columns.
     #[schema(value_type = Object)]
     units: ResultUnits,
@@ -182,15 +197,31 @@ pub struct SoFar {
     history: Arc<History>,
 }
 
-/// Returns the rows that a run has computed so far.
+/// The rows of a study that is being computed or was canceled.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct StudySoFar {
+    /// The units of the columns.
+    #[schema(value_type = Object)]
+    units: Map<String, Value>,
+    /// The number of points of the study, and how many of them are computed, refused and incomplete.
+    #[schema(value_type = Object)]
+    counts: Value,
+    /// One row for each computed point. The column `point` has its number, from 0.
+    #[schema(value_type = Object)]
+    table: Box<RawValue>,
+}
+
+/// Returns the rows that a run or a study has computed so far.
 ///
-/// Their digits are those of the result. Ask again after a `progress` event of the job. The rows exist only while the run is
-/// computed, and only on the server that computes it.
+/// Their digits are those of the result. Ask again after a `progress` event of the job. The rows of a run exist only while
+/// the run is computed, and only on the server that computes it. A study shows its finished chunks, which can leave gaps
+/// between the points. A canceled study shows them for a week, until its job is deleted. A study of less than 0.1 s has
+/// no chunks.
 #[utoipa::path(get, path = "/v1/jobs/{id}/so-far", operation_id = "get_job_so_far", tag = "jobs",
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
     responses(
         (status = 200, description = "The rows so far.", body = SoFar),
-        (status = 204, description = "No rows: the job is queued, finished or a study, or another server computes it."),
+        (status = 204, description = "No rows: the job is queued, finished or a short study, or another server computes it."),
     ),
 )]
 pub async fn so_far(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<Response> {
@@ -198,11 +229,40 @@ pub async fn so_far(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result
     const NUMBER: usize = 24;
     let job = visible(&app, &caller, &id).await?;
     let Some(history) = app.service.so_far(&job.key).await else {
-        return Ok(StatusCode::NO_CONTENT.into_response());
+        return study_so_far(&app, &caller, job.id).await;
     };
     let bytes = 4096 + NUMBER * History::MEMBERS.len() * history.cycles.len();
     let permit = app.shares.answers.hold(&caller.owner, bytes).await?;
-    fresh(permit, bytes, SoFar { units: ResultUnits, history }).await
+    fresh(permit, bytes, SoFar::Run(RunSoFar { units: ResultUnits, history })).await
+}
+
+/// The rows that a study has computed so far.
+async fn study_so_far(app: &App, caller: &Caller, id: JobId) -> Result<Response> {
+    let _turn = app.shares.heavy.turn(&caller.owner).await;
+    let Some(stored) = app.store.unfinished_study(id).await? else {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    };
+    let (key, task) = (stored.key, stored.task.clone());
+    let prepared = spawn_blocking(move || Prepared::from_stored(&key, &task)).await;
+    // The version of the program that stored the task may have had other tasks.
+    let Ok(Prepared { task: Task::Study(study), .. }) = prepared.map_err(Problem::bug)? else {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    };
+    let share = f64::from(stored.done) / f64::from(stored.chunks);
+    let bytes = 4096 + (study.bytes() as f64 * share) as usize;
+    // The chunks and the table are in memory at the same time.
+    let permit = app.shares.answers.hold(&caller.owner, 2 * bytes).await?;
+    let chunks = app.store.chunks_so_far(id, &stored).await?;
+    let made = spawn_blocking(move || {
+        let rows =
+            |(number, bytes): (u32, Bytes)| Some((number as usize, Rows::from_bytes(&bytes)?));
+        // A chunk of another version has another form.
+        let chunks: Vec<_> = chunks.into_iter().filter_map(rows).collect();
+        let (table, counts) = study.table_so_far(&chunks, stored.chunks as usize);
+        let table = RawValue::from_string(table).map_err(Problem::bug)?;
+        Ok::<_, Problem>(SoFar::Study(StudySoFar { units: study.units(), counts, table }))
+    });
+    fresh(permit, bytes, made.await.map_err(Problem::bug)??).await
 }
 
 /// Cancels a job.

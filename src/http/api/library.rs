@@ -107,8 +107,8 @@ pub struct ResultList {
 /// Searches the stored results by inputs and outputs.
 ///
 /// A result must meet all conditions. A range is `a..b`, `a..`, `..b` or a single value, in SI or with units:
-/// `friction=0.6..0.8`, `wear_depth=..2 um`, `normal_force=50 N..0.2 kN`. The path of the
-/// next page is in `next` and in the `Link` header.
+/// `friction=0.6..0.8`, `wear_depth=..2 um`, `normal_force=50 N..0.2 kN`. `0.6-0.8`, `0,6..0,8`, `>0.6` and
+/// `<=2 um` are ranges too. Bounds belong to a range. The path of the next page is in `next` and in the `Link` header.
 #[utoipa::path(get, path = "/v1/results", operation_id = "list_results", tag = "results",
     params(SearchTable, Conditions,
         ("limit" = Option<u32>, Query, description = "Largest number of results on the page.", minimum = 1,

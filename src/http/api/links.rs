@@ -7,11 +7,12 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::http::access::caller::Caller;
+use crate::http::access::sign_on::SIGN_ON;
 use crate::http::access::signed_link;
 use crate::http::answer::stored::require;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
-use crate::http::problem::Result;
+use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::{Fresh, Query, Segment, read_key};
 
 /// Default lifetime of a link.
@@ -62,6 +63,10 @@ pub async fn share(
         require(&app, caller.reach(), &key).await?;
     }
     let expires = (signed_link::since_1970() + time.unwrap_or(DEFAULT_LIFETIME)).as_secs();
+    if caller.key.as_deref() == Some(SIGN_ON) {
+        let detail = "A link needs the access key of its maker. Send a key instead of signing on through the proxy.";
+        return Err(Problem::new(&kinds::FORBIDDEN, detail));
+    }
     let issuer = caller.key.as_deref().unwrap_or(signed_link::ANYONE);
     let token = app.gate.signer().await?.sign(&key, expires, issuer);
     let link = SharedLink {

@@ -14,5 +14,6 @@ pub mod measurements;
 pub mod parameters;
 pub mod results;
 pub mod scenarios;
+pub mod session;
 pub mod system;
 pub mod umbridge;

@@ -63,10 +63,10 @@ fn view(query: &mut Query, part: Part) -> View {
         ..View::default()
     };
     // A study has no output cycles.
-    if part != Part::Table {
+    if part != Part::Table && !part.is_summary() {
         view.cycles = query.value("cycles", "numbers separated by commas", numbers);
     }
-    if part != Part::Whole {
+    if part != Part::Whole && !part.is_summary() {
         let names = |text: String| text.split(',').map(|name| name.trim().to_owned()).collect();
         view.fields = query.text("fields").map(names);
         view.without_comments = either(query, "comments", ["all", "none"]) == Some(true);
@@ -311,6 +311,27 @@ loops = Part::Loops;
     responses((status = 200, description = "The table.")),
 )]
 table = Part::Table;
+
+/// Returns statistics of each output of a study over all its points: one row per output.
+///
+/// `points` counts the points that have the output. The other columns are mean, standard deviation (with n − 1), and
+/// percentiles, which are interpolated between neighbours. `unit` names their unit. If the study is a random sample, they
+/// estimate the distribution of the output. A fit has no statistics.
+#[utoipa::path(get, path = "/v1/results/{key}/statistics", operation_id = "get_statistics", tag = "results",
+    params(ResultKey, OfTable, Numbers, Copied),
+    responses((status = 200, description = "The statistics.")),
+)]
+statistics = Part::Statistics;
+
+/// Returns a histogram of each output of a study over all its points: one row per bin.
+///
+/// The bins of an output have equal widths from its smallest to its largest value. n points have about √n bins, at most
+/// 50.
+#[utoipa::path(get, path = "/v1/results/{key}/histogram", operation_id = "get_histogram", tag = "results",
+    params(ResultKey, OfTable, Numbers, Copied),
+    responses((status = 200, description = "The histograms.")),
+)]
+histogram = Part::Histogram;
 }
 
 /// Returns a figure of a result as SVG, for the screen and for print.
@@ -461,7 +482,7 @@ mod tests {
 
         #[test]
         fn a_random_query_gives_valid_parameters_or_faults(text in any_query()) {
-            for part in [Part::Whole, Part::History, Part::Profiles, Part::Loops, Part::Table, Part::Plot] {
+            for part in [Part::Whole, Part::History, Part::Profiles, Part::Loops, Part::Table, Part::Statistics, Part::Histogram, Part::Plot] {
                 let Some(mut query) = query(&text) else { return Ok(()) };
                 query.format(part.formats());
                 let view = if part == Part::Plot { figure_view(&mut query) } else { view(&mut query, part) };

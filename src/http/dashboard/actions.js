@@ -1,6 +1,6 @@
 // The buttons of a result: download, share, compare, edit, pin and note.
 
-import { get, key as accessKey, post, resultAddress, send } from "./api.js";
+import { get, post, resultAddress, send, signedIn } from "./api.js";
 import { copy, h, notify, openDialog } from "./dom.js";
 import { saveAs } from "./figure-save.js";
 import { kindOf } from "./summary.js";
@@ -51,13 +51,13 @@ export function drawActions(result, { job, link, remember, signal }) {
   }
 
   const curl = () => copy(`curl -sS --compressed '${location.origin}${partOf("")}'${
-    accessKey() ? ' -H "Authorization: Bearer $FRETWORK_KEY"' : ""} -o result.json`, "curl command");
+    signedIn() ? ' -H "Authorization: Bearer $FRETWORK_KEY"' : ""} -o result.json`, "curl command");
   const python = () => copy([
     "import io, json, os, urllib.request",
     "import numpy as np",
     "",
     `request = urllib.request.Request("${location.origin}${partOf("", { format: "npz" })}")`,
-    ...(accessKey() ? ['request.add_header("Authorization", "Bearer " + os.environ["FRETWORK_KEY"])'] : []),
+    ...(signedIn() ? ['request.add_header("Authorization", "Bearer " + os.environ["FRETWORK_KEY"])'] : []),
     "arrays = np.load(io.BytesIO(urllib.request.urlopen(request).read()))",
     isStudy ? "print(list(arrays))" : 'print(arrays["history/cycles"], arrays["history/wear_volume"])  # m^3',
     "",

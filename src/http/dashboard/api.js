@@ -2,7 +2,6 @@
 
 import { h, openDialog } from "./dom.js";
 
-const KEY = "fretwork-key";
 const RETRY_MS = 1000;
 const HEALTH_CHECK_MS = 8000;
 
@@ -33,10 +32,22 @@ export const jobAddress = (id, part = "") => addressOf("jobs", id, part);
 /** Dispatches `lost` and `restored` for the connection, and `key` when the access key changes. */
 export const connection = new EventTarget();
 
-export const key = () => sessionStorage.getItem(KEY);
+let user = null;
 
-export function signOut() {
-  sessionStorage.removeItem(KEY);
+/** The caller if an access key has signed in, or null. */
+export const signedIn = () => user;
+
+/** Asks the server who has signed in. The browser keeps the session in a cookie, which all tabs share. */
+export async function readUser() {
+  const response = await fetch("/v1/me", { cache: "no-store" }).catch(() => null);
+  const me = response?.ok ? await response.json() : null;
+  user = me?.key ? me : null;
+  return user;
+}
+
+export async function signOut() {
+  await fetch("/v1/session", { method: "DELETE" }).catch(() => null);
+  user = null;
   connection.dispatchEvent(new Event("key"));
 }
 
@@ -79,9 +90,8 @@ export async function watchConnection() {
  */
 export async function send(path, { method = "GET", body, headers = {}, signal } = {}) {
   for (;;) {
-    const sentKey = key();
+    const session = sessions;
     const all = { Accept: "application/json", ...headers };
-    if (sentKey) all.Authorization = `Bearer ${sentKey}`;
     const isFile = body instanceof Blob;
     if (body !== undefined) all["Content-Type"] = isFile ? body.type : "application/json";
     let response;
@@ -97,9 +107,8 @@ export async function send(path, { method = "GET", body, headers = {}, signal } 
     if (response.ok) return response;
     const members = await response.json().catch(() => ({}));
     if (response.status === 401) {
-      const reason = sentKey ? "The server rejected this key. It may be mistyped, expired or revoked."
-        : "This server requires an access key.";
-      if (sentKey !== key() || (await signIn(reason))) continue;
+      const reason = user ? "Your session has ended." : "This server requires an access key.";
+      if (session !== sessions || (await signIn(reason))) continue;
     }
     throw new Problem(response.status, members);
   }
@@ -120,26 +129,36 @@ export async function get(path, options = {}) {
 export const post = (path, body, options = {}) => get(path, { method: "POST", body, ...options });
 
 let signingIn = null;
+/** How often this tab has signed in. */
+let sessions = 0;
 
-/** Asks for an access key. Resolves to true if the user entered one. All requests share one dialog. */
+/** Asks for an access key until the server accepts one or the user cancels. Returns whether the user has signed in. All requests share one dialog. */
 export function signIn(reason) {
   signingIn ??= (async () => {
     const field = h("input", { type: "password", id: "key", autocomplete: "off", required: true,
       "aria-describedby": "key-reason", spellcheck: false });
-    let hasKey = false;
-    const store = () => {
-      sessionStorage.setItem(KEY, field.value.trim());
-      hasKey = true;
-    };
-    await openDialog("Sign in", (close) => h("form", { method: "dialog", onsubmit: store },
+    let [hasKey, entered, text] = [false, true, reason];
+    while (entered && !hasKey) {
+      entered = false;
+      field.value = "";
+      await openDialog("Sign in", (close) => h("form", { method: "dialog", onsubmit: () => { entered = true; } },
       h("h2", {}, "Sign in"),
-      h("p", { id: "key-reason" }, reason, h("br"), "The browser deletes the key when you close this tab."),
+      h("p", { id: "key-reason" }, text, h("br"), "All tabs stay signed in until you sign out or close the browser, at most a week."),
       h("label", { for: "key" }, "Access key"), field,
       h("div", { class: "row" },
         h("button", { class: "primary" }, "Sign in"),
         h("button", { type: "button", onclick: close }, "Cancel"))));
+      if (!entered) break;
+      const headers = { Authorization: `Bearer ${field.value.trim()}` };
+      hasKey = (await fetch("/v1/session", { method: "POST", headers }).catch(() => null))?.status === 204;
+      text = "The server rejected this key. It may be mistyped, expired or revoked.";
+    }
+    field.value = "";
     signingIn = null;
-    if (hasKey) connection.dispatchEvent(new Event("key"));
+    if (hasKey) {
+      sessions += 1;
+      connection.dispatchEvent(new Event("key"));
+    }
     return hasKey;
   })();
   return signingIn;

@@ -1,6 +1,6 @@
 // The frame of the page: routing, units, the signed-in user and the connection banner.
 
-import { connection, get, key, signIn, signOut, watchConnection } from "./api.js";
+import { connection, readUser, signIn, signOut, watchConnection } from "./api.js";
 import { h, notify } from "./dom.js";
 import { errorCard } from "./error.js";
 import { showForm } from "./form.js";
@@ -63,10 +63,13 @@ units.addEventListener("change", () => {
 /** Shows the name and the role of the access key. A server without keys has no users. */
 async function showUser() {
   const place = document.getElementById("user");
-  if (!key()) return place.replaceChildren();
-  const me = await get("/v1/me").catch(() => null);
-  place.replaceChildren(me?.key ? `${me.name} (${me.role})` : "", h("button", { type: "button", onclick: () => {
-    signOut();
+  const me = await readUser();
+  if (!me) return place.replaceChildren();
+  place.replaceChildren(`${me.name} (${me.role})`);
+  // The sign-on proxy ends the sessions of its users.
+  if (me.key === "sign-on") return;
+  place.append(h("button", { type: "button", onclick: async () => {
+    await signOut();
     signIn("You are signed out.").then(route);
   } }, "Sign out"));
 }

@@ -165,12 +165,14 @@ fn redirect(schema: &mut Value) {
 
 /// The operations that return a representation of a result: the path, the part of the result, and the schema of its
 /// JSON.
-const REPRESENTATIONS: [(&str, Part, &str); 6] = [
+const REPRESENTATIONS: [(&str, Part, &str); 8] = [
     ("/v1/results/{key}", Part::Whole, "Result"),
     ("/v1/results/{key}/history", Part::History, "HistoryAnswer"),
     ("/v1/results/{key}/profiles", Part::Profiles, "ProfilesAnswer"),
     ("/v1/results/{key}/loops", Part::Loops, "LoopsAnswer"),
     ("/v1/results/{key}/table", Part::Table, "TableAnswer"),
+    ("/v1/results/{key}/statistics", Part::Statistics, "StatisticsAnswer"),
+    ("/v1/results/{key}/histogram", Part::Histogram, "HistogramAnswer"),
     ("/v1/results/{key}/plot.svg", Part::Plot, ""),
 ];
 
@@ -215,7 +217,7 @@ fn add_representations(operation: &mut Value, part: Part, schema: &str, shared: 
     for status in ["304", "404"] {
         responses[status] = shared[status].clone();
     }
-    if Part::TABLES.contains(&part) {
+    if Part::TABLES.contains(&part) || part.is_summary() {
         let names: Vec<_> = part.formats().iter().map(|format| format.name()).collect();
         responses["406"] =
             json!({"description": format!("The formats are `{}`.", names.join("`, `"))});

@@ -24,7 +24,7 @@ use tower::ServiceExt as _;
 
 use super::admission::{Admission, OpenConnection};
 use super::connection::{Activity, AnswerBody, Watched};
-use crate::http::access::caller::Peer;
+use crate::http::access::caller::{Peer, ViaProxy};
 use crate::http::shares::Permit;
 use crate::http::wire::length_of;
 
@@ -85,6 +85,10 @@ pub async fn serve(
         let (router, requests) = (router.clone(), Arc::clone(&activity));
         let client = Peer::from(address);
         let service = service_fn(move |request: hyper::Request<Incoming>| {
+            let mut request = request;
+            if is_proxy {
+                request.extensions_mut().insert(ViaProxy);
+            }
             let peer = if is_proxy { forwarded(request.headers()).map(Peer::from) } else { None };
             answer(&router, request, peer.unwrap_or_else(|| client.clone()), &requests)
         });

@@ -503,6 +503,25 @@ class Health(TypedDict):
 
 Height: TypeAlias = "float | str"
 
+HistogramAnswer: TypeAlias = "HistogramAnswer1 | Records"
+
+class HistogramAnswer1(TypedDict):
+    key: "str"
+    engine: "Engine"
+    units: "dict[str, str]"
+    histogram: "HistogramAnswer1Histogram"
+
+HistogramAnswer1Histogram = TypedDict(
+    "HistogramAnswer1Histogram",
+    {
+        "output": "list[str]",
+        "unit": "list[str]",
+        "from": "list[float | None]",
+        "to": "list[float | None]",
+        "points": "list[float | None]",
+    },
+)
+
 class History(TypedDict):
     """The history of a result."""
 
@@ -957,6 +976,12 @@ class RunResult(TypedDict):
     comparison: "NotRequired[Comparison]"
     warnings: "list[Warning]"
 
+class RunSoFar(TypedDict):
+    """The rows of a run that is being computed."""
+
+    history: "Columns"
+    units: "dict[str, Any]"
+
 class Scales(TypedDict):
     """The scales of the contact. All results are multiples of them."""
 
@@ -1031,11 +1056,7 @@ class Sliding(TypedDict):
 
 SlopeAngle: TypeAlias = "float | str"
 
-class SoFar(TypedDict):
-    """The rows of a run that is being computed."""
-
-    history: "Columns"
-    units: "dict[str, Any]"
+SoFar: TypeAlias = "RunSoFar | StudySoFar"
 
 Spacing: TypeAlias = "Literal['linear', 'log']"
 
@@ -1051,6 +1072,28 @@ class Sphere(TypedDict):
 
 Standing: TypeAlias = "Literal['held', 'dropped', 'unknown']"
 
+StatisticsAnswer: TypeAlias = "StatisticsAnswer1 | Records"
+
+class StatisticsAnswer1(TypedDict):
+    key: "str"
+    engine: "Engine"
+    units: "dict[str, str]"
+    statistics: "StatisticsAnswer1Statistics"
+
+class StatisticsAnswer1Statistics(TypedDict):
+    output: "list[str]"
+    unit: "list[str]"
+    points: "list[float | None]"
+    mean: "list[float | None]"
+    standard_deviation: "list[float | None]"
+    minimum: "list[float | None]"
+    percentile_5: "list[float | None]"
+    percentile_25: "list[float | None]"
+    median: "list[float | None]"
+    percentile_75: "list[float | None]"
+    percentile_95: "list[float | None]"
+    maximum: "list[float | None]"
+
 Stiffness: TypeAlias = "float | str"
 
 StiffnessOrPerLength: TypeAlias = "Stiffness | str"
@@ -1063,6 +1106,13 @@ class StudyCost(TypedDict):
     answer_bytes: "int"
     points: "int"
     seconds: "float"
+
+class StudySoFar(TypedDict):
+    """The rows of a study that is being computed or was canceled."""
+
+    counts: "dict[str, Any]"
+    table: "dict[str, Any]"
+    units: "dict[str, Any]"
 
 class StudyTable(TypedDict):
     key: "str"

@@ -125,7 +125,7 @@ fn add(sum: &mut [f64], row: &[f64]) {
 }
 
 /// The value below which the share `share` of sorted values lies, interpolated between neighbours.
-fn percentile(sorted: &[f64], share: f64) -> f64 {
+pub(super) fn percentile(sorted: &[f64], share: f64) -> f64 {
     let place = share * (sorted.len() - 1) as f64;
     let (below, part) = (place as usize, place.fract());
     if part == 0.0 {

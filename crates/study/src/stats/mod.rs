@@ -11,5 +11,6 @@ pub mod least_squares;
 pub mod measured;
 pub mod morris;
 pub mod origin;
+pub mod summary;
 
 pub use bootstrap::{Bootstrap, Estimate, MAX_BLOCKS};

@@ -1,0 +1,173 @@
+//! Browsers sign in with a cookie, and sign-on proxies with a header.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use fretwork::http::{Access, AdminKey, Connections, Origins, Settings, SignOn};
+use fretwork_job::Task;
+use fretwork_store::{Administration, Options, Role};
+use serde_json::json;
+
+use crate::access::{MASTER, made};
+use crate::server::{JSON, Reply, Server, ball};
+
+const OWN: (&str, &str) = ("Origin", "http://localhost");
+const SECRET: &str = "the-secret-of-the-proxy";
+
+/// A server to which this machine is a proxy, and whose API every web page may call.
+async fn server() -> Server {
+    let sign_on = SignOn {
+        header: "x-remote-user".parse().unwrap(),
+        secret: SECRET.to_owned(),
+        role: Role::Submit,
+    };
+    let access = Access {
+        admin_key: Some(AdminKey(MASTER.into())),
+        sign_on: Some(sign_on),
+        ..Access::default()
+    };
+    let proxies = vec!["127.0.0.1".parse().unwrap()];
+    let connections = Connections { proxies, ..Connections::default() };
+    let settings = Settings { access, connections, origins: Origins::Any, ..Settings::default() };
+    Server::with(Arc::new(Task::start), &settings, &Options::default()).await
+}
+
+/// Signs in with a key. Returns the answer, and the cookie as the browser sends it.
+async fn sign_in(server: &Server, key: &str, more: &[(&str, &str)]) -> (Reply, String) {
+    let bearer = format!("Bearer {key}");
+    let headers = [&[("Authorization", bearer.as_str()), OWN], more].concat();
+    let reply = server.send("POST", "/v1/session", &headers, "").await;
+    assert_eq!(reply.status, 204, "{}", reply.text());
+    let cookie = reply.header("set-cookie").unwrap().split(';').next().unwrap().to_owned();
+    (reply, cookie)
+}
+
+async fn me(server: &Server, cookie: &str) -> Reply {
+    server.send("GET", "/v1/me", &[("Cookie", cookie)], "").await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_cookie_signs_in_until_its_session_or_its_key_ends() {
+    let server = server().await;
+    let key = made(server.place(), "anna", Role::Read).await;
+    let (reply, cookie) = sign_in(&server, &key, &[]).await;
+    let set = reply.header("set-cookie").unwrap();
+    assert!(
+        set.starts_with("fretwork=") && set.ends_with("; Path=/; HttpOnly; SameSite=Lax"),
+        "{set}"
+    );
+    let tab = me(&server, &cookie).await;
+    assert_eq!((&tab.json()["name"], &tab.json()["role"]), (&json!("anna"), &json!("read")));
+    let vary: Vec<_> = tab.headers.iter().filter(|(name, _)| name == "vary").collect();
+    assert!(vary.iter().any(|(_, value)| value == "Cookie"), "{vary:?}");
+    assert_eq!(tab.header("access-control-allow-credentials"), None);
+    // The role of the key counts.
+    let headers = [JSON, OWN, ("Cookie", cookie.as_str())];
+    let body = ball(2.0).to_string();
+    server.send("POST", "/v1/jobs", &headers, &body).await.problem(403, "forbidden");
+
+    // A session that begins in place of another one ends it.
+    let (_, second) = sign_in(&server, &key, &[("Cookie", &cookie)]).await;
+    assert_ne!(cookie, second);
+    me(&server, &cookie).await.problem(401, "unauthorized");
+    let out = server.send("DELETE", "/v1/session", &[OWN, ("Cookie", &second)], "").await;
+    assert!(out.header("set-cookie").unwrap().contains("fretwork=; ") && out.status == 204);
+    me(&server, &second).await.problem(401, "unauthorized");
+
+    let (_, third) = sign_in(&server, &key, &[]).await;
+    let mut administration = Administration::open(server.place()).await.unwrap();
+    assert_eq!(administration.revoke_keys("anna").await.unwrap(), 1);
+    administration.close().await.unwrap();
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while me(&server, &third).await.status != 401 {
+        assert!(Instant::now() < deadline, "the session of a revoked key stays valid");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    let (_, chief) = sign_in(&server, MASTER, &[]).await;
+    assert_eq!(me(&server, &chief).await.json()["role"], "admin");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_cookie_counts_only_for_pages_of_this_server() {
+    let server = server().await;
+    let key = made(server.place(), "anna", Role::Submit).await;
+    let (_, cookie) = sign_in(&server, &key, &[]).await;
+    let cookie = ("Cookie", cookie.as_str());
+    let body = ball(2.0).to_string();
+    let own = server.send("POST", "/v1/jobs", &[JSON, cookie, OWN], &body).await;
+    assert!([200, 202].contains(&own.status), "{}", own.text());
+    let site = ("Sec-Fetch-Site", "same-origin");
+    let own = server.send("POST", "/v1/jobs", &[JSON, cookie, site], &body).await;
+    assert!([200, 202].contains(&own.status), "{}", own.text());
+    for other in [
+        &[][..],
+        &[("Origin", "http://localhost:9000")],
+        &[("Origin", "https://example.org")],
+        &[("Origin", "null")],
+        &[("Sec-Fetch-Site", "same-site")],
+        &[("Sec-Fetch-Site", "none")],
+        &[("Sec-Fetch-Site", "same-site"), OWN],
+        &[OWN, ("Origin", "https://example.org")],
+        &[("Sec-Fetch-Site", "same-origin"), ("Sec-Fetch-Site", "cross-site")],
+    ] {
+        let headers = [&[JSON, cookie], other].concat();
+        let reply = server.send("POST", "/v1/jobs", &headers, &body).await;
+        reply.problem(403, "cross-site");
+        if other.len() == 1 && other[0].1 != "none" {
+            let reply = server.send("GET", "/v1/jobs", &headers, "").await;
+            reply.problem(403, "cross-site");
+        }
+    }
+    // A user who follows a link sees the answer.
+    let link = [cookie, ("Sec-Fetch-Site", "cross-site"), ("Sec-Fetch-Mode", "navigate")];
+    assert_eq!(server.send("GET", "/v1/jobs", &link, "").await.status, 200);
+    let two = format!("{}; {}", cookie.1, cookie.1);
+    me(&server, &two).await.problem(401, "unauthorized");
+    me(&server, &format!("fretwork={}", "0".repeat(64))).await.problem(401, "unauthorized");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_cookie_is_secure_behind_a_proxy_with_tls() {
+    let server = server().await;
+    let key = made(server.place(), "anna", Role::Read).await;
+    let tls = ("X-Forwarded-Proto", "https");
+    let (reply, cookie) = sign_in(&server, &key, &[tls]).await;
+    let set = reply.header("set-cookie").unwrap();
+    assert!(set.starts_with("__Host-fretwork=") && set.ends_with("; Secure"), "{set}");
+    me(&server, &cookie).await.problem(401, "unauthorized");
+    let reply = server.send("GET", "/v1/me", &[("Cookie", &cookie), tls], "").await;
+    assert_eq!(reply.status, 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn only_a_sign_on_proxy_names_a_user() {
+    let server = server().await;
+    let (user, secret) = (("X-Remote-User", "ben"), ("X-Fretwork-Proxy-Secret", SECRET));
+    let me = server.send("GET", "/v1/me", &[user, secret], "").await.json();
+    assert_eq!(
+        (&me["name"], &me["role"], &me["key"]),
+        (&json!("ben"), &json!("submit"), &json!("sign-on"))
+    );
+    for forged in [
+        &[user][..],
+        &[user, ("X-Fretwork-Proxy-Secret", "the-secret-of-the-Proxy")],
+        &[user, secret, secret],
+        &[user, user, secret],
+        &[("X-Remote-User", "admin"), secret],
+        &[("X-Remote-User", ""), secret],
+    ] {
+        server.send("GET", "/v1/me", forged, "").await.problem(401, "unauthorized");
+        // A good key does not help.
+        let bearer = format!("Bearer {MASTER}");
+        let headers = [forged, &[("Authorization", bearer.as_str())]].concat();
+        server.send("GET", "/v1/me", &headers, "").await.problem(401, "unauthorized");
+    }
+    let other = ("Origin", "https://example.org");
+    let headers = [user, secret, JSON, other];
+    let body = ball(2.0).to_string();
+    server.send("POST", "/v1/jobs", &headers, &body).await.problem(403, "cross-site");
+    let job = server.send("POST", "/v1/jobs", &headers[..3], &body).await.json();
+    assert_eq!(job["owner"], "ben");
+    let session = server.send("POST", "/v1/session", &[user, secret], "").await;
+    session.problem(403, "forbidden");
+}
