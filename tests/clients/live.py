@@ -299,6 +299,12 @@ def errors_and_warnings(browser):
     expect(warning).to_contain_text("exceeds the yield strength of the first body (500 MPa)")
     # The words are those of the documentation.
     expect(warning).to_contain_text("Reduce the load, or expect a larger contact.")
+    # Neither names of the API nor powers of ten stand in a warning.
+    page.fill("#load-normal_force", "100 N")
+    page.fill("#cycles", "100")
+    page.fill("#motion-amplitude", "200 µm")
+    sliding = page.locator("#warning-regime")
+    expect(sliding).to_contain_text(re.compile("The amplitude \\(200\u00a0µm\\) exceeds the contact radius \\([0-9.]+\u00a0µm\\).*Use another program"))
     page.goto(BASE + "/docs/accuracy")
     expect(page.locator("tr:has(code:text-is('yield'))")).to_contain_text("reduce the load, or expect a larger contact")
     page.context.close()

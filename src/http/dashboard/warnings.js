@@ -1,14 +1,15 @@
 // The warnings of a run: which number each concerns, and which field of the form changes it.
 
 import { explained, h } from "./dom.js";
-import { quantity } from "./units.js";
+import { cycles, quantity } from "./units.js";
 
 /** For each kind of warning, the number that it concerns and the fields that can change. Other kinds stand in the cards below. */
 const KINDS = {
   numerical_error: ["wear_volume", "/model/tolerance", "/model/points"], model_error: ["wear_volume", "method"],
   model_error_unknown: ["wear_volume", "method"], simplified_gross_slip: ["wear_volume", "method"],
   fast_wear: ["wear_depth", "/wear/coefficient", "/wear/energy_coefficient", "/motion/amplitude"], split_of_wear: ["wear_depth", "/motion/amplitude"],
-  large_contact: ["contact_radius", "/load/normal_force", "/load/indentation_depth"], short_line: ["contact_radius", "/profile/length"],
+  large_contact: ["contact_radius", "/load/normal_force", "/load/indentation_depth"],
+  short_line: ["contact_radius", "/profile/length"],
   elliptical_contact: ["contact_radius", "/profile/radii/0", "/profile/radii/1"], long_scar: ["scar_radius", "/motion/amplitude"],
   large_amplitude: ["regime", "/motion/amplitude"], reference_reached: ["regime", "/motion/reference_distance"],
   elastic_mismatch: ["tangential_force"], yield: ["normal_force", "/load/normal_force", "/load/indentation_depth"],
@@ -44,8 +45,21 @@ export function unknownYield({ bodies }, { peak_pressure: peak }) {
     quantity(peak / YIELDS_AT, "Pa", 3)} yields, which is not modelled. Enter the yield strength, or reduce the load.` }];
 }
 
+const ESTIMATE = "Take it as an estimate.";
+/** What to do, in the words of docs/accuracy.md, where the warning of the server does not say it. */
+const REMEDIES = { large_contact: ESTIMATE, large_amplitude: "Use another program, or a smaller amplitude.", short_line: ESTIMATE,
+  elliptical_contact: ESTIMATE, long_scar: "Take its depth as an estimate.", split_of_wear: "Use the total wear of both bodies.",
+  simplified_gross_slip: "Use the exact method." };
+
+/** The text of a warning in the words and units of the page. Results contain the texts of the server, so these cannot change. */
+const worded = (detail) => detail.replace(": see `wear_volume_error` and `wear_depth_error` of the history", "")
+  .replace("`model.points`", "output radii").replace(/`(?:\w+\.)*(\w+)`/g, (_, name) => name.replaceAll("_", " "))
+  .replace(/([\d.]+e-?\d+) m\b/g, (_, metres) => quantity(Number(metres), "m", 3))
+  .replace(/(?<=At cycle )[\d.]+e\d+/, (at) => cycles(Number(at)));
+
 /** The sentence of a warning, with buttons to the fields that can change it. */
-export const drawWarning = ({ kind, detail }) => h("p", {}, detail, fieldLinks(KINDS[kind]?.slice(1) ?? []));
+export const drawWarning = ({ kind, detail }) => h("p", {}, worded(detail), REMEDIES[kind] && ` ${REMEDIES[kind]}`,
+  fieldLinks(KINDS[kind]?.slice(1) ?? []));
 
 /** Warnings under a heading, or nothing. */
 export const drawWarnings = (warnings, title = "Warnings") => warnings.length > 0 && h("div", { class: "warning" }, h("h3", {}, title),

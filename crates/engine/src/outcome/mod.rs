@@ -368,7 +368,7 @@ impl BodyWear {
             let detail = format!(
                 "Along the motion, the scar of the counterbody is up to {:.0} % longer than the contact. Its ends are \
                  uncovered for a part of each cycle, which is not modelled: the counterbody wears less deeply there, \
-                 over a greater length. Take its depth as an estimate.",
+                 over a greater length.",
                 100.0 * excess
             );
             warnings.push(Warning { kind: "long_scar".into(), detail });
@@ -378,7 +378,7 @@ impl BodyWear {
         let steepest = rows.map(|((contact, scar), wear)| wear * (scar / contact - 1.0));
         if bodies[0].wear_depth.is_some() && steepest.fold(0.0, f64::max) > depth {
             let detail = "The contact slides so far over such a deep scar that the wear of the two bodies cannot be told \
-                          apart: s·w/a exceeds the depth of the unworn contact. Use the total wear of both bodies.";
+                          apart: s·w/a exceeds the depth of the unworn contact. The wear of both together holds.";
             warnings.push(Warning { kind: "split_of_wear".into(), detail: detail.to_owned() });
         }
         warnings

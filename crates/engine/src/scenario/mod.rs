@@ -386,25 +386,23 @@ impl Scenario {
             |kind: &'static str, detail| warnings.push(Warning { kind: kind.into(), detail });
         if slope > 0.3 {
             let detail = format!(
-                "The slope of the indenter at the edge of contact is {slope:.2} (a₀/R for a paraboloid). The theory needs \
-                 gentle slopes, well below 0.3. Take the result as an estimate."
+                "The indenter's slope at the edge of contact is {slope:.2} (a₀/R for a paraboloid); \
+                 half-space theory holds for slopes well below 0.3."
             );
             warn("large_contact", detail);
         }
         if cycles < 50.0 {
             let detail = format!(
-                "In about {cycles:.3} cycles, the contact wears by the depth of the unworn contact, so the profile changes \
-                 within a cycle. Results are meaningful for 50 cycles and more. Take the result as an estimate, or \
-                 enter a smaller wear coefficient or amplitude."
+                "In about {cycles:.3} cycles, the contact wears by the depth of the unworn contact. The averaging over \
+                 cycles neglects that the profile changes within a cycle. Results are meaningful for 50 cycles and \
+                 more. Enter a smaller wear coefficient or amplitude."
             );
             warn("fast_wear", detail);
         }
         if amplitude > a {
             let detail = format!(
-                "The amplitude ({}) exceeds the contact radius ({}): this is sliding wear, where the counterbody is not \
-                 always covered. Enter a smaller amplitude, or use another program.",
-                length_text(amplitude),
-                length_text(a)
+                "The amplitude ({amplitude:.3e} m) exceeds the contact radius ({a:.3e} m): this is \
+                 sliding wear, where the counterbody is not always covered."
             );
             warn("large_amplitude", detail);
         }
@@ -412,26 +410,23 @@ impl Scenario {
             && 2.0 * a > 0.5 * length
         {
             let detail = format!(
-                "The width of the contact ({}) exceeds half of its length ({}). Plane strain holds for contacts that are \
-                 much longer than wide. Take the result as an estimate.",
-                length_text(2.0 * a),
-                length_text(length)
+                "The width of the contact ({:.3e} m) exceeds half of its length ({length:.3e} m). Plane strain holds \
+                 for contacts that are much longer than wide.",
+                2.0 * a
             );
             warn("short_line", detail);
         }
         if let Some([along, across]) = self.profile.unequal_radii() {
             let detail = format!(
-                "The radii of the crossed cylinders are {} and {}, so the contact is an ellipse. It is computed as a \
-                 round contact of the radius √(R₁R₂). At a ratio of 1.5, area and peak pressure are 0.5 % wrong, and \
-                 the half-axes are 14 % longer and 13 % shorter than the radius. Take the result as an estimate.",
-                length_text(along),
-                length_text(across)
+                "The radii of the crossed cylinders are {along:e} m and {across:e} m, so the contact is an ellipse. It \
+                 is computed as a round contact of the radius √(R₁R₂). At a ratio of 1.5, area and peak pressure are \
+                 0.5 % wrong, and the half-axes are 14 % longer and 13 % shorter than the radius."
             );
             warn("elliptical_contact", detail);
         }
         let simplified = matches!(case.method, Method::Simplified { .. });
         if simplified && case.contact.threshold * times >= 1.0 {
-            let detail = "The whole contact slips, but the simplified rule was fitted to partial slip. Use the exact method.";
+            let detail = "The whole contact slips; the simplified rule was fitted to partial slip.";
             warn("simplified_gross_slip", detail.to_owned());
         }
         warnings
@@ -504,19 +499,6 @@ fn canonical_cycles(
 
 fn shear_modulus(body: &ElasticBody) -> f64 {
     body.youngs_modulus.0 / (2.0 * (1.0 + body.poisson_ratio.0))
-}
-
-/// A length with three digits in the unit that engineers use, such as 2.26 µm.
-pub(crate) fn length_text(metres: f64) -> String {
-    let (unit, factor) = match metres {
-        large if large >= 1.0 => ("m", 1.0),
-        usual if usual >= 1e-3 => ("mm", 1e3),
-        small if small >= 1e-7 => ("µm", 1e6),
-        _ => ("nm", 1e9),
-    };
-    #[expect(clippy::expect_used, reason = "a written number is a number")]
-    let rounded = format!("{:.2e}", metres * factor).parse::<f64>().expect("reads its own digits");
-    format!("{rounded} {unit}")
 }
 
 /// Warnings that need the properties of the two bodies, which are not part of the canonical form.

@@ -23,11 +23,13 @@ pub(super) fn warning(case: &Case, errors: Option<RunErrors>) -> Option<Warning>
         (false, _) => format!("depth by up to {} %", percent(depth)),
     };
     let advice = match case.method {
-        Method::Exact { .. } => "Reduce the tolerance",
-        Method::Simplified { .. } if case.is_closed() => "Enter more output radii",
+        Method::Exact { .. } => "Enter a smaller `model.tolerance`",
+        Method::Simplified { .. } if case.is_closed() => "Enter more `model.points`",
         Method::Simplified { .. } => "Use the exact method",
     };
-    let detail =
-        format!("At some output cycles, numerical errors may change the wear {what}. {advice}.");
+    let detail = format!(
+        "At some output cycles, numerical errors may change the wear {what}: see `wear_volume_error` and \
+         `wear_depth_error` of the history. {advice}."
+    );
     Some(Warning { kind: "numerical_error".into(), detail })
 }

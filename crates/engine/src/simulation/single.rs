@@ -11,7 +11,7 @@ use crate::outcome::{
     Accuracy, BodyWear, ContactScales, History, Outcome, OutcomeEvent, Unworn, WornLayer,
     limit_state,
 };
-use crate::scenario::{Warning, length_text};
+use crate::scenario::Warning;
 use crate::solver::closed::energy;
 use crate::solver::closed::events::{StopSearch, events};
 use crate::solver::closed::simplified::{Simplified, State, UnwornCurves};
@@ -362,10 +362,9 @@ fn reference_reached(case: &Case, history: &History) -> Option<Warning> {
     let distance = case.contact.reference?.reach * case.scales.contact_radius;
     let reached = history.contact_radius.iter().position(|radius| *radius >= distance)?;
     let detail = format!(
-        "At cycle {:.0} the contact reaches the points at the reference distance ({}), so the stroke has no meaning any \
-         more. Enter a larger distance, or use the results before this cycle.",
-        history.cycles[reached],
-        length_text(distance)
+        "At cycle {:.4e} the contact reaches the points at `reference_distance` ({distance:.4e} m), so the stroke has no \
+         meaning any more. Enter a distance that is larger than the scar, or use the results before this cycle.",
+        history.cycles[reached]
     );
     Some(Warning { kind: "reference_reached".into(), detail })
 }
