@@ -1,7 +1,7 @@
 //! What a running computation has found so far, for the clients that ask.
 //!
-//! After each step, the worker checks whether a client waits, and copies the rows only then. So nothing is kept, and a run that
-//! nobody watches loses no time.
+//! After each step, the worker checks whether a client waits, and copies the rows only then. So nothing is kept, and a run
+//! without such a client is not slower.
 
 use std::collections::HashMap;
 use std::sync::Arc;

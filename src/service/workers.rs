@@ -101,8 +101,8 @@ impl Workers {
         let mut busy = self.busy.clone();
         loop {
             // An error means that the threads have ended.
-            let _ = busy.wait_for(|count| *count == 0).await;
-            if tokio::time::timeout(time, busy.changed()).await.is_err() {
+            let idle = busy.wait_for(|count| *count == 0).await.is_ok();
+            if !idle || tokio::time::timeout(time, busy.changed()).await.is_err() {
                 return;
             }
         }

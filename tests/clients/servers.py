@@ -150,8 +150,9 @@ def edit(page, base, key, submitted):
         value = scenario
         for name in pointer.split("/")[2:]:
             value = value[int(name)] if isinstance(value, list) else (value or {}).get(name)
-        # An omitted value is an empty field. A list is separated by commas.
-        read = [] if shown == "" else [number_or_text(text) for text in shown.split(", ")]
+        # An omitted value is an empty field. A list is separated by commas. Fields have the signs of printed units.
+        written = re.sub(r"µ(?=[mNJ])", "u", shown).replace("³", "^3").replace("²", "^2")
+        read = [] if shown == "" else [number_or_text(text) for text in written.split(", ")]
         assert read == (value if isinstance(value, list) else [] if value is None else [value]), (pointer, shown, value)
 
 

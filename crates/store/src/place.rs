@@ -67,7 +67,7 @@ fn unknown_option(url: &str) -> Option<usize> {
     given(url).position(|(name, _)| !is_known(&name)).map(|place| place + 1)
 }
 
-/// Whether nobody on a network can read or change what a connection carries.
+/// Whether others on the network can neither read nor change the traffic of a connection.
 fn is_local(options: &PgConnectOptions) -> bool {
     let host = options.get_host().trim_matches(['[', ']']);
     let is_loopback = host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback());

@@ -135,6 +135,7 @@ export async function showForm(main, { query, signal }) {
     const pointers = withoutField(form.scenario);
     jsonOnly.textContent = pointers.length ? `Not in the form: ${pointers.join(", ")}` : "";
     estimate.setAttribute("aria-busy", "true");
+    wanted = false;
     heading.textContent = isStudy() ? "New study" : "New run";
     keep.textContent = submitText(form.study);
     preview.element.hidden = isStudy();
@@ -208,7 +209,8 @@ export async function showForm(main, { query, signal }) {
     fill(estimate, h("h2", {}, problem.errors ? drawCount(main, problem) : problem.title), problem.errors ? null : h("p", {}, problem.detail));
   }
 
-  let checks = 0, submitting = false, accepted = false, isLong = false;
+  // `wanted`: the user has asked to keep the run before the server has checked it.
+  let checks = 0, submitting = false, accepted = false, isLong = false, wanted = false;
   /** Enables Keep if the server accepts what the form shows. While the JSON is invalid, the form shows an earlier scenario. */
   const allowKeep = () => { keep.disabled = submitting || !accepted || jsonFault.textContent !== ""; };
   const checkSoon = debounced(IDLE_MS, check);
@@ -235,6 +237,7 @@ export async function showForm(main, { query, signal }) {
     announcement.textContent = excess || (isStudy() ? submitText(form.study) : announce(checked));
     (isStudy() ? drawStudyEstimate : drawEstimate)(estimate, checked);
     if (excess) estimate.append(h("p", { class: "warning", id: "excess" }, excess));
+    if (wanted) submit();
     if (isStudy()) return;
     if (isLong && !excess) draft.ask(form.scenario, checked);
     else if (!isLong) live.ask(form.scenario, true);
@@ -242,8 +245,9 @@ export async function showForm(main, { query, signal }) {
   }
 
   async function submit(event) {
-    event.preventDefault();
-    if (submitting || keep.disabled) return;
+    event?.preventDefault();
+    wanted = keep.disabled;
+    if (submitting || wanted) return;
     submitting = true;
     allowKeep();
     try {

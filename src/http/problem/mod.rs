@@ -45,9 +45,7 @@ impl Complaint {
     pub fn parameter(name: &str, detail: impl Into<String>) -> Self {
         Self { pointer: None, parameter: Some(name.to_owned()), detail: detail.into() }
     }
-}
 
-impl Complaint {
     /// The place and the fault.
     fn in_words(&self) -> String {
         let place = self.pointer.as_deref().or(self.parameter.as_deref()).unwrap_or_default();

@@ -178,6 +178,8 @@ class Columns(TypedDict):
     wear_volume_error: "NotRequired[list[float]]"
     wear_depth_error: "NotRequired[list[float]]"
 
+Comments: TypeAlias = "Literal['all', 'none']"
+
 class CommonCurves(TypedDict):
     """The curves of each point of a sweep after its last output cycle, at radii that all points share. A value is null where the point has no run, and next to an infinite value. Beyond the radii of the run, `worn` and `slip` are null, `wear` and `pressure` 0."""
 
