@@ -467,19 +467,20 @@ async fn a_fit_that_is_killed_ten_times_has_the_same_bytes() {
             let undisturbed =
                 Prepared::read(kind, body["fit"].clone()).unwrap().compute(|_| {}).body;
             let id = submit(server.address, &body, &[]).await.unwrap();
-            let mut own = 0;
+            let mut next = 0.0;
             let job = loop {
                 let job = server.get(&format!("/v1/jobs/{id}")).await.json();
                 if !job["times"]["finished"].is_null() {
                     break job;
                 }
-                // A run fails if one chunk crashes three times. So the kills are spread over all chunks.
-                if kills < 10 && job["progress"].as_f64().unwrap() > f64::from(own) / 12.0 {
+                // A run fails if one chunk crashes three times. So the fit makes progress between two kills.
+                let progress = job["progress"].as_f64().unwrap();
+                if kills < 10 && progress > next {
                     // A random pause; nothing depends on its length.
                     tokio::time::sleep(Duration::from_micros(dice.below(20_000))).await;
                     server.kill();
                     server = Program::start(dir.path(), workers);
-                    (kills, own) = (kills + 1, own + 1);
+                    (kills, next) = (kills + 1, progress + 1.0 / 12.0);
                 }
             };
             assert_eq!(job["state"], "succeeded", "{job}");
