@@ -112,13 +112,13 @@ const barsOf = ({ x, y, errors, ink: own }, horizontal, vertical) => (errors ?? 
 });
 
 /** The area of a band. A logarithmic axis shows it down to its end. */
-function bandOf({ x, band, ink: own }, horizontal, vertical) {
+function bandOf({ x, band, ink: own, faint }, horizontal, vertical) {
   if (!band) return [];
   const floor = vertical.ends[0];
   const at = (ends) => x.map((value, i) => (ends[i] == null || !(horizontal.log ? value > 0 : true) ? null
     : `${px(horizontal.at(value))} ${px(vertical.at(vertical.log ? Math.max(ends[i], floor) : ends[i]))}`)).filter(Boolean);
   const points = [...at(band.low), ...at(band.high).reverse()];
-  return points.length > 3 ? [svg("path", { class: "band", d: `M${points.join("L")}Z`, fill: ink(own), opacity: 0.16 })] : [];
+  return points.length > 3 ? [svg("path", { class: "band", d: `M${points.join("L")}Z`, fill: ink(own), opacity: faint ? 0.14 : 0.3 })] : [];
 }
 
 /** An arrow in the middle of a branch that shows its direction. */

@@ -20,7 +20,7 @@ function nearest(values, x) {
 }
 
 /** The sample of a curve: its line, its band, or its mark. */
-export const sampleOf = ({ ink, dash, mark, band }) => (mark === undefined ? h("span", { class: `sample ink-${ink} ${dash ?? ""} ${band ? "of-band" : ""}` })
+export const sampleOf = ({ ink, dash, mark, band, faint }) => (mark === undefined ? h("span", { class: `sample ink-${ink} ${dash ?? ""} ${band ? `of-band ${faint ? "faint" : ""}` : ""}` })
   : svg("svg", { class: "sample-mark", viewBox: "-7 -7 14 14", "aria-hidden": "true" }, svg("path", { d: markOf(mark), fill: "var(--card)", stroke: `var(--ink-${ink})`, "stroke-width": 1.8 })));
 
 export class Reader {

@@ -6,7 +6,7 @@ import { freeName } from "./measure-sets.js";
 import { previewOf, unitsFor, valuesIn, withStated } from "./measure-units.js";
 import { digits, WORDS } from "./units.js";
 
-const KINDS = { points: "Points over cycles or energy", trace: "Profilometer trace across the scar", half: "Trace from the axis outwards", loop: "Friction loop" };
+const KINDS = { points: "Points over cycles or energy", trace: "Trace across the scar", half: "Trace from the axis", loop: "Friction loop" };
 /** What the two columns of each kind are, with their SI units. */
 const ROLES = { trace: [["Position", "m"], ["Height", "m"]], half: [["Distance from the axis", "m"], ["Height", "m"]], loop: [["Displacement", "m"], ["Friction force", "N"]] };
 const OVER = { cycles: "Cycles", dissipated_energy: "Dissipated energy" };
@@ -43,6 +43,7 @@ class TableReader {
   #name = h("input", { id: "set-name", maxLength: 60, required: true });
   #says = h("p", { class: "fault", id: "file-fault", role: "alert" });
   #notes = h("ul", { class: "muted read-notes", id: "file-notes" });
+  #how = h("details", {}, h("summary", {}, "How the file was read"), this.#notes);
   #found = h("div", { class: "stack", hidden: true });
   #preview = h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "First rows" });
   #fields = h("div", { class: "fields-read" });
@@ -59,8 +60,8 @@ class TableReader {
       h("div", { class: "sources" }, h("div", {}, h("label", { for: "set-file" }, "File (CSV or text)"), choice),
         h("div", {}, h("label", { for: "set-text" }, "or paste a table"), text)),
       this.#says, this.#found, h("div", { class: "row" }, this.#add, h("button", { type: "button", onclick: close }, "Cancel")));
-    fill(this.#found, h("div", { class: "field" }, h("label", { for: "set-name" }, "Name"), this.#name), this.#fields, this.#preview,
-      h("details", {}, h("summary", {}, "How the file was read"), this.#notes));
+    fill(this.#found, this.#fields, this.#preview,
+      this.#how);
   }
 
   /** Reads a file or a text, and guesses what it is. */
@@ -137,7 +138,7 @@ class TableReader {
     const unit = (role, si) => Object.keys(unitsFor(si)).length > 0 && this.#unitField(role, si);
     const isPoints = chosen.kind === "points";
     const options = Object.fromEntries(Object.keys(OUTPUTS).map((own) => [own, own === "mass_loss" ? "Mass loss" : capital(WORDS[own])]));
-    fill(this.#fields, field("What it is", choose("set-kind", KINDS, chosen.kind, changed("kind"))),
+    fill(this.#fields, field("Name", this.#name), field("What it is", choose("set-kind", KINDS, chosen.kind, changed("kind"))),
       isPoints && field("Measured", choose("set-output", options, chosen.output, changed("output"))),
       isPoints && field("Over", choose("set-over", OVER, chosen.over, changed("over"))),
       field(`${roles[0][0]} from`, choose("set-x", names, chosen.x, changed("x")), unit("x", roles[0][1])),
@@ -195,6 +196,8 @@ class TableReader {
       if (kind !== "loop" && !prepared.data) throw new Error("No scar was found in this trace, so there are no wear depths.");
       this.#prepared = prepared;
       this.#showNotes(notes);
+      // The file was changed more than its columns show.
+      this.#how.open = true;
       this.#judge();
     } catch (problem) {
       if (this.signal.aborted || own !== this.#latest) return;

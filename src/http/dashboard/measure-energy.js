@@ -4,10 +4,8 @@ import { fill, h } from "./dom.js";
 import { Figure } from "./figure.js";
 import { throughOrigin } from "./measure-model.js";
 import { symbolOf } from "./explain.js";
-import { digits, si, WORDS } from "./units.js";
-
-/** A volume per energy: 2.31×10⁻⁵ mm³/J. */
-export const perEnergy = (value, count = 3) => (si() ? `${digits(value, count)}\u00a0m³/J` : `${digits(value * 1e9, count)}\u00a0mm³/J`);
+import { together } from "./fit-names.js";
+import { digits, WORDS } from "./units.js";
 
 export class EnergyFigure {
   #figure;
@@ -41,8 +39,8 @@ export class EnergyFigure {
       ...volumes.map(({ name, ink, mark, x, y, errors }) => ({ name, ink, mark, x, y, errors, points: true, line: false })),
     ], { x: { title: WORDS.dissipated_energy, symbol: symbolOf("dissipated_energy"), unit: "J", range: [0, end * 1.03] },
       y: { title: WORDS.wear_volume, symbol: symbolOf("wear_volume"), unit: "m^3" } });
-    fill(this.#slopes, lines.map(({ name, line, isComputed, x }) => h("li", { "data-slope": name }, h("strong", {}, name), ": α\u00a0=\u00a0", h("span", { class: "slope" }, perEnergy(line.slope)),
-      ` ± ${perEnergy(line.error, 2)}, R²\u00a0=\u00a0${digits(line.squared, 3)}, ${x.length} points${isComputed ? ", energies computed" : ""}`)),
+    fill(this.#slopes, lines.map(({ name, line, isComputed, x }) => h("li", { "data-slope": name }, h("strong", {}, name), ": α\u00a0=\u00a0", h("span", { class: "slope" }, together([line.slope, line.error], "m^3/J", " ± ")),
+      `, R²\u00a0=\u00a0${digits(line.squared, 3)}, ${x.length} points${isComputed ? ", energies computed" : ""}`)),
     h("li", {}, "Lines through the origin, V\u00a0=\u00a0αΣE, with the standard error of α."));
   }
 }

@@ -44,7 +44,7 @@ export async function modelOf(result, sets, { link, signal }) {
   const over = (output, energy) => {
     // Without wear there is no energy yet.
     const [x, y] = [["dissipated_energy", dense], [output, dense]].map(([name, from]) => from[name]);
-    const starts = x[0] > 0 && output === "wear_volume";
+    const starts = x[0] > 0 && ["wear_volume", "cycles"].includes(output);
     return interpolate(starts ? [0, ...x] : x, starts ? [0, ...y] : y, energy);
   };
   return {
@@ -53,6 +53,8 @@ export async function modelOf(result, sets, { link, signal }) {
       const row = exact ? exact.cycles.indexOf(place) : -1;
       return row >= 0 ? exact[output][row] : interpolate(dense.cycles, dense[output], place);
     },
+    /** The cycles in which the run dissipates an energy. */
+    cyclesAt: (energy) => over("cycles", energy),
     profile(set) {
       const own = worn[profiles.indexOf(set)]?.profiles ?? result.profiles;
       if (!own) return null;
@@ -81,9 +83,10 @@ const meanOf = (values) => values.reduce((sum, value) => sum + value, 0) / value
 
 /**
  * Whether measured points agree with computed ones. With stated errors, the sum of squares in standard deviations must be
- * probable (above 1 %; Wilson and Hilferty 1931). Without, zero must lie in the 95 % interval of the mean difference.
+ * probable (above 1 %; Wilson and Hilferty 1931). Without, the mean difference must be in its 95 % interval around zero, or at most
+ * the numerical error of the run, `least`.
  */
-export function judge(rows) {
+export function judge(rows, least) {
   const known = rows.filter(({ relative }) => Number.isFinite(relative));
   if (!known.length) return null;
   const relative = known.map((row) => row.relative);
@@ -100,8 +103,11 @@ export function judge(rows) {
   if (count < 3) return found;
   const scatter = Math.sqrt(relative.reduce((sum, value) => sum + (value - mean) ** 2, 0) / (count - 1));
   const margin = ((STUDENT[count - 2] ?? 1.96 + 2.6 / (count - 1)) * scatter) / Math.sqrt(count);
-  return { ...found, margin, agrees: Math.abs(mean) <= margin };
+  return { ...found, margin, agrees: Math.abs(mean) <= Math.max(margin, least) };
 }
+
+/** The largest numerical error of a run, relative. */
+export const errorOf = ({ history }) => Math.max(0, ...[history.wear_volume_error, history.wear_depth_error].flatMap((errors) => errors ?? []).map(Math.abs).filter(Number.isFinite));
 
 /** The line through the origin, y = αx, by least squares: `slope`, its standard `error` and R², as a fit reports them. */
 export function throughOrigin(x, y) {

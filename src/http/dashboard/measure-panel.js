@@ -1,15 +1,16 @@
 // The panel of measurements: the sets with their verdicts, their differences from the run, and wear over energy.
 
 import { fill, h } from "./dom.js";
+import { symbolOf } from "./explain.js";
 import { Figure } from "./figure.js";
 import { sampleOf } from "./figure-reader.js";
 import { askForSet } from "./measure-dialog.js";
 import { EnergyFigure } from "./measure-energy.js";
-import { differencesOf, judge, modelOf } from "./measure-model.js";
+import { differencesOf, errorOf, judge, modelOf } from "./measure-model.js";
 import { choiceFor, onHistory, onLoop, onProfile } from "./measure-overlay.js";
 import { addSet, allSets, contentOf, removeSet } from "./measure-sets.js";
 import { verdictOf } from "./measure-words.js";
-import { axisUnit, withUnit } from "./scaling.js";
+import { axisUnit, spaced, withUnit } from "./scaling.js";
 import { cycles, digits, quantity, WORDS } from "./units.js";
 
 /** The table has this many rows of a set at most. */
@@ -101,27 +102,26 @@ export class Panel {
     } }, "Remove");
     return h("li", { "data-set": set.name }, h("div", { class: "row spread" },
       h("span", {}, sampleOf(set), h("strong", {}, set.name), h("span", { class: "muted" }, ` ${contentOf(set)}`)), remove),
-    h("p", { class: "verdict" }, verdictOf(set, judge(rows))));
+    h("p", { class: "verdict" }, verdictOf(set, judge(rows, errorOf(this.context.result)))));
   }
 
   #drawDifferences(all) {
     this.#figure.element.parentElement.hidden = !all.length;
     if (!all.length) return;
-    const isOverCycles = all.some(({ set }) => set.over !== "dissipated_energy");
-    const own = all.filter(({ set }) => (set.over !== "dissipated_energy") === isOverCycles);
-    const curves = own.map(({ set, rows }) => {
-      const known = rows.filter(({ relative }) => Number.isFinite(relative)).sort((a, b) => a.x - b.x);
+    const curves = all.map(({ set, rows }) => {
+      const placed = set.over === "dissipated_energy" ? rows.map((row) => ({ ...row, x: this.#model.cyclesAt(row.x) })) : rows;
+      const known = placed.filter(({ x, relative }) => x > 0 && Number.isFinite(relative)).sort((a, b) => a.x - b.x);
       const errors = known.map(({ sigma, computed }) => (100 * sigma) / computed);
       return { name: set.name, ink: set.ink, mark: set.mark, points: true, line: false, x: known.map(({ x }) => x), y: known.map(({ relative }) => 100 * relative),
         errors: errors.some((error) => error > 0) ? errors : undefined };
     });
     const xs = curves.flatMap(({ x }) => x);
     const ends = [Math.min(...xs), Math.max(...xs)];
-    const isLog = isOverCycles && ends[1] > 20 * ends[0];
+    const isLog = ends[1] > 20 * ends[0];
     const [low, high] = isLog ? [ends[0] / 1.3, ends[1] * 1.3] : [0, ends[1] * 1.05];
     this.#figure.title = "Measured − computed";
     this.#figure.show([{ name: "", x: [low, high], y: [0, 0], ink: 4, label: "none" }, ...curves],
-      { x: { title: isOverCycles ? WORDS.cycles : WORDS.dissipated_energy, symbol: isOverCycles ? "$N$" : "Σ$E$", unit: isOverCycles ? "1" : "J", log: isLog },
+      { x: { title: WORDS.cycles, symbol: symbolOf("cycles"), unit: "1", log: isLog },
         y: { title: "Difference", unit: "%" }, description: "Relative difference of measured points from the computed curve" });
   }
 
@@ -129,19 +129,23 @@ export class Panel {
     this.#table.hidden = !all.length;
     const bodies = all.map(({ set, rows }) => {
       const unit = unitOf(set, this.context.result);
-      const scale = axisUnit(unit, Math.max(...rows.flatMap(({ measured, computed }) => [measured, computed ?? 0]).map(Math.abs)));
-      const cell = (value) => h("td", {}, digits(value == null ? null : value * scale.factor, 4));
+      const most = Math.max(...rows.flatMap(({ measured, computed }) => [measured, computed ?? 0]).map(Math.abs));
+      const scale = axisUnit(unit, most);
+      const cell = (value) => h("td", {}, fixed(value == null ? null : value * scale.factor, most * scale.factor));
       const place = (x) => (set.kind === "profile" ? quantity(x, "m", 4) : set.over === "dissipated_energy" ? quantity(x, "J", 4) : cycles(x));
       return h("tbody", {}, h("tr", {}, h("th", { colSpan: 6, scope: "rowgroup" }, h("strong", {}, withUnit(set.name, scale.unit)))),
         rows.slice(0, ROWS).map(({ x, measured, sigma, computed, difference, relative }) => h("tr", {}, h("td", {}, place(x)), cell(measured),
-          h("td", {}, sigma > 0 ? digits(sigma * scale.factor, 2) : "–"), cell(computed), cell(difference),
+          cell(sigma), cell(computed), cell(difference),
           h("td", {}, relative == null ? "–" : `${signed(100 * relative)}\u00a0%`))));
     });
-    fill(this.#table, h("summary", {}, "Differences of all points"), h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Differences" },
+    fill(this.#table, h("summary", {}, "Differences of all points"), h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Differences of all points" },
       h("table", { id: "differences" }, h("thead", {}, h("tr", {}, ["Place", "Measured", "σ", "Computed", "Difference", "Relative"].map((name) => h("th", { scope: "col" }, name)))), bodies)),
     all.some(({ rows }) => rows.length > ROWS) && h("p", { class: "muted" }, `The first ${ROWS} points of each set.`));
   }
 }
+
+/** A number with the decimals that give the largest of its column four digits. */
+const fixed = (value, most) => (value == null ? "–" : spaced(value.toFixed(Math.max(0, 3 - Math.floor(Math.log10(most || 1))))).replace("-", "−"));
 
 const signed = (value) => (value > 0 ? "+" : "") + digits(value, 3);
 

@@ -35,7 +35,7 @@ export function valuesIn({ values, unit, stated, factor }, si, chosen) {
 
 /** The first rows of a table as the file has them, and its header. */
 export function previewOf(columns, count) {
-  const head = columns.map(({ name, text }) => (text ? `${name} [${text}]` : name));
+  const head = columns.map(({ name, text }) => (text ? `${name} [${printed(text)}]` : name));
   const rows = Array.from({ length: Math.min(count, columns[0].values.length) }, (_, row) => columns.map(({ values, factor }) => (values[row] == null ? null : values[row] / factor)));
   return { head, rows };
 }

@@ -7,7 +7,10 @@ import { cycles, percent, quantity } from "./units.js";
 /** SI units of what is measured. */
 const UNITS = { wear_volume: "m^3", energy_per_cycle: "J", dissipated_energy: "J", normal_force: "N", tangential_force: "N" };
 
-const signed = (fraction) => `${fraction > 0 ? "+" : ""}${percent(fraction, 2)}`;
+/** Smaller differences are none to a reader. */
+const SMALL = 1e-4;
+const size = (fraction) => (Math.abs(fraction) < SMALL ? `less than ${percent(SMALL)}` : percent(Math.abs(fraction), 2));
+const signed = (fraction) => (Math.abs(fraction) < SMALL ? size(fraction) : `${fraction > 0 ? "+" : "−"}${size(fraction)}`);
 
 function placeOf({ kind, over }, x) {
   if (kind === "profile") return `r\u00a0=\u00a0${quantity(x, "m", 3)}`;
@@ -16,7 +19,7 @@ function placeOf({ kind, over }, x) {
 
 /** The mean difference, in words. */
 function meanOf({ mean, count }, whole) {
-  const much = percent(Math.abs(mean), 2);
+  const much = size(mean);
   const sign = mean < 0 ? "below" : "above";
   if (whole) return `On average its depths are ${much} of the largest depth ${sign} the computed ones.`;
   return count === 1 ? `The measured value is ${much} ${sign} the computed one.` : `On average the measured values are ${much} ${sign} the computed ones.`;
@@ -34,7 +37,7 @@ export function verdictOf(set, found) {
   const parts = [meanOf(found, isProfile),
     count > 1 && `The largest difference is ${signed(largest.relative)} (${largest.difference > 0 ? "+" : ""}${quantity(largest.difference, unit, 3)}) at ${placeOf(set, largest.x)}.`,
     near !== null && `${near} of ${count} points lie within two standard deviations.`,
-    margin !== null && `The scatter leaves the mean uncertain by ±${percent(margin, 2)} (95 %).`,
+    margin !== null && `The scatter leaves the mean uncertain by ${margin < SMALL ? "" : "±"}${size(margin)} (95 %).`,
     missing > 0 && `${missing} ${missing === 1 ? "point lies" : "points lie"} outside this run.`];
   return [h("strong", { class: agrees === null ? "" : agrees ? "agrees" : "differs" }, word), " ", parts.filter(Boolean).join(" ")];
 }
