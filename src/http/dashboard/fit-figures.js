@@ -44,9 +44,11 @@ export function dataFigure({ fit, table, bands }, { output, over, unit, tests })
     // The curve goes through the computed points of the data, too.
     const line = of([...grid, ...measured], test).filter(({ predicted }) => predicted != null);
     const [data, ink, x] = [of(measured, test).filter((row) => row.measured != null), INKS[i % INKS.length], column(line, "x")];
-    const band = (name, words) => ({ name: tests.length > 1 ? "" : words, column: `${test}: ${words}`, x, y: column(line, "predicted"), ink, line: false, label: "none",
-      band: { low: column(line, `${name}_low`), high: column(line, `${name}_high`) } });
-    return [...(tests.length <= WITH_PREDICTION ? [{ ...band("prediction", `New tests, ${level}`), faint: true }] : []), band("confidence", `Curve, ${level}`),
+    const band = (name, words, rows) => ({ name: tests.length > 1 ? "" : words, column: `${test}: ${words}`, x: column(rows, "x"), y: column(rows, "predicted"), ink, line: false,
+      label: "none", band: { low: column(rows, `${name}_low`), high: column(rows, `${name}_high`) } });
+    // At a measured point, the band of new tests has the error of that point. Between them, it has the mean error of the set.
+    const even = of(grid, test);
+    return [...(tests.length <= WITH_PREDICTION ? [{ ...band("prediction", `New tests, ${level}`, even.length ? even : line), faint: true }] : []), band("confidence", `Curve, ${level}`, line),
       { name: tests.length > 1 ? "" : "Fit", column: `${test}: fit`, x, y: column(line, "predicted"), ink, label: "none" },
       { name: test, x: column(data, "x"), y: column(data, "measured"), errors: column(data, "deviation"), ink, mark: i, points: true, line: false }];
   });

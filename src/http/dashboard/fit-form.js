@@ -31,13 +31,13 @@ function rangeFor(pointer, value) {
 }
 
 /** A fraction: 5 % or 0.05. */
-export function fractionOf(text) {
+function fractionOf(text) {
   const number = Number(text.replace("%", "").replace(",", ".").trim());
   return text.includes("%") ? number / 100 : number;
 }
 
 /** The data of a fit for a set. `noise` is a member of `NOISES`, and `text` its size. */
-export function dataOf(set, noise, text) {
+function dataOf(set, noise, text) {
   const size = noise === "relative" ? { relative: fractionOf(text) } : noise === "absolute" ? { sigma: text.replace(",", ".") } : noise === "estimate" ? { noise: "estimate" } : { sigma: set.sigma };
   if (set.kind === "profile") return { profile: "wear", at: set.at, radius: set.x, depth: set.y, ...size };
   const { output, over, x, y } = pointsOf(set);

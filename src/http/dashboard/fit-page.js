@@ -5,7 +5,7 @@ import { get, resultAddress } from "./api.js";
 import { fill, h } from "./dom.js";
 import { Figure } from "./figure.js";
 import { dataFigure, energyFigure, groupsOf, profileFigure, residualFigure, rowsOf } from "./fit-figures.js";
-import { named, together, unitAt, wordsOf } from "./fit-names.js";
+import { named, symbolAt, together, unitAt, wordsOf } from "./fit-names.js";
 import { axisUnit, withUnit } from "./scaling.js";
 import { cycles, digits, quantity, WORDS } from "./units.js";
 
@@ -17,18 +17,23 @@ const AGAINST = ["misfit", "lack_of_fit", "discrepancy"];
 /** The part of a scenario that a note names, such as `wear.coefficient`. */
 const pointerOf = (name) => `/${name.replaceAll(".", "/")}`;
 
+const lower = (words) => words[0].toLowerCase() + words.slice(1);
+
 /** A note with names in words, and numbers with their units. A number belongs to the parameter before it. */
 function inWords(detail, parameters) {
   let last = null;
   return detail.split("`").map((piece, i) => {
     if (i % 2) {
-      const names = piece.split(/([·/^])/);
-      last = parameters.find(({ pointer }) => pointer === pointerOf(piece)) ?? last;
-      return names.map((name) => (parameters.some(({ pointer }) => pointer === pointerOf(name)) ? wordsOf(pointerOf(name)).toLowerCase() : name)).join("");
+      const own = parameters.find(({ pointer }) => pointer === pointerOf(piece));
+      if (own) {
+        last = own;
+        return `the ${lower(wordsOf(own.pointer))}`;
+      }
+      return piece.split(/([·/^])/).map((name) => (parameters.some(({ pointer }) => pointer === pointerOf(name)) ? symbolAt(pointerOf(name)).replaceAll("$", "") || wordsOf(pointerOf(name)) : name)).join("");
     }
     return piece.replace(/(probability )?(\d+(?:\.\d+)?e-?\d+)/g, (_, isProbability, number) => (isProbability ?? "")
       + (last && !isProbability ? quantity(Number(number), unitAt(last.pointer, last.unit), 3) : digits(Number(number), 2)));
-  }).join("");
+  }).join("").replace(/^the/, "The");
 }
 
 /** How many numbers of each output were measured: 6 wear volumes. */
@@ -57,7 +62,7 @@ function estimateTile({ pointer, unit, estimate, interval, at_bound: isAtBound }
   const isKnown = typeof estimate === "number";
   return h("div", { "data-estimate": pointer }, h("dt", {}, named(pointer)), h("dd", {}, isKnown ? quantity(estimate, own, 3) : "Not determined",
     h("p", { class: "errors" }, isKnown ? [`${level} interval: `, h("span", { class: "interval" }, together(interval, own, " to "))] : "The data do not determine it.",
-      isAtBound && " At an end of its range.", typeof before === "number" && h("span", { class: "before" }, `Scenario: ${quantity(before, own, 3)}`))));
+      isAtBound && ", at an end of its range", typeof before === "number" && h("span", { class: "before" }, `Scenario: ${quantity(before, own, 3)}`))));
 }
 
 const COMPENSATED = "Near 1 or −1, a change of one estimate is compensated by the other: the data determine them together better than alone.";

@@ -131,7 +131,9 @@ export class Panel {
       const unit = unitOf(set, this.context.result);
       const most = Math.max(...rows.flatMap(({ measured, computed }) => [measured, computed ?? 0]).map(Math.abs));
       const scale = axisUnit(unit, most);
-      const cell = (value) => h("td", {}, fixed(value == null ? null : value * scale.factor, most * scale.factor));
+      // Depths vary around zero, and volumes over decades.
+      const text = (value) => (set.kind === "profile" ? fixed(value, most * scale.factor) : digits(value, 4));
+      const cell = (value) => h("td", {}, text(value == null ? null : value * scale.factor));
       const place = (x) => (set.kind === "profile" ? quantity(x, "m", 4) : set.over === "dissipated_energy" ? quantity(x, "J", 4) : cycles(x));
       return h("tbody", {}, h("tr", {}, h("th", { colSpan: 6, scope: "rowgroup" }, h("strong", {}, withUnit(set.name, scale.unit)))),
         rows.slice(0, ROWS).map(({ x, measured, sigma, computed, difference, relative }) => h("tr", {}, h("td", {}, place(x)), cell(measured),
