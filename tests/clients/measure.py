@@ -246,6 +246,26 @@ def fitted(browser, key):
     page.context.close()
 
 
+def energy_law(browser):
+    """A scenario with an energy wear coefficient: the form estimates it, in its own unit, and the estimate is that of the data."""
+    scenario = {**SCENARIO, "wear": {"energy_coefficient": "4e-5 mm^3/J"}}
+    page = result(browser, get("/v1/jobs?include=result", {"scenario": scenario})["key"])
+    asked = {**scenario, "wear": {"energy_coefficient": "5e-5 mm^3/J"}, "cycles": CYCLES, "profiles_at": "none"}
+    found = get("/v1/evaluate", {"scenario": asked, "parts": ["history"]})["history"]
+    rows = [row for row, n in enumerate(found["cycles"]) if n > 0]
+    add(page, "rig", table("E [J];V [µm³]", [found["dissipated_energy"][row] for row in rows], [found["wear_volume"][row] * 1e18 for row in rows]))
+    page.click("#fit-these")
+    expect(page.locator("#fit-says")).to_contain_text("processor time")
+    assert page.input_value("#fit-wear-energy_coefficient-to") == "4e-4 mm³/J", page.input_value("#fit-wear-energy_coefficient-to")
+    page.uncheck("#fit-friction")
+    page.click("#submit-fit:enabled")
+    page.wait_for_selector("#estimates", timeout=120_000)
+    shown = page.locator("[data-estimate='/wear/energy_coefficient'] dd").inner_text().split("\n")[0]
+    assert shown.replace("\u00a0", " ").endswith("mm³/J"), shown
+    close(shown, 5e-5, 0.01)
+    page.context.close()
+
+
 def law_fails(browser):
     """Volumes that no wear coefficient describes: the page says that the law does not hold."""
     energies, volumes = [1, 2, 4, 8, 16], [4e-14, 4.1e-14, 3.9e-14, 4e-14, 4.1e-14]
@@ -320,6 +340,7 @@ with opened() as browser:
     print("other files", flush=True)
     fitted(browser, key)
     print("fit", flush=True)
+    energy_law(browser)
     fit = law_fails(browser)
     by_keyboard(browser, key)
     views(browser, key, fit)

@@ -23,6 +23,13 @@ const LIKE = { wear_volume: "um^3", energy_per_cycle: "mJ", dissipated_energy: "
 
 const valueAt = (scenario, pointer) => pointer.split("/").slice(1).reduce((value, name) => value?.[name], scenario);
 
+/** A copy of a scenario. If the user wrote the energy wear coefficient α, it has this one, and not k = αμ. */
+function withEnergy(scenario, submitted) {
+  const { friction, wear: { coefficient, ...wear } } = scenario;
+  const isEnergy = submitted?.wear?.energy_coefficient !== undefined && typeof coefficient === "number" && typeof friction === "number";
+  return isEnergy ? { ...scenario, wear: { ...wear, energy_coefficient: Number((coefficient / friction).toPrecision(12)) } } : { ...scenario };
+}
+
 /** The range to search: a tenth to ten times a wear coefficient, half to twice another number. */
 function rangeFor(pointer, value) {
   if (pointer.startsWith("/wear/")) return [value / 10, value * 10];
@@ -55,8 +62,10 @@ export class FitForm {
   #checkSoon = debounced(IDLE_MS, () => this.#check());
 
   /** `close` removes the form. */
-  constructor(result, sets, close) {
-    const { profiles_at, ...scenario } = result.scenario;
+  constructor({ result, submitted }, sets, close) {
+    const scenario = withEnergy(result.scenario, submitted);
+    // The measurements say which profiles are needed.
+    delete scenario.profiles_at;
     this.scenario = scenario;
     this.#sets = sets.map((set, i) => this.#setFields(set, i));
     this.#parameters = Object.keys(KNOWN).filter((pointer) => typeof valueAt(scenario, pointer) === "number").map((pointer) => this.#parameterFields(pointer));

@@ -4,6 +4,7 @@ import { capital, debounced, fill, h, openDialog, select } from "./dom.js";
 import { faultOf, readFile } from "./measured.js";
 import { freeName } from "./measure-sets.js";
 import { previewOf, unitsFor, valuesIn, withStated } from "./measure-units.js";
+import { spread } from "./result-figures.js";
 import { digits, WORDS } from "./units.js";
 
 const KINDS = { points: "Points over cycles or energy", trace: "Trace across the scar", half: "Trace from the axis", loop: "Friction loop" };
@@ -15,6 +16,8 @@ const OUTPUTS = { wear_volume: "m^3", mass_loss: "kg", wear_depth: "m", scar_rad
   dissipated_energy: "J", tangential_force: "N", normal_force: "N", indentation_depth: "m", amplitude: "m" };
 /** The density of steel in kg/m³. */
 const STEEL = 7850;
+/** A set keeps at most this many points, evenly chosen: a fit takes no more, and a figure shows no more. */
+const MOST = 2000;
 /** Rows of the preview. */
 const ROWS = 5;
 const SIGMA = /σ|sigma|\bsd\b|std|stdev|deviation|error|\berr\b|±|uncertainty/i;
@@ -221,17 +224,22 @@ class TableReader {
       const [xs, ys] = [values(x, 0), values(y, 1)];
       const factor = output === "mass_loss" ? 1 / Number(density.replace(",", ".")) : 1;
       if (!(factor > 0 && Number.isFinite(factor))) return "Enter a density greater than 0.";
-      const known = xs.map((_, i) => i).filter((i) => xs[i] > 0 && ys[i] != null);
+      const all = xs.map((_, i) => i).filter((i) => xs[i] > 0 && ys[i] != null);
+      const known = spread(all, MOST);
       if (!known.length) return "No row has both numbers, with x greater than 0.";
       // If the user corrects the unit of the numbers, that of their deviations was wrong, too.
       const [own, of] = [sigma && this.#column(sigma), this.#column(y)];
       const deviation = own && (own.unit && !of.stated ? own.values : valuesIn(own.unit ? { ...of, values: own.values } : own, roles[1][1], units.y));
       return { kind, output: output === "mass_loss" ? "wear_volume" : output, over, x: known.map((i) => xs[i]), y: known.map((i) => ys[i] * factor),
-        sigma: deviation ? known.map((i) => (deviation[i] == null ? null : deviation[i] * factor)) : null };
+        sigma: deviation ? known.map((i) => (deviation[i] == null ? null : deviation[i] * factor)) : null, rows: all.length };
     }
     const cycles = Number(at.replace(/[\s\u202f]/g, ""));
     if (!(cycles > 0)) return "Enter the number of cycles after which this was measured.";
-    if (kind === "loop") return { kind, output: "loop", over: "displacement", x: values(x, 0), y: values(y, 1), sigma: null, at: cycles, energy: this.#prepared.energy_per_cycle };
+    if (kind === "loop") {
+      // The energy comes from all rows.
+      const drawn = (numbers) => spread(numbers, MOST);
+      return { kind, output: "loop", over: "displacement", x: drawn(values(x, 0)), y: drawn(values(y, 1)), sigma: null, at: cycles, energy: this.#prepared.energy_per_cycle, rows: values(x, 0).length };
+    }
     const { radius, depth, sigma: scatter } = this.#prepared.data;
     return { kind: "profile", output: "profile.wear", over: "radius", x: radius, y: depth, sigma: depth.map(() => scatter), at: cycles };
   }

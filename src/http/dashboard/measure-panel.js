@@ -59,7 +59,7 @@ export class Panel {
   /** Opens the form of a fit. */
   async fit() {
     const { FitForm } = await import("./fit-form.js");
-    const form = new FitForm(this.context.result, this.#sets, () => fill(this.#form));
+    const form = new FitForm(this.context, this.#sets, () => fill(this.#form));
     fill(this.#form, form.element);
     form.focus();
   }

@@ -7,9 +7,9 @@ import { cycles, WORDS } from "./units.js";
 /**
  * A measured set in SI units. Points are an `output` over `cycles` or `dissipated_energy`. A profile has the depth over the radius
  * and a loop the force over the displacement, both after `at` cycles; a loop also has the energy of a cycle. `sigma` are the standard
- * deviations of `y`. `ink` is the number of its colour, and `mark` of its shape.
+ * deviations of `y`. `rows` is the number of points of the file, of which the set may have fewer. `ink` is the number of its colour, and `mark` of its shape.
  * @typedef {{name: string, kind: "points"|"profile"|"loop", output: string, over: string, x: number[], y: (number|null)[],
- *   sigma: (number|null)[]|null, at?: number, energy?: number, ink: number, mark: number}} MeasuredSet
+ *   sigma: (number|null)[]|null, at?: number, energy?: number, rows?: number, ink: number, mark: number}} MeasuredSet
  */
 
 /** The colours of sets: those of the run, of its limit and of the grey curves are left out. */
@@ -52,9 +52,9 @@ export function freeName(wanted) {
 }
 
 /** What a set has, in words: 6 points of the wear volume. */
-export function contentOf({ kind, output, over, y, at }) {
+export function contentOf({ kind, output, over, y, at, rows = 0 }) {
   const count = y.filter((value) => value != null).length;
-  const points = `${count} ${count === 1 ? "point" : "points"}`;
+  const points = `${count} ${rows > y.length ? `of ${cycles(rows)} ` : ""}${count === 1 ? "point" : "points"}`;
   if (kind === "profile") return `profile of wear with ${points}, after ${cycles(at)} cycles`;
   if (kind === "loop") return `friction loop with ${points}, after ${cycles(at)} cycles`;
   return `${WORDS[output]}, ${points} over ${over === "cycles" ? "cycles" : "dissipated energy"}`;

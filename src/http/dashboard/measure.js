@@ -8,13 +8,13 @@ export const KEPT = "fretwork-measured";
 
 /**
  * The card of measurements below a run. `figures` are the figures `profile`, `history` and `loop`, `state` is what they show, and
- * `redraw` draws them again. The holder of a shared link, `link`, may not compute, and read files only after a sign-in.
+ * `redraw` draws them again. `submitted` is the scenario as the user wrote it, if it is known. The holder of a shared link, `link`, may not compute, and read files only after a sign-in.
  */
-export function measuring({ result, link, state, figures, redraw, signal }) {
+export function measuring({ result, submitted, link, state, figures, redraw, signal }) {
   const place = h("div", { class: "stack" });
   let panel = null;
   const loaded = () => (panel ??= import("./measure-panel.js").then(async ({ Panel }) => {
-    const own = new Panel({ result, link, state, figures, redraw, signal });
+    const own = new Panel({ result, submitted, link, state, figures, redraw, signal });
     place.append(own.element);
     await own.update();
     return own;

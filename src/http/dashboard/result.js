@@ -155,7 +155,7 @@ export async function showResult(main, { id: key, query, signal }) {
       h("section", { class: "card", "aria-label": "Section" },
         h("div", { class: "row" }, section.choice), result.profiles ? section.element : noProfiles("section")),
       loopCard),
-    measuring({ result, link, state, figures, redraw: drawOutput, signal }),
+    measuring({ result, submitted: job.submitted, link, state, figures, redraw: drawOutput, signal }),
     details);
   const drawAll = () => {
     drawOutput();
