@@ -1,5 +1,6 @@
 // A figure with curves: it chooses units and axes, names the curves at their ends, and can be read, zoomed and saved.
 
+import { extent } from "./curves.js";
 import { h, svg } from "./dom.js";
 import { drawFigure, planFigure } from "./figure-draw.js";
 import { Reader } from "./figure-reader.js";
@@ -23,6 +24,9 @@ export class Cursors {
     for (const figure of this.#figures) if (figure !== from && figure.across === from.across) figure.cursor(x, false);
   }
 }
+
+/** An axis with room for more values, if its ends are given. */
+const widened = (axis, rows) => (axis.range && rows.length ? { ...axis, range: extent([axis.range, ...rows]) } : axis);
 
 /**
  * One curve, in SI units. `x` ascends; null in `y` is a gap. `ink` is the number of a colour in style.css. `points`
@@ -108,7 +112,8 @@ export class Figure {
 
   /** Shows curves. @param {Curve[]} curves @param {{x: Axis, y: Axis, marks?: object[], at?: number, description?: string}} axes */
   show(curves, axes) {
-    Object.assign(this, { curves: [...curves, ...this.beside()], axes });
+    const more = this.beside();
+    Object.assign(this, { curves: [...curves, ...more], axes: { ...axes, x: widened(axes.x, more.map(({ x }) => x)), y: widened(axes.y, more.map(({ y }) => y)) } });
     this.draw();
   }
 

@@ -16,7 +16,7 @@ const USUAL = 2;
 /** The rows of a table of the fit as objects. */
 export const rowsOf = (table) => table.x.map((_, i) => Object.fromEntries(Object.keys(table).map((name) => [name, table[name][i]])));
 
-/** The outputs that were measured, each with the quantity on its x axis and its tests. */
+/** The outputs that were measured, each with the quantity on its x axis, its tests, and the number of its points. */
 export function groupsOf({ table }) {
   const groups = new Map();
   for (const row of rowsOf(table)) {
@@ -25,7 +25,7 @@ export function groupsOf({ table }) {
     const { tests } = groups.get(key);
     if (!tests.includes(row.test)) tests.push(row.test);
   }
-  return [...groups.values()];
+  return [...groups.values()].map((group) => ({ ...group, count: table.x.filter((_, i) => table.output[i] === group.output && table.over[i] === group.over && table.measured[i] != null).length }));
 }
 
 const titleOf = (output) => (output === "profile.wear" ? "Wear" : WORDS[output] ?? capital(output.replaceAll("_", " ")));

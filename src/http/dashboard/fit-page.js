@@ -104,7 +104,8 @@ export async function showFit(main, { key }, { job, link, signal }) {
   const heading = job.label || "Fit";
   document.title = `${heading} · fretwork`;
   const body = h("div", { class: "stack" });
-  const groups = groupsOf(result);
+  // A single point needs no figure: the table has it.
+  const groups = groupsOf(result).filter(({ count }) => count > 1);
   const plans = () => (quality ? [...groups.flatMap((group) => [["Fit", dataFigure(result, group)], ["Residuals", residualFigure(result, group)]]),
     ["Wear over energy", energyFigure(result)], ...parameters.map((parameter) => ["Sum of squares", profileFigure(result, parameter)])].filter(([, plan]) => plan) : []);
   const figures = plans().map(([name], i) => [name, new Figure({ name: `fit-${i + 1}`, signal })]);
