@@ -2,7 +2,7 @@
 
 import { fill, h, select } from "./dom.js";
 import { LENGTHS } from "./kinds.js";
-import { readFile } from "./measured.js";
+import { faultOf, readFile } from "./measured.js";
 import { profileOf, radiusOf } from "./trace.js";
 import { quantity } from "./units.js";
 
@@ -46,8 +46,7 @@ export class TraceEditor {
       this.#drawOptions();
       this.#apply(notes.filter((note) => /^Commas|separated/.test(note)));
     } catch (problem) {
-      const detail = problem.errors?.[0]?.detail ?? problem.detail ?? problem.message;
-      this.#says.textContent = `This is no trace. ${/[.?!]$/.test(detail) ? detail : `${detail}.`} ${
+      this.#says.textContent = `This is no trace. ${faultOf(problem)} ${
         this.#columns ? "The form still uses the trace that was read before." : "The form still uses the profile below."}`;
     }
   }
