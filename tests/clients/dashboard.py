@@ -290,7 +290,7 @@ def main():
         cancel(page)
         edit_typed_values(page)
         vary(browser, BASE)
-        study = studies(browser, BASE)
+        pages = studies(browser, BASE)
         coated = lines(browser, BASE)
         for example in get("/v1/examples"):
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
@@ -303,7 +303,7 @@ def main():
         browser.check_views(BASE, {"form": ("/", "[data-item=regime]"), "form-varied": (VARIED, "[data-item=seconds]"), "result": (f"/#/result/{both}?at=10000", labelled),
             "pressure": (f"/#/result/{key}?plot=pressure&history=radii&at=10000", labelled),
             "compare": (f"/#/result/{rule}?with={key}&plot=wear&at=10000", labelled),
-            "study": (f"/#/result/{study}?kind=heat", "section[aria-label=Figure] svg.drawn"),
+            **{name: (address, "#study tbody tr") for name, address in pages.items()},
             "line": (f"/#/result/{coated}?history=depths", "#events"), "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr"),
             "document": ("/docs/accuracy", ".document table")})
     print("the dashboard passes its tests")

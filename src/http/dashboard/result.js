@@ -12,7 +12,6 @@ import { printedFacts } from "./printed.js";
 import { drawHistory, drawLoop, drawProfile, HISTORIES, historyTitle, nearest, PROFILES } from "./result-figures.js";
 import { Section } from "./section.js";
 import { smooth } from "./smooth.js";
-import { showStudy } from "./study.js";
 import { entryOf, jobsOf, kindOf, labelOf, subtitle, title } from "./summary.js";
 import { cycles, WORDS } from "./units.js";
 import { isAtNumber } from "./warnings.js";
@@ -48,7 +47,7 @@ const noProfiles = (what) => h("p", {}, `This result has no ${what}, because the
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
   const [result, job] = await Promise.all([loadResult(key, link, signal), link ? { label: query.get("label") } : loadJob(key, query.get("job"), signal)]);
-  if (kindOf(result)) return showStudy(main, result, { job, link, query, signal });
+  if (kindOf(result)) return (await import("./study.js")).showStudy(main, result, { job, link, query, signal });
   const bodyWarnings = await loadBodyWarnings(result, job, link, signal);
   const other = query.get("with") ? await loadResult(query.get("with"), query.get("withlink"), signal).catch((problem) => {
     if (!(problem instanceof Problem)) throw problem;
