@@ -46,7 +46,7 @@ function planLegend(curves, width) {
  */
 export function planFigure(curves, axes, { width, height, zoom, held, isAlone = false }) {
   const room = roomOf(curves, { width, height });
-  const needsLegend = room === null || Boolean(axes.legend);
+  const needsLegend = room === null;
   const legend = needsLegend && isAlone ? planLegend(curves, width) : [];
   const named = axes.marks?.some(({ name }) => name);
   const above = legend.length ? legend.at(-1).y + LINE : 0;

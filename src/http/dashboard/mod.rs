@@ -41,7 +41,9 @@ const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "deta
     "curves.js", "drawn.js", "explain.js", "figure.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
     "figure-reader.js", "figure-save.js", "figure-zoom.js", "headline.js", "player.js", "printed.js",
     "result-figures.js", "scaling.js", "section.js", "smooth.js", "so-far.js", "study-curves.js",
-    "study-figure.js");
+    "study-figure.js",
+    // The comparison of runs, loaded when it is needed.
+    "compare.js", "compare-figures.js", "compare-inputs.js", "compare-rows.js", "compare-table.js", "derived.js");
 const STYLES: &[File] = files!("text/css": "style.css");
 const IMAGES: &[File] = files!("image/svg+xml": "icon.svg");
 
