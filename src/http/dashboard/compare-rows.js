@@ -26,7 +26,7 @@ function perEnergy({ result: { history }, row }) {
 /** The outputs. `isFirst` marks those that are always shown, `ranks` those whose largest value is marked. */
 const OUTPUTS = [
   wear("wear_volume"), wear("wear_depth"), { ...column("dissipated_energy"), isFirst: true, ranks: true },
-  { id: "volume_per_energy", name: "Wear volume per energy", symbol: "$V$/$E$", unit: "m^3/J", isFirst: true, ranks: true, values: perEnergy,
+  { id: "volume_per_energy", name: "Wear volume per energy", symbol: "$V$/Σ$W$", unit: "m^3/J", isFirst: true, ranks: true, values: perEnergy,
     error: ({ result: { accuracy } }) => Math.abs(accuracy.energy_mismatch ?? 0),
     errorWords: ({ result: { accuracy } }) => [accuracy.energy_mismatch != null && `energy balance error ${numericalError(Math.abs(accuracy.energy_mismatch))}`] },
   { id: "peak_pressure", name: "Peak pressure, unworn", isFirst: true, ranks: true,
@@ -55,8 +55,9 @@ function difference(value, first, scale, tolerated) {
     isSmall: by !== 0 && Math.abs(by) <= tolerated };
 }
 
-/** The place of the largest value; -1 if no value exceeds the others by more than their errors. */
+/** The place of the largest value; -1 if no value exceeds the others by more than their errors, or if one is infinite. */
 function largest(values, margins) {
+  if (values.some((value) => typeof value === "string")) return -1;
   const known = values.map((value, i) => [value, i]).filter(([value]) => typeof value === "number").sort(([a], [b]) => b - a);
   if (known.length < 2) return -1;
   const [[most, place], [next, other]] = known;

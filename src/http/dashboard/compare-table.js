@@ -12,12 +12,13 @@ const cellOf = (id) => ({ text, errors, difference, isMost }, i, [first]) => h("
   difference && h("span", { class: "delta" }, difference.text, difference.isSmall && h("span", { class: "small" }, " within the errors")),
   errors && h("span", { class: "small" }, errors));
 
-const group = (title, rows, count) => rows.length > 0 && h("tbody", {},
-  h("tr", { class: "group" }, h("th", { scope: "rowgroup", colSpan: count + 1 }, h("span", {}, title))),
-  rows.map((row) => h("tr", {}, heading(row), row.cells.map(cellOf(row.id)))));
-
 /** A sample of the line of a run, with its letter. */
 export const mark = ({ letter, ink, dash }) => h("span", { class: "mark-run" }, h("span", { class: `sample ink-${ink} ${dash ?? ""}` }), letter);
+
+/** Rows under a title, with the marks of the runs beside it where the heading may be out of sight. */
+const group = (title, rows, marked = []) => rows.length > 0 && h("tbody", {},
+  h("tr", { class: "group" }, h("th", { scope: "rowgroup", colSpan: marked.length ? 1 : rows[0].cells.length + 1 }, title), marked.map((run) => h("td", {}, mark(run)))),
+  rows.map((row) => h("tr", {}, heading(row), row.cells.map(cellOf(row.id)))));
 
 /** The heading of a run's column. Its name makes the run the baseline. */
 function columnHead(run, i, runs, { makeFirst, remove }) {
@@ -27,7 +28,7 @@ function columnHead(run, i, runs, { makeFirst, remove }) {
       "aria-label": `Remove ${name}`, title: "Remove from the comparison" }, "×")),
     h("button", { type: "button", class: "plain name", "aria-pressed": String(i === 0), "aria-label": `${name}${i === 0 ? ", baseline" : ". Make it the baseline"}`,
       title: i === 0 ? "The others are compared with this run" : "Make this run the baseline", onclick: () => makeFirst(run) }, run.name),
-    h("p", { class: "small" }, i === 0 ? "Baseline · " : "", h("a", { href: run.address, "aria-label": `Open ${name}` }, "Open")));
+    h("p", { class: "small" }, i === 0 && "Baseline ", h("a", { href: run.address, "aria-label": `Open ${name}` }, "Open")));
 }
 
 /** Draws the rows into the place of the table, and the equal ones below it. */
@@ -37,11 +38,11 @@ export function drawTable(place, runs, { inputs, outputs, equal }, isOpen, acts)
     h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Comparison of the runs" },
       h("table", { id: "compared" }, h("caption", { class: "hidden" }, `Inputs and outputs of ${runs.length} runs. Differences are to the first.`),
         h("thead", {}, h("tr", {}, h("td", {}), runs.map((run, i) => columnHead(run, i, runs, acts)))),
-        group("Inputs that differ", inputs, runs.length), group("Outputs", outputs, runs.length))),
+        group("Inputs that differ", inputs), group("Outputs", outputs, inputs.length ? runs : []))),
     noInputs,
-    equal.length > 0 && h("details", { id: "equal", open: isOpen }, h("summary", {}, `Equal in all runs: ${equal.length}`),
+    equal.length > 0 && h("div", {}, h("details", { id: "equal", open: isOpen }, h("summary", {}, `Equal in all runs: ${equal.length}`),
       h("dl", {}, equal.flatMap((row) => [h("dt", {}, row.name, row.symbol && [" ", ...italics(row.symbol)]),
-        h("dd", {}, row.cells[0].text, row.scale?.unit && row.cells[0].text !== "–" && `\u00a0${row.scale.unit}`)]))));
+        h("dd", {}, row.cells[0].text, row.scale?.unit && row.cells[0].text !== "–" && `\u00a0${row.scale.unit}`)])))));
 }
 
 const quoted = (value) => (typeof value === "number" ? String(Number(value.toPrecision(12))) : `"${String(value ?? "").replaceAll('"', '""')}"`);
