@@ -248,7 +248,9 @@ def sign_in(browser, data):
         assert guest.locator("#readout").inner_text() == page.locator("#readout").inner_text()
         # The link of a comparison opens both results, with their names.
         key = key_of(page)
-        other = page.request.post(own.base + "/v1/jobs", headers={"Prefer": "wait=20"}, data={"scenario": {**STEEL, "friction": 0.6}, "label": "Other"}).json()["key"]
+        scenario = {**page.request.get(own.base + "/v1/examples/steel-ball").json()["scenario"], "friction": 0.6}
+        job = page.request.post(own.base + "/v1/jobs", headers={"Prefer": "wait=20", "Authorization": f"Bearer {MASTER}"}, data={"scenario": scenario, "label": "Other"})
+        other = job.json()["key"]
         page.goto(f"{own.base}/#/compare?keys={key},{other}")
         page.wait_for_selector("#compared")
         guest.goto(share(page))
