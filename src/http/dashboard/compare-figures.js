@@ -53,7 +53,9 @@ export function drawHistories(figure, words, runs, column, log) {
   if (!drawn.length) return;
   const { units, scenario } = drawn[0].result;
   figure.title = wordOf(column, scenario);
-  figure.show(drawn.map((run) => historyCurve(run.result, column, { ...styleOf(run), label: "end" })), {
+  // A name at the edge would be far from a curve that ends before it.
+  const label = new Set(drawn.map(({ result }) => result.history.cycles.at(-1))).size > 1 ? "apart" : "end";
+  figure.show(drawn.map((run) => historyCurve(run.result, column, { ...styleOf(run), label })), {
     x: { title: WORDS.cycles, symbol: symbolOf("cycles"), unit: "1", log: log.includes("x") },
     y: { title: wordOf(column, scenario), symbol: symbolOf(column, scenario), unit: units[column], log: log.includes("y") }, at: whenOf(runs) ?? undefined,
     description: `${wordOf(column, scenario)} of ${drawn.length} runs over the cycles` });

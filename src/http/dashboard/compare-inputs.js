@@ -23,10 +23,17 @@ const fieldNames = (scenario) => Object.fromEntries(choicesOf(scenario).flatMap(
   return kind in choice.options ? choice.fields(kind, scenario).map(([pointer, label]) => [pointer, label.replace(/ \(.*\)$/, "")]) : [];
 }));
 
-const lastName = (pointer) => {
-  const [name, place] = pointer.split("/").reverse();
-  return capital(/^\d+$/.test(name) ? `${place} ${Number(name) + 1}` : WORDS[name] ?? name).replaceAll("_", " ");
-};
+/** The entries of lists, which are counted from 1. */
+const ENTRIES = { blocks: "Block", layers: "Layer", bodies: "Body" };
+
+/** The name of an input without a field: its member, and before it the entries of the lists that contain it. */
+function memberName(pointer) {
+  const members = pointer.split("/").slice(1);
+  const word = (name) => ENTRIES[name] ?? WORDS[name] ?? capital(name.replaceAll("_", " "));
+  const entries = members.flatMap((name, i) => (/^\d+$/.test(name) ? [`${word(members[i - 1])} ${Number(name) + 1}`] : []));
+  const last = members.at(-1);
+  return `${entries.join(", ")}${/^\d+$/.test(last) ? "" : `${entries.length ? ": " : ""}${word(last)}`}`;
+}
 
 /** The SI unit of the number at a pointer. */
 function unitAt(pointer, scenario) {
@@ -52,7 +59,7 @@ export function inputRows(scenarios) {
   return pointers.map((pointer) => {
     const values = all.map((own) => own.get(pointer));
     const unit = unitAt(pointer, scenarios[values.findIndex((value) => value !== undefined)]);
-    return { id: pointer, name: names[pointer] ?? lastName(pointer), unit, values, texts: values.map((value) => textOf(value, pointer, unit)),
+    return { id: pointer, name: names[pointer] ?? memberName(pointer), unit, values, texts: values.map((value) => textOf(value, pointer, unit)),
       isEqual: values.every((value) => JSON.stringify(value) === JSON.stringify(values[0])) };
   });
 }
