@@ -246,12 +246,16 @@ def sign_in(browser, data):
         # The guest may not read the job, which has the label. The link has it too.
         expect(guest.locator("#result-label")).to_have_text(page.locator("#result-label").inner_text())
         assert guest.locator("#readout").inner_text() == page.locator("#readout").inner_text()
-        # The link of a comparison opens both results.
+        # The link of a comparison opens both results, with their names.
         key = key_of(page)
-        page.goto(f"{own.base}/#/result/{key}?with={key}")
-        page.wait_for_selector("#difference:has-text('Largest difference')")
+        scenario = {**page.request.get(own.base + "/v1/examples/steel-ball").json()["scenario"], "friction": 0.6}
+        job = page.request.post(own.base + "/v1/jobs", headers={"Prefer": "wait=20", "Authorization": f"Bearer {MASTER}"}, data={"scenario": scenario, "label": "Other"})
+        other = job.json()["key"]
+        page.goto(f"{own.base}/#/compare?keys={key},{other}")
+        page.wait_for_selector("#compared")
         guest.goto(share(page))
-        guest.wait_for_selector("#difference:has-text('Largest difference 0')")
+        guest.wait_for_selector("#compared")
+        assert guest.locator("#compared").inner_text() == page.locator("#compared").inner_text()
         # No script can read the session, and the page keeps no key.
         assert page.evaluate("document.cookie + sessionStorage.length + Object.values(localStorage).join()").startswith("0")
         [cookie] = page.context.cookies()

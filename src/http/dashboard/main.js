@@ -19,6 +19,8 @@ const VIEWS = {
   new: ["New run", showForm],
   run: ["Run", showRun],
   result: ["Result", showResult],
+  // Few visits compare, so only those load these files.
+  compare: ["Comparison", async (...view) => (await import("./compare.js")).showCompare(...view)],
   library: ["Library", showLibrary],
   queue: ["Queue", showQueue],
 };

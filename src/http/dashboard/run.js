@@ -4,8 +4,9 @@ import { events, get, jobAddress, post } from "./api.js";
 import { dateTime, debounced, fill, h, list, notify } from "./dom.js";
 import { errorCard } from "./error.js";
 import { drawEstimate } from "./estimate.js";
+import { drawSource } from "./result.js";
 import { SoFar } from "./so-far.js";
-import { entryOf, nameOf, subtitle, title } from "./summary.js";
+import { entryOf, nameOf, sourceOf, subtitle, title } from "./summary.js";
 import { cycles, duration } from "./units.js";
 import { editLink } from "./vary.js";
 
@@ -97,7 +98,9 @@ export async function showRun(main, { id, query, signal }) {
     summary.hidden = estimate.hidden = false;
   }
 
-  main.replaceChildren(h("h1", {}, name),
+  const derived = h("p", { id: "derived", hidden: true });
+  if (scenario) drawSource(derived, job, sourceOf(job.tags), signal);
+  main.replaceChildren(h("h1", {}, name), derived,
     h("div", { class: "two" },
       h("div", {},
         h("section", { class: "card wide-values", "aria-label": "Progress" },

@@ -203,9 +203,9 @@ export function studyOf(body, scenario) {
     profiles: study.profiles };
 }
 
-/** Address of the form, filled with what the user submitted or, if that is not kept, with the canonical scenario. */
-const formLink = ({ submitted, scenario, label }) => `#/new?${new URLSearchParams({
-  scenario: JSON.stringify(submitted ?? scenario), ...(label && { label }), ...(!submitted && { canonical: "yes" }) })}`;
+/** Address of the form, filled with what the user submitted or, if that is not kept, with the canonical scenario. `key` is that of a run. */
+const formLink = ({ submitted, scenario, label, key }) => `#/new?${new URLSearchParams({
+  scenario: JSON.stringify(submitted ?? scenario), ...(label && { label }), ...(!submitted && { canonical: "yes" }), ...(key && { from: key }) })}`;
 
 /** The address of the form with a job, or with a result and its job; undefined if the form cannot show it. */
 export function editLink(job) {
