@@ -18,6 +18,7 @@ import tempfile
 from playwright.sync_api import expect
 
 from browser import LONG, ask, close, downloaded, item, key_of, near, opened
+from library import library
 from lines import lines
 from plots import every_loop, every_plot
 from studies import studies
@@ -155,6 +156,7 @@ def compare(browser, page):
     rule = get("/v1/jobs", get("/v1/examples/steel-ball-simplified"))["key"]
     both = get("/v1/jobs", get("/v1/examples/flat-on-rig"))["key"]
     page.goto(BASE + "/#/library")
+    page.click("summary:has-text('Filters')")
     page.select_option("#find-shape", "truncated_paraboloid")
     expect(page.locator(f".entry input[value='{both}']")).to_be_visible()
     expect(page.locator(f".entry input[value='{exact}']")).to_have_count(0)
@@ -164,7 +166,8 @@ def compare(browser, page):
     page.fill("#find-friction", "0.65..0.75")
     for key in (exact, rule):
         page.check(f".entry input[value='{key}']")
-    page.get_by_role("link", name="Compare 2 results").click()
+    expect(page.get_by_role("link", name="Compare 2 results")).to_have_attribute("href", f"#/compare?keys={exact},{rule}")
+    page.goto(f"{BASE}/#/result/{exact}?with={rule}")
     page.wait_for_selector("#difference:has-text('Largest difference')")
     page.select_option("#choose-plot", "wear")
     page.locator("#output").fill("2")
@@ -246,7 +249,7 @@ def cancel(page):
     expect(page.locator("#state")).to_have_text("canceled")
     page.get_by_role("link", name="Edit and run again").click()
     expect(page.locator("#friction")).to_have_value("0.7")
-    page.click("nav >> text=Queue")
+    page.click("nav >> text=Runs")
     expect(page.locator(".state.canceled").first).to_be_visible()
 
 
@@ -292,6 +295,7 @@ def main():
         vary(browser, BASE)
         study = studies(browser, BASE)
         coated = lines(browser, BASE)
+        library(browser, BASE)
         for example in get("/v1/examples"):
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
             # A later job without a label does not hide the label.
