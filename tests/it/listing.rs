@@ -68,6 +68,10 @@ async fn every_word_must_occur_in_labels_tags_or_notes(on: Engine) {
         ("c\\d", vec![second], vec![2]),
         ("^up", vec![second], vec![2]),
         ("^agrees", vec![], vec![]),
+        ("\",\"", vec![], vec![]),
+        ("8\"", vec![], vec![]),
+        (",", vec![], vec![]),
+        ("oil twice", vec![second], vec![2]),
     ] {
         assert_eq!(found(&store, words, None).await, (jobs, results), "{words}");
     }

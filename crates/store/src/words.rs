@@ -4,15 +4,13 @@ use std::str::FromStr;
 
 use super::statement::Statement;
 
-/// The words of a search. Each word must occur in a label, a tag or a note. Upper and lower case are equal.
+/// The words of a search. Each word must occur in the label or a tag of a job, or in the note of its result. Upper and lower case
+/// are equal.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Words {
-    /// One pattern for each word.
-    patterns: Vec<String>,
-}
+pub struct Words(Vec<String>);
 
 impl Words {
-    /// Maximum number of words: each of them reads all labels, tags and notes.
+    /// Maximum number of words: each of them is compared with all labels, tags and notes.
     const MOST: usize = 10;
     /// Maximum number of characters of a word.
     const LONGEST: usize = 200;
@@ -31,7 +29,7 @@ impl FromStr for Words {
                 Self::LONGEST
             ));
         }
-        Ok(Self { patterns: words.into_iter().map(pattern).collect() })
+        Ok(Self(words.into_iter().map(str::to_owned).collect()))
     }
 }
 
@@ -66,39 +64,61 @@ fn single(mut letters: impl Iterator<Item = char>) -> Option<char> {
 
 impl Statement {
     /// Adds the condition that a column contains a word.
-    fn contains(&mut self, column: &str, pattern: &str) -> &mut Self {
-        self.push(column).push_either(" GLOB '*' || ", " ~ ").push_bind(pattern);
+    fn contains(&mut self, column: &str, word: &str) -> &mut Self {
+        self.push(column).push_either(" GLOB '*' || ", " ~ ").push_bind(pattern(word));
         self.push_either(" || '*'", "")
     }
 
-    /// Adds the condition that a word is in the label or a tag of the job.
-    fn names_job(&mut self, pattern: &str) {
-        self.push("job.id IN (SELECT id FROM job").push_either(" INDEXED BY job_label", "");
-        self.push(" WHERE label IS NOT NULL AND ").contains("label", pattern);
-        self.push(" UNION ALL SELECT job FROM job_tag WHERE ").contains("tag", pattern).push(")");
-    }
-
-    /// Adds the condition on a job that each word is in its label, its tags, or the note of its result.
-    pub(super) fn job_has_words(&mut self, words: &Words) {
-        for pattern in &words.patterns {
-            self.push(" AND (").names_job(pattern);
-            self.push(" OR job.key IN (SELECT key FROM note WHERE ").contains("text", pattern);
-            self.push("))");
+    /// Adds a query for the keys of the notes that contain all words.
+    fn keys_of_notes(&mut self, words: &Words) -> &mut Self {
+        self.push("SELECT key FROM note WHERE TRUE");
+        for word in &words.0 {
+            self.push(" AND ").contains("text", word);
         }
+        self
     }
 
-    /// Adds the condition on an outline that each word is in the note of the result, or in the label or the tags of a job. With
-    /// an owner, only jobs of that owner count.
-    pub(super) fn outline_has_words(&mut self, words: &Words, owner: Option<&str>) {
-        for pattern in &words.patterns {
-            self.push(" AND outline.id IN (SELECT id FROM result_task WHERE key IN (SELECT key FROM note WHERE ");
-            self.contains("text", pattern).push(" UNION ALL SELECT key FROM job WHERE ");
-            self.names_job(pattern);
-            if let Some(owner) = owner {
-                self.push(" AND job.owner = ").push_bind(owner);
+    /// Adds a query for a column of the jobs with a label or tags that have all words. With an owner, only jobs of that owner
+    /// count.
+    fn named_jobs(&mut self, column: &str, words: &Words, owner: Option<&str>) -> &mut Self {
+        self.push("SELECT ")
+            .push(column)
+            .push(" FROM job")
+            .push_either(" INDEXED BY job_named", "");
+        self.push(" WHERE (label IS NOT NULL OR tags <> '[]')");
+        for word in &words.0 {
+            self.push(" AND (").contains("label", word).push(" OR ");
+            // The column `tags` is JSON, which has these signs itself.
+            if word.contains(['"', '\\', '[', ']', ',']) {
+                self.push("id IN (SELECT job FROM job_tag WHERE ").contains("tag", word).push(")");
+            } else {
+                self.contains("tags", word);
             }
-            self.push("))");
+            self.push(" OR key IN (SELECT key FROM note WHERE ").contains("text", word).push("))");
         }
+        if let Some(owner) = owner {
+            self.push(" AND owner = ").push_bind(owner);
+        }
+        self
+    }
+
+    /// Adds the condition on a job that it has all words.
+    pub(super) fn job_has_words(&mut self, words: &Words) {
+        if words.0.is_empty() {
+            return;
+        }
+        self.push(" AND job.id IN (").named_jobs("id", words, None);
+        self.push(" UNION ALL SELECT id FROM job WHERE key IN (").keys_of_notes(words).push("))");
+    }
+
+    /// Adds the condition on an outline that the note of the result, or a job with its label and tags, has all words.
+    pub(super) fn outline_has_words(&mut self, words: &Words, owner: Option<&str>) {
+        if words.0.is_empty() {
+            return;
+        }
+        self.push(" AND outline.id IN (SELECT id FROM result_task WHERE key IN (");
+        self.named_jobs("key", words, owner);
+        self.push(" UNION ALL ").keys_of_notes(words).push("))");
     }
 }
 

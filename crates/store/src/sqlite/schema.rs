@@ -37,7 +37,7 @@ const CHANGES: [(i64, &str, &str); 19] = [
     (16, "geometry", include_str!("../../../../migrations/sqlite/0016_geometry.sql")),
     (17, "stages", include_str!("../../../../migrations/sqlite/0017_stages.sql")),
     (18, "sessions", include_str!("../../../../migrations/sqlite/0018_sessions.sql")),
-    (19, "labelled", include_str!("../../../../migrations/sqlite/0019_labelled.sql")),
+    (19, "named", include_str!("../../../../migrations/sqlite/0019_named.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.
