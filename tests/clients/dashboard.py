@@ -19,6 +19,7 @@ from playwright.sync_api import expect
 
 from browser import LONG, ask, close, downloaded, item, key_of, near, opened
 from comparison import comparison
+from library import library
 from lines import lines
 from plots import every_loop, every_plot
 from studies import studies
@@ -156,6 +157,7 @@ def search(page):
     rule = get("/v1/jobs", get("/v1/examples/steel-ball-simplified"))["key"]
     both = get("/v1/jobs", get("/v1/examples/flat-on-rig"))["key"]
     page.goto(BASE + "/#/library")
+    page.click("summary:has-text('Filters')")
     page.select_option("#find-shape", "truncated_paraboloid")
     expect(page.locator(f".entry input[value='{both}']")).to_be_visible()
     expect(page.locator(f".entry input[value='{exact}']")).to_have_count(0)
@@ -163,7 +165,9 @@ def search(page):
     page.fill("#find-friction", "plenty")
     expect(page.locator(".error")).to_contain_text("friction")
     page.fill("#find-friction", "0.65..0.75")
-    expect(page.locator(f".entry input[value='{rule}']")).to_be_visible()
+    for key in (exact, rule):
+        page.check(f".entry input[value='{key}']")
+    expect(page.get_by_role("link", name="Compare 2 results")).to_have_attribute("href", f"#/compare?keys={exact},{rule}")
     return both, rule
 
 
@@ -232,7 +236,7 @@ def cancel(page):
     expect(page.locator("#state")).to_have_text("canceled")
     page.get_by_role("link", name="Edit and run again").click()
     expect(page.locator("#friction")).to_have_value("0.7")
-    page.click("nav >> text=Queue")
+    page.click("nav >> text=Runs")
     expect(page.locator(".state.canceled").first).to_be_visible()
 
 
@@ -279,6 +283,7 @@ def main():
         pages = studies(browser, BASE)
         coated = lines(browser, BASE)
         compared = comparison(browser, BASE)
+        library(browser, BASE)
         for example in get("/v1/examples"):
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
             # A later job without a label does not hide the label.

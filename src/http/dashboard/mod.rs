@@ -34,10 +34,10 @@ macro_rules! files {
 
 const SCRIPTS: &[File] = files!("text/javascript":
     "actions.js", "api.js", "details.js", "dom.js", "error.js", "estimate.js", "fields.js", "form.js",
-    "limits.js", "main.js", "plan.js", "result.js", "run.js", "sketch.js", "summary.js", "units.js",
-    "vary.js",
+    "limits.js", "main.js", "plan.js", "result.js", "run.js", "sketch.js", "summary.js", "thumbnails.js",
+    "units.js", "vary.js",
     // The library, the access keys and the report.
-    "library.js", "queue.js",
+    "library-actions.js", "library-columns.js", "library-table.js", "library.js", "runs.js",
     // The live form.
     "draft.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js",
     "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js",

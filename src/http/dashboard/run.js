@@ -71,7 +71,7 @@ export async function showRun(main, { id, query, signal }) {
     if (job.state === "canceled") {
       fill(outcome, h("section", { class: "card" }, h("p", {}, soFar.share > 0
         ? "This study was canceled. The points below were computed before. They stay readable for a week." : "This run was canceled. It has no result."),
-        h("p", {}, h("a", { class: "button", href: "#/queue" }, "Open the queue"))));
+        h("p", {}, h("a", { class: "button", href: "#/runs" }, "Open the list of runs"))));
     }
   }
 
