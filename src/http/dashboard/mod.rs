@@ -32,9 +32,9 @@ macro_rules! files {
     };
 }
 
-const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "details.js", "dom.js",
-    "error.js", "estimate.js", "fields.js", "form.js", "library.js", "limits.js", "main.js", "plan.js",
-    "queue.js", "result.js", "run.js", "sketch.js", "study.js", "summary.js", "units.js", "vary.js",
+const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "allowed.js", "api.js", "details.js", "dom.js",
+    "error.js", "estimate.js", "fields.js", "form.js", "keys.js", "library.js", "limits.js", "main.js", "plan.js",
+    "queue.js", "result.js", "run.js", "sign-in.js", "sketch.js", "study.js", "summary.js", "units.js", "vary.js",
     // The live form.
     "draft.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js", "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js", "undo.js", "warnings.js",
     // Figures and the views of results.

@@ -1,6 +1,7 @@
 // A result: profiles, history and fretting loop at a chosen output cycle, alone or compared with a second result.
 
 import { drawActions } from "./actions.js";
+import { may } from "./allowed.js";
 import { get, jobAddress, Problem, resultAddress } from "./api.js";
 import { drawDetails } from "./details.js";
 import { fill, h, notify, select } from "./dom.js";
@@ -58,8 +59,7 @@ export async function showResult(main, { id: key, query, signal }) {
     notify("Run B cannot be shown. It is a study, and this result is a run.");
     return null;
   }) : null;
-  // A shared link may not compute.
-  if (!link) await smooth([result, other], signal);
+  if (!link && may("submit")) await smooth([result, other], signal);
   const outputs = result.profiles?.cycles ?? result.history.cycles;
   const state = {
     plot: PROFILES.includes(query.get("plot")) ? query.get("plot") : "worn",
