@@ -33,6 +33,7 @@ pub use access::limits::Limits;
 pub use access::sign_on::SignOn;
 pub use access::signed_link::ADMIN;
 pub use access::{Access, AdminKey};
+pub use api::keys;
 pub use api::scenarios::{EXAMPLES, Example};
 pub use layers::Origins;
 pub use transport::admission::Connections;

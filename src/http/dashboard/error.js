@@ -15,7 +15,7 @@ export function errorCard(problem) {
     h("p", {}, withDates(problem.detail ?? problem.message)),
     faults.length > 0 && h("ul", {}, faults),
     may("submit") && computeAgain(problem),
-    problem.type?.startsWith("/problems/") && h("p", {}, h("a", { href: problem.type }, "How to fix this")),
+    may("read") && problem.type?.startsWith("/problems/") && h("p", {}, h("a", { href: problem.type }, "How to fix this")),
     problem.instance && h("p", { class: "muted" }, `Request ID: ${problem.instance}`));
 }
 

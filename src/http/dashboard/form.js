@@ -29,12 +29,12 @@ const LIMITED = {
   true: "Your access key can only read. The form checks the values. To compute and keep a run, use a key with the role submit.",
 };
 
-let examples = null;
+let examples = [];
 
 /** The scenario, the study and the label of an address, or of the first example. */
 function fromAddress(query) {
   const first = examples.find((example) => example.name === query.get("example")) ?? examples[0];
-  const form = { scenario: structuredClone(first.body.scenario), study: newStudy(), label: query.get("label") };
+  const form = { scenario: structuredClone(first?.body.scenario ?? {}), study: newStudy(), label: query.get("label") };
   try {
     if (query.has("scenario")) form.scenario = Object(JSON.parse(query.get("scenario")));
   } catch {
@@ -47,7 +47,8 @@ function fromAddress(query) {
 }
 
 export async function showForm(main, { query, signal }) {
-  [examples] = await Promise.all([examples ?? get("/v1/examples", { signal }), loadLimits(signal)]);
+  // The holder of a shared link gets neither, and has a scenario in the address.
+  if (may("read")) [examples] = await Promise.all([examples.length ? examples : get("/v1/examples", { signal }), loadLimits(signal)]);
   // `label` is what the user typed. A study and an unchanged example have labels of their own, which change with the form.
   const form = fromAddress(query);
   const undo = new Undo();
@@ -294,7 +295,7 @@ export async function showForm(main, { query, signal }) {
   main.replaceChildren(
     h("form", { class: "maker", onsubmit: submit, noValidate: true, onkeydown: pressed },
       h("div", { class: "bar run" }, heading,
-        h("div", { class: "field" }, h("label", { for: "example" }, "Start from"), chooseExample),
+        h("div", { class: "field", hidden: !may("read") }, h("label", { for: "example" }, "Start from"), chooseExample),
         h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), undoButton, may("submit") && keep),
       h("div", { class: "two" }, left, side)));
   // The unit of a number without a unit follows the choice.
