@@ -80,7 +80,7 @@ def one_sign_in(browser, own):
     expect(tab.locator(".entry")).to_have_count(1)
     for place in (tab, page):
         place.reload()
-        expect(place.locator("#user summary")).to_have_text("admin (admin)")
+        expect(place.locator("#user summary")).to_have_text("admin")
         expect(place.locator("#key")).to_have_count(0)
     # No script can read the session, and the page keeps no key.
     kept = "document.cookie + JSON.stringify(sessionStorage) + JSON.stringify(localStorage)"
@@ -93,7 +93,7 @@ def one_sign_in(browser, own):
         expect(place.locator("#user")).to_have_text("Sign in")
         expect(place.locator("nav")).to_be_hidden()
         # Nothing of what the user has read stays on the screen.
-        expect(place.locator("main h1")).to_have_text("Sign in")
+        expect(place.locator("main")).to_have_text("")
     assert page.context.cookies() == []
     # A sign-in in one tab is enough for the tabs that ask.
     enter(tab, MASTER)
@@ -119,7 +119,7 @@ def revoked(browser, own):
     enter(page, anna)
     expect(page.locator("#key-reason")).to_contain_text("rejected this key")
     enter(page, MASTER)
-    expect(page.locator("#user summary")).to_have_text("admin (admin)")
+    expect(page.locator("#user summary")).to_have_text("admin")
     page.click("#cancel")
     expect(page.locator("#state")).to_have_text("canceled")
     page.context.close()
@@ -183,12 +183,12 @@ def keys_page(browser, own):
     assert page.evaluate("navigator.clipboard.readText()") == key
     row = page.locator(f"[data-key='{key.split('_')[1]}']")
     expect(row).to_contain_text(re.compile("carl.*readValid until .*120 per minute.*Never"))
-    expect(page.locator("tr", has_text="chief")).to_contain_text("your key")
+    expect(page.locator("tr", has_text="chief")).to_contain_text("(your key)")
     browser.check_view(page, "key-made")
     # It works, and the list says when.
     carl = signed_in(browser, own, key)
     carl.goto(own.base + "/#/library")
-    expect(carl.locator("#user summary")).to_have_text("carl (read)")
+    expect(carl.locator("#user summary")).to_have_text("carl")
     page.reload()
     expect(page.locator("#new-key")).to_have_count(0)
     expect(row).not_to_contain_text("Never")
@@ -199,7 +199,7 @@ def keys_page(browser, own):
     expect(row.get_by_role("button")).to_have_count(1)
     row.get_by_role("button", name="Revoke").click()
     page.locator("dialog").get_by_role("button", name="Revoke").click()
-    expect(row).to_contain_text("Revoked", use_inner_text=False)
+    expect(row).to_contain_text("Revoked")
     expect(row.get_by_role("button")).to_have_count(0)
     refused(carl, own.base)
     carl.locator("nav >> text=Queue").click()
@@ -293,7 +293,8 @@ def sign_on(browser, data):
         page.context.set_extra_http_headers({"X-Remote-User": "ben", "X-Fretwork-Proxy-Secret": SECRET})
         page.goto(own.base + "/")
         expect(item(page, "regime")).to_have_text("Partial slip")
-        expect(page.locator("#user")).to_have_text("ben (submit)")
+        expect(page.locator("#user")).to_have_text("benRole: submit")
+        assert page.get_by_role("button", name="Sign out").count() == 0
         page.click("button.primary")
         page.wait_for_selector("#headline dd")
         # A link needs the key of its maker.

@@ -74,7 +74,7 @@ export function drawActions(result, { job, link, remember, signal }) {
   // The holder of a shared link sees the values in the form without a key.
   const address = form && link ? `${form}&link=${encodeURIComponent(link)}` : form;
   const edit = address && h("a", { class: "button", href: address }, "Edit and run again");
-  if (link) return h("div", { class: "actions" }, menu, edit, h("p", { class: "note", id: "link-end" }, "This link is valid until ", dateTime(endOf(link)), "."));
+  if (link) return h("div", { class: "actions" }, menu, edit, h("p", { class: "muted", id: "link-end" }, "This link is valid until ", dateTime(endOf(link)), "."));
   const row = h("div", { class: "actions" }, menu, may("share") && button("Share link", share),
     !isStudy && h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);
   addPinAndNote(row, key, signal);

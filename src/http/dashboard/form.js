@@ -148,7 +148,8 @@ export async function showForm(main, { query, signal }) {
     keep.textContent = submitText(form.study);
     preview.element.hidden = isStudy() || !may("submit");
     estimate.hidden = !may("read");
-    (isStudy() ? side : left).insertBefore(estimate, isStudy() ? null : jsonEditor);
+    const isBeside = isStudy() || !may("submit");
+    (isBeside ? side : left).insertBefore(estimate, isBeside ? null : jsonEditor);
     drawRuns(form.study);
     draft.stop();
     if (isStudy()) live.stop();

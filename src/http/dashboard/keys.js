@@ -5,14 +5,16 @@ import { get, send } from "./api.js";
 import { copy, dateTime, fill, h, openDialog, select } from "./dom.js";
 import { errorCard } from "./error.js";
 import { signedIn } from "./sign-in.js";
+import { cycles } from "./units.js";
 
+/** The roles, with what each allows. */
 const ROLES = {
-  read: "read: read results, check scenarios",
-  submit: "submit: also compute, keep and share runs",
-  admin: "admin: everything, also the jobs and keys of others",
+  read: "reads results and checks scenarios",
+  submit: "also computes, keeps and shares runs",
+  admin: "does everything, also with the jobs and the keys of others",
 };
 const LIFETIMES = { "": "Never", "7d": "In 7 days", "30d": "In 30 days", "90d": "In 90 days", "1year": "In a year" };
-const LIMITS = { "": "The limit of the server", own: "At most …", 0: "No limit" };
+const LIMITS = { "": "The limit of the server", own: "At most …", none: "No limit" };
 
 const isValid = ({ revoked, expires }) => !revoked && !(Date.parse(expires) <= Date.now());
 
@@ -82,9 +84,9 @@ export async function showKeys(main, { signal }) {
     const revoke = h("button", { type: "button", "aria-label": `Revoke the key ${id} of ${name}`, onclick: async () => {
       if (await isSure(key)) await change(() => send(`/v1/keys/${id}`, { method: "DELETE" }));
     } }, "Revoke");
-    return h("tr", { "data-key": id }, h("th", { scope: "row" }, name, isOwn && h("span", { class: "state" }, "your key"), h("code", { class: "muted" }, ` ${id}`)),
-      h("td", {}, role), h("td", {}, stateOf(key)), h("td", {}, limit ? `${limit} per minute` : "No limit"),
-      h("td", {}, dateTime(created)), h("td", {}, used ? dateTime(used) : "Never"), h("td", {}, isValid(key) && revoke));
+    return h("tr", { "data-key": id }, h("th", { scope: "row" }, name, isOwn && h("span", { class: "muted" }, " (your key)"), h("code", { class: "muted" }, id)),
+      h("td", {}, role), h("td", {}, stateOf(key)), h("td", {}, limit ? `${cycles(limit)} per minute` : "No limit"),
+      h("td", { "data-name": "Made" }, dateTime(created)), h("td", { "data-name": "Last used" }, used ? dateTime(used) : "Never"), h("td", {}, isValid(key) && revoke));
   }
 
   await read();
@@ -92,7 +94,7 @@ export async function showKeys(main, { signal }) {
     const answer = await change(async () => (await send("/v1/keys", { method: "POST", body: wanted, once: true, signal })).json());
     if (answer) fill(made, drawNew({ ...wanted, ...answer }));
     return Boolean(answer);
-  }), faults, h("section", { class: "card", "aria-label": "Valid keys" }, table("Valid keys", valid)), past);
+  }), faults, h("div", { class: "card" }, table("Valid keys", valid)), past);
 }
 
 const table = (name, rows) => h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": name },
@@ -103,23 +105,21 @@ const table = (name, rows) => h("div", { class: "scroll", tabIndex: 0, role: "re
 function newKey(make) {
   const name = h("input", { id: "key-name", required: true, maxLength: 64, pattern: "[A-Za-z0-9._@+\\-]+", autocomplete: "off", spellcheck: false,
     title: "Letters, digits and . _ @ + -" });
-  const role = select(ROLES, "submit", { id: "key-role" });
+  const meaning = h("p", { class: "hint", id: "role-meaning" });
+  const tell = () => { meaning.textContent = `A key with the role ${role.value} ${ROLES[role.value]}.`; };
+  const role = select(Object.fromEntries(Object.keys(ROLES).map((own) => [own, own])), "submit", { id: "key-role", "aria-describedby": "role-meaning", onchange: tell });
+  tell();
   const expires = select(LIFETIMES, "", { id: "key-expires" });
   const rate = h("input", { id: "key-rate", type: "number", min: 1, max: 4294967295, hidden: true, "aria-label": "Requests per minute", placeholder: "per minute" });
   const limit = select(LIMITS, "", { id: "key-limit", onchange: () => {
     rate.hidden = limit.value !== "own";
     rate.required = !rate.hidden;
   } });
-  const form = h("form", { class: "card new-key", "aria-label": "New key", onsubmit: async (event) => {
+  return h("form", { class: "card new-key", "aria-label": "New key", onsubmit: async (event) => {
     event.preventDefault();
-    const requests = limit.value === "own" ? Number(rate.value) : limit.value && 0;
     const wanted = { name: name.value, role: role.value, ...(expires.value && { expires_in: expires.value }),
-      ...(limit.value && { requests_per_minute: requests }) };
-    if (!(await make(wanted))) return;
-    form.reset();
-    rate.hidden = true;
-    rate.required = false;
+      ...(limit.value && { requests_per_minute: limit.value === "own" ? Number(rate.value) : 0 }) };
+    if (await make(wanted)) name.value = "";
   } }, field("Name", name), field("Role", role), field("Expires", expires), field("Requests", limit, rate),
-  h("button", { class: "primary" }, "Make a key"));
-  return form;
+  h("button", { class: "primary" }, "Make a key"), meaning);
 }

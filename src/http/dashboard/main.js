@@ -40,12 +40,13 @@ const userOf = (me) => me && `${me.name} ${me.role} ${me.key}`;
 const isShared = (query) => query.has("link");
 
 /** Asks the user to sign in. */
-function welcome() {
+async function welcome() {
   document.title = "Sign in · fretwork";
   main.removeAttribute("aria-busy");
+  fill(main);
+  if (await signIn() || caller() !== null) return;
   fill(main, h("section", { class: "card welcome" }, h("h1", {}, "Sign in"), h("p", {}, withDates(whySignIn())),
-    h("button", { type: "button", class: "primary", onclick: () => signIn() }, "Enter an access key")));
-  signIn();
+    h("button", { type: "button", class: "primary", onclick: welcome }, "Enter an access key")));
 }
 
 /** Shows the view that the hash names. */
@@ -93,10 +94,9 @@ function showUser() {
   if (caller() === null) return fill(place, h("button", { type: "button", onclick: () => signIn() }, "Sign in"));
   if (!me) return fill(place);
   // The sign-on proxy ends the sessions of its users.
-  const items = [may("keys") && h("a", { href: "#/keys" }, "Access keys"),
+  const items = [h("span", { class: "muted" }, `Role: ${me.role}`), may("keys") && h("a", { href: "#/keys" }, "Access keys"),
     me.key !== SIGN_ON && h("button", { type: "button", onclick: leave }, "Sign out")].filter(Boolean);
-  const name = `${me.name} (${me.role})`;
-  fill(place, items.length ? h("details", { class: "menu" }, h("summary", {}, name), h("div", { class: "sheet" }, items)) : name);
+  fill(place, h("details", { class: "menu" }, h("summary", { title: me.name }, h("span", {}, me.name)), h("div", { class: "sheet" }, items)));
 }
 
 async function leave() {
