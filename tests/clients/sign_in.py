@@ -73,6 +73,7 @@ def one_sign_in(browser, own):
     enter(page, MASTER)
     expect(item(page, "regime")).to_have_text("Partial slip")
     page.click("button.primary")
+    page.wait_for_url("**/#/result/*")
     page.wait_for_selector("#headline dd")
     tab = page.context.new_page()
     tab.on("pageerror", lambda error: browser.errors.append(str(error)))
@@ -240,6 +241,7 @@ def shared(browser, own):
     expect(item(page, "regime")).to_have_text("Partial slip")
     page.fill("#label", "Shown to a guest")
     page.click("button.primary")
+    page.wait_for_url("**/#/result/*")
     page.wait_for_selector("#headline dd")
     link = share(page)
     key = key_of(page)
@@ -296,6 +298,7 @@ def sign_on(browser, data):
         expect(page.locator("#user")).to_have_text("benRole: submit")
         assert page.get_by_role("button", name="Sign out").count() == 0
         page.click("button.primary")
+        page.wait_for_url("**/#/result/*")
         page.wait_for_selector("#headline dd")
         # A link needs the key of its maker.
         expect(page.get_by_role("button", name="Pin")).to_be_visible()
