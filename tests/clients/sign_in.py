@@ -119,6 +119,12 @@ def revoked(browser, own):
     expect(page.locator("#key-reason time")).to_be_visible()
     enter(page, anna)
     expect(page.locator("#key-reason")).to_contain_text("rejected this key")
+    # Without another key, nothing of the session stays on the screen, and the page does not ask again by itself.
+    page.locator("dialog").get_by_role("button", name="Cancel").click()
+    expect(page.locator("main h1")).to_have_text("Sign in")
+    expect(page.locator("main")).to_contain_text("was revoked on")
+    browser.check_view(page, "signed-out")
+    page.get_by_role("button", name="Enter an access key").click()
     enter(page, MASTER)
     expect(page.locator("#user summary")).to_have_text("admin")
     page.click("#cancel")

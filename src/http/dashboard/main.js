@@ -9,7 +9,7 @@ import { showLibrary } from "./library.js";
 import { showQueue } from "./queue.js";
 import { showResult } from "./result.js";
 import { showRun } from "./run.js";
-import { caller, readCaller, session, SIGN_ON, signedIn, signIn, signOut, whySignIn } from "./sign-in.js";
+import { caller, hasDeclined, readCaller, session, SIGN_ON, signedIn, signIn, signOut, whySignIn } from "./sign-in.js";
 import { si, useSi } from "./units.js";
 
 /**
@@ -44,9 +44,9 @@ async function welcome() {
   document.title = "Sign in · fretwork";
   main.removeAttribute("aria-busy");
   fill(main);
-  if (await signIn() || caller() !== null) return;
+  if (!hasDeclined() && (await signIn() || caller() !== null)) return;
   fill(main, h("section", { class: "card welcome" }, h("h1", {}, "Sign in"), h("p", {}, withDates(whySignIn())),
-    h("button", { type: "button", class: "primary", onclick: welcome }, "Enter an access key")));
+    h("button", { type: "button", class: "primary", onclick: () => signIn() }, "Enter an access key")));
 }
 
 /** Shows the view that the hash names. */

@@ -16,17 +16,22 @@ let reason = "";
 /** How often the browser has signed in since this page was opened. */
 let count = 0;
 let asking = null;
+/** Whether the user has canceled the last dialog. */
+let declined = false;
 let closeDialog = null;
 
 export const caller = () => me;
 /** The caller if it has signed in. A server without keys has no users. */
 export const signedIn = () => (me?.key ? me : null);
 export const signIns = () => count;
+export const hasDeclined = () => declined;
 /** Why the user must sign in. */
 export const whySignIn = () => reason;
 
 /** Why a request without a valid session was refused. */
 const reasonOf = ({ type, detail }) => (type === ENDED ? detail : signedIn() ? "You are signed out." : "This server requires an access key.");
+
+const tell = () => session.dispatchEvent(new Event("changed"));
 
 /** Asks the server who uses the page. */
 export async function readCaller() {
@@ -38,7 +43,7 @@ export async function readCaller() {
     reason = reasonOf(answer ?? {});
     me = null;
   }
-  if (before?.key !== me?.key || before?.name !== me?.name || before?.role !== me?.role) session.dispatchEvent(new Event("changed"));
+  if (before?.key !== me?.key || before?.name !== me?.name || before?.role !== me?.role) tell();
 }
 
 tabs.addEventListener("message", async () => {
@@ -56,7 +61,7 @@ export async function signOut() {
   return response?.ok || !signedIn();
 }
 
-/** Whether the user has signed in with the key of the dialog; or why not. */
+/** Signs in with a key. Returns why the server did not accept it; empty if it did. */
 async function begin(key) {
   const response = await fetch("/v1/session", { method: "POST", headers: { Authorization: `Bearer ${key}` } }).catch(() => null);
   if (response?.status === 204) return "";
@@ -87,7 +92,13 @@ async function ask(why) {
     await readCaller();
     tabs.postMessage("in");
   }
-  return count > before;
+  declined = count === before;
+  if (declined && signedIn()) {
+    // The session has ended, so the user is a stranger. The address keeps the state of the view.
+    [me, reason] = [null, why];
+    tell();
+  }
+  return !declined;
 }
 
 /**
