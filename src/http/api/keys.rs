@@ -81,8 +81,7 @@ impl AccessKey {
 /// The access keys.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct AccessKeys {
-    /// All keys, also expired and revoked ones, the oldest first. The administrator's key from the settings of the
-    /// server is not among them.
+    /// All keys, the oldest first.
     keys: Vec<AccessKey>,
 }
 
@@ -140,6 +139,8 @@ fn changer(caller: &Caller) -> Result<Actor> {
 }
 
 /// Lists the access keys, without their secrets.
+///
+/// Expired and revoked keys stay in the list. The administrator's key from the settings of the server is not in it.
 #[utoipa::path(get, path = "/v1/keys", operation_id = "list_keys", tag = "system", responses(
     (status = 200, description = "The keys.", body = AccessKeys),
 ))]
