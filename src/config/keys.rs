@@ -5,10 +5,7 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 
 use super::data::Data;
-use crate::http::{
-    self,
-    keys::{LIFETIMES, NAMES, ROLES},
-};
+use crate::http::{self, KEY_LIFETIMES, KEY_NAMES, KEY_ROLES};
 use fretwork_store::Role;
 
 /// A command for access keys.
@@ -47,15 +44,19 @@ pub struct AddKey {
 }
 
 pub(super) fn role(text: &str) -> Result<Role, String> {
-    text.parse().map_err(|_| format!("expected {ROLES}"))
+    text.parse().map_err(|_| format!("expected {KEY_ROLES}"))
 }
 
 /// Parses the name of a key.
 fn key_name(text: &str) -> Result<String, String> {
-    if http::is_owner_name(text) { Ok(text.to_owned()) } else { Err(format!("expected {NAMES}")) }
+    if http::is_owner_name(text) {
+        Ok(text.to_owned())
+    } else {
+        Err(format!("expected {KEY_NAMES}"))
+    }
 }
 
 /// Parses the time until a key expires.
 fn lifetime(text: &str) -> Result<Duration, String> {
-    http::keys::lifetime(text).ok_or_else(|| format!("expected {LIFETIMES}"))
+    http::key_lifetime(text).ok_or_else(|| format!("expected {KEY_LIFETIMES}"))
 }

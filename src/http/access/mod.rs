@@ -391,10 +391,10 @@ fn has_local_host(request: &Request) -> bool {
 
 /// The problem for a request whose key is not valid. A browser with a session has sent no key itself.
 fn refused(headers: &HeaderMap, has_session: bool, reason: &str) -> Problem {
-    match has_session {
-        true => ended(headers, &format!("{reason} Sign in with another key.")),
-        false => unauthorized(headers, reason),
+    if has_session {
+        return ended(headers, &format!("{reason} Sign in with another key."));
     }
+    unauthorized(headers, reason)
 }
 
 /// Why a key is not valid; `None` if it is.

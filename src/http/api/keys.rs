@@ -19,17 +19,17 @@ use fretwork_json::Whole;
 use fretwork_store::{AccessKey as Stored, Actor, NewKey, Role};
 
 /// The names that the owner of a key can have.
-pub const NAMES: &str = "up to 64 letters, digits and . _ @ + -; the name must not be a network address, the id of \
+pub const KEY_NAMES: &str = "up to 64 letters, digits and . _ @ + -; the name must not be a network address, the id of \
     a key, \"admin\" or \"me\"";
 /// The roles of keys.
-pub const ROLES: &str = "read, submit or admin";
+pub const KEY_ROLES: &str = "read, submit or admin";
 /// The lifetimes that a key can have.
-pub const LIFETIMES: &str = "a time from 1s to 100years, for example 90d";
+pub const KEY_LIFETIMES: &str = "a time from 1s to 100years, for example 90d";
 /// Longest lifetime of a key with an end.
 const LONGEST: Duration = Duration::from_hours(100 * 366 * 24);
 
 /// Reads the lifetime of a key; `None` if no key can have it.
-pub fn lifetime(text: &str) -> Option<Duration> {
+pub fn key_lifetime(text: &str) -> Option<Duration> {
     let time = humantime::parse_duration(text).ok()?;
     (Duration::from_secs(1)..=LONGEST).contains(&time).then_some(time)
 }
@@ -112,15 +112,15 @@ impl KeyBody {
     fn checked(self) -> Result<NewKey, Faults> {
         let mut faults = Faults::default();
         if !is_owner_name(&self.name) {
-            faults.add("/name", format!("must have {NAMES}"));
+            faults.add("/name", format!("must have {KEY_NAMES}"));
         }
         let role = self.role.parse::<Role>().ok();
         if role.is_none() {
-            faults.add("/role", format!("must be {ROLES}"));
+            faults.add("/role", format!("must be {KEY_ROLES}"));
         }
-        let time = self.expires_in.as_deref().map(lifetime);
+        let time = self.expires_in.as_deref().map(key_lifetime);
         if time == Some(None) {
-            faults.add("/expires_in", format!("must be {LIFETIMES}"));
+            faults.add("/expires_in", format!("must be {KEY_LIFETIMES}"));
         }
         let role = faults.or(role)?.unwrap_or(Role::Read);
         let expires = time.flatten().map(|time| now() + time.as_millis() as i64);

@@ -37,7 +37,7 @@ let drawnFor;
 const userOf = (me) => me && `${me.name} ${me.role} ${me.key}`;
 
 /** Whether a view needs no key: the holder of a shared link may read a result, and see its values in the form. */
-const isShared = (query) => query.has("link");
+const isShared = (query) => query.has("link") || query.has("links");
 
 /** Asks the user to sign in. */
 async function welcome() {

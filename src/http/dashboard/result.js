@@ -1,7 +1,6 @@
 // A result: profiles, history and fretting loop at a chosen output cycle, alone or compared with a second result.
 
 import { drawActions } from "./actions.js";
-import { may } from "./allowed.js";
 import { get, jobAddress, Problem, resultAddress } from "./api.js";
 import { drawDetails } from "./details.js";
 import { fill, h, notify, select } from "./dom.js";
@@ -59,7 +58,8 @@ export async function showResult(main, { id: key, query, signal }) {
     notify("Run B cannot be shown. It is a study, and this result is a run.");
     return null;
   }) : null;
-  if (!link && may("submit")) await smooth([result, other], signal);
+  // A shared link may not compute.
+  if (!link) await smooth([result, other], signal);
   const outputs = result.profiles?.cycles ?? result.history.cycles;
   const state = {
     plot: PROFILES.includes(query.get("plot")) ? query.get("plot") : "worn",
