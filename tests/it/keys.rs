@@ -1,13 +1,13 @@
 //! Administrators make, list and revoke access keys over HTTP.
 
 use std::num::NonZeroU32;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fretwork::http::{Limits, Origins};
 use fretwork_job::Task;
 use fretwork_store::Role;
 use serde_json::{Value, json};
-use std::sync::Arc;
 
 use crate::access::{MASTER, ask, get, made, server};
 use crate::server::{JSON, Reply, Server};
