@@ -45,6 +45,8 @@ pub async fn sign_in(app: App, _: NoQuery, request: Request) -> Result<Answer> {
 }
 
 /// Signs a browser out.
+///
+/// Ends the session of the cookie and deletes the cookie. Without a cookie it does nothing.
 #[utoipa::path(delete, path = "/v1/session", operation_id = "sign_out", tag = "system", responses(
     (status = 204, description = "The session has ended."),
 ))]
