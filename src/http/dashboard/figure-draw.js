@@ -40,6 +40,10 @@ function planLegend(curves, width) {
   });
 }
 
+/** All that the y axis shows of a curve: its points, its line, the ends of its bars, and its band. */
+const heightsOf = ({ x, y, smooth, errors, band }) => [{ x, y }, smooth, ...(errors ? [-1, 1].map((sign) => ({ x, y: y.map((value, i) => value == null ? null : value + sign * errors[i]) })) : []),
+  ...(band ? [band.low, band.high].map((ends) => ({ x, y: ends })) : [])].filter(Boolean);
+
 /**
  * The plan of a figure of `width` and `height` px: its area and its axes. `held` are ends that the figure keeps. A
  * figure that stands alone has its legend inside.
@@ -55,7 +59,7 @@ export function planFigure(curves, axes, { width, height, zoom, held, isAlone = 
   // While the axes are held, they only grow.
   const grown = (ends, own) => (own && !zoom ? [Math.min(own[0], ends[0]), Math.max(own[1], ends[1])] : ends);
   const across = zoom ?? grown(endsOfX(curves, axes.x), held?.x);
-  const up = grown(endsOfY(curves.flatMap((curve) => (curve.smooth ? [curve, curve.smooth] : [curve])), axes.y, across, Boolean(zoom), counts.y), held?.y);
+  const up = grown(endsOfY(curves.flatMap(heightsOf), axes.y, across, Boolean(zoom), counts.y), held?.y);
   const vertical = placeAxis(axes.y, up, [bottom, top], counts.y);
   const widest = Math.max(...vertical.ticks.map((tick) => (tick.text ? widthOf(tick.text) : 0)));
   const left = Math.ceil((widest + LINE + 2.5 * GAP) / 8) * 8;
@@ -83,12 +87,39 @@ function pathOf({ x, y }, horizontal, vertical, { top, bottom }) {
   return path;
 }
 
+/** The shapes of measured points, around the origin: disc, square, diamond, triangle. */
+const MARKS = ["M-4 0A4 4 0 1 0 4 0A4 4 0 1 0 -4 0Z", "M-3.6 -3.6H3.6V3.6H-3.6Z", "M0 -5L5 0L0 5L-5 0Z", "M0 -5L4.6 3.4H-4.6Z"];
+/** Sets with more points have smaller marks without an inside. */
+const MANY = 80;
+export const markOf = (number) => MARKS[number % MARKS.length];
+
 /** The marks of the computed points in the area. Those on its edge are whole. */
-const pointsOf = ({ x, y, ink: own }, horizontal, vertical) => x.flatMap((value, i) => {
+const pointsOf = ({ x, y, ink: own, mark }, horizontal, vertical) => x.flatMap((value, i) => {
   if (!isOn(value, horizontal) || !isOn(y[i], vertical)) return [];
   const [left, top] = [horizontal.at(value), vertical.at(y[i])];
-  return [svg("circle", { cx: px(left), cy: px(top), r: 3, fill: ink(own), stroke: "var(--card)", "stroke-width": 1 })];
+  if (mark === undefined) return [svg("circle", { cx: px(left), cy: px(top), r: 3, fill: ink(own), stroke: "var(--card)", "stroke-width": 1 })];
+  const isSmall = x.length > MANY;
+  return [svg("path", { class: "measured", d: MARKS[mark % MARKS.length], transform: `translate(${px(left)} ${px(top)})${isSmall ? " scale(0.35)" : ""}`,
+    fill: isSmall ? ink(own) : "var(--card)", stroke: ink(own), "stroke-width": 1.8 })];
 });
+
+/** The bars of the errors of measured points. A bar that leaves the area ends at its edge. */
+const barsOf = ({ x, y, errors, ink: own }, horizontal, vertical) => (errors ?? []).flatMap((error, i) => {
+  if (!(error > 0) || y[i] == null || !isOn(x[i], horizontal)) return [];
+  const at = horizontal.at(x[i]);
+  const [low, high] = [y[i] - error, y[i] + error].map((end) => vertical.at(Math.min(Math.max(end, vertical.ends[0]), vertical.ends[1])));
+  return [svg("path", { class: "bar-of-error", d: `M${px(at - 3)} ${px(low)}h6m-3 0V${px(high)}m-3 0h6`, fill: "none", stroke: ink(own), "stroke-width": 1.3 })];
+});
+
+/** The area of a band. A logarithmic axis shows it down to its end. */
+function bandOf({ x, band, ink: own, faint }, horizontal, vertical) {
+  if (!band) return [];
+  const floor = vertical.ends[0];
+  const at = (ends) => x.map((value, i) => (ends[i] == null || !(horizontal.log ? value > 0 : true) ? null
+    : `${px(horizontal.at(value))} ${px(vertical.at(vertical.log ? Math.max(ends[i], floor) : ends[i]))}`)).filter(Boolean);
+  const points = [...at(band.low), ...at(band.high).reverse()];
+  return points.length > 3 ? [svg("path", { class: "band", d: `M${points.join("L")}Z`, fill: ink(own), opacity: faint ? 0.14 : 0.3 })] : [];
+}
 
 /** An arrow in the middle of a branch that shows its direction. */
 function arrowOf({ x, y, direction, ink: own }, horizontal, vertical) {
@@ -170,7 +201,7 @@ export function drawFigure(root, curves, axes, plan) {
     ...drawLegend(plan.legend), ...drawAxes(plan), ...drawMarks(axes.marks ?? [], plan),
     svg("g", { "clip-path": `url(#${clip})` },
       !isOn(axes.at, horizontal) ? null : line(horizontal.at(axes.at), area.top, horizontal.at(axes.at), area.bottom, { class: "at", stroke: "var(--accent)", "stroke-width": 2, opacity: 0.5 }),
-      ...lines, ...curves.flatMap((curve) => arrowOf(curve, horizontal, vertical))),
+      ...curves.flatMap((curve) => bandOf(curve, horizontal, vertical)), ...lines, ...curves.flatMap((curve) => barsOf(curve, horizontal, vertical)), ...curves.flatMap((curve) => arrowOf(curve, horizontal, vertical))),
     ...curves.flatMap((curve) => (curve.points ? pointsOf(curve, horizontal, vertical) : [])),
     ...(plan.needsLegend ? [] : drawLabels(placeLabels(curves, horizontal, vertical, area))));
 }

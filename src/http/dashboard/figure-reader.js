@@ -2,6 +2,7 @@
 
 import { interpolate } from "./curves.js";
 import { fill, h, svg } from "./dom.js";
+import { markOf } from "./figure-draw.js";
 import { quantity } from "./scaling.js";
 
 // A line ends between the sentences only: small figures show the first.
@@ -17,6 +18,10 @@ function nearest(values, x) {
   }
   return Math.abs(values[high] - x) < Math.abs(values[low] - x) ? high : low;
 }
+
+/** The sample of a curve: its line, its band, or its mark. */
+export const sampleOf = ({ ink, dash, mark, band, faint }) => (mark === undefined ? h("span", { class: `sample ink-${ink} ${dash ?? ""} ${band ? `of-band ${faint ? "faint" : ""}` : ""}` })
+  : svg("svg", { class: "sample-mark", viewBox: "-7 -7 14 14", "aria-hidden": "true" }, svg("path", { d: markOf(mark), fill: "var(--card)", stroke: `var(--ink-${ink})`, "stroke-width": 1.8 })));
 
 export class Reader {
   #figure;
@@ -91,11 +96,13 @@ export class Reader {
     this.#show();
   }
 
-  /** The value of a curve at the cursor. Between its marked points, a curve has none. */
-  #valueOf({ x, y, points }) {
-    if (!points) return interpolate(x, y, this.#x);
-    const at = x.indexOf(this.#x);
-    return at < 0 ? null : y[at];
+  /** The value of a curve at the cursor, in words. Between its marked points, a curve has none, unless its line has more points. */
+  #valueOf({ x, y, points, smooth, errors, band }) {
+    const { unit } = this.#figure.axes.y;
+    if (band) return [band.low, band.high].map((ends) => quantity(interpolate(x, ends, this.#x), unit)).join(" to ");
+    const at = points ? x.indexOf(this.#x) : -1;
+    if (at >= 0) return `${quantity(y[at], unit)}${errors?.[at] > 0 ? ` ± ${quantity(errors[at], unit, 2)}` : ""}`;
+    return quantity(!points ? interpolate(x, y, this.#x) : smooth ? interpolate(smooth.x, smooth.y, this.#x) : null, unit);
   }
 
   #show() {
@@ -107,10 +114,10 @@ export class Reader {
       for (const [name, value] of Object.entries({ x1: x, x2: x, y1: area.top, y2: area.bottom })) this.#line.setAttribute(name, value);
     }
     const named = curves.filter(({ name }) => name);
-    const rows = named.map((curve) => [curve, isOn ? quantity(this.#valueOf(curve), axes.y.unit) : ""]);
+    const rows = named.map((curve) => [curve, isOn ? this.#valueOf(curve) : ""]);
     const head = isOn ? [horizontal.title, quantity(this.#x, axes.x.unit)] : ["", HINT];
     const item = (name, value, sample) => h("li", {}, sample, name && h("span", { class: "name" }, name), name && " ", h("span", { class: "value" }, value));
-    fill(this.#values, isOn || needsLegend ? rows.map(([curve, value]) => item(curve.name, value, h("span", { class: `sample ink-${curve.ink} ${curve.dash ?? ""}` }))) : null,
+    fill(this.#values, isOn || needsLegend ? rows.map(([curve, value]) => item(curve.name, value, sampleOf(curve))) : null,
       item(...head));
     this.#values.classList.toggle("idle", !isOn);
     this.#describe(rows, head, isOn);

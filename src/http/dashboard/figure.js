@@ -1,5 +1,6 @@
 // A figure with curves: it chooses units and axes, names the curves at their ends, and can be read, zoomed and saved.
 
+import { extent } from "./curves.js";
 import { h, svg } from "./dom.js";
 import { drawFigure, planFigure } from "./figure-draw.js";
 import { Reader } from "./figure-reader.js";
@@ -24,15 +25,22 @@ export class Cursors {
   }
 }
 
+/** An axis with room for more values, if its ends are given. */
+const widened = (axis, rows) => (axis.range && rows.length ? { ...axis, range: extent([axis.range, ...rows]) } : axis);
+
 /**
  * One curve, in SI units. `x` ascends; null in `y` is a gap. `ink` is the number of a colour in style.css. `points`
  * marks the computed points, and without a `line` the curve has only them. `smooth` has more points for the line. `label` is
- * the place of the name, and `column` the name in a table. `direction` draws an arrow.
+ * the place of the name, and `column` the name in a table. `direction` draws an arrow. `mark` is the number of a shape for
+ * measured points, which have bars of `errors`. `band` is filled between its ends.
  * @typedef {{name: string, x: number[], y: (number|null)[], ink: number, dash?: "dashed"|"dotted", points?: boolean, line?: boolean,
+ *   mark?: number, errors?: (number|null)[], band?: {low: (number|null)[], high: (number|null)[]},
  *   smooth?: {x: number[], y: (number|null)[]}, column?: string, label?: "end"|"start"|"apart"|"middle"|"none", below?: boolean, direction?: 1|-1, faint?: boolean}} Curve
  * @typedef {{title: string, symbol?: string, unit: string, log?: boolean, range?: number[], top?: number}} Axis
  */
 export class Figure {
+  /** Gives more curves beside those that are shown, such as measured points. @type {() => Curve[]} */
+  beside = () => [];
   #caption = h("span", { class: "caption" });
   #drawing = svg("svg", { "aria-hidden": "true", class: "drawing", "font-family": "system-ui, sans-serif" });
   #place = h("div", { class: "canvas", role: "slider", tabIndex: 0, "aria-valuemin": "0", "aria-valuemax": "0", "aria-valuenow": "0",
@@ -104,7 +112,8 @@ export class Figure {
 
   /** Shows curves. @param {Curve[]} curves @param {{x: Axis, y: Axis, marks?: object[], at?: number, description?: string}} axes */
   show(curves, axes) {
-    Object.assign(this, { curves, axes });
+    const more = this.beside();
+    Object.assign(this, { curves: [...curves, ...more], axes: { ...axes, x: widened(axes.x, more.map(({ x }) => x)), y: widened(axes.y, more.map(({ y }) => y)) } });
     this.draw();
   }
 

@@ -41,7 +41,11 @@ const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "allowed.js", "
     "curves.js", "drawn.js", "explain.js", "figure.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
     "figure-reader.js", "figure-save.js", "figure-zoom.js", "headline.js", "player.js", "printed.js",
     "result-figures.js", "scaling.js", "section.js", "smooth.js", "so-far.js", "study-curves.js",
-    "study-figure.js");
+    "study-figure.js",
+    // Measurements and fits, which the page loads when they are needed.
+    "fit-figures.js", "fit-form.js", "fit-names.js", "fit-page.js", "measure.js", "measure-dialog.js", "measure-energy.js",
+    "measure-model.js", "measure-overlay.js", "measure-panel.js", "measure-sets.js", "measure-units.js",
+    "measure-words.js");
 const STYLES: &[File] = files!("text/css": "style.css");
 const IMAGES: &[File] = files!("image/svg+xml": "icon.svg");
 

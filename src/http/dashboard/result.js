@@ -6,6 +6,7 @@ import { drawDetails } from "./details.js";
 import { fill, h, notify, select } from "./dom.js";
 import { Cursors, Figure } from "./figure.js";
 import { drawHeadline } from "./headline.js";
+import { measuring } from "./measure.js";
 import { playButton } from "./player.js";
 import { printedFacts } from "./printed.js";
 import { drawHistory, drawLoop, drawProfile, HISTORIES, historyTitle, nearest, PROFILES } from "./result-figures.js";
@@ -154,6 +155,7 @@ export async function showResult(main, { id: key, query, signal }) {
       h("section", { class: "card", "aria-label": "Section" },
         h("div", { class: "row" }, section.choice), result.profiles ? section.element : noProfiles("section")),
       loopCard),
+    measuring({ result, submitted: job.submitted, link, state, figures, redraw: drawOutput, signal }),
     details);
   const drawAll = () => {
     drawOutput();

@@ -8,13 +8,14 @@ const LADDERS = {
   J: [["nJ", 1e9, 0], ["µJ", 1e6, 1e-7], ["mJ", 1e3, 1e-3], ["J", 1, 1], ["kJ", 1e-3, 1e3], ["MJ", 1e-6, 1e6]],
   N: [["mN", 1e3, 0], ["N", 1, 0.1], ["kN", 1e-3, 1e3]],
   "1/Pa": [["mm³/(N m)", 1e9, 0]],
+  "m^3/J": [["mm³/J", 1e9, 0]],
   "N/m": [["N/m", 1, 0], ["N/mm", 1e-3, 1e3], ["N/µm", 1e-6, 1e5]],
   "N per m": [["N/m", 1, 0], ["N/mm", 1e-3, 1e3]],
   rad: [["deg", 180 / Math.PI, 0]],
 };
 /** The unit of a zero, and of a column without values. */
 const USUAL = { m: 1, "m^3": 1, Pa: 2, J: 2, N: 1, "N/m": 2, "N per m": 1 };
-const PRINTED = { "1": "", "m^3": "m³", "N per m": "N/m" };
+const PRINTED = { "1": "", "m^3": "m³", "m^3/J": "m³/J", "N per m": "N/m" };
 
 let isSi = globalThis.localStorage?.getItem("fretwork-units") === "si";
 

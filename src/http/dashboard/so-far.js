@@ -39,7 +39,7 @@ export class SoFar {
     this.#isAsking = true;
     const found = await get(this.#address, { signal: this.#signal }).catch(() => null);
     this.#isAsking = false;
-    if (found?.history.cycles.length > 1) this.#last = found;
+    if (found?.history?.cycles.length > 1) this.#last = found;
     this.#draw();
   }
 

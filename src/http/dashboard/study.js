@@ -14,6 +14,7 @@ const ROWS = 200;
 
 /** Shows a study that was loaded without its rows. */
 export async function showStudy(main, result, { job, link, query, signal }) {
+  if (result.fit) return (await import("./fit-page.js")).showFit(main, result, { job, link, signal });
   // The page loads one row more than it shows, to see whether there are more rows.
   const words = new URLSearchParams({ rows: ROWS + 1, ...(link && { link }) });
   const rows = await get(`${resultAddress(result.key, "/table")}?${words}`, { signal });

@@ -2,11 +2,11 @@
 
 import { fill, h, select } from "./dom.js";
 import { LENGTHS } from "./kinds.js";
-import { readFile } from "./measured.js";
+import { faultOf, readFile } from "./measured.js";
 import { profileOf, radiusOf } from "./trace.js";
 import { quantity } from "./units.js";
 
-const AXES = { lowest: "Lowest point", middle: "Middle of the trace", zero: "Where x is 0" };
+const AXES = { symmetry: "Axis of symmetry", lowest: "Lowest point", middle: "Middle of the trace", zero: "Where x is 0" };
 const SIDES = { both: "Mean of left and right", left: "Left", right: "Right" };
 const UNITS = Object.fromEntries(["mm", "um", "nm", "m"].map((unit) => [unit, unit.replace("um", "µm")]));
 /** The units that positions and heights probably have if the trace states none. */
@@ -18,7 +18,7 @@ export class TraceEditor {
   #says = h("p", { class: "note-read", id: "trace-says", role: "status" });
   #options = h("div", { class: "trace-options", hidden: true });
   #level = h("input", { type: "checkbox", id: "trace-level", checked: true, onchange: () => this.#apply() });
-  #axis = this.#choice("axis", AXES, "lowest");
+  #axis = this.#choice("axis", AXES, "symmetry");
   #sides = this.#choice("sides", SIDES, "both");
   #text;
 
@@ -46,8 +46,7 @@ export class TraceEditor {
       this.#drawOptions();
       this.#apply(notes.filter((note) => /^Commas|separated/.test(note)));
     } catch (problem) {
-      const detail = problem.errors?.[0]?.detail ?? problem.detail ?? problem.message;
-      this.#says.textContent = `This is no trace. ${/[.?!]$/.test(detail) ? detail : `${detail}.`} ${
+      this.#says.textContent = `This is no trace. ${faultOf(problem)} ${
         this.#columns ? "The form still uses the trace that was read before." : "The form still uses the profile below."}`;
     }
   }
@@ -66,10 +65,11 @@ export class TraceEditor {
       this.#says.textContent = "The trace has no such side. Choose another axis or side.";
       return;
     }
-    const { profile, slope } = found;
+    const { profile, centre, slope, isTurned } = found;
     const extent = (all) => quantity(Math.max(...all.filter(Number.isFinite)) - Math.min(...all.filter(Number.isFinite)), "m", 3);
     this.#says.textContent = [`${x.length} points became ${profile.radius.length} radii.`, `The trace is ${extent(x)} wide and ${extent(z)} high.`,
-      slope !== 0 && `Tilt of ${quantity(Math.atan(slope), "rad", 2)} removed.`, `The best ball has R = ${quantity(radiusOf(profile), "m", 3)}.`, ...notes]
+      isTurned && "It has a peak, so it was turned over.", `The axis is at x = ${quantity(centre, "m", 3)}.`,
+      slope !== 0 ? `A tilt of ${quantity(Math.atan(slope), "rad", 2)} was removed.` : this.#level.checked && "No tilt was found.", `The best ball has R = ${quantity(radiusOf(profile), "m", 3)}.`, ...notes]
       .filter(Boolean).join(" ");
     this.use(profile);
   }

@@ -4,6 +4,10 @@
 const MAX_RADII = 200;
 /** The share of the height around the lowest point that decides where it is, and the share of a trace that is one end. */
 const [NEAR, END] = [0.3, 0.05];
+/** Minimum reach to each side of the axis as a share of the trace, number of axes that are tried, and of radii at which both sides of them are compared. */
+const [REACH, AXES, RADII] = [0.35, 80, 60];
+/** A tilt is believed if it makes the difference of both sides smaller than one in this many, and if it is not below this share of the height. */
+const [BETTER, LEAST] = [3, 1e-4];
 /** Digits of a measured number. */
 const DIGITS = 6;
 
@@ -33,30 +37,74 @@ export const radiusOf = ({ radius, height }) => radius.reduce((sum, r) => sum + 
 
 /** The height at a position, linear between the points. */
 function heightAt(points, x) {
-  const after = points.findIndex(([own]) => own >= x);
-  if (after <= 0) return points[after < 0 ? points.length - 1 : 0][1];
+  let [before, after] = [0, points.length - 1];
+  if (x <= points[before][0]) return points[before][1];
+  if (x >= points[after][0]) return points[after][1];
+  while (after - before > 1) {
+    const middle = (before + after) >> 1;
+    if (points[middle][0] < x) before = middle;
+    else after = middle;
+  }
   const [[x0, z0], [x1, z1]] = [points[after - 1], points[after]];
   return z0 + ((x - x0) / (x1 - x0)) * (z1 - z0);
 }
 
 /**
- * The profile from the axis outwards, in the units of the trace. `level` removes the tilt between both ends. `axis` is `lowest`,
- * `middle` or `zero`, and `sides` is `both`, `left` or `right`. `slope` is the tilt that was removed. Undefined if the trace has no
- * such side.
+ * How the two sides of an axis differ: the tilt that explains most of it, and the mean square difference with this tilt and without
+ * any. Both sides reach equally far.
+ */
+function sidesOf(points, axis) {
+  const reach = Math.min(axis - points[0][0], points.at(-1)[0] - axis);
+  const all = Array.from({ length: RADII }, (_, i) => {
+    const r = (reach * (i + 1)) / RADII;
+    return [r, heightAt(points, axis + r) - heightAt(points, axis - r)];
+  });
+  const slope = all.reduce((sum, [r, difference]) => sum + r * difference, 0) / all.reduce((sum, [r]) => sum + 2 * r * r, 0);
+  const square = (tilt) => mean(all.map(([r, difference]) => (difference - 2 * r * tilt) ** 2));
+  return { axis, slope, tilted: square(slope), level: square(0) };
+}
+
+/**
+ * The axis about which both sides are most alike, and the tilt. Across a ball a shift and a tilt look alike, and give the same
+ * profile. So a tilt is believed only if the sides are much less alike without it.
+ */
+function symmetryOf(points, mayTilt) {
+  const [first, last] = [points[0][0], points.at(-1)[0]];
+  /** The best of the axes between two places, which is then searched more finely. */
+  const best = (name, from, to, isFine) => {
+    const step = (to - from) / AXES;
+    const all = Array.from({ length: AXES + 1 }, (_, i) => sidesOf(points, from + i * step));
+    const found = all.reduce((least, own) => (own[name] < least[name] ? own : least));
+    return isFine ? found : best(name, found.axis - step, found.axis + step, true);
+  };
+  const [level, tilted] = ["level", "tilted"].map((name) => best(name, first + REACH * (last - first), last - REACH * (last - first)));
+  const height = Math.max(...points.map(([, z]) => z)) - Math.min(...points.map(([, z]) => z));
+  const alike = Math.max(tilted.tilted, (LEAST * height) ** 2);
+  if (!mayTilt || level.level <= BETTER * alike) return { axis: level.axis, slope: 0 };
+  // A tilt with an axis that nothing shows: the middle is as good as any.
+  const middle = sidesOf(points, (first + last) / 2);
+  return middle.tilted <= BETTER * alike ? middle : tilted;
+}
+
+/**
+ * The profile from the axis outwards, in the units of the trace. `level` removes the tilt. `axis` is `symmetry`, `lowest`, `middle` or
+ * `zero`, and `sides` is `both`, `left` or `right`. `slope` is the tilt that was removed. Undefined if the trace has no such side.
  */
 export function profileOf(xs, zs, { level, axis, sides }) {
   let points = xs.map((x, i) => [x, zs[i]]).filter(([x, z]) => x != null && z != null).sort((a, b) => a[0] - b[0]);
   if (points.length < 5) return undefined;
   const size = Math.max(1, Math.floor(END * points.length));
-  const ends = [points.slice(0, size), points.slice(-size)].map((end) => [0, 1].map((i) => mean(end.map((point) => point[i]))));
-  const slope = (ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]);
-  if (level) points = points.map(([x, z]) => [x, z - slope * (x - ends[0][0])]);
   // The axis of an indenter is its lowest point. A trace of its surface from above has it on top.
   const inner = points.slice(Math.floor(points.length / 3), Math.ceil((2 * points.length) / 3));
   const outer = [points.slice(0, size), points.slice(-size)].flat();
-  const isHalf = axis === "zero" && (points[0][0] >= 0 || points.at(-1)[0] <= 0);
-  if (!isHalf && mean(inner.map(([, z]) => z)) > mean(outer.map(([, z]) => z))) points = points.map(([x, z]) => [x, -z]);
-  const centre = { lowest, middle: () => (points[0][0] + points.at(-1)[0]) / 2, zero: () => 0 }[axis](points);
+  const isHalf = points[0][0] >= 0 || points.at(-1)[0] <= 0;
+  const isTurned = !(axis === "zero" && isHalf) && mean(inner.map(([, z]) => z)) > mean(outer.map(([, z]) => z));
+  if (isTurned) points = points.map(([x, z]) => [x, -z]);
+  const symmetry = symmetryOf(points, level);
+  const centre = { symmetry: () => symmetry.axis, lowest: () => lowest(points), middle: () => (points[0][0] + points.at(-1)[0]) / 2, zero: () => 0 }[axis]();
+  // One side alone has no tilt: it looks like the slope of the profile.
+  const slope = axis === "zero" && isHalf ? 0 : symmetry.slope;
+  points = points.map(([x, z]) => [x, z - slope * (x - centre)]);
   const reach = { left: centre - points[0][0], right: points.at(-1)[0] - centre };
   const wanted = sides === "both" ? ["left", "right"].filter((side) => reach[side] > 0) : [sides];
   const end = Math.min(...wanted.map((side) => reach[side]));
@@ -65,5 +113,5 @@ export function profileOf(xs, zs, { level, axis, sides }) {
   const radius = Array.from({ length: count }, (_, i) => (i * end) / (count - 1));
   const height = radius.map((r) => mean(wanted.map((side) => heightAt(points, centre + (side === "left" ? -r : r)))));
   const rounded = (values) => values.map((value) => Number(value.toPrecision(DIGITS)));
-  return { profile: { radius: rounded(radius), height: rounded(height.map((value) => value - height[0])) }, slope: level ? slope : 0 };
+  return { profile: { radius: rounded(radius), height: rounded(height.map((value) => value - height[0])) }, centre, slope: isTurned ? -slope : slope, isTurned };
 }

@@ -1,0 +1,139 @@
+// The result of a fit: what the data do not determine, the estimates, and the figures that show whether the law holds.
+
+import { drawActions } from "./actions.js";
+import { get, resultAddress } from "./api.js";
+import { fill, h } from "./dom.js";
+import { Figure } from "./figure.js";
+import { dataFigure, energyFigure, groupsOf, profileFigure, residualFigure, rowsOf } from "./fit-figures.js";
+import { named, symbolAt, together, unitAt, wordsOf } from "./fit-names.js";
+import { axisUnit, withUnit } from "./scaling.js";
+import { cycles, digits, quantity, WORDS } from "./units.js";
+
+/** Rows of the table of measured numbers. */
+const ROWS = 200;
+/** Notes that say that the law does not describe the data. */
+const AGAINST = ["misfit", "lack_of_fit", "discrepancy"];
+
+/** The part of a scenario that a note names, such as `wear.coefficient`. */
+const pointerOf = (name) => `/${name.replaceAll(".", "/")}`;
+
+const lower = (words) => words[0].toLowerCase() + words.slice(1);
+
+/** A note with names in words, and numbers with their units. A number belongs to the parameter before it. */
+function inWords(detail, parameters) {
+  let last = null;
+  return detail.split("`").map((piece, i) => {
+    if (i % 2) {
+      const own = parameters.find(({ pointer }) => pointer === pointerOf(piece));
+      if (own) {
+        last = own;
+        return `the ${lower(wordsOf(own.pointer))}`;
+      }
+      return piece.split(/([·/^])/).map((name) => (parameters.some(({ pointer }) => pointer === pointerOf(name)) ? symbolAt(pointerOf(name)).replaceAll("$", "") || wordsOf(pointerOf(name)) : name)).join("");
+    }
+    return piece.replace(/(probability )?(\d+(?:\.\d+)?e-?\d+)/g, (_, isProbability, number) => (isProbability ?? "")
+      + (last && !isProbability ? quantity(Number(number), unitAt(last.pointer, last.unit), 3) : digits(Number(number), 2)));
+  }).join("").replace(/^the/, "The");
+}
+
+/** How many numbers of each output were measured: 6 wear volumes. */
+function dataWords({ table }) {
+  const counts = new Map();
+  for (const row of rowsOf(table)) if (row.measured != null) counts.set(row.output, (counts.get(row.output) ?? 0) + 1);
+  const name = (output, count) => (output === "profile.wear" ? "depths of a profile" : `${WORDS[output].toLowerCase()}${count === 1 ? "" : "s"}`);
+  return [...counts].map(([output, count]) => `${count} ${name(output, count).replace(/ys$/, "ies").replace(/per cycles$/, "per cycle").replace(/energy per/, count === 1 ? "energy per" : "energies per")}`).join(", ");
+}
+
+/** Whether the law describes the data. */
+function lawWords({ notes, quality, parameters }) {
+  const against = notes.find(({ kind }) => AGAINST.includes(kind));
+  if (against) return ["differs", "The law does not hold for these data", inWords(against.detail, parameters)];
+  const freedom = Math.floor(quality.effective_points - parameters.length);
+  if (freedom < 1) return ["", "The data cannot test the law", "There are not more points than estimated numbers."];
+  if (quality.degrees_of_freedom !== null) return ["agrees", "The law describes these data", "Their errors were estimated from the scatter around the curve, which is small."];
+  const ratio = digits(Math.sqrt(quality.sum_of_squares / freedom), 2);
+  return ["agrees", "The law describes these data", `The residuals are ${ratio === "1" ? "" : `${ratio} times `}as large as the stated errors.`];
+}
+
+function estimateTile({ pointer, unit, estimate, interval, at_bound: isAtBound }, { fit }) {
+  const own = unitAt(pointer, unit);
+  const before = pointer.split("/").slice(1).reduce((value, name) => value?.[name], fit.scenario);
+  const level = `${digits(100 * fit.confidence, 3)}\u00a0%`;
+  const isKnown = typeof estimate === "number";
+  return h("div", { "data-estimate": pointer }, h("dt", {}, named(pointer)), h("dd", {}, isKnown ? quantity(estimate, own, 3) : "Not determined",
+    h("p", { class: "errors" }, isKnown ? [`${level} interval: `, h("span", { class: "interval" }, together(interval, own, " to "))] : "The data do not determine it.",
+      isAtBound && ", at an end of its range", typeof before === "number" && h("span", { class: "before" }, `Scenario: ${quantity(before, own, 3)}`))));
+}
+
+const COMPENSATED = "Near 1 or −1, a change of one estimate is compensated by the other: the data determine them together better than alone.";
+
+/** The correlation of two estimates, beside them. */
+function correlationTile({ correlation, parameters }) {
+  if (parameters.length !== 2) return null;
+  const [one, other] = parameters.map(({ pointer }) => named(pointer).slice(2));
+  return h("div", { "data-item": "correlation" }, h("dt", {}, "Correlation of ", one, " and ", other), h("dd", {}, digits(correlation[0][1], 3), h("p", { class: "errors" }, COMPENSATED)));
+}
+
+/** The correlations of three and more estimates; null for fewer. */
+function correlationTable({ correlation, parameters }) {
+  if (parameters.length < 3) return null;
+  const head = ({ pointer }) => h("th", { scope: "col" }, named(pointer));
+  return h("section", { class: "card", "aria-label": "Correlation" }, h("h2", {}, "Correlation of the estimates"), h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Correlations" }, h("table", { id: "correlation" },
+    h("thead", {}, h("tr", {}, h("td", {}), parameters.map(head))),
+    h("tbody", {}, parameters.map(({ pointer }, i) => h("tr", {}, h("th", { scope: "row" }, named(pointer)), correlation[i].map((value) => h("td", {}, digits(value, 3)))))))),
+  h("p", { class: "muted" }, COMPENSATED));
+}
+
+function pointTable(result) {
+  const rows = rowsOf(result.table);
+  const scales = Object.fromEntries(groupsOf(result).map(({ output, unit }) => [output, axisUnit(unit, Math.max(...rows.filter((row) => row.output === output).map(({ measured, predicted }) => Math.max(measured ?? 0, predicted ?? 0))))]));
+  const place = ({ over, x }) => (over === "cycles" ? cycles(x) : quantity(x, over === "radius" ? "m" : "J", 4));
+  const cell = ({ output }, value) => h("td", {}, digits(value == null ? null : value * scales[output].factor, 4));
+  const row = (own) => h("tr", {}, h("td", {}, own.test), h("td", {}, withUnit(WORDS[own.output] ?? "Wear", scales[own.output].unit)), h("td", {}, place(own)),
+    cell(own, own.measured), cell(own, own.deviation), cell(own, own.predicted), h("td", {}, digits(own.residual, 2)), h("td", {}, [own.prediction_low, own.prediction_high].map((end) => digits(end == null ? null : end * scales[own.output].factor, 4)).join(" to ")));
+  const heads = ["Test", "Output", "Place", "Measured", "σ", "Fit", "Residual/σ", "New tests"];
+  return h("details", { class: "card" }, h("summary", {}, "Measured and fitted numbers"), h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Measured and fitted numbers" },
+    h("table", { id: "points" }, h("thead", {}, h("tr", {}, heads.map((name) => h("th", { scope: "col" }, name)))), h("tbody", {}, rows.slice(0, ROWS).map(row)))),
+  rows.length > ROWS && h("p", { class: "muted" }, `The first ${ROWS} rows. The download contains all rows.`));
+}
+
+/** Shows a fit, which was loaded without its rows. */
+export async function showFit(main, { key }, { job, link, signal }) {
+  const result = await get(`${resultAddress(key)}?${new URLSearchParams(link ? { link } : {})}`, { signal });
+  const { fit, parameters = [], notes = [], quality } = result;
+  const heading = job.label || "Fit";
+  document.title = `${heading} · fretwork`;
+  const body = h("div", { class: "stack" });
+  // A single point needs no figure: the table has it.
+  const groups = groupsOf(result).filter(({ count }) => count > 1);
+  const plans = () => (quality ? [...groups.flatMap((group) => [["Fit", dataFigure(result, group)], ["Residuals", residualFigure(result, group)]]),
+    ["Wear over energy", energyFigure(result)], ...parameters.map((parameter) => ["Sum of squares", profileFigure(result, parameter)])].filter(([, plan]) => plan) : []);
+  const figures = plans().map(([name], i) => [name, new Figure({ name: `fit-${i + 1}`, signal })]);
+  const against = notes.filter(({ kind }) => !AGAINST.includes(kind));
+  const draw = () => {
+    const [style, verdict, reason] = quality ? lawWords(result) : ["differs", "The fit found no minimum", inWords(notes[0]?.detail ?? "", [])];
+    fill(body,
+      against.length > 0 && quality && h("section", { class: "card warning", "aria-label": "Notes" }, h("h2", {}, "What these data do not say"),
+        h("ul", { id: "fit-notes" }, against.map(({ kind, detail }) => h("li", { "data-note": kind }, inWords(detail, parameters))))),
+      h("section", { class: "card", "aria-label": "Estimates" }, h("h2", {}, `Estimates from ${dataWords(result)}`),
+        h("dl", { class: "headline", id: "estimates" }, parameters.map((parameter) => estimateTile(parameter, result)), quality && correlationTile(result)),
+        h("p", { id: "law" }, h("strong", { class: style }, `${verdict}.`), ` ${reason}`)),
+      h("div", { class: "plots" }, figures.map(([name, figure]) => h("section", { class: "card", "aria-label": name }, figure.element,
+        name === "Wear over energy" && h("p", { class: "muted" }, result.lines.map(({ weights, energy_coefficient: slope, interval, r_squared: squared }) =>
+          `${weights === "equal" ? "All points equal" : "Weighted by their errors"}: α\u00a0=\u00a0${quantity(slope, "m^3/J", 3)}, ${together(interval, "m^3/J", " to ")}, R²\u00a0=\u00a0${digits(squared, 3)}. `)))),
+      quality && correlationTable(result)),
+      pointTable(result),
+      h("section", { class: "card" }, h("h2", {}, "Fit"), h("details", {}, h("summary", {}, "Show as JSON in SI units"), h("pre", { tabIndex: 0 }, JSON.stringify(fit, null, 2)))));
+    plans().forEach(([, { title, curves, axes }], i) => {
+      figures[i][1].title = title;
+      figures[i][1].show(curves, axes);
+    });
+  };
+  const estimated = result.estimated_scenario;
+  const run = estimated && h("a", { class: "button primary", id: "run-this", href: `#/new?${new URLSearchParams({ scenario: JSON.stringify(estimated), label: `${heading}: estimates` })}` }, "Run this");
+  fill(main, h("div", { class: "head" }, h("div", {}, h("h1", {}, heading),
+    h("p", { class: "muted" }, `Fit · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…")),
+  h("div", { class: "actions" }, !link && run, drawActions(result, { job, link, remember() {}, signal }))), body);
+  draw();
+  document.addEventListener("units", draw, { signal });
+}

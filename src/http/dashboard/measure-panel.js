@@ -1,0 +1,155 @@
+// The panel of measurements: the sets with their verdicts, their differences from the run, and wear over energy.
+
+import { fill, h } from "./dom.js";
+import { symbolOf } from "./explain.js";
+import { Figure } from "./figure.js";
+import { sampleOf } from "./figure-reader.js";
+import { askForSet } from "./measure-dialog.js";
+import { EnergyFigure } from "./measure-energy.js";
+import { differencesOf, errorOf, judge, modelOf } from "./measure-model.js";
+import { choiceFor, onHistory, onLoop, onProfile } from "./measure-overlay.js";
+import { addSet, allSets, contentOf, removeSet } from "./measure-sets.js";
+import { verdictOf } from "./measure-words.js";
+import { axisUnit, spaced, withUnit } from "./scaling.js";
+import { cycles, digits, quantity, WORDS } from "./units.js";
+
+/** The table has this many rows of a set at most. */
+const ROWS = 100;
+
+export class Panel {
+  #list = h("ul", { class: "measured-sets", "aria-label": "Measured sets" });
+  #figure;
+  #energy;
+  #table = h("details", { hidden: true });
+  #form = h("div", {});
+  #sets = [];
+  #model = null;
+  #latest = 0;
+  #wantsEnergy = false;
+
+  constructor(context) {
+    this.context = context;
+    const { result, figures, state, signal } = context;
+    this.#figure = new Figure({ name: "differences", signal });
+    this.#energy = new EnergyFigure(result, signal);
+    this.element = h("div", { class: "stack" }, this.#list,
+      h("div", { class: "plots" }, h("section", { "aria-label": "Differences" }, this.#figure.element), this.#energy.element), this.#table, this.#form);
+    figures.history.beside = () => onHistory(this.#sets, state, result);
+    figures.profile.beside = () => onProfile(this.#sets, state, result);
+    figures.loop.beside = () => onLoop(this.#sets);
+    document.addEventListener("units", () => this.#draw(), { signal });
+  }
+
+  /** Asks for a set, with the content of a dropped file if there is one, and shows it. */
+  async ask(file) {
+    const set = await askForSet(this.context, file);
+    if (!set) return;
+    addSet(set);
+    await this.update();
+    this.#reveal(set);
+  }
+
+  /** Shows the figure of the wear volume over the dissipated energy. */
+  showEnergy() {
+    this.#wantsEnergy = true;
+    this.#draw();
+    this.#energy.element.scrollIntoView({ block: "nearest" });
+  }
+
+  /** Opens the form of a fit. */
+  async fit() {
+    const { FitForm } = await import("./fit-form.js");
+    const form = new FitForm(this.context, this.#sets, () => fill(this.#form));
+    fill(this.#form, form.element);
+    form.focus();
+  }
+
+  /** Computes and draws all again after the sets have changed. */
+  async update() {
+    const own = ++this.#latest;
+    this.#sets = allSets();
+    const model = await modelOf(this.context.result, this.#sets, this.context);
+    if (own !== this.#latest) return;
+    this.#model = model;
+    this.#draw();
+    this.context.redraw();
+  }
+
+  /** Chooses the figure that shows a set. */
+  #reveal(set) {
+    const [name, value] = choiceFor(set) ?? [];
+    const field = document.getElementById(`choose-${name}`);
+    if (!field || field.value === value || (set.kind === "profile" && field.value === "worn")) return;
+    field.value = value;
+    field.dispatchEvent(new Event("change"));
+  }
+
+  #draw() {
+    const all = this.#sets.map((set) => ({ set, rows: differencesOf(set, this.#model) }));
+    fill(this.#list, all.map(({ set, rows }) => this.#item(set, rows)));
+    this.#list.hidden = !all.length;
+    const scalars = all.filter(({ set, rows }) => set.kind !== "profile" && rows.some(({ relative }) => Number.isFinite(relative)));
+    this.#drawDifferences(scalars);
+    this.#energy.draw(this.#sets, this.#model, this.#wantsEnergy);
+    this.#drawTable(all);
+  }
+
+  #item(set, rows) {
+    const remove = h("button", { type: "button", "aria-label": `Remove ${set.name}`, onclick: () => {
+      removeSet(set.name);
+      document.getElementById("add-measurement").focus();
+      this.update();
+    } }, "Remove");
+    return h("li", { "data-set": set.name }, h("div", { class: "row spread" },
+      h("span", {}, sampleOf(set), h("strong", {}, set.name), h("span", { class: "muted" }, ` ${contentOf(set)}`)), remove),
+    h("p", { class: "verdict" }, verdictOf(set, judge(rows, errorOf(this.context.result)))));
+  }
+
+  #drawDifferences(all) {
+    this.#figure.element.parentElement.hidden = !all.length;
+    if (!all.length) return;
+    const curves = all.map(({ set, rows }) => {
+      const placed = set.over === "dissipated_energy" ? rows.map((row) => ({ ...row, x: this.#model.cyclesAt(row.x) })) : rows;
+      const known = placed.filter(({ x, relative }) => x > 0 && Number.isFinite(relative)).sort((a, b) => a.x - b.x);
+      const errors = known.map(({ sigma, computed }) => (100 * sigma) / computed);
+      return { name: set.name, ink: set.ink, mark: set.mark, points: true, line: false, x: known.map(({ x }) => x), y: known.map(({ relative }) => 100 * relative),
+        errors: errors.some((error) => error > 0) ? errors : undefined };
+    });
+    const xs = curves.flatMap(({ x }) => x);
+    const ends = [Math.min(...xs), Math.max(...xs)];
+    const isLog = ends[1] > 20 * ends[0];
+    const [low, high] = isLog ? [ends[0] / 1.3, ends[1] * 1.3] : [0, ends[1] * 1.05];
+    this.#figure.title = "Measured − computed";
+    this.#figure.show([{ name: "", x: [low, high], y: [0, 0], ink: 4, label: "none" }, ...curves],
+      { x: { title: WORDS.cycles, symbol: symbolOf("cycles"), unit: "1", log: isLog },
+        y: { title: "Difference", unit: "%" }, description: "Relative difference of measured points from the computed curve" });
+  }
+
+  #drawTable(all) {
+    this.#table.hidden = !all.length;
+    const bodies = all.map(({ set, rows }) => {
+      const unit = unitOf(set, this.context.result);
+      const most = Math.max(...rows.flatMap(({ measured, computed }) => [measured, computed ?? 0]).map(Math.abs));
+      const scale = axisUnit(unit, most);
+      // Depths vary around zero, and volumes over decades.
+      const text = (value) => (set.kind === "profile" ? fixed(value, most * scale.factor) : digits(value, 4));
+      const cell = (value) => h("td", {}, text(value == null ? null : value * scale.factor));
+      const place = (x) => (set.kind === "profile" ? quantity(x, "m", 4) : set.over === "dissipated_energy" ? quantity(x, "J", 4) : cycles(x));
+      return h("tbody", {}, h("tr", {}, h("th", { colSpan: 6, scope: "rowgroup" }, h("strong", {}, withUnit(set.name, scale.unit)))),
+        rows.slice(0, ROWS).map(({ x, measured, sigma, computed, difference, relative }) => h("tr", {}, h("td", {}, place(x)), cell(measured),
+          cell(sigma), cell(computed), cell(difference),
+          h("td", {}, relative == null ? "–" : `${signed(100 * relative)}\u00a0%`))));
+    });
+    fill(this.#table, h("summary", {}, "Differences of all points"), h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Differences of all points" },
+      h("table", { id: "differences" }, h("thead", {}, h("tr", {}, ["Place", "Measured", "σ", "Computed", "Difference", "Relative"].map((name) => h("th", { scope: "col" }, name)))), bodies)),
+    all.some(({ rows }) => rows.length > ROWS) && h("p", { class: "muted" }, `The first ${ROWS} points of each set.`));
+  }
+}
+
+/** A number with the decimals that give the largest of its column four digits. */
+const fixed = (value, most) => (value == null ? "–" : spaced(value.toFixed(Math.max(0, 3 - Math.floor(Math.log10(most || 1))))).replace("-", "−"));
+
+const signed = (value) => (value > 0 ? "+" : "") + digits(value, 3);
+
+/** The SI unit of the measured numbers. */
+const unitOf = ({ kind, output }, { units }) => (kind === "profile" ? "m" : units[kind === "loop" ? "energy_per_cycle" : output]);

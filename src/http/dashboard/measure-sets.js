@@ -1,0 +1,61 @@
+// The measured sets of this tab.
+
+import { notify } from "./dom.js";
+import { KEPT } from "./measure.js";
+import { cycles, WORDS } from "./units.js";
+
+/**
+ * A measured set in SI units. Points are an `output` over `cycles` or `dissipated_energy`. A profile has the depth over the radius
+ * and a loop the force over the displacement, both after `at` cycles; a loop also has the energy of a cycle. `sigma` are the standard
+ * deviations of `y`. `rows` is the number of points of the file, of which the set may have fewer. `ink` is the number of its colour, and `mark` of its shape.
+ * @typedef {{name: string, kind: "points"|"profile"|"loop", output: string, over: string, x: number[], y: (number|null)[],
+ *   sigma: (number|null)[]|null, at?: number, energy?: number, rows?: number, ink: number, mark: number}} MeasuredSet
+ */
+
+/** The colours of sets: those of the run, of its limit and of the grey curves are left out. */
+const INKS = [2, 8, 7, 5, 3];
+
+/** @type {MeasuredSet[]} */
+let sets = [];
+try {
+  sets = JSON.parse(sessionStorage.getItem(KEPT) ?? "[]");
+} catch { /* Another version of the page has kept them. */ }
+
+export const allSets = () => sets;
+
+function change(to) {
+  sets = to;
+  try {
+    if (sets.length) sessionStorage.setItem(KEPT, JSON.stringify(sets));
+    else sessionStorage.removeItem(KEPT);
+  } catch {
+    notify("The measurements are too large to survive a reload of the page.");
+  }
+}
+
+/** Adds a set. A set with the same name is replaced. */
+export function addSet(set) {
+  const others = sets.filter(({ name }) => name !== set.name);
+  const free = (taken, all) => all.find((own) => !taken.includes(own)) ?? all[others.length % all.length];
+  const ink = free(others.map((own) => own.ink), INKS);
+  change([...others, { ...set, ink, mark: INKS.indexOf(ink) }]);
+}
+
+export const removeSet = (name) => change(sets.filter((own) => own.name !== name));
+
+/** A name that no set has. */
+export function freeName(wanted) {
+  const taken = (name) => sets.some((set) => set.name === name);
+  let [name, number] = [wanted, 2];
+  while (taken(name)) name = `${wanted} ${number++}`;
+  return name;
+}
+
+/** What a set has, in words: 6 points of the wear volume. */
+export function contentOf({ kind, output, over, y, at, rows = 0 }) {
+  const count = y.filter((value) => value != null).length;
+  const points = `${count} ${rows > y.length ? `of ${cycles(rows)} ` : ""}${count === 1 ? "point" : "points"}`;
+  if (kind === "profile") return `profile of wear with ${points}, after ${cycles(at)} cycles`;
+  if (kind === "loop") return `friction loop with ${points}, after ${cycles(at)} cycles`;
+  return `${WORDS[output]}, ${points} over ${over === "cycles" ? "cycles" : "dissipated energy"}`;
+}

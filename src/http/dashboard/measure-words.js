@@ -1,0 +1,43 @@
+// Whether a measured set agrees with a run, in a sentence with numbers.
+
+import { h } from "./dom.js";
+import { pointsOf } from "./measure-model.js";
+import { cycles, percent, quantity } from "./units.js";
+
+/** SI units of what is measured. */
+const UNITS = { wear_volume: "m^3", energy_per_cycle: "J", dissipated_energy: "J", normal_force: "N", tangential_force: "N" };
+
+/** Smaller differences are none to a reader. */
+const SMALL = 1e-4;
+const size = (fraction) => (Math.abs(fraction) < SMALL ? `less than ${percent(SMALL)}` : percent(Math.abs(fraction), 2));
+const signed = (fraction) => (Math.abs(fraction) < SMALL ? size(fraction) : `${fraction > 0 ? "+" : "−"}${size(fraction)}`);
+
+function placeOf({ kind, over }, x) {
+  if (kind === "profile") return `r\u00a0=\u00a0${quantity(x, "m", 3)}`;
+  return over === "dissipated_energy" ? `ΣE\u00a0=\u00a0${quantity(x, "J", 3)}` : `N\u00a0=\u00a0${cycles(x)}`;
+}
+
+/** The mean difference, in words. */
+function meanOf({ mean, count }, whole) {
+  const much = size(mean);
+  const sign = mean < 0 ? "below" : "above";
+  if (whole) return `On average its depths are ${much} of the largest depth ${sign} the computed ones.`;
+  return count === 1 ? `The measured value is ${much} ${sign} the computed one.` : `On average the measured values are ${much} ${sign} the computed ones.`;
+}
+
+/** The verdict on a set: `found` comes from `judge`. */
+export function verdictOf(set, found) {
+  const { output } = pointsOf(set);
+  const isProfile = set.kind === "profile";
+  if (!found) return "No point can be compared: this run has no values there.";
+  const { agrees, count, missing, largest, near, margin } = found;
+  const word = agrees === null ? `Whether ${set.name} agrees cannot be said: it has fewer than three points, and no errors.`
+    : `${set.name} ${agrees ? "agrees" : "does not agree"} with the simulation${agrees && near === null ? " on average" : ""}.`;
+  const unit = isProfile ? "m" : UNITS[output] ?? "m";
+  const parts = [meanOf(found, isProfile),
+    count > 1 && `The largest difference is ${signed(largest.relative)} (${largest.difference > 0 ? "+" : ""}${quantity(largest.difference, unit, 3)}) at ${placeOf(set, largest.x)}.`,
+    near !== null && `${near} of ${count} points lie within two standard deviations.`,
+    margin !== null && `The scatter leaves the mean uncertain by ${margin < SMALL ? "" : "±"}${size(margin)} (95 %).`,
+    missing > 0 && `${missing} ${missing === 1 ? "point lies" : "points lie"} outside this run.`];
+  return [h("strong", { class: agrees === null ? "" : agrees ? "agrees" : "differs" }, word), " ", parts.filter(Boolean).join(" ")];
+}
