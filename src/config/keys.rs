@@ -5,8 +5,7 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 
 use super::data::Data;
-use super::values::duration;
-use crate::http;
+use crate::http::{self, KEY_LIFETIMES, KEY_NAMES, KEY_ROLES};
 use fretwork_store::Role;
 
 /// A command for access keys.
@@ -45,20 +44,19 @@ pub struct AddKey {
 }
 
 pub(super) fn role(text: &str) -> Result<Role, String> {
-    text.parse().map_err(|_| "expected read, submit or admin".to_owned())
+    text.parse().map_err(|_| format!("expected {KEY_ROLES}"))
 }
 
 /// Parses the name of a key.
 fn key_name(text: &str) -> Result<String, String> {
-    let expected = "expected up to 64 letters, digits and . _ @ + -; the name must not be a network \
-        address, the id of a key, \"admin\" or \"me\"";
-    if http::is_owner_name(text) { Ok(text.to_owned()) } else { Err(expected.to_owned()) }
+    if http::is_owner_name(text) {
+        Ok(text.to_owned())
+    } else {
+        Err(format!("expected {KEY_NAMES}"))
+    }
 }
 
 /// Parses the time until a key expires.
 fn lifetime(text: &str) -> Result<Duration, String> {
-    const LONGEST: Duration = Duration::from_hours(100 * 366 * 24);
-    let time = duration(text)?;
-    let sound = (Duration::from_secs(1)..=LONGEST).contains(&time);
-    if sound { Ok(time) } else { Err("expected a time from 1s to 100years".to_owned()) }
+    http::key_lifetime(text).ok_or_else(|| format!("expected {KEY_LIFETIMES}"))
 }

@@ -33,6 +33,7 @@ pub use access::limits::Limits;
 pub use access::sign_on::SignOn;
 pub use access::signed_link::ADMIN;
 pub use access::{Access, AdminKey};
+pub use api::keys::{KEY_LIFETIMES, KEY_NAMES, KEY_ROLES, key_lifetime};
 pub use api::scenarios::{EXAMPLES, Example};
 pub use layers::Origins;
 pub use transport::admission::Connections;

@@ -8,8 +8,8 @@ use utoipa_axum::routes;
 
 use super::access::needs::{Needs, RouteNeeds};
 use super::api::{
-    audit, derivatives, diff, evaluate, events, jobs, library, links, me, measurements, results,
-    scenarios, search, session, system, umbridge,
+    audit, derivatives, diff, evaluate, events, jobs, keys, library, links, me, measurements,
+    results, scenarios, search, session, system, umbridge,
 };
 use super::app::App;
 use super::dashboard::{docs, swagger};
@@ -62,6 +62,8 @@ impl Routes {
             .add(Needs::READ, routes!(me::me))
             .add(Needs::READ, routes!(session::sign_in, session::sign_out))
             .add(Needs::ADMIN, routes!(audit::audit))
+            .add(Needs::ADMIN, routes!(keys::list, keys::make))
+            .add(Needs::ADMIN, routes!(keys::revoke))
             .monitoring()
             .add(Needs::READ, routes!(system::version))
             .add(Needs::READ, routes!(system::openapi))

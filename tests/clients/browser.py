@@ -25,10 +25,10 @@ DOWNLOADS = ROOT / "target/screens/downloads"
 VIEWS = [(1440, "light"), (1440, "dark"), (1280, "light"), (720, "dark"), (390, "light"), (390, "dark")]
 
 
-def ask(base, path, body=None, method=None, wait=20):
+def ask(base, path, body=None, method=None, wait=20, headers=None):
     """The JSON answer of the server. A job is answered when it is finished, at the latest after `wait` seconds."""
     data = None if body is None else json.dumps(body).encode()
-    headers = {"Content-Type": "application/json", "Prefer": f"wait={wait}"}
+    headers = {"Content-Type": "application/json", "Prefer": f"wait={wait}", **(headers or {})}
     request = urllib.request.Request(base + path, data, headers, method=method)
     with urllib.request.urlopen(request, timeout=30) as answer:
         return json.loads(answer.read() or "null")

@@ -1,4 +1,4 @@
-"""Tests the dashboard in a real browser on other servers: a new one, one with keys, one with a limit, one that is lost, one with
+"""Tests the dashboard in a real browser on other servers: a new one, one with a limit, one that is lost, one with
 many results, and one that is killed.
 
     python servers.py target/debug/fretwork
@@ -10,16 +10,14 @@ import functools
 import json
 import pathlib
 import re
-import subprocess
 import sys
 import tempfile
 
 from playwright.sync_api import expect
 
-from browser import LONG, VIEWS, Server, ask, blocks, curves, item, key_of, opened
+from browser import LONG, VIEWS, Server, ask, blocks, curves, item, opened
 from vary import beyond_a_limit
 
-MASTER = "fretwork_" + "0123456789abcdef" * 3
 server = functools.partial(Server, sys.argv[1])
 
 
@@ -197,99 +195,6 @@ def from_the_queue(page, base):
         edit(page, base, job["key"], body["scenario"])
 
 
-def share(page):
-    """The link that the button copies to the clipboard."""
-    page.evaluate("navigator.clipboard.writeText('')")
-    page.get_by_role("button", name="Share link").click()
-    return page.evaluate("""async () => {
-        for (;;) {
-            const text = await navigator.clipboard.readText();
-            if (text) return text;
-            await new Promise((done) => setTimeout(done, 50));
-        }
-    }""")
-
-
-def keys(data, *arguments):
-    """What a command for access keys prints."""
-    command = [sys.argv[1], "keys", *arguments, "--data-dir", data]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
-
-
-def enter(page, key):
-    """Enters a key in the dialog."""
-    page.fill("#key", key)
-    page.get_by_role("button", name="Sign in").click()
-
-
-def sign_in(browser, data):
-    with server(data, FRETWORK_ADMIN_KEY=MASTER) as own:
-        browser.check_views(own.base, {"sign-in": ("/", "#key")})
-        page = browser.page(own.base)
-        page.goto(own.base + "/")
-        enter(page, "nonsense")
-        expect(page.locator("#key-reason")).to_contain_text("rejected this key")
-        enter(page, MASTER)
-        expect(item(page, "regime")).to_have_text("Partial slip")
-        expect(page.locator("#user")).to_contain_text("admin")
-        page.click("button.primary")
-        page.wait_for_selector("#headline dd")
-        link = share(page)
-        # One sign-in is enough for all tabs and for a reload.
-        tab = page.context.new_page()
-        tab.on("pageerror", lambda error: browser.errors.append(str(error)))
-        tab.goto(own.base + "/#/library")
-        expect(tab.locator(".entry")).to_have_count(1)
-        expect(tab.locator("#user")).to_contain_text("admin")
-        page.reload()
-        page.wait_for_selector("#headline dd")
-        expect(page.locator("#user")).to_contain_text("admin")
-        expect(page.locator("#key")).to_have_count(0)
-        # A guest without a key opens the link.
-        guest = browser.page(own.base)
-        guest.goto(link)
-        guest.wait_for_selector("#headline dd")
-        # The guest may not read the job, which has the label. The link has it too.
-        expect(guest.locator("#result-label")).to_have_text(page.locator("#result-label").inner_text())
-        assert guest.locator("#readout").inner_text() == page.locator("#readout").inner_text()
-        # The link of a comparison opens both results, with their names.
-        key = key_of(page)
-        scenario = {**page.request.get(own.base + "/v1/examples/steel-ball").json()["scenario"], "friction": 0.6}
-        job = page.request.post(own.base + "/v1/jobs", headers={"Prefer": "wait=20", "Authorization": f"Bearer {MASTER}"}, data={"scenario": scenario, "label": "Other"})
-        other = job.json()["key"]
-        page.goto(f"{own.base}/#/compare?keys={key},{other}")
-        page.wait_for_selector("#compared")
-        guest.goto(share(page))
-        guest.wait_for_selector("#compared")
-        assert guest.locator("#compared").inner_text() == page.locator("#compared").inner_text()
-        # No script can read the session, and the page keeps no key.
-        assert page.evaluate("document.cookie + sessionStorage.length + Object.values(localStorage).join()").startswith("0")
-        [cookie] = page.context.cookies()
-        assert cookie["httpOnly"] and cookie["sameSite"] == "Lax" and cookie["expires"] == -1, cookie
-        page.get_by_role("button", name="Sign out").click()
-        expect(page.locator("#key")).to_be_visible()
-        expect(page.locator("#user")).to_have_text("")
-        assert MASTER not in page.content() and page.context.cookies() == []
-        # The other tab is signed out too.
-        tab.click("nav >> text=Queue")
-        expect(tab.locator("#key-reason")).to_contain_text("Your session has ended.")
-
-        # A session ends with its key. The user can go on with another one.
-        [anna] = re.findall("fretwork_[0-9a-f_]+", keys(data, "add", "anna", "--role", "submit"))
-        enter(page, anna)
-        expect(page.locator("#user")).to_contain_text("anna (submit)")
-        keys(data, "revoke", "anna")
-        while page.request.get(own.base + "/v1/me").status == 200:
-            page.wait_for_timeout(50)
-        page.goto(own.base + "/#/queue")
-        expect(page.locator("#key-reason")).to_contain_text("Your session has ended.")
-        enter(page, anna)
-        expect(page.locator("#key-reason")).to_contain_text("rejected this key")
-        enter(page, MASTER)
-        expect(page.locator("#user")).to_contain_text("admin")
-        expect(page.locator("th a").first).to_be_visible()
-
-
 def lose_the_server(browser, data):
     with server(data) as own:
         pages = [(width, scheme, browser.page(own.base, scheme, width)) for width, scheme in VIEWS]
@@ -334,7 +239,6 @@ def main():
         first_plot(browser, directory("first-plot"))
         with server(directory("limits"), "--study-points", "50") as own:
             beyond_a_limit(browser, own.base)
-        sign_in(browser, directory("keys"))
         lose_the_server(browser, directory("lost"))
         with server(directory("library")) as own:
             library(browser, own.base)

@@ -38,6 +38,8 @@ class Target:
         self.bystander = values["bystander"]
         # The key of a user who leaves, and the command that revokes keys.
         self.leaver, self.revoke = values["leaver"], values["revoke"]
+        # The key of an administrator.
+        self.chief = values["chief"]
         # The address and the secret of the sign-on proxy.
         self.proxy, self.secret = values["proxy"], values["secret"]
 

@@ -75,6 +75,7 @@ class Server:
             "reader": self.key("reader", "read"),
             "bystander": self.bystander,
             "leaver": self.key("leaver", "submit"),
+            "chief": self.key("chief", "admin"),
             "revoke": [str(program), "keys", "revoke", "--data-dir", str(data)],
             "proxy": PROXY,
             "secret": SECRET,

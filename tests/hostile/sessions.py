@@ -3,20 +3,31 @@
     python sessions.py TARGET
 
 None may read or change anything: pages on another port and of another origin, a repeated header, a forged proxy, a key that
-was revoked, and a session that the attacker has chosen.
+was revoked, a session that the attacker has chosen, an event stream of a session that has ended, and access keys.
 """
 
 import asyncio
 import json
 import time
 
-from client import ask, attack, head, outcome, revoke, target, told
+from client import ask, attack, connect, head, outcome, post, receive, revoke, send, target, told
+from server import LARGE
 
 SOURCE = "127.14.0.1"
 HERE = f"http://127.0.0.1:{target.port}"
 NAME = f"fretwork-{target.port}"
 # The server forgets a revoked key within a second.
 REVOKED = 5
+# The server ends the streams of a session within this time.
+STREAM = 10
+# A computation of about 40 s of processor time.
+LONG = LARGE | {
+    "load": {"normal_force": "100 N", "held": "force"},
+    "motion": {"blocks": [{"amplitude": f"{(2.5, 8)[i % 2] + i / 1e4} um", "cycles": 200_000} for i in range(1000)]},
+    "cycles": {"from": 200_000, "to": 200_000_000, "count": 1000, "spacing": "linear"},
+    "profiles_at": "none",
+    "model": {"points": 4096, "tolerance": 1e-4, "compare": True},
+}
 
 
 async def sign_in(key, **headers):
@@ -93,9 +104,63 @@ async def revoked():
     return [await status(SOURCE, Cookie=cookie)]
 
 
+async def stream():
+    """An event stream that a browser has opened before its user signs out."""
+    cookie = await sign_in(target.bystander)
+    reply = await ask(SOURCE, post("/v1/jobs", target.bystander, {"scenario": LONG}))
+    assert reply.status == 202, reply
+    job = f"/v1/jobs/{json.loads(reply.body)['id']}"
+    events = await connect(SOURCE)
+    with events:
+        await send(events, head("GET", f"{job}/events", Cookie=cookie))
+        seen = b""
+        while b"event: snapshot" not in seen:
+            seen += await receive(events)
+        assert (await ask(SOURCE, head("DELETE", "/v1/session", Cookie=cookie, Origin=HERE, Content_Length=0))).status == 204
+        async with asyncio.timeout(STREAM):
+            # The last chunk of a chunked body is empty.
+            while not seen.endswith(b"\r\n0\r\n\r\n"):
+                more = await receive(events)
+                assert more, "the server closed the connection in the middle of an answer"
+                seen += more
+    assert b'"succeeded"' not in seen, "the stream outlived its session"
+    found = [await status(SOURCE, path=f"{job}/events", Cookie=cookie)]
+    assert (await ask(SOURCE, post(f"{job}/cancel", target.bystander, {}))).status == 200
+    return found
+
+
+async def keys(cookie):
+    """Access keys, for callers who are no administrators, and for other pages in the browser of one."""
+    chief = await sign_in(target.chief)
+    before = json.loads((await ask(SOURCE, head("GET", "/v1/keys", target.chief))).body)["keys"]
+    link = target.links[0].split("?")[1]
+    named = {"X_Remote_User": "chief", "X_Fretwork_Proxy_Secret": target.secret}
+    callers = [
+        (SOURCE, "", {"Cookie": cookie, "Origin": HERE}),
+        (SOURCE, f"?{link}", {}),
+        (SOURCE, f"?{link}", {"Cookie": chief, "Origin": HERE}),
+        (SOURCE, "", {"Authorization": f"Bearer {target.reader}"}),
+        (SOURCE, "", {"Authorization": f"Bearer {target.reader}", "Cookie": chief, "Origin": HERE}),
+        (target.proxy, "", named),
+        (target.proxy, "", {**named, "Cookie": chief, "Origin": HERE}),
+        (SOURCE, "", {"Cookie": chief, "Origin": f"http://127.0.0.1:{target.port + 1}"}),
+        (SOURCE, "", {"Cookie": chief, "Sec_Fetch_Site": "same-site"}),
+        (SOURCE, "", {}),
+    ]
+    found = []
+    for source, query, headers in callers:
+        for method, path in [("GET", "/v1/keys"), ("POST", "/v1/keys"), ("DELETE", f"/v1/keys/{before[0]['id']}")]:
+            found.append(await status(source, method, path + query, **headers))
+    # A change with the cookie of an administrator needs proof that it comes from a page of the server.
+    found.append(await status(SOURCE, "POST", "/v1/keys", Cookie=chief))
+    after = json.loads((await ask(SOURCE, head("GET", "/v1/keys", target.chief))).body)["keys"]
+    assert [(key["id"], key["revoked"]) for key in after] == [(key["id"], key["revoked"]) for key in before], after
+    return found
+
+
 async def program():
     cookie = await sign_in(target.keys[0])
-    found = [*await pages(cookie), *await proxies(), *await fixation(cookie), *await revoked()]
+    found = [*await pages(cookie), *await proxies(), *await fixation(cookie), *await keys(cookie), *await revoked(), *await stream()]
     assert set(found) <= {401, 403}, told(map(str, found))
     # The attacks have not ended the session of the user.
     reply = await ask(SOURCE, head("GET", "/v1/me", Cookie=cookie))

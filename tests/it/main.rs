@@ -45,6 +45,7 @@ mod forms;
 mod full_disk;
 mod hostile_files;
 mod keeping;
+mod keys;
 mod kill;
 mod library;
 mod listing;

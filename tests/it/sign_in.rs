@@ -4,18 +4,22 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fretwork::http::{Access, AdminKey, Connections, Origins, Settings, SignOn};
-use fretwork_job::Task;
+use fretwork_job::{Begin, Task};
 use fretwork_store::{Administration, Options, Role};
 use serde_json::json;
 
-use crate::access::{MASTER, made};
-use crate::server::{JSON, Reply, Server, ball};
+use crate::access::{MASTER, followed_with, made, rest};
+use crate::server::{Gate, JSON, Reply, Server, ball};
 
 const OWN: (&str, &str) = ("Origin", "http://localhost");
 const SECRET: &str = "the-secret-of-the-proxy";
 
 /// A server to which this machine is a proxy, and whose API every web page may call.
 async fn server() -> Server {
+    computing(Arc::new(Task::start)).await
+}
+
+async fn computing(begin: Begin) -> Server {
     let sign_on = SignOn {
         header: "x-remote-user".parse().unwrap(),
         secret: SECRET.to_owned(),
@@ -29,7 +33,7 @@ async fn server() -> Server {
     let proxies = vec!["127.0.0.1".parse().unwrap()];
     let connections = Connections { proxies, ..Connections::default() };
     let settings = Settings { access, connections, origins: Origins::Any, ..Settings::default() };
-    Server::with(Arc::new(Task::start), &settings, &Options::default()).await
+    Server::with(begin, &settings, &Options::default()).await
 }
 
 /// Signs in with a key. Returns the answer, and the cookie as the browser sends it.
@@ -69,10 +73,10 @@ async fn a_cookie_signs_in_until_its_session_or_its_key_ends() {
     // A session that begins in place of another one ends it.
     let (_, second) = sign_in(&server, &key, &[("Cookie", &cookie)]).await;
     assert_ne!(cookie, second);
-    me(&server, &cookie).await.problem(401, "unauthorized");
+    me(&server, &cookie).await.problem(401, "session-ended");
     let out = server.send("DELETE", "/v1/session", &[OWN, ("Cookie", &second)], "").await;
     assert!(out.header("set-cookie").unwrap().contains("fretwork=; ") && out.status == 204);
-    me(&server, &second).await.problem(401, "unauthorized");
+    me(&server, &second).await.problem(401, "session-ended");
 
     let (_, third) = sign_in(&server, &key, &[]).await;
     let mut administration = Administration::open(server.place()).await.unwrap();
@@ -83,6 +87,9 @@ async fn a_cookie_signs_in_until_its_session_or_its_key_ends() {
         assert!(Instant::now() < deadline, "the session of a revoked key stays valid");
         tokio::time::sleep(Duration::from_millis(50)).await;
     }
+    let problem = me(&server, &third).await.problem(401, "session-ended");
+    let detail = problem["detail"].as_str().unwrap();
+    assert!(detail.contains("was revoked on") && !detail.contains("Authorization"), "{detail}");
     let (_, chief) = sign_in(&server, MASTER, &[]).await;
     assert_eq!(me(&server, &chief).await.json()["role"], "admin");
 }
@@ -122,8 +129,8 @@ async fn a_cookie_counts_only_for_pages_of_this_server() {
     let link = [cookie, ("Sec-Fetch-Site", "cross-site"), ("Sec-Fetch-Mode", "navigate")];
     assert_eq!(server.send("GET", "/v1/jobs", &link, "").await.status, 200);
     let two = format!("{}; {}", cookie.1, cookie.1);
-    me(&server, &two).await.problem(401, "unauthorized");
-    me(&server, &format!("fretwork={}", "0".repeat(64))).await.problem(401, "unauthorized");
+    me(&server, &two).await.problem(401, "session-ended");
+    me(&server, &format!("fretwork={}", "0".repeat(64))).await.problem(401, "session-ended");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -170,4 +177,26 @@ async fn only_a_sign_on_proxy_names_a_user() {
     assert_eq!(job["owner"], "ben");
     let session = server.send("POST", "/v1/session", &[user, secret], "").await;
     session.problem(403, "forbidden");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_event_stream_ends_with_its_session() {
+    let gate = Gate::default();
+    let server = computing(gate.compute()).await;
+    let key = made(server.place(), "anna", Role::Submit).await;
+    let (_, cookie) = sign_in(&server, &key, &[]).await;
+    let (_, other) = sign_in(&server, &key, &[]).await;
+    let headers = [JSON, OWN, ("Cookie", cookie.as_str())];
+    let job = server.send("POST", "/v1/jobs", &headers, ball(1.0).to_string()).await.json();
+    let id = job["id"].as_str().unwrap();
+    let follow =
+        async |cookie: &str| followed_with(&server, &format!("Cookie: {cookie}\r\n"), id).await;
+    let (ended, good) = (follow(&cookie).await, follow(&other).await);
+    server.send("DELETE", "/v1/session", &[OWN, ("Cookie", &cookie)], "").await;
+    assert!(!rest(ended).await.contains("succeeded"));
+    let events = format!("/v1/jobs/{id}/events");
+    let again = server.send("GET", &events, &[("Cookie", &cookie)], "").await;
+    again.problem(401, "session-ended");
+    gate.open();
+    assert!(rest(good).await.contains("\"state\":\"succeeded\""));
 }

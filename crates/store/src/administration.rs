@@ -5,7 +5,7 @@ use std::time::Duration;
 use sqlx::postgres::PgConnection;
 use sqlx::{Connection as _, SqliteConnection};
 
-use super::audit::{self, AuditEntry};
+use super::audit::{self, Actor, AuditEntry};
 use super::change::{Change, Verb};
 use super::error::{Command, Result};
 use super::keys::{self, AccessKey, NewKey};
@@ -70,7 +70,7 @@ impl Administration {
     pub fn add_key<'a>(&'a mut self, new: &'a NewKey) -> Command<'a, String> {
         Box::pin(async move {
             let (id, key) = NewKey::mint()?;
-            self.change(keys::add, &(id, key.clone(), new.clone())).await?;
+            self.change(keys::add, &(id, key.clone(), new.clone(), Actor::of_process())).await?;
             Ok(key)
         })
     }
@@ -82,7 +82,8 @@ impl Administration {
 
     /// Revokes the valid keys with this id or name; returns how many.
     pub fn revoke_keys<'a>(&'a mut self, name: &'a str) -> Command<'a, usize> {
-        Box::pin(async move { self.change(keys::revoke, &name.to_owned()).await })
+        let input = (name.to_owned(), Actor::of_process());
+        Box::pin(async move { self.change(keys::revoke, &input).await })
     }
 
     /// Executes a verb in a transaction of its own.

@@ -128,9 +128,9 @@ pub(super) async fn list(mut db: impl Tables) -> Result<Vec<AccessKey>> {
     Ok(db.rows(keys).await?.iter().map(AccessKey::read).collect::<Result<_, _>>()?)
 }
 
-/// Stores a new key.
+/// Stores a new key. Its text and its id are known already.
 pub(super) async fn add(
-    (id, key, new): &(String, String, NewKey),
+    (id, key, new, by): &(String, String, NewKey, Actor),
     mut tx: Change<'_>,
 ) -> Result<()> {
     let now = tx.now().await?;
@@ -140,11 +140,11 @@ pub(super) async fn add(
         id, &new.name, new.role.as_str(), &digest(key), new.per_minute, now, new.expires
     );
     tx.execute(insert).await?;
-    record(&mut tx, now, (&Actor::of_process(), Act::AddKey), id, &new.name).await
+    record(&mut tx, now, (by, Act::AddKey), id, &new.name).await
 }
 
 /// Revokes the valid keys with this id or name; returns how many.
-pub(super) async fn revoke(name: &String, mut tx: Change<'_>) -> Result<usize> {
+pub(super) async fn revoke((name, by): &(String, Actor), mut tx: Change<'_>) -> Result<usize> {
     let now = tx.now().await?;
     let update = sql!(
         "UPDATE access_key SET revoked = $2
@@ -153,8 +153,7 @@ pub(super) async fn revoke(name: &String, mut tx: Change<'_>) -> Result<usize> {
     );
     let revoked = tx.rows(update).await?;
     for row in &revoked {
-        let act = (&Actor::of_process(), Act::RevokeKey);
-        record(&mut tx, now, act, row.get("id")?, row.get("name")?).await?;
+        record(&mut tx, now, (by, Act::RevokeKey), row.get("id")?, row.get("name")?).await?;
     }
     Ok(revoked.len())
 }

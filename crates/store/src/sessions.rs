@@ -48,10 +48,14 @@ pub(super) async fn begin((token, by): &(String, SignedIn), mut tx: Change<'_>) 
     tx.execute(insert).await
 }
 
-/// The key of the session with this token; `None` if there is no such session at this time.
-pub(super) async fn find(token: &str, now: i64, mut db: impl Tables) -> Result<Option<SignedIn>> {
+/// The key of the session whose token has this digest; `None` if there is no such session at this time.
+pub(super) async fn find(
+    digest: &[u8; 32],
+    now: i64,
+    mut db: impl Tables,
+) -> Result<Option<SignedIn>> {
     let query = sql!(
-        "SELECT key, key_digest FROM session WHERE digest = $1 AND expires > $2"; &digest(token), now
+        "SELECT key, key_digest FROM session WHERE digest = $1 AND expires > $2"; digest, now
     );
     let Some(row) = db.row(query).await? else { return Ok(None) };
     let wrong = |_| sqlx::Error::Decode("a stored digest does not have 32 bytes".into());

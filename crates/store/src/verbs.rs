@@ -15,7 +15,7 @@ use super::change::{Change, Shared, Verb};
 use super::claimed::{Claimed, FinishedChunk, Piece};
 use super::error::{Command, Doing, Error, Result};
 use super::keep::{self, Answered, Changed, Editor, Finish, PinQuota, Removed};
-use super::keys::{self, AccessKey};
+use super::keys::{self, AccessKey, NewKey};
 use super::library::{Known, Provenance};
 use super::naming;
 use super::options::{FileSizes, Options, Recovered};
@@ -433,6 +433,20 @@ impl Store {
         Box::pin(keys::list(Reading(self, Purpose::Keys)))
     }
 
+    /// Creates an access key. Returns its id and its text, which cannot be read later.
+    pub fn add_key(&self, new: NewKey, by: Actor) -> Doing<'_, (String, String)> {
+        Box::pin(async move {
+            let (id, key) = NewKey::mint()?;
+            self.change(keys::add, (id.clone(), key.clone(), new, by)).await?;
+            Ok((id, key))
+        })
+    }
+
+    /// Revokes the valid key with this id. Returns whether there was one.
+    pub fn revoke_key<'a>(&'a self, id: &'a str, by: Actor) -> Doing<'a, bool> {
+        Box::pin(async move { Ok(self.change(keys::revoke, (id.to_owned(), by)).await? > 0) })
+    }
+
     /// Records that a key was used now.
     pub fn key_was_used(&self, by: Actor) -> Doing<'_, ()> {
         Box::pin(self.change(keys::was_used, by))
@@ -447,9 +461,9 @@ impl Store {
         })
     }
 
-    /// The key of the session with this token; `None` if the session has ended.
-    pub fn session<'a>(&'a self, token: &'a str) -> Doing<'a, Option<SignedIn>> {
-        Box::pin(sessions::find(token, now(), Reading(self, Purpose::Keys)))
+    /// The key of the session whose token has this digest; `None` if the session has ended.
+    pub fn session<'a>(&'a self, digest: &'a [u8; 32]) -> Doing<'a, Option<SignedIn>> {
+        Box::pin(sessions::find(digest, now(), Reading(self, Purpose::Keys)))
     }
 
     /// Ends the session with this token, if there is one.

@@ -37,6 +37,8 @@ pub struct Identity {
     pub key: String,
     /// The key with which a browser can sign in; `None` for a link or a user of a sign-on proxy.
     pub credential: Option<SignedIn>,
+    /// The digest of the token of the session, if the request has a cookie in place of the key.
+    pub session: Option<[u8; 32]>,
 }
 
 /// The caller in the log.

@@ -127,13 +127,17 @@ impl Keyring {
         Ok(holders)
     }
 
-    fn new_holder(&self, key: AccessKey) -> KeyHolder {
+    /// The limits of a key.
+    pub fn limits(&self, key: &AccessKey) -> Limits {
         let per_minute = match key.per_minute {
             None => self.default_limits.per_minute,
             Some(own) => NonZeroU32::new(own),
         };
-        let limits = Limits { per_minute, ..self.default_limits };
-        KeyHolder { usage: Usage::new(limits, key.last_used), key }
+        Limits { per_minute, ..self.default_limits }
+    }
+
+    fn new_holder(&self, key: AccessKey) -> KeyHolder {
+        KeyHolder { usage: Usage::new(self.limits(&key), key.last_used), key }
     }
 
     /// Records in the store that a key was used, at most once per minute. The caller does not wait for it.

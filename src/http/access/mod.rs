@@ -31,7 +31,7 @@ use fretwork_store::{AccessKey, Actor, Role, SignedIn, Store, digest};
 use keyring::{Keyring, MAX_AGE, Usage};
 use limits::{Limits, OpenRequest};
 use needs::{Needs, Quota, RouteNeeds};
-use session::unauthorized;
+use session::{ENDED, ended, unauthorized};
 use sign_on::{SIGN_ON, SignOn, Users};
 use signed_link::{ADMIN, ANYONE, Signer};
 
@@ -79,8 +79,8 @@ struct AdminHolder {
 enum Presented {
     /// A sign-on proxy names its user.
     User(Identity, Arc<Usage>),
-    /// A browser sends the token of its session.
-    Session(String),
+    /// A browser sends the token of its session. This is its digest.
+    Session([u8; 32]),
     /// An access key.
     Key(SignedIn),
 }
@@ -119,7 +119,7 @@ pub async fn check<A: Future<Output = Response>>(
     if needs.role.is_some()
         && link.is_none()
         && started.elapsed() > MAX_AGE
-        && let Some(problem) = gate.recheck(identity.as_ref().map(|identity| &*identity.key)).await
+        && let Some(problem) = gate.recheck(identity.as_ref()).await
     {
         response = problem.into_response();
     }
@@ -236,7 +236,8 @@ impl Gate {
         *request.uri_mut() = link.address;
         // No key can have this name, so the caller owns no jobs.
         let owner = "a link".to_owned();
-        let identity = Identity { owner, role: Role::Read, key: link.issuer, credential: None };
+        let (role, key) = (Role::Read, link.issuer);
+        let identity = Identity { owner, role, key, credential: None, session: None };
         Ok(Admitted { identity: Some(identity), open_request, link: Some(link.left) })
     }
 
@@ -270,7 +271,7 @@ impl Gate {
             && let Some(token) = session::token(request)?
         {
             session::check_site(request)?;
-            return Ok(Presented::Session(token));
+            return Ok(Presented::Session(digest(&token)));
         }
         let key = presented_key(request.headers())?;
         let id = AccessKey::id_in(&key).unwrap_or_default().to_owned();
@@ -283,14 +284,15 @@ impl Gate {
         presented: Presented,
         headers: &HeaderMap,
     ) -> Result<(Identity, Arc<Usage>)> {
-        let credential = match presented {
+        let (credential, session) = match presented {
             Presented::User(identity, usage) => return Ok((identity, usage)),
-            Presented::Key(credential) => credential,
-            Presented::Session(token) => {
-                let ended = || unauthorized(headers, "The session has ended. Sign in again.");
-                self.store.session(&token).await?.ok_or_else(ended)?
+            Presented::Key(credential) => (credential, None),
+            Presented::Session(session) => {
+                let credential = self.store.session(&session).await?;
+                (credential.ok_or_else(|| ended(headers, ENDED))?, Some(session))
             }
         };
+        let refused = |reason: &str| refused(headers, session.is_some(), reason);
         let now = now();
         let digest = credential.key_digest;
         let (identity, usage) = if let Some(admin) = &self.admin
@@ -298,17 +300,20 @@ impl Gate {
         {
             let (owner, key) = (ADMIN.to_owned(), ADMIN.to_owned());
             let credential = Some(SignedIn { key: ADMIN.to_owned(), key_digest: digest });
-            (Identity { owner, role: Role::Admin, key, credential }, Arc::clone(&admin.usage))
+            (
+                Identity { owner, role: Role::Admin, key, credential, session },
+                Arc::clone(&admin.usage),
+            )
         } else {
-            let unknown = || unauthorized(headers, "This server does not know the key.");
+            let unknown = || refused("This server does not know the key.");
             let known = Some(&*credential.key).filter(|id| !id.is_empty()).ok_or_else(unknown)?;
             let holder = self.keyring.holder_of(known, &digest).await?.ok_or_else(unknown)?;
             if let Some(reason) = invalid(&holder.key, now) {
-                return Err(unauthorized(headers, &reason));
+                return Err(refused(&reason));
             }
             let AccessKey { id, name, role, .. } = &holder.key;
             let (owner, key, credential) = (name.clone(), id.clone(), Some(credential));
-            let identity = Identity { owner, role: *role, key, credential };
+            let identity = Identity { owner, role: *role, key, credential, session };
             (identity, Arc::clone(&holder.usage))
         };
         let Identity { owner, key, .. } = &identity;
@@ -317,21 +322,30 @@ impl Gate {
         Ok((identity, usage))
     }
 
-    /// Checks an accepted request once more. Returns the problem if the server would now refuse a request with this key
+    /// Checks an accepted request once more. Returns the problem if the server would now refuse a request of this caller
     /// (or without a key, for `None`). If the database does not answer, running requests continue.
-    pub async fn recheck(&self, key: Option<&str>) -> Option<Problem> {
-        let reason = match key {
-            None => {
-                let required = self.requires_key().await.unwrap_or_else(|problem| {
-                    tracing::error!(error = problem.cause(), "cannot read the access keys");
-                    false
-                });
-                required
-                    .then(|| "The server requires a key since this request began.".to_owned())?
-            }
-            Some(id) => invalid(&self.keyring.holders().await.ok()?.get(id)?.key, now())?,
+    pub async fn recheck(&self, identity: Option<&Identity>) -> Option<Problem> {
+        let headers = &HeaderMap::new();
+        let Some(Identity { key, session, .. }) = identity else {
+            let required = self.requires_key().await.unwrap_or_else(|problem| {
+                tracing::error!(error = problem.cause(), "cannot read the access keys");
+                false
+            });
+            let reason = "The server requires a key since this request began.";
+            return required.then(|| unauthorized(headers, reason));
         };
-        Some(unauthorized(&HeaderMap::new(), &reason))
+        if let Some(session) = session
+            && let Ok(None) = self.store.session(session).await
+        {
+            return Some(ended(headers, ENDED));
+        }
+        let reason = invalid(&self.keyring.holders().await.ok()?.get(key)?.key, now())?;
+        Some(refused(headers, session.is_some(), &reason))
+    }
+
+    /// The requests per minute that a key allows; `None` for no limit.
+    pub fn per_minute(&self, key: &AccessKey) -> Option<u32> {
+        self.keyring.limits(key).per_minute.map(Into::into)
     }
 
     /// Counts a request with a link against the key that signed the link. Refuses the request if that key is no longer
@@ -373,6 +387,14 @@ fn has_local_host(request: &Request) -> bool {
     let last = name.rsplit_once('.').map_or(name, |(_, last)| last);
     name.parse::<Ipv4Addr>().is_ok()
         || (last.eq_ignore_ascii_case("localhost") && name.bytes().all(plain))
+}
+
+/// The problem for a request whose key is not valid. A browser with a session has sent no key itself.
+fn refused(headers: &HeaderMap, has_session: bool, reason: &str) -> Problem {
+    if has_session {
+        return ended(headers, &format!("{reason} Sign in with another key."));
+    }
+    unauthorized(headers, reason)
 }
 
 /// Why a key is not valid; `None` if it is.

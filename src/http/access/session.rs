@@ -97,7 +97,7 @@ pub fn token(request: &Request) -> Result<Option<String>> {
     let Some(token) = tokens.next() else { return Ok(None) };
     if tokens.next().is_some() {
         let detail = "The request has several session cookies. Delete the cookies of this site, and sign in again.";
-        return Err(unauthorized(request.headers(), detail));
+        return Err(ended(request.headers(), detail));
     }
     let hex = |byte: u8| matches!(byte, b'0'..=b'9' | b'a'..=b'f');
     Ok((token.len() == TOKEN && token.bytes().all(hex)).then(|| token.to_owned()))
@@ -125,11 +125,23 @@ pub fn set_cookie(request: &Request, token: Option<&str>) -> (HeaderName, String
     (header::SET_COOKIE, cookie)
 }
 
-/// The problem for a request without a valid key. It names an authentication scheme that the client supports.
+/// What a request with the cookie of a session that has ended is told.
+pub const ENDED: &str = "The session has ended. Sign in again.";
+
+/// The problem for a request without a valid key.
 pub fn unauthorized(headers: &HeaderMap, reason: &str) -> Problem {
     let detail = format!("{reason} Send a key as `Authorization: Bearer fretwork_…`.");
-    let problem = Problem::new(&kinds::UNAUTHORIZED, detail)
-        .with_header(header::WWW_AUTHENTICATE, "Bearer realm=\"fretwork\"");
+    challenge(headers, Problem::new(&kinds::UNAUTHORIZED, detail))
+}
+
+/// The problem for a browser whose session is not valid.
+pub fn ended(headers: &HeaderMap, detail: &str) -> Problem {
+    challenge(headers, Problem::new(&kinds::SESSION_ENDED, detail))
+}
+
+/// Adds an authentication scheme that the client supports.
+fn challenge(headers: &HeaderMap, problem: Problem) -> Problem {
+    let problem = problem.with_header(header::WWW_AUTHENTICATE, "Bearer realm=\"fretwork\"");
     let accepts = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok());
     if accepts.is_some_and(|accepts| accepts.contains("text/html")) {
         // If the scheme is Basic, a browser asks its user for a name and a password.

@@ -3,6 +3,7 @@
 use std::convert::Infallible;
 use std::time::Duration;
 
+use axum::Extension;
 use axum::http::header::CACHE_CONTROL;
 use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -13,6 +14,7 @@ use serde_json::json;
 use tokio::time::sleep;
 
 use super::jobs::{JobAnswer, visible};
+use crate::http::access::Identity;
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::Result;
@@ -23,8 +25,8 @@ use fretwork_store::Changes;
 /// The server sends a comment after this time without events, because proxies close silent connections.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
-/// A stream checks at this interval whether its key is still valid. It also checks before each event.
-const KEY_INTERVAL: Duration = Duration::from_secs(1);
+/// A stream checks at this interval whether its session and its key are still valid. It also checks before each event.
+const CHECK_INTERVAL: Duration = Duration::from_secs(1);
 
 /// The data of a `state` event.
 #[derive(Serialize)]
@@ -42,8 +44,8 @@ struct Changed {
 /// The first event is a `snapshot` of the job. A `state` event with `id` 1, 2, … follows for each change of
 /// state since the job was submitted; the last one contains the `job`. `progress` events come between
 /// them. A client that reconnects with `Last-Event-ID` gets the later states, each exactly once. After the
-/// last state the answer is 204, and the `EventSource` of a browser stops. The stream ends if its key
-/// is revoked. If a proxy delays events, use `GET /v1/jobs/{id}?wait=` instead.
+/// last state the answer is 204, and the `EventSource` of a browser stops. The stream ends within
+/// seconds if its session ends or its key is revoked. If a proxy delays events, use `GET /v1/jobs/{id}?wait=` instead.
 #[utoipa::path(get, path = "/v1/jobs/{id}/events", operation_id = "follow_job", tag = "jobs",
     params(
         ("id" = uuid::Uuid, Path, description = "The `id` of a job."),
@@ -60,6 +62,7 @@ struct Changed {
 pub async fn follow(
     app: App,
     caller: Caller,
+    identity: Option<Extension<Identity>>,
     id: Segment,
     headers: HeaderMap,
     _: NoQuery,
@@ -74,8 +77,8 @@ pub async fn follow(
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
     let changes = app.store.watch(&job.key);
-    let Caller { key, .. } = caller;
-    let follower = Follower { app, id, key, changes, seen, progress: -1.0 };
+    let identity = identity.map(|Extension(identity)| identity);
+    let follower = Follower { app, id, identity, changes, seen, progress: -1.0 };
     let events = Sse::new(follower.into_events()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE));
     let buffering = HeaderName::from_static("x-accel-buffering");
     Ok(([(CACHE_CONTROL, "no-store"), (buffering, "no")], events).into_response())
@@ -85,8 +88,8 @@ pub async fn follow(
 struct Follower {
     app: App,
     id: JobId,
-    /// The id of the caller's key; `None` on a server without keys.
-    key: Option<String>,
+    /// The caller; `None` on a server without keys.
+    identity: Option<Identity>,
     changes: Changes,
     /// The number of sent changes of state.
     seen: usize,
@@ -116,12 +119,12 @@ impl Follower {
         while !changed {
             changed = tokio::select! {
                 () = self.changes.changed() => true,
-                () = sleep(KEY_INTERVAL) => false,
+                () = sleep(CHECK_INTERVAL) => false,
                 // The server stops. The client reconnects after the restart and continues with `Last-Event-ID`.
                 () = self.app.service.drained() => return None,
             };
-            // The key is no longer valid. The client reconnects and receives the problem.
-            if self.app.gate.recheck(self.key.as_deref()).await.is_some() {
+            // The session or the key is no longer valid. The client reconnects and receives the problem.
+            if self.app.gate.recheck(self.identity.as_ref()).await.is_some() {
                 return None;
             }
         }

@@ -7,6 +7,7 @@ pub mod diff;
 pub mod evaluate;
 pub mod events;
 pub mod jobs;
+pub mod keys;
 pub mod library;
 pub mod links;
 pub mod me;

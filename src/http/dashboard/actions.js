@@ -1,8 +1,10 @@
 // The buttons of a result: download, share, compare, edit, pin and note.
 
-import { get, post, resultAddress, send, signedIn } from "./api.js";
-import { copy, h, notify, openDialog } from "./dom.js";
+import { may } from "./allowed.js";
+import { get, post, resultAddress, send } from "./api.js";
+import { copy, dateTime, h, notify, openDialog } from "./dom.js";
 import { saveAs } from "./figure-save.js";
+import { signedIn } from "./sign-in.js";
 import { kindOf } from "./summary.js";
 import { editLink } from "./vary.js";
 
@@ -73,16 +75,21 @@ export function drawActions(result, { job, link, remember, signal }) {
       h("div", { class: "row" }, h("span", {}, name), formats.map((format) =>
         button(format, () => download(path, format), { "aria-label": `${name} as ${format}` })))),
     h("div", { class: "row" }, button("Copy curl command", curl), button("Copy Python code", python))));
-  const address = editLink({ ...result, ...job });
+  const form = editLink({ ...result, ...job });
+  // The holder of a shared link sees the values in the form without a key.
+  const address = form && link ? `${form}&link=${encodeURIComponent(link)}` : form;
   const edit = address && h("a", { class: "button", href: address }, "Edit and run again");
-  if (link) return h("div", { class: "actions" }, menu, edit);
-  const row = h("div", { class: "actions" }, menu, button("Share link", share),
+  if (link) return h("div", { class: "actions" }, menu, edit, h("p", { class: "muted", id: "link-end" }, "This link is valid until ", dateTime(endOf(link)), "."));
+  const row = h("div", { class: "actions" }, menu, may("share") && button("Share link", share),
     !isStudy && h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);
   addPinAndNote(row, key, signal);
   return row;
 }
 
-/** Adds the buttons for pin and note once their state is loaded. */
+/** When a shared link ends: its token begins with the seconds since 1970. */
+const endOf = (link) => new Date(1000 * Number(link.split(".")[0])).toISOString();
+
+/** Adds the note, and the buttons for pin and note, once their state is loaded. */
 async function addPinAndNote(row, key, signal) {
   const provenance = await get(resultAddress(key, "/provenance"), { signal }).catch(() => null);
   if (!provenance) return;
@@ -107,7 +114,8 @@ async function addPinAndNote(row, key, signal) {
     drawNote();
   });
   drawNote();
-  row.append(pin, edit, noteText);
+  if (may("submit")) row.append(pin, edit);
+  row.append(noteText);
 }
 
 /** Asks for the text of a note. Resolves to null if the user cancels. */

@@ -1,6 +1,6 @@
-// Requests to the server: access key, errors, server-sent events, and retries after a lost connection.
+// Requests to the server: errors, server-sent events, and retries after a lost connection or a sign-in.
 
-import { h, openDialog } from "./dom.js";
+import { caller, SIGN_ON, signIn, signIns } from "./sign-in.js";
 
 const RETRY_MS = 1000;
 const HEALTH_CHECK_MS = 8000;
@@ -29,27 +29,8 @@ function addressOf(collection, id, part) {
 export const resultAddress = (key, part = "") => addressOf("results", key, part);
 export const jobAddress = (id, part = "") => addressOf("jobs", id, part);
 
-/** Dispatches `lost` and `restored` for the connection, and `key` when the access key changes. */
+/** Dispatches `lost` and `restored`. */
 export const connection = new EventTarget();
-
-let user = null;
-
-/** The caller if an access key has signed in, or null. */
-export const signedIn = () => user;
-
-/** Asks the server who has signed in. The browser keeps the session in a cookie, which all tabs share. */
-export async function readUser() {
-  const response = await fetch("/v1/me", { cache: "no-store" }).catch(() => null);
-  const me = response?.ok ? await response.json() : null;
-  user = me?.key ? me : null;
-  return user;
-}
-
-export async function signOut() {
-  await fetch("/v1/session", { method: "DELETE" }).catch(() => null);
-  user = null;
-  connection.dispatchEvent(new Event("key"));
-}
 
 const pause = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
 
@@ -84,32 +65,37 @@ export async function watchConnection() {
   }
 }
 
+const LOST = { title: "The connection was lost", detail: "The connection was lost before the answer. Look whether the server has done it." };
+const SIGNED_OFF = { title: "You are signed off", detail: "Your sign-on has ended. Reload the page to sign on again." };
+
+/** Whether the sign-on proxy has ended the session of its user: it refuses the request, or sends the browser to its own page. */
+const isSignedOff = ({ status, type }) => caller()?.key === SIGN_ON && (status === 401 || type === "opaqueredirect");
+
 /**
  * Sends one request and retries it after a lost connection or a sign-in. A retry is safe: each request reads,
- * is idempotent, or carries an Idempotency-Key.
+ * is idempotent, or carries an Idempotency-Key. All others have `once`.
  */
-export async function send(path, { method = "GET", body, headers = {}, signal } = {}) {
+export async function send(path, { method = "GET", body, headers = {}, signal, once = false } = {}) {
   for (;;) {
-    const session = sessions;
+    const count = signIns();
     const all = { Accept: "application/json", ...headers };
     const isFile = body instanceof Blob;
     if (body !== undefined) all["Content-Type"] = isFile ? body.type : "application/json";
     let response;
     try {
       // `no-cache` revalidates cached results: the result may be deleted or the key revoked.
-      response = await fetch(path, { method, body: isFile ? body : body && JSON.stringify(body), headers: all, signal, cache: "no-cache" });
+      response = await fetch(path, { method, body: isFile ? body : body && JSON.stringify(body), headers: all, signal, cache: "no-cache", redirect: "manual" });
     } catch (error) {
       if (signal?.aborted || error.name === "AbortError") throw error;
+      if (once) throw new Problem(0, LOST);
       await reconnect();
       signal?.throwIfAborted();
       continue;
     }
     if (response.ok) return response;
+    if (isSignedOff(response)) throw new Problem(401, SIGNED_OFF);
     const members = await response.json().catch(() => ({}));
-    if (response.status === 401) {
-      const reason = user ? "Your session has ended." : "This server requires an access key.";
-      if (session !== sessions || (await signIn(reason))) continue;
-    }
+    if (response.status === 401 && (count !== signIns() || (await signIn(members)))) continue;
     throw new Problem(response.status, members);
   }
 }
@@ -127,42 +113,6 @@ export async function get(path, options = {}) {
 }
 
 export const post = (path, body, options = {}) => get(path, { method: "POST", body, ...options });
-
-let signingIn = null;
-/** How often this tab has signed in. */
-let sessions = 0;
-
-/** Asks for an access key until the server accepts one or the user cancels. Returns whether the user has signed in. All requests share one dialog. */
-export function signIn(reason) {
-  signingIn ??= (async () => {
-    const field = h("input", { type: "password", id: "key", autocomplete: "off", required: true,
-      "aria-describedby": "key-reason", spellcheck: false });
-    let [hasKey, entered, text] = [false, true, reason];
-    while (entered && !hasKey) {
-      entered = false;
-      field.value = "";
-      await openDialog("Sign in", (close) => h("form", { method: "dialog", onsubmit: () => { entered = true; } },
-      h("h2", {}, "Sign in"),
-      h("p", { id: "key-reason" }, text, h("br"), "All tabs stay signed in until you sign out or close the browser, at most a week."),
-      h("label", { for: "key" }, "Access key"), field,
-      h("div", { class: "row" },
-        h("button", { class: "primary" }, "Sign in"),
-        h("button", { type: "button", onclick: close }, "Cancel"))));
-      if (!entered) break;
-      const headers = { Authorization: `Bearer ${field.value.trim()}` };
-      hasKey = (await fetch("/v1/session", { method: "POST", headers }).catch(() => null))?.status === 204;
-      text = "The server rejected this key. It may be mistyped, expired or revoked.";
-    }
-    field.value = "";
-    signingIn = null;
-    if (hasKey) {
-      sessions += 1;
-      connection.dispatchEvent(new Event("key"));
-    }
-    return hasKey;
-  })();
-  return signingIn;
-}
 
 /**
  * Yields the server-sent events of a job as `{name, data}` until the job has ended. After a broken stream

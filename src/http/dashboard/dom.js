@@ -96,3 +96,6 @@ export function dateTime(timestamp) {
   const options = { dateStyle: "medium", timeStyle: "short" };
   return h("time", { dateTime: timestamp }, new Intl.DateTimeFormat(undefined, options).format(new Date(timestamp)));
 }
+
+/** A text of the server. Its times are shown in the language and time zone of the browser. */
+export const withDates = (text) => text.split(/(\d{4}-\d\d-\d\dT[\d:.]+Z)/).map((part, i) => (i % 2 ? dateTime(part) : part));

@@ -1,7 +1,8 @@
 // The card of an error, with a button that computes an evicted or deleted result again.
 
+import { may } from "./allowed.js";
 import { idempotencyKey, post } from "./api.js";
-import { h, notify } from "./dom.js";
+import { h, notify, withDates } from "./dom.js";
 import { kindOf } from "./summary.js";
 import { editLink } from "./vary.js";
 
@@ -11,10 +12,10 @@ export function errorCard(problem) {
     h("li", {}, pointer || parameter ? [h("code", {}, pointer || parameter), " "] : null, detail));
   return h("section", { class: "card error", role: "alert" },
     h("h2", {}, problem.title ?? "Unexpected error"),
-    h("p", {}, problem.detail ?? problem.message),
+    h("p", {}, withDates(problem.detail ?? problem.message)),
     faults.length > 0 && h("ul", {}, faults),
-    computeAgain(problem),
-    problem.type?.startsWith("/problems/") && h("p", {}, h("a", { href: problem.type }, "How to fix this")),
+    may("submit") && computeAgain(problem),
+    may("read") && problem.type?.startsWith("/problems/") && h("p", {}, h("a", { href: problem.type }, "How to fix this")),
     problem.instance && h("p", { class: "muted" }, `Request ID: ${problem.instance}`));
 }
 

@@ -1,6 +1,7 @@
 // The form for a new run: fields and JSON of one scenario. Each change is computed at once, and Keep makes a job of it. Numbers
 // that vary make it a study.
 
+import { may } from "./allowed.js";
 import { get, idempotencyKey, Problem, post } from "./api.js";
 import { debounced, explained, fill, h, notify, select } from "./dom.js";
 import { Draft } from "./draft.js";
@@ -23,12 +24,18 @@ const MAX_LABEL = 200;
 /** After this time without a change, the server checks the job, and computes the figures with all radii. */
 const IDLE_MS = 250;
 
-let examples = null;
+/** Why the form has no Keep: with a shared link, and with a key that may only read. */
+const LIMITED = {
+  false: "These are the values of the shared result. To compute and keep a run with them, sign in with an access key.",
+  true: "Your access key can only read. The form checks the values. To compute and keep a run, use a key with the role submit.",
+};
+
+let examples = [];
 
 /** The scenario, the study and the label of an address, or of the first example. */
 function fromAddress(query) {
   const first = examples.find((example) => example.name === query.get("example")) ?? examples[0];
-  const form = { scenario: structuredClone(first.body.scenario), study: newStudy(), label: query.get("label") };
+  const form = { scenario: structuredClone(first?.body.scenario ?? {}), study: newStudy(), label: query.get("label") };
   try {
     if (query.has("scenario")) form.scenario = Object(JSON.parse(query.get("scenario")));
   } catch {
@@ -41,7 +48,8 @@ function fromAddress(query) {
 }
 
 export async function showForm(main, { query, signal }) {
-  [examples] = await Promise.all([examples ?? get("/v1/examples", { signal }), loadLimits(signal)]);
+  // The holder of a shared link gets neither, and has a scenario in the address.
+  if (may("read")) [examples] = await Promise.all([examples.length ? examples : get("/v1/examples", { signal }), loadLimits(signal)]);
   // `label` is what the user typed. A study and an unchanged example have labels of their own, which change with the form.
   const form = fromAddress(query);
   // The run that the user edits.
@@ -96,7 +104,7 @@ export async function showForm(main, { query, signal }) {
 
   /** Keeps the scenario, its study and its label in the address, so that a reload or a bookmark restores them. */
   const remember = () => {
-    const words = new URLSearchParams({ scenario: JSON.stringify(form.scenario), ...(form.label !== null && { label: form.label }),
+    const words = new URLSearchParams({ ...(!may("read") && { link: query.get("link") }), scenario: JSON.stringify(form.scenario), ...(form.label !== null && { label: form.label }),
       ...(isStudy() && { study: JSON.stringify(jobBody(undefined, form.study)) }), ...(source && { from: source }) });
     history.replaceState(null, "", `#/new?${words}`);
   };
@@ -143,16 +151,18 @@ export async function showForm(main, { query, signal }) {
     wanted = false;
     heading.textContent = isStudy() ? "New study" : "New run";
     keep.textContent = submitText(form.study);
-    preview.element.hidden = isStudy();
-    (isStudy() ? side : left).insertBefore(estimate, isStudy() ? null : jsonEditor);
+    preview.element.hidden = isStudy() || !may("submit");
+    estimate.hidden = !may("read");
+    const isBeside = isStudy() || !may("submit");
+    (isBeside ? side : left).insertBefore(estimate, isBeside ? null : jsonEditor);
     drawRuns(form.study);
     draft.stop();
     if (isStudy()) live.stop();
-    else {
+    else if (may("submit")) {
       preview.hold(isDragging);
       live.ask(form.scenario);
     }
-    checkSoon();
+    if (may("read")) checkSoon();
   }
 
   function editJson() {
@@ -243,7 +253,7 @@ export async function showForm(main, { query, signal }) {
     (isStudy() ? drawStudyEstimate : drawEstimate)(estimate, checked);
     if (excess) estimate.append(h("p", { class: "warning", id: "excess" }, excess));
     if (wanted) submit();
-    if (isStudy()) return;
+    if (isStudy() || !may("submit")) return;
     if (isLong && !excess) draft.ask(form.scenario, checked);
     else if (!isLong) live.ask(form.scenario, true);
     isLong = false;
@@ -252,7 +262,7 @@ export async function showForm(main, { query, signal }) {
   async function submit(event) {
     event?.preventDefault();
     wanted = keep.disabled;
-    if (submitting || wanted) return;
+    if (!may("submit") || submitting || wanted) return;
     submitting = true;
     allowKeep();
     try {
@@ -288,17 +298,17 @@ export async function showForm(main, { query, signal }) {
       h("p", { class: "muted" }, "Type a number, with or without a unit: 10, 10 mm, 3.03×10⁻⁵ mm³/Nm. The arrow keys and the slider change it. "
         + "Press Vary to compute many values of it in one study.")),
     jsonEditor);
-  const side = h("div", { class: "side" }, announcement, plan, preview.element);
+  const side = h("div", { class: "side" }, announcement, !may("submit") && h("section", { class: "card", id: "limited" }, LIMITED[may("read")]), plan, preview.element);
   main.replaceChildren(
     h("form", { class: "maker", onsubmit: submit, noValidate: true, onkeydown: pressed },
       h("div", { class: "bar run" }, heading,
-        h("div", { class: "field" }, h("label", { for: "example" }, "Start from"), chooseExample),
-        h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), undoButton, keep),
+        h("div", { class: "field", hidden: !may("read") }, h("label", { for: "example" }, "Start from"), chooseExample),
+        h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), undoButton, may("submit") && keep),
       h("div", { class: "two" }, left, side)));
   // The unit of a number without a unit follows the choice.
   document.addEventListener("units", () => {
     draw();
-    check();
+    if (may("read")) check();
   }, { signal });
   restore(form);
   jsonEditor.open = withoutField(form.scenario).length > 0;

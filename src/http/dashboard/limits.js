@@ -23,9 +23,10 @@ const memberOf = (owns, name) => owns.flatMap((own) => [own.properties?.[name], 
 
 /** The smallest and the largest number at a pointer, in a unit. */
 export function limitsOf(pointer, unit) {
-  const factor = PER_SI[unit];
-  const numbers = pointer.split("/").slice(1).reduce(memberOf, allOf(schema)).filter(({ type }) => type === "number");
-  if (!factor || numbers.length === 0) return [-Infinity, Infinity];
+  // Only users may read the schema.
+  const factor = schema && PER_SI[unit];
+  const numbers = factor ? pointer.split("/").slice(1).reduce(memberOf, allOf(schema)).filter(({ type }) => type === "number") : [];
+  if (numbers.length === 0) return [-Infinity, Infinity];
   return [Math.min(...numbers.map(({ minimum, exclusiveMinimum }) => factor * (minimum ?? exclusiveMinimum ?? -Infinity))),
     Math.max(...numbers.map(({ maximum }) => factor * (maximum ?? Infinity)))];
 }

@@ -1,12 +1,14 @@
 // The frame of the page: routing, units, the signed-in user and the connection banner.
 
-import { connection, readUser, signIn, signOut, watchConnection } from "./api.js";
-import { h, notify } from "./dom.js";
+import { may } from "./allowed.js";
+import { connection, watchConnection } from "./api.js";
+import { fill, h, notify, withDates } from "./dom.js";
 import { errorCard } from "./error.js";
 import { showForm } from "./form.js";
 import { showResult } from "./result.js";
 import { showRun } from "./run.js";
 import { showRuns } from "./runs.js";
+import { caller, hasDeclined, readCaller, session, SIGN_ON, signedIn, signIn, signOut, whySignIn } from "./sign-in.js";
 import { si, useSi } from "./units.js";
 
 /**
@@ -25,12 +27,31 @@ const VIEWS = {
   runs: ["Runs", showRuns],
   // The name of this view in addresses of earlier versions.
   queue: ["Runs", showRuns],
+  keys: ["Access keys", async (...all) => (await import("./keys.js")).showKeys(...all)],
 };
 
 const main = document.getElementById("main");
 const banner = document.getElementById("banner");
 const units = document.getElementById("units");
 let currentView = new AbortController();
+/** The user for whom the view is drawn. */
+let drawnFor;
+
+/** Who uses the page, and what they may do. */
+const userOf = (me) => me && `${me.name} ${me.role} ${me.key}`;
+
+/** Whether a view needs no key: the holder of a shared link may read a result, and see its values in the form. */
+const isShared = (query) => query.has("link") || query.has("links");
+
+/** Asks the user to sign in. */
+async function welcome() {
+  document.title = "Sign in · fretwork";
+  main.removeAttribute("aria-busy");
+  fill(main);
+  if (!hasDeclined() && (await signIn() || caller() !== null)) return;
+  fill(main, h("section", { class: "card welcome" }, h("h1", {}, "Sign in"), h("p", {}, withDates(whySignIn())),
+    h("button", { type: "button", class: "primary", onclick: () => signIn() }, "Enter an access key")));
+}
 
 /** Shows the view that the hash names. */
 async function route() {
@@ -39,6 +60,9 @@ async function route() {
   const { signal } = currentView;
   const [path, query] = location.hash.replace(/^#\/?/, "").split(/\?(.*)/s);
   const [name, id] = path.split("/");
+  const words = new URLSearchParams(query);
+  drawnFor = userOf(caller());
+  if (caller() === null && !isShared(words)) return welcome();
   const [title, show] = VIEWS[Object.hasOwn(VIEWS, name) ? name : ""];
   document.title = `${title} · fretwork`;
   for (const link of document.querySelectorAll("nav a")) {
@@ -48,7 +72,7 @@ async function route() {
   main.replaceChildren(h("p", { class: "muted" }, "Loading…"));
   main.setAttribute("aria-busy", "true");
   try {
-    await show(main, { id, query: new URLSearchParams(query), signal });
+    await show(main, { id, query: words, signal });
   } catch (error) {
     if (signal.aborted) return;
     main.replaceChildren(h("h1", {}, title), errorCard(error), h("button", { type: "button", onclick: route }, "Try again"));
@@ -64,21 +88,32 @@ units.addEventListener("change", () => {
   document.dispatchEvent(new Event("units"));
 });
 
-/** Shows the name and the role of the access key. A server without keys has no users. */
-async function showUser() {
-  const place = document.getElementById("user");
-  const me = await readUser();
-  if (!me) return place.replaceChildren();
-  place.replaceChildren(`${me.name} (${me.role})`);
+const navigation = document.querySelector("nav");
+const place = document.getElementById("user");
+
+/** Shows who uses the page. A server without keys has no users. A guest with a shared link has no other views. */
+function showUser() {
+  const me = signedIn();
+  navigation.hidden = caller() === null;
+  if (caller() === null) return fill(place, h("button", { type: "button", onclick: () => signIn() }, "Sign in"));
+  if (!me) return fill(place);
   // The sign-on proxy ends the sessions of its users.
-  if (me.key === "sign-on") return;
-  place.append(h("button", { type: "button", onclick: async () => {
-    await signOut();
-    signIn("You are signed out.").then(route);
-  } }, "Sign out"));
+  const items = [h("span", { class: "muted" }, `Role: ${me.role}`), may("keys") && h("a", { href: "#/keys" }, "Access keys"),
+    me.key !== SIGN_ON && h("button", { type: "button", onclick: leave }, "Sign out")].filter(Boolean);
+  fill(place, h("details", { class: "menu" }, h("summary", { title: me.name }, h("span", {}, me.name)), h("div", { class: "sheet" }, items)));
 }
 
-connection.addEventListener("key", showUser);
+async function leave() {
+  currentView.abort();
+  if (await signOut()) return;
+  notify("The server cannot be reached. You are still signed in.");
+  route();
+}
+
+session.addEventListener("changed", () => {
+  showUser();
+  if (drawnFor !== userOf(caller())) route();
+});
 connection.addEventListener("lost", () => {
   banner.textContent = "No connection to the server. Reconnecting… Your input is kept.";
   banner.hidden = false;
@@ -86,8 +121,10 @@ connection.addEventListener("lost", () => {
 connection.addEventListener("restored", () => {
   banner.hidden = true;
   notify("Connection restored.");
+  if (caller() === undefined) readCaller();
 });
 addEventListener("hashchange", ({ newURL }) => {
+  closeMenus(null);
   // If the address has changed again meanwhile, another event follows.
   if (newURL !== location.href) return;
   route();
@@ -108,6 +145,10 @@ document.querySelector(".skip").addEventListener("click", (event) => {
   event.preventDefault();
   main.focus();
 });
-showUser();
-route();
+await readCaller();
+// With a user, the event has shown both.
+if (!caller()) {
+  showUser();
+  route();
+}
 watchConnection();

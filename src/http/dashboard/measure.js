@@ -1,6 +1,6 @@
 // Measurements beside a result. What reads and draws them is loaded when a file is dropped or a button is pressed.
 
-import { signedIn } from "./api.js";
+import { may } from "./allowed.js";
 import { h, notify } from "./dom.js";
 
 /** Where the measured sets are kept: they survive a reload, and end with the tab. */
@@ -8,7 +8,7 @@ export const KEPT = "fretwork-measured";
 
 /**
  * The card of measurements below a run. `figures` are the figures `profile`, `history` and `loop`, `state` is what they show, and
- * `redraw` draws them again. `submitted` is the scenario as the user wrote it, if it is known. The holder of a shared link, `link`, may not compute, and read files only after a sign-in.
+ * `redraw` draws them again. `submitted` is the scenario as the user wrote it, if it is known. To read files and to fit, the user must be allowed to compute. A shared `link` opens no fit.
  */
 export function measuring({ result, submitted, link, state, figures, redraw, signal }) {
   const place = h("div", { class: "stack" });
@@ -21,12 +21,12 @@ export function measuring({ result, submitted, link, state, figures, redraw, sig
   }));
   const act = (what) => loaded().then(what).catch((problem) => signal.aborted || notify(problem.detail ?? problem.message));
   const button = (id, text, what) => h("button", { type: "button", id, onclick: () => act(what) }, text);
-  const mayRead = !link || signedIn();
+  const mayRead = may("submit");
   const hasFile = ({ dataTransfer }) => dataTransfer?.types.includes("Files");
   const element = h("section", { class: "card measurements", "aria-label": "Measurements" },
     h("div", { class: "row spread" }, h("h2", {}, "Measurements"), h("div", { class: "row" },
       mayRead && button("add-measurement", "Add measurement…", (own) => own.ask()), button("wear-over-energy", "Wear over energy", (own) => own.showEnergy()),
-      !link && button("fit-these", "Fit…", (own) => own.fit()))),
+      !link && mayRead && button("fit-these", "Fit…", (own) => own.fit()))),
     mayRead && h("p", { class: "muted" }, "Drop a CSV file with measured numbers on a figure, or add it here. The numbers stay in this tab. Only the reader of files on the "
       + "server gets them, and keeps nothing."), place);
   if (!mayRead) return element;

@@ -33,11 +33,12 @@ macro_rules! files {
 }
 
 const SCRIPTS: &[File] = files!("text/javascript":
-    "actions.js", "api.js", "details.js", "dom.js", "error.js", "estimate.js", "fields.js", "form.js",
-    "limits.js", "main.js", "plan.js", "result.js", "run.js", "sketch.js", "summary.js", "thumbnails.js",
-    "units.js", "vary.js",
+    "actions.js", "allowed.js", "api.js", "details.js", "dom.js", "error.js", "estimate.js", "fields.js",
+    "form.js", "limits.js", "main.js", "plan.js", "result.js", "run.js", "runs.js", "sign-in.js",
+    "sketch.js", "summary.js", "units.js", "vary.js",
     // The library, the access keys and the report.
-    "library-actions.js", "library-columns.js", "library-table.js", "library.js", "runs.js",
+    "keys.js", "library-actions.js", "library-columns.js", "library-table.js", "library.js",
+    "thumbnails.js",
     // The live form.
     "draft.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js",
     "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js",

@@ -1,5 +1,6 @@
 // One job, followed until it has a result.
 
+import { may } from "./allowed.js";
 import { events, get, jobAddress, post } from "./api.js";
 import { dateTime, debounced, fill, h, list, notify } from "./dom.js";
 import { errorCard } from "./error.js";
@@ -64,7 +65,7 @@ export async function showRun(main, { id, query, signal }) {
     bar.value = job.state === "canceled" ? farthest : job.progress;
     const reached = `${Math.floor(farthest * 100)}\u00a0%`;
     percentage.textContent = job.state === "queued" ? "" : job.state !== "canceled" ? reached : farthest >= 0.01 ? `at ${reached}` : "";
-    cancel.hidden = !OPEN.includes(job.state);
+    cancel.hidden = !OPEN.includes(job.state) || !may("submit");
     edit.className = cancel.hidden ? "button primary" : "button";
     drawTimes();
     if (job.state === "failed") fill(outcome, errorCard(job.error));

@@ -1,5 +1,6 @@
 // All runs of the server, newest first: also those that wait, failed or were canceled.
 
+import { may } from "./allowed.js";
 import { get, jobAddress, post } from "./api.js";
 import { capital, dateTime, debounced, h, notify, select } from "./dom.js";
 import { isDraft, knownName, loadNames } from "./summary.js";
@@ -68,7 +69,7 @@ export async function showRuns(main, { query, signal }) {
       h("td", {}, dateTime(job.times.created)),
       h("td", {}, done && ORIGINS[job.origin]),
       h("td", {}, job.summary && quantity(job.summary.wear_volume, "m^3")),
-      h("td", {}, OPEN.includes(job.state) && h("button", { type: "button", "data-job": job.id, onclick: async () => {
+      h("td", {}, may("submit") && OPEN.includes(job.state) && h("button", { type: "button", "data-job": job.id, onclick: async () => {
         await post(jobAddress(job.id, "/cancel")).catch((problem) => notify(problem.detail));
         read();
       }, "aria-label": `Cancel ${knownName(job) ?? job.id}` }, "Cancel")));

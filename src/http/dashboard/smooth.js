@@ -1,5 +1,6 @@
 // More points for the lines of a kept history: the server evaluates its scenario at more output cycles.
 
+import { may } from "./allowed.js";
 import { post, Problem } from "./api.js";
 import { spread } from "./live.js";
 import { MARKED } from "./result-figures.js";
@@ -29,6 +30,7 @@ async function denser(scenario, { cycles, wear_volume: volume }, signal) {
 
 /** Adds the points to the histories of runs, and of the simplified rule beside them. */
 export async function smooth(runs, signal) {
+  if (!may("submit")) return;
   const both = AbortSignal.any([signal, AbortSignal.timeout(WAIT_MS)]);
   const histories = runs.filter(Boolean).flatMap(({ scenario, history, comparison }) => [[scenario, history],
     ...(comparison ? [[{ ...scenario, model: { method: "simplified", xi: comparison.xi } }, comparison.history]] : [])]);

@@ -47,6 +47,7 @@ kinds! {
     SLOW_BODY = REQUEST_TIMEOUT "slow-body";
     NOT_FOUND = NOT_FOUND "not-found";
     UNAUTHORIZED = UNAUTHORIZED "unauthorized";
+    SESSION_ENDED = UNAUTHORIZED "session-ended";
     FORBIDDEN = FORBIDDEN "forbidden";
     OTHER_OWNER = FORBIDDEN "other-owner";
     BAD_LINK = FORBIDDEN "bad-link";

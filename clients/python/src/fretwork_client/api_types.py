@@ -2,6 +2,23 @@
 
 from typing import Any, Literal, NotRequired, TypeAlias, TypedDict
 
+class AccessKey(TypedDict):
+    """An access key, without its secret."""
+
+    created: "str"
+    expires: "NotRequired[str | None]"
+    id: "str"
+    last_used: "NotRequired[str | None]"
+    name: "str"
+    requests_per_minute: "NotRequired[int | None]"
+    revoked: "NotRequired[str | None]"
+    role: "Role"
+
+class AccessKeys(TypedDict):
+    """The access keys."""
+
+    keys: "list[AccessKey]"
+
 class Accuracy(TypedDict):
     """The accuracy of the numbers. It does not contain the errors of the theory. For a Poisson's ratio other than 0, local slip and wear vary around the ring, by ±20 % at ν = 0.42. The result is their mean around the ring, which is right."""
 
@@ -237,6 +254,12 @@ class Counts(TypedDict):
     points: "int"
     refused: "int"
     incomplete: "int"
+
+class CreatedKey(TypedDict):
+    """A new access key."""
+
+    access_key: "str"
+    id: "str"
 
 class CrossedCylinders(TypedDict):
     """Two cylinders with perpendicular axes, one of them along the motion. If the ratio of their radii is at most 1.5, the contact is computed as round."""
@@ -609,6 +632,14 @@ class JobList(TypedDict):
     total: "NotRequired[int | None]"
 
 JobState: TypeAlias = "Literal['queued', 'running', 'canceling', 'succeeded', 'failed', 'canceled']"
+
+class KeyBody(TypedDict):
+    """An access key to be made."""
+
+    name: "str"
+    role: "Role"
+    expires_in: "NotRequired[str]"
+    requests_per_minute: "NotRequired[int]"
 
 KeyText: TypeAlias = "str"
 
