@@ -8,8 +8,8 @@ use utoipa_axum::routes;
 
 use super::access::needs::{Needs, RouteNeeds};
 use super::api::{
-    audit, derivatives, diff, evaluate, events, jobs, library, links, me, measurements, results,
-    scenarios, session, system, umbridge,
+    audit, derivatives, diff, evaluate, events, jobs, library, links, me, measurements, report,
+    results, scenarios, session, system, umbridge,
 };
 use super::app::App;
 use super::dashboard::{docs, swagger};
@@ -46,6 +46,7 @@ impl Routes {
             .add(Needs::READ, routes!(results::statistics))
             .add(Needs::READ, routes!(results::histogram))
             .add(Needs::READ, routes!(results::plot))
+            .add(Needs::READ, routes!(report::report))
             .add(Needs::DERIVE, routes!(derivatives::derivatives))
             .add(Needs::SUBMIT, routes!(results::pin, results::unpin))
             .add(Needs::SUBMIT, routes!(links::share))
