@@ -71,12 +71,11 @@ pub async fn report(app: App, caller: Caller, key: Segment, mut query: Query) ->
 
 /// What the database knows about a result, as far as the caller may see it.
 async fn about(app: &App, caller: &Caller, key: &Key, job: Option<JobId>) -> Result<About> {
-    let jobs = match job {
-        Some(id) => app.service.job(caller.reach(), id).await?.into_iter().collect(),
-        None => {
-            let filter = Filter { key: Some(*key), ..Filter::default() };
-            app.service.jobs(caller.reach(), filter, None, JOBS).await?.jobs
-        }
+    let jobs = if let Some(id) = job {
+        app.service.job(caller.reach(), id).await?.into_iter().collect()
+    } else {
+        let filter = Filter { key: Some(*key), ..Filter::default() };
+        app.service.jobs(caller.reach(), filter, None, JOBS).await?.jobs
     };
     let jobs: Vec<_> = jobs.into_iter().filter(|job| job.key == *key).collect();
     let submitted = match jobs.first() {
