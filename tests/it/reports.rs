@@ -180,10 +180,10 @@ async fn a_comparison_shows_what_differs_and_by_how_much() {
 
     let (study, _) = computed(&server, &sweep()).await;
     let address = format!("/v1/results/{first}/report");
-    let seven = format!("&with={second}").repeat(6);
+    let eight = format!("&with={second}").repeat(8);
     for (query, expected) in [
         (format!("with={study}"), "with"),
-        (format!("units=si{seven}"), "with"),
+        (format!("units=si{eight}"), "with"),
         ("with=abc".to_owned(), "with"),
         ("units=imperial".to_owned(), "units"),
         ("format=pdf".to_owned(), "format"),

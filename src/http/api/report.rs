@@ -33,7 +33,7 @@ const JOBS: u32 = 20;
     params(
         ResultKey,
         ("units" = Option<schemas::UnitSystem>, Query, description = "`engineering` (the default): µm, mm³, MPa, mJ; or SI."),
-        ("with" = Option<Vec<String>>, Query, description = "The key of another run. May be given five times."),
+        ("with" = Option<Vec<String>>, Query, description = "The key of another run. May be repeated, up to seven times."),
         ("job" = Option<uuid::Uuid>, Query, description = "The job whose label and inputs the report shows."),
     ),
     responses((status = 200, description = "The report.", body = String, content_type = "text/html")),

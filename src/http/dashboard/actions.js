@@ -68,10 +68,11 @@ export function drawActions(result, { job, link, remember, signal }) {
       h("div", { class: "row" }, h("span", {}, name), formats.map((format) =>
         button(format, () => download(path, format), { "aria-label": `${name} as ${format}` })))),
     h("div", { class: "row" }, button("Copy curl command", curl), button("Copy Python code", python))));
+  const report = h("a", { class: "button", href: partOf("/report"), target: "_blank", title: "A page to print" }, "Report");
   const address = editLink({ ...result, ...job });
   const edit = address && h("a", { class: "button", href: address }, "Edit and run again");
-  if (link) return h("div", { class: "actions" }, menu, edit);
-  const row = h("div", { class: "actions" }, menu, button("Share link", share),
+  if (link) return h("div", { class: "actions" }, menu, report, edit);
+  const row = h("div", { class: "actions" }, menu, report, button("Share link", share),
     !isStudy && h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);
   addPinAndNote(row, key, signal);
   return row;

@@ -19,8 +19,8 @@ use html::{pairs, section};
 
 pub use entry::{About, Entry};
 
-/// Maximum number of results on one page. Each has a colour.
-pub const MOST: usize = 6;
+/// Maximum number of results on one page.
+pub const MOST: usize = 8;
 /// The size of each figure, in px. Two of them fill the width of a page.
 const SIZE: (u16, u16) = (400, 196);
 /// What the errors do not contain.
