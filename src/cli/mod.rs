@@ -9,6 +9,7 @@ mod moving;
 mod parts;
 mod printing;
 mod remote;
+mod report;
 mod run;
 mod runtime;
 mod serve;
@@ -37,7 +38,13 @@ pub fn main() -> ExitCode {
     // The user may want to share the files of these commands, so others may read them.
     if !matches!(
         cli.command,
-        Some(Command::Run(_) | Command::Get(_) | Command::Man { .. } | Command::Export(_))
+        Some(
+            Command::Run(_)
+                | Command::Get(_)
+                | Command::Report(_)
+                | Command::Man { .. }
+                | Command::Export(_)
+        )
     ) {
         restrict_permissions();
     }
@@ -51,6 +58,7 @@ pub fn main() -> ExitCode {
         Some(Command::Worker(settings)) => worker::work(&settings).map(success),
         Some(Command::Run(settings)) => run::run(&settings),
         Some(Command::Fit(settings)) => fit::fit(&settings),
+        Some(Command::Report(settings)) => report::report(&settings),
         Some(Command::Submit(settings)) => remote::submit(&settings),
         Some(Command::Get(settings)) => remote::get(&settings),
         Some(Command::Watch(settings)) => remote::watch(&settings),

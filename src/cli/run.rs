@@ -14,8 +14,9 @@ use super::printing::{Error, print, shown};
 use super::study;
 use crate::config::{Change, Output, Run};
 use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_format::report::{self, About, Entry};
 use fretwork_format::{self as format, Format, Part, View};
-use fretwork_job::{Answer, Prepared, Submission, Task, TaskKind};
+use fretwork_job::{Answer, Prepared, Submission, Task, TaskKind, clock};
 use fretwork_json::BadBody;
 
 /// Minimum time between two updates of the progress on a terminal.
@@ -64,7 +65,7 @@ fn check_places(settings: &Run, is_one: bool) -> Result<(), Error> {
     if settings.part.is_some() {
         return Err("--part computes a part of one study: name one input file".into());
     }
-    let places = [&settings.output.file, &settings.plot].into_iter().flatten();
+    let places = [&settings.output.file, &settings.plot, &settings.report].into_iter().flatten();
     match places.map(PathBuf::as_path).find(|place| !place.is_dir()) {
         Some(place) => {
             let place = place.display();
@@ -86,7 +87,19 @@ fn finish(
         let mut figure = Vec::new();
         let view = View::figure(settings.quantity);
         format::write(&mut figure, &answer.body, Part::Plot, Format::Svg, &view)?;
-        write_file(&inside(plot, file, Format::Svg), &figure)?;
+        write_file(&inside(plot, file, Format::Svg.name()), &figure)?;
+    }
+    if let Some(report) = &settings.report {
+        let submitted = job.submitted.as_ref().map(|text| serde_json::from_str(text));
+        let about = About {
+            label: job.label.clone(),
+            submitted: submitted.transpose()?,
+            computed: Some(clock::rfc3339(clock::now())),
+            version: Some(env!("CARGO_PKG_VERSION").to_owned()),
+            warnings: json!(job.prepared.warnings()),
+        };
+        let page = report::page(&[Entry::read(&answer.body, &about, true)?])?;
+        write_file(&inside(report, file, "html"), page.as_bytes())?;
     }
     summarise(job, &answer, time)
 }
@@ -149,13 +162,13 @@ pub fn read_job(file: &Path, change: &Change) -> Result<Vec<u8>, Error> {
 }
 
 /// The file itself, or the file in a directory that is named after the input file.
-fn inside(place: &Path, input: &Path, format: Format) -> PathBuf {
+fn inside(place: &Path, input: &Path, suffix: &str) -> PathBuf {
     if !place.is_dir() {
         return place.to_owned();
     }
     let name = input.file_stem().filter(|_| input.as_os_str() != "-").unwrap_or("result".as_ref());
     let mut name = name.to_owned();
-    name.push(format!(".{}", format.name()));
+    name.push(format!(".{suffix}"));
     place.join(name)
 }
 
@@ -211,7 +224,7 @@ pub fn write_result(
     }
     let is_binary = matches!(format, Format::Npz | Format::Arrow);
     match &output.file {
-        Some(file) => write_file(&inside(file, input, format), &bytes),
+        Some(file) => write_file(&inside(file, input, format.name()), &bytes),
         None if is_binary && io::stdout().is_terminal() => Err(
             "the requested format is binary, not for a terminal: write it to a file with --output"
                 .into(),
@@ -257,7 +270,7 @@ pub fn print_faults(faults: &[Fault]) -> ExitCode {
 }
 
 /// Writes a file.
-fn write_file(file: &Path, bytes: &[u8]) -> Result<(), Error> {
+pub fn write_file(file: &Path, bytes: &[u8]) -> Result<(), Error> {
     fs::write(file, bytes)
         .map_err(|error| format!("cannot write {}: {error}", file.display()).into())
 }

@@ -5,6 +5,7 @@ mod files;
 mod fit;
 mod keys;
 mod remote;
+mod report;
 mod run;
 mod server;
 mod values;
@@ -20,6 +21,7 @@ pub use files::{Backup, Export, Import, Restore};
 pub use fit::Fit;
 pub use keys::{AddKey, Keys};
 pub use remote::{Evaluate, Get, List, OneJob, Remote, Submit};
+pub use report::Report;
 pub use run::{Change, Output, Part, Run};
 pub use server::{Serve, described};
 pub use worker::Worker;
@@ -72,6 +74,8 @@ pub enum Command {
     /// test. A row without a measured number is predicted too.
     #[command(after_help = examples!("fit"))]
     Fit(Fit),
+    /// Write the report of a result as an HTML page to print, or a comparison of runs.
+    Report(Report),
     /// Submit input files to a server.
     ///
     /// Prints the id, the state and the key of each job.

@@ -35,6 +35,9 @@ pub struct Run {
     /// Also draw a figure to this SVG file. With several input files, a directory.
     #[arg(long, value_name = "FIGURE.svg", value_parser = figure)]
     pub plot: Option<PathBuf>,
+    /// Also write a report to this HTML file. With several input files, a directory.
+    #[arg(long, value_name = "REPORT.html", conflicts_with = "store")]
+    pub report: Option<PathBuf>,
     /// The quantity in the figure of a run: a profile, a history, or the loops.
     #[arg(long, default_value = "worn", requires = "plot",
         value_parser = one_of(&QUANTITIES, |quantity| quantity.name))]

@@ -8,7 +8,7 @@ use utoipa_axum::routes;
 
 use super::access::needs::{Needs, RouteNeeds};
 use super::api::{
-    audit, derivatives, diff, evaluate, events, jobs, keys, library, links, me, measurements,
+    audit, derivatives, diff, evaluate, events, jobs, keys, library, links, me, measurements, report,
     results, scenarios, search, session, system, umbridge,
 };
 use super::app::App;
@@ -47,6 +47,7 @@ impl Routes {
             .add(Needs::READ, routes!(results::statistics))
             .add(Needs::READ, routes!(results::histogram))
             .add(Needs::READ, routes!(results::plot))
+            .add(Needs::READ, routes!(report::report))
             .add(Needs::DERIVE, routes!(derivatives::derivatives))
             .add(Needs::SUBMIT, routes!(results::pin, results::unpin))
             .add(Needs::SUBMIT, routes!(links::share))

@@ -61,6 +61,7 @@ mod plots;
 mod program;
 mod reference;
 mod refusals;
+mod reports;
 mod restore;
 mod room;
 mod rooms;

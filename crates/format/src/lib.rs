@@ -24,6 +24,7 @@ mod json;
 mod kind;
 mod npz;
 mod quantity;
+pub mod report;
 mod statistics;
 mod table;
 mod units;

@@ -42,6 +42,11 @@ impl Unit {
     }
 }
 
+/// A number in SI in its engineering unit, with the name of this unit.
+pub fn in_engineering(number: f64, si: &str) -> (f64, &str) {
+    Unit::engineering(si).map_or((number, si), |unit| (unit.convert(number), unit.name))
+}
+
 /// Rounds `number` to this many significant decimal digits. A number that would overflow float64
 /// stays as it is.
 pub fn round(number: f64, digits: u8) -> f64 {
@@ -72,7 +77,7 @@ impl Entry {
 }
 
 /// The units of all quantities of a document, and the conversion of their numbers.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct Units {
     entries: Vec<Entry>,
     digits: Option<u8>,

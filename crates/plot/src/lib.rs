@@ -130,7 +130,8 @@ impl Plan {
             Some((self.point(*x, *low)?, self.point(*x, *high)?))
         };
         let places: Vec<_> = band.x.iter().zip(&band.between).map(place).collect();
-        places.split(Option::is_none).map(|run| run.iter().flatten().copied().collect()).collect()
+        let pieces = places.split(Option::is_none).filter(|piece| !piece.is_empty());
+        pieces.map(|piece| piece.iter().flatten().copied().collect()).collect()
     }
 
     /// The dashed lines at the marks of both axes.

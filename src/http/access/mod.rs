@@ -35,6 +35,9 @@ use session::{ENDED, ended, unauthorized};
 use sign_on::{SIGN_ON, SignOn, Users};
 use signed_link::{ADMIN, ANYONE, Signer};
 
+/// The owner of the requests with a signed link. No key can have this name.
+pub const LINK_HOLDER: &str = "a link";
+
 /// Settings of access control.
 #[derive(Debug, Clone, Default)]
 pub struct Access {
@@ -235,7 +238,7 @@ impl Gate {
         let open_request = self.count_link(&link.issuer).await?.untold();
         *request.uri_mut() = link.address;
         // No key can have this name, so the caller owns no jobs.
-        let owner = "a link".to_owned();
+        let owner = LINK_HOLDER.to_owned();
         let (role, key) = (Role::Read, link.issuer);
         let identity = Identity { owner, role, key, credential: None, session: None };
         Ok(Admitted { identity: Some(identity), open_request, link: Some(link.left) })

@@ -427,7 +427,7 @@ pub fn held(headers: &HeaderMap, tag: &str) -> Option<String> {
 }
 
 /// The problem for a result that cannot be written in a format.
-fn refused(key: &Key, error: format::Error) -> Problem {
+pub fn refused(key: &Key, error: format::Error) -> Problem {
     match error {
         format::Error::Missing(items) => {
             let complaint =

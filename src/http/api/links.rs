@@ -24,7 +24,7 @@ const MAX_LIFETIME: Duration = Duration::from_hours(366 * 24);
 #[derive(Debug, Serialize, ToSchema)]
 pub struct SharedLink {
     /// An address on this server that anyone may open. Add `/history`, `/profiles`, `/loops`,
-    /// `/plot.svg` or `/warnings` before its `?`, and more parameters at its end.
+    /// `/plot.svg`, `/report` or `/warnings` before its `?`, and more parameters at its end.
     #[schema(example = "/v1/results/…?link=1790000000.0a1b2c3d.…")]
     url: String,
     /// When it expires: RFC 3339, UTC.

@@ -13,6 +13,7 @@ pub mod links;
 pub mod me;
 pub mod measurements;
 pub mod parameters;
+pub mod report;
 pub mod results;
 pub mod scenarios;
 pub mod search;

@@ -35,7 +35,7 @@ fn numbers(text: &str) -> Option<Vec<f64>> {
 }
 
 /// Reads a parameter with one of two values. Returns true for the second value.
-fn either(query: &mut Query, name: &'static str, values: [&str; 2]) -> Option<bool> {
+pub(super) fn either(query: &mut Query, name: &'static str, values: [&str; 2]) -> Option<bool> {
     let [no, yes] = values;
     query.value(name, format_args!("\"{no}\" or \"{yes}\""), |text| match text {
         _ if text == no => Some(false),

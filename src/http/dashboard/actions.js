@@ -75,12 +75,13 @@ export function drawActions(result, { job, link, remember, signal }) {
       h("div", { class: "row" }, h("span", {}, name), formats.map((format) =>
         button(format, () => download(path, format), { "aria-label": `${name} as ${format}` })))),
     h("div", { class: "row" }, button("Copy curl command", curl), button("Copy Python code", python))));
+  const report = h("a", { class: "button", href: partOf("/report"), target: "_blank", title: "A page to print" }, "Report");
   const form = editLink({ ...result, ...job });
   // The holder of a shared link sees the values in the form without a key.
   const address = form && link ? `${form}&link=${encodeURIComponent(link)}` : form;
   const edit = address && h("a", { class: "button", href: address }, "Edit and run again");
-  if (link) return h("div", { class: "actions" }, menu, edit, h("p", { class: "muted", id: "link-end" }, "This link is valid until ", dateTime(endOf(link)), "."));
-  const row = h("div", { class: "actions" }, menu, may("share") && button("Share link", share),
+  if (link) return h("div", { class: "actions" }, menu, report, edit, h("p", { class: "muted", id: "link-end" }, "This link is valid until ", dateTime(endOf(link)), "."));
+  const row = h("div", { class: "actions" }, menu, report, may("share") && button("Share link", share),
     !isStudy && h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);
   addPinAndNote(row, key, signal);
   return row;

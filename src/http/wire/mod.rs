@@ -59,13 +59,7 @@ impl<S: Sync> FromRequestParts<S> for Query {
 impl Query {
     /// Takes a parameter out of the query, as text.
     pub fn text(&mut self, name: &'static str) -> Option<String> {
-        self.known.push(name);
-        // Most requests have no parameters, and need nothing of the following.
-        if self.pairs.is_empty() {
-            return None;
-        }
-        let taken = self.pairs.extract_if(.., |(key, _)| key == name);
-        let mut values: Vec<String> = taken.map(|(_, value)| value).collect();
+        let mut values = self.texts(name);
         let found = values.pop();
         if !values.is_empty() {
             self.complain(name, "may be given only once. Remove the other values");
@@ -76,6 +70,32 @@ impl Query {
             return None;
         }
         found
+    }
+
+    /// Takes all values of a parameter out of the query, as text.
+    fn texts(&mut self, name: &'static str) -> Vec<String> {
+        self.known.push(name);
+        let taken = self.pairs.extract_if(.., |(key, _)| key == name);
+        taken.map(|(_, value)| value).collect()
+    }
+
+    /// Takes a parameter that may be repeated out of the query, and parses its values with `read`.
+    pub fn values<T>(
+        &mut self,
+        name: &'static str,
+        accepted: &str,
+        read: impl Fn(&str) -> Option<T>,
+    ) -> Vec<T> {
+        let mut parsed = Vec::new();
+        for text in self.texts(name) {
+            match read(&text) {
+                Some(value) => parsed.push(value),
+                None => {
+                    self.complain(name, format!("must be {accepted}, got \"{}\"", excerpt(&text)));
+                }
+            }
+        }
+        parsed
     }
 
     /// Takes a parameter out of the query and parses it with `read`. `accepted` completes the fault "must be …".

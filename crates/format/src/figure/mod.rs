@@ -19,12 +19,15 @@ mod run;
 mod scatter;
 mod study;
 mod tornado;
-mod words;
+pub mod words;
 
 use super::document::Document;
 use super::error::Result;
 use super::view::View;
 use fretwork_job::TaskKind;
+
+pub use run::last_curve;
+pub use study::all as all_of_study;
 
 /// Draws the requested figure as an SVG document.
 pub fn svg(document: &Document<'_>, view: &View) -> Result<Vec<u8>> {

@@ -35,26 +35,32 @@ const NO_REFERENCE: &str =
 
 /// Draws the requested figure of a run as an SVG document.
 pub fn svg(document: &Document<'_>, view: &View) -> Result<String> {
-    let options = &view.figure;
-    let quantity = options.quantity;
     refuse_study_options(view)?;
-    let drawing = Drawing { document, view, quantity };
-    let mut figure = match quantity.part {
-        Part::History => drawing.history()?,
-        Part::Loops => drawing.loops()?,
-        _ => drawing.profiles()?,
-    };
-    axes::choose(&mut figure, options)?;
-    if quantity.name == "pressure" && !figure.y.log {
+    let drawing = Drawing { document, view, quantity: view.figure.quantity };
+    let mut figure = drawing.figure()?;
+    if view.figure.quantity.name == "pressure" && !figure.y.log {
         figure.y.range = below_poles(&figure.series);
     }
-    quantity.title.clone_into(&mut figure.title);
     let mut points = figure.series.iter().flat_map(|series| series.x.iter().zip(&series.y));
     if points.all(|(x, y)| x.is_nan() || y.is_nan()) {
         NO_REFERENCE.clone_into(&mut figure.note);
     }
     figure.about = Some(axes::about(&document.head, drawing.description(&figure)?));
     Ok(figure.svg())
+}
+
+/// The requested figure with one curve: the history, or the curve at the last output cycle.
+pub fn last_curve(document: &Document<'_>, view: &View) -> Result<Figure> {
+    let quantity = view.figure.quantity;
+    let cycles = document.table(quantity.part, &View::default())?;
+    let last = cycles.axis("cycles").last().filter(|_| quantity.has_curve_per_cycle());
+    let view = View { cycles: last.map(|last| vec![*last]), ..view.clone() };
+    let mut figure = Drawing { document, view: &view, quantity }.figure()?;
+    // The other curves are references, such as the limiting state.
+    figure
+        .series
+        .retain(|series| series.style.map(|style| style.color) == Some(Style::marked(0).color));
+    Ok(figure)
 }
 
 /// Refuses options that only figures of studies have.
@@ -74,6 +80,18 @@ struct Drawing<'a> {
 }
 
 impl Drawing<'_> {
+    /// The figure without its metadata.
+    fn figure(&self) -> Result<Figure> {
+        let mut figure = match self.quantity.part {
+            Part::History => self.history()?,
+            Part::Loops => self.loops()?,
+            _ => self.profiles()?,
+        };
+        axes::choose(&mut figure, &self.view.figure)?;
+        self.quantity.title.clone_into(&mut figure.title);
+        Ok(figure)
+    }
+
     /// An axis with a label and the unit of the quantity `name`.
     fn axis(&self, label: &str, name: &str) -> Axis {
         axes::in_unit(label, self.document.head.units.of(name))

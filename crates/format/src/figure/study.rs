@@ -12,40 +12,57 @@ use crate::document::Document;
 use crate::error::{Error, Result};
 use crate::kind::Part;
 use crate::table::{Table, Values};
-use crate::view::View;
+use crate::view::{FigureOptions, StudyOptions, View};
 use fretwork_plot::{Axis, Figure};
 use fretwork_study::{Hints, Kind, Regions, StudyFigure};
 
+/// Maximum number of figures in a report.
+const MOST: usize = 12;
+
 /// Draws the requested figure of a study as an SVG document.
 pub fn svg(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<String> {
-    let asked = document.value(kind.name)?;
-    let rows = document.rows(kind)?;
-    let mut offer = offer(kind.hints(&asked), &rows);
-    if offer.hints.figures.contains(&StudyFigure::Bands) {
-        offer.outputs = fit::outputs(document)?;
-    }
-    let least = if offer.hints.regions.is_some() { 2 } else { 1 };
-    if offer.members.len() < least || offer.outputs.is_empty() {
-        return Err(serde_json::Error::custom(
-            "the table of the study has no columns of varied numbers, or no columns of outputs",
-        )
-        .into());
-    }
-    let choice = offer.choose(view).map_err(Error::Missing)?;
-    let study = Study { document, view, kind, asked, rows, offer };
-    match choice {
-        Choice::Tornado { output } => study.tornado(output),
-        Choice::Scatter { output, over } => study.scatter(output, over),
-        Choice::Curves { output, over, by } => study.curves(output, over, by),
-        Choice::Heat { output, over, by } => study.heat(output, over, by),
-        Choice::Regimes => study.regimes(),
-        Choice::Fit { kind: StudyFigure::Profile, over, .. } => {
-            study.finished(fit::profile(document, study.member(over))?, "", "")
+    let study = Study::open(document, kind, view)?;
+    study.draw(study.offer.choose(view).map_err(Error::Missing)?)
+}
+
+/// Draws figures of all kinds that a study has, of all its outputs and numbers that vary, as SVG documents.
+pub fn all(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<Vec<String>> {
+    let study = Study::open(document, kind, view)?;
+    let Offer { hints, members, outputs } = &study.offer;
+    let mut wanted: Vec<StudyOptions> = Vec::new();
+    for figure in hints.figures.iter().copied() {
+        let own = StudyOptions { kind: Some(figure), ..StudyOptions::default() };
+        match figure {
+            // A grid has curves or colours, whichever its default is.
+            StudyFigure::Curves | StudyFigure::Heat
+                if wanted.iter().any(|it| it.output.is_some()) => {}
+            StudyFigure::Scatter | StudyFigure::Profile => {
+                let over = members.iter().map(|(member, _)| Some(member.clone()));
+                wanted.extend(over.map(|over| StudyOptions { over, ..own.clone() }));
+            }
+            _ if figure.has_output() => {
+                let kind = own.kind.filter(|kind| *kind != StudyFigure::Curves);
+                let each = outputs.iter().map(|output| Some(output.clone()));
+                wanted.extend(each.map(|output| StudyOptions { kind, output, ..own.clone() }));
+            }
+            _ => wanted.push(own),
         }
-        Choice::Fit { kind, output, .. } => {
-            study.finished(fit::measured(document, kind, &study.offer.outputs[output])?, "", "")
+    }
+    let mut figures = Vec::new();
+    for options in wanted.into_iter().take(MOST) {
+        let view = View {
+            figure: FigureOptions { study: options, ..view.figure.clone() },
+            ..view.clone()
+        };
+        let drawn =
+            study.offer.choose(&view).map_err(Error::Missing).and_then(|choice| study.draw(choice));
+        match drawn {
+            // Some figures need certain measurements.
+            Err(Error::Missing(_)) => {}
+            drawn => figures.push(drawn?),
         }
     }
+    Ok(figures)
 }
 
 /// The members and outputs of a study. A column whose name is a JSON pointer is a member; every other column of numbers
@@ -75,7 +92,41 @@ struct Study<'a> {
     offer: Offer,
 }
 
-impl Study<'_> {
+impl<'a> Study<'a> {
+    fn open(document: &'a Document<'a>, kind: &'static Kind, view: &'a View) -> Result<Self> {
+        let asked = document.value(kind.name)?;
+        let rows = document.rows(kind)?;
+        let mut offer = offer(kind.hints(&asked), &rows);
+        if offer.hints.figures.contains(&StudyFigure::Bands) {
+            offer.outputs = fit::outputs(document)?;
+        }
+        let least = if offer.hints.regions.is_some() { 2 } else { 1 };
+        if offer.members.len() < least || offer.outputs.is_empty() {
+            return Err(serde_json::Error::custom(
+                "the table of the study has no columns of varied numbers, or no columns of outputs",
+            )
+            .into());
+        }
+        Ok(Self { document, view, kind, asked, rows, offer })
+    }
+
+    fn draw(&self, choice: Choice) -> Result<String> {
+        match choice {
+            Choice::Tornado { output } => self.tornado(output),
+            Choice::Scatter { output, over } => self.scatter(output, over),
+            Choice::Curves { output, over, by } => self.curves(output, over, by),
+            Choice::Heat { output, over, by } => self.heat(output, over, by),
+            Choice::Regimes => self.regimes(),
+            Choice::Fit { kind: StudyFigure::Profile, over, .. } => {
+                self.finished(fit::profile(self.document, self.member(over))?, "", "")
+            }
+            Choice::Fit { kind, output, .. } => {
+                let output = &self.offer.outputs[output];
+                self.finished(fit::measured(self.document, kind, output)?, "", "")
+            }
+        }
+    }
+
     fn member(&self, place: usize) -> &str {
         &self.offer.members[place].0
     }
@@ -84,7 +135,7 @@ impl Study<'_> {
         self.rows.axis(name)
     }
 
-    fn surface<'a>(&'a self, output: &'a str) -> Surface<'a> {
+    fn surface<'s>(&'s self, output: &'s str) -> Surface<'s> {
         Surface { offer: &self.offer, rows: &self.rows, units: &self.document.head.units, output }
     }
 

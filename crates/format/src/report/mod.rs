@@ -1,0 +1,118 @@
+//! Reports: one HTML page of a result, or of several runs side by side, to be read, printed and archived.
+//!
+//! A page has no script and needs no other file. All texts pass [`html::text`], which escapes them. An [`Entry`] is what a
+//! page says of one result. It is small, so a comparison of large results holds only one of them at a time.
+
+mod compared;
+mod entry;
+mod html;
+mod inputs;
+mod run;
+mod study;
+
+use crate::document::Document;
+use crate::error::{Error, Missing, Result};
+use crate::view::{FigureOptions, View};
+use entry::{Number, origin, warnings};
+use fretwork_job::TaskKind;
+use html::{pairs, section};
+
+pub use entry::{About, Entry};
+
+/// Maximum number of results on one page.
+pub const MOST: usize = 8;
+/// The size of each figure, in px. Two of them fill the width of a page.
+const SIZE: (u16, u16) = (400, 196);
+/// What the errors do not contain.
+const THEORY: &str = "<p>The theory leaves out plasticity, debris and oxidation, and the wear is as uncertain as the wear \
+    coefficient.</p>";
+/// Longest command that recomputes a result, in bytes.
+const COMMAND: usize = 4000;
+
+impl Entry {
+    /// Reads a stored result.
+    ///
+    /// # Errors
+    /// The bytes are not a result.
+    pub fn read(stored: &[u8], about: &About, engineering: bool) -> Result<Self> {
+        let figure = FigureOptions { size: SIZE, ..FigureOptions::default() };
+        let view = View { engineering, figure, ..View::default() };
+        let document = Document::open(stored, &view)?;
+        let kind = document.kind();
+        let asked = document.value(kind.member())?;
+        let typed = about.submitted.as_ref().unwrap_or(&asked);
+        let head = &document.head;
+        let body = format!("{{\"{}\":{typed}}}", kind.member());
+        let mut entry = Self {
+            kind,
+            label: about.label.clone(),
+            title: String::new(),
+            subtitle: String::new(),
+            inputs: inputs::in_words(typed, about.submitted.is_none().then_some(&view)),
+            asked: inputs::listed(&asked, Some(&view)),
+            results: String::new(),
+            numbers: Vec::new(),
+            sections: String::new(),
+            figures: Vec::new(),
+            table: String::new(),
+            curves: Vec::new(),
+            warnings: warnings(&[&document.value("warnings")?, &about.warnings]),
+            origin: vec![
+                ("Key".to_owned(), head.key.clone()),
+                ("Engine".to_owned(), head.engine.to_string()),
+            ],
+            command: (body.len() <= COMMAND)
+                .then(|| format!("fretwork run - <<'END'\n{body}\nEND")),
+        };
+        let computed = about.computed.as_deref().and_then(|time| time.split_once('T'));
+        let computed =
+            computed.map(|(date, time)| format!("{date} {} UTC", &time[..5.min(time.len())]));
+        let version = about.version.as_ref().map(|version| format!("fretwork {version}"));
+        let known = [("Program", version), ("Computed", computed)];
+        let known = known.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?)));
+        entry.origin.extend(known);
+        match kind {
+            TaskKind::Run => run::fill(&mut entry, &document, &view, &asked)?,
+            TaskKind::Study(kind) => study::fill(&mut entry, &document, &view, kind)?,
+        }
+        Ok(entry)
+    }
+}
+
+/// Writes the report of one result, or of several runs, whose differences to the first it shows.
+///
+/// # Errors
+/// Several results are not all runs.
+pub fn page(entries: &[Entry]) -> Result<String> {
+    match entries {
+        [entry] => Ok(html::page(entry.name(), &alone(entry))),
+        _ if entries.iter().any(|entry| entry.kind != TaskKind::Run) => {
+            let detail = "compares runs, and one of these results is a study. Make a report of each result alone";
+            Err(Error::Missing(vec![Missing { parameter: "with", detail: detail.to_owned() }]))
+        }
+        _ => Ok(html::page("Comparison of runs", &compared::body(entries))),
+    }
+}
+
+/// The body of the page of one result.
+fn alone(entry: &Entry) -> String {
+    let Entry { title, subtitle, inputs, figures, .. } = entry;
+    let title = if entry.label.is_some() { title } else { "" };
+    let about = [title, subtitle].into_iter().filter(|part| !part.is_empty());
+    let about = about.collect::<Vec<_>>().join(" · ");
+    let mut body = html::heading(entry.name(), &about);
+    body += &section("Inputs", &pairs(inputs));
+    if entry.numbers.is_empty() {
+        body += &entry.sections;
+    } else {
+        let rows = entry.numbers.iter().map(|Number { words, value, unit, errors }| {
+            let [numerical, model] = errors.clone();
+            vec![words.clone(), html::number(*value, unit), numerical, model]
+        });
+        let numbers = html::table(&["Quantity", "Value", "Numerical error", "Model error"], rows);
+        let numbers = section(&entry.results, &(numbers + THEORY));
+        body += &["<div class=\"columns\">", &numbers, &entry.sections, "</div>"].concat();
+    }
+    body += &html::figures(figures);
+    body + &entry.table + &html::warnings("Warnings", &entry.warnings) + &origin(entry)
+}

@@ -1,0 +1,20 @@
+//! The settings of `report`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// The settings of `report`.
+#[derive(Debug, Args)]
+pub struct Report {
+    /// Results in JSON, as `run` and `get` write them. Of several runs, the report compares the others with the first;
+    /// - reads standard input.
+    #[arg(required = true)]
+    pub files: Vec<PathBuf>,
+    /// Output file [default: standard output].
+    #[arg(short = 'o', long = "output", value_name = "FILE.html")]
+    pub file: Option<PathBuf>,
+    /// The units of numbers: um, mm^3, MPa and mJ, or si.
+    #[arg(long, value_parser = ["engineering", "si"], default_value = "engineering")]
+    pub units: String,
+}

@@ -1,0 +1,96 @@
+//! Reports of results: pages for people.
+
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::response::{IntoResponse as _, Response};
+use serde_json::Value;
+use tokio::task;
+
+use super::results::either;
+use crate::http::access::LINK_HOLDER;
+use crate::http::access::caller::Caller;
+use crate::http::answer::representation::refused;
+use crate::http::answer::stored::{json, require};
+use crate::http::api::parameters::ResultKey;
+use crate::http::app::App;
+use crate::http::problem::{Problem, Result, kinds};
+use crate::http::wire::{Query, Segment, instant, read_key, schemas};
+use fretwork_format::report::{About, Entry, MOST, page};
+use fretwork_job::{JobId, Key};
+use fretwork_store::Filter;
+
+/// Maximum number of jobs in which a label is looked for.
+const JOBS: u32 = 20;
+
+/// Returns a report of a result: one HTML page, to be read, printed and archived.
+///
+/// The page has the inputs as submitted, the figures, the numbers with their errors, warnings, the versions, and the command
+/// that computes the result again. It contains no script and needs no other file. A report of a run fits on one page of A4
+/// or Letter. The label and the inputs as submitted are those of the latest job of the result that the caller may see, or of
+/// `job`. Without such a job, the inputs are those of the result, in the units of the report.
+///
+/// With `with`, the report compares runs. It has the inputs that differ, and the differences of all numbers to this result.
+#[utoipa::path(get, path = "/v1/results/{key}/report", operation_id = "get_report", tag = "results",
+    params(
+        ResultKey,
+        ("units" = Option<schemas::UnitSystem>, Query, description = "`engineering` (the default): µm, mm³, MPa, mJ; or SI."),
+        ("with" = Option<Vec<String>>, Query, description = "The key of another run. May be repeated, up to seven times."),
+        ("job" = Option<uuid::Uuid>, Query, description = "The job whose label and inputs the report shows."),
+    ),
+    responses((status = 200, description = "The report.", body = String, content_type = "text/html")),
+)]
+pub async fn report(app: App, caller: Caller, key: Segment, mut query: Query) -> Result<Response> {
+    let engineering = either(&mut query, "units", ["si", "engineering"]).unwrap_or(true);
+    let job = query.value("job", "the id of a job", |text| text.parse().ok());
+    let others: Vec<Key> = query.values("with", "the key of a result", |text| text.parse().ok());
+    if others.len() >= MOST {
+        query.complain("with", format!("may be given {} times. Compare fewer runs", MOST - 1));
+    }
+    query.finish()?;
+    if caller.owner == LINK_HOLDER && !others.is_empty() {
+        let detail = "A link opens only one result. Send an access key to compare it with others.";
+        return Err(Problem::new(&kinds::BAD_LINK, detail));
+    }
+    let _turn = app.shares.heavy.turn(&caller.owner).await;
+    let first = read_key(&key)?;
+    let mut entries = Vec::new();
+    for key in [first].into_iter().chain(others) {
+        let about = about(&app, &caller, &key, job.filter(|_| key == first)).await?;
+        let Some(result) = json(&app, &caller.owner, &key).await? else {
+            require(&app, caller.reach(), &key).await?;
+            return Err(Problem::damaged_result(&key));
+        };
+        // Only one result is in memory at a time: what the report says of it is small.
+        let read = move || Entry::read(&result.body, &about, engineering);
+        let entry = task::spawn_blocking(read).await.map_err(Problem::bug)?;
+        entries.push(entry.map_err(|error| refused(&key, error))?);
+    }
+    let html = page(&entries).map_err(|error| refused(&first, error))?;
+    let headers = [(CONTENT_TYPE, "text/html; charset=utf-8"), (CACHE_CONTROL, "no-store")];
+    Ok((headers, html).into_response())
+}
+
+/// What the database knows about a result, as far as the caller may see it.
+async fn about(app: &App, caller: &Caller, key: &Key, job: Option<JobId>) -> Result<About> {
+    let jobs = if let Some(id) = job {
+        app.service.job(caller.reach(), id).await?.into_iter().collect()
+    } else {
+        let filter = Filter { key: Some(*key), ..Filter::default() };
+        app.service.jobs(caller.reach(), filter, None, JOBS).await?.jobs
+    };
+    let jobs: Vec<_> = jobs.into_iter().filter(|job| job.key == *key).collect();
+    let submitted = match jobs.first() {
+        Some(job) => app.store.asked(job.id).await?.submitted,
+        None => None,
+    };
+    let known = app.store.provenance(key).await?;
+    let own = jobs.first().map(|job| job.warnings.clone());
+    let computing = known.as_ref().and_then(|known| known.warnings.clone());
+    let program = known.as_ref().and_then(|known| known.program.as_ref());
+    Ok(About {
+        label: jobs.iter().find_map(|job| job.label.clone()),
+        submitted: submitted.and_then(|text| serde_json::from_str(&text).ok()),
+        computed: known.as_ref().and_then(|known| known.computed).map(instant),
+        version: program.map(|program| program.version.clone()),
+        warnings: own.or(computing).unwrap_or(Value::Null),
+    })
+}

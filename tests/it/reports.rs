@@ -1,0 +1,258 @@
+//! Reports: their content, who may read what, and that texts of users stay texts.
+
+use std::fs;
+
+use fretwork::http::Limits;
+use fretwork_store::Role;
+use roxmltree::{Document, Node, ParsingOptions};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use crate::access::{self, ask, get, made};
+use crate::program::{fails, run, text};
+use crate::server::{Server, steel_ball};
+use crate::studies::{computed, example, sweep};
+
+/// A label that would be elements, attributes or the end of a command if it were not escaped.
+const HOSTILE: &str =
+    "\"><script>alert(1)</script><img src=x onerror='y'>&lt;b> </h1></style>\\END $HOME";
+
+/// Parses a report. Checks that it needs nothing else, and that all figures are described.
+fn read(html: &str) -> Document<'_> {
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+    let document = Document::parse_with_options(html, options).unwrap();
+    let root = document.root_element();
+    assert_eq!((root.tag_name().name(), root.attribute("lang")), ("html", Some("en")));
+    let mut ids = 0;
+    for node in root.descendants().filter(Node::is_element) {
+        let name = node.tag_name().name();
+        let foreign = ["script", "img", "link", "iframe", "object", "a", "form", "image", "use"];
+        assert!(!foreign.contains(&name), "{name}");
+        for attribute in node.attributes() {
+            let name = attribute.name();
+            assert!(!name.starts_with("on") && !["href", "src", "style"].contains(&name), "{name}");
+            ids += usize::from(name == "id");
+        }
+        if name == "figure" {
+            let svg = node.first_element_child().unwrap();
+            assert!(svg.attribute("aria-label").is_some_and(|label| label.len() > 3));
+            assert!(words(&svg, "desc").iter().all(|text| text.len() > 10));
+        }
+    }
+    assert_eq!((ids, words(&root, "h1").len(), words(&root, "main").len()), (0, 1, 1));
+    document
+}
+
+fn content(node: &Node<'_, '_>) -> String {
+    node.descendants()
+        .filter(Node::is_text)
+        .filter_map(|part| part.text().map(str::to_owned))
+        .collect()
+}
+
+/// The texts of all elements with this name.
+fn words(node: &Node<'_, '_>, name: &str) -> Vec<String> {
+    let found = node.descendants().filter(|node| node.tag_name().name() == name);
+    found.map(|node| content(&node)).collect()
+}
+
+/// The cells of the row with this heading.
+fn row(document: &Document<'_>, heading: &str) -> Vec<String> {
+    let rows = document.descendants().filter(|node| node.has_tag_name("tr"));
+    let found = rows.map(|row| row.children().map(|cell| content(&cell)).collect::<Vec<_>>());
+    found.into_iter().find(|row| row[0] == heading).unwrap_or_else(|| panic!("no row {heading}"))
+}
+
+async fn report(server: &Server, key: &str, query: &str) -> String {
+    let reply = server.get(&format!("/v1/results/{key}/report{query}")).await;
+    assert_eq!(reply.status, 200, "{}", reply.text());
+    assert_eq!(reply.header("content-type"), Some("text/html; charset=utf-8"));
+    let policy = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'";
+    assert_eq!(reply.header("content-security-policy"), Some(policy));
+    reply.text().to_owned()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_report_has_inputs_numbers_figures_and_the_command_that_computes_it_again() {
+    let server = Server::start().await;
+    let mut body = steel_ball();
+    body["label"] = json!("A ball");
+    let (key, job) = computed(&server, &body).await;
+    let html = report(&server, &key, "").await;
+    let document = read(&html);
+    let root = document.root_element();
+    assert_eq!(words(&root, "h1"), ["A ball"]);
+    assert_eq!(words(&root, "figure").len(), 4);
+    let inputs = words(&root, "dd");
+    for typed in ["10 mm", "2.256 um", &key, concat!("fretwork ", env!("CARGO_PKG_VERSION"))] {
+        assert!(inputs.iter().any(|input| input == typed), "{typed} {inputs:?}");
+    }
+    let result = server.get(&format!("/v1/results/{key}")).await.json();
+    let last =
+        |name: &str| result["history"][name].as_array().unwrap().last().unwrap().as_f64().unwrap();
+    let shown = |text: &str| text.split('\u{a0}').next().unwrap().parse::<f64>().unwrap();
+    let depth = row(&document, "Largest wear depth");
+    assert!((shown(&depth[1]) / (1e6 * last("wear_depth")) - 1.0).abs() < 5e-3, "{depth:?}");
+    assert!(depth[1].ends_with("µm") && depth[3].starts_with("about "), "{depth:?}");
+    let si = report(&server, &key, "?units=si").await;
+    let depth = row(&read(&si), "Largest wear depth");
+    assert!(depth[1].ends_with("\u{a0}m"), "{depth:?}");
+    // The report depends on the result and its jobs, not on the request.
+    assert_eq!(report(&server, &key, "?units=engineering").await, html);
+    let job = job["id"].as_str().unwrap();
+    assert_eq!(report(&server, &key, &format!("?job={job}")).await, html);
+    let command = &words(&root, "pre")[0];
+    let lines: Vec<&str> = command.lines().collect();
+    assert_eq!((lines[0], lines[2]), ("fretwork run - <<'END'", "END"));
+    let again: Value = serde_json::from_slice(&run(&["run", "-"], lines[1]).stdout).unwrap();
+    assert_eq!(again["key"], key);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn texts_of_users_stay_texts() {
+    let server = Server::start().await;
+    let mut body = steel_ball();
+    body["label"] = json!(HOSTILE);
+    let (key, _) = computed(&server, &body).await;
+    let html = report(&server, &key, "").await;
+    assert_eq!(words(&read(&html).root_element(), "h1"), [HOSTILE]);
+    let mut other = body.clone();
+    other["scenario"]["friction"] = json!(0.6);
+    let (other, _) = computed(&server, &other).await;
+    let html = report(&server, &key, &format!("?with={other}")).await;
+    assert!(content(&read(&html).root_element()).contains(HOSTILE));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn each_kind_of_study_has_a_report() {
+    let server = Server::start().await;
+    let mut drawn = sweep();
+    drawn["sweep"]["vary"] = json!([{"pointer": "/friction", "from": 0.5, "to": 0.7}]);
+    drawn["sweep"]["design"] = json!("sobol");
+    drawn["sweep"]["samples"] = json!(16);
+    for (body, heading, figures, section) in [
+        (sweep(), "Sweep", 3, "Table"),
+        // A dot for each point, and a histogram of each of three outputs.
+        (drawn, "Sweep", 4, "Statistics"),
+        (example("map"), "Fretting map", 6, "Table"),
+        (example("sensitivity"), "Sensitivity", 10, "Statistics"),
+        (example("fit"), "Fit", 4, "Estimates"),
+    ] {
+        let (key, _) = computed(&server, &body).await;
+        let html = report(&server, &key, "").await;
+        let document = read(&html);
+        let root = document.root_element();
+        let drawn = words(&root, "figure").len();
+        assert!(drawn >= figures, "{heading}: {drawn} figures");
+        assert!(words(&root, "header")[0].contains(heading), "{:?}", words(&root, "header"));
+        assert!(words(&root, "h2").iter().any(|title| title == section), "{heading}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_comparison_shows_what_differs_and_by_how_much() {
+    let server = Server::start().await;
+    let (first, _) = computed(&server, &steel_ball()).await;
+    let mut body = steel_ball();
+    body["scenario"]["wear"]["coefficient"] = json!("6.06e-5 mm^3/(N m)");
+    let (second, _) = computed(&server, &body).await;
+    let html = report(&server, &first, &format!("?with={second}")).await;
+    let document = read(&html);
+    let differing = words(&document.root_element(), "section");
+    let differing = differing.iter().find(|text| text.starts_with("Inputs that differ")).unwrap();
+    assert!(
+        differing.contains("Wear coefficient") && !differing.contains("Friction"),
+        "{differing}"
+    );
+    let volumes = [&first, &second].map(|key| format!("/v1/results/{key}"));
+    let mut values = Vec::new();
+    for address in volumes {
+        let result = server.get(&address).await.json();
+        values.push(
+            result["history"]["wear_volume"].as_array().unwrap().last().unwrap().as_f64().unwrap(),
+        );
+    }
+    let change = 100.0 * (values[1] / values[0] - 1.0);
+    let cells = row(&document, "Wear volume");
+    let shown = cells[2].split(", ").nth(1).unwrap().trim_end_matches("\u{a0}%");
+    assert!((shown.parse::<f64>().unwrap() / change - 1.0).abs() < 5e-3, "{cells:?} {change}");
+    assert_eq!(words(&document.root_element(), "figure").len(), 4);
+
+    let (study, _) = computed(&server, &sweep()).await;
+    let address = format!("/v1/results/{first}/report");
+    let eight = format!("&with={second}").repeat(8);
+    for (query, expected) in [
+        (format!("with={study}"), "with"),
+        (format!("units=si{eight}"), "with"),
+        ("with=abc".to_owned(), "with"),
+        ("units=imperial".to_owned(), "units"),
+        ("format=pdf".to_owned(), "format"),
+        ("job=1".to_owned(), "job"),
+    ] {
+        let refused = server.get(&format!("{address}?{query}")).await;
+        let problem = refused.problem(422, "invalid-parameters");
+        assert_eq!(problem["errors"][0]["parameter"], expected, "{problem}");
+    }
+    let nothing = "0".repeat(64);
+    for target in [format!("/v1/results/{nothing}/report"), format!("{address}?with={nothing}")] {
+        server.get(&target).await.problem(404, "unknown-result");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn only_callers_who_may_read_a_job_see_its_label() {
+    let server = access::server(Limits::default()).await;
+    let anna = made(server.place(), "anna", Role::Submit).await;
+    let berta = made(server.place(), "berta", Role::Read).await;
+    let mut body = steel_ball();
+    body["label"] = json!("Anna's ball");
+    let job = ask(&server, &anna, "POST", "/v1/jobs", &body.to_string()).await.json();
+    let (id, result) = (&job["id"], job["links"]["result"].as_str().unwrap());
+    let address = format!("{result}/report");
+    let own = get(&server, &anna, &address).await;
+    assert!(own.text().contains("Anna's ball") && own.text().contains("2.256 um"));
+    let link = ask(&server, &anna, "POST", &format!("{result}/links"), "").await.json();
+    let (_, link) = link["url"].as_str().unwrap().split_once('?').unwrap();
+    let linked = server.get(&format!("{address}?{link}")).await;
+    let others = get(&server, &berta, &format!("{address}?job={}", id.as_str().unwrap())).await;
+    for reply in [&linked, &others] {
+        assert_eq!(reply.status, 200, "{}", reply.text());
+        // The inputs are those of the result.
+        assert!(!reply.text().contains("Anna") && reply.text().contains("2.256\u{a0}µm"));
+    }
+    let key = job["key"].as_str().unwrap();
+    let both = server.get(&format!("{address}?with={key}&{link}")).await;
+    both.problem(403, "bad-link");
+    assert_eq!(server.get(&address).await.status, 401);
+}
+
+#[test]
+fn the_commands_write_the_report_of_a_file() {
+    let dir = TempDir::new().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let [first, second, page, result] = ["a.json", "b.json", "page.html", "result.json"].map(path);
+    let mut body = steel_ball();
+    body["label"] = json!(HOSTILE);
+    fs::write(&first, body.to_string()).unwrap();
+    body["scenario"]["friction"] = json!(0.6);
+    fs::write(&second, body["scenario"].to_string()).unwrap();
+    let done = run(&["run", &first, "-o", &result, "--report", &page], "");
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let html = fs::read_to_string(&page).unwrap();
+    let document = read(&html);
+    assert_eq!(words(&document.root_element(), "h1"), [HOSTILE]);
+    let plain = run(&["report", &result], "");
+    let plain = text(&plain.stdout);
+    // A file of a result has no label, but the same figures and numbers.
+    let parts = |html: &str, name: &str| words(&read(html).root_element(), name);
+    assert_eq!(parts(plain, "figure"), parts(&html, "figure"));
+    assert_eq!(parts(plain, "table"), parts(&html, "table"));
+    let other = path("other.json");
+    assert!(run(&["run", &second, "-o", &other], "").status.success());
+    let done = run(&["report", &result, &other, "-o", &page, "--units", "si"], "");
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    let html = fs::read_to_string(&page).unwrap();
+    assert_eq!(row(&read(&html), "Friction").len(), 3);
+    fails(&run(&["report", &first], ""), "is not a result");
+    fails(&run(&["report", &path("none.json")], ""), "cannot read");
+}
