@@ -39,7 +39,7 @@ const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "deta
     "draft.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js", "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js", "undo.js", "warnings.js",
     // Figures and the views of results.
     "curves.js", "drawn.js", "explain.js", "figure.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
-    "figure-reader.js", "figure-save.js", "figure-zoom.js", "headline.js", "player.js", "printed.js",
+    "figure-reader.js", "figure-save.js", "figure-zoom.js", "headline.js", "player.js", "printed.js", "repair.js",
     "result-figures.js", "scaling.js", "section.js", "smooth.js", "so-far.js", "study-curves.js",
     "study-figure.js");
 const STYLES: &[File] = files!("text/css": "style.css");
