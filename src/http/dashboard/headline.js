@@ -64,7 +64,7 @@ export function drawHeadline({ first, others, notes }, result, row, warnings) {
   const now = threshold != null && at > 0 ? grossSlipNow(result, row) : undefined;
   fill(first, FIRST.map(wear), h("div", {}, h("dt", {}, "Regime"),
     h("dd", {}, h("span", { "data-value": "regime" }, regime), marked("regime")), h("dd", { class: "errors" }, when,
-      threshold != null && [" · ", term("gross_slip_amplitude", scenario, CHANGES), `: ${quantity(threshold, "m", 3)} ${now === undefined ? "unworn" : "fresh"}`,
+      threshold != null && [" · ", term("gross_slip_amplitude", scenario, CHANGES), `\u00a0=\u00a0${quantity(threshold, "m", 3)} ${now === undefined ? "unworn" : "fresh"}`,
         now !== undefined && [", ", h("span", { "data-value": "threshold" }, quantity(now, "m", 3)), ` after ${cycles(at)} cycles`]])));
   fill(others, OTHERS.map((name) => h("div", {}, h("dt", {}, term(name, scenario)),
     h("dd", {}, h("span", { "data-value": name }, quantity(history[name][row], units[name], 3)), marked(name)))));
