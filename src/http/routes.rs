@@ -8,8 +8,8 @@ use utoipa_axum::routes;
 
 use super::access::needs::{Needs, RouteNeeds};
 use super::api::{
-    audit, derivatives, diff, evaluate, events, jobs, keys, library, links, me, measurements, report,
-    results, scenarios, search, session, system, umbridge,
+    audit, derivatives, diff, evaluate, events, jobs, keys, library, links, me, measurements,
+    report, results, scenarios, search, session, system, umbridge,
 };
 use super::app::App;
 use super::dashboard::{docs, swagger};

@@ -132,6 +132,18 @@ def drag_friction(browser):
     page.context.close()
 
 
+def slider_follows_typing(browser):
+    """After a number is typed digit by digit, the handle stands in the middle of a range around it."""
+    page = first_page(browser)
+    page.focus("#load-normal_force")
+    page.keyboard.press("Control+a")
+    page.keyboard.type("120")
+    page.wait_for_function("() => Math.abs(document.querySelector('.value:has(#load-normal_force) .slide').value - 200) <= 1")
+    page.keyboard.press("ArrowUp")
+    assert 120 < number(page.input_value("#load-normal_force")) < 130, page.input_value("#load-normal_force")
+    page.context.close()
+
+
 TRACE = "x [mm];z [µm]\n" + "\n".join(f"{x / 100 + 1.234:.3f};{x * x / 200 + x / 2:.3f}".replace(".", ",") for x in range(-40, 41))
 
 
@@ -259,11 +271,18 @@ def faults(browser):
         expect(page.locator(f"#{field}-fault")).to_contain_text(said)
         expect(page.locator(".estimate h2")).to_have_text(f"1 field needs correction: {name}")
         page.focus("#label")
+        expect(page.locator("#computing")).to_contain_text("The numbers belong to the last valid input")
         page.locator("#computing").get_by_role("button", name=name).click()
         expect(page.locator(f"#{field}")).to_be_focused()
         expect(page.locator("button.primary")).to_be_disabled()
         page.keyboard.press("Control+z")
         expect(page.locator(f"#{field}-fault")).to_have_text("")
+    # The numbers of a refused input belong to the input before it.
+    page.fill("#load-normal_force", "2")
+    shows(page, evaluated(page))
+    page.fill("#load-normal_force", "2 apples")
+    expect(page.locator("#computing")).to_contain_text("last valid input: Normal force F = 2\u00a0N.")
+    page.keyboard.press("Control+z")
     page.click("summary:has-text('as JSON')")
     page.fill("#json", '{\n  "friction": 0.6,\n  "wear" 3\n}')
     expect(page.locator("#json-fault")).to_contain_text(re.compile("line 3", re.I))
@@ -285,10 +304,18 @@ def errors_and_warnings(browser):
     expect(page.locator("#model-tolerance")).to_be_focused()
     page.keyboard.type("0.0003")
     expect(volume.locator("[data-error]")).not_to_have_text(before)
-    # The regime is that of the output cycle, and the threshold stands beside it.
+    # The regime is that of the output cycle, and both thresholds stand beside it: of the unworn and of the worn contact.
     expect(page.locator("#headline [data-value=regime]")).to_have_text("Partial slip")
     threshold = get("/v1/scenarios", {"scenario": scenario(page)})["unworn"]["gross_slip_amplitude"] * 1e6
-    expect(page.locator("#headline > :last-child")).to_contain_text(f"= {threshold:.3g}\u00a0µm, unworn")
+    expect(page.locator("#headline > :last-child")).to_contain_text(f"= {threshold:.3g}\u00a0µm fresh")
+    page.fill("#model-tolerance", "")
+    for amplitude, regime in (("2.9", "Partial slip"), ("3.2", "Partial slip"), ("4", "Gross slip")):
+        page.fill("#motion-amplitude", amplitude)
+        shows(page, evaluated(page))
+        settled(page)
+        expect(page.locator("#headline [data-value=regime]")).to_have_text(regime)
+        now = number(page.locator("#headline [data-value=threshold]").inner_text())
+        assert (now > float(amplitude)) == (regime == "Partial slip"), (amplitude, now)
     page.fill("#load-normal_force", "20 kN")
     warning = page.locator("#warning-normal_force")
     expect(warning).to_contain_text("A body with a yield strength below 4.93\u00a0GPa yields")
@@ -332,6 +359,16 @@ def keyboard(browser):
         if page.evaluate("document.activeElement.matches('button.primary')"):
             break
     assert page.evaluate("document.activeElement.matches('button.primary')") and steps < 15, steps
+    # A link skips the bar, and Escape ends the zoom of a figure.
+    page.get_by_role("link", name="Skip to the fields").focus()
+    page.keyboard.press("Enter")
+    expect(page.locator("#shape")).to_be_focused()
+    reset = page.locator("section[aria-label=Depth]").get_by_role("button", name="Reset", include_hidden=True)
+    page.locator("section[aria-label=Depth] .canvas").focus()
+    page.keyboard.press("+")
+    expect(reset).to_be_enabled()
+    page.keyboard.press("Escape")
+    expect(reset).to_be_disabled()
     page.focus("#friction")
     before = curve(page)
     for _ in range(3):
@@ -356,7 +393,7 @@ def keyboard(browser):
 
 def main():
     with opened() as browser:
-        for test in (type_a_radius, units, drag_friction, paste_a_trace, edit_rows, long_run, keep_and_reopen, faults, errors_and_warnings, phone, keyboard):
+        for test in (type_a_radius, units, drag_friction, slider_follows_typing, paste_a_trace, edit_rows, long_run, keep_and_reopen, faults, errors_and_warnings, phone, keyboard):
             test(browser)
     print("the live form passes its tests")
 

@@ -2,9 +2,9 @@
 
 import { events, get, idempotencyKey, jobAddress, post, Problem, resultAddress } from "./api.js";
 import { debounced } from "./dom.js";
-import { OPERATIONS_PER_SECOND } from "./estimate.js";
+import { timeOf } from "./estimate.js";
 import { DRAFT } from "./summary.js";
-import { digits, duration } from "./units.js";
+import { digits } from "./units.js";
 
 /** The job starts when the form has not changed for this time. */
 const IDLE_MS = 800;
@@ -31,7 +31,7 @@ export class Draft {
   ask(scenario, checked) {
     this.stop();
     this.wanted = scenario;
-    this.show.says(`This takes about ${duration(checked.cost.operations / OPERATIONS_PER_SECOND)}. It will be computed as a job.`);
+    this.show.says(`Estimated time: ${timeOf(checked.cost)}. It will be computed as a job.`);
     this.#start(scenario, checked);
   }
 

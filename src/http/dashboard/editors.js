@@ -1,7 +1,7 @@
 // Which editor belongs to which option of the form: measured profiles, blocks, records and tables of coefficients.
 
 import { h, select } from "./dom.js";
-import { valueAt } from "./fields.js";
+import { isExample, valueAt } from "./fields.js";
 import { rowsEditor } from "./rows.js";
 import { TraceEditor } from "./trace-editor.js";
 
@@ -45,7 +45,7 @@ export class Editors {
   #profile(profile) {
     if (![profile.radius, profile.height].every(Array.isArray)) return null;
     const column = (name, member) => ({ name, pointer: (row) => `/profile/${member}/${row}` });
-    return h("details", {}, h("summary", {}, `Points of the profile (${profile.radius.length})`),
+    return h("details", {}, h("summary", {}, isExample(profile) ? "Points of an example, a ball of 10\u00a0mm" : `Points of the profile (${profile.radius.length})`),
       this.#rows({ title: "Measured profile", columns: [column("Radius", "radius"), column("Height", "height")],
         ...parallel(profile, ["radius", "height"]), fresh: ["0.1 mm", "1 um"] }));
   }

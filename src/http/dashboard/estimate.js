@@ -6,7 +6,7 @@ import { cycles, digits, duration, isLine, quantity, wordOf, WORDS } from "./uni
 import { drawWarnings } from "./warnings.js";
 
 /** Operations of an estimate that take a second. */
-export const OPERATIONS_PER_SECOND = 1e9;
+const OPERATIONS_PER_SECOND = 1e9;
 
 /** A count with an SI prefix, for example 1.3 M or 390 k. */
 function prefixed(count) {
@@ -14,7 +14,8 @@ function prefixed(count) {
   return `${digits(count / size, 2)}\u00a0${prefix}`;
 }
 
-const timeOf = ({ operations }) => {
+/** The estimated time of a run. */
+export const timeOf = ({ operations }) => {
   const seconds = operations / OPERATIONS_PER_SECOND;
   return seconds < 0.1 ? "less than 0.1\u00a0s" : `about ${duration(seconds)}`;
 };
@@ -46,6 +47,16 @@ export const depthOrForce = ({ profile }, scales) => (isLine(profile)
 /** The threshold of gross slip. In a line contact, an amplitude needs a reference. */
 export const grossSlip = ({ gross_slip_amplitude: threshold }) =>
   (threshold == null ? "Needs a reference distance" : quantity(threshold, "m"));
+
+/**
+ * The threshold of gross slip at a row of the history: the unworn one times (d − w)/d₀, with the wear w in the middle. Undefined if
+ * the result does not tell: in a line contact, without profiles, or if the friction changes.
+ */
+export function grossSlipNow({ history, profiles, scales, scenario, unworn }, row) {
+  const worn = profiles?.wear[profiles.cycles.indexOf(history.cycles[row])]?.[0];
+  if (worn == null || profiles.radius[0] !== 0 || isLine(scenario.profile) || typeof scenario.friction !== "number") return undefined;
+  return unworn.gross_slip_amplitude * (history.indentation_depth[row] - worn) / scales.indentation_depth;
+}
 
 /** The regime and the contact radius of a checked scenario, in words. */
 export const announce = ({ regime, scales, scenario }) =>

@@ -1,6 +1,9 @@
 // The faults that the server finds in a scenario, at the fields of the form.
 
 import { h } from "./dom.js";
+import { valueAt } from "./fields.js";
+import { fieldText, pretty } from "./kinds.js";
+import { repairs, tableFault } from "./repair.js";
 import { visit } from "./warnings.js";
 import { formPointer } from "./vary.js";
 
@@ -23,21 +26,41 @@ export const countOf = (problem) => {
   return count === 1 ? "1 field needs correction." : `${count} fields need correction.`;
 };
 
-/** The number of faults, with a button to the first field that has one. */
+/** The number of faults, with a button to the first field that has one, or to the faults without a field. */
 export function drawCount(main, problem) {
   const field = main.querySelector("[aria-invalid]");
-  if (!field) return countOf(problem);
-  return [countOf(problem).replace(/\.$/, ": "), h("button", { type: "button", class: "vary", onclick: () => visit(field) },
-    field.dataset.name ?? field.getAttribute("aria-label"))];
+  const link = (text, place) => h("button", { type: "button", class: "vary", onclick: () => visit(place) }, text);
+  if (!field) return [countOf(problem).replace(/\.$/, ": "), link("Show it", main.querySelector("ul.fault"))];
+  return [countOf(problem).replace(/\.$/, ": "), link(field.dataset.name ?? field.getAttribute("aria-label"), field)];
 }
 
-/** Shows each error at its field, or in the list `others` if it has no field. Null removes all. */
-export function showFaults(main, others, problem, study) {
+/** Maximum number of values that tell two inputs apart. */
+const MAX_VALUES = 2;
+
+/** The input that the shown numbers belong to, as far as the fields of the form differ from it: "Normal force F = 2 N". */
+export function lastValid(main, valid, scenario) {
+  if (!valid) return "";
+  const changed = [...main.querySelectorAll("[data-name][data-pointer^='/scenario/']")].map(({ dataset }) => [dataset.name, dataset.pointer.replace("/scenario", "")])
+    .filter(([, pointer]) => JSON.stringify(valueAt(valid, pointer)) !== JSON.stringify(valueAt(scenario, pointer)))
+    .map(([name, pointer]) => `${name} = ${pretty(fieldText(valueAt(valid, pointer), pointer, valid)) || "empty"}`);
+  return `The numbers belong to the last valid input${changed.length && changed.length <= MAX_VALUES ? `: ${changed.join(", ")}` : ""}.`;
+}
+
+/**
+ * Shows each error at its field, or in the list `others` if it has no field. Null removes all. `redraw` shows a profile that a
+ * button has changed.
+ */
+export function showFaults(main, others, problem, { scenario, study }, redraw) {
   for (const place of main.querySelectorAll("p.fault:not(#json-fault)")) place.textContent = "";
   for (const field of main.querySelectorAll("[aria-invalid]")) field.removeAttribute("aria-invalid");
   others.replaceChildren();
   for (const { pointer: sent = "", detail } of problem?.errors ?? []) {
     const pointer = formPointer(sent, study);
+    const told = tableFault(pointer.replace("/scenario", ""), detail, scenario.profile);
+    if (told) {
+      others.append(h("li", {}, told.text, repairs(told, scenario.profile, redraw)));
+      continue;
+    }
     const all = [...main.querySelectorAll("[data-pointer]")];
     // A fault of all members of a range is shown at its first field.
     const field = all.find(({ dataset }) => pointer === dataset.pointer || pointer.startsWith(`${dataset.pointer}/`))

@@ -10,7 +10,7 @@ const FLAT = ["flat_radius", "Flat radius b", "60 um"];
 const PUNCH_STICK_RATIO = 0.999;
 const LENGTH = ["length", "Length of the contact", "10 mm", "The length of the line, across the motion."];
 const POWER = [["exponent", "Exponent n", 4], ["at_radius", "Reference radius", "0.2 mm"], ["height", "Height at reference radius", "5 um"]];
-/** Radii in metres of a profile that the user can overwrite: a ball of 10 mm. */
+/** Radii in metres of the example that a measured profile begins with: a ball of 10 mm. */
 const RADII = Array.from({ length: 21 }, (_, i) => Number((i * 75e-6).toPrecision(3)));
 /**
  * Members of each shape: name, label, default and explanation. A name can be the path of an entry. A power law can be round or
@@ -32,6 +32,9 @@ const SHAPES = {
   power_line: [...POWER, LENGTH],
   table: [["radius", "", RADII], ["height", "", RADII.map((r) => (r * r) / 0.02)]],
 };
+/** Whether a measured profile is still the example. */
+export const isExample = ({ radius, height }) => SHAPES.table.every(([member, , preset]) => JSON.stringify({ radius, height }[member]) === JSON.stringify(preset));
+
 /** The members of a shape that are lists have an editor, not a field. */
 const fieldsOf = (shape, profile) => (shape === "table" ? (isLine(profile) ? [LENGTH] : []) : SHAPES[shape]);
 /** What the shapes of line contacts have in the scenario. */
@@ -273,7 +276,7 @@ export const CHOICES = [
       return [...(kind === "list" ? [[at, `${word}${unit}, separated by commas`]]
         : [[`${at}/from`, `First${unit}`], [`${at}/to`, `Last${unit}`], [`${at}/count`, "Number of outputs"],
            [`${at}/spacing`, "Spacing", { log: "Logarithmic", linear: "Linear" }]]),
-      ["/until/wear_depth", "Stop at wear depth (optional)"]];
+      ["/until/wear_depth", "Stop at wear depth (optional)", null, "The largest depth, of both bodies together."]];
     },
   },
   {

@@ -1,4 +1,4 @@
-// Zooms a figure along its x axis: by dragging, by buttons, and by the keys + − 0 and Shift with the arrows.
+// Zooms a figure along its x axis: by dragging, by buttons, and by the keys + − 0, Escape and Shift with the arrows.
 
 import { h, svg } from "./dom.js";
 import { endsOfX } from "./figure-axis.js";
@@ -17,7 +17,7 @@ export class Zoom {
   #changed;
   #start = null;
   #box = svg("rect", { class: "selection", hidden: "" });
-  #reset = h("button", { type: "button", disabled: true, title: "Show all (key 0)", onclick: () => this.#apply(null) }, "Reset");
+  #reset = h("button", { type: "button", disabled: true, title: "Show all (key 0 or Escape)", onclick: () => this.#apply(null) }, "Reset");
 
   constructor(figure, place, changed) {
     [this.#figure, this.#place, this.#changed] = [figure, place, changed];
@@ -28,6 +28,7 @@ export class Zoom {
     place.addEventListener("pointerup", (event) => this.#release(event));
     place.addEventListener("pointercancel", () => this.#end());
     place.addEventListener("dblclick", () => this.#apply(null));
+    for (const own of [place, this.buttons]) own.addEventListener("keydown", (event) => event.key === "Escape" && this.range && this.#apply(null));
     place.addEventListener("keydown", (event) => this.#key(event));
   }
 

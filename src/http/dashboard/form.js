@@ -7,7 +7,7 @@ import { debounced, explained, fill, h, notify, select } from "./dom.js";
 import { Draft } from "./draft.js";
 import { Editors } from "./editors.js";
 import { announce, drawEstimate, drawStudyEstimate } from "./estimate.js";
-import { countOf, drawCount, showFaults } from "./faults.js";
+import { countOf, drawCount, lastValid, showFaults } from "./faults.js";
 import { withoutField } from "./fields.js";
 import { Fieldset } from "./fieldset.js";
 import { loadLimits } from "./limits.js";
@@ -17,7 +17,7 @@ import { Preview } from "./preview.js";
 import { Undo } from "./undo.js";
 import { sourceOf, sourceTag } from "./summary.js";
 import { choose, isPossible, jobBody, newStudy, OFFERS, studyOf, varied } from "./vary.js";
-import { unknownYield } from "./warnings.js";
+import { unknownYield, visit } from "./warnings.js";
 
 /** Maximum number of characters of a label. */
 const MAX_LABEL = 200;
@@ -75,13 +75,14 @@ export async function showForm(main, { query, signal }) {
   const plan = h("section", { class: "card plan", "aria-label": "Study", hidden: true });
   const estimate = h("section", { class: "card estimate", "aria-label": "Estimate" });
   const announcement = h("p", { class: "hidden", role: "status" });
-  const otherFaults = h("ul", { class: "fault" });
+  const otherFaults = h("ul", { class: "fault", tabIndex: -1 });
+  const showAll = (problem) => showFaults(main, otherFaults, problem, form, calls.chosen);
   const labelField = h("input", { id: "label", maxLength: MAX_LABEL, placeholder: "Optional", oninput: () => {
     form.label = labelField.value;
     record("label");
     remember();
   } });
-  const keep = h("button", { class: "primary", type: "submit", title: "Ctrl+Enter" }, "Keep");
+  const keep = h("button", { class: "primary", type: "submit", "aria-keyshortcuts": "Control+Enter", title: "Ctrl+Enter keeps the run from every field" }, "Keep");
   const undoButton = h("button", { type: "button", id: "undo", title: "Undo the last change (Ctrl+Z)", onclick: () => restore(undo.undo()) }, "Undo");
   const chooseExample = select({ "": "Custom scenario", ...Object.fromEntries(examples.map(({ name, label }) => [name, label ?? name])) },
     "", { id: "example", onchange: () => {
@@ -199,9 +200,10 @@ export async function showForm(main, { query, signal }) {
     ...more.filter(({ detail }) => result.warnings.every((own) => own.detail !== detail)), ...unknownYield(form.scenario, result.unworn)] });
 
   /** Shows the answer of an evaluation. */
-  function showAnswer(answer) {
+  function showAnswer(answer, scenario) {
     const { check } = answer;
-    showFaults(main, otherFaults, null, form.study);
+    valid = scenario;
+    showAll(null);
     preview.mark(null);
     preview.show(warned({ ...answer, scenario: check.scenario, regime: check.regime, scales: check.scales, unworn: check.unworn }));
   }
@@ -217,13 +219,15 @@ export async function showForm(main, { query, signal }) {
   function refuse(problem) {
     accepted = false;
     allowKeep();
-    showFaults(main, otherFaults, problem, form.study);
+    showAll(problem);
     estimate.removeAttribute("aria-busy");
     announcement.textContent = problem.errors ? countOf(problem) : problem.detail;
-    if (problem.errors) preview.mark(drawCount(main, problem));
+    if (problem.errors) preview.mark([drawCount(main, problem), " ", lastValid(main, valid, form.scenario)]);
     fill(estimate, h("h2", {}, problem.errors ? drawCount(main, problem) : problem.title), problem.errors ? null : h("p", {}, problem.detail));
   }
 
+  /** The scenario that the shown numbers belong to. */
+  let valid = null;
   // `wanted`: the user has asked to keep the run before the server has checked it.
   let checks = 0, submitting = false, accepted = false, isLong = false, wanted = false;
   /** Enables Keep if the server accepts what the form shows. While the JSON is invalid, the form shows an earlier scenario. */
@@ -243,7 +247,7 @@ export async function showForm(main, { query, signal }) {
       return;
     }
     if (own !== checks || signal.aborted) return;
-    showFaults(main, otherFaults, null, form.study);
+    showAll(null);
     // The server returns a stored result beyond its limits too.
     const excess = !checked.cached && checked.excess;
     accepted = !excess;
@@ -274,7 +278,7 @@ export async function showForm(main, { query, signal }) {
       location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}${draft.isRunning ? "?draft=yes" : ""}`;
     } catch (problem) {
       if (signal.aborted) return;
-      showFaults(main, otherFaults, problem, form.study);
+      showAll(problem);
       fill(estimate, h("h2", {}, problem.errors ? drawCount(main, problem) : problem.title ?? "The job was not submitted"),
         h("p", {}, problem.errors ? "" : problem.detail ?? problem.message));
       submitting = false;
@@ -298,10 +302,14 @@ export async function showForm(main, { query, signal }) {
       h("p", { class: "muted" }, "Type a number, with or without a unit: 10, 10 mm, 3.03×10⁻⁵ mm³/Nm. The arrow keys and the slider change it. "
         + "Press Vary to compute many values of it in one study.")),
     jsonEditor);
+  const skip = h("a", { class: "skip", href: "#fields", onclick: (event) => {
+    event.preventDefault();
+    visit(fieldset.element.querySelector("select, input"));
+  } }, "Skip to the fields");
   const side = h("div", { class: "side" }, announcement, !may("submit") && h("section", { class: "card", id: "limited" }, LIMITED[may("read")]), plan, preview.element);
   main.replaceChildren(
     h("form", { class: "maker", onsubmit: submit, noValidate: true, onkeydown: pressed },
-      h("div", { class: "bar run" }, heading,
+      h("div", { class: "bar run" }, skip, heading,
         h("div", { class: "field", hidden: !may("read") }, h("label", { for: "example" }, "Start from"), chooseExample),
         h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), undoButton, may("submit") && keep),
       h("div", { class: "two" }, left, side)));

@@ -1,6 +1,7 @@
 // The numbers of a run at one output cycle: the wear first, with its errors beside it and its warnings below it.
 
 import { explained, fill, h } from "./dom.js";
+import { grossSlipNow } from "./estimate.js";
 import { term, withMeaning } from "./explain.js";
 import { cycles, percent, quantity, wordOf, WORDS } from "./units.js";
 import { drawWarning, fieldAt, numberOf, visit } from "./warnings.js";
@@ -17,6 +18,10 @@ const SOLVER = "The server estimates the error of the solver at this output cycl
 const THEORY = "The theory leaves out plasticity, debris and oxidation, and the wear is as uncertain as the wear coefficient that you enter.";
 /** The variation with Poisson's ratio is proportional to ν/(2 − ν), as docs/accuracy.md says. */
 const AROUND = "The depth is the mean around a ring. The local depth varies by ±13 % if Poisson's ratio is 0.3.";
+
+/** What the explanations of the depth and of the threshold add. */
+const BOTH = "It is the wear of both bodies together.";
+const CHANGES = "Wear at the edge presses the middle harder, so a contact that starts in gross slip can return to partial slip.";
 
 /** The error of the method, in words, and what it leaves out. The exact method solves the equations of the theory. */
 export function modelError({ model }, { model_error: error }) {
@@ -47,18 +52,20 @@ export function drawHeadline({ first, others, notes }, result, row, warnings) {
   const wear = (name) => {
     const error = history[`${name}_error`]?.[row];
     const own = name === "wear_depth" ? `${THEORY} ${AROUND}` : THEORY;
-    return h("div", {}, h("dt", {}, term(name, scenario)),
+    return h("div", {}, h("dt", {}, term(name, scenario, BOTH)),
       h("dd", {}, h("span", { "data-value": name }, quantity(history[name][row], units[name], 3)), marked(name)),
       at > 0 && h("dd", { class: "errors" }, withMeaning([
-        error > 0 && h("span", { "data-error": name }, `numerical error ${numericalError(error)}`), error > 0 && "; ",
-        h("span", { "data-model-error": name }, modelError(scenario, accuracy))].filter(Boolean),
+        error > 0 && h("span", { "data-error": name }, `numerical error ${numericalError(error)}`),
+        h("span", { class: error > 0 && scenario.model.method === "exact" && "theory" }, error > 0 && "; ", h("span", { "data-model-error": name }, modelError(scenario, accuracy)))].filter(Boolean),
       `${error > 0 ? `${SOLVER} ${fieldAt(tolerance) ? "Press to change it. " : ""}` : ""}${own}`, () => visit(fieldAt(tolerance)))));
   };
   const [regime, when] = regimeAt(result, row, at);
   const threshold = unworn?.gross_slip_amplitude;
+  const now = threshold != null && at > 0 ? grossSlipNow(result, row) : undefined;
   fill(first, FIRST.map(wear), h("div", {}, h("dt", {}, "Regime"),
     h("dd", {}, h("span", { "data-value": "regime" }, regime), marked("regime")), h("dd", { class: "errors" }, when,
-      threshold != null && [" · ", term("gross_slip_amplitude", scenario), `\u00a0=\u00a0${quantity(threshold, "m", 3)}, unworn`])));
+      threshold != null && [" · ", term("gross_slip_amplitude", scenario, CHANGES), `\u00a0=\u00a0${quantity(threshold, "m", 3)} ${now === undefined ? "unworn" : "fresh"}`,
+        now !== undefined && [", ", h("span", { "data-value": "threshold" }, quantity(now, "m", 3)), ` after ${cycles(at)} cycles`]])));
   fill(others, OTHERS.map((name) => h("div", {}, h("dt", {}, term(name, scenario)),
     h("dd", {}, h("span", { "data-value": name }, quantity(history[name][row], units[name], 3)), marked(name)))));
   const concerned = [...FIRST, "regime", ...OTHERS].map((name) => [name, warnings.filter((warning) => numberOf(warning) === name)])

@@ -43,7 +43,7 @@ function evaluation(scenario, isFine) {
   return { scenario: copy, parts: PARTS };
 }
 
-/** Sends evaluations. `draw(answer)` shows an answer, and `refuse(problem, isFine)` says why there is none. */
+/** Sends evaluations. `draw(answer, scenario)` shows an answer to a scenario, and `refuse(problem, isFine)` says why there is none. */
 export class Live {
   #waiting = null;
   #running = null;
@@ -61,7 +61,7 @@ export class Live {
 
   /** Evaluates a scenario as soon as the evaluation before it has ended. */
   ask(scenario, isFine = false) {
-    this.#waiting = { body: evaluation(scenario, isFine), isFine };
+    this.#waiting = { body: evaluation(scenario, isFine), isFine, scenario: structuredClone(scenario) };
     if (!this.#running) this.#next();
     else if (performance.now() - this.#running.since > STALE_MS) this.#running.abort.abort();
   }
@@ -80,7 +80,7 @@ export class Live {
     this.#running = { abort, since: performance.now() };
     try {
       const answer = await post("/v1/evaluate", asked.body, { signal: abort.signal });
-      if (!abort.signal.aborted) this.draw(answer);
+      if (!abort.signal.aborted) this.draw(answer, asked.scenario);
     } catch (problem) {
       if (!abort.signal.aborted) await this.#failed(problem, asked);
     }

@@ -46,7 +46,7 @@ const SCRIPTS: &[File] = files!("text/javascript":
     // Figures and the views of results.
     "curves.js", "explain.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
     "figure-reader.js", "figure-save.js", "figure-zoom.js", "figure.js", "headline.js", "player.js",
-    "printed.js", "result-figures.js", "scaling.js", "section.js", "smooth.js", "so-far.js",
+    "printed.js", "repair.js", "result-figures.js", "scaling.js", "section.js", "smooth.js", "so-far.js",
     // The comparison of runs, which is loaded when it is needed.
     "compare-figures.js", "compare-inputs.js", "compare-rows.js", "compare-table.js", "compare.js",
     "derived.js",

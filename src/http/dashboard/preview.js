@@ -40,7 +40,7 @@ export class Preview {
     this.#grid = h("div", { class: "figures", hidden: true }, card("profile", "Profiles", this.#figures.profile.element),
       card("section", "Section", this.#section.element), card("depth", "Depth", this.#figures.depth.element),
       card("volume", "Volume", this.#figures.volume.element), card("loop", "Fretting loop", this.#figures.loop.element, this.#texts.ratios));
-    this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#headline.first, this.#headline.notes, this.#stepRow, this.#state, this.#progress, this.#grid,
+    this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#headline.first, this.#state, this.#progress, this.#headline.notes, this.#stepRow, this.#grid,
       this.#texts.outside, this.#texts.missing,
       h("details", { class: "card" }, h("summary", {}, "More numbers"), this.#headline.others));
     document.addEventListener("units", () => this.#result && this.#draw(), { signal });
@@ -62,7 +62,8 @@ export class Preview {
   /** Shows an answer of `POST /v1/evaluate`, or a result. */
   show(result) {
     const before = this.#result?.profiles?.cycles.length ?? 0;
-    this.#result = result;
+    // The figures of an evaluation have no simplified rule beside the run, so those of a job have none either.
+    this.#result = { ...result, comparison: undefined };
     const outputs = result.profiles?.cycles ?? [0];
     const last = outputs.length - 1;
     if (outputs.length !== before) {

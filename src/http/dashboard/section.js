@@ -69,7 +69,8 @@ export class Section {
     const outline = (heights) => [...heights.map((height, i) => `${x(-radius[i])} ${y(height)}`).reverse(), ...heights.map((height, i) => `${x(radius[i])} ${y(height)}`)].join("L");
     const left = x(-radius.at(-1)), right = x(radius.at(-1));
     const bar = roundLength((0.3 * wide) / across), high = roundLength((0.22 * tall) / up);
-    const text = (left, top, content, anchor = "start") => svg("text", { x: left, y: top, "text-anchor": anchor, fill: "var(--ink)", "font-size": 12 }, content);
+    const text = (left, top, content, anchor = "start", on = "--body") => svg("text", { x: left, y: top, "text-anchor": anchor, fill: "var(--ink)", "font-size": 12,
+      "paint-order": "stroke", stroke: `var(${on})`, "stroke-width": 4, "stroke-linejoin": "round" }, content);
     const line = (x1, y1, x2, y2) => svg("line", { x1, y1, x2, y2, stroke: "var(--ink)", "stroke-width": 1.5 });
     const body = (heights, end, fill) => svg("path", { d: `M${outline(heights)}L${right} ${end}L${left} ${end}Z`, fill: `var(${fill})`, stroke: "var(--ink)", "stroke-width": 1.2 });
     const trace = (heights) => svg("path", { d: `M${outline(heights)}`, fill: "none", stroke: "var(--ink-4)", "stroke-width": 1.3, "stroke-dasharray": "5 4" });
@@ -78,7 +79,7 @@ export class Section {
       trace(unworn), trace(lower.map(() => 0)),
       line(MARGIN, foot, MARGIN + bar * across, foot), text(MARGIN + bar * across + 6, foot + 4, quantity(bar, "m")),
       line(wide - 90, foot, wide - 90, foot - high * up), text(wide - 82, foot + 4, quantity(high, "m")),
-      text(wide / 2, 18, "Body 1, with the profile", "middle"), text(wide - MARGIN - 6, surface + 17, "Body 2", "end"));
+      text(wide / 2, 18, "Body 1, with the profile", "middle", "--metal"), text(wide - MARGIN - 6, surface + 17, "Body 2", "end"));
     const factor = up / across;
     const scale = factor > 1.01 ? `Heights are exaggerated ${Math.round(factor)}×.` : "True to scale.";
     const unknown = scenario.wear.bodies ? "The share of layers is in the kept result" : "Share of the wear not given";

@@ -1,11 +1,13 @@
 // The slider of a number. It covers the usual values of a plain number, and a decade on both sides of a quantity.
 
-import { h } from "./dom.js";
+import { debounced, h } from "./dom.js";
 import { kindAt } from "./kinds.js";
 import { limitsOf } from "./limits.js";
 import { readNumber } from "./typed.js";
 
 const STEPS = 400;
+/** After this time without typing, the range follows what was typed. */
+const PAUSE_MS = 600;
 /** A quantity varies from a tenth to the tenfold. */
 const DECADE = 10;
 
@@ -38,9 +40,12 @@ export function slider(input, name, pointer, scenario, set) {
   const element = h("input", { type: "range", class: "slide", tabIndex: -1, "aria-label": `${name}: slider`, min: 0, max: STEPS, step: 1 });
   const follow = () => {
     const own = scaleOf(input.value, pointer, scenario);
-    // The range stays while the value is inside, so that the slider moves as the value does.
+    // The range stays while the value is inside, so that the slider moves as the value does. It follows a typed number later.
     const isInside = own && scale && own.unit === scale.unit && own.number >= scale.from && own.number <= scale.to;
-    scale = isInside ? { ...scale, number: own.number } : own;
+    show(isInside ? { ...scale, number: own.number } : own);
+  };
+  const show = (own) => {
+    scale = own;
     element.disabled = !scale;
     if (scale) element.value = STEPS * fraction(scale);
   };
@@ -51,6 +56,9 @@ export function slider(input, name, pointer, scenario, set) {
   };
   element.addEventListener("input", () => move(Number(element.value), true));
   element.addEventListener("change", () => set(input.value, false));
+  const settle = () => element.matches(":active") || show(scaleOf(input.value, pointer, scenario));
+  input.addEventListener("input", debounced(PAUSE_MS, settle));
+  input.addEventListener("change", settle);
   input.addEventListener("keydown", (event) => {
     const direction = { ArrowUp: 1, ArrowDown: -1 }[event.key];
     if (!direction || !scale || event.ctrlKey || event.altKey || event.metaKey) return;

@@ -37,8 +37,8 @@ export function duration(seconds) {
   return parts.map(([count, name]) => `${count}\u00a0${name}`).join(" ");
 }
 
-/** A number of cycles with narrow spaces between thousands; rounded from 1000 cycles on. */
+/** A number of cycles with narrow spaces between thousands; whole from 100 cycles on, and with three digits below. */
 export const cycles = (given) => {
-  const value = given >= 1000 ? Math.round(given) : given;
-  return Number.isInteger(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : digits(value, 6);
+  const value = given >= 100 ? Math.round(given) : given;
+  return Number.isInteger(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : digits(value, 3);
 };

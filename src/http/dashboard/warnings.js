@@ -24,6 +24,7 @@ export const fieldAt = (place) => document.querySelector(`[data-pointer="/scenar
 
 /** Moves to a field of the form. */
 export function visit(field) {
+  for (let place = field?.closest("details"); place; place = place.parentElement.closest("details")) place.open = true;
   field?.scrollIntoView({ block: "center" });
   field?.focus({ preventScroll: true });
 }
@@ -52,7 +53,7 @@ const REMEDIES = { large_contact: ESTIMATE, large_amplitude: "Use another progra
   simplified_gross_slip: "Use the exact method." };
 
 /** The text of a warning in the words and units of the page. Results contain the texts of the server, so these cannot change. */
-const worded = (detail) => detail.replace(": see `wear_volume_error` and `wear_depth_error` of the history", "")
+export const worded = (detail) => detail.replace(": see `wear_volume_error` and `wear_depth_error` of the history", "")
   .replace("`model.points`", "output radii").replace(/`(?:\w+\.)*(\w+)`/g, (_, name) => name.replaceAll("_", " "))
   .replace(/([\d.]+e-?\d+) m\b/g, (_, metres) => quantity(Number(metres), "m", 3))
   .replace(/(?<=At cycle )[\d.]+e\d+/, (at) => cycles(Number(at)));
