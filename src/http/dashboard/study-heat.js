@@ -79,24 +79,29 @@ function cells(grid, column, [horizontal, vertical], [across, up], share) {
 function regimes(plan, boundary, [low, high]) {
   const { area } = plan;
   const points = boundary.map(({ x, y }) => [plan.horizontal.at(x), plan.vertical.at(y)]);
-  const from = [[points[0][0], area.bottom + 1], ...points, [points.at(-1)[0], area.top - 1]];
-  const line = from.map((point) => point.map(px).join(" ")).join("L");
+  if (points.length === 0) return [];
+  // The cells reach half a cell beyond the points, so the boundary goes straight on.
+  const beyond = ([x, y], [nextX, nextY] = [x, y]) => [2 * x - nextX, 2 * y - nextY];
+  const line = [beyond(points[0], points[1]), ...points, beyond(points.at(-1), points.at(-2))].map((point) => point.map(px).join(" ")).join("L");
   const side = (edge, ink) => svg("path", { d: `M${line}L${edge} ${area.top - 1}L${edge} ${area.bottom + 1}Z`, fill: `var(--ink-${ink})`, "fill-opacity": 0.16 });
   return [side(area.left, 1), side(area.right, 2), svg("path", { d: `M${line}`, fill: "none", stroke: "var(--ink)", "stroke-width": 2, class: "boundary" }),
     onDrawing(area.left + 12, area.top + 22, low, { fill: "var(--ink-1)", "font-size": 14 }),
     onDrawing(area.right - 12, area.bottom - 14, high, { fill: "var(--ink-2)", "font-size": 14, "text-anchor": "end" })];
 }
 
-/** A point that the user knows: a diamond for that of the scenario, a circle for a measured one. */
-function knownPoint({ x, y, name, isOwn }, { horizontal, vertical, area }) {
+/** Distance in px within which a measured point leaves no room for the name of the scenario. */
+const CROWDED = 80;
+
+/** A point that the user knows: a diamond for that of the scenario, a circle for a measured one. `others` are all of them. */
+function knownPoint({ x, y, name, isOwn }, others, { horizontal, vertical, area }) {
   const [left, top] = [horizontal.at(x), vertical.at(y)];
   if (!(left >= area.left && left <= area.right && top >= area.top && top <= area.bottom)) return [];
   if (!isOwn) return [svg("circle", { class: "measured point", cx: px(left), cy: px(top), r: 5.5, fill: "var(--card)", stroke: "var(--ink)", "stroke-width": 2 }),
     ...(left + 14 + widthOf(name) < area.right ? [onDrawing(left + 11, top + 4, name)] : [onDrawing(left - 11, top + 4, name, { "text-anchor": "end" })])];
-  // Its name stands below it, where no measured point has its own.
+  const isCrowded = others.some((other) => !other.isOwn && Math.hypot(horizontal.at(other.x) - left, vertical.at(other.y) - top) < CROWDED);
   const half = widthOf(name) / 2;
   return [svg("path", { class: "own point", d: `M${px(left)} ${px(top - 8)}l8 8l-8 8l-8 -8Z`, fill: "var(--ink)", stroke: "var(--card)", "stroke-width": 2 }),
-    onDrawing(Math.min(Math.max(left, area.left + half + 2), area.right - half - 2), top + (top + 26 < area.bottom ? 22 : -13), name, { "text-anchor": "middle" })];
+    ...(isCrowded ? [] : [onDrawing(Math.min(Math.max(left, area.left + half + 2), area.right - half - 2), top + (top + 26 < area.bottom ? 22 : -13), name, { "text-anchor": "middle" })])];
 }
 
 /**
@@ -125,7 +130,7 @@ export const plane = (view, { across, up, output, rows, boundary, regions, known
     below: output ? [...cells(grid, column, [plan.horizontal, plan.vertical], axes, share),
       ...lines.map((d) => svg("path", { d, fill: "none", stroke: "#ffffff", "stroke-opacity": 0.75, "stroke-width": 1, class: "contour" })), ...edge]
       : regimes(plan, boundary, regions.names.map((name) => name[0].toUpperCase() + name.slice(1))),
-    above: [...(bar?.drawing ?? []), ...known.flatMap((point) => knownPoint(point, plan))],
+    above: [...(bar?.drawing ?? []), ...known.flatMap((point) => knownPoint(point, known, plan))],
     description: `${output ? title(output) : regions.title} over ${inner(title(across))} and ${inner(title(up))}, ${items.length} points`,
     columns: [across, up, ...(output ? [output] : [])].map((name) => {
       const own = { [across]: plan.horizontal, [up]: plan.vertical }[name] ?? bar?.scale ?? { unit: units[name], factor: 1 };

@@ -60,7 +60,7 @@ export class StudyTable {
       const { title, symbol } = words(name);
       const state = this.#sort?.name === name ? this.#sort.sign : 0;
       return h("th", { scope: "col", class: name === "reason" ? "long" : null, "aria-sort": state ? (state > 0 ? "ascending" : "descending") : null },
-        h("button", { type: "button", class: "term", "data-column": name, onclick: () => this.#sortBy(name) }, italics(withUnit(`${title} ${symbol}`.trim(), scales[name]?.unit)), h("span", { "aria-hidden": "true" }, state > 0 ? " ↑" : state < 0 ? " ↓" : "")));
+        h("button", { type: "button", class: "term", "data-column": name, onclick: () => this.#sortBy(name) }, italics(withUnit(`${title} ${symbol}`.trim(), scales[name]?.unit))));
     };
     const order = this.#order();
     const shown = order.slice(0, this.#shown);

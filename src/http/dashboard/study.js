@@ -31,7 +31,7 @@ export async function showStudy(main, result, { job, link, query, signal }) {
       h("p", { class: "muted", id: "counts" }, `${countsOf(result.counts)} · numerics version ${result.engine.numerics} · `, h("code", {}, result.key.slice(0, 12)), "…")),
     drawActions(result, { job, link, remember() {}, signal })),
     result.notes?.length > 0 && h("section", { class: "card", "aria-label": "Notes" }, h("h2", {}, "Notes"),
-      h("ul", {}, result.notes.map(({ output, member, detail }) => h("li", {}, h("code", {}, member ?? output), " ", detail))))];
+      h("ul", {}, result.notes.map(({ output, member, detail }) => h("li", {}, h("strong", {}, view.title(member ?? output)), ": ", detail))))];
   // The reader of a shared link may not compute.
   const open = link ? null : opener(() => view, job.label || kind, signal);
   const figure = new StudyFigure(view, { query, remember, open, signal });
