@@ -237,7 +237,14 @@ fn cors(origins: &Origins) -> Option<CorsLayer> {
         REQUEST_ID,
     ];
     let layer = CorsLayer::new()
-        .allow_methods([Method::GET, Method::HEAD, Method::POST, Method::PUT, Method::DELETE])
+        .allow_methods([
+            Method::GET,
+            Method::HEAD,
+            Method::POST,
+            Method::PUT,
+            Method::PATCH,
+            Method::DELETE,
+        ])
         // `*` does not include Authorization.
         .allow_headers(AllowHeaders::mirror_request())
         .expose_headers(exposed);

@@ -9,7 +9,7 @@ use utoipa_axum::routes;
 use super::access::needs::{Needs, RouteNeeds};
 use super::api::{
     audit, derivatives, diff, evaluate, events, jobs, library, links, me, measurements, results,
-    scenarios, session, system, umbridge,
+    scenarios, search, session, system, umbridge,
 };
 use super::app::App;
 use super::dashboard::{docs, swagger};
@@ -29,13 +29,14 @@ impl Routes {
             .add(Needs::SUBMIT, routes!(jobs::submit))
             .add(Needs::READ, routes!(jobs::list))
             .add(Needs::READ, routes!(jobs::show))
+            .add(Needs::SUBMIT, routes!(jobs::rename))
             .add(Needs::CANCEL, routes!(jobs::delete))
             .add(Needs::READ, routes!(jobs::result))
             .add(Needs::READ, routes!(jobs::so_far))
             .add(Needs::CANCEL, routes!(jobs::cancel))
             .add(Needs::CANCEL, routes!(jobs::cancel_all))
             .add(Needs::READ, routes!(events::follow))
-            .add(Needs::READ, routes!(library::list))
+            .add(Needs::READ, routes!(search::list))
             .add(Needs::READ, routes!(diff::diff))
             .add(Needs::READ, routes!(results::whole))
             .add(Needs::ADMIN, routes!(library::delete))
@@ -108,6 +109,7 @@ impl Routes {
                 (Method::GET, &item.get),
                 (Method::POST, &item.post),
                 (Method::PUT, &item.put),
+                (Method::PATCH, &item.patch),
                 (Method::DELETE, &item.delete),
             ];
             for (method, _) in operations.into_iter().filter(|(_, operation)| operation.is_some()) {
@@ -152,6 +154,7 @@ mod tests {
             (Method::GET, "/v1/results/{key}/derivatives", Needs::DERIVE),
             (Method::POST, "/Gradient", Needs::EVALUATE),
             (Method::PUT, "/v1/results/{key}/pin", Needs::SUBMIT),
+            (Method::PATCH, "/v1/jobs/{id}", Needs::SUBMIT),
             (Method::POST, "/v1/jobs/{id}/cancel", Needs::CANCEL),
             (Method::DELETE, "/v1/results/{key}", Needs::ADMIN),
             // An unknown route requires a key too.

@@ -1,4 +1,4 @@
-//! Accepted jobs: find, wait, cancel, delete.
+//! Accepted jobs: find, wait, rename, cancel, delete.
 //!
 //! `reach` is the owner whose jobs a caller may see and change; `None` is all owners. A job out of reach is
 //! reported as unknown, so that a caller cannot find out whether it exists.
@@ -8,7 +8,7 @@ use std::time::Duration;
 use tokio::time::sleep;
 
 use super::Service;
-use fretwork_job::{Job, JobId};
+use fretwork_job::{Job, JobId, Naming};
 use fretwork_store::{Actor, Canceled, Deleted, Filter, Page, Result};
 
 impl Service {
@@ -33,6 +33,30 @@ impl Service {
         limit: u32,
     ) -> Result<Page> {
         self.0.store.jobs(&within(filter, reach), cursor, limit).await
+    }
+
+    /// The number of jobs within reach that match.
+    ///
+    /// # Errors
+    /// The database fails.
+    pub async fn count(&self, reach: Option<&str>, filter: Filter) -> Result<u64> {
+        self.0.store.count_jobs(&within(filter, reach)).await
+    }
+
+    /// Changes the label and the tags of a job within reach. Returns the job; `None` if there is none.
+    ///
+    /// # Errors
+    /// The database fails.
+    pub async fn rename(
+        &self,
+        reach: Option<&str>,
+        id: JobId,
+        naming: Naming,
+    ) -> Result<Option<Job>> {
+        match self.job(reach, id).await? {
+            Some(_) => self.0.store.rename(id, naming).await,
+            None => Ok(None),
+        }
     }
 
     /// Waits until the job is finished, the time is over or the service drains. Returns the job as it is then.

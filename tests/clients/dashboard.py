@@ -19,6 +19,7 @@ from playwright.sync_api import expect
 
 from browser import LONG, ask, close, downloaded, item, key_of, near, opened
 from comparison import comparison
+from library import library
 from lines import lines
 from plots import every_loop, every_plot
 from studies import studies
@@ -156,6 +157,7 @@ def search(page):
     rule = get("/v1/jobs", get("/v1/examples/steel-ball-simplified"))["key"]
     both = get("/v1/jobs", get("/v1/examples/flat-on-rig"))["key"]
     page.goto(BASE + "/#/library")
+    page.click("summary:has-text('Filters')")
     page.select_option("#find-shape", "truncated_paraboloid")
     expect(page.locator(f".entry input[value='{both}']")).to_be_visible()
     expect(page.locator(f".entry input[value='{exact}']")).to_have_count(0)
@@ -232,7 +234,7 @@ def cancel(page):
     expect(page.locator("#state")).to_have_text("canceled")
     page.get_by_role("link", name="Edit and run again").click()
     expect(page.locator("#friction")).to_have_value("0.7")
-    page.click("nav >> text=Queue")
+    page.click("nav >> text=Runs")
     expect(page.locator(".state.canceled").first).to_be_visible()
 
 
@@ -279,6 +281,7 @@ def main():
         study = studies(browser, BASE)
         coated = lines(browser, BASE)
         compared = comparison(browser, BASE)
+        library(browser, BASE)
         for example in get("/v1/examples"):
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
             # A later job without a label does not hide the label.

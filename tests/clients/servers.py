@@ -35,25 +35,31 @@ def first_plot(browser, data):
 
 
 def library(browser, base):
-    """Shows more results than one page. Previews are drawn when the user scrolls to them."""
+    """Pages follow while the user scrolls. Only rows near the view are drawn, and pictures of rows in view."""
     scenario = ask(base, "/v1/examples/steel-ball-simplified")["scenario"]
     scenario["model"] = {"method": "simplified", "points": 16}
-    for i in range(40):
-        ask(base, "/v1/jobs", {"scenario": {**scenario, "friction": 0.5 + i / 100}, "label": f"Friction {50 + i} %"})
+    for i in range(250):
+        ask(base, "/v1/jobs", {"scenario": {**scenario, "friction": 0.5 + i / 1000}, "label": f"Friction {500 + i}"})
     page = browser.page(base, width=390)
     page.goto(base + "/#/library")
-    entries = page.locator(".entry")
-    expect(entries).to_have_count(24)
-    page.get_by_role("button", name="Show more").click()
-    expect(entries).to_have_count(40)
-    expect(page.get_by_role("button", name="Show more")).to_be_hidden()
-    assert len(set(entries.locator("h2").all_inner_texts())) == 40
-    drawn = page.locator(".thumbnail path.worn")
-    assert drawn.count() < 40
-    for i in range(0, 40, 3):
-        entries.nth(i).scroll_into_view_if_needed()
-        expect(entries.nth(i).locator("path.worn")).to_have_attribute("d", re.compile(r"^M0\.0,.*L96\.0,"))
-        expect(entries.nth(i).locator(".label")).to_have_text(f"Friction {89 - i} %")
+    expect(page.locator("#total")).to_have_text("250 results")
+    entries, region = page.locator(".entry"), page.get_by_role("region", name="Results")
+    names = page.locator(".entry th a")
+    expect(names.first).to_have_text("Friction 749")
+    expect(entries.first.locator("path.worn")).to_have_attribute("d", re.compile(r"^M0\.0,.*L96\.0,"))
+    assert page.locator("path.worn").count() < 40
+    # The last row is reached by the keyboard.
+    region.focus()
+    while names.last.inner_text() != "Friction 500":
+        page.keyboard.press("End")
+        page.wait_for_timeout(50)
+    expect(names.last).to_be_in_viewport()
+    expect(entries.last.locator("path.worn")).to_have_count(1)
+    assert entries.count() < 250
+    page.keyboard.press("Home")
+    expect(names.first).to_have_text("Friction 749")
+    expect(names.first).to_be_in_viewport()
+    expect(entries.first.locator("path.worn")).to_have_count(1)
     page.context.close()
 
 
@@ -299,13 +305,13 @@ def lose_the_server(browser, data):
         expect(page.locator("#banner")).to_be_hidden()
         # The form checks the input that was typed while the server was not running.
         expect(item(page, "regime")).to_have_text("Gross slip")
-        page.click("nav >> text=Queue")
-        expect(page.locator(".empty")).to_contain_text("No jobs")
+        page.click("nav >> text=Runs")
+        expect(page.locator(".empty")).to_contain_text("No runs")
         page.click("nav >> text=Library")
         expect(page.locator(".empty")).to_contain_text("No results yet")
         page.goto(f"{own.base}/#/result/{'0' * 64}")
         expect(page.locator(".error")).to_be_visible()
-        browser.check_views(own.base, {"queue-empty": ("/#/queue", ".empty a"), "library-empty": ("/#/library", "li.empty"),
+        browser.check_views(own.base, {"queue-empty": ("/#/queue", ".empty a"), "library-empty": ("/#/library", ".empty a"),
             "not-found": (f"/#/result/{'0' * 64}", ".error")})
         # The page of a deleted result offers to compute it again.
         done = ask(own.base, "/v1/jobs", ask(own.base, "/v1/examples/steel-ball"))

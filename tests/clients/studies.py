@@ -105,6 +105,7 @@ def kinds(page, base):
     run = computed(base, {"scenario": {**sweep(base)["sweep"]["scenario"], "friction": 0.4123}})
     entry = lambda key: page.locator(f".entry a[href='#/result/{key}']")
     page.goto(base + "/#/library")
+    page.click("summary:has-text('Filters')")
     expect(entry(study)).to_be_visible()
     expect(entry(run)).to_be_visible()
     for kind, own, other in (("sweep", study, run), ("run", run, study)):

@@ -157,6 +157,7 @@ async fn jobs_are_private_and_results_are_shared() {
     ] {
         ask(&server, &ben, method, &target, "").await.problem(404, "not-found");
     }
+    ask(&server, &ben, "PATCH", &own, "{}").await.problem(404, "not-found");
     let listed = async |key: &str, filter: &str| {
         get(&server, key, &format!("/v1/jobs{filter}")).await.json()["jobs"]
             .as_array()

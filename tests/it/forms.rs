@@ -65,7 +65,7 @@ fn joined(mut chunks: &[u8]) -> Vec<u8> {
     }
 }
 
-fn unpacked(reply: &Reply) -> Vec<u8> {
+pub fn unpacked(reply: &Reply) -> Vec<u8> {
     let body = match reply.header("transfer-encoding") {
         Some("chunked") => joined(&reply.body),
         _ => reply.body.clone(),

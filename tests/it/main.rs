@@ -47,6 +47,7 @@ mod hostile_files;
 mod keeping;
 mod kill;
 mod library;
+mod listing;
 mod many;
 mod measurements;
 mod metrics;

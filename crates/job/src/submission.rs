@@ -49,11 +49,45 @@ impl Submission {
             prepared,
             submitted,
             label: label.0.map(|label| label.0),
-            tags: tags.0.map_or_else(Vec::new, |Distinct(tags)| {
-                tags.into_iter().map(|tag| tag.0).collect()
-            }),
+            tags: tags.0.map_or_else(Vec::new, texts),
         })
     }
+}
+
+/// A change of the label and the tags of a job: `{"label"?, "tags"?}`.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Naming {
+    /// The new label, or `None` in place of a label; `None` if it does not change.
+    pub label: Option<Option<String>>,
+    /// The new tags; `None` if they do not change.
+    pub tags: Option<Vec<String>>,
+}
+
+impl Naming {
+    /// Parses a change. A label of null removes the label.
+    ///
+    /// # Errors
+    /// The text is not JSON, or it has faults.
+    pub fn parse(text: &[u8]) -> Result<Self, BadBody> {
+        read_body(text, |mut body: Value| {
+            let members = body.as_object_mut();
+            let removed = members.and_then(|members| {
+                members.get("label").is_some_and(Value::is_null).then(|| members.remove("label"))
+            });
+            let Envelope { label, tags } = typed(body)?;
+            let label = label.0.map(|label| label.0);
+            Ok(Self {
+                label: if removed.is_some() { Some(None) } else { label.map(Some) },
+                tags: tags.0.map(texts),
+            })
+        })
+    }
+}
+
+fn texts<const N: usize, const MOST: usize>(
+    Distinct(texts): Distinct<Text<N>, MOST>,
+) -> Vec<String> {
+    texts.into_iter().map(|text| text.0).collect()
 }
 
 /// Takes the scenario or the study out of a job body.
@@ -167,6 +201,25 @@ mod tests {
         let tag = format!("from:{}", "a".repeat(64));
         assert_eq!(parse(&tag).unwrap().tags, [tag]);
         assert!(parse(&"a".repeat(MAX_TAG + 1)).is_err());
+    }
+
+    #[test]
+    fn a_change_keeps_what_it_does_not_name() {
+        let parse = |body: Value| Naming::parse(body.to_string().as_bytes());
+        let change = |body| parse(body).unwrap();
+        assert_eq!(change(json!({})), Naming::default());
+        assert_eq!(change(json!({"label": null})).label, Some(None));
+        assert_eq!(change(json!({"label": "a"})).label, Some(Some("a".to_owned())));
+        assert_eq!(change(json!({"tags": []})).tags, Some(vec![]));
+        for bad in [
+            json!([]),
+            json!({"label": ""}),
+            json!({"tags": null}),
+            json!({"tags": ["a", "a"]}),
+            json!({"note": "a"}),
+        ] {
+            assert!(parse(bad.clone()).is_err(), "{bad}");
+        }
     }
 
     #[test]

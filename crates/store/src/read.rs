@@ -5,6 +5,7 @@ use super::error::{Error, Result};
 use super::row::{Columns, Row, RunId, Sum, page_of, read};
 use super::statement::{Statement, sql};
 use super::tables::Tables;
+use super::words::Words;
 use fretwork_job::{Canonical, Failure, Job, JobId, JobState, Key};
 
 /// Conditions on the jobs of a list. `None` means no condition.
@@ -20,6 +21,8 @@ pub struct Filter {
     pub key: Option<Key>,
     /// Of this owner.
     pub owner: Option<String>,
+    /// With these words in the label, the tags, or the note of the result.
+    pub words: Words,
 }
 
 /// A page of a list of jobs, newest first.
@@ -125,6 +128,13 @@ macro_rules! select_job {
 pub(super) async fn job(id: JobId, mut db: impl Tables) -> Result<Option<Job>> {
     let row = db.row(select_job!("job.id = $1"; id)).await?;
     Ok(row.as_ref().map(read_job).transpose()?)
+}
+
+/// The number of jobs that match.
+pub(super) async fn count(filter: &Filter, mut db: impl Tables) -> Result<u64> {
+    let mut query = sql!("SELECT count(*) AS total FROM job WHERE ");
+    matching(&mut query, filter);
+    Ok(db.one(query).await?.get("total")?)
 }
 
 /// Up to `limit` jobs that match and are older than `cursor`, newest first.
@@ -328,4 +338,5 @@ fn matching(query: &mut Statement, filter: &Filter) {
             .push_bind(&**tag)
             .push(")");
     }
+    query.job_has_words(&filter.words);
 }

@@ -9,8 +9,9 @@ use super::library::Note;
 use super::row::{Columns, Row, page_of, read};
 use super::statement::{Statement, sql};
 use super::tables::Tables;
+use super::words::Words;
 use fretwork_engine::request::quantity::{self, Dimension};
-use fretwork_job::{Key, Outline, SCALARS, WORDS, clock};
+use fretwork_job::{JobId, Key, Outline, SCALARS, WORDS, clock};
 
 /// The names of the searchable words and numbers, in the order of an [`Outline`]. They are columns of `outline`.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
@@ -30,7 +31,10 @@ pub struct Search {
     note: Option<String>,
     tag: Option<String>,
     label: Option<String>,
-    /// Tags and labels match only jobs of this owner.
+    /// Words in labels, tags and notes.
+    text: Words,
+    keys: Option<Vec<Key>>,
+    /// Labels, tags and words match only jobs of this owner, and the list shows only labels and tags of its jobs.
     jobs_of: Option<String>,
     order: SortOrder,
 }
@@ -149,6 +153,17 @@ fn moment(text: &str) -> Result<Range, String> {
     Ok(Range { low, high: if is_day { low + 86_399_999.0 } else { low } })
 }
 
+/// Reads keys separated by commas.
+fn keys(text: &str) -> Result<Vec<Key>, String> {
+    const MOST: usize = 200;
+    let keys: Result<Vec<Key>, _> = text.split(',').map(str::parse).collect();
+    keys.ok().filter(|keys| keys.len() <= MOST).ok_or_else(|| {
+        format!(
+            "must be at most {MOST} keys of 64 lower-case hexadecimal digits, separated by commas"
+        )
+    })
+}
+
 impl Search {
     /// All names that [`set`](Self::set) accepts.
     pub fn names() -> impl Iterator<Item = &'static str> {
@@ -162,6 +177,8 @@ impl Search {
             "note",
             "tag",
             "label",
+            "q",
+            "keys",
             "sort",
         ];
         names().chain(others)
@@ -172,7 +189,7 @@ impl Search {
         ["created", "size"].into_iter().chain(SCALARS.iter().map(|scalar| scalar.name))
     }
 
-    /// Lets tags and labels match only jobs of this owner, if one is given.
+    /// Restricts the search to the labels and tags of jobs of this owner, if one is given.
     pub fn only_jobs_of(&mut self, owner: Option<&str>) {
         self.jobs_of = owner.map(str::to_owned);
     }
@@ -208,6 +225,8 @@ impl Search {
             "note" => self.note = Some(value.to_owned()),
             "tag" => self.tag = Some(value.to_owned()),
             "label" => self.label = Some(value.to_owned()),
+            "q" => self.text = value.parse()?,
+            "keys" => self.keys = Some(keys(value)?),
             "sort" => self.sort(value)?,
             _ => {
                 let names: Vec<_> = Self::names().collect();
@@ -275,6 +294,21 @@ impl Search {
         if let Some(label) = &self.label {
             self.with_job(query, "job", "label", label);
         }
+        query.outline_has_words(&self.text, self.jobs_of.as_deref());
+        if let Some(keys) = &self.keys {
+            query.push(" AND outline.id IN (SELECT id FROM result_task WHERE key IN (");
+            for (place, key) in keys.iter().enumerate() {
+                query.push(if place > 0 { ", " } else { "" }).push_bind(key);
+            }
+            query.push("))");
+        }
+    }
+
+    /// Writes the condition on `job` that the caller may see the job.
+    fn own_jobs(&self, query: &mut Statement) {
+        if let Some(owner) = &self.jobs_of {
+            query.push(" AND job.owner = ").push_bind(&**owner);
+        }
     }
 
     /// Writes the condition that a job with this label or tag has the key of the result.
@@ -288,9 +322,7 @@ impl Search {
         query.push(" AND outline.id IN (SELECT result_task.id FROM ").push(jobs);
         query.push(" JOIN result_task ON result_task.key = job.key WHERE ").push(column);
         query.push(" = ").push_bind(value);
-        if let Some(owner) = &self.jobs_of {
-            query.push(" AND job.owner = ").push_bind(&**owner);
-        }
+        self.own_jobs(query);
         query.push(")");
     }
 }
@@ -383,8 +415,28 @@ pub struct Listed {
     pub evicted: Option<i64>,
     /// Its note.
     pub note: Option<Note>,
+    /// The job whose label and tags describe it: the latest job with a label, else the latest job.
+    pub named: Option<Named>,
     /// Its searchable words and numbers.
     pub outline: Outline,
+}
+
+/// A job whose label and tags describe a result.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Named {
+    /// The id of the job.
+    pub job: JobId,
+    /// Its label.
+    pub label: Option<String>,
+    /// Its tags.
+    pub tags: Vec<String>,
+}
+
+impl Named {
+    fn read(row: &Row) -> sqlx::Result<Option<Self>> {
+        let Some(job) = row.get("job")? else { return Ok(None) };
+        Ok(Some(Self { job, label: row.get("label")?, tags: row.get("tags")? }))
+    }
 }
 
 impl Listed {
@@ -396,8 +448,8 @@ impl Listed {
         for (scalar, value) in SCALARS.iter().zip(&mut outline.scalars) {
             *value = row.get(scalar.name)?;
         }
-        let note = Note::read(row)?;
-        Ok(read!(row => Self { key, created, owner, size, pinned, evicted; note, outline }))
+        let (note, named) = (Note::read(row)?, Named::read(row)?);
+        Ok(read!(row => Self { key, created, owner, size, pinned, evicted; note, named, outline }))
     }
 }
 
@@ -425,6 +477,13 @@ impl Found {
     }
 }
 
+/// The number of results that match a search.
+pub(super) async fn count(search: &Search, mut db: impl Tables) -> Result<u64> {
+    let mut query = sql!("SELECT count(*) AS total FROM outline WHERE ");
+    search.conditions(&mut query);
+    Ok(db.one(query).await?.get("total")?)
+}
+
 /// The statement that reads the rows of a page and one row more. Results without a value in the sort column come last
 /// in both directions.
 pub(super) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> Statement {
@@ -434,7 +493,8 @@ pub(super) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> State
     }
     query.push(", CAST(outline.").push(search.order.by).push(
         " AS DOUBLE PRECISION) AS place, result.key AS key, result.created AS created, result.size AS size,
-             result.owner AS owner, pinned, evicted, note.text AS note, note.owner AS noted_by, note.at AS noted
+             result.owner AS owner, pinned, evicted, note.text AS note, note.owner AS noted_by, note.at AS noted,
+             named.id AS job, named.label AS label, named.tags AS tags
          FROM (SELECT * FROM outline WHERE ",
     );
     search.conditions(&mut query);
@@ -444,8 +504,18 @@ pub(super) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> State
     // The other tables are read only for the rows of the page.
     query.push(
         ") AS outline JOIN result_task ON result_task.id = outline.id
-         JOIN result ON result.key = result_task.key LEFT JOIN note ON note.key = result.key",
+         JOIN result ON result.key = result_task.key LEFT JOIN note ON note.key = result.key
+         LEFT JOIN job AS named ON named.id = coalesce(",
     );
+    for condition in [" AND label IS NOT NULL", ""] {
+        query.push("(SELECT id FROM job WHERE job.key = result.key").push(condition);
+        search.own_jobs(&mut query);
+        query.push(" ORDER BY id DESC LIMIT 1)").push(if condition.is_empty() {
+            ")"
+        } else {
+            ", "
+        });
+    }
     order(&mut query, search);
     query
 }

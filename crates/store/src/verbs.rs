@@ -17,6 +17,7 @@ use super::error::{Command, Doing, Error, Result};
 use super::keep::{self, Answered, Changed, Editor, Finish, PinQuota, Removed};
 use super::keys::{self, AccessKey};
 use super::library::{Known, Provenance};
+use super::naming;
 use super::options::{FileSizes, Options, Recovered};
 use super::place::Place;
 use super::read::{self, Asked, Filter, LARGE, Page, StoredResult, Unfinished};
@@ -30,7 +31,7 @@ use super::tables::{Most, Purpose, Tables};
 use super::tally::Tally;
 use super::{postgres, sqlite};
 use fretwork_job::clock::now;
-use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, Key, Outline};
+use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, Key, Naming, Outline};
 
 /// The open database, as a handle that is cheap to clone.
 #[derive(Debug, Clone)]
@@ -264,6 +265,11 @@ impl Store {
         Box::pin(self.change(cancel::delete, (id, by)))
     }
 
+    /// Changes the label and the tags of a job. Returns the job; `None` if there is none.
+    pub fn rename(&self, id: JobId, naming: Naming) -> Doing<'_, Option<Job>> {
+        Box::pin(self.change(naming::rename, (id, naming)))
+    }
+
     /// A job in its current state.
     pub fn job(&self, id: JobId) -> Doing<'_, Option<Job>> {
         Box::pin(read::job(id, self.reading()))
@@ -282,6 +288,11 @@ impl Store {
         limit: u32,
     ) -> Doing<'a, Page> {
         Box::pin(read::jobs(filter, cursor, limit, self.scanning()))
+    }
+
+    /// The number of jobs that match.
+    pub fn count_jobs<'a>(&'a self, filter: &'a Filter) -> Doing<'a, u64> {
+        Box::pin(read::count(filter, self.scanning()))
     }
 
     /// The result of a key. Its checksum is verified, so damage on the disk is an error and never a wrong number.
@@ -511,6 +522,11 @@ impl Store {
         limit: u32,
     ) -> Doing<'a, Found> {
         Box::pin(Found::page(search, cursor, limit, self.scanning()))
+    }
+
+    /// The number of results that match.
+    pub fn count<'a>(&'a self, search: &'a Search) -> Doing<'a, u64> {
+        Box::pin(search::count(search, self.scanning()))
     }
 
     /// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance

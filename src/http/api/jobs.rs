@@ -1,12 +1,13 @@
-//! Jobs: list, show, cancel, delete. `submission` submits them.
+//! Jobs: show, rename, cancel, delete. `submission` submits them, and `list` lists them.
 
 mod answer;
+mod list;
 mod submission;
 
 use std::sync::Arc;
 
 use axum::body::Bytes;
-use axum::http::{StatusCode, Uri, header};
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::value::RawValue;
@@ -15,32 +16,25 @@ use tokio::task::spawn_blocking;
 use utoipa::ToSchema;
 
 use super::evaluate::fresh;
+use super::scenarios::parse;
 use crate::http::access::caller::Caller;
 use crate::http::api::parameters::OfJobs;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, Result, kinds};
+use crate::http::transport::body::Body;
 use crate::http::wire::include::Include;
-use crate::http::wire::paging::{limit, next_page};
 use crate::http::wire::{NoQuery, Query, Segment, schemas};
 use fretwork_engine::outcome::{History, ResultUnits};
-use fretwork_job::{Job, JobId, JobState, Prepared, Task};
+use fretwork_job::{Job, JobId, JobState, Naming, Prepared, Task};
 use fretwork_store::{Canceled, Deleted, Filter};
 use fretwork_study::Rows;
 
 use answer::answer;
+use list::read_filter;
 
 pub use answer::JobAnswer;
+pub use list::{__path_list, list};
 pub use submission::{__path_submit, submit};
-
-/// A page of jobs, the newest first.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct JobList {
-    /// The jobs.
-    jobs: Vec<JobAnswer>,
-    /// The address of the next page; null on the last page.
-    #[schema(example = "/v1/jobs?limit=50&cursor=019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
-    next: Option<String>,
-}
 
 pub(super) fn read_id(text: &str) -> Result<JobId> {
     text.parse().map_err(|_| {
@@ -56,48 +50,6 @@ pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job>
 
 pub(super) fn unknown() -> Problem {
     Problem::new(&kinds::NOT_FOUND, "No job has this id. GET /v1/jobs lists all jobs.")
-}
-
-/// Lists jobs, the newest first.
-///
-/// A job must match all filters. The address of the next page is in `next` and in the `Link` header. New jobs
-/// do not shift the pages.
-#[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
-    params(OfJobs,
-        ("limit" = Option<u32>, Query, description = "Largest number of jobs on the page.", minimum = 1,
-            maximum = 200, example = 50),
-        ("cursor" = Option<uuid::Uuid>, Query,
-            description = "Continues after this job. The server puts it into `next` of a page."),
-    ),
-    responses((status = 200, description = "A page of jobs.", body = JobList)),
-)]
-pub async fn list(app: App, caller: Caller, uri: Uri, mut query: Query) -> Result<Response> {
-    let filter = read_filter(&mut query, &caller);
-    let limit = limit(&mut query, 50, 200);
-    let cursor = query.value("cursor", "the id of a job", |text| text.parse().ok());
-    query.finish()?;
-    let _turn = app.shares.heavy.turn(&caller.owner).await;
-    let page = app.service.jobs(caller.reach(), filter, cursor, limit).await?;
-    let (next, link) = next_page(&uri, page.next);
-    let jobs = page.jobs.into_iter().map(JobAnswer::from).collect();
-    Ok((link, axum::Json(JobList { jobs, next })).into_response())
-}
-
-/// Reads the filters of jobs from the query.
-fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
-    let states = JobState::ALL.map(JobState::as_str).join(", ");
-    let key = "a key of 64 lower-case hexadecimal digits";
-    let whose = match caller.reach() {
-        Some(_) => "\"me\", because only administrators see the jobs of others",
-        None => "\"me\" or the name of an owner",
-    };
-    Filter {
-        state: query.value("state", format_args!("one of {states}"), |text| text.parse().ok()),
-        label: query.text("label"),
-        tag: query.text("tag"),
-        key: query.value("key", key, |text| text.parse().ok()),
-        owner: query.value("owner", whose, |text| caller.owner_named(text)),
-    }
 }
 
 /// Shows a job.
@@ -263,6 +215,30 @@ async fn study_so_far(app: &App, caller: &Caller, id: JobId) -> Result<Response>
         Ok::<_, Problem>(SoFar::Study(StudySoFar { units: study.units(), counts, table }))
     });
     fresh(permit, bytes, made.await.map_err(Problem::bug)??).await
+}
+
+/// Changes the label and the tags of a job.
+///
+/// What the body does not name stays. A label of null removes the label.
+#[utoipa::path(patch, path = "/v1/jobs/{id}", operation_id = "rename_job", tag = "jobs",
+    params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
+    request_body(content = ref("#/components/schemas/Naming"), description = "The label and the tags.",
+        example = json!({"label": "Rig 7, third sample", "tags": ["rig-7"]})),
+    responses(
+        (status = 200, description = "The job after the change.", body = JobAnswer),
+    ),
+)]
+pub async fn rename(
+    app: App,
+    caller: Caller,
+    id: Segment,
+    _: NoQuery,
+    body: Body,
+) -> Result<Response> {
+    let id = read_id(&id)?;
+    let naming = parse(body, Naming::parse).await?;
+    let job = app.service.rename(caller.reach(), id, naming).await?.ok_or_else(unknown)?;
+    answer(&app, &caller, job, Include::default()).await
 }
 
 /// Cancels a job.

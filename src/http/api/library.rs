@@ -1,31 +1,29 @@
-//! The library of results: search, provenance, notes, deletion.
+//! Stored results: provenance, notes, deletion. `search` lists them.
 
-use axum::http::{StatusCode, Uri};
-use axum::response::{IntoResponse as _, Response};
+use axum::http::StatusCode;
 use deserr::Deserr;
 use serde::Serialize;
-use serde_json::{Map, Value, json};
+use serde_json::Value;
 use utoipa::ToSchema;
 
-use crate::http::access::caller::{Caller, ME};
+use crate::http::access::caller::Caller;
 use crate::http::answer::stored::require;
-use crate::http::api::parameters::{Conditions, ResultKey, SearchTable};
+use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
-use crate::http::wire::paging::{limit, next_page};
-use crate::http::wire::{Fresh, NoQuery, Query, Segment, instant, read_key, schemas};
+use crate::http::wire::{Fresh, NoQuery, Segment, instant, read_key, schemas};
 use fretwork_engine::request::fault::Faults;
-use fretwork_job::{Key, SCALARS, Verified};
+use fretwork_job::{Key, Verified};
 use fretwork_json::{read_body, typed};
-use fretwork_store::{self as store, Changed, Listed, Removed, Search};
+use fretwork_store::{self as store, Changed, Removed};
 
 /// What a user wrote about a result.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct Note {
     /// The text.
     #[schema(example = "Agrees with the rig of 2025-11.")]
-    text: String,
+    pub(super) text: String,
     /// Who wrote it.
     owner: String,
     /// When it was written: RFC 3339, UTC.
@@ -37,109 +35,6 @@ impl From<store::Note> for Note {
     fn from(note: store::Note) -> Self {
         Self { text: note.text, owner: note.owner, at: instant(note.at) }
     }
-}
-
-/// A result in a list, with its most important inputs and outputs in SI.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct ResultEntry {
-    /// Its key.
-    #[schema(value_type = String, pattern = "^[0-9a-f]{64}$")]
-    key: Key,
-    /// When this server first stored the key: RFC 3339, UTC.
-    #[schema(format = "date-time")]
-    created: String,
-    /// The owner whose job computed it; null if unknown.
-    owner: Option<String>,
-    /// Size of the result in bytes.
-    size: u64,
-    /// Whether it is pinned: never evicted.
-    pinned: bool,
-    /// When it was evicted or deleted; null if it is stored.
-    #[schema(format = "date-time")]
-    evicted: Option<String>,
-    /// Its note.
-    note: Option<Note>,
-    /// The words that describe it.
-    #[serde(flatten)]
-    #[schema(value_type = Object)]
-    words: Map<String, Value>,
-    /// Parameters and the last entry of the history; null where a result has none. The values from
-    /// `normal_force` to `tangential_force` belong to the unworn contact.
-    #[schema(value_type = HashMap<String, Option<f64>>)]
-    values: Map<String, Value>,
-    /// The path of the result.
-    #[schema(
-        example = "/v1/results/7262301ee85039ba4e113b17570ed2e12a9a7b34bc20bf05a1cbfc9b16860c41"
-    )]
-    link: String,
-}
-
-impl From<Listed> for ResultEntry {
-    fn from(listed: Listed) -> Self {
-        let Listed { key, created, owner, size, pinned, evicted, note, outline } = listed;
-        Self {
-            key,
-            created: instant(created),
-            owner,
-            size,
-            pinned,
-            evicted: evicted.map(instant),
-            note: note.map(Note::from),
-            words: outline.words(),
-            values: outline.scalars(),
-            link: format!("/v1/results/{key}"),
-        }
-    }
-}
-
-/// A page of results.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct ResultList {
-    /// The results.
-    results: Vec<ResultEntry>,
-    /// The unit of each member of `values`.
-    #[schema(value_type = Object)]
-    units: Map<String, Value>,
-    /// The path of the next page; null on the last page.
-    next: Option<String>,
-}
-
-/// Searches the stored results by inputs and outputs.
-///
-/// A result must meet all conditions. A range is `a..b`, `a..`, `..b` or a single value, in SI or with units:
-/// `friction=0.6..0.8`, `wear_depth=..2 um`, `normal_force=50 N..0.2 kN`. `0.6-0.8`, `0,6..0,8`, `>0.6` and
-/// `<=2 um` are ranges too. Bounds belong to a range. The path of the next page is in `next` and in the `Link` header.
-#[utoipa::path(get, path = "/v1/results", operation_id = "list_results", tag = "results",
-    params(SearchTable, Conditions,
-        ("limit" = Option<u32>, Query, description = "Largest number of results on the page.", minimum = 1,
-            maximum = 1000, example = 50),
-        ("cursor" = Option<String>, Query, description = "Continues after a page. The server puts it into `next` of that page."),
-    ),
-    responses((status = 200, description = "A page of results, in SI.", body = ResultList)),
-)]
-pub async fn list(app: App, caller: Caller, uri: Uri, mut query: Query) -> Result<Response> {
-    let mut search = Search::default();
-    search.only_jobs_of(caller.reach());
-    for name in Search::names() {
-        let text = query.text(name);
-        // The store compares names, so `me` becomes the name of the caller.
-        let own = |text: String| if text == ME { caller.owner.clone() } else { text };
-        if let Some(text) =
-            if name == "owner" || name == "pinned_by" { text.map(own) } else { text }
-            && let Err(fault) = search.set(name, &text)
-        {
-            query.complain(name, fault);
-        }
-    }
-    let limit = limit(&mut query, 50, 1000);
-    let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
-    query.finish()?;
-    let _turn = app.shares.heavy.turn(&caller.owner).await;
-    let found = app.store.search(&search, cursor, limit).await?;
-    let (next, link) = next_page(&uri, found.next);
-    let results = found.results.into_iter().map(ResultEntry::from).collect();
-    let units = SCALARS.iter().map(|scalar| (scalar.name.to_owned(), json!(scalar.unit())));
-    Ok((link, Fresh(ResultList { results, units: units.collect(), next })).into_response())
 }
 
 /// Who computed a result, when, and with which program. Values that the server does not know are null.

@@ -14,6 +14,7 @@ pub mod measurements;
 pub mod parameters;
 pub mod results;
 pub mod scenarios;
+pub mod search;
 pub mod session;
 pub mod system;
 pub mod umbridge;

@@ -6,7 +6,7 @@ use utoipa::openapi::path::{Parameter, ParameterBuilder, ParameterIn};
 use utoipa::openapi::schema::{ObjectBuilder, Type};
 
 use crate::http::wire::schemas::{
-    ChosenInstants, Comments, JobState, KeyText, Layout, Order, PlotInstants, PlotKind,
+    ChosenInstants, Comments, JobState, KeyText, Layout, ListFormat, Order, PlotInstants, PlotKind,
     PlotQuantity, Spacing, TableFormat, UnitSystem,
 };
 use fretwork_job::{SCALARS, WORDS};
@@ -122,6 +122,17 @@ parameters! {
         #[param(rename = "Accept-Encoding")]
         accept_encoding: String,
     }
+    /// The parameters of each operation that answers a list.
+    #[into_params(parameter_in = Query)]
+    OfList {
+        /// Overrides `Accept`. JSON is one page. CSV has all entries, or one page if `limit` is set. Spreadsheets execute a
+        /// text that begins with `=`, `+`, `-` or `@`, so CSV has `'` before it.
+        format: ListFormat,
+        /// CSV only: `none` leaves out the comment lines, so that spreadsheets and pandas read the answer without options.
+        comments: Comments,
+        /// JSON only: `true` adds `total`, the number of all matching entries.
+        count: bool,
+    }
     /// The filters of jobs.
     #[into_params(parameter_in = Query)]
     OfJobs {
@@ -131,6 +142,9 @@ parameters! {
         label: String,
         /// Jobs with this tag.
         tag: String,
+        /// Jobs with all of these words in the label, the tags, or the note of the result. Upper and lower case are equal.
+        #[param(example = "rig 7")]
+        q: String,
         /// Jobs for the result with this key.
         key: KeyText,
         /// Jobs of this owner; `me` is the caller. On a server with keys, only administrators see the jobs of others.
@@ -158,6 +172,12 @@ parameters! {
         tag: String,
         /// Results of jobs with this label. Only jobs that the caller may see count.
         label: String,
+        /// Results with all of these words in labels, tags and notes. Upper and lower case are equal. Only jobs that the caller
+        /// may see count.
+        #[param(example = "rig 7")]
+        q: String,
+        /// Results with one of these keys, at most 200, separated by commas.
+        keys: String,
         /// The value to sort by. A minus sign puts the largest first. Results without the value come last.
         sort: Order,
     }

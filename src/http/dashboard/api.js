@@ -22,7 +22,7 @@ const IDS = { results: [/^[0-9a-f]{64}$/, "key of a result"], jobs: [/^[0-9a-f]{
  */
 function addressOf(collection, id, part) {
   const [form, name] = IDS[collection];
-  if (!form.test(id)) throw new Problem(404, { title: "Not found", detail: `“${String(id).slice(0, 80)}” is not the ${name}. Open it from the library or the queue.` });
+  if (!form.test(id)) throw new Problem(404, { title: "Not found", detail: `“${String(id).slice(0, 80)}” is not the ${name}. Open it from the library or the list of runs.` });
   return `/v1/${collection}/${id}${part}`;
 }
 

@@ -1,10 +1,12 @@
-// All results of the server: search, preview, and choice of runs for comparison.
+// All results of the server as a table: search, order, columns, and actions on selected rows.
 
-import { get, resultAddress } from "./api.js";
-import { dateTime, debounced, fill, h, select, svg } from "./dom.js";
+import { get } from "./api.js";
+import { debounced, fill, h, notify, select } from "./dom.js";
 import { errorCard } from "./error.js";
-import { isDraft, jobsOf, labelOf, subtitle, title } from "./summary.js";
-import { cycles, quantity, WORDS } from "./units.js";
+import { askDelete, askLabel, askTags, compareLink, saveTable } from "./library-actions.js";
+import { chosenColumns, COLUMNS, keepColumns } from "./library-columns.js";
+import { Table } from "./library-table.js";
+import { cycles, WORDS } from "./units.js";
 import { KINDS, SEARCHED } from "./words.js";
 
 const anyOf = (word) => ({ "": "Any", ...Object.fromEntries(SEARCHED[word].map((name) => [name, WORDS[name] ?? name])) });
@@ -24,130 +26,129 @@ const TEXTS = {
   wear_depth: ["Wear depth", "..2 µm"],
   wear_volume: ["Wear volume", "1e-5 mm³.."],
   owner: ["Submitted by", ""],
-  note: ["Note contains", ""],
+  tag: ["Tag", ""],
 };
-const ORDERS = { "-created": "Newest first", created: "Oldest first", "-wear_volume": "Largest wear volume",
-  "-wear_depth": "Largest wear depth", "-cycles": "Most cycles", "-normal_force": "Largest normal force" };
+const NEWEST = "-created";
 
 export async function showLibrary(main, { query, signal }) {
-  const chosen = new Set((query.get("with") ?? "").split(",").filter(Boolean));
-  const list = h("ul", { class: "results" });
   const errors = h("div", {});
-  const compare = h("a", { class: "button primary" });
-  const more = h("button", { type: "button" }, "Show more");
+  const total = h("p", { id: "total", role: "status" });
+  const actions = h("div", { class: "actions", role: "group", "aria-label": "Actions" });
   const inputs = {};
+  const failed = (problem) => errors.replaceChildren(errorCard(problem));
+  const table = new Table({ columns: chosenColumns(query), sort: query.get("sort") ?? NEWEST, sorted: sort, changed: drawActions, failed, signal });
+  let [count, role] = [null, null];
 
   const filters = () => new URLSearchParams(Object.entries(inputs)
     .map(([name, input]) => [name, input.value.trim()]).filter(([, text]) => text));
 
-  let searches = 0;
-  async function read(path, isFirst) {
-    const own = isFirst ? ++searches : searches;
-    const isOutdated = () => signal.aborted || own !== searches;
-    let page;
-    try {
-      page = await get(path, { signal });
-    } catch (problem) {
-      if (!isOutdated()) errors.replaceChildren(errorCard(problem));
-      return;
-    }
-    if (isOutdated()) return;
-    errors.replaceChildren();
-    if (isFirst) list.replaceChildren();
-    list.append(...page.results.map(drawEntry));
-    if (!list.children.length) {
-      list.append(filters().size > 1 ? h("li", { class: "muted empty" }, "No match. Change the filters.")
-        : h("li", { class: "muted empty" }, "No results yet. ", h("a", { href: "#/new" }, "Start a run"), "."));
-    }
-    more.hidden = !page.next;
-    more.onclick = () => read(page.next, false);
+  function remember() {
+    const words = filters();
+    if (table.sort !== NEWEST) words.set("sort", table.sort);
+    const columns = keepColumns(table.columns);
+    if (columns) words.set("columns", columns);
+    history.replaceState(null, "", `#/library${words.size ? `?${words}` : ""}`);
   }
 
-  const search = () => read(`/v1/results?${filters()}&limit=24`, true);
-
-  const searchSoon = debounced(250, () => {
-    if (signal.aborted) return;
+  async function load() {
     const words = filters();
-    if (query.get("with")) words.set("with", query.get("with"));
-    history.replaceState(null, "", `#/library?${words}`);
-    search();
+    words.set("sort", table.sort);
+    errors.replaceChildren();
+    await table.search(words);
+    fill(table.empty, filters().size ? "No match. Change the search or the filters." : ["No results yet. ", h("a", { href: "#/new" }, "Start a run"), "."]);
+  }
+
+  /** Counts the results. This is a request of its own, so that the rows do not wait for it. */
+  async function countAll() {
+    const words = String(filters());
+    const found = await get(`/v1/results?${words}&limit=1&count=true`, { signal }).catch(() => null);
+    if (words !== String(filters())) return;
+    count = found?.total ?? null;
+    drawTotal();
+  }
+
+  const searchSoon = debounced(200, () => {
+    if (signal.aborted) return;
+    remember();
+    load();
+    countAll();
   });
 
+  function sort(order) {
+    table.setSort(order);
+    remember();
+    return load();
+  }
+
+  function drawTotal() {
+    const { size } = table.chosen;
+    total.textContent = [count != null && `${cycles(count)} ${count === 1 ? "result" : "results"}`, size > 0 && `${cycles(size)} selected`].filter(Boolean).join(", ");
+  }
+
+  /** A button that acts on the selected results, and shows what has changed. */
+  const action = (text, act, reloads) => h("button", { type: "button", onclick: async () => {
+    const entries = [...table.chosen.values()];
+    try {
+      if (!(await act(entries))) return;
+      if (!reloads) return table.redraw();
+      table.clearChoice();
+      await Promise.all([load(), countAll()]);
+    } catch (problem) {
+      notify(problem.detail ?? problem.message);
+    }
+  } }, text);
+
+  const columns = h("details", { class: "menu" }, h("summary", {}, "Columns"), h("div", { class: "sheet columns" },
+    Object.entries(COLUMNS).filter(([name]) => name !== "name").map(([name, { heading }]) => h("label", {}, h("input", { type: "checkbox",
+      checked: table.columns.includes(name), onchange: ({ target }) => {
+        table.setColumns(Object.keys(COLUMNS).filter((own) => (own === name ? target.checked : table.columns.includes(own))));
+        remember();
+      } }), heading))));
+
+  let shown;
+  function drawActions() {
+    drawTotal();
+    const entries = [...table.chosen.values()];
+    const now = [role, ...table.chosen.keys()].join();
+    // Buttons that stay keep the focus.
+    if (now === shown) return;
+    shown = now;
+    const isChosen = entries.length > 0;
+    fill(actions, isChosen && [compareLink(entries),
+      role !== "read" && [action("Rename", askLabel), action("Tag", askTags)],
+      role === "admin" && action("Delete", askDelete, true)],
+    action(isChosen ? "CSV of selection" : "CSV of all", (own) => saveTable(own, String(filters()))),
+    isChosen && h("button", { type: "button", onclick: () => table.clearChoice() }, "Clear selection"), columns);
+  }
+
   function filter(name, label, options, example) {
-    const properties = { id: `find-${name}`, placeholder: example, autocomplete: "off" };
+    const properties = { id: `find-${name}`, placeholder: example && `e.g. ${example}`, autocomplete: "off" };
     const value = query.get(name) ?? "";
     inputs[name] = options ? select(options, value, { id: properties.id, onchange: searchSoon })
       : h("input", { ...properties, value, oninput: searchSoon });
     return h("div", { class: "field" }, h("label", { for: properties.id }, label), inputs[name]);
   }
 
-  function choose(key, isChosen) {
-    if (isChosen) chosen.add(key);
-    else chosen.delete(key);
-    drawCompare();
+  inputs.q = h("input", { id: "find-q", type: "search", value: query.get("q") ?? "", autocomplete: "off", oninput: searchSoon,
+    placeholder: "Words in labels, tags and notes", "aria-label": "Search in labels, tags and notes" });
+  const fields = [Object.entries(OPTIONS).map(([name, [label, options]]) => filter(name, label, options)),
+    Object.entries(TEXTS).map(([name, [label, example]]) => filter(name, label, null, example))];
+  const form = h("form", { class: "card search", role: "search", onsubmit: (event) => event.preventDefault() }, inputs.q,
+    h("details", { open: Object.keys(inputs).some((name) => name !== "q" && query.get(name)) }, h("summary", {}, "Filters"), h("div", { class: "filters" }, fields,
+      h("p", { class: "muted" }, "Ranges: 0.6..0.8 is between, ..5 µm is at most, and 50 N.. is at least."))));
+  main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Library"), total), form, errors, actions, table.element);
+  document.addEventListener("units", () => table.redraw(), { signal });
+  drawActions();
+  const known = get("/v1/me", { signal }).then((me) => {
+    ({ role } = me);
+    drawActions();
+  }).catch(() => {});
+  // The runs of a comparison to which the user adds others, in their order.
+  const keys = query.get("with")?.split(",") ?? [];
+  const { results } = keys.length ? await get(`/v1/results?${new URLSearchParams({ keys, limit: 200 })}`, { signal }) : { results: [] };
+  for (const key of keys) {
+    const entry = results.find((own) => own.key === key);
+    if (entry) table.chosen.set(key, entry);
   }
-
-  function drawCompare() {
-    const isEnough = chosen.size > 1;
-    compare.textContent = isEnough ? `Compare ${chosen.size} results` : `Select ${2 - chosen.size}${chosen.size ? " more" : " results"} to compare`;
-    if (isEnough) compare.href = `#/compare?keys=${[...chosen].map(encodeURIComponent)}`;
-    else compare.removeAttribute("href");
-    compare.setAttribute("aria-disabled", String(!isEnough));
-  }
-
-  // Previews and labels are loaded when their entry is about to be scrolled into view.
-  const loaders = new WeakMap();
-  const observer = new IntersectionObserver((entries) => {
-    for (const { isIntersecting, target } of entries) {
-      if (!isIntersecting) continue;
-      observer.unobserve(target);
-      loaders.get(target)();
-    }
-  }, { rootMargin: "400px" });
-  signal.addEventListener("abort", () => observer.disconnect());
-
-  function drawEntry(entry) {
-    const { key, values, note, pinned, owner, created } = entry;
-    const isRun = !KINDS[entry.kind];
-    const label = h("p", { class: "label" });
-    const picture = svg("svg", { viewBox: "0 0 96 48", class: "thumbnail", "aria-hidden": "true" });
-    loaders.set(picture, async () => {
-      if (isRun) drawThumbnail(picture, key, values.cycles, signal);
-      const jobs = await jobsOf(key, signal);
-      label.textContent = labelOf(jobs);
-      if (jobs.length && jobs.every(isDraft)) fill(label, h("span", { class: "state", title: "The form computed this by itself. It was not kept." }, "draft"));
-    });
-    observer.observe(picture);
-    return h("li", { class: "card entry" }, picture,
-      h("div", {}, h("h2", {}, h("a", { href: `#/result/${key}` }, title(entry)),
-        pinned && h("span", { class: "state", title: "This result will not be deleted automatically" }, "pinned")),
-        h("p", {}, subtitle(entry)), label,
-        isRun && h("p", {}, `N = ${cycles(values.cycles)}: wear volume `, h("strong", {}, quantity(values.wear_volume, "m^3")), `, wear depth ${quantity(values.wear_depth, "m")}`),
-        note && h("p", { class: "note" }, `“${note.text}”`),
-        h("p", { class: "muted" }, dateTime(created), owner && ` · ${owner}`)),
-      isRun && h("label", { class: "pick" }, h("input", { type: "checkbox", value: key, checked: chosen.has(key),
-        onchange: (event) => choose(key, event.target.checked) }), "Compare", h("span", { class: "hidden" }, ` ${title(entry)}, ${key.slice(0, 8)}`)));
-  }
-
-  const form = h("form", { class: "card filters", role: "search", onsubmit: (event) => event.preventDefault() },
-    Object.entries(OPTIONS).map(([name, [label, options]]) => filter(name, label, options)),
-    Object.entries(TEXTS).map(([name, [label, example]]) => filter(name, label, null, example && `e.g. ${example}`)),
-    filter("sort", "Sort by", ORDERS),
-    h("p", { class: "muted" }, "Ranges: 0.6..0.8 is between, ..5 µm is at most, and 50 N.. is at least."));
-  main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Library"), compare), form, errors, list, more);
-  document.addEventListener("units", search, { signal });
-  drawCompare();
-  await search();
-}
-
-/** Draws the unworn and the last worn profile from 40 points with 3 digits. */
-async function drawThumbnail(picture, key, cycles, signal) {
-  const words = new URLSearchParams({ fields: "worn,initial", cycles, points: 40, digits: 3 });
-  const part = await get(resultAddress(key, `/profiles?${words}`), { signal }).catch(() => null);
-  const { radius, worn = [], initial } = part?.profiles ?? {};
-  if (!worn.length) return;
-  const last = worn.at(-1);
-  const [width, height] = [radius.at(-1), Math.max(...last, ...initial)];
-  const path = (values) => `M${values.map((value, i) => `${((96 * radius[i]) / width).toFixed(1)},${(45 - (42 * value) / height).toFixed(1)}`).join("L")}`;
-  picture.replaceChildren(svg("path", { class: "unworn", d: path(initial) }), svg("path", { class: "worn", d: path(last) }));
+  await Promise.all([known, load(), countAll()]);
 }

@@ -4,10 +4,9 @@ import { connection, readUser, signIn, signOut, watchConnection } from "./api.js
 import { h, notify } from "./dom.js";
 import { errorCard } from "./error.js";
 import { showForm } from "./form.js";
-import { showLibrary } from "./library.js";
-import { showQueue } from "./queue.js";
 import { showResult } from "./result.js";
 import { showRun } from "./run.js";
+import { showRuns } from "./runs.js";
 import { si, useSi } from "./units.js";
 
 /**
@@ -21,8 +20,11 @@ const VIEWS = {
   result: ["Result", showResult],
   // Few visits compare, so only those load these files.
   compare: ["Comparison", async (...view) => (await import("./compare.js")).showCompare(...view)],
-  library: ["Library", showLibrary],
-  queue: ["Queue", showQueue],
+  // The first page does not need the table.
+  library: ["Library", async (...view) => (await import("./library.js")).showLibrary(...view)],
+  runs: ["Runs", showRuns],
+  // The name of this view in addresses of earlier versions.
+  queue: ["Runs", showRuns],
 };
 
 const main = document.getElementById("main");
@@ -40,7 +42,7 @@ async function route() {
   const [title, show] = VIEWS[Object.hasOwn(VIEWS, name) ? name : ""];
   document.title = `${title} · fretwork`;
   for (const link of document.querySelectorAll("nav a")) {
-    if (link.hash.slice(2) === (name || "new")) link.setAttribute("aria-current", "page");
+    if (VIEWS[link.hash.slice(2)][0] === title) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
   main.replaceChildren(h("p", { class: "muted" }, "Loading…"));

@@ -33,8 +33,8 @@ macro_rules! files {
 }
 
 const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "api.js", "details.js", "dom.js",
-    "error.js", "estimate.js", "fields.js", "form.js", "library.js", "limits.js", "main.js", "plan.js",
-    "queue.js", "result.js", "run.js", "sketch.js", "study.js", "summary.js", "units.js", "vary.js",
+    "error.js", "estimate.js", "fields.js", "form.js", "library.js", "library-actions.js", "library-columns.js", "library-table.js", "limits.js", "main.js", "plan.js",
+    "result.js", "run.js", "runs.js", "sketch.js", "study.js", "summary.js", "thumbnails.js", "units.js", "vary.js",
     // The live form.
     "draft.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js", "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js", "undo.js", "warnings.js",
     // Figures and the views of results.

@@ -70,7 +70,7 @@ export async function showRun(main, { id, query, signal }) {
     if (job.state === "failed") fill(outcome, errorCard(job.error));
     if (job.state === "canceled") {
       fill(outcome, h("section", { class: "card" }, h("p", {}, "This run was canceled. It has no result."),
-        h("p", {}, h("a", { class: "button", href: "#/queue" }, "Open the queue"))));
+        h("p", {}, h("a", { class: "button", href: "#/runs" }, "Open the list of runs"))));
     }
   }
 

@@ -72,6 +72,7 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
             let values = values.iter().map(|it| json!(it)).chain([Value::Null]);
             schemas["ResultEntry"]["allOf"][0]["properties"][name] = json!({"type": ["string", "null"], "enum": values.collect::<Vec<_>>(), "description": "Null where it does not apply."});
         }
+        schemas["Naming"]["properties"]["tags"] = schemas["JobBody"]["properties"]["tags"].clone();
         // The server inserts the stored bytes, so the Rust type does not have these members.
         schemas["Job"]["properties"]["scenario"] = shared["job"]["scenario"].take();
         for kind in Kind::ALL {

@@ -77,6 +77,8 @@ documented! {
     WholeFormat words(Part::Whole.formats().iter().map(|format| format.name()));
     /// The formats of a table.
     TableFormat words(Part::History.formats().iter().map(|format| format.name()));
+    /// The formats of lists.
+    ListFormat words(["json", "csv"]);
     /// Columns of a history.
     HistoryFields columns(&History::default());
     /// Columns of profiles.

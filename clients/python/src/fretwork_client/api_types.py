@@ -606,6 +606,7 @@ class JobList(TypedDict):
 
     jobs: "list[Job]"
     next: "NotRequired[str | None]"
+    total: "NotRequired[int | None]"
 
 JobState: TypeAlias = "Literal['queued', 'running', 'canceling', 'succeeded', 'failed', 'canceled']"
 
@@ -654,6 +655,8 @@ class Links(TypedDict):
     events: "str"
     result: "str"
     self: "str"
+
+ListFormat: TypeAlias = "Literal['json', 'csv']"
 
 Load: TypeAlias = "ByForce | ByDepth"
 
@@ -747,6 +750,12 @@ class Moduli(TypedDict):
     tangential: "NotRequired[Stress]"
 
 Motion: TypeAlias = "ByAmplitude | ByStickRatio | ByTangentialForce | Blocks | Reversals | Sliding"
+
+class Naming(TypedDict):
+    """A change of the label and the tags of a job."""
+
+    label: "NotRequired[str | None]"
+    tags: "NotRequired[list[str]]"
 
 class Normalized(TypedDict):
     normalized: "Instants | Range"
@@ -934,6 +943,7 @@ class ResultList(TypedDict):
 
     next: "NotRequired[str | None]"
     results: "list[ResultEntry]"
+    total: "NotRequired[int | None]"
     units: "dict[str, Any]"
 
 class Reversals(TypedDict):

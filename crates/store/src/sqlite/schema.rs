@@ -14,7 +14,7 @@ use sqlx::{Connection as _, SqlSafeStr as _, SqliteConnection};
 use crate::error::{Error, Result};
 
 /// The migrations of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 18] = [
+const CHANGES: [(i64, &str, &str); 19] = [
     (1, "jobs", include_str!("../../../../migrations/sqlite/0001_jobs.sql")),
     (
         2,
@@ -37,6 +37,7 @@ const CHANGES: [(i64, &str, &str); 18] = [
     (16, "geometry", include_str!("../../../../migrations/sqlite/0016_geometry.sql")),
     (17, "stages", include_str!("../../../../migrations/sqlite/0017_stages.sql")),
     (18, "sessions", include_str!("../../../../migrations/sqlite/0018_sessions.sql")),
+    (19, "named", include_str!("../../../../migrations/sqlite/0019_named.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.

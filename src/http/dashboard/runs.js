@@ -1,7 +1,7 @@
-// All jobs of the server, newest first.
+// All runs of the server, newest first: also those that wait, failed or were canceled.
 
 import { get, jobAddress, post } from "./api.js";
-import { capital, dateTime, h, notify, select } from "./dom.js";
+import { capital, dateTime, debounced, h, notify, select } from "./dom.js";
 import { isDraft, knownName, loadNames } from "./summary.js";
 import { quantity } from "./units.js";
 
@@ -11,17 +11,24 @@ const STATES = [...OPEN, "succeeded", "failed", "canceled"];
 /** How a job got its result. */
 const ORIGINS = { computed: "Computed", cached: "From the library", coalesced: "Shared run" };
 
-export async function showQueue(main, { query, signal }) {
+export async function showRuns(main, { query, signal }) {
   const list = h("tbody", {});
   const empty = h("p", { class: "muted empty" });
-  const more = h("button", { type: "button", hidden: true }, "Show older jobs");
+  const more = h("button", { type: "button", hidden: true }, "Show older runs");
   const state = select({ "": "All", ...Object.fromEntries(STATES.map((name) => [name, capital(name)])) },
-    query.get("state"), { id: "state-filter", onchange: () => {
-      history.replaceState(null, "", state.value ? `#/queue?state=${state.value}` : "#/queue");
-      older = [];
-      read();
-    } });
+    query.get("state"), { id: "state-filter", onchange: search });
+  const words = h("input", { id: "find-runs", type: "search", value: query.get("q") ?? "", autocomplete: "off", oninput: debounced(200, search),
+    placeholder: "Words in labels, tags and notes", "aria-label": "Search in labels, tags and notes" });
   let older = [], next = null;
+
+  const filters = () => new URLSearchParams(Object.entries({ q: words.value.trim(), state: state.value }).filter(([, text]) => text));
+
+  function search() {
+    if (signal.aborted) return;
+    history.replaceState(null, "", `#/runs${filters().size ? `?${filters()}` : ""}`);
+    older = [];
+    read();
+  }
 
   more.addEventListener("click", async () => {
     const page = await get(next, { signal });
@@ -31,8 +38,9 @@ export async function showQueue(main, { query, signal }) {
   });
 
   async function read() {
-    const words = new URLSearchParams({ limit: 50, ...(state.value && { state: state.value }) });
-    const page = await get(`/v1/jobs?${words}`, { signal });
+    const asked = String(filters());
+    const page = await get(`/v1/jobs?${asked}&limit=50`, { signal });
+    if (asked !== String(filters())) return;
     if (older.length === 0) next = page.next;
     const shown = new Set(page.jobs.map((job) => job.id));
     // A draft that was canceled, because its form changed, is of no use.
@@ -41,8 +49,8 @@ export async function showQueue(main, { query, signal }) {
     const focused = document.activeElement?.dataset.job;
     list.replaceChildren(...jobs.map(drawRow));
     if (focused) list.querySelector(`[data-job="${focused}"]`)?.focus();
-    empty.replaceChildren(...(jobs.length ? [] : state.value ? ["No match. Choose another state."]
-      : ["No jobs yet. ", h("a", { href: "#/new" }, "Start a run"), "."]));
+    empty.replaceChildren(...(jobs.length ? [] : filters().size ? ["No match. Change the search or the state."]
+      : ["No runs yet. ", h("a", { href: "#/new" }, "Start a run"), "."]));
     more.hidden = !next;
     loadNames(jobs, signal, (job) => {
       for (const place of list.querySelectorAll(`[data-name="${job.id}"]`)) place.textContent = knownName(job);
@@ -67,10 +75,10 @@ export async function showQueue(main, { query, signal }) {
   }
 
   await read();
-  main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Queue"),
+  main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Runs"), words,
     h("span", { class: "choice" }, h("label", { for: "state-filter" }, "State"), state)),
-  h("div", { class: "card scroll", tabIndex: 0, role: "region", "aria-label": "Jobs" },
-    h("table", { class: "jobs" }, h("thead", {}, h("tr", {}, ["Job", "State", "Submitted", "Origin", "Wear volume"].map((name) =>
+  h("div", { class: "card scroll", tabIndex: 0, role: "region", "aria-label": "Runs" },
+    h("table", { class: "jobs" }, h("thead", {}, h("tr", {}, ["Run", "State", "Submitted", "Origin", "Wear volume"].map((name) =>
       h("th", { scope: "col" }, name)), h("td", {}))), list), empty), more);
 
   const timer = setInterval(() => document.hidden || read().catch(() => {}), REFRESH_MS);

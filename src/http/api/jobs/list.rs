@@ -1,0 +1,161 @@
+//! The list of jobs: filters, CSV.
+
+use axum::http::{HeaderMap, Uri};
+use axum::response::{IntoResponse as _, Response};
+use serde::Serialize;
+use serde_json::json;
+use utoipa::ToSchema;
+
+use super::JobAnswer;
+use crate::http::access::caller::Caller;
+use crate::http::answer::listed;
+use crate::http::api::parameters::{OfJobs, OfList};
+use crate::http::app::App;
+use crate::http::problem::{Problem, Result};
+use crate::http::wire::paging::{CsvView, ListView, next_page};
+use crate::http::wire::{Query, instant};
+use fretwork_job::{Job, JobId, JobState};
+use fretwork_store::{Filter, Words};
+
+/// A page of jobs, the newest first.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct JobList {
+    /// The jobs.
+    jobs: Vec<JobAnswer>,
+    /// The address of the next page; null on the last page.
+    #[schema(example = "/v1/jobs?limit=50&cursor=019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")]
+    next: Option<String>,
+    /// With `count=true`: the number of all matching jobs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    total: Option<u64>,
+}
+
+/// Lists jobs, the newest first.
+///
+/// A job must match all filters. The address of the next page is in `next` and in the `Link` header. New jobs
+/// do not shift the pages.
+#[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
+    params(OfJobs, OfList,
+        ("limit" = Option<u32>, Query, description = "Largest number of jobs on the page.", minimum = 1,
+            maximum = 200, example = 50),
+        ("cursor" = Option<uuid::Uuid>, Query,
+            description = "Continues after this job. The server puts it into `next` of a page."),
+    ),
+    responses((status = 200, description = "A page of jobs.", content(
+        (JobList = "application/json"), (String = "text/csv"),
+    ))),
+)]
+pub async fn list(
+    app: App,
+    caller: Caller,
+    uri: Uri,
+    headers: HeaderMap,
+    mut query: Query,
+) -> Result<Response> {
+    let filter = read_filter(&mut query, &caller);
+    let view = ListView::take(&mut query, &headers, [50, 200]);
+    let cursor = query.value("cursor", "the id of a job", |text| text.parse().ok());
+    query.finish()?;
+    if let Some(as_csv) = view.csv {
+        return csv((app, caller, filter), &uri, (view.page, as_csv), cursor).await;
+    }
+    let _turn = app.shares.heavy.turn(&caller.owner).await;
+    let page = app.service.jobs(caller.reach(), filter.clone(), cursor, view.page).await?;
+    let total =
+        if view.count { Some(app.service.count(caller.reach(), filter).await?) } else { None };
+    let (next, link) = next_page(&uri, page.next);
+    let jobs = page.jobs.into_iter().map(JobAnswer::from).collect();
+    Ok((link, axum::Json(JobList { jobs, next, total })).into_response())
+}
+
+/// Answers the list as CSV.
+async fn csv(
+    (app, caller, filter): (App, Caller, Filter),
+    uri: &Uri,
+    (limit, CsvView { all, comments }): (u32, CsvView),
+    cursor: Option<JobId>,
+) -> Result<Response> {
+    let read = move |cursor| {
+        let (app, caller, filter) = (app.clone(), caller.clone(), filter.clone());
+        async move {
+            let _turn = app.shares.heavy.turn(&caller.owner).await;
+            let page = app.service.jobs(caller.reach(), filter, cursor, limit).await?;
+            let lines = page.jobs.into_iter().map(line);
+            Ok::<_, Problem>((lines.collect::<String>(), page.next.map(Some)))
+        }
+    };
+    let (lines, next) = read(cursor).await?;
+    let (_, link) = next_page(uri, next.flatten().filter(|_| !all));
+    let head = listed::head("jobs", comments, COLUMNS);
+    let first = (lines, next.filter(|_| all));
+    Ok((link, listed::answer("jobs", (head, first), read)).into_response())
+}
+
+/// The columns of a list as CSV, with their units. The last ones are of the summary.
+const COLUMNS: [(&str, &str); 16] = [
+    ("id", ""),
+    ("label", ""),
+    ("tags", ""),
+    ("state", ""),
+    ("owner", ""),
+    ("key", ""),
+    ("origin", ""),
+    ("created", ""),
+    ("started", ""),
+    ("finished", ""),
+    ("error", ""),
+    ("regime", ""),
+    ("cycles", ""),
+    ("wear_volume", "m^3"),
+    ("wear_depth", "m"),
+    ("dissipated_energy", "J"),
+];
+
+/// A line of a list as CSV.
+fn line(job: Job) -> String {
+    let cells = [
+        json!(job.id),
+        json!(job.label),
+        json!(job.tags.join(", ")),
+        json!(job.state),
+        json!(job.owner),
+        json!(job.key),
+        json!(job.origin),
+        json!(instant(job.created)),
+        json!(job.started.map(instant)),
+        json!(job.finished.map(instant)),
+        json!(job.failure.map(|failure| failure.message)),
+    ];
+    let summary = job.summary.unwrap_or_default();
+    let outputs = COLUMNS[cells.len()..].iter().map(|(name, _)| summary[*name].clone());
+    listed::line(cells.iter().cloned().chain(outputs))
+}
+
+/// Reads the filters of jobs from the query.
+pub(super) fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
+    let states = JobState::ALL.map(JobState::as_str).join(", ");
+    let key = "a key of 64 lower-case hexadecimal digits";
+    let whose = match caller.reach() {
+        Some(_) => "\"me\", because only administrators see the jobs of others",
+        None => "\"me\" or the name of an owner",
+    };
+    Filter {
+        state: query.value("state", format_args!("one of {states}"), |text| text.parse().ok()),
+        label: query.text("label"),
+        tag: query.text("tag"),
+        words: read_words(query),
+        key: query.value("key", key, |text| text.parse().ok()),
+        owner: query.value("owner", whose, |text| caller.owner_named(text)),
+    }
+}
+
+fn read_words(query: &mut Query) -> Words {
+    match query.text("q").unwrap_or_default().parse() {
+        Ok(words) => words,
+        Err(fault) => {
+            let fault: String = fault;
+            query.complain("q", fault);
+            Words::default()
+        }
+    }
+}
