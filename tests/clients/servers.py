@@ -271,7 +271,7 @@ def sign_in(browser, data):
         expect(page.locator("#user")).to_have_text("")
         assert MASTER not in page.content() and page.context.cookies() == []
         # The other tab is signed out too.
-        tab.click("nav >> text=Queue")
+        tab.click("nav >> text=Runs")
         expect(tab.locator("#key-reason")).to_contain_text("Your session has ended.")
 
         # A session ends with its key. The user can go on with another one.
