@@ -247,7 +247,7 @@ def live(page, base):
     expect(page.locator("section[aria-label=Progress] p span")).to_have_text(re.compile("^[1-9]"), timeout=60000)
     page.click("#cancel")
     expect(page.locator("section[aria-label=Progress] p").first).to_have_text(re.compile(r"canceledat \d+\u00a0%"))
-    page.click("nav >> text=Queue")
+    page.click("nav >> text=Runs")
     expect(page.locator("tbody tr").first).to_contain_text("Paraboloid, R\u00a0=\u00a010\u00a0mm")
 
 

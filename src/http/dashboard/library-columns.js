@@ -1,7 +1,7 @@
 // The columns of the library: heading, order and cell of each.
 
 import { capital, dateTime, h, svg } from "./dom.js";
-import { isDraft, subtitle, title } from "./summary.js";
+import { isDraft, sourceOf, subtitle, title } from "./summary.js";
 import { cycles, quantity, WORDS } from "./units.js";
 import { KINDS } from "./words.js";
 
@@ -15,7 +15,7 @@ const number = (name, heading = WORDS[name], width = 8) => ({ heading, width, so
   cell: ({ values }, units) => values[name] != null && quantity(values[name], units[name]) });
 
 const note = ({ note: own }) => own && h("span", { title: own.text }, own.text);
-const tags = (entry) => [entry.tags.filter((tag) => !isDraft({ tags: [tag] })).map((tag) => h("span", { class: "tag" }, tag)),
+const tags = (entry) => [entry.tags.filter((tag) => !isDraft({ tags: [tag] }) && !sourceOf([tag])).map((tag) => h("span", { class: "tag" }, tag)),
   isDraft(entry) && !entry.label && h("span", { class: "state", title: "The form computed this by itself. It was not kept." }, "draft")];
 
 const name = (entry) => [
