@@ -14,7 +14,7 @@ import urllib.parse
 from browser import ask, opened
 
 RESULTS = 10_000
-REPEATS = 40
+REPEATS = 20
 ADDRESS = urllib.parse.urlsplit(sys.argv[1]).netloc
 
 # Calls an action, and resolves to the time until the frame has ended in which the table satisfies `isDone`.
@@ -68,7 +68,7 @@ def measured(page, name, steps):
     for act, is_done in steps:
         took.append(page.evaluate(f"({MEASURE})([{act}, {is_done}])"))
         # A person needs time for the next action, and pictures are loaded then.
-        page.wait_for_timeout(300)
+        page.wait_for_timeout(200)
     report(name, took)
 
 
@@ -92,10 +92,10 @@ def search(page):
 def scroll(page):
     """The key Page Down, again and again. No frame may show a gap instead of rows."""
     is_full = """() => {
-        const box = document.querySelector(".results").getBoundingClientRect();
-        return [0.1, 0.5, 0.9].every((share) => document.elementFromPoint(box.x + 300, box.y + 40 + share * (box.height - 40))?.closest(".entry"));
+        const box = document.querySelector(".results").getBoundingClientRect(), [top, bottom] = [box.y + 50, Math.min(box.bottom, innerHeight) - 10];
+        return [top, (top + bottom) / 2, bottom].every((y) => document.elementFromPoint(box.x + 300, y)?.closest(".entry"));
     }"""
-    for _ in range(5 * REPEATS):
+    for _ in range(2 * REPEATS):
         yield ('(region) => region.scrollBy({ top: 500, behavior: "instant" })', is_full)
 
 

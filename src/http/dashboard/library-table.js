@@ -134,8 +134,10 @@ export class Table {
     if (!page || page.isShown === isIntersecting || page.body.contains(document.activeElement)) return;
     const height = page.body.offsetHeight;
     page.isShown = isIntersecting;
-    if (isIntersecting) this.#draw(page);
-    else fill(page.body, h("tr", { class: "gap", "aria-hidden": "true" }, h("td", { colSpan: this.columns.length + 1, height })));
+    if (isIntersecting) return this.#draw(page);
+    const gap = h("td", { colSpan: this.columns.length + 1 });
+    gap.style.height = `${height}px`;
+    fill(page.body, h("tr", { class: "gap", "aria-hidden": "true" }, gap));
   }
 
   #draw(page) {
