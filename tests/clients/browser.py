@@ -184,7 +184,7 @@ def readout(page, figure):
 POWERS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 PREFIXES = {"n": 1e-9, "µ": 1e-6, "m": 1e-3, "": 1, "k": 1e3, "M": 1e6, "G": 1e9}
 UNITS = {**{prefix + unit: factor for prefix, factor in PREFIXES.items() for unit in ("m", "Pa", "J", "N")},
-    "": 1, "m³": 1, "mm³": 1e-9, "µm³": 1e-18, "N/m": 1, "N/mm": 1e3, "%": 1, "deg": math.pi / 180, "mm³/(N m)": 1e-9}
+    "": 1, "m³": 1, "mm³": 1e-9, "µm³": 1e-18, "N/m": 1, "N/mm": 1e3, "%": 1, "deg": math.pi / 180, "mm³/(N m)": 1e-9, "mm³/J": 1e-9}
 
 
 def split(text):

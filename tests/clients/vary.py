@@ -53,7 +53,7 @@ def sweep(page, base):
     scenario = ask(base, "/v1/examples/steel-ball-simplified")["scenario"]
     alone = ask(base, "/v1/evaluate", {"scenario": {**scenario, "friction": 0.84}, "outputs": ["wear_volume"]})
     assert abs(volume[-1] / alone["outputs"]["wear_volume"] - 1) < 1e-9, (volume, alone)
-    assert abs(column(page, "wear_volume")[-1] / volume[-1] - 1) < 1e-4, volume
+    assert abs(column(page, "Wear volume V")[-1] / volume[-1] - 1) < 1e-4, volume
 
 
 def edit(page):
@@ -198,6 +198,61 @@ def empty(page, base):
     expect(page.locator("#profile-radius-from")).to_have_value("")
 
 
+def distributions(page, base):
+    """A random sample has distributions. Their parameters follow from the range, and a faulty one shows its message."""
+    open_form(page, base)
+    page.click("#profile-radius-vary")
+    expect(page.locator("#profile-radius-count")).to_be_visible()
+    page.check("#design-random")
+    expect(page.locator("#profile-radius-count")).to_have_count(0)
+    # A normal distribution with the mean and the standard deviation of the uniform one between 8 and 12.
+    page.select_option("#profile-radius-spacing", "normal")
+    expect(page.locator("#profile-radius-spacing")).to_be_focused()
+    expect(page.locator("#profile-radius-mean")).to_have_value("10")
+    expect(page.locator("#profile-radius-standard_deviation")).to_have_value("1.155")
+    page.fill("#profile-radius-standard_deviation", "-1")
+    expect(page.locator("#profile-radius-standard_deviation-fault")).to_contain_text("greater than 0")
+    expect(page.locator("#profile-radius-mean-fault")).to_have_text("")
+    expect(page.locator("button.primary")).to_be_disabled()
+    known = {"normal": {"mean": "10 mm", "standard_deviation": "0.5 mm"}, "triangular": {"low": "8 mm", "mode": "10 mm", "high": "12 mm"},
+        "lognormal": {"median": "9.798 mm", "factor": 1.124}}
+    for name, parameters in known.items():
+        page.select_option("#profile-radius-spacing", name)
+        if name == "normal":
+            page.fill("#profile-radius-standard_deviation", "0.5")
+        expect(page.locator("button.primary")).to_be_enabled()
+        study = json.loads(urllib.parse.parse_qs(page.url.split("?")[1])["study"][0])["sweep"]
+        assert study["vary"] == [{"pointer": "/profile/radius", "distribution": {name: parameters}}], study["vary"]
+    # A sweep has the range again.
+    page.check("#design-sweep")
+    expect(page.locator("#profile-radius-from")).to_have_value("8")
+    # A distribution with parameters that the form does not have stays what it is.
+    entry = '[{"pointer": "/friction", "distribution": {"lognormal": {"mean": 0.6, "standard_deviation": 0.05}}}]'
+    page.goto(base + "/#/queue")
+    page.goto(f'{base}/#/new?study={{"sweep": {{"design": "latin_hypercube", "seed": 0, "vary": {entry}, "outputs": ["wear_volume"]}}}}')
+    expect(page.locator("#not-shown")).to_be_visible()
+
+
+def outputs(page, base):
+    """Outputs at a cycle, of the unworn contact, of the limiting state, and events are chosen in words."""
+    open_form(page, base)
+    page.click("#friction-vary")
+    page.fill("#friction-count", "3")
+    for name, at in (("wear_depth", "1000"), ("unworn.stick_radius", None), ("limit.wear_volume", None), ("events.shakedown", None)):
+        page.select_option("#more-output", name)
+        if at:
+            page.select_option("#more-at", at)
+        else:
+            expect(page.locator("#more-at")).to_be_hidden()
+        page.click("#more-add")
+    expect(page.locator("#outputs")).to_contain_text("Largest wear depth at N\u00a0=\u00a01\u202f000")
+    table = submit(page)["table"]
+    assert {"wear_depth@1000", "unworn.stick_radius", "limit.wear_volume", "events.shakedown"} < set(table), table
+    heads = [head.split(" (")[0] for head in page.locator("#study thead th").all_inner_texts()]
+    assert heads == ["Point", "Friction coefficient μ", "Wear volume V", "Largest wear depth", "Largest wear depth at N\u00a0=\u00a01\u202f000",
+        "Unworn stick radius c", "Limiting wear volume V", "Wear practically stops at N"], heads
+
+
 def designs(page, base):
     """The form announces as many runs as the study has, for each design."""
     open_form(page, base)
@@ -282,7 +337,7 @@ def keyboard(page, base):
     page.keyboard.press("Control+Enter")
     page.wait_for_selector("#study")
     expect(rows(page)).to_have_count(6)
-    expect(page.locator("#study thead")).to_contain_text("stick_radius")
+    expect(page.locator("#study thead")).to_contain_text("Stick radius c")
 
 
 def vary(browser, base):
@@ -294,6 +349,8 @@ def vary(browser, base):
     without_field(page, base)
     limits(page, base)
     empty(page, base)
+    distributions(page, base)
+    outputs(page, base)
     designs(page, base)
     keyboard(page, base)
     entry = '[{"pointer": "/friction", "from": 0.5, "to": 0.6}]'

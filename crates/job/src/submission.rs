@@ -12,8 +12,8 @@ use fretwork_json::{BadBody, Distinct, both, read_body, typed};
 pub const MAX_LABEL: usize = 200;
 /// Maximum number of tags of a job.
 pub const MAX_TAGS: usize = 20;
-/// Longest tag in characters.
-pub const MAX_TAG: usize = 50;
+/// Longest tag in characters: the page names the run that a run was edited from as `from:` and its key.
+pub const MAX_TAG: usize = 80;
 /// Longest submitted scenario that is stored, in bytes of compact JSON.
 pub const MAX_SUBMITTED: usize = 64 << 10;
 
@@ -157,6 +157,16 @@ mod tests {
         };
         assert!(of("/scenario/frction").contains("Did you mean `friction`?"));
         assert!(of("/scenario/wear/coefficient").contains("mm^3/(N m)"));
+    }
+
+    #[test]
+    fn a_tag_can_contain_a_key() {
+        let parse = |tag: &str| {
+            Submission::parse(json!({"scenario": ball(), "tags": [tag]}).to_string().as_bytes())
+        };
+        let tag = format!("from:{}", "a".repeat(64));
+        assert_eq!(parse(&tag).unwrap().tags, [tag]);
+        assert!(parse(&"a".repeat(MAX_TAG + 1)).is_err());
     }
 
     #[test]

@@ -21,12 +21,14 @@ pub const ADMIN: &str = "admin";
 pub const ANYONE: &str = "anyone";
 
 /// The routes that a link opens.
-pub const OPENED: [&str; 7] = [
+pub const OPENED: [&str; 9] = [
     "/v1/results/{key}",
     "/v1/results/{key}/history",
     "/v1/results/{key}/profiles",
     "/v1/results/{key}/loops",
     "/v1/results/{key}/table",
+    "/v1/results/{key}/statistics",
+    "/v1/results/{key}/histogram",
     "/v1/results/{key}/plot.svg",
     "/v1/results/{key}/warnings",
 ];

@@ -15,13 +15,22 @@ const DOWNLOADS = [["Full result", "", ["json", "npz"]], ["History", "/history",
 const STUDY_DOWNLOADS = [["Full result", "", ["json", "npz"]], ["Table", "/table", TABLES]];
 
 /** A button that reports the error if its action fails. */
-const button = (text, act, attributes = {}) => h("button", { type: "button", ...attributes, onclick: async () => {
+export const button = (text, act, attributes = {}) => h("button", { type: "button", ...attributes, onclick: async () => {
   try {
     await act();
   } catch (problem) {
     notify(problem.detail ?? problem.message);
   }
 } }, text);
+
+/** Makes a link that opens one result without a key: its token, and its last day. */
+export async function createLink(key) {
+  const { url, expires } = await post(resultAddress(key, "/links"));
+  return { token: new URLSearchParams(url.split("?")[1]).get("link"), day: expires.slice(0, 10) };
+}
+
+/** Copies an address of the page that a guest can open until a day. */
+export const copyLink = (address, day) => copy(`${location.origin}/${address}`, "Link", `Link copied. It is valid until ${day}.`);
 
 /** The row of buttons. `link` is the token of a shared link: its holder may only read. */
 export function drawActions(result, { job, link, remember, signal }) {
@@ -39,17 +48,13 @@ export function drawActions(result, { job, link, remember, signal }) {
 
   async function share() {
     remember();
-    const createLink = (of) => post(resultAddress(of, "/links"));
-    const token = ({ url }) => new URLSearchParams(url.split("?")[1]).get("link");
     const [path, words] = location.hash.split("?");
     const all = new URLSearchParams(words);
-    const own = await createLink(key);
-    all.set("link", token(own));
+    const { token, day } = await createLink(key);
+    all.set("link", token);
     // Who opens the link may not read the job, which has the label.
     if (job.label) all.set("label", job.label);
-    // A link opens only one result, so the second result of a comparison needs a link of its own.
-    if (all.has("with")) all.set("withlink", token(await createLink(all.get("with"))));
-    await copy(`${location.origin}/${path}?${all}`, "Link", `Link copied. It is valid until ${own.expires.slice(0, 10)}.`);
+    await copyLink(`${path}?${all}`, day);
   }
 
   const curl = () => copy(`curl -sS --compressed '${location.origin}${partOf("")}'${

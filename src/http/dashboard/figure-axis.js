@@ -38,7 +38,8 @@ function roundEnds([low, high], log, count) {
  * `at` gives the pixel of a value and `value` the value at a pixel.
  */
 export function placeAxis({ unit, log, title, symbol }, [low, high], [from, to], count) {
-  const { unit: shown, factor } = axisUnit(unit, Math.max(Math.abs(low), Math.abs(high)));
+  // A logarithmic axis has the unit of its middle: 1 N to 1000 N stay N.
+  const { unit: shown, factor } = axisUnit(unit, log ? Math.sqrt(low) * Math.sqrt(high) : Math.max(Math.abs(low), Math.abs(high)));
   const place = log ? Math.log10 : (value) => value;
   const [start, length] = [place(low), place(high) - place(low)];
   const slope = (to - from) / length;

@@ -50,7 +50,7 @@ const heightsOf = ({ x, y, smooth, errors, band }) => [{ x, y }, smooth, ...(err
  */
 export function planFigure(curves, axes, { width, height, zoom, held, isAlone = false }) {
   const room = roomOf(curves, { width, height });
-  const needsLegend = room === null || Boolean(axes.legend);
+  const needsLegend = room === null;
   const legend = needsLegend && isAlone ? planLegend(curves, width) : [];
   const named = axes.marks?.some(({ name }) => name);
   const above = legend.length ? legend.at(-1).y + LINE : 0;

@@ -15,6 +15,7 @@ import { Live } from "./live.js";
 import { drawPlan, drawRuns, submitText } from "./plan.js";
 import { Preview } from "./preview.js";
 import { Undo } from "./undo.js";
+import { sourceOf, sourceTag } from "./summary.js";
 import { choose, isPossible, jobBody, newStudy, OFFERS, studyOf, varied } from "./vary.js";
 import { unknownYield } from "./warnings.js";
 
@@ -51,6 +52,8 @@ export async function showForm(main, { query, signal }) {
   if (may("read")) [examples] = await Promise.all([examples.length ? examples : get("/v1/examples", { signal }), loadLimits(signal)]);
   // `label` is what the user typed. A study and an unchanged example have labels of their own, which change with the form.
   const form = fromAddress(query);
+  // The run that the user edits.
+  let source = sourceOf([sourceTag(query.get("from"))]);
   const undo = new Undo();
   const isStudy = () => varied(form.study).length > 0;
   const example = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(form.scenario));
@@ -84,6 +87,8 @@ export async function showForm(main, { query, signal }) {
     "", { id: "example", onchange: () => {
       restore({ scenario: structuredClone(examples.find(({ name }) => name === chooseExample.value).body.scenario), label: null, study: newStudy() });
       canonical.hidden = notShown.hidden = true;
+      source = undefined;
+      remember();
     } });
   chooseExample.options[0].hidden = true;
 
@@ -100,7 +105,7 @@ export async function showForm(main, { query, signal }) {
   /** Keeps the scenario, its study and its label in the address, so that a reload or a bookmark restores them. */
   const remember = () => {
     const words = new URLSearchParams({ ...(!may("read") && { link: query.get("link") }), scenario: JSON.stringify(form.scenario), ...(form.label !== null && { label: form.label }),
-      ...(isStudy() && { study: JSON.stringify(jobBody(undefined, form.study)) }) });
+      ...(isStudy() && { study: JSON.stringify(jobBody(undefined, form.study)) }), ...(source && { from: source }) });
     history.replaceState(null, "", `#/new?${words}`);
   };
 
@@ -262,7 +267,8 @@ export async function showForm(main, { query, signal }) {
     allowKeep();
     try {
       const headers = { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() };
-      const job = await post("/v1/jobs", { ...jobBody(form.scenario, form.study), ...(label() && { label: label() }) }, { headers });
+      const job = await post("/v1/jobs", { ...jobBody(form.scenario, form.study), ...(label() && { label: label() }),
+        ...(source && !isStudy() && { tags: [sourceTag(source)] }) }, { headers });
       // The user may have opened another view meanwhile.
       if (signal.aborted) return;
       location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}${draft.isRunning ? "?draft=yes" : ""}`;

@@ -11,7 +11,7 @@ const OTHERS = ["scar_radius", "contact_radius", "stick_radius", "indentation_de
 
 /** Smaller numerical errors are not told apart. */
 const SMALLEST = 1e-4;
-const numericalError = (error) => (error < SMALLEST ? `below ${percent(SMALLEST)}` : percent(error, 2));
+export const numericalError = (error) => (error < SMALLEST ? `below ${percent(SMALLEST)}` : percent(error, 2));
 
 const SOLVER = "The server estimates the error of the solver at this output cycle. A smaller tolerance makes it smaller.";
 const THEORY = "The theory leaves out plasticity, debris and oxidation, and the wear is as uncertain as the wear coefficient that you enter.";
@@ -19,13 +19,13 @@ const THEORY = "The theory leaves out plasticity, debris and oxidation, and the 
 const AROUND = "The depth is the mean around a ring. The local depth varies by ±13 % if Poisson's ratio is 0.3.";
 
 /** The error of the method, in words, and what it leaves out. The exact method solves the equations of the theory. */
-function modelError({ model }, { model_error: error }) {
+export function modelError({ model }, { model_error: error }) {
   if (model.method === "exact") return "errors of the theory are not included";
   return error == null ? "error of the simplified rule unknown" : `error of the simplified rule about ${percent(error, 2)}`;
 }
 
 /** The regime at an output cycle, where the contact may stick less or more than before the test. */
-function regimeAt({ regime, events, history }, row, at) {
+export function regimeAt({ regime, events, history }, row, at) {
   const [stick, contact] = [history.stick_radius?.[row], history.contact_radius?.[row]];
   const first = events.find(({ kind }) => kind === "gross_slip");
   if (first?.cycles <= at && regime !== "gross_slip") return [WORDS.gross_slip, `since N\u00a0=\u00a0${cycles(first.cycles)}`];

@@ -1,4 +1,4 @@
-// All results of the server: search, preview, and choice of two for comparison.
+// All results of the server: search, preview, and choice of runs for comparison.
 
 import { get, resultAddress } from "./api.js";
 import { dateTime, debounced, fill, h, select, svg } from "./dom.js";
@@ -30,7 +30,7 @@ const ORDERS = { "-created": "Newest first", created: "Oldest first", "-wear_vol
   "-wear_depth": "Largest wear depth", "-cycles": "Most cycles", "-normal_force": "Largest normal force" };
 
 export async function showLibrary(main, { query, signal }) {
-  const chosen = new Set(query.get("with") ? [query.get("with")] : []);
+  const chosen = new Set((query.get("with") ?? "").split(",").filter(Boolean));
   const list = h("ul", { class: "results" });
   const errors = h("div", {});
   const compare = h("a", { class: "button primary" });
@@ -84,18 +84,15 @@ export async function showLibrary(main, { query, signal }) {
   function choose(key, isChosen) {
     if (isChosen) chosen.add(key);
     else chosen.delete(key);
-    // A third choice replaces the oldest.
-    if (chosen.size > 2) chosen.delete([...chosen][0]);
-    for (const box of list.querySelectorAll("input[type=checkbox]")) box.checked = chosen.has(box.value);
     drawCompare();
   }
 
   function drawCompare() {
-    const [first, second] = chosen;
-    compare.textContent = second ? "Compare 2 results" : first ? "Select 1 more to compare" : "Select 2 results to compare";
-    if (second) compare.href = `#/result/${encodeURIComponent(first)}?${new URLSearchParams({ with: second })}`;
+    const isEnough = chosen.size > 1;
+    compare.textContent = isEnough ? `Compare ${chosen.size} results` : `Select ${2 - chosen.size}${chosen.size ? " more" : " results"} to compare`;
+    if (isEnough) compare.href = `#/compare?keys=${[...chosen].map(encodeURIComponent)}`;
     else compare.removeAttribute("href");
-    compare.setAttribute("aria-disabled", String(!second));
+    compare.setAttribute("aria-disabled", String(!isEnough));
   }
 
   // Previews and labels are loaded when their entry is about to be scrolled into view.

@@ -21,6 +21,8 @@ const VIEWS = {
   new: ["New run", showForm],
   run: ["Run", showRun],
   result: ["Result", showResult],
+  // Few visits compare, so only those load these files.
+  compare: ["Comparison", async (...view) => (await import("./compare.js")).showCompare(...view)],
   library: ["Library", showLibrary],
   queue: ["Queue", showQueue],
   keys: ["Access keys", async (...all) => (await import("./keys.js")).showKeys(...all)],

@@ -18,7 +18,7 @@ use asset::{Asset, Assets};
 
 use fretwork_engine::outcome::{EVENTS, History, QUANTITIES, Quantity, Unworn};
 use fretwork_job::WORDS;
-use fretwork_study::Kind;
+use fretwork_study::{Kind, OutputName};
 
 /// A file: its name under `/assets/`, its media type and its content.
 type File = (&'static str, &'static str, &'static [u8]);
@@ -32,20 +32,32 @@ macro_rules! files {
     };
 }
 
-const SCRIPTS: &[File] = files!("text/javascript": "actions.js", "allowed.js", "api.js", "details.js", "dom.js",
-    "error.js", "estimate.js", "fields.js", "form.js", "keys.js", "library.js", "limits.js", "main.js", "plan.js",
-    "queue.js", "result.js", "run.js", "sign-in.js", "sketch.js", "study.js", "summary.js", "units.js", "vary.js",
+const SCRIPTS: &[File] = files!("text/javascript":
+    "actions.js", "allowed.js", "api.js", "details.js", "dom.js", "error.js", "estimate.js", "fields.js", "form.js",
+    "limits.js", "main.js", "plan.js", "result.js", "run.js", "sign-in.js", "sketch.js", "summary.js", "units.js",
+    "vary.js",
+    // The library, the access keys and the report.
+    "keys.js", "library.js", "queue.js",
     // The live form.
-    "draft.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js", "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js", "undo.js", "warnings.js",
+    "draft.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js",
+    "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js",
+    "undo.js", "warnings.js",
     // Figures and the views of results.
-    "curves.js", "drawn.js", "explain.js", "figure.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
-    "figure-reader.js", "figure-save.js", "figure-zoom.js", "headline.js", "player.js", "printed.js",
-    "result-figures.js", "scaling.js", "section.js", "smooth.js", "so-far.js", "study-curves.js",
-    "study-figure.js",
-    // Measurements and fits, which the page loads when they are needed.
-    "fit-figures.js", "fit-form.js", "fit-names.js", "fit-page.js", "measure.js", "measure-dialog.js", "measure-energy.js",
-    "measure-model.js", "measure-overlay.js", "measure-panel.js", "measure-sets.js", "measure-units.js",
-    "measure-words.js");
+    "curves.js", "explain.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
+    "figure-reader.js", "figure-save.js", "figure-zoom.js", "figure.js", "headline.js", "player.js",
+    "printed.js", "result-figures.js", "scaling.js", "section.js", "smooth.js", "so-far.js",
+    // The comparison of runs, which is loaded when it is needed.
+    "compare-figures.js", "compare-inputs.js", "compare-rows.js", "compare-table.js", "compare.js",
+    "derived.js",
+    // The views of studies, which are loaded when they are needed.
+    "study-axes.js", "study-bars.js", "study-chart.js", "study-contours.js", "study-curves.js",
+    "study-figure.js", "study-heat.js", "study-measured.js", "study-open.js", "study-scatter.js",
+    "study-so-far.js", "study-statistics.js", "study-table.js", "study-view.js", "study-words.js",
+    "study.js",
+    // Measurements and fits, which are loaded when they are needed.
+    "fit-figures.js", "fit-form.js", "fit-names.js", "fit-page.js", "measure-dialog.js",
+    "measure-energy.js", "measure-model.js", "measure-overlay.js", "measure-panel.js", "measure-sets.js",
+    "measure-units.js", "measure-words.js", "measure.js");
 const STYLES: &[File] = files!("text/css": "style.css");
 const IMAGES: &[File] = files!("image/svg+xml": "icon.svg");
 
@@ -76,6 +88,7 @@ fn words() -> String {
     // unworn contact.
     let members = Unworn::MEMBERS.iter().chain(History::MEMBERS);
     let meanings: Value = members.map(|member| (member.name, json!(member.meaning))).collect();
+    let outputs: Value = OutputName::all().collect();
     let named = |(kind, words): &(_, _)| Some((json!(kind).as_str()?.to_owned(), json!(words)));
     let events: Value = EVENTS.iter().filter_map(named).collect();
     let searched: Value = WORDS.iter().map(|word| (word.name, json!(word.values))).collect();
@@ -84,6 +97,7 @@ fn words() -> String {
          /** Their symbols, with italics between `$`. */\nexport const SYMBOLS = {symbols};\n\n\
          /** The names of events. */\nexport const EVENTS = {events};\n\n\
          /** What they mean. */\nexport const MEANINGS = {meanings};\n\n\
+         /** The outputs of a study, without output cycles. */\nexport const OUTPUTS = {outputs};\n\n\
          /** The words that results are searched by. */\nexport const SEARCHED = {searched};\n"
     )
 }

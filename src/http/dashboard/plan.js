@@ -2,15 +2,20 @@
 
 import { explained, fill, h, select } from "./dom.js";
 import { printed } from "./kinds.js";
-import { cycles, wordOf, WORDS } from "./units.js";
-import { choose, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied } from "./vary.js";
+import { outputWords, plainWords } from "./study-words.js";
+import { cycles, WORDS } from "./units.js";
+import { choose, distribute, distributionOf, DISTRIBUTIONS, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied } from "./vary.js";
+import { OUTPUTS as ALL } from "./words.js";
 
 /** The outputs that the form offers. All are columns of the history, at its last output cycle. */
 const OUTPUTS = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "dissipated_energy",
   "energy_per_cycle"];
 
 const SPACINGS = { linear: "Linear", log: "Logarithmic" };
-const DISTRIBUTIONS = { linear: "uniform", log: "uniform in the logarithm" };
+/** The distributions of a random sample. The first two are ranges with a spacing. */
+const DRAWN = { linear: "uniform", log: "uniform in the logarithm", ...Object.fromEntries(Object.entries(DISTRIBUTIONS).map(([name, { title }]) => [name, title])) };
+/** The groups of further outputs. A column of the history can be taken at any output cycle. */
+const GROUPS = { "": "During the run", unworn: "Unworn contact", limit: "Limiting state", events: "Events", scales: "Scales" };
 
 /** The button beside a number that lets it vary. It is disabled while the field has no number. */
 export function varyButton(id, name, pointer, scenario, study, redraw) {
@@ -31,7 +36,7 @@ function faulty(id, pointer, label, properties) {
   return [input, h("p", { id: `${id}-fault`, class: "fault" })];
 }
 
-/** The fields of a number that varies: from, to, count and spacing. */
+/** The fields of a number that varies: its ends, count and spacing, or its distribution and the parameters of that. */
 export function drawRange(id, name, pointer, study, changed) {
   const range = study.ranges[pointer];
   const inUnit = range.unit && ` in ${printed(range.unit)}`;
@@ -40,17 +45,27 @@ export function drawRange(id, name, pointer, study, changed) {
       range[member] = event.target.value;
       changed();
     } });
-  const [from, fromFault] = field("from", `from${inUnit}`);
-  const [to, toFault] = field("to", `to${inUnit}`);
+  const own = distributionOf(range, study);
+  const parameters = own?.parameters ?? [["from", "from"], ["to", "to"]];
+  const fields = parameters.map(([member, label, isPlain]) => [label, ...field(member, `${label === "±" ? "standard deviation" : label}${isPlain ? "" : inUnit}`)]);
   const [count, countFault] = field("count", "number of values");
   count.inputMode = "numeric";
-  const spacing = select(isDrawn(study) ? DISTRIBUTIONS : SPACINGS, range.spacing, { id: `${id}-spacing`, "aria-label": `${name}: ${isDrawn(study) ? "distribution" : "spacing"}`, onchange: () => {
-    range.spacing = spacing.value;
+  const isAny = isDrawn(study);
+  const place = h("div", { class: "range", role: "group", "aria-label": `Range of ${name}` });
+  const spacing = select(isAny ? DRAWN : SPACINGS, own ? range.distribution : range.spacing, { id: `${id}-spacing`, "aria-label": `${name}: ${isAny ? "distribution" : "spacing"}`, onchange: () => {
+    if (spacing.value in SPACINGS) range.spacing = spacing.value;
+    if (isAny) {
+      distribute(range, spacing.value in DISTRIBUTIONS ? spacing.value : undefined);
+      place.replaceWith(drawRange(id, name, pointer, study, changed));
+      document.getElementById(spacing.id)?.focus();
+    }
     changed();
   } });
-  return h("div", { class: "range", role: "group", "aria-label": `Range of ${name}` },
-    h("div", {}, h("span", {}, "From"), from, h("span", {}, "to"), to, range.unit && h("span", {}, printed(range.unit))), fromFault, toFault,
-    h("div", {}, isDrawn(study) ? h("span", {}, "Distribution:") : [count, h("span", {}, "values")], spacing), countFault);
+  const label = (text, i) => (i === 0 ? text[0].toUpperCase() + text.slice(1) : text);
+  fill(place, h("div", {}, fields.map(([text, input], i) => [h("span", {}, label(text, i)), input]), range.unit && h("span", {}, printed(range.unit))),
+    fields.map(([, , fault]) => fault),
+    h("div", {}, isAny ? h("span", {}, "Distribution:") : [count, h("span", {}, "values")], spacing), countFault);
+  return place;
 }
 
 /** The text that shows how the number of runs follows from the ranges, for example 9 × 9 = 81 runs. */
@@ -85,7 +100,7 @@ export function drawPlan(card, names, scenario, study, { changed, redraw }) {
     checked: study.outputs.includes(name), onchange: (event) => {
       study.outputs = [...study.outputs.filter((own) => own !== name), ...(event.target.checked ? [name] : [])];
       changed();
-    } }), wordOf(name, scenario) ?? name);
+    } }), plainWords(outputWords(name, scenario)));
   const [samples, samplesFault] = faulty("samples", "/samples", "Samples", { value: study.samples, inputMode: "numeric", oninput: () => {
     study.samples = samples.value;
     changed();
@@ -95,10 +110,27 @@ export function drawPlan(card, names, scenario, study, { changed, redraw }) {
     h("fieldset", {}, h("legend", {}, "Compute"), Object.values(OFFERS).map(design)),
     isDrawn(study) && h("div", { class: "field" }, h("label", { for: "samples" }, "Samples"), samples, samplesFault),
     h("fieldset", { id: "outputs", "data-pointer": "/outputs", "aria-describedby": "outputs-fault" },
-      h("legend", {}, "Outputs after the last cycle"), h("div", { class: "options" }, [...new Set([...OUTPUTS, ...study.outputs])].map(output)),
-      h("p", { id: "outputs-fault", class: "fault" })),
+      h("legend", {}, "Outputs"), h("p", { class: "hint" }, "After the last cycle, if no other is named."), h("div", { class: "options" }, [...new Set([...OUTPUTS, ...study.outputs])].map(output)),
+      h("p", { id: "outputs-fault", class: "fault" }), moreOutputs(scenario, study, redraw)),
     study.profiles && OFFERS[study.kind].kind.keeps_profiles && drawProfiles(study, redraw), runs,
     explained("studies", "What each study computes"));
+}
+
+/** Adds an output that has no box: at another cycle, of the unworn contact, of the limiting state, or an event. */
+function moreOutputs(scenario, study, redraw) {
+  const names = Object.keys(GROUPS).map((group) => [group, ALL.filter((name) => name.includes(".") ? name.startsWith(`${group}.`) : group === "")]);
+  const quantity = h("select", { id: "more-output", "aria-label": "Another output", onchange: () => { at.hidden = quantity.value.includes("."); } },
+    names.map(([group, own]) => h("optgroup", { label: GROUPS[group] }, own.map((name) => h("option", { value: name }, plainWords(outputWords(name, scenario)))))));
+  // Output cycles by energy, or of a range, are typed.
+  const listed = Array.isArray(scenario.cycles) ? scenario.cycles : [];
+  const at = listed.length ? select({ "": "after the last cycle", ...Object.fromEntries(listed.map((own) => [own, `at N\u00a0=\u00a0${typeof own === "number" ? cycles(own) : own}`])) }, "", { id: "more-at", "aria-label": "Output cycle" })
+    : h("input", { id: "more-at", "aria-label": "Output cycle", placeholder: "last cycle" });
+  const add = h("button", { type: "button", id: "more-add", onclick: () => {
+    const name = !quantity.value.includes(".") && at.value.trim() ? `${quantity.value}@${at.value.trim()}` : quantity.value;
+    if (!study.outputs.includes(name)) study.outputs.push(name);
+    redraw();
+  } }, "Add");
+  return h("div", { class: "row more" }, quantity, at, add);
 }
 
 /** The curves that a stored sweep keeps of each run. The form has no fields for them, but the user can remove them. */

@@ -23,7 +23,7 @@ export class Preview {
   #position = h("output", { for: "output", id: "at" });
   #player = h("span", {});
   #headline = { first: h("dl", { class: "headline", id: "headline" }), others: h("dl", { class: "tiles" }), notes: h("div", { class: "notes", id: "number-warnings" }) };
-  #texts = Object.fromEntries(["difference", "missing", "ratios"].map((name) => [name, h("p", { class: "muted", id: name })]));
+  #texts = Object.fromEntries(["outside", "missing", "ratios"].map((name) => [name, h("p", { class: "muted", id: name })]));
   #state = h("p", { class: "muted", id: "computing", role: "status" });
   #progress = h("progress", { max: 1, "aria-label": "Progress", hidden: true });
   #stepRow;
@@ -41,7 +41,7 @@ export class Preview {
       card("section", "Section", this.#section.element), card("depth", "Depth", this.#figures.depth.element),
       card("volume", "Volume", this.#figures.volume.element), card("loop", "Fretting loop", this.#figures.loop.element, this.#texts.ratios));
     this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#headline.first, this.#headline.notes, this.#stepRow, this.#state, this.#progress, this.#grid,
-      this.#texts.difference, this.#texts.missing,
+      this.#texts.outside, this.#texts.missing,
       h("details", { class: "card" }, h("summary", {}, "More numbers"), this.#headline.others));
     document.addEventListener("units", () => this.#result && this.#draw(), { signal });
   }
@@ -81,7 +81,7 @@ export class Preview {
     this.#stepRow.hidden = true;
     this.#grid.classList.add("rows");
     drawHeadline(this.#headline, rows, history.cycles.length - 1, result.warnings.filter(isAtNumber));
-    for (const name of ["depth", "volume"]) drawHistory(this.#figures[name], this.#texts.missing, rows, null, { history: name, log: "x", at: null });
+    for (const name of ["depth", "volume"]) drawHistory(this.#figures[name], this.#texts.missing, rows, { history: name, log: "x", at: null });
   }
 
   #showRow(row) {
@@ -100,9 +100,9 @@ export class Preview {
     this.#steps.setAttribute("aria-valuetext", `${cycles(at)} cycles`);
     this.#position.textContent = `N = ${cycles(at)}`;
     drawHeadline(this.#headline, result, nearest(result.history.cycles, at), result.warnings.filter(isAtNumber));
-    drawProfile(this.#figures.profile, this.#texts.difference, result, null, { plot: "worn", row });
-    for (const name of ["depth", "volume"]) drawHistory(this.#figures[name], this.#texts.missing, result, null, { history: name, log: "x", at });
-    drawLoop(this.#figures.loop, this.#texts.ratios, result, null, at);
+    drawProfile(this.#figures.profile, this.#texts.outside, result, { plot: "worn", row });
+    for (const name of ["depth", "volume"]) drawHistory(this.#figures[name], this.#texts.missing, result, { history: name, log: "x", at });
+    drawLoop(this.#figures.loop, this.#texts.ratios, result, at);
     if (result.profiles) this.#section.show(result, row);
   }
 }

@@ -1,6 +1,6 @@
-// The figures of a run: profiles, history and loop at one output cycle, alone or beside those of a second run.
+// The figures of a run: profiles, history and loop at one output cycle.
 
-import { axisLimit, branches, extent, maxDifference } from "./curves.js";
+import { axisLimit, branches, extent } from "./curves.js";
 import { fill } from "./dom.js";
 import { symbolOf, term } from "./explain.js";
 import { cycles, digits, isLine, quantity, wordOf, WORDS } from "./units.js";
@@ -17,7 +17,7 @@ export const HISTORIES = {
   dissipated: ["Dissipated energy", ["dissipated_energy"]],
 };
 /** Maximum number of loop branches in the figure: a displacement record may have thousands. */
-const MAX_BRANCHES = 24;
+export const MAX_BRANCHES = 24;
 /** Maximum number of curves at other output cycles, and of edges of blocks. */
 const [MAX_OTHERS, MAX_EDGES] = [8, 40];
 /** The dashes of the columns of a history: the scar often ends where the contact does, and must not hide it. */
@@ -40,7 +40,7 @@ export function nearest(cycles, at) {
 const JUMPING = new Set(["amplitude", "tangential_force", "energy_per_cycle", "contact_radius", "stick_radius"]);
 
 /** Whether a column has values. Displacements of a line contact have none without a reference. */
-const isKnown = (values) => values.some((value) => value != null);
+export const isKnown = (values) => values.some((value) => value != null);
 /** Says why quantities are not drawn. */
 const notDrawn = (words) => `Not drawn: ${words.join(", ")}. A line contact needs a reference distance for this.`;
 
@@ -49,7 +49,7 @@ export const spread = (rows, count) => (rows.length <= count ? rows
   : Array.from({ length: count }, (_, i) => rows[Math.round((i * (rows.length - 1)) / (count - 1))]));
 
 /** The ends of the vertical axis over all output cycles, so that it stays while the slider moves. */
-function rangeOf({ profiles }, name) {
+export function rangeOf({ profiles }, name) {
   const rows = name === "worn" ? [profiles.initial, ...profiles.worn, profiles.limiting ?? []] : profiles[name];
   const range = extent(rows);
   if (name === "pressure" && range) range[1] = Math.max(...profiles.pressure.map(axisLimit));
@@ -70,39 +70,27 @@ function profileCurves({ profiles }, name, row, label) {
   return curves;
 }
 
-const after = (name, at) => (at > 0 ? `${WORDS[name]} after ${cycles(at)} cycles`
+/** The title of the vertical axis of a profile. */
+export const heightTitle = (name) => (name === "worn" ? "Height" : WORDS[name]);
+
+export const after = (name, at) => (at > 0 ? `${WORDS[name]} after ${cycles(at)} cycles`
   : name === "worn" ? "Unworn profile" : `${WORDS[name]} of the unworn contact`);
 
-export function drawProfile(figure, difference, result, other, { plot: name, row }) {
+export function drawProfile(figure, outside, result, { plot: name, row }) {
   if (!result.profiles) return;
   const { profiles, units, scenario } = result;
-  const texts = [];
   const at = profiles.cycles[row];
   const letter = isLine(scenario.profile) ? "x" : "r";
-  const curves = profileCurves(result, name, row, other ? "Run A" : `N = ${cycles(at)}`);
+  const curves = profileCurves(result, name, row, `N = ${cycles(at)}`);
   const current = curves.find(({ ink }) => ink === 1);
-  const ranges = [rangeOf(result, name)];
-  if (other?.profiles) {
-    const otherRow = nearest(other.profiles.cycles, at);
-    const second = { name: "Run B", x: other.profiles.radius, y: other.profiles[name][otherRow], ink: 5, dash: "dashed", label: "apart" };
-    curves.push(second);
-    ranges.push(rangeOf(other, name));
-    const found = maxDifference(current, second);
-    const nearby = `Run B is at N\u00a0=\u00a0${cycles(other.profiles.cycles[otherRow])}.`;
-    texts.push(found ? `Largest difference ${quantity(found.value, units[name], 2)} at ${letter}\u00a0=\u00a0${quantity(found.at, units.radius, 3)}. ${nearby}`
-      : "At this output cycle there is nothing to compare.");
-  }
-  const range = extent(ranges.filter(Boolean));
+  const range = rangeOf(result, name);
   const peak = Math.max(...current.y);
-  if (range && peak > range[1] * 1.0001) {
-    const radius = quantity(profiles.radius[current.y.indexOf(peak)], units.radius);
-    texts.push(`Peak outside the axis range: ${quantity(peak, units[name])} at ${letter} = ${radius}, at an edge of the worn profile.`);
-  }
-  difference.textContent = texts.join(" ");
+  outside.textContent = range && peak > range[1] * 1.0001
+    ? `Peak outside the axis range: ${quantity(peak, units[name])} at ${letter} = ${quantity(profiles.radius[current.y.indexOf(peak)], units.radius)}, at an edge of the worn profile.` : "";
   figure.title = after(name, at);
   const across = wordOf("radius", scenario);
   figure.show(curves, { x: { title: across, symbol: symbolOf("radius", scenario), unit: units.radius },
-    y: { title: name === "worn" ? "Height" : WORDS[name], symbol: symbolOf(name), unit: units[name], range }, description: `${after(name, at)}, over ${across}` });
+    y: { title: heightTitle(name), symbol: symbolOf(name), unit: units[name], range }, description: `${after(name, at)}, over ${across}` });
 }
 
 /** The marks of a history: its events, and the edges of amplitude blocks. */
@@ -113,25 +101,25 @@ function marksOf({ events, scenario: { motion } }) {
   return [...blocks.slice(0, -1).map(({ cycles: length }) => ({ x: (x += length), name: "" })), ...names];
 }
 
-export function drawHistory(figure, missing, result, other, { history, log, at }) {
+/** The curve of a column of the history. */
+export function historyCurve({ history: { smooth, ...from }, scenario }, name, more) {
+  const isJumping = Boolean(scenario.motion.blocks) && JUMPING.has(name);
+  return { x: from.cycles, y: from[name], points: from.cycles.length < MARKED || isJumping, line: !isJumping,
+    ...(smooth && !isJumping && { smooth: { x: smooth.cycles, y: smooth[name] } }), ...more };
+}
+
+export function drawHistory(figure, missing, result, { history, log, at }) {
   const [, columns] = HISTORIES[history];
   const heading = historyTitle(history, result);
   const { units, scenario } = result;
-  const points = result.history.cycles.length < MARKED;
-  const isJumping = (name) => Boolean(scenario.motion.blocks) && JUMPING.has(name);
-  const curve = ({ smooth, ...from }, name, more) => ({ x: from.cycles, y: from[name], points: points || isJumping(name), line: !isJumping(name),
-    ...(smooth && !isJumping(name) && { smooth: { x: smooth.cycles, y: smooth[name] } }), ...more });
-  // The title of the axis says what a single column is. Then a curve only needs the name of its run.
+  // The title of the axis says what a single column is. Then a curve only needs the name of its method.
   const isSingle = columns.length === 1;
-  const isAlone = isSingle && !result.comparison && !other;
-  const run = other ? "Run A" : result.comparison ? WORDS[scenario.model.method] : "";
-  const named = (own, name, of) => (isSingle && own ? own : [own, wordOf(name, of)].filter(Boolean).join(": "));
-  const curves = columns.map((name, i) => curve(result.history, name,
-    { name: named(isSingle || other ? run : "", name, scenario), ink: i + 1, label: isAlone ? "none" : "end", dash: DASHES[i] }));
-  const addSecond = ({ history: own, scenario: of }, second, ink) => curves.push(curve(own, columns[0],
-    { name: named(second, columns[0], of), ink, dash: "dashed" }));
-  if (result.comparison) addSecond({ ...result, ...result.comparison }, "Simplified rule", 4);
-  if (other) addSecond(other, "Run B", 5);
+  const isAlone = isSingle && !result.comparison;
+  const method = isSingle && result.comparison ? WORDS[scenario.model.method] : "";
+  const curves = columns.map((name, i) => historyCurve(result, name,
+    { name: method || wordOf(name, scenario), ink: i + 1, label: isAlone ? "none" : "end", dash: DASHES[i] }));
+  if (result.comparison) curves.push(historyCurve({ ...result, ...result.comparison }, columns[0],
+    { name: ["Simplified rule", !isSingle && wordOf(columns[0], scenario)].filter(Boolean).join(": "), ink: 4, dash: "dashed" }));
   const [drawn, others] = [true, false].map((wanted) => curves.filter(({ y }) => isKnown(y) === wanted));
   missing.textContent = others.length ? notDrawn(others.map(({ name }) => name)) : "";
   figure.element.hidden = !drawn.length;
@@ -141,33 +129,34 @@ export function drawHistory(figure, missing, result, other, { history, log, at }
 }
 
 /** The curves of a loop: unloading is dashed, and arrows show the direction. */
-function loopCurves({ loops }, row, run, ink) {
+function loopCurves({ loops }, row) {
   const all = branches(loops.displacement[row], loops.tangential_force[row]);
-  const curves = all.slice(0, MAX_BRANCHES).map(({ x, y, direction }, i) => ({ x, y, ink, direction,
-    name: i > 1 ? "" : `${run}${direction > 0 ? "Loading" : "Unloading"}`, column: `${run}${direction > 0 ? "Loading" : "Unloading"} ${i > 1 ? i + 1 : ""}`.trim(), dash: direction > 0 ? undefined : "dashed",
-    label: run ? "none" : "middle", below: direction < 0 }));
+  const curves = all.slice(0, MAX_BRANCHES).map(({ x, y, direction }, i) => {
+    const name = direction > 0 ? "Loading" : "Unloading";
+    return { x, y, ink: 1, direction, name: i > 1 ? "" : name, column: i > 1 ? `${name} ${i + 1}` : name, dash: direction > 0 ? undefined : "dashed",
+      label: "middle", below: direction < 0 };
+  });
   return { curves, truncated: all.length > MAX_BRANCHES ? ` (first ${MAX_BRANCHES} of ${all.length} branches)` : "" };
 }
 
-export function drawLoop(figure, ratios, result, other, at) {
+export function drawLoop(figure, ratios, result, at) {
   const { loops, units } = result;
   if (!loops?.cycles.length) return;
   const row = nearest(loops.cycles, at);
   const isDrawn = isKnown(loops.displacement[row]);
-  const own = isDrawn ? loopCurves(result, row, other ? "Run A: " : "", 1) : { curves: [], truncated: "" };
-  const otherRow = other?.loops?.cycles.length ? nearest(other.loops.cycles, at) : -1;
-  const second = otherRow >= 0 && isKnown(other.loops.displacement[otherRow]) ? loopCurves(other, otherRow, "Run B: ", 5).curves : [];
+  const { curves, truncated } = isDrawn ? loopCurves(result, row) : { curves: [], truncated: "" };
   const known = RATIOS.filter((name) => loops[name]?.[row] != null)
     .flatMap((name, i) => [i > 0 && ", ", term(name, result.scenario), `\u00a0=\u00a0${digits(loops[name][row], 3)}`]);
   fill(ratios, !isDrawn && [notDrawn(["Fretting loop"]), " "], known);
-  const curves = [...own.curves, ...second];
-  figure.element.hidden = !curves.length;
+  figure.element.hidden = !isDrawn;
   // The slider above a small figure says the cycle.
   const when = at > 0 ? `after ${cycles(at)} cycles` : "of the unworn contact";
-  figure.title = `Fretting loop${figure.height ? "" : ` ${when}`}${own.truncated}`;
-  const all = [result, other].filter((run) => run?.loops?.cycles.length).map((run) => run.loops);
-  figure.show(curves, {
-    x: { title: WORDS.displacement, symbol: symbolOf("displacement"), unit: units.displacement, range: extent(all.flatMap(({ displacement }) => displacement)) },
-    y: { title: "Tangential force", symbol: symbolOf("tangential_force"), unit: "N", range: extent(all.flatMap(({ tangential_force: force }) => force)) },
-    legend: Boolean(other), description: `Tangential force over displacement ${when}` });
+  figure.title = `Fretting loop${figure.height ? "" : ` ${when}`}${truncated}`;
+  figure.show(curves, loopAxes([result], units, when));
 }
+
+/** The axes of the loops of some runs at all output cycles. */
+export const loopAxes = (runs, units, when) => ({
+  x: { title: WORDS.displacement, symbol: symbolOf("displacement"), unit: units.displacement, range: extent(runs.flatMap(({ loops }) => loops.displacement)) },
+  y: { title: "Tangential force", symbol: symbolOf("tangential_force"), unit: "N", range: extent(runs.flatMap(({ loops }) => loops.tangential_force)) },
+  description: `Tangential force over displacement ${when}` });

@@ -1,9 +1,9 @@
-// A result: profiles, history and fretting loop at a chosen output cycle, alone or compared with a second result.
+// A result: profiles, history and fretting loop at a chosen output cycle.
 
 import { drawActions } from "./actions.js";
-import { get, jobAddress, Problem, resultAddress } from "./api.js";
+import { get, jobAddress, resultAddress } from "./api.js";
 import { drawDetails } from "./details.js";
-import { fill, h, notify, select } from "./dom.js";
+import { fill, h, select } from "./dom.js";
 import { Cursors, Figure } from "./figure.js";
 import { drawHeadline } from "./headline.js";
 import { measuring } from "./measure.js";
@@ -12,8 +12,7 @@ import { printedFacts } from "./printed.js";
 import { drawHistory, drawLoop, drawProfile, HISTORIES, historyTitle, nearest, PROFILES } from "./result-figures.js";
 import { Section } from "./section.js";
 import { smooth } from "./smooth.js";
-import { showStudy } from "./study.js";
-import { entryOf, jobsOf, kindOf, labelOf, subtitle, title } from "./summary.js";
+import { entryOf, jobsOf, kindOf, labelOf, sourceOf, subtitle, title } from "./summary.js";
 import { cycles, WORDS } from "./units.js";
 import { isAtNumber } from "./warnings.js";
 
@@ -23,14 +22,15 @@ async function load(key, link, signal, path, words = {}) {
 }
 
 /** Loads a run, or a study without its rows. */
-const loadResult = (key, link, signal) => load(key, link, signal, "", { rows: 0 });
+export const loadResult = (key, link, signal) => load(key, link, signal, "", { rows: 0 });
 
-/** The label and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
+/** The label, the source and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
 async function loadJob(key, id, signal) {
   const jobs = await jobsOf(key, signal);
   const job = id ?? jobs[0]?.id;
   const own = job && (await get(jobAddress(job, "?include=submitted"), { signal }).catch(() => null));
-  return { label: own?.label || labelOf(jobs), submitted: own?.submitted, warnings: id && own?.warnings };
+  return { label: own?.label || labelOf(jobs), submitted: own?.submitted, warnings: id && own?.warnings,
+    source: id ? sourceOf(own?.tags) : jobs.map(({ tags }) => sourceOf(tags)).find(Boolean) };
 }
 
 /** The warnings about the bodies, which the result does not contain: those of the job, or of the job that computed the result. */
@@ -45,22 +45,23 @@ async function loadBodyWarnings(result, job, link, signal) {
 
 const noProfiles = (what) => h("p", {}, `This result has no ${what}, because the scenario sets profiles_at to none.`);
 
+/** Says which run a run was edited from. Most have no source, so the script is loaded when it is needed. */
+export async function drawSource(place, run, source, signal) {
+  if (source && source !== run.key) (await import("./derived.js")).drawDerived(place, run, source, signal);
+}
+
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
+  // Earlier versions compared two results here.
+  if (query.has("with")) {
+    const links = link ? { links: [link, query.get("withlink")] } : {};
+    return location.replace(`#/compare?${new URLSearchParams({ keys: [key, query.get("with")], ...links })}`);
+  }
   const [result, job] = await Promise.all([loadResult(key, link, signal), link ? { label: query.get("label") } : loadJob(key, query.get("job"), signal)]);
-  if (kindOf(result)) return showStudy(main, result, { job, link, query, signal });
+  if (kindOf(result)) return (await import("./study.js")).showStudy(main, result, { job, link, query, signal });
   const bodyWarnings = await loadBodyWarnings(result, job, link, signal);
-  const other = query.get("with") ? await loadResult(query.get("with"), query.get("withlink"), signal).catch((problem) => {
-    if (!(problem instanceof Problem)) throw problem;
-    notify(`Run B cannot be shown. ${problem.detail}`);
-    return null;
-  }).then((second) => {
-    if (!second || !kindOf(second)) return second;
-    notify("Run B cannot be shown. It is a study, and this result is a run.");
-    return null;
-  }) : null;
   // A shared link may not compute.
-  if (!link) await smooth([result, other], signal);
+  if (!link) await smooth([result], signal);
   const outputs = result.profiles?.cycles ?? result.history.cycles;
   const state = {
     plot: PROFILES.includes(query.get("plot")) ? query.get("plot") : "worn",
@@ -71,7 +72,7 @@ export async function showResult(main, { id: key, query, signal }) {
 
   /** Keeps the state of the view in the address. */
   function remember() {
-    const kept = ["job", "link", "label", ...(other ? ["with", "withlink"] : [])].filter((name) => query.get(name)).map((name) => [name, query.get(name)]);
+    const kept = ["job", "link", "label"].filter((name) => query.get(name)).map((name) => [name, query.get(name)]);
     const words = new URLSearchParams({ ...Object.fromEntries(kept),
       at: outputs[state.row], plot: state.plot, history: state.history, log: state.log,
       ...Object.fromEntries(Object.entries(figures).filter(([, { zoom }]) => zoom).map(([name, { zoomText }]) => [`zoom-${name}`, zoomText])) });
@@ -97,7 +98,7 @@ export async function showResult(main, { id: key, query, signal }) {
     showRow(row);
     remember();
   }, signal);
-  const difference = h("p", { class: "muted", id: "difference" });
+  const outside = h("p", { class: "muted", id: "outside" });
   const ratios = h("p", { class: "muted", id: "ratios" });
   const missing = h("p", { class: "muted", id: "missing" });
   const details = h("div", { class: "cards" });
@@ -122,31 +123,31 @@ export async function showResult(main, { id: key, query, signal }) {
     slider.setAttribute("aria-valuetext", `${cycles(at)} cycles`);
     position.textContent = `N = ${cycles(at)}`;
     drawHeadline(headline, result, nearest(result.history.cycles, at), numberWarnings);
-    drawProfile(figures.profile, difference, result, other, state);
-    drawHistory(figures.history, missing, result, other, { ...state, at });
-    drawLoop(figures.loop, ratios, result, other, at);
+    drawProfile(figures.profile, outside, result, state);
+    drawHistory(figures.history, missing, result, { ...state, at });
+    drawLoop(figures.loop, ratios, result, at);
     loopCard.classList.toggle("words", figures.loop.element.hidden || !result.loops?.cycles.length);
     if (result.profiles) section.show(result, state.row);
   }
 
   const heading = title(entryOf(result));
+  const derived = h("p", { id: "derived", hidden: true });
   document.title = `${heading} · fretwork`;
   fill(main,
     h("div", { class: "head" }, h("div", {},
-      h("h1", {}, other && h("span", { class: "key" }, "Run A: "), heading),
+      h("h1", {}, heading),
       job.label && h("p", { id: "result-label" }, job.label),
+      derived,
       h("p", { class: "muted" }, `${subtitle(entryOf(result))} · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…"),
       printedFacts(result, job.submitted, signal)),
     drawActions(result, { job, link, remember, signal })),
-    other && h("p", {}, h("span", { class: "key other" }, "Run B: "), `${title(entryOf(other))} · ${subtitle(entryOf(other))} `,
-      h("a", { href: `#/result/${key}` }, "Close comparison")),
     h("section", { class: "card output", "aria-label": "Output cycle" },
       h("div", { class: "row steps" }, h("label", { for: "output" }, "Output cycle"), play, slider, position),
       headline.first, headline.others, headline.notes),
     h("div", { class: "plots" },
       h("section", { class: "card", "aria-label": "Profiles" },
         h("div", { class: "row" }, choice("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])))),
-        result.profiles ? figures.profile.element : noProfiles("profiles"), difference),
+        result.profiles ? figures.profile.element : noProfiles("profiles"), outside),
       h("section", { class: "card", "aria-label": "History" },
         h("div", { class: "row" },
           choice("history", "History", Object.fromEntries(Object.keys(HISTORIES).map((name) => [name, historyTitle(name, result)]))),
@@ -164,4 +165,5 @@ export async function showResult(main, { id: key, query, signal }) {
   drawAll();
   remember();
   document.addEventListener("units", drawAll, { signal });
+  drawSource(derived, result, job.source, signal);
 }

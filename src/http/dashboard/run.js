@@ -5,8 +5,9 @@ import { events, get, jobAddress, post } from "./api.js";
 import { dateTime, debounced, fill, h, list, notify } from "./dom.js";
 import { errorCard } from "./error.js";
 import { drawEstimate } from "./estimate.js";
+import { drawSource } from "./result.js";
 import { SoFar } from "./so-far.js";
-import { entryOf, nameOf, subtitle, title } from "./summary.js";
+import { entryOf, nameOf, sourceOf, subtitle, title } from "./summary.js";
 import { cycles, duration } from "./units.js";
 import { editLink } from "./vary.js";
 
@@ -40,7 +41,7 @@ export async function showRun(main, { id, query, signal }) {
   const summary = h("section", { class: "card wide-values", "aria-label": "Scenario", hidden: true });
   const estimate = h("section", { class: "card", "aria-label": "Estimate", hidden: true });
   const outcome = h("div", { class: "stack" });
-  const soFar = new SoFar(`${address}/so-far`, scenario, signal);
+  const soFar = new SoFar(`${address}/so-far`, job, signal);
   // The server may forget the progress of a job that was canceled.
   let farthest = job.progress;
   const form = editLink(job);
@@ -60,8 +61,8 @@ export async function showRun(main, { id, query, signal }) {
 
   function draw() {
     state.textContent = job.state;
-    bar.value = job.progress;
-    farthest = Math.max(farthest, job.progress);
+    farthest = Math.max(farthest, job.progress, soFar.share);
+    bar.value = job.state === "canceled" ? farthest : job.progress;
     const reached = `${Math.floor(farthest * 100)}\u00a0%`;
     percentage.textContent = job.state === "queued" ? "" : job.state !== "canceled" ? reached : farthest >= 0.01 ? `at ${reached}` : "";
     cancel.hidden = !OPEN.includes(job.state) || !may("submit");
@@ -69,7 +70,8 @@ export async function showRun(main, { id, query, signal }) {
     drawTimes();
     if (job.state === "failed") fill(outcome, errorCard(job.error));
     if (job.state === "canceled") {
-      fill(outcome, h("section", { class: "card" }, h("p", {}, "This run was canceled. It has no result."),
+      fill(outcome, h("section", { class: "card" }, h("p", {}, soFar.share > 0
+        ? "This study was canceled. The points below were computed before. They stay readable for a week." : "This run was canceled. It has no result."),
         h("p", {}, h("a", { class: "button", href: "#/queue" }, "Open the queue"))));
     }
   }
@@ -97,14 +99,17 @@ export async function showRun(main, { id, query, signal }) {
     summary.hidden = estimate.hidden = false;
   }
 
-  main.replaceChildren(h("h1", {}, name),
+  const derived = h("p", { id: "derived", hidden: true });
+  if (scenario) drawSource(derived, job, sourceOf(job.tags), signal);
+  main.replaceChildren(h("h1", {}, name), derived,
     h("div", { class: "two" },
       h("div", {},
         h("section", { class: "card wide-values", "aria-label": "Progress" },
           h("div", { class: "row spread" }, h("p", { class: "row" }, state, percentage), h("div", { class: "row" }, edit, cancel)), bar, times),
-        outcome, soFar.element, summary),
-      h("div", { class: "side" }, estimate)));
+        outcome, soFar.curves, summary),
+      h("div", { class: "side" }, estimate)), soFar.points);
   draw();
+  soFar.last().then(draw);
   const clock = setInterval(() => OPEN.includes(job.state) && drawTimes(), 1000);
   signal.addEventListener("abort", () => clearInterval(clock));
   const tryDrawScenario = () => scenario && drawScenario().catch((error) => signal.aborted || notify(error.message));
@@ -133,6 +138,7 @@ export async function showRun(main, { id, query, signal }) {
     // The stream may have ended before this page read the last state.
     if (job.state !== "succeeded") job = await get(address, { signal });
     draw();
+    if (job.state === "canceled") await soFar.last().then(draw);
     if (job.state === "succeeded") location.replace(`#/result/${job.key}?job=${id}`);
   }
 }

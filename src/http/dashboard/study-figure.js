@@ -1,122 +1,212 @@
-// The figure of a study: curves that the page draws, so that their values can be read, or a figure that the server draws.
+// The figure of a study, which the page draws from the table: curves, a scatter plot, a plane with colours, regimes or bars.
 
-import { resultAddress, send } from "./api.js";
-import { debounced, h, select } from "./dom.js";
-import { drawingOf } from "./drawn.js";
+import { h, select } from "./dom.js";
 import { Figure } from "./figure.js";
-import { saving } from "./figure-save.js";
-import { si } from "./scaling.js";
+import { valueAt } from "./fields.js";
+import { quantity } from "./scaling.js";
+import { distinct } from "./study-axes.js";
+import { tornado } from "./study-bars.js";
+import { Chart } from "./study-chart.js";
 import { curvesOf } from "./study-curves.js";
-import { kindOf } from "./summary.js";
-import { KINDS } from "./words.js";
+import { plane } from "./study-heat.js";
+import { pointsField, readPoints } from "./study-measured.js";
+import { scatter } from "./study-scatter.js";
+import { inner } from "./study-words.js";
 
-/** Limits of the size of the server's figures, in px, and px in a millimetre. */
-const [SMALLEST, SMALLEST_HEIGHT, LARGEST, PX] = [320, 240, 1400, 96 / 25.4];
-const FIGURE_NAMES = { curves: "Curves", heat: "Heat map", scatter: "Scatter plot", regimes: "Regimes", tornado: "Bars",
-  bands: "Measurements", residuals: "Residuals", energy: "Wear over energy", profile: "Sum of squares" };
+const NAMES = { curves: "Curves", heat: "Heat map", scatter: "Scatter plot", regimes: "Regimes", tornado: "Bars" };
+/** The labels of the axes in the choices of each kind of figure. */
+const AXES = { curves: ["Over", "A curve for each"], heat: ["Across", "Up"], regimes: ["Across", "Up"], scatter: ["Over"], tornado: [] };
+/** Two numbers with at least this many values each are a plane, else curves. */
+const PLANE = 5;
+/** A click opens the point of a curve within this distance, in px. */
+const NEAR = 16;
+
+/** The kinds of figures that a view can have. */
+const kindsOf = ({ hints, findings, boundary }) => hints.figures.filter((kind) => Object.hasOwn(NAMES, kind)
+  && (kind !== "tornado" || findings) && (kind !== "regimes" || boundary));
 
 /**
- * The figure of a study with its table `rows`, and the choice of its kind, its output and its axes. The address of the page
- * has the choice, in the parameters `query`. The page draws whole tables, of at most `most` rows.
+ * The figure of a study and its choices. `query` are the parameters of the address, and `remember` keeps them. `open(row)` opens a
+ * run. `update(view)` shows more rows.
  */
-export function figureOf(result, rows, { most, link, query, signal }) {
-  const kind = KINDS[kindOf(result)];
-  const designs = Object.fromEntries(kind.designs);
-  const { figures, is_grid: isGrid } = designs[result[kind.name][kind.design]] ?? kind.designs.at(-1)[1];
-  const columns = Object.keys(result[kind.rows]).filter((name) => name in result.units);
-  const outputs = columns.filter((name) => !name.startsWith("/"));
-  const members = columns.filter((name) => name.startsWith("/"));
-  const place = h("div", { class: "drawing-place" });
-  const figure = new Figure({ name: "study", signal, onzoom: remember });
-  figure.zoomText = query.get("zoom");
-  const fault = h("p", { class: "muted", role: "status" });
-  const choice = (name, label, names, words = {}) => names.length > 1 && { name, label,
-    field: select({ "": "Automatic", ...Object.fromEntries(names.map((own) => [own, words[own] ?? own])) },
-      query.get(name) ?? "", { id: `figure-${name}`, onchange: choose }) };
-  const hasAxes = figures.some((figure) => ["curves", "scatter", "heat"].includes(figure));
-  const choices = [choice("kind", "Figure", figures, FIGURE_NAMES),
-    choice("output", "Output", outputs),
-    choice("over", "Over", hasAxes ? members : []), choice("by", "By", isGrid ? members : [])].filter(Boolean);
-  const chosen = () => choices.filter(({ field }) => field.value).map(({ name, field }) => [name, field.value]);
+export class StudyFigure {
+  #view;
+  #state;
+  #points;
+  #choices = h("div", { class: "row" });
+  #note = h("p", { class: "muted", role: "status" });
+  #openers = h("p", { class: "row openers" });
+  #extra = h("div", {});
+  #chart;
+  #figure;
+  #calls;
 
-  function choose() {
-    figure.zoom = null;
-    remember();
-    draw();
+  constructor(view, { query, remember, open, signal }) {
+    this.#view = view;
+    this.#calls = { query, remember, open };
+    this.#chart = new Chart({ name: view.kind.name, signal, open });
+    const group = { add() {}, remove() {}, move: (_, x) => this.#offer(x) };
+    this.#figure = new Figure({ name: view.kind.name, group, signal, onzoom: () => this.#keep() });
+    this.#figure.zoomText = query.get("zoom");
+    const canvas = this.#figure.element.querySelector(".canvas");
+    canvas.addEventListener("click", (event) => this.#clicked(event, canvas));
+    canvas.addEventListener("keydown", ({ key }) => key === "Enter" && this.#openers.querySelector("button")?.click());
+    const isMap = view.kind.axes.length > 0;
+    // The number with the most values is on the horizontal axis; the axes of a map are given.
+    const counts = new Map(view.members.map((name) => [name, distinct(view.table[name]).length]));
+    const [first, second] = isMap ? view.members.toReversed() : view.members.toSorted((a, b) => counts.get(b) - counts.get(a));
+    const known = (name, all, usual) => (all.includes(query.get(name)) ? query.get(name) : usual);
+    this.#state = { kind: known("kind", kindsOf(view), null), output: known("output", view.outputs, view.outputs.at(isMap ? Math.min(3, view.outputs.length - 1) : 0)),
+      over: known("over", view.members, first), by: known("by", view.members, second ?? null), fixed: new Map() };
+    if (this.#state.by === this.#state.over) this.#state.by = view.members.find((name) => name !== this.#state.over) ?? null;
+    this.#points = query.get("points") ?? "";
+    this.element = h("section", { class: "card plot", "aria-label": "Figure" }, this.#choices, this.#figure.element, this.#chart.element, this.#openers, this.#note, this.#extra);
+    document.addEventListener("units", () => this.#draw(), { signal });
+    this.#chooseAll();
+    this.#draw();
+  }
+
+  /** Shows another view, which has more rows. */
+  update(view) {
+    this.#view = view;
+    this.#chooseAll();
+    this.#draw();
+  }
+
+  /** The kind of the figure: the chosen one, or that which suits the points. */
+  get #kind() {
+    const { hints, members, table } = this.#view;
+    const all = kindsOf(this.#view);
+    if (this.#state.kind && all.includes(this.#state.kind)) return this.#state.kind;
+    const isPlane = hints.is_grid && members.length === 2 && members.every((name) => distinct(table[name]).length >= PLANE);
+    return isPlane && !all.includes("regimes") && all.includes("heat") ? "heat" : all[0];
   }
 
   /** Keeps the choices in the address. */
-  function remember() {
-    for (const { name } of choices) query.delete(name);
-    query.delete("zoom");
-    for (const [name, value] of [...chosen(), ...(figure.zoom ? [["zoom", figure.zoomText]] : [])]) query.set(name, value);
-    history.replaceState(null, "", `#/result/${result.key}${query.size ? `?${query}` : ""}`);
+  #keep() {
+    const { query, remember } = this.#calls;
+    const { kind, output, over, by } = this.#state;
+    const zoom = this.#figure.zoomText;
+    for (const [name, value] of Object.entries({ kind, output, over, by, zoom, points: this.#points })) {
+      if (value) query.set(name, value);
+      else query.delete(name);
+    }
+    remember();
   }
 
-  /** What the page draws itself, so that its values can be read; null if the server draws. It draws whole tables of two numbers. */
-  function ownCurves() {
-    const { kind: shape = members.length > 1 ? "heat" : figures[0], output = outputs[0], over = members[0], by } = Object.fromEntries(chosen());
-    const other = by ?? (isGrid ? members.find((name) => name !== over) : undefined);
-    const isWhole = rows.table[members[0]]?.length <= most && members.length <= (isGrid ? 2 : 1);
-    return shape === "curves" && isWhole && other !== over ? curvesOf(rows, { output, over, by: other }) : null;
+  /** Draws the choices that the kind of the figure has. */
+  #chooseAll() {
+    const { members, outputs, title, hints, table, units } = this.#view;
+    const kind = this.#kind;
+    const focused = document.activeElement?.id;
+    const worded = (names) => Object.fromEntries(names.map((name) => [name, title(name)]));
+    const choice = (name, label, options, value, set) => Object.keys(options).length > 1 && this.#choice(`figure-${name}`, label, options, value, (chosen) => {
+      set(chosen);
+      this.#figure.zoom = null;
+      this.#keep();
+      this.#chooseAll();
+      this.#draw();
+    });
+    const state = this.#state;
+    const axis = (name, other) => (chosen) => {
+      // The same number cannot be on both axes, so both are exchanged.
+      if (chosen === state[other]) state[other] = state[name];
+      state[name] = chosen;
+    };
+    const [over, by] = AXES[kind];
+    const isTwo = hints.is_grid && members.length > 1 && by;
+    const others = hints.is_grid ? members.filter((name) => name !== state.over && !(isTwo && name === state.by)) : [];
+    this.#choices.replaceChildren(...[
+      choice("kind", "Figure", Object.fromEntries(kindsOf(this.#view).map((name) => [name, NAMES[name]])), kind, (chosen) => { state.kind = chosen; }),
+      kind !== "regimes" && choice("output", "Output", worded(outputs), state.output, (chosen) => { state.output = chosen; }),
+      over && choice("over", over, worded(members), state.over, axis("over", "by")),
+      isTwo && choice("by", by, worded(members), state.by, axis("by", "over")),
+      ...(kind === "tornado" ? [] : others).map((name) => {
+        const values = distinct(table[name]);
+        if (!values.includes(state.fixed.get(name))) state.fixed.set(name, values[(values.length - 1) >> 1]);
+        return choice(`at-${members.indexOf(name)}`, title(name), Object.fromEntries(values.map((value) => [value, quantity(value, units[name])])), String(state.fixed.get(name)), (chosen) => {
+          state.fixed.set(name, Number(chosen));
+        });
+      })].filter(Boolean));
+    if (focused?.startsWith("figure-")) document.getElementById(focused)?.focus();
+    const isPlane = ["heat", "regimes"].includes(kind);
+    if (!isPlane) this.#extra.replaceChildren();
+    else if (!this.#extra.querySelector("#points") || this.#extra.dataset.axes !== `${state.over} ${state.by}`) {
+      this.#extra.dataset.axes = `${state.over} ${state.by}`;
+      this.#extra.replaceChildren(pointsField(this.#view, [state.over, state.by], this.#points, (text) => {
+        this.#points = text;
+        this.#keep();
+        this.#draw();
+      }));
+    }
   }
 
-  /** The figure of the server, of a size in px. */
-  async function load([width, height]) {
-    const words = new URLSearchParams([...chosen(), ["units", si() ? "si" : "engineering"], ["width", Math.round(width)], ["height", Math.round(height)], ...(link ? [["link", link]] : [])]);
-    return (await send(`${resultAddress(result.key, "/plot.svg")}?${words}`, { headers: { Accept: "*/*" }, signal })).text();
+  #choice(id, label, options, value, set) {
+    const field = select(options, value, { id, onchange: () => set(field.value) });
+    return h("span", { class: "choice" }, h("label", { for: id }, label), field);
   }
 
-  let latest = 0;
-  async function draw() {
-    const own = ++latest;
-    const drawn = ownCurves();
-    figure.element.hidden = !drawn;
-    menu.hidden = Boolean(drawn);
-    if (drawn) {
-      place.hidden = true;
-      fault.textContent = drawn.note;
-      figure.title = drawn.axes.description;
-      figure.show(drawn.curves, drawn.axes);
+  /** The rows that the figure shows: those at the chosen values of the numbers without an axis. */
+  #rows() {
+    const { table, members, hints, count } = this.#view;
+    const { over, by, fixed } = this.#state;
+    const others = hints.is_grid ? members.filter((name) => name !== over && name !== by) : [];
+    return Array.from({ length: count }, (_, row) => row).filter((row) => table.reason?.[row] == null && others.every((name) => table[name][row] === fixed.get(name)));
+  }
+
+  #draw() {
+    const view = this.#view;
+    const kind = this.#kind;
+    const { output, over, by } = this.#state;
+    const isCurves = kind === "curves";
+    this.#figure.element.hidden = !isCurves;
+    this.#chart.element.hidden = isCurves;
+    this.#note.textContent = "";
+    this.#offer(null);
+    const rows = this.#rows();
+    if (isCurves) {
+      const { curves, axes, note } = curvesOf(view, { output, over, by: view.hints.is_grid ? by : null, rows });
+      this.#note.textContent = note;
+      this.#figure.title = axes.description;
+      this.#figure.show(curves, axes);
       return;
     }
-    place.hidden = false;
-    place.setAttribute("aria-busy", "true");
-    try {
-      const width = Math.min(Math.max(place.clientWidth || 640, SMALLEST), LARGEST);
-      const text = await load([width, Math.min(Math.max(0.6 * width, 300), 560)]);
-      // An answer to an earlier choice may arrive late. It is ignored.
-      if (own !== latest) return;
-      place.replaceChildren(drawingOf(text));
-      fault.textContent = "";
-    } catch (problem) {
-      if (signal.aborted || own !== latest) return;
-      const faults = problem.errors?.map(({ parameter, detail }) => `${parameter} ${detail}.`).join(" ");
-      fault.textContent = `This figure cannot be drawn: ${faults || problem.message}`;
-    }
-    // The figure of an earlier choice must not look like the answer to this one.
-    place.hidden = fault.textContent !== "";
-    place.removeAttribute("aria-busy");
+    const title = `${view.title(output)} over ${inner(view.title(over))}`;
+    if (kind === "tornado") this.#chart.show(`${view.hints.bars.label}: ${view.title(output)}`, tornado(view, { findings: view.findings, output, bars: view.hints.bars }));
+    else if (kind === "scatter") this.#chart.show(title, scatter(view, { over, output, hasBins: view.members.length > 1 }));
+    else if (rows.length > 0) this.#drawPlane(kind, rows);
   }
 
-  // The server draws for the width of the page.
-  let width = 0;
-  const resize = new ResizeObserver(debounced(150, () => {
-    if (signal.aborted || place.clientWidth === width) return;
-    width = place.clientWidth;
-    if (width > 0) draw();
-  }));
-  resize.observe(place);
-  signal.addEventListener("abort", () => resize.disconnect());
-  document.addEventListener("units", draw, { signal });
-  /** A size in mm as the px of the server's figures, which are limited. */
-  const menu = saving(() => kind.name, async ([width, height]) => {
-    const scale = Math.max(1, SMALLEST / (width * PX), SMALLEST_HEIGHT / (height * PX));
-    const text = await load([width * PX * scale, height * PX * scale]);
-    return text.replace(/ width="[\d.]+" height="[\d.]+"/, ` width="${width}mm" height="${height}mm"`);
-  });
-  return h("section", { class: "card plot", "aria-label": "Figure" },
-    h("div", { class: "row" }, choices.map(({ label, field }) => h("span", { class: "choice" }, h("label", { for: field.id }, label), field)),
-      h("span", { class: "tools" }, menu)),
-    figure.element, place, fault);
+  #drawPlane(kind, rows) {
+    const view = this.#view;
+    const { output, over, by } = this.#state;
+    const own = { x: valueAt(view.scenario, over), y: valueAt(view.scenario, by), name: "Scenario", isOwn: true };
+    const { points } = readPoints(this.#points, [over, by], view.scenario);
+    const line = view.boundary && view.boundary[over].map((x, i) => ({ x, y: view.boundary[by][i] })).filter(({ x, y }) => x != null && y != null).sort((a, b) => a.y - b.y);
+    this.#chart.show(kind === "regimes" ? view.hints.regions.title : view.title(output), plane(view, { across: over, up: by, output: kind === "heat" ? output : null, rows,
+      boundary: line, regions: view.hints.regions, known: [own, ...points].filter(({ x, y }) => Number.isFinite(x) && Number.isFinite(y)) }), { tall: true });
+    this.#note.textContent = `◆ Scenario of the study: ${[over, by].map((name) => `${view.title(name)} = ${quantity(valueAt(view.scenario, name), view.units[name])}`).join(", ")}.${
+      view.boundary && kind === "heat" ? ` Dashed: ${view.hints.regions.label}.` : ""}`;
+  }
+
+  /** Offers the runs of the points of the curves at `x`. */
+  #offer(x) {
+    const { open } = this.#calls;
+    // A pointer that only passes must not move what stands below the figure.
+    const isFocused = this.#figure.element.contains(document.activeElement);
+    const found = x === null || !open || !isFocused ? [] : this.#figure.curves.flatMap(({ name, x: xs, rows }) => (xs.includes(x) ? [[name, rows[xs.indexOf(x)]]] : []));
+    const button = ([name, row]) => h("button", { type: "button", class: "vary", "aria-label": `Open the run with ${name}`, onclick: () => open(row) }, name);
+    this.#openers.replaceChildren(...(found.length > 1 ? [h("span", {}, "Open the run with"), ...found.map(button)]
+      : found.map(([, row]) => h("button", { type: "button", class: "vary", onclick: () => open(row) }, "Open the run"))));
+  }
+
+  /** Opens the point of a curve that is clicked. */
+  #clicked(event, canvas) {
+    const { plan, curves } = this.#figure;
+    const { left, top, width } = canvas.getBoundingClientRect();
+    const [x, y] = [event.clientX - left, event.clientY - top].map((length) => (length * plan.width) / width);
+    const distance = ({ x: xs, y: ys }, i) => Math.hypot(plan.horizontal.at(xs[i]) - x, plan.vertical.at(ys[i] ?? NaN) - y);
+    const near = curves.flatMap((curve) => curve.rows.map((row, i) => [distance(curve, i), row])).filter(([far]) => far < NEAR).sort(([a], [b]) => a - b);
+    if (near.length && event.pointerType !== "touch") this.#calls.open?.(near[0][1]);
+  }
 }

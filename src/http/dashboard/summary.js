@@ -94,3 +94,8 @@ export const isDraft = ({ tags }) => tags?.includes(DRAFT) ?? false;
 
 /** The latest label of a result. */
 export const labelOf = (jobs) => jobs.find(({ label }) => label)?.label ?? "";
+
+/** The tag of a run that was made by editing another run: it contains the key of that run. */
+export const sourceTag = (key) => `from:${key}`;
+/** The key of the run that was edited; undefined without a tag of this form. */
+export const sourceOf = (tags) => tags?.map((tag) => tag.match(/^from:([0-9a-f]{64})$/)?.[1]).find(Boolean);

@@ -1,8 +1,8 @@
 // The numbers of the form that a study varies: what their fields show, and the job body that follows from them.
 //
 // A study of the form is `{kind, ranges, samples, outputs, profiles}`. `ranges` has an entry
-// `{from, to, unit, count, spacing}` for the pointer of each number that varies. All values are texts, as the user
-// typed them. `profiles` comes from a stored sweep; the form has no fields for it.
+// `{from, to, unit, count, spacing}` for the pointer of each number that varies. In a random sample, it can have another
+// `distribution` than that of its spacing, and the parameters of that. All values are texts, as the user typed them. `profiles` comes from a stored sweep; the form has no fields for it.
 
 import { valueAt } from "./fields.js";
 import { fieldText } from "./kinds.js";
@@ -21,6 +21,32 @@ const FIXED = /^\/(cycles|model\/points|bodies\/\d\/yield_strength)/;
 /** The range that the form suggests, as factors of a number. It is wide for a study with axes. */
 const NARROW = { factors: [0.8, 1.2], count: 9, spacing: "linear" };
 const WIDE = { factors: [0.1, 10], count: 25, spacing: "log" };
+
+/**
+ * The distributions with their parameters, beside those of a range from one end to the other. A parameter without a unit has
+ * `true`. `of` suggests parameters for the ends of a range, and `ends` the ends of a range for parameters.
+ */
+export const DISTRIBUTIONS = {
+  normal: { title: "normal", parameters: [["mean", "mean"], ["standard_deviation", "±"]],
+    of: (from, to) => [(from + to) / 2, (to - from) / Math.sqrt(12)], ends: ([mean, deviation]) => [mean - Math.sqrt(3) * deviation, mean + Math.sqrt(3) * deviation] },
+  lognormal: { title: "lognormal", parameters: [["median", "median"], ["factor", "factor", true]],
+    of: (from, to) => [Math.sqrt(from * to), (to / from) ** (1 / Math.sqrt(12))], ends: ([median, factor]) => [median / factor ** Math.sqrt(3), median * factor ** Math.sqrt(3)] },
+  triangular: { title: "triangular", parameters: [["low", "low"], ["mode", "mode"], ["high", "high"]],
+    of: (from, to) => [from, (from + to) / 2, to], ends: ([low, , high]) => [low, high] },
+};
+
+/** Chooses the distribution of a range. Its parameters follow from the ends of the range. */
+export function distribute(range, name) {
+  range.distribution = name;
+  const own = DISTRIBUTIONS[name];
+  if (!own) return;
+  const ends = [range.from, range.to].map((text) => readNumber(text));
+  const values = ends.every((read) => read && !read.rest) ? own.of(...ends.map(({ number }) => Number(number))) : [];
+  own.parameters.forEach(([parameter], i) => { range[parameter] = Number.isFinite(values[i]) ? typed(values[i]) : ""; });
+}
+
+/** The distribution of a range that the form shows: of a random sample, or undefined for a range between its ends. */
+export const distributionOf = (range, study) => (isDrawn(study) ? DISTRIBUTIONS[range.distribution] : undefined);
 
 /** The members that every study of the API may have if the form shows it. Each kind of study has further members. */
 const MEMBERS = ["version", "scenario", "vary", "samples", "outputs", "profiles"];
@@ -100,7 +126,12 @@ export function jobBody(scenario, study) {
   const { kind, members } = OFFERS[study.kind];
   if (varied(study).length === 0) return { scenario };
   const range = (pointer) => {
-    const { from, to, unit, count, spacing } = ranges[pointer];
+    const { from, to, unit, count, spacing, distribution } = ranges[pointer];
+    const own = distributionOf(ranges[pointer], study);
+    if (own) {
+      const given = own.parameters.map(([name, , isPlain]) => [name, withUnit(ranges[pointer][name], isPlain ? "" : unit)]);
+      return { distribution: { [distribution]: Object.fromEntries(given) } };
+    }
     return { from: withUnit(from, unit), to: withUnit(to, unit), ...(!isDrawn(study) && { count: withUnit(count) ?? "" }),
       ...(spacing === "log" && { spacing }) };
   };
@@ -118,15 +149,32 @@ export function formPointer(pointer, study) {
   if (axis) return `/vary${axis[1]}${rest}`;
   const [, place, member] = part === "/vary" ? rest.match(/^\/(\d+)(.*)$/) ?? [] : [];
   // If the scenario does not have a number, the first field of the number's range shows the fault.
-  return place ? `/vary${varied(study)[place]}${member === "/pointer" ? "" : member}` : part + rest;
+  return place ? `/vary${varied(study)[place]}${member === "/pointer" ? "" : member.replace(/^\/distribution(\/[^/]+)?/, "")}` : part + rest;
 }
 
 /** The entry of `OFFERS` for a study of the API; undefined if there is none. A missing member has its default. */
 const offerOf = (name, study) => Object.values(OFFERS).find(({ kind, members }) => kind.name === name
   && Object.entries(members).every(([member, value]) => [undefined, value].includes(study[member])));
 
+/** The range of the form for an entry of `vary` with a distribution; undefined if the form has no such distribution. */
+function drawnRange({ pointer, distribution }, scenario) {
+  const [[name, given] = []] = Object.entries(Object(distribution));
+  if (name === "uniform") return rangeOf({ pointer, from: given.low, to: given.high }, scenario);
+  if (name === "log_uniform") return rangeOf({ pointer, from: given.low, to: given.high, spacing: "log" }, scenario);
+  const own = DISTRIBUTIONS[name];
+  if (!own || !Object.keys(given).every((member) => own.parameters.some(([parameter]) => parameter === member))) return undefined;
+  const texts = own.parameters.map(([parameter, , isPlain]) => (isPlain ? String(given[parameter] ?? "") : fieldText(given[parameter], pointer, scenario)));
+  const units = new Set(texts.filter((text, i) => text && !own.parameters[i][2]).map((text) => readNumber(text)?.rest));
+  const [unit = ""] = units.size === 1 ? units : [];
+  const shown = texts.map((text, i) => (unit && text && !own.parameters[i][2] ? readNumber(text).number : text));
+  const ends = own.ends(shown.map(Number)).map((end) => (Number.isFinite(end) ? typed(end) : ""));
+  return { from: ends[0], to: ends[1], unit, count: String(NARROW.count), spacing: "linear", distribution: name,
+    ...Object.fromEntries(own.parameters.map(([parameter], i) => [parameter, shown[i]])) };
+}
+
 /** The range of the form for an entry of `vary`. The form shows the common unit of both ends once. */
-function rangeOf({ pointer, from, to, count = NARROW.count, spacing = "linear" }, scenario) {
+function rangeOf({ pointer, from, to, count = NARROW.count, spacing = "linear", distribution }, scenario) {
+  if (distribution) return drawnRange({ pointer, distribution }, scenario);
   // The user may have emptied the field of one end. Then the unit is that of the other end.
   const ends = [from, to].map((end) => fieldText(end, pointer, scenario));
   const units = new Set(ends.filter(Boolean).map((end) => readNumber(end)?.rest));
@@ -144,18 +192,20 @@ export function studyOf(body, scenario) {
   const offer = offerOf(name, study);
   const vary = axes.length ? axes.map(([axis, pointer]) => ({ pointer, ...study[axis] })) : study.vary;
   const known = [...MEMBERS, ...axes.map(([axis]) => axis), ...offers.flatMap(({ id }) => Object.keys(OFFERS[id].members))];
-  const members = ["pointer", "from", "to", "count", "spacing"];
+  const members = ["pointer", "from", "to", "count", "spacing", "distribution"];
   // A range need not have all members: the user may have emptied the fields of both ends.
   const isRange = (entry) => Object.keys(entry).every((member) => members.includes(member));
   if (!offer || !vary?.every(isRange) || !Object.keys(study).every((member) => known.includes(member))) return undefined;
-  return { kind: offer.id, ranges: Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry, scenario)])),
+  const ranges = Object.fromEntries(vary.map((entry) => [entry.pointer, rangeOf(entry, scenario)]));
+  if (!Object.values(ranges).every(Boolean)) return undefined;
+  return { kind: offer.id, ranges,
     samples: String(study.samples ?? newStudy().samples), outputs: Array.from(study.outputs ?? [], String),
     profiles: study.profiles };
 }
 
-/** Address of the form, filled with what the user submitted or, if that is not kept, with the canonical scenario. */
-const formLink = ({ submitted, scenario, label }) => `#/new?${new URLSearchParams({
-  scenario: JSON.stringify(submitted ?? scenario), ...(label && { label }), ...(!submitted && { canonical: "yes" }) })}`;
+/** Address of the form, filled with what the user submitted or, if that is not kept, with the canonical scenario. `key` is that of a run. */
+const formLink = ({ submitted, scenario, label, key }) => `#/new?${new URLSearchParams({
+  scenario: JSON.stringify(submitted ?? scenario), ...(label && { label }), ...(!submitted && { canonical: "yes" }), ...(key && { from: key }) })}`;
 
 /** The address of the form with a job, or with a result and its job; undefined if the form cannot show it. */
 export function editLink(job) {

@@ -1,0 +1,28 @@
+// Says which run a run was edited from, and what differs.
+
+import { Problem } from "./api.js";
+import { inputRows } from "./compare-inputs.js";
+import { fill, h } from "./dom.js";
+import { loadResult } from "./result.js";
+import { entryOf, jobsOf, kindOf, labelOf, title } from "./summary.js";
+
+/** Fills a paragraph for a run `{key, scenario}` that was made by editing the run with the key `source`. */
+export async function drawDerived(place, { key, scenario }, source, signal) {
+  let before = null;
+  try {
+    before = await loadResult(source, null, signal);
+  } catch (problem) {
+    if (signal.aborted) return;
+    if (!(problem instanceof Problem)) throw problem;
+  }
+  place.hidden = false;
+  if (!before || kindOf(before)) return fill(place, `Derived from a run whose result is not stored: ${source.slice(0, 12)}…`);
+  const name = labelOf(await jobsOf(source, signal)) || title(entryOf(before));
+  const draw = () => {
+    const changes = inputRows([before.scenario, scenario]).filter(({ isEqual }) => !isEqual).map(({ name: input, texts: [old, now] }) => `${input} ${old} → ${now}`);
+    fill(place, "Derived from ", h("a", { href: `#/result/${source}` }, name), changes.length > 0 && `: ${changes.join("; ")}`, ". ",
+      h("a", { href: `#/compare?keys=${source},${key}` }, "Compare both"));
+  };
+  draw();
+  document.addEventListener("units", draw, { signal });
+}

@@ -1,0 +1,70 @@
+// The distribution of each output over all points: in which range most points lie, a histogram, and a table.
+
+import { get } from "./api.js";
+import { h, select } from "./dom.js";
+import { italics } from "./explain.js";
+import { axisUnit, digits, quantity, withUnit } from "./scaling.js";
+import { histogram } from "./study-bars.js";
+import { Chart } from "./study-chart.js";
+import { cycles } from "./units.js";
+
+/** The statistics of the API, with their words. */
+const STATISTICS = [["mean", "Mean"], ["standard_deviation", "Standard deviation"], ["minimum", "Least"], ["percentile_5", "5\u00a0%"],
+  ["percentile_25", "25\u00a0%"], ["median", "Median"], ["percentile_75", "75\u00a0%"], ["percentile_95", "95\u00a0%"], ["maximum", "Largest"]];
+/** The statistics beside the histogram. */
+const TILES = ["mean", "standard_deviation", "percentile_5", "percentile_25", "median", "percentile_75", "percentile_95"];
+const MARKS = { percentile_5: "5\u00a0%", median: "median", percentile_95: "95\u00a0%" };
+
+/** The rows of a table of columns that belong to an output. */
+function ofOutput(columns, output) {
+  const rows = columns.output.flatMap((own, i) => (own === output ? [i] : []));
+  return Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, rows.map((row) => values[row])]));
+}
+
+/** Loads the statistics of a result at `address`, and returns their card. `words` are parameters of the address. */
+export async function statisticsOf(view, address, words, { isSample, signal }) {
+  const asked = (part) => get(`${address}/${part}?${words}`, { signal });
+  const [{ statistics }, { histogram: bins }] = await Promise.all([asked("statistics"), asked("histogram")]);
+  let output = statistics.output[0];
+  const chart = new Chart({ name: "histogram", signal, open: null });
+  const headline = h("p", { class: "likely", id: "ninety" });
+  const tiles = h("dl", { class: "tiles", id: "statistics" });
+  const table = h("div", {});
+  const choice = select(Object.fromEntries(statistics.output.map((name) => [name, view.title(name)])), output, { id: "statistics-output", onchange: () => {
+    output = choice.value;
+    draw();
+  } });
+
+  function draw() {
+    const at = statistics.output.indexOf(output);
+    const unit = view.units[output] ?? "1";
+    const value = (name) => statistics[name][at];
+    const shown = (name, count = 4) => quantity(value(name), unit, count);
+    const count = value("points");
+    const who = isSample ? "points of the sample" : "points";
+    headline.replaceChildren(...(count ? [`${view.title(output)}: 90\u00a0% of the ${who} lie between `, h("strong", {}, shown("percentile_5")), " and ", h("strong", {}, shown("percentile_95")), "."]
+      : ["No point has this output."]));
+    tiles.replaceChildren(...TILES.map((name) => h("div", {}, h("dt", {}, STATISTICS.find(([own]) => own === name)[1]), h("dd", { "data-statistic": name }, shown(name)))));
+    chart.show(`${view.title(output)}: ${cycles(count)} points`, histogram(ofOutput(bins, output), { ...view.words(output), unit },
+      Object.entries(MARKS).map(([name, word]) => ({ x: value(name), name: word })), count));
+    chart.element.hidden = count === 0;
+    table.replaceChildren(tableOf(view, statistics));
+  }
+  draw();
+  document.addEventListener("units", draw, { signal });
+  const choices = statistics.output.length > 1 && h("div", { class: "row" }, h("span", { class: "choice" }, h("label", { for: "statistics-output" }, "Output"), choice));
+  return [choices, headline, tiles, chart.element, h("details", {}, h("summary", {}, "Statistics of all outputs"), table)];
+}
+
+/** The statistics of all outputs as a table. Each row has the unit of its output. */
+function tableOf(view, statistics) {
+  const row = (name, i) => {
+    const { title, symbol } = view.words(name);
+    const { unit, factor } = axisUnit(view.units[name] ?? "1", Math.max(Math.abs(statistics.minimum[i] ?? 0), Math.abs(statistics.maximum[i] ?? 0)));
+    return h("tr", {}, h("th", { scope: "row" }, italics(withUnit(`${title} ${symbol}`.trim(), unit))),
+      h("td", {}, cycles(statistics.points[i])), STATISTICS.map(([own]) => h("td", {}, digits(statistics[own][i] == null ? null : statistics[own][i] * factor, 4))));
+  };
+  return h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Statistics of all outputs" }, h("table", {},
+    h("thead", {}, h("tr", {}, ["Output", "Points", ...STATISTICS.map(([, word]) => word)].map((word) => h("th", { scope: "col" }, word)))),
+    h("tbody", {}, statistics.output.map(row))));
+}

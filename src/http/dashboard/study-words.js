@@ -1,0 +1,92 @@
+// The columns of a study in words: outputs, and the numbers that vary.
+
+import { choicesOf, optionsOf } from "./fields.js";
+import { quantity } from "./scaling.js";
+import { cycles, wordOf } from "./units.js";
+import { EVENTS, SYMBOLS } from "./words.js";
+
+/** Words inside a sentence. Names of persons and numbered parts keep their capital. */
+export const inner = (words) => (/^(Young|Poisson|Archard|Body|Block)/.test(words) ? words : words[0].toLowerCase() + words.slice(1));
+
+/** Outputs whose words do not follow from their section. */
+const SPECIAL = { "scales.cycles": ["Characteristic cycles", "$N$₀"], "unworn.gross_slip_amplitude": ["Gross-slip threshold", ""],
+  "unworn.force_ratio": ["Unworn force ratio", "$Q$/($μF$)"], "unworn.stick_ratio": ["Unworn stick ratio", "$c$/$a$₀"] };
+/** How the words of a section follow from those of a quantity. */
+const SECTIONS = {
+  "": (word) => word,
+  scales: (word) => `Unworn ${inner(word)}`,
+  unworn: (word) => `Unworn ${inner(word)}`,
+  limit: (word) => `Limiting ${inner(word)}`,
+};
+
+/** Title and symbol of an output, such as `wear_volume@1000`, `unworn.stick_radius` or `events.shakedown`. */
+export function outputWords(name, scenario = {}) {
+  const [own, at] = name.split("@");
+  const [section, column] = own.includes(".") ? own.split(".") : ["", own];
+  if (section === "events") return { title: `${EVENTS[column]} at`, symbol: "$N$" };
+  if (SPECIAL[own]) return { title: SPECIAL[own][0], symbol: SPECIAL[own][1] };
+  const word = (SECTIONS[section] ?? SECTIONS[""])(wordOf(column, scenario) ?? own.replaceAll("_", " "));
+  if (at === undefined) return { title: word, symbol: SYMBOLS[column] ?? "" };
+  return { title: `${word} at N\u00a0=\u00a0${Number.isFinite(Number(at)) ? cycles(Number(at)) : at}`, symbol: "" };
+}
+
+/** The label of the field of a number; undefined if the form has none. */
+function fieldLabel(pointer, scenario) {
+  const fields = choicesOf(scenario).flatMap((choice) => {
+    const selected = choice.selected(scenario);
+    return selected in optionsOf(choice, scenario)[0] ? choice.fields(selected, scenario) : [];
+  });
+  return fields.find(([own]) => own === pointer)?.[1].replace(/ \(.*\)$/, "");
+}
+
+/** A pointer in words: `/motion/blocks/0/amplitude` is "Block 1: amplitude". */
+function pointerWords(pointer) {
+  const parts = pointer.split("/").slice(1).map((part) => part.replaceAll("_", " "));
+  const place = parts.findLastIndex((part) => /^\d+$/.test(part));
+  const last = parts.slice(place + 1).at(-1) ?? "value";
+  const own = place > 0 ? `${parts[place - 1].replace(/ies$/, "y").replace(/s$/, "")} ${Number(parts[place]) + 1}: ${last}` : last;
+  return own[0].toUpperCase() + own.slice(1);
+}
+
+/** Title and symbol of the number at a pointer: those of its field. */
+export function memberWords(pointer, scenario) {
+  const label = fieldLabel(pointer, scenario) ?? pointerWords(pointer);
+  const [, title, symbol] = label.match(/^(.*\S) (\S{1,4})$/) ?? [];
+  return symbol ? { title, symbol: `$${symbol}$` } : { title: label, symbol: "" };
+}
+
+/** Other columns of a table. */
+const OTHERS = { reason: "Why it is invalid", regime: "Regime", point: "Point" };
+
+/** Title and symbol of a column of the table of a study. */
+export const columnWords = (name, scenario) => (name.startsWith("/") ? memberWords(name, scenario)
+  : OTHERS[name] ? { title: OTHERS[name], symbol: "" } : outputWords(name, scenario));
+
+/** Title and symbol as one text. */
+export const plainWords = ({ title, symbol }) => `${title} ${symbol.replaceAll("$", "")}`.trim();
+
+/** The numbers that vary at a row, for example "μ = 0.6, U = 2 µm". */
+export const pointWords = ({ members, scenario, units }, value) => members.map((pointer) => {
+  const { title, symbol } = memberWords(pointer, scenario);
+  return `${symbol.replaceAll("$", "") || title} = ${quantity(value(pointer), units[pointer])}`.replaceAll(" = ", "\u00a0=\u00a0");
+}).join(", ");
+
+/** The values of a number that varies, in words. */
+function spreadWords({ distribution, values, from, to, count, spacing }, unit) {
+  const shown = (value) => quantity(value, unit);
+  const between = (low, high) => `${shown(low)} to ${shown(high)}`;
+  const [[name, own] = []] = Object.entries(distribution ?? {});
+  if (name === "normal") return `normal, ${shown(own.mean)} ± ${shown(own.standard_deviation)}`;
+  if (name === "lognormal") return own.factor ? `lognormal, median ${shown(own.median)}, factor ${own.factor}` : `lognormal, ${shown(own.mean)} ± ${shown(own.standard_deviation)}`;
+  if (name === "triangular") return `triangular, ${between(own.low, own.high)}, most probable ${shown(own.mode)}`;
+  if (name) return `${name.replace("_", "-")}, ${between(own.low, own.high)}`;
+  if (values) return values.length > 5 ? `${values.length} values, ${between(values[0], values.at(-1))}` : values.map(shown).join(", ");
+  if (from === undefined) return "";
+  return [count ? `${count} values,` : "", between(from, to), spacing === "log" ? "(logarithmic)" : ""].filter(Boolean).join(" ");
+}
+
+/** What a study varies, for example "Friction coefficient μ: normal, 0.6 ± 0.05". */
+export function variedWords({ study, kind, units, title }) {
+  const varied = kind.axes.length ? kind.axes.map(([axis, pointer]) => ({ pointer, ...study[axis] })) : study.vary ?? [];
+  return varied.map((entry) => [title(entry.pointer), spreadWords(entry, units[entry.pointer])].filter(Boolean).join(": ")).join(" · ");
+}
