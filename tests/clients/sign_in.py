@@ -288,7 +288,7 @@ def shared(browser, own):
     # A link ends with the key of its maker.
     keys(own, "revoke", "dora")
     refused(page, own.base)
-    other.reload()
+    other.goto(link)
     expect(other.locator(".error")).to_contain_text("no longer valid")
     assert other.locator("dialog").count() == 0 and other.get_by_role("link", name="How to fix this").count() == 0
     for each in (page, guest, other):
