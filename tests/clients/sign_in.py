@@ -276,16 +276,19 @@ def shared(browser, own):
     enter(guest, dora)
     expect(item(guest, "regime")).to_have_text("Gross slip")
     expect(guest.get_by_role("button", name="Keep")).to_be_enabled()
-    # The link of a comparison opens both results.
-    page.goto(f"{own.base}/#/result/{key}?with={key}")
-    page.wait_for_selector("#difference:has-text('Largest difference')")
+    # The link of a comparison opens both results, with their names.
+    scenario = {**page.context.request.get(own.base + "/v1/examples/steel-ball").json()["scenario"], "friction": 0.6}
+    second = ask(own.base, "/v1/jobs", {"scenario": scenario, "label": "Other"}, headers={"Authorization": f"Bearer {dora}"})["key"]
+    page.goto(f"{own.base}/#/compare?keys={key},{second}")
+    page.wait_for_selector("#compared")
     other = browser.page(own.base)
     other.goto(share(page))
-    other.wait_for_selector("#difference:has-text('Largest difference 0')")
+    other.wait_for_selector("#compared")
+    assert other.locator("#compared").inner_text() == page.locator("#compared").inner_text()
     # A link ends with the key of its maker.
     keys(own, "revoke", "dora")
     refused(page, own.base)
-    other.reload()
+    other.goto(link)
     expect(other.locator(".error")).to_contain_text("no longer valid")
     assert other.locator("dialog").count() == 0 and other.get_by_role("link", name="How to fix this").count() == 0
     for each in (page, guest, other):

@@ -1,6 +1,7 @@
 // Compares runs: one table, and their curves in common figures. Each run has one letter, one colour and one dash everywhere.
 
 import { button, copyLink, createLink } from "./actions.js";
+import { may } from "./allowed.js";
 import { Problem } from "./api.js";
 import { COLUMNS, drawHistories, drawLoops, drawProfiles } from "./compare-figures.js";
 import { rowsOf } from "./compare-rows.js";
@@ -175,7 +176,7 @@ export async function showCompare(main, { query, signal }) {
   const card = (label, name, choices) => h("section", { class: "card", "aria-label": label }, h("div", { class: "row" }, choices), figures[name].element, notes[name]);
 
   fill(main, h("div", { class: "head" }, heading, h("div", { class: "actions" },
-    button("Table as CSV", async () => saveAs("fretwork-comparison.csv", tableText(runs, rows), "text/csv")), !isGuest && button("Share link", share), add)),
+    button("Table as CSV", async () => saveAs("fretwork-comparison.csv", tableText(runs, rows), "text/csv")), !isGuest && may("share") && button("Share link", share), add)),
   problems,
   h("section", { class: "card output", "aria-label": "Output cycle" }, h("div", { class: "row steps" }, h("label", { for: "output" }, "Output cycle"), player, slider, position)),
   table,

@@ -1,6 +1,7 @@
 // The result of a study: its counts, the distribution of its outputs, its figure and its table.
 
 import { drawActions } from "./actions.js";
+import { may } from "./allowed.js";
 import { get, resultAddress } from "./api.js";
 import { explained, fill, h } from "./dom.js";
 import { StudyFigure } from "./study-figure.js";
@@ -33,7 +34,7 @@ export async function showStudy(main, result, { job, link, query, signal }) {
     result.notes?.length > 0 && h("section", { class: "card", "aria-label": "Notes" }, h("h2", {}, "Notes"),
       h("ul", {}, result.notes.map(({ output, member, detail }) => h("li", {}, h("strong", {}, view.title(member ?? output)), ": ", detail))))];
   // The reader of a shared link may not compute.
-  const open = link ? null : opener(() => view, job.label || kind, signal);
+  const open = link || !may("submit") ? null : opener(() => view, job.label || kind, signal);
   const figure = new StudyFigure(view, { query, remember, open, signal });
   const table = new StudyTable(view, { open, total: result.counts.points, signal });
   const distribution = h("section", { class: "card plot", "aria-label": "Distribution" }, h("h2", {}, "Distribution of the outputs"));
