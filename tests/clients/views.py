@@ -177,7 +177,7 @@ def explanations(page):
     told = page.locator("#headline [role=tooltip]").first
     expect(told).to_be_hidden()
     term.focus()
-    expect(told).to_have_text("Largest depth of the wear scar.")
+    expect(told).to_have_text("Largest depth of the wear scar. It is the wear of both bodies together.")
     expect(told).to_be_visible()
     page.keyboard.press("Escape")
     expect(told).to_be_hidden()
