@@ -3,8 +3,7 @@
 /** For each SI unit: the units that are shown, each with its factor and the size from which it is used. */
 const LADDERS = {
   m: [["nm", 1e9, 0], ["µm", 1e6, 1e-7], ["mm", 1e3, 1e-3], ["m", 1, 1]],
-  // One unit, as in tables and wear coefficients, so that volumes beside each other compare.
-  "m^3": [["mm³", 1e9, 0]],
+  "m^3": [["µm³", 1e18, 0], ["mm³", 1e9, 1e-12]],
   Pa: [["Pa", 1, 0], ["kPa", 1e-3, 1e3], ["MPa", 1e-6, 1e6], ["GPa", 1e-9, 1e9]],
   J: [["nJ", 1e9, 0], ["µJ", 1e6, 1e-7], ["mJ", 1e3, 1e-3], ["J", 1, 1], ["kJ", 1e-3, 1e3], ["MJ", 1e-6, 1e6]],
   N: [["mN", 1e3, 0], ["N", 1, 0.1], ["kN", 1e-3, 1e3]],
@@ -15,7 +14,7 @@ const LADDERS = {
   rad: [["deg", 180 / Math.PI, 0]],
 };
 /** The unit of a zero, and of a column without values. */
-const USUAL = { m: 1, Pa: 2, J: 2, N: 1, "N/m": 2, "N per m": 1 };
+const USUAL = { m: 1, "m^3": 1, Pa: 2, J: 2, N: 1, "N/m": 2, "N per m": 1 };
 const PRINTED = { "1": "", "m^3": "m³", "m^3/J": "m³/J", "N per m": "N/m" };
 
 let isSi = globalThis.localStorage?.getItem("fretwork-units") === "si";
