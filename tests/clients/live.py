@@ -155,7 +155,7 @@ def paste_a_trace(browser):
     page.evaluate("text => navigator.clipboard.writeText(text)", TRACE)
     page.focus("#trace")
     page.keyboard.press("Control+v")
-    for said in ("81 points", "800 µm wide", "Tilt of 2.9 deg removed", "R = 10 mm"):
+    for said in ("81 points", "800 µm wide", "A tilt of 2.9 deg was removed", "R = 10 mm"):
         expect(page.locator("#trace-says")).to_contain_text(said)
     shows(page, evaluated(page))
     profile = scenario(page)["profile"]

@@ -356,7 +356,7 @@ def vary(browser, base):
     entry = '[{"pointer": "/friction", "from": 0.5, "to": 0.6}]'
     for study in ("5", f'{{"sweep": {{"vary": {entry.replace("from", "values")}}}}}', f'{{"sweep": {{"vary": {entry}, "other": 1}}}}'):
         page.goto(base + "/#/queue")
-        expect(page.locator("h1")).to_have_text("Queue")
+        expect(page.locator("h1")).to_have_text("Runs")
         page.goto(f"{base}/#/new?study={study}")
         expect(page.locator("#not-shown")).to_be_visible()
     page.context.close()
