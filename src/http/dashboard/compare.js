@@ -2,7 +2,7 @@
 
 import { button, copyLink, createLink } from "./actions.js";
 import { may } from "./allowed.js";
-import { Problem } from "./api.js";
+import { Problem, resultAddress } from "./api.js";
 import { COLUMNS, drawHistories, drawLoops, drawProfiles } from "./compare-figures.js";
 import { rowsOf } from "./compare-rows.js";
 import { drawTable, tableText } from "./compare-table.js";
@@ -108,6 +108,7 @@ export async function showCompare(main, { query, signal }) {
   const position = h("output", { for: "output", id: "at" });
   const player = h("span", {});
   const add = h("a", { class: "button" }, "Add a run…");
+  const report = h("a", { class: "button", target: "_blank", title: "A page to print" }, "Report");
 
   function showStep(to) {
     step = to;
@@ -142,6 +143,7 @@ export async function showCompare(main, { query, signal }) {
     }, signal));
     heading.textContent = runs.length === 1 ? "Compare: add a second run" : `Comparison of ${runs.length} runs`;
     add.hidden = isGuest || runs.length === LETTERS.length;
+    report.href = `${resultAddress(runs[0].key, "/report")}?${new URLSearchParams(runs.slice(1).map(({ key }) => ["with", key]))}`;
     add.href = `#/library?with=${runs.map(({ key }) => key)}`;
     draw();
     remember();
@@ -176,6 +178,7 @@ export async function showCompare(main, { query, signal }) {
   const card = (label, name, choices) => h("section", { class: "card", "aria-label": label }, h("div", { class: "row" }, choices), figures[name].element, notes[name]);
 
   fill(main, h("div", { class: "head" }, heading, h("div", { class: "actions" },
+    !isGuest && report,
     button("Table as CSV", async () => saveAs("fretwork-comparison.csv", tableText(runs, rows), "text/csv")), !isGuest && may("share") && button("Share link", share), add)),
   problems,
   h("section", { class: "card output", "aria-label": "Output cycle" }, h("div", { class: "row steps" }, h("label", { for: "output" }, "Output cycle"), player, slider, position)),

@@ -1,5 +1,6 @@
 // All results of the server as a table: search, order, columns, and actions on selected rows.
 
+import { may } from "./allowed.js";
 import { get } from "./api.js";
 import { debounced, fill, h, notify, select } from "./dom.js";
 import { errorCard } from "./error.js";
@@ -37,7 +38,7 @@ export async function showLibrary(main, { query, signal }) {
   const inputs = {};
   const failed = (problem) => errors.replaceChildren(errorCard(problem));
   const table = new Table({ columns: chosenColumns(query), sort: query.get("sort") ?? NEWEST, sorted: sort, changed: drawActions, failed, signal });
-  let [count, role] = [null, null];
+  let count = null;
 
   const filters = () => new URLSearchParams(Object.entries(inputs)
     .map(([name, input]) => [name, input.value.trim()]).filter(([, text]) => text));
@@ -109,14 +110,14 @@ export async function showLibrary(main, { query, signal }) {
   function drawActions() {
     drawTotal();
     const entries = [...table.chosen.values()];
-    const now = [role, ...table.chosen.keys()].join();
+    const now = [...table.chosen.keys()].join();
     // Buttons that stay keep the focus.
     if (now === shown) return;
     shown = now;
     const isChosen = entries.length > 0;
     fill(actions, isChosen && [compareLink(entries),
-      role !== "read" && [action("Rename", askLabel), action("Tag", askTags)],
-      role === "admin" && action("Delete", askDelete, true)],
+      may("submit") && [action("Rename", askLabel), action("Tag", askTags)],
+      may("administrate") && action("Delete", askDelete, true)],
     action(isChosen ? "CSV of selection" : "CSV of all", (own) => saveTable(own, String(filters()))),
     isChosen && h("button", { type: "button", onclick: () => table.clearChoice() }, "Clear selection"), columns);
   }
@@ -139,10 +140,6 @@ export async function showLibrary(main, { query, signal }) {
   main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Library"), total), form, errors, actions, table.element);
   document.addEventListener("units", () => table.redraw(), { signal });
   drawActions();
-  const known = get("/v1/me", { signal }).then((me) => {
-    ({ role } = me);
-    drawActions();
-  }).catch(() => {});
   // The runs of a comparison to which the user adds others, in their order.
   const keys = query.get("with")?.split(",") ?? [];
   const { results } = keys.length ? await get(`/v1/results?${new URLSearchParams({ keys, limit: 200 })}`, { signal }) : { results: [] };
@@ -150,5 +147,5 @@ export async function showLibrary(main, { query, signal }) {
     const entry = results.find((own) => own.key === key);
     if (entry) table.chosen.set(key, entry);
   }
-  await Promise.all([known, load(), countAll()]);
+  await Promise.all([load(), countAll()]);
 }
