@@ -240,7 +240,8 @@ pub(crate) fn forget_foreign_log(path: &Path) -> io::Result<()> {
 
 /// Whether a database uses a write-ahead log, according to its header; `None` if the header is not valid.
 pub(crate) fn uses_log(path: &Path) -> io::Result<Option<bool>> {
-    const VERSIONS: usize = 19;
+    // The offset in the header of a SQLite file.
+    const VERSIONS: usize = 18;
     let mut head = Vec::new();
     File::open(path)?.take(100).read_to_end(&mut head)?;
     Ok(match head.get(VERSIONS..VERSIONS + 2) {
