@@ -51,6 +51,7 @@ def library(browser, base):
     while names.last.inner_text() != "Friction 500":
         page.keyboard.press("End")
         page.wait_for_timeout(50)
+    page.keyboard.press("End")
     expect(names.last).to_be_in_viewport()
     expect(entries.last.locator("path.worn")).to_have_count(1)
     assert entries.count() < 250
