@@ -5,11 +5,15 @@ import { connection, watchConnection } from "./api.js";
 import { fill, h, notify, withDates } from "./dom.js";
 import { errorCard } from "./error.js";
 import { showForm } from "./form.js";
-import { showResult } from "./result.js";
-import { showRun } from "./run.js";
-import { showRuns } from "./runs.js";
 import { caller, hasDeclined, readCaller, session, SIGN_ON, signedIn, signIn, signOut, whySignIn } from "./sign-in.js";
 import { si, useSi } from "./units.js";
+
+/** A view whose files the first page does not need. Nothing is drawn if the user has left the view before they are loaded. */
+const later = (load, name) => async (main, view) => {
+  const files = await load();
+  if (!view.signal.aborted) await files[name](main, view);
+};
+const showRuns = later(() => import("./runs.js"), "showRuns");
 
 /**
  * Title and function of each view. The function fills `main` and may update it until `signal` is aborted.
@@ -18,16 +22,14 @@ import { si, useSi } from "./units.js";
 const VIEWS = {
   "": ["New run", showForm],
   new: ["New run", showForm],
-  run: ["Run", showRun],
-  result: ["Result", showResult],
-  // Few visits compare, so only those load these files.
-  compare: ["Comparison", async (...view) => (await import("./compare.js")).showCompare(...view)],
-  // The first page does not need the table.
-  library: ["Library", async (...view) => (await import("./library.js")).showLibrary(...view)],
+  run: ["Run", later(() => import("./run.js"), "showRun")],
+  result: ["Result", later(() => import("./result.js"), "showResult")],
+  compare: ["Comparison", later(() => import("./compare.js"), "showCompare")],
+  library: ["Library", later(() => import("./library.js"), "showLibrary")],
   runs: ["Runs", showRuns],
   // The name of this view in addresses of earlier versions.
   queue: ["Runs", showRuns],
-  keys: ["Access keys", async (...all) => (await import("./keys.js")).showKeys(...all)],
+  keys: ["Access keys", later(() => import("./keys.js"), "showKeys")],
 };
 
 const main = document.getElementById("main");
