@@ -75,6 +75,7 @@ pub enum Command {
     #[command(after_help = examples!("fit"))]
     Fit(Fit),
     /// Write the report of a result as an HTML page to print, or a comparison of runs.
+    #[command(after_help = examples!("report"))]
     Report(Report),
     /// Submit input files to a server.
     ///

@@ -51,7 +51,7 @@ def check(directory):
     shown, lines = examples("")
     assert shown.startswith("Fretting wear") and len(shown.splitlines()) <= 40, shown
     block = re.search(r"^## The command line$.*?^```console\n(.*?)^```$", (ROOT / "clients/README.md").read_text(), re.M | re.S)
-    lines += examples("submit")[1] + block[1].splitlines()
+    lines += examples("report")[1] + examples("submit")[1] + block[1].splitlines()
     assert len(lines) >= 12, lines
     key = None
     # Without words, the program is the server.
