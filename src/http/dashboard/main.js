@@ -38,6 +38,8 @@ const units = document.getElementById("units");
 let currentView = new AbortController();
 /** The user for whom the view is drawn. */
 let drawnFor;
+/** Whether the server has said who uses the page. */
+let isUserKnown = false;
 
 /** Who uses the page, and what they may do. */
 const userOf = (me) => me && `${me.name} ${me.role} ${me.key}`;
@@ -127,8 +129,8 @@ connection.addEventListener("restored", () => {
 });
 addEventListener("hashchange", ({ newURL }) => {
   closeMenus(null);
-  // If the address has changed again meanwhile, another event follows.
-  if (newURL !== location.href) return;
+  // If the address has changed again meanwhile, another event follows. The first view is drawn when the user is known.
+  if (!isUserKnown || newURL !== location.href) return;
   route();
   main.focus({ preventScroll: true });
   scrollTo(0, 0);
@@ -148,6 +150,7 @@ document.querySelector(".skip").addEventListener("click", (event) => {
   main.focus();
 });
 await readCaller();
+isUserKnown = true;
 // With a user, the event has shown both.
 if (!caller()) {
   showUser();
