@@ -141,6 +141,17 @@ def two_labs(browser, key):
     page.click("[aria-label='Remove lab A']")
     expect(page.locator("[data-set='lab A']")).to_have_count(0)
     assert marks.count() == 6
+    # Another run offers the set, and shows it only if the user wants it.
+    other = get("/v1/jobs?include=result", {"scenario": {**SCENARIO, "friction": 0.62}})["key"]
+    page.goto(f"{BASE}/#/result/{other}")
+    expect(page.locator("#other-sets")).to_contain_text("Measured for other runs: lab B.")
+    assert marks.count() == 0
+    page.get_by_role("button", name="Show them here too").click()
+    expect(page.locator("[data-set='lab B']")).to_have_count(1)
+    expect(page.locator("#other-sets")).to_be_hidden()
+    page.click("[aria-label='Remove lab B']")
+    page.goto(f"{BASE}/#/result/{key}")
+    expect(page.locator("[data-set='lab B']")).to_have_count(1)
     page.context.close()
 
 
@@ -242,7 +253,8 @@ def fitted(browser, key):
     page.wait_for_selector("#headline [data-value=wear_depth]")
     assert abs(float(page.input_value("#friction")) - fit["parameters"][1]["estimate"]) < 1e-9
     page.click("button.primary:has-text('Keep'):enabled")
-    page.wait_for_selector("[data-set='lab B']", timeout=60_000)
+    page.get_by_role("button", name="Show them here too").click(timeout=60_000)
+    page.wait_for_selector("[data-set='lab B']")
     assert "lab B agrees with the simulation" in verdict(page, "lab B"), verdict(page, "lab B")
     page.context.close()
 

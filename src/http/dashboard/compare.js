@@ -1,6 +1,6 @@
 // Compares runs: one table, and their curves in common figures. Each run has one letter, one colour and one dash everywhere.
 
-import { button, copyLink, createLink } from "./actions.js";
+import { button, createLink, linkEnd, sharing } from "./actions.js";
 import { may } from "./allowed.js";
 import { Problem, resultAddress } from "./api.js";
 import { COLUMNS, drawHistories, drawLoops, drawProfiles } from "./compare-figures.js";
@@ -160,10 +160,7 @@ export async function showCompare(main, { query, signal }) {
     focusOn(Math.min(place, runs.length - 1));
   }
 
-  async function share() {
-    const made = await Promise.all(runs.map(({ key }) => createLink(key)));
-    await copyLink(addressOf(addLinks(words(), made.map(({ token }) => token))), made.map(({ day }) => day).sort()[0]);
-  }
+  const addressFor = async (lifetime) => addressOf(addLinks(words(), await Promise.all(runs.map(({ key }) => createLink(key, lifetime)))));
 
   const choice = (name, label, options, figure) => {
     const field = select(options, state[name], { id: `choose-${name}`, onchange: () => {
@@ -179,7 +176,8 @@ export async function showCompare(main, { query, signal }) {
 
   fill(main, h("div", { class: "head" }, heading, h("div", { class: "actions" },
     !isGuest && report,
-    button("Table as CSV", async () => saveAs("fretwork-comparison.csv", tableText(runs, rows), "text/csv")), !isGuest && may("share") && button("Share link", share), add)),
+    button("Table as CSV", async () => saveAs("fretwork-comparison.csv", tableText(runs, rows), "text/csv")), !isGuest && may("share") && sharing(addressFor), add),
+    isGuest && linkEnd(asked.map(({ link }) => link).filter(Boolean))),
   problems,
   h("section", { class: "card output", "aria-label": "Output cycle" }, h("div", { class: "row steps" }, h("label", { for: "output" }, "Output cycle"), player, slider, position)),
   table,
