@@ -269,6 +269,7 @@ def distribution(page, base):
             shown = value(page.locator(f"[data-statistic={name}]").inner_text())
             assert low < shown < high, (output, name, low, shown, high)
         expect(page.locator("#ninety")).to_contain_text("90\u00a0% of the points of the sample lie between")
+        expect(page.locator("#certainty")).to_contain_text("points, the lower end is known to lie between")
     # The bars of the histogram contain all points.
     bars = page.locator("section[aria-label=Distribution] [role=slider]")
     bars.focus()

@@ -28,6 +28,7 @@ export async function statisticsOf(view, address, words, { isSample, signal }) {
   let output = statistics.output[0];
   const chart = new Chart({ name: "histogram", signal, open: null });
   const headline = h("p", { class: "likely", id: "ninety" });
+  const certainty = h("p", { class: "muted", id: "certainty" });
   const tiles = h("dl", { class: "tiles", id: "statistics" });
   const table = h("div", {});
   const choice = select(Object.fromEntries(statistics.output.map((name) => [name, view.title(name)])), output, { id: "statistics-output", onchange: () => {
@@ -44,6 +45,9 @@ export async function statisticsOf(view, address, words, { isSample, signal }) {
     const who = isSample ? "points of the sample" : "points";
     headline.replaceChildren(...(count ? [`${view.title(output)}: 90\u00a0% of the ${who} lie between `, h("strong", {}, shown("percentile_5")), " and ", h("strong", {}, shown("percentile_95")), "."]
       : ["No point has this output."]));
+    const between = (name) => `${shown(`${name}_low`)} and ${shown(`${name}_high`)}`;
+    certainty.textContent = !isSample || !count ? "" : value("percentile_5_low") == null ? `${cycles(count)} points are too few to say how well these ends are known. Take at least 128.`
+      : `With ${cycles(count)} points, the lower end is known to lie between ${between("percentile_5")}, and the upper end between ${between("percentile_95")} (95\u00a0% confidence).`;
     tiles.replaceChildren(...TILES.map((name) => h("div", {}, h("dt", {}, STATISTICS.find(([own]) => own === name)[1]), h("dd", { "data-statistic": name }, shown(name)))));
     chart.show(`${view.title(output)}: ${cycles(count)} points`, histogram(ofOutput(bins, output), { ...view.words(output), unit },
       Object.entries(MARKS).map(([name, word]) => ({ x: value(name), name: word })), count));
@@ -53,7 +57,7 @@ export async function statisticsOf(view, address, words, { isSample, signal }) {
   draw();
   document.addEventListener("units", draw, { signal });
   const choices = statistics.output.length > 1 && h("div", { class: "row" }, h("span", { class: "choice" }, h("label", { for: "statistics-output" }, "Output"), choice));
-  return [choices, headline, tiles, chart.element, h("details", {}, h("summary", {}, "Statistics of all outputs"), table)];
+  return [choices, headline, certainty, tiles, chart.element, h("details", {}, h("summary", {}, "Statistics of all outputs"), table)];
 }
 
 /** The statistics of all outputs as a table. Each row has the unit of its output. */
