@@ -20,15 +20,15 @@ const group = (title, rows, marked = []) => rows.length > 0 && h("tbody", {},
   h("tr", { class: "group" }, h("th", { scope: "rowgroup", colSpan: marked.length ? 1 : rows[0].cells.length + 1 }, title), marked.map((run) => h("td", {}, mark(run)))),
   rows.map((row) => h("tr", {}, heading(row), row.cells.map(cellOf(row.id)))));
 
-/** The heading of a run's column. Its name makes the run the baseline. */
+/** The heading of a run's column: its name opens the run, and a button makes it the baseline. */
 function columnHead(run, i, runs, { makeFirst, remove }) {
   const name = `${run.letter}: ${run.name}`;
   return h("th", { scope: "col", class: i === 0 ? "first" : null },
     h("div", { class: "row spread" }, mark(run), runs.length > 1 && h("button", { type: "button", class: "plain", onclick: () => remove(run),
       "aria-label": `Remove ${name}`, title: "Remove from the comparison" }, "×")),
-    h("button", { type: "button", class: "plain name", "aria-pressed": String(i === 0), "aria-label": `${name}${i === 0 ? ", baseline" : ". Make it the baseline"}`,
-      title: i === 0 ? "The others are compared with this run" : "Make this run the baseline", onclick: () => makeFirst(run) }, run.name),
-    h("p", { class: "small" }, i === 0 && "Baseline ", h("a", { href: run.address, "aria-label": `Open ${name}` }, "Open")));
+    h("a", { class: "name", href: run.address, "aria-label": `Open ${name}` }, run.name),
+    i === 0 ? h("p", { class: "small", title: "The others are compared with this run" }, "Baseline")
+      : h("button", { type: "button", class: "plain small", "aria-label": `${name}. Make it the baseline`, onclick: () => makeFirst(run) }, "Make it the baseline"));
 }
 
 /** Draws the rows into the place of the table, and the equal ones below it. */

@@ -148,7 +148,7 @@ export async function showCompare(main, { query, signal }) {
     draw();
     remember();
   }
-  /** The place of the focus, a button of the heading, is drawn again. */
+  /** The place of the focus in the heading is drawn again. */
   const focusOn = (i) => table.querySelectorAll("thead .name")[i]?.focus();
   function makeFirst(run) {
     arrange([...runs.filter(({ key }) => key === run.key), ...runs.filter(({ key }) => key !== run.key)]);

@@ -13,7 +13,7 @@ import { duration } from "./units.js";
 /** After this time without a change, the server checks the fit. */
 const IDLE_MS = 250;
 /** The numbers that are estimated unless the user chooses others. */
-const PRESELECTED = ["/wear/coefficient", "/wear/energy_coefficient", "/friction"];
+const PRESELECTED = ["/wear/coefficient", "/wear/energy_coefficient"];
 const NOISES = { column: "Standard deviations of the file", relative: "Relative error", absolute: "Equal standard deviation", estimate: "Estimated from the scatter" };
 const CONFIDENCES = { 0.9: "90 %", 0.95: "95 %", 0.99: "99 %" };
 /** The relative error of a set that states none. */

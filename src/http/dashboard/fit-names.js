@@ -1,7 +1,7 @@
 // Names, symbols and units of the numbers that fits estimate.
 
 import { italics } from "./explain.js";
-import { quantity } from "./scaling.js";
+import { digits, quantity } from "./scaling.js";
 
 /** Numbers that tests often leave unknown, with their symbols between `$`. */
 export const KNOWN = { "/wear/coefficient": ["Wear coefficient", "$k_w$"], "/wear/energy_coefficient": ["Energy wear coefficient", "$α$"], "/friction": ["Friction coefficient", "$μ$"],
@@ -28,6 +28,9 @@ export function together(values, unit, join) {
   const numbers = values.map((value) => (value == null ? "open" : text(value / size))).join(join);
   return power ? `(${numbers})${power}${tail}` : `${numbers}${tail}`;
 }
+
+/** A coefficient of determination, with its sign of comparison. */
+export const squaredOf = (squared) => (squared > 0.9995 ? " > 0.999" : `\u00a0=\u00a0${digits(squared, 3)}`);
 
 /** The mantissa of a text. */
 const numberOf = (text) => Number(text.match(/^[\d.\u202f]+/)[0].replaceAll("\u202f", ""));

@@ -5,7 +5,7 @@ import { get, resultAddress } from "./api.js";
 import { fill, h } from "./dom.js";
 import { Figure } from "./figure.js";
 import { dataFigure, energyFigure, groupsOf, profileFigure, residualFigure, rowsOf } from "./fit-figures.js";
-import { named, symbolAt, together, unitAt, wordsOf } from "./fit-names.js";
+import { named, squaredOf, symbolAt, together, unitAt, wordsOf } from "./fit-names.js";
 import { axisUnit, withUnit } from "./scaling.js";
 import { cycles, digits, quantity, WORDS } from "./units.js";
 
@@ -120,7 +120,7 @@ export async function showFit(main, { key }, { job, link, signal }) {
         h("p", { id: "law" }, h("strong", { class: style }, `${verdict}.`), ` ${reason}`)),
       h("div", { class: "plots" }, figures.map(([name, figure]) => h("section", { class: "card", "aria-label": name }, figure.element,
         name === "Wear over energy" && h("p", { class: "muted" }, result.lines.map(({ weights, energy_coefficient: slope, interval, r_squared: squared }) =>
-          `${weights === "equal" ? "All points equal" : "Weighted by their errors"}: α\u00a0=\u00a0${quantity(slope, "m^3/J", 3)}, ${together(interval, "m^3/J", " to ")}, R²\u00a0=\u00a0${digits(squared, 3)}. `)))),
+          `${weights === "equal" ? "All points equal" : "Weighted by their errors"}: α\u00a0=\u00a0${quantity(slope, "m^3/J", 3)}, ${together(interval, "m^3/J", " to ")}, R²${squaredOf(squared)}. `)))),
       quality && correlationTable(result)),
       pointTable(result),
       h("section", { class: "card" }, h("h2", {}, "Fit"), h("details", {}, h("summary", {}, "Show as JSON in SI units"), h("pre", { tabIndex: 0 }, JSON.stringify(fit, null, 2)))));

@@ -37,7 +37,7 @@ export function verdictOf(set, found) {
   const parts = [meanOf(found, isProfile),
     count > 1 && `The largest difference is ${signed(largest.relative)} (${largest.difference > 0 ? "+" : ""}${quantity(largest.difference, unit, 3)}) at ${placeOf(set, largest.x)}.`,
     near !== null && `${near} of ${count} points lie within two standard deviations.`,
-    margin !== null && `The scatter leaves the mean uncertain by ${margin < SMALL ? "" : "±"}${size(margin)} (95 %).`,
+    margin !== null && `The scatter leaves the mean uncertain by ${margin < SMALL ? "" : "±"}${size(margin)} (95 %, if the errors of the points are independent).`,
     missing > 0 && `${missing} ${missing === 1 ? "point lies" : "points lie"} outside this run.`];
   return [h("strong", { class: agrees === null ? "" : agrees ? "agrees" : "differs" }, word), " ", parts.filter(Boolean).join(" ")];
 }

@@ -53,8 +53,8 @@ const SCRIPTS: &[File] = files!("text/javascript":
     // The views of studies, which are loaded when they are needed.
     "study-axes.js", "study-bars.js", "study-chart.js", "study-contours.js", "study-curves.js",
     "study-figure.js", "study-heat.js", "study-measured.js", "study-open.js", "study-scatter.js",
-    "study-so-far.js", "study-statistics.js", "study-table.js", "study-view.js", "study-words.js",
-    "study.js",
+    "study-so-far.js", "study-statistics.js", "study-table.js", "study-verdict.js", "study-view.js",
+    "study-words.js", "study.js",
     // Measurements and fits, which are loaded when they are needed.
     "fit-figures.js", "fit-form.js", "fit-names.js", "fit-page.js", "measure-dialog.js",
     "measure-energy.js", "measure-model.js", "measure-overlay.js", "measure-panel.js", "measure-sets.js",
