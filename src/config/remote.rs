@@ -12,6 +12,7 @@ use super::values::{Secret, resolve};
 #[derive(Debug, Args)]
 pub struct Remote {
     /// Base address of the server, http:// or https:// [default: the address in `FRETWORK_LISTEN`, on this machine].
+    /// SSL_CERT_FILE names the certificates of an own authority.
     #[arg(long, env = "FRETWORK_URL")]
     pub url: Option<String>,
     /// Address of the server if no URL is given.
