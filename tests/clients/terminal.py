@@ -111,6 +111,9 @@ def check(directory):
             time.sleep(0.1)
         tmux("send-keys", "C-c")
         print(f"{line}: shows a bar", flush=True)
+    # The interrupted command leaves its job on the server.
+    text, _ = typed("fretwork list --limit 1")
+    assert typed(f"fretwork cancel {text[:36]}")[1] == 0
 
 
 def main():
