@@ -51,11 +51,13 @@ impl Client {
         if base.ends_with("/v1") {
             return Err(format!("{base} must be the address of the server. Remove /v1").into());
         }
-        let in_file = settings.key_file.as_ref().map(|file| {
-            let key = fs::read_to_string(file);
-            key.map_err(|error| format!("cannot read {}: {error}", file.display()))
-        });
-        let key = settings.key.as_ref().map(|key| key.0.clone()).or(in_file.transpose()?);
+        let key = match (&settings.key, &settings.key_file) {
+            (None, Some(file)) => {
+                let key = fs::read_to_string(file);
+                Some(key.map_err(|error| format!("cannot read {}: {error}", file.display()))?)
+            }
+            (key, _) => key.as_ref().map(|key| key.0.clone()),
+        };
         // An earlier call has installed the same provider.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let tls = TlsConfig::builder().root_certs(RootCerts::PlatformVerifier).build();

@@ -22,8 +22,8 @@ pub struct Remote {
     /// An access key. Prefer the environment variable, because other users can see the command line.
     #[arg(long, env = "FRETWORK_KEY", hide_env_values = true)]
     pub key: Option<Secret>,
-    /// A file with an access key.
-    #[arg(long, env = "FRETWORK_KEY_FILE", value_name = "FILE", conflicts_with = "key")]
+    /// A file with an access key, which applies without `--key`.
+    #[arg(long, env = "FRETWORK_KEY_FILE", value_name = "FILE")]
     pub key_file: Option<PathBuf>,
 }
 
