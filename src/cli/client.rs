@@ -188,7 +188,9 @@ impl Refusal {
             None => format!("the server answers {}. Check FRETWORK_URL", reply.status),
         };
         if reply.status == 401 {
-            line += " Enter it in FRETWORK_KEY or FRETWORK_KEY_FILE.";
+            // The advice of the server is for users of its API.
+            let reason = line.split(" Send ").next().unwrap_or_default();
+            line = format!("{reason} Enter a key in FRETWORK_KEY or FRETWORK_KEY_FILE.");
         }
         Self { code, lines: vec![line] }
     }

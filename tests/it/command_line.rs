@@ -165,7 +165,10 @@ fn a_wrong_key_and_a_wrong_address_say_what_to_enter() {
         let output = list(&address, wrong);
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{said}");
-        assert!(said.contains("FRETWORK_KEY or FRETWORK_KEY_FILE"), "{said}");
+        assert!(
+            said.ends_with(" key. Enter a key in FRETWORK_KEY or FRETWORK_KEY_FILE.\n"),
+            "{said}"
+        );
     }
     fails(&list(&format!("{address}/v1/"), None), "Remove /v1");
     fails(&list("wear.example", None), "must begin with http:// or https://");

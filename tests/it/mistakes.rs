@@ -16,7 +16,7 @@ const TRACE: &str =
 const MISTAKES: [(&str, &str, &str); 24] = [
     ("0.7", "\"0.7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
     ("0.7", "\"0,7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
-    ("0.7", "NaN", "NaN and Infinity are not JSON: enter a number, or leave the member out"),
+    ("0.7", "NaN", "enter a number instead of NaN or Infinity, or leave the member out"),
     ("0.7", "0,7", "enter a number with a decimal point and without spaces, such as 0.7"),
     ("0.7", ".7", "enter a number that begins with a digit, such as 0.7 at line"),
     ("0.7", "0.7 // dry", "JSON has no comments: remove this one at line"),

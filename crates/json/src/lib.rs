@@ -165,7 +165,7 @@ fn explained(text: &[u8], error: serde_json::Error) -> serde_json::Error {
     let word: Vec<u8> = word.take(9).map(u8::to_ascii_lowercase).collect();
     let advice = match &word[..] {
         b"nan" | b"inf" | b"infinity" => {
-            "NaN and Infinity are not JSON: enter a number, or leave the member out"
+            "enter a number instead of NaN or Infinity, or leave the member out"
         }
         _ if error.is_eof() => "the text ends too early: close all brackets and quotation marks",
         b"true" | b"false" | b"none" => "enter true, false or null, in lower case",
