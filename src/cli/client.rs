@@ -160,7 +160,7 @@ impl Client {
 
 /// Whether the certificate of a server is not trusted, or TLS failed otherwise.
 fn is_of_tls(error: &io::Error) -> bool {
-    error.get_ref().is_some_and(|cause| cause.is::<rustls::Error>())
+    matches!(error.get_ref(), Some(cause) if cause.is::<rustls::Error>())
 }
 
 /// Why a server refused a request.
