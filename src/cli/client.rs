@@ -46,7 +46,10 @@ impl Client {
         let listen = format!("http://{}", reachable(settings.listen));
         let base = settings.url.as_ref().unwrap_or(&listen).trim_end_matches('/').to_owned();
         if !base.starts_with("http://") && !base.starts_with("https://") {
-            return Err(format!("{base} must begin with http:// or https://").into());
+            return Err(format!(
+                "{base} must begin with http:// or https://, such as http://{base}"
+            )
+            .into());
         }
         if base.ends_with("/v1") {
             return Err(format!("{base} must be the address of the server. Remove /v1").into());
