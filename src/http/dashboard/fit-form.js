@@ -68,7 +68,7 @@ export class FitForm {
     delete scenario.profiles_at;
     this.scenario = scenario;
     this.#sets = sets.map((set, i) => this.#setFields(set, i));
-    this.#parameters = Object.keys(KNOWN).filter((pointer) => typeof valueAt(scenario, pointer) === "number").map((pointer) => this.#parameterFields(pointer));
+    this.#parameters = KNOWN.filter((pointer) => typeof valueAt(scenario, pointer) === "number").map((pointer) => this.#parameterFields(pointer));
     this.element = h("form", { class: "fit-form", "aria-label": "Fit", noValidate: true, onsubmit: (event) => this.#send(event) },
       h("h3", { tabIndex: -1 }, "Fit this scenario to the measurements"), h("p", { class: "muted" }, title(entryOf(result))),
       sets.length ? null : h("p", { class: "warning" }, "There are no measurements. Add one first."),

@@ -1,6 +1,6 @@
 // The kinds of quantities in the form: the unit that a number without a unit has in a field, and which sizes are usual.
 
-import { si } from "./scaling.js";
+import { si } from "./system.js";
 
 export const LENGTHS = { m: 1, mm: 1e-3, um: 1e-6, nm: 1e-9, cm: 1e-2, in: 0.0254, mil: 2.54e-5 };
 // MPa comes first: it is meant most often by a number that no field has in GPa.
