@@ -217,7 +217,7 @@ async fn indices_are_drawn_as_bars_in_order_of_size() {
         }
         let (key, _) = computed(&server, &body).await;
         let svg = figure(&server, &key, "").await;
-        assert!(svg.contains("friction"), "{method}");
+        assert!(svg.contains("Friction coefficient"), "{method}");
     }
 }
 

@@ -1,6 +1,5 @@
 //! Numbers as the page and reports write them: with units that keep them short, and few digits.
 
-use crate::figure::words::typeset;
 use crate::units::round;
 use fretwork_plot::text::power_of_ten;
 
@@ -60,6 +59,12 @@ impl Notation {
         let (unit, factor) = self.scale(si, value);
         with_unit(&digits(value * factor, count), &unit)
     }
+}
+
+/// A unit in print, such as `µm` for `um`.
+pub fn typeset(unit: &str) -> String {
+    let unit = if unit == "um" { "µm" } else { unit };
+    unit.replace("^3", "³")
 }
 
 /// A text with a unit behind it, if there is one.

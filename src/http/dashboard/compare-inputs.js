@@ -1,7 +1,7 @@
 // The inputs of runs as a person reads them: one row for each number or choice of the canonical scenarios.
 
 import { capital } from "./dom.js";
-import { kindAt } from "./kinds.js";
+import { kindAt, siUnitOf } from "./kinds.js";
 import { cycles, inputWords, plainWords, quantity, WORDS } from "./units.js";
 
 /** A list with more values is shown by its length and its ends. */
@@ -11,12 +11,6 @@ const MAX_LISTED = 4;
 function leaves(value, pointer = "") {
   const isWhole = Object(value) !== value || (Array.isArray(value) && (value.length > MAX_LISTED || value.every((own) => Object(own) !== own)));
   return isWhole ? [[pointer, value]] : Object.entries(value).flatMap(([name, own]) => leaves(own, `${pointer}/${name}`));
-}
-
-/** The SI unit of the number at a pointer. */
-function unitAt(pointer, scenario) {
-  const { units } = kindAt(pointer, scenario);
-  return Object.keys(units).find((name) => units[name] === 1) ?? "1";
 }
 
 /** An input as text. */
@@ -36,7 +30,7 @@ export function inputRows(scenarios) {
   return pointers.map((pointer) => {
     const values = all.map((own) => own.get(pointer));
     const own = scenarios[values.findIndex((value) => value !== undefined)];
-    const unit = unitAt(pointer, own);
+    const unit = siUnitOf(kindAt(pointer, own)) ?? "1";
     return { id: pointer, name: plainWords(inputWords(pointer, own)), unit, values, texts: values.map((value) => textOf(value, pointer, unit)),
       isEqual: values.every((value) => JSON.stringify(value) === JSON.stringify(values[0])) };
   });

@@ -2,6 +2,7 @@
 
 import { idempotencyKey, post, Problem } from "./api.js";
 import { debounced, fill, h, select } from "./dom.js";
+import { valueAt } from "./fields.js";
 import { fieldText, kindAt, printed } from "./kinds.js";
 import { KNOWN, named, wordsOf } from "./fit-names.js";
 import { contentOf } from "./measure-sets.js";
@@ -20,8 +21,6 @@ const CONFIDENCES = { 0.9: "90 %", 0.95: "95 %", 0.99: "99 %" };
 const RELATIVE = "5 %";
 /** The units of equal standard deviations. */
 const LIKE = { wear_volume: "um^3", energy_per_cycle: "mJ", dissipated_energy: "J", normal_force: "N", tangential_force: "N" };
-
-const valueAt = (scenario, pointer) => pointer.split("/").slice(1).reduce((value, name) => value?.[name], scenario);
 
 /** A copy of a scenario. If the user wrote the energy wear coefficient α, it has this one, and not k = αμ. */
 function withEnergy(scenario, submitted) {

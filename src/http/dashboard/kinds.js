@@ -51,8 +51,11 @@ export function kindAt(pointer, scenario) {
   if (table) return table.split("/").slice(1).reduce((value, name) => value?.[name], scenario)?.over === "dissipated_energy" ? ENERGY : NUMBER;
   const own = KINDS.find(([pattern]) => pattern.test(pointer))?.[1] ?? NUMBER;
   if (own === WEAR_COEFFICIENT && scenario?.wear?.hardness !== undefined) return NUMBER;
-  return si() ? { ...own, likely: own.unit, unit: Object.keys(own.units).find((name) => own.units[name] === 1) ?? "" } : own;
+  return si() ? { ...own, likely: own.unit, unit: siUnitOf(own) ?? "" } : own;
 }
+
+/** The SI unit of a kind. */
+export const siUnitOf = ({ units }) => Object.keys(units).find((name) => units[name] === 1);
 
 /** All spellings of a unit as one: µm³/(N·m), um3/Nm. */
 const plainUnit = (unit) => unit.replace(/[µμ]/g, "u").replace("²", "2").replace("³", "3").replace("°", "deg").replace(/[\s^·⋅*×()]/g, "");

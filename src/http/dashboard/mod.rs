@@ -86,6 +86,8 @@ fn words() -> String {
     let kinds: Value = Kind::ALL.into_iter().map(|kind| (kind.name, json!(kind))).collect();
     let words = |quantity: &Quantity| (quantity.name, json!(quantity.words));
     let names: Value = QUANTITIES.iter().map(words).collect();
+    let units: Value =
+        QUANTITIES.iter().map(|quantity| (quantity.name, json!(quantity.unit))).collect();
     let symbols: Value =
         QUANTITIES.iter().map(|quantity| (quantity.name, json!(quantity.symbol))).collect();
     // A later meaning of a name replaces an earlier one: a column of the history means more to a reader than the
@@ -105,6 +107,7 @@ fn words() -> String {
     let searched: Value = WORDS.iter().map(|word| (word.name, json!(word.values))).collect();
     format!(
         "/** The kinds of studies. */\nexport const KINDS = {kinds};\n\n/** The names of quantities. */\nexport const NAMES = {names};\n\n\
+         /** Their SI units. */\nexport const UNITS = {units};\n\n\
          /** Their symbols, with italics between `$`. */\nexport const SYMBOLS = {symbols};\n\n\
          /** The names of events. */\nexport const EVENTS = {events};\n\n\
          /** What they mean. */\nexport const MEANINGS = {meanings};\n\n\

@@ -2,14 +2,8 @@
 
 use serde_json::Value;
 
-use crate::notation::digits;
+use crate::notation::{digits, typeset};
 use fretwork_engine::request::inputs::named;
-
-/// A unit in the notation of figures, such as `µm` for `um`.
-pub fn typeset(unit: &str) -> String {
-    let unit = if unit == "um" { "µm" } else { unit };
-    unit.replace("^3", "³")
-}
 
 /// The name of the number at a pointer of a scenario, with a capital.
 pub fn member(pointer: &str, scenario: &Value) -> String {
