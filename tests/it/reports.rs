@@ -200,7 +200,12 @@ async fn a_comparison_shows_what_differs_and_by_how_much() {
     ] {
         let cells = row(&document, heading);
         for (cell, expected) in cells[1..].iter().zip(expected) {
-            let shown = cell.split('\u{a0}').next().unwrap().replace("×10⁻⁵", "e-5");
+            let shown = cell
+                .split('\u{a0}')
+                .next()
+                .unwrap()
+                .replace("×10⁻⁵", "e-5")
+                .replace("×10⁻⁴", "e-4");
             let shown: f64 = shown.parse().unwrap_or_else(|_| panic!("{cells:?}"));
             assert!((shown / expected - 1.0).abs() < 5e-4 && cell.contains(unit), "{cell}");
         }
