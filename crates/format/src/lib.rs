@@ -22,6 +22,7 @@ mod error;
 mod figure;
 mod json;
 mod kind;
+pub mod notation;
 mod npz;
 mod quantity;
 pub mod report;

@@ -2,6 +2,7 @@
 
 import { fill, h } from "./dom.js";
 import { italics } from "./explain.js";
+import { csvCell } from "./figure-save.js";
 
 /** A row's name, its symbol in italics, and its unit. */
 const heading = ({ name, symbol, scale, errors }) => h("th", { scope: "row" }, name, symbol && [" ", ...italics(symbol)],
@@ -45,8 +46,6 @@ export function drawTable(place, runs, { inputs, outputs, equal }, isOpen, acts)
         h("dd", {}, row.cells[0].text, row.scale?.unit && row.cells[0].text !== "–" && `\u00a0${row.scale.unit}`)])))));
 }
 
-const quoted = (value) => (typeof value === "number" ? String(Number(value.toPrecision(12))) : `"${String(value ?? "").replaceAll('"', '""')}"`);
-
 /** The table as CSV: numbers in SI units, and for each run but the first the differences. */
 export function tableText(runs, { inputs, outputs, equal }) {
   const [first, ...others] = runs.map(({ letter, name }) => `${letter}: ${name}`);
@@ -57,6 +56,6 @@ export function tableText(runs, { inputs, outputs, equal }) {
     ...cells.map((own) => [own.errors, common].filter(Boolean).join("; "))];
   const keys = ["Key", "", ...runs.map(({ key }) => key), ...differences.map(() => ""), ...errors.map(() => "")];
   return [["Quantity", "Unit", first, ...others, ...differences, ...errors], ...[...inputs, ...outputs, ...equal].map(line), keys]
-    .map((row) => row.map(quoted).join(",")).join("\n") + "\n";
+    .map((row) => row.map((value) => csvCell(value ?? "")).join(",")).join("\n") + "\n";
 }
 

@@ -6,7 +6,7 @@ import { Problem, resultAddress } from "./api.js";
 import { COLUMNS, drawHistories, drawLoops, drawProfiles } from "./compare-figures.js";
 import { rowsOf } from "./compare-rows.js";
 import { drawTable, tableText } from "./compare-table.js";
-import { fill, h, select } from "./dom.js";
+import { choice, fill, h, select } from "./dom.js";
 import { Cursors, Figure } from "./figure.js";
 import { saveAs } from "./figure-save.js";
 import { playButton } from "./player.js";
@@ -162,14 +162,14 @@ export async function showCompare(main, { query, signal }) {
 
   const addressFor = async (lifetime) => addressOf(addLinks(words(), await Promise.all(runs.map(({ key }) => createLink(key, lifetime)))));
 
-  const choice = (name, label, options, figure) => {
+  const choose = (name, label, options, figure) => {
     const field = select(options, state[name], { id: `choose-${name}`, onchange: () => {
       state[name] = field.value;
       for (const own of figure) figures[own].zoom = null;
       draw();
       remember();
     } });
-    return h("span", { class: "choice" }, h("label", { for: field.id }, label), field);
+    return choice(label, field);
   };
   const columns = Object.fromEntries(COLUMNS.map((name) => [name, WORDS[name]]));
   const card = (label, name, choices) => h("section", { class: "card", "aria-label": label }, h("div", { class: "row" }, choices), figures[name].element, notes[name]);
@@ -182,9 +182,9 @@ export async function showCompare(main, { query, signal }) {
   h("section", { class: "card output", "aria-label": "Output cycle" }, h("div", { class: "row steps" }, h("label", { for: "output" }, "Output cycle"), player, slider, position)),
   table,
   h("div", { class: "plots" },
-    card("Profiles", "profile", choice("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])), ["profile"])),
-    card("First history", "first", [choice("first", "History", columns, ["first"]), choice("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" }, ["first", "second"])]),
-    card("Second history", "second", choice("second", "History", columns, ["second"])),
+    card("Profiles", "profile", choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])), ["profile"])),
+    card("First history", "first", [choose("first", "History", columns, ["first"]), choose("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" }, ["first", "second"])]),
+    card("Second history", "second", choose("second", "History", columns, ["second"])),
     card("Fretting loops", "loop", h("span", { class: "muted" }, "Force over displacement in one cycle"))));
   arrange(runs);
   document.addEventListener("units", draw, { signal });

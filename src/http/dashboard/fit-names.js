@@ -1,15 +1,14 @@
 // Names, symbols and units of the numbers that fits estimate.
 
 import { italics } from "./explain.js";
-import { digits, quantity } from "./scaling.js";
+import { digits, inputWords, quantity } from "./units.js";
 
-/** Numbers that tests often leave unknown, with their symbols between `$`. */
-export const KNOWN = { "/wear/coefficient": ["Wear coefficient", "$k_w$"], "/wear/energy_coefficient": ["Energy wear coefficient", "$α$"], "/friction": ["Friction coefficient", "$μ$"],
-  "/motion/amplitude": ["Amplitude", "$U$"], "/load/normal_force": ["Normal force", "$F$"], "/profile/radius": ["Radius", "$R$"] };
+/** Numbers that tests often leave unknown. */
+export const KNOWN = ["/wear/coefficient", "/wear/energy_coefficient", "/friction", "/motion/amplitude", "/load/normal_force", "/profile/radius"];
 
 /** The name of a number of a scenario. */
-export const wordsOf = (pointer) => KNOWN[pointer]?.[0] ?? pointer.slice(1).replaceAll("/", " ").replaceAll("_", " ");
-export const symbolAt = (pointer) => KNOWN[pointer]?.[1] ?? "";
+export const wordsOf = (pointer) => inputWords(pointer).title;
+export const symbolAt = (pointer) => inputWords(pointer).symbol;
 export const named = (pointer) => [wordsOf(pointer), " ", ...italics(symbolAt(pointer))];
 
 /** The unit in which a number is shown: that of an energy wear coefficient is a volume per energy. */

@@ -1,12 +1,12 @@
 // The panel of measurements: the sets with their verdicts, their differences from the run, and wear over energy.
 
-import { fill, h } from "./dom.js";
+import { fill, h, tableOf } from "./dom.js";
 import { symbolOf } from "./explain.js";
 import { Figure } from "./figure.js";
 import { sampleOf } from "./figure-reader.js";
 import { askForSet } from "./measure-dialog.js";
 import { EnergyFigure } from "./measure-energy.js";
-import { differencesOf, errorOf, judge, modelOf } from "./measure-model.js";
+import { differencesOf, errorOf, judge, modelOf, unitOf } from "./measure-model.js";
 import { choiceFor, onHistory, onLoop, onProfile } from "./measure-overlay.js";
 import { addSet, contentOf, removeSet, setsOf, setsOfOthers, showAllAt } from "./measure-sets.js";
 import { verdictOf } from "./measure-words.js";
@@ -141,7 +141,7 @@ export class Panel {
   #drawTable(all) {
     this.#table.hidden = !all.length;
     const bodies = all.map(({ set, rows }) => {
-      const unit = unitOf(set, this.context.result);
+      const unit = unitOf(set);
       const most = Math.max(...rows.flatMap(({ measured, computed }) => [measured, computed ?? 0]).map(Math.abs));
       const scale = axisUnit(unit, most);
       // Depths vary around zero, and volumes over decades.
@@ -153,8 +153,8 @@ export class Panel {
           cell(sigma), cell(computed), cell(difference),
           h("td", {}, relative == null ? "–" : `${signed(100 * relative)}\u00a0%`))));
     });
-    fill(this.#table, h("summary", {}, "Differences of all points"), h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Differences of all points" },
-      h("table", { id: "differences" }, h("thead", {}, h("tr", {}, ["Place", "Measured", "σ", "Computed", "Difference", "Relative"].map((name) => h("th", { scope: "col" }, name)))), bodies)),
+    fill(this.#table, h("summary", {}, "Differences of all points"), tableOf("Differences of all points",
+      ["Place", "Measured", "σ", "Computed", "Difference", "Relative"], bodies, { id: "differences" }),
     all.some(({ rows }) => rows.length > ROWS) && h("p", { class: "muted" }, `The first ${ROWS} points of each set.`));
   }
 }
@@ -163,6 +163,3 @@ export class Panel {
 const fixed = (value, most) => (value == null ? "–" : spaced(value.toFixed(Math.max(0, 3 - Math.floor(Math.log10(most || 1))))).replace("-", "−"));
 
 const signed = (value) => (value > 0 ? "+" : "") + digits(value, 3);
-
-/** The SI unit of the measured numbers. */
-const unitOf = ({ kind, output }, { units }) => (kind === "profile" ? "m" : units[kind === "loop" ? "energy_per_cycle" : output]);

@@ -3,7 +3,7 @@
 import { drawActions } from "./actions.js";
 import { may } from "./allowed.js";
 import { get, resultAddress } from "./api.js";
-import { explained, fill, h } from "./dom.js";
+import { asJson, explained, fill, h } from "./dom.js";
 import { StudyFigure } from "./study-figure.js";
 import { opener } from "./study-open.js";
 import { statisticsOf } from "./study-statistics.js";
@@ -49,10 +49,6 @@ export async function showStudy(main, result, { job, link, query, signal }) {
   fill(main, head, isSample(view) && name !== "sensitivity" ? [distribution, figure.element] : [figure.element, distribution], table.element, asJson(kind, result[name]),
     explained("studies", "What each study computes"));
 }
-
-/** The canonical form of a study. */
-const asJson = (title, study) => h("section", { class: "card" }, h("h2", {}, title), h("details", {}, h("summary", {}, "Show as JSON in SI units"),
-  h("pre", { tabIndex: 0 }, JSON.stringify(study, null, 2))));
 
 /** The counts of the points in words. */
 function countsOf({ points, refused, incomplete }) {
