@@ -46,13 +46,14 @@ impl Client {
         let listen = format!("http://{}", reachable(settings.listen));
         let base = settings.url.as_ref().unwrap_or(&listen).trim_end_matches('/').to_owned();
         if !base.starts_with("http://") && !base.starts_with("https://") {
+            let better = base.trim_end_matches("/v1");
             return Err(format!(
-                "{base} must begin with http:// or https://, such as http://{base}"
+                "{base} must begin with http:// or https://, such as http://{better}"
             )
             .into());
         }
-        if base.ends_with("/v1") {
-            return Err(format!("{base} must be the address of the server. Remove /v1").into());
+        if let Some(better) = base.strip_suffix("/v1") {
+            return Err(format!("{base} must be the address of the server: {better}").into());
         }
         let key = match (&settings.key, &settings.key_file) {
             (None, Some(file)) => {
@@ -152,11 +153,17 @@ impl Client {
             Failure::Timeout(_) => {
                 format!("the server at {base} does not answer within {timeout:?}")
             }
+            Failure::Io(error) if error.to_string().contains("InvalidContentType") => format!(
+                "the server at {base} does not speak TLS. Enter an address that begins with http://"
+            ),
             Failure::Io(error) if is_of_tls(error) => format!(
                 "{base} is not secure: {error}. Name the certificates of your own authority in SSL_CERT_FILE"
             ),
             Failure::BadUri(_) | Failure::Http(_) => format!("{base} is not a URL: {error}"),
-            _ => format!("no server answers at {base}: {error}. Check FRETWORK_URL"),
+            _ => format!(
+                "no server answers at {base}: {error}. Start `fretwork`, or enter the address of a running server in \
+                 the environment variable FRETWORK_URL"
+            ),
         }
     }
 }

@@ -16,7 +16,9 @@ pub fn report(settings: &Report) -> Result<ExitCode, Error> {
         let entry = Entry::read(&read(file)?, &About::default(), settings.units == "engineering");
         entry.map_err(|error| {
             let file = file.display();
-            Error::from(format!("{file}: {error}. Enter a file that `run` or `get` has written"))
+            Error::from(format!(
+                "{file}: {error}. Enter a .json file that `run` or `get` has written"
+            ))
         })
     });
     let html = page(&entries.collect::<Result<Vec<_>, _>>()?)?;

@@ -170,7 +170,7 @@ fn a_wrong_key_and_a_wrong_address_say_what_to_enter() {
             "{said}"
         );
     }
-    fails(&list(&format!("{address}/v1/"), None), "Remove /v1");
+    fails(&list(&format!("{address}/v1/"), None), "must be the address of the server: http://");
     fails(&list("wear.example", None), "must begin with http:// or https://");
 }
 

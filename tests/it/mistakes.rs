@@ -16,8 +16,8 @@ const TRACE: &str =
 const MISTAKES: [(&str, &str, &str); 24] = [
     ("0.7", "\"0.7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
     ("0.7", "\"0,7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
-    ("0.7", "NaN", "enter a number instead of NaN or Infinity, or leave the member out"),
-    ("0.7", "0,7", "enter a number with a decimal point and without spaces, such as 0.7"),
+    ("0.7", "NaN", "enter a number instead of NaN or Infinity, at line"),
+    ("0.7", "0,7", "enter numbers with a decimal point and without spaces, such as 0.7"),
     ("0.7", ".7", "enter a number that begins with a digit, such as 0.7 at line"),
     ("0.7", "0.7 // dry", "JSON has no comments: remove this one at line"),
     ("{", "cycles;volume", "enter a JSON object, which begins with { at line 1"),
@@ -48,7 +48,7 @@ const MISTAKES: [(&str, &str, &str); 24] = [
     (
         SPHERE,
         TRACE,
-        "Remove the other side, or let POST /v1/measurements?prepare=trace make the table",
+        "Remove the rows with negative radii, or let POST /v1/measurements?prepare=trace make the table",
     ),
 ];
 

@@ -290,6 +290,6 @@ fn the_commands_write_the_report_of_a_file() {
     assert!(done.status.success(), "{}", text(&done.stderr));
     let html = fs::read_to_string(&page).unwrap();
     assert_eq!(row(&read(&html), "Friction coefficient μ").len(), 3);
-    fails(&run(&["report", &first], ""), "is not a result");
+    fails(&run(&["report", &first], ""), "is not a result in JSON");
     fails(&run(&["report", &path("none.json")], ""), "cannot read");
 }

@@ -164,13 +164,11 @@ fn explained(text: &[u8], error: serde_json::Error) -> serde_json::Error {
     let word = line[start..].iter().take_while(|byte| byte.is_ascii_alphabetic());
     let word: Vec<u8> = word.take(9).map(u8::to_ascii_lowercase).collect();
     let advice = match &word[..] {
-        b"nan" | b"inf" | b"infinity" => {
-            "enter a number instead of NaN or Infinity, or leave the member out"
-        }
+        b"nan" | b"inf" | b"infinity" => "enter a number instead of NaN or Infinity,",
         _ if error.is_eof() => "the text ends too early: close all brackets and quotation marks",
         b"true" | b"false" | b"none" => "enter true, false or null, in lower case",
         _ if digit(after.first()) && digit(earlier.next()) => {
-            "enter a number with a decimal point and without spaces, such as 0.7 or 10000"
+            "enter numbers with a decimal point and without spaces, such as 0.7 or 10000, and commas between numbers,"
         }
         _ if std::str::from_utf8(text).is_err() || text.starts_with("\u{feff}".as_bytes()) => {
             "save the text in UTF-8, without a byte order mark"
