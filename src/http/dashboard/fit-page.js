@@ -1,6 +1,7 @@
 // The result of a fit: what the data do not determine, the estimates, and the figures that show whether the law holds.
 
 import { drawActions } from "./actions.js";
+import { may } from "./allowed.js";
 import { get, resultAddress } from "./api.js";
 import { asJson, fill, h, tableOf } from "./dom.js";
 import { valueAt } from "./fields.js";
@@ -132,7 +133,7 @@ export async function showFit(main, { key }, { job, link, signal }) {
   const run = estimated && h("a", { class: "button primary", id: "run-this", href: `#/new?${new URLSearchParams({ scenario: JSON.stringify(estimated), label: `${heading}: estimates` })}` }, "Run this");
   fill(main, h("div", { class: "head" }, h("div", {}, h("h1", {}, heading),
     h("p", { class: "muted" }, `Fit · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…")),
-  h("div", { class: "actions" }, !link && run, drawActions(result, { job, link, remember() {}, signal }))), body);
+  h("div", { class: "actions" }, !link && may("submit") && run, drawActions(result, { job, link, remember() {}, signal }))), body);
   draw();
   document.addEventListener("units", draw, { signal });
 }
