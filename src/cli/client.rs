@@ -48,7 +48,7 @@ impl Client {
         if !base.starts_with("http://") && !base.starts_with("https://") {
             let better = base.trim_end_matches("/v1");
             return Err(format!(
-                "{base} must begin with http:// or https://, such as http://{better}"
+                "{base} must begin with http:// or https://: enter http://{better}"
             )
             .into());
         }
@@ -161,8 +161,8 @@ impl Client {
             ),
             Failure::BadUri(_) | Failure::Http(_) => format!("{base} is not a URL: {error}"),
             _ => format!(
-                "no server answers at {base}: {error}. Start `fretwork`, or enter the address of a running server in \
-                 the environment variable FRETWORK_URL"
+                "no server answers at {base}: {error}. Is it running? Enter the address of a running server in the \
+                 environment variable FRETWORK_URL"
             ),
         }
     }

@@ -45,11 +45,7 @@ const MISTAKES: [(&str, &str, &str); 24] = [
         "10 N",
         "\"N\" is the unit of a force, but a length is needed. Accepted units: m, cm, mm",
     ),
-    (
-        SPHERE,
-        TRACE,
-        "Remove the rows with negative radii, or let POST /v1/measurements?prepare=trace make the table",
-    ),
+    (SPHERE, TRACE, "Remove the rows with negative radii, or post the whole trace as CSV"),
 ];
 
 #[test]

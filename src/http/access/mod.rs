@@ -308,7 +308,11 @@ impl Gate {
                 Arc::clone(&admin.usage),
             )
         } else {
-            let unknown = || refused("This server does not know the key.");
+            let unknown = || {
+                refused(
+                    "This server does not know the key. An administrator of the server makes keys.",
+                )
+            };
             let known = Some(&*credential.key).filter(|id| !id.is_empty()).ok_or_else(unknown)?;
             let holder = self.keyring.holder_of(known, &digest).await?.ok_or_else(unknown)?;
             if let Some(reason) = invalid(&holder.key, now) {
