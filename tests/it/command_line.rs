@@ -165,10 +165,7 @@ fn a_wrong_key_and_a_wrong_address_say_what_to_enter() {
         let output = list(&address, wrong);
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{said}");
-        assert!(
-            said.ends_with(" key. Enter a key in FRETWORK_KEY or FRETWORK_KEY_FILE.\n"),
-            "{said}"
-        );
+        assert!(said.ends_with(" Enter a key in FRETWORK_KEY or FRETWORK_KEY_FILE.\n"), "{said}");
     }
     fails(&list(&format!("{address}/v1/"), None), "must be the address of the server: http://");
     fails(&list("wear.example", None), "must begin with http:// or https://");
