@@ -55,12 +55,12 @@ export class Reader {
     this.#figure.cursor(horizontal.value(Math.min(Math.max(pixel, area.left), area.right)));
   }
 
-  /** All points of the curves and of their lines that are visible. */
+  /** All points of the curves that are visible. */
   #visible() {
     if (this.#points) return this.#points;
     const { curves, plan: { horizontal: { ends: [low, high] } } } = this.#figure;
     const slack = 1e-9 * (high - low);
-    const all = new Set(curves.flatMap(({ x, smooth }) => (smooth ? [...x, ...smooth.x] : x)));
+    const all = new Set(curves.flatMap(({ x }) => x));
     return (this.#points = [...all].filter((x) => x >= low - slack && x <= high + slack).sort((a, b) => a - b));
   }
 
