@@ -154,8 +154,9 @@ export async function showForm(main, { query, signal }) {
     keep.textContent = submitText(form.study);
     preview.element.hidden = isStudy() || !may("submit");
     estimate.hidden = !may("read");
-    const isBeside = isStudy() || !may("submit");
-    (isBeside ? side : left).insertBefore(estimate, isBeside ? null : jsonEditor);
+    // Its height changes with each answer, so it comes last, and nothing moves below the pointer.
+    const place = isStudy() || !may("submit") ? side : left;
+    if (estimate.parentElement !== place) place.append(estimate);
     drawRuns(form.study);
     draft.stop();
     if (isStudy()) live.stop();
