@@ -269,7 +269,8 @@ def energy_law(browser):
     rows = [row for row, n in enumerate(found["cycles"]) if n > 0]
     add(page, "rig", table("E [J];V [µm³]", [found["dissipated_energy"][row] for row in rows], [found["wear_volume"][row] * 1e18 for row in rows]))
     page.click("#fit-these")
-    expect(page.locator("#fit-says")).to_contain_text("processor time")
+    # The first browser that opens this test has computed the fit.
+    expect(page.locator("#fit-says")).to_contain_text(re.compile("processor time|is in the library"))
     assert page.input_value("#fit-wear-energy_coefficient-to") == "4e-4 mm³/J", page.input_value("#fit-wear-energy_coefficient-to")
     page.click("#submit-fit:enabled")
     page.wait_for_selector("#estimates", timeout=120_000)
