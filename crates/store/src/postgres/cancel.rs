@@ -69,9 +69,9 @@ async fn cancel_run(tx: &mut Transaction<'_>, run: RunId, is_study: bool) -> Res
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(()) };
     if row.text("state")? == Some(JobState::Canceled.as_str()) {
-        ended_by(tx, run, &row, Ending::Canceled).await?;
+        ended_by(tx, [(&run, &row)], Ending::Canceled).await?;
     } else {
-        follow(tx, run).await?;
+        follow(tx, &[run.0]).await?;
         tx.effects.push(Effect::Unwanted(run));
     }
     Ok(())

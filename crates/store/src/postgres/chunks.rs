@@ -97,7 +97,7 @@ async fn start(tx: &mut Transaction<'_>, run: RunId) -> Result<()> {
         run
     );
     tx.db.execute(query).await?;
-    follow(tx, run).await
+    follow(tx, &[run.0]).await
 }
 
 pub(crate) async fn finish_chunk(
