@@ -1,4 +1,4 @@
-//! Draws Figures 2, 3 and 4 of the paper, and the figures of VERIFICATION.md and docs/scale.md. Prints tables of the numbers of the paper's
+//! Draws Figures 2, 3 and 4 of the paper, and the figures of VERIFICATION.md. Prints tables of the numbers of the paper's
 //! figures: `cargo run --release --example figures [directory]` (`examples` if none is given).
 
 #![cfg_attr(not(test), expect(clippy::expect_used, reason = "an example may stop where it stands"))]
@@ -40,7 +40,7 @@ fn main() {
 
 /// The figures under their file names.
 #[must_use]
-pub fn sheets() -> [(&'static str, Sheet); 7] {
+pub fn sheets() -> [(&'static str, Sheet); 6] {
     [
         ("paper/figure-2.svg", figure_2()),
         ("paper/figure-3.svg", figure_3()),
@@ -48,7 +48,6 @@ pub fn sheets() -> [(&'static str, Sheet); 7] {
         ("literature/fouvry-2007.svg", gross_slip()),
         ("literature/mccoll-2004.svg", worn_flat()),
         ("literature/van-peteghem-2011.svg", titanium()),
-        ("../docs/snapshot.svg", snapshot()),
     ]
 }
 
@@ -97,40 +96,6 @@ fn gross_slip() -> Sheet {
             ..Figure::default()
         }],
         legend: Vec::new(),
-    }
-}
-
-/// The queue in PostgreSQL with and without an open transaction: jobs per second, and what the transaction keeps.
-fn snapshot() -> Sheet {
-    let measured = rows(include_str!("../benches/snapshot.csv"));
-    let column = |number: usize, scale: f64| {
-        let points = measured.iter().map(|row| (row[0] / 60.0, scale * row[number]));
-        points.unzip::<_, _, Vec<_>, Vec<_>>()
-    };
-    let curve = |label, number, scale| {
-        let (x, y) = column(number, scale);
-        Series::new(label, x, y)
-    };
-    let figure = |y, top, series| Figure {
-        x: Axis::labelled("Time (min)"),
-        y: Axis { range: Some((0.0, top)), ..Axis::labelled(y) },
-        series,
-        size: SIZE,
-        ..Figure::default()
-    };
-    let rates = vec![curve("no open transaction", 1, 1.0), curve("open transaction", 2, 1.0)];
-    let top = measured.iter().map(|row| 1.1 * row[1].max(row[2])).fold(0.0, f64::max);
-    let kept = measured.iter().map(|row| row[3].max(row[4])).fold(0.0, f64::max) * 1.1e-3;
-    Sheet {
-        title: "Short jobs while a transaction stays open in PostgreSQL".to_owned(),
-        caption: "Two servers and two databases on two processors, at the same time. The age of the snapshot is the time."
-            .to_owned(),
-        columns: 2,
-        figures: vec![
-            figure("Computed jobs per second", top, rates.clone()),
-            figure("Dead rows (1000)", kept, vec![curve("", 3, 1e-3), curve("", 4, 1e-3)]),
-        ],
-        legend: rates,
     }
 }
 

@@ -63,7 +63,7 @@ async fn cancel_run(tx: &mut Transaction<'_>, run: RunId, is_study: bool) -> Res
     let query = sql!(
         "UPDATE run SET finished = CASE WHEN state = 'queued' OR $2 THEN moment() END, changed = moment(),
              state = CASE WHEN state = 'queued' OR $2 THEN 'canceled' ELSE 'canceling' END
-         WHERE id = $1 AND state IN ('queued', 'running')
+         WHERE id = $1 AND state <> 'canceling' AND finished IS NULL
          RETURNING key, state, NULL::BIGINT AS started, finished, $2 AS study";
         run, is_study
     );

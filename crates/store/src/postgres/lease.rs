@@ -101,7 +101,7 @@ pub(super) async fn renew(
          )
          UPDATE lease SET expires = moment() + $4 FROM own
          WHERE lease.run = own.run AND lease.number = own.number
-             AND EXISTS (SELECT 1 FROM run WHERE id = lease.run AND state = 'running')
+             AND EXISTS (SELECT 1 FROM run WHERE id = lease.run AND state NOT IN ('queued', 'canceling') AND finished IS NULL)
          RETURNING lease.run AS run, lease.number AS number",
     )
     .bind(&node.id)

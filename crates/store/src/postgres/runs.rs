@@ -2,10 +2,12 @@
 //!
 //! Each statement that changes a run compares the number of the attempt. So a worker that has lost its run changes
 //! nothing.
+//!
+//! A statement that finds runs by their ids does not say that their state is `queued` or `running`, but excludes all other
+//! states. Otherwise PostgreSQL may choose the partial index `run_live`, which has many dead entries while an old
+//! snapshot is open.
 
 use std::collections::HashMap;
-
-use sqlx::AssertSqlSafe;
 
 use super::Database;
 use super::chunks;
@@ -26,11 +28,6 @@ use fretwork_job::{ENGINE, FailureKind, JobState};
 
 /// Maximum number of attempts to claim a part. An attempt fails if other workers claim all the parts that it has found.
 const TRIES: usize = 4;
-
-/// The conditions that a run is queued or running. The usual words for them are those of partial indexes, which have
-/// many dead entries while an old snapshot is open. So PostgreSQL must not read the runs by such an index.
-const IS_QUEUED: &str = "run.state NOT IN ('running', 'canceling') AND run.finished IS NULL";
-const IS_RUNNING: &str = "run.state NOT IN ('queued', 'canceling') AND run.finished IS NULL";
 
 impl Database {
     /// Revokes all expired leases.
@@ -95,8 +92,8 @@ async fn claim_in_turn(
     most: usize,
 ) -> Result<Vec<Claimed>> {
     let mut claims: Vec<Claimed> = Vec::new();
-    let is_piece = |claimed: &Claimed| claimed.part().1.is_some();
-    while claims.len() < most && !claims.iter().any(is_piece) {
+    let is_alone = |claimed: &Claimed| claimed.part().1.is_some() || claimed.attempt > 1;
+    while claims.len() < most && !claims.iter().any(is_alone) {
         let shares = turns.shares(most - claims.len());
         if shares.is_empty() {
             break;
@@ -106,6 +103,9 @@ async fn claim_in_turn(
             let found = claim_of(tx, owner, share, claims.is_empty()).await?;
             owner.running += found.len() as u64;
             claims.extend(found);
+            if claims.iter().any(is_alone) {
+                break;
+            }
         }
     }
     for claimed in &claims {
@@ -114,13 +114,13 @@ async fn claim_in_turn(
     Ok(claims)
 }
 
-/// Claims up to `most` of the most urgent runs of an owner. If a piece of a study is more urgent, claims only that piece
-/// if `may_be_piece` is true, and nothing otherwise.
+/// Claims up to `most` of the most urgent runs of an owner. A piece of a study, or a run that was lost, is claimed alone, if
+/// `is_first` is true.
 async fn claim_of(
     tx: &mut Transaction<'_>,
     waiting: &mut Waiting,
     most: usize,
-    may_be_piece: bool,
+    is_first: bool,
 ) -> Result<Vec<Claimed>> {
     let next = sqlx::query(
         "SELECT next.* FROM unnest($3::BYTEA[]) WITH ORDINALITY AS place (first, number) CROSS JOIN LATERAL (
@@ -137,8 +137,8 @@ async fn claim_of(
         return Ok(Vec::new());
     };
     let claims = if !next.get::<bool>("study")? {
-        claim_whole(tx, waiting, next.get::<u8>("priority")?, most).await?
-    } else if may_be_piece {
+        claim_whole(tx, waiting, next.get::<u8>("priority")?, (most, is_first)).await?
+    } else if is_first {
         chunks::claim(tx, RunId(next.get("run")?)).await?.into_iter().collect()
     } else {
         Vec::new()
@@ -153,13 +153,13 @@ async fn claim_whole(
     tx: &mut Transaction<'_>,
     waiting: &mut Waiting,
     priority: u8,
-    most: usize,
+    (most, is_first): (usize, bool),
 ) -> Result<Vec<Claimed>> {
     // The limit is a part of the text, because it decides the plan of the query. There are few different ones.
     let query = format!(
         "SELECT run.id AS run, lost, job.id AS job FROM job JOIN run ON run.id = job.run
          WHERE claimable = $1 AND job.owner = $2 AND priority = $3 AND NOT study AND job.id >= $4
-             AND {IS_QUEUED}
+             AND run.state NOT IN ('running', 'canceling') AND run.finished IS NULL
          ORDER BY job.id LIMIT {} FOR NO KEY UPDATE OF run SKIP LOCKED",
         1 << most.ilog2()
     );
@@ -173,7 +173,7 @@ async fn claim_whole(
     for row in tx.db.rows(query).await? {
         // A run that was lost may have killed its node. It is claimed alone, so that it takes no other run with it.
         let was_lost = row.get::<u32>("lost")? > 0;
-        if was_lost && !runs.is_empty() {
+        if was_lost && !(runs.is_empty() && is_first) {
             break;
         }
         runs.push(row.get::<i64>("run")?);
@@ -209,7 +209,8 @@ pub(crate) async fn progress(
     };
     let query = sql!(
         "UPDATE lease SET progress = $3 WHERE run = $1 AND number = -1 AND attempt = $2
-             AND EXISTS (SELECT 1 FROM run WHERE id = $1 AND attempt = $2 AND state = 'running')";
+             AND EXISTS (SELECT 1 FROM run WHERE id = $1 AND attempt = $2 AND state NOT IN ('queued', 'canceling')
+                 AND finished IS NULL)";
         run, attempt, *share
     );
     if tx.db.changed_by(query).await? == 0 {
@@ -232,23 +233,18 @@ pub(crate) async fn finish(
             digests.push(answer.digest.as_slice());
         }
     }
-    let rows = format!(
+    let rows = sqlx::query(
         "UPDATE run SET state = 'succeeded', progress = 1, finished = moment(), changed = moment(),
              recomputed = (SELECT CASE WHEN digest = ended.digest THEN 'same' WHEN evicted IS NULL THEN 'differs'
                  ELSE 'replaced' END FROM result WHERE result.key = run.key)
          FROM unnest($1::BIGINT[], $2::BIGINT[], $3::BYTEA[]) AS ended (run, attempt, digest)
-         WHERE id = ended.run AND run.attempt = ended.attempt AND {IS_RUNNING}
+         WHERE id = ended.run AND run.attempt = ended.attempt AND state NOT IN ('queued', 'canceling') AND finished IS NULL
          RETURNING id, key, started, finished, owner, warnings, EXISTS (SELECT 1 FROM study WHERE run = id) AS study,
              (SELECT (array_agg(job.id ORDER BY job.id))[1] FROM job WHERE job.run = run.id) AS first_job,
              (SELECT result.digest = ended.digest FROM result WHERE result.key = run.key) AS same,
              (SELECT evicted IS NULL FROM result WHERE result.key = run.key) AS held",
     );
-    let rows = sqlx::query(AssertSqlSafe(rows))
-        .bind(&runs)
-        .bind(attempts)
-        .bind(digests)
-        .fetch_all(tx.db.connection())
-        .await?;
+    let rows = rows.bind(&runs).bind(attempts).bind(digests).fetch_all(tx.db.connection()).await?;
     let mut rows: HashMap<_, _> = rows
         .into_iter()
         .map(|row| Ok((RunId(row.get("id")?), Row::Postgres(row))))
@@ -326,7 +322,7 @@ async fn requeue(
     // `started` is null after the update, and a released run does not count in the durations.
     let query = sql!(
         "UPDATE run SET state = 'queued', progress = 0, started = NULL, changed = moment(), lost = lost - $3
-         WHERE id = $1 AND attempt = $2 AND state = 'running'
+         WHERE id = $1 AND attempt = $2 AND state NOT IN ('queued', 'canceling') AND finished IS NULL
          RETURNING key, started, finished, FALSE AS study";
         run, attempt, uncounted
     );
@@ -350,7 +346,7 @@ async fn fail_run(
              progress = coalesce(
                  (SELECT progress FROM lease WHERE lease.run = id AND number = -1),
                  (SELECT least(done, chunks)::DOUBLE PRECISION / chunks FROM study WHERE study.run = id), 0)
-         WHERE id = $1 AND attempt = $2 AND state = 'running'
+         WHERE id = $1 AND attempt = $2 AND state NOT IN ('queued', 'canceling') AND finished IS NULL
          RETURNING key, started, finished, EXISTS (SELECT 1 FROM study WHERE run = id) AS study";
         run, attempt, kind.as_str(), message.replace('\0', " ")
     );
