@@ -1,23 +1,26 @@
 //! Sends requests to a server.
 
 use std::fs;
+use std::io::{self, Write as _};
 use std::thread::sleep;
 use std::time::Duration;
 
 use serde_json::Value;
 use ureq::http::Request;
+use ureq::http::request::Builder;
 use ureq::tls::{RootCerts, TlsConfig};
 use ureq::{Agent, Error as Failure};
+use uuid::Uuid;
 
 use super::listening::reachable;
 use super::printing::Error;
 use crate::config::Remote;
 
 /// Maximum time to connect, and to wait for an answer that needs no computation.
-pub const TIMEOUT: Duration = Duration::from_secs(5);
+const TIMEOUT: Duration = Duration::from_secs(5);
 /// How often a request is sent again if the server is busy.
 const RETRIES: u32 = 5;
-/// Longest pause before a request is sent again, in seconds.
+/// Longest pause before a request is sent again, in seconds. The user decides about a longer one.
 const LONGEST_PAUSE: u64 = 60;
 /// Largest answer in bytes. The largest result is smaller.
 const LARGEST: u64 = 1 << 30;
@@ -43,13 +46,22 @@ impl Client {
         let listen = format!("http://{}", reachable(settings.listen));
         let base = settings.url.as_ref().unwrap_or(&listen).trim_end_matches('/').to_owned();
         if !base.starts_with("http://") && !base.starts_with("https://") {
-            return Err(format!("{base} must begin with http:// or https://").into());
+            let better = base.trim_end_matches("/v1");
+            return Err(format!(
+                "{base} must begin with http:// or https://, such as http://{better}"
+            )
+            .into());
         }
-        let in_file = settings.key_file.as_ref().map(|file| {
-            let key = fs::read_to_string(file);
-            key.map_err(|error| format!("cannot read {}: {error}", file.display()))
-        });
-        let key = settings.key.as_ref().map(|key| key.0.clone()).or(in_file.transpose()?);
+        if let Some(better) = base.strip_suffix("/v1") {
+            return Err(format!("{base} must be the address of the server: {better}").into());
+        }
+        let key = match (&settings.key, &settings.key_file) {
+            (None, Some(file)) => {
+                let key = fs::read_to_string(file);
+                Some(key.map_err(|error| format!("cannot read {}: {error}", file.display()))?)
+            }
+            (key, _) => key.as_ref().map(|key| key.0.clone()),
+        };
         // An earlier call has installed the same provider.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let tls = TlsConfig::builder().root_certs(RootCerts::PlatformVerifier).build();
@@ -66,15 +78,21 @@ impl Client {
         Ok(Self { base, agent, key: key.map(|key| key.trim().to_owned()) })
     }
 
-    /// Sends a request once.
-    pub fn send(
+    /// Sends a GET request once.
+    pub fn get(&self, path: &str) -> Result<Reply, Error> {
+        self.send(self.request("GET", path), None, TIMEOUT)
+    }
+
+    fn request(&self, method: &str, path: &str) -> Builder {
+        Request::builder().method(method).uri(format!("{}{path}", self.base))
+    }
+
+    fn send(
         &self,
-        method: &str,
-        path: &str,
+        mut request: Builder,
         body: Option<&[u8]>,
         timeout: Duration,
     ) -> Result<Reply, Error> {
-        let mut request = Request::builder().method(method).uri(format!("{}{path}", self.base));
         if let Some(key) = &self.key {
             request = request.header("authorization", format!("Bearer {key}"));
         }
@@ -95,19 +113,24 @@ impl Client {
         Ok(Reply { status, body, retry_after })
     }
 
-    /// Sends a request, and sends it again while the server is busy. Returns an answer of success.
+    /// Sends a request, and sends it again while the server is busy. Returns an answer of success. All requests may arrive
+    /// twice: their key makes two submissions one job, and what is canceled twice is canceled.
     pub fn call(
         &self,
         method: &str,
         path: &str,
         body: Option<&[u8]>,
     ) -> Result<Result<Reply, Refusal>, Error> {
+        let once = Uuid::now_v7().to_string();
         for attempt in 0.. {
-            let reply = self.send(method, path, body, Duration::from_mins(2))?;
-            match reply.retry_after {
-                _ if reply.status < 300 => return Ok(Ok(reply)),
-                Some(seconds) if attempt < RETRIES => {
-                    sleep(Duration::from_secs(seconds.clamp(1, LONGEST_PAUSE)));
+            let request = self.request(method, path).header("idempotency-key", &once);
+            let reply = self.send(request, body, Duration::from_mins(2))?;
+            let pause = reply.retry_after.unwrap_or(1).max(1);
+            match reply.status {
+                0..300 => return Ok(Ok(reply)),
+                429 | 503 if attempt < RETRIES && pause <= LONGEST_PAUSE => {
+                    writeln!(io::stderr(), "the server is busy; next attempt in {pause} s")?;
+                    sleep(Duration::from_secs(pause));
                 }
                 _ => return Ok(Err(Refusal::of(&reply))),
             }
@@ -117,7 +140,7 @@ impl Client {
 
     /// The version of the server, if it is another one.
     pub fn other_version(&self) -> Result<Option<String>, Error> {
-        let reply = self.send("GET", "/version", None, TIMEOUT)?;
+        let reply = self.get("/version")?;
         let answer: Value = serde_json::from_slice(&reply.body).unwrap_or_default();
         let version = answer["version"].as_str();
         Ok(version.filter(|it| *it != env!("CARGO_PKG_VERSION")).map(str::to_owned))
@@ -130,10 +153,24 @@ impl Client {
             Failure::Timeout(_) => {
                 format!("the server at {base} does not answer within {timeout:?}")
             }
+            Failure::Io(error) if error.to_string().contains("InvalidContentType") => format!(
+                "the server at {base} does not speak TLS. Enter an address that begins with http://"
+            ),
+            Failure::Io(error) if is_of_tls(error) => format!(
+                "{base} is not secure: {error}. Name the certificates of your own authority in SSL_CERT_FILE"
+            ),
             Failure::BadUri(_) | Failure::Http(_) => format!("{base} is not a URL: {error}"),
-            _ => format!("no server answers at {base}: {error}. Check FRETWORK_URL"),
+            _ => format!(
+                "no server answers at {base}: {error}. Start `fretwork`, or enter the address of a running server in \
+                 the environment variable FRETWORK_URL"
+            ),
         }
     }
+}
+
+/// Whether the certificate of a server is not trusted, or TLS failed otherwise.
+fn is_of_tls(error: &io::Error) -> bool {
+    matches!(error.get_ref(), Some(cause) if cause.is::<rustls::Error>())
 }
 
 /// Why a server refused a request.
@@ -161,7 +198,9 @@ impl Refusal {
             None => format!("the server answers {}. Check FRETWORK_URL", reply.status),
         };
         if reply.status == 401 {
-            line += " Enter it in FRETWORK_KEY or FRETWORK_KEY_FILE.";
+            // The advice of the server is for users of its API.
+            let reason = line.split(" Send ").next().unwrap_or_default();
+            line = format!("{reason} Enter a key in FRETWORK_KEY or FRETWORK_KEY_FILE.");
         }
         Self { code, lines: vec![line] }
     }

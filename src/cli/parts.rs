@@ -17,7 +17,7 @@ use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::printing::Error;
+use super::printing::{Error, Progress};
 use super::study;
 use crate::config::Part;
 use fretwork_job::{Answer, Prepared, Submission, Task};
@@ -123,7 +123,8 @@ pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Resul
     let file = Mutex::new(file);
     let keep = |number, rows| file.lock().write_all(&line(&Chunk { number, rows })?);
     let computed = missing.len();
-    study::chunks(study, &missing, &Rows::default(), all - computed..all, keep)?;
+    let progress = (&mut Progress::new(), all - computed..all);
+    study::chunks(study, &missing, &Rows::default(), progress, keep)?;
     file.into_inner().sync_all().map_err(unusable)?;
     writeln!(io::stderr(), "part {part}: {all} chunks, {} of them known already", all - computed)?;
     Ok(ExitCode::SUCCESS)

@@ -1,6 +1,7 @@
 //! How commands print to standard output, and errors to standard error.
 
-use std::io::{self, Write as _};
+use std::io::{self, IsTerminal as _, Write as _};
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
@@ -25,6 +26,44 @@ pub fn print(text: &[u8]) -> Result<(), Error> {
     match out.write_all(text).and_then(|()| out.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),
+    }
+}
+
+/// Characters in the bar of the progress.
+const WIDTH: usize = 40;
+/// Time before the first bar, so that short computations show none.
+const QUIET: Duration = Duration::from_secs(1);
+/// Minimum time between two bars.
+const INTERVAL: Duration = Duration::from_millis(200);
+
+/// The progress of a computation, as a bar on standard error if that is a terminal. The bar vanishes when this is dropped.
+pub struct Progress {
+    pub is_terminal: bool,
+    is_shown: bool,
+    next: Instant,
+}
+
+impl Progress {
+    pub fn new() -> Self {
+        let is_terminal = io::stderr().is_terminal();
+        Self { is_terminal, is_shown: false, next: Instant::now() + QUIET }
+    }
+
+    /// Shows the part that is done, from 0 to 1. An error is ignored, because progress is optional.
+    pub fn show(&mut self, done: f64) {
+        if self.is_terminal && Instant::now() > self.next {
+            (self.is_shown, self.next) = (true, Instant::now() + INTERVAL);
+            let bar = "#".repeat((done * WIDTH as f64) as usize);
+            let _ = write!(io::stderr(), "\r[{bar:<WIDTH$}] {:3.0} %", 100.0 * done);
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if self.is_shown {
+            let _ = write!(io::stderr(), "\r{:<1$}\r", "", WIDTH + 8);
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::io::{self, IsTerminal as _, Write as _};
+use std::io::{self, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -10,7 +10,7 @@ use serde_json::value::RawValue;
 use serde_json::{Value, json};
 
 use super::client::{Client, Refusal, Reply};
-use super::printing::{Error, print};
+use super::printing::{Error, Progress, print};
 use super::run::{listed, read_job, write_result};
 use crate::config::{Evaluate, Get, List, OneJob, Remote, Submit};
 use fretwork_job::TaskKind;
@@ -141,8 +141,8 @@ fn line(job: &Value) -> String {
 
 /// Waits for the end of a job and prints its line. Returns the exit code.
 fn end(client: &Client, id: &str) -> Result<u8, Error> {
-    let is_terminal = io::stderr().is_terminal();
-    let wait = if is_terminal { TERMINAL_WAIT } else { LOG_WAIT };
+    let mut progress = Progress::new();
+    let wait = if progress.is_terminal { TERMINAL_WAIT } else { LOG_WAIT };
     loop {
         let reply = match client.call("GET", &format!("/v1/jobs/{id}?wait={wait}"), None)? {
             Ok(reply) => reply,
@@ -154,16 +154,11 @@ fn end(client: &Client, id: &str) -> Result<u8, Error> {
             Some("failed") => 3,
             Some("canceled") => 4,
             _ => {
-                if is_terminal {
-                    let percent = 100.0 * job["progress"].as_f64().unwrap_or(0.0);
-                    write!(io::stderr(), "\r{percent:4.0} %")?;
-                }
+                progress.show(job["progress"].as_f64().unwrap_or(0.0));
                 continue;
             }
         };
-        if is_terminal {
-            write!(io::stderr(), "\r      \r")?;
-        }
+        drop(progress);
         print(line(&job).as_bytes())?;
         if let Some(detail) = job["error"]["detail"].as_str() {
             writeln!(io::stderr(), "{detail}")?;

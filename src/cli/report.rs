@@ -14,7 +14,12 @@ pub fn report(settings: &Report) -> Result<ExitCode, Error> {
     }
     let entries = settings.files.iter().map(|file| {
         let entry = Entry::read(&read(file)?, &About::default(), settings.units == "engineering");
-        entry.map_err(|error| Error::from(format!("{}: {error}", file.display())))
+        entry.map_err(|error| {
+            let file = file.display();
+            Error::from(format!(
+                "{file}: {error}. Enter a .json file that `run` or `get` has written"
+            ))
+        })
     });
     let html = page(&entries.collect::<Result<Vec<_>, _>>()?)?;
     match &settings.file {

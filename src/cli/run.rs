@@ -10,7 +10,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::parts;
-use super::printing::{Error, print, shown};
+use super::printing::{Error, Progress, print, shown};
 use super::study;
 use crate::config::{Change, Output, Run};
 use fretwork_engine::request::fault::{Fault, Faults};
@@ -18,9 +18,6 @@ use fretwork_format::report::{self, About, Entry};
 use fretwork_format::{self as format, Format, Part, View};
 use fretwork_job::{Answer, Prepared, Submission, Task, TaskKind, clock};
 use fretwork_json::BadBody;
-
-/// Minimum time between two updates of the progress on a terminal.
-const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Computes job bodies. The exit code is 2 if one of them is invalid. The others are computed anyway.
 pub fn run(settings: &Run) -> Result<ExitCode, Error> {
@@ -181,25 +178,15 @@ pub fn read(file: &Path) -> Result<Vec<u8>, Error> {
     read.map_err(|error| format!("cannot read {}: {error}", file.display()).into())
 }
 
-/// Computes the result. Shows the progress if standard error is a terminal.
+/// Computes the result, and shows the progress.
 pub fn compute(prepared: &Prepared) -> Result<(Answer, Duration), Error> {
     let started = Instant::now();
     if let Task::Study(study) = &prepared.task {
         let answer = Answer::of_study(prepared.key, study, &study::compute(study)?);
         return Ok((answer, started.elapsed()));
     }
-    let mut shown = None;
-    let mut err = io::stderr();
-    let answer = prepared.compute(|progress| {
-        if err.is_terminal() && shown.unwrap_or(started).elapsed() > PROGRESS_INTERVAL {
-            shown = Some(Instant::now());
-            // Progress is optional: an error here does not stop the run.
-            let _ = write!(err, "\r{:4.0} %", progress * 100.0);
-        }
-    });
-    if shown.is_some() {
-        write!(err, "\r      \r")?;
-    }
+    let mut progress = Progress::new();
+    let answer = prepared.compute(|done| progress.show(done));
     Ok((answer, started.elapsed()))
 }
 

@@ -1,7 +1,7 @@
 //! The command `run` for studies: computes a study without a server, on all processor cores.
 
 use std::collections::BTreeMap;
-use std::io::{self, IsTerminal as _, Write as _};
+use std::io;
 use std::iter;
 use std::ops::Range;
 use std::sync::Arc;
@@ -11,22 +11,22 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use super::printing::Error;
+use super::printing::{Error, Progress};
 use fretwork_study::{Points, Rows, Study};
 
-/// Time between two updates of the progress on a terminal.
-const PROGRESS_INTERVAL: Duration = Duration::from_millis(500);
+/// How often the number of finished chunks is read.
+const PROGRESS_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Computes all rows on all cores, one stage after another. Shows the progress if standard error is a terminal.
+/// Computes all rows on all cores, one stage after another, and shows the progress.
 pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
     let count = study.chunks();
-    let (mut all, mut first) = (Rows::default(), 0);
+    let (mut all, mut first, mut progress) = (Rows::default(), 0, Progress::new());
     while first < count {
         let is_same_stage = |number: &usize| study.earlier_chunks(*number, count) <= first;
         let end = (first..count).take_while(is_same_stage).last().map_or(count, |last| last + 1);
         let stage = Mutex::new(BTreeMap::new());
         let numbers: Vec<_> = (first..end).collect();
-        chunks(study, &numbers, &all, first..count, |number, rows| {
+        chunks(study, &numbers, &all, (&mut progress, first..count), |number, rows| {
             stage.lock().insert(number, rows);
             Ok(())
         })?;
@@ -44,7 +44,7 @@ pub fn chunks(
     study: &Arc<Study>,
     numbers: &[usize],
     earlier: &Rows,
-    span: Range<usize>,
+    (progress, span): (&mut Progress, Range<usize>),
     keep: impl Fn(usize, Rows) -> io::Result<()> + Sync,
 ) -> Result<(), Error> {
     let next = AtomicUsize::new(0);
@@ -60,15 +60,10 @@ pub fn chunks(
     let cores = thread::available_parallelism().map_or(1, usize::from);
     let done = thread::scope(|scope| {
         let workers: Vec<_> = (0..cores.min(numbers.len())).map(|_| scope.spawn(work)).collect();
-        let is_terminal = io::stderr().is_terminal();
-        while is_terminal && workers.iter().any(|worker| !worker.is_finished()) {
+        while progress.is_terminal && workers.iter().any(|worker| !worker.is_finished()) {
             let done = span.start + next.load(Ordering::Relaxed).min(numbers.len());
-            // Progress is optional: an error here does not stop the study.
-            let _ = write!(io::stderr(), "\r{:4.0} %", done as f64 / span.end as f64 * 100.0);
+            progress.show(done as f64 / span.end as f64);
             thread::sleep(PROGRESS_INTERVAL);
-        }
-        if is_terminal {
-            let _ = write!(io::stderr(), "\r      \r");
         }
         let done = workers.into_iter().map(ScopedJoinHandle::join);
         done.collect::<Result<Vec<io::Result<()>>, _>>()

@@ -33,7 +33,7 @@ macro_rules! examples {
     };
 }
 
-/// Fretting wear of round and line contacts, as a service with a shared result cache.
+/// Fretting wear of round and line contacts, as a service with a result cache.
 ///
 /// Without a command, the server starts. `fretwork serve --help` lists its options.
 #[derive(Debug, Parser)]
@@ -74,7 +74,7 @@ pub enum Command {
     /// test. A row without a measured number is predicted too.
     #[command(after_help = examples!("fit"))]
     Fit(Fit),
-    /// Write the report of a result as an HTML page to print, or a comparison of runs.
+    /// Write the report of a result, or a comparison of runs, as HTML.
     #[command(after_help = examples!("report"))]
     Report(Report),
     /// Submit input files to a server.
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn the_short_help_fits_on_a_screen_and_shows_no_option_of_the_server() {
-        let help = command().term_width(100).render_help().to_string();
+        let help = command().term_width(80).render_help().to_string();
         assert!(help.lines().count() <= 40, "{help}");
         assert!(!help.contains("--listen <") && help.contains("  submit "), "{help}");
     }

@@ -12,6 +12,7 @@ use super::values::{Secret, resolve};
 #[derive(Debug, Args)]
 pub struct Remote {
     /// Base address of the server, http:// or https:// [default: the address in `FRETWORK_LISTEN`, on this machine].
+    /// SSL_CERT_FILE names the certificates of an own authority.
     #[arg(long, env = "FRETWORK_URL")]
     pub url: Option<String>,
     /// Address of the server if no URL is given.
@@ -21,8 +22,8 @@ pub struct Remote {
     /// An access key. Prefer the environment variable, because other users can see the command line.
     #[arg(long, env = "FRETWORK_KEY", hide_env_values = true)]
     pub key: Option<Secret>,
-    /// A file with an access key.
-    #[arg(long, env = "FRETWORK_KEY_FILE", value_name = "FILE", conflicts_with = "key")]
+    /// A file with an access key, which applies without `--key`.
+    #[arg(long, env = "FRETWORK_KEY_FILE", value_name = "FILE")]
     pub key_file: Option<PathBuf>,
 }
 

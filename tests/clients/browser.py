@@ -104,7 +104,7 @@ class Browser:
             context.add_init_script(before)
         page = context.new_page()
         page.set_default_timeout(15000)
-        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("pageerror", lambda error: self.errors.append(f"{page.url}: {error.message} {error.stack}"))
         page.on("console", self.record_message)
         page.on("request", lambda request: request.url.startswith((base, "blob:", "data:"))
             or self.errors.append(f"request to {request.url}"))

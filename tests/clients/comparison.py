@@ -96,7 +96,7 @@ def compare(page, base, keys, results):
 
 
 def baseline(page, results):
-    """A press on a heading makes it the baseline. The letters, and so the colours, stay with the runs."""
+    """A button makes a run the baseline. The letters, and so the colours, stay with the runs."""
     page.get_by_role("button", name="D: Heavier load. Make it the baseline").press("Enter")
     assert letters(page) == list("DABCE") and "letters=DABCE" in page.url, page.url
     expect(page.locator("#compared thead .name").first).to_be_focused()

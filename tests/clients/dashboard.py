@@ -211,7 +211,7 @@ def hostile_address(browser, key):
         page.goto(f"{BASE}/#/{view}")
         page.wait_for_selector("main:not([aria-busy])")
     posts = [path for method, path in sent if method == "POST" and path not in ("/v1/scenarios", "/v1/evaluate")]
-    assert posts == [f"/v1/results/{key}/links"], posts
+    assert posts == [f"/v1/results/{key}/links?expires_in=30d"], posts
     known = re.compile(rf"/|/#.*|/healthz|/assets/.*|/v1/(me|results/{key}.*|jobs[?].*|jobs/[0-9a-f-]{{36}}[?].*|scenarios|evaluate|examples|schema/scenario)")
     strange = [path for _, path in sent if not known.fullmatch(path)]
     assert not strange, strange

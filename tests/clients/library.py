@@ -76,7 +76,7 @@ def columns(page):
     expect(page.get_by_role("columnheader", name="Scar radius")).to_have_count(0)
     page.click("summary:has-text('Columns')")
     page.get_by_label("Scar radius").check()
-    page.get_by_label("Computed").uncheck()
+    page.get_by_role("checkbox", name="Computed").uncheck()
     page.keyboard.press("Escape")
     for visit in ("first", "second"):
         expect(page.get_by_role("columnheader", name="Scar radius")).to_have_count(1)
@@ -147,16 +147,17 @@ def rename(page, base):
 
 
 def table(page, base):
-    """The CSV has all found results, or the selected ones."""
+    """The CSV has all found results, or the selected ones, in the order of the table."""
     page.get_by_role("button", name="Clear selection").click()
-    rows = list(csv.DictReader(downloaded(page, page.get_by_role("button", name="CSV of all").click).decode().splitlines()))
-    found = listed(base, q=TAG)
+    page.get_by_role("columnheader", name="Wear depth").get_by_role("button").click()
+    rows = list(csv.DictReader(downloaded(page, page.get_by_role("button", name="CSV of all found").click).decode().splitlines()))
+    found = listed(base, q=TAG, sort="-wear_depth")
     assert [row["key"] for row in rows] == [entry["key"] for entry in found]
     depths = [float(row["wear_depth[m]"]) if row["wear_depth[m]"] else None for row in rows]
     assert depths == [entry["values"]["wear_depth"] for entry in found], depths
     choose(page, "Okapi", "Sample 7, Zebra")
     rows = list(csv.DictReader(downloaded(page, page.get_by_role("button", name="CSV of selection").click).decode().splitlines()))
-    assert sorted(row["label"] for row in rows) == ["Okapi", "Sample 7, Zebra"], rows
+    assert [row["label"] for row in rows] == [entry["label"] for entry in found if entry["label"] in ("Okapi", "Sample 7, Zebra")], rows
 
 
 def delete(page, base):

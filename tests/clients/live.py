@@ -385,6 +385,8 @@ def keyboard(browser):
     page.keyboard.press("Enter")
     settled(page)
     assert "#/new" in page.url, page.url
+    # Ctrl+Enter keeps it, also with the focus on a button.
+    page.focus("#undo")
     page.keyboard.press("Control+Enter")
     page.wait_for_url("**/#/result/*", timeout=60000)
     assert get(f"/v1/results/{key_of(page)}")["scenario"]["friction"] == 0.62

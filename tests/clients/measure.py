@@ -141,6 +141,17 @@ def two_labs(browser, key):
     page.click("[aria-label='Remove lab A']")
     expect(page.locator("[data-set='lab A']")).to_have_count(0)
     assert marks.count() == 6
+    # Another run offers the set, and shows it only if the user wants it.
+    other = get("/v1/jobs?include=result", {"scenario": {**SCENARIO, "friction": 0.62}})["key"]
+    page.goto(f"{BASE}/#/result/{other}")
+    expect(page.locator("#other-sets")).to_contain_text("Measured for other runs: lab B.")
+    assert marks.count() == 0
+    page.get_by_role("button", name="Show them here too").click()
+    expect(page.locator("[data-set='lab B']")).to_have_count(1)
+    expect(page.locator("#other-sets")).to_be_hidden()
+    page.click("[aria-label='Remove lab B']")
+    page.goto(f"{BASE}/#/result/{key}")
+    expect(page.locator("[data-set='lab B']")).to_have_count(1)
     page.context.close()
 
 
@@ -208,7 +219,8 @@ def fitted(browser, key):
     add(page, "lab B", table("N;V [µm³]", CYCLES, measured(38, *TRUTH.values())))
     page.click("#fit-these")
     expect(page.locator("#fit-says")).to_contain_text("processor time")
-    assert page.is_checked("#fit-wear-coefficient") and page.is_checked("#fit-friction")
+    assert page.is_checked("#fit-wear-coefficient") and not page.is_checked("#fit-friction")
+    page.check("#fit-friction")
     assert page.input_value("#fit-wear-coefficient-from").startswith("3e-6 mm"), page.input_value("#fit-wear-coefficient-from")
     page.fill("#fit-friction-to", "much")
     expect(page.locator(".fit-row:has(#fit-friction) .fault")).not_to_be_empty()
@@ -242,7 +254,8 @@ def fitted(browser, key):
     page.wait_for_selector("#headline [data-value=wear_depth]")
     assert abs(float(page.input_value("#friction")) - fit["parameters"][1]["estimate"]) < 1e-9
     page.click("button.primary:has-text('Keep'):enabled")
-    page.wait_for_selector("[data-set='lab B']", timeout=60_000)
+    page.get_by_role("button", name="Show them here too").click(timeout=60_000)
+    page.wait_for_selector("[data-set='lab B']")
     assert "lab B agrees with the simulation" in verdict(page, "lab B"), verdict(page, "lab B")
     page.context.close()
 
@@ -258,7 +271,6 @@ def energy_law(browser):
     page.click("#fit-these")
     expect(page.locator("#fit-says")).to_contain_text("processor time")
     assert page.input_value("#fit-wear-energy_coefficient-to") == "4e-4 mm³/J", page.input_value("#fit-wear-energy_coefficient-to")
-    page.uncheck("#fit-friction")
     page.click("#submit-fit:enabled")
     page.wait_for_selector("#estimates", timeout=120_000)
     shown = page.locator("[data-estimate='/wear/energy_coefficient'] dd").inner_text().split("\n")[0]

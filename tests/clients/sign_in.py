@@ -12,6 +12,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 
 from playwright.sync_api import expect
 
@@ -249,7 +250,9 @@ def shared(browser, own):
     page.click("button.primary")
     page.wait_for_url("**/#/result/*")
     page.wait_for_selector("#headline dd")
+    page.select_option("#link-lifetime", label="for a day")
     link = share(page)
+    assert 23 < (int(re.search(r"link=(\d+)", link)[1]) - time.time()) / 3600 <= 24, link
     key = key_of(page)
     guest = browser.page(own.base)
     denied = []
@@ -285,6 +288,7 @@ def shared(browser, own):
     other.goto(share(page))
     other.wait_for_selector("#compared")
     assert other.locator("#compared").inner_text() == page.locator("#compared").inner_text()
+    expect(other.locator("#link-end")).to_contain_text("This link is valid until")
     # A link ends with the key of its maker.
     keys(own, "revoke", "dora")
     refused(page, own.base)

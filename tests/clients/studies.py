@@ -176,6 +176,9 @@ def bars(page, base):
     # The output is the wear coefficient itself, so no other number matters.
     assert list(read(page)) == ["Wear coefficient k_w", "total"], read(page)
     close(read(page)["total"], table["total"][1], 1e-2)
+    verdict = page.locator("[data-verdict='unworn.wear_coefficient']")
+    expect(verdict).to_contain_text("the wear coefficient matters most: alone and together with others it causes")
+    expect(verdict).to_contain_text("Without a visible effect: the friction coefficient.")
     page.select_option("#figure-kind", "scatter")
     plot(page).focus()
     page.keyboard.press("Home")
@@ -269,6 +272,7 @@ def distribution(page, base):
             shown = value(page.locator(f"[data-statistic={name}]").inner_text())
             assert low < shown < high, (output, name, low, shown, high)
         expect(page.locator("#ninety")).to_contain_text("90\u00a0% of the points of the sample lie between")
+        expect(page.locator("#certainty")).to_contain_text("points, the lower end is known to lie between")
     # The bars of the histogram contain all points.
     bars = page.locator("section[aria-label=Distribution] [role=slider]")
     bars.focus()

@@ -4,7 +4,7 @@
 
 import assert from "node:assert/strict";
 import { fieldText, kindAt } from "../../src/http/dashboard/kinds.js";
-import { useSi } from "../../src/http/dashboard/scaling.js";
+import { useSi } from "../../src/http/dashboard/system.js";
 import { readList, readNumber, understand } from "../../src/http/dashboard/typed.js";
 
 const scenario = { wear: {} };

@@ -81,7 +81,7 @@ impl Encrypted {
     }
 }
 
-fn authority() -> CertifiedIssuer<'static, KeyPair> {
+pub fn authority() -> CertifiedIssuer<'static, KeyPair> {
     let mut wanted = CertificateParams::new([]).unwrap();
     wanted.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
     CertifiedIssuer::self_signed(wanted, KeyPair::generate().unwrap()).unwrap()

@@ -32,6 +32,7 @@ mod access;
 mod api;
 mod audit;
 mod chunks;
+mod command_line;
 mod damage;
 mod database;
 mod derivatives;

@@ -13,11 +13,22 @@ const TRACE: &str =
     r#""shape":"table","radius":["-1 mm","0 mm","1 mm"],"height":["50 um",0,"50 um"]"#;
 
 /// What is replaced, what the user writes instead, and the fault in the words of the program.
-const MISTAKES: [(&str, &str, &str); 13] = [
+const MISTAKES: [(&str, &str, &str); 24] = [
     ("0.7", "\"0.7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
     ("0.7", "\"0,7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
-    ("0.7", "NaN", "NaN and Infinity are not JSON: enter a number, or leave the member out"),
-    ("0.7", "0,7", "enter a number with a decimal point and without spaces, such as 0.7"),
+    ("0.7", "NaN", "enter a number instead of NaN or Infinity, at line"),
+    ("0.7", "0,7", "enter numbers with a decimal point and without spaces, such as 0.7"),
+    ("0.7", ".7", "enter a number that begins with a digit, such as 0.7 at line"),
+    ("0.7", "0.7 // dry", "JSON has no comments: remove this one at line"),
+    ("{", "cycles;volume", "enter a JSON object, which begins with { at line 1"),
+    ("{", "\u{feff}{", "save the text in UTF-8, without a byte order mark at line 1"),
+    ("0.7", "True", "enter true, false or null, in lower case at line"),
+    ("0.7,", "0.7,}", "remove the comma before this bracket at line"),
+    ("\"friction\"", "'friction'", "enter names and texts in straight double quotes"),
+    ("\"sphere\"", "“sphere”", "enter names and texts in straight double quotes"),
+    ("]}}}", "]", "the text ends too early: close all brackets and quotation marks"),
+    ("[1,4,16]", "16", "must be a list or an object, not a number. Enter a list in brackets: […]"),
+    ("radius", "diameter", "Enter `radius`. It is half of the diameter."),
     ("0.7", "-0.7", "must be greater than 0, not -0.7"),
     ("friction", "mu", "unknown member `mu`. Enter `friction`."),
     ("friction", "frictoin", "unknown member `frictoin`. Did you mean `friction`?"),
@@ -37,7 +48,7 @@ const MISTAKES: [(&str, &str, &str); 13] = [
     (
         SPHERE,
         TRACE,
-        "Remove the other side, or let POST /v1/measurements?prepare=trace make the table",
+        "Remove the rows with negative radii, or let POST /v1/measurements?prepare=trace make the table",
     ),
 ];
 

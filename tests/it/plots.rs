@@ -228,7 +228,7 @@ fn a_figure_shows_the_selected_or_evenly_spaced_output_cycles() {
     assert!(legend("pressure", None).starts_with("Unworn, N = 316"));
     assert_eq!(legend("pressure", None).split(", ").count(), 6);
     let chosen = legend("wear", Some(&[100_000.0, 1000.0]));
-    assert_eq!(chosen, "N = 1000, N = 100000");
+    assert_eq!(chosen, "N = 1000, N = 100\u{202f}000");
     assert!(!legend("wear", None).contains("Unworn"));
 }
 

@@ -84,9 +84,21 @@ async fn a_report_has_inputs_numbers_figures_and_the_command_that_computes_it_ag
     assert_eq!(words(&root, "h1"), ["A ball"]);
     assert_eq!(words(&root, "figure").len(), 4);
     let inputs = words(&root, "dd");
-    for typed in ["10 mm", "2.256 um", &key, concat!("fretwork ", env!("CARGO_PKG_VERSION"))] {
+    for typed in [
+        "10\u{a0}mm",
+        "2.256\u{a0}µm",
+        "3.03×10⁻⁵\u{a0}mm³/(N\u{a0}m)",
+        &key,
+        concat!("fretwork ", env!("CARGO_PKG_VERSION")),
+    ] {
         assert!(inputs.iter().any(|input| input == typed), "{typed} {inputs:?}");
     }
+    let names = words(&root, "dt");
+    for name in ["Radius R", "Body 2: Young's modulus E", "Load: kept constant", "Amplitude U"] {
+        assert!(names.iter().any(|own| own == name), "{name} {names:?}");
+    }
+    let raw = ["mm^3", "um", "youngs", "_modulus"];
+    assert!(inputs.iter().chain(&names).all(|text| raw.iter().all(|raw| !text.contains(raw))));
     let result = server.get(&format!("/v1/results/{key}")).await.json();
     let last =
         |name: &str| result["history"][name].as_array().unwrap().last().unwrap().as_f64().unwrap();
@@ -165,17 +177,42 @@ async fn a_comparison_shows_what_differs_and_by_how_much() {
         "{differing}"
     );
     let volumes = [&first, &second].map(|key| format!("/v1/results/{key}"));
-    let mut values = Vec::new();
+    let (mut values, mut ratios) = (Vec::new(), Vec::new());
+    let (mut pressure, mut threshold) = (0.0, 0.0);
     for address in volumes {
         let result = server.get(&address).await.json();
-        values.push(
-            result["history"]["wear_volume"].as_array().unwrap().last().unwrap().as_f64().unwrap(),
-        );
+        let last = |name: &str| {
+            result["history"][name].as_array().unwrap().last().unwrap().as_f64().unwrap()
+        };
+        values.push(last("wear_volume"));
+        ratios.push(1e9 * last("wear_volume") / last("dissipated_energy"));
+        pressure = 1e-9 * result["unworn"]["peak_pressure"].as_f64().unwrap();
+        threshold = 1e6 * result["unworn"]["gross_slip_amplitude"].as_f64().unwrap();
     }
     let change = 100.0 * (values[1] / values[0] - 1.0);
-    let cells = row(&document, "Wear volume");
-    let shown = cells[2].split(", ").nth(1).unwrap().trim_end_matches("\u{a0}%");
+    let cells = row(&document, "Wear volume V");
+    let shown = cells[2].split("(+").nth(1).unwrap().trim_end_matches("\u{a0}%)");
     assert!((shown.parse::<f64>().unwrap() / change - 1.0).abs() < 5e-3, "{cells:?} {change}");
+    for (heading, expected, unit) in [
+        ("Wear volume per energy V/ΣW", &ratios, "mm³/J"),
+        ("Peak pressure, unworn", &vec![pressure; 2], "GPa"),
+        ("Gross-slip threshold", &vec![threshold; 2], "µm"),
+    ] {
+        let cells = row(&document, heading);
+        for (cell, expected) in cells[1..].iter().zip(expected) {
+            let shown = cell
+                .split('\u{a0}')
+                .next()
+                .unwrap()
+                .replace("×10⁻⁵", "e-5")
+                .replace("×10⁻⁴", "e-4");
+            let shown: f64 = shown.parse().unwrap_or_else(|_| panic!("{cells:?}"));
+            assert!((shown / expected - 1.0).abs() < 5e-4 && cell.contains(unit), "{cell}");
+        }
+    }
+    // The histories are smooth curves, with a marker at each output cycle.
+    let figures = words(&document.root_element(), "figure");
+    assert!(html.matches("<circle").count() >= 2 * values.len(), "{figures:?}");
     assert_eq!(words(&document.root_element(), "figure").len(), 4);
 
     let (study, _) = computed(&server, &sweep()).await;
@@ -252,7 +289,7 @@ fn the_commands_write_the_report_of_a_file() {
     let done = run(&["report", &result, &other, "-o", &page, "--units", "si"], "");
     assert!(done.status.success(), "{}", text(&done.stderr));
     let html = fs::read_to_string(&page).unwrap();
-    assert_eq!(row(&read(&html), "Friction").len(), 3);
-    fails(&run(&["report", &first], ""), "is not a result");
+    assert_eq!(row(&read(&html), "Friction coefficient μ").len(), 3);
+    fails(&run(&["report", &first], ""), "is not a result in JSON");
     fails(&run(&["report", &path("none.json")], ""), "cannot read");
 }

@@ -59,13 +59,13 @@ async fn a_grid_is_drawn_as_a_family_of_curves_or_a_heat_map() {
     let svg = figure(&server, &key, "").await;
     let document = Document::parse(&svg).unwrap();
     let texts = texts(&document);
-    for text in ["Wear volume", "Amplitude (µm)", "friction = 0.5", "friction = 0.7"] {
+    for text in ["Wear volume", "Amplitude (µm)", "μ = 0.5", "μ = 0.7"] {
         assert!(texts.iter().any(|own| own == text), "{text}: {texts:?}");
     }
     let rings = window(&document).children().filter(|node| node.has_tag_name("circle"));
     assert_eq!(rings.count(), 3, "one marker for each amplitude");
     let svg = figure(&server, &key, "over=/friction&output=unworn.energy_ratio").await;
-    assert!(svg.contains("amplitude = 2 µm") && svg.contains(">Friction<"));
+    assert!(svg.contains("U = 2 µm") && svg.contains(">Friction coefficient<"));
 
     let svg = figure(&server, &key, "kind=heat").await;
     let document = Document::parse(&svg).unwrap();
@@ -217,7 +217,7 @@ async fn indices_are_drawn_as_bars_in_order_of_size() {
         }
         let (key, _) = computed(&server, &body).await;
         let svg = figure(&server, &key, "").await;
-        assert!(svg.contains("friction"), "{method}");
+        assert!(svg.contains("Friction coefficient"), "{method}");
     }
 }
 
@@ -260,18 +260,18 @@ async fn the_figures_of_a_fit_show_measurements_and_what_follows() {
     let (key, _) = computed(&server, &body).await;
     let svg = figure(&server, &key, "output=wear_volume").await;
     assert!(
-        svg.contains(">A1<") && svg.contains(">Cycles<") && svg.contains("Wear volume (m³)"),
+        svg.contains(">A1<") && svg.contains(">Cycles<") && svg.contains("Wear volume (mm³)"),
         "{svg}"
     );
     let residuals = figure(&server, &key, "kind=residuals").await;
     assert!(residuals.contains("Residual (standard deviations)"));
     let energies = figure(&server, &key, "kind=energy").await;
     assert!(
-        energies.contains(">Dissipated energy (J)<") && energies.contains("m³/J"),
+        energies.contains(">Dissipated energy (mJ)<") && energies.contains("mm³/J"),
         "{energies}"
     );
     let profile = figure(&server, &key, "kind=profile&over=/friction").await;
-    assert!(profile.contains(">Friction<") && profile.contains("end of the interval"));
+    assert!(profile.contains(">Friction coefficient<") && profile.contains("end of the interval"));
     // Ten values at most on both sides, and the estimate.
     let document = Document::parse(&profile).unwrap();
     let discs = window(&document).children().filter(|node| node.has_tag_name("circle")).count();

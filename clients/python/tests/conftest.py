@@ -18,8 +18,8 @@ PROGRAM = pathlib.Path(os.environ["FRETWORK"]).resolve()
 class Server:
     """A server that keeps its port and its database when it is killed and started again."""
 
-    def __init__(self, data: pathlib.Path, key: str) -> None:
-        self.data, self.key = data, key
+    def __init__(self, data: pathlib.Path, key: str, **settings: str) -> None:
+        self.data, self.key, self.settings = data, key, settings
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
@@ -27,7 +27,7 @@ class Server:
         self.start()
 
     def start(self) -> None:
-        environment = {"FRETWORK_LOG": "error"} | ({"FRETWORK_ADMIN_KEY": self.key} if self.key else {})
+        environment = self.settings | {"FRETWORK_LOG": "error"} | ({"FRETWORK_ADMIN_KEY": self.key} if self.key else {})
         command = [str(PROGRAM), "serve", "--listen", f"127.0.0.1:{self.port}", "--data-dir", str(self.data)]
         self.process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
         assert self.process.stdout

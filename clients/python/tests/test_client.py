@@ -1,7 +1,9 @@
 """All operations against a server with and without keys."""
 
 import asyncio
+import pathlib
 import sys
+from typing import cast
 
 import matplotlib
 import numpy as np
@@ -9,9 +11,10 @@ import pytest
 from conftest import Server, changed
 
 from fretwork_client import AccessDenied, AsyncClient, Client, InvalidRequest
-from fretwork_client.api_types import FitParametersItem, Scenario
+from fretwork_client.api_types import FitParametersItem, FitTestsItemDataItem1, Scenario
 
 matplotlib.use("Agg")
+EXAMPLES = pathlib.Path(__file__).parents[3] / "examples"
 
 
 def test_a_run_has_arrays_units_and_errors(client: Client, ball: Scenario) -> None:
@@ -88,6 +91,27 @@ def test_a_fit_says_what_the_data_do_not_determine(client: Client, ball: Scenari
     assert "undetermined" in fit._repr_html_()
     assert np.isnan(fit.intervals["/wear/coefficient"]).all()
     assert any("wear has stopped" in warning for warning in fit.warnings)
+
+
+def test_lists_have_what_was_submitted(client: Client, ball: Scenario) -> None:
+    run = client.run(ball, label="listed")
+    assert client.jobs(limit=1)[0]["id"] == run.job["id"]
+    assert run.key in [entry["key"] for entry in client.results(shape="paraboloid", limit=200)]
+    assert client.cancel(run.job["id"])["state"] == "succeeded"
+
+
+def test_derivatives_have_errors(client: Client, ball: Scenario) -> None:
+    (found,) = client.derivatives(client.run(ball), ["wear_volume"], ["/friction"])
+    assert found["unit"] == "m^3"
+    assert abs(found["error"] or 0) < 1e-3 * abs(found["value"] or 0)
+
+
+def test_a_file_of_measurements_becomes_data_of_a_fit(client: Client, ball: Scenario) -> None:
+    measured = client.measurements(EXAMPLES / "measured/volumes.csv", x="cycles", level=False)
+    assert measured["prepared"]
+    data = cast(FitTestsItemDataItem1, {**(measured["prepared"]["data"] or {}), "relative": 0.05})
+    fit = client.fit(ball, {"/wear/coefficient": {"from": 1e-15, "to": 1e-12, "spacing": "log"}}, [{"data": [data]}])
+    assert float(fit.estimates["/wear/coefficient"]) == pytest.approx(4.2e-14, rel=0.2)
 
 
 def test_profiles_and_histories_become_datasets_and_frames(client: Client, ball: Scenario) -> None:

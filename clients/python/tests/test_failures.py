@@ -8,7 +8,7 @@ from typing import cast
 
 import httpx
 import pytest
-from conftest import Server
+from conftest import KEY, Server
 
 from fretwork_client import ApiError, AsyncClient, Client, JobFailed, ServerUnreachable
 from fretwork_client.api_types import Job, Scenario
@@ -105,6 +105,28 @@ def test_without_a_server_the_client_says_what_to_check(ball: Scenario) -> None:
         pytest.raises(ServerUnreachable, match="FRETWORK_URL"),
     ):
         client.run(ball)
+
+
+def test_a_busy_server_delays_runs_and_evaluations(tmp_path: pathlib.Path, ball: Scenario) -> None:
+    refused: list[int] = []
+
+    async def note(response: httpx.Response) -> None:
+        refused.append(response.status_code)
+
+    async def compute(server: Server) -> None:
+        hooks = {"response": [note]}
+        async with AsyncClient(server.url, KEY, trust_env=False, event_hooks=hooks) as client:
+            sweeps = (client.sweep(ball, {"/friction": [0.6, 0.7 + i / 100]}, ["wear_depth"]) for i in range(8))
+            evaluations = (client.evaluate(ball, ["wear_depth"]) for _ in range(62))
+            assert len(await asyncio.gather(*sweeps, *evaluations)) == 70
+
+    settings = {"FRETWORK_EVALUATE_RATE": "60", "FRETWORK_QUEUE_LIMIT": "1", "FRETWORK_WORKERS": "1"}
+    server = Server(tmp_path / "data", KEY, **settings)
+    try:
+        asyncio.run(compute(server))
+    finally:
+        server.kill()
+    assert {429, 503} <= set(refused) <= {200, 202, 429, 503}
 
 
 def answers(status: int, **headers: str) -> Answer:

@@ -7,9 +7,11 @@ from typing import Any
 import pytest
 from conftest import PROGRAM
 
+from fretwork_client import Client
 from fretwork_client.display import number
 from fretwork_client.settings import access_key, base_address
 
+HERE = "http://127.0.0.1:8080"
 README = pathlib.Path(__file__).parents[1] / "README.md"
 
 
@@ -17,17 +19,26 @@ def test_the_environment_names_server_and_key(monkeypatch: pytest.MonkeyPatch, t
     for name in ("FRETWORK_URL", "FRETWORK_KEY", "FRETWORK_KEY_FILE"):
         monkeypatch.delenv(name, raising=False)
     assert base_address(None) == "http://127.0.0.1:8080"
-    assert access_key(None) == ""
+    assert access_key(None, HERE) == ""
     file = tmp_path / "key"
     file.write_text("of a file\n")
     monkeypatch.setenv("FRETWORK_KEY_FILE", str(file))
-    assert access_key(None) == "of a file"
+    assert access_key(None, HERE) == "of a file"
     monkeypatch.setenv("FRETWORK_KEY", "a key")
-    assert access_key(None) == "a key"
-    assert access_key("") == ""
+    assert access_key(None, HERE) == "a key"
+    assert access_key("", HERE) == ""
     monkeypatch.setenv("FRETWORK_URL", "https://wear.example/fretwork/")
     assert base_address(None) == "https://wear.example/fretwork"
     assert base_address("http://other") == "http://other"
+
+
+def test_another_server_does_not_get_the_key_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FRETWORK_KEY", "secret")
+    monkeypatch.setenv("FRETWORK_URL", "https://wear.example/")
+    with Client("https://wear.example") as client:
+        assert client._http.headers["authorization"] == "Bearer secret"
+    with pytest.warns(UserWarning, match="is for https://wear.example"), Client("https://other.example") as client:
+        assert "authorization" not in client._http.headers
 
 
 @pytest.mark.parametrize(("url", "advice"), [("wear.example", "http://"), ("http://wear.example/v1/", "Remove /v1")])

@@ -31,7 +31,7 @@ pub enum Error {
     #[error("the result has no {}. The result has {}", .0.name(), .1)]
     OtherKind(Part, &'static str),
     /// The stored document does not have the structure of a result.
-    #[error("the stored document is not a result")]
+    #[error("the document is not a result in JSON")]
     Document(#[from] serde_json::Error),
     /// The NPZ archive cannot be written.
     #[error("the NPZ archive cannot be written")]

@@ -22,6 +22,7 @@ mod error;
 mod figure;
 mod json;
 mod kind;
+pub mod notation;
 mod npz;
 mod quantity;
 pub mod report;
@@ -355,9 +356,10 @@ mod tests {
             csv.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>()
         };
         let names = "output,unit,points,mean,standard_deviation,minimum,percentile_5,percentile_25,\
-            median,percentile_75,percentile_95,maximum";
-        // One value has no standard deviation.
-        let row = format!("\"wear_volume\",\"mm^3\",1.0,0.000125,{}", ",0.000125".repeat(7));
+            median,percentile_75,percentile_95,maximum,percentile_5_low,percentile_5_high,\
+            percentile_95_low,percentile_95_high";
+        // One value has no standard deviation, and does not show how far a percentile is known.
+        let row = format!("\"wear_volume\",\"mm^3\",1.0,0.000125,{},,,,", ",0.000125".repeat(7));
         assert_eq!(made(Part::Statistics), [names.to_owned(), row]);
         let bin = "\"wear_volume\",\"mm^3\",0.000125,0.000125,1.0";
         assert_eq!(made(Part::Histogram), ["output,unit,from,to,points", bin]);

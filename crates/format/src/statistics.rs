@@ -19,6 +19,14 @@ const PERCENTILES: [(&str, f64); 7] = [
     ("maximum", 1.0),
 ];
 
+/// The ends of the intervals that contain the outer percentiles of the distribution with a confidence of 95 %.
+const INTERVALS: [(&str, f64, usize); 4] = [
+    ("percentile_5_low", 0.05, 0),
+    ("percentile_5_high", 0.05, 1),
+    ("percentile_95_low", 0.95, 0),
+    ("percentile_95_high", 0.95, 1),
+];
+
 /// An output: its name, its unit, its values in SI, and how a statistic of them is written.
 struct Output {
     name: String,
@@ -83,7 +91,11 @@ fn statistics(outputs: &[Output]) -> Vec<(String, Values)> {
     ];
     let percentiles =
         PERCENTILES.map(|(name, share)| (name, numbers(&|summary| summary.percentile(share))));
-    first.into_iter().chain(percentiles).map(|(name, values)| (name.to_owned(), values)).collect()
+    let intervals = INTERVALS.map(|(name, share, end)| {
+        (name, numbers(&|summary| Some(summary.percentile_interval(share)?[end])))
+    });
+    let all = first.into_iter().chain(percentiles).chain(intervals);
+    all.map(|(name, values)| (name.to_owned(), values)).collect()
 }
 
 /// One row for each bin of each output.

@@ -153,7 +153,7 @@ pub fn read_body<T>(
     Err(BadBody::Faults(faults))
 }
 
-/// Adds to an error what to write instead of a number that is not JSON.
+/// Adds to an error what to write instead of the usual mistakes.
 fn explained(text: &[u8], error: serde_json::Error) -> serde_json::Error {
     let line = text.split(|byte| *byte == b'\n').nth(error.line().saturating_sub(1));
     let line = line.unwrap_or_default();
@@ -164,13 +164,29 @@ fn explained(text: &[u8], error: serde_json::Error) -> serde_json::Error {
     let word = line[start..].iter().take_while(|byte| byte.is_ascii_alphabetic());
     let word: Vec<u8> = word.take(9).map(u8::to_ascii_lowercase).collect();
     let advice = match &word[..] {
-        b"nan" | b"inf" | b"infinity" => {
-            "NaN and Infinity are not JSON: enter a number, or leave the member out"
-        }
+        b"nan" | b"inf" | b"infinity" => "enter a number instead of NaN or Infinity,",
+        _ if error.is_eof() => "the text ends too early: close all brackets and quotation marks",
+        b"true" | b"false" | b"none" => "enter true, false or null, in lower case",
         _ if digit(after.first()) && digit(earlier.next()) => {
-            "enter a number with a decimal point and without spaces, such as 0.7 or 10000"
+            "enter numbers with a decimal point and without spaces, such as 0.7 or 10000, and commas between numbers,"
         }
-        _ => return error,
+        _ if std::str::from_utf8(text).is_err() || text.starts_with("\u{feff}".as_bytes()) => {
+            "save the text in UTF-8, without a byte order mark"
+        }
+        _ => match std::str::from_utf8(after).unwrap_or_default().chars().next() {
+            Some(_) if before.is_empty() && error.line() == 1 => {
+                "enter a JSON object, which begins with {"
+            }
+            Some('.' | '+') => "enter a number that begins with a digit, such as 0.7",
+            Some('/' | '#') => "JSON has no comments: remove this one",
+            Some('}' | ']') if error.to_string().starts_with("trailing comma") => {
+                "remove the comma before this bracket"
+            }
+            Some('\'' | '‘' | '’' | '“' | '”' | '„' | 'a'..='z' | 'A'..='Z') => {
+                "enter names and texts in straight double quotes, such as \"radius\""
+            }
+            _ => return error,
+        },
     };
     // The parser recognises a place at the end of a text, and writes it there again.
     Error::custom(format!("{advice} at line {} column {}", error.line(), error.column()))

@@ -415,7 +415,9 @@ fn presented_key(headers: &HeaderMap) -> Result<String> {
         return Err(unauthorized(headers, "This server requires an access key."));
     };
     let key = value.to_str().ok().and_then(key_in);
-    key.ok_or_else(|| unauthorized(headers, "The Authorization header contains no access key."))
+    key.ok_or_else(|| {
+        unauthorized(headers, "The Authorization header has no access key after the word Bearer.")
+    })
 }
 
 /// The key in an `Authorization` header: a bearer token, or the name or the password of Basic

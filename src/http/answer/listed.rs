@@ -1,23 +1,26 @@
 //! A list as CSV: comment lines, a header row with units, and one line per entry. The server reads and sends it page by page, so
 //! that a long list needs little memory.
 
+use std::fmt::Display;
 use std::future::Future;
 use std::io;
 
 use axum::body::Body;
+use axum::http::Uri;
 use axum::http::header::{CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_TYPE};
 use axum::response::{IntoResponse as _, Response};
 use futures_util::stream::{self, StreamExt as _, TryStreamExt as _, try_unfold};
 use serde_json::Value;
 
 use crate::http::problem::Result;
+use crate::http::wire::paging::{CsvView, next_page};
 use fretwork_format::Format;
 
 /// A page: its lines, and where the next page begins.
 pub type Page<Place> = (String, Option<Place>);
 
 /// The comment lines and the header row. `columns` are names and SI units; `1` is a number without a unit.
-pub fn head<'a>(
+fn head<'a>(
     name: &str,
     has_comments: bool,
     columns: impl IntoIterator<Item = (&'a str, &'a str)>,
@@ -43,27 +46,30 @@ fn cell(value: Value) -> String {
         Value::Null => String::new(),
         Value::String(text) => {
             // A spreadsheet would execute a label that begins like a formula.
-            let guard = if text.starts_with(['=', '+', '-', '@']) { "'" } else { "" };
+            let guard = if text.starts_with(['=', '+', '-', '@', '\t', '\r']) { "'" } else { "" };
             format!("\"{guard}{}\"", text.replace('"', "\"\""))
         }
         value => value.to_string(),
     }
 }
 
-/// The answer with the first page and all later ones. `read` reads the page at a place.
-pub fn answer<Place, Read, Reading>(
-    name: &'static str,
-    (head, first): (String, Page<Place>),
+/// The list `name` with its `columns`, from a place on: one page or all pages, as `view` says. `read` reads the page at a place.
+pub async fn answer<'a, Place, Read, Reading>(
+    (name, columns): (&'static str, impl IntoIterator<Item = (&'a str, &'a str)>),
+    uri: &Uri,
+    view: CsvView,
+    from: Option<Place>,
     mut read: Read,
-) -> Response
+) -> Result<Response>
 where
-    Place: Send + 'static,
-    Read: FnMut(Place) -> Reading + Send + 'static,
+    Place: Display + Send + 'static,
+    Read: FnMut(Option<Place>) -> Reading + Send + 'static,
     Reading: Future<Output = Result<Page<Place>>> + Send + 'static,
 {
-    let (rows, next) = first;
+    let (rows, mut next) = read(from).await?;
+    let (_, link) = next_page(uri, next.take_if(|_| !view.all));
     let later = try_unfold(next, move |place| {
-        let page = place.map(&mut read);
+        let page = place.map(|place| read(Some(place)));
         async move {
             match page {
                 Some(page) => page.await.map(Some),
@@ -77,11 +83,11 @@ where
         tracing::error!(error, list = name, "cannot read a page of a list");
         io::Error::other("cannot read a page of a list")
     });
-    let all = stream::iter([Ok(head + &rows)]).chain(broken);
+    let all = stream::iter([Ok(head(name, view.comments, columns) + &rows)]).chain(broken);
     let headers = [
         (CONTENT_TYPE, Format::Csv.media_type().to_owned()),
         (CONTENT_DISPOSITION, format!("attachment; filename=\"fretwork-{name}.csv\"")),
         (CACHE_CONTROL, "no-store".to_owned()),
     ];
-    (headers, Body::from_stream(all)).into_response()
+    Ok((link, headers, Body::from_stream(all)).into_response())
 }

@@ -57,7 +57,9 @@ impl From<BadBody> for Problem {
     fn from(bad: BadBody) -> Self {
         let advice = "Send one JSON document, such as those under /v1/examples.";
         match bad {
-            BadBody::Json(error) => Self::new(&kinds::INVALID_JSON, format!("{error}. {advice}")),
+            BadBody::Json(error) => {
+                Self::new(&kinds::INVALID_JSON, format!("The body is not JSON: {error}. {advice}"))
+            }
             BadBody::Empty => {
                 Self::new(&kinds::INVALID_JSON, format!("The body is empty. {advice}"))
             }

@@ -13,11 +13,11 @@ use crate::http::access::caller::{Caller, ME};
 use crate::http::answer::listed;
 use crate::http::api::parameters::{Conditions, OfList, SearchTable};
 use crate::http::app::App;
-use crate::http::problem::{Problem, Result};
-use crate::http::wire::paging::{CsvView, ListView, next_page};
+use crate::http::problem::Result;
+use crate::http::wire::paging::{ListView, next_page};
 use crate::http::wire::{Fresh, Query, instant};
 use fretwork_job::{JobId, Key, SCALARS, WORDS};
-use fretwork_store::{Cursor, Listed, Search};
+use fretwork_store::{Listed, Search};
 
 /// A result in a list, with its most important inputs and outputs in SI.
 #[derive(Debug, Serialize, ToSchema)]
@@ -183,7 +183,18 @@ pub async fn list(
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;
     if let Some(as_csv) = view.csv {
-        return csv((app, caller, search), &uri, (view.page, as_csv), cursor).await;
+        let search = Arc::new(search);
+        let read = move |cursor| {
+            let (app, owner, search) = (app.clone(), caller.owner.clone(), Arc::clone(&search));
+            async move {
+                let _turn = app.shares.heavy.turn(&owner).await;
+                let found = app.store.search(&search, cursor, view.page).await?;
+                let lines = found.results.into_iter().map(|it| ResultEntry::from(it).line());
+                Ok((lines.collect(), found.next))
+            }
+        };
+        let columns = ResultEntry::columns();
+        return listed::answer(("results", columns), &uri, as_csv, cursor, read).await;
     }
     let _turn = app.shares.heavy.turn(&caller.owner).await;
     let found = app.store.search(&search, cursor, view.page).await?;
@@ -210,28 +221,4 @@ fn read_search(query: &mut Query, caller: &Caller) -> Search {
         }
     }
     search
-}
-
-/// Answers the list as CSV.
-async fn csv(
-    (app, caller, search): (App, Caller, Search),
-    uri: &Uri,
-    (limit, CsvView { all, comments }): (u32, CsvView),
-    cursor: Option<Cursor>,
-) -> Result<Response> {
-    let search = Arc::new(search);
-    let read = move |cursor| {
-        let (app, owner, search) = (app.clone(), caller.owner.clone(), Arc::clone(&search));
-        async move {
-            let _turn = app.shares.heavy.turn(&owner).await;
-            let found = app.store.search(&search, cursor, limit).await?;
-            let lines = found.results.into_iter().map(|it| ResultEntry::from(it).line());
-            Ok::<_, Problem>((lines.collect::<String>(), found.next.map(Some)))
-        }
-    };
-    let (lines, next) = read(cursor).await?;
-    let (_, link) = next_page(uri, next.flatten().filter(|_| !all));
-    let head = listed::head("results", comments, ResultEntry::columns());
-    let first = (lines, next.filter(|_| all));
-    Ok((link, listed::answer("results", (head, first), read)).into_response())
 }

@@ -2,7 +2,7 @@
 
 import { may } from "./allowed.js";
 import { get, post, resultAddress, send } from "./api.js";
-import { copy, dateTime, h, notify, openDialog } from "./dom.js";
+import { copy, dateTime, h, notify, openDialog, select } from "./dom.js";
 import { saveAs } from "./figure-save.js";
 import { signedIn } from "./sign-in.js";
 import { kindOf } from "./summary.js";
@@ -23,14 +23,24 @@ export const button = (text, act, attributes = {}) => h("button", { type: "butto
   }
 } }, text);
 
-/** Makes a link that opens one result without a key: its token, and its last day. */
-export async function createLink(key) {
-  const { url, expires } = await post(resultAddress(key, "/links"));
-  return { token: new URLSearchParams(url.split("?")[1]).get("link"), day: expires.slice(0, 10) };
+/** Makes a link that opens one result without a key. Returns its token. */
+export async function createLink(key, lifetime) {
+  const { url } = await post(resultAddress(key, `/links?expires_in=${lifetime}`));
+  return new URLSearchParams(url.split("?")[1]).get("link");
 }
 
-/** Copies an address of the page that a guest can open until a day. */
-export const copyLink = (address, day) => copy(`${location.origin}/${address}`, "Link", `Link copied. It is valid until ${day}.`);
+/** A button that copies an address of the page for a guest, and the choice how long it is valid. `addressFor` makes the address. */
+export function sharing(addressFor) {
+  const lifetime = select({ "1d": "for a day", "7d": "for a week", "30d": "for 30 days" }, "30d", { id: "link-lifetime", "aria-label": "How long the link is valid" });
+  return h("span", { class: "row" }, button("Share link", async () => {
+    const address = await addressFor(lifetime.value);
+    await copy(`${location.origin}/${address}`, "Link", `Link copied. It is valid ${lifetime.selectedOptions[0].text}.`);
+  }), lifetime);
+}
+
+/** When the first of these links ends: a token begins with the seconds since 1970. */
+export const linkEnd = (links) => h("p", { class: "muted", id: "link-end" }, "This link is valid until ",
+  dateTime(new Date(1000 * Math.min(...links.map((link) => Number(link.split(".")[0])))).toISOString()), ".");
 
 /** The row of buttons. `link` is the token of a shared link: its holder may only read. */
 export function drawActions(result, { job, link, remember, signal }) {
@@ -46,15 +56,14 @@ export function drawActions(result, { job, link, remember, signal }) {
     saveAs(`fretwork-${key.slice(0, 12)}${path.replace("/", "-")}.${format}`, await response.blob());
   }
 
-  async function share() {
+  async function addressFor(lifetime) {
     remember();
     const [path, words] = location.hash.split("?");
     const all = new URLSearchParams(words);
-    const { token, day } = await createLink(key);
-    all.set("link", token);
+    all.set("link", await createLink(key, lifetime));
     // Who opens the link may not read the job, which has the label.
     if (job.label) all.set("label", job.label);
-    await copyLink(`${path}?${all}`, day);
+    return `${path}?${all}`;
   }
 
   const curl = () => copy(`curl -sS --compressed '${location.origin}${partOf("")}'${
@@ -80,15 +89,12 @@ export function drawActions(result, { job, link, remember, signal }) {
   // The holder of a shared link sees the values in the form without a key.
   const address = form && link ? `${form}&link=${encodeURIComponent(link)}` : form;
   const edit = address && h("a", { class: "button", href: address }, "Edit and run again");
-  if (link) return h("div", { class: "actions" }, menu, report, edit, h("p", { class: "muted", id: "link-end" }, "This link is valid until ", dateTime(endOf(link)), "."));
-  const row = h("div", { class: "actions" }, menu, report, may("share") && button("Share link", share),
+  if (link) return h("div", { class: "actions" }, menu, report, edit, linkEnd([link]));
+  const row = h("div", { class: "actions" }, menu, report, may("share") && sharing(addressFor),
     !isStudy && h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);
   addPinAndNote(row, key, signal);
   return row;
 }
-
-/** When a shared link ends: its token begins with the seconds since 1970. */
-const endOf = (link) => new Date(1000 * Number(link.split(".")[0])).toISOString();
 
 /** Adds the note, and the buttons for pin and note, once their state is loaded. */
 async function addPinAndNote(row, key, signal) {

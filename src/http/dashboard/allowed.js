@@ -5,7 +5,7 @@ import { caller, SIGN_ON } from "./sign-in.js";
 const ROLES = ["read", "submit", "admin"];
 /** The lowest role for each act. `read` is false for the holder of a shared link. */
 const NEEDED = { read: "read", submit: "submit", share: "submit", administrate: "admin", keys: "admin" };
-/** A sign-on user has no key, so it cannot sign a link. Without keys, nobody may change them over the network. */
+/** A key signs the shared links, and a sign-on user has none. A server without keys makes none over the network. */
 const EXCEPT = { share: (me) => me.key === SIGN_ON, keys: (me) => !me.key };
 
 /** Whether the user may do this: `read`, `submit` (also cancel, pin and note), `share`, `administrate` or `keys`. */

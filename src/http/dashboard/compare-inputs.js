@@ -1,44 +1,16 @@
 // The inputs of runs as a person reads them: one row for each number or choice of the canonical scenarios.
 
 import { capital } from "./dom.js";
-import { choicesOf } from "./fields.js";
-import { kindAt } from "./kinds.js";
-import { cycles, quantity, WORDS } from "./units.js";
+import { kindAt, siUnitOf } from "./kinds.js";
+import { cycles, inputWords, plainWords, quantity, WORDS } from "./units.js";
 
 /** A list with more values is shown by its length and its ends. */
 const MAX_LISTED = 4;
-/** Inputs that have no field of their own, or whose label in the form needs its neighbours. */
-const NAMES = { "/profile/shape": "Shape", "/profile/geometry": "Geometry", "/model/method": "Method", "/model/compare": "Compared with simplified rule",
-  "/load/held": "Load: kept constant", "/motion/held": "Motion: kept constant", "/cycles": "Output cycles", "/profiles_at": "Cycles with profiles" };
 
 /** The numbers, choices and lists of a scenario, by their pointers. A short list of objects, such as layers, has its own. */
 function leaves(value, pointer = "") {
   const isWhole = Object(value) !== value || (Array.isArray(value) && (value.length > MAX_LISTED || value.every((own) => Object(own) !== own)));
   return isWhole ? [[pointer, value]] : Object.entries(value).flatMap(([name, own]) => leaves(own, `${pointer}/${name}`));
-}
-
-/** The names of the fields of a scenario, by their pointers. */
-const fieldNames = (scenario) => Object.fromEntries(choicesOf(scenario).flatMap((choice) => {
-  const kind = choice.selected(scenario);
-  return kind in choice.options ? choice.fields(kind, scenario).map(([pointer, label]) => [pointer, label.replace(/ \(.*\)$/, "")]) : [];
-}));
-
-/** The entries of lists, which are counted from 1. */
-const ENTRIES = { blocks: "Block", layers: "Layer", bodies: "Body" };
-
-/** The name of an input without a field: its member, and before it the entries of the lists that contain it. */
-function memberName(pointer) {
-  const members = pointer.split("/").slice(1);
-  const word = (name) => ENTRIES[name] ?? WORDS[name] ?? capital(name.replaceAll("_", " "));
-  const entries = members.flatMap((name, i) => (/^\d+$/.test(name) ? [`${word(members[i - 1])} ${Number(name) + 1}`] : []));
-  const last = members.at(-1);
-  return `${entries.join(", ")}${/^\d+$/.test(last) ? "" : `${entries.length ? ": " : ""}${word(last)}`}`;
-}
-
-/** The SI unit of the number at a pointer. */
-function unitAt(pointer, scenario) {
-  const { units } = kindAt(pointer, scenario);
-  return Object.keys(units).find((name) => units[name] === 1) ?? "1";
 }
 
 /** An input as text. */
@@ -54,12 +26,12 @@ function textOf(value, pointer, unit) {
 /** One row for each input of some scenarios: `{id, name, unit, values, texts, isEqual}`. A run without the input has undefined. */
 export function inputRows(scenarios) {
   const all = scenarios.map((scenario) => new Map(leaves(scenario)));
-  const names = Object.assign({}, ...scenarios.map(fieldNames).reverse(), NAMES);
   const pointers = [...new Set(all.flatMap((own) => [...own.keys()]))];
   return pointers.map((pointer) => {
     const values = all.map((own) => own.get(pointer));
-    const unit = unitAt(pointer, scenarios[values.findIndex((value) => value !== undefined)]);
-    return { id: pointer, name: names[pointer] ?? memberName(pointer), unit, values, texts: values.map((value) => textOf(value, pointer, unit)),
+    const own = scenarios[values.findIndex((value) => value !== undefined)];
+    const unit = siUnitOf(kindAt(pointer, own)) ?? "1";
+    return { id: pointer, name: plainWords(inputWords(pointer, own)), unit, values, texts: values.map((value) => textOf(value, pointer, unit)),
       isEqual: values.every((value) => JSON.stringify(value) === JSON.stringify(values[0])) };
   });
 }

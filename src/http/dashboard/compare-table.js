@@ -2,6 +2,7 @@
 
 import { fill, h } from "./dom.js";
 import { italics } from "./explain.js";
+import { csvCell } from "./figure-save.js";
 
 /** A row's name, its symbol in italics, and its unit. */
 const heading = ({ name, symbol, scale, errors }) => h("th", { scope: "row" }, name, symbol && [" ", ...italics(symbol)],
@@ -20,15 +21,15 @@ const group = (title, rows, marked = []) => rows.length > 0 && h("tbody", {},
   h("tr", { class: "group" }, h("th", { scope: "rowgroup", colSpan: marked.length ? 1 : rows[0].cells.length + 1 }, title), marked.map((run) => h("td", {}, mark(run)))),
   rows.map((row) => h("tr", {}, heading(row), row.cells.map(cellOf(row.id)))));
 
-/** The heading of a run's column. Its name makes the run the baseline. */
+/** The heading of a run's column: its name opens the run, and a button makes it the baseline. */
 function columnHead(run, i, runs, { makeFirst, remove }) {
   const name = `${run.letter}: ${run.name}`;
   return h("th", { scope: "col", class: i === 0 ? "first" : null },
     h("div", { class: "row spread" }, mark(run), runs.length > 1 && h("button", { type: "button", class: "plain", onclick: () => remove(run),
       "aria-label": `Remove ${name}`, title: "Remove from the comparison" }, "×")),
-    h("button", { type: "button", class: "plain name", "aria-pressed": String(i === 0), "aria-label": `${name}${i === 0 ? ", baseline" : ". Make it the baseline"}`,
-      title: i === 0 ? "The others are compared with this run" : "Make this run the baseline", onclick: () => makeFirst(run) }, run.name),
-    h("p", { class: "small" }, i === 0 && "Baseline ", h("a", { href: run.address, "aria-label": `Open ${name}` }, "Open")));
+    h("a", { class: "name", href: run.address, "aria-label": `Open ${name}` }, run.name),
+    i === 0 ? h("p", { class: "small", title: "The others are compared with this run" }, "Baseline")
+      : h("button", { type: "button", class: "plain small", "aria-label": `${name}. Make it the baseline`, onclick: () => makeFirst(run) }, "Make it the baseline"));
 }
 
 /** Draws the rows into the place of the table, and the equal ones below it. */
@@ -45,8 +46,6 @@ export function drawTable(place, runs, { inputs, outputs, equal }, isOpen, acts)
         h("dd", {}, row.cells[0].text, row.scale?.unit && row.cells[0].text !== "–" && `\u00a0${row.scale.unit}`)])))));
 }
 
-const quoted = (value) => (typeof value === "number" ? String(Number(value.toPrecision(12))) : `"${String(value ?? "").replaceAll('"', '""')}"`);
-
 /** The table as CSV: numbers in SI units, and for each run but the first the differences. */
 export function tableText(runs, { inputs, outputs, equal }) {
   const [first, ...others] = runs.map(({ letter, name }) => `${letter}: ${name}`);
@@ -57,6 +56,6 @@ export function tableText(runs, { inputs, outputs, equal }) {
     ...cells.map((own) => [own.errors, common].filter(Boolean).join("; "))];
   const keys = ["Key", "", ...runs.map(({ key }) => key), ...differences.map(() => ""), ...errors.map(() => "")];
   return [["Quantity", "Unit", first, ...others, ...differences, ...errors], ...[...inputs, ...outputs, ...equal].map(line), keys]
-    .map((row) => row.map(quoted).join(",")).join("\n") + "\n";
+    .map((row) => row.map((value) => csvCell(value ?? "")).join(",")).join("\n") + "\n";
 }
 

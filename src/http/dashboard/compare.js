@@ -1,12 +1,12 @@
 // Compares runs: one table, and their curves in common figures. Each run has one letter, one colour and one dash everywhere.
 
-import { button, copyLink, createLink } from "./actions.js";
+import { button, createLink, linkEnd, sharing } from "./actions.js";
 import { may } from "./allowed.js";
 import { Problem, resultAddress } from "./api.js";
 import { COLUMNS, drawHistories, drawLoops, drawProfiles } from "./compare-figures.js";
 import { rowsOf } from "./compare-rows.js";
 import { drawTable, tableText } from "./compare-table.js";
-import { fill, h, select } from "./dom.js";
+import { choice, fill, h, select } from "./dom.js";
 import { Cursors, Figure } from "./figure.js";
 import { saveAs } from "./figure-save.js";
 import { playButton } from "./player.js";
@@ -148,7 +148,7 @@ export async function showCompare(main, { query, signal }) {
     draw();
     remember();
   }
-  /** The place of the focus, a button of the heading, is drawn again. */
+  /** The place of the focus in the heading is drawn again. */
   const focusOn = (i) => table.querySelectorAll("thead .name")[i]?.focus();
   function makeFirst(run) {
     arrange([...runs.filter(({ key }) => key === run.key), ...runs.filter(({ key }) => key !== run.key)]);
@@ -160,33 +160,31 @@ export async function showCompare(main, { query, signal }) {
     focusOn(Math.min(place, runs.length - 1));
   }
 
-  async function share() {
-    const made = await Promise.all(runs.map(({ key }) => createLink(key)));
-    await copyLink(addressOf(addLinks(words(), made.map(({ token }) => token))), made.map(({ day }) => day).sort()[0]);
-  }
+  const addressFor = async (lifetime) => addressOf(addLinks(words(), await Promise.all(runs.map(({ key }) => createLink(key, lifetime)))));
 
-  const choice = (name, label, options, figure) => {
+  const choose = (name, label, options, figure) => {
     const field = select(options, state[name], { id: `choose-${name}`, onchange: () => {
       state[name] = field.value;
       for (const own of figure) figures[own].zoom = null;
       draw();
       remember();
     } });
-    return h("span", { class: "choice" }, h("label", { for: field.id }, label), field);
+    return choice(label, field);
   };
   const columns = Object.fromEntries(COLUMNS.map((name) => [name, WORDS[name]]));
   const card = (label, name, choices) => h("section", { class: "card", "aria-label": label }, h("div", { class: "row" }, choices), figures[name].element, notes[name]);
 
   fill(main, h("div", { class: "head" }, heading, h("div", { class: "actions" },
     !isGuest && report,
-    button("Table as CSV", async () => saveAs("fretwork-comparison.csv", tableText(runs, rows), "text/csv")), !isGuest && may("share") && button("Share link", share), add)),
+    button("Table as CSV", async () => saveAs("fretwork-comparison.csv", tableText(runs, rows), "text/csv")), !isGuest && may("share") && sharing(addressFor), add),
+    isGuest && linkEnd(asked.map(({ link }) => link).filter(Boolean))),
   problems,
   h("section", { class: "card output", "aria-label": "Output cycle" }, h("div", { class: "row steps" }, h("label", { for: "output" }, "Output cycle"), player, slider, position)),
   table,
   h("div", { class: "plots" },
-    card("Profiles", "profile", choice("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])), ["profile"])),
-    card("First history", "first", [choice("first", "History", columns, ["first"]), choice("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" }, ["first", "second"])]),
-    card("Second history", "second", choice("second", "History", columns, ["second"])),
+    card("Profiles", "profile", choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])), ["profile"])),
+    card("First history", "first", [choose("first", "History", columns, ["first"]), choose("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" }, ["first", "second"])]),
+    card("Second history", "second", choose("second", "History", columns, ["second"])),
     card("Fretting loops", "loop", h("span", { class: "muted" }, "Force over displacement in one cycle"))));
   arrange(runs);
   document.addEventListener("units", draw, { signal });

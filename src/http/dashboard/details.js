@@ -1,6 +1,6 @@
 // The cards below the plots of a result: scales, accuracy, events, comparison, bodies and scenario.
 
-import { explained, h, list } from "./dom.js";
+import { asJson, explained, h, list, tableOf } from "./dom.js";
 import { depthOrForce, grossSlip } from "./estimate.js";
 import { term } from "./explain.js";
 import { sketch } from "./sketch.js";
@@ -47,8 +47,7 @@ export function drawDetails(place, result, bodyWarnings) {
         `${inUnits("wear_depth", body.wear_depth.at(-1))}, ${inUnits("wear_volume", body.wear_volume.at(-1))}`],
       body.scar_half_length && [`Body ${i + 1} (${i ? "counterbody" : "with the profile"}), half-length of the scar`,
         inUnits("scar_half_length", body.scar_half_length.at(-1))]]))),
-    card("Scenario", h("details", {}, h("summary", {}, "Show as JSON in SI units"),
-      h("pre", { tabIndex: 0 }, JSON.stringify(scenario, null, 2)))),
+    asJson("Scenario", scenario),
   ].filter(Boolean));
 }
 
@@ -59,11 +58,8 @@ const eventWords = ({ kind, body, layer, radius }) => (kind !== "layer_worn_thro
 /** The errors of the simplified rule at each output cycle. */
 function drawComparison({ history, errors, xi, best_xi: bestXi, best_error: bestError }) {
   return card("Error of the simplified rule",
-    h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Error of the simplified rule" },
-      h("table", { id: "comparison" },
-        h("thead", {}, h("tr", {}, ["Cycles N", "Wear volume", "Wear depth", "Energy"].map((name) => h("th", { scope: "col" }, name)))),
-        h("tbody", {}, history.cycles.map((at, i) => h("tr", {}, h("th", { scope: "row" }, cycles(at)),
-          [errors.wear_volume, errors.wear_depth, errors.dissipated_energy].map((column) => h("td", {}, percent(column[i])))))))),
+    tableOf("Error of the simplified rule", ["Cycles N", "Wear volume", "Wear depth", "Energy"], history.cycles.map((at, i) => h("tr", {}, h("th", { scope: "row" }, cycles(at)),
+      [errors.wear_volume, errors.wear_depth, errors.dissipated_energy].map((column) => h("td", {}, percent(column[i]))))), { id: "comparison" }),
     h("p", { class: "muted" }, `Relative to the exact method, with ξ = ${digits(xi)}.`,
       bestXi != null && ` The best fit is ξ = ${digits(bestXi)}, with an RMS volume error of ${percent(bestError)}.`));
 }

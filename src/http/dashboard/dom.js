@@ -41,6 +41,18 @@ export const select = (options, value, properties) => h("select", properties,
 export const explained = (page, text) => h("p", { class: "muted" },
   h("a", { href: `/docs/${page}`, target: "_blank" }, text));
 
+/** A drop-down list with its label. */
+export const choice = (label, field) => h("span", { class: "choice" }, h("label", { for: field.id }, label), field);
+
+/** A table that scrolls on a narrow screen, also with the keys. `bodies` are rows, or bodies with rows. */
+export const tableOf = (label, heads, bodies, properties) => h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": label },
+  h("table", properties, h("thead", {}, h("tr", {}, heads.map((head) => h(head ? "th" : "td", head && { scope: "col" }, head)))),
+    bodies[0]?.tagName === "TBODY" ? bodies : h("tbody", {}, bodies)));
+
+/** A card with an object of the API. */
+export const asJson = (title, value) => h("section", { class: "card" }, h("h2", {}, title),
+  h("details", {}, h("summary", {}, "Show as JSON in SI units"), h("pre", { tabIndex: 0 }, JSON.stringify(value, null, 2))));
+
 /** A list of names and values. A third member of a row identifies its value for tests. */
 export const list = (rows) => h("dl", {}, rows.filter(Boolean).map(([name, value, id]) =>
   [h("dt", {}, name), h("dd", { "data-item": id }, value)]));

@@ -1,19 +1,19 @@
 // The fields of the form. Each field edits one value of the scenario, named by its JSON pointer.
 
-import { isLine, WORDS } from "./units.js";
+import { inputWords, isLine, plainWords, WORDS } from "./units.js";
 
-const RADIUS = ["radius", "Radius R", "10 mm"];
+const RADIUS = ["radius", "10 mm"];
 // With these angles, a cone, a wedge and a ball under 100 N have similar depths.
-const SLOPE = ["slope_angle", "Slope angle θ", "0.5 deg", "Measured from the plane. It is not half of the apex angle."];
-const FLAT = ["flat_radius", "Flat radius b", "60 um"];
+const SLOPE = ["slope_angle", "0.5 deg", "Measured from the plane. It is not half of the apex angle."];
+const FLAT = ["flat_radius", "60 um"];
 /** The flat of a punch sticks or slips as a whole, so smaller ratios do not exist. */
 const PUNCH_STICK_RATIO = 0.999;
-const LENGTH = ["length", "Length of the contact", "10 mm", "The length of the line, across the motion."];
-const POWER = [["exponent", "Exponent n", 4], ["at_radius", "Reference radius", "0.2 mm"], ["height", "Height at reference radius", "5 um"]];
+const LENGTH = ["length", "10 mm", "The length of the line, across the motion."];
+const POWER = [["exponent", 4], ["at_radius", "0.2 mm"], ["height", "5 um"]];
 /** Radii in metres of the example that a measured profile begins with: a ball of 10 mm. */
 const RADII = Array.from({ length: 21 }, (_, i) => Number((i * 75e-6).toPrecision(3)));
 /**
- * Members of each shape: name, label, default and explanation. A name can be the path of an entry. A power law can be round or
+ * Members of each shape: name, default and explanation. A name can be the path of an entry. A power law can be round or
  * a line.
  */
 const SHAPES = {
@@ -23,17 +23,17 @@ const SHAPES = {
   power: POWER,
   truncated_paraboloid: [RADIUS, FLAT],
   truncated_cone: [SLOPE, FLAT],
-  crossed_cylinders: [["radii/0", "Radius, axis along the motion", "10 mm", "The radius of the cylinder whose axis lies along the motion."],
-    ["radii/1", "Radius, axis across the motion", "10 mm", "The radius of the other cylinder. The ratio of both radii is at most 1.5."]],
+  crossed_cylinders: [["radii/0", "10 mm", "The radius of the cylinder whose axis lies along the motion."],
+    ["radii/1", "10 mm", "The radius of the other cylinder. The ratio of both radii is at most 1.5."]],
   cylinder: [RADIUS, LENGTH],
   wedge: [SLOPE, LENGTH],
-  punch: [["flat_half_width", "Half-width of the flat b", "1 mm", "Half of the width of the flat, along the motion."],
-    ["edge_radius", "Edge radius R", "3 mm", "The radius of the rounded edges."], LENGTH],
+  punch: [["flat_half_width", "1 mm", "Half of the width of the flat, along the motion."],
+    ["edge_radius", "3 mm", "The radius of the rounded edges."], LENGTH],
   power_line: [...POWER, LENGTH],
-  table: [["radius", "", RADII], ["height", "", RADII.map((r) => (r * r) / 0.02)]],
+  table: [["radius", RADII], ["height", RADII.map((r) => (r * r) / 0.02)]],
 };
 /** Whether a measured profile is still the example. */
-export const isExample = ({ radius, height }) => SHAPES.table.every(([member, , preset]) => JSON.stringify({ radius, height }[member]) === JSON.stringify(preset));
+export const isExample = ({ radius, height }) => SHAPES.table.every(([member, preset]) => JSON.stringify({ radius, height }[member]) === JSON.stringify(preset));
 
 /** The members of a shape that are lists have an editor, not a field. */
 const fieldsOf = (shape, profile) => (shape === "table" ? (isLine(profile) ? [LENGTH] : []) : SHAPES[shape]);
@@ -53,8 +53,8 @@ const courseOf = (value) => (Object(value) !== value ? "number" : "run_in" in va
 
 /** The fields of a coefficient that changes in the first cycles. */
 const runIn = (pointer, name) => [
-  [`${pointer}/run_in/cycles`, "Run-in cycles", null, `${name} changes evenly during these cycles. Then it stays constant.`],
-  [`${pointer}/run_in/from`, `${name} at the start`], [`${pointer}/run_in/to`, `${name} after the run-in`]];
+  [`${pointer}/run_in/cycles`, "", null, `${name} changes evenly during these cycles. Then it stays constant.`],
+  [`${pointer}/run_in/from`], [`${pointer}/run_in/to`]];
 
 const layersOf = ({ wear }, body) => wear?.bodies?.[body]?.layers ?? [];
 const hasLayers = (scenario) => [0, 1].some((body) => layersOf(scenario, body).length > 0);
@@ -69,21 +69,21 @@ const LAYER = { thickness: "3 um", coefficient: "1e-6 mm^3/(N m)" };
 
 /** The fields of a motion of a line contact. */
 function lineMotion(kind) {
-  const loops = ["/motion/reference_distance", "Reference distance (optional)", null,
+  const loops = ["/motion/reference_distance", "(optional)", null,
     "With it, the result has the displacements of the loops."];
-  const stroke = (explanation) => ["/motion/amplitude", "Amplitude U (half the stroke)", null, explanation];
+  const stroke = (explanation) => ["/motion/amplitude", "(half the stroke)", null, explanation];
   return {
     amplitude: [stroke("At the contact, or at the actuator if the rig has a stiffness."),
-      ["/motion/reference_distance", "Reference distance", null,
+      ["/motion/reference_distance", "", null,
         "The distance from the middle of the contact to the points whose relative motion is the stroke."],
-      ["/motion/rig_stiffness", "Rig stiffness (optional)", null,
+      ["/motion/rig_stiffness", "(optional)", null,
         "The stiffness between actuator and contact, such as 10\u00a0N/um, or per length, such as 2000\u00a0N/mm/mm."]],
-    loop: [stroke("As measured in the loop."), ["/motion/loop_stiffness", "Loop stiffness", null,
+    loop: [stroke("As measured in the loop."), ["/motion/loop_stiffness", "", null,
       "The slope dQ/dU of a measured loop just after a reversal, such as 10\u00a0N/um, or per length, such as 2000\u00a0N/mm/mm."]],
-    sliding_amplitude: [["/motion/sliding_amplitude", "Sliding amplitude", null,
+    sliding_amplitude: [["/motion/sliding_amplitude", "", null,
       "For a contact that slides as a whole: half of the stroke, less what bodies and rig yield."]],
-    stick_ratio: [["/motion/stick_ratio", "Stick ratio c/a₀", null, "The unworn contact gives the tangential force, which stays constant."], loops],
-    tangential_force: [["/motion/tangential_force", "Tangential force Q", null, `${PER_LENGTH} It stays constant.`], loops],
+    stick_ratio: [["/motion/stick_ratio", "", null, "The unworn contact gives the tangential force, which stays constant."], loops],
+    tangential_force: [["/motion/tangential_force", "", null, `${PER_LENGTH} It stays constant.`], loops],
   }[kind];
 }
 
@@ -106,7 +106,7 @@ const STEEL = () => ({ youngs_modulus: "205 GPa", poisson_ratio: 0.3 });
 
 /**
  * Drop-down lists that decide which fields follow. `selected` reads the option from a scenario, `apply` changes the
- * scenario to an option, and `fields` lists the fields of an option as `[pointer, label, options, explanation]`. `lacks` lists
+ * scenario to an option, and `fields` lists the fields of an option as `[pointer, hint, options, explanation]`. `lacks` lists
  * the options that do not apply to a scenario, and `reason` explains this. A choice without `applies` is always shown.
  */
 export const CHOICES = [
@@ -117,7 +117,7 @@ export const CHOICES = [
     apply: (scenario, shape) => {
       const before = scenario.profile;
       scenario.profile = { shape, ...OF_SHAPE[shape], ...(shape === "crossed_cylinders" && { radii: [] }) };
-      for (const [member, , preset] of SHAPES[shape]) {
+      for (const [member, preset] of SHAPES[shape]) {
         const kept = valueAt(before ?? {}, `/${member}`);
         // The radii of a measured profile are no radius, and the reverse.
         setValueAt(scenario.profile, `/${member}`, kept === undefined || Array.isArray(kept) !== Array.isArray(preset) ? structuredClone(preset) : kept);
@@ -126,7 +126,7 @@ export const CHOICES = [
       if (shape === "punch" && scenario.motion?.stick_ratio !== undefined) scenario.motion.stick_ratio = PUNCH_STICK_RATIO;
     },
     edits: (shape) => (shape === "table" ? ["/profile/radius", "/profile/height"] : []),
-    fields: (shape, { profile }) => fieldsOf(shape, profile).map(([member, label, , explanation]) => [`/profile/${member}`, label, null, explanation]),
+    fields: (shape, { profile }) => fieldsOf(shape, profile).map(([member, , explanation]) => [`/profile/${member}`, "", null, explanation]),
   },
   {
     id: "elasticity", group: "Material", label: "Elastic constants",
@@ -139,10 +139,8 @@ export const CHOICES = [
       fitGeometry(scenario);
     },
     fields: (kind, { profile }) => kind === "moduli"
-      ? [["/moduli/normal", "Normal modulus E*"], ...(isLine(profile) ? [] : [["/moduli/tangential", "Tangential modulus G*"]])]
-      : [0, 1].flatMap((i) => [[`/bodies/${i}/youngs_modulus`, `Body ${i + 1}: Young's modulus E`],
-        [`/bodies/${i}/poisson_ratio`, `Body ${i + 1}: Poisson's ratio ν`],
-        [`/bodies/${i}/yield_strength`, `Body ${i + 1}: yield strength`]]),
+      ? [["/moduli/normal"], ...(isLine(profile) ? [] : [["/moduli/tangential"]])]
+      : [0, 1].flatMap((i) => ["youngs_modulus", "poisson_ratio", "yield_strength"].map((name) => [`/bodies/${i}/${name}`])),
   },
   {
     id: "wear", group: "Material", label: "Wear law",
@@ -171,14 +169,14 @@ export const CHOICES = [
     edits: (kind) => (kind === "changing" ? ["/wear/coefficient"] : []),
     fields: (kind) => [
       ...{
-        coefficient: [["/wear/coefficient", "Wear coefficient k_w"]],
+        coefficient: [["/wear/coefficient"]],
         run_in: runIn("/wear/coefficient", "k_w"),
         bodies: [],
         changing: [],
-        hardness: [["/wear/coefficient", "Archard coefficient k"], ["/wear/hardness", "Hardness"]],
-        energy: [["/wear/energy_coefficient", "Energy coefficient α"]],
+        hardness: [["/wear/coefficient"], ["/wear/hardness"]],
+        energy: [["/wear/energy_coefficient"]],
       }[kind],
-      ...(kind === "bodies" ? [] : [["/wear/share", "Wear share of body 1 (0 to 1, optional)"]])],
+      ...(kind === "bodies" ? [] : [["/wear/share", "(0 to 1, optional)"]])],
   },
   ...[0, 1].map((body) => ({
     id: `layers-${body + 1}`, group: "Material", label: `Body ${body + 1}: layers`,
@@ -193,11 +191,10 @@ export const CHOICES = [
     fields: (count) => {
       const pointer = `/wear/bodies/${body}`;
       const layers = Array.from({ length: Number(count) }, (_, i) => [
-        [`${pointer}/layers/${i}/thickness`, `Body ${body + 1}, layer ${i + 1}: thickness`, null,
+        [`${pointer}/layers/${i}/thickness`, "", null,
           i === 0 && "Layer 1 is at the surface. The next layer wears where it is worn through."],
-        [`${pointer}/layers/${i}/coefficient`, `Body ${body + 1}, layer ${i + 1}: k_w`]]);
-      return [...layers.flat(), [`${pointer}/coefficient`, `Body ${body + 1}${layers.length ? ", below the layers" : ""}: k_w`, null,
-        "Enter 0 for a material that does not wear."]];
+        [`${pointer}/layers/${i}/coefficient`]]);
+      return [...layers.flat(), [`${pointer}/coefficient`, "", null, "Enter 0 for a material that does not wear."]];
     },
   })),
   {
@@ -209,7 +206,7 @@ export const CHOICES = [
         changing: { over: "cycles", at: [0, 10000], values: [0.3, 0.7] } }[kind];
     },
     edits: (kind) => (kind === "changing" ? ["/friction"] : []),
-    fields: (kind) => ({ number: [["/friction", "Friction coefficient μ"]], run_in: runIn("/friction", "μ"), changing: [] })[kind],
+    fields: (kind) => ({ number: [["/friction"]], run_in: runIn("/friction", "μ"), changing: [] })[kind],
   },
   {
     id: "load", group: "Load and motion", label: "Load",
@@ -221,8 +218,8 @@ export const CHOICES = [
       const { held } = scenario.load ?? {};
       scenario.load = { [kind]: kind === "normal_force" ? "100 N" : "3.5 um", ...(held && { held }) };
     },
-    fields: (kind, { profile }) => (isLine(profile) ? [["/load/normal_force", "Normal force F", null, PER_LENGTH]]
-      : [kind === "normal_force" ? ["/load/normal_force", "Normal force F"] : ["/load/indentation_depth", "Indentation depth d"],
+    fields: (kind, { profile }) => (isLine(profile) ? [["/load/normal_force", "", null, PER_LENGTH]]
+      : [[`/load/${kind}`],
       ["/load/held", "During the test, keep constant",
         { "": kind === "normal_force" ? "Force (as entered)" : "Depth (as entered)", force: "Force (dead weight)", depth: "Depth (press fit)" }]]),
   },
@@ -248,15 +245,15 @@ export const CHOICES = [
     edits: (kind) => ({ blocks: ["/motion/blocks"], reversals: ["/motion/reversals"] })[kind] ?? [],
     fields: (kind, { profile }) => (isLine(profile) ? lineMotion(kind) ?? [] : [
       {
-        amplitude: ["/motion/amplitude", "Amplitude U (half the stroke)"],
-        stick_ratio: ["/motion/stick_ratio", "Stick ratio c/a₀"],
-        tangential_force: ["/motion/tangential_force", "Tangential force Q"],
+        amplitude: ["/motion/amplitude", "(half the stroke)"],
+        stick_ratio: ["/motion/stick_ratio"],
+        tangential_force: ["/motion/tangential_force"],
         blocks: null, reversals: null,
       }[kind],
       ["/motion/held", "During the test, keep constant", {
         "": kind === "tangential_force" ? "Tangential force (as entered)" : "Amplitude (as entered)",
         amplitude: "Amplitude", tangential_force: "Tangential force" }],
-      ["/motion/rig_stiffness", "Rig stiffness (optional)"]].filter(Boolean)),
+      ["/motion/rig_stiffness", "(optional)"]].filter(Boolean)),
   },
   {
     id: "cycles-kind", group: "Duration", label: "Output cycles",
@@ -276,7 +273,7 @@ export const CHOICES = [
       return [...(kind === "list" ? [[at, `${word}${unit}, separated by commas`]]
         : [[`${at}/from`, `First${unit}`], [`${at}/to`, `Last${unit}`], [`${at}/count`, "Number of outputs"],
            [`${at}/spacing`, "Spacing", { log: "Logarithmic", linear: "Linear" }]]),
-      ["/until/wear_depth", "Stop at wear depth (optional)", null, "The largest depth, of both bodies together."]];
+      ["/until/wear_depth", "(optional)", null, "The largest depth, of both bodies together."]];
     },
   },
   {
@@ -289,15 +286,19 @@ export const CHOICES = [
       const { points } = scenario.model ?? {};
       scenario.model = { method, ...(points && { points }) };
     },
-    fields: (method, scenario) => [["/model/points", "Output radii (optional)"],
-      ...(method === "exact" ? [["/model/tolerance", "Tolerance (optional)", null, "The error that the method aims at: 0.003 if empty. A smaller one takes longer."],
-        ...(ruleLacks(scenario) ? [] : [["/model/compare", "Compare with simplified rule", { "": "No", true: "Yes" }]])]
-        : [["/model/xi", "Fitting parameter ξ (optional)"]])],
+    fields: (method, scenario) => [["/model/points", "(optional)"],
+      ...(method === "exact" ? [["/model/tolerance", "(optional)", null, "The error that the method aims at: 0.003 if empty. A smaller one takes longer."],
+        ...(ruleLacks(scenario) ? [] : [["/model/compare", "", { "": "No", true: "Yes" }]])]
+        : [["/model/xi", "(optional)"]])],
   },
 ];
 
 /** The choices of a scenario. */
 export const choicesOf = (scenario) => CHOICES.filter(({ applies }) => applies?.(scenario) ?? true);
+
+/** A field with its label: the name of the input with a hint in brackets, or a text of its own. */
+export const labelled = ([pointer, hint = "", ...rest], scenario) => [pointer,
+  hint && !hint.startsWith("(") ? hint : `${plainWords(inputWords(pointer, scenario))} ${hint}`.trim(), ...rest];
 
 /** The options of a choice that apply to a scenario, and the reason why others do not. */
 export function optionsOf({ options, lacks, reason }, scenario) {

@@ -1,7 +1,7 @@
 // The fields of a scenario, in groups: drop-down lists, numbers, and the numbers of a study that have no field.
 
 import { explained, fill, h, select } from "./dom.js";
-import { choicesOf, chooseOption, optionsOf } from "./fields.js";
+import { choicesOf, chooseOption, labelled, optionsOf } from "./fields.js";
 import { hint, idOf, Inputs } from "./inputs.js";
 import { drawRange } from "./plan.js";
 import { WORDS } from "./units.js";
@@ -57,6 +57,6 @@ export class Fieldset {
     } });
     if (!known) field.prepend(h("option", { selected: true }, `${WORDS[selected] ?? selected ?? "None"} (JSON)`));
     return [h("div", { class: "field" }, h("label", { for: choice.id }, choice.label), field, reason && hint(choice.id, reason)),
-      known && choice.fields(selected, scenario).map((field) => this.#inputs.draw(field)), this.editors.of(choice, selected)];
+      known && choice.fields(selected, scenario).map((field) => this.#inputs.draw(labelled(field, scenario))), this.editors.of(choice, selected)];
   }
 }

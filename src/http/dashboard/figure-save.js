@@ -34,22 +34,29 @@ function figureText({ curves, axes, zoom, title }, size) {
   return standalone(drawing, size);
 }
 
+/** A value of a CSV file: a number with 12 digits, or a text in quotes. */
+export const csvCell = (value) => (typeof value === "number" ? String(Number(value.toPrecision(12))) : value == null ? "" : `"${String(value).replaceAll('"', '""')}"`);
+
+/** Columns with their names as CSV. */
+export function csvOf(columns) {
+  const count = Math.max(...columns.map(([, values]) => values.length));
+  const rows = Array.from({ length: count }, (_, i) => columns.map(([, values]) => csvCell(values[i])));
+  return [columns.map(([name]) => csvCell(name.replaceAll("\u00a0", " "))), ...rows].map((row) => row.join(",")).join("\n") + "\n";
+}
+
 /** The values of the curves as CSV, in the units of the axes. Curves with the same x share their first column. */
 function tableText(figure) {
   const { curves, plan: { horizontal, vertical } } = figure;
-  const head = (axis, name) => `${name} (${axis.unit || "1"})`.replaceAll("\u00a0", " ");
+  const head = (axis, name) => `${name} (${axis.unit || "1"})`;
   const columns = [];
   let last = null;
   for (const { name, column = name, x, y } of curves) {
     const isSame = last?.length === x.length && last.every((value, i) => value === x[i]);
     if (!isSame) columns.push([head(horizontal, horizontal.title), x.map((value) => value * horizontal.factor)]);
-    columns.push([head(vertical, column || vertical.title), y.map((value) => (value == null || !Number.isFinite(value) ? "" : value * vertical.factor))]);
+    columns.push([head(vertical, column || vertical.title), y.map((value) => (Number.isFinite(value) ? value * vertical.factor : null))]);
     last = x;
   }
-  const cell = (value) => (typeof value === "number" ? String(Number(value.toPrecision(12))) : `"${String(value).replaceAll('"', '""')}"`);
-  const count = Math.max(...columns.map(([, values]) => values.length));
-  const rows = Array.from({ length: count }, (_, i) => columns.map(([, values]) => (values[i] === undefined || values[i] === "" ? "" : cell(values[i]))).join(","));
-  return `${columns.map(([name]) => cell(name)).join(",")}\n${rows.join("\n")}\n`;
+  return csvOf(columns);
 }
 
 /** The checksum of a chunk of a PNG. */

@@ -4,12 +4,12 @@ import { capital } from "./dom.js";
 import { symbolOf } from "./explain.js";
 import { symbolAt, unitAt, wordsOf } from "./fit-names.js";
 import { digits, WORDS } from "./units.js";
+import { UNITS } from "./words.js";
 
 /** Colours of the tests, in turn. */
 const INKS = [1, 2, 3, 5, 7, 8];
 /** More tests would hide each other's bands of new tests. */
 const WITH_PREDICTION = 2;
-const UNITS = { cycles: "1", dissipated_energy: "J", radius: "m" };
 /** A residual within this many standard deviations is usual. */
 const USUAL = 2;
 
@@ -30,27 +30,31 @@ export function groupsOf({ table }) {
 
 const titleOf = (output) => (output === "profile.wear" ? "Wear" : WORDS[output] ?? capital(output.replaceAll("_", " ")));
 const across = (over) => ({ title: WORDS[over] ?? capital(over), symbol: symbolOf(over), unit: UNITS[over] });
+const rowsOfTest = (rows, test) => rows.filter((row) => row.test === test).sort((a, b) => a.x - b.x);
 const column = (rows, name) => rows.map((row) => row[name]);
 /** The ends of an x axis from zero to a little beyond the data. */
 const fromZero = (rows) => [0, 1.04 * Math.max(...column(rows, "x"))];
+
+/** The measured numbers of the test with the number `i`: `name` is their column. */
+const measuredCurve = (rows, test, i, name = "measured") => ({ name: test, x: column(rows, "x"), y: column(rows, name), ink: INKS[i % INKS.length], mark: i, points: true, line: false,
+  ...(name === "measured" && { errors: column(rows, "deviation") }) });
 
 /** The curve of a group with its bands, and the measured numbers. */
 export function dataFigure({ fit, table, bands }, { output, over, unit, tests }) {
   const own = (rows) => rowsOf(rows).filter((row) => row.output === output && row.over === over);
   const [measured, grid] = [own(table), own(bands)];
   const level = `${digits(100 * fit.confidence, 3)}\u00a0%`;
-  const of = (rows, test) => rows.filter((row) => row.test === test).sort((a, b) => a.x - b.x);
   const curves = tests.flatMap((test, i) => {
     // The curve goes through the computed points of the data, too.
-    const line = of([...grid, ...measured], test).filter(({ predicted }) => predicted != null);
-    const [data, ink, x] = [of(measured, test).filter((row) => row.measured != null), INKS[i % INKS.length], column(line, "x")];
+    const line = rowsOfTest([...grid, ...measured], test).filter(({ predicted }) => predicted != null);
+    const [data, ink, x] = [rowsOfTest(measured, test).filter((row) => row.measured != null), INKS[i % INKS.length], column(line, "x")];
     const band = (name, words, rows) => ({ name: tests.length > 1 ? "" : words, column: `${test}: ${words}`, x: column(rows, "x"), y: column(rows, "predicted"), ink, line: false,
       label: "none", band: { low: column(rows, `${name}_low`), high: column(rows, `${name}_high`) } });
     // At a measured point, the band of new tests has the error of that point. Between them, it has the mean error of the set.
-    const even = of(grid, test);
+    const even = rowsOfTest(grid, test);
     return [...(tests.length <= WITH_PREDICTION ? [{ ...band("prediction", `New tests, ${level}`, even.length ? even : line), faint: true }] : []), band("confidence", `Curve, ${level}`, line),
       { name: tests.length > 1 ? "" : "Fit", column: `${test}: fit`, x, y: column(line, "predicted"), ink, label: "none" },
-      { name: test, x: column(data, "x"), y: column(data, "measured"), errors: column(data, "deviation"), ink, mark: i, points: true, line: false }];
+      measuredCurve(data, test, i)];
   });
   return { title: `${titleOf(output)}: fit and measurements`, curves,
     axes: { x: { ...across(over), range: fromZero(measured) }, y: { title: titleOf(output), symbol: symbolOf(output), unit } } };
@@ -61,10 +65,7 @@ export function residualFigure({ table }, { output, over, tests }) {
   const rows = rowsOf(table).filter((row) => row.output === output && row.over === over && row.residual != null);
   const range = fromZero(rows);
   const level = (y, dash) => ({ name: "", column: "Level", x: range, y: [y, y], ink: 4, dash, label: "none", faint: true });
-  const curves = tests.map((test, i) => {
-    const own = rows.filter((row) => row.test === test).sort((a, b) => a.x - b.x);
-    return { name: test, x: column(own, "x"), y: column(own, "residual"), ink: INKS[i % INKS.length], mark: i, points: true, line: false, label: tests.length > 1 ? "end" : "none" };
-  });
+  const curves = tests.map((test, i) => ({ ...measuredCurve(rowsOfTest(rows, test), test, i, "residual"), label: tests.length > 1 ? "end" : "none" }));
   return { title: "Residuals", curves: [level(0), level(USUAL, "dashed"), level(-USUAL, "dashed"), ...curves],
     axes: { x: { ...across(over), range }, y: { title: "Residual in standard deviations", unit: "1" } } };
 }
@@ -92,9 +93,6 @@ export function energyFigure({ table, lines }) {
   const end = fromZero(rows);
   return { title: "Wear volume over dissipated energy",
     curves: [{ name: "", column: "Line through the origin", x: end, y: end.map((x) => x * line.energy_coefficient), ink: 4, dash: "dotted", label: "none" },
-      ...[...new Set(column(rows, "test"))].map((test, i) => {
-        const own = rows.filter((row) => row.test === test);
-        return { name: test, x: column(own, "x"), y: column(own, "measured"), errors: column(own, "deviation"), ink: INKS[i % INKS.length], mark: i, points: true, line: false };
-      })],
+      ...[...new Set(column(rows, "test"))].map((test, i) => measuredCurve(rowsOfTest(rows, test), test, i))],
     axes: { x: { ...across("dissipated_energy"), range: end }, y: { title: WORDS.wear_volume, symbol: symbolOf("wear_volume"), unit: "m^3" } } };
 }

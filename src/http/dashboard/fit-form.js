@@ -2,6 +2,7 @@
 
 import { idempotencyKey, post, Problem } from "./api.js";
 import { debounced, fill, h, select } from "./dom.js";
+import { valueAt } from "./fields.js";
 import { fieldText, kindAt, printed } from "./kinds.js";
 import { KNOWN, named, wordsOf } from "./fit-names.js";
 import { contentOf } from "./measure-sets.js";
@@ -13,15 +14,13 @@ import { duration } from "./units.js";
 /** After this time without a change, the server checks the fit. */
 const IDLE_MS = 250;
 /** The numbers that are estimated unless the user chooses others. */
-const PRESELECTED = ["/wear/coefficient", "/wear/energy_coefficient", "/friction"];
+const PRESELECTED = ["/wear/coefficient", "/wear/energy_coefficient"];
 const NOISES = { column: "Standard deviations of the file", relative: "Relative error", absolute: "Equal standard deviation", estimate: "Estimated from the scatter" };
 const CONFIDENCES = { 0.9: "90 %", 0.95: "95 %", 0.99: "99 %" };
 /** The relative error of a set that states none. */
 const RELATIVE = "5 %";
 /** The units of equal standard deviations. */
 const LIKE = { wear_volume: "um^3", energy_per_cycle: "mJ", dissipated_energy: "J", normal_force: "N", tangential_force: "N" };
-
-const valueAt = (scenario, pointer) => pointer.split("/").slice(1).reduce((value, name) => value?.[name], scenario);
 
 /** A copy of a scenario. If the user wrote the energy wear coefficient α, it has this one, and not k = αμ. */
 function withEnergy(scenario, submitted) {
@@ -68,7 +67,7 @@ export class FitForm {
     delete scenario.profiles_at;
     this.scenario = scenario;
     this.#sets = sets.map((set, i) => this.#setFields(set, i));
-    this.#parameters = Object.keys(KNOWN).filter((pointer) => typeof valueAt(scenario, pointer) === "number").map((pointer) => this.#parameterFields(pointer));
+    this.#parameters = KNOWN.filter((pointer) => typeof valueAt(scenario, pointer) === "number").map((pointer) => this.#parameterFields(pointer));
     this.element = h("form", { class: "fit-form", "aria-label": "Fit", noValidate: true, onsubmit: (event) => this.#send(event) },
       h("h3", { tabIndex: -1 }, "Fit this scenario to the measurements"), h("p", { class: "muted" }, title(entryOf(result))),
       sets.length ? null : h("p", { class: "warning" }, "There are no measurements. Add one first."),

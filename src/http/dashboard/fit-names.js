@@ -1,15 +1,14 @@
 // Names, symbols and units of the numbers that fits estimate.
 
 import { italics } from "./explain.js";
-import { quantity } from "./scaling.js";
+import { digits, inputWords, quantity } from "./units.js";
 
-/** Numbers that tests often leave unknown, with their symbols between `$`. */
-export const KNOWN = { "/wear/coefficient": ["Wear coefficient", "$k_w$"], "/wear/energy_coefficient": ["Energy wear coefficient", "$α$"], "/friction": ["Friction coefficient", "$μ$"],
-  "/motion/amplitude": ["Amplitude", "$U$"], "/load/normal_force": ["Normal force", "$F$"], "/profile/radius": ["Radius", "$R$"] };
+/** Numbers that tests often leave unknown. */
+export const KNOWN = ["/wear/coefficient", "/wear/energy_coefficient", "/friction", "/motion/amplitude", "/load/normal_force", "/profile/radius"];
 
 /** The name of a number of a scenario. */
-export const wordsOf = (pointer) => KNOWN[pointer]?.[0] ?? pointer.slice(1).replaceAll("/", " ").replaceAll("_", " ");
-export const symbolAt = (pointer) => KNOWN[pointer]?.[1] ?? "";
+export const wordsOf = (pointer) => inputWords(pointer).title;
+export const symbolAt = (pointer) => inputWords(pointer).symbol;
 export const named = (pointer) => [wordsOf(pointer), " ", ...italics(symbolAt(pointer))];
 
 /** The unit in which a number is shown: that of an energy wear coefficient is a volume per energy. */
@@ -28,6 +27,9 @@ export function together(values, unit, join) {
   const numbers = values.map((value) => (value == null ? "open" : text(value / size))).join(join);
   return power ? `(${numbers})${power}${tail}` : `${numbers}${tail}`;
 }
+
+/** A coefficient of determination, with its sign of comparison. */
+export const squaredOf = (squared) => (squared > 0.9995 ? " > 0.999" : `\u00a0=\u00a0${digits(squared, 3)}`);
 
 /** The mantissa of a text. */
 const numberOf = (text) => Number(text.match(/^[\d.\u202f]+/)[0].replaceAll("\u202f", ""));

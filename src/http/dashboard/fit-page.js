@@ -2,10 +2,11 @@
 
 import { drawActions } from "./actions.js";
 import { get, resultAddress } from "./api.js";
-import { fill, h } from "./dom.js";
+import { asJson, fill, h, tableOf } from "./dom.js";
+import { valueAt } from "./fields.js";
 import { Figure } from "./figure.js";
 import { dataFigure, energyFigure, groupsOf, profileFigure, residualFigure, rowsOf } from "./fit-figures.js";
-import { named, symbolAt, together, unitAt, wordsOf } from "./fit-names.js";
+import { named, squaredOf, symbolAt, together, unitAt, wordsOf } from "./fit-names.js";
 import { axisUnit, withUnit } from "./scaling.js";
 import { cycles, digits, quantity, WORDS } from "./units.js";
 
@@ -57,7 +58,7 @@ function lawWords({ notes, quality, parameters }) {
 
 function estimateTile({ pointer, unit, estimate, interval, at_bound: isAtBound }, { fit }) {
   const own = unitAt(pointer, unit);
-  const before = pointer.split("/").slice(1).reduce((value, name) => value?.[name], fit.scenario);
+  const before = valueAt(fit.scenario, pointer);
   const level = `${digits(100 * fit.confidence, 3)}\u00a0%`;
   const isKnown = typeof estimate === "number";
   return h("div", { "data-estimate": pointer }, h("dt", {}, named(pointer)), h("dd", {}, isKnown ? quantity(estimate, own, 3) : "Not determined",
@@ -77,11 +78,10 @@ function correlationTile({ correlation, parameters }) {
 /** The correlations of three and more estimates; null for fewer. */
 function correlationTable({ correlation, parameters }) {
   if (parameters.length < 3) return null;
-  const head = ({ pointer }) => h("th", { scope: "col" }, named(pointer));
-  return h("section", { class: "card", "aria-label": "Correlation" }, h("h2", {}, "Correlation of the estimates"), h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Correlations" }, h("table", { id: "correlation" },
-    h("thead", {}, h("tr", {}, h("td", {}), parameters.map(head))),
-    h("tbody", {}, parameters.map(({ pointer }, i) => h("tr", {}, h("th", { scope: "row" }, named(pointer)), correlation[i].map((value) => h("td", {}, digits(value, 3)))))))),
-  h("p", { class: "muted" }, COMPENSATED));
+  return h("section", { class: "card", "aria-label": "Correlation" }, h("h2", {}, "Correlation of the estimates"),
+    tableOf("Correlations", ["", ...parameters.map(({ pointer }) => named(pointer))],
+      parameters.map(({ pointer }, i) => h("tr", {}, h("th", { scope: "row" }, named(pointer)), correlation[i].map((value) => h("td", {}, digits(value, 3))))), { id: "correlation" }),
+    h("p", { class: "muted" }, COMPENSATED));
 }
 
 function pointTable(result) {
@@ -92,8 +92,7 @@ function pointTable(result) {
   const row = (own) => h("tr", {}, h("td", {}, own.test), h("td", {}, withUnit(WORDS[own.output] ?? "Wear", scales[own.output].unit)), h("td", {}, place(own)),
     cell(own, own.measured), cell(own, own.deviation), cell(own, own.predicted), h("td", {}, digits(own.residual, 2)), h("td", {}, [own.prediction_low, own.prediction_high].map((end) => digits(end == null ? null : end * scales[own.output].factor, 4)).join(" to ")));
   const heads = ["Test", "Output", "Place", "Measured", "σ", "Fit", "Residual/σ", "New tests"];
-  return h("details", { class: "card" }, h("summary", {}, "Measured and fitted numbers"), h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Measured and fitted numbers" },
-    h("table", { id: "points" }, h("thead", {}, h("tr", {}, heads.map((name) => h("th", { scope: "col" }, name)))), h("tbody", {}, rows.slice(0, ROWS).map(row)))),
+  return h("details", { class: "card" }, h("summary", {}, "Measured and fitted numbers"), tableOf("Measured and fitted numbers", heads, rows.slice(0, ROWS).map(row), { id: "points" }),
   rows.length > ROWS && h("p", { class: "muted" }, `The first ${ROWS} rows. The download contains all rows.`));
 }
 
@@ -120,10 +119,10 @@ export async function showFit(main, { key }, { job, link, signal }) {
         h("p", { id: "law" }, h("strong", { class: style }, `${verdict}.`), ` ${reason}`)),
       h("div", { class: "plots" }, figures.map(([name, figure]) => h("section", { class: "card", "aria-label": name }, figure.element,
         name === "Wear over energy" && h("p", { class: "muted" }, result.lines.map(({ weights, energy_coefficient: slope, interval, r_squared: squared }) =>
-          `${weights === "equal" ? "All points equal" : "Weighted by their errors"}: α\u00a0=\u00a0${quantity(slope, "m^3/J", 3)}, ${together(interval, "m^3/J", " to ")}, R²\u00a0=\u00a0${digits(squared, 3)}. `)))),
+          `${weights === "equal" ? "All points equal" : "Weighted by their errors"}: α\u00a0=\u00a0${quantity(slope, "m^3/J", 3)}, ${together(interval, "m^3/J", " to ")}, R²${squaredOf(squared)}. `)))),
       quality && correlationTable(result)),
       pointTable(result),
-      h("section", { class: "card" }, h("h2", {}, "Fit"), h("details", {}, h("summary", {}, "Show as JSON in SI units"), h("pre", { tabIndex: 0 }, JSON.stringify(fit, null, 2)))));
+      asJson("Fit", fit));
     plans().forEach(([, { title, curves, axes }], i) => {
       figures[i][1].title = title;
       figures[i][1].show(curves, axes);

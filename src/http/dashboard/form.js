@@ -286,13 +286,14 @@ export async function showForm(main, { query, signal }) {
     }
   }
 
-  /** Ctrl+Z undoes the last change of the form, whichever field has the focus. Ctrl+Enter keeps the run, and Enter alone does not. */
+  /** Ctrl+Z undoes the last change of the form and Ctrl+Enter keeps the run, whatever has the focus. Enter in a field does not. */
   function pressed(event) {
-    if (event.key === "Enter" && event.target.matches("input")) {
+    const isCommand = event.ctrlKey || event.metaKey;
+    if (event.key === "Enter" && (isCommand || event.target.matches("input"))) {
       event.preventDefault();
-      if (event.ctrlKey || event.metaKey) submit(event);
+      if (isCommand) submit(event);
     }
-    if (!(event.ctrlKey || event.metaKey) || event.altKey || !["z", "Z", "y"].includes(event.key)) return;
+    if (!isCommand || event.altKey || !["z", "Z", "y"].includes(event.key)) return;
     event.preventDefault();
     restore(event.key === "z" ? undo.undo() : undo.redo());
   }

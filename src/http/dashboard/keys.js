@@ -2,7 +2,7 @@
 
 import { may } from "./allowed.js";
 import { get, send } from "./api.js";
-import { copy, dateTime, fill, h, openDialog, select } from "./dom.js";
+import { copy, dateTime, fill, h, openDialog, select, tableOf } from "./dom.js";
 import { errorCard } from "./error.js";
 import { signedIn } from "./sign-in.js";
 import { cycles } from "./units.js";
@@ -97,9 +97,7 @@ export async function showKeys(main, { signal }) {
   }), faults, h("div", { class: "card" }, table("Valid keys", valid)), past);
 }
 
-const table = (name, rows) => h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": name },
-  h("table", { class: "jobs keys" }, h("thead", {}, h("tr", {}, ["Name", "Role", "State", "Requests", "Made", "Last used"].map((text) =>
-    h("th", { scope: "col" }, text)), h("td", {}))), rows));
+const table = (name, rows) => tableOf(name, ["Name", "Role", "State", "Requests", "Made", "Last used", ""], [rows], { class: "jobs keys" });
 
 /** The form for a new key. `make(wanted)` says whether the key was made. */
 function newKey(make) {

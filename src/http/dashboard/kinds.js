@@ -1,6 +1,6 @@
 // The kinds of quantities in the form: the unit that a number without a unit has in a field, and which sizes are usual.
 
-import { si } from "./scaling.js";
+import { si } from "./system.js";
 
 export const LENGTHS = { m: 1, mm: 1e-3, um: 1e-6, nm: 1e-9, cm: 1e-2, in: 0.0254, mil: 2.54e-5 };
 // MPa comes first: it is meant most often by a number that no field has in GPa.
@@ -51,8 +51,11 @@ export function kindAt(pointer, scenario) {
   if (table) return table.split("/").slice(1).reduce((value, name) => value?.[name], scenario)?.over === "dissipated_energy" ? ENERGY : NUMBER;
   const own = KINDS.find(([pattern]) => pattern.test(pointer))?.[1] ?? NUMBER;
   if (own === WEAR_COEFFICIENT && scenario?.wear?.hardness !== undefined) return NUMBER;
-  return si() ? { ...own, likely: own.unit, unit: Object.keys(own.units).find((name) => own.units[name] === 1) ?? "" } : own;
+  return si() ? { ...own, likely: own.unit, unit: siUnitOf(own) ?? "" } : own;
 }
+
+/** The SI unit of a kind. */
+export const siUnitOf = ({ units }) => Object.keys(units).find((name) => units[name] === 1);
 
 /** All spellings of a unit as one: µm³/(N·m), um3/Nm. */
 const plainUnit = (unit) => unit.replace(/[µμ]/g, "u").replace("²", "2").replace("³", "3").replace("°", "deg").replace(/[\s^·⋅*×()]/g, "");

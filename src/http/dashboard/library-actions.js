@@ -4,6 +4,7 @@ import { get, jobAddress, resultAddress, send } from "./api.js";
 import { h, notify, openDialog } from "./dom.js";
 import { saveAs } from "./figure-save.js";
 import { isRun, nameOfEntry } from "./library-columns.js";
+import { sourceOf } from "./summary.js";
 
 /** Requests that are sent at the same time. */
 const AT_ONCE = 4;
@@ -62,7 +63,8 @@ export async function askLabel(entries) {
 
 /** Adds and removes tags of entries. Returns whether something may have changed. */
 export async function askTags(entries) {
-  const known = [...new Set(entries.flatMap(({ tags }) => tags))];
+  // The page shows the source of a run as a link, not as a tag.
+  const known = [...new Set(entries.flatMap(({ tags }) => tags))].filter((tag) => !sourceOf([tag]));
   const answer = await ask(`Tag ${counted(entries.length)}`, [["add", "Add tags, separated by commas", ""], ["remove", "Remove tags, separated by commas", ""]],
     known.length > 0 && `Present tags: ${known.join(", ")}`, "Change tags");
   if (!answer) return false;
@@ -82,12 +84,12 @@ export async function askDelete(entries) {
 
 const csv = async (words) => (await send(`/v1/results?${words}&format=csv&comments=none`, { headers: { Accept: "*/*" } })).text();
 
-/** Saves the selected results as CSV, or all results of a search. */
-export async function saveTable(entries, filters) {
+/** Saves the selected results as CSV, or all results of a search, in the order of the search. */
+export async function saveTable(entries, asked) {
   const texts = [];
   for (let at = 0; at < Math.max(entries.length, 1); at += KEYS) {
     const keys = entries.slice(at, at + KEYS).map(({ key }) => key);
-    const text = await csv(keys.length ? `keys=${keys}` : filters);
+    const text = await csv(keys.length ? new URLSearchParams({ keys, sort: asked.get("sort") }) : asked);
     // One header row is enough.
     texts.push(at ? text.slice(text.indexOf("\n") + 1) : text);
   }

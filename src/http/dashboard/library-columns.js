@@ -45,13 +45,13 @@ export const COLUMNS = {
   gross_slip_amplitude: number("gross_slip_amplitude"),
   tangential_force: number("tangential_force"),
   cycles: { ...number("cycles", "Cycles N", 6.5), cell: ({ values }) => values.cycles != null && cycles(values.cycles) },
-  wear_volume: number("wear_volume"),
+  wear_volume: number("wear_volume", WORDS.wear_volume, 9),
   wear_depth: number("wear_depth", "Wear depth", 7.5),
   scar_radius: number("scar_radius"),
   dissipated_energy: number("dissipated_energy"),
   owner: { heading: "Submitted by", width: 9, cell: ({ owner }) => owner ?? "" },
   size: { heading: "Size", width: 7, sort: "size", isNumber: true, cell: ({ size }) => `${Math.ceil(size / 1000)}\u00a0kB` },
-  created: { heading: "Computed", width: 11.5, sort: "created", cell: ({ created }) => dateTime(created) },
+  created: { heading: "Computed", width: 13, sort: "created", cell: ({ created }) => dateTime(created) },
 };
 
 /** The columns that are shown first. */

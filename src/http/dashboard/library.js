@@ -28,6 +28,7 @@ const TEXTS = {
   wear_volume: ["Wear volume", "1e-5 mm³.."],
   owner: ["Submitted by", ""],
   tag: ["Tag", ""],
+  created: ["Computed", "2026-01-31.."],
 };
 const NEWEST = "-created";
 
@@ -43,6 +44,13 @@ export async function showLibrary(main, { query, signal }) {
   const filters = () => new URLSearchParams(Object.entries(inputs)
     .map(([name, input]) => [name, input.value.trim()]).filter(([, text]) => text));
 
+  /** What the user sees: the filters and the order. */
+  function asked() {
+    const words = filters();
+    words.set("sort", table.sort);
+    return words;
+  }
+
   function remember() {
     const words = filters();
     if (table.sort !== NEWEST) words.set("sort", table.sort);
@@ -52,10 +60,8 @@ export async function showLibrary(main, { query, signal }) {
   }
 
   async function load() {
-    const words = filters();
-    words.set("sort", table.sort);
     errors.replaceChildren();
-    await table.search(words);
+    await table.search(asked());
     fill(table.empty, filters().size ? "No match. Change the search or the filters." : ["No results yet. ", h("a", { href: "#/new" }, "Start a run"), "."]);
   }
 
@@ -118,7 +124,7 @@ export async function showLibrary(main, { query, signal }) {
     fill(actions, isChosen && [compareLink(entries),
       may("submit") && [action("Rename", askLabel), action("Tag", askTags)],
       may("administrate") && action("Delete", askDelete, true)],
-    action(isChosen ? "CSV of selection" : "CSV of all", (own) => saveTable(own, String(filters()))),
+    action(isChosen ? "CSV of selection" : "CSV of all found", (own) => saveTable(own, asked())),
     isChosen && h("button", { type: "button", onclick: () => table.clearChoice() }, "Clear selection"), columns);
   }
 
@@ -136,7 +142,7 @@ export async function showLibrary(main, { query, signal }) {
     Object.entries(TEXTS).map(([name, [label, example]]) => filter(name, label, null, example))];
   const form = h("form", { class: "card search", role: "search", onsubmit: (event) => event.preventDefault() }, inputs.q,
     h("details", { open: Object.keys(inputs).some((name) => name !== "q" && query.get(name)) }, h("summary", {}, "Filters"), h("div", { class: "filters" }, fields,
-      h("p", { class: "muted" }, "Ranges: 0.6..0.8 is between, ..5 µm is at most, and 50 N.. is at least."))));
+      h("p", { class: "muted" }, "Ranges: 0.6..0.8 is between, ..5 µm is at most, and 50 N.. is at least. Days are in UTC: 2026-01-31 or 2026-01-01..2026-01-31."))));
   main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Library"), total), form, errors, actions, table.element);
   document.addEventListener("units", () => table.redraw(), { signal });
   drawActions();

@@ -4,8 +4,11 @@ import { fill, h } from "./dom.js";
 import { Figure } from "./figure.js";
 import { throughOrigin } from "./measure-model.js";
 import { symbolOf } from "./explain.js";
-import { together } from "./fit-names.js";
-import { digits, WORDS } from "./units.js";
+import { squaredOf, together } from "./fit-names.js";
+import { quantity, WORDS } from "./units.js";
+
+/** A smaller relative error does not change three digits. */
+const INVISIBLE = 5e-4;
 
 export class EnergyFigure {
   #figure;
@@ -39,8 +42,8 @@ export class EnergyFigure {
       ...volumes.map(({ name, ink, mark, x, y, errors }) => ({ name, ink, mark, x, y, errors, points: true, line: false })),
     ], { x: { title: WORDS.dissipated_energy, symbol: symbolOf("dissipated_energy"), unit: "J", range: [0, end * 1.03] },
       y: { title: WORDS.wear_volume, symbol: symbolOf("wear_volume"), unit: "m^3" } });
-    fill(this.#slopes, lines.map(({ name, line, isComputed, x }) => h("li", { "data-slope": name }, h("strong", {}, name), ": α\u00a0=\u00a0", h("span", { class: "slope" }, together([line.slope, line.error], "m^3/J", " ± ")),
-      `, R²\u00a0=\u00a0${digits(line.squared, 3)}, ${x.length} points${isComputed ? ", energies computed" : ""}`)),
+    fill(this.#slopes, lines.map(({ name, line, isComputed, x }) => h("li", { "data-slope": name }, h("strong", {}, name), ": α\u00a0=\u00a0", h("span", { class: "slope" }, line.error < INVISIBLE * line.slope ? quantity(line.slope, "m^3/J", 3) : together([line.slope, line.error], "m^3/J", " ± ")),
+      `, R²${squaredOf(line.squared)}, ${x.length} points${isComputed ? ", energies computed" : ""}`)),
     h("li", {}, "Lines through the origin, V\u00a0=\u00a0αΣE, with the standard error of α."));
   }
 }

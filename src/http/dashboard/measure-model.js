@@ -2,6 +2,7 @@
 
 import { post, Problem } from "./api.js";
 import { interpolate } from "./curves.js";
+import { UNITS } from "./words.js";
 
 /** The page evaluates at most this many cycles; beyond, it interpolates. */
 const MOST = 400;
@@ -15,6 +16,9 @@ const IMPROBABLE = 2.33;
 /** The points of a set that are compared: those of a loop are its energy. */
 export const pointsOf = (set) => (set.kind === "loop" ? { output: "energy_per_cycle", over: "cycles", x: [set.at], y: [set.energy], sigma: null }
   : set);
+
+/** The SI unit of the measured numbers. */
+export const unitOf = (set) => (set.kind === "profile" ? "m" : UNITS[pointsOf(set).output]);
 
 /** Evaluates the scenario of a run at some cycles; null if the server does not. */
 async function evaluated({ scenario }, cycles, parts, signal) {

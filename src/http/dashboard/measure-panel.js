@@ -1,14 +1,14 @@
 // The panel of measurements: the sets with their verdicts, their differences from the run, and wear over energy.
 
-import { fill, h } from "./dom.js";
+import { fill, h, tableOf } from "./dom.js";
 import { symbolOf } from "./explain.js";
 import { Figure } from "./figure.js";
 import { sampleOf } from "./figure-reader.js";
 import { askForSet } from "./measure-dialog.js";
 import { EnergyFigure } from "./measure-energy.js";
-import { differencesOf, errorOf, judge, modelOf } from "./measure-model.js";
+import { differencesOf, errorOf, judge, modelOf, unitOf } from "./measure-model.js";
 import { choiceFor, onHistory, onLoop, onProfile } from "./measure-overlay.js";
-import { addSet, allSets, contentOf, removeSet } from "./measure-sets.js";
+import { addSet, contentOf, removeSet, setsOf, setsOfOthers, showAllAt } from "./measure-sets.js";
 import { verdictOf } from "./measure-words.js";
 import { axisUnit, spaced, withUnit } from "./scaling.js";
 import { cycles, digits, quantity, WORDS } from "./units.js";
@@ -18,6 +18,7 @@ const ROWS = 100;
 
 export class Panel {
   #list = h("ul", { class: "measured-sets", "aria-label": "Measured sets" });
+  #others = h("p", { class: "row", id: "other-sets" });
   #figure;
   #energy;
   #table = h("details", { hidden: true });
@@ -32,7 +33,7 @@ export class Panel {
     const { result, figures, state, signal } = context;
     this.#figure = new Figure({ name: "differences", signal });
     this.#energy = new EnergyFigure(result, signal);
-    this.element = h("div", { class: "stack" }, this.#list,
+    this.element = h("div", { class: "stack" }, this.#list, this.#others,
       h("div", { class: "plots" }, h("section", { "aria-label": "Differences" }, this.#figure.element), this.#energy.element), this.#table, this.#form);
     figures.history.beside = () => onHistory(this.#sets, state, result);
     figures.profile.beside = () => onProfile(this.#sets, state, result);
@@ -44,7 +45,7 @@ export class Panel {
   async ask(file) {
     const set = await askForSet(this.context, file);
     if (!set) return;
-    addSet(set);
+    addSet(set, this.context.result.key);
     await this.update();
     this.#reveal(set);
   }
@@ -67,7 +68,7 @@ export class Panel {
   /** Computes and draws all again after the sets have changed. */
   async update() {
     const own = ++this.#latest;
-    this.#sets = allSets();
+    this.#sets = setsOf(this.context.result.key);
     const model = await modelOf(this.context.result, this.#sets, this.context);
     if (own !== this.#latest) return;
     this.#model = model;
@@ -88,15 +89,27 @@ export class Panel {
     const all = this.#sets.map((set) => ({ set, rows: differencesOf(set, this.#model) }));
     fill(this.#list, all.map(({ set, rows }) => this.#item(set, rows)));
     this.#list.hidden = !all.length;
+    this.#drawOthers();
     const scalars = all.filter(({ set, rows }) => set.kind !== "profile" && rows.some(({ relative }) => Number.isFinite(relative)));
     this.#drawDifferences(scalars);
     this.#energy.draw(this.#sets, this.#model, this.#wantsEnergy);
     this.#drawTable(all);
   }
 
+  /** Offers the sets that were added to other runs. */
+  #drawOthers() {
+    const { key } = this.context.result;
+    const names = setsOfOthers(key).map(({ name }) => name);
+    this.#others.hidden = !names.length;
+    fill(this.#others, h("span", { class: "muted" }, `Measured for other runs: ${names.join(", ")}.`), h("button", { type: "button", onclick: () => {
+      showAllAt(key);
+      this.update();
+    } }, "Show them here too"));
+  }
+
   #item(set, rows) {
     const remove = h("button", { type: "button", "aria-label": `Remove ${set.name}`, onclick: () => {
-      removeSet(set.name);
+      removeSet(set.name, this.context.result.key);
       document.getElementById("add-measurement").focus();
       this.update();
     } }, "Remove");
@@ -128,7 +141,7 @@ export class Panel {
   #drawTable(all) {
     this.#table.hidden = !all.length;
     const bodies = all.map(({ set, rows }) => {
-      const unit = unitOf(set, this.context.result);
+      const unit = unitOf(set);
       const most = Math.max(...rows.flatMap(({ measured, computed }) => [measured, computed ?? 0]).map(Math.abs));
       const scale = axisUnit(unit, most);
       // Depths vary around zero, and volumes over decades.
@@ -140,8 +153,8 @@ export class Panel {
           cell(sigma), cell(computed), cell(difference),
           h("td", {}, relative == null ? "–" : `${signed(100 * relative)}\u00a0%`))));
     });
-    fill(this.#table, h("summary", {}, "Differences of all points"), h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Differences of all points" },
-      h("table", { id: "differences" }, h("thead", {}, h("tr", {}, ["Place", "Measured", "σ", "Computed", "Difference", "Relative"].map((name) => h("th", { scope: "col" }, name)))), bodies)),
+    fill(this.#table, h("summary", {}, "Differences of all points"), tableOf("Differences of all points",
+      ["Place", "Measured", "σ", "Computed", "Difference", "Relative"], bodies, { id: "differences" }),
     all.some(({ rows }) => rows.length > ROWS) && h("p", { class: "muted" }, `The first ${ROWS} points of each set.`));
   }
 }
@@ -150,6 +163,3 @@ export class Panel {
 const fixed = (value, most) => (value == null ? "–" : spaced(value.toFixed(Math.max(0, 3 - Math.floor(Math.log10(most || 1))))).replace("-", "−"));
 
 const signed = (value) => (value > 0 ? "+" : "") + digits(value, 3);
-
-/** The SI unit of the measured numbers. */
-const unitOf = ({ kind, output }, { units }) => (kind === "profile" ? "m" : units[kind === "loop" ? "energy_per_cycle" : output]);

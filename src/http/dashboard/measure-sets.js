@@ -1,4 +1,4 @@
-// The measured sets of this tab.
+// The measured sets of this tab. Each belongs to the runs that it is shown with.
 
 import { notify } from "./dom.js";
 import { KEPT } from "./measure.js";
@@ -7,9 +7,9 @@ import { cycles, WORDS } from "./units.js";
 /**
  * A measured set in SI units. Points are an `output` over `cycles` or `dissipated_energy`. A profile has the depth over the radius
  * and a loop the force over the displacement, both after `at` cycles; a loop also has the energy of a cycle. `sigma` are the standard
- * deviations of `y`. `rows` is the number of points of the file, of which the set may have fewer. `ink` is the number of its colour, and `mark` of its shape.
+ * deviations of `y`. `rows` is the number of points of the file, of which the set may have fewer. `runs` are the keys of the runs. `ink` is the number of its colour, and `mark` of its shape.
  * @typedef {{name: string, kind: "points"|"profile"|"loop", output: string, over: string, x: number[], y: (number|null)[],
- *   sigma: (number|null)[]|null, at?: number, energy?: number, rows?: number, ink: number, mark: number}} MeasuredSet
+ *   sigma: (number|null)[]|null, at?: number, energy?: number, rows?: number, runs: string[], ink: number, mark: number}} MeasuredSet
  */
 
 /** The colours of sets: those of the run, of its limit and of the grey curves are left out. */
@@ -18,10 +18,12 @@ const INKS = [2, 8, 7, 5, 3];
 /** @type {MeasuredSet[]} */
 let sets = [];
 try {
-  sets = JSON.parse(sessionStorage.getItem(KEPT) ?? "[]");
+  sets = JSON.parse(sessionStorage.getItem(KEPT) ?? "[]").filter(({ runs }) => runs);
 } catch { /* Another version of the page has kept them. */ }
 
-export const allSets = () => sets;
+const isOf = (key) => ({ runs }) => runs.includes(key);
+export const setsOf = (key) => sets.filter(isOf(key));
+export const setsOfOthers = (key) => sets.filter((set) => !isOf(key)(set));
 
 function change(to) {
   sets = to;
@@ -33,15 +35,21 @@ function change(to) {
   }
 }
 
-/** Adds a set. A set with the same name is replaced. */
-export function addSet(set) {
+/** Shows the sets of other runs with this run too. */
+export const showAllAt = (key) => change(sets.map((set) => (isOf(key)(set) ? set : { ...set, runs: [...set.runs, key] })));
+
+/** Adds a set to a run. A set with the same name is replaced. */
+export function addSet(set, key) {
   const others = sets.filter(({ name }) => name !== set.name);
+  const runs = [...new Set([key, ...sets.filter((own) => !others.includes(own)).flatMap((own) => own.runs)])];
   const free = (taken, all) => all.find((own) => !taken.includes(own)) ?? all[others.length % all.length];
   const ink = free(others.map((own) => own.ink), INKS);
-  change([...others, { ...set, ink, mark: INKS.indexOf(ink) }]);
+  change([...others, { ...set, runs, ink, mark: INKS.indexOf(ink) }]);
 }
 
-export const removeSet = (name) => change(sets.filter((own) => own.name !== name));
+/** Removes a set from a run. The last run takes the set with it. */
+export const removeSet = (name, key) => change(sets.map((set) => (set.name === name ? { ...set, runs: set.runs.filter((own) => own !== key) } : set))
+  .filter(({ runs }) => runs.length));
 
 /** A name that no set has. */
 export function freeName(wanted) {

@@ -1,11 +1,8 @@
 // Whether a measured set agrees with a run, in a sentence with numbers.
 
 import { h } from "./dom.js";
-import { pointsOf } from "./measure-model.js";
+import { unitOf } from "./measure-model.js";
 import { cycles, percent, quantity } from "./units.js";
-
-/** SI units of what is measured. */
-const UNITS = { wear_volume: "m^3", energy_per_cycle: "J", dissipated_energy: "J", normal_force: "N", tangential_force: "N" };
 
 /** Smaller differences are none to a reader. */
 const SMALL = 1e-4;
@@ -27,17 +24,15 @@ function meanOf({ mean, count }, whole) {
 
 /** The verdict on a set: `found` comes from `judge`. */
 export function verdictOf(set, found) {
-  const { output } = pointsOf(set);
   const isProfile = set.kind === "profile";
   if (!found) return "No point can be compared: this run has no values there.";
   const { agrees, count, missing, largest, near, margin } = found;
   const word = agrees === null ? `Whether ${set.name} agrees cannot be said: it has fewer than three points, and no errors.`
     : `${set.name} ${agrees ? "agrees" : "does not agree"} with the simulation${agrees && near === null ? " on average" : ""}.`;
-  const unit = isProfile ? "m" : UNITS[output] ?? "m";
   const parts = [meanOf(found, isProfile),
-    count > 1 && `The largest difference is ${signed(largest.relative)} (${largest.difference > 0 ? "+" : ""}${quantity(largest.difference, unit, 3)}) at ${placeOf(set, largest.x)}.`,
+    count > 1 && `The largest difference is ${signed(largest.relative)} (${largest.difference > 0 ? "+" : ""}${quantity(largest.difference, unitOf(set), 3)}) at ${placeOf(set, largest.x)}.`,
     near !== null && `${near} of ${count} points lie within two standard deviations.`,
-    margin !== null && `The scatter leaves the mean uncertain by ${margin < SMALL ? "" : "±"}${size(margin)} (95 %).`,
+    margin !== null && `The scatter leaves the mean uncertain by ${margin < SMALL ? "" : "±"}${size(margin)} (95 %, if the errors of the points are independent).`,
     missing > 0 && `${missing} ${missing === 1 ? "point lies" : "points lie"} outside this run.`];
   return [h("strong", { class: agrees === null ? "" : agrees ? "agrees" : "differs" }, word), " ", parts.filter(Boolean).join(" ")];
 }

@@ -16,7 +16,9 @@ use crate::http::problem::Result;
 use crate::http::wire::{NoQuery, Segment};
 use asset::{Asset, Assets};
 
-use fretwork_engine::outcome::{EVENTS, History, QUANTITIES, Quantity, Unworn};
+use fretwork_engine::outcome::{EVENTS, History, LINE_WORDS, QUANTITIES, Quantity, Unworn};
+use fretwork_engine::request::inputs::{INPUTS, VALUES};
+use fretwork_format::notation::LADDERS;
 use fretwork_job::WORDS;
 use fretwork_study::{Kind, OutputName};
 
@@ -47,14 +49,15 @@ const SCRIPTS: &[File] = files!("text/javascript":
     "curves.js", "explain.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
     "figure-reader.js", "figure-save.js", "figure-zoom.js", "figure.js", "headline.js", "player.js",
     "printed.js", "repair.js", "result-figures.js", "scaling.js", "section.js", "smooth.js", "so-far.js",
+    "system.js",
     // The comparison of runs, which is loaded when it is needed.
     "compare-figures.js", "compare-inputs.js", "compare-rows.js", "compare-table.js", "compare.js",
     "derived.js",
     // The views of studies, which are loaded when they are needed.
     "study-axes.js", "study-bars.js", "study-chart.js", "study-contours.js", "study-curves.js",
     "study-figure.js", "study-heat.js", "study-measured.js", "study-open.js", "study-scatter.js",
-    "study-so-far.js", "study-statistics.js", "study-table.js", "study-view.js", "study-words.js",
-    "study.js",
+    "study-so-far.js", "study-statistics.js", "study-table.js", "study-verdict.js", "study-view.js",
+    "study-words.js", "study.js",
     // Measurements and fits, which are loaded when they are needed.
     "fit-figures.js", "fit-form.js", "fit-names.js", "fit-page.js", "measure-dialog.js",
     "measure-energy.js", "measure-model.js", "measure-overlay.js", "measure-panel.js", "measure-sets.js",
@@ -77,27 +80,41 @@ static ASSETS: Assets = Assets {
     none: "The dashboard has no file of this name. Open / instead.",
 };
 
-/// The script with words that other crates define: the kinds of studies, the names, symbols and meanings of quantities,
-/// and what users search by.
+/// The script with words that other crates define: the kinds of studies, the names, symbols and meanings of quantities
+/// and inputs, their units for people, and what users search by.
 fn words() -> String {
     let kinds: Value = Kind::ALL.into_iter().map(|kind| (kind.name, json!(kind))).collect();
     let words = |quantity: &Quantity| (quantity.name, json!(quantity.words));
     let names: Value = QUANTITIES.iter().map(words).collect();
+    let units: Value =
+        QUANTITIES.iter().map(|quantity| (quantity.name, json!(quantity.unit))).collect();
     let symbols: Value =
         QUANTITIES.iter().map(|quantity| (quantity.name, json!(quantity.symbol))).collect();
     // A later meaning of a name replaces an earlier one: a column of the history means more to a reader than the
     // unworn contact.
     let members = Unworn::MEMBERS.iter().chain(History::MEMBERS);
     let meanings: Value = members.map(|member| (member.name, json!(member.meaning))).collect();
+    let line: Value = LINE_WORDS.iter().map(|(name, words)| (*name, json!(words))).collect();
+    let values: Value = VALUES.iter().map(|(name, words)| (*name, json!(words))).collect();
+    let inputs: Value = INPUTS.iter().map(|it| json!([it.pointer, it.words, it.symbol])).collect();
+    let ladder = |(unit, usual, steps): &(&str, _, _)| {
+        ((*unit).to_owned(), json!({"usual": usual, "steps": steps}))
+    };
+    let ladders: Value = LADDERS.iter().map(ladder).collect();
     let outputs: Value = OutputName::all().collect();
     let named = |(kind, words): &(_, _)| Some((json!(kind).as_str()?.to_owned(), json!(words)));
     let events: Value = EVENTS.iter().filter_map(named).collect();
     let searched: Value = WORDS.iter().map(|word| (word.name, json!(word.values))).collect();
     format!(
         "/** The kinds of studies. */\nexport const KINDS = {kinds};\n\n/** The names of quantities. */\nexport const NAMES = {names};\n\n\
+         /** Their SI units. */\nexport const UNITS = {units};\n\n\
          /** Their symbols, with italics between `$`. */\nexport const SYMBOLS = {symbols};\n\n\
          /** The names of events. */\nexport const EVENTS = {events};\n\n\
          /** What they mean. */\nexport const MEANINGS = {meanings};\n\n\
+         /** The names of quantities of a line contact. */\nexport const LINE_WORDS = {line};\n\n\
+         /** The names of values of inputs. */\nexport const VALUES = {values};\n\n\
+         /** The inputs: patterns of their pointers, names and symbols. */\nexport const INPUTS = {inputs};\n\n\
+         /** The units for people, each with its factor and the size from which it is used. */\nexport const LADDERS = {ladders};\n\n\
          /** The outputs of a study, without output cycles. */\nexport const OUTPUTS = {outputs};\n\n\
          /** The words that results are searched by. */\nexport const SEARCHED = {searched};\n"
     )

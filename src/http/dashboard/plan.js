@@ -2,8 +2,8 @@
 
 import { explained, fill, h, select } from "./dom.js";
 import { printed } from "./kinds.js";
-import { outputWords, plainWords } from "./study-words.js";
-import { cycles, WORDS } from "./units.js";
+import { outputWords } from "./study-words.js";
+import { cycles, plainWords, WORDS } from "./units.js";
 import { choose, distribute, distributionOf, DISTRIBUTIONS, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied } from "./vary.js";
 import { OUTPUTS as ALL } from "./words.js";
 

@@ -3,7 +3,7 @@
 import { drawActions } from "./actions.js";
 import { get, jobAddress, resultAddress } from "./api.js";
 import { drawDetails } from "./details.js";
-import { fill, h, select } from "./dom.js";
+import { choice, fill, h, select } from "./dom.js";
 import { Cursors, Figure } from "./figure.js";
 import { drawHeadline } from "./headline.js";
 import { measuring } from "./measure.js";
@@ -103,14 +103,14 @@ export async function showResult(main, { id: key, query, signal }) {
   const missing = h("p", { class: "muted", id: "missing" });
   const details = h("div", { class: "cards" });
 
-  const choice = (name, label, options, figure) => {
+  const choose = (name, label, options, figure) => {
     const field = select(options, state[name], { id: `choose-${name}`, onchange: () => {
       state[name] = field.value;
       if (figures[figure]) figures[figure].zoom = null;
       remember();
       drawOutput();
     } });
-    return h("span", { class: "choice" }, h("label", { for: field.id }, label), field);
+    return choice(label, field);
   };
 
   const loopCard = h("section", { class: "card", "aria-label": "Fretting loop" },
@@ -146,12 +146,12 @@ export async function showResult(main, { id: key, query, signal }) {
       headline.first, headline.others, headline.notes),
     h("div", { class: "plots" },
       h("section", { class: "card", "aria-label": "Profiles" },
-        h("div", { class: "row" }, choice("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])))),
+        h("div", { class: "row" }, choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])))),
         result.profiles ? figures.profile.element : noProfiles("profiles"), outside),
       h("section", { class: "card", "aria-label": "History" },
         h("div", { class: "row" },
-          choice("history", "History", Object.fromEntries(Object.keys(HISTORIES).map((name) => [name, historyTitle(name, result)]))),
-          choice("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" }, "history")),
+          choose("history", "History", Object.fromEntries(Object.keys(HISTORIES).map((name) => [name, historyTitle(name, result)]))),
+          choose("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" }, "history")),
         figures.history.element, missing),
       h("section", { class: "card", "aria-label": "Section" },
         h("div", { class: "row" }, section.choice), result.profiles ? section.element : noProfiles("section")),

@@ -2,7 +2,7 @@
 
 import { may } from "./allowed.js";
 import { get, jobAddress, post } from "./api.js";
-import { capital, dateTime, debounced, h, notify, select } from "./dom.js";
+import { capital, choice, dateTime, debounced, h, notify, select } from "./dom.js";
 import { isDraft, knownName, loadNames } from "./summary.js";
 import { quantity } from "./units.js";
 
@@ -77,7 +77,7 @@ export async function showRuns(main, { query, signal }) {
 
   await read();
   main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Runs"), words,
-    h("span", { class: "choice" }, h("label", { for: "state-filter" }, "State"), state)),
+    choice("State", state)),
   h("div", { class: "card scroll", tabIndex: 0, role: "region", "aria-label": "Runs" },
     h("table", { class: "jobs" }, h("thead", {}, h("tr", {}, ["Run", "State", "Submitted", "Origin", "Wear volume"].map((name) =>
       h("th", { scope: "col" }, name)), h("td", {}))), list), empty), more);

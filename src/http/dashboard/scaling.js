@@ -1,39 +1,17 @@
 // Numbers with their units and prefixes, as the page shows them. The server sends all quantities in SI units.
 
-/** For each SI unit: the units that are shown, each with its factor and the size from which it is used. */
-const LADDERS = {
-  m: [["nm", 1e9, 0], ["µm", 1e6, 1e-7], ["mm", 1e3, 1e-3], ["m", 1, 1]],
-  "m^3": [["µm³", 1e18, 0], ["mm³", 1e9, 1e-12]],
-  Pa: [["Pa", 1, 0], ["kPa", 1e-3, 1e3], ["MPa", 1e-6, 1e6], ["GPa", 1e-9, 1e9]],
-  J: [["nJ", 1e9, 0], ["µJ", 1e6, 1e-7], ["mJ", 1e3, 1e-3], ["J", 1, 1], ["kJ", 1e-3, 1e3], ["MJ", 1e-6, 1e6]],
-  N: [["mN", 1e3, 0], ["N", 1, 0.1], ["kN", 1e-3, 1e3]],
-  "1/Pa": [["mm³/(N m)", 1e9, 0]],
-  "m^3/J": [["mm³/J", 1e9, 0]],
-  "N/m": [["N/m", 1, 0], ["N/mm", 1e-3, 1e3], ["N/µm", 1e-6, 1e5]],
-  "N per m": [["N/m", 1, 0], ["N/mm", 1e-3, 1e3]],
-  rad: [["deg", 180 / Math.PI, 0]],
-};
-/** The unit of a zero, and of a column without values. */
-const USUAL = { m: 1, "m^3": 1, Pa: 2, J: 2, N: 1, "N/m": 2, "N per m": 1 };
+import { si } from "./system.js";
+import { LADDERS } from "./words.js";
+
 const PRINTED = { "1": "", "m^3": "m³", "m^3/J": "m³/J", "N per m": "N/m" };
-
-let isSi = globalThis.localStorage?.getItem("fretwork-units") === "si";
-
-/** Whether the dashboard shows SI units. */
-export const si = () => isSi;
-
-export function useSi(yes) {
-  isSi = yes;
-  globalThis.localStorage?.setItem("fretwork-units", yes ? "si" : "engineering");
-}
 
 /** Name and factor of the unit that is shown for values of an SI unit. `size` is the largest of them, in SI units. */
 function scaleOf(unit, size = 0) {
-  const ladder = !isSi && LADDERS[unit];
+  const ladder = !si() && LADDERS[unit];
   if (!ladder) return { unit: PRINTED[unit] ?? unit ?? "", factor: 1 };
   // A value that is rounded up to the next prefix has that prefix: 999.99 µm is 1 mm.
   const own = Math.abs(size) * (1 + 1e-4);
-  const [name, factor] = own > 0 ? ladder.findLast(([, , from]) => own >= from) : ladder[USUAL[unit] ?? 0];
+  const [name, factor] = own > 0 ? ladder.steps.findLast(([, , from]) => own >= from) : ladder.steps[ladder.usual];
   return { unit: name, factor };
 }
 

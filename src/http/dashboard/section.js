@@ -1,6 +1,6 @@
 // A section of the scar: both bodies at one output cycle, true to scale or with exaggerated heights.
 
-import { h, select, svg } from "./dom.js";
+import { choice, h, select, svg } from "./dom.js";
 import { standalone, saving } from "./figure-save.js";
 import { isLine, quantity } from "./units.js";
 
@@ -45,7 +45,7 @@ export class Section {
     this.#drawing.setAttribute("viewBox", `0 0 ${size.join(" ")}`);
     this.#scale = select({ exaggerated: "Exaggerated", true: "True to scale" }, "exaggerated",
       { id: "choose-section", onchange: () => this.show(...this.#last) });
-    this.choice = h("span", { class: "choice" }, h("label", { for: "choose-section" }, "Heights"), this.#scale);
+    this.choice = choice("Heights", this.#scale);
     const drawn = (own) => standalone(this.#drawing.cloneNode(true), own, size);
     this.element = h("figure", { class: "plot" }, h("figcaption", {}, h("span", { class: "caption" }, "Section of the scar"),
       h("span", { class: "tools" }, saving(() => "section", drawn))), this.#drawing, this.#words);

@@ -29,7 +29,7 @@ export function isGeometric(values) {
 /** The sorted numbers of a column without repetitions. */
 export const distinct = (values) => [...new Set(values.filter(Number.isFinite))].sort((a, b) => a - b);
 
-/** Whether positive values cover so many decades that an axis or a colour must be logarithmic. */
+/** Whether an axis or a colour scale for these values is logarithmic: all are positive, and the largest exceeds 100 times the smallest. */
 export function isWide(values) {
   const found = extent([values]);
   return found !== null && found[0] > 0 && found[1] > 100 * found[0];

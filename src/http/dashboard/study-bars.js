@@ -60,7 +60,7 @@ export const tornado = (view, { findings, output, bars }) => ({ width }) => {
         values: () => [[view.title(findings.member[i]), ""], [nameOf(bars, place), hasEnds ? `${shown(value)} (${digits(low, 3)} to ${digits(high, 3)})` : shown(value)]] });
     });
   });
-  below.push(svg("line", { x1: px(zero), x2: px(zero), y1: px(area.top), y2: px(area.bottom), stroke: "var(--edge)" }));
+  below.unshift(svg("line", { x1: px(zero), x2: px(zero), y1: px(area.top), y2: px(area.bottom), stroke: "var(--edge)" }));
   const intervals = bars.columns.flatMap(([name], place) => ["", "_low", "_high"].filter((end) => findings[name + end])
     .map((end) => [withUnit(nameOf(bars, place) + end.replace("_", ", "), unit === "1" ? "" : unit), rows.map((i) => findings[name + end][i])]));
   return { plan, items, stride: -1, below, above: legendOf(bars, area), description: `${bars.label}: ${view.title(output)}`,

@@ -2,7 +2,7 @@
 
 import { fill, h, svg } from "./dom.js";
 import { drawFigure } from "./figure-draw.js";
-import { saving, standalone } from "./figure-save.js";
+import { csvOf, saving, standalone } from "./figure-save.js";
 
 /** Px in a millimetre, and the largest distance in px from which the pointer reads a point. */
 const [PX, REACH] = [96 / 25.4, 40];
@@ -33,7 +33,7 @@ export class Chart {
   /** `open(row)` opens the run of a row; without it, points cannot be opened. */
   constructor({ name, signal, open }) {
     this.#open = open;
-    const menu = saving(() => name, (size) => this.#standalone(size), () => this.#table());
+    const menu = saving(() => name, (size) => this.#standalone(size), () => csvOf(this.#painted.columns));
     this.element = h("figure", { class: "plot" }, h("figcaption", {}, this.#caption, h("span", { class: "tools" }, menu)), this.#place, this.#values);
     const resize = new ResizeObserver(([{ contentRect }]) => {
       const width = Math.max(240, Math.floor(contentRect.width));
@@ -147,14 +147,6 @@ export class Chart {
     paintInto(drawing, painted);
     drawing.prepend(svg("title", {}, this.#caption.textContent), svg("desc", {}, painted.description));
     return standalone(drawing, size);
-  }
-
-  /** The values of the points as CSV. */
-  #table() {
-    const { columns } = this.#painted;
-    const cell = (value) => (typeof value === "number" ? String(Number(value.toPrecision(12))) : value == null ? "" : `"${String(value).replaceAll('"', '""')}"`);
-    const rows = columns[0][1].map((_, i) => columns.map(([, values]) => cell(values[i])).join(","));
-    return `${columns.map(([name]) => cell(name.replaceAll("\u00a0", " "))).join(",")}\n${rows.join("\n")}\n`;
   }
 }
 

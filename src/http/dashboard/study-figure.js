@@ -1,6 +1,6 @@
 // The figure of a study, which the page draws from the table: curves, a scatter plot, a plane with colours, regimes or bars.
 
-import { h, select } from "./dom.js";
+import { choice, h, select } from "./dom.js";
 import { Figure } from "./figure.js";
 import { valueAt } from "./fields.js";
 import { quantity } from "./scaling.js";
@@ -100,13 +100,16 @@ export class StudyFigure {
     const kind = this.#kind;
     const focused = document.activeElement?.id;
     const worded = (names) => Object.fromEntries(names.map((name) => [name, title(name)]));
-    const choice = (name, label, options, value, set) => Object.keys(options).length > 1 && this.#choice(`figure-${name}`, label, options, value, (chosen) => {
-      set(chosen);
-      this.#figure.zoom = null;
-      this.#keep();
-      this.#chooseAll();
-      this.#draw();
-    });
+    const choose = (name, label, options, value, set) => {
+      const field = select(options, value, { id: `figure-${name}`, onchange: () => {
+        set(field.value);
+        this.#figure.zoom = null;
+        this.#keep();
+        this.#chooseAll();
+        this.#draw();
+      } });
+      return field.length > 1 && choice(label, field);
+    };
     const state = this.#state;
     const axis = (name, other) => (chosen) => {
       // The same number cannot be on both axes, so both are exchanged.
@@ -117,14 +120,14 @@ export class StudyFigure {
     const isTwo = hints.is_grid && members.length > 1 && by;
     const others = hints.is_grid ? members.filter((name) => name !== state.over && !(isTwo && name === state.by)) : [];
     this.#choices.replaceChildren(...[
-      choice("kind", "Figure", Object.fromEntries(kindsOf(this.#view).map((name) => [name, NAMES[name]])), kind, (chosen) => { state.kind = chosen; }),
-      kind !== "regimes" && choice("output", "Output", worded(outputs), state.output, (chosen) => { state.output = chosen; }),
-      over && choice("over", over, worded(members), state.over, axis("over", "by")),
-      isTwo && choice("by", by, worded(members), state.by, axis("by", "over")),
+      choose("kind", "Figure", Object.fromEntries(kindsOf(this.#view).map((name) => [name, NAMES[name]])), kind, (chosen) => { state.kind = chosen; }),
+      kind !== "regimes" && choose("output", "Output", worded(outputs), state.output, (chosen) => { state.output = chosen; }),
+      over && choose("over", over, worded(members), state.over, axis("over", "by")),
+      isTwo && choose("by", by, worded(members), state.by, axis("by", "over")),
       ...(kind === "tornado" ? [] : others).map((name) => {
         const values = distinct(table[name]);
         if (!values.includes(state.fixed.get(name))) state.fixed.set(name, values[(values.length - 1) >> 1]);
-        return choice(`at-${members.indexOf(name)}`, title(name), Object.fromEntries(values.map((value) => [value, quantity(value, units[name])])), String(state.fixed.get(name)), (chosen) => {
+        return choose(`at-${members.indexOf(name)}`, title(name), Object.fromEntries(values.map((value) => [value, quantity(value, units[name])])), String(state.fixed.get(name)), (chosen) => {
           state.fixed.set(name, Number(chosen));
         });
       })].filter(Boolean));
@@ -139,11 +142,6 @@ export class StudyFigure {
         this.#draw();
       }));
     }
-  }
-
-  #choice(id, label, options, value, set) {
-    const field = select(options, value, { id, onchange: () => set(field.value) });
-    return h("span", { class: "choice" }, h("label", { for: id }, label), field);
   }
 
   /** The rows that the figure shows: those at the chosen values of the numbers without an axis. */

@@ -4,9 +4,9 @@ import { svg } from "./dom.js";
 import { distinct, endsOf, isGeometric, isWide, planOf, px } from "./study-axes.js";
 import { inner } from "./study-words.js";
 
-/** A bin has at least so many points; there are at most so many bins. */
+/** Minimum number of points in a bin, and maximum number of bins. */
 const [BIN, BINS] = [20, 12];
-/** With more points, dots are small and pale, and drawn as so many paths. */
+/** Above this number of points, the dots are small and pale, and SVG paths draw them together: this number of paths. */
 const [MANY, PATHS] = [1000, 40];
 
 /** The median of each of several bins with equal numbers of points: the middle of each bin, and the median in it. */

@@ -1,7 +1,7 @@
 // The distribution of each output over all points: in which range most points lie, a histogram, and a table.
 
 import { get } from "./api.js";
-import { h, select } from "./dom.js";
+import { choice, h, select, tableOf } from "./dom.js";
 import { italics } from "./explain.js";
 import { axisUnit, digits, quantity, withUnit } from "./scaling.js";
 import { histogram } from "./study-bars.js";
@@ -28,10 +28,11 @@ export async function statisticsOf(view, address, words, { isSample, signal }) {
   let output = statistics.output[0];
   const chart = new Chart({ name: "histogram", signal, open: null });
   const headline = h("p", { class: "likely", id: "ninety" });
+  const certainty = h("p", { class: "muted", id: "certainty" });
   const tiles = h("dl", { class: "tiles", id: "statistics" });
   const table = h("div", {});
-  const choice = select(Object.fromEntries(statistics.output.map((name) => [name, view.title(name)])), output, { id: "statistics-output", onchange: () => {
-    output = choice.value;
+  const field = select(Object.fromEntries(statistics.output.map((name) => [name, view.title(name)])), output, { id: "statistics-output", onchange: () => {
+    output = field.value;
     draw();
   } });
 
@@ -44,27 +45,28 @@ export async function statisticsOf(view, address, words, { isSample, signal }) {
     const who = isSample ? "points of the sample" : "points";
     headline.replaceChildren(...(count ? [`${view.title(output)}: 90\u00a0% of the ${who} lie between `, h("strong", {}, shown("percentile_5")), " and ", h("strong", {}, shown("percentile_95")), "."]
       : ["No point has this output."]));
+    const between = (name) => `${shown(`${name}_low`)} and ${shown(`${name}_high`)}`;
+    certainty.textContent = !isSample || !count ? "" : value("percentile_5_low") == null ? `${cycles(count)} points are too few to say how well these ends are known. Take at least 128.`
+      : `With ${cycles(count)} points, the lower end is known to lie between ${between("percentile_5")}, and the upper end between ${between("percentile_95")} (95\u00a0% confidence).`;
     tiles.replaceChildren(...TILES.map((name) => h("div", {}, h("dt", {}, STATISTICS.find(([own]) => own === name)[1]), h("dd", { "data-statistic": name }, shown(name)))));
     chart.show(`${view.title(output)}: ${cycles(count)} points`, histogram(ofOutput(bins, output), { ...view.words(output), unit },
       Object.entries(MARKS).map(([name, word]) => ({ x: value(name), name: word })), count));
     chart.element.hidden = count === 0;
-    table.replaceChildren(tableOf(view, statistics));
+    table.replaceChildren(tableOfAll(view, statistics));
   }
   draw();
   document.addEventListener("units", draw, { signal });
-  const choices = statistics.output.length > 1 && h("div", { class: "row" }, h("span", { class: "choice" }, h("label", { for: "statistics-output" }, "Output"), choice));
-  return [choices, headline, tiles, chart.element, h("details", {}, h("summary", {}, "Statistics of all outputs"), table)];
+  const choices = statistics.output.length > 1 && h("div", { class: "row" }, choice("Output", field));
+  return [choices, headline, certainty, tiles, chart.element, h("details", {}, h("summary", {}, "Statistics of all outputs"), table)];
 }
 
 /** The statistics of all outputs as a table. Each row has the unit of its output. */
-function tableOf(view, statistics) {
+function tableOfAll(view, statistics) {
   const row = (name, i) => {
     const { title, symbol } = view.words(name);
     const { unit, factor } = axisUnit(view.units[name] ?? "1", Math.max(Math.abs(statistics.minimum[i] ?? 0), Math.abs(statistics.maximum[i] ?? 0)));
     return h("tr", {}, h("th", { scope: "row" }, italics(withUnit(`${title} ${symbol}`.trim(), unit))),
       h("td", {}, cycles(statistics.points[i])), STATISTICS.map(([own]) => h("td", {}, digits(statistics[own][i] == null ? null : statistics[own][i] * factor, 4))));
   };
-  return h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Statistics of all outputs" }, h("table", {},
-    h("thead", {}, h("tr", {}, ["Output", "Points", ...STATISTICS.map(([, word]) => word)].map((word) => h("th", { scope: "col" }, word)))),
-    h("tbody", {}, statistics.output.map(row))));
+  return tableOf("Statistics of all outputs", ["Output", "Points", ...STATISTICS.map(([, word]) => word)], statistics.output.map(row));
 }

@@ -1,8 +1,8 @@
 // A study as its page shows it: its columns with their words and units, and the values of its points.
 
-import { WORDS } from "./units.js";
+import { plainWords, WORDS } from "./units.js";
 import { quantity, withUnit } from "./scaling.js";
-import { columnWords, plainWords } from "./study-words.js";
+import { columnWords } from "./study-words.js";
 import { KINDS } from "./words.js";
 
 /** Number of rows that the page shows. Downloads have all. */

@@ -1,8 +1,7 @@
 // The columns of a study in words: outputs, and the numbers that vary.
 
-import { choicesOf, optionsOf } from "./fields.js";
 import { quantity } from "./scaling.js";
-import { cycles, wordOf } from "./units.js";
+import { cycles, inputWords, wordOf } from "./units.js";
 import { EVENTS, SYMBOLS } from "./words.js";
 
 /** Words inside a sentence. Names of persons and numbered parts keep their capital. */
@@ -30,44 +29,16 @@ export function outputWords(name, scenario = {}) {
   return { title: `${word} at N\u00a0=\u00a0${Number.isFinite(Number(at)) ? cycles(Number(at)) : at}`, symbol: "" };
 }
 
-/** The label of the field of a number; undefined if the form has none. */
-function fieldLabel(pointer, scenario) {
-  const fields = choicesOf(scenario).flatMap((choice) => {
-    const selected = choice.selected(scenario);
-    return selected in optionsOf(choice, scenario)[0] ? choice.fields(selected, scenario) : [];
-  });
-  return fields.find(([own]) => own === pointer)?.[1].replace(/ \(.*\)$/, "");
-}
-
-/** A pointer in words: `/motion/blocks/0/amplitude` is "Block 1: amplitude". */
-function pointerWords(pointer) {
-  const parts = pointer.split("/").slice(1).map((part) => part.replaceAll("_", " "));
-  const place = parts.findLastIndex((part) => /^\d+$/.test(part));
-  const last = parts.slice(place + 1).at(-1) ?? "value";
-  const own = place > 0 ? `${parts[place - 1].replace(/ies$/, "y").replace(/s$/, "")} ${Number(parts[place]) + 1}: ${last}` : last;
-  return own[0].toUpperCase() + own.slice(1);
-}
-
-/** Title and symbol of the number at a pointer: those of its field. */
-export function memberWords(pointer, scenario) {
-  const label = fieldLabel(pointer, scenario) ?? pointerWords(pointer);
-  const [, title, symbol] = label.match(/^(.*\S) (\S{1,4})$/) ?? [];
-  return symbol ? { title, symbol: `$${symbol}$` } : { title: label, symbol: "" };
-}
-
 /** Other columns of a table. */
 const OTHERS = { reason: "Why it is invalid", regime: "Regime", point: "Point" };
 
 /** Title and symbol of a column of the table of a study. */
-export const columnWords = (name, scenario) => (name.startsWith("/") ? memberWords(name, scenario)
+export const columnWords = (name, scenario) => (name.startsWith("/") ? inputWords(name, scenario)
   : OTHERS[name] ? { title: OTHERS[name], symbol: "" } : outputWords(name, scenario));
-
-/** Title and symbol as one text. */
-export const plainWords = ({ title, symbol }) => `${title} ${symbol.replaceAll("$", "")}`.trim();
 
 /** The numbers that vary at a row, for example "μ = 0.6, U = 2 µm". */
 export const pointWords = ({ members, scenario, units }, value) => members.map((pointer) => {
-  const { title, symbol } = memberWords(pointer, scenario);
+  const { title, symbol } = inputWords(pointer, scenario);
   return `${symbol.replaceAll("$", "") || title} = ${quantity(value(pointer), units[pointer])}`.replaceAll(" = ", "\u00a0=\u00a0");
 }).join(", ");
 

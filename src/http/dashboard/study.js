@@ -3,11 +3,12 @@
 import { drawActions } from "./actions.js";
 import { may } from "./allowed.js";
 import { get, resultAddress } from "./api.js";
-import { explained, fill, h } from "./dom.js";
+import { asJson, explained, fill, h } from "./dom.js";
 import { StudyFigure } from "./study-figure.js";
 import { opener } from "./study-open.js";
 import { statisticsOf } from "./study-statistics.js";
 import { StudyTable } from "./study-table.js";
+import { verdictsOf } from "./study-verdict.js";
 import { isSample, MOST, viewOf } from "./study-view.js";
 import { variedWords } from "./study-words.js";
 import { kindOf, studyTitle } from "./summary.js";
@@ -31,6 +32,7 @@ export async function showStudy(main, result, { job, link, query, signal }) {
       h("p", { id: "varied" }, variedWords(view)),
       h("p", { class: "muted", id: "counts" }, `${countsOf(result.counts)} · numerics version ${result.engine.numerics} · `, h("code", {}, result.key.slice(0, 12)), "…")),
     drawActions(result, { job, link, remember() {}, signal })),
+    verdictsOf(view),
     result.notes?.length > 0 && h("section", { class: "card", "aria-label": "Notes" }, h("h2", {}, "Notes"),
       h("ul", {}, result.notes.map(({ output, member, detail }) => h("li", {}, h("strong", {}, view.title(member ?? output)), ": ", detail))))];
   // The reader of a shared link may not compute.
@@ -47,10 +49,6 @@ export async function showStudy(main, result, { job, link, query, signal }) {
   fill(main, head, isSample(view) && name !== "sensitivity" ? [distribution, figure.element] : [figure.element, distribution], table.element, asJson(kind, result[name]),
     explained("studies", "What each study computes"));
 }
-
-/** The canonical form of a study. */
-const asJson = (title, study) => h("section", { class: "card" }, h("h2", {}, title), h("details", {}, h("summary", {}, "Show as JSON in SI units"),
-  h("pre", { tabIndex: 0 }, JSON.stringify(study, null, 2))));
 
 /** The counts of the points in words. */
 function countsOf({ points, refused, incomplete }) {

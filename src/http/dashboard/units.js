@@ -1,30 +1,44 @@
 // Numbers, units and names as the dashboard shows them. The server sends all quantities in SI units.
 
-import { digits, quantity, si, useSi } from "./scaling.js";
-import { EVENTS, NAMES } from "./words.js";
+import { digits, quantity } from "./scaling.js";
+import { si, useSi } from "./system.js";
+import { EVENTS, INPUTS, LINE_WORDS, NAMES, VALUES } from "./words.js";
 
 export { digits, quantity, si, useSi };
 
 /** The words that the dashboard shows for the names of the server. */
 export const WORDS = {
-  ...NAMES, ...EVENTS,
-  paraboloid: "Paraboloid", sphere: "Sphere", cone: "Cone", power: "Power law", table: "Measured profile",
+  ...NAMES, ...EVENTS, ...VALUES,
+  paraboloid: "Paraboloid", sphere: "Sphere", cone: "Cone",
   truncated_paraboloid: "Truncated paraboloid", truncated_cone: "Truncated cone",
   crossed_cylinders: "Crossed cylinders", cylinder: "Cylinder", wedge: "Wedge", punch: "Punch",
   changing: "Table of values", changing_hardness: "Table of values", blocks: "Amplitude blocks", reversals: "Displacement record",
   full_stick: "Full stick", partial_slip: "Partial slip", gross_slip: "Gross slip",
-  simplified: "Simplified rule", exact: "Exact method",
 };
-
-/** The words that differ for a line contact. */
-const LINE_WORDS = { contact_radius: "Contact half-width", stick_radius: "Stick half-width", scar_radius: "Scar half-width",
-  radius: "Distance x from the middle" };
 
 /** Whether the contact of a profile is a line. */
 export const isLine = (profile) => ["cylinder", "wedge", "punch"].includes(profile?.shape) || profile?.geometry === "line";
 
 /** The word for a name of the server in a scenario. */
 export const wordOf = (name, { profile }) => (isLine(profile) && LINE_WORDS[name]) || WORDS[name];
+
+/** Title and symbol as one text. */
+export const plainWords = ({ title, symbol }) => `${title} ${symbol.replaceAll("$", "")}`.trim();
+
+/** Title and symbol of the input at a pointer of a scenario. */
+export function inputWords(pointer, scenario = {}) {
+  const parts = pointer.split("/");
+  const isPlace = (part) => /^\d+$/.test(part);
+  const applies = ([pattern]) => {
+    const [own, sibling] = pattern.split("?");
+    const names = own.split("/");
+    return names.length === parts.length && names.every((name, i) => name === parts[i] || (name === "#" && isPlace(parts[i])))
+      && (!sibling || parts.slice(1, -1).reduce((value, name) => value?.[name], scenario)?.[sibling] !== undefined);
+  };
+  const last = parts.at(-1).replaceAll("_", " ");
+  const [, words, symbol] = INPUTS.find(applies) ?? ["", last[0].toUpperCase() + last.slice(1), ""];
+  return { title: parts.filter(isPlace).reduce((text, place) => text.replace("#", String(Number(place) + 1)), words), symbol };
+}
 
 /** A fraction in percent. */
 export const percent = (fraction, count = 3) => (fraction == null ? "–" : `${digits(100 * fraction, count)}\u00a0%`);

@@ -196,7 +196,7 @@ pub fn read_key(text: &str) -> Result<Key> {
     text.parse().map_err(|bad: BadKey| {
         Problem::new(
             &kinds::UNKNOWN_RESULT,
-            format!("The address does not contain the key of a result: {bad}."),
+            format!("This is not the key of a result, which the `key` of a job is: {bad}."),
         )
     })
 }

@@ -1136,6 +1136,10 @@ class StatisticsAnswer1Statistics(TypedDict):
     percentile_75: "list[float | None]"
     percentile_95: "list[float | None]"
     maximum: "list[float | None]"
+    percentile_5_low: "list[float | None]"
+    percentile_5_high: "list[float | None]"
+    percentile_95_low: "list[float | None]"
+    percentile_95_high: "list[float | None]"
 
 Stiffness: TypeAlias = "float | str"
 

@@ -51,9 +51,10 @@ def _awaitable(
 
 
 def _settings(url: str | None, key: str | None) -> dict[str, Any]:
-    token = access_key(key)
+    address = base_address(url)
+    token = access_key(key, address)
     headers = {"authorization": f"Bearer {token}"} if token else {}
-    return {"base_url": base_address(url), "headers": headers, "timeout": TIMEOUT}
+    return {"base_url": address, "headers": headers, "timeout": TIMEOUT}
 
 
 def _request(http: httpx.Client | httpx.AsyncClient, step: Request) -> httpx.Request:
@@ -67,7 +68,8 @@ def _answer(response: httpx.Response, content: bytes) -> Answer:
 class Client:
     """A server of fretwork.
 
-    `url` is its base address (FRETWORK_URL by default), and `key` an access key (FRETWORK_KEY, or the file FRETWORK_KEY_FILE).
+    `url` is its base address (FRETWORK_URL by default), and `key` an access key. By default, the server of FRETWORK_URL gets
+    FRETWORK_KEY, or the key in the file FRETWORK_KEY_FILE.
     `progress` is False, True (a bar of tqdm, if installed), or a function that receives numbers from 0 to 1. After a lost
     connection, and if the server is busy, the client tries again for `patience` seconds. `http` are options of `httpx.Client`.
     """
@@ -92,6 +94,11 @@ class Client:
     map = _blocking(Operations.map)
     fit = _blocking(Operations.fit)
     example = _blocking(Operations.example)
+    jobs = _blocking(Operations.jobs)
+    results = _blocking(Operations.results)
+    cancel = _blocking(Operations.cancel)
+    derivatives = _blocking(Operations.derivatives)
+    measurements = _blocking(Operations.measurements)
 
     def _drive(self, flow: Flow[T]) -> T:
         with contextlib.closing(flow):
@@ -152,6 +159,11 @@ class AsyncClient:
     map = _awaitable(Operations.map)
     fit = _awaitable(Operations.fit)
     example = _awaitable(Operations.example)
+    jobs = _awaitable(Operations.jobs)
+    results = _awaitable(Operations.results)
+    cancel = _awaitable(Operations.cancel)
+    derivatives = _awaitable(Operations.derivatives)
+    measurements = _awaitable(Operations.measurements)
 
     async def _drive(self, flow: Flow[T]) -> T:
         with contextlib.closing(flow):

@@ -7,6 +7,8 @@ throws `Lost` into the flow. So the synchronous and the asynchronous client shar
 from __future__ import annotations
 
 import json
+import os
+import pathlib
 import uuid
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -108,15 +110,15 @@ def send(request: Request, seconds: float) -> Flow[Answer]:
 
 
 def post(path: str, body: Mapping[str, Any], patience: float, **headers: str) -> Flow[Any]:
-    """Sends JSON, and returns the JSON of the answer."""
+    """Sends JSON, and returns the JSON of the answer. The server must do the same if it receives this twice."""
     named = {"content-type": "application/json"} | {name.replace("_", "-"): value for name, value in headers.items()}
     answer = yield from send(Request("POST", path, headers=named, content=json.dumps(body).encode()), patience)
     return json.loads(answer.content)
 
 
-def get(path: str, patience: float, **params: str) -> Flow[bytes]:
+def get(path: str, patience: float, **params: object) -> Flow[bytes]:
     """The body of an answer."""
-    answer = yield from send(Request("GET", path, params), patience)
+    answer = yield from send(Request("GET", path, _words(params)), patience)
     return answer.content
 
 
@@ -260,6 +262,33 @@ class Operations:
         """One of the examples of the server, such as `steel-ball`."""
         return cast(api.JobBody, json.loads((yield from get(f"/v1/examples/{name}", self.patience))))
 
+    def jobs(self, /, **search: str | int) -> Flow[list[api.Job]]:
+        """Jobs, the newest first. `search` has parameters of `GET /v1/jobs`, such as `state="running"` or `limit=200`."""
+        page: api.JobList = json.loads((yield from get("/v1/jobs", self.patience, **search)))
+        return page["jobs"]
+
+    def results(self, /, **search: str | int) -> Flow[list[api.ResultEntry]]:
+        """Stored results. `search` has parameters of `GET /v1/results`, such as `wear_depth="..2um"` or `shape="cone"`."""
+        page: api.ResultList = json.loads((yield from get("/v1/results", self.patience, **search)))
+        return page["results"]
+
+    def cancel(self, job_id: str) -> Flow[api.Job]:
+        """Cancels a job. Its run stops if no other job needs it."""
+        return cast(api.Job, (yield from post(f"/v1/jobs/{job_id}/cancel", {}, self.patience)))
+
+    def derivatives(self, run: Run | str, outputs: Sequence[str], parameters: Sequence[str]) -> Flow[list[api.Derivative]]:
+        """Derivatives of the outputs of a run, or of its key, with respect to numbers of its scenario (JSON pointers)."""
+        path = f"/v1/results/{run if isinstance(run, str) else run.key}/derivatives"
+        names = {"outputs": ",".join(outputs), "parameters": ",".join(parameters)}
+        found: api.DerivativeList = json.loads((yield from get(path, self.patience, **names)))
+        return found["derivatives"]
+
+    def measurements(self, /, file: str | os.PathLike[str], **options: str | bool) -> Flow[api.Measured]:
+        """Reads a file of measured numbers. `options` are the parameters of `POST /v1/measurements`, such as `x` and `y`."""
+        headers = {"content-type": "application/octet-stream"}
+        request = Request("POST", "/v1/measurements", _words(options), headers, pathlib.Path(file).read_bytes())
+        return cast(api.Measured, json.loads((yield from send(request, self.patience)).content))
+
     def _compute(self, kind: type[ResultT], name: str, body: Any, label: str | None, tags: Sequence[str]) -> Flow[ResultT]:
         submission: dict[str, Any] = {name: body, "tags": list(tags)} | ({"label": label} if label else {})
         progress = self.show()
@@ -283,6 +312,11 @@ class Operations:
 
 
 ResultT = TypeVar("ResultT", Run, Study, Fit)
+
+
+def _words(params: Mapping[str, object]) -> dict[str, str]:
+    """Parameters as the API writes them: `true`, not `True`."""
+    return {name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in params.items()}
 
 
 def _varied(vary: Mapping[str, Any] | Sequence[str] | Sequence[api.FitParametersItem]) -> list[dict[str, Any]]:

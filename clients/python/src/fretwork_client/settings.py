@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pathlib
+import warnings
 
 DEFAULT_URL = "http://127.0.0.1:8080"
 
@@ -18,11 +19,18 @@ def base_address(url: str | None) -> str:
     return address
 
 
-def access_key(key: str | None) -> str:
-    """The argument, else FRETWORK_KEY, else the content of the file FRETWORK_KEY_FILE; empty without a key."""
+def access_key(key: str | None, address: str) -> str:
+    """The argument, else FRETWORK_KEY, else the content of the file FRETWORK_KEY_FILE; empty without a key.
+
+    The key of the environment belongs to the server of the environment. No other server gets it.
+    """
     if key is not None:
         return key
+    file = os.environ.get("FRETWORK_KEY_FILE")
+    if ("FRETWORK_KEY" in os.environ or file) and address != base_address(None):
+        message = f"The key of the environment is for {base_address(None)}. For {address}, set FRETWORK_URL, or pass `key`"
+        warnings.warn(message, stacklevel=4)
+        return ""
     if "FRETWORK_KEY" in os.environ:
         return os.environ["FRETWORK_KEY"].strip()
-    file = os.environ.get("FRETWORK_KEY_FILE")
     return pathlib.Path(file).read_text(encoding="utf-8").strip() if file else ""

@@ -64,6 +64,14 @@ pub const QUANTITIES: &[Quantity] = &[
     quantity("scar_half_length", "m", "Half-length of the scar", ""),
 ];
 
+/// The names of quantities that differ for a line contact.
+pub const LINE_WORDS: &[(&str, &str)] = &[
+    ("contact_radius", "Contact half-width"),
+    ("stick_radius", "Stick half-width"),
+    ("scar_radius", "Scar half-width"),
+    ("radius", "Distance x from the middle"),
+];
+
 const fn quantity(
     name: &'static str,
     unit: &'static str,

@@ -13,7 +13,8 @@ mod condition;
 use serde::Serialize;
 
 pub use self::columns::{
-    ContactScales, History, LimitState, Member, QUANTITIES, Quantity, ResultUnits, Unworn,
+    ContactScales, History, LINE_WORDS, LimitState, Member, QUANTITIES, Quantity, ResultUnits,
+    Unworn,
 };
 pub use self::condition::Condition;
 use crate::case::{Case, Outputs};

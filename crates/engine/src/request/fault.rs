@@ -123,9 +123,14 @@ impl DeserializeError for Faults {
     ) -> ControlFlow<Self, Self> {
         let fault = match error {
             ErrorKind::IncorrectValueKind { actual, accepted } => {
+                let advice = match accepted {
+                    [ValueKind::Sequence, ..] => ". Enter a list in brackets: […]",
+                    [ValueKind::Map] => ". Enter its members in braces: {…}",
+                    _ => "",
+                };
                 let accepted: Vec<_> = accepted.iter().map(|kind| kind_name(*kind)).collect();
-                let accepted = accepted.join(" or ");
-                Self::at(location, format!("must be {accepted}, not {}", kind_name(actual.kind())))
+                let (accepted, actual) = (accepted.join(" or "), kind_name(actual.kind()));
+                Self::at(location, format!("must be {accepted}, not {actual}{advice}"))
             }
             ErrorKind::MissingField { field } => {
                 Self::at(location.push_key(field), format!("is missing. Enter `{field}`"))
@@ -177,11 +182,12 @@ fn kind_name(kind: ValueKind) -> &'static str {
 }
 
 /// What users call members and values, their names here, and what to note.
-const OTHER_NAMES: [(&str, &str, &str); 9] = [
+const OTHER_NAMES: [(&str, &str, &str); 10] = [
     ("ball", "sphere", ""),
     ("hertz", "paraboloid", ""),
     ("parabola", "paraboloid", ""),
     ("stroke", "amplitude", " It is half of the stroke from one end to the other."),
+    ("diameter", "radius", " It is half of the diameter."),
     ("displacement_amplitude", "amplitude", ""),
     ("mu", "friction", ""),
     ("force", "normal_force", ""),
@@ -193,7 +199,8 @@ const OTHER_NAMES: [(&str, &str, &str); 9] = [
 #[must_use]
 pub fn unknown(what: &str, given: &str, accepted: &[&str]) -> String {
     let lower = given.to_lowercase();
-    let other = OTHER_NAMES.iter().find(|it| it.0 == lower && accepted.contains(&it.1));
+    let is_meant = |name: &str| lower == name || name.len() > 4 && lower.contains(name);
+    let other = OTHER_NAMES.iter().find(|it| is_meant(it.0) && accepted.contains(&it.1));
     let similar = || {
         accepted
             .iter()

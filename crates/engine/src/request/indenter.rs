@@ -296,8 +296,8 @@ impl TableProfile {
         };
         let (radius, height) = (&self.radius.0, &self.height.0);
         if radius[0] < 0.0 {
-            let detail = "must be 0: a table lists one side of the profile, from the axis outwards. Remove the other \
-                          side, or let POST /v1/measurements?prepare=trace make the table from the whole trace";
+            let detail = "must be 0: a table lists one side of the profile, from the axis outwards. Remove the rows \
+                          with negative radii, or let POST /v1/measurements?prepare=trace make the table from the whole trace";
             fault("radius", 0, detail);
         } else if radius[0] > 0.0 {
             let detail =
@@ -320,7 +320,8 @@ impl TableProfile {
         let noise = if height.len() < FEWEST_SMOOTHED { LEVEL * most } else { most };
         let lower: Vec<usize> =
             (1..height.len()).filter(|row| height[0] - height[*row] > noise).collect();
-        if let Some(first) = lower.first() {
+        // With two sides, the first height is not that on the axis.
+        if let Some(first) = lower.first().filter(|_| radius[0] >= 0.0) {
             let more = match lower.len() - 1 {
                 0 => String::new(),
                 more => format!(", and so are {more} other heights"),

@@ -9,6 +9,7 @@ pub mod fault;
 pub mod fields;
 pub mod held;
 pub mod indenter;
+pub mod inputs;
 pub mod instants;
 pub mod quantity;
 pub mod wear;

@@ -257,6 +257,11 @@ fn corrected(text: &str) -> Option<String> {
             0 => plain.push(*letter),
             _ if *letter == ',' && point.is_some() => return None,
             digits if *letter == ',' => {
+                // Points before a comma separate thousands, or the text is no number.
+                if plain.split_once('.').is_some_and(|(_, groups)| groups.len() % 4 != 3) {
+                    return None;
+                }
+                plain.retain(|letter| letter != '.');
                 point = Some((plain.len(), digits));
                 plain.push('.');
             }
@@ -372,6 +377,8 @@ mod tests {
         assert!(of("0,5 mm", Length).ends_with("Enter \"0.5 mm\""));
         assert!(of("10 000 N", Force).ends_with("Enter \"10000 N\""));
         assert!(of("1'500 000,5 N", Force).ends_with("Enter \"1500000.5 N\""));
+        assert!(of("10.000,5 N", Force).ends_with("Enter \"10000.5 N\""));
+        assert!(of("1.5,5 N", Force).contains("unit"));
         assert!(of("1,000 N", Force).ends_with("Enter \"1.000 N\" or \"1000 N\""));
         assert!(of("0.7 mm", Number).contains("plain number"));
         assert!(of("", Length).contains("does not begin with a number"));

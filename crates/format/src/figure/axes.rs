@@ -1,8 +1,8 @@
 //! What the axes of all figures have in common: their spacing, their size, and the metadata.
 
-use super::words::typeset;
 use crate::document::Head;
 use crate::error::{Missing, Result, refuse_if_any};
+use crate::notation::typeset;
 use crate::table::evenly_spaced;
 use crate::view::FigureOptions;
 use fretwork_plot::{About, Axis, Figure, Series};

@@ -3,9 +3,11 @@
 use serde_json::Value;
 
 use super::axes;
-use super::words::{capital, member};
+use super::words::capital;
 use crate::document::Document;
 use crate::error::{Error, Missing, Result};
+use crate::notation::Notation;
+use crate::units::in_engineering;
 use fretwork_plot::{Axis, Band, Figure, GREY, Mark, Series, Style};
 use fretwork_study::StudyFigure;
 
@@ -40,7 +42,12 @@ pub fn outputs(document: &Document<'_>) -> Result<Vec<String>> {
 }
 
 /// A figure of the measured numbers of an output.
-pub fn measured(document: &Document<'_>, kind: StudyFigure, output: &str) -> Result<Figure> {
+pub fn measured(
+    document: &Document<'_>,
+    kind: StudyFigure,
+    output: &str,
+    engineering: bool,
+) -> Result<Figure> {
     let is_energy = kind == StudyFigure::Energy;
     let [table, bands] = ["table", "bands"].map(|name| document.value(name));
     // The column `own` has the tests of the rows that are drawn.
@@ -67,8 +74,14 @@ pub fn measured(document: &Document<'_>, kind: StudyFigure, output: &str) -> Res
     let unit = table.0["unit"][first].as_str().unwrap_or_default();
     let mut of_x = [("radius", "m"), ("dissipated_energy", "J")].into_iter();
     let of_x = of_x.find(|(over, _)| table.0["over"][first] == *over).map(|(_, unit)| unit);
-    figure.x = axes::in_unit(&text("over"), of_x);
+    let shown = |si| if engineering { in_engineering(1.0, si) } else { (1.0, si) };
+    let (across, (up, unit)) = (of_x.map(shown), shown(unit));
+    figure.x = axes::in_unit(&text("over"), across.map(|(_, unit)| unit));
     figure.y = axes::in_unit(&text("output"), Some(unit));
+    if kind == StudyFigure::Residuals {
+        figure.y = Axis::labelled("Residual (standard deviations)");
+        figure.title = format!("Residuals: {}", figure.title.to_lowercase());
+    }
     for (place, test) in tests.into_iter().enumerate() {
         let points = Style { width: 0.0, ..Style::marked(place) };
         let column = if kind == StudyFigure::Residuals { "residual" } else { "measured" };
@@ -77,7 +90,6 @@ pub fn measured(document: &Document<'_>, kind: StudyFigure, output: &str) -> Res
         let series = Series::new(test, x(&rows), rows.iter().map(|row| row[1]).collect());
         figure.series.push(series.styled(points));
         if kind == StudyFigure::Residuals {
-            figure.y = Axis::labelled("Residual (standard deviations)");
             continue;
         }
         let bars = rows.iter().map(|[x, y, s]| ([*x; 3], [y - s, y + s, f64::NAN]));
@@ -96,16 +108,27 @@ pub fn measured(document: &Document<'_>, kind: StudyFigure, output: &str) -> Res
         let slope = lines[0]["energy_coefficient"].as_f64().unwrap_or(f64::NAN);
         let end = figure.series.iter().flat_map(|series| &series.x).fold(0.0_f64, |a, b| a.max(*b));
         let label = format!(
-            "$V$ = {slope:.4e} m³/J · $E$, $R$² = {:.4}",
+            "$V$ = {}·$E$, $R$² = {:.4}",
+            Notation { is_si: !engineering }.quantity(slope, "m^3/J", 4),
             lines[0]["r_squared"].as_f64().unwrap_or(f64::NAN)
         );
         figure.series.push(Series::new(&label, vec![0.0, end], vec![0.0, slope * end]));
     }
+    let across = across.map_or(1.0, |(factor, _)| factor);
+    let up = if kind == StudyFigure::Residuals { 1.0 } else { up };
+    for series in &mut figure.series {
+        series.x.iter_mut().for_each(|x| *x *= across);
+        series.y.iter_mut().for_each(|y| *y *= up);
+    }
+    for band in &mut figure.bands {
+        band.x.iter_mut().for_each(|x| *x *= across);
+        band.between.iter_mut().for_each(|(low, high)| (*low, *high) = (*low * up, *high * up));
+    }
     Ok(figure)
 }
 
-/// The sum of squares over a parameter, whose column in the searches has this name.
-pub fn profile(document: &Document<'_>, parameter: &str) -> Result<Figure> {
+/// The sum of squares over a parameter, whose column in the searches has this name. It needs the axis of the parameter.
+pub fn profile(document: &Document<'_>, parameter: &str, x: Axis) -> Result<Figure> {
     let searches = Columns(document.value("searches")?);
     let names = [parameter, "sum_of_squares"];
     let mut rows = searches.rows(("task", &format!("profile {parameter}")), names);
@@ -114,16 +137,16 @@ pub fn profile(document: &Document<'_>, parameter: &str) -> Result<Figure> {
     let quality = document.value("quality")?;
     let number = |name: &str| quality[name].as_f64().unwrap_or(f64::NAN);
     let allowed = number("sum_of_squares") + number("allowed_rise");
-    let (x, y): (Vec<f64>, Vec<f64>) = rows.iter().map(|row| (row[0], row[1])).unzip();
-    let across = vec![x.first().copied().unwrap_or(0.0), x.last().copied().unwrap_or(1.0)];
+    let (values, y): (Vec<f64>, Vec<f64>) = rows.iter().map(|row| (row[0], row[1])).unzip();
+    let ends = [values.first().copied().unwrap_or(0.0), values.last().copied().unwrap_or(1.0)];
     let style = Style { color: GREY, ..Style::numbered(1) };
-    let end = Series::new("end of the interval", across, vec![allowed; 2]).styled(style);
+    let end = Series::new("end of the interval", ends.to_vec(), vec![allowed; 2]).styled(style);
     let points = Style { mark: Some(Mark::Disc), ..Style::numbered(0) };
     Ok(Figure {
         title: "Sum of squares".to_owned(),
-        x: Axis::labelled(&capital(&member(parameter))),
+        x,
         y: Axis::labelled("Least sum of squares"),
-        series: vec![end, Series::new("", x, y).styled(points)],
+        series: vec![end, Series::new("", values, y).styled(points)],
         ..Figure::default()
     })
 }

@@ -1,8 +1,10 @@
 //! Figures over the values of a grid: families of curves, heat maps, and the regions of a plane.
 
+use serde_json::Value;
+
 use super::axes::{distinct, spans_decades};
 use super::choice::{MAX_CURVES, Offer};
-use super::words::{member, values_of};
+use super::words::{member, short, values_of};
 use crate::table::{Table, evenly_spaced};
 use crate::units::Units;
 use fretwork_plot::{Axis, Band, Dash, Field, Series, Style};
@@ -30,6 +32,7 @@ pub struct Surface<'a> {
     pub offer: &'a Offer,
     pub rows: &'a Table,
     pub units: &'a Units,
+    pub scenario: &'a Value,
     /// The name of the output.
     pub output: &'a str,
 }
@@ -78,11 +81,10 @@ impl Lattice {
     }
 
     /// The values of the members that are held, in words.
-    fn note(&self, units: &Units) -> String {
-        let held = self
-            .held
-            .iter()
-            .flat_map(|(pointer, value)| values_of(&member(pointer), units.of(pointer), &[*value]));
+    fn note(&self, Surface { units, scenario, .. }: &Surface<'_>) -> String {
+        let held = self.held.iter().flat_map(|(pointer, value)| {
+            values_of(&short(pointer, scenario), units.of(pointer), &[*value])
+        });
         let held: Vec<String> = held.collect();
         if held.is_empty() { String::new() } else { format!(" At {}.", held.join(", ")) }
     }
@@ -118,14 +120,14 @@ impl Surface<'_> {
         let all = lattice.by.len();
         let columns = evenly_spaced(lattice.over.len(), MAX_POINTS);
         let lattice = lattice.thinned(&columns, &evenly_spaced(all, MAX_CURVES));
-        let mut note = lattice.note(self.units);
+        let mut note = lattice.note(self);
         let labels = axes.by.map(|by| {
             let name = &self.offer.members[by].0;
             if all > MAX_CURVES {
-                note =
-                    format!("{note} {MAX_CURVES} of {all} values of {} are drawn.", member(name));
+                let member = member(name, self.scenario);
+                note = format!("{note} {MAX_CURVES} of {all} values of {member} are drawn.");
             }
-            values_of(&member(name), self.units.of(name), &lattice.by)
+            values_of(&short(name, self.scenario), self.units.of(name), &lattice.by)
         });
         let mut labels = labels.into_iter().flatten().chain(std::iter::repeat(String::new()));
         let series = lattice.values.into_iter().enumerate().map(|(i, y)| {
@@ -145,7 +147,7 @@ impl Surface<'_> {
             places.map(|place| first + place).collect()
         };
         let (columns, lines) = (drawn(&lattice.over, log.0), drawn(&lattice.by, log.1));
-        let mut note = lattice.note(self.units);
+        let mut note = lattice.note(self);
         if lattice.over.len().max(lattice.by.len()) > MAX_CELLS {
             note = format!("{note} At most {MAX_CELLS} values of each axis are drawn.");
         }

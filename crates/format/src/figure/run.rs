@@ -7,10 +7,11 @@
 use serde_json::{Value, json};
 
 use super::axes::{self, LOG_RATIO};
-use super::words::{distinct, shortened};
+use super::words::distinct;
 use crate::document::Document;
 use crate::error::{Error, Missing, Result, refuse_if_any};
 use crate::kind::Part;
+use crate::notation::digits;
 use crate::quantity::{QUANTITIES, Quantity};
 use crate::table::{Table, Values, evenly_spaced};
 use crate::view::View;
@@ -33,10 +34,11 @@ const LIMITING: Style = Style { color: "#000000", dash: Dash::ShortDashed, width
 const NO_REFERENCE: &str =
     "No values: the displacements of a line contact are known only against a reference.";
 
-/// Draws the requested figure of a run as an SVG document.
-pub fn svg(document: &Document<'_>, view: &View) -> Result<String> {
+/// Draws the requested figure of a run as an SVG document. `dense` is the same result with more output cycles, through which
+/// the lines of a history go.
+pub fn svg(document: &Document<'_>, dense: Option<&Document<'_>>, view: &View) -> Result<String> {
     refuse_study_options(view)?;
-    let drawing = Drawing { document, view, quantity: view.figure.quantity };
+    let drawing = Drawing { document, dense, view, quantity: view.figure.quantity };
     let mut figure = drawing.figure()?;
     if view.figure.quantity.name == "pressure" && !figure.y.log {
         figure.y.range = below_poles(&figure.series);
@@ -50,12 +52,16 @@ pub fn svg(document: &Document<'_>, view: &View) -> Result<String> {
 }
 
 /// The requested figure with one curve: the history, or the curve at the last output cycle.
-pub fn last_curve(document: &Document<'_>, view: &View) -> Result<Figure> {
+pub fn last_curve(
+    document: &Document<'_>,
+    dense: Option<&Document<'_>>,
+    view: &View,
+) -> Result<Figure> {
     let quantity = view.figure.quantity;
     let cycles = document.table(quantity.part, &View::default())?;
     let last = cycles.axis("cycles").last().filter(|_| quantity.has_curve_per_cycle());
     let view = View { cycles: last.map(|last| vec![*last]), ..view.clone() };
-    let mut figure = Drawing { document, view: &view, quantity }.figure()?;
+    let mut figure = Drawing { document, dense, view: &view, quantity }.figure()?;
     // The other curves are references, such as the limiting state.
     figure
         .series
@@ -73,8 +79,10 @@ fn refuse_study_options(view: &View) -> Result<()> {
     refuse_if_any(given.into_iter().map(missing).collect())
 }
 
+#[derive(Clone, Copy)]
 struct Drawing<'a> {
     document: &'a Document<'a>,
+    dense: Option<&'a Document<'a>>,
     view: &'a View,
     quantity: &'static Quantity,
 }
@@ -190,6 +198,11 @@ impl Drawing<'_> {
         let cycles = table.axis("cycles");
         let columns = self.quantity.columns();
         let mut series = self.history_curves(&table, &columns)?;
+        if let Some(dense) = self.dense {
+            let table = dense.table(Part::History, &View::default())?;
+            let lines = Drawing { document: dense, ..*self }.history_curves(&table, &columns)?;
+            series = smoothed(series, lines);
+        }
         let first = cycles.iter().copied().find(|cycles| *cycles > 0.0);
         let last = cycles.last().copied().unwrap_or(0.0);
         let log = first.is_some_and(|first| last >= LOG_RATIO * first);
@@ -228,7 +241,7 @@ impl Drawing<'_> {
         let comparison = self.document.value("comparison")?;
         if comparison.is_object() {
             let xi = comparison["xi"].as_f64().unwrap_or(f64::NAN);
-            let rule = format!("Simplified rule, ξ = {}", shortened(xi, 4));
+            let rule = format!("Simplified rule, ξ = {}", digits(xi, 4));
             let named = |label: &str, method: &str| match label {
                 "" => method.to_owned(),
                 label => format!("{method}: {label}"),
@@ -293,6 +306,20 @@ impl Drawing<'_> {
     }
 }
 
+/// Lines through more points, with markers at the output cycles. A series without a line stays as it is.
+fn smoothed(series: Vec<Series>, lines: Vec<Series>) -> Vec<Series> {
+    let both = series.into_iter().zip(lines).flat_map(|(points, line)| {
+        match points.style.filter(|style| style.width > 0.0) {
+            None => vec![points],
+            Some(style) => vec![
+                line.styled(Style { mark: None, ..style }),
+                Series { label: String::new(), ..points.styled(Style { width: 0.0, ..style }) },
+            ],
+        }
+    });
+    both.collect()
+}
+
 fn numbers(column: &Value) -> Vec<f64> {
     column.as_array().into_iter().flatten().map(|cell| cell.as_f64().unwrap_or(f64::NAN)).collect()
 }
@@ -333,9 +360,9 @@ fn typical_height(series: &Series) -> f64 {
 
 /// Labels of output cycles, with 6 digits if these suffice to distinguish them.
 fn labels(cycles: &[f64]) -> Vec<String> {
-    distinct(cycles, [6, 17], |cycles, digits| match cycles {
+    distinct(cycles, [6, 17], |cycles, count| match cycles {
         0.0 => "Unworn".to_owned(),
-        cycles => format!("$N$ = {}", shortened(cycles, digits)),
+        cycles => format!("$N$ = {}", digits(cycles, count)),
     })
 }
 
@@ -349,7 +376,7 @@ mod tests {
             labels(&[0.0, 1000.0, 177.827_941_004]),
             ["Unworn", "$N$ = 1000", "$N$ = 177.828"]
         );
-        assert_eq!(labels(&[2.5e7, 1e9, 5e-5]), ["$N$ = 2.5×10⁷", "$N$ = 10⁹", "$N$ = 5×10⁻⁵"]);
+        assert_eq!(labels(&[2.5e7, 1e9, 5e-5]), ["$N$ = 2.5×10⁷", "$N$ = 1×10⁹", "$N$ = 5×10⁻⁵"]);
         assert_eq!(labels(&[1000.001, 1000.002]), ["$N$ = 1000.001", "$N$ = 1000.002"]);
     }
 

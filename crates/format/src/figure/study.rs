@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::axes;
 use super::choice::{Choice, Offer};
 use super::grid::{self, Axes, Surface};
-use super::words::{capital, member, output};
+use super::words::{member, output};
 use super::{fit, scatter, tornado};
 use crate::document::Document;
 use crate::error::{Error, Result};
@@ -118,11 +118,17 @@ impl<'a> Study<'a> {
             Choice::Heat { output, over, by } => self.heat(output, over, by),
             Choice::Regimes => self.regimes(),
             Choice::Fit { kind: StudyFigure::Profile, over, .. } => {
-                self.finished(fit::profile(self.document, self.member(over))?, "", "")
+                let name = self.member(over);
+                let axis = self.axis(&member(name, &self.asked["scenario"]), name);
+                self.finished(fit::profile(self.document, name, axis)?, "", "")
             }
             Choice::Fit { kind, output, .. } => {
                 let output = &self.offer.outputs[output];
-                self.finished(fit::measured(self.document, kind, output)?, "", "")
+                self.finished(
+                    fit::measured(self.document, kind, output, self.view.engineering)?,
+                    "",
+                    "",
+                )
             }
         }
     }
@@ -136,7 +142,13 @@ impl<'a> Study<'a> {
     }
 
     fn surface<'s>(&'s self, output: &'s str) -> Surface<'s> {
-        Surface { offer: &self.offer, rows: &self.rows, units: &self.document.head.units, output }
+        Surface {
+            offer: &self.offer,
+            rows: &self.rows,
+            units: &self.document.head.units,
+            scenario: &self.asked["scenario"],
+            output,
+        }
     }
 
     /// An axis with the unit of a column.
@@ -148,7 +160,7 @@ impl<'a> Study<'a> {
     fn across(&self, place: usize) -> Axis {
         let name = self.member(place);
         let log = axes::is_log_spaced(&axes::distinct(self.column(name)));
-        Axis { log, ..self.axis(&capital(&member(name)), name) }
+        Axis { log, ..self.axis(&member(name, &self.asked["scenario"]), name) }
     }
 
     /// The name of an output in words: the quantity, and for example its output cycle.
@@ -250,7 +262,8 @@ impl<'a> Study<'a> {
         let bars = self.offer.hints.bars.expect("this figure has bars");
         let name = &self.offer.outputs[output];
         let table = self.document.table(Part::Table, &View::default())?;
-        let mut chart = tornado::chart(&table, name, &bars, &self.document.head.units);
+        let mut chart =
+            tornado::chart(&table, name, &bars, &self.document.head.units, &self.asked["scenario"]);
         chart.size = axes::size(&self.view.figure);
         let options = &self.view.figure;
         let log = [("x", options.log_x == Some(true)), ("y", options.log_y == Some(true))];

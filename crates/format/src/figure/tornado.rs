@@ -1,5 +1,7 @@
 //! Tornado charts: a group of bars for each number that varies, the largest on top.
 
+use serde_json::Value;
+
 use super::axes;
 use super::words::member;
 use crate::table::{Cell, Table};
@@ -12,7 +14,13 @@ const GROUP: f64 = 15.0;
 const AROUND: f64 = 95.0;
 
 /// The chart of an output.
-pub fn chart(table: &Table, output: &str, bars: &Bars, units: &Units) -> BarChart {
+pub fn chart(
+    table: &Table,
+    output: &str,
+    bars: &Bars,
+    units: &Units,
+    scenario: &Value,
+) -> BarChart {
     let Bars { label, columns, have_unit } = *bars;
     let axis = axes::in_unit(label, units.of(output).filter(|_| have_unit));
     let convert = units.conversion(output).filter(|_| have_unit);
@@ -31,7 +39,7 @@ pub fn chart(table: &Table, output: &str, bars: &Bars, units: &Units) -> BarChar
     let rows = (0..table.cycles()).filter(|row| text("output", *row) == output);
     let mut groups: Vec<Group> = rows
         .map(|row| Group {
-            label: member(&text("member", row)),
+            label: member(&text("member", row), scenario),
             bars: columns.iter().map(|(name, _)| bar(name, row)).collect(),
         })
         .collect();

@@ -2,35 +2,34 @@
 
 use serde_json::Value;
 
-use crate::units::round;
-use fretwork_plot::text::power_of_ten;
+use crate::notation::{digits, typeset};
+use fretwork_engine::request::inputs::named;
 
-/// A number with at most this many digits; very small and very large numbers have a power of ten.
-pub fn shortened(number: f64, digits: u8) -> String {
-    let number = round(number, digits);
-    let text = format!("{number:e}");
-    match text.split_once('e') {
-        Some((mantissa, power)) if !(1e-4..1e7).contains(&number.abs()) && number != 0.0 => {
-            let power = power_of_ten(power.parse().unwrap_or(0));
-            if mantissa == "1" { power } else { format!("{mantissa}×{power}") }
-        }
-        _ => number.to_string(),
-    }
+/// The name of the number at a pointer of a scenario, with a capital.
+pub fn member(pointer: &str, scenario: &Value) -> String {
+    capital(&named(pointer, scenario).0)
 }
 
-/// A unit in the notation of figures, such as `µm` for `um`.
-pub fn typeset(unit: &str) -> String {
-    let unit = if unit == "um" { "µm" } else { unit };
-    unit.replace("^3", "³")
+/// The symbol of the number at a pointer of a scenario; empty if it has none.
+pub fn symbol(pointer: &str, scenario: &Value) -> String {
+    named(pointer, scenario).1.replace('$', "")
 }
 
-/// A member of a scenario in words: `/motion/amplitude` is `amplitude`, `/bodies/0/youngs_modulus` is
-/// `bodies 0 youngs modulus`.
-pub fn member(pointer: &str) -> String {
-    let short =
-        ["/load/", "/motion/"].into_iter().find_map(|section| pointer.strip_prefix(section));
-    let words: Vec<&str> = short.unwrap_or(pointer).split(['/', '_']).collect();
-    words.join(" ").trim().to_owned()
+/// The symbol of the number at a pointer of a scenario, or its name if it has none.
+pub fn short(pointer: &str, scenario: &Value) -> String {
+    let symbol = symbol(pointer, scenario);
+    if symbol.is_empty() { member(pointer, scenario) } else { symbol }
+}
+
+/// Name and symbol of the number at a pointer of a scenario.
+pub fn whole(pointer: &str, scenario: &Value) -> String {
+    let (words, symbol) = named(pointer, scenario);
+    with_symbol(&capital(&words), symbol)
+}
+
+/// A name and a symbol as plain text.
+pub fn with_symbol(words: &str, symbol: &str) -> String {
+    format!("{words} {symbol}").replace('$', "").trim().to_owned()
 }
 
 /// An output in words. The first text is the quantity. The second text says when or where, such as ` after 1000
@@ -65,9 +64,7 @@ pub fn capital(text: &str) -> String {
 /// Labels such as `friction = 0.5`, with enough digits to distinguish them.
 pub fn values_of(name: &str, unit: Option<&str>, values: &[f64]) -> Vec<String> {
     let unit = unit.map_or_else(String::new, |unit| format!(" {}", typeset(unit)));
-    distinct(values, [4, 12], |value, digits| {
-        format!("{name} = {}{unit}", shortened(value, digits))
-    })
+    distinct(values, [4, 12], |value, count| format!("{name} = {}{unit}", digits(value, count)))
 }
 
 /// Labels of values with few digits, or with many if two of them would be equal.
@@ -90,22 +87,22 @@ mod tests {
 
     #[test]
     fn members_and_outputs_are_named_in_words() {
-        assert_eq!(member("/motion/amplitude"), "amplitude");
-        assert_eq!(member("/friction"), "friction");
-        assert_eq!(member("/wear/coefficient"), "wear coefficient");
-        assert_eq!(member("/bodies/0/youngs_modulus"), "bodies 0 youngs modulus");
-        let whole = |name| {
+        assert_eq!(member("/motion/amplitude", &Value::Null), "Amplitude");
+        assert_eq!(short("/motion/amplitude", &Value::Null), "U");
+        assert_eq!(short("/wear/hardness", &Value::Null), "Hardness");
+        assert_eq!(whole("/motion/amplitude", &Value::Null), "Amplitude U");
+        let in_words = |name| {
             let (quantity, rest) = output(name, &json!([1000]));
             quantity + &rest
         };
         let after = |at: &str, cycles| output(&format!("wear_depth@{at}"), &cycles).1;
         assert_eq!(after("0.01", json!({"dissipated_energy": ["10 mJ"]})), " after 0.01 J");
         assert_eq!(after("0.5", json!({"normalized": [0, 0.5]})), " after 0.5 normalized cycles");
-        assert_eq!(whole("wear_volume"), "Wear volume");
-        assert_eq!(whole("wear_depth@1000"), "Wear depth after 1000 cycles");
-        assert_eq!(whole("wear_depth@1 mJ"), "Wear depth after 1 mJ");
-        assert_eq!(whole("unworn.energy_ratio"), "Energy ratio, unworn");
-        assert_eq!(whole("events.rim_reached"), "Cycles until rim reached");
+        assert_eq!(in_words("wear_volume"), "Wear volume");
+        assert_eq!(in_words("wear_depth@1000"), "Wear depth after 1000 cycles");
+        assert_eq!(in_words("wear_depth@1 mJ"), "Wear depth after 1 mJ");
+        assert_eq!(in_words("unworn.energy_ratio"), "Energy ratio, unworn");
+        assert_eq!(in_words("events.rim_reached"), "Cycles until rim reached");
     }
 
     #[test]
@@ -113,6 +110,5 @@ mod tests {
         assert_eq!(values_of("friction", None, &[0.5, 0.7]), ["friction = 0.5", "friction = 0.7"]);
         let close = values_of("amplitude", Some("um"), &[1.00001, 1.00002]);
         assert_eq!(close, ["amplitude = 1.00001 µm", "amplitude = 1.00002 µm"]);
-        assert_eq!(shortened(0.0, 4), "0");
     }
 }

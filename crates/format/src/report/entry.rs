@@ -3,6 +3,8 @@
 use serde_json::Value;
 
 use super::html::{self, pairs, section};
+use super::inputs::Input;
+use crate::notation::{Notation, cycles, digits, with_unit};
 use fretwork_job::TaskKind;
 use fretwork_plot::Figure;
 
@@ -23,26 +25,45 @@ pub struct About {
 
 /// A number of a run.
 pub struct Number {
-    pub(super) words: String,
-    /// The value in the unit of the report; `None` if it is no finite number.
-    pub(super) value: Option<f64>,
-    pub(super) unit: String,
+    pub(super) name: String,
+    /// The value in SI.
+    pub(super) value: f64,
+    pub(super) unit: &'static str,
+    /// Whether it belongs to the unworn contact or the limiting state.
+    pub(super) is_unworn: bool,
     /// Its numerical error and its model error, in words.
     pub(super) errors: [String; 2],
+}
+
+impl Number {
+    pub(super) fn new(name: String, value: f64, unit: &'static str) -> Self {
+        Self { name, value, unit, is_unworn: false, errors: Default::default() }
+    }
+
+    /// The value in the unit for values up to `size`.
+    pub(super) fn text(&self, notation: Notation, size: f64, count: u8) -> String {
+        let (unit, factor) = notation.scale(self.unit, size);
+        match self.value {
+            value if value.is_infinite() => "Infinite".to_owned(),
+            value if self.unit == "1" && value >= 100.0 => cycles(value),
+            value => with_unit(&digits(value * factor, count), &unit),
+        }
+    }
 }
 
 /// What a report says of one result.
 pub struct Entry {
     pub(super) kind: TaskKind,
+    pub(super) notation: Notation,
     pub(super) label: Option<String>,
     pub(super) title: String,
     pub(super) subtitle: String,
     /// The inputs as submitted if that is known, otherwise as computed.
-    pub(super) inputs: Vec<(String, String)>,
-    /// The inputs as computed: pointers and values.
-    pub(super) asked: Vec<(String, String)>,
-    /// What the numbers are.
-    pub(super) results: String,
+    pub(super) inputs: Vec<Input>,
+    /// The inputs as computed.
+    pub(super) asked: Vec<Input>,
+    /// The last output cycle of a run, and the numbers: those of this cycle, then those of the unworn contact.
+    pub(super) cycles: f64,
     pub(super) numbers: Vec<Number>,
     /// Sections above and below the figures, as HTML.
     pub(super) sections: String,
@@ -65,7 +86,7 @@ impl Entry {
 }
 
 /// Where a result comes from, and how it is computed again.
-pub fn origin(entry: &Entry) -> String {
+pub fn origin(title: &str, entry: &Entry) -> String {
     let again = entry.command.as_ref().map_or_else(
         || {
             let member = entry.kind.member();
@@ -75,7 +96,7 @@ pub fn origin(entry: &Entry) -> String {
         },
         |command| format!("<p>To compute it again:</p><pre>{}</pre>", html::lines(command)),
     );
-    section("Origin", &(pairs(&entry.origin) + &again))
+    section(title, &(pairs(&entry.origin) + &again))
 }
 
 /// The texts of lists of warnings, each once.

@@ -4,25 +4,19 @@ use std::fmt::Write as _;
 
 pub use fretwork_plot::text::escape as text;
 
-use crate::figure::words::shortened;
-
-/// Significant digits of a number, and of an error.
-const DIGITS: u8 = 3;
-const ERROR_DIGITS: u8 = 2;
-
 /// On paper, pages are white and no figure is cut.
 const STYLE: &str = "\
 :root{color-scheme:light dark;--muted:#555;--line:#ccc;--soft:#f3f5f7}\
 body{font:15px/1.4 system-ui,'Liberation Sans',sans-serif;max-width:62rem;margin:1.5rem auto;padding:0 1rem}\
 h1{font-size:1.5em;margin:0;overflow-wrap:anywhere}h2{font-size:1.05em;margin:1.1em 0 .3em;break-after:avoid}\
 header p,dt{color:var(--muted)}header p,p{margin:.2em 0}\
-dl{display:grid;grid-template-columns:repeat(auto-fill,minmax(15rem,1fr));gap:.1em 1.5em;margin:0}\
-dl div{display:flex;gap:.5em;break-inside:avoid}dt{flex:none;max-width:50%}dd{margin:0;overflow-wrap:anywhere}\
+dl{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(20rem,100%),1fr));gap:.1em 1.5em;margin:0}\
+dl div{display:flex;gap:.5em;break-inside:avoid}dt{flex:none;max-width:60%}dd{margin:0;overflow-wrap:anywhere}\
 dl .long{grid-column:1/-1}.columns{display:flex;flex-wrap:wrap;gap:0 2em}\
 .columns section{flex:1 1 20rem;min-width:0}.columns section:first-child{flex-grow:1.7}\
 .wide{overflow-x:auto}table{border-collapse:collapse;width:100%}th,td{text-align:left;padding:.1em .6em .1em 0;\
 border-bottom:1px solid var(--line);font-weight:400;vertical-align:top}thead th{color:var(--muted)}tr{break-inside:avoid}\
-.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(20rem,100%),1fr));gap:.6em;margin:.8em 0}\
+.figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(26rem,100%),1fr));gap:.6em;margin:.8em 0}\
 figure{margin:0;break-inside:avoid}svg{display:block;width:100%;height:auto}ul{margin:0;padding-left:1.2em}\
 pre{font-size:.75em;line-height:1.25;background:var(--soft);padding:.5em;white-space:pre-wrap;overflow-wrap:anywhere;margin:.3em 0}\
 @media screen and (prefers-color-scheme:dark){:root{--muted:#b5bcc4;--line:#444;--soft:#222}body{background:#181818;color:#ddd}}\
@@ -55,7 +49,8 @@ pub fn section(title: &str, content: &str) -> String {
 /// Names and values.
 pub fn pairs(pairs: &[(String, String)]) -> String {
     let row = |(name, value): &(String, String)| {
-        let class = if value.chars().count() > 30 { " class=\"long\"" } else { "" };
+        let class =
+            if (name.chars().chain(value.chars())).count() > 45 { " class=\"long\"" } else { "" };
         format!("<div{class}><dt>{}</dt><dd>{}</dd></div>", text(name), text(value))
     };
     format!("<dl>{}</dl>", pairs.iter().map(row).collect::<String>())
@@ -104,19 +99,4 @@ pub fn warnings(title: &str, warnings: &[String]) -> String {
 /// Several lines of code.
 pub fn lines(code: &str) -> String {
     code.lines().map(text).collect::<Vec<_>>().join("\n")
-}
-
-/// A number with its unit.
-pub fn number(value: Option<f64>, unit: &str) -> String {
-    value.map_or_else(|| "–".to_owned(), |value| in_unit(&shortened(value, DIGITS), unit))
-}
-
-/// A text with a unit behind it; `1` is no unit.
-pub fn in_unit(value: &str, unit: &str) -> String {
-    if matches!(unit, "" | "1") { value.to_owned() } else { format!("{value}\u{a0}{unit}") }
-}
-
-/// A fraction in percent.
-pub fn percent(fraction: f64) -> String {
-    format!("{}\u{a0}%", shortened(100.0 * fraction, ERROR_DIGITS))
 }

@@ -1,105 +1,195 @@
-//! The inputs of a result in words: each number with its unit, long lists shortened.
+//! The inputs of a result in words, in the notation of the page. Long lists are shortened.
 
-use serde_json::Value;
+use std::collections::HashMap;
 
-use super::html::in_unit;
-use crate::figure::words::{capital, member, shortened, typeset};
-use crate::units::in_engineering;
-use crate::view::View;
-use fretwork_study::Member;
+use serde_json::{Map, Value};
 
-/// Maximum number of inputs, of items of a list that is written out, and of digits of a number that the engine computed.
+use crate::figure::words::{capital, short, whole};
+use crate::notation::{Notation, cycles, digits, percent};
+use fretwork_engine::outcome::Quantity;
+use fretwork_engine::request::inputs::VALUES;
+use fretwork_engine::request::quantity::{Dimension, parse};
+use fretwork_study::{Kind, Member};
+
+/// Maximum number of inputs, and of items of a list that is written out.
 const MOST: usize = 60;
 const ITEMS: usize = 6;
-const DIGITS: u8 = 6;
-/// Digits of other numbers.
-const ALL_DIGITS: u8 = 12;
+/// Digits of numbers as submitted, and as the engine computed them.
+pub const TYPED: u8 = 12;
+pub const COMPUTED: u8 = 4;
 /// Longest text, in characters.
 const TEXT: usize = 200;
 
-/// The inputs of a scenario or study, for people. With a view, the numbers are converted to its units and rounded.
-/// Without one, they are as typed.
-pub fn in_words(asked: &Value, view: Option<&View>) -> Vec<(String, String)> {
-    let mut all = listed(asked, view);
-    let more = all.len().saturating_sub(MOST);
-    all.truncate(MOST);
-    let named = |(pointer, value): (String, String)| {
-        let own = pointer.strip_prefix("/scenario").unwrap_or(&pointer);
-        (capital(&member(own)), value)
-    };
-    let mut all: Vec<_> = all.into_iter().map(named).collect();
-    if more > 0 {
-        all.push(("More inputs".to_owned(), more.to_string()));
-    }
-    all
+/// An input of a scenario or a study.
+pub struct Input {
+    pub pointer: String,
+    pub name: String,
+    pub text: String,
 }
 
-/// The pointers of the inputs and their values.
-pub fn listed(asked: &Value, view: Option<&View>) -> Vec<(String, String)> {
+/// The inputs of a scenario or a study.
+pub fn listed(asked: &Value, notation: Notation, digits: u8) -> Vec<Input> {
+    let scenario = asked.get("scenario").unwrap_or(asked);
     let mut found = Vec::new();
-    collect(asked, String::new(), &mut found);
-    let root = if asked.get("scenario").is_some() { "/scenario" } else { "" };
-    let scenario = asked.pointer(root).unwrap_or(asked);
-    // Numbers without a unit are in SI.
-    let plain = found.iter().filter(|(_, value)| value.is_number());
-    let plain: Vec<&str> =
-        plain.filter_map(|(pointer, _)| pointer.strip_prefix(root)).take(MOST).collect();
-    let units = Member::find_all(scenario, plain);
-    let units: Vec<Member> = units.into_iter().filter_map(Result::ok).collect();
-    let written = |(pointer, value): (String, &Value)| {
-        let own = units.iter().find(|unit| Some(&*unit.pointer) == pointer.strip_prefix(root));
-        let (si, number) = (own.map_or("1", |unit| unit.dimension.si()), value.as_f64());
-        let text = match (number, view) {
-            (Some(number), Some(view)) => {
-                let converted = view.engineering.then(|| in_engineering(number, si));
-                let (number, unit) = converted.unwrap_or((number, si));
-                in_unit(&shortened(number, DIGITS), &typeset(unit))
-            }
-            (Some(_), None) => in_unit(&plainly(value), &typeset(si)),
-            (None, _) => plainly(value),
-        };
-        (pointer, text)
-    };
-    found.into_iter().map(written).collect()
+    collect(scenario, String::new(), &mut found);
+    let reader = Reader { scenario, units: units(scenario, &found), notation, digits };
+    let mut inputs: Vec<Input> =
+        found.into_iter().map(|(pointer, value)| reader.input(pointer, value)).collect();
+    for (name, value) in asked.as_object().into_iter().flatten() {
+        if asked.get("scenario").is_some() && !matches!(name.as_str(), "scenario" | "version") {
+            inputs.extend(reader.of_study(name, value));
+        }
+    }
+    let more = inputs.len().saturating_sub(MOST);
+    inputs.truncate(MOST);
+    let rest =
+        Input { pointer: "…".to_owned(), name: "More inputs".to_owned(), text: more.to_string() };
+    inputs.extend((more > 0).then_some(rest));
+    inputs
 }
 
-/// Collects the members of objects. A short list of objects has a line for each of them.
+/// Collects the members of objects. A short list of objects has lines for each of them.
 fn collect<'a>(value: &'a Value, pointer: String, out: &mut Vec<(String, &'a Value)>) {
     match value {
-        Value::Object(members) => {
+        Value::Object(members) if !members.contains_key("spacing") => {
             for (name, value) in members.iter().filter(|(_, value)| !value.is_null()) {
                 collect(value, format!("{pointer}/{name}"), out);
             }
         }
         Value::Array(items) if items.len() <= ITEMS && items.iter().any(Value::is_object) => {
             for (place, item) in items.iter().enumerate() {
-                out.push((format!("{pointer}/{}", place + 1), item));
+                collect(item, format!("{pointer}/{place}"), out);
             }
         }
         _ => out.push((pointer, value)),
     }
 }
 
-/// A value on one line. Of a long list, only the ends are written.
-fn plainly(value: &Value) -> String {
-    let text = match value {
-        Value::String(text) => text.clone(),
-        Value::Number(number) => shortened(number.as_f64().unwrap_or(f64::NAN), ALL_DIGITS),
-        Value::Array(items) if items.len() > ITEMS => {
-            let ends = [&items[0], &items[1], &items[items.len() - 1]].map(plainly);
-            let [first, second, last] = ends;
-            format!("{first}, {second}, … {last} ({} items)", items.len())
+/// The SI units of numbers without a unit, and of lists, by their pointers.
+fn units(scenario: &Value, found: &[(String, &Value)]) -> HashMap<String, &'static str> {
+    let number = |(pointer, value): &(String, &Value)| match value {
+        Value::Number(_) => Some(pointer.clone()),
+        Value::Array(items) if items.first().is_some_and(Value::is_number) => {
+            Some(format!("{pointer}/0"))
         }
-        Value::Array(items) => items.iter().map(plainly).collect::<Vec<_>>().join(", "),
-        Value::Object(members) => {
-            let each = members.iter().take(2 * ITEMS);
-            let each = each.map(|(name, value)| format!("{} {}", member(name), plainly(value)));
-            each.collect::<Vec<_>>().join("; ")
-        }
-        other => other.to_string(),
+        _ => None,
     };
-    match text.char_indices().nth(TEXT) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text,
+    let numbers: Vec<String> = found.iter().filter_map(number).take(MOST).collect();
+    let members = Member::find_all(scenario, numbers.iter().map(String::as_str));
+    let unit = |member: Member| {
+        let own = member.pointer.strip_suffix("/0").unwrap_or(&member.pointer);
+        (own.to_owned(), member.dimension.si())
+    };
+    members.into_iter().flatten().map(unit).collect()
+}
+
+struct Reader<'a> {
+    scenario: &'a Value,
+    units: HashMap<String, &'static str>,
+    notation: Notation,
+    digits: u8,
+}
+
+impl Reader<'_> {
+    fn input(&self, pointer: String, value: &Value) -> Input {
+        let unit = self.units.get(&pointer).copied().unwrap_or("1");
+        Input { name: whole(&pointer, self.scenario), text: self.text(value, unit), pointer }
+    }
+
+    /// The SI unit of the number at a pointer.
+    fn unit(&self, pointer: &str) -> &'static str {
+        Member::find(self.scenario, pointer).map_or("1", |member| member.dimension.si())
+    }
+
+    /// The lines of a member of a study. A list of objects has a line for each of them.
+    fn of_study(&self, name: &str, value: &Value) -> Vec<Input> {
+        let items = match value {
+            Value::Array(items) if items.iter().any(Value::is_object) => items.as_slice(),
+            _ => std::slice::from_ref(value),
+        };
+        let mut axes = Kind::ALL.iter().flat_map(|kind| kind.axes);
+        let of_axis = axes.find(|(axis, _)| *axis == name).map(|(_, pointer)| *pointer);
+        let line = |item: &Value| {
+            let pointer = item["pointer"].as_str().or(of_axis);
+            let words = capital(&name.replace('_', " "));
+            let name = match (pointer, item["name"].as_str()) {
+                (Some(pointer), _) if name == "parameters" => {
+                    format!("Estimated: {}", whole(pointer, self.scenario))
+                }
+                (Some(pointer), _) => format!("Varied: {}", whole(pointer, self.scenario)),
+                (_, Some(test)) => format!("Test {test}"),
+                _ => words,
+            };
+            let text = self.text(item, pointer.map_or("1", |pointer| self.unit(pointer)));
+            Input { pointer: name.clone(), name, text }
+        };
+        items.iter().map(line).collect()
+    }
+
+    /// A value on one line. Numbers without a unit have the given one. Of a long list, only the ends are written.
+    fn text(&self, value: &Value, unit: &str) -> String {
+        let text = match value {
+            Value::Null => "–".to_owned(),
+            Value::Bool(yes) => if *yes { "Yes" } else { "No" }.to_owned(),
+            Value::String(text) => self.typed(text),
+            Value::Number(number) => match number.as_f64().unwrap_or(f64::NAN) {
+                whole if unit == "1" && whole.fract() == 0.0 => cycles(whole),
+                number => self.notation.quantity(number, unit, self.digits),
+            },
+            Value::Array(items) if items.len() > ITEMS => {
+                let [first, second, last] = [&items[0], &items[1], &items[items.len() - 1]]
+                    .map(|item| self.text(item, unit));
+                format!("{first}, {second}, … {last} ({} values)", items.len())
+            }
+            Value::Array(items) => {
+                items.iter().map(|item| self.text(item, unit)).collect::<Vec<_>>().join(", ")
+            }
+            Value::Object(members) => self.members(members, unit),
+        };
+        match text.char_indices().nth(TEXT) {
+            Some((end, _)) => format!("{}…", &text[..end]),
+            None => text,
+        }
+    }
+
+    /// A text of a scenario or a study: a number with a unit, or a word.
+    fn typed(&self, text: &str) -> String {
+        if let Ok(number) = text.parse::<f64>() {
+            return digits(number, self.digits);
+        }
+        let dimensions = Dimension::ALL.into_iter().filter(|it| *it != Dimension::Number);
+        let mut numbers = dimensions.filter_map(|it| Some((parse(text, it).ok()?, it.si())));
+        if let Some((number, si)) = numbers.next() {
+            return self.notation.quantity(number, si, self.digits);
+        }
+        let word = VALUES.iter().find(|(value, _)| *value == text).map(|(_, words)| *words);
+        word.map_or_else(|| capital(&text.replace('_', " ")), str::to_owned)
+    }
+
+    /// The members of an object of a study, such as a range, a distribution or a test.
+    fn members(&self, members: &Map<String, Value>, unit: &str) -> String {
+        let known = |name: &str| members.get(name).and_then(Value::as_str).unwrap_or_default();
+        let of_y = Quantity::named(known("output")).map_or(unit, |quantity| quantity.unit);
+        let of_x = match known("over") {
+            "radius" => "m",
+            "dissipated_energy" => "J",
+            _ => "cycles",
+        };
+        let member = |(name, value): (&String, &Value)| {
+            let text = |unit| self.text(value, unit);
+            Some(match name.as_str() {
+                "pointer" | "name" | "over" => return None,
+                "data" | "changes" | "output" | "spacing" => text(unit),
+                "x" => format!("at {}", text(of_x)),
+                "y" => format!("measured {}", text(of_y)),
+                "count" => format!("{} values", text("1")),
+                "relative" => format!("±{}", percent(value.as_f64().unwrap_or(f64::NAN), 3)),
+                _ if name.starts_with('/') => {
+                    format!("{} = {}", short(name, self.scenario), text(self.unit(name)))
+                }
+                _ => format!("{} {}", name.replace('_', " "), text(unit)),
+            })
+        };
+        members.iter().filter_map(member).collect::<Vec<_>>().join(", ")
     }
 }

@@ -8,12 +8,14 @@ mod entry;
 mod html;
 mod inputs;
 mod run;
+mod smooth;
 mod study;
 
 use crate::document::Document;
 use crate::error::{Error, Missing, Result};
+use crate::notation::Notation;
 use crate::view::{FigureOptions, View};
-use entry::{Number, origin, warnings};
+use entry::{origin, warnings};
 use fretwork_job::TaskKind;
 use html::{pairs, section};
 
@@ -23,9 +25,6 @@ pub use entry::{About, Entry};
 pub const MOST: usize = 8;
 /// The size of each figure, in px. Two of them fill the width of a page.
 const SIZE: (u16, u16) = (400, 196);
-/// What the errors do not contain.
-const THEORY: &str = "<p>The theory leaves out plasticity, debris and oxidation, and the wear is as uncertain as the wear \
-    coefficient.</p>";
 /// Longest command that recomputes a result, in bytes.
 const COMMAND: usize = 4000;
 
@@ -35,31 +34,33 @@ impl Entry {
     /// # Errors
     /// The bytes are not a result.
     pub fn read(stored: &[u8], about: &About, engineering: bool) -> Result<Self> {
+        let notation = Notation { is_si: !engineering };
         let figure = FigureOptions { size: SIZE, ..FigureOptions::default() };
         let view = View { engineering, figure, ..View::default() };
-        let document = Document::open(stored, &view)?;
-        let kind = document.kind();
-        let asked = document.value(kind.member())?;
+        let (drawn, plain) = (Document::open(stored, &view)?, View::default());
+        let si = Document::open(stored, &plain)?;
+        let kind = si.kind();
+        let asked = si.value(kind.member())?;
         let typed = about.submitted.as_ref().unwrap_or(&asked);
-        let head = &document.head;
         let body = format!("{{\"{}\":{typed}}}", kind.member());
         let mut entry = Self {
             kind,
+            notation,
             label: about.label.clone(),
             title: String::new(),
             subtitle: String::new(),
-            inputs: inputs::in_words(typed, about.submitted.is_none().then_some(&view)),
-            asked: inputs::listed(&asked, Some(&view)),
-            results: String::new(),
+            inputs: inputs::listed(typed, notation, inputs::TYPED),
+            asked: inputs::listed(&asked, notation, inputs::COMPUTED),
             numbers: Vec::new(),
+            cycles: f64::NAN,
             sections: String::new(),
             figures: Vec::new(),
             table: String::new(),
             curves: Vec::new(),
-            warnings: warnings(&[&document.value("warnings")?, &about.warnings]),
+            warnings: warnings(&[&si.value("warnings")?, &about.warnings]),
             origin: vec![
-                ("Key".to_owned(), head.key.clone()),
-                ("Engine".to_owned(), head.engine.to_string()),
+                ("Key".to_owned(), si.head.key.clone()),
+                ("Engine".to_owned(), si.head.engine.to_string()),
             ],
             command: (body.len() <= COMMAND)
                 .then(|| format!("fretwork run - <<'END'\n{body}\nEND")),
@@ -72,8 +73,8 @@ impl Entry {
         let known = known.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?)));
         entry.origin.extend(known);
         match kind {
-            TaskKind::Run => run::fill(&mut entry, &document, &view, &asked)?,
-            TaskKind::Study(kind) => study::fill(&mut entry, &document, &view, kind)?,
+            TaskKind::Run => run::fill(&mut entry, [&si, &drawn], &view, &asked)?,
+            TaskKind::Study(kind) => study::fill(&mut entry, [&si, &drawn], &view, kind)?,
         }
         Ok(entry)
     }
@@ -101,18 +102,15 @@ fn alone(entry: &Entry) -> String {
     let about = [title, subtitle].into_iter().filter(|part| !part.is_empty());
     let about = about.collect::<Vec<_>>().join(" · ");
     let mut body = html::heading(entry.name(), &about);
-    body += &section("Inputs", &pairs(inputs));
+    let inputs: Vec<_> =
+        inputs.iter().map(|input| (input.name.clone(), input.text.clone())).collect();
+    body += &section("Inputs", &pairs(&inputs));
     if entry.numbers.is_empty() {
         body += &entry.sections;
     } else {
-        let rows = entry.numbers.iter().map(|Number { words, value, unit, errors }| {
-            let [numerical, model] = errors.clone();
-            vec![words.clone(), html::number(*value, unit), numerical, model]
-        });
-        let numbers = html::table(&["Quantity", "Value", "Numerical error", "Model error"], rows);
-        let numbers = section(&entry.results, &(numbers + THEORY));
-        body += &["<div class=\"columns\">", &numbers, &entry.sections, "</div>"].concat();
+        let parts = ["<div class=\"columns\">", &run::results(entry), &entry.sections, "</div>"];
+        body += &parts.concat();
     }
     body += &html::figures(figures);
-    body + &entry.table + &html::warnings("Warnings", &entry.warnings) + &origin(entry)
+    body + &entry.table + &html::warnings("Warnings", &entry.warnings) + &origin("Origin", entry)
 }

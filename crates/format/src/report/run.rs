@@ -3,106 +3,180 @@
 use serde_json::{Value, json};
 
 use super::entry::{Entry, Number};
-use super::html::{self, in_unit, percent};
+use super::html;
+use super::inputs::Input;
+use super::smooth::smooth;
 use crate::document::Document;
 use crate::error::{Error, Result};
-use crate::figure;
-use crate::figure::words::{capital, shortened, typeset};
+use crate::figure::{self, words};
 use crate::kind::Part;
+use crate::notation::{cycles, percent, with_unit};
 use crate::quantity::Quantity;
 use crate::view::{FigureOptions, View};
-use fretwork_engine::outcome::{self, EVENTS, History};
+use fretwork_engine::outcome::{self, EVENTS, History, LINE_WORDS};
 
 /// The figures of a report.
 const FIGURES: [&str; 4] = ["worn", "wear_volume", "wear_depth", "loops"];
 /// The numbers that stand first.
 const FIRST: [&str; 2] = ["wear_volume", "wear_depth"];
-/// The numbers of the unworn contact and of the limiting state.
-const UNWORN: [(&str, &[&str]); 3] = [
-    ("scales", &["contact_radius", "indentation_depth", "normal_force"]),
-    ("unworn", &["gross_slip_amplitude", "peak_pressure", "amplitude", "tangential_force"]),
-    ("limit", &["wear_volume", "wear_depth"]),
+/// The numbers of the unworn contact and of the limiting state: section, member, name.
+const UNWORN: [(&str, &str, &str); 10] = [
+    ("scales", "contact_radius", "Contact radius a₀"),
+    ("scales", "indentation_depth", "Indentation depth d₀"),
+    ("scales", "normal_force", "Normal force F₀"),
+    ("scales", "cycles", "Characteristic cycles N₀"),
+    ("unworn", "gross_slip_amplitude", "Gross-slip threshold"),
+    ("unworn", "peak_pressure", "Peak pressure, unworn"),
+    ("unworn", "amplitude", "Amplitude, unworn"),
+    ("unworn", "tangential_force", "Tangential force, unworn"),
+    ("limit", "wear_volume", "Limiting volume"),
+    ("limit", "wear_depth", "Limiting depth"),
 ];
+/// What the errors do not contain.
+const THEORY: &str = "<p>The theory leaves out plasticity, debris and oxidation, and the wear is as uncertain as the wear \
+    coefficient.</p>";
 /// Smaller numerical errors are not told apart.
 const SMALLEST: f64 = 1e-4;
+/// Significant digits of a value, and of an error.
+const DIGITS: u8 = 3;
+const ERROR_DIGITS: u8 = 2;
 
-/// Fills in what only runs have.
+/// Fills in what only runs have. `si` is the document in SI, and `drawn` the same in the units of figures.
 pub fn fill(
     entry: &mut Entry,
-    document: &Document<'_>,
+    [si, drawn]: [&Document<'_>; 2],
     view: &View,
     scenario: &Value,
 ) -> Result<()> {
-    let history = document.table(Part::History, &View::default())?;
-    let last = history.cycles().saturating_sub(1);
-    let at = |name: &str| history.column(name).map_or(f64::NAN, |column| column.at(last, 0));
     let word = |value: &Value| value.as_str().unwrap_or_default().replace('_', " ");
     let is_exact = scenario["model"]["method"] == "exact";
-    let method = if is_exact { "exact method" } else { "simplified rule" };
-    let regime = word(&document.value("regime")?);
-    entry.title = format!("Fretting wear: {}", word(&scenario["profile"]["shape"]));
-    entry.subtitle = format!("{} · {regime} when unworn", capital(method));
-    entry.results = format!("Results after {} cycles", shortened(at("cycles"), 6));
-    let accuracy = document.value("accuracy")?;
+    let method = if is_exact { "Exact method" } else { "Simplified rule" };
+    entry.title = title(&entry.asked, scenario);
+    entry.subtitle = format!("{method} · {} when unworn", word(&si.value("regime")?));
+    let lines = if is_line(&scenario["profile"]) { LINE_WORDS } else { &[] };
+    numbers(entry, si, is_exact, lines)?;
+    contact(entry, si, lines)?;
+    let dense = smooth(si, scenario)?;
+    let dense = dense.as_ref().map(|body| Document::open(body, view)).transpose()?;
+    for quantity in FIGURES.iter().filter_map(|name| Quantity::named(name)) {
+        let options = FigureOptions { quantity, ..view.figure.clone() };
+        let view = View { figure: options, ..view.clone() };
+        let curve = match figure::last_curve(drawn, dense.as_ref(), &view) {
+            // A run without profiles lacks some figures.
+            Err(Error::Missing(_)) => continue,
+            curve => curve?,
+        };
+        // A line contact has no loops without a reference.
+        if curve.series.iter().any(|series| series.x.iter().any(|x| x.is_finite())) {
+            entry.figures.push(figure::of_run(drawn, dense.as_ref(), &view)?);
+            entry.curves.push(curve);
+        }
+    }
+    Ok(())
+}
+
+/// Whether the contact of a profile is a line.
+fn is_line(profile: &Value) -> bool {
+    let shape = profile["shape"].as_str().unwrap_or_default();
+    ["cylinder", "wedge", "punch"].contains(&shape) || profile["geometry"] == "line"
+}
+
+/// For example "Paraboloid, R = 10 mm, F = 100 N, U = 2.256 µm, μ = 0.7".
+fn title(asked: &[Input], scenario: &Value) -> String {
+    let part = |input: &Input| {
+        let own = ["/profile", "/friction", "/load", "/motion"];
+        let symbol = words::symbol(&input.pointer, scenario);
+        let is_said = own.iter().any(|own| input.pointer.starts_with(own)) && !symbol.is_empty();
+        is_said.then(|| format!("{symbol} = {}", input.text))
+    };
+    let shape = asked.iter().find(|input| input.pointer == "/profile/shape");
+    let shape = shape.map(|shape| shape.text.clone());
+    shape.into_iter().chain(asked.iter().filter_map(part)).collect::<Vec<_>>().join(", ")
+}
+
+/// The numbers at the last output cycle.
+fn numbers(
+    entry: &mut Entry,
+    si: &Document<'_>,
+    is_exact: bool,
+    lines: &[(&str, &str)],
+) -> Result<()> {
+    let history = si.table(Part::History, &View::default())?;
+    let last = history.cycles().saturating_sub(1);
+    let at = |name: &str| history.column(name).map_or(f64::NAN, |column| column.at(last, 0));
+    entry.cycles = at("cycles");
+    let accuracy = si.value("accuracy")?;
+    let below = |error: f64| match error {
+        error if error > 0.0 && error < SMALLEST => {
+            format!("below {}", percent(SMALLEST, ERROR_DIGITS))
+        }
+        error if error > 0.0 => percent(error, ERROR_DIGITS),
+        _ => "–".to_owned(),
+    };
     // The exact method solves the equations of the theory.
     let model = match accuracy["model_error"].as_f64() {
         _ if is_exact => "not included".to_owned(),
-        Some(error) => format!("about {}", percent(error)),
+        Some(error) => format!("about {}", percent(error, ERROR_DIGITS)),
         None => "unknown".to_owned(),
     };
-    let errors = |name: &str| {
-        let numerical = match at(&format!("{name}_error")) {
-            error if error > 0.0 && error < SMALLEST => format!("below {}", percent(SMALLEST)),
-            error if error > 0.0 => percent(error),
-            _ => "–".to_owned(),
-        };
-        let has_errors = FIRST.contains(&name);
-        [numerical, model.clone()].map(|text| if has_errors { text } else { String::new() })
-    };
-    let unit = |name: &str| typeset(document.head.units.of(name).unwrap_or("1"));
     let own = History::MEMBERS.iter().map(|member| member.name);
     let own =
         own.filter(|name| !name.ends_with("_error") && !FIRST.contains(name) && *name != "cycles");
-    for name in FIRST.into_iter().chain(own) {
-        let Some(quantity) = outcome::Quantity::named(name) else { continue };
-        let value = Some(at(name)).filter(|value| value.is_finite());
-        if value.is_some() {
-            let words = quantity.words.to_owned();
-            entry.numbers.push(Number { words, value, unit: unit(name), errors: errors(name) });
+    for quantity in FIRST.into_iter().chain(own).filter_map(outcome::Quantity::named) {
+        let of_line = lines.iter().find(|(name, _)| *name == quantity.name);
+        let name = of_line.map_or(quantity.words, |(_, words)| words);
+        let name = words::with_symbol(name, quantity.symbol);
+        let mut number = Number::new(name, at(quantity.name), quantity.unit);
+        if FIRST.contains(&quantity.name) {
+            number.errors = [below(at(&format!("{}_error", quantity.name))), model.clone()];
         }
+        entry.numbers.push(number);
     }
-    let mut rows = Vec::new();
-    for (section, names) in UNWORN {
-        let values = document.value(section)?;
-        for name in names {
-            let Some(quantity) = outcome::Quantity::named(name) else { continue };
-            let words = match section {
-                "limit" => format!("{} in the limiting state", quantity.words),
-                _ => quantity.words.to_owned(),
-            };
-            if let Some(value) = values[*name].as_f64() {
-                rows.push(vec![words, html::number(Some(value), &unit(name))]);
-            }
-        }
+    // The energy balance compares the wear volume with the dissipated energy.
+    let balance = accuracy["energy_mismatch"].as_f64().map_or(f64::NAN, f64::abs);
+    let ratio = at("wear_volume") / at("dissipated_energy");
+    let mut number = Number::new("Wear volume per energy V/ΣW".to_owned(), ratio, "m^3/J");
+    number.errors[0] = format!("{} (energy balance)", below(balance));
+    entry.numbers.push(number);
+    entry.numbers.retain(|number| !number.value.is_nan());
+    Ok(())
+}
+
+/// The numbers of the unworn contact and of the limiting state, and the events.
+fn contact(entry: &mut Entry, si: &Document<'_>, lines: &[(&str, &str)]) -> Result<()> {
+    for (section, name, words) in UNWORN {
+        let values = si.value(section)?;
+        // The pressure of a cone is infinite, which JSON does not have.
+        let missing = if name == "peak_pressure" { f64::INFINITY } else { f64::NAN };
+        let value = values[name].as_f64().unwrap_or(missing);
+        let unit = outcome::Quantity::named(name).map_or("1", |quantity| quantity.unit);
+        let of_line = lines.iter().find(|(own, _)| section == "scales" && *own == name);
+        let words = of_line.map_or_else(|| words.to_owned(), |(_, words)| format!("{words} a₀"));
+        let number = Number { is_unworn: true, ..Number::new(words, value, unit) };
+        entry.numbers.extend(Some(number).filter(|number| !number.value.is_nan()));
     }
-    for event in document.value("events")?.as_array().into_iter().flatten() {
+    let own = entry.numbers.iter().filter(|number| number.is_unworn);
+    let row = |own: &Number| vec![own.name.clone(), own.text(entry.notation, own.value, DIGITS)];
+    let mut rows: Vec<Vec<String>> = own.map(row).collect();
+    for event in si.value("events")?.as_array().into_iter().flatten() {
         let known = EVENTS.iter().find(|(kind, _)| json!(kind) == event["kind"]);
-        let cycles = event["cycles"].as_f64().map(|cycles| shortened(cycles.round(), 6));
-        if let (Some((_, words)), Some(cycles)) = (known, cycles) {
-            rows.push(vec![(*words).to_owned(), in_unit(&cycles, "cycles")]);
+        if let (Some((_, words)), Some(at)) = (known, event["cycles"].as_f64()) {
+            rows.push(vec![(*words).to_owned(), with_unit(&cycles(at), "cycles")]);
         }
     }
     let table = html::table(&["Quantity", "Value"], rows);
     entry.sections = html::section("Unworn contact, limiting state, events", &table);
-    for quantity in FIGURES.iter().filter_map(|name| Quantity::named(name)) {
-        let options = FigureOptions { quantity, ..view.figure.clone() };
-        let view = View { figure: options, ..view.clone() };
-        match figure::svg(document, &view) {
-            // A run without profiles lacks some figures.
-            Err(Error::Missing(_)) => continue,
-            svg => entry.figures.push(String::from_utf8_lossy(&svg?).into_owned()),
-        }
-        entry.curves.push(figure::last_curve(document, &view)?);
-    }
     Ok(())
+}
+
+/// The numbers of a run at its last output cycle, as a section.
+pub fn results(entry: &Entry) -> String {
+    let own = entry.numbers.iter().filter(|number| !number.is_unworn);
+    let rows = own.map(|number| {
+        let [numerical, model] = number.errors.clone();
+        let value = number.text(entry.notation, number.value, DIGITS);
+        vec![number.name.clone(), value, numerical, model]
+    });
+    let table = html::table(&["Quantity", "Value", "Numerical error", "Model error"], rows);
+    html::section(&format!("Results after {} cycles", cycles(entry.cycles)), &(table + THEORY))
 }

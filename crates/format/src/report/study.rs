@@ -3,12 +3,14 @@
 use serde_json::Value;
 
 use super::entry::{self, Entry};
-use super::html::{self, in_unit};
+use super::html;
 use crate::document::Document;
 use crate::error::Result;
 use crate::figure;
-use crate::figure::words::{capital, member, shortened, typeset};
+use crate::figure::in_unit;
+use crate::figure::words::{capital, member, output, whole};
 use crate::kind::Part;
+use crate::notation::{Notation, cycles};
 use crate::statistics;
 use crate::table::{Cell, Table, Values};
 use crate::units::Units;
@@ -19,45 +21,46 @@ use fretwork_study::{Kind, StudyFigure};
 /// Maximum number of rows of a table, and of its columns.
 const ROWS: usize = 20;
 const COLUMNS: usize = 12;
-/// Columns with names of the program.
-const WORDS: [&str; 4] = ["output", "over", "member", "regime"];
+/// Columns whose words stand in the cells of other columns.
+const LEFT_OUT: [&str; 2] = ["unit", "over"];
 /// The note below a table that may lack rows or columns.
 const NOTE: &str = "<p>The first 20 rows and 12 columns. The file of the result has all.</p>";
 /// Maximum number of histograms, and the colour of their bars.
 const HISTOGRAMS: usize = 8;
 const BARS: &str = "#9cc3de";
 
-/// Fills in what only studies have.
+/// Fills in what only studies have. `si` is the document in SI, and `drawn` the same in the units of figures.
 pub fn fill(
     entry: &mut Entry,
-    document: &Document<'_>,
+    [si, drawn]: [&Document<'_>; 2],
     view: &View,
     kind: &'static Kind,
 ) -> Result<()> {
     kind.title.clone_into(&mut entry.title);
-    let counts = document.value("counts")?;
-    let count = |name: &str| counts[name].as_u64().unwrap_or(0);
-    let (points, refused, incomplete) = (count("points"), count("refused"), count("incomplete"));
+    let counts = si.value("counts")?;
+    let count = |name: &str| cycles(counts[name].as_u64().unwrap_or(0) as f64);
+    let [points, refused, incomplete] = ["points", "refused", "incomplete"].map(count);
     entry.subtitle = format!("{points} points, {refused} refused, {incomplete} incomplete");
-    entry.warnings.extend(entry::warnings(&[&document.value("notes")?]));
-    if let Value::Array(parameters) = document.value("parameters")? {
-        entry.sections += &estimates(&parameters, &document.head.units);
+    entry.warnings.extend(entry::warnings(&[&si.value("notes")?]));
+    let asked = si.value(kind.name)?;
+    let scenario = &asked["scenario"];
+    if let Value::Array(parameters) = si.value("parameters")? {
+        entry.sections += &estimates(&parameters, scenario, entry.notation);
     }
-    entry.figures = figure::all_of_study(document, kind, view)?;
-    let is_drawn = kind.hints(&document.value(kind.name)?).figures.contains(&StudyFigure::Scatter);
-    if is_drawn {
-        let table = statistics::table(document, Part::Statistics)?;
-        entry.sections += &section("Statistics", &table, &Units::default());
-        entry.figures.extend(histograms(document, view)?);
+    entry.figures = figure::all_of_study(drawn, kind, view)?;
+    let written = Written { scenario, units: &si.head.units, notation: entry.notation };
+    if kind.hints(&asked).figures.contains(&StudyFigure::Scatter) {
+        let table = statistics::table(si, Part::Statistics)?;
+        entry.sections += &written.section("Statistics", &table);
+        entry.figures.extend(histograms(drawn, view, scenario)?);
     }
     let rows = View { rows: Some(ROWS + 1), ..View::default() };
-    let table = document.table(Part::Table, &rows)?;
-    entry.table = section("Table", &table, &document.head.units);
+    entry.table = written.section("Table", &si.table(Part::Table, &rows)?);
     Ok(())
 }
 
 /// A histogram of each output.
-fn histograms(document: &Document<'_>, view: &View) -> Result<Vec<String>> {
+fn histograms(document: &Document<'_>, view: &View, scenario: &Value) -> Result<Vec<String>> {
     let table = statistics::table(document, Part::Histogram)?;
     let text = |name: &str, row| match table.column(name).map(|column| column.cell(row, 0)) {
         Some(Cell::Text(text)) => text.to_owned(),
@@ -66,14 +69,15 @@ fn histograms(document: &Document<'_>, view: &View) -> Result<Vec<String>> {
     let [from, to, points] = ["from", "to", "points"].map(|name| table.axis(name));
     let rows: Vec<usize> = (0..points.len()).collect();
     let histogram = |rows: &[usize]| {
-        let (name, unit) = (capital(&member(&text("output", rows[0]))), text("unit", rows[0]));
+        let (quantity, rest) = output(&text("output", rows[0]), &scenario["cycles"]);
+        let (name, unit) = (quantity + &rest, text("unit", rows[0]));
         let most = rows.iter().map(|row| points[*row]).fold(0.0, f64::max);
         let x = rows.iter().flat_map(|row| [from[*row], to[*row]]).collect();
         let between = rows.iter().flat_map(|row| [(0.0, points[*row]); 2]).collect();
         let description = format!("Number of points over {name}, in {} bins.", rows.len());
         let figure = Figure {
             title: format!("Distribution: {name}"),
-            x: Axis::labelled(&in_brackets(&name, &unit)),
+            x: in_unit(&name, Some(unit.as_str()).filter(|unit| *unit != "1")),
             y: Axis { range: Some((0.0, 1.05 * most)), ..Axis::labelled("Points") },
             bands: vec![Band { label: String::new(), color: BARS, x, between }],
             size: (f64::from(view.figure.size.0), f64::from(view.figure.size.1)),
@@ -86,64 +90,116 @@ fn histograms(document: &Document<'_>, view: &View) -> Result<Vec<String>> {
     Ok(groups.take(HISTOGRAMS).map(histogram).collect())
 }
 
-/// A name with a unit in brackets.
-fn in_brackets(name: &str, unit: &str) -> String {
-    if unit == "1" { name.to_owned() } else { format!("{name} ({})", typeset(unit)) }
-}
-
 /// The estimates of a fit with their standard errors and intervals.
-fn estimates(parameters: &[Value], units: &Units) -> String {
+fn estimates(parameters: &[Value], scenario: &Value, notation: Notation) -> String {
     let row = |parameter: &Value| {
         let pointer = parameter["pointer"].as_str().unwrap_or_default();
-        let si = parameter["unit"].as_str().unwrap_or("1");
-        let convert = units.conversion(pointer).filter(|_| units.have(pointer));
-        let unit = if units.have(pointer) { units.of(pointer).unwrap_or("1") } else { si };
-        let number = |value: &Value, digits| {
-            let value = value.as_f64()?;
-            let value = convert.as_ref().map_or(value, |convert| convert(value));
-            Some(shortened(value, digits))
+        let unit = parameter["unit"].as_str().unwrap_or("1");
+        let number = |value: &Value, count| {
+            let number = value.as_f64().map(|value| notation.quantity(value, unit, count));
+            number.unwrap_or_else(|| "unknown".to_owned())
         };
-        let or_none = |text: Option<String>| text.unwrap_or_else(|| "unknown".to_owned());
-        let estimate =
-            number(&parameter["estimate"], 4).map(|value| in_unit(&value, &typeset(unit)));
         let ends = [0, 1].map(|end| number(&parameter["interval"][end], 3));
-        let interval = format!("{} to {}", or_none(ends[0].clone()), or_none(ends[1].clone()));
         let only = parameter["for"].as_array().into_iter().flatten().filter_map(Value::as_str);
         let only = only.collect::<Vec<_>>().join(", ");
         let only = if only.is_empty() { only } else { format!(" ({only})") };
         vec![
-            capital(&member(pointer)) + &only,
-            or_none(estimate),
-            or_none(number(&parameter["standard_error"], 2)),
-            interval,
+            whole(pointer, scenario) + &only,
+            number(&parameter["estimate"], 4),
+            number(&parameter["standard_error"], 2),
+            ends.join(" to "),
         ]
     };
     let head = ["Parameter", "Estimate", "Standard error", "Interval"];
     html::section("Estimates", &html::table(&head, parameters.iter().map(row)))
 }
 
-/// The first rows and columns of a table.
-fn section(title: &str, table: &Table, units: &Units) -> String {
-    let is_used = |(_, values): &&(String, Values)| match values {
-        Values::Texts(texts) => texts.iter().any(Option::is_some),
-        values => *values != Values::Absent,
+/// How tables of a study are written.
+struct Written<'a> {
+    scenario: &'a Value,
+    units: &'a Units,
+    notation: Notation,
+}
+
+impl Written<'_> {
+    /// The first rows and columns of a table. Both ends of an interval are one column.
+    fn section(&self, title: &str, table: &Table) -> String {
+        let is_used = |(name, values): &&(String, Values)| match values {
+            Values::Texts(texts) => {
+                !LEFT_OUT.contains(&&**name) && texts.iter().any(Option::is_some)
+            }
+            values => *values != Values::Absent,
+        };
+        let used: Vec<_> = table.columns.iter().filter(is_used).collect();
+        let columns: Vec<_> = used.chunk_by(|(a, _), (b, _)| is_interval(a, b)).collect();
+        let rows = table.cycles().min(ROWS);
+        let written = columns.iter().take(COLUMNS).map(|column| self.column(table, column, rows));
+        let written: Vec<Vec<String>> = written.collect();
+        let head: Vec<&str> = written.iter().map(|column| column[0].as_str()).collect();
+        let row = |row: usize| written.iter().map(|column| column[row + 1].clone()).collect();
+        let is_cut = table.cycles() > ROWS || columns.len() > COLUMNS;
+        let note = if is_cut { NOTE } else { "" };
+        html::section(title, &(html::table(&head, (0..rows).map(row)) + note))
+    }
+
+    /// The heading of a column, and its cells. Some tables state the unit of each row.
+    fn column(&self, table: &Table, column: &[&(String, Values)], rows: usize) -> Vec<String> {
+        let name = column[0].0.as_str();
+        let si = self.units.of(name).unwrap_or("1");
+        let is_stated = name == "x" || si == "SI" || !self.units.have(name) && name != "points";
+        let is_stated = is_stated && table.column("unit").is_some();
+        let cell = |row| {
+            let unit = if is_stated { stated_unit(table, name, row) } else { si };
+            let ends = column.iter().map(|(_, values)| match values.cell(row, 0) {
+                Cell::Text(text) => self.text(name, text),
+                Cell::Number(end) => {
+                    self.notation.quantity(end, unit, if name == "x" { 6 } else { 3 })
+                }
+            });
+            ends.collect::<Vec<_>>().join(" to ")
+        };
+        let heading = match name.strip_suffix("_low") {
+            Some(stem) if column.len() > 1 => format!("{} interval", self.heading(stem)),
+            _ if name == "x" => "Measured at".to_owned(),
+            _ => self.heading(name),
+        };
+        [heading].into_iter().chain((0..rows).map(cell)).collect()
+    }
+
+    /// The name of a column: a number that varies, an output, or another column.
+    fn heading(&self, name: &str) -> String {
+        if name.starts_with('/') {
+            return whole(name, self.scenario);
+        }
+        let (quantity, rest) = output(name, &self.scenario["cycles"]);
+        quantity + &rest
+    }
+
+    fn text(&self, name: &str, text: &str) -> String {
+        match name {
+            "member" => member(text, self.scenario),
+            "output" => self.heading(text),
+            "regime" => capital(&text.replace('_', " ")),
+            _ => text.to_owned(),
+        }
+    }
+}
+
+/// Whether two columns are the ends of an interval.
+fn is_interval(low: &str, high: &str) -> bool {
+    low.strip_suffix("_low").is_some_and(|stem| high.strip_suffix("_high") == Some(stem))
+}
+
+/// The unit that a row states for a column.
+fn stated_unit<'t>(table: &'t Table, name: &str, row: usize) -> &'t str {
+    let text = |name: &str| match table.column(name).map(|column| column.cell(row, 0)) {
+        Some(Cell::Text(text)) => text,
+        _ => "1",
     };
-    let columns: Vec<_> = table.columns.iter().filter(is_used).take(COLUMNS).collect();
-    let head: Vec<String> = columns
-        .iter()
-        .map(|(name, _)| in_brackets(&capital(&member(name)), units.of(name).unwrap_or("1")))
-        .collect();
-    let cell = |name: &str, cell: Cell<'_>| match cell {
-        Cell::Number(number) if number.is_finite() => shortened(number, 3),
-        Cell::Number(_) => "–".to_owned(),
-        Cell::Text(text) if name == "unit" => typeset(text),
-        Cell::Text(text) if WORDS.contains(&name) => member(text),
-        Cell::Text(text) => text.to_owned(),
-    };
-    let row = |row| columns.iter().map(|(name, values)| cell(name, values.cell(row, 0))).collect();
-    let rows = (0..table.cycles().min(ROWS)).map(row);
-    let head: Vec<&str> = head.iter().map(String::as_str).collect();
-    let is_cut = table.cycles() > ROWS || table.columns.iter().filter(is_used).count() > COLUMNS;
-    let note = if is_cut { NOTE } else { "" };
-    html::section(title, &(html::table(&head, rows) + note))
+    match (name, text("over")) {
+        ("x", "radius") => "m",
+        ("x", "dissipated_energy") => "J",
+        ("x", over) => over,
+        _ => text("unit"),
+    }
 }

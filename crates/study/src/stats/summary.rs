@@ -62,6 +62,16 @@ impl Summary {
         (!self.0.is_empty()).then(|| percentile(&self.0, share))
     }
 
+    /// The ends of an interval that contains this percentile of the distribution with a confidence of 95 %, if the values
+    /// are independent: the number of values below the percentile is binomial. `None` with too few values.
+    pub fn percentile_interval(&self, share: f64) -> Option<[f64; 2]> {
+        let count = self.0.len() as f64;
+        let half = 1.96 * (share * (1.0 - share) / count).sqrt();
+        // Nothing is known beyond the smallest and the largest value.
+        let is_inside = (share - half).min(1.0 - share - half) * count >= 1.0;
+        is_inside.then(|| [share - half, share + half].map(|end| percentile(&self.0, end)))
+    }
+
     /// Bins of equal width from the smallest to the largest value: about √n, at most 50. Equal values have one bin.
     pub fn histogram(&self) -> Vec<Bin> {
         let (Some(low), Some(high)) = (self.percentile(0.0), self.percentile(1.0)) else {
@@ -111,6 +121,23 @@ mod tests {
         let deviation = Summary::new(&[1e-200, 3e-200]).standard_deviation().unwrap();
         assert!((deviation / 2.0_f64.sqrt() / 1e-200 - 1.0).abs() < 1e-15, "{deviation}");
         assert_eq!(Summary::new(&[0.1; 10]).standard_deviation(), Some(0.0));
+    }
+
+    #[test]
+    fn the_interval_of_a_percentile_contains_it_as_often_as_it_says() {
+        let mut random = fretwork_random::Random::new(1);
+        for (count, share) in [(128, 0.05), (256, 0.95), (1000, 0.05), (100, 0.5)] {
+            let contains = |_: &u32| {
+                let values: Vec<f64> = (0..count).map(|_| random.between(0.0, 1.0)).collect();
+                let [low, high] = Summary::new(&values).percentile_interval(share).unwrap();
+                (low..=high).contains(&share)
+            };
+            let often = (0..2000).filter(contains).count();
+            // 1900 are expected. Ranks are whole numbers, so the confidence is not exact.
+            assert!((1850..1970).contains(&often), "{count} {share}: {often}");
+        }
+        assert_eq!(Summary::new(&[1.0; 60]).percentile_interval(0.05), None);
+        assert_eq!(Summary::new(&[]).percentile_interval(0.5), None);
     }
 
     #[test]

@@ -11,10 +11,10 @@ use crate::http::access::caller::Caller;
 use crate::http::answer::listed;
 use crate::http::api::parameters::{OfJobs, OfList};
 use crate::http::app::App;
-use crate::http::problem::{Problem, Result};
-use crate::http::wire::paging::{CsvView, ListView, next_page};
+use crate::http::problem::Result;
+use crate::http::wire::paging::{ListView, next_page};
 use crate::http::wire::{Query, instant};
-use fretwork_job::{Job, JobId, JobState};
+use fretwork_job::{Job, JobState};
 use fretwork_store::{Filter, Words};
 
 /// A page of jobs, the newest first.
@@ -57,7 +57,15 @@ pub async fn list(
     let cursor = query.value("cursor", "the id of a job", |text| text.parse().ok());
     query.finish()?;
     if let Some(as_csv) = view.csv {
-        return csv((app, caller, filter), &uri, (view.page, as_csv), cursor).await;
+        let read = move |cursor| {
+            let (app, caller, filter) = (app.clone(), caller.clone(), filter.clone());
+            async move {
+                let _turn = app.shares.heavy.turn(&caller.owner).await;
+                let page = app.service.jobs(caller.reach(), filter, cursor, view.page).await?;
+                Ok((page.jobs.into_iter().map(line).collect(), page.next))
+            }
+        };
+        return listed::answer(("jobs", COLUMNS), &uri, as_csv, cursor, read).await;
     }
     let _turn = app.shares.heavy.turn(&caller.owner).await;
     let page = app.service.jobs(caller.reach(), filter.clone(), cursor, view.page).await?;
@@ -66,29 +74,6 @@ pub async fn list(
     let (next, link) = next_page(&uri, page.next);
     let jobs = page.jobs.into_iter().map(JobAnswer::from).collect();
     Ok((link, axum::Json(JobList { jobs, next, total })).into_response())
-}
-
-/// Answers the list as CSV.
-async fn csv(
-    (app, caller, filter): (App, Caller, Filter),
-    uri: &Uri,
-    (limit, CsvView { all, comments }): (u32, CsvView),
-    cursor: Option<JobId>,
-) -> Result<Response> {
-    let read = move |cursor| {
-        let (app, caller, filter) = (app.clone(), caller.clone(), filter.clone());
-        async move {
-            let _turn = app.shares.heavy.turn(&caller.owner).await;
-            let page = app.service.jobs(caller.reach(), filter, cursor, limit).await?;
-            let lines = page.jobs.into_iter().map(line);
-            Ok::<_, Problem>((lines.collect::<String>(), page.next.map(Some)))
-        }
-    };
-    let (lines, next) = read(cursor).await?;
-    let (_, link) = next_page(uri, next.flatten().filter(|_| !all));
-    let head = listed::head("jobs", comments, COLUMNS);
-    let first = (lines, next.filter(|_| all));
-    Ok((link, listed::answer("jobs", (head, first), read)).into_response())
 }
 
 /// The columns of a list as CSV, with their units. The last ones are of the summary.

@@ -1,0 +1,191 @@
+//! The commands that talk to a server: HTTPS, busy servers, other versions, keys and exit codes.
+
+use std::fs;
+use std::io::{BufRead as _, BufReader, Read, Write};
+use std::net::TcpListener;
+use std::process::{Command, Output};
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+
+use rcgen::{CertificateParams, KeyPair};
+use rustls::crypto::ring;
+use rustls::pki_types::PrivateKeyDer;
+use rustls::{ServerConfig, ServerConnection, StreamOwned};
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::encryption::authority;
+use crate::program::{fails, fretwork, run, serve, serve_by, text};
+
+const BALL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/steel-ball.json");
+const SAME_VERSION: &str =
+    concat!("200 OK\r\n\r\n{\"version\":\"", env!("CARGO_PKG_VERSION"), "\"}");
+const ID: &str = "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11";
+
+/// Gives one answer. Returns the head of the request.
+fn answer(mut stream: impl Read + Write, answer: &str) -> String {
+    let mut reader = BufReader::new(&mut stream);
+    let mut head = String::new();
+    while !head.ends_with("\r\n\r\n") {
+        // A client that trusts no certificate sends nothing.
+        if reader.read_line(&mut head).unwrap_or(0) == 0 {
+            return head;
+        }
+    }
+    let head = head.to_lowercase();
+    let length = head.split("content-length: ").nth(1).and_then(|rest| rest.lines().next());
+    let mut body = vec![0; length.map_or(0, |length| length.parse().unwrap())];
+    reader.read_exact(&mut body).unwrap();
+    let (status, rest) = answer.split_once("\r\n").unwrap();
+    write!(stream, "HTTP/1.1 {status}\r\nconnection: close\r\n{rest}").unwrap();
+    stream.flush().unwrap();
+    head
+}
+
+/// A server that gives these answers, one for each connection. Returns its port, and the requests.
+fn answering(tls: Option<Arc<ServerConfig>>, answers: &[&str]) -> (u16, JoinHandle<Vec<String>>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let answers: Vec<_> = answers.iter().map(ToString::to_string).collect();
+    let serve = move || {
+        let next = |text: &String| {
+            let (stream, _) = listener.accept().unwrap();
+            let Some(tls) = &tls else { return answer(stream, text) };
+            let connection = ServerConnection::new(Arc::clone(tls)).unwrap();
+            let mut stream = StreamOwned::new(connection, stream);
+            let head = answer(&mut stream, text);
+            stream.conn.send_close_notify();
+            let _ = stream.flush();
+            head
+        };
+        answers.iter().map(next).collect()
+    };
+    (port, thread::spawn(serve))
+}
+
+fn watch(answers: &[&str]) -> Output {
+    let (port, _) = answering(None, answers);
+    run(&["watch", ID, "--url", &format!("http://127.0.0.1:{port}")], "")
+}
+
+#[test]
+fn the_command_line_trusts_the_authority_that_the_environment_names() {
+    let (authority, key) = (authority(), KeyPair::generate().unwrap());
+    let wanted = CertificateParams::new(["localhost".to_owned()]).unwrap();
+    let certificate = wanted.signed_by(&key, &authority).unwrap();
+    let config = ServerConfig::builder_with_provider(Arc::new(ring::default_provider()));
+    let config = config.with_safe_default_protocol_versions().unwrap().with_no_client_auth();
+    let key = PrivateKeyDer::try_from(key.serialize_der()).unwrap();
+    let config = config.with_single_cert(vec![certificate.der().clone()], key).unwrap();
+    let health = "200 OK\r\ncontent-length: 0\r\n\r\n";
+    let (port, server) = answering(Some(Arc::new(config)), &[health; 3]);
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("root.pem");
+    fs::write(&file, authority.pem()).unwrap();
+    let asked = |host: &str, trusts: bool| {
+        let mut command = fretwork(&["health", "--url", &format!("https://{host}:{port}/")]);
+        if trusts {
+            command.env("SSL_CERT_FILE", &file);
+        }
+        command.output().unwrap()
+    };
+    fails(
+        &asked("localhost", false),
+        "Name the certificates of your own authority in SSL_CERT_FILE",
+    );
+    fails(&asked("127.0.0.1", true), "is not secure");
+    assert_eq!(text(&asked("localhost", true).stdout), "ok\n");
+    assert!(server.join().unwrap()[2].starts_with("get /healthz http/1.1\r\n"));
+}
+
+#[test]
+fn a_busy_server_gets_the_same_submission_again() {
+    let busy = "503 Busy\r\nretry-after: 1\r\ncontent-length: 0\r\n\r\n";
+    let job = format!("202 Accepted\r\n\r\n{{\"id\":\"{ID}\",\"state\":\"queued\",\"key\":\"0\"}}");
+    let (port, server) = answering(None, &[SAME_VERSION, busy, &job]);
+    let address = format!("http://127.0.0.1:{port}");
+    let output = run(&["submit", BALL, "--url", &address], "");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert_eq!(text(&output.stderr), "the server is busy; next attempt in 1 s\n");
+    let requests = server.join().unwrap();
+    let once = |request: &String| {
+        request.lines().find(|line| line.starts_with("idempotency-key: ")).unwrap().to_owned()
+    };
+    assert_eq!(once(&requests[1]), once(&requests[2]));
+
+    // The user decides about a long pause. An error that stays is no reason for another attempt.
+    for status in ["429 Many\r\nretry-after: 3600", "500 Error\r\nretry-after: 1"] {
+        let refused = format!("{status}\r\n\r\n{{\"detail\":\"Come back.\"}}");
+        let output = watch(&[SAME_VERSION, &refused]);
+        assert_eq!((output.status.code(), text(&output.stderr)), (Some(1), "Come back.\n"));
+    }
+}
+
+#[test]
+fn the_exit_code_tells_how_a_job_ended() {
+    for (state, code) in [("succeeded", 0), ("failed", 3), ("canceled", 4)] {
+        let ended = format!(
+            "200 OK\r\n\r\n{{\"id\":\"{ID}\",\"state\":\"{state}\",\"error\":{{\"detail\":\"Why.\"}}}}"
+        );
+        let output = watch(&[SAME_VERSION, "200 OK\r\n\r\n{\"state\":\"running\"}", &ended]);
+        assert_eq!((output.status.code(), text(&output.stderr)), (Some(code), "Why.\n"));
+        assert!(text(&output.stdout).starts_with(&format!("{ID}  {state}")));
+    }
+    let usage = run(&["watch"], "");
+    assert_eq!(usage.status.code(), Some(2));
+}
+
+#[test]
+fn a_server_of_another_version_is_a_warning() {
+    let (port, _) =
+        answering(None, &["200 OK\r\n\r\n{\"version\":\"9.1\"}", "200 OK\r\n\r\n{\"jobs\":[]}"]);
+    let output = run(&["list", "--url", &format!("http://127.0.0.1:{port}")], "");
+    assert_eq!((output.status.code(), text(&output.stdout)), (Some(0), ""));
+    let said = text(&output.stderr);
+    assert!(
+        said.starts_with("warning: the server is of version 9.1, and this program of"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_wrong_key_and_a_wrong_address_say_what_to_enter() {
+    let dir = TempDir::new().unwrap();
+    let key = "fretwork_".to_owned() + &"0123456789abcdef".repeat(3);
+    let mut command = fretwork(&[]);
+    command.env("FRETWORK_ADMIN_KEY", &key);
+    let (_server, address) = serve_by(command, dir.path());
+    let list = |url: &str, key: Option<&str>| -> Output {
+        let mut command: Command = fretwork(&["list", "--url", url]);
+        key.map(|key| command.env("FRETWORK_KEY", key));
+        command.output().unwrap()
+    };
+    assert_eq!(list(&address, Some(&key)).status.code(), Some(0));
+    for wrong in [None, Some("fretwork_wrong")] {
+        let output = list(&address, wrong);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(
+            said.ends_with(" key. Enter a key in FRETWORK_KEY or FRETWORK_KEY_FILE.\n"),
+            "{said}"
+        );
+    }
+    fails(&list(&format!("{address}/v1/"), None), "must be the address of the server: http://");
+    fails(&list("wear.example", None), "must begin with http:// or https://");
+}
+
+#[test]
+fn a_canceled_job_ends_with_4() {
+    let dir = TempDir::new().unwrap();
+    let (_server, address) = serve(dir.path(), &[]);
+    let with = |words: &[&str], input: &str| run(&[words, &["--url", &address]].concat(), input);
+    let job: Value = serde_json::from_slice(&fs::read(BALL).unwrap()).unwrap();
+    let vary =
+        serde_json::json!([{"pointer": "/friction", "from": 0.6, "to": 0.8, "count": 20_000}]);
+    let sweep = serde_json::json!({"sweep": {"scenario": job["scenario"], "vary": vary, "outputs": ["wear_depth"]}});
+    let submitted = with(&["submit", "-"], &sweep.to_string());
+    let id = text(&submitted.stdout).split(' ').next().unwrap().to_owned();
+    assert_eq!(with(&["cancel", &id], "").status.code(), Some(0));
+    let output = with(&["watch", &id], "");
+    assert_eq!(output.status.code(), Some(4), "{}", text(&output.stdout));
+}
