@@ -15,6 +15,7 @@ use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use futures_util::future::join_all;
 use parking_lot::Mutex;
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
@@ -192,10 +193,10 @@ enum NotMade {
 impl Worker {
     fn run(&mut self) {
         let runtime = self.runtime.clone();
-        // Batches of short runs without a pause between them.
-        let mut short = 0;
         while let Some(claimed) = runtime.block_on(self.claim()) {
             self.busy.send_modify(|count| *count += 1);
+            // Batches of short runs without a pause between them.
+            let mut short = 0;
             let mut next = vec![claimed];
             while !next.is_empty() {
                 let (count, began) = (next.len(), Instant::now());
@@ -242,8 +243,7 @@ impl Worker {
         let (made, waiting) = (mem::take(&mut batch.made), mem::take(&mut batch.waiting));
         drop(batch);
         self.runtime.block_on(async {
-            self.settle_all(&made).await;
-            let kept = self.release_all(waiting.into()).await;
+            let (kept, ()) = tokio::join!(self.release_all(waiting.into()), self.settle_all(&made));
             if !kept.is_empty() {
                 let mut batch = self.batch.lock();
                 (batch.waiting, batch.due) = (kept.into(), Some(Instant::now() + PAUSE.0));
@@ -255,7 +255,7 @@ impl Worker {
     async fn release_all(&self, claims: Vec<Claimed>) -> Vec<Claimed> {
         let mut kept = Vec::new();
         for claimed in claims {
-            if self.store.release(&claimed).await.is_err() {
+            if self.store_outcome(&claimed, &Err(NotMade::Interrupted)).await.is_err() {
                 kept.push(claimed);
             }
         }
@@ -285,10 +285,12 @@ impl Worker {
         }
     }
 
+    /// Stores each outcome in a transaction of its own. One that the store refuses delays no other.
     async fn settle_each(&self, made: &[(Claimed, Outcome)]) {
-        for (claimed, outcome) in made {
-            self.settle(claimed, outcome).instrument(span(claimed)).await;
-        }
+        let each = made
+            .iter()
+            .map(|(claimed, outcome)| self.settle(claimed, outcome).instrument(span(claimed)));
+        join_all(each).await;
     }
 
     /// Stores the outcomes of several runs: the results together, and the other ones one by one.

@@ -38,7 +38,7 @@ impl Node {
 }
 
 /// Maximum number of runs with expired leases that one query returns.
-const AT_ONCE: i64 = 100;
+const AT_ONCE: i64 = 1000;
 
 /// The condition that a lease is expired: it ended more than the margin $2 ago, or it ends later than its duration and
 /// the margin allow. $1 is the duration of a lease whose column `lasts` is null.

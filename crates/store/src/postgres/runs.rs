@@ -41,7 +41,7 @@ impl Database {
         if let Some(turns) = turns {
             self.0.queue.remember(turns);
         }
-        self.0.backlog.shrinks(claims.len());
+        self.0.backlog.shrinks(claims.iter().filter(|claimed| claimed.part().1.is_none()).count());
         Ok(claims)
     }
 
@@ -129,20 +129,24 @@ async fn claim_of(
              UNION ALL
              (SELECT run, study, priority FROM job WHERE claimable = $1 AND owner = $2 AND priority = number - 1
                   AND study ORDER BY id LIMIT 1)) AS next
-         ORDER BY priority, study LIMIT 1",
+         ORDER BY priority, study",
     );
     let next = next.bind(i64::from(ENGINE.numerics)).bind(&waiting.owner).bind(&waiting.places[..]);
-    let Some(next) = next.fetch_optional(tx.db.connection()).await? else {
-        waiting.is_done = true;
-        return Ok(Vec::new());
-    };
-    let claims = if !next.get::<bool>("study")? {
-        claim_whole(tx, waiting, next.get::<u8>("priority")?, (most, is_first)).await?
-    } else if is_first {
-        chunks::claim(tx, RunId(next.get("run")?)).await?.into_iter().collect()
-    } else {
-        Vec::new()
-    };
+    let mut claims = Vec::new();
+    // Other workers may be about to claim all runs of a priority, so this goes on to the next one.
+    for next in next.fetch_all(tx.db.connection()).await? {
+        let next = Row::Postgres(next);
+        if !next.get::<bool>("study")? {
+            claims = claim_whole(tx, waiting, next.get("priority")?, (most, is_first)).await?;
+        } else if is_first {
+            claims.extend(chunks::claim(tx, RunId(next.get("run")?)).await?);
+        } else {
+            break;
+        }
+        if !claims.is_empty() {
+            break;
+        }
+    }
     waiting.is_done = claims.is_empty();
     lease::begin(tx, &waiting.owner, &claims).await?;
     Ok(claims)
