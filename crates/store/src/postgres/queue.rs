@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
 
-use super::transaction::Transaction;
 use crate::error::Result;
 use crate::row::Columns;
 use crate::statement::Statement;
@@ -117,9 +116,9 @@ impl Queue {
     }
 
     /// Reads the owners with work.
-    pub(super) async fn read(&self, tx: &mut Transaction<'_>) -> Result<Turns> {
+    pub(super) async fn read(&self, db: &mut impl Tables) -> Result<Turns> {
         let begun = Instant::now();
-        let rows = tx.db.rows(Statement::of(OWNERS).with(ENGINE.numerics)).await?;
+        let rows = db.rows(Statement::of(OWNERS).with(ENGINE.numerics)).await?;
         let memory = self.0.lock();
         let last = memory.turns.last;
         let mut owners = Vec::new();

@@ -75,7 +75,7 @@ async fn claim(most: &usize, tx: &mut Transaction<'_>) -> Result<(Vec<Claimed>, 
     }
     let mut found = (Vec::new(), None);
     for _ in 0..TRIES {
-        let mut turns = tx.of.queue.read(tx).await?;
+        let mut turns = tx.of.queue.read(&mut tx.db).await?;
         found.0 = claim_in_turn(tx, &mut turns, *most).await?;
         let is_over = turns.owners.is_empty() || !found.0.is_empty();
         found.1 = Some(turns);
