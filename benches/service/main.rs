@@ -32,6 +32,8 @@
 //!   route that inserts the same two rows in one transaction through sqlx, with as many connections.
 //! - `nodes`: two `fretwork worker` of one thread with one PostgreSQL, compared with one, on runs of seconds. Both and the
 //!   database share the processor cores.
+//! - `queue`: short runs that a worker of two threads takes from the queue in PostgreSQL, computes and stores, compared with
+//!   a bare queue, of which two connections take and finish rows with a statement each (`FOR UPDATE SKIP LOCKED`).
 //!
 //! `tests/postgres` starts the database, which syncs each commit.
 //!
@@ -72,7 +74,7 @@ use tempfile::TempDir;
 use tokio::net::TcpListener;
 use xxhash_rust::xxh3::xxh3_64;
 
-const MEASUREMENTS: [(&str, fn()); 11] = [
+const MEASUREMENTS: [(&str, fn()); 12] = [
     ("result", results),
     ("job", jobs),
     ("evaluate", evaluations),
@@ -84,6 +86,7 @@ const MEASUREMENTS: [(&str, fn()); 11] = [
     ("disk", disk),
     ("front", shared::submissions),
     ("nodes", shared::nodes),
+    ("queue", shared::queue),
 ];
 const PROGRAM: &str = env!("CARGO_BIN_EXE_fretwork");
 /// Python with the package `umbridge`, from `tests/clients/install`.

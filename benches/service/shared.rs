@@ -23,6 +23,8 @@ const POSTGRES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/postgres");
 const CONNECTIONS: u32 = 8;
 /// Runs that the workers compute in one turn.
 const RUNS: u32 = 4;
+/// Short runs that wait in the queue before a turn, and rows of the bare queue.
+const QUEUED: u32 = 3000;
 
 /// A private PostgreSQL that syncs each commit. It stops when its input is closed.
 struct Cluster {
@@ -45,6 +47,13 @@ impl Cluster {
     fn database(&self, name: &str) -> String {
         self.execute(&format!("CREATE DATABASE {name}"));
         self.address.replace("/postgres?", &format!("/{name}?"))
+    }
+
+    /// The number that a query of a database returns.
+    #[tokio::main(flavor = "current_thread")]
+    async fn number(database: &str, sql: &str) -> f64 {
+        let mut db = PgConnection::connect(database).await.expect("a database");
+        sqlx::query_scalar(AssertSqlSafe(sql)).fetch_one(&mut db).await.expect("a number")
     }
 
     #[tokio::main(flavor = "current_thread")]
@@ -155,16 +164,18 @@ fn long_run(number: u32) -> String {
     job.to_string()
 }
 
+/// Starts a program that only computes.
+fn worker(threads: &str, database: &str) -> super::Process {
+    let mut command = Command::new(PROGRAM);
+    command.args(["worker", "--workers", threads, "--database", database]);
+    super::Process(command.stderr(Stdio::null()).spawn().expect("a worker"))
+}
+
 impl Repeated for Workers<'_> {
     fn turn(&mut self) -> f64 {
         let first = self.turns.replace(self.turns.get() + 1) * RUNS;
         let mut client = self.front.connect();
-        let start = || {
-            let mut command = Command::new(PROGRAM);
-            command.args(["worker", "--workers", "1", "--database", self.database]);
-            super::Process(command.stderr(Stdio::null()).spawn().expect("a worker"))
-        };
-        let _workers: Vec<_> = (0..self.count).map(|_| start()).collect();
+        let _workers: Vec<_> = (0..self.count).map(|_| worker("1", self.database)).collect();
         let began = Instant::now();
         let jobs: Vec<Value> = (first..first + RUNS)
             .map(|number| client.json(202, &submission("", &long_run(number))))
@@ -201,4 +212,60 @@ pub fn nodes() {
             1.0 / one
         );
     }
+}
+
+/// Short runs that two threads take from the queue, compute and store, compared with a bare queue: two connections take
+/// a row and finish it, with a statement each.
+pub fn queue() {
+    println!("a short run from the queue / a row of a bare queue of two statements");
+    let cluster = Cluster::start();
+    let database = cluster.database("queue");
+    let front = front(&database);
+    for turn in 0..TURNS as u32 / 2 {
+        let mut client = front.connect();
+        for number in turn * QUEUED..(turn + 1) * QUEUED {
+            client.ask(202, &submission("", &ball("none", &format!("{number:08}"))));
+        }
+        let worker = worker("2", &database);
+        let live = "SELECT count(*)::FLOAT8 FROM run WHERE finished IS NULL";
+        while Cluster::number(&database, live) > 0.0 {
+            std::thread::sleep(std::time::Duration::from_millis(300));
+        }
+        drop(worker);
+        let rate = format!(
+            "SELECT count(*) * 1e3::FLOAT8 / (max(finished) - min(started)) FROM run WHERE id > {}",
+            turn * QUEUED
+        );
+        let (runs, rows) = (Cluster::number(&database, &rate), bare_queue(&database));
+        println!("  {:.2}   (at least 0.5)   [{runs:.0} and {rows:.0} per second]", runs / rows);
+    }
+}
+
+/// The rows per second of the bare queue.
+#[tokio::main(flavor = "current_thread")]
+async fn bare_queue(database: &str) -> f64 {
+    let mut db = PgConnection::connect(database).await.expect("a database");
+    let table = format!(
+        "DROP TABLE IF EXISTS bare;
+         CREATE TABLE bare (id BIGINT PRIMARY KEY, state TEXT NOT NULL, task TEXT NOT NULL);
+         CREATE INDEX bare_queued ON bare (id) WHERE state = 'queued';
+         INSERT INTO bare SELECT id, 'queued', repeat('x', 500) FROM generate_series(1, {QUEUED}) AS id"
+    );
+    db.execute(AssertSqlSafe(table)).await.expect("a table");
+    let work = async || {
+        let mut db = PgConnection::connect(database).await.expect("a database");
+        loop {
+            let claim = sqlx::query_scalar::<_, i64>(
+                "UPDATE bare SET state = 'running' WHERE id = (
+                     SELECT id FROM bare WHERE state = 'queued' ORDER BY id LIMIT 1 FOR UPDATE SKIP LOCKED)
+                 RETURNING id",
+            );
+            let Some(id) = claim.fetch_optional(&mut db).await.expect("a claim") else { return };
+            let finish = sqlx::query("UPDATE bare SET state = 'succeeded' WHERE id = $1");
+            finish.bind(id).execute(&mut db).await.expect("an update");
+        }
+    };
+    let began = Instant::now();
+    tokio::join!(work(), work());
+    f64::from(QUEUED) / began.elapsed().as_secs_f64()
 }

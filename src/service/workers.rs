@@ -6,16 +6,20 @@
 mod compute;
 
 use std::any::Any;
+use std::collections::VecDeque;
 use std::future;
 use std::io;
+use std::mem;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use futures_util::future::join_all;
 use parking_lot::Mutex;
 use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
+use tracing::Instrument as _;
 
 use super::WorkLimits;
 use fretwork_job::{Answer, Cost, FailureKind, Key, Work};
@@ -35,6 +39,12 @@ const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_s
 /// A run fails after the database has refused its result this often. A full disk, a busy database and a lost connection
 /// do not count.
 const MAX_REFUSALS: u32 = 8;
+/// A thread claims several runs at once while they are short: as many as it computes in about this time.
+const SHORT: Duration = Duration::from_millis(10);
+/// Maximum number of runs that a thread claims at once.
+const MAX_CLAIMS: usize = 32;
+/// A thread claims single runs until so many of them in succession were short and followed each other without a pause.
+const ALONE: u32 = 4;
 /// Maximum time that a drain waits for threads that must abandon their runs. A thread checks for this after each step,
 /// which should take only 50 ms.
 const MAX_ABANDON: Duration = Duration::from_secs(5);
@@ -87,6 +97,7 @@ impl Workers {
                 studies: Arc::clone(&studies),
                 assembling: Arc::clone(&assembling),
                 busy: busy.clone(),
+                batch: Mutex::default(),
                 _living: living.clone(),
             };
             thread::Builder::new().name(format!("worker-{number}")).spawn(move || worker.run())
@@ -147,8 +158,20 @@ struct Worker {
     /// Held while a result is made from chunks, because a large one takes much memory.
     assembling: Arc<Mutex<()>>,
     busy: watch::Sender<usize>,
+    batch: Mutex<Batch>,
     _living: mpsc::Sender<()>,
 }
+
+/// The runs that a thread has claimed together, except the one that it computes.
+#[derive(Default)]
+struct Batch {
+    waiting: VecDeque<Claimed>,
+    made: Vec<(Claimed, Outcome)>,
+    /// When the thread must hand over these runs, because it takes too long.
+    due: Option<Instant>,
+}
+
+type Outcome = Result<Made, NotMade>;
 
 /// The data that a worker has computed.
 enum Made {
@@ -172,45 +195,123 @@ impl Worker {
         let runtime = self.runtime.clone();
         while let Some(claimed) = runtime.block_on(self.claim()) {
             self.busy.send_modify(|count| *count += 1);
-            let mut next = Some(claimed);
-            while let Some(claimed) = next {
-                let _span = span(&claimed).entered();
-                tracing::debug!("started");
-                // This is unwind safe: after a panic, nothing that the closure has changed is used.
-                let outcome = catch_unwind(AssertUnwindSafe(|| self.compute(&claimed)))
-                    .unwrap_or_else(|panic| {
-                        Err(NotMade::Failed(FailureKind::Panicked, message_of(&*panic)))
-                    });
-                next = runtime.block_on(self.settle_and_claim(&claimed, &outcome));
+            // Batches of short runs without a pause between them.
+            let mut short = 0;
+            let mut next = vec![claimed];
+            while !next.is_empty() {
+                let (count, began) = (next.len(), Instant::now());
+                let made = self.compute_all(next, began);
+                let most = most_claims(short);
+                short = match began.elapsed() {
+                    took if took > SHORT => 0,
+                    took if took < SHORT / 2 && count >= most => (short + 1).min(32),
+                    _ => short,
+                };
+                next = runtime.block_on(self.settle_and_claim(&made, most_claims(short)));
             }
             self.busy.send_modify(|count| *count -= 1);
         }
     }
 
-    /// Stores the outcome and claims the next run at the same time, so that both share a commit. Returns `None` if no
-    /// run was claimed.
-    async fn settle_and_claim(
-        &self,
-        claimed: &Claimed,
-        outcome: &Result<Made, NotMade>,
-    ) -> Option<Claimed> {
-        if self.order() != WorkerOrder::Work {
-            self.settle(claimed, outcome).await;
-            return None;
+    /// Computes runs one after the other. Returns the outcomes that are not stored yet.
+    fn compute_all(&self, claims: Vec<Claimed>, began: Instant) -> Vec<(Claimed, Outcome)> {
+        let due = Some(began + SHORT);
+        *self.batch.lock() = Batch { waiting: claims.into(), made: Vec::new(), due };
+        loop {
+            let next = self.batch.lock().waiting.pop_front();
+            let Some(claimed) = next else { return mem::take(&mut self.batch.lock().made) };
+            let outcome = {
+                let _span = span(&claimed).entered();
+                tracing::debug!("started");
+                // This is unwind safe: after a panic, nothing that the closure has changed is used.
+                catch_unwind(AssertUnwindSafe(|| self.compute(&claimed))).unwrap_or_else(|panic| {
+                    Err(NotMade::Failed(FailureKind::Panicked, message_of(&*panic)))
+                })
+            };
+            self.batch.lock().made.push((claimed, outcome));
         }
-        let (stored, next) = tokio::join!(self.store_outcome(claimed, outcome), self.store.claim());
-        // After an error, the caller calls `claim`, which tries again and logs errors.
-        let mut next = next.ok().flatten();
-        if stored.is_err() {
-            // Gives the next run back, because it must not wait until the store accepts this outcome.
-            if let Some(claimed) = &next
-                && self.store.release(claimed).await.is_ok()
-            {
-                next = None;
+    }
+
+    /// If the batch takes long, stores its finished runs and releases the waiting ones, so that other workers compute
+    /// them.
+    fn hand_over(&self) {
+        let mut batch = self.batch.lock();
+        if batch.due.is_none_or(|due| Instant::now() < due) {
+            return;
+        }
+        batch.due = None;
+        let (made, waiting) = (mem::take(&mut batch.made), mem::take(&mut batch.waiting));
+        drop(batch);
+        self.runtime.block_on(async {
+            let (kept, ()) = tokio::join!(self.release_all(waiting.into()), self.settle_all(&made));
+            if !kept.is_empty() {
+                let mut batch = self.batch.lock();
+                (batch.waiting, batch.due) = (kept.into(), Some(Instant::now() + PAUSE.0));
             }
-            self.settle(claimed, outcome).await;
+        });
+    }
+
+    /// Gives runs back. Returns those that the store did not accept.
+    async fn release_all(&self, claims: Vec<Claimed>) -> Vec<Claimed> {
+        let mut kept = Vec::new();
+        for claimed in claims {
+            if self.store_outcome(&claimed, &Err(NotMade::Interrupted)).await.is_err() {
+                kept.push(claimed);
+            }
+        }
+        kept
+    }
+
+    /// Stores outcomes and claims the next runs at the same time. Returns no run if none was claimed.
+    async fn settle_and_claim(&self, made: &[(Claimed, Outcome)], most: usize) -> Vec<Claimed> {
+        if self.order() != WorkerOrder::Work {
+            self.settle_all(made).await;
+            return Vec::new();
+        }
+        let (stored, next) = tokio::join!(self.store_all(made), self.store.claim_up_to(most));
+        // After an error, the caller calls `claim`, which tries again and logs errors.
+        let mut next = next.unwrap_or_default();
+        if stored.is_err() {
+            // Gives the next runs back, because they must not wait until the store accepts these outcomes.
+            next = self.release_all(next).await;
+            self.settle_each(made).await;
         }
         next
+    }
+
+    async fn settle_all(&self, made: &[(Claimed, Outcome)]) {
+        if self.store_all(made).await.is_err() {
+            self.settle_each(made).await;
+        }
+    }
+
+    /// Stores each outcome in a transaction of its own. One that the store refuses delays no other.
+    async fn settle_each(&self, made: &[(Claimed, Outcome)]) {
+        let each = made
+            .iter()
+            .map(|(claimed, outcome)| self.settle(claimed, outcome).instrument(span(claimed)));
+        join_all(each).await;
+    }
+
+    /// Stores the outcomes of several runs: the results together, and the other ones one by one.
+    async fn store_all(&self, made: &[(Claimed, Outcome)]) -> Result<()> {
+        let (mut answers, mut others) = (Vec::new(), Vec::new());
+        for (claimed, outcome) in made {
+            match outcome {
+                Ok(Made::Answer(answer, cost)) => answers.push((claimed, answer, *cost)),
+                _ => others.push((claimed, outcome)),
+            }
+        }
+        if !answers.is_empty() {
+            let finished = self.store.finish_all(&answers).await?;
+            for ((claimed, ..), finish) in answers.iter().zip(finished) {
+                self.confirm(claimed, finish != Finish::Refused).await?;
+            }
+        }
+        for (claimed, outcome) in others {
+            self.store_outcome(claimed, outcome).instrument(span(claimed)).await?;
+        }
+        Ok(())
     }
 
     fn order(&self) -> WorkerOrder {
@@ -292,6 +393,11 @@ impl Worker {
             Err(NotMade::Interrupted) => self.store.release(claimed).await?,
             Err(NotMade::Unwanted) => false,
         };
+        self.confirm(claimed, accepted).await
+    }
+
+    /// Called after the store has accepted the outcome of a run or not.
+    async fn confirm(&self, claimed: &Claimed, accepted: bool) -> Result<()> {
         if !accepted {
             // If the run is being canceled, this confirms it. Otherwise the worker has lost the run, and this
             // changes nothing.
@@ -299,6 +405,11 @@ impl Worker {
         }
         Ok(())
     }
+}
+
+/// The number of runs to claim at once, after so many batches of short runs.
+fn most_claims(short: u32) -> usize {
+    (1 << short.saturating_sub(ALONE)).min(MAX_CLAIMS)
 }
 
 /// The log span of a run: its key, and the request that submitted it.

@@ -17,6 +17,7 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
+import time
 import urllib.error
 import urllib.request
 from contextlib import closing
@@ -221,14 +222,19 @@ def restarted(data):
 
 
 def on_postgres():
-    """The metrics of a server and a worker that share PostgreSQL: before and after some runs, after a restart of the worker, and
-    without it."""
+    """The metrics of a server and a worker that share PostgreSQL: with an open transaction, before and after some runs, after a
+    restart of the worker, and without it."""
     database = subprocess.Popen([PROJECT / "tests/postgres"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     try:
         shared = ["--database", database.stdout.readline().strip()]
         start_worker = lambda: Server("worker", *shared, "--workers", "1", instance="worker")
         front, worker = Server(*shared, "--workers", "0", instance="front"), start_worker()
         before = front.scrape() | worker.scrape()
+        with subprocess.Popen(["psql", "--no-psqlrc", "--quiet", shared[1]], stdin=subprocess.PIPE, text=True) as backup:
+            print("BEGIN ISOLATION LEVEL REPEATABLE READ; SELECT FROM job;", file=backup.stdin, flush=True)
+            time.sleep(2)
+            held = front.scrape() | worker.scrape()
+            backup.stdin.close()
         for friction in range(30, 40):
             job = front.submit({"scenario": BALL["scenario"] | {"friction": friction / 100}})
             front.send("GET", job["links"]["self"] + "?wait=60")
@@ -237,11 +243,18 @@ def on_postgres():
         worker = start_worker()
         restarted = front.scrape() | worker.scrape()
         worker.kill()
-        return [before, after, restarted, front.scrape()]
+        return [held, before, after, restarted, front.scrape()]
     finally:
         for server in Server.started:
             server.kill()
         database.communicate("")
+
+
+def an_hour_later(samples):
+    """The metrics that a transaction of some seconds would cause if it had stayed open."""
+    ages = [one for one in samples if one.startswith("fretwork_oldest_snapshot_age_seconds") and float(samples[one]) > 1]
+    assert len(ages) == 2, ages
+    return samples | {one: str(float(samples[one]) + 3600) for one in ages}
 
 
 def queries(board):
@@ -302,19 +315,21 @@ def main():
             "FretworkFilesRunOut",
         }
         phases = [(healthy, set()), (troubled, troubles), (down, {"FretworkDown"})]
-        *with_workers, front_alone = on_postgres()
+        held, *with_workers, front_alone = on_postgres()
         shared = [(samples, set()) for samples in with_workers] + [(front_alone, {"FretworkNoWorker"})]
         tests = [
             rule_test("troubles", phases),
             rule_test("several servers", shared, 12),
             board_test(shared, 12),
             rule_test("starts", [(samples, set()) for samples in starts[:3]] + [(starts[3], {"FretworkRestarts"})], 12),
+            rule_test("open transaction", [(held, set()), (an_hour_later(held), {"FretworkOldSnapshot"})], 12),
             rule_test("no log", [(healthy, set()), (without_its_log(data("three")), {"FretworkCommitsLost"})]),
             rule_test("moved database", [(healthy, set()), (moved(data("four")), {"FretworkFilesMoved"})]),
             rule_test("no backup", [(healthy, set()), (starts[0], {"FretworkBackupOld"})], 3000),
         ]
         provoked = troubles | {
             "FretworkDown", "FretworkRestarts", "FretworkBackupOld", "FretworkNoWorker", "FretworkCommitsLost", "FretworkFilesMoved",
+            "FretworkOldSnapshot",
         }
         disk = {"FretworkDiskFillsUp", "FretworkDiskFull"}
         tests += [
@@ -325,7 +340,7 @@ def main():
             ]
             if samples
         ]
-        if len(tests) < 9:
+        if len(tests) < 10:
             print("not provoked: the alerts of a full disk, because this system permits no mount", file=sys.stderr)
         rules = set(re.findall(r"- alert: (\w+)", RULES.read_text()))
         assert rules == provoked | disk, rules ^ (provoked | disk)

@@ -44,6 +44,7 @@ mod figures;
 mod first_start;
 mod forms;
 mod full_disk;
+mod groups;
 mod hostile_files;
 mod keeping;
 mod keys;

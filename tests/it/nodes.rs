@@ -444,13 +444,25 @@ async fn results(server: &Program, ids: Vec<(Value, String)>) -> Vec<(Value, Vec
     results
 }
 
-/// Twelve runs and a study that no other round has.
+/// A run of less than a millisecond.
+fn short(number: u32) -> Value {
+    let mut body = long(0);
+    let scenario = &mut body["scenario"];
+    scenario["friction"] = json!(0.3 + 1e-6 * f64::from(number));
+    scenario["cycles"] = json!([1000]);
+    scenario["model"] = json!({"method": "simplified", "points": 16});
+    body
+}
+
+/// Long and short runs and a study that no other round has. Workers claim short runs in groups.
 fn load(round: u32) -> Vec<Value> {
     const RUNS: u32 = 12;
+    const SHORT: u32 = 100;
     let mut sweep = long_sweep(6000);
     sweep["sweep"]["vary"][0]["to"] = json!(0.8 + 1e-3 * f64::from(round));
     let runs = (round * RUNS..(round + 1) * RUNS).map(long);
-    [sweep].into_iter().chain(runs).collect()
+    let short = (round * SHORT..(round + 1) * SHORT).map(short);
+    short.chain([sweep]).chain(runs).collect()
 }
 
 /// How often workers are killed or stopped. `tests/long` sets the variable.

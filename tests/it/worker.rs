@@ -14,13 +14,13 @@ use sqlx::Executor;
 use crate::store::{accepted, body, fresh, new_job, raw};
 
 /// A test that takes longer than this is stuck.
-const PATIENCE: Duration = Duration::from_mins(1);
+pub const PATIENCE: Duration = Duration::from_mins(1);
 
 /// State that a test shares with its tasks: a gate that holds them back, and counters.
 #[derive(Default)]
-struct Stage {
-    open: AtomicBool,
-    begun: AtomicU32,
+pub struct Stage {
+    pub open: AtomicBool,
+    pub begun: AtomicU32,
     dropped: AtomicU32,
 }
 
@@ -50,7 +50,7 @@ impl Drop for Act {
     }
 }
 
-fn compute(stage: &Arc<Stage>) -> Compute {
+pub fn compute(stage: &Arc<Stage>) -> Compute {
     let stage = Arc::clone(stage);
     Arc::new(move |_: &Key, task: &str| {
         stage.begun.fetch_add(1, Ordering::SeqCst);
@@ -61,7 +61,7 @@ fn compute(stage: &Arc<Stage>) -> Compute {
     })
 }
 
-async fn submit(store: &Store, number: u8, task: &str) -> JobId {
+pub async fn submit(store: &Store, number: u8, task: &str) -> JobId {
     let job = NewJob { task: task.to_owned(), ..new_job(number) };
     accepted(store.submit(job).await).id
 }
@@ -82,7 +82,7 @@ async fn until(store: &Store, id: JobId, good: impl Fn(&Job) -> bool) -> Job {
     tokio::time::timeout(PATIENCE, found).await.unwrap()
 }
 
-async fn state(store: &Store, id: JobId, state: JobState) -> Job {
+pub async fn state(store: &Store, id: JobId, state: JobState) -> Job {
     until(store, id, |job| job.state == state).await
 }
 

@@ -52,6 +52,10 @@ pub struct Tally {
     errors: Counters,
     queued: Gauge,
     working: Gauge,
+    /// Rows of the queue in PostgreSQL that are deleted or replaced, and are still in the way of the workers.
+    dead: Gauge,
+    /// Age of the oldest snapshot in PostgreSQL, in seconds.
+    snapshot: Gauge<f64, AtomicU64>,
     /// Size of the stored results.
     pub(super) bytes: Gauge,
     /// Exponential moving average of the duration of a run, in seconds.
@@ -71,6 +75,8 @@ impl Default for Tally {
             errors: counters("kind", ["busy", "damaged", "full", "moved", "other"]),
             queued: Gauge::default(),
             working: Gauge::default(),
+            dead: Gauge::default(),
+            snapshot: Gauge::default(),
             bytes: Gauge::default(),
             usual: Gauge::default(),
         }
@@ -103,6 +109,16 @@ impl Tally {
         registry.register("queued_runs", "Runs that wait for a worker", self.queued.clone());
         let help = "Runs and chunks of studies that workers compute";
         registry.register("running_runs", help, self.working.clone());
+        let help = "Deleted or replaced rows of the queue that PostgreSQL keeps; 0 with SQLite";
+        registry.register("dead_rows", help, self.dead.clone());
+        let help =
+            "Age of the oldest transaction in PostgreSQL that keeps dead rows; 0 with SQLite";
+        registry.register_with_unit(
+            "oldest_snapshot_age",
+            help,
+            Unit::Seconds,
+            self.snapshot.clone(),
+        );
         let (seconds, bytes) = (self.seconds.clone(), self.bytes.clone());
         registry.register_with_unit("run_duration", "Duration of a run", Unit::Seconds, seconds);
         registry.register_with_unit("results", "Size of the stored results", Unit::Bytes, bytes);
@@ -116,6 +132,11 @@ impl Tally {
     /// Runs and chunks of studies that workers compute.
     pub fn running(&self) -> u64 {
         self.working.get().unsigned_abs()
+    }
+
+    /// Deleted or replaced rows of the queue that PostgreSQL keeps.
+    pub(super) fn dead(&self) -> u64 {
+        self.dead.get().unsigned_abs()
     }
 
     /// Typical duration of a run in seconds; 0 before the first one has ended.
@@ -152,6 +173,11 @@ impl Tally {
             _ => "other",
         };
         count(&self.errors, "kind", kind);
+    }
+
+    pub(super) fn database_keeps(&self, dead: i64, snapshot: f64) {
+        self.dead.set(dead);
+        self.snapshot.set(snapshot);
     }
 
     pub(super) fn queue_is(&self, queued: usize, working: usize) {

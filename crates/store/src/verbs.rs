@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
-use futures_util::StreamExt as _;
 use futures_util::stream::iter;
+use futures_util::{StreamExt as _, TryStreamExt as _};
 
 use super::audit::{self, Actor, AuditEntry};
 use super::cancel::{self, Canceled, Deleted};
@@ -77,7 +77,7 @@ impl Tables for Reading<'_> {
     }
 }
 
-/// Number of jobs that [`Store::cancel_all`] reads at a time.
+/// Number of jobs that [`Store::cancel_all`] reads at a time, and maximum number of results that SQLite stores at a time.
 const AT_ONCE: u32 = 100;
 
 impl Store {
@@ -119,13 +119,19 @@ impl Store {
         change!(self, submit::record, (jobs, answer, wall))
     }
 
-    /// Claims the next queued run, or a piece of a study.
-    ///
-    /// The caller must end it by [`finish`](Self::finish), [`finish_chunk`](Self::finish_chunk), [`fail`](Self::fail),
-    /// [`stopped`](Self::stopped) or [`release`](Self::release). Otherwise it stays claimed until the next
-    /// start of the server.
+    /// Claims the next queued run, or a piece of a study. See [`claim_up_to`](Self::claim_up_to).
     pub fn claim(&self) -> Doing<'_, Option<Claimed>> {
-        change!(self, runs::claim, ())
+        Box::pin(async { Ok(self.claim_up_to(1).await?.pop()) })
+    }
+
+    /// Claims up to `most` queued runs, or a piece of a study. In PostgreSQL, claims that are made together cost little
+    /// more than one.
+    ///
+    /// The caller must end each of them by [`finish`](Self::finish), [`finish_chunk`](Self::finish_chunk),
+    /// [`fail`](Self::fail), [`stopped`](Self::stopped) or [`release`](Self::release). Otherwise it stays claimed until
+    /// the next start of the server.
+    pub fn claim_up_to(&self, most: usize) -> Doing<'_, Vec<Claimed>> {
+        each!(self, db => Box::pin(db.claim(most)))
     }
 
     /// Stores the progress of a whole run, from 0 to 1. The progress of a study follows from its finished chunks, so
@@ -135,7 +141,7 @@ impl Store {
         change!(self, runs::progress, (claimed.claim(), share))
     }
 
-    /// Stores the result of a whole run or of a study. Its cost is that of this attempt and of the chunks.
+    /// Stores the result of a whole run or of a study. See [`finish_all`](Self::finish_all).
     ///
     /// # Panics
     /// The worker has claimed a chunk, which has no result.
@@ -145,9 +151,28 @@ impl Store {
         answer: &'a Answer,
         cost: Cost,
     ) -> Doing<'a, Finish> {
-        assert!(!matches!(claimed.piece, Piece::Chunk { .. }), "a chunk has no result");
-        let answer = Answered::new(answer, Some(claimed.spent + cost));
-        change!(self, runs::finish, (claimed.clone(), answer))
+        let all = self.finish_all(&[(claimed, answer, cost)]);
+        Box::pin(async { Ok(all.await?.remove(0)) })
+    }
+
+    /// Stores results of whole runs or of studies. PostgreSQL stores all or none of them. The cost of each is that of
+    /// this attempt and of the chunks. Returns what happened to each.
+    ///
+    /// # Panics
+    /// The worker has claimed a chunk, which has no result.
+    pub fn finish_all(&self, all: &[(&Claimed, &Answer, Cost)]) -> Doing<'_, Vec<Finish>> {
+        let answered = all.iter().map(|(claimed, answer, cost)| {
+            assert!(!matches!(claimed.piece, Piece::Chunk { .. }), "a chunk has no result");
+            ((*claimed).clone(), Answered::new(answer, Some(claimed.spent + *cost)))
+        });
+        let answered: Vec<_> = answered.collect();
+        match &self.engine {
+            Engine::Sqlite(db) => Box::pin(async {
+                let storing = iter(answered).map(|one| db.write(sqlite::runs::finish, one));
+                storing.buffered(AT_ONCE as usize).try_collect().await
+            }),
+            Engine::Postgres(db) => Box::pin(db.write(postgres::runs::finish, answered)),
+        }
     }
 
     /// Fails a run, and stops the workers that compute other pieces of it. Returns false if the worker has lost its run

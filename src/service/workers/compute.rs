@@ -180,6 +180,7 @@ impl Worker {
         let mut reported = started;
         loop {
             self.check(claimed)?;
+            self.hand_over();
             let progress = match step() {
                 Step::Done(found) => return Ok(found),
                 Step::Working { progress } => progress,

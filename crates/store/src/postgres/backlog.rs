@@ -3,7 +3,8 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// An estimate of the number of queued jobs: the last count, plus the jobs that this server has queued since.
+/// An estimate of the number of queued jobs: the last count, plus the jobs that this server has queued since, minus the
+/// runs that it has claimed.
 #[derive(Debug)]
 pub(super) struct Backlog {
     limit: usize,
@@ -26,6 +27,11 @@ impl Backlog {
 
     pub(super) fn grows(&self) {
         self.jobs.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn shrinks(&self, runs: usize) {
+        let less = |jobs: usize| Some(jobs.saturating_sub(runs));
+        let _ = self.jobs.fetch_update(Ordering::Relaxed, Ordering::Relaxed, less);
     }
 
     /// The limit of the queue, if the queue may have reached it: if the limit is small, or the estimate exceeds half of

@@ -63,15 +63,15 @@ async fn cancel_run(tx: &mut Transaction<'_>, run: RunId, is_study: bool) -> Res
     let query = sql!(
         "UPDATE run SET finished = CASE WHEN state = 'queued' OR $2 THEN moment() END, changed = moment(),
              state = CASE WHEN state = 'queued' OR $2 THEN 'canceled' ELSE 'canceling' END
-         WHERE id = $1 AND state IN ('queued', 'running')
+         WHERE id = $1 AND state <> 'canceling' AND finished IS NULL
          RETURNING key, state, NULL::BIGINT AS started, finished, $2 AS study";
         run, is_study
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(()) };
     if row.text("state")? == Some(JobState::Canceled.as_str()) {
-        ended_by(tx, run, &row, Ending::Canceled).await?;
+        ended_by(tx, [(&run, &row)], Ending::Canceled).await?;
     } else {
-        follow(tx, run).await?;
+        follow(tx, &[run.0]).await?;
         tx.effects.push(Effect::Unwanted(run));
     }
     Ok(())

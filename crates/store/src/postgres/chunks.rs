@@ -58,7 +58,7 @@ pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option
              SELECT number FROM chunk WHERE chunk.run = $1 AND chunk.state = 'queued'
              ORDER BY chunk.lost, number LIMIT 1) AS waiting
          FROM run JOIN study ON study.run = run.id
-         WHERE run.id = $1 AND state IN ('queued', 'running')";
+         WHERE run.id = $1 AND state <> 'canceling' AND finished IS NULL";
         run
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(None) };
@@ -93,11 +93,11 @@ pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option
 async fn start(tx: &mut Transaction<'_>, run: RunId) -> Result<()> {
     let query = sql!(
         "UPDATE run SET state = 'running', attempt = attempt + 1, started = moment(), changed = moment()
-         WHERE id = $1 AND state = 'queued'";
+         WHERE id = $1 AND state NOT IN ('running', 'canceling') AND finished IS NULL";
         run
     );
     tx.db.execute(query).await?;
-    follow(tx, run).await
+    follow(tx, &[run.0]).await
 }
 
 pub(crate) async fn finish_chunk(
@@ -109,7 +109,8 @@ pub(crate) async fn finish_chunk(
     let query = sql!(
         "UPDATE chunk SET state = 'done', body = $4, checksum = $5
          FROM run WHERE chunk.run = $1 AND number = $2 AND chunk.attempt = $3
-             AND chunk.state = 'running' AND run.id = $1 AND run.state = 'running'";
+             AND chunk.state = 'running' AND run.id = $1 AND run.state NOT IN ('queued', 'canceling')
+                 AND run.finished IS NULL";
         run, number, attempt, &**body.bytes(), body.checksum()
     );
     if tx.db.changed_by(query).await? == 0 {

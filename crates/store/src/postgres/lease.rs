@@ -38,7 +38,7 @@ impl Node {
 }
 
 /// Maximum number of runs with expired leases that one query returns.
-const AT_ONCE: i64 = 100;
+const AT_ONCE: i64 = 1000;
 
 /// The condition that a lease is expired: it ended more than the margin $2 ago, or it ends later than its duration and
 /// the margin allow. $1 is the duration of a lease whose column `lasts` is null.
@@ -49,20 +49,24 @@ fn number(part: Part) -> i64 {
     part.1.map_or(-1, i64::from)
 }
 
-/// Begins the lease of a claimed run or piece, and records the turn of its owner.
-pub(super) async fn begin(tx: &mut Transaction<'_>, owner: &str, claimed: &Claimed) -> Result<()> {
+/// Begins the leases of claimed runs or pieces of this owner.
+pub(super) async fn begin(tx: &mut Transaction<'_>, owner: &str, claims: &[Claimed]) -> Result<()> {
     let node = &tx.of.node;
-    let query = sql!(
-        "WITH served AS (
-             INSERT INTO turn (owner, served)
-             SELECT $5, coalesce(max(served), 0) + 1 FROM turn
-             ON CONFLICT (owner) DO UPDATE SET served = excluded.served
-         )
-         INSERT INTO lease (run, number, attempt, node, owner, expires, lasts)
-         VALUES ($1, $2, $3, $4, $5, moment() + $6, $6)";
-        claimed.run, number(claimed.part()), claimed.attempt, &node.id, owner, milliseconds(node.lease)
-    );
-    tx.db.execute(query).await
+    let column = |value: fn(&Claimed) -> i64| claims.iter().map(value).collect::<Vec<_>>();
+    sqlx::query(
+        "INSERT INTO lease (run, number, attempt, node, owner, expires, lasts)
+         SELECT run, number, attempt, $4, $5, moment() + $6, $6
+         FROM unnest($1::BIGINT[], $2::BIGINT[], $3::BIGINT[]) AS claimed (run, number, attempt)",
+    )
+    .bind(column(|claimed| claimed.run.0))
+    .bind(column(|claimed| number(claimed.part())))
+    .bind(column(|claimed| claimed.attempt.into()))
+    .bind(&node.id)
+    .bind(owner)
+    .bind(milliseconds(node.lease))
+    .execute(tx.db.connection())
+    .await?;
+    Ok(())
 }
 
 /// Ends the lease of a part.
@@ -71,9 +75,11 @@ pub(super) async fn end(tx: &mut Transaction<'_>, part: Part) -> Result<()> {
     tx.db.execute(query).await
 }
 
-/// Ends all leases of a run.
-pub(super) async fn end_all(tx: &mut Transaction<'_>, run: RunId) -> Result<()> {
-    tx.db.execute(sql!("DELETE FROM lease WHERE run = $1"; run)).await
+/// Ends all leases of these runs.
+pub(super) async fn end_all(tx: &mut Transaction<'_>, runs: &[i64]) -> Result<()> {
+    let query = sqlx::query("DELETE FROM lease WHERE run = ANY ($1)");
+    query.bind(runs).execute(tx.db.connection()).await?;
+    Ok(())
 }
 
 /// Renews the leases of these parts. Returns the time by the clock of the database, and the parts whose leases this
@@ -95,7 +101,7 @@ pub(super) async fn renew(
          )
          UPDATE lease SET expires = moment() + $4 FROM own
          WHERE lease.run = own.run AND lease.number = own.number
-             AND EXISTS (SELECT 1 FROM run WHERE id = lease.run AND state = 'running')
+             AND EXISTS (SELECT 1 FROM run WHERE id = lease.run AND state NOT IN ('queued', 'canceling') AND finished IS NULL)
          RETURNING lease.run AS run, lease.number AS number",
     )
     .bind(&node.id)

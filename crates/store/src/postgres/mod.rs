@@ -22,6 +22,7 @@ mod lease;
 mod node;
 pub(super) mod open;
 mod pool;
+mod queue;
 pub(super) mod runs;
 mod schema;
 pub(super) mod submit;
@@ -45,6 +46,7 @@ use backlog::Backlog;
 use contact::Contact;
 use hints::Hints;
 use pool::Pool;
+use queue::Queue;
 use transaction::reading;
 
 /// Timeout of one attempt of a verb, for a database server that never answers. It is longer than `statement_timeout`.
@@ -79,6 +81,7 @@ struct Parts {
     hints: Arc<Hints>,
     node: Node,
     backlog: Backlog,
+    queue: Queue,
     /// The name of the database for messages, without the password.
     name: String,
     /// The reason why this program may no longer write the tables, if there is one: a later version of the program has
@@ -127,19 +130,26 @@ impl Database {
         reading!(self, db => db.read(statement.clone(), most).await)
     }
 
-    /// The time that the oldest queued run has waited. Also counts the queued and running runs for the metrics.
+    /// The time that the oldest queued run has waited. Also counts the queued and running runs and the dead rows for the
+    /// metrics, and finds the age of the oldest snapshot.
     pub(super) async fn longest_wait(&self) -> Result<Duration> {
         let query = sql!(
             "SELECT count(*) AS queued, moment() - min(created) AS waited,
                  (SELECT count(*) FROM lease) AS running,
-                 (SELECT count(*) FROM job WHERE state = 'queued') AS jobs
+                 (SELECT count(*) FROM job WHERE state = 'queued') AS jobs,
+                 pg_stat_get_dead_tuples('job'::REGCLASS) + pg_stat_get_dead_tuples('run'::REGCLASS)
+                     + pg_stat_get_dead_tuples('lease'::REGCLASS) AS dead,
+                 (SELECT extract(epoch FROM max(now() - xact_start))::DOUBLE PRECISION FROM pg_stat_get_activity(NULL)
+                  WHERE backend_xmin IS NOT NULL AND backend_type <> 'autovacuum worker') AS snapshot
              FROM run WHERE state = 'queued'"
         );
         let counted = reading!(self, db => db.one(query.clone()).await);
         let row = counted.inspect_err(|_| self.0.backlog.counted(None))?;
         let count = |column| row.get::<u64>(column).map(|count| count as usize);
         self.0.backlog.counted(Some(count("jobs")?));
-        self.0.signals.tally.queue_is(count("queued")?, count("running")?);
+        let tally = &self.0.signals.tally;
+        tally.queue_is(count("queued")?, count("running")?);
+        tally.database_keeps(row.get("dead")?, row.get::<Option<f64>>("snapshot")?.unwrap_or(0.0));
         let waited: Option<i64> = row.get("waited")?;
         Ok(Duration::from_millis(waited.unwrap_or(0).max(0).unsigned_abs()))
     }

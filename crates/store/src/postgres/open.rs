@@ -9,6 +9,7 @@ use tokio::sync::{Semaphore, watch};
 use super::backlog::Backlog;
 use super::contact::Contact;
 use super::pool::Pool;
+use super::queue::Queue;
 use super::{Database, Node, Parts, node, schema};
 use crate::error::Result;
 use crate::library::Program;
@@ -46,6 +47,7 @@ impl Database {
             hints: Arc::default(),
             node: Node { id: JobId::generate().to_string(), program, lease },
             backlog: Backlog::new(queue_limit),
+            queue: Queue::default(),
             name: url.to_string(),
             refusal: OnceLock::new(),
             disk: options.disk.clone(),

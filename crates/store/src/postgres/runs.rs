@@ -2,42 +2,29 @@
 //!
 //! Each statement that changes a run compares the number of the attempt. So a worker that has lost its run changes
 //! nothing.
+//!
+//! A statement that finds runs by their ids does not say that their state is `queued` or `running`, but excludes all other
+//! states. Otherwise PostgreSQL may choose the partial index `run_live`, which has many dead entries while an old
+//! snapshot is open.
+
+use std::collections::HashMap;
 
 use super::Database;
 use super::chunks;
 use super::follow::{ended_by, follow};
 use super::lease;
+use super::queue::{Turns, Waiting};
 use super::transaction::{Transaction, reading};
 use crate::claimed::{Claim, Claimed};
 use crate::error::Result;
 use crate::keep::{self, Answered, Finish, Source};
 use crate::options::{MAX_LOST, Recovered};
-use crate::row::{Columns, RunId};
+use crate::row::{Columns, Row, RunId};
 use crate::signals::Effect;
 use crate::statement::{Statement, sql};
 use crate::tables::{Connected, Tables};
 use crate::tally::Ending;
 use fretwork_job::{ENGINE, FailureKind, JobState};
-
-/// The owners with work for a worker of the `numerics` version $1, in the order of their turns. The owner with the
-/// fewest running parts comes first; among equals, the owner whose last turn was longest ago; among equals, the owner
-/// with the oldest job. The query jumps from owner to owner in the index `job_claimable`, so the length of the queue
-/// does not matter.
-const TURNS: &str = "
-    WITH RECURSIVE waiting AS (
-        (SELECT owner FROM job WHERE claimable = $1 ORDER BY owner LIMIT 1)
-        UNION ALL
-        SELECT (SELECT owner FROM job WHERE claimable = $1 AND owner > waiting.owner ORDER BY owner LIMIT 1)
-        FROM waiting WHERE owner IS NOT NULL
-    )
-    SELECT owner FROM waiting
-    LEFT JOIN turn USING (owner)
-    CROSS JOIN (SELECT coalesce(max(served), 0) AS last FROM turn) AS turns
-    WHERE owner IS NOT NULL
-    ORDER BY (SELECT count(*) FROM lease WHERE lease.owner = waiting.owner), coalesce(served, last - 1),
-        (SELECT id FROM job WHERE claimable = $1 AND job.owner = waiting.owner
-         ORDER BY priority, study, id LIMIT 1)
-    LIMIT 8";
 
 /// Maximum number of attempts to claim a part. An attempt fails if other workers claim all the parts that it has found.
 const TRIES: usize = 4;
@@ -46,6 +33,16 @@ impl Database {
     /// Revokes all expired leases.
     pub(crate) async fn recover(&self) -> Result<Recovered> {
         self.reclaim(true).await
+    }
+
+    /// Claims up to `most` queued runs, or a piece of a study.
+    pub(crate) async fn claim(&self, most: usize) -> Result<Vec<Claimed>> {
+        let (claims, turns) = self.write(claim, most).await?;
+        if let Some(turns) = turns {
+            self.0.queue.remember(turns);
+        }
+        self.0.backlog.shrinks(claims.iter().filter(|claimed| claimed.part().1.is_none()).count());
+        Ok(claims)
     }
 
     /// Revokes expired leases. Unless `always`, it does so only while the contact with the database lasts. If the clock
@@ -67,59 +64,144 @@ impl Database {
     }
 }
 
-pub(crate) async fn claim((): &(), tx: &mut Transaction<'_>) -> Result<Option<Claimed>> {
-    for _ in 0..TRIES {
-        let owners = tx.db.rows(Statement::of(TURNS).with(ENGINE.numerics)).await?;
-        if owners.is_empty() {
-            return Ok(None);
+/// Claims up to `most` runs, or one piece of a study. Returns what the server must remember after the commit.
+async fn claim(most: &usize, tx: &mut Transaction<'_>) -> Result<(Vec<Claimed>, Option<Turns>)> {
+    let dead = tx.of.signals.tally.dead();
+    if let Some(mut turns) = tx.of.queue.remembered(dead, false) {
+        let claims = claim_in_turn(tx, &mut turns, *most).await?;
+        if !claims.is_empty() || tx.of.queue.remembered(dead, true).is_some() {
+            return Ok((claims, Some(turns)));
         }
-        for row in owners {
-            if let Some(claimed) = claim_of(tx, row.get("owner")?).await? {
-                let part = claimed.part();
-                tx.effects.push(Effect::Started(part, claimed.stop.clone()));
-                return Ok(Some(claimed));
+    }
+    let mut found = (Vec::new(), None);
+    for _ in 0..TRIES {
+        let mut turns = tx.of.queue.read(&mut tx.db).await?;
+        found.0 = claim_in_turn(tx, &mut turns, *most).await?;
+        let is_over = turns.owners.is_empty() || !found.0.is_empty();
+        found.1 = Some(turns);
+        if is_over {
+            break;
+        }
+    }
+    Ok(found)
+}
+
+async fn claim_in_turn(
+    tx: &mut Transaction<'_>,
+    turns: &mut Turns,
+    most: usize,
+) -> Result<Vec<Claimed>> {
+    let mut claims: Vec<Claimed> = Vec::new();
+    let is_alone = |claimed: &Claimed| claimed.part().1.is_some() || claimed.attempt > 1;
+    while claims.len() < most && !claims.iter().any(is_alone) {
+        let shares = turns.shares(most - claims.len());
+        if shares.is_empty() {
+            break;
+        }
+        for (place, share) in shares {
+            let owner = &mut turns.owners[place];
+            let found = claim_of(tx, owner, share, claims.is_empty()).await?;
+            owner.running += found.len() as u64;
+            claims.extend(found);
+            if claims.iter().any(is_alone) {
+                break;
             }
         }
     }
-    Ok(None)
-}
-
-/// Claims the most urgent part of an owner. Returns `None` if other workers have claimed it in the meantime.
-async fn claim_of(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Claimed>> {
-    let query = sql!(
-        "SELECT run, study FROM job WHERE claimable = $1 AND owner = $2
-         ORDER BY priority, study, id LIMIT 1";
-        ENGINE.numerics, owner
-    );
-    let Some(next) = tx.db.row(query).await? else { return Ok(None) };
-    let claimed = if next.get("study")? {
-        chunks::claim(tx, RunId(next.get("run")?)).await?
-    } else {
-        claim_whole(tx, owner).await?
-    };
-    if let Some(claimed) = &claimed {
-        lease::begin(tx, owner, claimed).await?;
+    for claimed in &claims {
+        tx.effects.push(Effect::Started(claimed.part(), claimed.stop.clone()));
     }
-    Ok(claimed)
+    Ok(claims)
 }
 
-async fn claim_whole(tx: &mut Transaction<'_>, owner: &str) -> Result<Option<Claimed>> {
-    let query = sql!(
+/// Claims up to `most` of the most urgent runs of an owner. A piece of a study, or a run that was lost, is claimed alone, if
+/// `is_first` is true.
+async fn claim_of(
+    tx: &mut Transaction<'_>,
+    waiting: &mut Waiting,
+    most: usize,
+    is_first: bool,
+) -> Result<Vec<Claimed>> {
+    let next = sqlx::query(
+        "SELECT next.* FROM unnest($3::BYTEA[]) WITH ORDINALITY AS place (first, number) CROSS JOIN LATERAL (
+             (SELECT run, study, priority FROM job WHERE claimable = $1 AND owner = $2 AND priority = number - 1
+                  AND NOT study AND id >= first ORDER BY id LIMIT 1)
+             UNION ALL
+             (SELECT run, study, priority FROM job WHERE claimable = $1 AND owner = $2 AND priority = number - 1
+                  AND study ORDER BY id LIMIT 1)) AS next
+         ORDER BY priority, study",
+    );
+    let next = next.bind(i64::from(ENGINE.numerics)).bind(&waiting.owner).bind(&waiting.places[..]);
+    let mut claims = Vec::new();
+    // Other workers may be about to claim all runs of a priority, so this goes on to the next one.
+    for next in next.fetch_all(tx.db.connection()).await? {
+        let next = Row::Postgres(next);
+        if !next.get::<bool>("study")? {
+            claims = claim_whole(tx, waiting, next.get("priority")?, (most, is_first)).await?;
+        } else if is_first {
+            claims.extend(chunks::claim(tx, RunId(next.get("run")?)).await?);
+        } else {
+            break;
+        }
+        if !claims.is_empty() {
+            break;
+        }
+    }
+    waiting.is_done = claims.is_empty();
+    lease::begin(tx, &waiting.owner, &claims).await?;
+    Ok(claims)
+}
+
+/// Claims up to `most` queued runs of an owner and a priority, which are not studies.
+async fn claim_whole(
+    tx: &mut Transaction<'_>,
+    waiting: &mut Waiting,
+    priority: u8,
+    (most, is_first): (usize, bool),
+) -> Result<Vec<Claimed>> {
+    // The limit is a part of the text, because it decides the plan of the query. There are few different ones.
+    let query = format!(
+        "SELECT run.id AS run, lost, job.id AS job FROM job JOIN run ON run.id = job.run
+         WHERE claimable = $1 AND job.owner = $2 AND priority = $3 AND NOT study AND job.id >= $4
+             AND run.state NOT IN ('running', 'canceling') AND run.finished IS NULL
+         ORDER BY job.id LIMIT {} FOR NO KEY UPDATE OF run SKIP LOCKED",
+        1 << most.ilog2()
+    );
+    let place = &mut waiting.places[usize::from(priority)];
+    let query = Statement::of(query)
+        .with(ENGINE.numerics)
+        .with(&waiting.owner)
+        .with(priority)
+        .with(&*place);
+    let (mut runs, mut last) = (Vec::new(), None);
+    for row in tx.db.rows(query).await? {
+        // A run that was lost may have killed its node. It is claimed alone, so that it takes no other run with it.
+        let was_lost = row.get::<u32>("lost")? > 0;
+        if was_lost && !(runs.is_empty() && is_first) {
+            break;
+        }
+        runs.push(row.get::<i64>("run")?);
+        last = Some(row.get::<Vec<u8>>("job")?);
+        if was_lost {
+            break;
+        }
+    }
+    let Some(last) = last else { return Ok(Vec::new()) };
+    *place = last;
+    let rows = sqlx::query(
         "UPDATE run SET state = 'running', attempt = attempt + 1, lost = lost + 1, progress = 0,
              started = moment(), changed = moment()
-         WHERE id = (
-             SELECT run.id FROM job JOIN run ON run.id = job.run
-             WHERE claimable = $1 AND job.owner = $2 AND NOT study AND run.state = 'queued'
-             ORDER BY priority, study, job.id LIMIT 1 FOR NO KEY UPDATE OF run SKIP LOCKED)
-         RETURNING id, attempt, key, task, trace";
-        ENGINE.numerics, owner
+         WHERE id = ANY ($1) RETURNING id, attempt, key, task, trace",
     );
-    let Some(row) = tx.db.row(query).await? else { return Ok(None) };
-    let run = RunId(row.get("id")?);
-    follow(tx, run).await?;
-    let claimed = Claimed::whole(run, &row)?;
-    tx.effects.push(Effect::Changed(claimed.key));
-    Ok(Some(claimed))
+    let mut claims = Vec::new();
+    for row in rows.bind(&runs).fetch_all(tx.db.connection()).await? {
+        let claimed = Claimed::whole(RunId(row.get("id")?), &Row::Postgres(row))?;
+        tx.effects.push(Effect::Changed(claimed.key));
+        claims.push(claimed);
+    }
+    claims.sort_by_key(|claimed| runs.iter().position(|run| *run == claimed.run.0));
+    follow(tx, &runs).await?;
+    Ok(claims)
 }
 
 pub(crate) async fn progress(
@@ -131,7 +213,8 @@ pub(crate) async fn progress(
     };
     let query = sql!(
         "UPDATE lease SET progress = $3 WHERE run = $1 AND number = -1 AND attempt = $2
-             AND EXISTS (SELECT 1 FROM run WHERE id = $1 AND attempt = $2 AND state = 'running')";
+             AND EXISTS (SELECT 1 FROM run WHERE id = $1 AND attempt = $2 AND state NOT IN ('queued', 'canceling')
+                 AND finished IS NULL)";
         run, attempt, *share
     );
     if tx.db.changed_by(query).await? == 0 {
@@ -141,34 +224,53 @@ pub(crate) async fn progress(
     Ok(true)
 }
 
+/// Stores the results of runs in one transaction. Returns what happened to each.
 pub(crate) async fn finish(
-    (claimed, answer): &(Claimed, Answered),
+    all: &Vec<(Claimed, Answered)>,
     tx: &mut Transaction<'_>,
-) -> Result<Finish> {
-    let Claimed { run, key, ref trace, .. } = *claimed;
-    let Some(attempt) = attempt_of_run(tx, claimed.claim()).await? else {
-        return Ok(Finish::Refused);
-    };
-    let query = sql!(
+) -> Result<Vec<Finish>> {
+    let (mut runs, mut attempts, mut digests) = (Vec::new(), Vec::new(), Vec::new());
+    for (claimed, answer) in all {
+        if let Some(attempt) = attempt_of_run(tx, claimed.claim()).await? {
+            runs.push(claimed.run.0);
+            attempts.push(i64::from(attempt));
+            digests.push(answer.digest.as_slice());
+        }
+    }
+    let rows = sqlx::query(
         "UPDATE run SET state = 'succeeded', progress = 1, finished = moment(), changed = moment(),
-             recomputed = (SELECT CASE WHEN digest = $3 THEN 'same' WHEN evicted IS NULL THEN 'differs'
+             recomputed = (SELECT CASE WHEN digest = ended.digest THEN 'same' WHEN evicted IS NULL THEN 'differs'
                  ELSE 'replaced' END FROM result WHERE result.key = run.key)
-         WHERE id = $1 AND attempt = $2 AND state = 'running'
-         RETURNING key, started, finished, owner, warnings, EXISTS (SELECT 1 FROM study WHERE run = id) AS study,
-             (SELECT job.id FROM job WHERE job.run = run.id ORDER BY job.id LIMIT 1) AS first_job,
-             (SELECT digest = $3 FROM result WHERE result.key = run.key) AS same,
-             (SELECT evicted IS NULL FROM result WHERE result.key = run.key) AS held";
-        run, attempt, answer.digest.as_slice()
+         FROM unnest($1::BIGINT[], $2::BIGINT[], $3::BYTEA[]) AS ended (run, attempt, digest)
+         WHERE id = ended.run AND run.attempt = ended.attempt AND state NOT IN ('queued', 'canceling') AND finished IS NULL
+         RETURNING id, key, started, finished, owner, warnings, EXISTS (SELECT 1 FROM study WHERE run = id) AS study,
+             (SELECT (array_agg(job.id ORDER BY job.id))[1] FROM job WHERE job.run = run.id) AS first_job,
+             (SELECT result.digest = ended.digest FROM result WHERE result.key = run.key) AS same,
+             (SELECT evicted IS NULL FROM result WHERE result.key = run.key) AS held",
     );
-    let Some(row) = tx.db.row(query).await? else { return Ok(Finish::Refused) };
-    let task = claimed.task(&mut tx.db).await?;
-    let (owner, warnings) = (row.text("owner")?, row.text("warnings")?);
-    let job = row.get("first_job")?;
-    let (trace, program, now) = (trace.as_deref(), Some(tx.of.node.program), row.get("finished")?);
-    let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
-    super::keep::store(&mut tx.db, answer, &source, true).await?;
-    ended_by(tx, run, &row, Ending::Succeeded).await?;
-    keep::kept(answer, key, &row, tx.into()).await
+    let rows = rows.bind(&runs).bind(attempts).bind(digests).fetch_all(tx.db.connection()).await?;
+    let mut rows: HashMap<_, _> = rows
+        .into_iter()
+        .map(|row| Ok((RunId(row.get("id")?), Row::Postgres(row))))
+        .collect::<sqlx::Result<_>>()?;
+    for (claimed, answer) in all {
+        let Some(row) = rows.get(&claimed.run) else { continue };
+        let task = claimed.task(&mut tx.db).await?;
+        let (key, owner, warnings) = (claimed.key, row.text("owner")?, row.text("warnings")?);
+        let (job, trace) = (row.get("first_job")?, claimed.trace.as_deref());
+        let (program, now) = (Some(tx.of.node.program), row.get("finished")?);
+        let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
+        super::keep::store(&mut tx.db, answer, &source, true).await?;
+    }
+    ended_by(tx, rows.iter(), Ending::Succeeded).await?;
+    let mut finished = Vec::new();
+    for (claimed, answer) in all {
+        finished.push(match rows.remove(&claimed.run) {
+            Some(row) => keep::kept(answer, claimed.key, &row, tx.into()).await?,
+            None => Finish::Refused,
+        });
+    }
+    Ok(finished)
 }
 
 pub(crate) async fn fail(
@@ -209,7 +311,7 @@ async fn end(
     ending: Ending,
 ) -> Result<bool> {
     let Some(row) = tx.db.row(update).await? else { return Ok(false) };
-    ended_by(tx, run, &row, ending).await?;
+    ended_by(tx, [(&run, &row)], ending).await?;
     Ok(true)
 }
 
@@ -224,7 +326,7 @@ async fn requeue(
     // `started` is null after the update, and a released run does not count in the durations.
     let query = sql!(
         "UPDATE run SET state = 'queued', progress = 0, started = NULL, changed = moment(), lost = lost - $3
-         WHERE id = $1 AND attempt = $2 AND state = 'running'
+         WHERE id = $1 AND attempt = $2 AND state NOT IN ('queued', 'canceling') AND finished IS NULL
          RETURNING key, started, finished, FALSE AS study";
         run, attempt, uncounted
     );
@@ -248,7 +350,7 @@ async fn fail_run(
              progress = coalesce(
                  (SELECT progress FROM lease WHERE lease.run = id AND number = -1),
                  (SELECT least(done, chunks)::DOUBLE PRECISION / chunks FROM study WHERE study.run = id), 0)
-         WHERE id = $1 AND attempt = $2 AND state = 'running'
+         WHERE id = $1 AND attempt = $2 AND state NOT IN ('queued', 'canceling') AND finished IS NULL
          RETURNING key, started, finished, EXISTS (SELECT 1 FROM study WHERE run = id) AS study";
         run, attempt, kind.as_str(), message.replace('\0', " ")
     );
@@ -281,7 +383,7 @@ async fn reclaim((run, always): &(RunId, bool), tx: &mut Transaction<'_>) -> Res
             run
         );
         tx.db.execute(query).await?;
-        ended_by(tx, run, &row, Ending::Canceled).await?;
+        ended_by(tx, [(&run, &row)], Ending::Canceled).await?;
         recovered.canceled = 1;
     } else if lost >= MAX_LOST {
         let message = format!("the server died {MAX_LOST} times while it computed this job");

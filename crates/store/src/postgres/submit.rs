@@ -77,7 +77,7 @@ async fn join(tx: &mut Transaction<'_>, new: &EncodedJob, run: RunId) -> Result<
         chunks::lock(tx, run).await?;
     }
     let query = sql!(
-        "SELECT state, attempt FROM run WHERE id = $1 AND state IN ('queued', 'running') FOR SHARE";
+        "SELECT state, attempt FROM run WHERE id = $1 AND state <> 'canceling' AND finished IS NULL FOR SHARE";
         run
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(Ok(None)) };

@@ -81,7 +81,7 @@ impl Upkeep {
     pub(super) async fn round(&mut self, db: &Database) -> Result<()> {
         let reads = db.0.signals.take_read();
         let written = if reads.is_empty() { Ok(()) } else { db.write(write_reads, reads).await };
-        let cleaned = self.clean(db).await;
+        let cleaned = self.clean(db).await.and(db.write(analyze, ()).await);
         let has_room = self.make_room(db).await;
         if has_room.is_err() {
             self.room_due = Instant::now() + OFTEN;
@@ -174,6 +174,20 @@ async fn is_alone(tx: &mut Transaction<'_>) -> Result<bool> {
     Ok(query.bind(Lock::Upkeep as i64).fetch_one(tx.db.connection()).await?)
 }
 
+/// Lets PostgreSQL analyze the tables after they have doubled. By itself, it does so only after a minute, and until then
+/// it plans statements as for nearly empty tables.
+async fn analyze((): &(), tx: &mut Transaction<'_>) -> Result<()> {
+    let query = sqlx::query_scalar(
+        "SELECT pg_stat_get_mod_since_analyze(oid) > greatest(1000, reltuples) FROM pg_class WHERE oid = 'job'::REGCLASS",
+    );
+    if query.fetch_one(tx.db.connection()).await? && is_alone(tx).await? {
+        let tables =
+            "ANALYZE (SKIP_LOCKED) run, job, lease, result, result_blob, result_task, outline";
+        tx.db.execute(Statement::of(tables)).await?;
+    }
+    Ok(())
+}
+
 /// Checks that the disk has room for a submission.
 pub(crate) async fn probe((): &(), tx: &mut Transaction<'_>) -> Result<()> {
     // Writes a temporary file of 256 KiB, about the size of a default result with its job. A temporary file always
@@ -262,17 +276,10 @@ async fn delete_chunks((): &(), tx: &mut Transaction<'_>) -> Result<Option<bool>
     upkeep::delete_chunks(&CHUNKS, tx.into()).await.map(Some)
 }
 
-/// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs, the turns of
-/// owners without jobs, and the oldest entries of the audit log.
+/// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs, and the oldest
+/// entries of the audit log.
 async fn forget(time: &i64, tx: &mut Transaction<'_>) -> Result<()> {
-    let query = sql!(
-        "WITH idle AS (
-             DELETE FROM turn WHERE NOT EXISTS (SELECT 1 FROM lease WHERE lease.owner = turn.owner)
-                 AND NOT EXISTS (SELECT 1 FROM job WHERE claimable IS NOT NULL AND job.owner = turn.owner)
-         )
-         DELETE FROM audit WHERE id <= (SELECT max(id) FROM audit) - $1";
-        ENTRIES
-    );
+    let query = sql!("DELETE FROM audit WHERE id <= (SELECT max(id) FROM audit) - $1"; ENTRIES);
     tx.db.execute(query).await?;
     upkeep::forget_evicted(time, tx.into()).await
 }

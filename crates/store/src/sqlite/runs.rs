@@ -24,9 +24,14 @@ impl Database {
     pub(crate) async fn recover(&self) -> Result<Recovered> {
         self.write(recover, ()).await
     }
+
+    /// Claims the next queued run, or a piece of a study. A claim costs so little that more would save nothing.
+    pub(crate) async fn claim(&self, _most: usize) -> Result<Vec<Claimed>> {
+        Ok(self.write(claim, ()).await?.into_iter().collect())
+    }
 }
 
-pub(crate) async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claimed>> {
+async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claimed>> {
     let Some((run, owner)) = tx.queue.next() else { return Ok(None) };
     let claimed = if tx.queue.is_study(run) {
         chunks::claim(run, tx).await?

@@ -1,0 +1,151 @@
+//! Whose turn it is: the owners with work, and where the queue of each owner begins.
+//!
+//! The queue is an index of the jobs. A claim reads it from its beginning. While a transaction with an old snapshot is
+//! open, such as a backup, PostgreSQL removes no dead entries, and all of them are at this beginning. If there are
+//! many, this server remembers the owners and the places of its last claims, and begins there. It still reads from the
+//! beginning now and then, because it finds new owners and runs that were queued again only so.
+
+use std::collections::HashMap;
+use std::time::{Duration, Instant};
+
+use parking_lot::Mutex;
+
+use crate::error::Result;
+use crate::row::Columns;
+use crate::statement::Statement;
+use crate::tables::Tables;
+use fretwork_job::ENGINE;
+
+/// The owners with work for a worker of the `numerics` version $1, with the numbers of their running parts. The owner
+/// with the oldest job comes first. The query jumps from owner to owner in the index `job_claimable`, so the length of
+/// the queue does not matter.
+const OWNERS: &str = "
+    WITH RECURSIVE waiting AS (
+        (SELECT owner FROM job WHERE claimable = $1 ORDER BY owner LIMIT 1)
+        UNION ALL
+        SELECT (SELECT owner FROM job WHERE claimable = $1 AND owner > waiting.owner ORDER BY owner LIMIT 1)
+        FROM waiting WHERE owner IS NOT NULL
+    )
+    SELECT owner, (SELECT count(*) FROM lease WHERE lease.owner = waiting.owner) AS running
+    FROM waiting WHERE owner IS NOT NULL
+    ORDER BY (SELECT id FROM job WHERE claimable = $1 AND job.owner = waiting.owner
+        ORDER BY priority, study, id LIMIT 1)";
+
+/// Jobs have the priorities from 0 to 7.
+const PRIORITIES: usize = 8;
+/// With fewer dead rows, each claim reads the queue from its beginning.
+const FEW: u64 = 10_000;
+/// After the queue was read from its beginning, it is read from remembered places for this multiple of the time that
+/// this has taken: while a claim finds runs, and if it finds none.
+const REST: (u32, u32) = (20, 4);
+/// Maximum time for which a new owner or a released run may be missed.
+const MAX_REST: Duration = Duration::from_secs(10);
+/// Maximum number of owners whose last turns are remembered.
+const REMEMBERED: usize = 1000;
+
+/// An owner with work.
+#[derive(Debug, Clone)]
+pub(super) struct Waiting {
+    pub(super) owner: String,
+    /// The number of running parts.
+    pub(super) running: u64,
+    /// The number of the last turn. A larger number is a later turn.
+    turn: u64,
+    /// For each priority, the id of a job before which no whole run of the owner waits.
+    pub(super) places: [Vec<u8>; PRIORITIES],
+    /// Whether no more parts were found during this claim.
+    pub(super) is_done: bool,
+}
+
+/// The owners with work. Among owners with equally many running parts and equal turns, the first one comes first.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Turns {
+    pub(super) owners: Vec<Waiting>,
+    last: u64,
+    /// The time that the search from the beginning of the queue has taken; `None` if the owners were remembered.
+    took: Option<Duration>,
+}
+
+impl Turns {
+    /// Distributes up to `count` parts. Each goes to the owner with the fewest running parts; among equals, to the one
+    /// whose last turn was longest ago. Returns the places of owners in the list, and their numbers of parts.
+    pub(super) fn shares(&mut self, count: usize) -> Vec<(usize, usize)> {
+        let mut shares: Vec<(usize, usize)> = Vec::new();
+        for _ in 0..count {
+            let share = |place| {
+                shares.iter().find(|(other, _)| *other == place).map_or(0, |(_, share)| *share)
+            };
+            let waiting = self.owners.iter().enumerate().filter(|(_, waiting)| !waiting.is_done);
+            let next =
+                waiting.min_by_key(|(place, of)| (of.running + share(*place) as u64, of.turn));
+            let Some((next, _)) = next else { break };
+            self.last += 1;
+            self.owners[next].turn = self.last;
+            match shares.iter_mut().find(|(place, _)| *place == next) {
+                Some((_, share)) => *share += 1,
+                None => shares.push((next, 1)),
+            }
+        }
+        shares
+    }
+}
+
+/// What this server remembers of the queue.
+#[derive(Debug, Default)]
+pub(super) struct Queue(Mutex<Memory>);
+
+#[derive(Debug, Default)]
+struct Memory {
+    turns: Turns,
+    /// The last turn of each owner. Servers do not share their turns, but they share the numbers of running parts.
+    served: HashMap<String, u64>,
+    /// When the queue was last read from its beginning.
+    read: Option<Instant>,
+    /// The time that this has taken.
+    took: Duration,
+}
+
+impl Queue {
+    /// The remembered owners and places; `None` if the queue must be read from its beginning. `dead` is the number of
+    /// dead rows. `has_failed` says whether nothing was found at the remembered places.
+    pub(super) fn remembered(&self, dead: u64, has_failed: bool) -> Option<Turns> {
+        let memory = self.0.lock();
+        let rest = memory.took * if has_failed { REST.1 } else { REST.0 };
+        let rests = dead > FEW && memory.read?.elapsed() < rest.min(MAX_REST);
+        rests.then(|| memory.turns.clone())
+    }
+
+    /// Reads the owners with work.
+    pub(super) async fn read(&self, db: &mut impl Tables) -> Result<Turns> {
+        let begun = Instant::now();
+        let rows = db.rows(Statement::of(OWNERS).with(ENGINE.numerics)).await?;
+        let memory = self.0.lock();
+        let last = memory.turns.last;
+        let mut owners = Vec::new();
+        for row in rows {
+            let owner: String = row.get("owner")?;
+            let turn = memory.served.get(&owner).copied().unwrap_or(last.saturating_sub(1));
+            let (running, places) = (row.get("running")?, Default::default());
+            owners.push(Waiting { owner, running, turn, places, is_done: false });
+        }
+        Ok(Turns { owners, last, took: Some(begun.elapsed()) })
+    }
+
+    /// Remembers the turns and places after a claim.
+    pub(super) fn remember(&self, mut turns: Turns) {
+        let mut memory = self.0.lock();
+        if let Some(took) = turns.took.take() {
+            (memory.read, memory.took) = (Some(Instant::now()), took);
+        }
+        turns.last = turns.last.max(memory.turns.last);
+        for waiting in &mut turns.owners {
+            waiting.is_done = false;
+            memory.served.insert(waiting.owner.clone(), waiting.turn);
+        }
+        if memory.served.len() > REMEMBERED {
+            let oldest = turns.last.saturating_sub(REMEMBERED as u64 / 2);
+            memory.served.retain(|_, turn| *turn > oldest);
+        }
+        memory.turns = turns;
+    }
+}
