@@ -45,7 +45,11 @@ const MISTAKES: [(&str, &str, &str); 24] = [
         "10 N",
         "\"N\" is the unit of a force, but a length is needed. Accepted units: m, cm, mm",
     ),
-    (SPHERE, TRACE, "Remove the rows with negative radii, or post the whole trace as CSV"),
+    (
+        SPHERE,
+        TRACE,
+        "post the whole trace as CSV (30 rows or more, with a header such as radius [mm],height [um]) to",
+    ),
 ];
 
 #[test]

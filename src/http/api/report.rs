@@ -92,5 +92,7 @@ async fn about(app: &App, caller: &Caller, key: &Key, job: Option<JobId>) -> Res
         computed: known.as_ref().and_then(|known| known.computed).map(instant),
         version: program.map(|program| program.version.clone()),
         warnings: own.or(computing).unwrap_or(Value::Null),
+        // The server does not keep measured numbers.
+        measured: Vec::new(),
     })
 }

@@ -84,8 +84,19 @@ export async function askDelete(entries) {
 
 const csv = async (words) => (await send(`/v1/results?${words}&format=csv&comments=none`, { headers: { Accept: "*/*" } })).text();
 
+/** Entries in an order of the search, such as `-created`. Entries without the number are last. */
+function sorted(entries, sort) {
+  const name = sort.replace("-", "");
+  const valueOf = ({ values, [name]: own = values[name] }) => own;
+  const [known, others] = [true, false].map((isKnown) => entries.filter((entry) => (valueOf(entry) != null) === isKnown));
+  known.sort((a, b) => (valueOf(a) < valueOf(b) ? -1 : valueOf(a) > valueOf(b) ? 1 : 0));
+  return [...(sort === name ? known : known.reverse()), ...others];
+}
+
 /** Saves the selected results as CSV, or all results of a search, in the order of the search. */
-export async function saveTable(entries, asked) {
+export async function saveTable(selected, asked) {
+  // The server sorts the results of one request.
+  const entries = sorted(selected, asked.get("sort"));
   const texts = [];
   for (let at = 0; at < Math.max(entries.length, 1); at += KEYS) {
     const keys = entries.slice(at, at + KEYS).map(({ key }) => key);

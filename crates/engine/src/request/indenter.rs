@@ -297,8 +297,8 @@ impl TableProfile {
         let (radius, height) = (&self.radius.0, &self.height.0);
         if radius[0] < 0.0 {
             let detail = "must be 0: a table lists one side of the profile, from the axis outwards. Remove the rows \
-                          with negative radii, or post the whole trace as CSV to \
-                          /v1/measurements?prepare=trace, which makes the table";
+                          with negative radii, or post the whole trace as CSV (30 rows or more, with a header such as \
+                          radius [mm],height [um]) to /v1/measurements?prepare=trace, which makes the table";
             fault("radius", 0, detail);
             // The first height is not that on the axis, so more faults would mislead.
             return faults.or(self).map_err(Faults::capped);
