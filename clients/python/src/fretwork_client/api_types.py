@@ -1099,6 +1099,12 @@ class Sliding(TypedDict):
 
 SlopeAngle: TypeAlias = "float | str"
 
+class SmoothHistories(TypedDict):
+    """The histories of a run at more output cycles, in SI. Both are null if the stored points are the best there are."""
+
+    history: "NotRequired[Columns | None]"
+    simplified: "NotRequired[Columns | None]"
+
 SoFar: TypeAlias = "RunSoFar | StudySoFar"
 
 Spacing: TypeAlias = "Literal['linear', 'log']"

@@ -8,7 +8,7 @@ mod entry;
 mod html;
 mod inputs;
 mod run;
-mod smooth;
+pub mod smooth;
 mod study;
 
 use crate::document::Document;
