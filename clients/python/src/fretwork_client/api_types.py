@@ -625,11 +625,13 @@ class JobEvent(TypedDict):
     data: "str"
 
 class JobList(TypedDict):
-    """A page of jobs, the newest first."""
+    """A page of jobs."""
 
     jobs: "list[Job]"
     next: "NotRequired[str | None]"
     total: "NotRequired[int | None]"
+
+JobOrder: TypeAlias = "Literal['-created', 'created']"
 
 JobState: TypeAlias = "Literal['queued', 'running', 'canceling', 'succeeded', 'failed', 'canceled']"
 
