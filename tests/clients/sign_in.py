@@ -268,6 +268,7 @@ def shared(browser, own):
     expect(guest.locator("nav")).to_be_hidden()
     browser.check_view(guest, "shared")
     guest.get_by_role("link", name="Edit and run again").click()
+    assert guest.locator(".vary").count() == 0
     expect(guest.locator("#limited")).to_contain_text("To compute and keep a run with them, sign in with an access key.")
     expect(guest.locator("#label")).to_have_value("Shown to a guest")
     guest.fill("#friction", "0.5")
