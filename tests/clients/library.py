@@ -88,7 +88,7 @@ def columns(page):
     expect(page.get_by_role("columnheader", name="Scar radius")).to_have_count(0)
     page.click("summary:has-text('Columns')")
     page.get_by_label("Scar radius").check()
-    page.get_by_role("checkbox", name="Computed").uncheck()
+    page.get_by_role("checkbox", name="Computed", exact=True).uncheck()
     page.keyboard.press("Escape")
     for visit in ("first", "second"):
         expect(page.get_by_role("columnheader", name="Scar radius")).to_have_count(1)
