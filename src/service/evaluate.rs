@@ -6,11 +6,12 @@ use super::Service;
 use super::places::{INLINE, INLINE_BYTES, MAX_WAIT, Unfinished};
 use super::turns::turns;
 use fretwork_job::{Answer, Prepared, Step};
-pub use fretwork_study::LONGEST_EVALUATION;
-use fretwork_study::{Evaluated, Evaluation};
+use fretwork_study::{self as study, Evaluated, Evaluation};
 
 /// Largest answer of an evaluation, in bytes. Writing such an answer takes some milliseconds.
 pub const LARGEST_EVALUATION: usize = 2_000_000;
+/// Longest estimated time of an evaluation.
+pub const LONGEST_EVALUATION: Duration = Duration::from_millis(study::LONGEST_EVALUATION);
 /// Maximum processor time of an evaluation. If it takes longer, its estimate was grossly wrong.
 const MAX_EVALUATION: Duration = Duration::from_millis(400);
 

@@ -147,7 +147,7 @@ async fn a_submitter_finds_the_results_that_others_computed(on: Engine) {
     assert_eq!(submitted("bob", Some("bob")).await, [1]);
     assert_eq!(submitted("bob", None).await, [1], "an administrator sees all jobs");
     assert_eq!(submitted("ada", Some("bob")).await, [2, 1], "who computed a result is no secret");
-    assert_eq!(submitted("bob", Some("ada")).await, []);
+    assert!(submitted("bob", Some("ada")).await.is_empty());
 }
 
 /// The text of an answer, which may be chunked.

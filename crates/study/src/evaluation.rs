@@ -1,7 +1,5 @@
 //! An evaluation: a run that is computed for some outputs. Its result is not stored.
 
-use std::time::Duration;
-
 use deserr::{Deserr, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
 use fretwork_engine::outcome::{Accuracy, History, Loops, OutcomeEvent, Profiles, QUANTITIES};
@@ -15,8 +13,8 @@ use super::output::{NoValue, Output, OutputName};
 use super::run::Run;
 use fretwork_json::{self as json, BadBody, Distinct, both, typed};
 
-/// Longest estimated time of an evaluation.
-pub const LONGEST_EVALUATION: Duration = Duration::from_millis(150);
+/// Longest estimated time of an evaluation, in milliseconds.
+pub const LONGEST_EVALUATION: u64 = 150;
 /// Maximum number of outputs of an evaluation.
 const MAX_OUTPUTS: usize = 100;
 /// Estimated bytes of an output in the answer: its name, value and unit, and perhaps the reason why it has no value.

@@ -69,7 +69,7 @@ impl Denser {
         scenario["cycles"] = between.chain([last]).collect();
         scenario["profiles_at"] = json!("none");
         let run = Prepared::read(TaskKind::Run, scenario).ok();
-        let longest = LONGEST_EVALUATION.as_secs_f64();
+        let longest = LONGEST_EVALUATION as f64 / 1e3;
         let run = run.filter(|own| is_same && own.seconds <= longest);
         let volume = last_volume(document)?;
         Ok(run.map(|run| Self { run, volume }))
