@@ -9,7 +9,7 @@ mod html;
 mod inputs;
 mod measured;
 mod run;
-mod smooth;
+pub mod smooth;
 mod study;
 
 use crate::document::Document;
