@@ -266,14 +266,15 @@ def distribution(page, base):
         "scales.indentation_depth": lambda z: depth["outputs"]["scales.indentation_depth"] * (1 + 0.05 * z) ** (2 / 3)}
     for output, quantile in known.items():
         page.select_option("#statistics-output", output)
-        for name, share in (("percentile_5", 0.05), ("percentile_25", 0.25), ("median", 0.5), ("percentile_75", 0.75), ("percentile_95", 0.95)):
+        for name, share in (("percentile_5", 0.05), ("percentile_25", 0.25), ("median", 0.5), ("percentile_75", 0.75), ("percentile_95", 0.95),
+                ("percentile_97_5", 0.975)):
             # Four standard errors of the share of the points below a percentile.
             error = 4 * math.sqrt(share * (1 - share) / count)
             low, high = (quantile(normal.inv_cdf(share + sign * error)) for sign in (-1, 1))
             shown = value(page.locator(f"[data-statistic={name}]").inner_text())
             assert low < shown < high, (output, name, low, shown, high)
-        expect(page.locator("#ninety")).to_contain_text("90\u00a0% of the points of the sample lie between")
-        expect(page.locator("#certainty")).to_contain_text("points, the lower end is known to lie between")
+        expect(page.locator("#ninety")).to_contain_text(re.compile("90\u00a0% of the points of the sample lie between .* and .*, and 95\u00a0% between .* and"))
+        expect(page.locator("#certainty")).to_contain_text("points, the lower end of the 90\u00a0% is known to lie between")
     # The bars of the histogram contain all points.
     bars = page.locator("section[aria-label=Distribution] [role=slider]")
     bars.focus()

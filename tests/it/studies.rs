@@ -475,11 +475,13 @@ async fn the_statistics_of_a_random_sample_are_those_of_a_known_distribution() {
     let deviation = 0.1 * middle;
     // A percentile at share p, z deviations from the mean, has the standard error √(p (1 − p) / n) / density(z).
     for (name, share, z) in [
+        ("percentile_2_5", 0.025, -1.959_964),
         ("percentile_5", 0.05, -1.644_854),
         ("percentile_25", 0.25, -0.674_490),
         ("median", 0.5, 0.0),
         ("percentile_75", 0.75, 0.674_490),
         ("percentile_95", 0.95, 1.644_854),
+        ("percentile_97_5", 0.975, 1.959_964),
     ] {
         let density = f64::exp(-0.5 * z * z) / (2.0 * std::f64::consts::PI).sqrt();
         let error = deviation * f64::sqrt(share * (1.0 - share) / count) / density;

@@ -59,6 +59,15 @@ impl Notation {
         let (unit, factor) = self.scale(si, value);
         with_unit(&digits(value * factor, count), &unit)
     }
+
+    /// Numbers in one unit, such as both ends of an interval: `0.997 to 1.08 mm³`.
+    pub fn range(self, values: &[f64], si: &str, count: u8) -> String {
+        let (unit, factor) =
+            self.scale(si, values.iter().fold(0.0, |most, value| value.abs().max(most)));
+        let texts: Vec<_> = values.iter().map(|value| digits(value * factor, count)).collect();
+        let text = if texts.iter().all(|text| text == "–") { "–" } else { &texts.join(" to ") };
+        with_unit(text, &unit)
+    }
 }
 
 /// A unit in print, such as `µm` for `um`.

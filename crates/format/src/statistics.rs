@@ -9,22 +9,28 @@ use fretwork_job::TaskKind;
 use fretwork_study::stats::summary::Summary;
 
 /// The percentiles, with the names of their columns.
-const PERCENTILES: [(&str, f64); 7] = [
+const PERCENTILES: [(&str, f64); 9] = [
     ("minimum", 0.0),
+    ("percentile_2_5", 0.025),
     ("percentile_5", 0.05),
     ("percentile_25", 0.25),
     ("median", 0.5),
     ("percentile_75", 0.75),
     ("percentile_95", 0.95),
+    ("percentile_97_5", 0.975),
     ("maximum", 1.0),
 ];
 
 /// The ends of the intervals that contain the outer percentiles of the distribution with a confidence of 95 %.
-const INTERVALS: [(&str, f64, usize); 4] = [
+const INTERVALS: [(&str, f64, usize); 8] = [
+    ("percentile_2_5_low", 0.025, 0),
+    ("percentile_2_5_high", 0.025, 1),
     ("percentile_5_low", 0.05, 0),
     ("percentile_5_high", 0.05, 1),
     ("percentile_95_low", 0.95, 0),
     ("percentile_95_high", 0.95, 1),
+    ("percentile_97_5_low", 0.975, 0),
+    ("percentile_97_5_high", 0.975, 1),
 ];
 
 /// An output: its name, its unit, its values in SI, and how a statistic of them is written.

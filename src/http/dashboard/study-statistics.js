@@ -9,10 +9,11 @@ import { Chart } from "./study-chart.js";
 import { cycles } from "./units.js";
 
 /** The statistics of the API, with their words. */
-const STATISTICS = [["mean", "Mean"], ["standard_deviation", "Standard deviation"], ["minimum", "Least"], ["percentile_5", "5\u00a0%"],
-  ["percentile_25", "25\u00a0%"], ["median", "Median"], ["percentile_75", "75\u00a0%"], ["percentile_95", "95\u00a0%"], ["maximum", "Largest"]];
+const STATISTICS = [["mean", "Mean"], ["standard_deviation", "Standard deviation"], ["minimum", "Least"],
+  ["percentile_2_5", "2.5th percentile"], ["percentile_5", "5th percentile"], ["percentile_25", "25th percentile"], ["median", "Median"],
+  ["percentile_75", "75th percentile"], ["percentile_95", "95th percentile"], ["percentile_97_5", "97.5th percentile"], ["maximum", "Largest"]];
 /** The statistics beside the histogram. */
-const TILES = ["mean", "standard_deviation", "percentile_5", "percentile_25", "median", "percentile_75", "percentile_95"];
+const TILES = STATISTICS.map(([name]) => name).filter((name) => name !== "minimum" && name !== "maximum");
 const MARKS = { percentile_5: "5\u00a0%", median: "median", percentile_95: "95\u00a0%" };
 
 /** The rows of a table of columns that belong to an output. */
@@ -43,11 +44,12 @@ export async function statisticsOf(view, address, words, { isSample, signal }) {
     const shown = (name, count = 4) => quantity(value(name), unit, count);
     const count = value("points");
     const who = isSample ? "points of the sample" : "points";
-    headline.replaceChildren(...(count ? [`${view.title(output)}: 90\u00a0% of the ${who} lie between `, h("strong", {}, shown("percentile_5")), " and ", h("strong", {}, shown("percentile_95")), "."]
+    headline.replaceChildren(...(count ? [`${view.title(output)}: 90\u00a0% of the ${who} lie between `, h("strong", {}, shown("percentile_5")), " and ", h("strong", {}, shown("percentile_95")),
+      ", and 95\u00a0% between ", h("strong", {}, shown("percentile_2_5")), " and ", h("strong", {}, shown("percentile_97_5")), "."]
       : ["No point has this output."]));
     const between = (name) => `${shown(`${name}_low`)} and ${shown(`${name}_high`)}`;
     certainty.textContent = !isSample || !count ? "" : value("percentile_5_low") == null ? `${cycles(count)} points are too few to say how well these ends are known. Take at least 128.`
-      : `With ${cycles(count)} points, the lower end is known to lie between ${between("percentile_5")}, and the upper end between ${between("percentile_95")} (95\u00a0% confidence).`;
+      : `With ${cycles(count)} points, the lower end of the 90\u00a0% is known to lie between ${between("percentile_5")}, and the upper end between ${between("percentile_95")} (95\u00a0% confidence).`;
     tiles.replaceChildren(...TILES.map((name) => h("div", {}, h("dt", {}, STATISTICS.find(([own]) => own === name)[1]), h("dd", { "data-statistic": name }, shown(name)))));
     chart.show(`${view.title(output)}: ${cycles(count)} points`, histogram(ofOutput(bins, output), { ...view.words(output), unit },
       Object.entries(MARKS).map(([name, word]) => ({ x: value(name), name: word })), count));

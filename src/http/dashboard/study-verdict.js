@@ -40,5 +40,6 @@ export function verdictsOf({ findings, outputs, units, words, title }) {
       small.length > 0 && `Without a visible effect: ${listOf(small.map(({ name }) => name))}.`,
       !isSure && "Which of them matters most is not certain: their intervals overlap."].filter(Boolean).join(" "));
   });
-  return h("section", { class: "card", "aria-label": "In words" }, h("h2", {}, "Which number matters"), h("ul", { id: "verdicts" }, items));
+  return h("section", { class: "card", "aria-label": "In words" }, h("h2", {}, "Which number matters"),
+    main !== "elasticity" && h("p", { class: "muted" }, "Each number varies within its range in this study. Wider ranges matter more."), h("ul", { id: "verdicts" }, items));
 }

@@ -10,7 +10,7 @@ use crate::figure;
 use crate::figure::in_unit;
 use crate::figure::words::{capital, member, output, whole};
 use crate::kind::Part;
-use crate::notation::{Notation, cycles};
+use crate::notation::{Notation, cycles, digits};
 use crate::statistics;
 use crate::table::{Cell, Table, Values};
 use crate::units::Units;
@@ -46,7 +46,8 @@ pub fn fill(
     entry.subtitle = format!("{of} · {points} points, {refused} refused, {incomplete} incomplete");
     entry.warnings.extend(entry::warnings(&[&si.value("notes")?]));
     if let Value::Array(parameters) = si.value("parameters")? {
-        entry.sections += &estimates(&parameters, scenario, entry.notation);
+        let law = law(&si.value("quality")?, &si.value("notes")?, parameters.len());
+        entry.sections += &estimates(&parameters, scenario, entry.notation, &law);
     }
     entry.figures = figure::all_of_study(drawn, kind, view)?;
     let written = Written { scenario, units: &si.head.units, notation: entry.notation };
@@ -87,8 +88,29 @@ fn histograms(document: &Document<'_>, view: &View, scenario: &Value) -> Result<
     Ok(groups.take(HISTOGRAMS).map(histogram).collect())
 }
 
+/// Whether the law describes the data of a fit. If it does not, the notes say so.
+fn law(quality: &Value, notes: &Value, parameters: usize) -> String {
+    let mut kinds = notes.as_array().into_iter().flatten().filter_map(|note| note["kind"].as_str());
+    if kinds.any(|kind| ["misfit", "lack_of_fit", "discrepancy"].contains(&kind)) {
+        return "The law does not hold for these data.".to_owned();
+    }
+    let number = |name: &str| quality[name].as_f64().unwrap_or(f64::NAN);
+    let freedom = (number("effective_points") - parameters as f64).floor();
+    if freedom < 1.0 {
+        return "The data cannot test the law: there are not more points than estimated numbers."
+            .to_owned();
+    }
+    if !quality["degrees_of_freedom"].is_null() {
+        return "The law describes these data. Their errors were estimated from the scatter around the curve.".to_owned();
+    }
+    let ratio = digits((number("sum_of_squares") / freedom).sqrt(), 2);
+    format!(
+        "The law describes these data: the residuals are {ratio} times as large as the errors of the measurements."
+    )
+}
+
 /// The estimates of a fit with their standard errors and intervals.
-fn estimates(parameters: &[Value], scenario: &Value, notation: Notation) -> String {
+fn estimates(parameters: &[Value], scenario: &Value, notation: Notation, law: &str) -> String {
     let row = |parameter: &Value| {
         let pointer = parameter["pointer"].as_str().unwrap_or_default();
         let unit = parameter["unit"].as_str().unwrap_or("1");
@@ -96,7 +118,7 @@ fn estimates(parameters: &[Value], scenario: &Value, notation: Notation) -> Stri
             let number = value.as_f64().map(|value| notation.quantity(value, unit, count));
             number.unwrap_or_else(|| "unknown".to_owned())
         };
-        let ends = [0, 1].map(|end| number(&parameter["interval"][end], 3));
+        let ends = [0, 1].map(|end| parameter["interval"][end].as_f64().unwrap_or(f64::NAN));
         let only = parameter["for"].as_array().into_iter().flatten().filter_map(Value::as_str);
         let only = only.collect::<Vec<_>>().join(", ");
         let only = if only.is_empty() { only } else { format!(" ({only})") };
@@ -104,11 +126,12 @@ fn estimates(parameters: &[Value], scenario: &Value, notation: Notation) -> Stri
             whole(pointer, scenario) + &only,
             number(&parameter["estimate"], 4),
             number(&parameter["standard_error"], 2),
-            ends.join(" to "),
+            notation.range(&ends, unit, 3),
         ]
     };
     let head = ["Parameter", "Estimate", "Standard error", "Interval"];
-    html::section("Estimates", &html::table(&head, parameters.iter().map(row)))
+    let table = html::table(&head, parameters.iter().map(row));
+    html::section("Estimates", &format!("{table}<p>{}</p>", html::text(law)))
 }
 
 /// How tables of a study are written.
@@ -147,17 +170,21 @@ impl Written<'_> {
         let is_stated = is_stated && table.column("unit").is_some();
         let cell = |row| {
             let unit = if is_stated { stated_unit(table, name, row) } else { si };
-            let ends = column.iter().map(|(_, values)| match values.cell(row, 0) {
-                Cell::Text(text) => self.text(name, text),
-                Cell::Number(end) => {
-                    self.notation.quantity(end, unit, if name == "x" { 6 } else { 3 })
-                }
-            });
-            ends.collect::<Vec<_>>().join(" to ")
+            let count = if name == "x" { 6 } else { 3 };
+            let ends: Vec<_> = column.iter().map(|(_, values)| values.cell(row, 0)).collect();
+            let numbers: Vec<_> = ends
+                .iter()
+                .filter_map(|end| if let Cell::Number(end) = end { Some(*end) } else { None })
+                .collect();
+            match ends[..] {
+                [Cell::Text(text)] => self.text(name, text),
+                _ => self.notation.range(&numbers, unit, count),
+            }
         };
         let heading = match name.strip_suffix("_low") {
             Some(stem) if column.len() > 1 => format!("{} interval", heading(stem, self.scenario)),
             _ if name == "x" => "Measured at".to_owned(),
+            _ if name == "deviation" => "Error of the measurement".to_owned(),
             _ => heading(name, self.scenario),
         };
         [heading].into_iter().chain((0..rows).map(cell)).collect()
