@@ -23,11 +23,7 @@
 //!   processor cores, which runs the same prepared case repeatedly.
 //! - `umbridge`: `POST /Evaluate` for a wear depth in closed form, compared with UM-Bridge's own Python server and the
 //!   same rule in NumPy (`umbridge_peer.py`, with the Python packages of `tests/clients/install`).
-//! - `table`: the time to read a result from a table of a million results, compared with a table of a thousand, with
-//!   1 kB each and without the memory cache.
-//! - `library`: the time of a page of `GET /v1/results` with a hundred thousand results.
 //! - `memory`: the memory of the server while ten thousand jobs wait.
-//! - `disk`: the size of the database file with a thousand results.
 //! - `front`: `POST /v1/jobs` of new scenarios at a server without workers whose tables are in PostgreSQL, compared with a
 //!   route that inserts the same two rows in one transaction through sqlx, with as many connections.
 //! - `nodes`: two `fretwork worker` of one thread with one PostgreSQL, compared with one, on runs of seconds. Both and the
@@ -65,25 +61,19 @@ use axum::routing::{get, post};
 use axum::serve::ListenerExt as _;
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
-use fretwork_job::SCALARS;
 use fretwork_study::Evaluation;
 use serde_json::{Value, json};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
-use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _};
 use tempfile::TempDir;
 use tokio::net::TcpListener;
-use xxhash_rust::xxh3::xxh3_64;
 
-const MEASUREMENTS: [(&str, fn()); 12] = [
+const MEASUREMENTS: [(&str, fn()); 9] = [
     ("result", results),
     ("job", jobs),
     ("evaluate", evaluations),
     ("study", studies),
     ("umbridge", umbridge),
-    ("table", tables),
-    ("library", library),
     ("memory", memory),
-    ("disk", disk),
     ("front", shared::submissions),
     ("nodes", shared::nodes),
     ("queue", shared::queue),
@@ -99,9 +89,7 @@ const TURNS: usize = 7;
 const REQUESTS_PER_TURN: usize = 1_000_000;
 const WAIT: &str = "prefer: wait=10\r\n";
 const UNCACHED: &[&str] = &["--memory-cache", "0"];
-const LISTED: u32 = 100_000;
 const WAITING: usize = 10_000;
-const STORED: usize = 1000;
 
 fn main() -> ExitCode {
     // Cargo adds `--bench`.
@@ -263,57 +251,6 @@ fn body_scenario(body: &str) -> Value {
     serde_json::from_str::<Value>(body).expect("a body")["scenario"].take()
 }
 
-fn tables() {
-    // The number of marks is the number of digits in the number of a result.
-    let [few, many] = ["###", "######"].map(|marks| {
-        let dir = directory();
-        fill(dir.path(), 10_u64.pow(marks.len() as u32));
-        let key = format!("{marks:0>64}");
-        let server = Server::program(dir.path(), UNCACHED);
-        (server, dir, request(&format!("GET /v1/results/{key}"), "", ""))
-    });
-    let [few, many] = [&few, &many].map(|(server, _, get)| Load::new(server, get.clone()));
-    let Compared { ratio, rates, costs } = compare(few, many);
-    println!(
-        "the time of a result out of a million / out of a thousand = {ratio:.2}   (at most 1.3)   \
-         [by processor time {:.2}; {:.0} and {:.0} per second]",
-        costs[1] / costs[0],
-        rates[1],
-        rates[0]
-    );
-}
-
-fn library() {
-    println!("the time of a page out of {LISTED} results   (at most 300 ms)");
-    let dir = directory();
-    list(dir.path(), LISTED);
-    let server = Server::program(dir.path(), &[]);
-    let mut client = server.connect();
-    for query in [
-        "",
-        "sort=-wear_volume",
-        "sort=-slope_angle&shape=cone",
-        "evicted=true",
-        "note=rig",
-        "owner=nobody",
-        "friction=0.4..0.6&sort=wear_depth",
-        "friction=0.2..0.8&wear_depth=0.2..0.8&normal_force=..0.5",
-        "friction=2..",
-        "friction=0.2..0.3&shape=table",
-    ] {
-        let page = request(&format!("GET /v1/results?{query}"), "", "");
-        let mut times = Vec::new();
-        let mut found = 0;
-        for _ in 0..5 {
-            let start = Instant::now();
-            found = client.json(200, &page)["results"].as_array().expect("a page").len();
-            times.push(start.elapsed());
-        }
-        times.sort_unstable();
-        println!("  {found} of {query:?}: {:.1?}", times[2]);
-    }
-}
-
 fn memory() {
     let dir = directory();
     let server = Server::program(dir.path(), &["--workers", "1"]);
@@ -339,26 +276,6 @@ fn memory() {
     let first = client.json(200, &request(&format!("GET {first}"), "", ""));
     assert_eq!(first["state"], "queued", "the long runs ended");
     println!("{WAITING} jobs wait in {full:.0} MB   (below 150)   [{before:.0} MB before]");
-}
-
-fn disk() {
-    let dir = directory();
-    let server = Server::program(dir.path(), &[]);
-    let mut client = server.connect();
-    let mut json = 0;
-    for i in 0..STORED {
-        let job = client.json(200, &submission(WAIT, &ball("all", &format!("{i:08}"))));
-        let result = job["links"]["result"].as_str().expect("a link");
-        json += client.ask(200, &request(&format!("GET {result}"), "", "")).len();
-    }
-    server.stop();
-    let file = fs::metadata(dir.path().join("fretwork.db")).expect("a database").len();
-    println!(
-        "each of {STORED} results takes {:.1} kB of the database file   (at most 65)   \
-         [{:.1} kB of JSON]",
-        file as f64 / STORED as f64 / 1e3,
-        json as f64 / STORED as f64 / 1e3
-    );
 }
 
 /// A job: the steel ball with profiles at these cycles and these digits in its amplitude.
@@ -619,13 +536,6 @@ impl Server {
         Client(BufReader::new(stream))
     }
 
-    /// Stops the program with SIGTERM, so that it completes its work.
-    fn stop(mut self) {
-        let id = self.process.0.id().to_string();
-        assert!(Command::new("kill").args(["-TERM", &id]).status().expect("kill").success());
-        assert!(self.process.0.wait().expect("the server").success());
-    }
-
     /// The processor time of the server, in ms.
     fn used(&self) -> f64 {
         used(self.process.0.id())
@@ -692,56 +602,4 @@ async fn listen(router: Router) {
         let _ = connection.set_nodelay(true);
     });
     axum::serve(listener, router).await.expect("to serve");
-}
-
-/// Writes this number of results of 1 kB to the tables of a new server. Their keys are the numbers from 0, in decimal
-/// digits.
-fn fill(dir: &Path, rows: u64) {
-    let summary = json!({"regime": "partial_slip", "wear_depth": 1.048_713_745_566e-6});
-    let checksum = xxh3_64(&[0; 1000]).cast_signed();
-    write(
-        dir,
-        &format!(
-            "WITH RECURSIVE n (i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i + 1 < {rows})
-             INSERT INTO result (key, summary, digest, size, created, checksum)
-             SELECT unhex(format('%064d', i)), '{summary}', zeroblob(32), 1000, 0, {checksum} FROM n;
-             INSERT INTO result_blob (key, body) SELECT key, zeroblob(1000) FROM result"
-        ),
-    );
-}
-
-/// Writes this number of library entries without results to the tables of a new server. Their numbers are between 0
-/// and 1, and every second one is a cone.
-fn list(dir: &Path, rows: u32) {
-    let names: Vec<&str> = SCALARS.iter().map(|scalar| scalar.name).collect();
-    let (names, values) =
-        (names.join(", "), vec!["abs(random() / 9.3e18)"; names.len()].join(", "));
-    write(
-        dir,
-        &format!(
-            "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {rows})
-             INSERT INTO result (key, summary, digest, size, created)
-             SELECT randomblob(32), '{{}}', zeroblob(32), 60000, 1700000000000 + i FROM n;
-             INSERT INTO result_task (key, task) SELECT key, '{{}}' FROM result ORDER BY created;
-             INSERT INTO outline
-                 (id, created, size, present, shape, method, regime, held, motion, {names})
-             SELECT id, created, size, 1, iif(id % 2, 'cone', 'sphere'), 'exact', 'partial_slip',
-                 'depth', 'amplitude', {values}
-             FROM result_task JOIN result USING (key)"
-        ),
-    );
-}
-
-/// Lets a server create its tables, stops it, and executes this SQL in its database.
-#[tokio::main(flavor = "current_thread")]
-async fn write(dir: &Path, sql: &str) {
-    drop(Server::program(dir, &[]));
-    let options = SqliteConnectOptions::new()
-        .filename(dir.join("fretwork.db"))
-        .journal_mode(SqliteJournalMode::Off)
-        .foreign_keys(false)
-        .disable_statement_logging();
-    let mut db = options.connect().await.expect("a database");
-    sqlx::raw_sql(AssertSqlSafe(sql.to_owned())).execute(&mut db).await.expect("rows");
-    db.close().await.expect("the database closed");
 }

@@ -1,19 +1,20 @@
 //! Sends requests to a server.
 
 use std::fs;
-use std::io::{self, Write as _};
+use std::net::IpAddr;
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use rustls::{Error as TlsError, InvalidMessage};
 use serde_json::Value;
-use ureq::http::Request;
 use ureq::http::request::Builder;
+use ureq::http::{Request, Uri};
 use ureq::tls::{RootCerts, TlsConfig};
 use ureq::{Agent, Error as Failure};
 use uuid::Uuid;
 
 use super::listening::reachable;
-use super::printing::Error;
+use super::printing::{Error, say};
 use crate::config::Remote;
 
 /// Maximum time to connect, and to wait for an answer that needs no computation.
@@ -22,6 +23,8 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 const RETRIES: u32 = 5;
 /// Longest pause before a request is sent again, in seconds. The user decides about a longer one.
 const LONGEST_PAUSE: u64 = 60;
+/// How long a command waits for a server that has stopped answering, because a restart takes less.
+const RESTART: Duration = Duration::from_mins(2);
 /// Largest answer in bytes. The largest result is smaller.
 const LARGEST: u64 = 1 << 30;
 
@@ -48,7 +51,7 @@ impl Client {
         if !base.starts_with("http://") && !base.starts_with("https://") {
             let better = base.trim_end_matches("/v1");
             return Err(format!(
-                "{base} must begin with http:// or https://, such as http://{better}"
+                "{base} must begin with http:// or https://: enter http://{better}"
             )
             .into());
         }
@@ -62,6 +65,13 @@ impl Client {
             }
             (key, _) => key.as_ref().map(|key| key.0.clone()),
         };
+        if key.is_some() && settings.url.is_some() && !is_private(&base) {
+            return Err(format!(
+                "{base} would get the access key unencrypted. Enter an address that begins with https://, or use an SSH \
+                 tunnel"
+            )
+            .into());
+        }
         // An earlier call has installed the same provider.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let tls = TlsConfig::builder().root_certs(RootCerts::PlatformVerifier).build();
@@ -113,8 +123,8 @@ impl Client {
         Ok(Reply { status, body, retry_after })
     }
 
-    /// Sends a request, and sends it again while the server is busy. Returns an answer of success. All requests may arrive
-    /// twice: their key makes two submissions one job, and what is canceled twice is canceled.
+    /// Sends a request, and sends it again while the server is busy or restarts. Returns an answer of success. All requests
+    /// may arrive twice: their key makes two submissions one job, and what is canceled twice is canceled.
     pub fn call(
         &self,
         method: &str,
@@ -122,20 +132,34 @@ impl Client {
         body: Option<&[u8]>,
     ) -> Result<Result<Reply, Refusal>, Error> {
         let once = Uuid::now_v7().to_string();
-        for attempt in 0.. {
+        let (mut attempt, mut lost) = (0, None);
+        loop {
             let request = self.request(method, path).header("idempotency-key", &once);
-            let reply = self.send(request, body, Duration::from_mins(2))?;
+            let reply = match self.send(request, body, Duration::from_mins(2)) {
+                // A proxy answers while its server restarts.
+                Ok(reply) if !matches!(reply.status, 502 | 504) => reply,
+                reply => {
+                    if lost.is_none() {
+                        say(&format!("lost {}; trying again for {RESTART:?}", self.base));
+                    }
+                    if lost.get_or_insert_with(Instant::now).elapsed() > RESTART {
+                        return reply.map(|reply| Err(Refusal::of(&reply)));
+                    }
+                    sleep(Duration::from_secs(1));
+                    continue;
+                }
+            };
             let pause = reply.retry_after.unwrap_or(1).max(1);
             match reply.status {
                 0..300 => return Ok(Ok(reply)),
                 429 | 503 if attempt < RETRIES && pause <= LONGEST_PAUSE => {
-                    writeln!(io::stderr(), "the server is busy; next attempt in {pause} s")?;
+                    say(&format!("the server is busy; next attempt in {pause} s"));
                     sleep(Duration::from_secs(pause));
+                    attempt += 1;
                 }
                 _ => return Ok(Err(Refusal::of(&reply))),
             }
         }
-        unreachable!("the loop returns")
     }
 
     /// The version of the server, if it is another one.
@@ -148,29 +172,36 @@ impl Client {
 
     fn failed(&self, error: &Failure, timeout: Duration) -> String {
         let base = &self.base;
-        match error {
+        let tls: Option<&TlsError> = match error {
+            Failure::Io(error) => error.get_ref().and_then(|cause| cause.downcast_ref()),
+            _ => None,
+        };
+        match (error, tls) {
             // The system accepts connections for a process that is stopped.
-            Failure::Timeout(_) => {
+            (Failure::Timeout(_), _) => {
                 format!("the server at {base} does not answer within {timeout:?}")
             }
-            Failure::Io(error) if error.to_string().contains("InvalidContentType") => format!(
+            (_, Some(TlsError::InvalidMessage(InvalidMessage::InvalidContentType))) => format!(
                 "the server at {base} does not speak TLS. Enter an address that begins with http://"
             ),
-            Failure::Io(error) if is_of_tls(error) => format!(
+            (_, Some(error)) => format!(
                 "{base} is not secure: {error}. Name the certificates of your own authority in SSL_CERT_FILE"
             ),
-            Failure::BadUri(_) | Failure::Http(_) => format!("{base} is not a URL: {error}"),
+            (Failure::BadUri(_) | Failure::Http(_), _) => format!("{base} is not a URL: {error}"),
             _ => format!(
-                "no server answers at {base}: {error}. Start `fretwork`, or enter the address of a running server in \
-                 the environment variable FRETWORK_URL"
+                "no server answers at {base}: {error}. Is it running? Enter the address of a running server in the \
+                 environment variable FRETWORK_URL"
             ),
         }
     }
 }
 
-/// Whether the certificate of a server is not trusted, or TLS failed otherwise.
-fn is_of_tls(error: &io::Error) -> bool {
-    matches!(error.get_ref(), Some(cause) if cause.is::<rustls::Error>())
+/// Whether nobody else can read what is sent to an address: it is encrypted, or stays on this machine.
+fn is_private(base: &str) -> bool {
+    let address = base.parse::<Uri>().ok();
+    let host = address.as_ref().and_then(Uri::host).unwrap_or_default().trim_matches(['[', ']']);
+    let is_loopback = host.parse::<IpAddr>().is_ok_and(|host| host.is_loopback());
+    base.starts_with("https://") || host == "localhost" || is_loopback
 }
 
 /// Why a server refused a request.

@@ -67,6 +67,13 @@ impl Drop for Progress {
     }
 }
 
+/// Says something while a command works, over the bar of the progress. An error is ignored, as that of the bar is.
+pub fn say(line: &str) {
+    let start = if io::stderr().is_terminal() { "\r" } else { "" };
+    let _ =
+        writeln!(io::stderr(), "{start}{line:<0$}", if start.is_empty() { 0 } else { WIDTH + 8 });
+}
+
 /// A number in SI with four digits, in a usual unit.
 pub fn shown(number: &Value, unit: &str) -> String {
     let (unit, factor) = match unit {

@@ -1,19 +1,31 @@
 //! The command `report`: writes the report of results in files.
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use super::printing::{Error, print};
 use super::run::{read, write_file};
 use crate::config::Report;
-use fretwork_format::report::{About, Entry, MOST, page};
+use fretwork_engine::outcome::Quantity;
+use fretwork_format::report::{About, Entry, MOST, Measured, page};
+use fretwork_measured::{Prepare, Wanted};
 
 /// Writes the report of one result, or a comparison of several runs.
 pub fn report(settings: &Report) -> Result<ExitCode, Error> {
     if settings.files.len() > MOST {
         return Err(format!("a report compares at most {MOST} runs").into());
     }
+    if settings.files.len() > 1 && !settings.measured.is_empty() {
+        return Err("--measured belongs to the report of one run".into());
+    }
+    let measured: Vec<_> =
+        settings.measured.iter().map(|file| read_measured(file)).collect::<Result<_, _>>()?;
     let entries = settings.files.iter().map(|file| {
-        let entry = Entry::read(&read(file)?, &About::default(), settings.units == "engineering");
+        // The names of the files distinguish the runs of a comparison.
+        let label = file.file_stem().filter(|_| settings.files.len() > 1);
+        let label = label.map(|name| name.to_string_lossy().into_owned());
+        let about = About { label, measured: measured.clone(), ..About::default() };
+        let entry = Entry::read(&read(file)?, &about, settings.units == "engineering");
         entry.map_err(|error| {
             let file = file.display();
             Error::from(format!(
@@ -27,4 +39,19 @@ pub fn report(settings: &Report) -> Result<ExitCode, Error> {
         None => print(html.as_bytes())?,
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The first two columns of numbers of a file.
+fn read_measured(file: &Path) -> Result<Measured, Error> {
+    let name = file.display().to_string();
+    let wanted = Wanted { x: None, y: None, prepare: Prepare::Points, level: true, centre: true };
+    let found = fretwork_measured::read(&read(file)?, &wanted);
+    let mut found = found.map_err(|faults| format!("{name}: {}", faults.0[0].detail))?;
+    let data = found.prepared["data"].take();
+    let own = serde_json::from_value(data).ok();
+    let own = own.filter(|own: &Measured| Quantity::named(&own.output).is_some());
+    let mut own =
+        own.ok_or_else(|| format!("{name} has no output of a run: {}", found.notes.join(" ")))?;
+    own.name = name;
+    Ok(own)
 }

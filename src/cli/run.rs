@@ -94,6 +94,7 @@ fn finish(
             computed: Some(clock::rfc3339(clock::now())),
             version: Some(env!("CARGO_PKG_VERSION").to_owned()),
             warnings: json!(job.prepared.warnings()),
+            ..About::default()
         };
         let page = report::page(&[Entry::read(&answer.body, &about, true)?])?;
         write_file(&inside(report, file, "html"), page.as_bytes())?;

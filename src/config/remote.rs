@@ -19,7 +19,8 @@ pub struct Remote {
     #[arg(long, env = "FRETWORK_LISTEN", hide = true, default_value = "127.0.0.1:8080",
         value_parser = resolve)]
     pub listen: SocketAddr,
-    /// An access key. Prefer the environment variable, because other users can see the command line.
+    /// An access key, which goes to the server of --url: to another machine only by https://. Prefer the environment variable,
+    /// because other users can see the command line.
     #[arg(long, env = "FRETWORK_KEY", hide_env_values = true)]
     pub key: Option<Secret>,
     /// A file with an access key, which applies without `--key`.

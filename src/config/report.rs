@@ -11,6 +11,10 @@ pub struct Report {
     /// - reads standard input.
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
+    /// A file of numbers that were measured in the test of the run, over cycles or dissipated energy, such as CSV; may be
+    /// repeated. The report compares the run with them.
+    #[arg(long, value_name = "FILE")]
+    pub measured: Vec<PathBuf>,
     /// Output file [default: standard output].
     #[arg(short = 'o', long = "output", value_name = "FILE.html")]
     pub file: Option<PathBuf>,

@@ -108,7 +108,7 @@ impl Output {
         found.ok_or_else(|| {
             let all = Format::ALL.map(|format| format!(".{}", format.name())).join(", ");
             format!(
-                "{}: the suffix names no format. End the name with one of {all}, or add --format csv",
+                "{}: the suffix names no format. End the name with one of {all}",
                 file.display()
             )
         })

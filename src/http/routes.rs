@@ -9,7 +9,7 @@ use utoipa_axum::routes;
 use super::access::needs::{Needs, RouteNeeds};
 use super::api::{
     audit, derivatives, diff, evaluate, events, jobs, keys, library, links, me, measurements,
-    report, results, scenarios, search, session, system, umbridge,
+    report, results, scenarios, search, session, smooth, system, umbridge,
 };
 use super::app::App;
 use super::dashboard::{docs, swagger};
@@ -41,6 +41,7 @@ impl Routes {
             .add(Needs::READ, routes!(results::whole))
             .add(Needs::ADMIN, routes!(library::delete))
             .add(Needs::READ, routes!(results::history))
+            .add(Needs::DERIVE, routes!(smooth::smooth))
             .add(Needs::READ, routes!(results::profiles))
             .add(Needs::READ, routes!(results::loops))
             .add(Needs::READ, routes!(results::table))

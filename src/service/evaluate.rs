@@ -5,12 +5,13 @@ use std::time::Duration;
 use super::Service;
 use super::places::{INLINE, INLINE_BYTES, MAX_WAIT, Unfinished};
 use super::turns::turns;
-use fretwork_study::{Evaluated, Evaluation};
+use fretwork_job::{Answer, Prepared, Step};
+use fretwork_study::{self as study, Evaluated, Evaluation};
 
 /// Largest answer of an evaluation, in bytes. Writing such an answer takes some milliseconds.
 pub const LARGEST_EVALUATION: usize = 2_000_000;
 /// Longest estimated time of an evaluation.
-pub const LONGEST_EVALUATION: Duration = Duration::from_millis(150);
+pub const LONGEST_EVALUATION: Duration = Duration::from_millis(study::LONGEST_EVALUATION);
 /// Maximum processor time of an evaluation. If it takes longer, its estimate was grossly wrong.
 const MAX_EVALUATION: Duration = Duration::from_millis(400);
 
@@ -40,17 +41,39 @@ impl Service {
     /// # Errors
     /// The run is too long, or the service has no place for it.
     pub async fn evaluate(&self, mut evaluation: Evaluation) -> Result<Evaluated, NotEvaluated> {
-        let seconds = evaluation.seconds();
+        let (seconds, bytes) = (evaluation.seconds(), evaluation.answer_bytes());
+        if bytes > LARGEST_EVALUATION {
+            return Err(NotEvaluated::TooLarge(bytes));
+        }
+        self.at_once(seconds, evaluation.body_bytes, move || evaluation.step()).await
+    }
+
+    /// As [`evaluate`](Self::evaluate), for all of a run.
+    ///
+    /// # Errors
+    /// The run is too long, or the service has no place for it.
+    pub async fn recompute(&self, run: &Prepared) -> Result<Answer, NotEvaluated> {
+        let mut work = run.start();
+        let step = move || match work.step() {
+            Step::Done(answer) => Some(answer),
+            Step::Working { .. } => None,
+        };
+        self.at_once(run.seconds, run.stored.len(), step).await
+    }
+
+    /// Calls `step` until it returns the outcome. `seconds` is the estimated time of the computation.
+    async fn at_once<T: Send + 'static>(
+        &self,
+        seconds: f64,
+        body_bytes: usize,
+        step: impl FnMut() -> Option<T> + Send + 'static,
+    ) -> Result<T, NotEvaluated> {
         let estimate = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
         if estimate > LONGEST_EVALUATION {
             return Err(NotEvaluated::TooLong(estimate));
         }
-        let (bytes, body_bytes) = (evaluation.answer_bytes(), evaluation.body_bytes);
-        if bytes > LARGEST_EVALUATION {
-            return Err(NotEvaluated::TooLarge(bytes));
-        }
         let inline = seconds < INLINE && body_bytes <= INLINE_BYTES;
-        let turn = turns(MAX_EVALUATION, move || evaluation.step());
+        let turn = turns(MAX_EVALUATION, step);
         match self.0.places.compute_in_turns(inline, MAX_WAIT, turn).await {
             Ok(evaluated) => evaluated.ok_or(NotEvaluated::Stopped),
             Err(Unfinished::NoPlace) => Err(NotEvaluated::Busy),

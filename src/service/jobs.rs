@@ -21,7 +21,7 @@ impl Service {
         Ok(job.filter(|job| reach.is_none_or(|owner| owner == job.owner)))
     }
 
-    /// Up to `limit` jobs within reach that match, newest first, after `cursor`.
+    /// Up to `limit` jobs within reach that match after `cursor`, in the order of the filter.
     ///
     /// # Errors
     /// The database fails.

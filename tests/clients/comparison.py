@@ -172,7 +172,7 @@ def share(browser, page, base, keys):
     assert guest.locator("#compared").inner_text() == page.locator("#compared").inner_text()
     assert guest.input_value("#choose-plot") == "wear" and letters(guest) == list("DABCE")
     expect(guest.get_by_role("button", name="Share link")).to_have_count(0)
-    assert sum("/v1/results/" in url and "link=" in url for url in sent) == 5 and not any("/v1/jobs" in url for url in sent), sent
+    assert sum("/v1/results/" in url and "link=" in url and "/smooth" not in url for url in sent) == 5 and not any("/v1/jobs" in url for url in sent), sent
     # Another baseline keeps each link with its key.
     guest.get_by_role("button", name="A: Less friction. Make it the baseline").click()
     guest.reload()
@@ -189,7 +189,7 @@ def limits(page, base, keys):
     assert letters(page) == list("ABCDEFGH")
     expect(page.locator("main > .warning")).to_contain_text("compares at most 8")
     lines = page.locator("#compared thead .sample").evaluate_all("marks => marks.map((mark) => mark.className)")
-    assert len({re.search(r"ink-\d", line)[0] for line in lines}) == 8, lines
+    assert len({re.search(r"ink-\d", line)[0] for line in lines}) == len({line.split()[2:][0] if line.split()[2:] else "" for line in lines}) == 8, lines
     other = submit(base, {"cycles": [500, 2000]}, "Others")
     page.goto(f"{base}/#/compare?keys={keys[0]},{'0' * 64},{other},..%2Fjobs,{keys[0]}")
     page.wait_for_selector("#compared")
@@ -198,6 +198,11 @@ def limits(page, base, keys):
     # Without a common cycle, each run is shown at its end, and the table says where this is.
     expect(page.locator("#at")).to_have_text("End of each run")
     expect(cell(page, "cycles", 1).locator(".number")).to_have_text("2\u202f000")
+    # ξ follows from the other inputs, so that it is an output.
+    rules = [submit(base, {"model": {"method": "simplified"}, "friction": friction}, f"Rule {friction}") for friction in (0.6, 0.8)]
+    page.goto(f"{base}/#/compare?keys={','.join(rules)}")
+    expect(page.locator("#compared tbody").first.locator("th[scope=row]")).to_have_text(["Friction coefficient μ"])
+    expect(page.locator("#compared tbody").last).to_contain_text("ξ")
     page.goto(f"{base}/#/compare?keys={'0' * 64}")
     expect(page.get_by_role("link", name="library", exact=True)).to_be_visible()
 

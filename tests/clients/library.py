@@ -26,7 +26,7 @@ def fill_shelf(base):
     for i in range(12):
         own = {**scenario, "motion": {"amplitude": f"{2 + i / 7:.3f} um"}, "friction": 0.71 + (5 * i % 12) / 1000}
         ask(base, "/v1/jobs", {"scenario": own, "label": f"Sample {i}, {'Zebra' if i == 7 else 'horse'}", "tags": [TAG]})
-    study = {"sweep": {"scenario": scenario, "vary": [{"pointer": "/friction", "values": [0.71, 0.72]}], "design": "grid", "outputs": ["wear_depth"]}}
+    study = {"sweep": {"scenario": scenario, "vary": [{"pointer": "/friction", "from": 0.71, "to": 0.72}], "design": "latin_hypercube", "samples": 4, "outputs": ["wear_depth"]}}
     ask(base, "/v1/jobs", {**study, "label": "Study of horses", "tags": [TAG]})
 
 
@@ -47,6 +47,18 @@ def search(page, base):
     expect(page.locator("h1")).to_have_text("Runs")
     expect(page.locator("nav [aria-current=page]")).to_have_text("Runs")
     expect(page.locator(".jobs tbody tr")).to_have_count(1)
+    # The CSV has the runs that are shown. A click on the heading turns the order.
+    page.fill("#find-runs", TAG)
+    expect(page.locator(".jobs tbody tr")).to_have_count(13)
+    shown = page.locator(".jobs tbody th a").all_inner_texts()
+    page.get_by_role("button", name="Submitted").click()
+    expect(page.locator(".jobs tbody th a")).to_have_text(shown[::-1])
+    rows = csv.DictReader(downloaded(page, page.get_by_role("button", name="CSV of all found").click).decode().splitlines())
+    assert [row["label"] for row in rows] == shown[::-1] and "sort=created" in page.url, page.url
+    page.select_option("#owner-filter", "me")
+    expect(page.locator(".jobs tbody tr")).to_have_count(13)
+    units = {text.split("\u00a0")[1] for text in page.locator(".jobs td:nth-child(5)").all_inner_texts() if "\u00a0" in text}
+    assert len(units) == 1, units
     page.get_by_role("link", name="Sample 7, Zebra").click()
     page.wait_for_selector("#headline dd")
 
@@ -76,7 +88,7 @@ def columns(page):
     expect(page.get_by_role("columnheader", name="Scar radius")).to_have_count(0)
     page.click("summary:has-text('Columns')")
     page.get_by_label("Scar radius").check()
-    page.get_by_role("checkbox", name="Computed").uncheck()
+    page.get_by_role("checkbox", name="Computed", exact=True).uncheck()
     page.keyboard.press("Escape")
     for visit in ("first", "second"):
         expect(page.get_by_role("columnheader", name="Scar radius")).to_have_count(1)
@@ -125,12 +137,14 @@ def rename(page, base):
     choose(page, "Sample 3, horse")
     page.get_by_role("button", name="Rename").click()
     expect(page.get_by_label("Label", exact=True)).to_have_value("Sample 3, horse")
+    expect(page.get_by_role("dialog")).to_contain_text("only you and administrators see labels and tags")
     page.get_by_label("Label", exact=True).fill("Okapi")
     page.keyboard.press("Enter")
     expect(page.locator("#status")).to_have_text("Renamed 1 result.")
     expect(names(page).filter(has_text="Okapi")).to_have_count(1)
     assert [entry["label"] for entry in listed(base, q="okapi shelf")] == ["Okapi"]
     # The study cannot be compared, but it can be tagged.
+    expect(page.locator(".entry", has_text="Study of horses")).to_contain_text("Random sample")
     choose(page, "Study of horses")
     expect(page.get_by_text("Compare runs only")).to_have_attribute("aria-disabled", "true")
     page.get_by_role("button", name="Tag").click()

@@ -283,6 +283,7 @@ def faults(browser):
     page.fill("#load-normal_force", "2 apples")
     expect(page.locator("#computing")).to_contain_text("last valid input: Normal force F = 2\u00a0N.")
     page.keyboard.press("Control+z")
+    settled(page)
     page.click("summary:has-text('as JSON')")
     page.fill("#json", '{\n  "friction": 0.6,\n  "wear" 3\n}')
     expect(page.locator("#json-fault")).to_contain_text(re.compile("line 3", re.I))

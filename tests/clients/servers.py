@@ -28,6 +28,7 @@ def first_plot(browser, data):
         page.goto(own.page)
         page.click("button.primary")
         page.wait_for_selector("#headline dd")
+        page.wait_for_selector("section[aria-label='Profiles'] .curve", state="attached")
         assert max(map(len, curves(page, "Profiles"))) > 500 and page.evaluate("window.clicks") == 1
         page.context.close()
 

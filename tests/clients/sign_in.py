@@ -16,7 +16,7 @@ import time
 
 from playwright.sync_api import expect
 
-from browser import FIREFOX, LONG, VIEWS, Server, ask, item, key_of, opened
+from browser import FIREFOX, LONG, VIEWS, Server, ask, curves, item, key_of, opened
 
 MASTER = "fretwork_" + "0123456789abcdef" * 3
 SECRET = "the-secret-of-the-proxy"
@@ -262,10 +262,13 @@ def shared(browser, own):
     expect(guest.locator("#result-label")).to_have_text("Shown to a guest")
     expect(guest.locator("#link-end")).to_contain_text(re.compile(r"^This link is valid until .*20\d\d"))
     assert guest.locator("#readout").inner_text() == page.locator("#readout").inner_text()
+    # The lines are as smooth as those of its maker.
+    assert curves(guest, "History") == curves(page, "History") and curves(guest, "History")[0].count("L") > 30
     assert not any(guest.get_by_role("button", name=name).count() for name in CONTROLS)
     expect(guest.locator("nav")).to_be_hidden()
     browser.check_view(guest, "shared")
     guest.get_by_role("link", name="Edit and run again").click()
+    assert guest.locator(".vary").count() == 0
     expect(guest.locator("#limited")).to_contain_text("To compute and keep a run with them, sign in with an access key.")
     expect(guest.locator("#label")).to_have_value("Shown to a guest")
     guest.fill("#friction", "0.5")

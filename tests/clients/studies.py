@@ -2,13 +2,14 @@
 the library.
 """
 
+import csv
 import math
 import re
 import statistics
 
 from playwright.sync_api import expect
 
-from browser import ask, close, column, item, key_of, near, readout, value
+from browser import ask, close, column, downloaded, item, key_of, near, readout, value
 
 ROWS = 200
 PARTS = {"figure": "section[aria-label=Figure]", "distribution": "section[aria-label=Distribution]"}
@@ -305,10 +306,12 @@ def canceled(page, base):
         if is_loaded_again:
             page.reload()
         expect(progress).to_contain_text(re.compile(f"at {third}"))
-        expect(page.get_by_text("This study was canceled. The points below")).to_be_visible()
+        expect(page.get_by_text(re.compile("This study was canceled. [0-9\u202f]+ of 12\u202f000 points were computed before."))).to_be_visible()
         expect(page.locator("#study tbody tr")).to_have_count(ROWS)
     found = ask(base, f"/v1/jobs/{job['id']}/so-far")
     assert 4000 <= found["counts"]["computed"] < 12000, found["counts"]
+    saved = list(csv.DictReader(downloaded(page, page.get_by_role("button", name="Points as CSV").click).decode().splitlines()))
+    assert [float(row["wear_volume[m^3]"]) for row in saved] == found["table"]["wear_volume"]
     shown = column(page, "Wear volume V")
     assert all(math.isclose(one, other, rel_tol=1e-4) for one, other in zip(shown, found["table"]["wear_volume"][:ROWS], strict=True))
     plot(page).focus()

@@ -399,7 +399,7 @@ async fn a_link_gives_read_access_to_one_result() {
     assert!(caching.starts_with("private, max-age=604"), "{caching}");
     let csv = server.get(&format!("{result}/history?format=csv&{link}")).await;
     assert!(csv.text().contains("wear_volume[m^3]"));
-    for part in ["/profiles", "/loops"] {
+    for part in ["/profiles", "/loops", "/history/smooth"] {
         assert_eq!(server.get(&format!("{result}{part}?{link}")).await.status, 200);
     }
     // An invalid parameter is reported as 422, and not as a bad link.

@@ -331,19 +331,22 @@ async fn jobs_are_listed_newest_first_with_pages_and_filters() {
         body["tags"] = json!([if number % 2 == 0 { "even" } else { "odd" }]);
         ids.push(text(&server.compute(&body).await.json(), "/id").to_owned());
     }
-    ids.reverse();
-    let mut seen = Vec::new();
-    let mut next = Some("/v1/jobs?limit=2&state=succeeded&owner=me".to_owned());
-    while let Some(target) = next {
-        let reply = server.get(&target).await;
-        let page = reply.json();
-        let jobs = page["jobs"].as_array().unwrap();
-        seen.extend(jobs.iter().map(|job| text(job, "/id").to_owned()));
-        next = page["next"].as_str().map(str::to_owned);
-        let link = next.as_ref().map(|next| format!("<{next}>; rel=\"next\""));
-        assert_eq!(reply.header("link"), link.as_deref());
+    for order in ["created", "-created"] {
+        let mut seen = Vec::new();
+        let mut next = Some(format!("/v1/jobs?limit=2&state=succeeded&owner=me&sort={order}"));
+        while let Some(target) = next {
+            let reply = server.get(&target).await;
+            let page = reply.json();
+            let jobs = page["jobs"].as_array().unwrap();
+            seen.extend(jobs.iter().map(|job| text(job, "/id").to_owned()));
+            next = page["next"].as_str().map(str::to_owned);
+            let link = next.as_ref().map(|next| format!("<{next}>; rel=\"next\""));
+            assert_eq!(reply.header("link"), link.as_deref());
+        }
+        assert_eq!(seen, ids, "{order}");
+        ids.reverse();
     }
-    assert_eq!(seen, ids);
+    ids.reverse();
     assert_eq!(server.get("/v1/jobs?state=failed").await.json()["jobs"], json!([]));
     let even = server.get("/v1/jobs?tag=even").await.json();
     assert_eq!(even["jobs"].as_array().map(Vec::len), Some(2));

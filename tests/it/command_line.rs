@@ -3,7 +3,7 @@
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read, Write};
 use std::net::TcpListener;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
@@ -44,7 +44,15 @@ fn answer(mut stream: impl Read + Write, answer: &str) -> String {
 
 /// A server that gives these answers, one for each connection. Returns its port, and the requests.
 fn answering(tls: Option<Arc<ServerConfig>>, answers: &[&str]) -> (u16, JoinHandle<Vec<String>>) {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    answering_at(0, tls, answers)
+}
+
+fn answering_at(
+    port: u16,
+    tls: Option<Arc<ServerConfig>>,
+    answers: &[&str],
+) -> (u16, JoinHandle<Vec<String>>) {
+    let listener = TcpListener::bind(("127.0.0.1", port)).unwrap();
     let port = listener.local_addr().unwrap().port();
     let answers: Vec<_> = answers.iter().map(ToString::to_string).collect();
     let serve = move || {
@@ -96,6 +104,37 @@ fn the_command_line_trusts_the_authority_that_the_environment_names() {
     fails(&asked("127.0.0.1", true), "is not secure");
     assert_eq!(text(&asked("localhost", true).stdout), "ok\n");
     assert!(server.join().unwrap()[2].starts_with("get /healthz http/1.1\r\n"));
+}
+
+#[test]
+fn an_address_for_tls_of_a_server_without_tls_is_named() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = format!("https://{}", listener.local_addr().unwrap());
+    let server = thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        assert!(stream.read(&mut [0; 4096]).unwrap() > 0);
+        stream.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").unwrap();
+    });
+    fails(&run(&["health", "--url", &address], ""), "does not speak TLS");
+    server.join().unwrap();
+}
+
+#[test]
+fn a_command_that_waits_survives_a_restart_of_the_server() {
+    let (port, server) = answering(None, &[SAME_VERSION, "200 OK\r\n\r\n{\"state\":\"running\"}"]);
+    let address = format!("http://127.0.0.1:{port}");
+    let mut command = fretwork(&["watch", ID, "--url", &address]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    server.join().unwrap();
+    let mut said = String::new();
+    BufReader::new(child.stderr.as_mut().unwrap()).read_line(&mut said).unwrap();
+    assert_eq!(said, format!("lost {address}; trying again for 120s\n"));
+    // A proxy answers before the server does.
+    let ended = format!("200 OK\r\n\r\n{{\"id\":\"{ID}\",\"state\":\"succeeded\"}}");
+    let (_, server) = answering_at(port, None, &["502 Bad Gateway\r\n\r\n", &ended]);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), ""));
+    assert_eq!(server.join().unwrap().len(), 2);
 }
 
 #[test]
@@ -165,13 +204,12 @@ fn a_wrong_key_and_a_wrong_address_say_what_to_enter() {
         let output = list(&address, wrong);
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{said}");
-        assert!(
-            said.ends_with(" key. Enter a key in FRETWORK_KEY or FRETWORK_KEY_FILE.\n"),
-            "{said}"
-        );
+        assert!(said.ends_with(" Enter a key in FRETWORK_KEY or FRETWORK_KEY_FILE.\n"), "{said}");
     }
     fails(&list(&format!("{address}/v1/"), None), "must be the address of the server: http://");
     fails(&list("wear.example", None), "must begin with http:// or https://");
+    fails(&list("http://wear.example", Some(&key)), "would get the access key unencrypted");
+    fails(&list("http://[::1]:1", Some(&key)), "no server answers");
 }
 
 #[test]

@@ -239,3 +239,41 @@ async fn evaluations_have_their_own_limit_for_each_key() {
     assert_eq!(ask(&server, &ben, "POST", PATH, &body).await.status, 200);
     ask(&server, &eve, "POST", PATH, &body).await.problem(403, "forbidden");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_reader_gets_more_points_of_a_history_within_the_limit_of_evaluations() {
+    let evaluations = NonZeroU32::new(2);
+    let server = server(Limits { evaluations, ..Limits::default() }).await;
+    let place = || server.place();
+    let (anna, eve) =
+        (made(place(), "anna", Role::Submit).await, made(place(), "eve", Role::Read).await);
+    let submitted =
+        ask(&server, &anna, "POST", "/v1/jobs", &example("steel-ball").to_string()).await;
+    let path = submitted.json()["links"]["result"].as_str().unwrap().to_owned();
+    let result = get(&server, &eve, &path).await.json();
+    let smooth = get(&server, &eve, &format!("{path}/history/smooth")).await.json();
+    let last = |history: &Value| {
+        ["cycles", "wear_volume"]
+            .map(|name| history[name].as_array().unwrap().last().unwrap().as_f64().unwrap())
+    };
+    for (own, stored) in [
+        (&smooth["history"], &result["history"]),
+        (&smooth["simplified"], &result["comparison"]["history"]),
+    ] {
+        assert_eq!(own["cycles"].as_array().unwrap().len(), 61);
+        assert_eq!(own["cycles"][1], stored["cycles"][1]);
+        let ([n, volume], [end, expected]) = (last(own), last(stored));
+        assert!(n == end && (volume / expected - 1.0).abs() < 1e-3, "{volume} {expected}");
+    }
+    let nobody = format!("/v1/results/{}/history/smooth", "0".repeat(64));
+    get(&server, &eve, &nobody).await.problem(404, "unknown-result");
+    get(&server, &eve, &format!("{path}/history/smooth")).await.problem(429, "rate-limited");
+
+    // A run that takes longer than an evaluation has no more points.
+    let mut long = example("steel-ball");
+    long["scenario"]["model"] = json!({"tolerance": 1e-4});
+    let submitted = ask(&server, &anna, "POST", "/v1/jobs", &long.to_string()).await;
+    let path = submitted.json()["links"]["result"].as_str().unwrap().to_owned();
+    let smooth = get(&server, &anna, &format!("{path}/history/smooth")).await.json();
+    assert_eq!(smooth, json!({"history": null, "simplified": null}));
+}

@@ -371,27 +371,6 @@ async fn a_cancelled_long_run_stops_using_the_processor() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_cancelled_job_keeps_the_shared_run_of_four_others_alive() {
-    let control = Control::new();
-    let server = server(control.compute()).await;
-    let mut jobs = Vec::new();
-    for _ in 0..5 {
-        jobs.push(id(&server.post("/v1/jobs", &heavy()).await.json()));
-    }
-    until_state(&server, &jobs[0], "running").await;
-    // The first job created the run.
-    assert_eq!(cancel(&server, &jobs[0]).await["state"], "canceled");
-    control.enough.store(true, Ordering::SeqCst);
-    for job in &jobs[1..] {
-        let job = server.get(&format!("/v1/jobs/{job}?wait=60&include=result")).await.json();
-        assert_eq!(job["state"], "succeeded", "{job}");
-        assert!(job["result"]["history"].is_object());
-    }
-    until_state(&server, &jobs[0], "canceled").await;
-    assert_eq!(control.begun.load(Ordering::SeqCst), 1);
-}
-
-#[tokio::test(flavor = "multi_thread")]
 async fn a_submission_during_cancellation_starts_a_new_run() {
     let control = Control::new();
     let server = server(control.compute()).await;
@@ -426,41 +405,6 @@ async fn post_as_another(address: SocketAddr, body: &Value) -> Value {
     connection.read_to_string(&mut answer).await.unwrap();
     assert!(answer.starts_with("HTTP/1.1 202 "), "{answer}");
     serde_json::from_str(answer.split_once("\r\n\r\n").unwrap().1).unwrap()
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_single_job_starts_before_thousands_of_jobs_of_another_owner() {
-    let gate = Gate::default();
-    let begun: Arc<Mutex<Vec<String>>> = Arc::default();
-    let compute = {
-        let (gated, begun) = (gate.compute(), Arc::clone(&begun));
-        Arc::new(move |key: &Key, task: &str, prepared| {
-            begun.lock().unwrap().push(key.to_string());
-            gated(key, task, prepared)
-        })
-    };
-    let server = server(compute).await;
-    let address = server.address;
-    let mut clients = JoinSet::new();
-    for client in 0..8 {
-        clients.spawn(async move {
-            for number in (client..10_000).step_by(8) {
-                let reply = post(address, &ball(1.0 + f64::from(number) * 1e-5)).await.unwrap();
-                assert_eq!(reply.status, 202, "{}", reply.text());
-            }
-        });
-    }
-    clients.join_all().await;
-    let single = post_as_another(address, &ball(3.0)).await;
-    assert_eq!(begun.lock().unwrap().len(), 2, "two runs have started");
-    gate.open();
-    let ended = server.get(&format!("/v1/jobs/{}?wait=60", id(&single))).await.json();
-    assert_eq!(ended["state"], "succeeded", "{ended}");
-    // Both workers claim one more run, in either order. The other one may not have claimed it yet.
-    let next: Vec<_> = begun.lock().unwrap().iter().skip(2).take(2).cloned().collect();
-    assert!(next.iter().any(|key| single["key"] == **key), "{single} is not among {next:?}");
-    let canceled = server.send("POST", "/v1/jobs/cancel?owner=me", &[], "").await;
-    assert_eq!(canceled.status, 200);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,7 +1,5 @@
 //! The store over years: idempotency, fairness, retention, eviction, damage, migrations.
 
-use std::fs::File;
-use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 use std::time::Duration;
 
@@ -319,44 +317,6 @@ async fn the_scenario_of_an_evicted_result_is_kept_for_a_year_and_as_long_as_it_
     let store = &store;
     eventually(async || store.result(&key(1)).await.unwrap().is_none()).await;
     assert!(is_evicted(store, 2).await && store.has_result(&key(3)).await.unwrap());
-}
-
-#[tokio::test]
-async fn a_result_altered_on_the_disk_is_reported_as_damaged() {
-    let (dir, store) = fresh().await;
-    compute(&store, 1, 0).await;
-    // One byte inside of the compressed body.
-    let changed = "UPDATE result_blob
-        SET body = CAST(substr(body, 1, 20) || x'07' || substr(body, 22) AS BLOB)";
-    raw(dir.path()).await.execute(changed).await.unwrap();
-    let found = store.result(&key(1)).await;
-    assert!(matches!(found, Err(Error::DamagedResult(damaged)) if damaged == key(1)), "{found:?}");
-}
-
-#[tokio::test]
-async fn a_damaged_database_page_is_reported_and_the_rest_is_readable() {
-    let (dir, store) = fresh().await;
-    for number in 0..20 {
-        compute(&store, number, 20_000).await;
-    }
-    store.close().await;
-    let mut db = raw(dir.path()).await;
-    let root = "SELECT rootpage FROM sqlite_schema WHERE name = 'job_label'";
-    let page: u64 =
-        sqlx::query_scalar::<_, i64>(root).fetch_one(&mut db).await.unwrap().try_into().unwrap();
-    db.close().await.unwrap();
-    let path = dir.path().join("fretwork.db");
-    let file = File::options().write(true).open(&path).unwrap();
-    file.write_all_at(&[0xa5; 4096], (page - 1) * 4096).unwrap();
-    let store = open(dir.path()).await;
-    let labelled = Filter { label: Some("x".into()), ..Filter::default() };
-    let found = store.jobs(&labelled, None, 1).await;
-    assert!(matches!(found, Err(Error::Damaged(_))), "{found:?}");
-    assert!(!body(&store, 3).await.is_empty());
-    // A submission with a label fails, because its index is damaged. One without a label succeeds.
-    let new = NewJob { label: Some("x".into()), ..new_job(50) };
-    assert!(matches!(store.submit(new).await, Err(Error::Damaged(_))));
-    accepted(store.submit(new_job(51)).await);
 }
 
 /// Writes a database of the first version: a queued job, and a result.

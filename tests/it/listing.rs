@@ -13,6 +13,7 @@ on_both! {
     every_word_must_occur_in_labels_tags_or_notes,
     a_new_name_replaces_the_label_and_the_tags,
     a_result_is_listed_with_its_latest_label,
+    a_submitter_finds_the_results_that_others_computed,
 }
 
 /// Submits a job with this label and these tags, and computes its result.
@@ -126,6 +127,27 @@ async fn a_result_is_listed_with_its_latest_label(on: Engine) {
     }
     assert_eq!(named(Some("ada")).await, Some((second, None, vec!["y".into()])));
     assert_ne!(plain, second);
+}
+
+async fn a_submitter_finds_the_results_that_others_computed(on: Engine) {
+    let (_db, store) = Database::fresh(on).await;
+    for number in [1, 2] {
+        computed(&store, number, "first", &[]).await;
+    }
+    let cached = NewJob { owner: "bob".into(), ..new_job(1) };
+    assert!(accepted(store.submit(cached).await).state.is_finished());
+    let submitted = async |by: &str, reach: Option<&str>| {
+        let mut search = Search::default();
+        search.only_jobs_of(reach);
+        search.set("submitted_by", by).unwrap();
+        let results = store.search(&search, None, 10).await.unwrap().results;
+        assert_eq!(store.count(&search).await.unwrap(), results.len() as u64);
+        results.iter().map(|result| result.key.bytes()[0]).collect::<Vec<_>>()
+    };
+    assert_eq!(submitted("bob", Some("bob")).await, [1]);
+    assert_eq!(submitted("bob", None).await, [1], "an administrator sees all jobs");
+    assert_eq!(submitted("ada", Some("bob")).await, [2, 1], "who computed a result is no secret");
+    assert!(submitted("bob", Some("ada")).await.is_empty());
 }
 
 /// The text of an answer, which may be chunked.

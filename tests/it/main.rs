@@ -61,7 +61,6 @@ mod openapi;
 mod parts;
 mod plots;
 mod program;
-mod reference;
 mod refusals;
 mod reports;
 mod restore;

@@ -48,7 +48,7 @@ const MISTAKES: [(&str, &str, &str); 24] = [
     (
         SPHERE,
         TRACE,
-        "Remove the rows with negative radii, or let POST /v1/measurements?prepare=trace make the table",
+        "post the whole trace as CSV (30 rows or more, with a header such as radius [mm],height [um]) to",
     ),
 ];
 

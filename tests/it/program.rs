@@ -119,7 +119,7 @@ fn a_result_is_written_to_a_file_in_every_format() {
     }
     let none = dir.path().join("none/r.csv");
     fails_on(BALL, none.to_str().unwrap(), "cannot write");
-    fails_on(BALL, "r.txt", "Enter one of .json, .ndjson, .csv, .npz, .arrow, or --format");
+    fails_on(BALL, "r.txt", "End the name with one of .json, .ndjson, .csv, .npz, .arrow");
 }
 
 fn fails_on(input: &str, output: &str, words: &str) {

@@ -156,8 +156,14 @@ async fn each_kind_of_study_has_a_report() {
         let root = document.root_element();
         let drawn = words(&root, "figure").len();
         assert!(drawn >= figures, "{heading}: {drawn} figures");
-        assert!(words(&root, "header")[0].contains(heading), "{:?}", words(&root, "header"));
+        let header = &words(&root, "header")[0];
+        assert!(header.contains(heading) && header.contains(", R = "), "{header}");
         assert!(words(&root, "h2").iter().any(|title| title == section), "{heading}");
+        // What a study varies or estimates is no fixed input.
+        let fixed = words(&root, "section");
+        let fixed = fixed.iter().find(|text| text.starts_with("Fixed inputs")).unwrap();
+        let is_fixed = ["Sweep", "Fretting map"].contains(&heading);
+        assert_eq!(fixed.contains("Wear coefficient"), is_fixed, "{fixed}");
     }
 }
 
@@ -167,15 +173,15 @@ async fn a_comparison_shows_what_differs_and_by_how_much() {
     let (first, _) = computed(&server, &steel_ball()).await;
     let mut body = steel_ball();
     body["scenario"]["wear"]["coefficient"] = json!("6.06e-5 mm^3/(N m)");
+    body["label"] = json!("Twice the wear");
     let (second, _) = computed(&server, &body).await;
     let html = report(&server, &first, &format!("?with={second}")).await;
     let document = read(&html);
-    let differing = words(&document.root_element(), "section");
-    let differing = differing.iter().find(|text| text.starts_with("Inputs that differ")).unwrap();
-    assert!(
-        differing.contains("Wear coefficient") && !differing.contains("Friction"),
-        "{differing}"
-    );
+    let sections = words(&document.root_element(), "section");
+    let [differing, common] = ["Inputs that differ", "Inputs of all runs"]
+        .map(|title| sections.iter().find(|text| text.starts_with(title)).unwrap());
+    assert!(differing.contains("B · Twice the wearWear coefficient"), "{differing}");
+    assert!(common.contains("Friction coefficient μ0.7") && !common.contains("Wear"), "{common}");
     let volumes = [&first, &second].map(|key| format!("/v1/results/{key}"));
     let (mut values, mut ratios) = (Vec::new(), Vec::new());
     let (mut pressure, mut threshold) = (0.0, 0.0);
@@ -191,11 +197,16 @@ async fn a_comparison_shows_what_differs_and_by_how_much() {
     }
     let change = 100.0 * (values[1] / values[0] - 1.0);
     let cells = row(&document, "Wear volume V");
-    let shown = cells[2].split("(+").nth(1).unwrap().trim_end_matches("\u{a0}%)");
-    assert!((shown.parse::<f64>().unwrap() / change - 1.0).abs() < 5e-3, "{cells:?} {change}");
+    let (absolute, relative) = cells[2].split_once("(+").unwrap().1.split_once(", +").unwrap();
+    let shown = [(absolute, 1e18 * (values[1] - values[0])), (relative, change)];
+    for (shown, known) in shown {
+        let number = shown.split('\u{a0}').next().unwrap();
+        assert!((number.parse::<f64>().unwrap() / known - 1.0).abs() < 5e-3, "{cells:?} {known}");
+    }
+    assert!(absolute.ends_with("µm³") && relative.ends_with("%)"), "{cells:?}");
     for (heading, expected, unit) in [
         ("Wear volume per energy V/ΣW", &ratios, "mm³/J"),
-        ("Peak pressure, unworn", &vec![pressure; 2], "GPa"),
+        ("Unworn peak pressure", &vec![pressure; 2], "GPa"),
         ("Gross-slip threshold", &vec![threshold; 2], "µm"),
     ] {
         let cells = row(&document, heading);
@@ -284,12 +295,35 @@ fn the_commands_write_the_report_of_a_file() {
     let parts = |html: &str, name: &str| words(&read(html).root_element(), name);
     assert_eq!(parts(plain, "figure"), parts(&html, "figure"));
     assert_eq!(parts(plain, "table"), parts(&html, "table"));
+    let volumes = |cycles: &[usize]| {
+        let result: Value = serde_json::from_slice(&fs::read(&result).unwrap()).unwrap();
+        let value = |name: &str, row: usize| result["history"][name][row].as_f64().unwrap();
+        let line = |row: &usize| {
+            format!("{},{:e}", value("cycles", *row), 1.05 * value("wear_volume", *row))
+        };
+        ["cycles,wear_volume [m^3]".to_owned()]
+            .into_iter()
+            .chain(cycles.iter().map(line))
+            .collect::<Vec<_>>()
+            .join("\n")
+    };
+    let csv = path("measured.csv");
+    fs::write(&csv, volumes(&[1, 5])).unwrap();
+    let compared = run(&["report", &result, "--measured", &csv], "");
+    let compared = text(&compared.stdout);
+    for cycles in ["1000", "100\u{202f}000"] {
+        assert_eq!(row(&read(compared), cycles)[4], "5\u{a0}%", "{cycles}");
+    }
+    assert!(words(&read(compared).root_element(), "figure")[1].contains("Measured: "));
+    fs::write(&csv, "time [s],load [N]\n1,2\n").unwrap();
+    fails(&run(&["report", &result, "--measured", &csv], ""), "has no output of a run");
     let other = path("other.json");
     assert!(run(&["run", &second, "-o", &other], "").status.success());
     let done = run(&["report", &result, &other, "-o", &page, "--units", "si"], "");
     assert!(done.status.success(), "{}", text(&done.stderr));
     let html = fs::read_to_string(&page).unwrap();
     assert_eq!(row(&read(&html), "Friction coefficient μ").len(), 3);
+    assert_eq!(row(&read(&html), "Input")[1..], ["A · result", "B · other"]);
     fails(&run(&["report", &first], ""), "is not a result in JSON");
     fails(&run(&["report", &path("none.json")], ""), "cannot read");
 }

@@ -14,10 +14,10 @@ use proptest::sample::Index;
 use proptest::strategy::ValueTree as _;
 use proptest::test_runner::TestRunner;
 use serde_json::{Value, json};
-use sqlx::{Connection as _, SqliteConnection};
+use sqlx::Connection as _;
 use tempfile::TempDir;
 
-use crate::moving::{import, quiet, sha256};
+use crate::moving::{import, open_file, quiet, replace_body, sha256};
 use crate::server::{JSON, Reply, Server, ball, metric};
 use crate::store::raw;
 
@@ -39,25 +39,10 @@ fn computed(job: &Value) -> (Prepared, String) {
     (task, body)
 }
 
-async fn open_file(file: &Path) -> SqliteConnection {
-    SqliteConnection::connect(&format!("sqlite:{}", file.display())).await.unwrap()
-}
-
 /// Replaces the body of a result in an export, and its digest.
 pub async fn replace(file: &Path, key: &str, body: &str) {
     let mut db = open_file(file).await;
-    sqlx::query("UPDATE bodies SET body = ?2 WHERE key = ?1")
-        .bind(key)
-        .bind(body)
-        .execute(&mut db)
-        .await
-        .unwrap();
-    sqlx::query("UPDATE results SET sha256 = ?2 WHERE key = ?1")
-        .bind(key)
-        .bind(sha256(body))
-        .execute(&mut db)
-        .await
-        .unwrap();
+    replace_body(&mut db, key, body).await;
     db.close().await.unwrap();
 }
 

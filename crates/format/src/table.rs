@@ -268,6 +268,14 @@ impl Table {
         self.columns.iter().find(|(column, _)| column == name).map(|(_, values)| values)
     }
 
+    /// A text in a column; empty without one.
+    pub fn text(&self, name: &str, row: usize) -> &str {
+        match self.column(name) {
+            Some(Values::Texts(texts)) => texts[row].as_deref().unwrap_or_default(),
+            _ => "",
+        }
+    }
+
     /// Converts all numbers to the requested units and digits.
     pub fn convert(&mut self, units: &Units) {
         for (name, values) in &mut self.columns {

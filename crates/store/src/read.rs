@@ -23,9 +23,11 @@ pub struct Filter {
     pub owner: Option<String>,
     /// With these words in the label, the tags, or the note of the result.
     pub words: Words,
+    /// Whether a list begins with the oldest job.
+    pub oldest_first: bool,
 }
 
-/// A page of a list of jobs, newest first.
+/// A page of a list of jobs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Page {
     /// The jobs.
@@ -137,7 +139,7 @@ pub(super) async fn count(filter: &Filter, mut db: impl Tables) -> Result<u64> {
     Ok(db.one(query).await?.get("total")?)
 }
 
-/// Up to `limit` jobs that match and are older than `cursor`, newest first.
+/// Up to `limit` jobs that match after `cursor`, in the order of the filter.
 pub(super) async fn jobs(
     filter: &Filter,
     cursor: Option<JobId>,
@@ -146,10 +148,12 @@ pub(super) async fn jobs(
 ) -> Result<Page> {
     let mut query = select_job!("");
     matching(&mut query, filter);
+    let (beyond, direction) = if filter.oldest_first { (">", "ASC") } else { ("<", "DESC") };
     if let Some(cursor) = cursor {
-        query.push(" AND job.id < ").push_bind(cursor);
+        query.push(" AND job.id ").push(beyond).push(" ").push_bind(cursor);
     }
-    query.push(" ORDER BY job.id DESC LIMIT ").push_bind(i64::from(limit) + 1);
+    query.push(" ORDER BY job.id ").push(direction).push(" LIMIT ");
+    query.push_bind(i64::from(limit) + 1);
     let rows = db.rows(query).await?;
     let (rows, last) = page_of(&rows, limit);
     let next = last.map(|row| row.get("id")).transpose()?;

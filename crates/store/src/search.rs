@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
+use serde::Deserialize;
+
 use super::error::Result;
 use super::library::Note;
 use super::row::{Columns, Row, page_of, read};
@@ -25,6 +27,7 @@ pub struct Search {
     words: Vec<(&'static str, String)>,
     ranges: BTreeMap<&'static str, Range>,
     owner: Option<String>,
+    submitted_by: Option<String>,
     pinned: Option<bool>,
     pinned_by: Option<String>,
     evicted: bool,
@@ -171,6 +174,7 @@ impl Search {
             "created",
             "size",
             "owner",
+            "submitted_by",
             "pinned",
             "pinned_by",
             "evicted",
@@ -219,6 +223,7 @@ impl Search {
             "created" => self.restrict("created", Range::read(value, moment)?),
             "size" => self.restrict("size", Range::quantity(value, Dimension::Number)?),
             "owner" => self.owner = Some(value.to_owned()),
+            "submitted_by" => self.submitted_by = Some(value.to_owned()),
             "pinned" => self.pinned = Some(flag()?),
             "pinned_by" => self.pinned_by = Some(value.to_owned()),
             "evicted" => self.evicted = flag()?,
@@ -275,6 +280,12 @@ impl Search {
         if let Some(owner) = &self.owner {
             query.push(" AND outline.owner = ").push_bind(&**owner);
         }
+        if let Some(owner) = &self.submitted_by {
+            // A job is deleted earlier than the result that it computed.
+            query.push(" AND (outline.owner = ").push_bind(&**owner).push(" OR ");
+            self.with_job(query, "job", "job.owner", owner);
+            query.push(")");
+        }
         if let Some(pinned) = self.pinned {
             query.push(if pinned { " AND outline.id IN (" } else { " AND outline.id NOT IN (" });
             query.push("SELECT id FROM result_task JOIN result USING (key) WHERE pinned)");
@@ -289,9 +300,11 @@ impl Search {
             query.push_bind(&**note).push(")) > 0)");
         }
         if let Some(tag) = &self.tag {
+            query.push(" AND ");
             self.with_job(query, "job_tag JOIN job ON job.id = job_tag.job", "tag", tag);
         }
         if let Some(label) = &self.label {
+            query.push(" AND ");
             self.with_job(query, "job", "label", label);
         }
         query.outline_has_words(&self.text, self.jobs_of.as_deref());
@@ -311,7 +324,7 @@ impl Search {
         }
     }
 
-    /// Writes the condition that a job with this label or tag has the key of the result.
+    /// Writes the condition that a job with this label, tag or owner has the key of the result.
     fn with_job(
         &self,
         query: &mut Statement,
@@ -319,7 +332,7 @@ impl Search {
         column: &'static str,
         value: &str,
     ) {
-        query.push(" AND outline.id IN (SELECT result_task.id FROM ").push(jobs);
+        query.push("outline.id IN (SELECT result_task.id FROM ").push(jobs);
         query.push(" JOIN result_task ON result_task.key = job.key WHERE ").push(column);
         query.push(" = ").push_bind(value);
         self.own_jobs(query);
@@ -417,8 +430,23 @@ pub struct Listed {
     pub note: Option<Note>,
     /// The job whose label and tags describe it: the latest job with a label, else the latest job.
     pub named: Option<Named>,
+    /// The design of a sweep, such as `latin_hypercube`.
+    pub design: Option<String>,
     /// Its searchable words and numbers.
     pub outline: Outline,
+}
+
+/// The design in the stored form of a sweep.
+fn design_of(task: &str) -> Option<String> {
+    #[derive(Deserialize)]
+    struct Stored {
+        sweep: Sweep,
+    }
+    #[derive(Deserialize)]
+    struct Sweep {
+        design: String,
+    }
+    serde_json::from_str(task).ok().map(|stored: Stored| stored.sweep.design)
 }
 
 /// A job whose label and tags describe a result.
@@ -449,7 +477,11 @@ impl Listed {
             *value = row.get(scalar.name)?;
         }
         let (note, named) = (Note::read(row)?, Named::read(row)?);
-        Ok(read!(row => Self { key, created, owner, size, pinned, evicted; note, named, outline }))
+        let sweep: Option<&str> = row.get("sweep")?;
+        let design = sweep.and_then(design_of);
+        Ok(
+            read!(row => Self { key, created, owner, size, pinned, evicted; note, named, design, outline }),
+        )
     }
 }
 
@@ -494,7 +526,8 @@ pub(super) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> State
     query.push(", CAST(outline.").push(search.order.by).push(
         " AS DOUBLE PRECISION) AS place, result.key AS key, result.created AS created, result.size AS size,
              result.owner AS owner, pinned, evicted, note.text AS note, note.owner AS noted_by, note.at AS noted,
-             named.id AS job, named.label AS label, named.tags AS tags
+             named.id AS job, named.label AS label, named.tags AS tags,
+             CASE WHEN outline.kind = 'sweep' THEN result_task.task END AS sweep
          FROM (SELECT * FROM outline WHERE ",
     );
     search.conditions(&mut query);

@@ -305,7 +305,7 @@ impl Store {
         Box::pin(read::asked(id, self.reading()))
     }
 
-    /// Returns up to `limit` jobs that match and are older than `cursor`, newest first.
+    /// Returns up to `limit` jobs that match after `cursor`, in the order of the filter.
     pub fn jobs<'a>(
         &'a self,
         filter: &'a Filter,

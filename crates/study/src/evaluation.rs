@@ -13,6 +13,8 @@ use super::output::{NoValue, Output, OutputName};
 use super::run::Run;
 use fretwork_json::{self as json, BadBody, Distinct, both, typed};
 
+/// Longest estimated time of an evaluation, in milliseconds.
+pub const LONGEST_EVALUATION: u64 = 150;
 /// Maximum number of outputs of an evaluation.
 const MAX_OUTPUTS: usize = 100;
 /// Estimated bytes of an output in the answer: its name, value and unit, and perhaps the reason why it has no value.

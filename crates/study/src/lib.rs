@@ -21,7 +21,7 @@ mod vary;
 pub mod stats;
 
 pub use claimed::Claimed;
-pub use evaluation::{Evaluated, Evaluation};
+pub use evaluation::{Evaluated, Evaluation, LONGEST_EVALUATION};
 pub use jacobian::{Entry, Jacobian};
 pub use kinds::{Likelihood, LikelihoodCall};
 pub use member::Member;

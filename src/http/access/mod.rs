@@ -195,7 +195,7 @@ impl Gate {
     async fn accept(&self, request: &mut Request, needs: Needs) -> Result<Admitted> {
         let Some(required) = needs.role else { return Ok(Admitted::default()) };
         if signed_link::token(request.uri()).is_some() {
-            return self.accept_link(request, required).await;
+            return self.accept_link(request, needs, required).await;
         }
         if !self.requires_key().await? {
             if !self.open && !has_local_host(request) {
@@ -227,7 +227,12 @@ impl Gate {
     }
 
     /// Accepts a request with a signed link, and removes the link from its address.
-    async fn accept_link(&self, request: &mut Request, required: Role) -> Result<Admitted> {
+    async fn accept_link(
+        &self,
+        request: &mut Request,
+        needs: Needs,
+        required: Role,
+    ) -> Result<Admitted> {
         let link = signed_link::open(self.signer().await?, request.uri(), pattern(request))?;
         if required > Role::Read {
             return Err(Problem::new(
@@ -235,7 +240,7 @@ impl Gate {
                 "A link to a result allows only reading. Send an access key instead.",
             ));
         }
-        let open_request = self.count_link(&link.issuer).await?.untold();
+        let open_request = self.count_link(&link.issuer, needs.quota).await?.untold();
         *request.uri_mut() = link.address;
         // No key can have this name, so the caller owns no jobs.
         let owner = LINK_HOLDER.to_owned();
@@ -308,7 +313,11 @@ impl Gate {
                 Arc::clone(&admin.usage),
             )
         } else {
-            let unknown = || refused("This server does not know the key.");
+            let unknown = || {
+                refused(
+                    "This server does not know the key. An administrator of the server makes keys.",
+                )
+            };
             let known = Some(&*credential.key).filter(|id| !id.is_empty()).ok_or_else(unknown)?;
             let holder = self.keyring.holder_of(known, &digest).await?.ok_or_else(unknown)?;
             if let Some(reason) = invalid(&holder.key, now) {
@@ -353,7 +362,7 @@ impl Gate {
 
     /// Counts a request with a link against the key that signed the link. Refuses the request if that key is no longer
     /// valid.
-    async fn count_link(&self, issuer: &str) -> Result<OpenRequest> {
+    async fn count_link(&self, issuer: &str, quota: Option<Quota>) -> Result<OpenRequest> {
         let holders = self.keyring.holders().await?;
         let usage = match (holders.get(issuer), &self.admin) {
             (Some(holder), _) if self.open || invalid(&holder.key, now()).is_none() => {
@@ -368,7 +377,10 @@ impl Gate {
                 return Err(Problem::new(&kinds::BAD_LINK, detail));
             }
         };
-        usage.map_or(Ok(OpenRequest::default()), |usage| usage.links.take(Quota::Requests))
+        match usage.zip(quota) {
+            Some((usage, quota)) => usage.links.take(quota),
+            None => Ok(OpenRequest::default()),
+        }
     }
 }
 

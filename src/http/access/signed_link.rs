@@ -21,9 +21,10 @@ pub const ADMIN: &str = "admin";
 pub const ANYONE: &str = "anyone";
 
 /// The routes that a link opens.
-pub const OPENED: [&str; 10] = [
+pub const OPENED: [&str; 11] = [
     "/v1/results/{key}",
     "/v1/results/{key}/history",
+    "/v1/results/{key}/history/smooth",
     "/v1/results/{key}/profiles",
     "/v1/results/{key}/loops",
     "/v1/results/{key}/table",

@@ -8,6 +8,7 @@ use tokio::sync::OwnedSemaphorePermit;
 use tokio::task;
 use tokio::time::{Instant, timeout_at};
 
+use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::memory::{Encoded, Lookup};
 use crate::http::problem::{Problem, Result, kinds};
@@ -196,6 +197,15 @@ pub async fn json(app: &App, caller: &str, key: &Key) -> Result<Option<Encoded>>
             _ => return Ok(None),
         }
     }
+}
+
+/// As [`json`], or the problem for a result that is not stored.
+pub async fn json_of(app: &App, caller: &Caller, key: &Key) -> Result<Encoded> {
+    if let Some(result) = json(app, &caller.owner, key).await? {
+        return Ok(result);
+    }
+    require(app, caller.reach(), key).await?;
+    Err(Problem::damaged_result(key))
 }
 
 /// The JSON of a large result. The request must have reserved the memory for it.

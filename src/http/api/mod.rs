@@ -18,5 +18,6 @@ pub mod results;
 pub mod scenarios;
 pub mod search;
 pub mod session;
+pub mod smooth;
 pub mod system;
 pub mod umbridge;

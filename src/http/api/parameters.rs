@@ -160,6 +160,9 @@ parameters! {
         size: String,
         /// Results that a job of this owner computed; `me` is the caller.
         owner: String,
+        /// Results that this owner submitted, computed or found in the library; `me` is the caller. Only jobs that the caller
+        /// may see count, and results that a job of this owner computed.
+        submitted_by: String,
         /// Results that are pinned, or that are not.
         pinned: bool,
         /// Results that this owner has pinned; `me` is the caller.

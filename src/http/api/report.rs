@@ -9,7 +9,7 @@ use super::results::either;
 use crate::http::access::LINK_HOLDER;
 use crate::http::access::caller::Caller;
 use crate::http::answer::representation::refused;
-use crate::http::answer::stored::{json, require};
+use crate::http::answer::stored::json_of;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
@@ -55,10 +55,7 @@ pub async fn report(app: App, caller: Caller, key: Segment, mut query: Query) ->
     let mut entries = Vec::new();
     for key in [first].into_iter().chain(others) {
         let about = about(&app, &caller, &key, job.filter(|_| key == first)).await?;
-        let Some(result) = json(&app, &caller.owner, &key).await? else {
-            require(&app, caller.reach(), &key).await?;
-            return Err(Problem::damaged_result(&key));
-        };
+        let result = json_of(&app, &caller, &key).await?;
         // Only one result is in memory at a time: what the report says of it is small.
         let read = move || Entry::read(&result.body, &about, engineering);
         let entry = task::spawn_blocking(read).await.map_err(Problem::bug)?;
@@ -92,5 +89,7 @@ async fn about(app: &App, caller: &Caller, key: &Key, job: Option<JobId>) -> Res
         computed: known.as_ref().and_then(|known| known.computed).map(instant),
         version: program.map(|program| program.version.clone()),
         warnings: own.or(computing).unwrap_or(Value::Null),
+        // The server does not keep measured numbers.
+        measured: Vec::new(),
     })
 }

@@ -47,6 +47,9 @@ pub struct ResultEntry {
     label: Option<String>,
     /// The tags of this job.
     tags: Vec<String>,
+    /// The design of a sweep; null for other results.
+    #[schema(example = "latin_hypercube")]
+    design: Option<String>,
     /// The words that describe it.
     #[serde(flatten)]
     #[schema(value_type = Object)]
@@ -64,7 +67,8 @@ pub struct ResultEntry {
 
 impl From<Listed> for ResultEntry {
     fn from(listed: Listed) -> Self {
-        let Listed { key, created, owner, size, pinned, evicted, note, named, outline } = listed;
+        let Listed { key, created, owner, size, pinned, evicted, note, named, design, outline } =
+            listed;
         let (job, label, tags) =
             named.map_or_else(Default::default, |named| (Some(named.job), named.label, named.tags));
         Self {
@@ -78,6 +82,7 @@ impl From<Listed> for ResultEntry {
             job,
             label,
             tags,
+            design,
             words: outline.words(),
             values: outline.scalars(),
             link: format!("/v1/results/{key}"),
@@ -212,9 +217,9 @@ fn read_search(query: &mut Query, caller: &Caller) -> Search {
     for name in Search::names() {
         let text = query.text(name);
         // The store compares names, so `me` becomes the name of the caller.
-        let own = |text: String| if text == ME { caller.owner.clone() } else { text };
-        if let Some(text) =
-            if name == "owner" || name == "pinned_by" { text.map(own) } else { text }
+        let is_name = ["owner", "submitted_by", "pinned_by"].contains(&name);
+        let own = |text: String| if is_name && text == ME { caller.owner.clone() } else { text };
+        if let Some(text) = text.map(own)
             && let Err(fault) = search.set(name, &text)
         {
             query.complain(name, fault);

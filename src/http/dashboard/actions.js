@@ -130,7 +130,7 @@ async function askNote(text) {
   const field = h("textarea", { id: "note", rows: 4, maxLength: 4000, value: text });
   let answer = null;
   await openDialog("Note", (close) => h("form", { method: "dialog", onsubmit: () => (answer = field.value.trim()) },
-    h("label", { for: "note" }, "Note on this result"), field,
+    h("label", { for: "note" }, "Note on this result"), field, h("p", { class: "muted" }, "All users of this server see the note."),
     h("div", { class: "row" }, h("button", { class: "primary" }, "Save"), h("button", { type: "button", onclick: close }, "Cancel"))));
   return answer;
 }

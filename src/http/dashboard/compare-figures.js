@@ -36,7 +36,7 @@ export function drawProfiles(figure, words, runs, name) {
   const letter = isLine(scenario.profile) ? "x" : "r";
   const differences = curves.slice(1).map((curve) => [curve, maxDifference(curves[0], curve)]).filter(([, found]) => found)
     .map(([curve, { value, at }]) => `${curve.name} ${quantity(value, units[name], 3)} at ${letter}\u00a0=\u00a0${quantity(at, units.radius, 3)}`);
-  words.textContent = [differences.length > 0 && `Largest difference to ${curves[0].name}: ${differences.join(", ")}.`, ...others, missing].filter(Boolean).join(" ");
+  words.textContent = [differences.length > 0 && `Largest difference from ${curves[0].name}: ${differences.join(", ")}.`, ...others, missing].filter(Boolean).join(" ");
   const at = whenOf(drawn);
   figure.title = at === null ? `${WORDS[name]} at the end of each run` : after(name, at);
   const across = wordOf("radius", scenario);

@@ -23,15 +23,23 @@ function textOf(value, pointer, unit) {
   return Object(value[0]) === value[0] ? `${value.length} entries` : `${value.length} values, ${[value[0], value.at(-1)].map((own) => textOf(own, pointer, unit)).join(" to ")}`;
 }
 
-/** One row for each input of some scenarios: `{id, name, unit, values, texts, isEqual}`. A run without the input has undefined. */
+/** The program computes ξ of the simplified rule unless the user enters it. */
+const COMPUTED = "/model/xi";
+
+/**
+ * One row for each input of some scenarios: `{id, name, unit, values, texts, isEqual, isComputed}`. A run without the input has
+ * undefined. If other inputs differ, ξ differs because of them, so that it counts as computed.
+ */
 export function inputRows(scenarios) {
   const all = scenarios.map((scenario) => new Map(leaves(scenario)));
   const pointers = [...new Set(all.flatMap((own) => [...own.keys()]))];
-  return pointers.map((pointer) => {
+  const rows = pointers.map((pointer) => {
     const values = all.map((own) => own.get(pointer));
     const own = scenarios[values.findIndex((value) => value !== undefined)];
     const unit = siUnitOf(kindAt(pointer, own)) ?? "1";
     return { id: pointer, name: plainWords(inputWords(pointer, own)), unit, values, texts: values.map((value) => textOf(value, pointer, unit)),
       isEqual: values.every((value) => JSON.stringify(value) === JSON.stringify(values[0])) };
   });
+  const isOther = rows.some(({ id, isEqual }) => id !== COMPUTED && !isEqual);
+  return rows.map((row) => ({ ...row, isComputed: isOther && row.id === COMPUTED }));
 }

@@ -103,6 +103,7 @@ export function rowsOf(runs) {
   const [volume, depth, energy, ratio, ...others] = OUTPUTS.map((output) => outputRow(output, runs));
   const outputs = [cyclesRow(runs), volume, depth, energy, ratio, regimeRow(runs), ...others].filter((row) => row && !row.isHidden);
   const isEqual = (row) => runs.length > 1 && row.isEqual;
-  return { inputs: inputs.filter((row) => !isEqual(row)), outputs: outputs.filter((row) => row.isFirst || !isEqual(row)),
+  const computed = inputs.filter((row) => row.isComputed);
+  return { inputs: inputs.filter((row) => !isEqual(row) && !row.isComputed), outputs: [...outputs, ...computed].filter((row) => row.isFirst || !isEqual(row)),
     equal: [...inputs.filter(isEqual), ...outputs.filter((row) => !row.isFirst && isEqual(row))] };
 }

@@ -37,7 +37,7 @@ export function drawTable(place, runs, { inputs, outputs, equal }, isOpen, acts)
   const noInputs = runs.length > 1 && !inputs.length && h("p", { class: "muted" }, "All inputs are equal.");
   fill(place,
     h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Comparison of the runs" },
-      h("table", { id: "compared" }, h("caption", { class: "hidden" }, `Inputs and outputs of ${runs.length} runs. Differences are to the first.`),
+      h("table", { id: "compared" }, h("caption", { class: "hidden" }, `Inputs and outputs of ${runs.length} runs. Differences are from the first run.`),
         h("thead", {}, h("tr", {}, h("td", {}), runs.map((run, i) => columnHead(run, i, runs, acts)))),
         group("Inputs that differ", inputs), group("Outputs", outputs, inputs.length ? runs : []))),
     noInputs,

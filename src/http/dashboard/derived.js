@@ -1,4 +1,4 @@
-// Says which run a run was edited from, and what differs.
+// Says which run a run was edited from, and what differs, or which run a fit was made of.
 
 import { Problem } from "./api.js";
 import { inputRows } from "./compare-inputs.js";
@@ -6,7 +6,7 @@ import { fill, h } from "./dom.js";
 import { loadResult } from "./result.js";
 import { entryOf, jobsOf, kindOf, labelOf, title } from "./summary.js";
 
-/** Fills a paragraph for a run `{key, scenario}` that was made by editing the run with the key `source`. */
+/** Fills a paragraph for a run `{key, scenario}` that was made by editing the run with the key `source`. A fit has no scenario here. */
 export async function drawDerived(place, { key, scenario }, source, signal) {
   let before = null;
   try {
@@ -18,8 +18,9 @@ export async function drawDerived(place, { key, scenario }, source, signal) {
   place.hidden = false;
   if (!before || kindOf(before)) return fill(place, `Derived from a run whose result is not stored: ${source.slice(0, 12)}…`);
   const name = labelOf(await jobsOf(source, signal)) || title(entryOf(before));
+  if (!scenario) return fill(place, "Fit of the run ", h("a", { href: `#/result/${source}` }, name), ".");
   const draw = () => {
-    const changes = inputRows([before.scenario, scenario]).filter(({ isEqual }) => !isEqual).map(({ name: input, texts: [old, now] }) => `${input} ${old} → ${now}`);
+    const changes = inputRows([before.scenario, scenario]).filter(({ isEqual, isComputed }) => !isEqual && !isComputed).map(({ name: input, texts: [old, now] }) => `${input} ${old} → ${now}`);
     fill(place, "Derived from ", h("a", { href: `#/result/${source}` }, name), changes.length > 0 && `: ${changes.join("; ")}`, ". ",
       h("a", { href: `#/compare?keys=${source},${key}` }, "Compare both"));
   };

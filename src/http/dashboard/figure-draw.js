@@ -10,7 +10,8 @@ import { withUnit } from "./scaling.js";
 const [GAP, LINE] = [6, 15];
 /** Room that a tick with its label needs, in px. */
 const TICK_ROOM = { x: 68, y: 38 };
-const DASHES = { dashed: "7 4", dotted: "2 3" };
+const DASHES = { dashed: "7 4", dotted: "2 3", "dash-dotted": "9 3 2 3", "long-dashed": "15 4",
+  "dash-dot-dotted": "9 3 2 3 2 3", "short-dashed": "4 2", "sparse-dotted": "2 7" };
 const ink = (number) => `var(--ink-${number})`;
 let figures = 0;
 

@@ -71,14 +71,15 @@ export function residualFigure({ table }, { output, over, tests }) {
 }
 
 /** The least sum of squares over a parameter; the interval ends where it meets the dashed level. Null without such rows. */
-export function profileFigure({ searches, quality, fit }, { pointer, unit, estimate, interval }) {
+export function profileFigure({ searches, quality, fit, table }, { pointer, unit, estimate, interval }) {
   const rows = searches.task.map((task, i) => [task, searches[pointer][i], searches.sum_of_squares[i]])
     .filter(([task, x, sum]) => (task === "minimum" || task === `profile ${pointer}`) && x != null && sum != null).sort((a, b) => a[1] - b[1]);
   if (rows.length < 3) return null;
   const x = rows.map((row) => row[1]);
   const level = quality.sum_of_squares + quality.allowed_rise;
   const words = wordsOf(pointer);
-  return { title: `Sum of squares over ${words[0].toLowerCase()}${words.slice(1)}`,
+  const count = table.measured.filter((value) => value != null).length;
+  return { title: `Sum of squares of ${count} measured ${count === 1 ? "number" : "numbers"} over ${words[0].toLowerCase()}${words.slice(1)}`,
     curves: [{ name: `${digits(100 * fit.confidence, 3)}\u00a0% interval`, x: [x[0], x.at(-1)], y: [level, level], ink: 4, dash: "dashed", label: "middle" },
       { name: "", x, y: rows.map((row) => row[2]), ink: 1, points: true, label: "none" }],
     axes: { x: { title: words, symbol: symbolAt(pointer), unit: unitAt(pointer, unit) }, y: { title: "Sum of squares", symbol: "$S$", unit: "1" },

@@ -7,7 +7,7 @@ import { fieldText, kindAt, printed } from "./kinds.js";
 import { KNOWN, named, wordsOf } from "./fit-names.js";
 import { contentOf } from "./measure-sets.js";
 import { pointsOf } from "./measure-model.js";
-import { entryOf, title } from "./summary.js";
+import { entryOf, sourceTag, title } from "./summary.js";
 import { understand } from "./typed.js";
 import { duration } from "./units.js";
 
@@ -62,6 +62,7 @@ export class FitForm {
 
   /** `close` removes the form. */
   constructor({ result, submitted }, sets, close) {
+    this.source = result.key;
     const scenario = withEnergy(result.scenario, submitted);
     // The measurements say which profiles are needed.
     delete scenario.profiles_at;
@@ -83,11 +84,11 @@ export class FitForm {
     this.element.scrollIntoView({ block: "nearest" });
   }
 
-  /** The fields of a set: whether it takes part, and its noise. */
+  /** The fields of a set: whether it takes part, and its noise. A set of another run, which this page shows too, takes part only if the user wants it. */
   #setFields(set, i) {
     const hasColumn = set.sigma?.every((value) => value > 0);
     const noises = Object.fromEntries(Object.entries(NOISES).filter(([name]) => hasColumn || name !== "column"));
-    const use = h("input", { type: "checkbox", id: `fit-set-${i}`, checked: true, onchange: () => this.#check() });
+    const use = h("input", { type: "checkbox", id: `fit-set-${i}`, checked: set.runs[0] === this.source, onchange: () => this.#check() });
     const sizes = { relative: RELATIVE, absolute: set.kind === "profile" ? "0.05 um" : `1 ${LIKE[pointsOf(set).output] ?? "um"}` };
     const size = h("input", { id: `fit-size-${i}`, "aria-label": `Size of the noise of ${set.name}`, value: RELATIVE, hidden: hasColumn, oninput: () => this.#checkSoon() });
     const noise = select(noises, hasColumn ? "column" : "relative", { id: `fit-noise-${i}`, "aria-label": `Noise of ${set.name}`, onchange: () => {
@@ -174,7 +175,7 @@ export class FitForm {
     const { tests } = this.#used();
     try {
       const label = `Fit to ${tests.map(({ set }) => set.name).join(", ")}`.slice(0, 200);
-      const job = await post("/v1/jobs", { label, ...this.#body() }, { headers: { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() } });
+      const job = await post("/v1/jobs", { label, tags: [sourceTag(this.source)], ...this.#body() }, { headers: { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() } });
       if (this.element.isConnected) location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`;
     } catch (problem) {
       this.#show(problem);

@@ -1,13 +1,17 @@
 // The result of a fit: what the data do not determine, the estimates, and the figures that show whether the law holds.
 
 import { drawActions } from "./actions.js";
+import { may } from "./allowed.js";
 import { get, resultAddress } from "./api.js";
-import { asJson, fill, h, tableOf } from "./dom.js";
+import { inputRows } from "./compare-inputs.js";
+import { asJson, fill, h, list, tableOf } from "./dom.js";
 import { valueAt } from "./fields.js";
 import { Figure } from "./figure.js";
 import { dataFigure, energyFigure, groupsOf, profileFigure, residualFigure, rowsOf } from "./fit-figures.js";
 import { named, squaredOf, symbolAt, together, unitAt, wordsOf } from "./fit-names.js";
+import { drawSource } from "./result.js";
 import { axisUnit, withUnit } from "./scaling.js";
+import { nameOf } from "./summary.js";
 import { cycles, digits, quantity, WORDS } from "./units.js";
 
 /** Rows of the table of measured numbers. */
@@ -45,15 +49,33 @@ function dataWords({ table }) {
   return [...counts].map(([output, count]) => `${count} ${name(output, count).replace(/ys$/, "ies").replace(/per cycles$/, "per cycle").replace(/energy per/, count === 1 ? "energy per" : "energies per")}`).join(", ");
 }
 
+/** What the standard deviations of the data are. A relative error was assumed. */
+function errorsOf({ tests }) {
+  const shares = [...new Set(tests.flatMap(({ data }) => data).map(({ relative, sigma }) => (sigma === undefined ? relative : undefined)))];
+  if (shares.every((share) => share === undefined)) return "the stated errors";
+  return shares.length === 1 ? `the assumed errors of ${digits(100 * shares[0], 3)}\u00a0%` : "the stated and assumed errors";
+}
+
+/** Inputs that follow from the data, or that are settings of the computation. */
+const NOT_FIXED = /^\/(cycles|profiles_at|model\/(?!method|xi))/;
+
+/** The scenario, and its inputs that are the same in all tests. */
+function scenarioCard({ fit: { scenario, tests, parameters } }, source) {
+  const others = [...parameters.map(({ pointer }) => pointer), ...tests.flatMap(({ changes }) => Object.keys(changes ?? {}))];
+  const rows = inputRows([scenario]).filter(({ id }) => !NOT_FIXED.test(id) && !others.includes(id));
+  return h("section", { class: "card wide-values", "aria-label": "Scenario" }, h("h2", {}, "Fixed inputs"), h("p", {}, nameOf({ scenario }), ". ", source),
+    list(rows.map(({ id, name, texts: [text] }) => [name, text, id])));
+}
+
 /** Whether the law describes the data. */
-function lawWords({ notes, quality, parameters }) {
+function lawWords({ fit, notes, quality, parameters }) {
   const against = notes.find(({ kind }) => AGAINST.includes(kind));
-  if (against) return ["differs", "The law does not hold for these data", inWords(against.detail, parameters)];
+  if (against) return ["differs", "The law does not hold for these data", inWords(against.detail, parameters).replace("their stated errors", errorsOf(fit))];
   const freedom = Math.floor(quality.effective_points - parameters.length);
   if (freedom < 1) return ["", "The data cannot test the law", "There are not more points than estimated numbers."];
   if (quality.degrees_of_freedom !== null) return ["agrees", "The law describes these data", "Their errors were estimated from the scatter around the curve, which is small."];
   const ratio = digits(Math.sqrt(quality.sum_of_squares / freedom), 2);
-  return ["agrees", "The law describes these data", `The residuals are ${ratio === "1" ? "" : `${ratio} times `}as large as the stated errors.`];
+  return ["agrees", "The law describes these data", `The residuals are ${ratio === "1" ? "" : `${ratio} times `}as large as ${errorsOf(fit)}.`];
 }
 
 function estimateTile({ pointer, unit, estimate, interval, at_bound: isAtBound }, { fit }) {
@@ -101,6 +123,7 @@ export async function showFit(main, { key }, { job, link, signal }) {
   const result = await get(`${resultAddress(key)}?${new URLSearchParams(link ? { link } : {})}`, { signal });
   const { fit, parameters = [], notes = [], quality } = result;
   const heading = job.label || "Fit";
+  const source = h("span", { id: "derived", hidden: true });
   document.title = `${heading} · fretwork`;
   const body = h("div", { class: "stack" });
   // A single point needs no figure: the table has it.
@@ -121,6 +144,7 @@ export async function showFit(main, { key }, { job, link, signal }) {
         name === "Wear over energy" && h("p", { class: "muted" }, result.lines.map(({ weights, energy_coefficient: slope, interval, r_squared: squared }) =>
           `${weights === "equal" ? "All points equal" : "Weighted by their errors"}: α\u00a0=\u00a0${quantity(slope, "m^3/J", 3)}, ${together(interval, "m^3/J", " to ")}, R²${squaredOf(squared)}. `)))),
       quality && correlationTable(result)),
+      scenarioCard(result, source),
       pointTable(result),
       asJson("Fit", fit));
     plans().forEach(([, { title, curves, axes }], i) => {
@@ -132,7 +156,8 @@ export async function showFit(main, { key }, { job, link, signal }) {
   const run = estimated && h("a", { class: "button primary", id: "run-this", href: `#/new?${new URLSearchParams({ scenario: JSON.stringify(estimated), label: `${heading}: estimates` })}` }, "Run this");
   fill(main, h("div", { class: "head" }, h("div", {}, h("h1", {}, heading),
     h("p", { class: "muted" }, `Fit · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…")),
-  h("div", { class: "actions" }, !link && run, drawActions(result, { job, link, remember() {}, signal }))), body);
+  h("div", { class: "actions" }, !link && may("submit") && run, drawActions(result, { job, link, remember() {}, signal }))), body);
   draw();
   document.addEventListener("units", draw, { signal });
+  drawSource(source, { key }, job.source, signal);
 }

@@ -154,8 +154,9 @@ export async function showForm(main, { query, signal }) {
     keep.textContent = submitText(form.study);
     preview.element.hidden = isStudy() || !may("submit");
     estimate.hidden = !may("read");
-    const isBeside = isStudy() || !may("submit");
-    (isBeside ? side : left).insertBefore(estimate, isBeside ? null : jsonEditor);
+    // Its height changes with each answer, so it comes last, and nothing moves below the pointer.
+    const place = isStudy() || !may("submit") ? side : left;
+    if (estimate.parentElement !== place) place.append(estimate);
     drawRuns(form.study);
     draft.stop();
     if (isStudy()) live.stop();
@@ -300,8 +301,8 @@ export async function showForm(main, { query, signal }) {
 
   const left = h("div", {},
     h("div", { class: "card" }, canonical, notShown, otherFaults, fieldset.element,
-      h("p", { class: "muted" }, "Type a number, with or without a unit: 10, 10 mm, 3.03×10⁻⁵ mm³/Nm. The arrow keys and the slider change it. "
-        + "Press Vary to compute many values of it in one study.")),
+      h("p", { class: "muted" }, "Type a number, with or without a unit: 10, 10 mm, 3.03×10⁻⁵ mm³/Nm. The arrow keys and the slider change it.",
+        may("submit") && " Press Vary to compute many values of it in one study.")),
     jsonEditor);
   const skip = h("a", { class: "skip", href: "#fields", onclick: (event) => {
     event.preventDefault();

@@ -12,6 +12,9 @@ const AT_ONCE = 4;
 const KEYS = 100;
 
 const counted = (count) => `${count} ${count === 1 ? "result" : "results"}`;
+/** Who sees labels and tags. */
+const SEEN = "On a server with keys, only you and administrators see labels and tags.";
+
 const split = (text) => text.split(",").map((tag) => tag.trim()).filter(Boolean);
 
 /** Calls `act` for each item, a few at a time. Returns the problems of those that fail. */
@@ -31,13 +34,10 @@ function report(done, count, problems) {
 
 /** Changes the labels or the tags of entries. `naming(entry)` is the change of one of them. */
 async function rename(entries, done, naming) {
-  const own = entries.filter(({ job }) => job);
-  const problems = await each(own, async (entry) => {
+  const problems = await each(entries, async (entry) => {
     const job = await get(jobAddress(entry.job), { method: "PATCH", body: naming(entry) });
     Object.assign(entry, { label: job.label, tags: job.tags });
   });
-  const others = entries.length - own.length;
-  for (let i = 0; i < others; i++) problems.push({ detail: "you have no run of it. Run its scenario again to name it." });
   report(done, entries.length, problems);
 }
 
@@ -56,7 +56,7 @@ async function ask(title, fields, text, act) {
 /** Changes the labels of entries. Returns whether something may have changed. */
 export async function askLabel(entries) {
   const [first] = entries;
-  const answer = await ask("Rename", [["label", entries.length > 1 ? `Label of all ${entries.length} results` : "Label", first.label ?? "", 200]], null, "Rename");
+  const answer = await ask("Rename", [["label", entries.length > 1 ? `Label of all ${entries.length} results` : "Label", first.label ?? "", 200]], SEEN, "Rename");
   if (answer) await rename(entries, "Renamed", () => ({ label: answer.label || null }));
   return Boolean(answer);
 }
@@ -66,7 +66,7 @@ export async function askTags(entries) {
   // The page shows the source of a run as a link, not as a tag.
   const known = [...new Set(entries.flatMap(({ tags }) => tags))].filter((tag) => !sourceOf([tag]));
   const answer = await ask(`Tag ${counted(entries.length)}`, [["add", "Add tags, separated by commas", ""], ["remove", "Remove tags, separated by commas", ""]],
-    known.length > 0 && `Present tags: ${known.join(", ")}`, "Change tags");
+    [known.length > 0 && `Present tags: ${known.join(", ")}. `, SEEN], "Change tags");
   if (!answer) return false;
   const [add, remove] = [split(answer.add), split(answer.remove)];
   await rename(entries, "Changed the tags of", ({ tags }) => ({ tags: [...new Set([...tags, ...add])].filter((tag) => !remove.includes(tag)) }));
@@ -84,8 +84,19 @@ export async function askDelete(entries) {
 
 const csv = async (words) => (await send(`/v1/results?${words}&format=csv&comments=none`, { headers: { Accept: "*/*" } })).text();
 
+/** Entries in an order of the search, such as `-created`. Entries without the number are last. */
+function sorted(entries, sort) {
+  const name = sort.replace("-", "");
+  const valueOf = ({ values, [name]: own = values[name] }) => own;
+  const [known, others] = [true, false].map((isKnown) => entries.filter((entry) => (valueOf(entry) != null) === isKnown));
+  known.sort((a, b) => (valueOf(a) < valueOf(b) ? -1 : valueOf(a) > valueOf(b) ? 1 : 0));
+  return [...(sort === name ? known : known.reverse()), ...others];
+}
+
 /** Saves the selected results as CSV, or all results of a search, in the order of the search. */
-export async function saveTable(entries, asked) {
+export async function saveTable(selected, asked) {
+  // The server sorts the results of one request.
+  const entries = sorted(selected, asked.get("sort"));
   const texts = [];
   for (let at = 0; at < Math.max(entries.length, 1); at += KEYS) {
     const keys = entries.slice(at, at + KEYS).map(({ key }) => key);

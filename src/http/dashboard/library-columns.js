@@ -2,7 +2,7 @@
 
 import { capital, dateTime, h, svg } from "./dom.js";
 import { isDraft, sourceOf, subtitle, title } from "./summary.js";
-import { cycles, quantity, WORDS } from "./units.js";
+import { cycles, WORDS } from "./units.js";
 import { KINDS } from "./words.js";
 
 /** What a result is called: its label, or what it computes. */
@@ -10,9 +10,9 @@ export const nameOfEntry = (entry) => entry.label || title(entry);
 export const isRun = ({ kind }) => !KINDS[kind];
 
 const word = (name) => ({ heading: capital(name), width: 9, cell: (entry) => WORDS[entry[name]] ?? "" });
-/** A number of the list. `unit` is its SI unit. */
+/** A number of the list. `texts` write the numbers of each column. */
 const number = (name, heading = WORDS[name], width = 8) => ({ heading, width, sort: name, isNumber: true,
-  cell: ({ values }, units) => values[name] != null && quantity(values[name], units[name]) });
+  cell: ({ values }, texts) => values[name] != null && texts[name](values[name]) });
 
 const note = ({ note: own }) => own && h("span", { title: own.text }, own.text);
 const tags = (entry) => [entry.tags.filter((tag) => !isDraft({ tags: [tag] }) && !sourceOf([tag])).map((tag) => h("span", { class: "tag" }, tag)),
@@ -29,7 +29,7 @@ export const COLUMNS = {
   name: { heading: "Name", width: 18, cell: name },
   tags: { heading: "Tags", width: 6, cell: tags },
   note: { heading: "Note", width: 12, cell: note },
-  kind: { heading: "Kind", width: 8, cell: ({ kind }) => KINDS[kind]?.title ?? "Run" },
+  kind: { heading: "Kind", width: 8, cell: (entry) => (isRun(entry) ? "Run" : title(entry)) },
   shape: word("shape"),
   method: word("method"),
   regime: word("regime"),
@@ -49,7 +49,7 @@ export const COLUMNS = {
   wear_depth: number("wear_depth", "Wear depth", 7.5),
   scar_radius: number("scar_radius"),
   dissipated_energy: number("dissipated_energy"),
-  owner: { heading: "Submitted by", width: 9, cell: ({ owner }) => owner ?? "" },
+  owner: { heading: "Computed by", width: 9, cell: ({ owner }) => owner ?? "" },
   size: { heading: "Size", width: 7, sort: "size", isNumber: true, cell: ({ size }) => `${Math.ceil(size / 1000)}\u00a0kB` },
   created: { heading: "Computed", width: 13, sort: "created", cell: ({ created }) => dateTime(created) },
 };

@@ -3,6 +3,7 @@
 import { get } from "./api.js";
 import { fill, h } from "./dom.js";
 import { COLUMNS, isRun, nameOfEntry } from "./library-columns.js";
+import { columnOf } from "./scaling.js";
 import { Thumbnails } from "./thumbnails.js";
 
 const PAGE = 100;
@@ -20,6 +21,7 @@ export class Table {
   chosen = new Map();
   #pages = [];
   #units = {};
+  #texts = {};
   #next = null;
   #search = 0;
   #isLoading = false;
@@ -83,6 +85,7 @@ export class Table {
 
   /** Draws the shown rows again, for example in other units. */
   redraw() {
+    this.#measure();
     this.#drawHead();
     for (const page of this.#pages.filter(({ isShown }) => isShown)) this.#draw(page);
   }
@@ -117,6 +120,7 @@ export class Table {
     if (results.length) {
       const page = { entries: results, body: h("tbody", {}), isShown: true };
       this.#pages.push(page);
+      if (this.#pages.length === 1) this.#measure();
       this.#draw(page);
       this.table.append(page.body);
       this.drawn.observe(page.body);
@@ -140,6 +144,12 @@ export class Table {
     fill(page.body, h("tr", { class: "gap", "aria-hidden": "true" }, gap));
   }
 
+  /** Chooses one unit for each column, by the first rows: it must not change while the user scrolls. */
+  #measure() {
+    const [{ entries } = { entries: [] }] = this.#pages;
+    this.#texts = Object.fromEntries(Object.entries(this.#units).map(([name, unit]) => [name, columnOf(unit, entries.map(({ values }) => values[name]))]));
+  }
+
   #draw(page) {
     page.rows = new Map(page.entries.map((entry) => [entry.key, this.#row(entry)]));
     page.body.replaceChildren(...page.rows.values());
@@ -149,7 +159,7 @@ export class Table {
     const isChosen = this.chosen.has(entry.key);
     const cells = this.columns.map((name) => {
       const { cell, isNumber } = COLUMNS[name];
-      const content = cell(entry, this.#units);
+      const content = cell(entry, this.#texts);
       if (name === "picture" && isRun(entry)) this.pictures.add(content, entry);
       return h(name === "name" ? "th" : "td", { scope: name === "name" ? "row" : null, class: isNumber ? "number" : name }, content);
     });

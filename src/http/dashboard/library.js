@@ -18,6 +18,7 @@ const OPTIONS = {
   method: ["Method", anyOf("method")],
   regime: ["Regime", anyOf("regime")],
   pinned: ["Pinned", { "": "Any", true: "Pinned only" }],
+  submitted_by: ["Submitted by", { "": "Anyone", me: "Me" }],
 };
 /** The filters that are text, each with an example. */
 const TEXTS = {
@@ -26,7 +27,7 @@ const TEXTS = {
   amplitude: ["Amplitude", "..5 µm"],
   wear_depth: ["Wear depth", "..2 µm"],
   wear_volume: ["Wear volume", "1e-5 mm³.."],
-  owner: ["Submitted by", ""],
+  owner: ["Computed by", ""],
   tag: ["Tag", ""],
   created: ["Computed", "2026-01-31.."],
 };
@@ -122,7 +123,8 @@ export async function showLibrary(main, { query, signal }) {
     shown = now;
     const isChosen = entries.length > 0;
     fill(actions, isChosen && [compareLink(entries),
-      may("submit") && [action("Rename", askLabel), action("Tag", askTags)],
+      // The label and the tags are those of a run of the user.
+      may("submit") && entries.every(({ job }) => job) && [action("Rename", askLabel), action("Tag", askTags)],
       may("administrate") && action("Delete", askDelete, true)],
     action(isChosen ? "CSV of selection" : "CSV of all found", (own) => saveTable(own, asked())),
     isChosen && h("button", { type: "button", onclick: () => table.clearChoice() }, "Clear selection"), columns);

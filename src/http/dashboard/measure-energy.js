@@ -32,7 +32,7 @@ export class EnergyFigure {
     if (this.element.hidden) return;
     const own = { x: history.dissipated_energy, y: history.wear_volume };
     const all = [{ name: "Simulation", ink: 1, ...own }, ...volumes];
-    const lines = all.map(({ name, ink, x, y, isComputed }) => ({ name, ink, x, isComputed, line: throughOrigin(x, y) })).filter(({ line }) => line);
+    const lines = all.map(({ name, ink, x, y, errors, isComputed }) => ({ name, ink, x, isComputed, line: throughOrigin(x, y, errors) })).filter(({ line }) => line);
     const end = Math.max(...all.flatMap(({ x }) => x));
     const smooth = history.smooth && { x: history.smooth.dissipated_energy, y: history.smooth.wear_volume };
     this.#figure.title = "Wear volume over dissipated energy";
@@ -43,7 +43,7 @@ export class EnergyFigure {
     ], { x: { title: WORDS.dissipated_energy, symbol: symbolOf("dissipated_energy"), unit: "J", range: [0, end * 1.03] },
       y: { title: WORDS.wear_volume, symbol: symbolOf("wear_volume"), unit: "m^3" } });
     fill(this.#slopes, lines.map(({ name, line, isComputed, x }) => h("li", { "data-slope": name }, h("strong", {}, name), ": α\u00a0=\u00a0", h("span", { class: "slope" }, line.error < INVISIBLE * line.slope ? quantity(line.slope, "m^3/J", 3) : together([line.slope, line.error], "m^3/J", " ± ")),
-      `, R²${squaredOf(line.squared)}, ${x.length} points${isComputed ? ", energies computed" : ""}`)),
+      `, R²${squaredOf(line.squared)}, ${x.length} points${line.isWeighted ? ", weighted by their errors" : ""}${isComputed ? ", energies computed" : ""}`)),
     h("li", {}, "Lines through the origin, V\u00a0=\u00a0αΣE, with the standard error of α."));
   }
 }

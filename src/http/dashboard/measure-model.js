@@ -113,14 +113,18 @@ export function judge(rows, least) {
 /** The largest numerical error of a run, relative. */
 export const errorOf = ({ history }) => Math.max(0, ...[history.wear_volume_error, history.wear_depth_error].flatMap((errors) => errors ?? []).map(Math.abs).filter(Number.isFinite));
 
-/** The line through the origin, y = αx, by least squares: `slope`, its standard `error` and R², as a fit reports them. */
-export function throughOrigin(x, y) {
-  const points = x.map((at, i) => [at, y[i]]).filter(([at, value]) => Number.isFinite(at) && Number.isFinite(value));
-  const square = points.reduce((sum, [at]) => sum + at * at, 0);
+/**
+ * The line through the origin, y = αx, by least squares: `slope`, its standard `error` and R², as a fit reports them. If all points
+ * have errors, they are the weights.
+ */
+export function throughOrigin(x, y, errors) {
+  const points = x.map((at, i) => [at, y[i], errors?.[i]]).filter(([at, value]) => Number.isFinite(at) && Number.isFinite(value));
+  const isWeighted = points.every(([, , error]) => error > 0);
+  const sum = (of) => points.reduce((all, [at, value, error]) => all + of(at, value) / (isWeighted ? error * error : 1), 0);
+  const square = sum((at) => at * at);
   if (points.length < 2 || !(square > 0)) return null;
-  const slope = points.reduce((sum, [at, value]) => sum + at * value, 0) / square;
-  const rest = points.reduce((sum, [at, value]) => sum + (value - slope * at) ** 2, 0);
-  const mean = meanOf(points.map(([, value]) => value));
-  const all = points.reduce((sum, [, value]) => sum + (value - mean) ** 2, 0);
-  return { slope, error: Math.sqrt(rest / ((points.length - 1) * square)), squared: 1 - rest / all };
+  const slope = sum((at, value) => at * value) / square;
+  const rest = sum((at, value) => (value - slope * at) ** 2);
+  const mean = sum((_, value) => value) / sum(() => 1);
+  return { slope, error: Math.sqrt(rest / ((points.length - 1) * square)), squared: 1 - rest / sum((_, value) => (value - mean) ** 2), isWeighted };
 }

@@ -24,8 +24,8 @@ export function measuring({ result, submitted, link, state, figures, redraw, sig
   const mayRead = may("submit");
   const hasFile = ({ dataTransfer }) => dataTransfer?.types.includes("Files");
   const element = h("section", { class: "card measurements", "aria-label": "Measurements" },
-    h("div", { class: "row spread" }, h("h2", {}, "Measurements"), h("div", { class: "row" },
-      mayRead && button("add-measurement", "Add measurement…", (own) => own.ask()), button("wear-over-energy", "Wear over energy", (own) => own.showEnergy()),
+    h("div", { class: "row spread" }, h("h2", {}, mayRead ? "Measurements" : "Wear over energy"), h("div", { class: "row" },
+      mayRead && button("add-measurement", "Add measurement…", (own) => own.ask()), button("wear-over-energy", mayRead ? "Wear over energy" : "Show", (own) => own.showEnergy()),
       !link && mayRead && button("fit-these", "Fit…", (own) => own.fit()))),
     mayRead && h("p", { class: "muted" }, "Drop a CSV file with measured numbers on a figure, or add it here. The numbers stay in this tab. Only the reader of files on the "
       + "server gets them, and keeps nothing."), place);

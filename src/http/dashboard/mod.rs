@@ -16,7 +16,9 @@ use crate::http::problem::Result;
 use crate::http::wire::{NoQuery, Segment};
 use asset::{Asset, Assets};
 
-use fretwork_engine::outcome::{EVENTS, History, LINE_WORDS, QUANTITIES, Quantity, Unworn};
+use fretwork_engine::outcome::{
+    EVENTS, History, LINE_WORDS, QUANTITIES, Quantity, SECTION_WORDS, SPECIAL_WORDS, Unworn,
+};
 use fretwork_engine::request::inputs::{INPUTS, VALUES};
 use fretwork_format::notation::LADDERS;
 use fretwork_job::WORDS;
@@ -84,18 +86,19 @@ static ASSETS: Assets = Assets {
 /// and inputs, their units for people, and what users search by.
 fn words() -> String {
     let kinds: Value = Kind::ALL.into_iter().map(|kind| (kind.name, json!(kind))).collect();
-    let words = |quantity: &Quantity| (quantity.name, json!(quantity.words));
-    let names: Value = QUANTITIES.iter().map(words).collect();
-    let units: Value =
-        QUANTITIES.iter().map(|quantity| (quantity.name, json!(quantity.unit))).collect();
-    let symbols: Value =
-        QUANTITIES.iter().map(|quantity| (quantity.name, json!(quantity.symbol))).collect();
+    let of_quantities = |of: fn(&Quantity) -> &'static str| -> Value {
+        QUANTITIES.iter().map(|quantity| (quantity.name, of(quantity))).collect()
+    };
+    let [names, units, symbols] =
+        [of_quantities(|it| it.words), of_quantities(|it| it.unit), of_quantities(|it| it.symbol)];
     // A later meaning of a name replaces an earlier one: a column of the history means more to a reader than the
     // unworn contact.
     let members = Unworn::MEMBERS.iter().chain(History::MEMBERS);
-    let meanings: Value = members.map(|member| (member.name, json!(member.meaning))).collect();
-    let line: Value = LINE_WORDS.iter().map(|(name, words)| (*name, json!(words))).collect();
-    let values: Value = VALUES.iter().map(|(name, words)| (*name, json!(words))).collect();
+    let meanings: Value = members.map(|member| (member.name, member.meaning)).collect();
+    let line: Value = LINE_WORDS.iter().copied().collect();
+    let [sections, special]: [Value; 2] = [SECTION_WORDS, SPECIAL_WORDS]
+        .map(|list| list.iter().map(|(name, words)| (*name, json!(words))).collect());
+    let values: Value = VALUES.iter().copied().collect();
     let inputs: Value = INPUTS.iter().map(|it| json!([it.pointer, it.words, it.symbol])).collect();
     let ladder = |(unit, usual, steps): &(&str, _, _)| {
         ((*unit).to_owned(), json!({"usual": usual, "steps": steps}))
@@ -112,6 +115,8 @@ fn words() -> String {
          /** The names of events. */\nexport const EVENTS = {events};\n\n\
          /** What they mean. */\nexport const MEANINGS = {meanings};\n\n\
          /** The names of quantities of a line contact. */\nexport const LINE_WORDS = {line};\n\n\
+         /** The beginning of names of numbers of sections, and the end of their symbols. */\nexport const SECTIONS = {sections};\n\n\
+         /** The names and symbols of other numbers of sections. */\nexport const SPECIAL = {special};\n\n\
          /** The names of values of inputs. */\nexport const VALUES = {values};\n\n\
          /** The inputs: patterns of their pointers, names and symbols. */\nexport const INPUTS = {inputs};\n\n\
          /** The units for people, each with its factor and the size from which it is used. */\nexport const LADDERS = {ladders};\n\n\

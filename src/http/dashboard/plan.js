@@ -1,5 +1,6 @@
 // The parts of the form that belong to a study: the range of a number that varies, and the card that says what is computed.
 
+import { may } from "./allowed.js";
 import { explained, fill, h, select } from "./dom.js";
 import { printed } from "./kinds.js";
 import { outputWords } from "./study-words.js";
@@ -19,6 +20,8 @@ const GROUPS = { "": "During the run", unworn: "Unworn contact", limit: "Limitin
 
 /** The button beside a number that lets it vary. It is disabled while the field has no number. */
 export function varyButton(id, name, pointer, scenario, study, redraw) {
+  // A study is a job.
+  if (!may("submit")) return null;
   const isVaried = Object.hasOwn(study.ranges, pointer);
   return h("button", { type: "button", class: "vary", id: `${id}-vary`, "aria-label": `Vary ${name}`,
     "aria-pressed": String(isVaried), title: isVaried ? "Use one value again" : "Compute many values of this number",

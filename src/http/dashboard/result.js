@@ -60,8 +60,7 @@ export async function showResult(main, { id: key, query, signal }) {
   const [result, job] = await Promise.all([loadResult(key, link, signal), link ? { label: query.get("label") } : loadJob(key, query.get("job"), signal)]);
   if (kindOf(result)) return (await import("./study.js")).showStudy(main, result, { job, link, query, signal });
   const bodyWarnings = await loadBodyWarnings(result, job, link, signal);
-  // A shared link may not compute.
-  if (!link) await smooth([result], signal);
+  await smooth([{ result, link }], signal);
   const outputs = result.profiles?.cycles ?? result.history.cycles;
   const state = {
     plot: PROFILES.includes(query.get("plot")) ? query.get("plot") : "worn",

@@ -1,5 +1,6 @@
 // One job, followed until it has a result.
 
+import { button } from "./actions.js";
 import { may } from "./allowed.js";
 import { events, get, jobAddress, post } from "./api.js";
 import { dateTime, debounced, fill, h, list, notify } from "./dom.js";
@@ -61,7 +62,7 @@ export async function showRun(main, { id, query, signal }) {
 
   function draw() {
     state.textContent = job.state;
-    farthest = Math.max(farthest, job.progress, soFar.share);
+    farthest = Math.max(farthest, job.progress, soFar.counts.computed / soFar.counts.points);
     bar.value = job.state === "canceled" ? farthest : job.progress;
     const reached = `${Math.floor(farthest * 100)}\u00a0%`;
     percentage.textContent = job.state === "queued" ? "" : job.state !== "canceled" ? reached : farthest >= 0.01 ? `at ${reached}` : "";
@@ -70,9 +71,10 @@ export async function showRun(main, { id, query, signal }) {
     drawTimes();
     if (job.state === "failed") fill(outcome, errorCard(job.error));
     if (job.state === "canceled") {
-      fill(outcome, h("section", { class: "card" }, h("p", {}, soFar.share > 0
-        ? "This study was canceled. The points below were computed before. They stay readable for a week." : "This run was canceled. It has no result."),
-        h("p", {}, h("a", { class: "button", href: "#/runs" }, "Open the list of runs"))));
+      const { computed, points } = soFar.counts;
+      fill(outcome, h("section", { class: "card" }, h("p", {}, soFar.hasPoints
+        ? `This study was canceled. ${cycles(computed)} of ${cycles(points)} points were computed before. They stay readable for a week.` : "This run was canceled. It has no result."),
+        h("div", { class: "row" }, soFar.hasPoints && button("Points as CSV", () => soFar.save()), h("a", { class: "button", href: "#/runs" }, "Open the list of runs"))));
     }
   }
 

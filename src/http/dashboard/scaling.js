@@ -34,11 +34,19 @@ export function digits(value, count = 4) {
   return spaced(String(Number(value.toPrecision(count)))).replace("-", "−");
 }
 
-/** A number with its unit, joined by no-break spaces: 0.102 µJ, 1.4 kJ. */
-export function quantity(value, unit, count = 4) {
-  const { unit: name, factor } = scaleOf(unit, value ?? 0);
+function shown(value, { unit, factor }, count = 4) {
   const text = digits(value == null ? null : value * factor, count);
-  return name && text !== "–" ? `${text}\u00a0${name.replace(" ", "\u00a0")}` : text;
+  return unit && text !== "–" ? `${text}\u00a0${unit.replace(" ", "\u00a0")}` : text;
+}
+
+/** A number with its unit, joined by no-break spaces: 0.102 µJ, 1.4 kJ. */
+export const quantity = (value, unit, count = 4) => shown(value, scaleOf(unit, value ?? 0), count);
+
+/** A function that writes the numbers of a column with one unit: that of their median, because they may cover several decades. */
+export function columnOf(unit, values) {
+  const sizes = values.filter(Number.isFinite).map(Math.abs).sort((a, b) => a - b);
+  const scale = scaleOf(unit, sizes[sizes.length >> 1]);
+  return (value) => shown(value, scale);
 }
 
 /** A name with its unit in brackets. */

@@ -4,6 +4,7 @@ import { get } from "./api.js";
 import { h } from "./dom.js";
 import { symbolOf } from "./explain.js";
 import { Cursors, Figure } from "./figure.js";
+import { csvOf, saveAs } from "./figure-save.js";
 import { kindOf } from "./summary.js";
 import { WORDS } from "./units.js";
 
@@ -15,8 +16,8 @@ const [PAUSE_MS, PAUSES] = [1000, 10];
 
 /** Shows the rows that are computed so far. `update` asks the server for more of them. */
 export class SoFar {
-  /** The share of the points of a study that are computed; 0 until it is known. */
-  share = 0;
+  /** The number of points of a study, and of those that are computed; 0 of 1 until they are known. */
+  counts = { computed: 0, points: 1 };
   #address;
   #job;
   #signal;
@@ -26,6 +27,7 @@ export class SoFar {
   #next = 0;
   #last = null;
   #showRows = null;
+  #found = null;
 
   constructor(address, job, signal) {
     const group = new Cursors();
@@ -47,6 +49,17 @@ export class SoFar {
   update() {
     if (!this.#asking && performance.now() >= this.#next) this.#asking = this.#ask().finally(() => { this.#asking = null; });
     return this.#asking;
+  }
+
+  /** Whether the page shows points of a study. */
+  get hasPoints() {
+    return this.#showRows !== null;
+  }
+
+  /** Saves the points of a study as CSV, in SI units. */
+  save() {
+    const { table, units } = this.#found;
+    saveAs("fretwork-points.csv", csvOf(Object.entries(table).map(([name, values]) => [units[name] && units[name] !== "1" ? `${name}[${units[name]}]` : name, values])), "text/csv");
   }
 
   /** Asks for the rows of a job that has ended. */
@@ -71,11 +84,11 @@ export class SoFar {
 
   /** Shows the points of a study, of which at least one is computed. */
   async #showStudy(found) {
-    const { points, computed } = found.counts;
-    this.share = computed / points;
     const kind = kindOf(this.#job);
+    this.#found = found;
+    this.counts = found.counts;
     // The rows of a fit are its searches, which mean nothing before they end.
-    if (computed === 0 || kind === "fit") return;
+    if (found.counts.computed === 0 || kind === "fit") return;
     const { showRows } = await import("./study-so-far.js");
     if (this.#showRows) return this.#showRows(found);
     this.#showRows = showRows(this.points, { kind, study: this.#job[kind], job: this.#job, found, signal: this.#signal });

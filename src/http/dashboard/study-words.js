@@ -2,30 +2,21 @@
 
 import { quantity } from "./scaling.js";
 import { cycles, inputWords, wordOf } from "./units.js";
-import { EVENTS, SYMBOLS } from "./words.js";
+import { EVENTS, SECTIONS, SPECIAL, SYMBOLS } from "./words.js";
 
 /** Words inside a sentence. Names of persons and numbered parts keep their capital. */
 export const inner = (words) => (/^(Young|Poisson|Archard|Body|Block)/.test(words) ? words : words[0].toLowerCase() + words.slice(1));
 
-/** Outputs whose words do not follow from their section. */
-const SPECIAL = { "scales.cycles": ["Characteristic cycles", "$N$₀"], "unworn.gross_slip_amplitude": ["Gross-slip threshold", ""],
-  "unworn.force_ratio": ["Unworn force ratio", "$Q$/($μF$)"], "unworn.stick_ratio": ["Unworn stick ratio", "$c$/$a$₀"] };
-/** How the words of a section follow from those of a quantity. */
-const SECTIONS = {
-  "": (word) => word,
-  scales: (word) => `Unworn ${inner(word)}`,
-  unworn: (word) => `Unworn ${inner(word)}`,
-  limit: (word) => `Limiting ${inner(word)}`,
-};
-
 /** Title and symbol of an output, such as `wear_volume@1000`, `unworn.stick_radius` or `events.shakedown`. */
-export function outputWords(name, scenario = {}) {
-  const [own, at] = name.split("@");
+export function outputWords(output, scenario = {}) {
+  const [own, at] = output.split("@");
   const [section, column] = own.includes(".") ? own.split(".") : ["", own];
   if (section === "events") return { title: `${EVENTS[column]} at`, symbol: "$N$" };
   if (SPECIAL[own]) return { title: SPECIAL[own][0], symbol: SPECIAL[own][1] };
-  const word = (SECTIONS[section] ?? SECTIONS[""])(wordOf(column, scenario) ?? own.replaceAll("_", " "));
-  if (at === undefined) return { title: word, symbol: SYMBOLS[column] ?? "" };
+  const [begin, end] = SECTIONS[section] ?? [];
+  const name = wordOf(column, scenario) ?? own.replaceAll("_", " ");
+  const word = begin ? `${begin} ${inner(name)}` : name;
+  if (at === undefined) return { title: word, symbol: SYMBOLS[column] ? SYMBOLS[column] + (end ?? "") : "" };
   return { title: `${word} at N\u00a0=\u00a0${Number.isFinite(Number(at)) ? cycles(Number(at)) : at}`, symbol: "" };
 }
 

@@ -26,7 +26,7 @@ const equation = (letter, value, unit) => typeof value === "number" && `${letter
 const joined = (...parts) => parts.filter(Boolean).join(", ");
 
 /** For example "Paraboloid, R = 10 mm; F = 100 N, U = 2.256 µm, μ = 0.7". */
-export const title = (entry) => KINDS[entry.kind]?.title ?? titleOfRun(entry);
+export const title = (entry) => (KINDS[entry.kind] ? studyTitle(entry.kind, entry) : titleOfRun(entry));
 
 /** A coefficient that changes has all its values in `values`. */
 const friction = (value) => (Object(value) === value && value.values

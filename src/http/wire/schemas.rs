@@ -109,6 +109,8 @@ documented! {
         .enum_values(Some(Search::orders().flat_map(|name| [name.to_owned(), format!("-{name}")])))
         .default(Some("-created".into()))
         .build();
+    /// The order of a list of jobs.
+    JobOrder words(["-created", "created"]);
     /// The layout of a whole result.
     WholeLayout words(["columns"]);
     /// The layouts of a table in JSON.

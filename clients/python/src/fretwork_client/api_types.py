@@ -625,11 +625,13 @@ class JobEvent(TypedDict):
     data: "str"
 
 class JobList(TypedDict):
-    """A page of jobs, the newest first."""
+    """A page of jobs."""
 
     jobs: "list[Job]"
     next: "NotRequired[str | None]"
     total: "NotRequired[int | None]"
+
+JobOrder: TypeAlias = "Literal['-created', 'created']"
 
 JobState: TypeAlias = "Literal['queued', 'running', 'canceling', 'succeeded', 'failed', 'canceled']"
 
@@ -1098,6 +1100,12 @@ class Sliding(TypedDict):
     held: "NotRequired[Literal['amplitude']]"
 
 SlopeAngle: TypeAlias = "float | str"
+
+class SmoothHistories(TypedDict):
+    """The histories of a run at more output cycles, in SI. Both are null if the stored points are the best there are."""
+
+    history: "NotRequired[Columns | None]"
+    simplified: "NotRequired[Columns | None]"
 
 SoFar: TypeAlias = "RunSoFar | StudySoFar"
 

@@ -72,6 +72,33 @@ pub const LINE_WORDS: &[(&str, &str)] = &[
     ("radius", "Distance x from the middle"),
 ];
 
+/// The sections of a result besides the history: how the names of their numbers begin, and how the symbols end.
+pub const SECTION_WORDS: &[(&str, [&str; 2])] =
+    &[("scales", ["Unworn", "₀"]), ("unworn", ["Unworn", ""]), ("limit", ["Limiting", ""])];
+
+/// The names and symbols of numbers of sections that do not follow from the quantity.
+pub const SPECIAL_WORDS: &[(&str, [&str; 2])] = &[
+    ("scales.cycles", ["Characteristic cycles", "$N$₀"]),
+    ("unworn.gross_slip_amplitude", ["Gross-slip threshold", ""]),
+    ("unworn.force_ratio", ["Unworn force ratio", "$Q$/($μF$)"]),
+    ("unworn.stick_ratio", ["Unworn stick ratio", "$c$/$a$₀"]),
+    ("limit.wear_depth", ["Limiting wear depth", ""]),
+];
+
+/// The name and the symbol of a number of a section of a result.
+#[must_use]
+pub fn words_in(section: &str, name: &str, is_line: bool) -> Option<[String; 2]> {
+    let whole = [section, ".", name].concat();
+    if let Some((_, special)) = SPECIAL_WORDS.iter().find(|(name, _)| *name == whole) {
+        return Some(special.map(str::to_owned));
+    }
+    let (_, [begin, end]) = SECTION_WORDS.iter().find(|(name, _)| *name == section)?;
+    let quantity = Quantity::named(name)?;
+    let end = if quantity.symbol.is_empty() { "" } else { end };
+    let words = quantity.words_of(is_line).to_lowercase();
+    Some([format!("{begin} {words}"), format!("{}{end}", quantity.symbol)])
+}
+
 const fn quantity(
     name: &'static str,
     unit: &'static str,
@@ -86,6 +113,13 @@ impl Quantity {
     #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         QUANTITIES.iter().find(|quantity| quantity.name == name)
+    }
+
+    /// Its name for people, in a line contact or a round one.
+    #[must_use]
+    pub fn words_of(&self, is_line: bool) -> &'static str {
+        let mut of_line = LINE_WORDS.iter().filter(|_| is_line);
+        of_line.find(|(name, _)| *name == self.name).map_or(self.words, |(_, words)| words)
     }
 }
 

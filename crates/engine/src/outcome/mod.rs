@@ -14,7 +14,7 @@ use serde::Serialize;
 
 pub use self::columns::{
     ContactScales, History, LINE_WORDS, LimitState, Member, QUANTITIES, Quantity, ResultUnits,
-    Unworn,
+    SECTION_WORDS, SPECIAL_WORDS, Unworn, words_in,
 };
 pub use self::condition::Condition;
 use crate::case::{Case, Outputs};

@@ -297,9 +297,13 @@ impl TableProfile {
         let (radius, height) = (&self.radius.0, &self.height.0);
         if radius[0] < 0.0 {
             let detail = "must be 0: a table lists one side of the profile, from the axis outwards. Remove the rows \
-                          with negative radii, or let POST /v1/measurements?prepare=trace make the table from the whole trace";
+                          with negative radii, or post the whole trace as CSV (30 rows or more, with a header such as \
+                          radius [mm],height [um]) to /v1/measurements?prepare=trace, which makes the table";
             fault("radius", 0, detail);
-        } else if radius[0] > 0.0 {
+            // The first height is not that on the axis, so more faults would mislead.
+            return faults.or(self).map_err(Faults::capped);
+        }
+        if radius[0] > 0.0 {
             let detail =
                 "must be 0, because the first point lies on the axis. Add a point at radius 0";
             fault("radius", 0, detail);
@@ -320,8 +324,7 @@ impl TableProfile {
         let noise = if height.len() < FEWEST_SMOOTHED { LEVEL * most } else { most };
         let lower: Vec<usize> =
             (1..height.len()).filter(|row| height[0] - height[*row] > noise).collect();
-        // With two sides, the first height is not that on the axis.
-        if let Some(first) = lower.first().filter(|_| radius[0] >= 0.0) {
+        if let Some(first) = lower.first() {
             let more = match lower.len() - 1 {
                 0 => String::new(),
                 more => format!(", and so are {more} other heights"),

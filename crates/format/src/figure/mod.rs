@@ -33,7 +33,7 @@ pub use study::all as all_of_study;
 /// Draws the requested figure as an SVG document.
 pub fn svg(document: &Document<'_>, view: &View) -> Result<Vec<u8>> {
     let svg = match document.kind() {
-        TaskKind::Run => run::svg(document, None, view)?,
+        TaskKind::Run => run::svg(document, None, view, Vec::new())?,
         TaskKind::Study(kind) => study::svg(document, kind, view)?,
     };
     Ok(svg.into_bytes())

@@ -35,11 +35,17 @@ const NO_REFERENCE: &str =
     "No values: the displacements of a line contact are known only against a reference.";
 
 /// Draws the requested figure of a run as an SVG document. `dense` is the same result with more output cycles, through which
-/// the lines of a history go.
-pub fn svg(document: &Document<'_>, dense: Option<&Document<'_>>, view: &View) -> Result<String> {
+/// the lines of a history go, and `more` are other curves.
+pub fn svg(
+    document: &Document<'_>,
+    dense: Option<&Document<'_>>,
+    view: &View,
+    more: Vec<Series>,
+) -> Result<String> {
     refuse_study_options(view)?;
     let drawing = Drawing { document, dense, view, quantity: view.figure.quantity };
     let mut figure = drawing.figure()?;
+    figure.series.extend(more);
     if view.figure.quantity.name == "pressure" && !figure.y.log {
         figure.y.range = below_poles(&figure.series);
     }

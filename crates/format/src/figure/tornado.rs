@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::axes;
 use super::words::member;
-use crate::table::{Cell, Table};
+use crate::table::Table;
 use crate::units::Units;
 use fretwork_plot::{Bar, BarChart, Group};
 use fretwork_study::Bars;
@@ -24,10 +24,6 @@ pub fn chart(
     let Bars { label, columns, have_unit } = *bars;
     let axis = axes::in_unit(label, units.of(output).filter(|_| have_unit));
     let convert = units.conversion(output).filter(|_| have_unit);
-    let text = |name: &str, row: usize| match table.column(name).map(|column| column.cell(row, 0)) {
-        Some(Cell::Text(text)) => text.to_owned(),
-        _ => String::new(),
-    };
     let number = |name: &str, row: usize| {
         let value = table.axis(name).get(row).copied()?;
         Some(convert.as_ref().map_or(value, |convert| convert(value)))
@@ -36,10 +32,10 @@ pub fn chart(
         let end = |end: &str| number(&format!("{name}_{end}"), row).filter(|end| end.is_finite());
         Bar { value: number(name, row).unwrap_or(f64::NAN), interval: end("low").zip(end("high")) }
     };
-    let rows = (0..table.cycles()).filter(|row| text("output", *row) == output);
+    let rows = (0..table.cycles()).filter(|row| table.text("output", *row) == output);
     let mut groups: Vec<Group> = rows
         .map(|row| Group {
-            label: member(&text("member", row), scenario),
+            label: member(table.text("member", row), scenario),
             bars: columns.iter().map(|(name, _)| bar(name, row)).collect(),
         })
         .collect();

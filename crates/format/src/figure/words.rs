@@ -3,6 +3,7 @@
 use serde_json::Value;
 
 use crate::notation::{digits, typeset};
+use fretwork_engine::outcome::words_in;
 use fretwork_engine::request::inputs::named;
 
 /// The name of the number at a pointer of a scenario, with a capital.
@@ -46,13 +47,14 @@ pub fn output(name: &str, cycles: &Value) -> (String, String) {
         };
         return (capital(&spaced(column)), format!(" after {at}{unit}"));
     }
-    match name.split_once('.') {
-        Some(("events", event)) => (format!("Cycles until {}", spaced(event)), String::new()),
-        Some(("scales", column)) => (capital(&spaced(column)), " (scale)".to_owned()),
-        Some(("limit", column)) => (capital(&spaced(column)), " in the limiting state".to_owned()),
-        Some((section, column)) => (capital(&spaced(column)), format!(", {section}")),
-        None => (capital(&spaced(name)), String::new()),
-    }
+    let words = match name.split_once('.') {
+        Some(("events", event)) => format!("Cycles until {}", spaced(event)),
+        Some((section, column)) => {
+            words_in(section, column, false).map_or_else(|| spaced(name), |[words, _]| words)
+        }
+        None => capital(&spaced(name)),
+    };
+    (words, String::new())
 }
 
 /// The text with a capital first letter.
@@ -101,7 +103,7 @@ mod tests {
         assert_eq!(in_words("wear_volume"), "Wear volume");
         assert_eq!(in_words("wear_depth@1000"), "Wear depth after 1000 cycles");
         assert_eq!(in_words("wear_depth@1 mJ"), "Wear depth after 1 mJ");
-        assert_eq!(in_words("unworn.energy_ratio"), "Energy ratio, unworn");
+        assert_eq!(in_words("unworn.energy_ratio"), "Unworn energy ratio");
         assert_eq!(in_words("events.rim_reached"), "Cycles until rim reached");
     }
 

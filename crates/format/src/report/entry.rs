@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use super::html::{self, pairs, section};
 use super::inputs::Input;
+use super::measured::Measured;
 use crate::notation::{Notation, cycles, digits, with_unit};
 use fretwork_job::TaskKind;
 use fretwork_plot::Figure;
@@ -21,6 +22,8 @@ pub struct About {
     pub version: Option<String>,
     /// The warnings about the bodies, as a JSON array.
     pub warnings: Value,
+    /// What was measured in the test that a run simulates.
+    pub measured: Vec<Measured>,
 }
 
 /// A number of a run.
@@ -82,6 +85,14 @@ impl Entry {
     /// Its label, or a name made of its values.
     pub(super) fn name(&self) -> &str {
         self.label.as_deref().unwrap_or(&self.title)
+    }
+
+    /// What it is, besides its name.
+    pub(super) fn about(&self) -> String {
+        match &self.label {
+            Some(_) => format!("{} · {}", self.title, self.subtitle),
+            None => self.subtitle.clone(),
+        }
     }
 }
 

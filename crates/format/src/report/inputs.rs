@@ -27,19 +27,23 @@ pub struct Input {
     pub text: String,
 }
 
-/// The inputs of a scenario or a study.
+/// The inputs of a scenario or a study. A number that the study varies or estimates is not an input of its scenario.
 pub fn listed(asked: &Value, notation: Notation, digits: u8) -> Vec<Input> {
     let scenario = asked.get("scenario").unwrap_or(asked);
     let mut found = Vec::new();
     collect(scenario, String::new(), &mut found);
     let reader = Reader { scenario, units: units(scenario, &found), notation, digits };
+    let is_own =
+        |name: &str| asked.get("scenario").is_some() && !["scenario", "version"].contains(&name);
+    let members = asked.as_object().into_iter().flatten().filter(|(name, _)| is_own(name));
+    let members =
+        members.flat_map(|(name, value)| items(value).iter().map(move |item| (name, item)));
+    let members: Vec<_> = members.collect();
+    let varied: Vec<_> = members.iter().filter_map(|(name, item)| pointer_of(name, item)).collect();
+    let fixed = found.into_iter().filter(|(pointer, _)| !varied.contains(&pointer.as_str()));
+    let fixed = fixed.map(|(pointer, value)| reader.input(pointer, value));
     let mut inputs: Vec<Input> =
-        found.into_iter().map(|(pointer, value)| reader.input(pointer, value)).collect();
-    for (name, value) in asked.as_object().into_iter().flatten() {
-        if asked.get("scenario").is_some() && !matches!(name.as_str(), "scenario" | "version") {
-            inputs.extend(reader.of_study(name, value));
-        }
-    }
+        fixed.chain(members.iter().map(|(name, item)| reader.of_study(name, item))).collect();
     let more = inputs.len().saturating_sub(MOST);
     inputs.truncate(MOST);
     let rest =
@@ -63,6 +67,20 @@ fn collect<'a>(value: &'a Value, pointer: String, out: &mut Vec<(String, &'a Val
         }
         _ => out.push((pointer, value)),
     }
+}
+
+/// The items of a member of a study: those of a list of objects, or the member itself.
+fn items(value: &Value) -> &[Value] {
+    match value {
+        Value::Array(items) if items.iter().any(Value::is_object) => items,
+        _ => std::slice::from_ref(value),
+    }
+}
+
+/// The pointer of the number that an item of a member of a study varies or estimates.
+fn pointer_of<'a>(name: &str, item: &'a Value) -> Option<&'a str> {
+    let mut axes = Kind::ALL.iter().flat_map(|kind| kind.axes);
+    item["pointer"].as_str().or(axes.find(|(axis, _)| *axis == name).map(|(_, pointer)| *pointer))
 }
 
 /// The SI units of numbers without a unit, and of lists, by their pointers.
@@ -101,29 +119,19 @@ impl Reader<'_> {
         Member::find(self.scenario, pointer).map_or("1", |member| member.dimension.si())
     }
 
-    /// The lines of a member of a study. A list of objects has a line for each of them.
-    fn of_study(&self, name: &str, value: &Value) -> Vec<Input> {
-        let items = match value {
-            Value::Array(items) if items.iter().any(Value::is_object) => items.as_slice(),
-            _ => std::slice::from_ref(value),
+    /// The line of an item of a member of a study.
+    fn of_study(&self, name: &str, item: &Value) -> Input {
+        let pointer = pointer_of(name, item);
+        let words = match (pointer, item["name"].as_str()) {
+            (Some(pointer), _) if name == "parameters" => {
+                format!("Estimated: {}", whole(pointer, self.scenario))
+            }
+            (Some(pointer), _) => format!("Varied: {}", whole(pointer, self.scenario)),
+            (_, Some(test)) => format!("Test {test}"),
+            _ => capital(&name.replace('_', " ")),
         };
-        let mut axes = Kind::ALL.iter().flat_map(|kind| kind.axes);
-        let of_axis = axes.find(|(axis, _)| *axis == name).map(|(_, pointer)| *pointer);
-        let line = |item: &Value| {
-            let pointer = item["pointer"].as_str().or(of_axis);
-            let words = capital(&name.replace('_', " "));
-            let name = match (pointer, item["name"].as_str()) {
-                (Some(pointer), _) if name == "parameters" => {
-                    format!("Estimated: {}", whole(pointer, self.scenario))
-                }
-                (Some(pointer), _) => format!("Varied: {}", whole(pointer, self.scenario)),
-                (_, Some(test)) => format!("Test {test}"),
-                _ => words,
-            };
-            let text = self.text(item, pointer.map_or("1", |pointer| self.unit(pointer)));
-            Input { pointer: name.clone(), name, text }
-        };
-        items.iter().map(line).collect()
+        let text = self.text(item, pointer.map_or("1", |pointer| self.unit(pointer)));
+        Input { pointer: words.clone(), name: words, text }
     }
 
     /// A value on one line. Numbers without a unit have the given one. Of a long list, only the ends are written.

@@ -7,8 +7,9 @@ mod compared;
 mod entry;
 mod html;
 mod inputs;
+mod measured;
 mod run;
-mod smooth;
+pub mod smooth;
 mod study;
 
 use crate::document::Document;
@@ -20,6 +21,7 @@ use fretwork_job::TaskKind;
 use html::{pairs, section};
 
 pub use entry::{About, Entry};
+pub use measured::Measured;
 
 /// Maximum number of results on one page.
 pub const MOST: usize = 8;
@@ -73,7 +75,7 @@ impl Entry {
         let known = known.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?)));
         entry.origin.extend(known);
         match kind {
-            TaskKind::Run => run::fill(&mut entry, [&si, &drawn], &view, &asked)?,
+            TaskKind::Run => run::fill(&mut entry, [&si, &drawn], &view, &asked, &about.measured)?,
             TaskKind::Study(kind) => study::fill(&mut entry, [&si, &drawn], &view, kind)?,
         }
         Ok(entry)
@@ -97,20 +99,22 @@ pub fn page(entries: &[Entry]) -> Result<String> {
 
 /// The body of the page of one result.
 fn alone(entry: &Entry) -> String {
-    let Entry { title, subtitle, inputs, figures, .. } = entry;
-    let title = if entry.label.is_some() { title } else { "" };
-    let about = [title, subtitle].into_iter().filter(|part| !part.is_empty());
-    let about = about.collect::<Vec<_>>().join(" · ");
-    let mut body = html::heading(entry.name(), &about);
-    let inputs: Vec<_> =
-        inputs.iter().map(|input| (input.name.clone(), input.text.clone())).collect();
-    body += &section("Inputs", &pairs(&inputs));
+    let mut body = html::heading(entry.name(), &entry.about());
+    let list = |title, of_scenario| {
+        let own = entry.inputs.iter().filter(|input| input.pointer.starts_with('/') == of_scenario);
+        let own = own.map(|input| (input.name.clone(), input.text.clone()));
+        section(title, &pairs(&own.collect::<Vec<_>>()))
+    };
+    body += &match entry.kind {
+        TaskKind::Run => list("Inputs", true),
+        TaskKind::Study(_) => list("Fixed inputs of the scenario", true) + &list("Study", false),
+    };
     if entry.numbers.is_empty() {
         body += &entry.sections;
     } else {
         let parts = ["<div class=\"columns\">", &run::results(entry), &entry.sections, "</div>"];
         body += &parts.concat();
     }
-    body += &html::figures(figures);
+    body += &html::figures(&entry.figures);
     body + &entry.table + &html::warnings("Warnings", &entry.warnings) + &origin("Origin", entry)
 }

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use super::entry::{Entry, Number};
 use super::html;
 use super::inputs::Input;
+use super::measured::Measured;
 use super::smooth::smooth;
 use crate::document::Document;
 use crate::error::{Error, Result};
@@ -13,24 +14,24 @@ use crate::kind::Part;
 use crate::notation::{cycles, percent, with_unit};
 use crate::quantity::Quantity;
 use crate::view::{FigureOptions, View};
-use fretwork_engine::outcome::{self, EVENTS, History, LINE_WORDS};
+use fretwork_engine::outcome::{self, EVENTS, History};
 
 /// The figures of a report.
 const FIGURES: [&str; 4] = ["worn", "wear_volume", "wear_depth", "loops"];
 /// The numbers that stand first.
 const FIRST: [&str; 2] = ["wear_volume", "wear_depth"];
-/// The numbers of the unworn contact and of the limiting state: section, member, name.
-const UNWORN: [(&str, &str, &str); 10] = [
-    ("scales", "contact_radius", "Contact radius a₀"),
-    ("scales", "indentation_depth", "Indentation depth d₀"),
-    ("scales", "normal_force", "Normal force F₀"),
-    ("scales", "cycles", "Characteristic cycles N₀"),
-    ("unworn", "gross_slip_amplitude", "Gross-slip threshold"),
-    ("unworn", "peak_pressure", "Peak pressure, unworn"),
-    ("unworn", "amplitude", "Amplitude, unworn"),
-    ("unworn", "tangential_force", "Tangential force, unworn"),
-    ("limit", "wear_volume", "Limiting volume"),
-    ("limit", "wear_depth", "Limiting depth"),
+/// The numbers of the unworn contact and of the limiting state: section and member.
+const UNWORN: [(&str, &str); 10] = [
+    ("scales", "contact_radius"),
+    ("scales", "indentation_depth"),
+    ("scales", "normal_force"),
+    ("scales", "cycles"),
+    ("unworn", "gross_slip_amplitude"),
+    ("unworn", "peak_pressure"),
+    ("unworn", "amplitude"),
+    ("unworn", "tangential_force"),
+    ("limit", "wear_volume"),
+    ("limit", "wear_depth"),
 ];
 /// What the errors do not contain.
 const THEORY: &str = "<p>The theory leaves out plasticity, debris and oxidation, and the wear is as uncertain as the wear \
@@ -47,17 +48,25 @@ pub fn fill(
     [si, drawn]: [&Document<'_>; 2],
     view: &View,
     scenario: &Value,
+    measured: &[Measured],
 ) -> Result<()> {
     let word = |value: &Value| value.as_str().unwrap_or_default().replace('_', " ");
     let is_exact = scenario["model"]["method"] == "exact";
     let method = if is_exact { "Exact method" } else { "Simplified rule" };
     entry.title = title(&entry.asked, scenario);
     entry.subtitle = format!("{method} · {} when unworn", word(&si.value("regime")?));
-    let lines = if is_line(&scenario["profile"]) { LINE_WORDS } else { &[] };
-    numbers(entry, si, is_exact, lines)?;
-    contact(entry, si, lines)?;
-    let dense = smooth(si, scenario)?;
-    let dense = dense.as_ref().map(|body| Document::open(body, view)).transpose()?;
+    // A line contact has no tangential modulus.
+    let is_line = si.value("unworn")?["tangential_modulus"].is_null();
+    numbers(entry, si, is_exact, is_line)?;
+    contact(entry, si, is_line)?;
+    let more = smooth(si, scenario)?;
+    let dense = more.as_ref().map(|body| Document::open(body, view)).transpose()?;
+    let plain = View::default();
+    let history = match &more {
+        Some(body) => Document::open(body, &plain)?.table(Part::History, &plain)?,
+        None => si.table(Part::History, &plain)?,
+    };
+    entry.table = measured.iter().map(|own| own.section(&history, entry.notation)).collect();
     for quantity in FIGURES.iter().filter_map(|name| Quantity::named(name)) {
         let options = FigureOptions { quantity, ..view.figure.clone() };
         let view = View { figure: options, ..view.clone() };
@@ -68,21 +77,19 @@ pub fn fill(
         };
         // A line contact has no loops without a reference.
         if curve.series.iter().any(|series| series.x.iter().any(|x| x.is_finite())) {
-            entry.figures.push(figure::of_run(drawn, dense.as_ref(), &view)?);
+            let convert = drawn.head.units.conversion(quantity.name);
+            let convert = |y| convert.as_ref().map_or(y, |convert| convert(y));
+            let own = measured.iter().filter(|own| own.output == quantity.name);
+            let points = own.map(|own| own.series(&history, convert)).collect();
+            entry.figures.push(figure::of_run(drawn, dense.as_ref(), &view, points)?);
             entry.curves.push(curve);
         }
     }
     Ok(())
 }
 
-/// Whether the contact of a profile is a line.
-fn is_line(profile: &Value) -> bool {
-    let shape = profile["shape"].as_str().unwrap_or_default();
-    ["cylinder", "wedge", "punch"].contains(&shape) || profile["geometry"] == "line"
-}
-
 /// For example "Paraboloid, R = 10 mm, F = 100 N, U = 2.256 µm, μ = 0.7".
-fn title(asked: &[Input], scenario: &Value) -> String {
+pub fn title(asked: &[Input], scenario: &Value) -> String {
     let part = |input: &Input| {
         let own = ["/profile", "/friction", "/load", "/motion"];
         let symbol = words::symbol(&input.pointer, scenario);
@@ -95,12 +102,7 @@ fn title(asked: &[Input], scenario: &Value) -> String {
 }
 
 /// The numbers at the last output cycle.
-fn numbers(
-    entry: &mut Entry,
-    si: &Document<'_>,
-    is_exact: bool,
-    lines: &[(&str, &str)],
-) -> Result<()> {
+fn numbers(entry: &mut Entry, si: &Document<'_>, is_exact: bool, is_line: bool) -> Result<()> {
     let history = si.table(Part::History, &View::default())?;
     let last = history.cycles().saturating_sub(1);
     let at = |name: &str| history.column(name).map_or(f64::NAN, |column| column.at(last, 0));
@@ -123,9 +125,7 @@ fn numbers(
     let own =
         own.filter(|name| !name.ends_with("_error") && !FIRST.contains(name) && *name != "cycles");
     for quantity in FIRST.into_iter().chain(own).filter_map(outcome::Quantity::named) {
-        let of_line = lines.iter().find(|(name, _)| *name == quantity.name);
-        let name = of_line.map_or(quantity.words, |(_, words)| words);
-        let name = words::with_symbol(name, quantity.symbol);
+        let name = words::with_symbol(quantity.words_of(is_line), quantity.symbol);
         let mut number = Number::new(name, at(quantity.name), quantity.unit);
         if FIRST.contains(&quantity.name) {
             number.errors = [below(at(&format!("{}_error", quantity.name))), model.clone()];
@@ -143,15 +143,15 @@ fn numbers(
 }
 
 /// The numbers of the unworn contact and of the limiting state, and the events.
-fn contact(entry: &mut Entry, si: &Document<'_>, lines: &[(&str, &str)]) -> Result<()> {
-    for (section, name, words) in UNWORN {
+fn contact(entry: &mut Entry, si: &Document<'_>, is_line: bool) -> Result<()> {
+    for (section, name) in UNWORN {
         let values = si.value(section)?;
         // The pressure of a cone is infinite, which JSON does not have.
         let missing = if name == "peak_pressure" { f64::INFINITY } else { f64::NAN };
         let value = values[name].as_f64().unwrap_or(missing);
         let unit = outcome::Quantity::named(name).map_or("1", |quantity| quantity.unit);
-        let of_line = lines.iter().find(|(own, _)| section == "scales" && *own == name);
-        let words = of_line.map_or_else(|| words.to_owned(), |(_, words)| format!("{words} a₀"));
+        let [words, symbol] = outcome::words_in(section, name, is_line).unwrap_or_default();
+        let words = words::with_symbol(&words, &symbol);
         let number = Number { is_unworn: true, ..Number::new(words, value, unit) };
         entry.numbers.extend(Some(number).filter(|number| !number.value.is_nan()));
     }

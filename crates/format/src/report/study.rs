@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::entry::{self, Entry};
-use super::html;
+use super::{html, run};
 use crate::document::Document;
 use crate::error::Result;
 use crate::figure;
@@ -40,10 +40,11 @@ pub fn fill(
     let counts = si.value("counts")?;
     let count = |name: &str| cycles(counts[name].as_u64().unwrap_or(0) as f64);
     let [points, refused, incomplete] = ["points", "refused", "incomplete"].map(count);
-    entry.subtitle = format!("{points} points, {refused} refused, {incomplete} incomplete");
-    entry.warnings.extend(entry::warnings(&[&si.value("notes")?]));
     let asked = si.value(kind.name)?;
     let scenario = &asked["scenario"];
+    let of = run::title(&entry.asked, scenario);
+    entry.subtitle = format!("{of} · {points} points, {refused} refused, {incomplete} incomplete");
+    entry.warnings.extend(entry::warnings(&[&si.value("notes")?]));
     if let Value::Array(parameters) = si.value("parameters")? {
         entry.sections += &estimates(&parameters, scenario, entry.notation);
     }
@@ -62,22 +63,18 @@ pub fn fill(
 /// A histogram of each output.
 fn histograms(document: &Document<'_>, view: &View, scenario: &Value) -> Result<Vec<String>> {
     let table = statistics::table(document, Part::Histogram)?;
-    let text = |name: &str, row| match table.column(name).map(|column| column.cell(row, 0)) {
-        Some(Cell::Text(text)) => text.to_owned(),
-        _ => String::new(),
-    };
     let [from, to, points] = ["from", "to", "points"].map(|name| table.axis(name));
     let rows: Vec<usize> = (0..points.len()).collect();
     let histogram = |rows: &[usize]| {
-        let (quantity, rest) = output(&text("output", rows[0]), &scenario["cycles"]);
-        let (name, unit) = (quantity + &rest, text("unit", rows[0]));
+        let name = heading(table.text("output", rows[0]), scenario);
+        let unit = table.text("unit", rows[0]);
         let most = rows.iter().map(|row| points[*row]).fold(0.0, f64::max);
         let x = rows.iter().flat_map(|row| [from[*row], to[*row]]).collect();
         let between = rows.iter().flat_map(|row| [(0.0, points[*row]); 2]).collect();
         let description = format!("Number of points over {name}, in {} bins.", rows.len());
         let figure = Figure {
             title: format!("Distribution: {name}"),
-            x: in_unit(&name, Some(unit.as_str()).filter(|unit| *unit != "1")),
+            x: in_unit(&name, Some(unit).filter(|unit| *unit != "1")),
             y: Axis { range: Some((0.0, 1.05 * most)), ..Axis::labelled("Points") },
             bands: vec![Band { label: String::new(), color: BARS, x, between }],
             size: (f64::from(view.figure.size.0), f64::from(view.figure.size.1)),
@@ -86,7 +83,7 @@ fn histograms(document: &Document<'_>, view: &View, scenario: &Value) -> Result<
         };
         figure.svg()
     };
-    let groups = rows.chunk_by(|a, b| text("output", *a) == text("output", *b));
+    let groups = rows.chunk_by(|a, b| table.text("output", *a) == table.text("output", *b));
     Ok(groups.take(HISTOGRAMS).map(histogram).collect())
 }
 
@@ -159,26 +156,17 @@ impl Written<'_> {
             ends.collect::<Vec<_>>().join(" to ")
         };
         let heading = match name.strip_suffix("_low") {
-            Some(stem) if column.len() > 1 => format!("{} interval", self.heading(stem)),
+            Some(stem) if column.len() > 1 => format!("{} interval", heading(stem, self.scenario)),
             _ if name == "x" => "Measured at".to_owned(),
-            _ => self.heading(name),
+            _ => heading(name, self.scenario),
         };
         [heading].into_iter().chain((0..rows).map(cell)).collect()
-    }
-
-    /// The name of a column: a number that varies, an output, or another column.
-    fn heading(&self, name: &str) -> String {
-        if name.starts_with('/') {
-            return whole(name, self.scenario);
-        }
-        let (quantity, rest) = output(name, &self.scenario["cycles"]);
-        quantity + &rest
     }
 
     fn text(&self, name: &str, text: &str) -> String {
         match name {
             "member" => member(text, self.scenario),
-            "output" => self.heading(text),
+            "output" => heading(text, self.scenario),
             "regime" => capital(&text.replace('_', " ")),
             _ => text.to_owned(),
         }
@@ -190,16 +178,21 @@ fn is_interval(low: &str, high: &str) -> bool {
     low.strip_suffix("_low").is_some_and(|stem| high.strip_suffix("_high") == Some(stem))
 }
 
+/// The name of a column: a number that varies, an output, or another column.
+fn heading(name: &str, scenario: &Value) -> String {
+    if name.starts_with('/') {
+        return whole(name, scenario);
+    }
+    let (quantity, rest) = output(name, &scenario["cycles"]);
+    quantity + &rest
+}
+
 /// The unit that a row states for a column.
 fn stated_unit<'t>(table: &'t Table, name: &str, row: usize) -> &'t str {
-    let text = |name: &str| match table.column(name).map(|column| column.cell(row, 0)) {
-        Some(Cell::Text(text)) => text,
-        _ => "1",
-    };
-    match (name, text("over")) {
+    match (name, table.text("over", row)) {
         ("x", "radius") => "m",
         ("x", "dissipated_energy") => "J",
         ("x", over) => over,
-        _ => text("unit"),
+        _ => table.text("unit", row),
     }
 }

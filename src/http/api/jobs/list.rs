@@ -10,14 +10,15 @@ use super::JobAnswer;
 use crate::http::access::caller::Caller;
 use crate::http::answer::listed;
 use crate::http::api::parameters::{OfJobs, OfList};
+use crate::http::api::results::either;
 use crate::http::app::App;
 use crate::http::problem::Result;
 use crate::http::wire::paging::{ListView, next_page};
-use crate::http::wire::{Query, instant};
+use crate::http::wire::{Query, instant, schemas};
 use fretwork_job::{Job, JobState};
 use fretwork_store::{Filter, Words};
 
-/// A page of jobs, the newest first.
+/// A page of jobs.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct JobList {
     /// The jobs.
@@ -30,12 +31,13 @@ pub struct JobList {
     total: Option<u64>,
 }
 
-/// Lists jobs, the newest first.
+/// Lists jobs.
 ///
 /// A job must match all filters. The address of the next page is in `next` and in the `Link` header. New jobs
 /// do not shift the pages.
 #[utoipa::path(get, path = "/v1/jobs", operation_id = "list_jobs", tag = "jobs",
     params(OfJobs, OfList,
+        ("sort" = Option<schemas::JobOrder>, Query, description = "`-created` (the default): the newest first; or `created`."),
         ("limit" = Option<u32>, Query, description = "Largest number of jobs on the page.", minimum = 1,
             maximum = 200, example = 50),
         ("cursor" = Option<uuid::Uuid>, Query,
@@ -52,7 +54,8 @@ pub async fn list(
     headers: HeaderMap,
     mut query: Query,
 ) -> Result<Response> {
-    let filter = read_filter(&mut query, &caller);
+    let mut filter = read_filter(&mut query, &caller);
+    filter.oldest_first = either(&mut query, "sort", ["-created", "created"]) == Some(true);
     let view = ListView::take(&mut query, &headers, [50, 200]);
     let cursor = query.value("cursor", "the id of a job", |text| text.parse().ok());
     query.finish()?;
@@ -129,6 +132,7 @@ pub(super) fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
         label: query.text("label"),
         tag: query.text("tag"),
         words: read_words(query),
+        oldest_first: false,
         key: query.value("key", key, |text| text.parse().ok()),
         owner: query.value("owner", whose, |text| caller.owner_named(text)),
     }
