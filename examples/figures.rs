@@ -1,5 +1,5 @@
-//! Draws Figures 2, 3 and 4 of the paper, and the figures of VERIFICATION.md. Prints tables of the numbers of the paper's
-//! figures: `cargo run --release --example figures [directory]` (`examples` if none is given).
+//! Draws Figures 2, 3 and 4 of the paper, and the figures of VERIFICATION.md and docs/scale.md. Prints tables of the numbers
+//! of the paper's figures: `cargo run --release --example figures [directory]` (`examples` if none is given).
 
 #![cfg_attr(not(test), expect(clippy::expect_used, reason = "an example may stop where it stands"))]
 
@@ -40,7 +40,7 @@ fn main() {
 
 /// The figures under their file names.
 #[must_use]
-pub fn sheets() -> [(&'static str, Sheet); 6] {
+pub fn sheets() -> [(&'static str, Sheet); 7] {
     [
         ("paper/figure-2.svg", figure_2()),
         ("paper/figure-3.svg", figure_3()),
@@ -48,6 +48,7 @@ pub fn sheets() -> [(&'static str, Sheet); 6] {
         ("literature/fouvry-2007.svg", gross_slip()),
         ("literature/mccoll-2004.svg", worn_flat()),
         ("literature/van-peteghem-2011.svg", titanium()),
+        ("../docs/snapshot.svg", snapshot()),
     ]
 }
 
@@ -96,6 +97,38 @@ fn gross_slip() -> Sheet {
             ..Figure::default()
         }],
         legend: Vec::new(),
+    }
+}
+
+/// Short runs of a queue in PostgreSQL, without and with an open transaction, and what the transaction keeps.
+fn snapshot() -> Sheet {
+    let measured = rows(include_str!("../benches/snapshot.csv"));
+    let curve = |label, column: usize, scale: f64| {
+        let points = measured.iter().map(|row| (row[0] / 60.0, scale * row[column]));
+        let (minutes, values) = points.unzip();
+        Series::new(label, minutes, values)
+    };
+    let figure = |y, series: Vec<Series>| {
+        let top = series.iter().flat_map(|curve| &curve.y).fold(0.0, |top: f64, y| top.max(*y));
+        Figure {
+            x: Axis::labelled("Time (min)"),
+            y: Axis { range: Some((0.0, 1.1 * top)), ..Axis::labelled(y) },
+            series,
+            size: SIZE,
+            ..Figure::default()
+        }
+    };
+    Sheet {
+        title: "Short runs while a transaction stays open in PostgreSQL".to_owned(),
+        caption: "A full queue. The server, its two workers and PostgreSQL share two processors with other programs."
+            .to_owned(),
+        columns: 3,
+        figures: vec![
+            figure("Runs per second", vec![curve("", 1, 1.0), curve("", 3, 1.0)]),
+            figure("Dead rows (million)", vec![curve("", 2, 1e-6), curve("", 4, 1e-6)]),
+            figure("Oldest snapshot (s)", vec![curve("", 0, 0.0), curve("", 5, 1.0)]),
+        ],
+        legend: vec![curve("no open transaction", 1, 1.0), curve("open transaction", 3, 1.0)],
     }
 }
 
