@@ -246,7 +246,7 @@ def fitted(browser, key):
     close(page.locator("[data-item=correlation] dd").inner_text().split("\n")[0], fit["correlation"][0][1], 1e-3)
     kinds = [note["kind"] for note in fit["notes"]]
     assert page.locator("#fit-notes li").count() == len([kind for kind in kinds if kind not in ("misfit", "lack_of_fit", "discrepancy")]), kinds
-    assert page.locator("#law").inner_text().startswith("The law describes these data."), page.locator("#law").inner_text()
+    assert page.locator("#law").inner_text().startswith("The law describes these data"), page.locator("#law").inner_text()
     assert "Estimates from 6 wear volumes" in page.inner_text("section[aria-label='Estimates']")
     for name in ("Fit", "Residuals", "Sum of squares"):
         assert page.locator(f"section[aria-label='{name}'] .curve").count() > 1, name

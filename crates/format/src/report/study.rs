@@ -100,12 +100,15 @@ fn law(quality: &Value, notes: &Value, parameters: usize) -> String {
         return "The data cannot test the law: there are not more points than estimated numbers."
             .to_owned();
     }
+    if !quality["lack_of_fit"].is_null() {
+        return "The law describes these data: the repeated tests scatter as much as the means differ from the curve.".to_owned();
+    }
     if !quality["degrees_of_freedom"].is_null() {
-        return "The law describes these data. Their errors were estimated from the scatter around the curve.".to_owned();
+        return "The data do not test the law: their errors were estimated from the scatter around its own curve.".to_owned();
     }
     let ratio = digits((number("sum_of_squares") / freedom).sqrt(), 2);
     format!(
-        "The law describes these data: the residuals are {ratio} times as large as the errors of the measurements."
+        "The residuals are {ratio} times as large as the errors in the fit. If these are right, the law describes these data."
     )
 }
 
