@@ -34,7 +34,7 @@ export function sharing(addressFor) {
   const lifetime = select({ "1d": "for a day", "7d": "for a week", "30d": "for 30 days" }, "30d", { id: "link-lifetime", "aria-label": "How long the link is valid" });
   return h("span", { class: "row" }, button("Share link", async () => {
     const address = await addressFor(lifetime.value);
-    await copy(`${location.origin}/${address}`, "Link", `Link copied. It is valid ${lifetime.selectedOptions[0].text}.`);
+    await copy(`${location.origin}/${address}`, "Link", `Link copied. It is valid ${lifetime.selectedOptions[0].text}. It shows no measurements that you have added.`);
   }), lifetime);
 }
 

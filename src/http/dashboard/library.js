@@ -63,7 +63,7 @@ export async function showLibrary(main, { query, signal }) {
   async function load() {
     errors.replaceChildren();
     await table.search(asked());
-    fill(table.empty, filters().size ? "No match. Change the search or the filters." : ["No results yet. ", h("a", { href: "#/new" }, "Start a run"), "."]);
+    fill(table.empty, filters().size ? `No match. Change the search or the filters.${may("administrate") ? "" : " Labels and tags of other people are not searched."}` : ["No results yet. ", h("a", { href: "#/new" }, "Start a run"), "."]);
   }
 
   /** Counts the results. This is a request of its own, so that the rows do not wait for it. */
@@ -125,7 +125,7 @@ export async function showLibrary(main, { query, signal }) {
     fill(actions, isChosen && [compareLink(entries),
       // The label and the tags are those of a run of the user.
       may("submit") && entries.every(({ job }) => job) && [action("Rename", askLabel), action("Tag", askTags)],
-      may("administrate") && action("Delete", askDelete, true)],
+      may("administrate") ? action("Delete", askDelete, true) : may("submit") && h("span", { class: "muted" }, "Administrators can delete results.")],
     action(isChosen ? "CSV of selection" : "CSV of all found", (own) => saveTable(own, asked())),
     isChosen && h("button", { type: "button", onclick: () => table.clearChoice() }, "Clear selection"), columns);
   }

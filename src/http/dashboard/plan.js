@@ -50,7 +50,7 @@ export function drawRange(id, name, pointer, study, changed) {
     } });
   const own = distributionOf(range, study);
   const parameters = own?.parameters ?? [["from", "from"], ["to", "to"]];
-  const fields = parameters.map(([member, label, isPlain]) => [label, ...field(member, `${label === "±" ? "standard deviation" : label}${isPlain ? "" : inUnit}`)]);
+  const fields = parameters.map(([member, label, isPlain]) => [label, ...field(member, `${label.replace("± ", "")}${isPlain ? "" : inUnit}`)]);
   const [count, countFault] = field("count", "number of values");
   count.inputMode = "numeric";
   const isAny = isDrawn(study);

@@ -27,7 +27,7 @@ const WIDE = { factors: [0.1, 10], count: 25, spacing: "log" };
  * `true`. `of` suggests parameters for the ends of a range, and `ends` the ends of a range for parameters.
  */
 export const DISTRIBUTIONS = {
-  normal: { title: "normal", parameters: [["mean", "mean"], ["standard_deviation", "±"]],
+  normal: { title: "normal", parameters: [["mean", "mean"], ["standard_deviation", "± standard deviation"]],
     of: (from, to) => [(from + to) / 2, (to - from) / Math.sqrt(12)], ends: ([mean, deviation]) => [mean - Math.sqrt(3) * deviation, mean + Math.sqrt(3) * deviation] },
   lognormal: { title: "lognormal", parameters: [["median", "median"], ["factor", "factor", true]],
     of: (from, to) => [Math.sqrt(from * to), (to / from) ** (1 / Math.sqrt(12))], ends: ([median, factor]) => [median / factor ** Math.sqrt(3), median * factor ** Math.sqrt(3)] },
