@@ -68,12 +68,15 @@ export class Panel {
   /** Computes and draws all again after the sets have changed. */
   async update() {
     const own = ++this.#latest;
+    const count = this.#sets.length;
     this.#sets = setsOf(this.context.result.key);
     const model = await modelOf(this.context.result, this.#sets, this.context);
     if (own !== this.#latest) return;
     this.#model = model;
     this.#draw();
     this.context.redraw();
+    // An open form offers the sets that are there now.
+    if (this.#form.firstChild && count !== this.#sets.length) await this.fit();
   }
 
   /** Chooses the figure that shows a set. */

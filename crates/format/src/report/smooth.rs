@@ -101,7 +101,7 @@ fn last_volume(document: &Document<'_>) -> Result<f64> {
 }
 
 /// The result at more output cycles. `None` for the reasons of [`Denser::of`], or if its wear volume differs.
-pub fn smooth(document: &Document<'_>, scenario: &Value) -> Result<Option<Vec<u8>>> {
+pub(super) fn smooth(document: &Document<'_>, scenario: &Value) -> Result<Option<Vec<u8>>> {
     let Some(denser) = Denser::read(document, scenario.clone())? else { return Ok(None) };
     let body = denser.run.compute(|_| {}).body.to_vec();
     let agrees = denser.agrees(&Document::open(&body, &View::default())?)?;
