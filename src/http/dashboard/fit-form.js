@@ -15,7 +15,7 @@ import { duration } from "./units.js";
 const IDLE_MS = 250;
 /** The numbers that are estimated unless the user chooses others. */
 const PRESELECTED = ["/wear/coefficient", "/wear/energy_coefficient"];
-const NOISES = { column: "Standard deviations of the file", relative: "Relative error", absolute: "Equal standard deviation", estimate: "Estimated from the scatter" };
+const NOISES = { column: "Standard deviations of the file", relative: "Relative error", absolute: "Equal standard deviation", estimate: "Equal, from the scatter" };
 const CONFIDENCES = { 0.9: "90 %", 0.95: "95 %", 0.99: "99 %" };
 /** The relative error of a set that states none. */
 const RELATIVE = "5 %";
@@ -50,6 +50,9 @@ function dataOf(set, noise, text) {
   return { output, over, x, y, ...size };
 }
 
+/** Whether the file states the error of each point. */
+const hasErrors = ({ sigma }) => Boolean(sigma?.every((value) => value > 0));
+
 export class FitForm {
   #sets;
   #parameters;
@@ -72,7 +75,9 @@ export class FitForm {
     this.element = h("form", { class: "fit-form", "aria-label": "Fit", noValidate: true, onsubmit: (event) => this.#send(event) },
       h("h3", { tabIndex: -1 }, "Fit this scenario to the measurements"), h("p", { class: "muted" }, title(entryOf(result))),
       sets.length ? null : h("p", { class: "warning" }, "There are no measurements. Add one first."),
-      h("fieldset", { hidden: !sets.length }, h("legend", {}, "Data"), this.#sets.map(({ element }) => element)),
+      h("fieldset", { hidden: !sets.length }, h("legend", {}, "Data"), this.#sets.map(({ element }) => element),
+        h("p", { class: "muted" }, "The errors of the measurements decide how wide the intervals are and whether the law holds. "
+          + (sets.every(hasErrors) ? "" : `${RELATIVE} is only a guess: enter yours.`))),
       h("fieldset", {}, h("legend", {}, "Estimate"), this.#parameters.map(({ element }) => element)),
       h("div", { class: "row" }, h("label", { for: "fit-confidence" }, "Confidence of the intervals"), this.#confidence), this.#faults, this.#says,
       h("div", { class: "row" }, this.#submit, h("button", { type: "button", onclick: close }, "Cancel")));
@@ -86,7 +91,7 @@ export class FitForm {
 
   /** The fields of a set: whether it takes part, and its noise. A set of another run, which this page shows too, takes part only if the user wants it. */
   #setFields(set, i) {
-    const hasColumn = set.sigma?.every((value) => value > 0);
+    const hasColumn = hasErrors(set);
     const noises = Object.fromEntries(Object.entries(NOISES).filter(([name]) => hasColumn || name !== "column"));
     const use = h("input", { type: "checkbox", id: `fit-set-${i}`, checked: set.runs[0] === this.source, onchange: () => this.#check() });
     const sizes = { relative: RELATIVE, absolute: set.kind === "profile" ? "0.05 um" : `1 ${LIKE[pointsOf(set).output] ?? "um"}` };

@@ -3,7 +3,7 @@
 import { get } from "./api.js";
 import { choice, h, select, tableOf } from "./dom.js";
 import { italics } from "./explain.js";
-import { axisUnit, digits, quantity, withUnit } from "./scaling.js";
+import { axisUnit, columnOf, digits, withUnit } from "./scaling.js";
 import { histogram } from "./study-bars.js";
 import { Chart } from "./study-chart.js";
 import { cycles } from "./units.js";
@@ -41,7 +41,9 @@ export async function statisticsOf(view, address, words, { isSample, signal }) {
     const at = statistics.output.indexOf(output);
     const unit = view.units[output] ?? "1";
     const value = (name) => statistics[name][at];
-    const shown = (name, count = 4) => quantity(value(name), unit, count);
+    // All in the unit of the median.
+    const inUnit = columnOf(unit, [value("median")]);
+    const shown = (name) => inUnit(value(name));
     const count = value("points");
     const who = isSample ? "points of the sample" : "points";
     headline.replaceChildren(...(count ? [`${view.title(output)}: 90\u00a0% of the ${who} lie between `, h("strong", {}, shown("percentile_5")), " and ", h("strong", {}, shown("percentile_95")),
