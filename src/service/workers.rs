@@ -43,7 +43,7 @@ const MAX_REFUSALS: u32 = 8;
 const SHORT: Duration = Duration::from_millis(10);
 /// Maximum number of runs that a thread claims at once.
 const MAX_CLAIMS: usize = 32;
-/// A thread claims single runs until so many of them in succession were short and followed each other without a pause.
+/// So many short runs in succession, without a pause, make a thread claim groups. Before, it claims single runs.
 const ALONE: u32 = 4;
 /// Maximum time that a drain waits for threads that must abandon their runs. A thread checks for this after each step,
 /// which should take only 50 ms.
@@ -407,7 +407,7 @@ impl Worker {
     }
 }
 
-/// The number of runs to claim at once, after so many batches of short runs.
+/// The number of runs that a thread claims at once after `short` batches of short runs in succession.
 fn most_claims(short: u32) -> usize {
     (1 << short.saturating_sub(ALONE)).min(MAX_CLAIMS)
 }

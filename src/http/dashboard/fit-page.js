@@ -74,7 +74,7 @@ function lawWords({ fit, notes, quality, parameters }) {
   const freedom = Math.floor(quality.effective_points - parameters.length);
   if (freedom < 1) return ["", "The data cannot test the law", "There are not more points than estimated numbers."];
   if (quality.degrees_of_freedom !== null && !quality.lack_of_fit) return ["", "The data do not test the law", "Their errors were estimated from the scatter around its own curve. Errors of the measurements, or repeated tests, would test it."];
-  if (quality.lack_of_fit) return ["agrees", "The law describes these data", "The repeated tests scatter as much as the means differ from the curve."];
+  if (quality.lack_of_fit) return ["agrees", "The law describes these data", "The scatter of the repeated tests explains how far their means are from the curve."];
   const ratio = digits(Math.sqrt(quality.sum_of_squares / freedom), 2);
   return ["agrees", errorsOf(fit) === "the stated errors" ? "The law describes these data" : "The law describes these data if their errors are as assumed", `The residuals are ${ratio === "1" ? "" : `${ratio} times `}as large as ${errorsOf(fit)}.`];
 }

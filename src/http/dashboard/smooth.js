@@ -1,4 +1,4 @@
-// More points for the lines of a kept history: the server computes them again for whoever may read the result.
+// Smooth lines for the history of a result: the server computes the run again with more output cycles.
 
 import { get, Problem, resultAddress } from "./api.js";
 import { MARKED } from "./result-figures.js";

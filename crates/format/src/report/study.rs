@@ -101,7 +101,7 @@ fn law(quality: &Value, notes: &Value, parameters: usize) -> String {
             .to_owned();
     }
     if !quality["lack_of_fit"].is_null() {
-        return "The law describes these data: the repeated tests scatter as much as the means differ from the curve.".to_owned();
+        return "The law describes these data: the scatter of the repeated tests explains how far their means are from the curve.".to_owned();
     }
     if !quality["degrees_of_freedom"].is_null() {
         return "The data do not test the law: their errors were estimated from the scatter around its own curve.".to_owned();
