@@ -191,6 +191,14 @@ def delete(page, base):
     ask(base, f"/v1/results/{pinned}/pin", method="DELETE")
 
 
+def leave(page, base):
+    """A view that writes its state into the address just after the user has followed a link does not call the user back."""
+    page.goto(base + f"/#/library?q={TAG}")
+    expect(names(page).first).to_be_visible()
+    page.evaluate("location.hash = '#/runs'; document.querySelector('[data-sort=wear_depth]').click()")
+    expect(page.locator("h1")).to_have_text("Runs")
+
+
 def accessibility(browser, base):
     """Selected rows, the menu of columns and the dialogs are accessible."""
     for width, scheme in VIEWS:
@@ -215,5 +223,6 @@ def library(browser, base):
     rename(page, base)
     table(page, base)
     delete(page, base)
+    leave(page, base)
     page.context.close()
     accessibility(browser, base)

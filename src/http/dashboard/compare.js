@@ -1,6 +1,7 @@
 // Compares runs: one table, and their curves in common figures. Each run has one letter, one colour and one dash everywhere.
 
 import { button, createLink, linkEnd, sharing } from "./actions.js";
+import { keepState } from "./address.js";
 import { may } from "./allowed.js";
 import { Problem, resultAddress } from "./api.js";
 import { COLUMNS, drawHistories, drawLoops, drawProfiles } from "./compare-figures.js";
@@ -85,7 +86,7 @@ export async function showCompare(main, { query, signal }) {
   function remember() {
     const all = words();
     if (isGuest) addLinks(all, runs.map(({ link }) => link ?? ""));
-    history.replaceState(null, "", addressOf(all));
+    keepState(addressOf(all));
   }
   /** Guests open the results by their links, in the order of the keys, and cannot read the jobs with the names. */
   function addLinks(all, links) {

@@ -1,6 +1,7 @@
 // The form for a new run: fields and JSON of one scenario. Each change is computed at once, and Keep makes a job of it. Numbers
 // that vary make it a study.
 
+import { keepState } from "./address.js";
 import { may } from "./allowed.js";
 import { get, idempotencyKey, Problem, post } from "./api.js";
 import { debounced, explained, fill, h, notify, select } from "./dom.js";
@@ -107,7 +108,7 @@ export async function showForm(main, { query, signal }) {
   const remember = () => {
     const words = new URLSearchParams({ ...(!may("read") && { link: query.get("link") }), scenario: JSON.stringify(form.scenario), ...(form.label !== null && { label: form.label }),
       ...(isStudy() && { study: JSON.stringify(jobBody(undefined, form.study)) }), ...(source && { from: source }) });
-    history.replaceState(null, "", `#/new?${words}`);
+    keepState(`#/new?${words}`);
   };
 
   function record(source = null) {

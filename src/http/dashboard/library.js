@@ -1,5 +1,6 @@
 // All results of the server as a table: search, order, columns, and actions on selected rows.
 
+import { keepState } from "./address.js";
 import { may } from "./allowed.js";
 import { get } from "./api.js";
 import { debounced, fill, h, notify, select } from "./dom.js";
@@ -57,7 +58,7 @@ export async function showLibrary(main, { query, signal }) {
     if (table.sort !== NEWEST) words.set("sort", table.sort);
     const columns = keepColumns(table.columns);
     if (columns) words.set("columns", columns);
-    history.replaceState(null, "", `#/library${words.size ? `?${words}` : ""}`);
+    keepState(`#/library${words.size ? `?${words}` : ""}`);
   }
 
   async function load() {

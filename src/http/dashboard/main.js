@@ -1,5 +1,6 @@
 // The frame of the page: routing, units, the signed-in user and the connection banner.
 
+import { arrive } from "./address.js";
 import { may } from "./allowed.js";
 import { connection, watchConnection } from "./api.js";
 import { fill, h, notify, withDates } from "./dom.js";
@@ -61,6 +62,7 @@ async function welcome() {
 async function route() {
   currentView.abort();
   currentView = new AbortController();
+  arrive();
   const { signal } = currentView;
   const [path, query] = location.hash.replace(/^#\/?/, "").split(/\?(.*)/s);
   const [name, id] = path.split("/");

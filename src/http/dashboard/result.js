@@ -1,6 +1,7 @@
 // A result: profiles, history and fretting loop at a chosen output cycle.
 
 import { drawActions } from "./actions.js";
+import { keepState } from "./address.js";
 import { get, jobAddress, resultAddress } from "./api.js";
 import { drawDetails } from "./details.js";
 import { choice, fill, h, select } from "./dom.js";
@@ -75,7 +76,7 @@ export async function showResult(main, { id: key, query, signal }) {
     const words = new URLSearchParams({ ...Object.fromEntries(kept),
       at: outputs[state.row], plot: state.plot, history: state.history, log: state.log,
       ...Object.fromEntries(Object.entries(figures).filter(([, { zoom }]) => zoom).map(([name, { zoomText }]) => [`zoom-${name}`, zoomText])) });
-    history.replaceState(null, "", `#/result/${key}?${words}`);
+    keepState(`#/result/${key}?${words}`);
   }
 
   const group = new Cursors();

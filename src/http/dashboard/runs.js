@@ -1,6 +1,7 @@
 // All runs of the server: also those that wait, failed or were canceled.
 
 import { button } from "./actions.js";
+import { keepState } from "./address.js";
 import { may } from "./allowed.js";
 import { get, jobAddress, post, send } from "./api.js";
 import { capital, choice, dateTime, debounced, h, notify, select } from "./dom.js";
@@ -41,7 +42,7 @@ export async function showRuns(main, { query, signal }) {
 
   function search() {
     if (signal.aborted) return;
-    history.replaceState(null, "", `#/runs${asked().size ? `?${asked()}` : ""}`);
+    keepState(`#/runs${asked().size ? `?${asked()}` : ""}`);
     older = [];
     read();
   }

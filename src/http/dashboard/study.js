@@ -1,6 +1,7 @@
 // The result of a study: its counts, the distribution of its outputs, its figure and its table.
 
 import { drawActions } from "./actions.js";
+import { keepState } from "./address.js";
 import { may } from "./allowed.js";
 import { get, resultAddress } from "./api.js";
 import { asJson, explained, fill, h } from "./dom.js";
@@ -23,7 +24,7 @@ export async function showStudy(main, result, { job, link, query, signal }) {
   const whole = await get(`${resultAddress(result.key)}?${new URLSearchParams({ rows: String(MOST), ...(link && { link }) })}`, { signal });
   const kind = studyTitle(name, result[name]);
   document.title = `${job.label || kind} · fretwork`;
-  const remember = () => history.replaceState(null, "", `#/result/${result.key}${query.size ? `?${query}` : ""}`);
+  const remember = () => keepState(`#/result/${result.key}${query.size ? `?${query}` : ""}`);
   const rows = KINDS[name].rows;
   const view = viewOf(name, { study: result[name], units: whole.units, table: whole[rows], findings: rows === "table" ? null : whole.table, boundary: whole.boundary });
   const head = [
