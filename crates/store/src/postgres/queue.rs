@@ -16,20 +16,18 @@ use crate::statement::Statement;
 use crate::tables::Tables;
 use fretwork_job::ENGINE;
 
-/// The owners with work for a worker of the `numerics` version $1, with the numbers of their running parts. The owner
-/// with the oldest job comes first. The query jumps from owner to owner in the index `job_claimable`, so the length of
-/// the queue does not matter.
+/// The owners with work for a worker of the `numerics` version $1, with their most urgent jobs and the numbers of their
+/// running parts. The owner with the oldest of these jobs comes first. The query jumps from owner to owner in the index
+/// `job_claimable`, so the length of the queue does not matter, and it reads dead entries only once.
 const OWNERS: &str = "
     WITH RECURSIVE waiting AS (
-        (SELECT owner FROM job WHERE claimable = $1 ORDER BY owner LIMIT 1)
+        (SELECT owner, priority, study, id FROM job WHERE claimable = $1 ORDER BY owner, priority, study, id LIMIT 1)
         UNION ALL
-        SELECT (SELECT owner FROM job WHERE claimable = $1 AND owner > waiting.owner ORDER BY owner LIMIT 1)
-        FROM waiting WHERE owner IS NOT NULL
+        SELECT next.* FROM waiting CROSS JOIN LATERAL (
+            SELECT owner, priority, study, id FROM job WHERE claimable = $1 AND owner > waiting.owner
+            ORDER BY owner, priority, study, id LIMIT 1) AS next
     )
-    SELECT owner, (SELECT count(*) FROM lease WHERE lease.owner = waiting.owner) AS running
-    FROM waiting WHERE owner IS NOT NULL
-    ORDER BY (SELECT id FROM job WHERE claimable = $1 AND job.owner = waiting.owner
-        ORDER BY priority, study, id LIMIT 1)";
+    SELECT *, (SELECT count(*) FROM lease WHERE lease.owner = waiting.owner) AS running FROM waiting ORDER BY id";
 
 /// Jobs have the priorities from 0 to 7.
 const PRIORITIES: usize = 8;
@@ -101,6 +99,8 @@ struct Memory {
     served: HashMap<String, u64>,
     /// When the queue was last read from its beginning.
     read: Option<Instant>,
+    /// When a claim has begun to read it.
+    reading: Option<Instant>,
     /// The time that this has taken.
     took: Duration,
 }
@@ -109,10 +109,16 @@ impl Queue {
     /// The remembered owners and places; `None` if the queue must be read from its beginning. `dead` is the number of
     /// dead rows. `has_failed` says whether nothing was found at the remembered places.
     pub(super) fn remembered(&self, dead: u64, has_failed: bool) -> Option<Turns> {
-        let memory = self.0.lock();
+        let mut memory = self.0.lock();
         let rest = memory.took * if has_failed { REST.1 } else { REST.0 };
         let rests = dead > FEW && memory.read?.elapsed() < rest.min(MAX_REST);
-        rests.then(|| memory.turns.clone())
+        // While one claim reads the queue from its beginning, the others go on.
+        let waits = || memory.reading.is_some_and(|begun| begun.elapsed() < MAX_REST);
+        if rests || (dead > FEW && !has_failed && waits()) {
+            return Some(memory.turns.clone());
+        }
+        memory.reading = Some(Instant::now());
+        None
     }
 
     /// Reads the owners with work.
@@ -125,7 +131,11 @@ impl Queue {
         for row in rows {
             let owner: String = row.get("owner")?;
             let turn = memory.served.get(&owner).copied().unwrap_or(last.saturating_sub(1));
-            let (running, places) = (row.get("running")?, Default::default());
+            let mut places: [Vec<u8>; PRIORITIES] = Default::default();
+            if !row.get::<bool>("study")? {
+                places[usize::from(row.get::<u8>("priority")?)] = row.get("id")?;
+            }
+            let running = row.get("running")?;
             owners.push(Waiting { owner, running, turn, places, is_done: false });
         }
         Ok(Turns { owners, last, took: Some(begun.elapsed()) })
@@ -135,7 +145,7 @@ impl Queue {
     pub(super) fn remember(&self, mut turns: Turns) {
         let mut memory = self.0.lock();
         if let Some(took) = turns.took.take() {
-            (memory.read, memory.took) = (Some(Instant::now()), took);
+            (memory.read, memory.reading, memory.took) = (Some(Instant::now()), None, took);
         }
         turns.last = turns.last.max(memory.turns.last);
         for waiting in &mut turns.owners {
