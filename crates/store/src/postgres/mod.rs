@@ -23,6 +23,7 @@ mod node;
 pub(super) mod open;
 mod pool;
 mod queue;
+mod rest;
 pub(super) mod runs;
 mod schema;
 pub(super) mod submit;
@@ -31,7 +32,7 @@ pub(super) mod upkeep;
 
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::sync::{Semaphore, watch};
 use tokio::time::timeout;
@@ -131,8 +132,13 @@ impl Database {
     }
 
     /// The time that the oldest queued run has waited. Also counts the queued and running runs and the dead rows for the
-    /// metrics, and finds the age of the oldest snapshot.
+    /// metrics, and finds the age of the oldest snapshot. After a long count, the last one is used for a while.
     pub(super) async fn longest_wait(&self) -> Result<Duration> {
+        let (backlog, tally) = (&self.0.backlog, &self.0.signals.tally);
+        if let Some(waited) = backlog.waited(tally.dead()) {
+            return Ok(waited);
+        }
+        let begun = Instant::now();
         let query = sql!(
             "SELECT count(*) AS queued, moment() - min(created) AS waited,
                  (SELECT count(*) FROM lease) AS running,
@@ -144,14 +150,14 @@ impl Database {
              FROM run WHERE state = 'queued'"
         );
         let counted = reading!(self, db => db.one(query.clone()).await);
-        let row = counted.inspect_err(|_| self.0.backlog.counted(None))?;
+        let row = counted.inspect_err(|_| backlog.is_unknown())?;
         let count = |column| row.get::<u64>(column).map(|count| count as usize);
-        self.0.backlog.counted(Some(count("jobs")?));
-        let tally = &self.0.signals.tally;
         tally.queue_is(count("queued")?, count("running")?);
         tally.database_keeps(row.get("dead")?, row.get::<Option<f64>>("snapshot")?.unwrap_or(0.0));
         let waited: Option<i64> = row.get("waited")?;
-        Ok(Duration::from_millis(waited.unwrap_or(0).max(0).unsigned_abs()))
+        let waited = Duration::from_millis(waited.unwrap_or(0).max(0).unsigned_abs());
+        backlog.read(count("jobs")?, waited, begun);
+        Ok(waited)
     }
 
     /// Fails if only later versions of the program may write the tables.

@@ -20,8 +20,6 @@ use crate::signals::Signals;
 
 /// The queue is counted at this interval, for the metrics and the limit of the queue.
 const COUNT: Duration = Duration::from_secs(1);
-/// The pause between two counts is at least this multiple of the duration of a count. A count reads all dead rows.
-const REST: u32 = 10;
 /// Waiting clients and workers read the tables again at this interval even without a signal.
 const POLL: Duration = Duration::from_secs(5);
 /// After this time without a notification, the connection is tested. This is also the timeout of the test.
@@ -43,7 +41,7 @@ pub(super) fn start(
     spawn(closed, tell(Arc::downgrade(&db.0), Arc::clone(&db.0.hints), node.clone()));
     let upkeep = Box::new(Upkeep::new(options));
     for (every, chore) in [
-        (COUNT, Chore::Count(Instant::now())),
+        (COUNT, Chore::Count),
         (db.0.node.renewal(), Chore::Renew),
         (options.lease / 6, Chore::Reclaim),
         (POLL, Chore::Look),
@@ -55,8 +53,8 @@ pub(super) fn start(
 
 /// A periodic task of a server.
 enum Chore {
-    /// Checks whether this program may still write the tables, and counts the queue. The time is that of the next count.
-    Count(Instant),
+    /// Checks whether this program may still write the tables, and counts the queue.
+    Count,
     /// Renews the leases of the workers of this process.
     Renew,
     /// Revokes expired leases.
@@ -69,13 +67,9 @@ enum Chore {
 impl Chore {
     async fn execute(&mut self, db: &Database) -> Result<()> {
         match self {
-            Self::Count(due) => {
+            Self::Count => {
                 db.check_version().await?;
-                let begun = Instant::now();
-                if begun >= *due {
-                    db.longest_wait().await?;
-                    *due = Instant::now() + REST * begun.elapsed();
-                }
+                db.longest_wait().await?;
             }
             Self::Renew => db.renew().await?,
             Self::Reclaim => drop(db.reclaim(false).await?),

@@ -6,10 +6,11 @@
 //! beginning now and then, because it finds new owners and runs that were queued again only so.
 
 use std::collections::HashMap;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use parking_lot::Mutex;
 
+use super::rest::{self, Rest};
 use crate::error::Result;
 use crate::row::Columns;
 use crate::statement::Statement;
@@ -31,13 +32,9 @@ const OWNERS: &str = "
 
 /// Jobs have the priorities from 0 to 7.
 const PRIORITIES: usize = 8;
-/// With fewer dead rows, each claim reads the queue from its beginning.
-const FEW: u64 = 10_000;
 /// After the queue was read from its beginning, it is read from remembered places for this multiple of the time that
 /// this has taken: while a claim finds runs, and if it finds none.
 const REST: (u32, u32) = (20, 4);
-/// Maximum time for which a new owner or a released run may be missed.
-const MAX_REST: Duration = Duration::from_secs(10);
 /// Maximum number of owners whose last turns are remembered.
 const REMEMBERED: usize = 1000;
 
@@ -60,8 +57,8 @@ pub(super) struct Waiting {
 pub(super) struct Turns {
     pub(super) owners: Vec<Waiting>,
     last: u64,
-    /// The time that the search from the beginning of the queue has taken; `None` if the owners were remembered.
-    took: Option<Duration>,
+    /// When the queue was read from its beginning; `None` if the owners were remembered.
+    read: Option<Rest>,
 }
 
 impl Turns {
@@ -98,11 +95,9 @@ struct Memory {
     /// The last turn of each owner. Servers do not share their turns, but they share the numbers of running parts.
     served: HashMap<String, u64>,
     /// When the queue was last read from its beginning.
-    read: Option<Instant>,
+    read: Rest,
     /// When a claim has begun to read it.
     reading: Option<Instant>,
-    /// The time that this has taken.
-    took: Duration,
 }
 
 impl Queue {
@@ -110,11 +105,14 @@ impl Queue {
     /// dead rows. `has_failed` says whether nothing was found at the remembered places.
     pub(super) fn remembered(&self, dead: u64, has_failed: bool) -> Option<Turns> {
         let mut memory = self.0.lock();
-        let rest = memory.took * if has_failed { REST.1 } else { REST.0 };
-        let rests = dead > FEW && memory.read?.elapsed() < rest.min(MAX_REST);
         // While one claim reads the queue from its beginning, the others go on.
-        let waits = || memory.reading.is_some_and(|begun| begun.elapsed() < MAX_REST);
-        if rests || (dead > FEW && !has_failed && waits()) {
+        let is_read = || memory.reading.is_some_and(|begun| begun.elapsed() < rest::MAX);
+        let goes_on = if has_failed {
+            memory.read.lasts(REST.1, dead)
+        } else {
+            memory.read.lasts(REST.0, dead) || (dead > rest::FEW && is_read())
+        };
+        if goes_on {
             return Some(memory.turns.clone());
         }
         memory.reading = Some(Instant::now());
@@ -138,14 +136,14 @@ impl Queue {
             let running = row.get("running")?;
             owners.push(Waiting { owner, running, turn, places, is_done: false });
         }
-        Ok(Turns { owners, last, took: Some(begun.elapsed()) })
+        Ok(Turns { owners, last, read: Some(Rest::since(begun)) })
     }
 
     /// Remembers the turns and places after a claim.
     pub(super) fn remember(&self, mut turns: Turns) {
         let mut memory = self.0.lock();
-        if let Some(took) = turns.took.take() {
-            (memory.read, memory.reading, memory.took) = (Some(Instant::now()), None, took);
+        if let Some(read) = turns.read.take() {
+            (memory.read, memory.reading) = (read, None);
         }
         turns.last = turns.last.max(memory.turns.last);
         for waiting in &mut turns.owners {

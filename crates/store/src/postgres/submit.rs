@@ -1,7 +1,7 @@
 //! Submissions. A job uses the stored result, waits for the live run of its key, or gets a new queued run. For some
 //! submissions, the answer is already computed.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::transaction::Transaction;
 use super::{chunks, keep};
@@ -127,7 +127,14 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found> {
 
 /// The answer to a job that must be queued, if the queue is full.
 async fn queue_is_full(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Option<Submitted>> {
-    let Some(limit) = tx.of.backlog.limit() else { return Ok(None) };
+    let (backlog, dead) = (&tx.of.backlog, tx.of.signals.tally.dead());
+    let refused = |queued: Queued| {
+        queued.is_full(backlog.limit).then_some(Submitted::QueueFull { queued: queued.all })
+    };
+    if let Some(queued) = backlog.queued(&new.job.owner, dead) {
+        return Ok(refused(queued));
+    }
+    let begun = Instant::now();
     let query = sql!(
         "SELECT count(*) AS all_jobs, count(*) FILTER (WHERE owner = $1) AS own FROM job WHERE state = 'queued'";
         &new.job.owner
@@ -135,7 +142,8 @@ async fn queue_is_full(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Opt
     let row = tx.db.one(query).await?;
     let [all, own] = [row.get::<u64>("all_jobs")?, row.get("own")?].map(|count| count as usize);
     let queued = Queued { all, own };
-    Ok(queued.is_full(limit).then_some(Submitted::QueueFull { queued: queued.all }))
+    backlog.counted(&new.job.owner, queued, dead, begun);
+    Ok(refused(queued))
 }
 
 /// Inserts a job.
@@ -151,7 +159,7 @@ async fn insert(tx: &mut Transaction<'_>, new: &EncodedJob, place: &Place) -> Re
     }
     if let Place::Run { state, .. } = place {
         if *state == JobState::Queued {
-            tx.of.backlog.grows();
+            tx.of.backlog.grows(&new.job.owner);
         }
         tx.effects.push(Effect::Queued);
     }
