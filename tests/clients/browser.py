@@ -11,9 +11,10 @@ import re
 import shutil
 import socket
 import subprocess
+import time
 import urllib.request
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import expect, sync_playwright
 
 ROOT = pathlib.Path(__file__).parents[2]
 SCREENS = ROOT / "target/screens"
@@ -22,7 +23,13 @@ SIZES = {1440: 900, 1280: 720, 720: 450, 390: 844}
 # The tests run in Firefox if its path is given, else in Chromium.
 FIREFOX = os.environ.get("FIREFOX")
 DOWNLOADS = ROOT / "target/screens/downloads"
-VIEWS = [(1440, "light"), (1440, "dark"), (1280, "light"), (720, "dark"), (390, "light"), (390, "dark")]
+# The colour schemes in which a view is checked on each screen. A page of Firefox has only one.
+VIEWS = [(1440, ["light", "dark"]), (1280, ["light"]), (720, ["dark"]), (390, ["light", "dark"])]
+VIEWS = [(width, [scheme]) for width, schemes in VIEWS for scheme in schemes] if FIREFOX else VIEWS
+# The rules of axe-core that look at colours. A scheme changes nothing else.
+COLOURS = ["color-contrast", "link-in-text-block"]
+# A page may wait for a processor, because other tests run beside this one.
+expect.set_options(timeout=15_000)
 
 
 def ask(base, path, body=None, method=None, wait=20, headers=None):
@@ -32,6 +39,18 @@ def ask(base, path, body=None, method=None, wait=20, headers=None):
     request = urllib.request.Request(base + path, data, headers, method=method)
     with urllib.request.urlopen(request, timeout=30) as answer:
         return json.loads(answer.read() or "null")
+
+
+class Clock:
+    """Prints how long each part of a test took."""
+
+    def __init__(self):
+        self.begun = time.monotonic()
+
+    def passed(self, part):
+        now = time.monotonic()
+        print(f"-- {now - self.begun:.0f} s: {part}", flush=True)
+        self.begun = now
 
 
 def axe():
@@ -73,7 +92,7 @@ class Browser:
     """Fresh profiles of one browser. Records the errors of its pages and their requests to other servers."""
 
     def __init__(self, play):
-        self.play, self.programs, self.errors, self.script = play, {}, [], axe()
+        self.play, self.programs, self.errors, self.script, self.seen = play, {}, [], axe(), set()
 
     def program(self, scheme):
         """The browser, started when it is first needed. Firefox has one colour scheme for all of its pages."""
@@ -115,30 +134,42 @@ class Browser:
         if message.type in ("error", "warning") and not message.text.startswith("Failed to load resource"):
             self.errors.append(message.text)
 
-    def check_accessibility(self, page, view):
-        """axe-core finds no violation in the page as it is now."""
-        page.evaluate(self.script)
-        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")["violations"]
+    def check_accessibility(self, page, view, rules=None):
+        """axe-core finds no violation of these rules, by default of all, in the page as it is now."""
+        if page.evaluate("typeof axe") == "undefined":
+            page.evaluate(self.script)
+        options = {"resultTypes": ["violations"]} | ({"runOnly": rules} if rules else {})
+        found = page.evaluate("options => axe.run(document, options)", options)["violations"]
         violations = [(rule["id"], [node["html"][:160] for node in rule["nodes"]][:3]) for rule in found]
         assert not violations, (view, violations)
 
-    def check_view(self, page, view):
+    def check_view(self, page, view, rules=None):
         """Checks accessibility and that nothing is wider than the screen, and takes a screenshot."""
-        self.check_accessibility(page, view)
+        self.check_accessibility(page, view, rules)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), view
         # The driver of Firefox adds a style to the page, which the page forbids.
         if not FIREFOX:
             page.screenshot(path=SCREENS / f"{view}.png", full_page=True)
 
+    def check_schemes(self, page, view, width, schemes):
+        """Checks a view in each colour scheme. The page has the first one."""
+        for scheme in schemes:
+            if scheme != schemes[0]:
+                page.emulate_media(color_scheme=scheme)
+            self.check_view(page, f"{view}-{width}-{scheme}", COLOURS if (view, width) in self.seen else None)
+            self.seen.add((view, width))
+        if len(schemes) > 1:
+            page.emulate_media(color_scheme=schemes[0])
+
     def check_views(self, base, views):
         """Checks each view in light and dark, on several screens. A view is an address, or a function that makes one, and a
         selector to wait for."""
-        for width, scheme in VIEWS:
-            page = self.page(base, scheme=scheme, width=width)
+        for width, schemes in VIEWS:
+            page = self.page(base, scheme=schemes[0], width=width)
             for view, (address, ready) in views.items():
                 page.goto(base + (address() if callable(address) else address))
                 page.wait_for_selector(ready, state="attached")
-                self.check_view(page, f"{view}-{width}-{scheme}")
+                self.check_schemes(page, view, width, schemes)
             page.context.close()
 
 

@@ -62,10 +62,11 @@ def main():
                 assert (cut, background) == (0, "light"), (name, sheet, cut, background)
             page.emulate_media(media="null")
         for name in ("steel-ball", "fit", "compared"):
-            for width, scheme in VIEWS:
-                view = browser.page(BASE, scheme=scheme, width=width)
+            for width, schemes in VIEWS:
+                view = browser.page(BASE, scheme=schemes[0], width=width)
                 view.goto(BASE + reports[name])
-                browser.check_view(view, f"report-{name}-{width}-{scheme}")
+                browser.check_schemes(view, f"report-{name}", width, schemes)
+                view.context.close()
         assert not browser.errors, browser.errors
     print(f"{len(reports)} reports; a run is one page of {' and of '.join(SHEETS)}")
 

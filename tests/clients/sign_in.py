@@ -219,11 +219,11 @@ def keys_page(browser, own):
     assert page.get_by_label("Name").input_value() == "me"
     for each in (carl, page):
         each.context.close()
-    for width, scheme in VIEWS:
-        page = signed_in(browser, own, MASTER, scheme=scheme, width=width)
+    for width, schemes in VIEWS:
+        page = signed_in(browser, own, MASTER, scheme=schemes[0], width=width)
         page.goto(own.base + "/#/keys")
         page.wait_for_selector("[data-key]")
-        browser.check_view(page, f"keys-{width}-{scheme}")
+        browser.check_schemes(page, "keys", width, schemes)
         page.context.close()
 
 
