@@ -23,9 +23,13 @@ SIZES = {1440: 900, 1280: 720, 720: 450, 390: 844}
 # The tests run in Firefox if its path is given, else in Chromium.
 FIREFOX = os.environ.get("FIREFOX")
 DOWNLOADS = ROOT / "target/screens/downloads"
-# The colour schemes in which a view is checked on each screen. A page of Firefox has only one.
-VIEWS = [(1440, ["light", "dark"]), (1280, ["light"]), (720, ["dark"]), (390, ["light", "dark"])]
-VIEWS = [(width, [scheme]) for width, schemes in VIEWS for scheme in schemes] if FIREFOX else VIEWS
+# The screens and colour schemes of one page. It is loaded on the first one. The layout of 1280 is that of 1440.
+LOOKS = [[(1440, "light"), (1440, "dark"), (1280, "light")], [(720, "dark")], [(390, "light"), (390, "dark")]]
+if FIREFOX:
+    # A page of Firefox has one scheme.
+    LOOKS = [[look for look in looks if look[1] == scheme] for looks in LOOKS for scheme in dict(reversed(look) for look in looks)]
+# Without screenshots, `tests/run` takes less time.
+TAKES_SCREENSHOTS = not FIREFOX and "NO_SCREENSHOTS" not in os.environ
 # The rules of axe-core that look at colours. A scheme changes nothing else.
 COLOURS = ["color-contrast", "link-in-text-block"]
 # A page may wait for a processor, because other tests run beside this one.
@@ -148,28 +152,35 @@ class Browser:
         self.check_accessibility(page, view, rules)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), view
         # The driver of Firefox adds a style to the page, which the page forbids.
-        if not FIREFOX:
+        if TAKES_SCREENSHOTS:
             page.screenshot(path=SCREENS / f"{view}.png", full_page=True)
 
-    def check_schemes(self, page, view, width, schemes):
-        """Checks a view in each colour scheme. The page has the first one."""
-        for scheme in schemes:
-            if scheme != schemes[0]:
-                page.emulate_media(color_scheme=scheme)
+    def check_looks(self, page, view, looks):
+        """Checks a view on each of these screens and in each scheme. The page has the first one."""
+        for width, scheme in looks:
+            if (width, scheme) != looks[0]:
+                self.change(page, width, scheme)
             self.check_view(page, f"{view}-{width}-{scheme}", COLOURS if (view, width) in self.seen else None)
             self.seen.add((view, width))
-        if len(schemes) > 1:
-            page.emulate_media(color_scheme=schemes[0])
+        if len(looks) > 1:
+            self.change(page, *looks[0])
+
+    def change(self, page, width, scheme):
+        """Shows a page on another screen. Figures follow the size of the screen in the next frame."""
+        page.set_viewport_size({"width": width, "height": SIZES[width]})
+        if not FIREFOX:
+            page.emulate_media(color_scheme=scheme)
+        page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def check_views(self, base, views):
         """Checks each view in light and dark, on several screens. A view is an address, or a function that makes one, and a
         selector to wait for."""
-        for width, schemes in VIEWS:
-            page = self.page(base, scheme=schemes[0], width=width)
+        for looks in LOOKS:
+            page = self.page(base, *reversed(looks[0]))
             for view, (address, ready) in views.items():
                 page.goto(base + (address() if callable(address) else address))
                 page.wait_for_selector(ready, state="attached")
-                self.check_schemes(page, view, width, schemes)
+                self.check_looks(page, view, looks)
             page.context.close()
 
 

@@ -15,7 +15,7 @@ import tempfile
 
 from playwright.sync_api import expect
 
-from browser import LONG, VIEWS, Clock, Server, ask, blocks, curves, item, opened
+from browser import LONG, LOOKS, Clock, Server, ask, blocks, curves, item, opened
 from vary import beyond_a_limit
 
 server = functools.partial(Server, sys.argv[1])
@@ -199,15 +199,15 @@ def from_the_queue(page, base):
 
 def lose_the_server(browser, data):
     with server(data) as own:
-        pages = [(width, schemes, browser.page(own.base, schemes[0], width)) for width, schemes in VIEWS]
-        for _, _, page in pages:
+        pages = [(looks, browser.page(own.base, *reversed(looks[0]))) for looks in LOOKS]
+        for _, page in pages:
             page.goto(own.base + "/")
             expect(item(page, "regime")).to_have_text("Partial slip")
         own.kill()
-        for width, schemes, page in reversed(pages):
+        for looks, page in reversed(pages):
             page.fill("#friction", "0.5")
             expect(page.locator("#banner")).to_be_visible()
-            browser.check_schemes(page, "lost", width, schemes)
+            browser.check_looks(page, "lost", looks)
         own.start()
         expect(page.locator("#banner")).to_be_hidden()
         # The form checks the input that was typed while the server was not running.

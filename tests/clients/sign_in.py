@@ -16,7 +16,7 @@ import time
 
 from playwright.sync_api import expect
 
-from browser import FIREFOX, LONG, VIEWS, Server, ask, curves, item, key_of, opened
+from browser import FIREFOX, LONG, LOOKS, Server, ask, curves, item, key_of, opened
 
 MASTER = "fretwork_" + "0123456789abcdef" * 3
 SECRET = "the-secret-of-the-proxy"
@@ -219,11 +219,12 @@ def keys_page(browser, own):
     assert page.get_by_label("Name").input_value() == "me"
     for each in (carl, page):
         each.context.close()
-    for width, schemes in VIEWS:
-        page = signed_in(browser, own, MASTER, scheme=schemes[0], width=width)
+    for looks in LOOKS:
+        width, scheme = looks[0]
+        page = signed_in(browser, own, MASTER, scheme=scheme, width=width)
         page.goto(own.base + "/#/keys")
         page.wait_for_selector("[data-key]")
-        browser.check_schemes(page, "keys", width, schemes)
+        browser.check_looks(page, "keys", looks)
         page.context.close()
 
 
