@@ -20,8 +20,8 @@ ROOT = pathlib.Path(__file__).parents[2]
 SCREENS = ROOT / "target/screens"
 SIZES = {1440: 900, 1280: 720, 720: 450, 390: 844}
 # 720 is a screen of 1440 at 200 % zoom.
-# The tests run in Firefox if its path is given, else in Chromium.
-FIREFOX = os.environ.get("FIREFOX")
+# The tests run in Firefox if its path is given, else in Chromium. This one has no windows, and takes less processor time.
+FIREFOX, CHROMIUM = os.environ.get("FIREFOX"), "chromium-headless-shell"
 DOWNLOADS = ROOT / "target/screens/downloads"
 # The screens and colour schemes of one page. It is loaded on the first one. The layout of 1280 is that of 1440.
 LOOKS = [[(1440, "light"), (1440, "dark"), (1280, "light")], [(720, "dark")], [(390, "light"), (390, "dark")]]
@@ -32,8 +32,9 @@ if FIREFOX:
 TAKES_SCREENSHOTS = not FIREFOX and "NO_SCREENSHOTS" not in os.environ
 # The rules of axe-core that look at colours. A scheme changes nothing else.
 COLOURS = ["color-contrast", "link-in-text-block"]
-# A page may wait for a processor, because other tests run beside this one.
-expect.set_options(timeout=15_000)
+# In milliseconds. A page may wait for a processor, because other tests run beside this one.
+PATIENCE = 60_000
+expect.set_options(timeout=PATIENCE)
 
 
 def ask(base, path, body=None, method=None, wait=20, headers=None):
@@ -107,7 +108,7 @@ class Browser:
 
     def start(self, scheme):
         if not FIREFOX:
-            return self.play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+            return self.play.chromium.launch(executable_path=shutil.which(CHROMIUM), args=["--no-sandbox"])
         settings = {
             "layout.css.prefers-color-scheme.content-override": ["dark", "light"].index(scheme),
             "dom.events.testing.asyncClipboard": True,
@@ -126,7 +127,7 @@ class Browser:
         if before:
             context.add_init_script(before)
         page = context.new_page()
-        page.set_default_timeout(15000)
+        page.set_default_timeout(PATIENCE)
         page.on("pageerror", lambda error: self.errors.append(f"{page.url}: {error.message} {error.stack}"))
         page.on("console", self.record_message)
         page.on("request", lambda request: request.url.startswith((base, "blob:", "data:"))
@@ -217,6 +218,11 @@ def curves(page, figure):
     return page.locator(f"section[aria-label='{figure}'] .curve").evaluate_all("paths => paths.map(path => path.getAttribute('d'))")
 
 
+def smoothed(page):
+    """Waits until the history is drawn through more points than its output cycles."""
+    expect(page.locator("section[aria-label='History'] .curve").first).to_have_attribute("d", re.compile("(L[^L]*){31}"))
+
+
 def readout(page, figure):
     """The values at the cursor of a figure by the names of the curves and of the x axis."""
     return dict(page.locator(f"section[aria-label='{figure}'] .values li").evaluate_all(
@@ -275,9 +281,9 @@ def close(shown, expected, tolerance=1e-4):
     assert found == expected or None not in (found, expected) and abs(found - expected) <= tolerance * abs(expected), (shown, expected)
 
 
-def blocks(cycles, points=4096):
-    """A thousand amplitude blocks, some of them in gross slip. Takes about 25 s of processor time."""
-    amplitudes = (f"{(2.5, 8)[i % 2] + (i % 7) / 100} um" for i in range(1000))
+def blocks(cycles, points=4096, count=1000):
+    """Amplitude blocks, some of them in gross slip. A thousand take about 25 s of processor time."""
+    amplitudes = (f"{(2.5, 8)[i % 2] + (i % 7) / 100} um" for i in range(count))
     return {
         "profile": {"shape": "paraboloid", "radius": "10 mm"},
         "moduli": {"normal": "112 GPa", "tangential": "92 GPa"},
@@ -285,7 +291,7 @@ def blocks(cycles, points=4096):
         "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
         "load": {"normal_force": "100 N", "held": "force"},
         "motion": {"blocks": [{"amplitude": amplitude, "cycles": cycles} for amplitude in amplitudes]},
-        "cycles": {"from": cycles, "to": 1000 * cycles, "count": 1000, "spacing": "linear"},
+        "cycles": {"from": cycles, "to": count * cycles, "count": count, "spacing": "linear"},
         "profiles_at": "none",
         "model": {"method": "exact", "points": points, "tolerance": 1e-4, "compare": True},
     }

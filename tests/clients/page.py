@@ -1,7 +1,7 @@
 """Follows clients/README.md word for word in an empty directory: writes its files, runs its commands, and checks
 what they produce. Only the addresses are replaced by those of the server under test.
 
-    python page.py http://127.0.0.1:8080 http://localhost:8000 chromium
+    python page.py http://127.0.0.1:8080 http://localhost:8000 chromium-headless-shell
 """
 
 import functools

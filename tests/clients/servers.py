@@ -82,7 +82,7 @@ def interrupt(browser, data):
             own.start()
             expect(page.locator("#banner")).to_be_hidden()
 
-        submit(blocks(20_000))
+        submit(blocks(20_000, count=400))
         # Progress after the first view comes from the event stream.
         progress = "document.querySelector('progress').value"
         page.wait_for_function(f"before => {progress} > before", arg=page.evaluate(progress))
