@@ -303,7 +303,7 @@ def errors_and_warnings(browser):
     expect(volume.locator(".errors [role=tooltip]")).to_be_visible()
     expect(volume.locator(".errors [role=tooltip]")).to_contain_text("A smaller tolerance makes it smaller.")
     before = volume.locator("[data-error]").inner_text()
-    page.keyboard.press("Enter")
+    volume.locator(".errors .term").press("Enter")
     expect(page.locator("#model-tolerance")).to_be_focused()
     page.keyboard.type("0.0003")
     expect(volume.locator("[data-error]")).not_to_have_text(before)
