@@ -11,18 +11,30 @@ import re
 import shutil
 import socket
 import subprocess
+import time
 import urllib.request
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import expect, sync_playwright
 
 ROOT = pathlib.Path(__file__).parents[2]
 SCREENS = ROOT / "target/screens"
 SIZES = {1440: 900, 1280: 720, 720: 450, 390: 844}
 # 720 is a screen of 1440 at 200 % zoom.
-# The tests run in Firefox if its path is given, else in Chromium.
-FIREFOX = os.environ.get("FIREFOX")
+# The tests run in Firefox if its path is given, else in Chromium. This one has no windows, and takes less processor time.
+FIREFOX, CHROMIUM = os.environ.get("FIREFOX"), "chromium-headless-shell"
 DOWNLOADS = ROOT / "target/screens/downloads"
-VIEWS = [(1440, "light"), (1440, "dark"), (1280, "light"), (720, "dark"), (390, "light"), (390, "dark")]
+# The screens and colour schemes of one page. It is loaded on the first one. The layout of 1280 is that of 1440.
+LOOKS = [[(1440, "light"), (1440, "dark"), (1280, "light")], [(720, "dark")], [(390, "light"), (390, "dark")]]
+if FIREFOX:
+    # A page of Firefox has one scheme.
+    LOOKS = [[look for look in looks if look[1] == scheme] for looks in LOOKS for scheme in dict(reversed(look) for look in looks)]
+# Without screenshots, `tests/run` takes less time.
+TAKES_SCREENSHOTS = not FIREFOX and "NO_SCREENSHOTS" not in os.environ
+# The rules of axe-core that look at colours. A scheme changes nothing else.
+COLOURS = ["color-contrast", "link-in-text-block"]
+# In milliseconds. A page may wait for a processor, because other tests run beside this one.
+PATIENCE = 60_000
+expect.set_options(timeout=PATIENCE)
 
 
 def ask(base, path, body=None, method=None, wait=20, headers=None):
@@ -32,6 +44,18 @@ def ask(base, path, body=None, method=None, wait=20, headers=None):
     request = urllib.request.Request(base + path, data, headers, method=method)
     with urllib.request.urlopen(request, timeout=30) as answer:
         return json.loads(answer.read() or "null")
+
+
+class Clock:
+    """Prints how long each part of a test took."""
+
+    def __init__(self):
+        self.begun = time.monotonic()
+
+    def passed(self, part):
+        now = time.monotonic()
+        print(f"-- {now - self.begun:.0f} s: {part}", flush=True)
+        self.begun = now
 
 
 def axe():
@@ -73,7 +97,7 @@ class Browser:
     """Fresh profiles of one browser. Records the errors of its pages and their requests to other servers."""
 
     def __init__(self, play):
-        self.play, self.programs, self.errors, self.script = play, {}, [], axe()
+        self.play, self.programs, self.errors, self.script, self.seen = play, {}, [], axe(), set()
 
     def program(self, scheme):
         """The browser, started when it is first needed. Firefox has one colour scheme for all of its pages."""
@@ -84,7 +108,7 @@ class Browser:
 
     def start(self, scheme):
         if not FIREFOX:
-            return self.play.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+            return self.play.chromium.launch(executable_path=shutil.which(CHROMIUM), args=["--no-sandbox"])
         settings = {
             "layout.css.prefers-color-scheme.content-override": ["dark", "light"].index(scheme),
             "dom.events.testing.asyncClipboard": True,
@@ -103,7 +127,7 @@ class Browser:
         if before:
             context.add_init_script(before)
         page = context.new_page()
-        page.set_default_timeout(15000)
+        page.set_default_timeout(PATIENCE)
         page.on("pageerror", lambda error: self.errors.append(f"{page.url}: {error.message} {error.stack}"))
         page.on("console", self.record_message)
         page.on("request", lambda request: request.url.startswith((base, "blob:", "data:"))
@@ -115,30 +139,49 @@ class Browser:
         if message.type in ("error", "warning") and not message.text.startswith("Failed to load resource"):
             self.errors.append(message.text)
 
-    def check_accessibility(self, page, view):
-        """axe-core finds no violation in the page as it is now."""
-        page.evaluate(self.script)
-        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")["violations"]
+    def check_accessibility(self, page, view, rules=None):
+        """axe-core finds no violation of these rules, by default of all, in the page as it is now."""
+        if page.evaluate("typeof axe") == "undefined":
+            page.evaluate(self.script)
+        options = {"resultTypes": ["violations"]} | ({"runOnly": rules} if rules else {})
+        found = page.evaluate("options => axe.run(document, options)", options)["violations"]
         violations = [(rule["id"], [node["html"][:160] for node in rule["nodes"]][:3]) for rule in found]
         assert not violations, (view, violations)
 
-    def check_view(self, page, view):
+    def check_view(self, page, view, rules=None):
         """Checks accessibility and that nothing is wider than the screen, and takes a screenshot."""
-        self.check_accessibility(page, view)
+        self.check_accessibility(page, view, rules)
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), view
         # The driver of Firefox adds a style to the page, which the page forbids.
-        if not FIREFOX:
+        if TAKES_SCREENSHOTS:
             page.screenshot(path=SCREENS / f"{view}.png", full_page=True)
+
+    def check_looks(self, page, view, looks):
+        """Checks a view on each of these screens and in each scheme. The page has the first one."""
+        for width, scheme in looks:
+            if (width, scheme) != looks[0]:
+                self.change(page, width, scheme)
+            self.check_view(page, f"{view}-{width}-{scheme}", COLOURS if (view, width) in self.seen else None)
+            self.seen.add((view, width))
+        if len(looks) > 1:
+            self.change(page, *looks[0])
+
+    def change(self, page, width, scheme):
+        """Shows a page on another screen. Figures follow the size of the screen in the next frame."""
+        page.set_viewport_size({"width": width, "height": SIZES[width]})
+        if not FIREFOX:
+            page.emulate_media(color_scheme=scheme)
+        page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def check_views(self, base, views):
         """Checks each view in light and dark, on several screens. A view is an address, or a function that makes one, and a
         selector to wait for."""
-        for width, scheme in VIEWS:
-            page = self.page(base, scheme=scheme, width=width)
+        for looks in LOOKS:
+            page = self.page(base, *reversed(looks[0]))
             for view, (address, ready) in views.items():
                 page.goto(base + (address() if callable(address) else address))
                 page.wait_for_selector(ready, state="attached")
-                self.check_view(page, f"{view}-{width}-{scheme}")
+                self.check_looks(page, view, looks)
             page.context.close()
 
 
@@ -173,6 +216,17 @@ def downloaded(page, click):
 def curves(page, figure):
     """The paths of the curves of a figure."""
     return page.locator(f"section[aria-label='{figure}'] .curve").evaluate_all("paths => paths.map(path => path.getAttribute('d'))")
+
+
+def smoothed(page):
+    """Reloads a result until its history is drawn through more points than its output cycles. The page waits for them for 1.5 s
+    only, which a busy server may exceed."""
+    for _ in range(20):
+        page.wait_for_selector("#headline dd")
+        if curves(page, "History")[0].count("L") > 30:
+            return
+        page.reload()
+    raise AssertionError(curves(page, "History"))
 
 
 def readout(page, figure):
@@ -233,9 +287,9 @@ def close(shown, expected, tolerance=1e-4):
     assert found == expected or None not in (found, expected) and abs(found - expected) <= tolerance * abs(expected), (shown, expected)
 
 
-def blocks(cycles, points=4096):
-    """A thousand amplitude blocks, some of them in gross slip. Takes about 25 s of processor time."""
-    amplitudes = (f"{(2.5, 8)[i % 2] + (i % 7) / 100} um" for i in range(1000))
+def blocks(cycles, points=4096, count=1000):
+    """Amplitude blocks, some of them in gross slip. A thousand take about 25 s of processor time."""
+    amplitudes = (f"{(2.5, 8)[i % 2] + (i % 7) / 100} um" for i in range(count))
     return {
         "profile": {"shape": "paraboloid", "radius": "10 mm"},
         "moduli": {"normal": "112 GPa", "tangential": "92 GPa"},
@@ -243,7 +297,7 @@ def blocks(cycles, points=4096):
         "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
         "load": {"normal_force": "100 N", "held": "force"},
         "motion": {"blocks": [{"amplitude": amplitude, "cycles": cycles} for amplitude in amplitudes]},
-        "cycles": {"from": cycles, "to": 1000 * cycles, "count": 1000, "spacing": "linear"},
+        "cycles": {"from": cycles, "to": count * cycles, "count": count, "spacing": "linear"},
         "profiles_at": "none",
         "model": {"method": "exact", "points": points, "tolerance": 1e-4, "compare": True},
     }

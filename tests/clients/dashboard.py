@@ -17,7 +17,7 @@ import tempfile
 
 from playwright.sync_api import expect
 
-from browser import LONG, ask, close, downloaded, item, key_of, near, opened
+from browser import LONG, Clock, ask, close, downloaded, item, key_of, near, opened
 from comparison import comparison
 from library import library
 from lines import lines
@@ -266,6 +266,7 @@ def edit_typed_values(page):
 
 
 def main():
+    clock = Clock()
     with opened() as browser:
         page = run_steel_ball(browser)
         key = key_of(page)
@@ -274,16 +275,23 @@ def main():
         rule_errors(page, both)
         body_warnings(browser)
         hostile_address(browser, key)
+        clock.passed("a run and its page")
         every_plot(page, BASE, key)
         every_plot(page, BASE, both, scales=["xy"])
+        clock.passed("plots")
         views(browser, BASE)
+        clock.passed("views of a run")
         cancel(page)
         edit_typed_values(page)
         vary(browser, BASE)
+        clock.passed("numbers that vary")
         pages = studies(browser, BASE)
+        clock.passed("studies")
         coated = lines(browser, BASE)
         compared = comparison(browser, BASE)
+        clock.passed("line contacts and comparisons")
         library(browser, BASE)
+        clock.passed("library")
         for example in get("/v1/examples"):
             every_loop(page, BASE, get("/v1/jobs", example["body"])["key"])
             # A later job without a label does not hide the label.
@@ -298,6 +306,7 @@ def main():
             "compare": (f"{compared}&at=10000", "#compared"), "compare-mixed": (f"/#/compare?keys={rule},{both},{coated}", "#compared"),
             "line": (f"/#/result/{coated}?history=depths", "#events"), "library": ("/#/library", ".thumbnail path"), "queue": ("/#/queue", "tbody tr"),
             "document": ("/docs/accuracy", ".document table")})
+        clock.passed("all views on all screens")
     print("the dashboard passes its tests")
 
 

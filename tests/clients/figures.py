@@ -4,7 +4,7 @@ which it takes a quarter without --long.
 Each figure passes the Nu checker (the validator of the W3C). A browser then opens it with two substitutes for
 Helvetica: no text overlaps another or leaves the page.
 
-    python figures.py http://127.0.0.1:8080 chromium [--long]
+    python figures.py http://127.0.0.1:8080 chromium-headless-shell [--long]
 
 Writes the figures to target/figures.
 """

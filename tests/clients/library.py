@@ -6,7 +6,7 @@ import urllib.parse
 
 from playwright.sync_api import expect
 
-from browser import VIEWS, ask, downloaded, value
+from browser import LOOKS, ask, downloaded, value
 
 TAG = "shelf"
 
@@ -201,15 +201,15 @@ def leave(page, base):
 
 def accessibility(browser, base):
     """Selected rows, the menu of columns and the dialogs are accessible."""
-    for width, scheme in VIEWS:
-        page = browser.page(base, scheme=scheme, width=width)
+    for looks in LOOKS:
+        page = browser.page(base, *reversed(looks[0]))
         page.goto(base + f"/#/library?q={TAG}&tag=rig+7")
         page.get_by_label("Select all loaded results").check()
         page.click("summary:has-text('Columns')")
-        browser.check_view(page, f"library-chosen-{width}-{scheme}")
+        browser.check_looks(page, "library-chosen", looks)
         page.keyboard.press("Escape")
         page.get_by_role("button", name="Tag").click()
-        browser.check_view(page, f"library-tag-{width}-{scheme}")
+        browser.check_looks(page, "library-tag", looks)
         page.context.close()
 
 

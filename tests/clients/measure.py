@@ -13,7 +13,7 @@ import sys
 
 from playwright.sync_api import expect
 
-from browser import FIREFOX, VIEWS, ask, close, factor, near, number, opened, value
+from browser import FIREFOX, LOOKS, ask, close, factor, near, number, opened, value
 
 BASE = sys.argv[1]
 get = functools.partial(ask, BASE)
@@ -338,17 +338,17 @@ def by_keyboard(browser, key):
 
 def views(browser, key, fit):
     """Accessible in light and dark, on all screens: the panel, the dialog, the form, and the page of a fit."""
-    for width, scheme in VIEWS:
-        page = result(browser, key, width, scheme)
+    for looks in LOOKS:
+        page = result(browser, key, *looks[0])
         page.click("#add-measurement")
         page.fill("#set-text", table("N;V [µm³];sigma [µm³]", CYCLES, measured(3, 3e-14, 0.7), [500] * 6))
         page.wait_for_selector("#set-kind")
-        browser.check_view(page, f"measure-dialog-{width}-{scheme}")
+        browser.check_looks(page, "measure-dialog", looks)
         page.click("#add-set")
         page.click("#fit-these")
         expect(page.locator("#fit-says")).not_to_be_empty()
         rows(page, "Measurement")
-        browser.check_view(page, f"measure-{width}-{scheme}")
+        browser.check_looks(page, "measure", looks)
         page.context.close()
     browser.check_views(BASE, {"fit": (f"/#/result/{fit}", "#points")})
 

@@ -13,7 +13,7 @@ import sys
 
 from playwright.sync_api import sync_playwright
 
-from browser import ROOT, SCREENS, VIEWS, Browser, ask
+from browser import LOOKS, ROOT, SCREENS, Browser, ask
 
 BASE = sys.argv[1]
 SHEETS = ["A4", "Letter"]
@@ -62,10 +62,11 @@ def main():
                 assert (cut, background) == (0, "light"), (name, sheet, cut, background)
             page.emulate_media(media="null")
         for name in ("steel-ball", "fit", "compared"):
-            for width, scheme in VIEWS:
-                view = browser.page(BASE, scheme=scheme, width=width)
+            for looks in LOOKS:
+                view = browser.page(BASE, *reversed(looks[0]))
                 view.goto(BASE + reports[name])
-                browser.check_view(view, f"report-{name}-{width}-{scheme}")
+                browser.check_looks(view, f"report-{name}", looks)
+                view.context.close()
         assert not browser.errors, browser.errors
     print(f"{len(reports)} reports; a run is one page of {' and of '.join(SHEETS)}")
 

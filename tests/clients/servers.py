@@ -15,7 +15,7 @@ import tempfile
 
 from playwright.sync_api import expect
 
-from browser import LONG, VIEWS, Server, ask, blocks, curves, item, opened
+from browser import LONG, LOOKS, Clock, Server, ask, blocks, curves, item, opened
 from vary import beyond_a_limit
 
 server = functools.partial(Server, sys.argv[1])
@@ -82,7 +82,7 @@ def interrupt(browser, data):
             own.start()
             expect(page.locator("#banner")).to_be_hidden()
 
-        submit(blocks(20_000))
+        submit(blocks(20_000, count=400))
         # Progress after the first view comes from the event stream.
         progress = "document.querySelector('progress').value"
         page.wait_for_function(f"before => {progress} > before", arg=page.evaluate(progress))
@@ -199,15 +199,15 @@ def from_the_queue(page, base):
 
 def lose_the_server(browser, data):
     with server(data) as own:
-        pages = [(width, scheme, browser.page(own.base, scheme, width)) for width, scheme in VIEWS]
-        for _, _, page in pages:
+        pages = [(looks, browser.page(own.base, *reversed(looks[0]))) for looks in LOOKS]
+        for _, page in pages:
             page.goto(own.base + "/")
             expect(item(page, "regime")).to_have_text("Partial slip")
         own.kill()
-        for width, scheme, page in reversed(pages):
+        for looks, page in reversed(pages):
             page.fill("#friction", "0.5")
             expect(page.locator("#banner")).to_be_visible()
-            browser.check_view(page, f"lost-{width}-{scheme}")
+            browser.check_looks(page, "lost", looks)
         own.start()
         expect(page.locator("#banner")).to_be_hidden()
         # The form checks the input that was typed while the server was not running.
@@ -236,15 +236,20 @@ def lose_the_server(browser, data):
 
 
 def main():
+    clock = Clock()
     with opened() as browser, tempfile.TemporaryDirectory() as data:
         directory = lambda name: str(pathlib.Path(data) / name)
         first_plot(browser, directory("first-plot"))
+        clock.passed("a new server")
         with server(directory("limits"), "--study-points", "50") as own:
             beyond_a_limit(browser, own.base)
         lose_the_server(browser, directory("lost"))
+        clock.passed("a lost server")
         with server(directory("library")) as own:
             library(browser, own.base)
+        clock.passed("many results")
         interrupt(browser, directory("interrupted"))
+        clock.passed("a server that is killed")
     print("the dashboard passes its tests on other servers")
 
 

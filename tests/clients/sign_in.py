@@ -16,7 +16,7 @@ import time
 
 from playwright.sync_api import expect
 
-from browser import FIREFOX, LONG, VIEWS, Server, ask, curves, item, key_of, opened
+from browser import FIREFOX, LONG, LOOKS, Server, ask, curves, item, key_of, opened, smoothed
 
 MASTER = "fretwork_" + "0123456789abcdef" * 3
 SECRET = "the-secret-of-the-proxy"
@@ -219,11 +219,12 @@ def keys_page(browser, own):
     assert page.get_by_label("Name").input_value() == "me"
     for each in (carl, page):
         each.context.close()
-    for width, scheme in VIEWS:
+    for looks in LOOKS:
+        width, scheme = looks[0]
         page = signed_in(browser, own, MASTER, scheme=scheme, width=width)
         page.goto(own.base + "/#/keys")
         page.wait_for_selector("[data-key]")
-        browser.check_view(page, f"keys-{width}-{scheme}")
+        browser.check_looks(page, "keys", looks)
         page.context.close()
 
 
@@ -263,6 +264,8 @@ def shared(browser, own):
     expect(guest.locator("#link-end")).to_contain_text(re.compile(r"^This link is valid until .*20\d\d"))
     assert guest.locator("#readout").inner_text() == page.locator("#readout").inner_text()
     # The lines are as smooth as those of its maker.
+    smoothed(page)
+    smoothed(guest)
     assert curves(guest, "History") == curves(page, "History") and curves(guest, "History")[0].count("L") > 30
     assert not any(guest.get_by_role("button", name=name).count() for name in CONTROLS)
     expect(guest.locator("nav")).to_be_hidden()

@@ -1,6 +1,6 @@
 """Measures how fast the first page follows what is typed: from the key to the frame that shows all figures of the new value.
 
-    python speed_live.py http://127.0.0.1:8080
+    python speed_live.py http://127.0.0.1:8080 [--short]
 """
 
 import statistics
@@ -9,6 +9,8 @@ import sys
 from playwright.sync_api import expect
 
 from browser import opened
+
+COUNT = 40 if "--short" in sys.argv else 200
 
 # Notes when a key is pressed, and when the frame ends that shows the figures of the value. The figures are drawn as soon as the
 # answer is read, in the same task.
@@ -42,7 +44,7 @@ def type_values(browser, base):
     page.wait_for_selector("[data-value=wear_depth]")
     page.select_option("#method", "exact")
     field = page.locator("#motion-amplitude")
-    for prefix in range(200, 400):
+    for prefix in range(200, 200 + COUNT):
         if prefix % 10 == 0:
             # The last digit is typed by the keys below.
             field.fill(f"{prefix / 100:.1f}")
@@ -53,7 +55,7 @@ def type_values(browser, base):
         # A person types a key about every 150 ms.
         page.wait_for_timeout(150)
     took = page.evaluate("[...window.took].filter(([value]) => value.length === 4).map(([, own]) => own)")
-    assert len(took) == 200, len(took)
+    assert len(took) == COUNT, len(took)
     expect(page.locator(".figures svg.drawing >> visible=true")).to_have_count(5)
     parts = statistics.quantiles(took, n=20)
     print(f"{len(took)} values typed, from the key to the frame with all figures: median {parts[9]:.0f} ms, 95th percentile "

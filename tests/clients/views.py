@@ -11,7 +11,7 @@ import subprocess
 
 from playwright.sync_api import expect
 
-from browser import ask, blocks, curves, downloaded, readout, value
+from browser import ask, blocks, curves, downloaded, readout, smoothed, value
 
 
 def figure_of(page, figure):
@@ -103,6 +103,7 @@ def smooth(browser, base):
     page = browser.page(base)
     open_result(page, base, ask(base, "/v1/jobs", ask(base, "/v1/examples/steel-ball"))["key"])
     history = figure_of(page, "History")
+    smoothed(page)
     assert [path.count("L") > 30 for path in curves(page, "History")] == [True, True], curves(page, "History")
     assert history.locator("circle").count() == 10
     drawing = saved(page, "History", "SVG").decode()
