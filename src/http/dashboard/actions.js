@@ -42,8 +42,8 @@ export function sharing(addressFor) {
 export const linkEnd = (links) => h("p", { class: "muted", id: "link-end" }, "This link is valid until ",
   dateTime(new Date(1000 * Math.min(...links.map((link) => Number(link.split(".")[0])))).toISOString()), ".");
 
-/** The row of buttons. `link` is the token of a shared link: its holder may only read. */
-export function drawActions(result, { job, link, remember, signal }) {
+/** The row of buttons. `link` is the token of a shared link: its holder may only read. `editable` is the address of the form of a fit. */
+export function drawActions(result, { job, link, editable, remember, signal }) {
   const { key } = result;
   const isStudy = Boolean(kindOf(result));
   const partOf = (path, words) => {
@@ -85,7 +85,7 @@ export function drawActions(result, { job, link, remember, signal }) {
         button(format, () => download(path, format), { "aria-label": `${name} as ${format}` })))),
     h("div", { class: "row" }, button("Copy curl command", curl), button("Copy Python code", python))));
   const report = h("a", { class: "button", href: partOf("/report"), target: "_blank", title: "A page to print" }, "Report");
-  const form = editLink({ ...result, ...job });
+  const form = editable ?? editLink({ ...result, ...job });
   // The holder of a shared link sees the values in the form without a key.
   const address = form && link ? `${form}&link=${encodeURIComponent(link)}` : form;
   const edit = address && h("a", { class: "button", href: address }, "Edit and run again");

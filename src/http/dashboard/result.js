@@ -156,7 +156,7 @@ export async function showResult(main, { id: key, query, signal }) {
       h("section", { class: "card", "aria-label": "Section" },
         h("div", { class: "row" }, section.choice), result.profiles ? section.element : noProfiles("section")),
       loopCard),
-    measuring({ result, submitted: job.submitted, link, state, figures, redraw: drawOutput, signal }),
+    measuring({ result, submitted: job.submitted, link, state, figures, redraw: drawOutput, refit: query.get("fit"), signal }),
     details);
   const drawAll = () => {
     drawOutput();
