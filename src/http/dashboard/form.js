@@ -153,7 +153,7 @@ export async function showForm(main, { query, signal }) {
     jsonOnly.textContent = pointers.length ? `Not in the form: ${pointers.join(", ")}` : "";
     estimate.setAttribute("aria-busy", "true");
     wanted = false;
-    heading.textContent = isStudy() ? "New study" : "New run";
+    heading.textContent = !may("submit") ? "Estimate" : isStudy() ? "New study" : "New run";
     keep.textContent = submitText(form.study);
     preview.element.hidden = isStudy() || !may("submit");
     estimate.hidden = !may("read");
