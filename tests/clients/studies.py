@@ -227,6 +227,10 @@ def fretting_map(page, base):
     near(read(page)["U"], 2e-5)
     page.select_option("#figure-kind", "heat")
     expect(figure.locator(".contour").first).to_be_attached()
+    assert figure.locator(".level").count() > 1
+    # The table has the unit of the axis.
+    expect(page.locator("#study thead")).to_contain_text("(N)")
+    expect(figure).to_contain_text("(N)")
     expect(figure.locator(".own.point")).to_have_count(1)
     return key
 
