@@ -9,7 +9,7 @@ use utoipa_axum::routes;
 use super::access::needs::{Needs, RouteNeeds};
 use super::api::{
     audit, derivatives, diff, evaluate, events, jobs, keys, library, links, me, measurements,
-    report, results, scenarios, search, session, smooth, system, umbridge,
+    report, results, scenarios, search, session, smooth, system, umbridge, verdict,
 };
 use super::app::App;
 use super::dashboard::{docs, swagger};
@@ -47,6 +47,7 @@ impl Routes {
             .add(Needs::READ, routes!(results::table))
             .add(Needs::READ, routes!(results::statistics))
             .add(Needs::READ, routes!(results::histogram))
+            .add(Needs::READ, routes!(verdict::verdict))
             .add(Needs::READ, routes!(results::plot))
             .add(Needs::READ, routes!(report::report))
             .add(Needs::DERIVE, routes!(derivatives::derivatives))

@@ -145,6 +145,10 @@ def table(page, keys, results):
     assert abs(float(row[8]) - (volumes[1] / volumes[0] - 1)) < 1e-9 and "numerical error" in row[-1], row
     assert found["Key"][2:7] == [keys[place] for place in order] and found["Friction coefficient μ"][4] == "0.6", found
     assert len({len(row) for row in [head, *rows]}) == 1
+    # A saved figure stands alone, so it names the runs beside their letters.
+    page.click("[aria-label='Save comparison-first']")
+    saved = downloaded(page, page.get_by_role("button", name="Save comparison-first as SVG").click).decode()
+    assert "A: As it is" in saved and "D: Heavier load" in saved and "E: Tougher pair" in saved, saved
 
 
 def remove(page, base, keys):

@@ -148,6 +148,7 @@ def view_result(page):
     wanted = pin.get_attribute("aria-pressed") == "false"
     pin.click()
     expect(pin).to_have_attribute("aria-pressed", str(wanted).lower())
+    expect(pin).to_have_text("Pinned" if wanted else "Pin")
     assert get(f"/v1/results/{key_of(page)}/provenance")["pinned"] is wanted
 
 

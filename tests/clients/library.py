@@ -40,6 +40,9 @@ def search(page, base):
     expect(names(page)).to_have_text(["Sample 7, Zebra"])
     page.fill("#find-q", "shelf giraffe")
     expect(page.locator(".empty")).to_contain_text("No match")
+    page.click("#clear-filters")
+    expect(page.locator("#find-q")).to_have_value("")
+    expect(page.locator("#clear-filters")).to_be_hidden()
     page.fill("#find-q", "shelf")
     expect(page.locator("#total")).to_have_text("13 results")
     # The address of earlier versions opens the list of runs, which has the same search.
@@ -81,6 +84,16 @@ def sort(page, base):
         assert page.evaluate("document.activeElement.dataset.sort") == "wear_depth"
     page.reload()
     expect(names(page)).to_have_text(expected)
+
+
+def whole_texts(page, base):
+    """No number of the usual columns is cut, nor a tag."""
+    page.goto(base + "/#/library")
+    expect(names(page).first).to_be_visible()
+    cut = page.locator(".library tbody td:is(.number, .tags)").evaluate_all("cells => cells.filter((cell) => cell.scrollWidth > cell.clientWidth).map((cell) => cell.innerText)")
+    assert not cut, cut
+    page.click("summary:has-text('Filters')")
+    assert "Sweep or random sample" in page.locator("#find-kind").inner_text()
 
 
 def columns(page):
@@ -219,6 +232,7 @@ def library(browser, base):
     search(page, base)
     sort(page, base)
     columns(page)
+    whole_texts(page, base)
     keyboard(page, base)
     rename(page, base)
     table(page, base)

@@ -246,7 +246,10 @@ def fitted(browser, key):
     close(page.locator("[data-item=correlation] dd").inner_text().split("\n")[0], fit["correlation"][0][1], 1e-3)
     kinds = [note["kind"] for note in fit["notes"]]
     assert page.locator("#fit-notes li").count() == len([kind for kind in kinds if kind not in ("misfit", "lack_of_fit", "discrepancy")]), kinds
-    assert page.locator("#law").inner_text().startswith("The law describes these data"), page.locator("#law").inner_text()
+    verdict_of_fit = get(f"/v1/results/{fit['key']}/verdict")
+    assert page.locator("#law").inner_text().startswith("Archard's law with one wear coefficient describes these data"), page.locator("#law").inner_text()
+    assert page.locator("#law strong").inner_text() == verdict_of_fit["verdict"] and verdict_of_fit["outcome"] == "holds", verdict_of_fit
+    expect(page.locator("h1")).to_have_text("k_w, μ from lab B, errors 4 %")
     assert "Estimates from 6 wear volumes" in page.inner_text("section[aria-label='Estimates']")
     for name in ("Fit", "Residuals", "Sum of squares"):
         assert page.locator(f"section[aria-label='{name}'] .curve").count() > 1, name
@@ -255,6 +258,23 @@ def fitted(browser, key):
     assert [number(text) for text in page.locator("#points td:nth-child(7)").all_inner_texts()] == [
         float(f"{residual:.2g}") for residual in fit["table"]["residual"]]
 
+    # The form of the fit opens again with its data and with what was typed, also in another tab.
+    other = browser.page(BASE)
+    other.goto(page.url)
+    for own in (page, other):
+        own.get_by_role("link", name="Edit and run again").click()
+        expect(own.locator("#fit-says")).to_have_text("This fit is in the library.")
+        assert own.is_checked("#fit-friction") and own.input_value("#fit-friction-to") == "1.2" and own.input_value("#fit-size-0") == "4 %"
+        own.select_option("#fit-noise-0", "estimate")
+        expect(own.locator("#fit-size-0")).to_be_hidden()
+    other.context.close()
+    page.go_back()
+    # The report shows what was typed, and the same verdict.
+    report = browser.page(BASE)
+    report.goto(f"{BASE}/v1/results/{fit['key']}/report")
+    expect(report.locator("body")).to_contain_text("205\u00a0GPa")
+    expect(report.locator("body")).to_contain_text(verdict_of_fit["verdict"])
+    report.context.close()
     page.click("#run-this")
     page.wait_for_selector("#headline [data-value=wear_depth]")
     assert abs(float(page.input_value("#friction")) - fit["parameters"][1]["estimate"]) < 1e-9
@@ -293,7 +313,8 @@ def law_fails(browser):
     key = get("/v1/jobs?include=result", {"label": "Constant volumes", **body}, wait=60)["key"]
     page = browser.page(BASE)
     page.goto(f"{BASE}/#/result/{key}")
-    expect(page.locator("#law")).to_contain_text("The law does not hold for these data.")
+    expect(page.locator("#law")).to_contain_text("Archard's law with one wear coefficient does not hold for these data. ")
+    expect(page.locator("#estimates .doubt")).to_have_text("The interval assumes that the law holds.")
     assert "the assumed errors of 5\u00a0%" in page.locator("#law").inner_text() and "e-" not in page.locator("#law").inner_text()
     expect(page.locator("section[aria-label=Scenario]")).to_contain_text("Paraboloid, R")
     assert page.locator("[data-item='/friction']").count() == 1 and page.locator("[data-item='/wear/coefficient']").count() == 0

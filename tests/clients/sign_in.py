@@ -148,6 +148,7 @@ def roles(browser, own, key):
             shown.update(name for name in CONTROLS if page.get_by_role("button", name=re.compile(f"^{name}")).count())
 
         look("/#/new", "#limited" if role == "read" else "#headline dd")
+        expect(page.locator("nav a").first).to_have_text("Estimate" if role == "read" else "New run")
         expect(item(page, "regime")).to_have_text("Partial slip")
         page.fill("#friction", "0.5")
         expect(item(page, "regime")).to_have_text("Gross slip")
@@ -270,7 +271,10 @@ def shared(browser, own):
     assert not any(guest.get_by_role("button", name=name).count() for name in CONTROLS)
     expect(guest.locator("nav")).to_be_hidden()
     browser.check_view(guest, "shared")
-    guest.get_by_role("link", name="Edit and run again").click()
+    guest.get_by_role("link", name="Open in the form").click()
+    # What was typed, and not the effective modulus.
+    expect(guest.locator("#bodies-0-youngs_modulus")).to_have_value("205 GPa")
+    expect(guest.locator("#canonical")).to_be_hidden()
     assert guest.locator(".vary").count() == 0
     expect(guest.locator("#limited")).to_contain_text("To compute and keep a run with them, sign in with an access key.")
     expect(guest.locator("#label")).to_have_value("Shown to a guest")

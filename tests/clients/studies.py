@@ -227,6 +227,10 @@ def fretting_map(page, base):
     near(read(page)["U"], 2e-5)
     page.select_option("#figure-kind", "heat")
     expect(figure.locator(".contour").first).to_be_attached()
+    assert figure.locator(".level").count() > 1
+    # The table has the unit of the axis.
+    expect(page.locator("#study thead")).to_contain_text("(N)")
+    expect(figure).to_contain_text("(N)")
     expect(figure.locator(".own.point")).to_have_count(1)
     return key
 
@@ -274,7 +278,10 @@ def distribution(page, base):
             shown = value(page.locator(f"[data-statistic={name}]").inner_text())
             assert low < shown < high, (output, name, low, shown, high)
         expect(page.locator("#ninety")).to_contain_text(re.compile("90\u00a0% of the points of the sample lie between .* and .*, and 95\u00a0% between .* and"))
-        expect(page.locator("#certainty")).to_contain_text("points, the lower end of the 90\u00a0% is known to lie between")
+        for share in ("90", "95"):
+            expect(page.locator("#certainty")).to_contain_text(f"the lower end of the {share}\u00a0% is known to lie between")
+        expect(page.locator("section[aria-label=Distribution] svg")).to_contain_text("97.5\u00a0%")
+        expect(page.locator("#histogram-legend")).to_contain_text("95\u00a0% of the points lie between the outer lines")
     # The bars of the histogram contain all points.
     bars = page.locator("section[aria-label=Distribution] [role=slider]")
     bars.focus()

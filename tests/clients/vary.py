@@ -287,6 +287,29 @@ def designs(page, base):
     expect(page.locator("#load-normal_force-count")).to_have_value("9")
 
 
+def vary_all(page, base):
+    """One button varies all numbers of a run, which makes a sensitivity with a name of its own and says what it varies."""
+    scenario = ask(base, "/v1/examples/steel-ball-simplified")["scenario"]
+    key = ask(base, "/v1/jobs?include=result", {"scenario": {**scenario, "friction": 0.713}, "label": "Coupling P"})["key"]
+    page.goto(f"{base}/#/result/{key}")
+    page.get_by_role("link", name="Edit and run again").click()
+    page.click("#friction-vary")
+    expect(page.locator("#label")).to_have_value("Coupling P: sweep")
+    page.click("#vary-all")
+    expect(page.locator("#design-sensitivity")).to_be_checked()
+    expect(page.locator("#label")).to_have_value("Coupling P: sensitivity")
+    for field, low, high in (("load-normal_force", "80", "120"), ("wear-coefficient", "2.424e-5", "3.636e-5"), ("friction", "0.5704", "0.8556")):
+        expect(page.locator(f"#{field}-from")).to_have_value(low)
+        expect(page.locator(f"#{field}-to")).to_have_value(high)
+    expect(page.locator("#model-xi-from")).to_have_count(0)
+    page.fill("#samples", "32")
+    result = submit(page)
+    count = len(result["sensitivity"]["vary"])
+    assert count > 5 and result["counts"]["points"] == 32 * (count + 2), result["counts"]
+    expect(page.locator("#result-label")).to_have_text("Coupling P: sensitivity")
+    expect(page.locator("#verdicts")).to_contain_text(f"if each of the {count} numbers varies by ±20\u00a0%")
+
+
 def beyond_a_limit(browser, base):
     """The form says how many points a study has, and which limit it exceeds, before the user submits it. The server has a
     limit of 50 points."""
@@ -352,6 +375,7 @@ def vary(browser, base):
     distributions(page, base)
     outputs(page, base)
     designs(page, base)
+    vary_all(page, base)
     keyboard(page, base)
     entry = '[{"pointer": "/friction", "from": 0.5, "to": 0.6}]'
     for study in ("5", f'{{"sweep": {{"vary": {entry.replace("from", "values")}}}}}', f'{{"sweep": {{"vary": {entry}, "other": 1}}}}'):

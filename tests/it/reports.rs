@@ -1,5 +1,6 @@
 //! Reports: their content, who may read what, and that texts of users stay texts.
 
+use std::array::from_fn;
 use std::fs;
 
 use fretwork::http::Limits;
@@ -164,6 +165,80 @@ async fn each_kind_of_study_has_a_report() {
         let fixed = fixed.iter().find(|text| text.starts_with("Fixed inputs")).unwrap();
         let is_fixed = ["Sweep", "Fretting map"].contains(&heading);
         assert_eq!(fixed.contains("Wear coefficient"), is_fixed, "{fixed}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn report_and_verdict_say_whether_the_law_describes_the_data() {
+    let server = Server::start().await;
+    let cycles = json!([1000, 2000, 5000, 10_000, 20_000, 50_000]);
+    let mut scenario = steel_ball()["scenario"].clone();
+    scenario["cycles"] = cycles.clone();
+    let (key, _) = computed(&server, &json!({"scenario": &scenario})).await;
+    let history = server.get(&format!("/v1/results/{key}/history")).await.json();
+    let volumes: Vec<f64> =
+        serde_json::from_value(history["history"]["wear_volume"].clone()).unwrap();
+    server.get(&format!("/v1/results/{key}/verdict")).await.problem(404, "no-such-part");
+    let arc = [-0.06, -0.01, 0.03, 0.04, 0.025, -0.02];
+    // The same arc for errors that are equal for all points.
+    let equal = from_fn(|i| 0.05 * arc[i] * volumes[6] / volumes[i + 1]);
+    let random = [0.03, -0.04, 0.05, -0.02, -0.04, 0.02];
+    let relative = |error: f64| json!({"relative": error});
+    for (changes, noise, outcome, said) in [
+        (
+            random,
+            relative(0.05),
+            "holds",
+            "describes these data if their errors are as assumed. The residuals are",
+        ),
+        (
+            arc,
+            relative(0.05),
+            "trend",
+            "follow an arc: low at both ends, high between. A law with this shape cannot",
+        ),
+        (
+            arc,
+            relative(0.01),
+            "fails",
+            "does not hold for these data. One set of parameters does not describe these tests within the \
+            assumed errors of 1\u{a0}%",
+        ),
+        (
+            random,
+            json!({"noise": "estimate"}),
+            "untested",
+            "The data do not test Archard's law with one wear coefficient.",
+        ),
+        (
+            equal,
+            json!({"noise": "estimate"}),
+            "trend",
+            "does not have the shape of these data. The residuals follow an arc",
+        ),
+    ] {
+        let y: Vec<f64> = volumes[1..]
+            .iter()
+            .zip(changes)
+            .map(|(volume, change)| volume * (1.0 + change))
+            .collect();
+        let mut data = json!({"output": "wear_volume", "x": &cycles, "y": y});
+        data.as_object_mut().unwrap().extend(noise.as_object().unwrap().clone());
+        let parameter =
+            json!({"pointer": "/wear/coefficient", "from": 3e-15, "to": 3e-13, "spacing": "log"});
+        let body = json!({"fit": {"scenario": &scenario, "parameters": [parameter], "tests": [{"name": "lab", "data": [data]}]}});
+        let (key, _) = computed(&server, &body).await;
+        let verdict = server.get(&format!("/v1/results/{key}/verdict")).await.json();
+        let told = format!(
+            "{} {}",
+            verdict["verdict"].as_str().unwrap(),
+            verdict["reason"].as_str().unwrap()
+        );
+        assert!(verdict["outcome"] == outcome && told.contains(said), "{noise}: {verdict}");
+        assert!(told.contains("Archard's law with one wear coefficient"), "{told}");
+        assert_eq!(verdict["intervals"].is_string(), ["fails", "trend"].contains(&outcome));
+        let html = report(&server, &key, "").await;
+        assert!(content(&read(&html).root_element()).contains(&told), "{told}");
     }
 }
 

@@ -21,7 +21,7 @@ pub const ADMIN: &str = "admin";
 pub const ANYONE: &str = "anyone";
 
 /// The routes that a link opens.
-pub const OPENED: [&str; 11] = [
+pub const OPENED: [&str; 12] = [
     "/v1/results/{key}",
     "/v1/results/{key}/history",
     "/v1/results/{key}/history/smooth",
@@ -30,6 +30,7 @@ pub const OPENED: [&str; 11] = [
     "/v1/results/{key}/table",
     "/v1/results/{key}/statistics",
     "/v1/results/{key}/histogram",
+    "/v1/results/{key}/verdict",
     "/v1/results/{key}/plot.svg",
     "/v1/results/{key}/report",
     "/v1/results/{key}/warnings",

@@ -21,3 +21,4 @@ pub mod session;
 pub mod smooth;
 pub mod system;
 pub mod umbridge;
+pub mod verdict;

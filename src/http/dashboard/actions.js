@@ -14,6 +14,9 @@ const DOWNLOADS = [["Full result", "", ["json", "npz"]], ["History", "/history",
   ["Loops", "/loops", TABLES]];
 const STUDY_DOWNLOADS = [["Full result", "", ["json", "npz"]], ["Table", "/table", TABLES]];
 
+/** Longest input that a shared link has, in characters. */
+const MAX_TYPED = 4000;
+
 /** A button that reports the error if its action fails. */
 export const button = (text, act, attributes = {}) => h("button", { type: "button", ...attributes, onclick: async () => {
   try {
@@ -42,8 +45,8 @@ export function sharing(addressFor) {
 export const linkEnd = (links) => h("p", { class: "muted", id: "link-end" }, "This link is valid until ",
   dateTime(new Date(1000 * Math.min(...links.map((link) => Number(link.split(".")[0])))).toISOString()), ".");
 
-/** The row of buttons. `link` is the token of a shared link: its holder may only read. */
-export function drawActions(result, { job, link, remember, signal }) {
+/** The row of buttons. `link` is the token of a shared link: its holder may only read. `editable` is the address of the form of a fit. */
+export function drawActions(result, { job, link, editable, remember, signal }) {
   const { key } = result;
   const isStudy = Boolean(kindOf(result));
   const partOf = (path, words) => {
@@ -61,8 +64,10 @@ export function drawActions(result, { job, link, remember, signal }) {
     const [path, words] = location.hash.split("?");
     const all = new URLSearchParams(words);
     all.set("link", await createLink(key, lifetime));
-    // Who opens the link may not read the job, which has the label.
+    // Who opens the link may not read the job, which has the label and what was typed.
     if (job.label) all.set("label", job.label);
+    const typed = form && job.submitted && JSON.stringify(job.submitted);
+    if (typed?.length <= MAX_TYPED) all.set("typed", typed);
     return `${path}?${all}`;
   }
 
@@ -85,10 +90,11 @@ export function drawActions(result, { job, link, remember, signal }) {
         button(format, () => download(path, format), { "aria-label": `${name} as ${format}` })))),
     h("div", { class: "row" }, button("Copy curl command", curl), button("Copy Python code", python))));
   const report = h("a", { class: "button", href: partOf("/report"), target: "_blank", title: "A page to print" }, "Report");
-  const form = editLink({ ...result, ...job });
+  const form = editable ?? editLink({ ...result, ...job, submitted: job.submitted ?? job.typed });
   // The holder of a shared link sees the values in the form without a key.
   const address = form && link ? `${form}&link=${encodeURIComponent(link)}` : form;
-  const edit = address && h("a", { class: "button", href: address }, "Edit and run again");
+  // The computed values are not those that the user knows: E* in place of the bodies.
+  const edit = address && (!link || job.typed) && h("a", { class: "button", href: address }, may("submit") && !link ? "Edit and run again" : "Open in the form");
   if (link) return h("div", { class: "actions" }, menu, report, edit, linkEnd([link]));
   const row = h("div", { class: "actions" }, menu, report, may("share") && sharing(addressFor),
     !isStudy && h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);
@@ -101,12 +107,18 @@ async function addPinAndNote(row, key, signal) {
   const provenance = await get(resultAddress(key, "/provenance"), { signal }).catch(() => null);
   if (!provenance) return;
   let { pinned, note } = provenance;
-  const pin = button("Pin", async () => {
+  const pin = button("", async () => {
     await send(resultAddress(key, "/pin"), { method: pinned ? "DELETE" : "PUT" });
     pinned = !pinned;
-    pin.setAttribute("aria-pressed", String(pinned));
+    drawPin();
     notify(pinned ? "Pinned: will not be deleted automatically." : "Unpinned: may be deleted automatically when storage is full.");
-  }, { "aria-pressed": String(pinned), title: "A pinned result is not deleted automatically" });
+  });
+  const drawPin = () => {
+    pin.setAttribute("aria-pressed", String(pinned));
+    pin.textContent = pinned ? "Pinned" : "Pin";
+    pin.title = pinned ? "Not deleted automatically. Press to unpin." : "A pinned result is not deleted automatically";
+  };
+  drawPin();
   const noteText = h("p", { class: "note" });
   const drawNote = () => {
     noteText.textContent = note ? `“${note.text}”${note.owner ? ` (${note.owner})` : ""}` : "";

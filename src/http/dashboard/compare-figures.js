@@ -9,7 +9,10 @@ import { cycles, isLine, quantity, wordOf, WORDS } from "./units.js";
 export const COLUMNS = ["wear_volume", "wear_depth", "dissipated_energy", "energy_per_cycle", "scar_radius", "contact_radius", "stick_radius",
   "indentation_depth", "normal_force", "amplitude", "tangential_force"];
 
-const styleOf = ({ letter, ink, dash }) => ({ name: letter, ink, dash });
+/** Longest name of a run in a saved figure. */
+const NAME = 45;
+
+const styleOf = ({ letter, name, ink, dash }) => ({ name: letter, whole: `${letter}: ${name}`.slice(0, NAME), ink, dash });
 
 /** Says which runs are left out of a figure, and why; nothing if all are drawn. */
 const leftOut = (runs, reason) => runs.length > 0 && `Not drawn: ${runs.map(({ letter }) => letter).join(", ")}, ${reason}.`;
@@ -66,7 +69,7 @@ const loopOf = (run) => {
   const { loops, history } = run.result;
   const row = nearest(loops.cycles, history.cycles[run.row]);
   return branches(loops.displacement[row], loops.tangential_force[row]).slice(0, MAX_BRANCHES).map(({ x, y, direction }, i) => ({ ...styleOf(run),
-    name: i === 0 ? run.letter : "", column: `${run.letter}: ${direction > 0 ? "loading" : "unloading"}${i > 1 ? ` ${i + 1}` : ""}`, x, y, direction, label: "apart" }));
+    ...(i > 0 && { name: "", whole: undefined }), column: `${run.letter}: ${direction > 0 ? "loading" : "unloading"}${i > 1 ? ` ${i + 1}` : ""}`, x, y, direction, label: "apart" }));
 };
 
 /** Draws the loops. */

@@ -38,7 +38,7 @@ async function load(run, signal) {
     if (kindOf(result)) return { ...run, fault: "It is a study. A comparison shows runs." };
     const [ink, dash] = LINES[run.letter];
     return { ...run, ink, dash, result, name: run.name || labelOf(jobs) || title(entryOf(result)),
-      address: `#/result/${run.key}${run.link ? `?${new URLSearchParams({ link: run.link })}` : ""}` };
+      address: `#/result/${run.key}${run.link ? `?${new URLSearchParams({ link: run.link, ...(run.name && { label: run.name }) })}` : ""}` };
   } catch (problem) {
     if (!(problem instanceof Problem)) throw problem;
     return { ...run, fault: problem.detail };

@@ -26,9 +26,10 @@ export function standalone(drawing, size, whole = size.map((length) => length * 
   return new XMLSerializer().serializeToString(drawing).replace(/var\((--[\w-]+)\)/g, (_, name) => colour(name));
 }
 
-/** The figure as an SVG document of a size in mm. */
-function figureText({ curves, axes, zoom, title }, size) {
+/** The figure as an SVG document of a size in mm. Beside it there is no table, so it has the whole names of its curves. */
+function figureText({ curves: drawn, axes, zoom, title }, size) {
   const drawing = svg("svg");
+  const curves = drawn.map(({ whole, ...curve }) => ({ ...curve, name: whole ?? curve.name }));
   drawFigure(drawing, curves, axes, planFigure(curves, axes, { width: size[0] * PX, height: size[1] * PX, zoom, isAlone: true }));
   drawing.prepend(svg("title", {}, title), svg("desc", {}, axes.description ?? ""));
   return standalone(drawing, size);

@@ -31,11 +31,11 @@ const widened = (axis, rows) => (axis.range && rows.length ? { ...axis, range: e
 /**
  * One curve, in SI units. `x` ascends; null in `y` is a gap. `ink` is the number of a colour in style.css. `points`
  * marks the computed points, and without a `line` the curve has only them. `smooth` has more points for the line. `label` is
- * the place of the name, and `column` the name in a table. `direction` draws an arrow. `mark` is the number of a shape for
+ * the place of the name, `column` the name in a table, and `whole` the name in a saved figure. `direction` draws an arrow. `mark` is the number of a shape for
  * measured points, which have bars of `errors`. `band` is filled between its ends.
  * @typedef {{name: string, x: number[], y: (number|null)[], ink: number, dash?: string, points?: boolean, line?: boolean,
  *   mark?: number, errors?: (number|null)[], band?: {low: (number|null)[], high: (number|null)[]},
- *   smooth?: {x: number[], y: (number|null)[]}, column?: string, label?: "end"|"start"|"apart"|"middle"|"none", below?: boolean, direction?: 1|-1, faint?: boolean}} Curve
+ *   smooth?: {x: number[], y: (number|null)[]}, column?: string, whole?: string, label?: "end"|"start"|"apart"|"middle"|"none", below?: boolean, direction?: 1|-1, faint?: boolean}} Curve
  * @typedef {{title: string, symbol?: string, unit: string, log?: boolean, range?: number[], top?: number}} Axis
  */
 export class Figure {

@@ -4,7 +4,7 @@ import { idempotencyKey, post, Problem } from "./api.js";
 import { debounced, fill, h, select } from "./dom.js";
 import { valueAt } from "./fields.js";
 import { fieldText, kindAt, printed } from "./kinds.js";
-import { KNOWN, named, wordsOf } from "./fit-names.js";
+import { KNOWN, named, symbolAt, wordsOf } from "./fit-names.js";
 import { contentOf } from "./measure-sets.js";
 import { pointsOf } from "./measure-model.js";
 import { entryOf, sourceTag, title } from "./summary.js";
@@ -50,6 +50,13 @@ function dataOf(set, noise, text) {
   return { output, over, x, y, ...size };
 }
 
+/** The noise of the data of a fit, as a member of `NOISES`, and its size as a text. */
+function noiseOf({ noise, relative, sigma }) {
+  if (noise) return ["estimate", ""];
+  if (relative !== undefined) return ["relative", `${Number((100 * relative).toPrecision(6))} %`];
+  return Array.isArray(sigma) ? ["column", ""] : ["absolute", String(sigma)];
+}
+
 /** Whether the file states the error of each point. */
 const hasErrors = ({ sigma }) => Boolean(sigma?.every((value) => value > 0));
 
@@ -63,15 +70,20 @@ export class FitForm {
   #checks = 0;
   #checkSoon = debounced(IDLE_MS, () => this.#check());
 
-  /** `close` removes the form. */
-  constructor({ result, submitted }, sets, close) {
+  /** `close` removes the form. `typed` is an earlier fit, whose choices the form shows. */
+  constructor({ result, submitted }, sets, close, typed) {
     this.source = result.key;
+    this.typed = typed;
+    if (typed) this.#confidence.value = String(typed.confidence);
     const scenario = withEnergy(result.scenario, submitted);
-    // The measurements say which profiles are needed.
-    delete scenario.profiles_at;
     this.scenario = scenario;
+    const pointers = KNOWN.filter((pointer) => typeof valueAt(scenario, pointer) === "number");
+    // A report of the fit shows what was typed, if the numbers of the fit have the same meaning there.
+    const isTyped = submitted && !submitted.wear?.hardness && pointers.every((pointer) => ["number", "string"].includes(typeof valueAt(submitted, pointer)));
+    // The measurements say which profiles are needed.
+    this.asked = { ...(isTyped ? submitted : scenario), profiles_at: undefined };
     this.#sets = sets.map((set, i) => this.#setFields(set, i));
-    this.#parameters = KNOWN.filter((pointer) => typeof valueAt(scenario, pointer) === "number").map((pointer) => this.#parameterFields(pointer));
+    this.#parameters = pointers.map((pointer) => this.#parameterFields(pointer));
     this.element = h("form", { class: "fit-form", "aria-label": "Fit", noValidate: true, onsubmit: (event) => this.#send(event) },
       h("h3", { tabIndex: -1 }, "Fit this scenario to the measurements"), h("p", { class: "muted" }, title(entryOf(result))),
       sets.length ? null : h("p", { class: "warning" }, "There are no measurements. Add one first."),
@@ -93,10 +105,12 @@ export class FitForm {
   #setFields(set, i) {
     const hasColumn = hasErrors(set);
     const noises = Object.fromEntries(Object.entries(NOISES).filter(([name]) => hasColumn || name !== "column"));
-    const use = h("input", { type: "checkbox", id: `fit-set-${i}`, checked: set.runs[0] === this.source, onchange: () => this.#check() });
+    const test = this.typed?.tests.find(({ name }) => name === set.name);
+    const [given, text] = test ? noiseOf(test.data[0]) : hasColumn ? ["column", ""] : ["relative", RELATIVE];
+    const use = h("input", { type: "checkbox", id: `fit-set-${i}`, checked: this.typed ? Boolean(test) : set.runs[0] === this.source, onchange: () => this.#check() });
     const sizes = { relative: RELATIVE, absolute: set.kind === "profile" ? "0.05 um" : `1 ${LIKE[pointsOf(set).output] ?? "um"}` };
-    const size = h("input", { id: `fit-size-${i}`, "aria-label": `Size of the noise of ${set.name}`, value: RELATIVE, hidden: hasColumn, oninput: () => this.#checkSoon() });
-    const noise = select(noises, hasColumn ? "column" : "relative", { id: `fit-noise-${i}`, "aria-label": `Noise of ${set.name}`, onchange: () => {
+    const size = h("input", { id: `fit-size-${i}`, "aria-label": `Size of the noise of ${set.name}`, value: text, hidden: !text, oninput: () => this.#checkSoon() });
+    const noise = select(noises, given, { id: `fit-noise-${i}`, "aria-label": `Noise of ${set.name}`, onchange: () => {
       size.hidden = !sizes[noise.value];
       size.value = sizes[noise.value] ?? "";
       this.#check();
@@ -104,7 +118,8 @@ export class FitForm {
     const fault = h("p", { class: "fault" });
     const element = h("div", { class: "fit-row" }, h("label", { class: "option", for: use.id }, use, h("span", {}, h("strong", {}, set.name), ` ${contentOf(set)}`)),
       h("div", { class: "value" }, noise, size), fault);
-    return { set, element, fault, isUsed: () => use.checked, test: () => ({ name: set.name, data: [dataOf(set, noise.value, size.value)] }) };
+    const errors = () => (noise.value === "column" ? "errors of the file" : noise.value === "estimate" ? "errors from the scatter" : `errors ${size.value}`);
+    return { set, element, fault, errors, isUsed: () => use.checked, test: () => ({ name: set.name, data: [dataOf(set, noise.value, size.value)] }) };
   }
 
   /** The fields of a number: whether it is estimated, and between which ends. */
@@ -113,12 +128,14 @@ export class FitForm {
     const value = valueAt(scenario, pointer);
     const kind = kindAt(pointer, scenario);
     const id = pointer.slice(1).replaceAll("/", "-");
-    const use = h("input", { type: "checkbox", id: `fit-${id}`, checked: PRESELECTED.includes(pointer), onchange: () => this.#check() });
-    const shown = (number) => printed(fieldText(Number(number.toPrecision(3)), pointer, scenario));
-    const [from, to] = rangeFor(pointer, value).map((end, i) => h("input", { id: `fit-${id}-${["from", "to"][i]}`, "aria-label": `${wordsOf(pointer)}, ${["from", "to"][i]}`,
-      value: shown(end), oninput: () => this.#checkSoon() }));
+    const known = this.typed?.parameters.find((own) => own.pointer === pointer);
+    const use = h("input", { type: "checkbox", id: `fit-${id}`, checked: this.typed ? Boolean(known) : PRESELECTED.includes(pointer), onchange: () => this.#check() });
+    const shown = (end) => printed(fieldText(end, pointer, scenario));
+    const rounded = (number) => shown(Number(number.toPrecision(3)));
+    const [from, to] = (known ? [known.from, known.to].map(shown) : rangeFor(pointer, value).map(rounded)).map((end, i) => h("input", { id: `fit-${id}-${["from", "to"][i]}`, "aria-label": `${wordsOf(pointer)}, ${["from", "to"][i]}`,
+      value: end, oninput: () => this.#checkSoon() }));
     const fault = h("p", { class: "fault" });
-    const element = h("div", { class: "fit-row" }, h("label", { class: "option", for: use.id }, use, h("span", {}, h("strong", {}, named(pointer)), h("span", { class: "muted" }, ` now ${shown(value)}`))),
+    const element = h("div", { class: "fit-row" }, h("label", { class: "option", for: use.id }, use, h("span", {}, h("strong", {}, named(pointer)), h("span", { class: "muted" }, ` now ${rounded(value)}`))),
       h("div", { class: "value" }, from, h("span", { class: "muted" }, "to"), to), fault);
     const read = (field) => understand(field.value, kind).value;
     return { pointer, element, fault, isUsed: () => use.checked, parameter: () => ({ pointer, from: read(from), to: read(to), ...(pointer.startsWith("/wear/") && { spacing: "log" }) }) };
@@ -131,7 +148,7 @@ export class FitForm {
 
   #body() {
     const { parameters, tests } = this.#used();
-    return { fit: { scenario: this.scenario, parameters: parameters.map((own) => own.parameter()), tests: tests.map((own) => own.test()), confidence: Number(this.#confidence.value) } };
+    return { fit: { scenario: this.asked, parameters: parameters.map((own) => own.parameter()), tests: tests.map((own) => own.test()), confidence: Number(this.#confidence.value) } };
   }
 
   /** What the user must choose before the server is asked; empty if nothing. */
@@ -173,13 +190,21 @@ export class FitForm {
     this.#says.textContent = !problem ? "" : problem.errors ? "Correct the marked fields." : problem.detail;
   }
 
+  /** What distinguishes the fit: k_w from lab A, errors 5 %. */
+  #label() {
+    const { parameters, tests } = this.#used();
+    const errors = [...new Set(tests.map((own) => own.errors()))];
+    const symbols = parameters.map(({ pointer }) => symbolAt(pointer).replaceAll("$", "") || wordsOf(pointer));
+    const names = tests.map(({ set, errors: own }) => (errors.length > 1 ? `${set.name} (${own()})` : set.name));
+    return `${symbols.join(", ")} from ${names.join(", ")}${errors.length > 1 ? "" : `, ${errors[0]}`}`;
+  }
+
   async #send(event) {
     event.preventDefault();
     if (this.#submit.disabled) return;
     this.#submit.disabled = true;
-    const { tests } = this.#used();
     try {
-      const label = `Fit to ${tests.map(({ set }) => set.name).join(", ")}`.slice(0, 200);
+      const label = this.#label().slice(0, 200);
       const job = await post("/v1/jobs", { label, tags: [sourceTag(this.source)], ...this.#body() }, { headers: { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() } });
       if (this.element.isConnected) location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`;
     } catch (problem) {

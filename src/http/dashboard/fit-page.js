@@ -9,6 +9,7 @@ import { valueAt } from "./fields.js";
 import { Figure } from "./figure.js";
 import { dataFigure, energyFigure, groupsOf, profileFigure, residualFigure, rowsOf } from "./fit-figures.js";
 import { named, squaredOf, symbolAt, together, unitAt, wordsOf } from "./fit-names.js";
+import { setsOfFit } from "./measure-sets.js";
 import { drawSource } from "./result.js";
 import { axisUnit, withUnit } from "./scaling.js";
 import { nameOf } from "./summary.js";
@@ -49,13 +50,6 @@ function dataWords({ table }) {
   return [...counts].map(([output, count]) => `${count} ${name(output, count).replace(/ys$/, "ies").replace(/per cycles$/, "per cycle").replace(/energy per/, count === 1 ? "energy per" : "energies per")}`).join(", ");
 }
 
-/** What the standard deviations of the data are. A relative error was assumed. */
-function errorsOf({ tests }) {
-  const shares = [...new Set(tests.flatMap(({ data }) => data).map(({ relative, sigma }) => (sigma === undefined ? relative : undefined)))];
-  if (shares.every((share) => share === undefined)) return "the stated errors";
-  return shares.length === 1 ? `the assumed errors of ${digits(100 * shares[0], 3)}\u00a0%` : "the stated and assumed errors";
-}
-
 /** Inputs that follow from the data, or that are settings of the computation. */
 const NOT_FIXED = /^\/(cycles|profiles_at|model\/(?!method|xi))/;
 
@@ -67,26 +61,17 @@ function scenarioCard({ fit: { scenario, tests, parameters } }, source) {
     list(rows.map(({ id, name, texts: [text] }) => [name, text, id])));
 }
 
-/** Whether the law describes the data. */
-function lawWords({ fit, notes, quality, parameters }) {
-  const against = notes.find(({ kind }) => AGAINST.includes(kind));
-  if (against) return ["differs", "The law does not hold for these data", inWords(against.detail, parameters).replace("their stated errors", errorsOf(fit))];
-  const freedom = Math.floor(quality.effective_points - parameters.length);
-  if (freedom < 1) return ["", "The data cannot test the law", "There are not more points than estimated numbers."];
-  if (quality.degrees_of_freedom !== null && !quality.lack_of_fit) return ["", "The data do not test the law", "Their errors were estimated from the scatter around its own curve. Errors of the measurements, or repeated tests, would test it."];
-  if (quality.lack_of_fit) return ["agrees", "The law describes these data", "The scatter of the repeated tests explains how far their means are from the curve."];
-  const ratio = digits(Math.sqrt(quality.sum_of_squares / freedom), 2);
-  return ["agrees", errorsOf(fit) === "the stated errors" ? "The law describes these data" : "The law describes these data if their errors are as assumed", `The residuals are ${ratio === "1" ? "" : `${ratio} times `}as large as ${errorsOf(fit)}.`];
-}
+/** The class of each outcome of a verdict. */
+const STYLES = { holds: "agrees", fails: "differs", trend: "differs", untested: "" };
 
-function estimateTile({ pointer, unit, estimate, interval, at_bound: isAtBound }, { fit }) {
+function estimateTile({ pointer, unit, estimate, interval, at_bound: isAtBound }, { fit }, { intervals }) {
   const own = unitAt(pointer, unit);
   const before = valueAt(fit.scenario, pointer);
   const level = `${digits(100 * fit.confidence, 3)}\u00a0%`;
   const isKnown = typeof estimate === "number";
   return h("div", { "data-estimate": pointer }, h("dt", {}, named(pointer)), h("dd", {}, isKnown ? quantity(estimate, own, 3) : "Not determined",
     h("p", { class: "errors" }, isKnown ? [`${level} interval: `, h("span", { class: "interval" }, together(interval, own, " to "))] : "The data do not determine it.",
-      isAtBound && ", at an end of its range", typeof before === "number" && h("span", { class: "before" }, `Scenario: ${quantity(before, own, 3)}`))));
+      isAtBound && ", at an end of its range", isKnown && intervals && h("span", { class: "doubt" }, intervals), typeof before === "number" && h("span", { class: "before" }, `Scenario: ${quantity(before, own, 3)}`))));
 }
 
 const COMPENSATED = "Near 1 or −1, a change of one estimate is compensated by the other: the data determine them together better than alone.";
@@ -121,7 +106,8 @@ function pointTable(result) {
 
 /** Shows a fit, which was loaded without its rows. */
 export async function showFit(main, { key }, { job, link, signal }) {
-  const result = await get(`${resultAddress(key)}?${new URLSearchParams(link ? { link } : {})}`, { signal });
+  const words = new URLSearchParams(link ? { link } : {});
+  const [result, verdict] = await Promise.all(["", "/verdict"].map((path) => get(`${resultAddress(key, path)}?${words}`, { signal })));
   const { fit, parameters = [], notes = [], quality } = result;
   const heading = job.label || "Fit";
   const source = h("span", { id: "derived", hidden: true });
@@ -134,13 +120,12 @@ export async function showFit(main, { key }, { job, link, signal }) {
   const figures = plans().map(([name], i) => [name, new Figure({ name: `fit-${i + 1}`, signal })]);
   const against = notes.filter(({ kind }) => !AGAINST.includes(kind));
   const draw = () => {
-    const [style, verdict, reason] = quality ? lawWords(result) : ["differs", "The fit found no minimum", inWords(notes[0]?.detail ?? "", [])];
     fill(body,
       against.length > 0 && quality && h("section", { class: "card warning", "aria-label": "Notes" }, h("h2", {}, "What these data do not say"),
         h("ul", { id: "fit-notes" }, against.map(({ kind, detail }) => h("li", { "data-note": kind }, inWords(detail, parameters))))),
       h("section", { class: "card", "aria-label": "Estimates" }, h("h2", {}, `Estimates from ${dataWords(result)}`),
-        h("dl", { class: "headline", id: "estimates" }, parameters.map((parameter) => estimateTile(parameter, result)), quality && correlationTile(result)),
-        h("p", { id: "law" }, h("strong", { class: style }, `${verdict}.`), ` ${reason}`)),
+        h("dl", { class: "headline", id: "estimates" }, parameters.map((parameter) => estimateTile(parameter, result, verdict)), quality && correlationTile(result)),
+        h("p", { id: "law" }, h("strong", { class: STYLES[verdict.outcome] }, verdict.verdict), ` ${inWords(verdict.reason, parameters)}`)),
       h("div", { class: "plots" }, figures.map(([name, figure]) => h("section", { class: "card", "aria-label": name }, figure.element,
         name === "Wear over energy" && h("p", { class: "muted" }, result.lines.map(({ weights, energy_coefficient: slope, interval, r_squared: squared }) =>
           `${weights === "equal" ? "All points equal" : "Weighted by their errors"}: α\u00a0=\u00a0${quantity(slope, "m^3/J", 3)}, ${together(interval, "m^3/J", " to ")}, R²${squaredOf(squared)}. `)))),
@@ -154,10 +139,11 @@ export async function showFit(main, { key }, { job, link, signal }) {
     });
   };
   const estimated = result.estimated_scenario;
+  const editable = may("submit") && job.source && setsOfFit(fit) && `#/result/${job.source}?fit=${key}`;
   const run = estimated && h("a", { class: "button primary", id: "run-this", href: `#/new?${new URLSearchParams({ scenario: JSON.stringify(estimated), label: `${heading}: estimates` })}` }, "Run this");
   fill(main, h("div", { class: "head" }, h("div", {}, h("h1", {}, heading),
     h("p", { class: "muted" }, `Fit · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…")),
-  h("div", { class: "actions" }, !link && may("submit") && run, drawActions(result, { job, link, remember() {}, signal }))), body);
+  h("div", { class: "actions" }, !link && may("submit") && run, drawActions(result, { job, link, editable, remember() {}, signal }))), body);
   draw();
   document.addEventListener("units", draw, { signal });
   drawSource(source, { key }, job.source, signal);

@@ -60,7 +60,9 @@ export async function showForm(main, { query, signal }) {
   const example = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(form.scenario));
   const names = () => varied(form.study).map((pointer) => fieldset.names.get(pointer) ?? pointer);
   const ownLabel = () => (isStudy() ? `${OFFERS[form.study.kind].title}: ${names().join(", ")}` : example()?.body.label ?? "");
-  const label = () => (form.label ?? ownLabel()).slice(0, MAX_LABEL);
+  // A study that is made of a run does not have the name of the run alone.
+  const ofRun = source && query.get("label");
+  const label = () => (isStudy() && ofRun && form.label === ofRun ? `${ofRun}: ${OFFERS[form.study.kind].title.toLowerCase()}` : form.label ?? ownLabel()).slice(0, MAX_LABEL);
 
   const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
     "The text that was typed for this run is not available. The form shows the computed values.");
@@ -151,7 +153,7 @@ export async function showForm(main, { query, signal }) {
     jsonOnly.textContent = pointers.length ? `Not in the form: ${pointers.join(", ")}` : "";
     estimate.setAttribute("aria-busy", "true");
     wanted = false;
-    heading.textContent = isStudy() ? "New study" : "New run";
+    heading.textContent = !may("submit") ? "Estimate" : isStudy() ? "New study" : "New run";
     keep.textContent = submitText(form.study);
     preview.element.hidden = isStudy() || !may("submit");
     estimate.hidden = !may("read");
@@ -188,7 +190,7 @@ export async function showForm(main, { query, signal }) {
     // `choose` can change ranges, so it comes before they are drawn.
     if (!isPossible(form.study.kind, form.study)) choose(newStudy().kind, form.scenario, form.study);
     fieldset.draw();
-    drawPlan(plan, names(), form.scenario, form.study, { changed, redraw });
+    drawPlan(plan, names(), [...fieldset.names.keys()], form.scenario, form.study, { changed, redraw });
     if (focused) document.getElementById(focused)?.focus();
   }
 

@@ -11,7 +11,7 @@ export const isRun = ({ kind }) => !KINDS[kind];
 
 const word = (name) => ({ heading: capital(name), width: 9, cell: (entry) => WORDS[entry[name]] ?? "" });
 /** A number of the list. `texts` write the numbers of each column. */
-const number = (name, heading = WORDS[name], width = 8) => ({ heading, width, sort: name, isNumber: true,
+const number = (name, heading = WORDS[name], width = 8.5) => ({ heading, width, sort: name, isNumber: true,
   cell: ({ values }, texts) => values[name] != null && texts[name](values[name]) });
 
 const note = ({ note: own }) => own && h("span", { title: own.text }, own.text);
@@ -27,14 +27,14 @@ const name = (entry) => [
 export const COLUMNS = {
   picture: { heading: "Profile", width: 7, cell: () => svg("svg", { viewBox: "0 0 96 48", class: "thumbnail", "aria-hidden": "true" }) },
   name: { heading: "Name", width: 18, cell: name },
-  tags: { heading: "Tags", width: 6, cell: tags },
+  tags: { heading: "Tags", width: 8, cell: tags },
   note: { heading: "Note", width: 12, cell: note },
   kind: { heading: "Kind", width: 8, cell: (entry) => (isRun(entry) ? "Run" : title(entry)) },
   shape: word("shape"),
   method: word("method"),
   regime: word("regime"),
   friction: number("friction", "Friction μ", 5.5),
-  wear_coefficient: number("wear_coefficient", "Wear coefficient"),
+  wear_coefficient: number("wear_coefficient", "Wear coefficient", 12.5),
   normal_modulus: number("normal_modulus", "Modulus E*"),
   radius: number("radius", "Radius"),
   normal_force: number("normal_force", "Normal force", 7.5),
@@ -45,7 +45,7 @@ export const COLUMNS = {
   gross_slip_amplitude: number("gross_slip_amplitude"),
   tangential_force: number("tangential_force"),
   cycles: { ...number("cycles", "Cycles N", 6.5), cell: ({ values }) => values.cycles != null && cycles(values.cycles) },
-  wear_volume: number("wear_volume", WORDS.wear_volume, 9),
+  wear_volume: number("wear_volume", WORDS.wear_volume, 10.5),
   wear_depth: number("wear_depth", "Wear depth", 7.5),
   scar_radius: number("scar_radius"),
   dissipated_energy: number("dissipated_energy"),

@@ -3,7 +3,7 @@
 import { keepState } from "./address.js";
 import { may } from "./allowed.js";
 import { get } from "./api.js";
-import { debounced, fill, h, notify, select } from "./dom.js";
+import { capital, debounced, fill, h, notify, select } from "./dom.js";
 import { errorCard } from "./error.js";
 import { askDelete, askLabel, askTags, compareLink, saveTable } from "./library-actions.js";
 import { chosenColumns, COLUMNS, keepColumns } from "./library-columns.js";
@@ -14,7 +14,7 @@ import { KINDS, SEARCHED } from "./words.js";
 const anyOf = (word) => ({ "": "Any", ...Object.fromEntries(SEARCHED[word].map((name) => [name, WORDS[name] ?? name])) });
 /** The filters that are drop-down lists. */
 const OPTIONS = {
-  kind: ["Kind", { "": "Any", run: "Run", ...Object.fromEntries(Object.values(KINDS).map(({ name, title }) => [name, title])) }],
+  kind: ["Kind", { "": "Any", run: "Run", ...Object.fromEntries(Object.values(KINDS).map(({ name, title, offers }) => [name, capital(offers.map((offer) => offer.title.toLowerCase()).join(" or ") || title)])) }],
   shape: ["Shape", anyOf("shape")],
   method: ["Method", anyOf("method")],
   regime: ["Regime", anyOf("regime")],
@@ -64,7 +64,9 @@ export async function showLibrary(main, { query, signal }) {
   async function load() {
     errors.replaceChildren();
     await table.search(asked());
-    fill(table.empty, filters().size ? `No match. Change the search or the filters.${may("administrate") ? "" : " Labels and tags of other people are not searched."}` : ["No results yet. ", h("a", { href: "#/new" }, "Start a run"), "."]);
+    clear.hidden = !filters().size;
+    fill(table.empty, filters().size ? `No match. Change the search or the filters.${may("administrate") ? "" : " Labels and tags of other people are not searched."}`
+      : may("submit") ? ["No results yet. ", h("a", { href: "#/new" }, "Start a run"), "."] : "No results yet.");
   }
 
   /** Counts the results. This is a request of its own, so that the rows do not wait for it. */
@@ -139,11 +141,20 @@ export async function showLibrary(main, { query, signal }) {
     return h("div", { class: "field" }, h("label", { for: properties.id }, label), inputs[name]);
   }
 
+  // Only administrators see the labels and tags of others.
+  const searched = may("administrate") ? "labels, tags and notes" : may("submit") ? "your labels and tags, and in all notes" : "notes";
   inputs.q = h("input", { id: "find-q", type: "search", value: query.get("q") ?? "", autocomplete: "off", oninput: searchSoon,
-    placeholder: "Words in labels, tags and notes", "aria-label": "Search in labels, tags and notes" });
+    placeholder: `Words in ${searched}`, "aria-label": `Search in ${searched}` });
+  const clear = h("button", { type: "button", id: "clear-filters", onclick: () => {
+    for (const input of Object.values(inputs)) input.value = "";
+    inputs.q.focus();
+    searchSoon();
+  } }, "Clear filters");
   const fields = [Object.entries(OPTIONS).map(([name, [label, options]]) => filter(name, label, options)),
     Object.entries(TEXTS).map(([name, [label, example]]) => filter(name, label, null, example))];
-  const form = h("form", { class: "card search", role: "search", onsubmit: (event) => event.preventDefault() }, inputs.q,
+  const form = h("form", { class: "card search", role: "search", onsubmit: (event) => event.preventDefault() }, h("div", { class: "row" }, inputs.q, clear),
+    !may("administrate") && h("p", { class: "muted", id: "whose" }, may("submit") ? "You see the names and tags of your own results. Others have names made of their values."
+      : "Names are made of the values. Only its owner and administrators see the name that a user gave."),
     h("details", { open: Object.keys(inputs).some((name) => name !== "q" && query.get(name)) }, h("summary", {}, "Filters"), h("div", { class: "filters" }, fields,
       h("p", { class: "muted" }, "Ranges: 0.6..0.8 is between, ..5 µm is at most, and 50 N.. is at least. Days are in UTC: 2026-01-31 or 2026-01-01..2026-01-31."))));
   main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Library"), total), form, errors, actions, table.element);

@@ -101,6 +101,8 @@ const place = document.getElementById("user");
 function showUser() {
   const me = signedIn();
   navigation.hidden = caller() === null;
+  // Without the right to compute, the form only estimates.
+  navigation.querySelector("[href='#/new']").textContent = may("submit") ? "New run" : "Estimate";
   if (caller() === null) return fill(place, h("button", { type: "button", onclick: () => signIn() }, "Sign in"));
   if (!me) return fill(place);
   // The sign-on proxy ends the sessions of its users.

@@ -1,5 +1,6 @@
 // The panel of measurements: the sets with their verdicts, their differences from the run, and wear over energy.
 
+import { get, resultAddress } from "./api.js";
 import { fill, h, tableOf } from "./dom.js";
 import { symbolOf } from "./explain.js";
 import { Figure } from "./figure.js";
@@ -8,7 +9,7 @@ import { askForSet } from "./measure-dialog.js";
 import { EnergyFigure } from "./measure-energy.js";
 import { differencesOf, errorOf, judge, modelOf, unitOf } from "./measure-model.js";
 import { choiceFor, onHistory, onLoop, onProfile } from "./measure-overlay.js";
-import { addSet, contentOf, removeSet, setsOf, setsOfOthers, showAllAt } from "./measure-sets.js";
+import { addSet, contentOf, freeName, removeSet, setsOf, setsOfFit, setsOfOthers, showAllAt } from "./measure-sets.js";
 import { verdictOf } from "./measure-words.js";
 import { axisUnit, spaced, withUnit } from "./scaling.js";
 import { cycles, digits, quantity, WORDS } from "./units.js";
@@ -27,6 +28,8 @@ export class Panel {
   #model = null;
   #latest = 0;
   #wantsEnergy = false;
+  /** The fit that the user edits. */
+  #typed;
 
   constructor(context) {
     this.context = context;
@@ -57,12 +60,28 @@ export class Panel {
     this.#energy.element.scrollIntoView({ block: "nearest" });
   }
 
-  /** Opens the form of a fit. */
-  async fit() {
+  /** Opens the form of a fit, with the choices of an earlier one if there is one. */
+  async fit(typed = this.#typed) {
     const { FitForm } = await import("./fit-form.js");
-    const form = new FitForm(this.context, this.#sets, () => fill(this.#form));
+    const form = new FitForm(this.context, this.#sets, () => fill(this.#form), typed);
     fill(this.#form, form.element);
     form.focus();
+  }
+
+  /** Opens the form of an earlier fit with its data. A set of this tab with the same name and other numbers keeps its name. */
+  async refit(key) {
+    const { result, signal } = this.context;
+    const { fit } = await get(`${resultAddress(key)}?rows=0`, { signal });
+    const isSame = (set) => (own) => ["name", "x", "y", ...(set.sigma ? ["sigma"] : [])].every((name) => JSON.stringify(own[name]) === JSON.stringify(set[name]));
+    const names = setsOfFit(fit).map((set) => {
+      if (this.#sets.some(isSame(set))) return set.name;
+      const name = freeName(set.name);
+      addSet({ ...set, name }, result.key);
+      return name;
+    });
+    this.#typed = { ...fit, tests: fit.tests.map((test, i) => ({ ...test, name: names[i] })) };
+    await this.update();
+    await this.fit();
   }
 
   /** Computes and draws all again after the sets have changed. */

@@ -67,3 +67,19 @@ export function contentOf({ kind, output, over, y, at, rows = 0 }) {
   if (kind === "loop") return `friction loop with ${points}, after ${cycles(at)} cycles`;
   return `${WORDS[output]}, ${points} over ${over === "cycles" ? "cycles" : "dissipated energy"}`;
 }
+
+/** The measured set of a test of a fit; undefined if it is none of this page. */
+function setOfTest({ name, data: [data, ...more], ...others }) {
+  const { profile, at, radius, depth, output, over = "cycles", x = radius, y = depth, sigma } = data;
+  const isNumber = (value) => value === null || typeof value === "number";
+  if (!name || more.length || Object.keys(others).length || ![...x, ...y].every(isNumber)) return undefined;
+  const own = profile ? { kind: "profile", output: "profile.wear", over: "radius", at } : { kind: "points", output, over };
+  return { name, ...own, x, y, sigma: Array.isArray(sigma) ? sigma : null };
+}
+
+/** The measured sets of a fit; undefined if its form cannot show all of it. */
+export function setsOfFit({ parameters, tests }) {
+  const sets = tests.map(setOfTest);
+  const members = ["pointer", "from", "to", "spacing"];
+  return sets.every(Boolean) && parameters.every((parameter) => Object.keys(parameter).every((member) => members.includes(member))) ? sets : undefined;
+}

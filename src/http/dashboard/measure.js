@@ -8,9 +8,9 @@ export const KEPT = "fretwork-measured";
 
 /**
  * The card of measurements below a run. `figures` are the figures `profile`, `history` and `loop`, `state` is what they show, and
- * `redraw` draws them again. `submitted` is the scenario as the user wrote it, if it is known. To read files and to fit, the user must be allowed to compute. A shared `link` opens no fit.
+ * `redraw` draws them again. `submitted` is the scenario as the user wrote it, if it is known. `refit` is the key of a fit to edit. To read files and to fit, the user must be allowed to compute. A shared `link` opens no fit.
  */
-export function measuring({ result, submitted, link, state, figures, redraw, signal }) {
+export function measuring({ result, submitted, link, state, figures, redraw, refit, signal }) {
   const place = h("div", { class: "stack" });
   let panel = null;
   const loaded = () => (panel ??= import("./measure-panel.js").then(async ({ Panel }) => {
@@ -37,6 +37,7 @@ export function measuring({ result, submitted, link, state, figures, redraw, sig
     const [file] = event.dataTransfer.files;
     if (file) act((own) => own.ask(file));
   }, { signal });
-  if (sessionStorage.getItem(KEPT)) act(() => {});
+  if (refit) act((own) => own.refit(refit));
+  else if (sessionStorage.getItem(KEPT)) act(() => {});
   return element;
 }

@@ -5,7 +5,7 @@ import { explained, fill, h, select } from "./dom.js";
 import { printed } from "./kinds.js";
 import { outputWords } from "./study-words.js";
 import { cycles, plainWords, WORDS } from "./units.js";
-import { choose, distribute, distributionOf, DISTRIBUTIONS, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied } from "./vary.js";
+import { choose, distribute, distributionOf, DISTRIBUTIONS, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied, varyAll } from "./vary.js";
 import { OUTPUTS as ALL } from "./words.js";
 
 /** The outputs that the form offers. All are columns of the history, at its last output cycle. */
@@ -86,8 +86,8 @@ export function submitText(study) {
   return runs ? `Compute ${cycles(runs)} runs` : "Compute";
 }
 
-/** The card that says what is computed. `names` are the labels of the numbers that vary. */
-export function drawPlan(card, names, scenario, study, { changed, redraw }) {
+/** The card that says what is computed. `names` are the labels of the numbers that vary, and `all` the pointers of those that can. */
+export function drawPlan(card, names, all, scenario, study, { changed, redraw }) {
   card.hidden = varied(study).length === 0;
   if (card.hidden) return;
   const design = ({ id, title, meaning, kind }) => {
@@ -109,7 +109,10 @@ export function drawPlan(card, names, scenario, study, { changed, redraw }) {
     changed();
   } });
   const runs = h("p", { id: "runs" });
-  fill(card, h("h2", {}, "Study"), h("p", {}, `Varies ${names.join(", ")}.`),
+  fill(card, h("h2", {}, "Study"), h("div", { class: "row spread" }, h("p", {}, `Varies ${names.join(", ")}.`), h("button", { type: "button", id: "vary-all", onclick: () => {
+    varyAll(all, scenario, study);
+    redraw();
+  } }, "Vary all by ±20\u00a0%")),
     h("fieldset", {}, h("legend", {}, "Compute"), Object.values(OFFERS).map(design)),
     isDrawn(study) && h("div", { class: "field" }, h("label", { for: "samples" }, "Samples"), samples, samplesFault),
     h("fieldset", { id: "outputs", "data-pointer": "/outputs", "aria-describedby": "outputs-fault" },

@@ -44,6 +44,15 @@ async function loadBodyWarnings(result, job, link, signal) {
   return { title: "Warnings about the bodies of the job that computed this result", list: warnings ?? [] };
 }
 
+/** What was typed for a shared result; undefined without it. */
+function typedIn(query) {
+  try {
+    return JSON.parse(query.get("typed")) ?? undefined;
+  } catch {
+    return undefined;
+  }
+}
+
 const noProfiles = (what) => h("p", {}, `This result has no ${what}, because the scenario sets profiles_at to none.`);
 
 /** Says which run a run was edited from. Most have no source, so the script is loaded when it is needed. */
@@ -58,7 +67,7 @@ export async function showResult(main, { id: key, query, signal }) {
     const links = link ? { links: [link, query.get("withlink")] } : {};
     return location.replace(`#/compare?${new URLSearchParams({ keys: [key, query.get("with")], ...links })}`);
   }
-  const [result, job] = await Promise.all([loadResult(key, link, signal), link ? { label: query.get("label") } : loadJob(key, query.get("job"), signal)]);
+  const [result, job] = await Promise.all([loadResult(key, link, signal), link ? { label: query.get("label"), typed: typedIn(query) } : loadJob(key, query.get("job"), signal)]);
   if (kindOf(result)) return (await import("./study.js")).showStudy(main, result, { job, link, query, signal });
   const bodyWarnings = await loadBodyWarnings(result, job, link, signal);
   await smooth([{ result, link }], signal);
@@ -72,7 +81,7 @@ export async function showResult(main, { id: key, query, signal }) {
 
   /** Keeps the state of the view in the address. */
   function remember() {
-    const kept = ["job", "link", "label"].filter((name) => query.get(name)).map((name) => [name, query.get(name)]);
+    const kept = ["job", "link", "label", "typed"].filter((name) => query.get(name)).map((name) => [name, query.get(name)]);
     const words = new URLSearchParams({ ...Object.fromEntries(kept),
       at: outputs[state.row], plot: state.plot, history: state.history, log: state.log,
       ...Object.fromEntries(Object.entries(figures).filter(([, { zoom }]) => zoom).map(([name, { zoomText }]) => [`zoom-${name}`, zoomText])) });
@@ -156,7 +165,7 @@ export async function showResult(main, { id: key, query, signal }) {
       h("section", { class: "card", "aria-label": "Section" },
         h("div", { class: "row" }, section.choice), result.profiles ? section.element : noProfiles("section")),
       loopCard),
-    measuring({ result, submitted: job.submitted, link, state, figures, redraw: drawOutput, signal }),
+    measuring({ result, submitted: job.submitted, link, state, figures, redraw: drawOutput, refit: query.get("fit"), signal }),
     details);
   const drawAll = () => {
     drawOutput();

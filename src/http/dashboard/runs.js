@@ -69,7 +69,7 @@ export async function showRuns(main, { query, signal }) {
     list.replaceChildren(...jobs.map((job) => drawRow(job, volume)));
     if (focused) list.querySelector(`[data-job="${focused}"]`)?.focus();
     empty.replaceChildren(...(jobs.length ? [] : filters().size ? ["No match. Change the search or the filters."]
-      : ["No runs yet. ", h("a", { href: "#/new" }, "Start a run"), "."]));
+      : may("submit") ? ["No runs yet. ", h("a", { href: "#/new" }, "Start a run"), "."] : ["No runs yet."]));
     more.hidden = !next;
     loadNames(jobs, signal, (job) => {
       for (const place of list.querySelectorAll(`[data-name="${job.id}"]`)) place.textContent = knownName(job);

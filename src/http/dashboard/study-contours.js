@@ -4,7 +4,7 @@
 const CORNERS = [[0, 0], [1, 0], [1, 1], [0, 1]];
 
 /**
- * The contour lines of `values[up][across]`, one path for each level. `xs` and `ys` are the places of the grid lines in px. Inside
+ * The contour lines of `values[up][across]`, one path for each level, which may be empty. `xs` and `ys` are the places of the grid lines in px. Inside
  * a cell, a line is straight between two edges.
  */
 export function contours([xs, ys], values, levels) {
@@ -20,7 +20,7 @@ export function contours([xs, ys], values, levels) {
       }
     }
     return path;
-  }).filter(Boolean);
+  });
 }
 
 /** Where the level crosses an edge of a cell, as text for a path. */

@@ -42,7 +42,7 @@ function gridOf(table, rows, [across, up], [xs, ys]) {
   return grid;
 }
 
-/** The colour bar with its ticks, and the levels of the contour lines. */
+/** The colour bar with its ticks, which are the levels of the contour lines. */
 function colourBar(plan, { title, symbol, unit }, [low, high], log) {
   const { area } = plan;
   const scale = placeAxis({ unit, log, title, symbol }, [low, high], [area.bottom, area.top], (area.bottom - area.top) / 44);
@@ -58,7 +58,7 @@ function colourBar(plan, { title, symbol, unit }, [low, high], log) {
     }),
     text(Math.min(left + BAR, plan.width - 4), area.top - 8, withUnit(`${title} ${symbol.replaceAll("$", "")}`.trim(), scale.unit), { "text-anchor": "end" }),
   ];
-  return { drawing, scale, levels: ticks.map(({ value }) => value) };
+  return { drawing, scale, ticks };
 }
 
 /** The cells of each colour as one path. */
@@ -73,6 +73,22 @@ function cells(grid, column, [horizontal, vertical], [across, up], share) {
     paths.set(key, `${paths.get(key) ?? ""}M${px(left)} ${px(top)}H${px(right + 0.5)}V${px(bottom + 0.5)}H${px(left)}Z`);
   }));
   return [...paths].map(([key, d]) => svg("path", { d, fill: shade((key + 0.5) / SHADES), "shape-rendering": "crispEdges" }));
+}
+
+/** The distance of the numbers of contour lines from the edges and from each other, in px. */
+const ALONE = 28;
+
+/** The numbers of contour lines: each in the middle of its line, away from other numbers and from the points that the user knows. */
+function numbersOf(lines, { area: { left, right, top, bottom }, horizontal, vertical }, known) {
+  const placed = known.map((point) => [horizontal.at(point.x), vertical.at(point.y)]);
+  const isFree = ([x, y]) => Math.min(x - left, right - x, y - top, bottom - y) > ALONE && placed.every((other) => Math.hypot(other[0] - x, other[1] - y) > ALONE);
+  return lines.flatMap(({ d, name }) => {
+    const free = d.slice(1).split("M").map((piece) => piece.split("L")[0].split(" ").map(Number)).filter(isFree);
+    if (!free.length) return [];
+    const [x, y] = free[free.length >> 1];
+    placed.push([x, y]);
+    return [text(x, y + 4, name, { class: "level", fill: "#ffffff", stroke: "#00000099", "stroke-width": 3, "stroke-linejoin": "round", "paint-order": "stroke", "text-anchor": "middle" })];
+  });
 }
 
 /** The two regions of a fretting map on both sides of its boundary, with their names. */
@@ -122,13 +138,13 @@ export const plane = (view, { across, up, output, rows, boundary, regions, known
   const share = (value) => (hasBar ? (scaled(value) - scaled(ends[0])) / (scaled(ends[1]) - scaled(ends[0])) : 0.5);
   const grid = gridOf(table, rows, [across, up], axes.map(({ values }) => values));
   const places = axes.map(({ values }, i) => values.map([plan.horizontal, plan.vertical][i].at));
-  const lines = hasBar ? contours(places, grid.map((line) => line.map((row) => scaled(column[row] ?? NaN))), bar.levels.map(scaled)) : [];
+  const lines = hasBar ? contours(places, grid.map((line) => line.map((row) => scaled(column[row] ?? NaN))), bar.ticks.map(({ value }) => scaled(value))).map((d, i) => ({ d, name: bar.ticks[i].text })).filter(({ d }) => d) : [];
   const edge = boundary && output ? [svg("path", { d: `M${boundary.map(({ x, y }) => `${px(plan.horizontal.at(x))} ${px(plan.vertical.at(y))}`).join("L")}`, fill: "none", stroke: "#ffffff", "stroke-width": 2, "stroke-dasharray": "6 4", class: "boundary" })] : [];
   const items = grid.flatMap((line, j) => line.flatMap((row, i) => (row === undefined ? [] : [{ x: places[0][i], y: places[1][j], row, values: () => valuesOf(row) }])));
   return {
     plan, items, stride: axes[0].values.length,
     below: output ? [...cells(grid, column, [plan.horizontal, plan.vertical], axes, share),
-      ...lines.map((d) => svg("path", { d, fill: "none", stroke: "#ffffff", "stroke-opacity": 0.75, "stroke-width": 1, class: "contour" })), ...edge]
+      ...lines.map(({ d }) => svg("path", { d, fill: "none", stroke: "#ffffff", "stroke-opacity": 0.75, "stroke-width": 1, class: "contour" })), ...edge, ...numbersOf(lines, plan, known)]
       : regimes(plan, boundary, regions.names.map((name) => name[0].toUpperCase() + name.slice(1))),
     above: [...(bar?.drawing ?? []), ...known.flatMap((point) => knownPoint(point, known, plan))],
     description: `${output ? title(output) : regions.title} over ${inner(title(across))} and ${inner(title(up))}, ${items.length} points`,

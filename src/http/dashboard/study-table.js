@@ -4,13 +4,13 @@ import { extent } from "./curves.js";
 import { h } from "./dom.js";
 import { italics } from "./explain.js";
 import { axisUnit, digits, withUnit } from "./scaling.js";
-import { isWide } from "./study-axes.js";
+import { distinct, isGeometric, isWide } from "./study-axes.js";
 import { cycles, WORDS } from "./units.js";
 
-/** The size by which the unit of a column is chosen: the largest value, or the median if the values cover several decades. */
-function sizeIn(sizes) {
-  if (!isWide(sizes)) return extent([sizes])?.[1] ?? 0;
-  return sizes.sort((a, b) => a - b)[sizes.length >> 1];
+/** The size by which the unit of a column is chosen, as for an axis: the largest value, or the middle of a logarithmic axis. */
+function sizeIn(values, isMember) {
+  const [low, high] = extent([values.map(Math.abs)]) ?? [0, 0];
+  return (isMember ? isGeometric(distinct(values)) : isWide(values)) ? Math.sqrt(low) * Math.sqrt(high) : high;
 }
 
 /** Number of rows that the page shows at first, and that the button adds. */
@@ -50,7 +50,7 @@ export class StudyTable {
   #draw() {
     const { table, units, words, count, members } = this.#view;
     const names = Object.keys(table).filter((name) => name !== "point" && (name in units || table[name].some((value) => value != null)));
-    const sizeOf = (name) => sizeIn(table[name].filter(Number.isFinite).map(Math.abs));
+    const sizeOf = (name) => sizeIn(table[name].filter(Number.isFinite), members.includes(name));
     const scales = Object.fromEntries(names.filter((name) => name in units).map((name) => [name, axisUnit(units[name], sizeOf(name))]));
     const cell = (name, row) => {
       const value = table[name][row];
@@ -74,7 +74,7 @@ export class StudyTable {
       : more > 0 ? `${cycles(shown.length)} of ${cycles(count)} rows.` : "";
     const focused = /** @type {HTMLElement} */ (document.activeElement)?.dataset?.column;
     this.element.replaceChildren(...[h("h2", {}, "Table"),
-      h("p", { class: "muted" }, [note, members.length && count ? "A heading sorts the rows." : "", this.#open ? "A row opens its run." : ""].filter(Boolean).join(" ")),
+      h("p", { class: "muted" }, [note, members.length && count ? "A heading sorts the rows." : "", this.#open ? "A row opens its run, which is then kept in the library." : ""].filter(Boolean).join(" ")),
       h("div", { class: "table", tabIndex: 0, role: "region", "aria-label": "Rows" }, h("table", { id: "study" },
         h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Point"), names.map(head))), h("tbody", {}, shown.map(row)))),
       more > 0 && h("button", { type: "button", onclick: () => {

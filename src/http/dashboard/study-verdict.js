@@ -2,7 +2,7 @@
 
 import { h } from "./dom.js";
 import { digits, percent, quantity } from "./units.js";
-import { inner } from "./study-words.js";
+import { inner, variedWords } from "./study-words.js";
 
 /** Numbers that cause less than this share of the variance, or of the strongest effect, have no visible effect. */
 const SMALL = 0.01;
@@ -12,16 +12,30 @@ const signed = (value) => `${value < 0 ? "−" : "+"}${digits(Math.abs(value), 2
 /** The estimate of a share from few points can be negative or above 100 %. */
 const share = (value) => percent(Math.min(1, Math.max(0, value)), 2);
 
+/** How much a number varies to both sides of the middle of its range; undefined for another distribution. */
+function halfRange({ from, to, spacing, distribution }) {
+  const { low, high } = distribution?.uniform ?? (distribution || spacing === "log" ? {} : { low: from, high: to });
+  return low > 0 ? percent((high - low) / (high + low), 2) : undefined;
+}
+
+/** What is varied by how much, as a condition. */
+function spreadOf({ study }) {
+  const halves = new Set((study.vary ?? []).map(halfRange));
+  const [half] = halves;
+  return halves.size === 1 && half ? `each of the ${study.vary.length} numbers varies by ±${half}` : "all numbers vary within these ranges";
+}
+
 /** For each finding: the sentence about the strongest number, and what follows each of the others in brackets. */
 const SENTENCES = {
-  total: { first: ({ name, value, low, high }) => `${name} matters most: alone and together with others it causes ${share(value)} of the variance${low == null ? "" : ` (${share(low)} to ${share(high)})`}.`,
+  total: { first: ({ name, value, low, high }, _, spread) => `${name} matters most: alone and together with others it causes ${share(value)} of the variance${low == null ? "" : ` (${share(low)} to ${share(high)})`}, if ${spread}.`,
     other: ({ value }) => share(value) },
   strength: { first: ({ name, value }, shown) => `${name} matters most: over its range it changes the output by ${shown(value)} on average.`, other: ({ value }, shown) => shown(value) },
   elasticity: { first: ({ name, value }) => `${name} matters most: 1\u00a0% more of it changes the output by ${signed(value)}.`, other: ({ value }) => signed(value) },
 };
 
 /** A list with a verdict for each output of the study; false if the study has no such findings. */
-export function verdictsOf({ findings, outputs, units, words, title }) {
+export function verdictsOf(view) {
+  const { findings, outputs, units, words, title } = view;
   const main = Object.keys(SENTENCES).find((name) => findings?.[name]);
   if (!main) return false;
   const sentence = SENTENCES[main];
@@ -35,11 +49,11 @@ export function verdictsOf({ findings, outputs, units, words, title }) {
     const least = SMALL * (main === "total" ? 1 : Math.abs(first.value));
     const [visible, small] = [others.filter(({ value }) => Math.abs(value) >= least), others.filter(({ value }) => Math.abs(value) < least)];
     const isSure = first.low == null || main === "elasticity" || others.every(({ high }) => high == null || high < first.low);
-    return h("li", { "data-verdict": output }, h("strong", {}, title(output)), ": ", [sentence.first(first, shown),
+    return h("li", { "data-verdict": output }, h("strong", {}, title(output)), ": ", [sentence.first(first, shown, spreadOf(view)),
       visible.length > 0 && `Next: ${listOf(visible.map((row) => `${row.name} (${sentence.other(row, shown)})`))}.`,
       small.length > 0 && `Without a visible effect: ${listOf(small.map(({ name }) => name))}.`,
       !isSure && "Which of them matters most is not certain: their intervals overlap."].filter(Boolean).join(" "));
   });
   return h("section", { class: "card", "aria-label": "In words" }, h("h2", {}, "Which number matters"),
-    main !== "elasticity" && h("p", { class: "muted" }, "Each number varies within its range in this study. Wider ranges matter more."), h("ul", { id: "verdicts" }, items));
+    main !== "elasticity" && h("p", { class: "muted" }, `This study varies: ${variedWords(view)}. Wider ranges matter more.`), h("ul", { id: "verdicts" }, items));
 }

@@ -87,6 +87,13 @@ export function suggested(scenario, pointer, kind) {
   return { from: typed(from), to: typed(to), unit: read.rest, count: String(count), spacing };
 }
 
+/** Lets all these numbers vary by ±20 %, except settings of the model. A grid of them would be too large, so it becomes a sensitivity. */
+export function varyAll(pointers, scenario, study) {
+  const ranges = pointers.filter((pointer) => !pointer.startsWith("/model/")).map((pointer) => [pointer, suggested(scenario, pointer)]);
+  study.ranges = Object.fromEntries(ranges.filter(([, range]) => range));
+  if (!isDrawn(study)) study.kind = "sensitivity";
+}
+
 /** Chooses what is computed. Ranges that the user has not changed become the suggested ranges of the new choice. */
 export function choose(kind, scenario, study) {
   for (const pointer of varied(study)) {

@@ -1350,6 +1350,14 @@ class VariedDistributionUniform(TypedDict):
     low: "float | str"
     high: "float | str"
 
+class VerdictAnswer(TypedDict):
+    """Whether the law of a fit describes its data."""
+
+    intervals: "NotRequired[str | None]"
+    outcome: "str"
+    reason: "str"
+    verdict: "str"
+
 class Version(TypedDict):
     """The program, the version of its numbers, and its limits."""
 

@@ -10,7 +10,8 @@ use crate::figure;
 use crate::figure::in_unit;
 use crate::figure::words::{capital, member, output, whole};
 use crate::kind::Part;
-use crate::notation::{Notation, cycles, digits};
+use crate::law::{self, Verdict};
+use crate::notation::{Notation, cycles};
 use crate::statistics;
 use crate::table::{Cell, Table, Values};
 use crate::units::Units;
@@ -44,11 +45,17 @@ pub fn fill(
     let scenario = &asked["scenario"];
     let of = run::title(&entry.asked, scenario);
     entry.subtitle = format!("{of} · {points} points, {refused} refused, {incomplete} incomplete");
-    entry.warnings.extend(entry::warnings(&[&si.value("notes")?]));
-    if let Value::Array(parameters) = si.value("parameters")? {
-        let law = law(&si.value("quality")?, &si.value("notes")?, parameters.len());
-        entry.sections += &estimates(&parameters, scenario, entry.notation, &law);
+    let mut notes = si.value("notes")?;
+    if let Some(verdict) = Verdict::of(si)? {
+        // The verdict has these notes.
+        if let Some(notes) = notes.as_array_mut() {
+            notes.retain(|note| !law::is_against(note));
+        }
+        let parameters = si.value("parameters")?;
+        let parameters = parameters.as_array().map_or(&[][..], Vec::as_slice);
+        entry.sections += &estimates(parameters, scenario, entry.notation, &verdict);
     }
+    entry.warnings.extend(entry::warnings(&[&notes]));
     entry.figures = figure::all_of_study(drawn, kind, view)?;
     let written = Written { scenario, units: &si.head.units, notation: entry.notation };
     if kind.hints(&asked).figures.contains(&StudyFigure::Scatter) {
@@ -88,32 +95,8 @@ fn histograms(document: &Document<'_>, view: &View, scenario: &Value) -> Result<
     Ok(groups.take(HISTOGRAMS).map(histogram).collect())
 }
 
-/// Whether the law describes the data of a fit. If it does not, the notes say so.
-fn law(quality: &Value, notes: &Value, parameters: usize) -> String {
-    let mut kinds = notes.as_array().into_iter().flatten().filter_map(|note| note["kind"].as_str());
-    if kinds.any(|kind| ["misfit", "lack_of_fit", "discrepancy"].contains(&kind)) {
-        return "The law does not hold for these data.".to_owned();
-    }
-    let number = |name: &str| quality[name].as_f64().unwrap_or(f64::NAN);
-    let freedom = (number("effective_points") - parameters as f64).floor();
-    if freedom < 1.0 {
-        return "The data cannot test the law: there are not more points than estimated numbers."
-            .to_owned();
-    }
-    if !quality["lack_of_fit"].is_null() {
-        return "The law describes these data: the scatter of the repeated tests explains how far their means are from the curve.".to_owned();
-    }
-    if !quality["degrees_of_freedom"].is_null() {
-        return "The data do not test the law: their errors were estimated from the scatter around its own curve.".to_owned();
-    }
-    let ratio = digits((number("sum_of_squares") / freedom).sqrt(), 2);
-    format!(
-        "The residuals are {ratio} times as large as the errors in the fit. If these are right, the law describes these data."
-    )
-}
-
 /// The estimates of a fit with their standard errors and intervals.
-fn estimates(parameters: &[Value], scenario: &Value, notation: Notation, law: &str) -> String {
+fn estimates(parameters: &[Value], scenario: &Value, notation: Notation, law: &Verdict) -> String {
     let row = |parameter: &Value| {
         let pointer = parameter["pointer"].as_str().unwrap_or_default();
         let unit = parameter["unit"].as_str().unwrap_or("1");
@@ -134,7 +117,8 @@ fn estimates(parameters: &[Value], scenario: &Value, notation: Notation, law: &s
     };
     let head = ["Parameter", "Estimate", "Standard error", "Interval"];
     let table = html::table(&head, parameters.iter().map(row));
-    html::section("Estimates", &format!("{table}<p>{}</p>", html::text(law)))
+    let said = [&*law.verdict, &*law.reason, law.intervals.unwrap_or_default()];
+    html::section("Estimates", &format!("{table}<p>{}</p>", html::text(&said.join(" "))))
 }
 
 /// How tables of a study are written.

@@ -12,5 +12,6 @@ pub mod measured;
 pub mod morris;
 pub mod origin;
 pub mod summary;
+pub mod trend;
 
 pub use bootstrap::{Bootstrap, Estimate, MAX_BLOCKS};

@@ -1,0 +1,206 @@
+//! Whether the law of a fit describes its data. This is computed whenever it is read: stored results do not contain it.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
+use super::document::Document;
+use super::error::Result;
+use super::figure::words::capital;
+use super::notation::{digits, percent};
+use super::view::View;
+use fretwork_study::stats::trend::{LEAST, Trend, trend};
+
+/// A trend of this probability or less is told, in one of all sets of data.
+const SIGNIFICANT: f64 = 0.05;
+/// Residuals up to this share of the numbers can be numerical errors.
+const NUMERICAL: f64 = 1e-3;
+/// Outputs that do not depend on wear alone.
+const FRICTIONAL: [&str; 4] =
+    ["energy_per_cycle", "dissipated_energy", "normal_force", "tangential_force"];
+
+/// What a fit says of its law.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Verdict {
+    /// `holds`, `fails`, `trend` or `untested`.
+    pub outcome: &'static str,
+    /// A sentence that names the law.
+    pub verdict: String,
+    /// The sentences that say why.
+    pub reason: String,
+    /// What must be said beside each interval, if the law does not hold.
+    pub intervals: Option<&'static str>,
+}
+
+impl Verdict {
+    /// The verdict of a stored fit; `None` if the result is not a fit.
+    ///
+    /// # Errors
+    /// The bytes are not a result.
+    pub fn read(stored: &[u8]) -> Result<Option<Self>> {
+        Self::of(&Document::open(stored, &View::default())?)
+    }
+
+    /// The verdict of a fit in SI.
+    pub(crate) fn of(document: &Document<'_>) -> Result<Option<Self>> {
+        let fit = document.value("fit")?;
+        if fit.is_null() {
+            return Ok(None);
+        }
+        let [quality, notes, parameters] =
+            ["quality", "notes", "parameters"].map(|name| document.value(name));
+        let (quality, notes, parameters) = (quality?, notes?, parameters?);
+        let notes: Vec<&Value> = notes.as_array().into_iter().flatten().collect();
+        let detail = |note: &Value| note["detail"].as_str().unwrap_or_default().to_owned();
+        let told = |outcome, verdict: String, reason| {
+            let is_doubtful = ["fails", "trend"].contains(&outcome) && !quality.is_null();
+            let intervals =
+                Some("The interval assumes that the law holds.").filter(|_| is_doubtful);
+            Ok(Some(Self { outcome, verdict, reason, intervals }))
+        };
+        if quality.is_null() {
+            let reason = notes.first().map(|note| detail(note)).unwrap_or_default();
+            return told("fails", "The fit found no minimum.".to_owned(), reason);
+        }
+        let table = document.value("table")?;
+        let parameters = parameters.as_array().map_or(&[][..], Vec::as_slice);
+        let (law, errors) = (law(&fit["scenario"], parameters, &table), errors(&fit["tests"]));
+        let number = |name: &str| quality[name].as_f64().unwrap_or(f64::NAN);
+        let freedom = (number("effective_points") - parameters.len() as f64).floor();
+        let trend = if freedom < 1.0 { String::new() } else { trends(&table) };
+        let against: Vec<String> =
+            notes.iter().filter(|note| is_against(note)).map(|note| detail(note)).collect();
+        if !against.is_empty() {
+            let reason = against.join(" ").replace("their stated errors", &errors) + &trend;
+            let verdict = format!("{} does not hold for these data.", capital(&law));
+            return told("fails", verdict, reason);
+        }
+        if freedom < 1.0 {
+            let reason = "There are not more points than estimated numbers.".to_owned();
+            return told("untested", format!("The data cannot test {law}."), reason);
+        }
+        let ratio = digits((number("sum_of_squares") / freedom).sqrt(), 2);
+        let ratio = if ratio == "1" { String::new() } else { format!("{ratio} times ") };
+        let size = format!("The residuals are {ratio}as large as {errors}.");
+        let is_estimated = !quality["degrees_of_freedom"].is_null();
+        let is_repeated = !quality["lack_of_fit"].is_null();
+        let name = capital(&law);
+        if !trend.is_empty() {
+            let size = if is_estimated { String::new() } else { format!(" {size}") };
+            let verdict = format!("{name} does not have the shape of these data.");
+            told("trend", verdict, trend.trim_start().to_owned() + &size)
+        } else if is_repeated {
+            let reason = "The scatter of the repeated tests explains how far their means are from the curve.";
+            told("holds", format!("{name} describes these data."), reason.to_owned())
+        } else if is_estimated {
+            let reason = "Their errors were estimated from the scatter around its own curve. Errors of the measurements, or repeated \
+                          tests, would test it.";
+            told("untested", format!("The data do not test {law}."), reason.to_owned())
+        } else {
+            let condition = if errors == STATED { "" } else { " if their errors are as assumed" };
+            told("holds", format!("{name} describes these data{condition}."), size)
+        }
+    }
+}
+
+/// Whether a note of a fit says that the law does not describe the data.
+pub fn is_against(note: &Value) -> bool {
+    ["misfit", "lack_of_fit", "discrepancy"].iter().any(|kind| note["kind"] == *kind)
+}
+
+const STATED: &str = "the stated errors";
+
+/// The name of the law, as in the middle of a sentence.
+fn law(scenario: &Value, parameters: &[Value], table: &Value) -> String {
+    let texts = |name: &str| table[name].as_array().into_iter().flatten().filter_map(Value::as_str);
+    if texts("output").all(|output| FRICTIONAL.contains(&output)) {
+        return "the simulation".to_owned();
+    }
+    let wear = &scenario["wear"];
+    let is_own = |parameter: &Value| {
+        let pointer = parameter["pointer"].as_str().unwrap_or_default();
+        pointer.starts_with("/wear/") && !parameter["for"].is_null()
+    };
+    let number = if parameters.iter().any(is_own) {
+        "a wear coefficient for each test"
+    } else if !wear["bodies"].is_null() {
+        "the wear coefficients of both bodies"
+    } else if wear["coefficient"].is_object() {
+        "a changing wear coefficient"
+    } else {
+        "one wear coefficient"
+    };
+    let is_energy = !wear["energy_coefficient"].is_null();
+    let name = if is_energy { "the law of the dissipated energy" } else { "Archard's law" };
+    format!("{name} with {number}")
+}
+
+/// What the standard deviations of the data are. A relative error is usually assumed.
+fn errors(tests: &Value) -> String {
+    let data =
+        tests.as_array().into_iter().flatten().filter_map(|test| test["data"].as_array()).flatten();
+    let shares = data.map(|data| data["relative"].as_f64().filter(|_| data.get("sigma").is_none()));
+    let shares: Vec<Option<f64>> = shares.collect();
+    match shares[..] {
+        [Some(share), ..] if shares.iter().all(|other| *other == Some(share)) => {
+            format!("the assumed errors of {}", percent(share, 3))
+        }
+        _ if shares.iter().all(Option::is_none) => STATED.to_owned(),
+        _ => "the stated and assumed errors".to_owned(),
+    }
+}
+
+/// A sentence for each set of data whose residuals follow a curve.
+fn trends(table: &Value) -> String {
+    let mut sets = BTreeMap::<[&str; 3], Vec<[f64; 4]>>::new();
+    for row in 0..table["x"].as_array().map_or(0, Vec::len) {
+        let names =
+            ["test", "output", "over"].map(|name| table[name][row].as_str().unwrap_or_default());
+        let numbers = ["x", "residual", "measured", "predicted"]
+            .map(|name| table[name][row].as_f64().unwrap_or(f64::NAN));
+        // Neighbours in a profile are not independent.
+        if numbers.iter().all(|number| number.is_finite()) && names[2] != "radius" {
+            sets.entry(names).or_default().push(numbers);
+        }
+    }
+    let tested: Vec<_> =
+        sets.iter().filter_map(|(names, rows)| Some((names, trend(&residuals(rows)?)?))).collect();
+    let found =
+        tested.iter().filter(|(_, trend)| trend.probability * tested.len() as f64 <= SIGNIFICANT);
+    let words = |(names, trend): &(&[&str; 3], _)| {
+        let Trend { probability, is_arc, is_up } = *trend;
+        let over = if names[2] == "cycles" { "cycles" } else { "dissipated energy" };
+        let of = if sets.len() > 1 { format!(" of {}", names[0]) } else { String::new() };
+        let shape = match (is_arc, is_up) {
+            (true, true) => "follow an arc: low at both ends, high between",
+            (true, false) => "follow an arc: high at both ends, low between",
+            (false, true) => "rise along the axis: low at the start, high at the end",
+            (false, false) => "fall along the axis: high at the start, low at the end",
+        };
+        let shape = shape.replace("along the axis", &format!("with the {over}"));
+        let probability = if probability < 1e-4 {
+            format!("less than {}", percent(1e-4, 1))
+        } else {
+            percent(probability, 2)
+        };
+        format!(
+            " The residuals{of} {shape}. A law with this shape cannot describe them. Independent errors would do the same with a \
+                 probability of {probability}."
+        )
+    };
+    found.map(words).collect()
+}
+
+/// The residuals along the axis, with the mean of those at one place; `None` if they are too few or can be numerical errors.
+fn residuals(rows: &[[f64; 4]]) -> Option<Vec<f64>> {
+    let square =
+        |of: &dyn Fn(&[f64; 4]) -> f64| rows.iter().map(|row| of(row) * of(row)).sum::<f64>();
+    let is_numerical =
+        square(&|row| row[2] - row[3]) < NUMERICAL * NUMERICAL * square(&|row| row[3]);
+    let mut rows = rows.to_vec();
+    rows.sort_by(|one, other| one[0].total_cmp(&other[0]));
+    let mean = |rows: &[[f64; 4]]| rows.iter().map(|row| row[1]).sum::<f64>() / rows.len() as f64;
+    let along: Vec<f64> =
+        rows.chunk_by(|one, next| one[0].total_cmp(&next[0]).is_eq()).map(mean).collect();
+    Some(along).filter(|along| along.len() >= LEAST && !is_numerical)
+}

@@ -1,0 +1,55 @@
+//! Whether the law of a fit describes its data.
+
+use axum::response::{IntoResponse as _, Response};
+use serde::Serialize;
+use tokio::task;
+use utoipa::ToSchema;
+
+use crate::http::access::caller::Caller;
+use crate::http::answer::representation::refused;
+use crate::http::answer::stored::json_of;
+use crate::http::api::parameters::ResultKey;
+use crate::http::app::App;
+use crate::http::problem::{Problem, Result, kinds};
+use crate::http::wire::{FRESH_JSON, NoQuery, Segment, read_key};
+use fretwork_format::Verdict;
+use fretwork_json as json;
+
+/// Estimated size of the answer, in bytes.
+const BYTES: usize = 1 << 10;
+
+/// Whether the law of a fit describes its data.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct VerdictAnswer {
+    /// `holds`; `fails`: the residuals are too large; `trend`: they follow a curve; or `untested`.
+    outcome: String,
+    /// A sentence that names the law.
+    verdict: String,
+    /// Why. Names of numbers stand between grave accents, and numbers are in SI.
+    reason: String,
+    /// What to say beside each interval; null if the law may hold.
+    intervals: Option<&'static str>,
+}
+
+/// Returns whether the law of a fit describes its data, in words.
+///
+/// Beside the size of the residuals, this looks for a trend: from five points of a set on, an arc or a slope of the residuals
+/// that independent errors have with a probability below 5 % says that the law has another shape than the data. The server
+/// computes the verdict from the stored fit, which does not contain it.
+#[utoipa::path(get, path = "/v1/results/{key}/verdict", operation_id = "get_verdict", tag = "results",
+    params(ResultKey),
+    responses((status = 200, description = "The verdict.", body = VerdictAnswer)),
+)]
+pub async fn verdict(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<Response> {
+    let key = read_key(&key)?;
+    let _turn = app.shares.heavy.turn(&caller.owner).await;
+    let stored = json_of(&app, &caller, &key).await?;
+    let read = task::spawn_blocking(move || Verdict::read(&stored.body));
+    let read = read.await.map_err(Problem::bug)?.map_err(|error| refused(&key, error))?;
+    let Some(Verdict { outcome, verdict, reason, intervals }) = read else {
+        let detail = "Only a fit has a verdict, and this result is not a fit.";
+        return Err(Problem::new(&kinds::NO_SUCH_PART, detail));
+    };
+    let answer = VerdictAnswer { outcome: outcome.to_owned(), verdict, reason, intervals };
+    Ok((FRESH_JSON, json::write(&answer, BYTES)).into_response())
+}
