@@ -87,11 +87,12 @@ def sort(page, base):
 
 
 def whole_texts(page, base):
-    """No number of the usual columns is cut, nor a tag."""
+    """No number of the usual columns is cut, nor a tag or a date, and all columns fit on a usual screen."""
     page.goto(base + "/#/library")
     expect(names(page).first).to_be_visible()
-    cut = page.locator(".library tbody td:is(.number, .tags)").evaluate_all("cells => cells.filter((cell) => cell.scrollWidth > cell.clientWidth).map((cell) => cell.innerText)")
+    cut = page.locator(".library tbody td:is(.number, .tags, .created)").evaluate_all("cells => cells.filter((cell) => cell.scrollWidth > cell.clientWidth).map((cell) => cell.innerText)")
     assert not cut, cut
+    assert page.evaluate("(({ scrollWidth, clientWidth }) => scrollWidth <= clientWidth)(document.querySelector('.results'))")
     page.click("summary:has-text('Filters')")
     assert "Sweep or random sample" in page.locator("#find-kind").inner_text()
 
