@@ -5,11 +5,13 @@ truth, and computes by itself what the page must show.
 """
 
 import functools
+import html
 import json
 import math
 import random
 import re
 import sys
+import urllib.request
 
 from playwright.sync_api import expect
 
@@ -270,11 +272,9 @@ def fitted(browser, key):
     other.context.close()
     page.go_back()
     # The report shows what was typed, and the same verdict.
-    report = browser.page(BASE)
-    report.goto(f"{BASE}/v1/results/{fit['key']}/report")
-    expect(report.locator("body")).to_contain_text("205\u00a0GPa")
-    expect(report.locator("body")).to_contain_text(verdict_of_fit["verdict"])
-    report.context.close()
+    with urllib.request.urlopen(f"{BASE}/v1/results/{fit['key']}/report") as report:
+        text = html.unescape(report.read().decode())
+    assert "205\u00a0GPa" in text and verdict_of_fit["verdict"] in text, text
     page.click("#run-this")
     page.wait_for_selector("#headline [data-value=wear_depth]")
     assert abs(float(page.input_value("#friction")) - fit["parameters"][1]["estimate"]) < 1e-9
