@@ -91,6 +91,7 @@ def run_steel_ball(browser):
 def view_result(page):
     """The numbers at each output cycle are those of the server. Tests download, copy, note and pin."""
     result = get(f"/v1/results/{key_of(page)}")
+    expect(page.locator("dd[data-item='/friction']")).to_have_text("0.7")
     slider = page.locator("#output")
     slider.focus()
     page.keyboard.press("Home")

@@ -172,6 +172,10 @@ def rename(page, base):
     page.keyboard.press("Enter")
     expect(page.locator(".entry", has_text="Okapi").locator(".tag")).to_have_text([TAG, "rig 7"])
     assert not listed(base, tag="quick")
+    page.get_by_role("button", name="Tag").click()
+    page.get_by_label("Remove tags").fill("quick")
+    page.keyboard.press("Enter")
+    expect(page.locator("#status")).to_have_text("No tag has changed.")
 
 
 def table(page, base):

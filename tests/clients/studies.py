@@ -65,6 +65,11 @@ def long_table(page, base):
     page.get_by_role("button", name="Show more rows").click()
     expect(rows).to_have_count(count)
     table = ask(base, f"/v1/results/{key}")["table"]
+    greatest = max(range(count), key=lambda row: table["wear_volume"][row])
+    assert table["/friction"][greatest] in (0.5, 0.8), table["/friction"][greatest]
+    end = "lower" if table["/friction"][greatest] == 0.5 else "upper"
+    expect(page.locator("[data-verdict=wear_volume]")).to_contain_text(re.compile(f"at friction coefficient .*, the {end} end of the range"))
+    near(page.locator("[data-verdict=wear_volume]").inner_text().split(": ")[1].split(" at ")[0], table["wear_volume"][greatest], 1e-3)
     for order in (sorted(table["wear_volume"]), sorted(table["wear_volume"], reverse=True), table["wear_volume"]):
         page.locator("#study [data-column=wear_volume]").click()
         shown = column(page, "Wear volume V")

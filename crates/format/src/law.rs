@@ -86,9 +86,17 @@ impl Verdict {
         let is_repeated = !quality["lack_of_fit"].is_null();
         let name = capital(&law);
         if !trend.is_empty() {
-            let size = if is_estimated { String::new() } else { format!(" {size}") };
+            let size = if is_estimated {
+                String::new()
+            } else {
+                format!(
+                    " Their size alone gives no reason for doubt: they are {ratio}as large as {errors}."
+                )
+            };
             let verdict = format!("{name} does not have the shape of these data.");
-            told("trend", verdict, trend.trim_start().to_owned() + &size)
+            let reasons =
+                " Possible reasons: a run-in, a coefficient that changes, or a wrong input.";
+            told("trend", verdict, trend.trim_start().to_owned() + &size + reasons)
         } else if is_repeated {
             let reason = "The scatter of the repeated tests explains how far their means are from the curve.";
             told("holds", format!("{name} describes these data."), reason.to_owned())

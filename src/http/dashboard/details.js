@@ -1,5 +1,6 @@
 // The cards below the plots of a result: scales, accuracy, events, comparison, bodies and scenario.
 
+import { inputRows } from "./compare-inputs.js";
 import { asJson, explained, h, list, tableOf } from "./dom.js";
 import { depthOrForce, grossSlip } from "./estimate.js";
 import { term } from "./explain.js";
@@ -12,7 +13,10 @@ const isElsewhere = (warning) => !isAtNumber(warning);
 
 const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
 
-export function drawDetails(place, result, bodyWarnings) {
+/** The inputs as they were typed; without these, as they are computed. A printed page says the materials in one line. */
+const drawInputs = (scenario) => h("section", { class: "card inputs" }, h("h2", {}, "Inputs"), list(inputRows([scenario]).map(({ id, name, texts: [text] }) => [name, text, id])));
+
+export function drawDetails(place, result, submitted, bodyWarnings) {
   const { scales, unworn, limit, units, events, accuracy, warnings, comparison, bodies, scenario } = result;
   const isRule = scenario.model.method === "simplified";
   const inUnits = (name, value) => quantity(value, units[name]);
@@ -47,6 +51,7 @@ export function drawDetails(place, result, bodyWarnings) {
         `${inUnits("wear_depth", body.wear_depth.at(-1))}, ${inUnits("wear_volume", body.wear_volume.at(-1))}`],
       body.scar_half_length && [`Body ${i + 1} (${i ? "counterbody" : "with the profile"}), half-length of the scar`,
         inUnits("scar_half_length", body.scar_half_length.at(-1))]]))),
+    drawInputs(submitted ?? scenario),
     asJson("Scenario", scenario),
   ].filter(Boolean));
 }

@@ -67,16 +67,22 @@ export function notify(text) {
   clearing = setTimeout(() => (place.textContent = ""), 5000);
 }
 
-/** Opens a modal dialog with the children that `content(close)` returns. Resolves when the dialog is closed. */
-export function openDialog(title, content) {
+/**
+ * Opens a modal dialog with the children that `content(close)` returns. Resolves when the dialog is closed. Unless `stays`, another view
+ * closes it.
+ */
+export function openDialog(title, content, stays = false) {
   return new Promise((closed) => {
+    const leave = () => stays || dialog.close();
     const dialog = h("dialog", { "aria-label": title, onclose: () => {
+      removeEventListener("hashchange", leave);
       dialog.remove();
       closed();
     } });
     fill(dialog, content(() => dialog.close()));
     document.body.append(dialog);
     dialog.showModal();
+    addEventListener("hashchange", leave);
   });
 }
 

@@ -69,7 +69,10 @@ export async function askTags(entries) {
     [known.length > 0 && `Present tags: ${known.join(", ")}. `, SEEN], "Change tags");
   if (!answer) return false;
   const [add, remove] = [split(answer.add), split(answer.remove)];
-  await rename(entries, "Changed the tags of", ({ tags }) => ({ tags: [...new Set([...tags, ...add])].filter((tag) => !remove.includes(tag)) }));
+  const changed = ({ tags }) => [...new Set([...tags, ...add])].filter((tag) => !remove.includes(tag));
+  const others = entries.filter((entry) => changed(entry).join() !== entry.tags.join());
+  if (!others.length) notify("No tag has changed.");
+  else await rename(others, "Changed the tags of", (entry) => ({ tags: changed(entry) }));
   return true;
 }
 

@@ -26,7 +26,7 @@ const name = (entry) => [
 /** All columns. `width` is in rem. `sort` is the name by which the server sorts. */
 export const COLUMNS = {
   picture: { heading: "Profile", width: 7, cell: () => svg("svg", { viewBox: "0 0 96 48", class: "thumbnail", "aria-hidden": "true" }) },
-  name: { heading: "Name", width: 17, cell: name },
+  name: { heading: "Name", width: 15, cell: name },
   tags: { heading: "Tags", width: 6.5, cell: tags },
   note: { heading: "Note", width: 12, cell: note },
   kind: { heading: "Kind", width: 8, cell: (entry) => (isRun(entry) ? "Run" : title(entry)) },
@@ -41,12 +41,12 @@ export const COLUMNS = {
   indentation_depth: number("indentation_depth"),
   contact_radius: number("contact_radius"),
   stick_radius: number("stick_radius"),
-  amplitude: number("amplitude", "Amplitude", 7),
+  amplitude: number("amplitude", "Amplitude", 7.5),
   gross_slip_amplitude: number("gross_slip_amplitude"),
   tangential_force: number("tangential_force"),
   cycles: { ...number("cycles", "Cycles N", 6.5), cell: ({ values }) => values.cycles != null && cycles(values.cycles) },
   wear_volume: number("wear_volume", WORDS.wear_volume, 10),
-  wear_depth: number("wear_depth", "Wear depth", 7.5),
+  wear_depth: number("wear_depth", "Wear depth", 9),
   scar_radius: number("scar_radius"),
   dissipated_energy: number("dissipated_energy"),
   owner: { heading: "Computed by", width: 9, cell: ({ owner }) => owner ?? "" },

@@ -169,7 +169,7 @@ export async function showResult(main, { id: key, query, signal }) {
     details);
   const drawAll = () => {
     drawOutput();
-    drawDetails(details, result, bodyWarnings);
+    drawDetails(details, result, job.submitted ?? job.typed, bodyWarnings);
   };
   drawAll();
   remember();

@@ -82,7 +82,7 @@ async function ask(why) {
         h("label", { for: "key" }, "Access key"), field,
         h("p", { class: "muted" }, "All tabs stay signed in until you sign out or close the browser, at most a week. The page does not keep the key."),
         h("div", { class: "row" }, h("button", { class: "primary" }, "Sign in"), h("button", { type: "button", onclick: close }, "Cancel")));
-    });
+    }, true);
     closeDialog = null;
     field.value = "";
     if (entered === null) break;

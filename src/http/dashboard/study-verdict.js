@@ -1,4 +1,4 @@
-// What a sensitivity study says about each output, in sentences with numbers.
+// What a study says about each output, in sentences with numbers: which number matters, or where the output is greatest.
 
 import { h } from "./dom.js";
 import { digits, percent, quantity } from "./units.js";
@@ -55,5 +55,22 @@ export function verdictsOf(view) {
       !isSure && "Which of them matters most is not certain: their intervals overlap."].filter(Boolean).join(" "));
   });
   return h("section", { class: "card", "aria-label": "In words" }, h("h2", {}, "Which number matters"),
-    main !== "elasticity" && h("p", { class: "muted" }, `This study varies: ${variedWords(view)}. Wider ranges matter more.`), h("ul", { id: "verdicts" }, items));
+    main !== "elasticity" && h("p", { class: "muted" }, `This study varies: ${variedWords(view)}. Wider ranges matter more.`,
+      main === "total" && " What several numbers cause together counts for each of them, so that the shares can add up to more than 100\u00a0%."), h("ul", { id: "verdicts" }, items));
+}
+
+/** A list of the places at which the outputs of a sweep of one number are greatest; false for other studies. */
+export function greatestOf(view) {
+  const { members: [member, ...others], outputs, table, count, title, text } = view;
+  if (!member || others.length || count < 3) return false;
+  const order = table[member].map((_, row) => row).sort((a, b) => table[member][a] - table[member][b]);
+  const items = outputs.map((output) => {
+    const rows = order.filter((row) => Number.isFinite(table[output][row]));
+    const [most, least] = [Math.max, Math.min].map((extreme) => rows.reduce((best, row) => extreme(best, table[output][row]), table[output][rows[0]]));
+    if (!(most > least)) return null;
+    const place = rows.findIndex((row) => table[output][row] === most);
+    const end = place === 0 ? ", the lower end of the range" : place === rows.length - 1 ? ", the upper end of the range" : "";
+    return h("li", { "data-verdict": output }, h("strong", {}, title(output)), `: ${text(output, rows[place])} at ${inner(title(member))} = ${text(member, rows[place])}${end}.`);
+  });
+  return items.some(Boolean) && h("section", { class: "card", "aria-label": "In words" }, h("h2", {}, "Greatest values"), h("ul", { id: "verdicts" }, items.filter(Boolean)));
 }

@@ -9,7 +9,7 @@ import { StudyFigure } from "./study-figure.js";
 import { opener } from "./study-open.js";
 import { statisticsOf } from "./study-statistics.js";
 import { StudyTable } from "./study-table.js";
-import { verdictsOf } from "./study-verdict.js";
+import { greatestOf, verdictsOf } from "./study-verdict.js";
 import { isSample, MOST, viewOf } from "./study-view.js";
 import { variedWords } from "./study-words.js";
 import { kindOf, studyTitle } from "./summary.js";
@@ -33,7 +33,7 @@ export async function showStudy(main, result, { job, link, query, signal }) {
       h("p", { id: "varied" }, variedWords(view)),
       h("p", { class: "muted", id: "counts" }, `${countsOf(result.counts)} · numerics version ${result.engine.numerics} · `, h("code", {}, result.key.slice(0, 12)), "…")),
     drawActions(result, { job, link, remember() {}, signal })),
-    verdictsOf(view),
+    verdictsOf(view) || (name === "sweep" && !isSample(view) && greatestOf(view)),
     result.notes?.length > 0 && h("section", { class: "card", "aria-label": "Notes" }, h("h2", {}, "Notes"),
       h("ul", {}, result.notes.map(({ output, member, detail }) => h("li", {}, h("strong", {}, view.title(member ?? output)), ": ", detail))))];
   // The reader of a shared link may not compute.
