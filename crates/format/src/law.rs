@@ -11,7 +11,7 @@ use super::notation::{digits, percent};
 use super::view::View;
 use fretwork_study::stats::trend::{LEAST, Trend, trend};
 
-/// A trend of this probability or less is told, in one of all sets of data.
+/// The verdict mentions a trend if independent residuals would show it with at most this probability in any of the sets of data.
 const SIGNIFICANT: f64 = 0.05;
 /// Residuals up to this share of the numbers can be numerical errors.
 const NUMERICAL: f64 = 1e-3;
