@@ -26,7 +26,7 @@ const name = (entry) => [
 /** All columns. `width` is in rem. `sort` is the name by which the server sorts. */
 export const COLUMNS = {
   picture: { heading: "Profile", width: 7, cell: () => svg("svg", { viewBox: "0 0 96 48", class: "thumbnail", "aria-hidden": "true" }) },
-  name: { heading: "Name", width: 15, cell: name },
+  name: { heading: "Name", width: 14, cell: name },
   tags: { heading: "Tags", width: 6.5, cell: tags },
   note: { heading: "Note", width: 12, cell: note },
   kind: { heading: "Kind", width: 8, cell: (entry) => (isRun(entry) ? "Run" : title(entry)) },
@@ -51,7 +51,7 @@ export const COLUMNS = {
   dissipated_energy: number("dissipated_energy"),
   owner: { heading: "Computed by", width: 9, cell: ({ owner }) => owner ?? "" },
   size: { heading: "Size", width: 7, sort: "size", isNumber: true, cell: ({ size }) => `${Math.ceil(size / 1000)}\u00a0kB` },
-  created: { heading: "Computed", width: 13, sort: "created", cell: ({ created }) => dateTime(created) },
+  created: { heading: "Computed", width: 14, sort: "created", cell: ({ created }) => dateTime(created) },
 };
 
 /** The columns that are shown first. */
