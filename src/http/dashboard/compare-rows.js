@@ -1,8 +1,8 @@
 // The rows of a comparison: inputs that differ, outputs with their errors and their differences to the first run, and what is equal.
 
-import { inputRows } from "./compare-inputs.js";
 import { symbolOf } from "./explain.js";
 import { modelError, numericalError, regimeAt } from "./headline.js";
+import { inputRows } from "./input-rows.js";
 import { axisUnit } from "./scaling.js";
 import { cycles, digits, percent, quantity, wordOf, WORDS } from "./units.js";
 

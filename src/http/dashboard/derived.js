@@ -1,8 +1,8 @@
 // Says which run a run was edited from, and what differs, or which run a fit was made of.
 
 import { Problem } from "./api.js";
-import { inputRows } from "./compare-inputs.js";
 import { fill, h } from "./dom.js";
+import { inputRows } from "./input-rows.js";
 import { loadResult } from "./result.js";
 import { entryOf, jobsOf, kindOf, labelOf, title } from "./summary.js";
 

@@ -1,9 +1,9 @@
 // The cards below the plots of a result: scales, accuracy, events, comparison, bodies and scenario.
 
-import { inputRows } from "./compare-inputs.js";
 import { asJson, explained, h, list, tableOf } from "./dom.js";
 import { depthOrForce, grossSlip } from "./estimate.js";
 import { term } from "./explain.js";
+import { inputRows } from "./input-rows.js";
 import { sketch } from "./sketch.js";
 import { cycles, digits, percent, quantity, WORDS } from "./units.js";
 import { drawWarnings, isAtNumber } from "./warnings.js";
@@ -13,8 +13,8 @@ const isElsewhere = (warning) => !isAtNumber(warning);
 
 const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
 
-/** The inputs as they were typed; without these, as they are computed. A printed page says the materials in one line. */
-const drawInputs = (scenario) => h("section", { class: "card inputs" }, h("h2", {}, "Inputs"), list(inputRows([scenario]).map(({ id, name, texts: [text] }) => [name, text, id])));
+/** The inputs as they were typed; without these, as they are computed. */
+const drawInputs = (scenario) => card("Inputs", list(inputRows([scenario]).map(({ id, name, texts: [text] }) => [name, text, id])));
 
 export function drawDetails(place, result, submitted, bodyWarnings) {
   const { scales, unworn, limit, units, events, accuracy, warnings, comparison, bodies, scenario } = result;

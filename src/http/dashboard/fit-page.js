@@ -3,12 +3,12 @@
 import { drawActions } from "./actions.js";
 import { may } from "./allowed.js";
 import { get, resultAddress } from "./api.js";
-import { inputRows } from "./compare-inputs.js";
 import { asJson, fill, h, list, tableOf } from "./dom.js";
 import { valueAt } from "./fields.js";
 import { Figure } from "./figure.js";
 import { dataFigure, energyFigure, groupsOf, profileFigure, residualFigure, rowsOf } from "./fit-figures.js";
 import { named, squaredOf, symbolAt, together, unitAt, wordsOf } from "./fit-names.js";
+import { inputRows } from "./input-rows.js";
 import { setsOfFit } from "./measure-sets.js";
 import { drawSource } from "./result.js";
 import { axisUnit, withUnit } from "./scaling.js";

@@ -49,11 +49,11 @@ const SCRIPTS: &[File] = files!("text/javascript":
     "undo.js", "warnings.js",
     // Figures and the views of results.
     "curves.js", "explain.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
-    "figure-reader.js", "figure-save.js", "figure-zoom.js", "figure.js", "headline.js", "player.js",
-    "printed.js", "repair.js", "result-figures.js", "scaling.js", "section.js", "smooth.js", "so-far.js",
+    "figure-reader.js", "figure-save.js", "figure-zoom.js", "figure.js", "headline.js", "input-rows.js", "player.js",
+    "repair.js", "result-figures.js", "scaling.js", "section.js", "smooth.js", "so-far.js",
     "system.js",
     // The comparison of runs, which is loaded when it is needed.
-    "compare-figures.js", "compare-inputs.js", "compare-rows.js", "compare-table.js", "compare.js",
+    "compare-figures.js", "compare-rows.js", "compare-table.js", "compare.js",
     "derived.js",
     // The views of studies, which are loaded when they are needed.
     "study-axes.js", "study-bars.js", "study-chart.js", "study-contours.js", "study-curves.js",

@@ -9,7 +9,6 @@ import { Cursors, Figure } from "./figure.js";
 import { drawHeadline } from "./headline.js";
 import { measuring } from "./measure.js";
 import { playButton } from "./player.js";
-import { printedFacts } from "./printed.js";
 import { drawHistory, drawLoop, drawProfile, HISTORIES, historyTitle, nearest, PROFILES } from "./result-figures.js";
 import { Section } from "./section.js";
 import { smooth } from "./smooth.js";
@@ -54,6 +53,17 @@ function typedIn(query) {
 }
 
 const noProfiles = (what) => h("p", {}, `This result has no ${what}, because the scenario sets profiles_at to none.`);
+
+/** A line that only printed pages show. */
+function drawStamp(signal) {
+  const line = h("p", { class: "printed" });
+  const stamp = () => {
+    line.textContent = `Printed ${new Date().toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" })} from ${location.href.split("?")[0]}`;
+  };
+  stamp();
+  addEventListener("beforeprint", stamp, { signal });
+  return line;
+}
 
 /** Says which run a run was edited from. Most have no source, so the script is loaded when it is needed. */
 export async function drawSource(place, run, source, signal) {
@@ -148,7 +158,7 @@ export async function showResult(main, { id: key, query, signal }) {
       job.label && h("p", { id: "result-label" }, job.label),
       derived,
       h("p", { class: "muted" }, `${subtitle(entryOf(result))} · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…"),
-      printedFacts(result, job.submitted, signal)),
+      drawStamp(signal)),
     drawActions(result, { job, link, remember, signal })),
     h("section", { class: "card output", "aria-label": "Output cycle" },
       h("div", { class: "row steps" }, h("label", { for: "output" }, "Output cycle"), play, slider, position),

@@ -99,10 +99,12 @@ impl Connected for Borrowed<'_> {
 
 impl Drop for Borrowed<'_> {
     fn drop(&mut self) {
-        if let Some(connection) = self.connection.take()
+        if let Some(mut connection) = self.connection.take()
             && self.has_answered
             && !self.pool.free.is_closed()
         {
+            // Otherwise each connection would keep room for the largest result that it has carried.
+            connection.shrink_buffers();
             self.pool.idle.lock().push(connection);
         }
     }

@@ -1,7 +1,7 @@
 // The inputs of runs as a person reads them: one row for each number or choice of the canonical scenarios.
 
 import { capital } from "./dom.js";
-import { kindAt, siUnitOf } from "./kinds.js";
+import { kindAt, printed, siUnitOf } from "./kinds.js";
 import { cycles, inputWords, plainWords, quantity, WORDS } from "./units.js";
 
 /** A list with more values is shown by its length and its ends. */
@@ -17,7 +17,7 @@ function leaves(value, pointer = "") {
 function textOf(value, pointer, unit) {
   if (value === undefined || value === null) return "–";
   if (typeof value === "boolean") return value ? "Yes" : "No";
-  if (typeof value === "string") return WORDS[value] ?? capital(value);
+  if (typeof value === "string") return WORDS[value] ?? printed(capital(value));
   if (!Array.isArray(value)) return /^\/cycles|\/cycles$/.test(pointer) ? cycles(value) : quantity(value, unit);
   if (value.length <= MAX_LISTED) return value.map((own) => textOf(own, pointer, unit)).join(", ");
   return Object(value[0]) === value[0] ? `${value.length} entries` : `${value.length} values, ${[value[0], value.at(-1)].map((own) => textOf(own, pointer, unit)).join(" to ")}`;
