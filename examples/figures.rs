@@ -120,7 +120,7 @@ fn snapshot() -> Sheet {
     };
     Sheet {
         title: "Short runs while a transaction stays open in PostgreSQL".to_owned(),
-        caption: "A full queue. The server, its two workers and PostgreSQL share two processors with other programs."
+        caption: "A full queue. The server, its two workers and PostgreSQL share two processors."
             .to_owned(),
         columns: 3,
         figures: vec![

@@ -181,6 +181,8 @@ async fn analyze((): &(), tx: &mut Transaction<'_>) -> Result<()> {
         "SELECT pg_stat_get_mod_since_analyze(oid) > greatest(1000, reltuples) FROM pg_class WHERE oid = 'job'::REGCLASS",
     );
     if query.fetch_one(tx.db.connection()).await? && is_alone(tx).await? {
+        // Otherwise PostgreSQL warns of each table that it analyzes already, and skips.
+        tx.db.execute(sql!("SET LOCAL client_min_messages = error")).await?;
         let tables =
             "ANALYZE (SKIP_LOCKED) run, job, lease, result, result_blob, result_task, outline";
         tx.db.execute(Statement::of(tables)).await?;
