@@ -521,6 +521,8 @@ async fn a_caller_who_waits_for_memory_delays_no_other_caller() {
     reader.read_exact(&mut [0; 16]).await.unwrap();
     let csv = format!("{result}/profiles?format=csv");
     let (refused, (annas, bertas)) = tokio::join!(get(&server, &anna, result), async {
+        // Anna's second request waits longer than her first one, which is refused.
+        tokio::time::sleep(Duration::from_secs(1)).await;
         let waiting = get(&server, &anna, &csv);
         let other = async {
             tokio::time::sleep(Duration::from_millis(500)).await;

@@ -37,7 +37,7 @@ fn logging(options: &[&str], log: &Path) -> Command {
 async fn the_files_stay_within_keep_results_at_the_full_rate_of_writing() {
     // tests/long runs as long as the server of a user whose files had 457 MB although 20 MiB were allowed.
     let long = env::var_os("FRETWORK_TEST_LONG").is_some();
-    let (limit, time) = if long { (20 << 20, 120) } else { (4 << 20, 4) };
+    let (limit, time) = if long { (20 << 20, 120) } else { (4 << 20, 8) };
     let dir = TempDir::new().unwrap();
     let (limit_text, log) = (format!("{limit}B"), dir.path().join("log"));
     // Unfinished jobs are never deleted. A long queue would leave no space for evicted scenarios.
