@@ -196,7 +196,7 @@ impl Client {
     }
 }
 
-/// Whether nobody else can read what the program sends to an address: it is encrypted, or stays on this machine.
+/// Whether what the program sends to an address is secret: it is encrypted, or does not leave this machine.
 fn is_private(base: &str) -> bool {
     let address = base.parse::<Uri>().ok();
     let host = address.as_ref().and_then(Uri::host).unwrap_or_default().trim_matches(['[', ']']);

@@ -14,6 +14,7 @@ use crate::moving::{export_all, open_file, replace_body};
 use crate::program::fretwork;
 use crate::server::{Server, ball};
 use crate::store::{accepted, fresh, new_job, open};
+use crate::studies::processor_time;
 
 /// Executes statements in a file.
 async fn change(file: &Path, statements: &str) {
@@ -22,7 +23,7 @@ async fn change(file: &Path, statements: &str) {
     db.close().await.unwrap();
 }
 
-/// Runs a command, which must end within a minute. Returns its output and its peak memory in MiB.
+/// Runs a command, which must end within a minute and take at most 10 s of processor time. Returns its output and its peak memory in MiB.
 fn measured(words: &[&str]) -> (Output, u64) {
     let mut command = fretwork(words);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -30,6 +31,8 @@ fn measured(words: &[&str]) -> (Output, u64) {
     let (began, mut peak) = (Instant::now(), 0);
     while child.try_wait().unwrap().is_none() {
         assert!(began.elapsed() < Duration::from_mins(1), "it does not end: {words:?}");
+        let used = processor_time(child.id());
+        assert!(used < Duration::from_secs(10), "it takes too long: {words:?}");
         let status = fs::read_to_string(format!("/proc/{}/status", child.id()));
         let status = status.unwrap_or_default();
         let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
