@@ -8,10 +8,11 @@ use quick_cache::sync::Cache;
 
 use fretwork_job::{Key, Prepared};
 
-/// Maximum memory of all waiting tasks, in bytes.
-const BUDGET: u64 = 32 << 20;
+/// Maximum memory of all waiting tasks, in bytes. Tasks whose runs other processes have claimed stay until newer tasks need
+/// the space, so this memory fills up where `fretwork worker` shares the queue.
+const BUDGET: u64 = 4 << 20;
 /// Expected number of tasks. Most of them take about 4 kB.
-const EXPECTED: usize = 8192;
+const EXPECTED: usize = 1024;
 
 /// Prepared tasks by the key of their run.
 pub struct Waiting(Cache<Key, Prepared, Bytes>);
