@@ -1,6 +1,6 @@
 """Tests the live form: each from the first click to the number or the picture at the end.
 
-    python live.py http://127.0.0.1:8080
+    python live.py http://127.0.0.1:8080 [--short]
 """
 
 import functools
@@ -53,6 +53,20 @@ def shows(page, expected, unit="µm"):
         return Math.abs(shown / expected - 1) < 0.01;
     }""", arg=[DEPTH, expected])
     assert page.locator(DEPTH).inner_text().endswith(unit), page.locator(DEPTH).inner_text()
+
+
+def first_load(browser):
+    """The first load is at most 250 kB, from this server only, under a strict policy."""
+    page = browser.page(BASE)
+    responses = []
+    page.on("response", responses.append)
+    page.goto(BASE + "/")
+    page.wait_for_load_state("networkidle")
+    total = sum(int(response.headers.get("content-length", 0)) for response in responses)
+    assert len(responses) > 10 and total < 250_000, total
+    policy = responses[0].headers["content-security-policy"]
+    assert "default-src 'none'" in policy and "unsafe" not in policy, policy
+    page.context.close()
 
 
 def type_a_radius(browser):
@@ -396,9 +410,15 @@ def keyboard(browser):
     page.context.close()
 
 
+# What differs most between browsers: events of the keyboard and of the pointer, the clipboard, and the storage of a page.
+SHORT = [type_a_radius, drag_friction, keep_and_reopen, keyboard]
+ALL = [first_load, type_a_radius, units, drag_friction, slider_follows_typing, paste_a_trace, edit_rows, long_run, keep_and_reopen, faults,
+    errors_and_warnings, phone, keyboard]
+
+
 def main():
     with opened() as browser:
-        for test in (type_a_radius, units, drag_friction, slider_follows_typing, paste_a_trace, edit_rows, long_run, keep_and_reopen, faults, errors_and_warnings, phone, keyboard):
+        for test in SHORT if "--short" in sys.argv else ALL:
             test(browser)
     print("the live form passes its tests")
 

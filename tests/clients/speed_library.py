@@ -1,6 +1,6 @@
 """Measures how fast the library is with 10 000 results: each action from the key to the frame that shows the new rows.
 
-    python speed_library.py http://127.0.0.1:8080 [--short]
+    python speed_library.py http://127.0.0.1:8080
 """
 
 import concurrent.futures
@@ -14,7 +14,7 @@ import urllib.parse
 from browser import ask, opened
 
 RESULTS = 10_000
-REPEATS = 6 if "--short" in sys.argv else 20
+REPEATS = 20
 ADDRESS = urllib.parse.urlsplit(sys.argv[1]).netloc
 
 # Calls an action, and resolves to the time until the frame has ended in which the table satisfies `isDone`.

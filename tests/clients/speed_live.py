@@ -1,6 +1,6 @@
 """Measures how fast the first page follows what is typed: from the key to the frame that shows all figures of the new value.
 
-    python speed_live.py http://127.0.0.1:8080 [--short]
+    python speed_live.py http://127.0.0.1:8080
 """
 
 import statistics
@@ -10,7 +10,7 @@ from playwright.sync_api import expect
 
 from browser import opened
 
-COUNT = 40 if "--short" in sys.argv else 200
+COUNT = 200
 
 # Notes when a key is pressed, and when the frame ends that shows the figures of the value. The figures are drawn as soon as the
 # answer is read, in the same task.
