@@ -10,6 +10,7 @@ use super::run::{compute, print_faults, read};
 use crate::config::Fit;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::quantity::{Dimension, parse};
+use fretwork_format::{Verdict, is_against};
 use fretwork_job::Submission;
 use fretwork_json::BadBody;
 use fretwork_measured::{Prepare, Wanted};
@@ -69,10 +70,10 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
         Ok(found) => found,
         Err(faults) => return Ok(print_faults(&faults)),
     };
-    let ends = found["parameters"][1]["interval"].as_array();
+    let ends = found.0["parameters"][1]["interval"].as_array();
     if settings.parameter.is_empty() && ends.is_some_and(|ends| ends.contains(&Value::Null)) {
         let less = fitted(&body(&parameters[..1]))?;
-        if let Some(less) = less.ok().filter(|less| !is_worse(less, &found)) {
+        if let Some(less) = less.ok().filter(|less| !is_worse(&less.0, &found.0)) {
             found = less;
             let note = "These data do not tell the friction. It stays as in the scenario.";
             measured.notes.push(note.to_owned());
@@ -81,10 +82,16 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
     print(told(&found, &measured.notes)?.as_bytes()).map(|()| ExitCode::SUCCESS)
 }
 
+/// A result, and its verdict.
+type Found = (Value, Option<Verdict>);
+
 /// The result of a job, or its faults. A fault of an option names this option.
-fn fitted(body: &str) -> Result<Result<Value, Vec<Fault>>, Error> {
+fn fitted(body: &str) -> Result<Result<Found, Vec<Fault>>, Error> {
     let mut faults = match Submission::parse(body.as_bytes()) {
-        Ok(job) => return Ok(Ok(serde_json::from_slice(&compute(&job.prepared)?.0.body)?)),
+        Ok(job) => {
+            let result = compute(&job.prepared)?.0.body;
+            return Ok(Ok((serde_json::from_slice(&result)?, Verdict::read(&result)?)));
+        }
         Err(BadBody::Faults(faults)) => faults,
         Err(error) => return Err(error.into()),
     };
@@ -135,13 +142,18 @@ fn defaults(scenario: &Value, points: usize) -> Result<Vec<Value>, Error> {
     Ok(parameters)
 }
 
-/// The estimates, the notes and the predictions in words.
-fn told(found: &Value, notes: &[String]) -> Result<String, Error> {
+/// The notes, the verdict, the estimates and the predictions in words.
+fn told((found, verdict): &Found, notes: &[String]) -> Result<String, Error> {
     let mut text = String::new();
     let list = |name: &str| found[name].as_array().into_iter().flatten();
-    let details = list("notes").filter_map(|note| note["detail"].as_str());
+    // The verdict contains the notes that are against the law.
+    let details = list("notes").filter(|note| !is_against(note));
+    let details = details.filter_map(|note| note["detail"].as_str());
     for note in notes.iter().map(String::as_str).chain(details) {
         writeln!(text, "{note}")?;
+    }
+    if let Some(Verdict { verdict, reason, .. }) = verdict {
+        writeln!(text, "\n{verdict} {reason}")?;
     }
     let percent = 100.0 * found["fit"]["confidence"].as_f64().unwrap_or(0.0);
     writeln!(text, "\nEstimates, with intervals of {percent} %:")?;
@@ -151,6 +163,9 @@ fn told(found: &Value, notes: &[String]) -> Result<String, Error> {
         let end = |x: &Value| if x.is_null() { "open".to_owned() } else { shown(x, unit) };
         let [low, high] = [0, 1].map(|place| end(&it["interval"][place]));
         writeln!(text, "  {name}: {} ({low} to {high})", shown(&it["estimate"], unit))?;
+    }
+    if let Some(assumption) = verdict.as_ref().and_then(|verdict| verdict.intervals) {
+        writeln!(text, "  {assumption}")?;
     }
     let table = &found["table"];
     writeln!(text, "\nPredictions, with the band of {percent} % for a new test:")?;

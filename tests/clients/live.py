@@ -59,7 +59,7 @@ def first_load(browser):
     """The first load is at most 250 kB, from this server only, under a strict policy."""
     page = browser.page(BASE)
     responses = []
-    page.on("response", responses.append)
+    page.on("response", lambda response: responses.append(response))
     page.goto(BASE + "/")
     page.wait_for_load_state("networkidle")
     total = sum(int(response.headers.get("content-length", 0)) for response in responses)

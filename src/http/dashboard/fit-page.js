@@ -107,7 +107,9 @@ function pointTable(result) {
 /** Shows a fit, which was loaded without its rows. */
 export async function showFit(main, { key }, { job, link, signal }) {
   const words = new URLSearchParams(link ? { link } : {});
-  const [result, verdict] = await Promise.all(["", "/verdict"].map((path) => get(`${resultAddress(key, path)}?${words}`, { signal })));
+  const read = (path) => get(`${resultAddress(key, path)}?${words}`, { signal });
+  const unread = (problem) => ({ outcome: "untested", verdict: "The verdict could not be loaded.", reason: problem.message });
+  const [result, verdict] = await Promise.all([read(""), read("/verdict").catch(unread)]);
   const { fit, parameters = [], notes = [], quality } = result;
   const heading = job.label || "Fit";
   const source = h("span", { id: "derived", hidden: true });

@@ -69,7 +69,7 @@ export function greatestOf(view) {
     const [most, least] = [Math.max, Math.min].map((extreme) => rows.reduce((best, row) => extreme(best, table[output][row]), table[output][rows[0]]));
     if (!(most > least)) return null;
     const place = rows.findIndex((row) => table[output][row] === most);
-    const end = place === 0 ? ", the lower end of the range" : place === rows.length - 1 ? ", the upper end of the range" : "";
+    const end = rows[place] === order[0] ? ", the lower end of the range" : rows[place] === order.at(-1) ? ", the upper end of the range" : "";
     return h("li", { "data-verdict": output }, h("strong", {}, title(output)), `: ${text(output, rows[place])} at ${inner(title(member))} = ${text(member, rows[place])}${end}.`);
   });
   return items.some(Boolean) && h("section", { class: "card", "aria-label": "In words" }, h("h2", {}, "Greatest values"), h("ul", { id: "verdicts" }, items.filter(Boolean)));
