@@ -10,7 +10,7 @@ use super::run::{compute, print_faults, read};
 use crate::config::Fit;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::quantity::{Dimension, parse};
-use fretwork_format::{Verdict, is_against};
+use fretwork_format::{Verdict, is_in_verdict};
 use fretwork_job::Submission;
 use fretwork_json::BadBody;
 use fretwork_measured::{Prepare, Wanted};
@@ -146,26 +146,27 @@ fn defaults(scenario: &Value, points: usize) -> Result<Vec<Value>, Error> {
 fn told((found, verdict): &Found, notes: &[String]) -> Result<String, Error> {
     let mut text = String::new();
     let list = |name: &str| found[name].as_array().into_iter().flatten();
-    // The verdict contains the notes that are against the law.
-    let details = list("notes").filter(|note| !is_against(note));
+    let details = list("notes").filter(|note| !is_in_verdict(note));
     let details = details.filter_map(|note| note["detail"].as_str());
     for note in notes.iter().map(String::as_str).chain(details) {
         writeln!(text, "{note}")?;
     }
     if let Some(Verdict { verdict, reason, .. }) = verdict {
-        writeln!(text, "\n{verdict} {reason}")?;
+        writeln!(text, "\n{verdict}\n{reason}")?;
+    }
+    if found["quality"].is_null() {
+        return Ok(text);
     }
     let percent = 100.0 * found["fit"]["confidence"].as_f64().unwrap_or(0.0);
-    writeln!(text, "\nEstimates, with intervals of {percent} %:")?;
+    let is_doubtful = verdict.as_ref().is_some_and(|verdict| verdict.intervals.is_some());
+    let assumption = if is_doubtful { ", if the law holds" } else { "" };
+    writeln!(text, "\nEstimates, with intervals of {percent} %{assumption}:")?;
     for it in list("parameters").chain(list("combinations")) {
         let name = it["pointer"].as_str().or(it["combination"].as_str()).unwrap_or("");
         let unit = it["unit"].as_str().unwrap_or("1");
         let end = |x: &Value| if x.is_null() { "open".to_owned() } else { shown(x, unit) };
         let [low, high] = [0, 1].map(|place| end(&it["interval"][place]));
         writeln!(text, "  {name}: {} ({low} to {high})", shown(&it["estimate"], unit))?;
-    }
-    if let Some(assumption) = verdict.as_ref().and_then(|verdict| verdict.intervals) {
-        writeln!(text, "  {assumption}")?;
     }
     let table = &found["table"];
     writeln!(text, "\nPredictions, with the band of {percent} % for a new test:")?;

@@ -3,13 +3,13 @@
 //! The queue is in the database. A task that is not in memory, because the budget was full or the server has
 //! restarted, is prepared again from its stored form.
 
-use quick_cache::Weighter;
-use quick_cache::sync::Cache;
+use quick_cache::sync::{Cache, DefaultLifecycle};
+use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 
 use fretwork_job::{Key, Prepared};
 
-/// Maximum memory of all waiting tasks, in bytes. Tasks whose runs other processes have claimed stay until newer tasks need
-/// the space, so this memory fills up where `fretwork worker` shares the queue.
+/// Maximum memory of all waiting tasks, in bytes. It fills up where `fretwork worker` shares the queue: tasks whose runs
+/// other processes have claimed stay until newer tasks need the space.
 const BUDGET: u64 = 4 << 20;
 /// Expected number of tasks. Most of them take about 4 kB.
 const EXPECTED: usize = 1024;
@@ -27,8 +27,19 @@ impl Weighter<Key, Prepared> for Bytes {
 }
 
 impl Default for Waiting {
+    #[expect(clippy::expect_used, reason = "both capacities are set")]
     fn default() -> Self {
-        Self(Cache::with_weighter(EXPECTED, BUDGET, Bytes))
+        let options = OptionsBuilder::new()
+            .estimated_items_capacity(EXPECTED)
+            .weight_capacity(BUDGET)
+            // Each task is taken at most once. So half of the space is for the newest tasks, even if tasks that nothing here will
+            // take fill the other half.
+            .hot_allocation(0.5)
+            .shards(1)
+            .build()
+            .expect("the options are complete");
+        let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
+        Self(Cache::with_options(options, Bytes, hash, life))
     }
 }
 
@@ -82,18 +93,20 @@ mod tests {
     }
 
     #[test]
-    fn the_memory_of_waiting_tasks_is_limited() {
+    fn the_memory_of_waiting_tasks_is_limited_and_the_newest_are_kept() {
         let waiting = Waiting::default();
         let large = prepared(2000);
-        let many = 3 * BUDGET / large.bytes() as u64;
-        for number in 0..many {
-            let mut task = large.clone();
+        let space = BUDGET / large.bytes() as u64;
+        let key = |number: u64| {
             let mut bytes = [0; 32];
             bytes[..8].copy_from_slice(&number.to_le_bytes());
-            task.key = Key::from_bytes(bytes);
-            waiting.keep(task);
+            Key::from_bytes(bytes)
+        };
+        for number in 0..3 * space {
+            waiting.keep(Prepared { key: key(number), ..large.clone() });
         }
         assert!(waiting.0.weight() <= BUDGET, "{} bytes", waiting.0.weight());
-        assert!(waiting.0.len() as u64 > many / 10, "the budget is used");
+        let newest = 3 * space - space / 3..3 * space;
+        assert!(newest.map(key).all(|key| waiting.take(&key).is_some()), "the newest are kept");
     }
 }

@@ -96,6 +96,11 @@ fn the_command_fits_the_example_and_predicts() {
     ] {
         assert!(out.contains(told), "{told}: {out}");
     }
+    // The errors are five times as large as this says.
+    let (_, out, _) = said(&["fit", FILE, BALL, "--relative", "0.01"], "");
+    let told = ["does not hold for these data.\n", "intervals of 95 %, if the law holds:"];
+    assert!(told.iter().all(|told| out.contains(told)), "{out}");
+    assert_eq!(out.matches("times as large").count(), 1, "{out}");
 }
 
 #[test]

@@ -69,7 +69,7 @@ impl Verdict {
         let freedom = (number("effective_points") - parameters.len() as f64).floor();
         let trend = if freedom < 1.0 { String::new() } else { trends(&table) };
         let against: Vec<String> =
-            notes.iter().filter(|note| is_against(note)).map(|note| detail(note)).collect();
+            notes.iter().filter(|note| is_in_verdict(note)).map(|note| detail(note)).collect();
         if !against.is_empty() {
             let reason = against.join(" ").replace("their stated errors", &errors) + &trend;
             let verdict = format!("{} does not hold for these data.", capital(&law));
@@ -111,9 +111,9 @@ impl Verdict {
     }
 }
 
-/// Whether a note of a fit says that the law does not describe the data.
-pub fn is_against(note: &Value) -> bool {
-    ["misfit", "lack_of_fit", "discrepancy"].iter().any(|kind| note["kind"] == *kind)
+/// Whether the verdict contains a note of a fit: that there is no minimum, or that the law does not describe the data.
+pub fn is_in_verdict(note: &Value) -> bool {
+    ["no_minimum", "misfit", "lack_of_fit", "discrepancy"].iter().any(|kind| note["kind"] == *kind)
 }
 
 const STATED: &str = "the stated errors";

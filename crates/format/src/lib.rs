@@ -39,7 +39,7 @@ use document::Document;
 pub use error::{Error, Missing};
 pub use fretwork_study::StudyFigure;
 pub use kind::{Format, Part};
-pub use law::{Verdict, is_against};
+pub use law::{Verdict, is_in_verdict};
 pub use quantity::{QUANTITIES, Quantity};
 pub use table::missing_cycles;
 pub use view::{FigureOptions, StudyOptions, View};

@@ -108,7 +108,10 @@ function pointTable(result) {
 export async function showFit(main, { key }, { job, link, signal }) {
   const words = new URLSearchParams(link ? { link } : {});
   const read = (path) => get(`${resultAddress(key, path)}?${words}`, { signal });
-  const unread = (problem) => ({ outcome: "untested", verdict: "The verdict could not be loaded.", reason: problem.message });
+  const unread = (problem) => {
+    if (signal.aborted) throw problem;
+    return { outcome: "untested", verdict: "The verdict could not be loaded.", reason: problem.message };
+  };
   const [result, verdict] = await Promise.all([read(""), read("/verdict").catch(unread)]);
   const { fit, parameters = [], notes = [], quality } = result;
   const heading = job.label || "Fit";

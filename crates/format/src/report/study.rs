@@ -49,7 +49,7 @@ pub fn fill(
     if let Some(verdict) = Verdict::of(si)? {
         // The verdict has these notes.
         if let Some(notes) = notes.as_array_mut() {
-            notes.retain(|note| !law::is_against(note));
+            notes.retain(|note| !law::is_in_verdict(note));
         }
         let parameters = si.value("parameters")?;
         let parameters = parameters.as_array().map_or(&[][..], Vec::as_slice);
