@@ -23,7 +23,8 @@ async fn change(file: &Path, statements: &str) {
     db.close().await.unwrap();
 }
 
-/// Runs a command, which must end within a minute and take at most 10 s of processor time. Returns its output and its peak memory in MiB.
+/// Runs a command, which must end within a minute and take at most 10 s of processor time. Returns its output and its peak
+/// memory in MiB.
 fn measured(words: &[&str]) -> (Output, u64) {
     let mut command = fretwork(words);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
