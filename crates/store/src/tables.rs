@@ -1,11 +1,9 @@
 //! Executes statements in either database.
 
-use std::future::Future;
-
 use sqlx::SqliteConnection;
 use sqlx::postgres::PgConnection;
 
-use super::error::Result;
+use super::error::{Doing, Result};
 use super::row::Row;
 use super::statement::Statement;
 
@@ -47,11 +45,7 @@ pub(super) enum Purpose {
 /// statement.
 pub(super) trait Tables: Send {
     /// Reads the rows that a statement returns.
-    fn read(
-        &mut self,
-        statement: Statement,
-        most: Most,
-    ) -> impl Future<Output = Result<Vec<Row>>> + Send;
+    fn read(&mut self, statement: Statement, most: Most) -> Doing<'_, Vec<Row>>;
 
     /// All rows.
     async fn rows(&mut self, statement: Statement) -> Result<Vec<Row>> {
@@ -85,20 +79,17 @@ pub(super) trait Connected: Send {
     }
 
     /// Executes a statement, and returns the number of rows that the statement has changed.
-    async fn changed_by(&mut self, statement: Statement) -> Result<u64> {
-        Ok(match self.connection() {
-            Connection::Sqlite(db) => statement.sqlite().execute(db).await?.rows_affected(),
-            Connection::Postgres(db) => statement.postgres().execute(db).await?.rows_affected(),
-        })
+    fn changed_by(&mut self, statement: Statement) -> Doing<'_, u64> {
+        self.connection().changed_by(statement)
     }
 
     /// In PostgreSQL, executes a statement that takes a lock until the end of the transaction. SQLite needs no lock,
     /// because it has one writer.
     async fn lock(&mut self, statement: Statement) -> Result<()> {
-        if let Connection::Postgres(db) = self.connection() {
-            statement.postgres().execute(db).await?;
+        match self.connection() {
+            Connection::Sqlite(_) => Ok(()),
+            postgres @ Connection::Postgres(_) => postgres.changed_by(statement).await.map(drop),
         }
-        Ok(())
     }
 }
 
@@ -129,7 +120,23 @@ connected! {
 }
 
 impl<T: Connected> Tables for T {
-    async fn read(&mut self, statement: Statement, most: Most) -> Result<Vec<Row>> {
+    fn read(&mut self, statement: Statement, most: Most) -> Doing<'_, Vec<Row>> {
+        self.connection().read(statement, most)
+    }
+}
+
+/// These futures are boxed, so that the code of the drivers is compiled once, and not in every verb.
+impl<'a> Connection<'a> {
+    fn changed_by(self, statement: Statement) -> Doing<'a, u64> {
+        Box::pin(async {
+            Ok(match self {
+                Self::Sqlite(db) => statement.sqlite().execute(db).await?.rows_affected(),
+                Self::Postgres(db) => statement.postgres().execute(db).await?.rows_affected(),
+            })
+        })
+    }
+
+    fn read(self, statement: Statement, most: Most) -> Doing<'a, Vec<Row>> {
         macro_rules! fetch {
             ($query:expr, $db:ident => $row:path) => {
                 match most {
@@ -138,9 +145,11 @@ impl<T: Connected> Tables for T {
                 }
             };
         }
-        Ok(match self.connection() {
-            Connection::Sqlite(db) => fetch!(statement.sqlite(), db => Row::Sqlite),
-            Connection::Postgres(db) => fetch!(statement.postgres(), db => Row::Postgres),
+        Box::pin(async move {
+            Ok(match self {
+                Self::Sqlite(db) => fetch!(statement.sqlite(), db => Row::Sqlite),
+                Self::Postgres(db) => fetch!(statement.postgres(), db => Row::Postgres),
+            })
         })
     }
 }

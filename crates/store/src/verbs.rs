@@ -72,8 +72,8 @@ macro_rules! change {
 struct Reading<'a>(&'a Store, Purpose);
 
 impl Tables for Reading<'_> {
-    async fn read(&mut self, statement: Statement, most: Most) -> Result<Vec<Row>> {
-        each!(self.0, db => db.read(self.1, statement, most).await)
+    fn read(&mut self, statement: Statement, most: Most) -> Doing<'_, Vec<Row>> {
+        each!(self.0, db => Box::pin(db.read(self.1, statement, most)))
     }
 }
 

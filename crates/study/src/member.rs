@@ -7,7 +7,7 @@ use fretwork_engine::request::fault::{Fault, unknown};
 use fretwork_engine::request::quantity::{self, Dimension};
 use serde_json::{Number, Value};
 
-use fretwork_json::{escaped, typed};
+use fretwork_json::escaped;
 
 /// Maximum number of pointers that an error text lists.
 const LISTED: usize = 40;
@@ -165,7 +165,7 @@ fn faults_with_probes(scenario: &Value, places: &[&str]) -> Vec<Fault> {
             *place = Value::from(PROBE);
         }
     }
-    typed::<Request>(changed).map_or_else(|faults| faults.0, |_| Vec::new())
+    Request::read(changed).map_or_else(|faults| faults.0, |_| Vec::new())
 }
 
 fn first(is_measured: impl Fn(Dimension) -> bool) -> Dimension {

@@ -14,7 +14,7 @@ pub mod instants;
 pub mod quantity;
 pub mod wear;
 
-use deserr::{Deserr, ValuePointerRef};
+use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use serde::Serialize;
 
 use changing::{Changing, Course};
@@ -98,6 +98,15 @@ impl Until {
 }
 
 impl Request {
+    /// Reads a scenario as the client sends it. Other crates call this function, so that the code of all members is
+    /// compiled only here.
+    ///
+    /// # Errors
+    /// All faults that show without contact mechanics.
+    pub fn read(document: serde_json::Value) -> Result<Self, Faults> {
+        Self::deserialize_from_value(document.into_value(), ValuePointerRef::Origin)
+    }
+
     /// Checks members that depend on each other.
     fn validate(mut self, _: ValuePointerRef<'_>) -> Result<Self, Faults> {
         let mut faults = Faults::default();

@@ -29,7 +29,6 @@ pub mod work_done;
 
 use std::borrow::Cow;
 
-use deserr::{Deserr, IntoValue, ValuePointerRef};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -265,8 +264,7 @@ pub fn check(value: &Value, prefix: &str) -> Result<(Scenario, Vec<Warning>), Fa
 /// The same faults as for [`check`].
 pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warning>), Faults> {
     work_done::note(&work_done::PARSES);
-    let request = Request::deserialize_from_value(value.into_value(), ValuePointerRef::Origin)
-        .map_err(|faults| faults.below(prefix))?;
+    let request = Request::read(value).map_err(|faults| faults.below(prefix))?;
     let scenario = Scenario::resolve(&request).map_err(|faults| faults.below(prefix))?;
     let case = scenario.case().map_err(|faults| faults.below(prefix))?;
     let warnings = body_warnings(&request, &case);

@@ -8,7 +8,7 @@ use tokio::time::timeout;
 use super::pool::Borrowed;
 use super::{Database, PATIENCE, Parts, hints};
 use crate::change::{Change, Verb};
-use crate::error::{Error, Result};
+use crate::error::{Doing, Error, Result};
 use crate::signals::Effect;
 use crate::tables::Connected;
 
@@ -54,21 +54,21 @@ impl<'a> Transaction<'a> {
         Ok(())
     }
 
-    /// Commits the changes of a verb, or rolls them back if it has failed.
-    pub(super) async fn end<T>(mut self, mut answer: Result<T>) -> Result<(T, Vec<Effect>)> {
-        if answer.is_ok()
+    /// Commits the changes of a verb, or rolls them back if it has failed. Returns the signals to send.
+    async fn end(mut self, mut done: Result<()>) -> Result<Vec<Effect>> {
+        if done.is_ok()
             && let Err(error) = self.tell_deleted().await
         {
-            answer = Err(error);
+            done = Err(error);
         }
-        let end = if answer.is_ok() { "COMMIT" } else { "ROLLBACK" };
+        let end = if done.is_ok() { "COMMIT" } else { "ROLLBACK" };
         let ended = Executor::execute(self.db.connection(), end).await;
         if ended.is_ok() {
             self.db.has_answered = true;
         }
-        let answer = answer?;
+        done?;
         ended?;
-        Ok((answer, self.effects))
+        Ok(self.effects)
     }
 }
 
@@ -85,9 +85,8 @@ pub(super) struct Conflicts(u32);
 
 impl Conflicts {
     /// Whether a verb must be retried. If so, waits for a short time first.
-    pub(super) async fn again<T>(&mut self, done: &Result<T>) -> bool {
-        let is_conflict = done.as_ref().is_err_and(Error::is_conflict);
-        if !is_conflict || self.0 == CONFLICTS {
+    async fn again(&mut self, error: &Error) -> bool {
+        if !error.is_conflict() || self.0 == CONFLICTS {
             return false;
         }
         self.0 += 1;
@@ -102,24 +101,42 @@ impl Database {
     /// Executes a verb in a transaction, and retries it after a conflict. Sends the signals after the commit.
     pub(crate) async fn write<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer>
     where
+        Input: Send + Sync,
         V: for<'a, 'of> Verb<'a, Input, &'a mut Transaction<'of>, Answer = Answer>,
+        Answer: Send,
     {
         let mut conflicts = Conflicts::default();
         loop {
+            let mut answer = None;
             let attempt = async {
                 self.may_write()?;
                 let mut tx = Transaction::begin(&self.0).await?;
-                let answer = verb.apply(&input, &mut tx).await;
-                tx.end(answer).await
+                let done = verb.apply(&input, &mut tx).await.map(|done| answer = Some(done));
+                tx.end(done).await
             };
-            let done = timeout(PATIENCE, attempt).await.unwrap_or(Err(Error::Exhausted));
-            if !conflicts.again(&done).await {
-                let (answer, effects) = self.0.signals.counted(done)?;
-                self.0.hints.add(&effects);
-                self.0.signals.apply(effects);
-                return Ok(answer);
+            if self.settle(Box::pin(attempt), &mut conflicts).await? {
+                return answer.ok_or(Error::Closed);
             }
         }
+    }
+
+    /// Waits for an attempt to execute a verb. After a commit, sends the signals. Returns false if the verb must be
+    /// tried again, after a conflict. This function does not depend on the verb, so its code is compiled once.
+    async fn settle(
+        &self,
+        attempt: Doing<'_, Vec<Effect>>,
+        conflicts: &mut Conflicts,
+    ) -> Result<bool> {
+        let done = timeout(PATIENCE, attempt).await.unwrap_or(Err(Error::Exhausted));
+        if let Err(error) = &done
+            && conflicts.again(error).await
+        {
+            return Ok(false);
+        }
+        let effects = self.0.signals.counted(done)?;
+        self.0.hints.add(&effects);
+        self.0.signals.apply(effects);
+        Ok(true)
     }
 }
 

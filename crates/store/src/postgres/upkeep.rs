@@ -58,7 +58,7 @@ pub(super) struct Upkeep {
 async fn again<Input, V>(db: &Database, part: V, input: Input) -> Result<bool>
 where
     V: for<'a, 'of> Verb<'a, Input, &'a mut Transaction<'of>, Answer = Option<bool>>,
-    Input: Copy,
+    Input: Copy + Send + Sync,
 {
     for _ in 0..AT_ONCE {
         match db.write(part, input).await? {
