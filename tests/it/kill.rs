@@ -26,7 +26,7 @@ use crate::studies::example;
 use crate::team::{Listener, states};
 
 /// The number of jobs.
-const JOBS: u32 = 200;
+const JOBS: u32 = 100;
 
 /// A scenario that differs for each number. It takes at least 60 ms on one core of 2.5 GHz, almost all of it
 /// in 90 inverse transforms of 2048 points.

@@ -525,7 +525,7 @@ async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
 async fn a_worker_ends_by_itself_when_its_time_is_over_and_when_nothing_is_left_to_compute() {
     let (cluster, dir) = (Cluster::start(&[]), TempDir::new().unwrap());
     let front = front(&cluster, &dir, LEASE);
-    let ids = submit_all(&front, vec![long_sweep(100_000)]).await;
+    let ids = submit_all(&front, vec![long_sweep(40_000)]).await;
     let work = |option: &str, time: &str| {
         let words = ["worker", "--workers", "1", option, time];
         let mut command = node(fretwork(&words), &cluster, LEASE);
