@@ -231,6 +231,7 @@ impl Serve {
             pin_quota: self.pin_quota.as_u64(),
             disk: self.database_disk.clone(),
             lease: self.lease,
+            ..store::Options::default()
         }
     }
 

@@ -11,7 +11,9 @@ use bytes::Bytes;
 use fretwork_job::{Cost, FailureKind, JobState, Origin, Submission};
 use fretwork_store::{Actor, Claimed, Deleted, Error, Finish, NewJob, Piece, Recovered, Store};
 use sqlx::Executor as _;
+use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
+use tokio::time::sleep;
 
 use crate::database::{Database, Engine};
 use crate::keeping::eventually;
@@ -409,10 +411,15 @@ fn rows(number: u32) -> Vec<u8> {
     format!("{number},").repeat(200).into_bytes()
 }
 
-/// Computes until there is nothing to claim.
-async fn work(store: Store, finished: Arc<Vec<AtomicU32>>) -> Result<(), Error> {
+/// Computes until there is nothing to claim, or until the permits for chunks are used up.
+async fn work(
+    store: Store,
+    finished: Arc<Vec<AtomicU32>>,
+    permits: Arc<Semaphore>,
+) -> Result<(), Error> {
     while let Some(claimed) = store.claim().await? {
-        tokio::time::sleep(Duration::from_millis(1)).await;
+        sleep(Duration::from_millis(1)).await;
+        permits.acquire().await.unwrap().forget();
         if let Piece::Chunk { number, .. } = claimed.piece {
             if store.finish_chunk(&claimed, &rows(number), Cost::ZERO).await? {
                 finished[number as usize].fetch_add(1, Ordering::SeqCst);
@@ -429,12 +436,14 @@ async fn work(store: Store, finished: Arc<Vec<AtomicU32>>) -> Result<(), Error> 
     Ok(())
 }
 
-/// Opens the store as a new process does, and starts four workers. The counters say how often each chunk was finished.
-async fn start(dir: &Path) -> (Store, JoinSet<Result<(), Error>>, Arc<Vec<AtomicU32>>) {
+/// Opens the store as a new process does, and starts four workers, which finish at most this many pieces. The counters
+/// say how often each chunk was finished.
+async fn start(dir: &Path, most: u32) -> (Store, JoinSet<Result<(), Error>>, Arc<Vec<AtomicU32>>) {
     let store = open(dir).await;
     store.recover().await.unwrap();
     let finished: Arc<Vec<_>> = Arc::new((0..CHUNKS).map(|_| AtomicU32::new(0)).collect());
-    let work = |_| work(store.clone(), Arc::clone(&finished));
+    let permits = Arc::new(Semaphore::new(most as usize));
+    let work = |_| work(store.clone(), Arc::clone(&finished), Arc::clone(&permits));
     let workers = (0..4).map(work).collect();
     (store, workers, finished)
 }
@@ -452,12 +461,13 @@ async fn a_store_that_is_killed_at_random_moments_loses_no_chunk_and_computes_no
         acknowledged.clone()
     };
     for kill in 0..10 {
-        let (store, mut workers, finished) = start(dir.path()).await;
+        // On a slow machine, the workers could otherwise finish all chunks before the last kill.
+        let (store, mut workers, finished) = start(dir.path(), CHUNKS / 11).await;
         // A study fails if three processes in a row finish no chunk. So this process must finish one.
         while finished.iter().all(|count| count.load(Ordering::SeqCst) == 0) {
-            tokio::time::sleep(Duration::from_millis(1)).await;
+            sleep(Duration::from_millis(1)).await;
         }
-        tokio::time::sleep(Duration::from_micros(4_321 * kill % 17_000)).await;
+        sleep(Duration::from_micros(4_321 * kill % 17_000)).await;
         // The next process opens a copy of the files at this moment, perhaps in the middle of a transaction. The copy
         // must contain all chunks that were acknowledged before.
         let before = count(&finished);
@@ -474,7 +484,7 @@ async fn a_store_that_is_killed_at_random_moments_loses_no_chunk_and_computes_no
         store.close().await;
         dir = files;
     }
-    let (store, workers, finished) = start(dir.path()).await;
+    let (store, workers, finished) = start(dir.path(), CHUNKS + 1).await;
     for worker in workers.join_all().await {
         worker.unwrap();
     }

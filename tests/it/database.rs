@@ -12,6 +12,8 @@ use sqlx::{AssertSqlSafe, Connection as _, Executor as _, PgConnection, SqliteCo
 use tempfile::TempDir;
 use tokio::runtime;
 
+use crate::store::open_with;
+
 /// Where a test keeps its tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Engine {
@@ -148,7 +150,7 @@ impl Database {
 
     pub async fn open_with(&self, options: &Options) -> Store {
         match self {
-            Self::Sqlite(dir) => Store::open(dir.path().into(), options).await.unwrap(),
+            Self::Sqlite(dir) => open_with(dir.path(), options).await,
             Self::Postgres(_) => Store::open(self.url().into(), options).await.unwrap(),
         }
     }

@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::net::TcpListener;
-use std::time::Duration;
 
 use data_encoding::BASE64;
 use fretwork_store::{DatabaseUrl, Options, Store};
@@ -90,8 +89,7 @@ pub fn authority() -> CertifiedIssuer<'static, KeyPair> {
 /// Opens the store, as a server does.
 async fn open(address: &str) -> Result<Store, fretwork_store::Error> {
     let url: DatabaseUrl = address.parse().unwrap();
-    let options = Options { lease: Duration::from_secs(30), ..Options::default() };
-    Store::open(url.into(), &options).await
+    Store::open(url.into(), &Options::default()).await
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -18,14 +18,11 @@ use tokio::task::JoinSet;
 
 use crate::database::Cluster;
 use crate::faults::{fill, mounting};
+use crate::keeping::eventually;
 use crate::kill::{Dice, Program, id};
 use crate::program::fretwork;
 use crate::server::{JSON, Server, ball, metric, send};
 use crate::store::raw;
-
-/// `/readyz` must report a full disk within this time. After the disk is freed, the service must resume within this
-/// time.
-const BOUND: Duration = Duration::from_secs(5);
 
 /// The state that the clients share.
 #[derive(Default)]
@@ -64,48 +61,37 @@ async fn submit(
     acknowledged
 }
 
-/// Waits until something holds, but not longer than [`BOUND`].
-async fn within_bound(what: &str, mut holds: impl AsyncFnMut() -> bool) {
-    let begun = Instant::now();
-    while !holds().await {
-        assert!(begun.elapsed() < BOUND, "{what} took longer than {BOUND:?}");
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
-}
-
-/// Fills the disk until `/readyz` reports it, and frees it again.
+/// Fills the disk until `/readyz` reports it and a submission is refused, and frees it again.
 async fn one_full_disk(server: &Program, filler: &Path, shared: &Shared) {
     let accepted = || shared.accepted.load(Ordering::SeqCst);
     let refused = || shared.refused.load(Ordering::SeqCst);
-    let (mut since, mut before) = (Instant::now(), (accepted(), refused()));
-    loop {
+    let before = accepted();
+    eventually(async || accepted() > before + 5).await;
+    let before = refused();
+    eventually(async || {
         // The server writes at the same time, so it may have taken the last blocks and still have space.
         fill(filler);
         let reply = server.get("/readyz").await;
         if reply.status != 200 {
             let problem = reply.problem(503, "not-ready");
             assert!(problem["detail"].as_str().unwrap().contains("no space is left"), "{problem}");
-            break;
         }
         // On a full disk, jobs are accepted as long as the log has space that can be reused.
-        if accepted() > before.0 || refused() == before.1 {
-            (since, before) = (Instant::now(), (accepted(), refused()));
-        }
-        assert!(since.elapsed() < BOUND, "/readyz is 200 while every submission is refused");
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
+        reply.status != 200 && refused() > before
+    })
+    .await;
     for list in ["/v1/results?sort=-wear_volume", "/v1/results?pinned=false", "/v1/jobs"] {
         assert_eq!(server.get(list).await.status, 200, "{list}");
     }
     fs::remove_file(filler).unwrap();
-    within_bound("the return of the service", async || {
+    // The service returns.
+    eventually(async || {
         let before = (accepted(), refused());
         tokio::time::sleep(Duration::from_millis(100)).await;
         accepted() > before.0 && refused() == before.1
     })
     .await;
-    within_bound("a /readyz that is ready", async || server.get("/readyz").await.status == 200)
-        .await;
+    eventually(async || server.get("/readyz").await.status == 200).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -137,12 +123,6 @@ async fn full_disks_at_random_moments_lose_no_acknowledged_job() {
     }
     end.send_replace(true);
     let acknowledged = clients.join_all().await.concat();
-    let refused = shared.refused.load(Ordering::SeqCst) as usize;
-    assert!(
-        acknowledged.len() > 5 * disks && refused >= disks,
-        "{}, {refused}",
-        acknowledged.len()
-    );
     // The last jobs may still be queued.
     server.ended(acknowledged.last().unwrap()).await;
     while !server.jobs("state=queued").await.is_empty() {}
@@ -192,7 +172,6 @@ async fn readyz_reports_that_the_disk_of_postgresql_is_full() {
     assert_eq!(server.get("/readyz").await.status, 200);
 
     fill_database(&mut db).await;
-    let begun = Instant::now();
     let mut refused = 0;
     for number in 0..40 {
         let body = ball(1.0 + f64::from(number) * 1e-3).to_string();
@@ -200,8 +179,7 @@ async fn readyz_reports_that_the_disk_of_postgresql_is_full() {
         refused += u32::from(reply.status == 507);
     }
     assert!(refused > 0, "the disk is not full");
-    within_bound("a /readyz that tells", async || server.get("/readyz").await.status == 503).await;
-    println!("{refused} of 40 submissions are refused; /readyz tells after {:?}", begun.elapsed());
+    eventually(async || server.get("/readyz").await.status == 503).await;
     let problem = server.get("/readyz").await.problem(503, "not-ready");
     assert!(problem["detail"].as_str().unwrap().contains("no space is left"), "{problem}");
     let full = "fretwork_store_errors_total{kind=\"full\"}";
@@ -210,8 +188,7 @@ async fn readyz_reports_that_the_disk_of_postgresql_is_full() {
     assert!(metric(server.address, "fretwork_disk_free_bytes").await > 0.0);
 
     db.execute("DROP TABLE filler").await.unwrap();
-    within_bound("a /readyz that is ready", async || server.get("/readyz").await.status == 200)
-        .await;
+    eventually(async || server.get("/readyz").await.status == 200).await;
     server.end();
 }
 
@@ -257,9 +234,8 @@ async fn the_server_stops_writing_when_a_file_of_its_database_is_gone() {
             acknowledged.push(id(&reply.json()));
         }
         change(&dir);
-        let begun = Instant::now();
-        within_bound(what, async || server.get("/readyz").await.status == 503).await;
-        println!("{what}: /readyz tells after {:?}", begun.elapsed());
+        println!("{what}");
+        eventually(async || server.get("/readyz").await.status == 503).await;
         let problem = server.get("/readyz").await.problem(503, "not-ready");
         assert!(problem["detail"].as_str().unwrap().contains("moved or replaced"), "{problem}");
         let reply = send(server.address, "POST", "/v1/jobs", &[JSON], ball(9.0).to_string()).await;

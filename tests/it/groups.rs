@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fretwork::service::WorkLimits;
 use fretwork::service::workers::Workers;
 use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, JobState};
-use fretwork_store::{Claimed, Finish, NewJob, Options, Store};
+use fretwork_store::{Claimed, Finish, NewJob, Store};
 use tokio::time::sleep;
 
 use crate::database::{Database, Engine};
@@ -77,9 +77,8 @@ async fn runs_that_another_worker_is_claiming_hide_no_less_urgent_ones() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_runs_of_a_lost_group_are_claimed_one_by_one() {
-    let db = Database::new(Engine::Postgres);
-    let lease = Options { lease: Duration::from_secs(1), ..Options::default() };
-    let (dying, other) = (db.open_with(&lease).await, db.open_with(&lease).await);
+    let (db, dying) = Database::fresh(Engine::Postgres).await;
+    let other = db.open().await;
     for number in 0..4 {
         submit_as(&dying, "ada", 3, number).await;
     }
@@ -88,6 +87,9 @@ async fn the_runs_of_a_lost_group_are_claimed_one_by_one() {
         submit_as(&other, "ada", 3, number).await;
     }
     dying.close().await;
+    db.execute("UPDATE lease SET expires = 0").await;
+    // The background task of the store may be first.
+    other.recover().await.unwrap();
     let queued = "SELECT count(*) FROM job WHERE state = 'queued'";
     eventually(async || db.count(queued).await == 6).await;
     // One of them may have killed the worker. It must not kill the next worker together with the others.
@@ -141,9 +143,11 @@ async fn exactly_the_lost_and_canceled_runs_of_a_group_are_refused() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_server_that_remembers_places_finds_released_runs_and_new_owners_later() {
+    /// The search for owners takes at least this long.
+    const LOCKED: Duration = Duration::from_millis(500);
     let (db, store) = Database::fresh(Engine::Postgres).await;
     db.execute(
-        "BEGIN; INSERT INTO lease (run, number, attempt, node, owner, expires)
+        "ALTER TABLE lease SET (autovacuum_enabled = false); BEGIN; INSERT INTO lease (run, number, attempt, node, owner, expires)
          SELECT -number, -1, 1, '', '', 0 FROM generate_series(1, 20000) AS number; ROLLBACK",
     )
     .await;
@@ -154,10 +158,14 @@ async fn a_server_that_remembers_places_finds_released_runs_and_new_owners_later
         submit_as(&store, "ada", 3, number).await;
     }
     // The search for owners takes long. So the next search follows after 4 or 20 times as long.
+    let begun = Instant::now();
     let mut slow = db.raw().await;
     slow.execute("BEGIN; LOCK TABLE job IN ACCESS EXCLUSIVE MODE").await;
+    let blocked = "SELECT count(*) FROM pg_stat_activity
+        WHERE datname = current_database() AND wait_event_type = 'Lock' AND query LIKE '%RECURSIVE%'";
     let unlock = async {
-        sleep(Duration::from_millis(500)).await;
+        eventually(async || db.count(blocked).await == 1).await;
+        sleep(LOCKED).await;
         slow.execute("COMMIT").await;
     };
     let (first, ()) = tokio::join!(store.claim_up_to(2), unlock);
@@ -166,12 +174,14 @@ async fn a_server_that_remembers_places_finds_released_runs_and_new_owners_later
     assert!(store.release(&first[0]).await.unwrap());
     submit_as(&store, "ada", 0, 4).await;
     assert_eq!(numbers(&claims(&store).await), [4, 2]);
-    assert!(claims(&store).await.is_empty());
-    let mut rest = Vec::new();
-    while rest.len() < 2 {
+    let mut rest = numbers(&claims(&store).await);
+    // On a slow machine, the time has already passed.
+    assert!(rest.is_empty() || begun.elapsed() > 4 * LOCKED);
+    eventually(async || {
         rest.extend(numbers(&claims(&store).await));
-        sleep(Duration::from_millis(20)).await;
-    }
+        rest.len() == 2
+    })
+    .await;
     rest.sort_unstable();
     assert_eq!(rest, [0, 3]);
 }
@@ -188,6 +198,17 @@ async fn submit_group(store: &Store, special: &[(u8, &str)]) -> Vec<JobId> {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_run_that_fails_does_not_affect_the_others_of_its_group() {
+    // On a slow machine, a worker may claim all runs one by one, which proves nothing.
+    for _ in 0..20 {
+        if failing_runs_affect_no_others().await {
+            return;
+        }
+    }
+    panic!("no group");
+}
+
+/// Whether the worker has stored several runs together.
+async fn failing_runs_affect_no_others() -> bool {
     let (db, store) = Database::fresh(Engine::Postgres).await;
     let special = [(60, "panic"), (61, "unreadable"), (110, "panic")];
     let jobs = submit_group(&store, &special).await;
@@ -205,8 +226,7 @@ async fn a_run_that_fails_does_not_affect_the_others_of_its_group() {
     workers.drain(PATIENCE).await;
     assert_eq!(stage.begun.load(Ordering::SeqCst), 140, "each run was computed once");
     // All runs of a transaction have the same time.
-    let transactions = db.count("SELECT count(DISTINCT finished) FROM run").await;
-    assert!(transactions < 130, "{transactions} transactions");
+    db.count("SELECT count(DISTINCT finished) FROM run").await < 130
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -11,9 +11,11 @@ use fretwork_store::{
 use serde_json::json;
 use sqlx::{Connection as _, Executor as _};
 use tempfile::TempDir;
+use tokio::time::{sleep, timeout};
 
 use crate::database::{Database, Engine};
-use crate::store::{accepted, body, fresh, key, new_job, open, raw};
+use crate::store::{accepted, body, fresh, key, new_job, open, open_with, raw};
+use crate::worker::PATIENCE;
 
 fn repeatable(number: u8, name: &str, sent: &str) -> NewJob {
     let fingerprint = sent.as_bytes().to_vec();
@@ -45,15 +47,14 @@ fn noise(letters: usize) -> String {
     (0..letters).map(letter).map(|c| if c == '\\' { '~' } else { c }).collect()
 }
 
-/// Waits for an effect of maintenance.
-pub async fn eventually<F: Future<Output = bool>>(holds: impl Fn() -> F) {
-    for _ in 0..1000 {
-        if holds().await {
-            return;
+/// Waits until something holds.
+pub async fn eventually(mut holds: impl AsyncFnMut() -> bool) {
+    let waiting = async {
+        while !holds().await {
+            sleep(Duration::from_millis(10)).await;
         }
-        tokio::time::sleep(Duration::from_millis(20)).await;
-    }
-    panic!("the effect did not occur within 20 s");
+    };
+    timeout(PATIENCE, waiting).await.expect("the effect does not occur");
 }
 
 async fn is_evicted(store: &Store, number: u8) -> bool {
@@ -247,15 +248,15 @@ async fn many_jobs_can_be_cancelled_with_a_filter(on: Engine) {
 
 #[tokio::test]
 async fn old_jobs_are_deleted_and_their_results_stay() {
-    let dir = TempDir::new().unwrap();
-    let options = Options { keep_jobs: Some(Duration::from_millis(50)), ..Options::default() };
-    let store = Store::open(dir.path().into(), &options).await.unwrap();
+    let (dir, store) = fresh().await;
     let waiting = accepted(store.submit(new_job(1)).await);
     let job = compute(&store, 1, 0).await;
     let later = accepted(store.submit(new_job(2)).await);
     assert_eq!(store.job(waiting.id).await.unwrap().unwrap().state, JobState::Succeeded);
-    let (store, id) = (&store, job.id);
-    eventually(|| async move { store.job(id).await.unwrap().is_none() }).await;
+    store.close().await;
+    let options = Options { keep_jobs: Some(Duration::from_millis(50)), ..Options::default() };
+    let store = open_with(dir.path(), &options).await;
+    eventually(async || store.job(job.id).await.unwrap().is_none()).await;
     assert!(store.job(later.id).await.unwrap().is_some(), "it is still queued");
     assert!(store.has_result(&key(1)).await.unwrap());
     let runs: i64 = sqlx::query_scalar("SELECT count(*) FROM run")
@@ -273,14 +274,14 @@ async fn the_least_recently_read_result_is_evicted_unless_it_is_pinned() {
     for number in 0..3 {
         compute(&store, number, 500_000).await;
         // Times of reading have a resolution of 1 ms.
-        tokio::time::sleep(Duration::from_millis(5)).await;
+        sleep(Duration::from_millis(5)).await;
     }
     let ada = || Editor { owner: "ada".into(), may_change_all: false };
     assert_eq!(store.pin(&key(0), true, ada()).await.unwrap(), Changed::Done);
     body(&store, 1).await;
-    tokio::time::sleep(Duration::from_millis(5)).await;
+    sleep(Duration::from_millis(5)).await;
     compute(&store, 3, 500_000).await;
-    tokio::time::sleep(Duration::from_millis(5)).await;
+    sleep(Duration::from_millis(5)).await;
     compute(&store, 4, 500_000).await;
     let store = &store;
     eventually(|| is_evicted(store, 2)).await;

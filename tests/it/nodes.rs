@@ -4,8 +4,8 @@ use std::fs::{self, Permissions};
 use std::io::{BufRead as _, BufReader};
 use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 
 use fretwork_job::{Cost, FailureKind, JobState, Origin};
 use fretwork_store::{
@@ -27,23 +27,37 @@ use crate::server::{JSON, metric, send};
 use crate::store::{accepted, answer, claim, job, key, new_job};
 use crate::studies::{long_sweep, processor_time};
 use crate::team::{Listener, has, states};
+use crate::worker::PATIENCE;
 
-/// Limit for an effect of a notification, which arrives within milliseconds. Without one, a server reads the tables
-/// after 5 s.
-const SOON: Duration = Duration::from_secs(1);
-
-/// An empty database, opened by a number of servers.
+/// An empty database, opened by a number of servers. During a test, these servers read the tables again and stop workers
+/// only because of notifications.
 async fn servers<const COUNT: usize>() -> (Database, [Store; COUNT]) {
+    let hour = Duration::from_hours(1);
+    let options = Options { lease: hour, poll: hour, ..Options::default() };
     let db = Database::new(Engine::Postgres);
     let mut stores = Vec::new();
     for _ in 0..COUNT {
-        stores.push(db.open().await);
+        let store = db.open_with(&options).await;
+        listens(&db, &store).await;
+        stores.push(store);
     }
-    // The servers begin to listen to notifications in the background.
-    let listening = "SELECT count(*) FROM pg_stat_activity
-        WHERE datname = current_database() AND query ILIKE 'LISTEN%'";
-    eventually(async || db.count(listening).await.unsigned_abs() == COUNT as u64).await;
     (db, stores.try_into().unwrap())
+}
+
+/// Waits until a server listens to notifications. It begins in the background, and then reads the tables once.
+async fn listens(db: &Database, store: &Store) {
+    let mut deletions = store.watch_deletions();
+    eventually(async || {
+        db.execute(&format!("SELECT pg_notify('fretwork', E'test\\ndeleted {}')", key(0))).await;
+        let heard = timeout(Duration::from_millis(100), deletions.next()).await;
+        heard.is_ok_and(|deleted| deleted == Some(key(0)))
+    })
+    .await;
+}
+
+/// The integer that a statement returns.
+async fn count(db: &mut PgConnection, query: &'static str) -> i64 {
+    sqlx::query_scalar(query).fetch_one(db).await.unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -129,18 +143,16 @@ async fn workers_of_several_servers_share_the_queue_without_claiming_a_run_twice
 async fn a_wait_at_one_server_ends_when_another_one_ends_the_job() {
     let (_db, [front, worker]) = servers().await;
     let submitted = accepted(front.submit(new_job(1)).await);
-    let waiting = front.wait(submitted.clone(), std::future::pending());
+    let waiting = timeout(PATIENCE, front.wait(submitted.clone(), std::future::pending()));
     let mut changes = front.watch(&key(1));
     let computing = async {
         let claimed = claim(&worker).await;
-        timeout(SOON, changes.changed()).await.expect("the other server hears of the claim");
-        let ended = Instant::now();
+        timeout(PATIENCE, changes.changed()).await.expect("the other server hears of the claim");
         worker.finish(&claimed, &answer("a"), Cost::ZERO).await.unwrap();
-        ended
     };
-    let (waited, ended) = tokio::join!(waiting, computing);
-    assert_eq!(waited.unwrap().state, JobState::Succeeded);
-    assert!(ended.elapsed() < SOON, "{:?}", ended.elapsed());
+    let (waited, ()) = tokio::join!(waiting, computing);
+    let waited = waited.expect("the other server hears of the end").unwrap();
+    assert_eq!(waited.state, JobState::Succeeded);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -149,7 +161,7 @@ async fn a_worker_is_notified_of_a_run_that_another_server_has_queued() {
     assert!(worker.claim().await.unwrap().is_none());
     let mut queue = worker.watch_queue();
     accepted(front.submit(new_job(1)).await);
-    timeout(SOON, queue.changed()).await.expect("the worker hears of the run");
+    timeout(PATIENCE, queue.changed()).await.expect("the worker hears of the run");
     claim(&worker).await;
 }
 
@@ -159,13 +171,9 @@ async fn a_cancellation_at_one_server_stops_the_worker_of_another_one() {
     for new in [new_job(1), study(2, 5)] {
         let submitted = accepted(front.submit(new).await);
         let claimed = claim(&worker).await;
-        let canceled = Instant::now();
         let done = front.cancel(submitted.id, Actor::default()).await.unwrap();
         assert!(matches!(done, Canceled::Done(_)), "{done:?}");
-        while !claimed.stop.is_raised() {
-            assert!(canceled.elapsed() < SOON, "the worker was not stopped");
-            sleep(Duration::from_millis(1)).await;
-        }
+        eventually(async || claimed.stop.is_raised()).await;
         worker.stopped(&claimed).await.unwrap();
         assert_eq!(job(&front, submitted.id).await.state, JobState::Canceled);
     }
@@ -174,17 +182,18 @@ async fn a_cancellation_at_one_server_stops_the_worker_of_another_one() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_lease_that_is_not_renewed_is_taken_away_and_its_worker_changes_nothing() {
     let db = Database::new(Engine::Postgres);
-    let lease = Options { lease: Duration::from_secs(1), ..Options::default() };
-    let dying = db.open_with(&lease).await;
+    let lease = Options { lease: Duration::from_secs(3), ..Options::default() };
+    let (dying, other) = (db.open_with(&lease).await, db.open_with(&lease).await);
     let submitted = accepted(dying.submit(new_job(1)).await);
     let claimed = claim(&dying).await;
     // The background tasks of the store renew its lease.
-    let other = db.open_with(&lease).await;
-    sleep(Duration::from_secs(2)).await;
+    let end = db.count("SELECT expires FROM lease").await;
+    eventually(async || db.count("SELECT expires FROM lease").await > end).await;
     assert_eq!(other.recover().await.unwrap(), Recovered::default());
     assert_eq!(job(&other, submitted.id).await.state, JobState::Running);
-    // The store stops as if its machine were switched off. It does not give the lease back.
+    // The store stops as if its machine were switched off. It does not give the lease back. Then the lease ends.
     dying.close().await;
+    db.execute("UPDATE lease SET expires = 0").await;
     eventually(async || job(&other, submitted.id).await.state == JobState::Queued).await;
     let second = claim(&other).await;
     assert_eq!(second.attempt, 2);
@@ -208,24 +217,36 @@ async fn set_clock(db: &mut PgConnection, ahead: i64) {
     sqlx::raw_sql(sqlx::AssertSqlSafe(change)).execute(db).await.unwrap();
 }
 
-/// Steps of the clock by an hour or a day, in seconds.
-const STEPS: [i64; 6] = [3600, 3600, 86_400, -3600, -86_400, 86_400];
+fn is_long() -> bool {
+    std::env::var_os("FRETWORK_TEST_LONG").is_some()
+}
+
+/// Steps of the clock by an hour or a day, in seconds. `tests/long` takes more of them.
+fn steps() -> &'static [i64] {
+    const STEPS: [i64; 6] = [3600, 3600, 86_400, -3600, -86_400, 86_400];
+    if is_long() { &STEPS } else { &STEPS[2..5] }
+}
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn no_living_node_loses_its_lease_when_the_clock_of_the_database_steps() {
+    /// After a step, the worker renews its lease within a third of it. The other server waits for half of it. So a slow
+    /// machine has the difference of 0.8 s for the renewal. This makes the test take some 10 s, almost all of it asleep.
+    const LEASE: Duration = Duration::from_secs(5);
     let db = Database::new(Engine::Postgres);
-    let lease = Options { lease: Duration::from_secs(1), ..Options::default() };
+    let lease = Options { lease: LEASE, ..Options::default() };
     let (worker, other) = (db.open_with(&lease).await, db.open_with(&lease).await);
     let submitted = accepted(other.submit(new_job(1)).await);
     let claimed = claim(&worker).await;
     let mut raw = PgConnection::connect(&db.address()).await.unwrap();
     let mut ahead = 0;
-    for step in STEPS {
+    for step in steps() {
         // After this time the other server could take leases away, if they had expired.
-        sleep(Duration::from_millis(800)).await;
+        sleep(LEASE / 2 + Duration::from_millis(100)).await;
         ahead += step;
         set_clock(&mut raw, ahead).await;
-        sleep(Duration::from_millis(1200)).await;
+        let late =
+            "SELECT count(*) FROM lease WHERE expires NOT BETWEEN moment() AND moment() + lasts";
+        eventually(async || count(&mut raw, late).await == 0).await;
         let now = job(&other, submitted.id).await;
         assert_eq!((now.state, now.attempt), (JobState::Running, 1), "a step of {step} s");
     }
@@ -244,10 +265,8 @@ async fn the_lease_of_a_dead_node_ends_after_a_step_of_the_clock_in_each_directi
         claim(&dying).await;
         dying.close().await;
         set_clock(&mut raw, ahead).await;
-        let stepped = Instant::now();
+        // Each step is longer than this waits.
         eventually(async || job(&other, submitted.id).await.state == JobState::Queued).await;
-        // The lease and its margin take 1.2 s. The limit is longer for slow machines.
-        assert!(stepped.elapsed() < Duration::from_secs(4), "{:?}", stepped.elapsed());
         let again = claim(&other).await;
         assert_eq!(again.key, key(number));
         other.finish(&again, &answer("a"), Cost::ZERO).await.unwrap();
@@ -324,7 +343,7 @@ async fn a_store_reconnects_after_its_connections_were_cut() {
     let (db, [store, other]) = servers().await;
     for number in 0..3 {
         accepted(store.submit(new_job(number)).await);
-        let cut = "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity
+        let cut = "SELECT count(pg_terminate_backend(pid, 10000)) FROM pg_stat_activity
             WHERE datname = current_database() AND pid <> pg_backend_pid()";
         assert!(db.count(cut).await >= 2);
         // Reads and changes work again at once.
@@ -334,41 +353,36 @@ async fn a_store_reconnects_after_its_connections_were_cut() {
         assert_eq!(finish, Finish::Stored);
     }
     // Notifications work again too.
-    let told = async || {
-        let mut queue = other.watch_queue();
-        store.submit(new_job(next_number())).await.unwrap();
-        timeout(SOON, queue.changed()).await.is_ok()
-    };
-    eventually(told).await;
+    listens(&db, &other).await;
+    let mut queue = other.watch_queue();
+    accepted(store.submit(new_job(3)).await);
+    timeout(PATIENCE, queue.changed()).await.expect("the other server hears of the run");
 }
 
-/// A number for a job that no other submission has.
-fn next_number() -> u8 {
-    static NEXT: AtomicU8 = AtomicU8::new(100);
-    NEXT.fetch_add(1, Ordering::Relaxed)
-}
+/// The usual time of a lease. The leases of dead workers end earlier, because the tests change the table.
+const LEASE: &str = "3s";
 
 /// A command that starts a server or a worker on this PostgreSQL server.
-fn node(command: Command, cluster: &Cluster) -> Command {
+fn node(command: Command, cluster: &Cluster, lease: &str) -> Command {
     let mut command = command;
-    command.env("FRETWORK_DATABASE", cluster.address()).env("FRETWORK_LEASE", "1s");
+    command.env("FRETWORK_DATABASE", cluster.address()).env("FRETWORK_LEASE", lease);
     command
 }
 
 /// A server without workers.
-fn front(cluster: &Cluster, dir: &TempDir) -> Program {
-    Program::start_by(node(fretwork(&["--workers", "0"]), cluster), dir.path())
+fn front(cluster: &Cluster, dir: &TempDir, lease: &str) -> Program {
+    Program::start_by(node(fretwork(&["--workers", "0"]), cluster, lease), dir.path())
 }
 
-fn worker(cluster: &Cluster) -> Running {
-    let mut command = node(fretwork(&["worker", "--workers", "1"]), cluster);
+fn worker(cluster: &Cluster, lease: &str) -> Running {
+    let mut command = node(fretwork(&["worker", "--workers", "1"]), cluster, lease);
     Running(command.env("FRETWORK_LOG", "off").spawn().unwrap())
 }
 
 /// A worker that answers monitors.
 fn monitored_worker(cluster: &Cluster) -> Program {
-    let words = ["worker", "--workers", "1", "--listen", "127.0.0.1:0", "--drain-seconds", "1"];
-    let mut command = node(fretwork(&words), cluster);
+    let words = ["worker", "--workers", "1", "--listen", "127.0.0.1:0", "--drain-seconds", "3"];
+    let mut command = node(fretwork(&words), cluster, LEASE);
     command.env("FRETWORK_LOG", "off").stdout(Stdio::piped());
     let mut child = Running(command.spawn().unwrap());
     let mut line = String::new();
@@ -390,17 +404,15 @@ fn signal_all(processes: &[Running], name: &str) {
 
 /// Stops all workers at a moment when at least one of them computes.
 async fn stop_while_computing(workers: &[Running], db: &mut PgConnection) {
-    let deadline = Instant::now() + Duration::from_mins(1);
-    loop {
+    eventually(async || {
         signal_all(workers, "-STOP");
-        let leases = sqlx::query_scalar::<_, i64>("SELECT count(*) FROM lease");
-        if leases.fetch_one(&mut *db).await.unwrap() > 0 {
-            return;
+        let computes = count(db, "SELECT count(*) FROM lease").await > 0;
+        if !computes {
+            signal_all(workers, "-CONT");
         }
-        assert!(Instant::now() < deadline, "no worker computes");
-        signal_all(workers, "-CONT");
-        sleep(Duration::from_millis(3)).await;
-    }
+        computes
+    })
+    .await;
 }
 
 /// Submits bodies to a server. Tries again while the server cannot reach the database. Returns each with the id of its
@@ -430,14 +442,15 @@ async fn submit_all(server: &Program, bodies: Vec<Value>) -> Vec<(Value, String)
 async fn results(server: &Program, ids: Vec<(Value, String)>) -> Vec<(Value, Vec<u8>)> {
     let mut results = Vec::new();
     for (body, id) in ids {
-        let deadline = Instant::now() + Duration::from_mins(2);
-        let job = loop {
-            assert!(Instant::now() < deadline, "this has not ended: {body}");
+        let mut job = Value::Null;
+        eventually(async || {
             let reply = server.get(&format!("/v1/jobs/{id}?wait=5")).await;
-            if reply.status == 200 && reply.json()["times"]["finished"].is_string() {
-                break reply.json();
+            if reply.status == 200 {
+                job = reply.json();
             }
-        };
+            job["times"]["finished"].is_string()
+        })
+        .await;
         assert_eq!(job["state"], "succeeded", "{job}");
         results.push((body, server.result(&job).await));
     }
@@ -467,15 +480,15 @@ fn load(round: u32) -> Vec<Value> {
 
 /// How often workers are killed or stopped. `tests/long` sets the variable.
 fn rounds() -> u32 {
-    if std::env::var_os("FRETWORK_TEST_LONG").is_some() { 50 } else { 3 }
+    if is_long() { 50 } else { 3 }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
     let cluster = Cluster::start(&["--durable"]);
     let dir = TempDir::new().unwrap();
-    let front = front(&cluster, &dir);
-    let mut workers = [(); 3].map(|()| worker(&cluster));
+    let front = front(&cluster, &dir, LEASE);
+    let mut workers = [(); 3].map(|()| worker(&cluster, LEASE));
     let mut all = Vec::new();
     let mut db = PgConnection::connect(cluster.address()).await.unwrap();
     let (mut round, mut interrupted) = (0, 0);
@@ -484,20 +497,25 @@ async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
         assert!(round < 80, "no worker was interrupted while it computed");
         let submitting = submit_all(&front, load(round));
         let (ids, ()) = tokio::join!(submitting, stop_while_computing(&workers, &mut db));
-        if round % 2 == 0 {
+        sqlx::query("UPDATE lease SET expires = 0").execute(&mut db).await.unwrap();
+        let other = if round % 2 == 0 {
             signal_all(&workers, "-KILL");
-            workers = [(); 3].map(|()| worker(&cluster));
+            workers = [(); 3].map(|()| worker(&cluster, LEASE));
+            None
         } else {
-            // Another worker takes over the runs of the frozen workers, which continue after their leases have expired.
-            let _other = worker(&cluster);
-            sleep(Duration::from_millis(2500)).await;
+            // Another worker takes over the runs of the frozen workers, which continue afterwards.
+            let other = worker(&cluster, LEASE);
+            let left = "SELECT (SELECT count(*) FROM lease WHERE expires = 0)
+                + (EXISTS (SELECT 1 FROM run WHERE finished IS NULL) AND NOT EXISTS (SELECT 1 FROM lease))::INTEGER";
+            eventually(async || count(&mut db, left).await == 0).await;
             signal_all(&workers, "-CONT");
-        }
+            Some(other)
+        };
         all.extend(results(&front, ids).await);
-        let query = sqlx::query_scalar::<_, i64>(
-            "SELECT (SELECT count(*) FROM run WHERE attempt > 1) + (SELECT count(*) FROM chunk WHERE attempt > 1)",
-        );
-        interrupted = query.fetch_one(&mut db).await.unwrap();
+        drop(other);
+        let attempts = "SELECT (SELECT count(*) FROM run WHERE attempt > 1)
+            + (SELECT count(*) FROM chunk WHERE attempt > 1)";
+        interrupted = count(&mut db, attempts).await;
         round += 1;
     }
     equal_undisturbed_results(all).await;
@@ -506,22 +524,31 @@ async fn killed_and_frozen_workers_lose_no_run_and_change_no_result() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_worker_ends_by_itself_when_its_time_is_over_and_when_nothing_is_left_to_compute() {
     let (cluster, dir) = (Cluster::start(&[]), TempDir::new().unwrap());
-    let front = front(&cluster, &dir);
-    let ids = submit_all(&front, vec![long_sweep(100_000)]).await;
+    let front = front(&cluster, &dir, LEASE);
+    let ids = submit_all(&front, vec![long_sweep(40_000)]).await;
     let work = |option: &str, time: &str| {
-        let mut command = node(fretwork(&["worker", "--workers", "1", option, time]), &cluster);
+        let words = ["worker", "--workers", "1", option, time];
+        let mut command = node(fretwork(&words), &cluster, LEASE);
         assert!(command.env("FRETWORK_LOG", "off").status().unwrap().success());
     };
-    work("--until", "1s");
-    let job = front.get(&format!("/v1/jobs/{}", ids[0].1)).await.json();
-    let progress = job["progress"].as_f64().unwrap();
-    assert!(0.0 < progress && progress < 1.0, "{job}");
+    let progress = async || {
+        let job = front.get(&format!("/v1/jobs/{}", ids[0].1)).await.json();
+        job["progress"].as_f64().unwrap()
+    };
+    // On a slow machine, the first workers may finish no chunk.
+    eventually(async || {
+        work("--until", "1s");
+        progress().await > 0.0
+    })
+    .await;
+    assert!(progress().await < 1.0);
     let mut db = PgConnection::connect(cluster.address()).await.unwrap();
     let begun =
         "SELECT (SELECT count(*) FROM lease) + (SELECT count(*) FROM chunk WHERE attempt > 1)";
-    let begun: i64 = sqlx::query_scalar(begun).fetch_one(&mut db).await.unwrap();
+    let begun = count(&mut db, begun).await;
     assert_eq!(begun, 0, "chunks that the worker has begun and not finished");
-    work("--idle-exit", "1s");
+    // On a slow machine, a worker may begin its first chunk later than after 1 s.
+    work("--idle-exit", "3s");
     equal_undisturbed_results(results(&front, ids).await).await;
 }
 
@@ -529,18 +556,19 @@ async fn a_worker_ends_by_itself_when_its_time_is_over_and_when_nothing_is_left_
 async fn a_restart_of_the_database_loses_nothing_that_was_acknowledged() {
     let mut cluster = Cluster::start(&["--durable"]);
     let dir = TempDir::new().unwrap();
-    let front = front(&cluster, &dir);
-    let _workers = [(); 2].map(|()| worker(&cluster));
+    let front = front(&cluster, &dir, LEASE);
+    let _workers = [(); 2].map(|()| worker(&cluster, LEASE));
+    let mut db = PgConnection::connect(cluster.address()).await.unwrap();
     let mut ids = submit_all(&front, load(0)).await;
-    sleep(Duration::from_millis(100)).await;
+    eventually(async || count(&mut db, "SELECT count(*) FROM lease").await > 0).await;
     cluster.restart();
     ids.extend(submit_all(&front, load(1)).await);
     equal_undisturbed_results(results(&front, ids).await).await;
 }
 
-/// A run of some six seconds.
+/// A run that no test computes to its end.
 fn very_long() -> Value {
-    blocks(10)
+    blocks(200)
 }
 
 /// A run of blocks with the smallest tolerance. Each block takes about half a second.
@@ -549,7 +577,7 @@ fn blocks(count: u32) -> Value {
     let scenario = &mut body["scenario"];
     scenario["model"] = json!({"method": "exact", "tolerance": 1e-4, "points": 1024});
     scenario["load"]["held"] = json!("force");
-    let block = |number: u32| json!({"amplitude": 2e-6 + 1e-7 * f64::from(number), "cycles": 1e8});
+    let block = |number: u32| json!({"amplitude": 2e-6 + 1e-6 * f64::from(number) / f64::from(count), "cycles": 1e8});
     scenario["motion"] = json!({"blocks": (0..count).map(block).collect::<Vec<_>>()});
     scenario["cycles"] = json!([1e8, 1e8 * f64::from(count)]);
     body
@@ -559,90 +587,67 @@ fn blocks(count: u32) -> Value {
 async fn no_lease_is_lost_while_the_database_does_not_answer() {
     let cluster = Cluster::start(&[]);
     let dir = TempDir::new().unwrap();
-    let front = front(&cluster, &dir);
-    let _workers = [(); 2].map(|()| worker(&cluster));
+    let front = front(&cluster, &dir, LEASE);
+    let _workers = [(); 2].map(|()| worker(&cluster, LEASE));
     let job = submit_all(&front, vec![very_long()]).await.remove(0).1;
     let mut db = PgConnection::connect(cluster.address()).await.unwrap();
-    let leases = "SELECT count(*) FROM lease WHERE expires > moment()";
-    let mut count =
-        async || -> i64 { sqlx::query_scalar(leases).fetch_one(&mut db).await.unwrap() };
-    while count().await == 0 {
-        sleep(Duration::from_millis(5)).await;
-    }
-    // The database stops for longer than a lease. Then all nodes see at the same time that the lease has expired.
+    let renewed = "SELECT count(*) FROM lease WHERE expires > moment()";
+    eventually(async || count(&mut db, renewed).await == 1).await;
+    // The database stops for longer than a lease and its margin. Then all nodes see at the same time that the lease has
+    // expired. They wait for half of a lease, 1.5 s, so a slow machine has this time for the renewal.
     cluster.signal("-STOP");
-    sleep(Duration::from_secs(2)).await;
+    sleep(Duration::from_millis(3700)).await;
     cluster.signal("-CONT");
-    sleep(Duration::from_millis(1500)).await;
-    assert_eq!(count().await, 1, "the worker has renewed its lease");
+    eventually(async || count(&mut db, renewed).await == 1).await;
     let job = front.get(&format!("/v1/jobs/{job}")).await.json();
     assert_eq!((&job["state"], &job["attempt"]), (&json!("running"), &json!(1)), "{job}");
 }
 
 /// A scenario that takes some seconds and that no other round has.
 fn slow(round: u32, number: u32) -> Value {
-    let mut body = blocks(12);
+    let mut body = blocks(6);
     body["scenario"]["friction"] = json!(0.5 + 1e-6 * f64::from(2 * round + number));
     body
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn every_run_ends_in_time_after_a_step_of_the_clock_of_the_database() {
-    // The time after which a lease of 1 s is taken away, including the margin.
-    const TAKEN: Duration = Duration::from_millis(1200);
-    let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
+    // After a step, a node renews its lease within a third of it. The others wait for half of it. So a slow machine has the
+    // difference of 1 s for the renewal. This makes the test take some 20 s.
+    const LEASE: &str = "6s";
     let file = NamedTempFile::new().unwrap();
     fs::set_permissions(file.path(), Permissions::from_mode(0o644)).unwrap();
     fs::write(file.path(), "+0").unwrap();
     // A PostgreSQL server that reads its clock from a file needs another package and is slow. So only tests/long uses
     // it.
     let options = ["--clock", file.path().to_str().unwrap()];
-    let cluster = Cluster::start(if is_long { &options } else { &[] });
+    let cluster = Cluster::start(if is_long() { &options } else { &[] });
     let dir = TempDir::new().unwrap();
-    let front = front(&cluster, &dir);
-    let mut living = worker(&cluster);
-    let begun = Instant::now();
-    results(&front, submit_all(&front, vec![slow(0, 0)]).await).await;
-    let own = begun.elapsed();
-
+    let front = front(&cluster, &dir, LEASE);
+    let _living = worker(&cluster, LEASE);
+    // The server must be in contact with the database for this time before it revokes leases.
+    sleep(Duration::from_secs(3)).await;
     let mut db = PgConnection::connect(cluster.address()).await.unwrap();
     let mut ahead = 0;
-    for (round, step) in (1..).zip(if is_long { &STEPS[..] } else { &STEPS[2..5] }) {
-        let dying = worker(&cluster);
+    for (round, step) in (1..).zip(steps()) {
+        let dying = worker(&cluster, LEASE);
         let ids = submit_all(&front, vec![slow(round, 0), slow(round, 1)]).await;
         let running = "SELECT count(*) FROM run WHERE state = 'running'";
-        while sqlx::query_scalar::<_, i64>(running).fetch_one(&mut db).await.unwrap() < 2 {
-            sleep(Duration::from_millis(5)).await;
-        }
-        // The other servers must be in contact with the database for some time before they take leases away.
-        sleep(Duration::from_millis(600)).await;
+        eventually(async || count(&mut db, running).await == 2).await;
         drop(dying);
-        let third = worker(&cluster);
+        let _third = worker(&cluster, LEASE);
         ahead += step;
-        if is_long {
+        if is_long() {
             fs::write(file.path(), format!("{ahead:+}")).unwrap();
         } else {
             set_clock(&mut db, ahead).await;
         }
-        let stepped = Instant::now();
+        // Each step is longer than this waits.
         results(&front, ids).await;
-        let took = stepped.elapsed();
-        println!("{step:+} s: all runs ended after {took:.1?}, of which a run takes {own:.1?}");
-        assert!(took < TAKEN + 3 * own, "{took:?}");
         let attempts =
             "SELECT sum(attempt)::BIGINT FROM run WHERE id > (SELECT max(id) - 2 FROM run)";
-        let attempts: i64 = sqlx::query_scalar(attempts).fetch_one(&mut db).await.unwrap();
+        let attempts = count(&mut db, attempts).await;
         assert_eq!(attempts, 3, "only the run of the dead worker starts again");
-        living = third;
-    }
-    drop(living);
-}
-
-/// Asserts that a server shows a job as canceled within a second.
-async fn is_soon_canceled(front: &Program, job: &str, since: Instant) {
-    while front.get(&format!("/v1/jobs/{job}")).await.json()["state"] != "canceled" {
-        assert!(since.elapsed() < SOON, "the job was not canceled within a second");
-        sleep(Duration::from_millis(5)).await;
     }
 }
 
@@ -650,8 +655,8 @@ async fn is_soon_canceled(front: &Program, job: &str, since: Instant) {
 async fn separate_server_and_worker_processes_share_runs_results_and_cancellations() {
     let cluster = Cluster::start(&[]);
     let dirs = [(); 3].map(|()| TempDir::new().unwrap());
-    let fronts = dirs.each_ref().map(|dir| front(&cluster, dir));
-    let worker = worker(&cluster);
+    let fronts = dirs.each_ref().map(|dir| front(&cluster, dir, LEASE));
+    let worker = worker(&cluster, LEASE);
     let mut db = PgConnection::connect(cluster.address()).await.unwrap();
 
     // Equal submissions to all servers share one run. A server would compute a shorter run itself, without the queue.
@@ -667,39 +672,36 @@ async fn separate_server_and_worker_processes_share_runs_results_and_cancellatio
     let replies = submissions.join_all().await;
     let jobs: Vec<_> = replies.iter().map(|reply| (reply.status, reply.json())).collect();
     assert!(jobs.iter().all(|(status, job)| *status == 200 && job["state"] == "succeeded"));
-    let runs = sqlx::query_scalar::<_, i64>("SELECT count(*) FROM run");
-    assert_eq!(runs.fetch_one(&mut db).await.unwrap(), 1);
+    assert_eq!(count(&mut db, "SELECT count(*) FROM run").await, 1);
 
     // A server that has a deleted result in memory stops serving it.
     let result = jobs[0].1["links"]["result"].as_str().unwrap();
     assert_eq!(fronts[0].get(result).await.status, 200);
     let deleted = send(fronts[1].address, "DELETE", result, &[], "").await.unwrap();
     assert_eq!(deleted.status, 204);
-    let since = Instant::now();
-    while fronts[0].get(result).await.status != 410 {
-        assert!(since.elapsed() < SOON, "a deleted result is still served");
-    }
+    eventually(async || fronts[0].get(result).await.status == 410).await;
 
     // One server sends the events of a job, and another server cancels the job.
     for body in [very_long(), long_sweep(250_000)] {
         let job = submit_all(&fronts[0], vec![body]).await.remove(0).1;
         let mut listener = Listener::connect(fronts[0].address, &job, None).await.unwrap();
         let begun = listener.until(|events| has(events, "progress"));
-        let events = timeout(Duration::from_mins(1), begun).await.unwrap();
+        let events = timeout(PATIENCE, begun).await.unwrap();
         assert_eq!(states(&events).last().map(|(_, state)| *state), Some("running"), "{events:?}");
         let cancel = format!("/v1/jobs/{job}/cancel");
-        let canceled = Instant::now();
         let reply = send(fronts[1].address, "POST", &cancel, &[], "").await.unwrap();
         assert!(matches!(reply.status, 200 | 202), "{}", reply.text());
-        is_soon_canceled(&fronts[2], &job, canceled).await;
-        let events = timeout(SOON, listener.until(|_| false)).await.unwrap();
+        let job = format!("/v1/jobs/{job}");
+        eventually(async || fronts[2].get(&job).await.json()["state"] == "canceled").await;
+        let events = timeout(PATIENCE, listener.until(|_| false)).await.unwrap();
         assert_eq!(states(&events).last().map(|(_, state)| *state), Some("canceled"), "{events:?}");
-        assert!(canceled.elapsed() < SOON, "the event came after {:?}", canceled.elapsed());
-        sleep(Duration::from_millis(100)).await;
-        let before = processor_time(worker.id());
-        sleep(Duration::from_millis(500)).await;
-        let used = processor_time(worker.id()).checked_sub(before).unwrap();
-        assert!(used < Duration::from_millis(100), "the worker used {used:?} of 500 ms");
+        // The worker stops using the processor.
+        eventually(async || {
+            let before = processor_time(worker.id());
+            sleep(Duration::from_millis(200)).await;
+            processor_time(worker.id()) <= before + Duration::from_millis(20)
+        })
+        .await;
     }
 }
 
@@ -740,7 +742,7 @@ async fn a_worker_answers_monitors_and_serves_nothing_else() {
 async fn a_worker_that_drains_is_not_ready_and_releases_its_run() {
     let cluster = Cluster::start(&[]);
     let dir = TempDir::new().unwrap();
-    let front = front(&cluster, &dir);
+    let front = front(&cluster, &dir, LEASE);
     let worker = monitored_worker(&cluster);
     // The job takes longer than the worker may drain.
     let job = submit_all(&front, vec![very_long()]).await.remove(0).1;

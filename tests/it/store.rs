@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::num::NonZeroU32;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork_store::{
@@ -21,6 +21,7 @@ use tokio::task::JoinSet;
 use tokio::time::sleep;
 
 use crate::database::{Database, Engine, Raw};
+use crate::worker::PATIENCE;
 
 pub fn key(number: u8) -> Key {
     Key::from_bytes([number; 32])
@@ -56,14 +57,20 @@ pub fn accepted(submitted: Result<Submitted, Error>) -> Job {
 }
 
 pub async fn open(dir: &Path) -> Store {
-    for _ in 0..100 {
-        match Store::open(dir.into(), &Options::default()).await {
+    open_with(dir, &Options::default()).await
+}
+
+pub async fn open_with(dir: &Path, options: &Options) -> Store {
+    let begun = Instant::now();
+    loop {
+        match Store::open(dir.into(), options).await {
             // While another test starts a program, the new process holds copies of all open locks for a moment.
-            Err(Error::Locked { .. }) => sleep(Duration::from_millis(10)).await,
+            Err(Error::Locked { .. }) if begun.elapsed() < PATIENCE => {
+                sleep(Duration::from_millis(10)).await;
+            }
             opened => return opened.unwrap(),
         }
     }
-    panic!("{} stays locked", dir.display());
 }
 
 pub async fn fresh() -> (TempDir, Store) {

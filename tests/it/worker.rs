@@ -13,8 +13,8 @@ use sqlx::Executor;
 
 use crate::store::{accepted, body, fresh, new_job, raw};
 
-/// A test that takes longer than this is stuck.
-pub const PATIENCE: Duration = Duration::from_mins(1);
+/// A test that waits longer than this is stuck, even on a slow machine.
+pub const PATIENCE: Duration = Duration::from_mins(2);
 
 /// State that a test shares with its tasks: a gate that holds them back, and counters.
 #[derive(Default)]

@@ -25,6 +25,8 @@ pub struct Options {
     /// Servers that share a database renew the leases of their runs. If a server has not renewed a lease for this time,
     /// another server takes over the run.
     pub lease: Duration,
+    /// Servers that share a database read the tables again at this interval, even without a notification.
+    pub poll: Duration,
 }
 
 impl Default for Options {
@@ -37,6 +39,7 @@ impl Default for Options {
             pin_quota: 1 << 30,
             disk: None,
             lease: Duration::from_secs(30),
+            poll: Duration::from_secs(5),
         }
     }
 }

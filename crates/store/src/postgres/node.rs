@@ -20,8 +20,6 @@ use crate::signals::Signals;
 
 /// The queue is counted at this interval, for the metrics and the limit of the queue.
 const COUNT: Duration = Duration::from_secs(1);
-/// Waiting clients and workers read the tables again at this interval even without a signal.
-const POLL: Duration = Duration::from_secs(5);
 /// After this time without a notification, the connection is tested. This is also the timeout of the test.
 const SILENCE: Duration = Duration::from_secs(20);
 /// Maximum pause after an error, before leases are renewed, notifications are sent or the listener is connected again.
@@ -44,7 +42,7 @@ pub(super) fn start(
         (COUNT, Chore::Count),
         (db.0.node.renewal(), Chore::Renew),
         (options.lease / 6, Chore::Reclaim),
-        (POLL, Chore::Look),
+        (options.poll, Chore::Look),
         (UPKEEP, Chore::Upkeep(upkeep)),
     ] {
         spawn(closed, repeat(every, chore, Arc::downgrade(&db.0)));
@@ -109,7 +107,8 @@ async fn repeat(every: Duration, mut chore: Chore, db: Weak<Parts>) {
         }
         failed = done.is_err();
         if failed && matches!(chore, Chore::Renew) {
-            ticks.reset_after(PAUSE.min(every));
+            // Other servers wait for half of a lease before they revoke one. The next attempts must be within this time.
+            ticks.reset_after(PAUSE.min(every / 4));
         }
     }
 }
