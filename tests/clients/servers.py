@@ -15,7 +15,7 @@ import tempfile
 
 from playwright.sync_api import expect
 
-from browser import LONG, LOOKS, Clock, Server, ask, blocks, curves, item, opened
+from browser import LONG, LOOKS, Clock, Server, ask, blocks, curves, ended, item, opened, until
 from vary import beyond_a_limit
 
 server = functools.partial(Server, sys.argv[1])
@@ -49,9 +49,12 @@ def library(browser, base):
     assert page.locator("path.worn").count() < 40
     # The last row is reached by the keyboard.
     region.focus()
-    while names.last.inner_text() != "Friction 500":
+
+    def is_at_end():
         page.keyboard.press("End")
-        page.wait_for_timeout(50)
+        return names.last.inner_text() == "Friction 500"
+
+    until(page, is_at_end)
     page.keyboard.press("End")
     expect(names.last).to_be_in_viewport()
     expect(entries.last.locator("path.worn")).to_have_count(1)
@@ -89,7 +92,7 @@ def interrupt(browser, data):
         interrupted()
         expect(page.locator("[data-item=attempt]")).to_contain_text("2")
         assert "last-event-id" not in streams[0] and int(streams[-1]["last-event-id"]) >= 1, streams
-        page.wait_for_url("**/#/result/*", timeout=240000)
+        page.wait_for_url("**/#/result/*")
         page.wait_for_selector("section[aria-label=History] .curve")
 
         # After three lost attempts the server gives up.
@@ -112,7 +115,7 @@ def interrupt(browser, data):
             friction = next(frictions) / 1000
             label = f"A load spectrum of a thousand blocks, µ = {friction}"
             body = {"scenario": {**LONG, "friction": friction}, "label": label, "tags": ["long"]}
-            return f"/#/run/{ask(own.base, '/v1/jobs', body, wait=0)['id']}"
+            return f"/#/run/{ask(own.base, '/v1/jobs', body, wait=False)['id']}"
 
         def cancel():
             ask(own.base, "/v1/jobs/cancel?tag=long", method="POST")
@@ -185,12 +188,12 @@ def from_the_queue(page, base):
     for state in ("running", "queued", "canceled", "failed"):
         edit_run(page.locator(f"tr:has(.state.{state})"), state)
     examples = [example["body"] for example in ask(base, "/v1/examples")]
-    jobs = [ask(base, "/v1/jobs", body, wait=0) for body in examples]
-    for body in examples:
-        edit_run(page.locator("tr", has=page.get_by_role("link", name=body["label"], exact=True)), "queued", body["scenario"])
+    jobs = [ask(base, "/v1/jobs", body, wait=False) for body in examples]
+    # Below, the form opens each of them from its result.
+    edit_run(page.locator("tr", has=page.get_by_role("link", name=examples[0]["label"], exact=True)), "queued", examples[0]["scenario"])
     ask(base, "/v1/jobs/cancel?tag=long", method="POST")
     for body, job in zip(examples, jobs):
-        assert ask(base, f"/v1/jobs/{job['id']}?wait=20")["state"] == "succeeded", job
+        assert ended(base, job["id"])["state"] == "succeeded", job
         page.goto(base + "/#/queue")
         page.get_by_role("link", name=job["label"], exact=True).click()
         page.wait_for_url("**/#/result/*")
