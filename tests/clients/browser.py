@@ -11,19 +11,24 @@ import re
 import shutil
 import socket
 import subprocess
+import sys
 import time
 import urllib.request
 
 from playwright.sync_api import expect, sync_playwright
 
-ROOT = pathlib.Path(__file__).parents[2]
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+
+import programs
+
 SCREENS = ROOT / "target/screens"
 SIZES = {1440: 900, 1280: 720, 720: 450, 390: 844}
 # 720 is a screen of 1440 at 200 % zoom.
 # The tests run in Firefox if its path is given, else in Chromium. This one has no windows, and takes less processor time.
 FIREFOX, CHROMIUM = os.environ.get("FIREFOX"), "chromium-headless-shell"
 DOWNLOADS = ROOT / "target/screens/downloads"
-# The screens and colour schemes of one page. It is loaded on the first one. The layout of 1280 is that of 1440.
+# The screens and colour schemes of one page. It is loaded on the first one.
 LOOKS = [[(1440, "light"), (1440, "dark"), (1280, "light")], [(720, "dark")], [(390, "light"), (390, "dark")]]
 if FIREFOX:
     # A page of Firefox has one scheme.
@@ -32,18 +37,33 @@ if FIREFOX:
 TAKES_SCREENSHOTS = not FIREFOX and "NO_SCREENSHOTS" not in os.environ
 # The rules of axe-core that look at colours. A scheme changes nothing else.
 COLOURS = ["color-contrast", "link-in-text-block"]
-# In milliseconds. A page may wait for a processor, because other tests run beside this one.
-PATIENCE = 60_000
+# In milliseconds.
+PATIENCE = 1000 * programs.PATIENCE
 expect.set_options(timeout=PATIENCE)
+# A slow machine must not change what a page shows: the page waits longer for smooth lines than it does for users.
+PATIENT = f"AbortSignal.timeout = ((timeout) => () => timeout.call(AbortSignal, {PATIENCE // 2}))(AbortSignal.timeout)"
+OPEN = ("queued", "running", "canceling")
 
 
-def ask(base, path, body=None, method=None, wait=20, headers=None):
-    """The JSON answer of the server. A job is answered when it is finished, at the latest after `wait` seconds."""
+def ask(base, path, body=None, method=None, wait=True, headers=None):
+    """The JSON answer of the server. Waits until a submitted job has ended, unless `wait` is false."""
     data = None if body is None else json.dumps(body).encode()
-    headers = {"Content-Type": "application/json", "Prefer": f"wait={wait}", **(headers or {})}
+    headers = {"Content-Type": "application/json", "Prefer": f"wait={60 if wait else 0}", **(headers or {})}
     request = urllib.request.Request(base + path, data, headers, method=method)
-    with urllib.request.urlopen(request, timeout=30) as answer:
-        return json.loads(answer.read() or "null")
+    with urllib.request.urlopen(request, timeout=programs.PATIENCE) as answer:
+        found = json.loads(answer.read() or "null")
+    if wait and body is not None and path.startswith("/v1/jobs") and found.get("state") in OPEN:
+        query = path.partition("?")[2]
+        return ended(base, found["id"], query)
+    return found
+
+
+def ended(base, job, query=""):
+    """Waits until a job has ended, and returns it."""
+    until = time.monotonic() + programs.PATIENCE
+    while (found := ask(base, f"/v1/jobs/{job}?wait=60{query and '&' + query}"))["state"] in OPEN:
+        assert time.monotonic() < until, found
+    return found
 
 
 class Clock:
@@ -97,7 +117,7 @@ class Browser:
     """Fresh profiles of one browser. Records the errors of its pages and their requests to other servers."""
 
     def __init__(self, play):
-        self.play, self.programs, self.errors, self.script, self.seen = play, {}, [], axe(), set()
+        self.play, self.programs, self.errors, self.seen = play, {}, [], set()
 
     def program(self, scheme):
         """The browser, started when it is first needed. Firefox has one colour scheme for all of its pages."""
@@ -122,6 +142,7 @@ class Browser:
         """A page in a fresh profile. The script `before` runs before the scripts of the page."""
         size = {"width": width, "height": SIZES[width]}
         context = self.program(scheme).new_context(viewport=size, color_scheme="null" if FIREFOX else scheme, bypass_csp=False)
+        context.add_init_script(PATIENT)
         if not FIREFOX:
             context.grant_permissions(["clipboard-read", "clipboard-write"], origin=base)
         if before:
@@ -142,7 +163,7 @@ class Browser:
     def check_accessibility(self, page, view, rules=None):
         """axe-core finds no violation of these rules, by default of all, in the page as it is now."""
         if page.evaluate("typeof axe") == "undefined":
-            page.evaluate(self.script)
+            page.evaluate(axe())
         options = {"resultTypes": ["violations"]} | ({"runOnly": rules} if rules else {})
         found = page.evaluate("options => axe.run(document, options)", options)["violations"]
         violations = [(rule["id"], [node["html"][:160] for node in rule["nodes"]][:3]) for rule in found]
@@ -161,7 +182,9 @@ class Browser:
         for width, scheme in looks:
             if (width, scheme) != looks[0]:
                 self.change(page, width, scheme)
-            self.check_view(page, f"{view}-{width}-{scheme}", COLOURS if (view, width) in self.seen else None)
+            # The layout of 1280 is that of 1440.
+            is_seen = (view, width) in self.seen or width == 1280 and (view, 1440) in self.seen
+            self.check_view(page, f"{view}-{width}-{scheme}", COLOURS if is_seen else None)
             self.seen.add((view, width))
         if len(looks) > 1:
             self.change(page, *looks[0])
@@ -205,12 +228,22 @@ def downloaded(page, click):
         return pathlib.Path(download.value.path()).read_bytes()
     before = set(DOWNLOADS.iterdir())
     click()
-    for _ in range(150):
-        made = [path for path in set(DOWNLOADS.iterdir()) - before if path.suffix != ".part" and path.stat().st_size]
-        if made:
-            return made[0].read_bytes()
-        page.wait_for_timeout(100)
-    raise AssertionError("no file was downloaded")
+    made = []
+
+    def is_made():
+        made[:] = [path for path in set(DOWNLOADS.iterdir()) - before if path.suffix != ".part" and path.stat().st_size]
+        return made
+
+    until(page, is_made)
+    return made[0].read_bytes()
+
+
+def until(page, holds):
+    """Waits until a condition holds."""
+    end = time.monotonic() + programs.PATIENCE
+    while not holds():
+        assert time.monotonic() < end, "the condition does not hold"
+        page.wait_for_timeout(50)
 
 
 def curves(page, figure):
@@ -219,14 +252,9 @@ def curves(page, figure):
 
 
 def smoothed(page):
-    """Reloads a result until its history is drawn through more points than its output cycles. The page waits for them for 1.5 s
-    only, which a busy server may exceed."""
-    for _ in range(20):
-        page.wait_for_selector("#headline dd")
-        if curves(page, "History")[0].count("L") > 30:
-            return
-        page.reload()
-    raise AssertionError(curves(page, "History"))
+    """Waits until the history of a result is drawn through more points than its output cycles."""
+    page.wait_for_selector("#headline dd")
+    until(page, lambda: [path.count("L") > 30 for path in curves(page, "History")][:1] == [True])
 
 
 def readout(page, figure):

@@ -220,6 +220,15 @@ def hostile_address(browser, key):
     page.context.close()
 
 
+def interface(browser):
+    """Swagger UI shows all routes."""
+    page = browser.page(BASE)
+    page.goto(BASE + "/docs/api/")
+    count = sum(map(len, get("/openapi.json")["paths"].values()))
+    expect(page.locator(".opblock")).to_have_count(count)
+    page.context.close()
+
+
 def cancel(page):
     page.goto(BASE + "/#/new")
     page.wait_for_selector("#json", state="attached")
@@ -277,6 +286,7 @@ def main():
         rule_errors(page, both)
         body_warnings(browser)
         hostile_address(browser, key)
+        interface(browser)
         clock.passed("a run and its page")
         every_plot(page, BASE, key)
         every_plot(page, BASE, both, scales=["xy"])

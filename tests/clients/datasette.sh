@@ -23,9 +23,10 @@ if [ -z "$base" ]; then
     env -i PATH="$PATH" FRETWORK_LOG=warn "$program" --listen 127.0.0.1:0 --data-dir "$data" \
         >"$scratch/said" &
     started+=($!)
-    for _ in $(seq 200); do
+    for _ in $(seq 3600); do
         base=$(sed -n 's/^fretwork .* listens on //p' "$scratch/said")
         [ -n "$base" ] && break
+        kill -0 "${started[0]}"
         sleep 0.05
     done
 fi
@@ -38,8 +39,9 @@ done
 "$work/bin/datasette" serve "$scratch/results.db" --uds "$scratch/socket" \
     >"$scratch/datasette.log" 2>&1 &
 started+=($!)
-for _ in $(seq 400); do
+for _ in $(seq 3600); do
     [ -S "$scratch/socket" ] && break
+    kill -0 "${started[-1]}" || { cat "$scratch/datasette.log" >&2; exit 1; }
     sleep 0.05
 done
 

@@ -10,7 +10,7 @@ import sys
 
 from playwright.sync_api import expect
 
-from browser import ask, blocks, item, key_of, number, opened
+from browser import ask, blocks, ended, item, key_of, number, opened
 
 BASE = sys.argv[1]
 get = functools.partial(ask, BASE)
@@ -182,7 +182,7 @@ def paste_a_trace(browser):
     settled(page)
     browser.check_accessibility(page, "trace")
     page.click("button.primary")
-    page.wait_for_url("**/#/result/*", timeout=60000)
+    page.wait_for_url("**/#/result/*")
     assert get(f"/v1/results/{key_of(page)}")["scenario"]["profile"]["shape"] == "table"
     page.context.close()
 
@@ -238,7 +238,7 @@ def long_run(browser):
     # The job of a form that has changed is canceled.
     page.fill("#json", json.dumps(get("/v1/examples/steel-ball")["scenario"]))
     shows(page, evaluated(page))
-    assert get(f"/v1/jobs/{drafts[0]['id']}?wait=10")["state"] == "canceled"
+    assert ended(BASE, drafts[0]["id"])["state"] == "canceled"
     page.context.close()
 
 
@@ -250,7 +250,7 @@ def keep_and_reopen(browser):
     settled(page)
     typed = scenario(page)
     page.click("button.primary")
-    page.wait_for_url("**/#/result/*", timeout=60000)
+    page.wait_for_url("**/#/result/*")
     expect(page.locator("#result-label")).to_have_text("Kept & reopened")
     key = key_of(page)
     page.get_by_role("link", name="Edit and run again").click()
@@ -405,7 +405,7 @@ def keyboard(browser):
     # Ctrl+Enter keeps it, also with the focus on a button.
     page.focus("#undo")
     page.keyboard.press("Control+Enter")
-    page.wait_for_url("**/#/result/*", timeout=60000)
+    page.wait_for_url("**/#/result/*")
     assert get(f"/v1/results/{key_of(page)}")["scenario"]["friction"] == 0.62
     page.context.close()
 

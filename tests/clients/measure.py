@@ -234,7 +234,7 @@ def fitted(browser, key):
     page.fill("#fit-friction-to", "1,2")
     page.fill("#fit-size-0", "4 %")
     page.click("#submit-fit:enabled")
-    page.wait_for_selector("#estimates", timeout=120_000)
+    page.wait_for_selector("#estimates")
     fit = get(f"/v1/results/{re.search('[0-9a-f]{64}', page.url)[0]}")
     expect(page.locator("#derived a")).to_have_attribute("href", f"#/result/{key}")
     for parameter in fit["parameters"]:
@@ -279,7 +279,7 @@ def fitted(browser, key):
     page.wait_for_selector("#headline [data-value=wear_depth]")
     assert abs(float(page.input_value("#friction")) - fit["parameters"][1]["estimate"]) < 1e-9
     page.click("button.primary:has-text('Keep'):enabled")
-    page.get_by_role("button", name="Show them here too").click(timeout=60_000)
+    page.get_by_role("button", name="Show them here too").click()
     page.wait_for_selector("[data-set='lab B']")
     assert "lab B agrees with the simulation" in verdict(page, "lab B"), verdict(page, "lab B")
     page.context.close()
@@ -298,7 +298,7 @@ def energy_law(browser):
     expect(page.locator("#fit-says")).to_contain_text(re.compile("processor time|is in the library"))
     assert page.input_value("#fit-wear-energy_coefficient-to") == "4e-4 mm³/J", page.input_value("#fit-wear-energy_coefficient-to")
     page.click("#submit-fit:enabled")
-    page.wait_for_selector("#estimates", timeout=120_000)
+    page.wait_for_selector("#estimates")
     shown = page.locator("[data-estimate='/wear/energy_coefficient'] dd").inner_text().split("\n")[0]
     assert shown.replace("\u00a0", " ").endswith("mm³/J"), shown
     close(shown, 5e-5, 0.01)
@@ -310,7 +310,7 @@ def law_fails(browser):
     energies, volumes = [1, 2, 4, 8, 16], [4e-14, 4.1e-14, 3.9e-14, 4e-14, 4.1e-14]
     body = {"fit": {"scenario": SCENARIO, "parameters": [{"pointer": "/wear/coefficient", "from": 3e-15, "to": 3e-13, "spacing": "log"}], "tests": [
         {"name": "campaign", "data": [{"output": "wear_volume", "over": "dissipated_energy", "x": energies, "y": volumes, "relative": 0.05}]}]}}
-    key = get("/v1/jobs?include=result", {"label": "Constant volumes", **body}, wait=60)["key"]
+    key = get("/v1/jobs?include=result", {"label": "Constant volumes", **body})["key"]
     page = browser.page(BASE)
     page.goto(f"{BASE}/#/result/{key}")
     expect(page.locator("#law")).to_contain_text("Archard's law with one wear coefficient does not hold for these data. ")

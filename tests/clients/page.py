@@ -20,7 +20,12 @@ import xml.dom.minidom
 # The address of the server, the origin of the pages that call it, and the browser.
 BASE, PAGES, BROWSER = sys.argv[1:4]
 
-PAGE = (pathlib.Path(__file__).parents[2] / "clients/README.md").read_text()
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from programs import PATIENCE
+
+PAGE = (ROOT / "clients/README.md").read_text()
 PAGE = PAGE.replace("http://127.0.0.1:8080", BASE).replace("http://localhost:8000", PAGES)
 # A code block, with a file name if it is a file. Commands for a second terminal have no language.
 BLOCK = re.compile(r"(?:^`([^`\n]+)`:\n\n)?^```([a-z]+)\n(.*?)^```$", re.M | re.S)
@@ -38,7 +43,8 @@ def run(commands, directory):
         env=names | {"HOME": os.environ["HOME"], "LANG": "C.UTF-8", "PIP_COMPILE": "0"},
         stdout=subprocess.PIPE,
         text=True,
-        timeout=900,
+        # Package managers load what they install.
+        timeout=5 * PATIENCE,
     )
     assert done.returncode == 0, (commands, done.stdout)
     return done.stdout
@@ -77,7 +83,7 @@ def check_browser(directory):
         threading.Thread(target=server.serve_forever, daemon=True).start()
         words = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000"]
         words += [f"--user-data-dir={directory}/profile", "--dump-dom", f"{PAGES}/wear.html"]
-        opened = subprocess.run([BROWSER, *words], capture_output=True, text=True, timeout=120)
+        opened = subprocess.run([BROWSER, *words], capture_output=True, text=True, timeout=PATIENCE)
         server.shutdown()
     shown = opened.stdout
     assert shown.count('<path d="M0,') == 6, (shown, opened.stderr)

@@ -25,7 +25,7 @@ STUDIES = sorted((ROOT / "examples/studies").glob("*.json"))
 
 def address(file):
     """The path of the report of an example."""
-    job = ask(BASE, "/v1/jobs", json.loads(pathlib.Path(file).read_text()), wait=60)
+    job = ask(BASE, "/v1/jobs", json.loads(pathlib.Path(file).read_text()))
     assert job["state"] == "succeeded", job
     return f"/v1/results/{job['key']}/report"
 

@@ -16,7 +16,7 @@ import time
 
 from playwright.sync_api import expect
 
-from browser import FIREFOX, LONG, LOOKS, Server, ask, curves, item, key_of, opened, smoothed
+from browser import FIREFOX, LONG, LOOKS, Server, ask, curves, item, key_of, opened, smoothed, until
 
 MASTER = "fretwork_" + "0123456789abcdef" * 3
 SECRET = "the-secret-of-the-proxy"
@@ -61,8 +61,7 @@ def sign_out(page):
 
 def refused(page, base):
     """Waits until the server refuses the session of a page."""
-    while page.context.request.get(base + "/v1/me").status == 200:
-        page.wait_for_timeout(50)
+    until(page, lambda: page.context.request.get(base + "/v1/me").status != 200)
 
 
 def one_sign_in(browser, own):
@@ -171,7 +170,7 @@ def roles(browser, own, key):
 
 def ask_as(own, key, path, body):
     """The JSON answer to a POST with a key."""
-    return ask(own.base, path, body, wait=0, headers={"Authorization": f"Bearer {key}"})
+    return ask(own.base, path, body, wait=False, headers={"Authorization": f"Bearer {key}"})
 
 
 def keys_page(browser, own):

@@ -16,14 +16,18 @@ import tempfile
 import time
 import uuid
 
-ROOT = pathlib.Path(__file__).parents[2]
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from programs import PATIENCE
+
 PROGRAM, BASE = pathlib.Path(sys.argv[1]).resolve(), sys.argv[2]
 NAME = f"fretwork-{uuid.uuid4().hex[:8]}"
 WIDTH, HEIGHT = 130, 60
 
 
 def tmux(*words):
-    done = subprocess.run(["tmux", "-L", NAME, *words], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(["tmux", "-L", NAME, *words], capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, (words, done.stderr)
     return done.stdout
 
@@ -47,9 +51,10 @@ def examples(command):
 
 
 def documented():
-    """The commands in the documents that need no other machine. tests/it/documents.rs runs those of docs/calibration.md."""
+    """The commands in the documents that need no other machine. tests/it/documents.rs runs those of docs/calibration.md, and
+    tests/examples the blocks `sh`."""
     for name in ["docs/operating.md", "docs/sharing.md", "clients/README.md"]:
-        for block in re.findall(r"^```(?:sh|console)\n(.*?)^```$", (ROOT / name).read_text(), re.M | re.S):
+        for block in re.findall(r"^```console\n(.*?)^```$", (ROOT / name).read_text(), re.M | re.S):
             yield from re.findall(r"^((?:FRETWORK_DATA_DIR=\S+ )?fretwork .*?)(?:  +#.*)?$", block, re.M)
 
 
@@ -104,7 +109,7 @@ def check(directory):
     assert code == 0 and re.search(r"wear_volume +\S+ mm\^3 ± \S+ %", text), text
     for line in ["fretwork run slow.json -o slow.csv", "fretwork submit slow.json --wait"]:
         tmux("send-keys", f"clear; {line}", "Enter")
-        until = time.monotonic() + 30
+        until = time.monotonic() + PATIENCE
         while not re.search(r"^\[#+ *\] +\d+ %", tmux("capture-pane", "-p"), re.M):
             assert time.monotonic() < until, tmux("capture-pane", "-p")
             time.sleep(0.1)

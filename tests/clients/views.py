@@ -152,7 +152,7 @@ def play(page):
     axis = "figure => [...figure.querySelectorAll('text[text-anchor=end]')].map(({textContent}) => textContent).join()"
     ticks = figure_of(page, "Profiles").evaluate(axis)
     last = page.locator("#output").get_attribute("max")
-    expect(page.get_by_role("button", name="Play")).to_be_visible(timeout=15000)
+    expect(page.get_by_role("button", name="Play")).to_be_visible()
     assert page.input_value("#output") == last and figure_of(page, "Profiles").evaluate(axis) == ticks
 
 
@@ -235,17 +235,17 @@ def printed(browser, base, key):
 
 def live(page, base):
     """The page of a run shows its curves before its end. A canceled run says how far it came. It has a name in the queue."""
-    job = ask(base, "/v1/jobs", {"scenario": blocks(150_000, points=1024)}, wait=0)
+    job = ask(base, "/v1/jobs", {"scenario": blocks(150_000, points=1024)}, wait=False)
     page.goto(f"{base}/#/run/{job['id']}")
     expect(page.locator("h1")).to_have_text("Paraboloid, R\u00a0=\u00a010\u00a0mm; F\u00a0=\u00a0100\u00a0N, μ\u00a0=\u00a00.7")
     figures = figure_of(page, "Results so far")
-    expect(figures.locator(".curve").first).to_be_attached(timeout=30000)
+    expect(figures.locator(".curve").first).to_be_attached()
     expect(page.locator("#state")).to_have_text("running")
     figures.get_by_role("slider").first.focus()
     page.keyboard.press("End")
     # Both cursors move.
     expect(figures.locator(".values").last).to_contain_text(re.compile("Largest wear depth"))
-    expect(page.locator("section[aria-label=Progress] p span")).to_have_text(re.compile("^[1-9]"), timeout=60000)
+    expect(page.locator("section[aria-label=Progress] p span")).to_have_text(re.compile("^[1-9]"))
     page.click("#cancel")
     expect(page.locator("section[aria-label=Progress] p").first).to_have_text(re.compile(r"canceledat \d+\u00a0%"))
     page.click("nav >> text=Runs")

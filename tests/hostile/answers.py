@@ -10,13 +10,13 @@ import asyncio
 import itertools
 import time
 
-from client import addresses, argument, attack, connect, head, held, peek, receive, send, target, told
+from client import addresses, argument, attack, connect, head, held, limit, peek, receive, send, target, told
 
 COUNT, RATE = argument(1), argument(2)
 SOURCES = addresses(11 if RATE else 10, COUNT, each=250)
 # From the request of a connection on. The server may wait 5 s for memory, and make the answer in 5 s. Then a connection
 # may take nothing for 20 s, and the server looks every 5 s.
-DEADLINE = 45
+DEADLINE = limit(45)
 PARTS = [
     ("", "format=json"),
     ("", "format=npz"),

@@ -8,7 +8,12 @@ import pathlib
 import re
 import resource
 import subprocess
+import sys
 import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+
+from programs import PATIENCE
 
 MEMORY = 512 << 20
 # The soft limit of open files with which most systems start a program.
@@ -30,6 +35,17 @@ LARGE = {
     "model": {"points": 4096},
 }
 SMALL = LARGE | {"cycles": [1000], "profiles_at": "none", "model": {"method": "simplified", "points": 16}}
+# A study of about 40 minutes of processor time. No attack takes so long.
+BLOCKS = [{"amplitude": f"{(2.5, 8)[i % 2] + i % 7 / 100} um", "cycles": 200_000} for i in range(1000)]
+SPECTRUM = LARGE | {
+    "load": {"normal_force": "100 N", "held": "force"},
+    "motion": {"blocks": BLOCKS},
+    "cycles": {"from": 200_000, "to": 200_000_000, "count": 1000, "spacing": "linear"},
+    "profiles_at": "none",
+    "model": {"tolerance": 1e-4},
+}
+FRICTION = {"pointer": "/friction", "from": 0.5, "to": 0.9, "count": 100}
+STUDY = {"sweep": {"scenario": SPECTRUM, "vary": [FRICTION], "outputs": ["wear_volume"]}}
 
 
 def cgroup():
@@ -38,17 +54,17 @@ def cgroup():
     bounds = [f"--property=MemoryMax={MEMORY}", "--property=MemorySwapMax=0"]
     command = ["systemd-run", *user, "--scope", "--quiet", "--collect", *bounds]
     try:
-        subprocess.run([*command, "true"], check=True, capture_output=True, timeout=10)
+        subprocess.run([*command, "true"], check=True, capture_output=True, timeout=PATIENCE)
     except (OSError, subprocess.SubprocessError):
         return []
     return command
 
 
 class Server:
-    """A running server."""
+    """A running server. With limits, its answers must be as fast as on a quiet machine."""
 
-    def __init__(self, program, data):
-        self.program, self.data, self.numbers = program, data, itertools.count()
+    def __init__(self, program, data, has_limits):
+        self.program, self.data, self.has_limits, self.numbers = program, data, has_limits, itertools.count()
         # The largest memory that was seen, in bytes.
         self.most = 0
         _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -79,6 +95,7 @@ class Server:
             "revoke": [str(program), "keys", "revoke", "--data-dir", str(data)],
             "proxy": PROXY,
             "secret": SECRET,
+            "has_limits": has_limits,
         }
         # For the programs that attack.
         self.target = data / "target.json"
@@ -92,7 +109,7 @@ class Server:
 
     def links(self, keys):
         """Share links of several keys to one large result."""
-        status, text = self.post("/v1/jobs", keys[0], {"scenario": LARGE}, Prefer="wait=10")
+        status, text = self.post("/v1/jobs", keys[0], {"scenario": LARGE}, Prefer="wait=60")
         job = json.loads(text)
         assert status == 200 and job["state"] == "succeeded", text
         answers = [self.post(f"/v1/results/{job['key']}/links", key) for key in keys]
@@ -100,7 +117,7 @@ class Server:
 
     def ask(self, method, path, key=None, body=None, **headers):
         """Sends a request on a new connection from 127.0.0.1. Returns the status and the body of the answer."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
         if key:
             headers["Authorization"] = f"Bearer {key}"
         try:
@@ -116,9 +133,13 @@ class Server:
         return self.ask("POST", path, key, body, **headers, **{"Content-Type": "application/json"})
 
     def health(self):
-        """Checks the health with the program itself."""
-        command = [self.program, "health", "--url", self.base]
-        subprocess.run(command, check=True, capture_output=True, text=True, timeout=10)
+        """Checks the health, with limits by the program itself: it waits at most 5 s."""
+        if self.has_limits:
+            command = [self.program, "health", "--url", self.base]
+            subprocess.run(command, check=True, capture_output=True, text=True, timeout=PATIENCE)
+        else:
+            status, text = self.ask("GET", "/healthz")
+            assert status == 200, text
 
     def submit(self):
         """Submits a job that is not cached, as a caller who does not attack."""
@@ -156,7 +177,7 @@ class Server:
     def stop(self):
         """Stops the server, and returns the errors that it logged."""
         self.process.terminate()
-        self.process.wait(timeout=30)
+        self.process.wait(timeout=PATIENCE)
         self.process.stdout.close()
         with self.log:
             self.log.seek(0)

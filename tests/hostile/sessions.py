@@ -10,24 +10,16 @@ import asyncio
 import json
 import time
 
-from client import ask, attack, connect, head, outcome, post, receive, revoke, send, target, told
-from server import LARGE
+from client import ask, attack, connect, head, limit, outcome, post, receive, revoke, send, target, told
+from server import STUDY
 
 SOURCE = "127.14.0.1"
 HERE = f"http://127.0.0.1:{target.port}"
 NAME = f"fretwork-{target.port}"
 # The server forgets a revoked key within a second.
-REVOKED = 5
+REVOKED = limit(5)
 # The server ends the streams of a session within this time.
-STREAM = 10
-# A computation of about 40 s of processor time.
-LONG = LARGE | {
-    "load": {"normal_force": "100 N", "held": "force"},
-    "motion": {"blocks": [{"amplitude": f"{(2.5, 8)[i % 2] + i / 1e4} um", "cycles": 200_000} for i in range(1000)]},
-    "cycles": {"from": 200_000, "to": 200_000_000, "count": 1000, "spacing": "linear"},
-    "profiles_at": "none",
-    "model": {"points": 4096, "tolerance": 1e-4, "compare": True},
-}
+STREAM = limit(10)
 
 
 async def sign_in(key, **headers):
@@ -107,7 +99,7 @@ async def revoked():
 async def stream():
     """An event stream that a browser has opened before its user signs out."""
     cookie = await sign_in(target.bystander)
-    reply = await ask(SOURCE, post("/v1/jobs", target.bystander, {"scenario": LONG}))
+    reply = await ask(SOURCE, post("/v1/jobs", target.bystander, STUDY))
     assert reply.status == 202, reply
     job = f"/v1/jobs/{json.loads(reply.body)['id']}"
     events = await connect(SOURCE)

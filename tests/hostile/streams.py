@@ -10,27 +10,13 @@ import contextlib
 import json
 import time
 
-from client import addresses, argument, ask, attack, connect, head, post, receive, send, target, told
+from client import addresses, argument, ask, attack, connect, head, limit, post, receive, send, target, told
+from server import STUDY
 
 COUNT = argument(1)
 SOURCES = addresses(16, COUNT)
-# As long as the other attacks of the group take, and enough to connect all streams on a busy machine.
-LEAST, MOST = 30, 40
-AMPLITUDES = [f"{(2.5, 8)[i % 2] + i % 7 / 100} um" for i in range(1000)]
-SCENARIO = {
-    "profile": {"shape": "paraboloid", "radius": "10 mm"},
-    "moduli": {"normal": "112 GPa", "tangential": "92 GPa"},
-    "friction": 0.7,
-    "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
-    "load": {"normal_force": "100 N", "held": "force"},
-    "motion": {"blocks": [{"amplitude": amplitude, "cycles": 200_000} for amplitude in AMPLITUDES]},
-    "cycles": {"from": 200_000, "to": 200_000_000, "count": 1000, "spacing": "linear"},
-    "profiles_at": "none",
-    "model": {"tolerance": 1e-4},
-}
-# Takes longer than this program, because it has many points.
-FRICTION = {"pointer": "/friction", "from": 0.5, "to": 0.9, "count": 100}
-JOB = {"sweep": {"scenario": SCENARIO, "vary": [FRICTION], "outputs": ["wear_volume"]}}
+# As long as the other attacks of the group take, and the time to connect all streams.
+LEAST, MOST = 30, limit(40)
 
 
 async def follow(place, key, job, free, states):
@@ -59,7 +45,7 @@ async def follow(place, key, job, free, states):
 
 async def program():
     free, states, began = asyncio.Semaphore(200), {}, time.monotonic()
-    submitted = await ask("127.0.0.1", post("/v1/jobs", target.keys[0], JOB))
+    submitted = await ask("127.0.0.1", post("/v1/jobs", target.keys[0], STUDY))
     assert submitted and submitted.status in (200, 202), f"the job was not accepted: {submitted}"
     job = json.loads(submitted.body)["id"]
     keys = [target.keys[-1 - place // 250] for place in range(COUNT)]

@@ -3,8 +3,8 @@
     python studies.py TARGET
 
 The server must refuse each study as faulty or too large, or with 503 while it has no memory for the body. It may answer the
-calls, one after the other for each worker. Another caller evaluates a small scenario meanwhile. That must not take longer
-than 1 s.
+calls, one after the other for each worker. Another caller evaluates a small scenario meanwhile. The server must not answer each
+connection that calls while the evaluation waits. With limits, it must not take longer than 1 s.
 """
 
 import asyncio
@@ -81,41 +81,40 @@ async def submit(name, body):
     return f"{name} {got} in {time.monotonic() - began:.1f} s"
 
 
-async def call(place, end):
-    """Calls, one after the other. Answers what the client got."""
-    got = []
+async def call(place, end, got):
+    """Calls, one after the other. Appends what the client got."""
     with await connect(SOURCES[AT_ONCE + place]) as connection:
         for request in calls(place):
             if time.monotonic() > end:
-                return got
+                return
             await send(connection, request)
             reply = await answer(connection)
             got.append(outcome(reply))
             if reply is None or reply.headers.get("connection") == "close":
-                return got
+                return
 
 
-async def evaluate(end):
-    """The longest time of an evaluation of another caller, in seconds."""
-    slowest = 0
+async def evaluate(end, got):
+    """The longest time of an evaluation of another caller, in seconds, and most calls that the server answers meanwhile."""
+    slowest = overtaking = 0
     with await connect("127.0.0.1") as connection:
         while time.monotonic() < end:
-            began = time.monotonic()
+            began, before = time.monotonic(), len(got)
             body = {"scenario": SCENARIO, "outputs": ["wear_volume"]}
             await send(connection, post("/v1/evaluate", target.bystander, body))
             reply = await answer(connection)
             assert reply.status == 200, reply
-            slowest = max(slowest, time.monotonic() - began)
+            slowest, overtaking = max(slowest, time.monotonic() - began), max(overtaking, len(got) - before)
             await asyncio.sleep(0.02)
-    return slowest
+    return slowest, overtaking
 
 
 async def program():
     report = [await submit(name, body) for name, body in STUDIES.items()]
-    end = time.monotonic() + SECONDS
-    slowest, *got = await asyncio.gather(evaluate(end), *(call(place, end) for place in range(AT_ONCE)))
-    report.append(f"calls {told(itertools.chain.from_iterable(got))}; another caller's evaluation: {slowest:.2f} s")
-    assert slowest < LONGEST, report[-1]
+    end, got = time.monotonic() + SECONDS, []
+    (slowest, overtaking), *_ = await asyncio.gather(evaluate(end, got), *(call(place, end, got) for place in range(AT_ONCE)))
+    report.append(f"calls {told(got)}; another caller's evaluation: {slowest:.2f} s, behind at most {overtaking} calls")
+    assert overtaking < AT_ONCE and (not target.has_limits or slowest < LONGEST), report[-1]
     return "; ".join(report)
 
 

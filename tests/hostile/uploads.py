@@ -2,18 +2,18 @@
 
     python uploads.py TARGET COUNT
 
-The server must answer 408, or close, once a body has had 10 s and arrives with less than 4 KiB/s.
+The server must answer 408, or close, because the body arrives with less than 4 KiB/s after 10 s.
 """
 
 import asyncio
 import contextlib
 import time
 
-from client import addresses, answer, argument, attack, connect, head, outcome, send, target, told
+from client import addresses, answer, argument, attack, connect, head, limit, outcome, send, target, told
 
 COUNT = argument(1)
 SOURCES = addresses(14, COUNT, each=250)
-DEADLINE = 20
+DEADLINE = limit(20)
 
 
 async def drip(connection, chunked):

@@ -13,6 +13,8 @@ from fretwork_client import Client, api_types
 
 KEY = "fretwork_" + "0123456789abcdef" * 3
 PROGRAM = pathlib.Path(os.environ["FRETWORK"]).resolve()
+# Seconds after which a test says that something hangs.
+PATIENCE = 180
 
 
 class Server:

@@ -8,7 +8,7 @@ from typing import cast
 
 import httpx
 import pytest
-from conftest import KEY, Server
+from conftest import KEY, PATIENCE, Server
 
 from fretwork_client import ApiError, AsyncClient, Client, JobFailed, ServerUnreachable
 from fretwork_client.api_types import Job, Scenario
@@ -22,6 +22,10 @@ def own(tmp_path: pathlib.Path) -> Iterator[Server]:
     server = Server(tmp_path / "data", "")
     yield server
     server.kill()
+
+
+# Evaluations per minute of a server that refuses the next one. So few that the server cannot permit it before all are sent.
+EVALUATIONS = 6
 
 
 def long_sweep(ball: Scenario) -> tuple[Scenario, dict[str, list[float | str]], list[str]]:
@@ -60,7 +64,7 @@ def test_an_asynchronous_sweep_survives_a_killed_server(own: Server, ball: Scena
         killed = asyncio.Event()
         async with AsyncClient(own.url, "", trust_env=False, progress=lambda _: killed.set()) as client:
             task = asyncio.create_task(client.sweep(*long_sweep(ball)))
-            await asyncio.wait_for(killed.wait(), 30)
+            await asyncio.wait_for(killed.wait(), PATIENCE)
             own.kill()
             await asyncio.sleep(0.3)
             own.start()
@@ -110,17 +114,33 @@ def test_without_a_server_the_client_says_what_to_check(ball: Scenario) -> None:
 def test_a_busy_server_delays_runs_and_evaluations(tmp_path: pathlib.Path, ball: Scenario) -> None:
     refused: list[int] = []
 
-    async def note(response: httpx.Response) -> None:
-        refused.append(response.status_code)
-
     async def compute(server: Server) -> None:
-        hooks = {"response": [note]}
-        async with AsyncClient(server.url, KEY, trust_env=False, event_hooks=hooks) as client:
-            sweeps = (client.sweep(ball, {"/friction": [0.6, 0.7 + i / 100]}, ["wear_depth"]) for i in range(8))
-            evaluations = (client.evaluate(ball, ["wear_depth"]) for _ in range(62))
-            assert len(await asyncio.gather(*sweeps, *evaluations)) == 70
+        is_busy, is_full = asyncio.Event(), asyncio.Event()
 
-    settings = {"FRETWORK_EVALUATE_RATE": "60", "FRETWORK_QUEUE_LIMIT": "1", "FRETWORK_WORKERS": "1"}
+        async def note(response: httpx.Response) -> None:
+            refused.append(response.status_code)
+            if response.status_code == 503:
+                is_full.set()
+
+        hooks = {"response": [note]}
+        busy = AsyncClient(server.url, KEY, trust_env=False, progress=lambda _: is_busy.set())
+        async with busy, AsyncClient(server.url, KEY, trust_env=False, event_hooks=hooks) as client:
+            # The only worker computes a long sweep until the queue is full.
+            long = asyncio.create_task(busy.sweep(*long_sweep(ball)))
+            await asyncio.wait_for(is_busy.wait(), PATIENCE)
+            sweeps = [client.sweep(ball, {"/friction": [0.6, 0.7 + i / 100]}, ["wear_depth"]) for i in range(8)]
+            evaluations = [client.evaluate(ball, ["wear_depth"]) for _ in range(EVALUATIONS + 1)]
+            done = asyncio.gather(*sweeps, *evaluations)
+            await asyncio.wait_for(is_full.wait(), PATIENCE)
+            cancel = httpx.post(
+                f"{server.url}/v1/jobs/cancel?state=running", headers={"Authorization": f"Bearer {KEY}"}, trust_env=False
+            )
+            assert cancel.is_success
+            with pytest.raises(JobFailed):
+                await long
+            assert len(await done) == len(sweeps) + len(evaluations)
+
+    settings = {"FRETWORK_EVALUATE_RATE": str(EVALUATIONS), "FRETWORK_QUEUE_LIMIT": "1", "FRETWORK_WORKERS": "1"}
     server = Server(tmp_path / "data", KEY, **settings)
     try:
         asyncio.run(compute(server))

@@ -9,7 +9,7 @@ import time
 
 import httpx
 import pytest
-from conftest import PROGRAM
+from conftest import PATIENCE, PROGRAM
 
 import fretwork_client
 
@@ -29,7 +29,7 @@ def test_the_server_stops_with_the_interpreter(end: str, tmp_path: pathlib.Path)
     done = subprocess.run([sys.executable, "-c", script], env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                           text=True)  # fmt: skip
     assert done.returncode == {"pass": 0, "1 / 0": 1, "os._exit(3)": 3}.get(end, -signal.SIGKILL)
-    until = time.monotonic() + 20
+    until = time.monotonic() + PATIENCE
     while listens(done.stdout.strip()) or any(tmp_path.iterdir()):
         assert time.monotonic() < until, list(tmp_path.iterdir())
         time.sleep(0.05)
