@@ -7,7 +7,7 @@
 FROM debian:bookworm-slim AS manifests
 WORKDIR /src
 COPY . .
-RUN find . -type f ! -name 'Cargo.*' ! -path './.cargo/*' -delete
+RUN find . -type f ! -name 'Cargo.*' -delete
 
 FROM rust:1.95-bookworm AS build
 WORKDIR /src
