@@ -51,8 +51,8 @@ def local(program: str | None = None, *, data: str | os.PathLike[str] | None = N
     found = shutil.which(program or "fretwork") or shutil.which(program or "fretwork", path=sysconfig.get_path("scripts"))
     if not found:
         raise FretworkError(
-            f"The program {program or 'fretwork'!r} is missing. Install its wheel with pip in this environment, or pass the path "
-            "of the program: local(program=…). For a running server, use Client(url)."
+            f"The program {program or 'fretwork'!r} is missing. Install its wheel in this environment, or pass its path: "
+            "local(program=…). For a running server, use Client(url)."
         )
     temporary = "" if data else tempfile.mkdtemp(prefix="fretwork-")
     guard = [sys.executable, "-I", str(pathlib.Path(__file__).with_name("guard.py")), temporary]
