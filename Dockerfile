@@ -38,7 +38,9 @@ RUN groupadd --gid 10001 fretwork \
 # The authorities whose certificates prove who a PostgreSQL of a provider is.
 COPY --from=build /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/
 COPY --from=build /src/target/release/fretwork /usr/local/bin/fretwork
-COPY --from=build /src/LICENSE-MIT /src/LICENSE-APACHE /src/docs/third-party-licenses.md /usr/local/share/doc/fretwork/
+COPY --from=build /src/LICENSE-MIT /src/LICENSE-APACHE /src/docs/third-party-licenses.md \
+    /src/crates/study/src/stats/design/new-joe-kuo-6-LICENSE.txt /src/examples/literature/mccoll-2004-LICENSE.txt \
+    /usr/local/share/doc/fretwork/
 USER 10001:10001
 VOLUME /data
 EXPOSE 8080

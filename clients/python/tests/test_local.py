@@ -5,6 +5,7 @@ import pathlib
 import signal
 import subprocess
 import sys
+import sysconfig
 import time
 
 import httpx
@@ -45,8 +46,15 @@ def test_a_database_can_be_kept(tmp_path: pathlib.Path, ball: fretwork_client.ap
     assert keys[0] == keys[1]
 
 
+def test_a_program_in_the_environment_of_python_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(sysconfig, "get_path", lambda _: str(PROGRAM.parent))
+    with fretwork_client.local() as client:
+        assert client.url
+
+
 def test_a_missing_program_is_an_error() -> None:
-    with pytest.raises(fretwork_client.FretworkError, match="cargo build"):
+    with pytest.raises(fretwork_client.FretworkError, match="Install its wheel"):
         fretwork_client.local("no-such-program")
 
 

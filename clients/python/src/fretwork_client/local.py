@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from typing import Any
 
@@ -46,11 +47,12 @@ def local(program: str | None = None, *, data: str | os.PathLike[str] | None = N
     Without `data`, the database is temporary. `data` names a directory that keeps it. The server stops when the client is
     closed, or when the interpreter ends, even if it crashes. `options` are those of `Client`.
     """
-    found = shutil.which(program or "fretwork")
+    # A notebook may run in an environment that is not in PATH.
+    found = shutil.which(program or "fretwork") or shutil.which(program or "fretwork", path=sysconfig.get_path("scripts"))
     if not found:
         raise FretworkError(
-            f"The program {program or 'fretwork'!r} is missing. Build it with `cargo build --release`, and add target/release "
-            "to PATH, or pass its path: local(program=…). For a running server, use Client(url)."
+            f"The program {program or 'fretwork'!r} is missing. Install its wheel in this environment, or pass its path: "
+            "local(program=…). For a running server, use Client(url)."
         )
     temporary = "" if data else tempfile.mkdtemp(prefix="fretwork-")
     guard = [sys.executable, "-I", str(pathlib.Path(__file__).with_name("guard.py")), temporary]
