@@ -33,8 +33,8 @@ pub struct Reply {
     pub body: Vec<u8>,
 }
 
-/// Whether the servers of this pass of the tests have their tables in PostgreSQL. `tests/run` sets this variable for
-/// its second pass.
+/// Whether the servers of this pass of the tests have their tables in PostgreSQL. `tests/with-postgres` sets this
+/// variable.
 pub fn in_postgres() -> bool {
     std::env::var_os("FRETWORK_TEST_POSTGRES").is_some()
 }
