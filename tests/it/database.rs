@@ -1,18 +1,22 @@
 //! A database of either engine for one test.
 
 use std::io::{BufRead as _, BufReader, Write as _};
+use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
 use std::{fs, thread};
 
-use fretwork_store::{DatabaseUrl, Options, Store};
+use fretwork_store::{DatabaseUrl, Error, Options, Store};
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{AssertSqlSafe, Connection as _, Executor as _, PgConnection, SqliteConnection};
 use tempfile::TempDir;
 use tokio::runtime;
+use tokio::time::sleep;
 
-use crate::store::open_with;
+/// Longest wait of a test for an effect. Only a hang takes so long.
+pub const PATIENCE: Duration = Duration::from_mins(5);
 
 /// Where a test keeps its tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,6 +87,20 @@ impl Drop for Cluster {
 }
 
 static NUMBER: AtomicU32 = AtomicU32::new(0);
+
+/// Opens the database of a directory.
+pub async fn open_with(dir: &Path, options: &Options) -> Store {
+    let begun = Instant::now();
+    loop {
+        match Store::open(dir.into(), options).await {
+            // While another test starts a program, the new process holds copies of all open locks for a moment.
+            Err(Error::Locked { .. }) if begun.elapsed() < PATIENCE => {
+                sleep(Duration::from_millis(10)).await;
+            }
+            opened => return opened.unwrap(),
+        }
+    }
+}
 
 /// The address of a database on the shared PostgreSQL server.
 fn address(name: &str) -> String {

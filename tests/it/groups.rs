@@ -10,10 +10,10 @@ use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, JobState};
 use fretwork_store::{Claimed, Finish, NewJob, Store};
 use tokio::time::sleep;
 
-use crate::database::{Database, Engine};
+use crate::database::{Database, Engine, PATIENCE};
 use crate::keeping::eventually;
 use crate::store::{accepted, answer, body, cancel, claim, job, new_job};
-use crate::worker::{PATIENCE, Stage, compute, state, submit};
+use crate::worker::{Stage, compute, state, submit};
 
 const TOGETHER: usize = 8;
 

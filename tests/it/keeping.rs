@@ -13,9 +13,8 @@ use sqlx::{Connection as _, Executor as _};
 use tempfile::TempDir;
 use tokio::time::{sleep, timeout};
 
-use crate::database::{Database, Engine};
-use crate::store::{accepted, body, fresh, key, new_job, open, open_with, raw};
-use crate::worker::PATIENCE;
+use crate::database::{Database, Engine, PATIENCE, open_with};
+use crate::store::{accepted, body, fresh, key, new_job, open, raw};
 
 fn repeatable(number: u8, name: &str, sent: &str) -> NewJob {
     let fingerprint = sent.as_bytes().to_vec();

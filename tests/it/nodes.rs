@@ -19,7 +19,7 @@ use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 
 use crate::chunks::study;
-use crate::database::{Cluster, Database, Engine};
+use crate::database::{Cluster, Database, Engine, PATIENCE};
 use crate::keeping::eventually;
 use crate::kill::{Program, equal_undisturbed_results, id, long};
 use crate::program::{Running, fretwork, run};
@@ -27,7 +27,6 @@ use crate::server::{JSON, metric, send};
 use crate::store::{accepted, answer, claim, job, key, new_job};
 use crate::studies::{long_sweep, processor_time};
 use crate::team::{Listener, has, states};
-use crate::worker::PATIENCE;
 
 /// An empty database, opened by a number of servers. During a test, these servers read the tables again and stop workers
 /// only because of notifications.

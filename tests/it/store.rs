@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::num::NonZeroU32;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork_store::{
@@ -18,10 +18,8 @@ use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection, Executor, SqliteConnection};
 use tempfile::TempDir;
 use tokio::task::JoinSet;
-use tokio::time::sleep;
 
-use crate::database::{Database, Engine, Raw};
-use crate::worker::PATIENCE;
+use crate::database::{Database, Engine, Raw, open_with};
 
 pub fn key(number: u8) -> Key {
     Key::from_bytes([number; 32])
@@ -58,19 +56,6 @@ pub fn accepted(submitted: Result<Submitted, Error>) -> Job {
 
 pub async fn open(dir: &Path) -> Store {
     open_with(dir, &Options::default()).await
-}
-
-pub async fn open_with(dir: &Path, options: &Options) -> Store {
-    let begun = Instant::now();
-    loop {
-        match Store::open(dir.into(), options).await {
-            // While another test starts a program, the new process holds copies of all open locks for a moment.
-            Err(Error::Locked { .. }) if begun.elapsed() < PATIENCE => {
-                sleep(Duration::from_millis(10)).await;
-            }
-            opened => return opened.unwrap(),
-        }
-    }
 }
 
 pub async fn fresh() -> (TempDir, Store) {

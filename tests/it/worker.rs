@@ -11,10 +11,8 @@ use fretwork_store::{Actor, Canceled, NewJob, Store};
 use serde_json::json;
 use sqlx::Executor;
 
+use crate::database::PATIENCE;
 use crate::store::{accepted, body, fresh, new_job, raw};
-
-/// A test that waits longer than this is stuck, even on a slow machine.
-pub const PATIENCE: Duration = Duration::from_mins(2);
 
 /// State that a test shares with its tasks: a gate that holds them back, and counters.
 #[derive(Default)]
