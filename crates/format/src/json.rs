@@ -7,24 +7,25 @@ use serde::{Serialize, Serializer};
 
 use super::document::{Head, Object};
 use super::error::Result;
+use super::out::Out;
 use super::table::Table;
 
 /// Writes a whole document.
-pub fn whole(out: &mut impl Write, object: &Object) -> Result<()> {
+pub fn whole(out: &mut Out<'_>, object: &Object) -> Result<()> {
     Ok(serde_json::to_writer(out, object)?)
 }
 
 /// Writes a table with one array per column, as the document has it.
-pub fn columns(out: &mut impl Write, head: &Head, table: &Table) -> Result<()> {
+pub fn columns(out: &mut Out<'_>, head: &Head, table: &Table) -> Result<()> {
     framed(out, head, table.part.name(), table)
 }
 
 /// Writes a table as a list of rows, which spreadsheets and dashboards expect.
-pub fn records(out: &mut impl Write, head: &Head, table: &Table) -> Result<()> {
+pub fn records(out: &mut Out<'_>, head: &Head, table: &Table) -> Result<()> {
     framed(out, head, "records", &Rows(table))
 }
 
-fn framed(out: &mut impl Write, head: &Head, name: &str, value: &impl Serialize) -> Result<()> {
+fn framed(out: &mut Out<'_>, head: &Head, name: &str, value: &impl Serialize) -> Result<()> {
     let mut json = serde_json::Serializer::new(out);
     let mut map = json.serialize_map(Some(4))?;
     map.serialize_entry("key", &head.key)?;
@@ -38,7 +39,7 @@ fn framed(out: &mut impl Write, head: &Head, name: &str, value: &impl Serialize)
 ///
 /// Readers of NDJSON treat every line as a row, so there is no header line. Units are in the names, as in
 /// CSV. Each row contains the key and the engine, so that the lines of many results can be joined.
-pub fn lines(out: &mut impl Write, head: &Head, table: &Table) -> Result<()> {
+pub fn lines(out: &mut Out<'_>, head: &Head, table: &Table) -> Result<()> {
     let engine = head.engine.to_string();
     let units = &head.units;
     let names: Vec<_> = table.columns.iter().map(|(name, _)| units.header(name)).collect();

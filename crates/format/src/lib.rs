@@ -25,6 +25,7 @@ mod kind;
 mod law;
 pub mod notation;
 mod npz;
+mod out;
 mod quantity;
 pub mod report;
 mod statistics;
@@ -40,6 +41,7 @@ pub use error::{Error, Missing};
 pub use fretwork_study::StudyFigure;
 pub use kind::{Format, Part};
 pub use law::{Verdict, is_in_verdict};
+use out::Out;
 pub use quantity::{QUANTITIES, Quantity};
 pub use table::missing_cycles;
 pub use view::{FigureOptions, StudyOptions, View};
@@ -57,7 +59,7 @@ pub const VERSION: u8 = 6;
 /// # Panics
 /// If [`Part::formats`] does not list the format.
 pub fn write(
-    out: &mut impl Write,
+    out: &mut dyn Write,
     stored: impl AsRef<[u8]>,
     part: Part,
     format: Format,
@@ -66,6 +68,18 @@ pub fn write(
     if (part, format) == (Part::Whole, Format::Json) && *view == View::default() {
         return Ok(out.write_all(stored.as_ref())?);
     }
+    let mut out = Out::new(out);
+    convert(&mut out, stored, part, format, view)?;
+    Ok(out.flush()?)
+}
+
+fn convert(
+    out: &mut Out<'_>,
+    stored: impl AsRef<[u8]>,
+    part: Part,
+    format: Format,
+    view: &View,
+) -> Result<(), Error> {
     assert!(part.formats().contains(&format), "{part:?} cannot be written as {format:?}");
     let document = Document::open(stored.as_ref(), view)?;
     if format == Format::Svg {

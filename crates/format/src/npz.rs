@@ -11,12 +11,13 @@ use zip::{CompressionMethod, ZipWriter};
 
 use super::document::{Head, Member, Object};
 use super::error::Result;
+use super::out::Out;
 use super::table::{Table, Values};
 use super::units::fits_single;
 use super::view::View;
 
 /// Writes a table: one array per column under its name, and `meta` with key, engine and units as JSON.
-pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> Result<()> {
+pub fn table(out: &mut Out<'_>, head: &Head, table: &Table, view: &View) -> Result<()> {
     let mut archive = Archive::new(out, view);
     let meta = serde_json::json!({
         "key": head.key, "engine": head.engine_text, "units": head.units,
@@ -28,7 +29,7 @@ pub fn table(out: &mut impl Write, head: &Head, table: &Table, view: &View) -> R
 
 /// Writes a whole result: the columns of each table under names such as `history/wear_volume`, and
 /// `meta` with everything else as JSON.
-pub fn whole(out: &mut impl Write, mut object: Object, view: &View) -> Result<()> {
+pub fn whole(out: &mut Out<'_>, mut object: Object, view: &View) -> Result<()> {
     let mut archive = Archive::new(out, view);
     let tables = object.0.extract_if(.., |(_, member)| matches!(member, Member::Table(_)));
     let tables: Vec<_> = tables.collect();
@@ -41,13 +42,13 @@ pub fn whole(out: &mut impl Write, mut object: Object, view: &View) -> Result<()
     archive.finish()
 }
 
-struct Archive<'a, W: Write> {
-    zip: ZipWriter<StreamWriter<W>>,
+struct Archive<'a, 'out> {
+    zip: ZipWriter<StreamWriter<&'a mut Out<'out>>>,
     view: &'a View,
 }
 
-impl<'a, W: Write> Archive<'a, W> {
-    fn new(out: W, view: &'a View) -> Self {
+impl<'a, 'out> Archive<'a, 'out> {
+    fn new(out: &'a mut Out<'out>, view: &'a View) -> Self {
         Self { zip: ZipWriter::new_stream(out), view }
     }
 
