@@ -7,19 +7,21 @@ use std::num::NonZeroU32;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use fretwork::http::{self, Access, AdminKey, Limits, Origins, Settings};
 use fretwork_job::{Begin, Task};
 use fretwork_store::{Administration, NewKey, Options, Place, Role};
+use futures_util::future::join_all;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
+use crate::keeping::eventually;
 use crate::program::{Running, fails, fretwork, run, serve_by};
 use crate::server::{
-    Gate, JSON, Reply, Server, answer, assert_yields, ball, send, steel_ball, yielding_ball,
+    Gate, HANG, JSON, Reply, Server, answer, assert_yields, ball, send, steel_ball, yielding_ball,
 };
 use crate::store::raw;
 
@@ -85,11 +87,11 @@ async fn every_route_except_health_and_dashboard_requires_a_key() {
         asked.push(("GET".into(), page.into()));
     }
     asked.push(("PATCH".into(), "/v1/jobs".into()));
-    for (method, target) in asked {
+    let asked = asked.into_iter().map(async |(method, target)| {
         let plain = server.send(&method, &target, &[JSON], "").await;
         if target == "/healthz" || target == "/readyz" {
             assert_eq!(plain.status, 200, "{target}");
-            continue;
+            return;
         }
         plain.problem(401, "unauthorized");
         assert_eq!(plain.header("www-authenticate"), Some("Bearer realm=\"fretwork\""));
@@ -99,7 +101,9 @@ async fn every_route_except_health_and_dashboard_requires_a_key() {
         }
         let known = ask(&server, MASTER, &method, &target, "").await;
         assert!(![401, 403].contains(&known.status), "{method} {target}: {}", known.status);
-    }
+    });
+    // Refusals of unknown keys wait for each other, so all routes are asked at once.
+    join_all(asked).await;
     // Browsers show a login dialog for this header.
     let shown = server.send("GET", "/docs/api/", &[("Accept", "text/html")], "").await;
     let ways = shown.headers.iter().filter(|(name, _)| name == "www-authenticate");
@@ -318,11 +322,7 @@ async fn a_running_server_applies_new_and_revoked_keys() {
     assert_eq!(server.get("/v1/jobs").await.status, 200);
     let key = made(server.place(), "anna", Role::Read).await;
     let until = async |status: u16, key: &str| {
-        let deadline = Instant::now() + Duration::from_secs(20);
-        while get(&server, key, "/v1/jobs").await.status != status {
-            assert!(Instant::now() < deadline, "never {status}");
-            tokio::time::sleep(Duration::from_millis(50)).await;
-        }
+        eventually(async || get(&server, key, "/v1/jobs").await.status == status).await;
     };
     until(401, "").await;
     until(200, &key).await;
@@ -453,25 +453,14 @@ async fn a_changed_or_expired_link_is_refused() {
         server.get(&format!("{result}?{bad}")).await.problem(403, "bad-link");
     }
     let short = link(&server, &key, &result, "?expires_in=1s").await;
-    let deadline = Instant::now() + Duration::from_secs(20);
-    loop {
-        let reply = server.get(&format!("{result}?{short}")).await;
-        if reply.status == 403 {
-            let problem = reply.problem(403, "bad-link");
-            assert!(problem["detail"].as_str().unwrap().contains("expired on"), "{problem}");
-            break;
-        }
-        assert!(Instant::now() < deadline);
-        tokio::time::sleep(Duration::from_millis(100)).await;
-    }
+    let short = format!("{result}?{short}");
+    eventually(async || server.get(&short).await.status == 403).await;
+    let problem = server.get(&short).await.problem(403, "bad-link");
+    assert!(problem["detail"].as_str().unwrap().contains("expired on"), "{problem}");
     // Revoking the key that made the link revokes the link.
     assert_eq!(server.get(&format!("{result}?{link_}")).await.status, 200);
     Administration::open(server.place()).await.unwrap().revoke_keys("anna").await.unwrap();
-    let deadline = Instant::now() + Duration::from_secs(20);
-    while server.get(&format!("{result}?{link_}")).await.status != 403 {
-        assert!(Instant::now() < deadline);
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
+    eventually(async || server.get(&format!("{result}?{link_}")).await.status == 403).await;
 }
 
 /// Opens the event stream of a job and reads its first event.
@@ -495,11 +484,11 @@ pub async fn followed_with(server: &Server, line: &str, id: &str) -> TcpStream {
     stream
 }
 
-/// Reads the rest of an event stream. It must end within 20 s and with the last chunk of a complete answer.
+/// Reads the rest of an event stream. It must end, with the last chunk of a complete answer.
 pub async fn rest(mut stream: TcpStream) -> String {
     let mut text = String::new();
     let read = stream.read_to_string(&mut text);
-    tokio::time::timeout(Duration::from_secs(20), read).await.expect("it goes on").unwrap();
+    tokio::time::timeout(HANG, read).await.expect("it goes on").unwrap();
     // The stream may have ended before its next event.
     assert!(format!("\r\n{text}").ends_with("\r\n0\r\n\r\n"), "{text}");
     text
@@ -563,11 +552,8 @@ async fn a_key_revoked_during_a_wait_does_not_receive_the_result() {
     let anna = made(server.place(), "anna", Role::Submit).await;
     let job = ball(1.0).to_string();
     let (waited, ()) = tokio::join!(ask(&server, &anna, "POST", "/v1/jobs", &job), async {
-        let deadline = Instant::now() + Duration::from_secs(20);
-        while get(&server, MASTER, "/v1/jobs").await.json()["jobs"] == json!([]) {
-            assert!(Instant::now() < deadline);
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
+        eventually(async || get(&server, MASTER, "/v1/jobs").await.json()["jobs"] != json!([]))
+            .await;
         Administration::open(server.place()).await.unwrap().revoke_keys("anna").await.unwrap();
         // A revoked key may still be accepted for this time.
         tokio::time::sleep(Duration::from_millis(1100)).await;
@@ -637,23 +623,20 @@ async fn a_key_has_a_limited_number_of_concurrent_requests() {
         }
     };
     let (one, two, ()) = tokio::join!(waiting(), waiting(), async {
-        let deadline = Instant::now() + Duration::from_secs(20);
-        loop {
-            let refused = get(&server, &anna, "/version").await;
-            if refused.status == 429 {
-                let problem = refused.problem(429, "too-many-at-once");
-                let detail = problem["detail"].as_str().unwrap();
-                assert!(detail.contains("limit of 2 concurrent requests"), "{detail}");
-                // The server cannot tell when another request will end, so it names no time.
-                assert_eq!(refused.header("retry-after"), None);
-                assert_eq!(refused.header("ratelimit"), Some("\"at-once\";r=0"));
-                let policy = "\"at-once\";q=2;qu=\"concurrent-requests\"";
-                assert_eq!(refused.header("ratelimit-policy"), Some(policy));
-                break;
+        let refused = loop {
+            let reply = get(&server, &anna, "/version").await;
+            if reply.status == 429 {
+                break reply;
             }
-            assert!(Instant::now() < deadline);
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        }
+        };
+        let problem = refused.problem(429, "too-many-at-once");
+        let detail = problem["detail"].as_str().unwrap();
+        assert!(detail.contains("limit of 2 concurrent requests"), "{detail}");
+        // The server cannot tell when another request will end, so it names no time.
+        assert_eq!(refused.header("retry-after"), None);
+        assert_eq!(refused.header("ratelimit"), Some("\"at-once\";r=0"));
+        let policy = "\"at-once\";q=2;qu=\"concurrent-requests\"";
+        assert_eq!(refused.header("ratelimit-policy"), Some(policy));
         assert_eq!(get(&server, MASTER, "/version").await.status, 200);
         gate.open();
     });
@@ -1047,7 +1030,7 @@ async fn the_dashboard_is_public_and_contains_no_data() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn all_refusals_are_counted_and_the_log_shows_some_of_them() {
-    const COUNT: usize = 500;
+    const COUNT: usize = 200;
     let dir = TempDir::new().unwrap();
     let log = dir.path().join("log");
     let mut command = fretwork(&["--log", "info"]);
@@ -1078,21 +1061,19 @@ async fn all_refusals_are_counted_and_the_log_shows_some_of_them() {
     assert_eq!(counted, COUNT as f64);
 }
 
+/// A test of `http::access::keyring` compares the work of both refusals, and so their times.
 #[tokio::test]
-async fn a_refusal_takes_as_long_for_a_known_id_as_for_an_unknown_one() {
+async fn a_refusal_does_not_show_whether_the_id_of_a_key_is_known() {
     let server = server(Limits::default()).await;
     let known = made(server.place(), "anna", Role::Read).await;
     assert_eq!(get(&server, &known, "/v1/jobs").await.status, 200);
     let wrong = format!("{}{}", &known[..known.len() - 8], "00000000");
     let unknown = format!("fretwork_00000000_{}", "0".repeat(40));
-    let mut times = [Duration::ZERO; 2];
-    for _ in 0..10 {
-        for (time, key) in times.iter_mut().zip([&wrong, &unknown]) {
-            let begun = Instant::now();
-            assert_eq!(get(&server, key, "/v1/jobs").await.status, 401);
-            *time += begun.elapsed();
-        }
+    let mut refusals = Vec::new();
+    for key in [wrong, unknown] {
+        let mut refused = get(&server, &key, "/v1/jobs").await.problem(401, "unauthorized");
+        refused["instance"].take();
+        refusals.push(refused);
     }
-    let ratio = times[0].as_secs_f64() / times[1].as_secs_f64();
-    assert!((0.8..1.25).contains(&ratio), "{times:?}");
+    assert_eq!(refusals[0], refusals[1]);
 }

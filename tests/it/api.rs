@@ -627,6 +627,7 @@ async fn a_draining_server_answers_waiting_clients_and_refuses_jobs() {
     assert_eq!(server.send("POST", &format!("{address}/cancel"), &[], "").await.status, 200);
 }
 
+/// This takes more than 5 s, because the server waits so long for the lock.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_locked_database_is_reported_as_busy() {
     let server = quick().await;

@@ -223,8 +223,9 @@ fn a_canceled_job_ends_with_4() {
     let (_server, address) = serve(dir.path(), &[]);
     let with = |words: &[&str], input: &str| run(&[words, &["--url", &address]].concat(), input);
     let job: Value = serde_json::from_slice(&fs::read(BALL).unwrap()).unwrap();
+    // The study must not end before its cancellation.
     let vary =
-        serde_json::json!([{"pointer": "/friction", "from": 0.6, "to": 0.8, "count": 20_000}]);
+        serde_json::json!([{"pointer": "/friction", "from": 0.6, "to": 0.8, "count": 100_000}]);
     let sweep = serde_json::json!({"sweep": {"scenario": job["scenario"], "vary": vary, "outputs": ["wear_depth"]}});
     let submitted = with(&["submit", "-"], &sweep.to_string());
     let id = text(&submitted.stdout).split(' ').next().unwrap().to_owned();

@@ -24,10 +24,12 @@ use tokio::net::TcpSocket;
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 
+use crate::keeping::eventually;
 use crate::kill::{Program, id, long};
 use crate::program::{fails, run};
 use crate::server::{Gate, JSON, Reply, Server, ball, metric, send, steel_ball};
 use crate::store::{accepted, fresh, new_job, open, raw};
+use crate::studies::until_idle;
 
 /// A run of at most 1 s with the longest steps: the maximum number of points, the smallest tolerance, and the
 /// comparison with the simplified rule.
@@ -52,22 +54,22 @@ struct Answers {
     refused: bool,
 }
 
-/// Submits scenarios until the server closes its port.
-async fn submitting(address: SocketAddr, numbers: std::ops::Range<u32>) -> Answers {
+/// Submits short runs until the server refuses one or closes its port. Counts those that it accepts.
+async fn submitting(address: SocketAddr, first: f64, accepted: Arc<AtomicU32>) -> Answers {
     let mut answers = Answers::default();
-    for number in numbers {
-        match post(address, &long(number)).await {
-            Ok(reply) if reply.status == 202 => answers.acknowledged.push(id(&reply.json())),
+    while !answers.refused {
+        let body = ball(first + answers.acknowledged.len() as f64 * 1e-5);
+        match post(address, &body).await {
+            Ok(reply) if reply.status == 202 => {
+                answers.acknowledged.push(id(&reply.json()));
+                accepted.fetch_add(1, Ordering::SeqCst);
+            }
             Ok(reply) => {
                 reply.problem(503, "draining");
                 assert!(reply.header("retry-after").is_some());
                 answers.refused = true;
             }
             Err(_) => break,
-        }
-        // With more jobs, the next server would compute for minutes.
-        if answers.acknowledged.len() == 10 {
-            break;
         }
     }
     answers
@@ -80,16 +82,15 @@ async fn a_shutdown_under_load_refuses_new_jobs_and_keeps_accepted_ones() {
     let address = server.address;
     let first = id(&post(address, &heavy()).await.unwrap().json());
     while server.get(&format!("/v1/jobs/{first}")).await.json()["state"] != "running" {}
-    // Some jobs are submitted before the shutdown and some during it. The first run takes long enough for both.
-    let before = submitting(address, 0..10).await;
-    server.tell_to_end();
-    let mut clients = JoinSet::new();
-    for client in 1..4 {
-        clients.spawn(submitting(address, 100 * client..100 * client + 100));
+    // The clients submit before and during the shutdown. The server answers them until the first run has ended.
+    let (accepted, mut clients) = (Arc::<AtomicU32>::default(), JoinSet::new());
+    for first in [1.0, 1.5, 2.0] {
+        clients.spawn(submitting(address, first, Arc::clone(&accepted)));
     }
-    let mut all = clients.join_all().await;
+    eventually(async || accepted.load(Ordering::SeqCst) >= 10).await;
+    server.tell_to_end();
+    let all = clients.join_all().await;
     assert!(all.iter().any(|answers| answers.refused), "no submission was refused");
-    all.push(before);
     server.end_of_it();
     let server = Program::start(dir.path(), "2");
     let acknowledged = all.iter().flat_map(|answers| &answers.acknowledged);
@@ -362,11 +363,7 @@ async fn a_cancelled_long_run_stops_using_the_processor() {
         tokio::time::sleep(Duration::from_millis(10)).await;
     }
     cancel(&server, &job).await;
-    tokio::time::sleep(Duration::from_millis(200)).await;
-    let before = control.processor_time();
-    tokio::time::sleep(Duration::from_secs(1)).await;
-    let taken = control.processor_time() - before;
-    assert!(taken < 50, "{taken} ms of a second");
+    until_idle(|| Duration::from_millis(control.processor_time())).await;
     until_state(&server, &job, "canceled").await;
 }
 

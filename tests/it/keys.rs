@@ -2,7 +2,6 @@
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 use fretwork::http::{Limits, Origins};
 use fretwork_job::Task;
@@ -10,6 +9,7 @@ use fretwork_store::Role;
 use serde_json::{Value, json};
 
 use crate::access::{MASTER, ask, get, made, server};
+use crate::keeping::eventually;
 use crate::server::{JSON, Reply, Server};
 
 async fn make(server: &Server, by: &str, body: &Value) -> Reply {
@@ -22,11 +22,7 @@ async fn listed(server: &Server) -> Vec<Value> {
 
 /// Waits until the server refuses a key.
 async fn refused(server: &Server, key: &str) {
-    let deadline = Instant::now() + Duration::from_secs(20);
-    while get(server, key, "/v1/me").await.status != 401 {
-        assert!(Instant::now() < deadline, "the revoked key stays valid");
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
+    eventually(async || get(server, key, "/v1/me").await.status == 401).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

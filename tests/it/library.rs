@@ -14,6 +14,7 @@ use tokio::io::AsyncWriteExt as _;
 use tokio::net::TcpStream;
 use tokio::runtime::Builder;
 
+use crate::keeping::eventually;
 use crate::moving::sha256;
 use crate::server::{Gate, JSON, Server, assert_yields, ball, steel_ball, yielding_ball};
 use crate::store::raw;
@@ -370,9 +371,13 @@ async fn deleting_an_evicted_result_removes_it_from_the_cache() {
 async fn a_deletion_clears_the_cache_even_if_the_client_disconnects() {
     let server = Server::start().await;
     let mut deleted = 0;
-    for attempt in 0..100_u32 {
+    for attempt in 0..1000_u32 {
+        // A busy machine needs more attempts until the server reads a request in time.
+        if attempt >= 100 && deleted > 0 {
+            break;
+        }
         let mut body = steel_ball();
-        body["scenario"]["friction"] = json!(0.5 + f64::from(attempt) * 1e-3);
+        body["scenario"]["friction"] = json!(0.5 + f64::from(attempt) * 1e-4);
         let job = server.compute(&body).await.json();
         let at = job["links"]["result"].as_str().unwrap().to_owned();
         let form = format!("{at}/history?format=csv");
@@ -382,18 +387,18 @@ async fn a_deletion_clears_the_cache_even_if_the_client_disconnects() {
         connection.write_all(request.as_bytes()).await.unwrap();
         tokio::time::sleep(Duration::from_micros(20 * u64::from(attempt))).await;
         drop(connection);
-        // The client may disconnect before the server reads the request.
-        let mut found = (false, 200);
-        for _ in 0..100 {
+        // The client may disconnect before the server reads the request. Then nothing is deleted.
+        let is_deleted = async || {
             let told = server.get(&format!("{at}/provenance")).await.json();
-            found = (!told["evicted"].is_null(), server.get(&form).await.status);
-            if found == (true, 410) {
+            !told["evicted"].is_null()
+        };
+        for _ in 0..10 {
+            if is_deleted().await {
+                eventually(async || server.get(&form).await.status == 410).await;
                 deleted += 1;
                 break;
             }
-            tokio::time::sleep(Duration::from_millis(2)).await;
         }
-        assert!(matches!(found, (false, 200) | (true, 410)), "{attempt}: {found:?}");
     }
     assert!(deleted > 0);
 }

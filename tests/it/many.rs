@@ -16,9 +16,11 @@ use crate::server::{JSON, Server, ball, send};
 use crate::store::raw;
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_first_list_after_an_import_takes_at_most_half_a_second() {
-    // tests/long imports 10⁵ results, which takes minutes.
-    let count = if env::var_os("FRETWORK_TEST_LONG").is_some() { 100_000 } else { 500 };
+async fn results_are_listed_at_once_after_an_import() {
+    // tests/long imports 10⁵ results, which takes minutes, and measures the lists. The tests of the store check that
+    // searches use an index.
+    let long = env::var_os("FRETWORK_TEST_LONG").is_some();
+    let count = if long { 100_000 } else { 200 };
     let (from, to) = (Server::start().await, Server::start().await);
     let (address, next) = (from.address, Arc::new(AtomicU32::new(0)));
     let mut clients = JoinSet::new();
@@ -49,7 +51,8 @@ async fn the_first_list_after_an_import_takes_at_most_half_a_second() {
     for list in ["/v1/results", "/v1/results?sort=-wear_volume"] {
         let begun = Instant::now();
         let found = to.get(list).await.json();
-        assert!(begun.elapsed() < Duration::from_millis(500), "{list}: {:?}", begun.elapsed());
+        let took = begun.elapsed();
+        assert!(!long || took < Duration::from_millis(500), "{list}: {took:?}");
         assert_eq!(found["results"].as_array().unwrap().len(), 50);
     }
 }

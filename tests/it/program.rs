@@ -277,6 +277,7 @@ fn the_announcements_of_a_server_follow_the_format_of_its_log() {
     assert!(announced["key"].as_str().unwrap().starts_with("fretwork_"), "{announced}");
 }
 
+/// This takes more than 5 s, because the command waits so long for an answer.
 #[test]
 fn health_says_that_a_stopped_process_does_not_answer() {
     let dir = TempDir::new().unwrap();

@@ -16,6 +16,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use crate::access::{self, ask, get, made};
+use crate::keeping::eventually;
 use crate::kill::Program;
 use crate::moving::{assert_refused, export_all, import, open_file, replace_body};
 use crate::server::{JSON, Reply, Server, send, steel_ball};
@@ -581,6 +582,16 @@ pub fn long_sweep(points: u32) -> Value {
     body
 }
 
+/// Waits until a computation uses hardly any processor time.
+pub async fn until_idle(processor_time: impl Fn() -> Duration) {
+    eventually(async || {
+        let before = processor_time();
+        tokio::time::sleep(Duration::from_millis(300)).await;
+        processor_time().saturating_sub(before) < Duration::from_millis(30)
+    })
+    .await;
+}
+
 /// Processor time of a process since its start.
 pub fn processor_time(process: u32) -> Duration {
     let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
@@ -605,15 +616,20 @@ async fn chunks_done(dir: &Path) -> HashMap<i64, i64> {
     rows.into_iter().collect()
 }
 
-/// Kills the server ten times, each time after it has stored another part of the study. Returns the last server.
+/// Kills the server ten times, each time after it has stored another part of the study. On a busy machine the study may end
+/// after fewer kills. Returns the last server.
 async fn kill_after_each_step(dir: &Path, mut server: Program, job: &Value) -> Program {
     let (mut progress, mut done) = (0.0, HashMap::new());
-    for _ in 0..10 {
+    for kills in 0..10 {
         let shown = loop {
             let job = server.get(job["links"]["self"].as_str().unwrap()).await.json();
+            if job["times"]["finished"].is_string() {
+                assert!(kills >= 3, "the study ended after {kills} kills");
+                return server;
+            }
             let shown = job["progress"].as_f64().unwrap();
             assert!(shown >= progress, "the progress fell from {progress} to {shown}");
-            if shown > progress || job["times"]["finished"].is_string() {
+            if shown > progress {
                 break shown;
             }
         };
@@ -625,7 +641,6 @@ async fn kill_after_each_step(dir: &Path, mut server: Program, job: &Value) -> P
         (progress, done) = (shown, now);
         server = Program::start(dir, "2");
     }
-    assert!(progress < 1.0, "the study was finished before the last kill");
     server
 }
 
@@ -662,9 +677,9 @@ async fn a_cancelled_study_stops_using_the_processor() {
     while server.get(address).await.json()["progress"] == json!(0.0) {}
     let reply = send(server.address, "POST", &format!("{address}/cancel"), &[], "").await;
     assert_eq!(reply.unwrap().json()["state"], "canceled");
-    tokio::time::sleep(Duration::from_millis(100)).await;
     let before = processor_time(server.child.id());
-    tokio::time::sleep(Duration::from_millis(500)).await;
-    let used = processor_time(server.child.id()).checked_sub(before).unwrap();
-    assert!(used < Duration::from_millis(100), "it used {used:?} of 500 ms");
+    until_idle(|| processor_time(server.child.id())).await;
+    // The whole study takes many times as long as its first chunks.
+    let after = processor_time(server.child.id()).saturating_sub(before);
+    assert!(after < before, "it used {before:?} before its cancellation, and then {after:?}");
 }

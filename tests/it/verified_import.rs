@@ -157,7 +157,7 @@ async fn random_rows_are_verified_of_a_study_that_takes_too_long() {
     }});
     let (_dir, file, results) = exported(&[study]).await;
     let to = Server::start().await;
-    let done = import_within(to.place(), &file, Duration::from_millis(5)).await.unwrap();
+    let done = import_within(to.place(), &file, Duration::from_millis(20)).await.unwrap();
     assert_eq!((done.results, done.sampled), (1, 1), "{done:?}");
     let (word, rows) = verified(&to, &results[0].0).await;
     assert_eq!(word, "rows");

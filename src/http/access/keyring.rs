@@ -157,3 +157,29 @@ impl Keyring {
         });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use fretwork_store::{NewKey, Options, Role};
+    use tempfile::TempDir;
+
+    use super::*;
+
+    /// Reading the keys takes almost all of the time of a refusal. If only an unknown id caused it, the time would show
+    /// which ids exist.
+    #[tokio::test]
+    async fn a_wrong_secret_reads_the_keys_again_like_an_unknown_id() {
+        let dir = TempDir::new().unwrap();
+        let store = Store::open(dir.path().into(), &Options::default()).await.unwrap();
+        let new = NewKey { name: "anna".into(), role: Role::Read, per_minute: None, expires: None };
+        let (known, _) = store.add_key(new, Actor::default()).await.unwrap();
+        let keyring = Keyring::new(&store, Limits::default());
+        assert!(keyring.holders().await.unwrap().contains_key(&known));
+        for id in [&*known, "00000000"] {
+            let reads = keyring.read.subscribe();
+            assert!(keyring.holder_of(id, &[0; 32]).await.unwrap().is_none());
+            assert!(reads.has_changed().unwrap(), "{id}");
+        }
+        store.close().await;
+    }
+}

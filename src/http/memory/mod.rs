@@ -304,6 +304,20 @@ mod tests {
         assert!(matches!(next.await, Lookup::Found(answer) if answer.body.len() == 1));
     }
 
+    #[tokio::test(start_paused = true)]
+    async fn a_request_that_waits_for_memory_learns_that_another_one_made_its_answer() {
+        let memory = Memory::new(0);
+        let other = async {
+            sleep(LOOK_AGAIN / 2).await;
+            let answer = memory.finish(making(&memory, "name").await, answer(1), false);
+            sleep(LOOK_AGAIN).await;
+            answer
+        };
+        let mut made = std::pin::pin!(memory.made("name"));
+        assert!((&mut made).now_or_never().is_none(), "no request has made it yet");
+        let (_held, ()) = tokio::join!(other, made);
+    }
+
     #[tokio::test]
     async fn deleting_a_result_removes_its_answers_from_the_cache() {
         let memory = Memory::new(1 << 20);
