@@ -18,10 +18,11 @@ use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
+use crate::database::PATIENCE;
 use crate::keeping::eventually;
 use crate::program::{Running, fails, fretwork, run, serve_by};
 use crate::server::{
-    Gate, HANG, JSON, Reply, Server, answer, assert_yields, ball, send, steel_ball, yielding_ball,
+    Gate, JSON, Reply, Server, answer, assert_yields, ball, send, steel_ball, yielding_ball,
 };
 use crate::store::raw;
 
@@ -488,7 +489,7 @@ pub async fn followed_with(server: &Server, line: &str, id: &str) -> TcpStream {
 pub async fn rest(mut stream: TcpStream) -> String {
     let mut text = String::new();
     let read = stream.read_to_string(&mut text);
-    tokio::time::timeout(HANG, read).await.expect("it goes on").unwrap();
+    tokio::time::timeout(PATIENCE, read).await.expect("it goes on").unwrap();
     // The stream may have ended before its next event.
     assert!(format!("\r\n{text}").ends_with("\r\n0\r\n\r\n"), "{text}");
     text

@@ -10,9 +10,10 @@ use fretwork_store::{Moving, backup, restore};
 use sqlx::{AssertSqlSafe, Connection as _};
 use tempfile::TempDir;
 
+use crate::database::PATIENCE;
 use crate::moving::{export_all, open_file, replace_body};
 use crate::program::fretwork;
-use crate::server::{HANG, Server, ball};
+use crate::server::{Server, ball};
 use crate::store::{accepted, fresh, new_job, open};
 
 /// Executes statements in a file.
@@ -29,7 +30,7 @@ fn measured(words: &[&str]) -> (Output, u64) {
     let mut child = command.spawn().unwrap();
     let (began, mut peak) = (Instant::now(), 0);
     while child.try_wait().unwrap().is_none() {
-        if began.elapsed() > HANG {
+        if began.elapsed() > PATIENCE {
             child.kill().unwrap();
             panic!("it does not end: {words:?}");
         }
@@ -184,7 +185,7 @@ async fn a_backup_with_a_foreign_trigger_or_table_is_refused() {
         fs::copy(&sound, &file).unwrap();
         change(&file, statement).await;
         let data = target.path().join("data");
-        let refused = tokio::time::timeout(HANG, restore(&data, &file, false));
+        let refused = tokio::time::timeout(PATIENCE, restore(&data, &file, false));
         let refused = refused.await.unwrap();
         assert!(matches!(refused, Err(Moving::Store(_))), "{statement}: {refused:?}");
         let said = refused.unwrap_err().to_string();

@@ -15,9 +15,10 @@ use sqlx::Executor as _;
 use tempfile::TempDir;
 use tokio::task::JoinSet;
 
+use crate::database::PATIENCE;
 use crate::keeping::{compute, eventually};
 use crate::kill::{Program, id};
-use crate::server::{HANG, JSON, ball, metric, send};
+use crate::server::{JSON, ball, metric, send};
 use crate::store::{accepted, key, new_job, open, raw};
 
 /// Bytes of the database and of its log.
@@ -83,7 +84,7 @@ async fn the_files_stay_within_keep_results_at_the_full_rate_of_writing() {
             deleted = deleted && server.get(old).await.status == 404;
         }
         let time = begun.elapsed();
-        assert!(deleted || time < HANG + least, "the server deletes too little");
+        assert!(deleted || time < PATIENCE + least, "the server deletes too little");
         over.fetch_or(deleted && time >= least, Ordering::Relaxed);
         while clients.try_join_next().is_some() {}
     }

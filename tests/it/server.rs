@@ -18,9 +18,6 @@ use tokio::net::{TcpListener, TcpStream};
 
 use crate::database::{Database, Engine};
 
-/// A test fails if something has not happened after this time. Only a hang takes so long, also on a slow and busy machine.
-pub const HANG: Duration = Duration::from_mins(5);
-
 pub struct Server {
     pub address: SocketAddr,
     pub service: Service,
