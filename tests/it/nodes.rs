@@ -229,8 +229,8 @@ fn steps() -> &'static [i64] {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn no_living_node_loses_its_lease_when_the_clock_of_the_database_steps() {
     /// After a step, the worker renews its lease within a third of it. The other server waits for half of it. So a slow
-    /// machine has the difference of 0.8 s for the renewal. This makes the test take some 10 s, almost all of it asleep.
-    const LEASE: Duration = Duration::from_secs(5);
+    /// machine has the difference of 1.7 s for the renewal. This makes the test take 16 s, almost all of it asleep.
+    const LEASE: Duration = Duration::from_secs(10);
     let db = Database::new(Engine::Postgres);
     let lease = Options { lease: LEASE, ..Options::default() };
     let (worker, other) = (db.open_with(&lease).await, db.open_with(&lease).await);
@@ -584,6 +584,9 @@ fn blocks(count: u32) -> Value {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn no_lease_is_lost_while_the_database_does_not_answer() {
+    /// The database stops for longer than a lease and its margin. Then all nodes see at the same time that the lease has
+    /// expired. They wait for half of a lease, so a slow machine has 4 s for the renewal. This makes the test take 12 s.
+    const LEASE: &str = "8s";
     let cluster = Cluster::start(&[]);
     let dir = TempDir::new().unwrap();
     let front = front(&cluster, &dir, LEASE);
@@ -592,10 +595,8 @@ async fn no_lease_is_lost_while_the_database_does_not_answer() {
     let mut db = PgConnection::connect(cluster.address()).await.unwrap();
     let renewed = "SELECT count(*) FROM lease WHERE expires > moment()";
     eventually(async || count(&mut db, renewed).await == 1).await;
-    // The database stops for longer than a lease and its margin. Then all nodes see at the same time that the lease has
-    // expired. They wait for half of a lease, 1.5 s, so a slow machine has this time for the renewal.
     cluster.signal("-STOP");
-    sleep(Duration::from_millis(3700)).await;
+    sleep(Duration::from_millis(8700)).await;
     cluster.signal("-CONT");
     eventually(async || count(&mut db, renewed).await == 1).await;
     let job = front.get(&format!("/v1/jobs/{job}")).await.json();
@@ -612,8 +613,8 @@ fn slow(round: u32, number: u32) -> Value {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn every_run_ends_in_time_after_a_step_of_the_clock_of_the_database() {
     // After a step, a node renews its lease within a third of it. The others wait for half of it. So a slow machine has the
-    // difference of 1 s for the renewal. This makes the test take some 20 s.
-    const LEASE: &str = "6s";
+    // difference of 1.5 s for the renewal. This makes the test take some 20 s.
+    const LEASE: &str = "9s";
     let file = NamedTempFile::new().unwrap();
     fs::set_permissions(file.path(), Permissions::from_mode(0o644)).unwrap();
     fs::write(file.path(), "+0").unwrap();
@@ -625,7 +626,7 @@ async fn every_run_ends_in_time_after_a_step_of_the_clock_of_the_database() {
     let front = front(&cluster, &dir, LEASE);
     let _living = worker(&cluster, LEASE);
     // The server must be in contact with the database for this time before it revokes leases.
-    sleep(Duration::from_secs(3)).await;
+    sleep(Duration::from_millis(4500)).await;
     let mut db = PgConnection::connect(cluster.address()).await.unwrap();
     let mut ahead = 0;
     for (round, step) in (1..).zip(steps()) {
