@@ -624,12 +624,15 @@ async fn a_key_has_a_limited_number_of_concurrent_requests() {
         }
     };
     let (one, two, ()) = tokio::join!(waiting(), waiting(), async {
-        let refused = loop {
-            let reply = get(&server, &anna, "/version").await;
-            if reply.status == 429 {
-                break reply;
+        let refused = tokio::time::timeout(PATIENCE, async {
+            loop {
+                let reply = get(&server, &anna, "/version").await;
+                if reply.status == 429 {
+                    break reply;
+                }
             }
-        };
+        });
+        let refused = refused.await.expect("the server refuses a third request");
         let problem = refused.problem(429, "too-many-at-once");
         let detail = problem["detail"].as_str().unwrap();
         assert!(detail.contains("limit of 2 concurrent requests"), "{detail}");

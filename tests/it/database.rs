@@ -15,7 +15,7 @@ use tempfile::TempDir;
 use tokio::runtime;
 use tokio::time::sleep;
 
-/// Longest wait of a test for an effect. Only a hang takes so long.
+/// Longest wait of a test for an effect, also on a slow and busy machine. A test that waits longer hangs.
 pub const PATIENCE: Duration = Duration::from_mins(5);
 
 /// Where a test keeps its tables.

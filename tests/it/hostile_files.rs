@@ -134,14 +134,14 @@ async fn a_body_of_many_values_is_refused_in_little_memory() {
     let file = dir.path().join("results.db");
     export_all(&from, &file).await;
     let body = from.get(&format!("/v1/results/{key}")).await.text().to_owned();
-    let zeros = format!("{{\"x\":[{}0],", "0,".repeat(20_000_000));
-    let nested = "[".repeat(40_000_000);
+    let zeros = format!("{{\"x\":[{}0],", "0,".repeat(40_000_000));
+    let nested = "[".repeat(80_000_000);
     for hostile in [
         body.replacen("\"history\":{", &format!("\"history\":{zeros}"), 1),
         body.replacen("\"profiles\":{", &format!("\"profiles\":{zeros}"), 1),
         nested,
     ] {
-        assert!(hostile.len() >= 40_000_000);
+        assert!(hostile.len() >= 80_000_000);
         let mut db = open_file(&file).await;
         replace_body(&mut db, &key, &hostile).await;
         db.close().await.unwrap();

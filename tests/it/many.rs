@@ -16,7 +16,7 @@ use crate::server::{JSON, Server, ball, send};
 use crate::store::raw;
 
 #[tokio::test(flavor = "multi_thread")]
-async fn results_are_listed_at_once_after_an_import() {
+async fn results_are_listed_after_an_import() {
     // tests/long imports 10⁵ results, which takes minutes, and measures the lists. The tests of the store check that
     // searches use an index.
     let long = env::var_os("FRETWORK_TEST_LONG").is_some();

@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
+use crate::keeping::eventually;
 use crate::server::{Gate, JSON, Reply, Server, ball, metric, steel_ball};
 
 async fn gated() -> (Server, Gate) {
@@ -236,7 +237,7 @@ async fn metrics_show_a_stuck_queue() {
     }
     // Both workers are blocked, so the waiting time grows and no run ends.
     let old = "fretwork_queue_oldest_seconds";
-    while metric(server.address, "fretwork_running_runs").await < 2.0 {}
+    eventually(async || metric(server.address, "fretwork_running_runs").await >= 2.0).await;
     while metric(server.address, old).await < 0.05 {}
     assert_eq!(metric(server.address, "fretwork_queued_runs").await.to_bits(), 2f64.to_bits());
     assert_eq!(metric(server.address, "fretwork_running_runs").await.to_bits(), 2f64.to_bits());

@@ -222,6 +222,7 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use futures_util::FutureExt as _;
+    use tokio::time::timeout;
 
     use super::*;
     use crate::http::shares::NAMES;
@@ -315,7 +316,8 @@ mod tests {
         };
         let mut made = std::pin::pin!(memory.made("name"));
         assert!((&mut made).now_or_never().is_none(), "no request has made it yet");
-        let (_held, ()) = tokio::join!(other, made);
+        let both = async { tokio::join!(other, made) };
+        let (_held, ()) = timeout(10 * LOOK_AGAIN, both).await.expect("it looks again");
     }
 
     #[tokio::test]

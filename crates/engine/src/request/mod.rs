@@ -98,8 +98,8 @@ impl Until {
 }
 
 impl Request {
-    /// Reads a scenario as the client sends it. Other crates call this function, so that the code of all members is
-    /// compiled only here.
+    /// Reads a scenario as the client sends it. This function is not generic, so the code of all members is compiled only
+    /// in this crate.
     ///
     /// # Errors
     /// All faults that show without contact mechanics.

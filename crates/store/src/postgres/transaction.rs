@@ -99,6 +99,7 @@ impl Conflicts {
 
 impl Database {
     /// Executes a verb in a transaction, and retries it after a conflict. Sends the signals after the commit.
+    #[expect(clippy::expect_used, reason = "an attempt succeeds only after its verb")]
     pub(crate) async fn write<Input, V, Answer>(&self, verb: V, input: Input) -> Result<Answer>
     where
         Input: Send + Sync,
@@ -115,7 +116,7 @@ impl Database {
                 tx.end(done).await
             };
             if self.settle(Box::pin(attempt), &mut conflicts).await? {
-                return answer.ok_or(Error::Closed);
+                return Ok(answer.expect("a committed verb has answered"));
             }
         }
     }
