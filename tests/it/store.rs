@@ -990,7 +990,7 @@ fn try_in_order(verbs: &[Verb], on: Engine) {
 
 proptest! {
     #![proptest_config(ProptestConfig {
-        cases: 48,
+        cases: 24,
         failure_persistence: None,
         ..ProptestConfig::default()
     })]

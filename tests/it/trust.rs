@@ -180,14 +180,14 @@ fn runner() -> TestRunner {
     TestRunner::new(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })
 }
 
-/// Draws inputs and calls `read`, which must not panic: 25 000 times, or for a quarter of an hour with
+/// Draws inputs and calls `read`, which must not panic: 8000 times, or for a quarter of an hour with
 /// `FRETWORK_TEST_LONG`.
 fn for_random_inputs(inputs: &impl Strategy<Value = Vec<u8>>, mut read: impl FnMut(&[u8])) {
     let mut runner = runner();
     let end =
         std::env::var_os("FRETWORK_TEST_LONG").map(|_| Instant::now() + Duration::from_mins(15));
     let mut count = 0_u32;
-    while end.map_or(count < 25_000, |end| Instant::now() < end) {
+    while end.map_or(count < 8000, |end| Instant::now() < end) {
         let input = inputs.new_tree(&mut runner).unwrap().current();
         let told = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| read(&input)));
         assert!(told.is_ok(), "{}", String::from_utf8_lossy(&input));
@@ -304,7 +304,7 @@ fn a_damaged_body_can_be_written_or_is_refused_in_every_form() {
     let results = [small(2.0, "exact"), small(1.0, "simplified")].map(|job| computed(&job).1);
     let bodies = any_bytes(results.map(String::into_bytes).to_vec());
     let (mut runner, forms) = (runner(), all_forms());
-    let count = if std::env::var_os("FRETWORK_TEST_LONG").is_some() { 100_000 } else { 1000 };
+    let count = if std::env::var_os("FRETWORK_TEST_LONG").is_some() { 100_000 } else { 300 };
     for _ in 0..count {
         let body = bodies.new_tree(&mut runner).unwrap().current();
         for (part, format, view) in &forms {
@@ -468,11 +468,11 @@ async fn mutate(
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn no_wrong_result_of_a_thousand_mutated_exports_is_served() {
+async fn no_wrong_result_of_a_mutated_export_is_served() {
     let jobs = [small(2.0, "exact"), small(1.0, "simplified"), small(1.5, "simplified")];
     let (dir, file, results) = exported(&jobs).await;
     let mut runner = runner();
-    let count = if std::env::var_os("FRETWORK_TEST_LONG").is_some() { 20_000 } else { 1000 };
+    let count = if std::env::var_os("FRETWORK_TEST_LONG").is_some() { 20_000 } else { 300 };
     let (mut stored, mut refused, mut unreadable) = (0, 0, 0);
     let to = TempDir::new().unwrap();
     Store::open(to.path().into(), &Options::default()).await.unwrap().close().await;
@@ -496,7 +496,7 @@ async fn no_wrong_result_of_a_thousand_mutated_exports_is_served() {
             fs::write(to.path().join("fretwork.db"), &empty).unwrap();
         }
     }
-    assert!(stored > 0 && refused > 100 && unreadable > 10, "{stored} {refused} {unreadable}");
+    assert!(stored > 0 && refused > 30 && unreadable > 3, "{stored} {refused} {unreadable}");
 }
 
 /// Asserts that each stored result equals the original, and that the server serves it in every form.
