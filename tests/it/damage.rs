@@ -164,6 +164,7 @@ fn naming_line(said: &str) -> Option<&str> {
     said.lines().find(names)
 }
 
+/// This takes more than 5 s, because it checks a database after each flipped bit.
 #[tokio::test(flavor = "multi_thread")]
 async fn every_flipped_bit_that_changes_an_answer_is_found() {
     let library = library().await;

@@ -143,6 +143,7 @@ async fn counts(dir: &Path) -> (usize, usize) {
     counts
 }
 
+/// This takes more than 5 s, because it starts and checks 30 servers.
 #[tokio::test(flavor = "multi_thread")]
 async fn every_directory_starts_again_after_a_kill_in_its_first_milliseconds() {
     let (empty, saved) = (TempDir::new().unwrap(), backup_of(1..=3).await);

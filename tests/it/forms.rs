@@ -373,6 +373,7 @@ async fn slow_reader(address: SocketAddr, request: &str) -> TcpStream {
     reader
 }
 
+/// This takes more than 5 s, because eight answers of many MiB go to 50 readers each.
 #[cfg(target_os = "linux")]
 #[tokio::test(flavor = "multi_thread")]
 async fn fifty_slow_readers_share_one_copy_of_a_large_answer() {
@@ -428,6 +429,7 @@ async fn fifty_slow_readers_share_one_copy_of_a_large_answer() {
     }
 }
 
+/// This takes more than 5 s, because it writes a table of 32 MiB twice.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_large_table_is_sent_while_it_is_written() {
     let (server, address) = with_result(&large("simplified")).await;
@@ -447,6 +449,7 @@ async fn a_large_table_is_sent_while_it_is_written() {
     missing.problem(422, "invalid-parameters");
 }
 
+/// This takes more than 5 s, because the result has more than 32 MiB.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_result_too_large_for_memory_is_decompressed_while_it_is_sent() {
     let mut body = large("simplified");

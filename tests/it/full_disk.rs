@@ -195,6 +195,7 @@ async fn readyz_reports_that_the_disk_of_postgresql_is_full() {
 /// A function that changes the data directory at a path.
 type Change = fn(&Path);
 
+/// This takes more than 5 s, because it starts several servers.
 #[tokio::test(flavor = "multi_thread")]
 async fn the_server_stops_writing_when_a_file_of_its_database_is_gone() {
     let changes: [(&str, Change, Change); 5] = [

@@ -49,6 +49,7 @@ const ENDLESS: &str = "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 
 /// More bytes than a body may have.
 const HUGE: u32 = 150_000_000;
 
+/// This takes more than 5 s, because the files are large.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_hostile_export_is_refused_in_little_memory() {
     let from = Server::start().await;
@@ -126,6 +127,7 @@ async fn a_hostile_export_is_refused_in_little_memory() {
     }
 }
 
+/// This takes more than 5 s, because the bodies have 80 MB.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_body_of_many_values_is_refused_in_little_memory() {
     let from = Server::start().await;

@@ -459,6 +459,7 @@ async fn repeated_kills_under_load_lose_no_job_and_change_no_result() {
         .await;
 }
 
+/// This takes more than 5 s, because the server starts ten times, and the fit is computed twice.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_fit_that_is_killed_ten_times_has_the_same_bytes() {
     let mut body = example("fit");

@@ -572,6 +572,7 @@ fn rows() -> impl Strategy<Value = Vec<Row>> {
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    /// This takes more than 5 s, because each of 24 cases makes a database.
     #[test]
     fn a_search_finds_the_same_rows_as_a_scan_in_memory(
         rows in rows(), low in 0..8_u8, high in 0..8_u8, shape in proptest::option::of(0..3_usize),

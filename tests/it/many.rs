@@ -57,6 +57,7 @@ async fn results_are_listed_after_an_import() {
     }
 }
 
+/// This takes more than 5 s, because the lists have to be slow.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_job_can_be_read_beside_many_slow_lists() {
     let server = Server::start().await;

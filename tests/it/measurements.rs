@@ -67,6 +67,7 @@ fn said(words: &[&str], input: &str) -> (Option<i32>, String, String) {
     (output.status.code(), text(&output.stdout), text(&output.stderr))
 }
 
+/// This takes more than 5 s, because a fit computes hundreds of runs.
 #[test]
 fn the_command_fits_the_example_and_predicts() {
     let (code, out, err) = said(&["fit", FILE, BALL, "--x", "cycles", "--relative", "0.05"], "");

@@ -639,6 +639,7 @@ async fn export_and_restore_refuse_a_database_of_another_version() {
     store.close().await;
 }
 
+/// This takes more than 5 s, because it makes several backups under load.
 #[tokio::test(flavor = "multi_thread", worker_threads = 3)]
 async fn a_backup_under_load_contains_every_acknowledged_job() {
     let dir = TempDir::new().unwrap();

@@ -71,6 +71,7 @@ fn kill(study: &Divided, number: usize) {
     child.wait().unwrap();
 }
 
+/// This takes more than 5 s, because each part is a process, and the study is computed twice.
 #[test]
 fn sixteen_parts_of_a_study_give_the_bytes_of_one_run() {
     let study = Divided::new(&long_sweep(60_000), 16);

@@ -141,6 +141,7 @@ fn sound(svg: &str, size: (u16, u16), name: &str) {
     assert!(count >= 4, "{name} has {count} ticks");
 }
 
+/// This takes more than 5 s, because it computes all examples.
 #[test]
 fn every_quantity_of_every_example_gives_a_legible_figure() {
     for (name, body) in bodies() {

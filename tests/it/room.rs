@@ -34,6 +34,7 @@ fn logging(options: &[&str], log: &Path) -> Command {
     command
 }
 
+/// This takes more than 5 s, because it writes until 200 results are evicted.
 #[tokio::test(flavor = "multi_thread")]
 async fn the_files_stay_within_keep_results_at_the_full_rate_of_writing() {
     // tests/long runs as long as the server of a user whose files had 457 MB although 20 MiB were allowed.
@@ -102,6 +103,7 @@ async fn the_files_stay_within_keep_results_at_the_full_rate_of_writing() {
     assert_eq!(faults.collect::<Vec<_>>(), [""; 0]);
 }
 
+/// This takes more than 5 s, because it keeps the server busy for some seconds.
 #[tokio::test]
 async fn space_is_given_back_while_the_server_is_busy() {
     let dir = TempDir::new().unwrap();

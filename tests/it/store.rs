@@ -995,6 +995,7 @@ proptest! {
         ..ProptestConfig::default()
     })]
 
+    /// This takes more than 5 s, because each of 24 histories opens the database several times.
     #[test]
     fn random_operations_and_crashes_lose_no_acknowledged_job(verbs in verbs()) {
         try_in_order(&verbs, Engine::Sqlite);

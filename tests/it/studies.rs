@@ -644,6 +644,7 @@ async fn kill_after_each_step(dir: &Path, mut server: Program, job: &Value) -> P
     server
 }
 
+/// This takes more than 5 s, because the server starts ten times, and each study is computed twice.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_study_continues_after_each_of_ten_kills() {
     let studies = if env::var_os("FRETWORK_TEST_LONG").is_some() { 10 } else { 1 };

@@ -253,6 +253,7 @@ fn is_verified(received: &Received, body: &[u8]) -> bool {
     (0..received.rows()).all(agrees) && received.verified(received.rows()).is_ok()
 }
 
+/// This takes more than 5 s, because it reads 8000 bodies.
 #[test]
 fn an_imported_body_of_random_bytes_is_refused_unless_it_is_the_result() {
     let jobs = [small(2.0, "exact"), small(1.0, "simplified"), small_sweep()];
@@ -299,6 +300,7 @@ fn all_forms() -> Vec<(Part, Format, View)> {
     forms
 }
 
+/// This takes more than 5 s, because it writes 300 bodies in all forms.
 #[test]
 fn a_damaged_body_can_be_written_or_is_refused_in_every_form() {
     let results = [small(2.0, "exact"), small(1.0, "simplified")].map(|job| computed(&job).1);
