@@ -50,6 +50,7 @@ const PAGES: &[(&str, &str)] = pages![
     "docs/decisions/sobol-points-are-computed-here.md",
     "docs/decisions/springs-for-every-mode.md",
     "docs/decisions/studies-are-chunks.md",
+    "docs/decisions/the-build-is-plain.md",
     "docs/decisions/the-dashboard-is-a-client.md",
     "docs/decisions/the-queue-of-sqlite-is-in-memory.md",
     "docs/decisions/two-databases-one-set-of-verbs.md",
