@@ -155,6 +155,11 @@ class Browser:
             or self.errors.append(f"request to {request.url}"))
         return page
 
+    def tell(self):
+        """Prints what each open page shows, so that a failed test says why."""
+        for page in (page for program in self.programs.values() for context in program.contexts for page in context.pages):
+            print(f"-- {page.url} shows:\n{page.locator('body').inner_text(timeout=1000)}\n-- errors: {self.errors}", flush=True)
+
     def record_message(self, message):
         # The browser also logs each error status, which the tests provoke.
         if message.type in ("error", "warning") and not message.text.startswith("Failed to load resource"):
@@ -214,7 +219,11 @@ def opened():
     DOWNLOADS.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as play:
         browser = Browser(play)
-        yield browser
+        try:
+            yield browser
+        except BaseException:
+            browser.tell()
+            raise
         for program in browser.programs.values():
             program.close()
     assert not browser.errors, browser.errors

@@ -216,7 +216,7 @@ def documents(walk):
 def keys(walk):
     """An administrator makes a key."""
     page = walk.page
-    walk.open("/#/keys", "main h1")
+    walk.open("/#/keys", ".new-key")
     page.get_by_label("Name").fill("anna")
     page.get_by_label("Role").select_option("read")
     page.get_by_role("button", name="Make a key").click()
