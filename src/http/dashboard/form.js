@@ -241,6 +241,7 @@ export async function showForm(main, { query, signal }) {
   /** Checks the job, and refines the figures. */
   async function check() {
     const own = ++checks;
+    const wasStudy = isStudy();
     let checked = null;
     try {
       checked = await post("/v1/scenarios", jobBody(form.scenario, form.study), { signal });
@@ -250,7 +251,8 @@ export async function showForm(main, { query, signal }) {
       if (own === checks) refuse(problem);
       return;
     }
-    if (own !== checks || signal.aborted) return;
+    // If a run has become a study or a run again meanwhile, the next check follows soon.
+    if (own !== checks || signal.aborted || wasStudy !== isStudy()) return;
     showAll(null);
     // The server returns a stored result beyond its limits too.
     const excess = !checked.cached && checked.excess;
