@@ -24,7 +24,8 @@ const OPTIONS: [&str; 4] = ["sigma", "relative", "at", "density"];
 /// Minimum number of points for a wear coefficient and a friction.
 const FEWEST: usize = 3;
 
-/// Fits, and prints the estimates. The exit code is 2 if the file, the scenario or the fit has faults.
+/// Fits, and prints the estimates. The exit code is 2 if the file, the scenario or the fit has faults, and 1 if the fit finds no
+/// minimum.
 pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
     let Fit { x, y, sigma, relative, at, density, .. } = settings;
     let prepare = if at.is_some() { Prepare::Trace } else { Prepare::Points };
@@ -43,8 +44,21 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
     for (name, given) in given.filter(|(_, given)| !given.is_null()) {
         data[name] = given;
     }
-    if data.get("sigma").or(data.get("relative")).is_none() {
+    let mut is_estimated = data.get("sigma").or(data.get("relative")).is_none();
+    if let Some(members) = data.as_object_mut().filter(|_| settings.lognormal) {
+        members.shift_remove("sigma");
+        is_estimated = relative.is_none();
+        let mut noise = json!({"kind": "lognormal"});
+        noise.as_object_mut().into_iter().for_each(|noise| {
+            noise.extend(
+                members.shift_remove("relative").map(|share| ("relative".to_owned(), share)),
+            );
+        });
+        members.insert("noise".to_owned(), noise);
+    } else if is_estimated {
         (data["relative"], data["noise"]) = (json!(NOISE), json!("estimate"));
+    }
+    if is_estimated {
         let note = "The noise is proportional to the numbers, and estimated from the residuals.";
         measured.notes.push(note.to_owned());
     }
@@ -79,7 +93,8 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
             measured.notes.push(note.to_owned());
         }
     }
-    print(told(&found, &measured.notes)?.as_bytes()).map(|()| ExitCode::SUCCESS)
+    print(told(&found, &measured.notes)?.as_bytes())?;
+    Ok(if found.0["quality"].is_null() { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 
 /// A result, and its verdict.
@@ -97,7 +112,8 @@ fn fitted(body: &str) -> Result<Result<Found, Vec<Fault>>, Error> {
     };
     for fault in &mut faults {
         let member = fault.pointer.strip_prefix("/fit/tests/0/data/0/").unwrap_or("");
-        let option = OPTIONS.into_iter().find(|option| member.split('/').next() == Some(option));
+        let option =
+            OPTIONS.into_iter().find(|option| member.split('/').any(|part| part == *option));
         fault.pointer = option.map_or(fault.pointer.clone(), |option| format!("--{option}"));
     }
     faults.dedup_by(|one, other| one.pointer == other.pointer);

@@ -24,9 +24,12 @@ pub struct Fit {
     /// The standard deviation of the measured numbers, such as "0.3 um" [default: estimated from the residuals].
     #[arg(long)]
     pub sigma: Option<String>,
-    /// The standard deviation as a share of each number.
+    /// The standard deviation as a share of each true number, such as 0.05.
     #[arg(long)]
     pub relative: Option<f64>,
+    /// The numbers scatter by factors: the logarithms have normal errors, with the standard deviation --relative.
+    #[arg(long, conflicts_with = "sigma")]
+    pub lognormal: bool,
     /// The density of the worn body in kg/m³, for the output `mass_loss`.
     #[arg(long, value_name = "KG/M^3")]
     pub density: Option<f64>,

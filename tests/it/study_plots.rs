@@ -255,7 +255,7 @@ async fn the_figures_of_a_fit_show_measurements_and_what_follows() {
     let mut body = example("fit");
     body["fit"]["starts"] = json!(1);
     body["fit"]["tests"][4]["data"][0]["y"][1] = json!("1.1e-2 mm^3");
-    let energy = json!({"output": "wear_volume", "over": "dissipated_energy", "x": [1, 2], "y": ["0.05 mm^3", "0.11 mm^3"], "relative": 0.1});
+    let energy = json!({"output": "wear_volume", "over": "dissipated_energy", "x": [1, 2], "y": ["4.2e-5 mm^3", "8.8e-5 mm^3"], "relative": 0.1});
     body["fit"]["tests"][3]["data"].as_array_mut().unwrap().push(energy);
     let (key, _) = computed(&server, &body).await;
     let svg = figure(&server, &key, "output=wear_volume").await;

@@ -169,8 +169,9 @@ async fn the_log_likelihood_of_a_stored_fit_has_a_gradient() {
     assert!((error * slope - difference).abs() < 0.03, "{} {difference}", error * slope);
     let product = ask("/ApplyJacobian", above, 2.0).await;
     assert!((product / (2.0 * slope) - 1.0).abs() < 1e-11, "{product} {slope}");
-    assert_eq!(ask("/Evaluate", 2e-12, 1.0).await.to_bits(), (-1e300_f64).to_bits());
-    assert_eq!(ask("/Gradient", 2e-12, 1.0).await.to_bits(), 0.0_f64.to_bits());
+    // Outside of the range, the value falls with the distance from it.
+    assert!(ask("/Evaluate", 2e-12, 1.0).await < -1e200);
+    assert!(ask("/Gradient", 2e-12, 1.0).await < 0.0);
 
     let run = server.compute(&steel_ball()).await.json()["key"].clone();
     for (fit, status, kind, words) in [

@@ -147,7 +147,8 @@ fn law(scenario: &Value, parameters: &[Value], table: &Value) -> String {
 fn errors(tests: &Value) -> String {
     let data =
         tests.as_array().into_iter().flatten().filter_map(|test| test["data"].as_array()).flatten();
-    let shares = data.map(|data| data["relative"].as_f64().filter(|_| data.get("sigma").is_none()));
+    let share = |data: &Value| data["relative"].as_f64().or(data["noise"]["relative"].as_f64());
+    let shares = data.map(|data| share(data).filter(|_| data.get("sigma").is_none()));
     let shares: Vec<Option<f64>> = shares.collect();
     match shares[..] {
         [Some(share), ..] if shares.iter().all(|other| *other == Some(share)) => {

@@ -15,7 +15,10 @@ import { duration } from "./units.js";
 const IDLE_MS = 250;
 /** The numbers that are estimated unless the user chooses others. */
 const PRESELECTED = ["/wear/coefficient", "/wear/energy_coefficient"];
-const NOISES = { column: "Standard deviations of the file", relative: "Relative error", absolute: "Equal standard deviation", estimate: "Equal, from the scatter" };
+const NOISES = {
+  column: "Standard deviations of the file", relative: "Relative error", lognormal: "Relative, of the logarithm", absolute: "Equal standard deviation",
+  estimate: "Equal, from the scatter", proportional: "Relative, from the scatter",
+};
 const CONFIDENCES = { 0.9: "90 %", 0.95: "95 %", 0.99: "99 %" };
 /** The relative error of a set that states none. */
 const RELATIVE = "5 %";
@@ -42,9 +45,19 @@ function fractionOf(text) {
   return text.includes("%") ? number / 100 : number;
 }
 
+/** The members of the data of a fit that say how large its noise is, for each member of `NOISES`. */
+const SIZES = {
+  column: () => undefined,
+  relative: (text) => ({ relative: fractionOf(text) }),
+  lognormal: (text) => ({ noise: { ...(text.trim() && { relative: fractionOf(text) }), kind: "lognormal" } }),
+  absolute: (text) => ({ sigma: text.replace(",", ".") }),
+  estimate: () => ({ noise: "estimate" }),
+  proportional: () => ({ relative: 0.1, noise: "estimate" }),
+};
+
 /** The data of a fit for a set. `noise` is a member of `NOISES`, and `text` its size. */
 function dataOf(set, noise, text) {
-  const size = noise === "relative" ? { relative: fractionOf(text) } : noise === "absolute" ? { sigma: text.replace(",", ".") } : noise === "estimate" ? { noise: "estimate" } : { sigma: set.sigma };
+  const size = SIZES[noise](text) ?? { sigma: set.sigma };
   if (set.kind === "profile") return { profile: "wear", at: set.at, radius: set.x, depth: set.y, ...size };
   const { output, over, x, y } = pointsOf(set);
   return { output, over, x, y, ...size };
@@ -52,8 +65,11 @@ function dataOf(set, noise, text) {
 
 /** The noise of the data of a fit, as a member of `NOISES`, and its size as a text. */
 function noiseOf({ noise, relative, sigma }) {
-  if (noise) return ["estimate", ""];
-  if (relative !== undefined) return ["relative", `${Number((100 * relative).toPrecision(6))} %`];
+  const share = relative ?? noise?.relative;
+  const size = share === undefined ? "" : `${Number((100 * share).toPrecision(6))} %`;
+  if (noise?.kind === "lognormal") return ["lognormal", size];
+  if (noise && (noise === "estimate" || !size)) return [noise === "estimate" && !size ? "estimate" : "proportional", ""];
+  if (size) return ["relative", size];
   return Array.isArray(sigma) ? ["column", ""] : ["absolute", String(sigma)];
 }
 
@@ -108,8 +124,8 @@ export class FitForm {
     const test = this.typed?.tests.find(({ name }) => name === set.name);
     const [given, text] = test ? noiseOf(test.data[0]) : hasColumn ? ["column", ""] : ["relative", RELATIVE];
     const use = h("input", { type: "checkbox", id: `fit-set-${i}`, checked: this.typed ? Boolean(test) : set.runs[0] === this.source, onchange: () => this.#check() });
-    const sizes = { relative: RELATIVE, absolute: set.kind === "profile" ? "0.05 um" : `1 ${LIKE[pointsOf(set).output] ?? "um"}` };
-    const size = h("input", { id: `fit-size-${i}`, "aria-label": `Size of the noise of ${set.name}`, value: text, hidden: !text, oninput: () => this.#checkSoon() });
+    const sizes = { relative: RELATIVE, lognormal: RELATIVE, absolute: set.kind === "profile" ? "0.05 um" : `1 ${LIKE[pointsOf(set).output] ?? "um"}` };
+    const size = h("input", { id: `fit-size-${i}`, "aria-label": `Size of the noise of ${set.name}`, value: text, hidden: !sizes[given], oninput: () => this.#checkSoon() });
     const noise = select(noises, given, { id: `fit-noise-${i}`, "aria-label": `Noise of ${set.name}`, onchange: () => {
       size.hidden = !sizes[noise.value];
       size.value = sizes[noise.value] ?? "";
@@ -118,7 +134,7 @@ export class FitForm {
     const fault = h("p", { class: "fault" });
     const element = h("div", { class: "fit-row" }, h("label", { class: "option", for: use.id }, use, h("span", {}, h("strong", {}, set.name), ` ${contentOf(set)}`)),
       h("div", { class: "value" }, noise, size), fault);
-    const errors = () => (noise.value === "column" ? "errors of the file" : noise.value === "estimate" ? "errors from the scatter" : `errors ${size.value}`);
+    const errors = () => (noise.value === "column" ? "errors of the file" : ["estimate", "proportional"].includes(noise.value) || !size.value.trim() ? "errors from the scatter" : `errors ${size.value}`);
     return { set, element, fault, errors, isUsed: () => use.checked, test: () => ({ name: set.name, data: [dataOf(set, noise.value, size.value)] }) };
   }
 

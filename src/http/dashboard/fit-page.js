@@ -2,7 +2,7 @@
 
 import { drawActions } from "./actions.js";
 import { may } from "./allowed.js";
-import { get, resultAddress } from "./api.js";
+import { get, idempotencyKey, post, resultAddress } from "./api.js";
 import { asJson, fill, h, list, tableOf } from "./dom.js";
 import { valueAt } from "./fields.js";
 import { Figure } from "./figure.js";
@@ -12,7 +12,7 @@ import { inputRows } from "./input-rows.js";
 import { setsOfFit } from "./measure-sets.js";
 import { drawSource } from "./result.js";
 import { axisUnit, withUnit } from "./scaling.js";
-import { nameOf } from "./summary.js";
+import { nameOf, sourceTag } from "./summary.js";
 import { cycles, digits, quantity, WORDS } from "./units.js";
 
 /** Rows of the table of measured numbers. */
@@ -97,11 +97,35 @@ function pointTable(result) {
   const scales = Object.fromEntries(groupsOf(result).map(({ output, unit }) => [output, axisUnit(unit, Math.max(...rows.filter((row) => row.output === output).map(({ measured, predicted }) => Math.max(measured ?? 0, predicted ?? 0))))]));
   const place = ({ over, x }) => (over === "cycles" ? cycles(x) : quantity(x, over === "radius" ? "m" : "J", 4));
   const cell = ({ output }, value) => h("td", {}, digits(value == null ? null : value * scales[output].factor, 4));
-  const row = (own) => h("tr", {}, h("td", {}, own.test), h("td", {}, withUnit(WORDS[own.output] ?? "Wear", scales[own.output].unit)), h("td", {}, place(own)),
-    cell(own, own.measured), cell(own, own.deviation), cell(own, own.predicted), h("td", {}, digits(own.residual, 2)), h("td", {}, [own.prediction_low, own.prediction_high].map((end) => digits(end == null ? null : end * scales[own.output].factor, 4)).join(" to ")));
+  const outliers = new Map((result.outliers ?? []).map((outlier) => [outlier.row, outlier]));
+  const left = new Set(result.fit.without ?? []);
+  const distance = (own, i) => (outliers.has(i) ? h("strong", { class: "differs" }, digits(outliers.get(i).studentized, 2), ", disagrees") : left.size && own.studentized == null ? "left out" : digits(own.residual, 2));
+  const row = (own, i) => h("tr", {}, h("td", {}, own.test), h("td", {}, withUnit(WORDS[own.output] ?? "Wear", scales[own.output].unit)), h("td", {}, place(own)),
+    cell(own, own.measured), cell(own, own.deviation), cell(own, own.predicted), h("td", {}, distance(own, i)), h("td", {}, [own.prediction_low, own.prediction_high].map((end) => digits(end == null ? null : end * scales[own.output].factor, 4)).join(" to ")));
   const heads = ["Test", "Output", "Place", "Measured", "σ", "Fit", "Residual/σ", "New tests"];
   return h("details", { class: "card" }, h("summary", {}, "Measured and fitted numbers"), tableOf("Measured and fitted numbers", heads, rows.slice(0, ROWS).map(row), { id: "points" }),
   rows.length > ROWS && h("p", { class: "muted" }, `The first ${ROWS} rows. The download contains all rows.`));
+}
+
+/** Buttons that fit the same data without the numbers that disagree, or with less weight for them. */
+function refitButtons({ fit, outliers = [] }, { label, source }) {
+  if (!may("submit") || !outliers.length) return null;
+  const fault = h("p", { class: "fault" });
+  const button = (text, name, more) => h("button", { type: "button", onclick: async ({ target }) => {
+    target.disabled = true;
+    try {
+      const tags = source ? [sourceTag(source)] : [];
+      const body = { label: `${label || "Fit"}, ${name}`.slice(0, 200), tags, fit: { ...fit, ...more } };
+      const job = await post("/v1/jobs", body, { headers: { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() } });
+      if (target.isConnected) location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`;
+    } catch (problem) {
+      fault.textContent = problem.detail ?? problem.message;
+      target.disabled = false;
+    }
+  } }, text);
+  const without = [...(fit.without ?? []), ...outliers.map(({ pointer }) => pointer)];
+  return h("div", { class: "row", id: "refit" }, button(outliers.length > 1 ? `Fit without these ${outliers.length} numbers` : "Fit without this number", "without outliers", { without }),
+    fit.loss !== "huber" && button("Fit with less weight for them (Huber)", "Huber", { loss: "huber" }), fault);
 }
 
 /** Shows a fit, which was loaded without its rows. */
@@ -127,7 +151,7 @@ export async function showFit(main, { key }, { job, link, signal }) {
   const draw = () => {
     fill(body,
       against.length > 0 && quality && h("section", { class: "card warning", "aria-label": "Notes" }, h("h2", {}, "What these data do not say"),
-        h("ul", { id: "fit-notes" }, against.map(({ kind, detail }) => h("li", { "data-note": kind }, inWords(detail, parameters))))),
+        h("ul", { id: "fit-notes" }, against.map(({ kind, detail }) => h("li", { "data-note": kind }, inWords(detail, parameters)))), refitButtons(result, job)),
       h("section", { class: "card", "aria-label": "Estimates" }, h("h2", {}, `Estimates from ${dataWords(result)}`),
         h("dl", { class: "headline", id: "estimates" }, parameters.map((parameter) => estimateTile(parameter, result, verdict)), quality && correlationTile(result)),
         h("p", { id: "law" }, h("strong", { class: STYLES[verdict.outcome] }, verdict.verdict), ` ${inWords(verdict.reason, parameters)}`)),

@@ -83,12 +83,17 @@ export function differencesOf(set, model) {
   }).filter(({ measured }) => measured != null);
 }
 
+/** Points this many standard deviations from the median lie apart; the standard deviation follows from the median distance. */
+const [APART, MAD] = [5, 1.4826];
+/** An interval of the mean that is wider than this share tells nothing. */
+const POWERLESS = 0.5;
 const meanOf = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
 
 /**
  * Whether measured points agree with computed ones. With stated errors, the sum of squares in standard deviations must be
  * probable (above 1 %; Wilson and Hilferty 1931). Without, the mean difference must be in its 95 % interval around zero, or at most
- * the numerical error of the run, `least`.
+ * the numerical error of the run, `least`. An interval that is too wide to tell anything says neither. `apart` are the points that
+ * lie far from the others; the mean and its interval are then those of the others.
  */
 export function judge(rows, least) {
   const known = rows.filter(({ relative }) => Number.isFinite(relative));
@@ -105,9 +110,19 @@ export function judge(rows, least) {
     return { ...found, near: deviations.filter((value) => Math.abs(value) <= NEAR).length, agrees: normal < IMPROBABLE };
   }
   if (count < 3) return found;
+  const middle = median(relative);
+  const spread = Math.max(MAD * median(relative.map((value) => Math.abs(value - middle))), least);
+  const apart = known.filter((row) => Math.abs(row.relative - middle) > APART * spread);
+  if (apart.length && count - apart.length >= 3) return { ...judge(known.filter((row) => !apart.includes(row)), least), missing: found.missing, apart };
   const scatter = Math.sqrt(relative.reduce((sum, value) => sum + (value - mean) ** 2, 0) / (count - 1));
   const margin = ((STUDENT[count - 2] ?? 1.96 + 2.6 / (count - 1)) * scatter) / Math.sqrt(count);
-  return { ...found, margin, agrees: Math.abs(mean) <= Math.max(margin, least) };
+  const agrees = Math.abs(mean) <= Math.max(margin, least);
+  return { ...found, margin, agrees: agrees && margin > POWERLESS ? null : agrees };
+}
+
+function median(values) {
+  const sorted = values.toSorted((a, b) => a - b);
+  return (sorted[(sorted.length - 1) >> 1] + sorted[sorted.length >> 1]) / 2;
 }
 
 /** The largest numerical error of a run, relative. */

@@ -26,10 +26,11 @@ function meanOf({ mean, count }, whole) {
 export function verdictOf(set, found) {
   const isProfile = set.kind === "profile";
   if (!found) return "No point can be compared: this run has no values there.";
-  const { agrees, count, missing, largest, near, margin } = found;
-  const word = agrees === null ? `Whether ${set.name} agrees cannot be said: it has fewer than three points, and no errors.`
+  const { agrees, count, missing, largest, near, margin, apart = [] } = found;
+  const why = margin === null ? "it has fewer than three points, and no errors" : "its points scatter too much";
+  const word = agrees === null ? `Whether ${set.name} agrees cannot be said: ${why}.`
     : `${set.name} ${agrees ? "agrees" : "does not agree"} with the simulation${agrees && near === null ? " on average" : ""}.`;
-  const parts = [meanOf(found, isProfile),
+  const parts = [apart.length > 0 && `${apart.length > 1 ? `${apart.length} points lie` : "One point lies"} far from the others: ${apart.map(({ x, relative }) => `${placeOf(set, x)} (${signed(relative)})`).join(", ")}. Without ${apart.length > 1 ? "them" : "it"}:`, meanOf(found, isProfile),
     count > 1 && `The largest difference is ${signed(largest.relative)} (${largest.difference > 0 ? "+" : ""}${quantity(largest.difference, unitOf(set), 3)}) at ${placeOf(set, largest.x)}.`,
     near !== null && `${near} of ${count} points lie within two standard deviations.`,
     margin !== null && `The scatter leaves the mean uncertain by ${margin < SMALL ? "" : "±"}${size(margin)} (95 %, if the errors of the points are independent).`,

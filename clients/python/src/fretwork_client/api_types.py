@@ -404,6 +404,8 @@ class Fit(TypedDict):
     tests: "list[FitTestsItem]"
     confidence: "NotRequired[float]"
     starts: "NotRequired[int]"
+    loss: "NotRequired[Literal['squares', 'huber']]"
+    without: "NotRequired[list[str]]"
 
 FitParametersItem = TypedDict(
     "FitParametersItem",
@@ -430,6 +432,7 @@ class FitResult(TypedDict):
     parameters: "NotRequired[list[FitResultParametersItem]]"
     correlation: "NotRequired[list[list[float | None]]]"
     quality: "NotRequired[FitResultQuality]"
+    outliers: "NotRequired[list[FitResultOutliersItem]]"
     lines: "NotRequired[list[FitResultLinesItem]]"
     estimated_scenario: "NotRequired[dict[str, Any]]"
     table: "TableColumns"
@@ -446,6 +449,11 @@ class FitResultLinesItem(TypedDict):
 class FitResultNotesItem(TypedDict):
     kind: "str"
     detail: "str"
+
+class FitResultOutliersItem(TypedDict):
+    row: "int"
+    pointer: "str"
+    studentized: "float"
 
 FitResultParametersItem = TypedDict(
     "FitResultParametersItem",
@@ -488,7 +496,11 @@ class FitTestsItemDataItem1(TypedDict):
     density: "NotRequired[float]"
     sigma: "NotRequired[float | str | list[float | str]]"
     relative: "NotRequired[float]"
-    noise: "NotRequired[Literal['estimate']]"
+    noise: "NotRequired[Literal['estimate'] | FitTestsItemDataItem1Noise2]"
+
+class FitTestsItemDataItem1Noise2(TypedDict):
+    relative: "NotRequired[float]"
+    kind: "NotRequired[Literal['normal', 'lognormal']]"
 
 class FitTestsItemDataItem2(TypedDict):
     profile: "Literal['wear']"
@@ -498,7 +510,11 @@ class FitTestsItemDataItem2(TypedDict):
     depth: "list[float | str | None]"
     sigma: "NotRequired[float | str | list[float | str]]"
     relative: "NotRequired[float]"
-    noise: "NotRequired[Literal['estimate']]"
+    noise: "NotRequired[Literal['estimate'] | FitTestsItemDataItem2Noise2]"
+
+class FitTestsItemDataItem2Noise2(TypedDict):
+    relative: "NotRequired[float]"
+    kind: "NotRequired[Literal['normal', 'lognormal']]"
 
 Force: TypeAlias = "float | str"
 

@@ -311,6 +311,22 @@ impl LineMotion {
         Some(twelve_digits(cycles))
     }
 
+    /// The same motion, as a constant one if it has a single block.
+    pub(super) fn constant(self) -> Self {
+        match self {
+            Self::Forces { blocks, reference } if blocks.len() == 1 => {
+                let held = MotionHeld::TangentialForce;
+                Self::Force { tangential_force: blocks[0].tangential_force.0, reference, held }
+            }
+            Self::Strokes { blocks, reference } if blocks.len() == 1 => Self::Stroke {
+                amplitude: blocks[0].amplitude.0,
+                reference,
+                held: MotionHeld::Amplitude,
+            },
+            other => other,
+        }
+    }
+
     /// Whether the motion has blocks.
     pub(super) fn has_blocks(&self) -> bool {
         matches!(self, Self::Forces { .. } | Self::Strokes { .. })

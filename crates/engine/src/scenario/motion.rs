@@ -29,6 +29,9 @@ const MIN_THRESHOLD: f64 = 1e-6;
 /// rounded amplitude.
 const STICK_DIGITS: f64 = 1e-3;
 
+/// The inverse of the smallest change of position that counts, in units of the amplitude of a record.
+const DIGITS: f64 = 1e11;
+
 /// The motion in canonical form.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
@@ -54,7 +57,7 @@ impl CanonicalMotion {
             let reversals: Vec<f64> = reversals.iter().map(|position| position.0).collect();
             let record = record_of(&reversals)?;
             resolved(record.amplitude, false, pressed, "/motion/reversals")?;
-            return Ok(Self::Reversals { reversals });
+            return Ok(Self::Reversals { reversals: around_zero(reversals) });
         }
         let (amplitude, pointer) = contact_amplitude(motion, pressed)?;
         if let Some(stiffness) = motion.rig_stiffness.0 {
@@ -87,6 +90,18 @@ impl CanonicalMotion {
         }
         let blocks = merged(given, |block| block.amplitude.0, |block| &mut block.cycles);
         Ok(Self::Blocks { blocks })
+    }
+
+    /// The same motion, as a constant one if it has a single block.
+    pub(super) fn constant(self) -> Self {
+        match self {
+            Self::Blocks { blocks } if blocks.len() == 1 => {
+                let amplitude = blocks[0].amplitude.0;
+                Self::Amplitude { amplitude, held: MotionHeld::Amplitude }
+            }
+            Self::Line(motion) => Self::Line(motion.constant()),
+            other => other,
+        }
     }
 
     /// Converts a motion with a rig. `amplitude` is the amplitude of the contact, and `pointer` its
@@ -224,6 +239,19 @@ impl CanonicalMotion {
             _ => None,
         }
     }
+}
+
+/// Shifts a record so that the middle of its extreme positions is 0, because only its ranges matter. Such a record stays.
+fn around_zero(reversals: Vec<f64>) -> Vec<f64> {
+    let low = reversals.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = reversals.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (middle, amplitude) = (0.5 * (low + high), 0.5 * (high - low));
+    if middle == 0.0 {
+        return reversals;
+    }
+    // Rounded, so that records with different middles become the same.
+    let share = |x: f64| (DIGITS * (x - middle) / amplitude).round() / DIGITS;
+    reversals.iter().map(|x| twelve_digits(twelve_digits(amplitude) * share(*x))).collect()
 }
 
 fn record_of(reversals: &[f64]) -> Result<DisplacementRecord, Faults> {

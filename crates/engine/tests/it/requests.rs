@@ -389,11 +389,46 @@ fn a_table_of_equal_values_is_the_number() {
         json!({"over": "cycles", "at": [0, 10, 10], "values": [0.7, 0.7, 0.700_000_000_000_01]});
     let run_in = json!({"run_in": {"cycles": 10, "from": "3.03e-5 mm^3/(N m)", "to": 3.03e-14}});
     let changed = with(round(), json!({"friction": constant, "wear": {"coefficient": run_in}}));
-    let canonical = |scenario: &Value| {
-        let (scenario, _) = scenario::check(scenario, "").expect("a scenario");
-        serde_json::to_string(&scenario).expect("JSON")
-    };
     assert_eq!(canonical(&changed), canonical(&round()));
+}
+
+/// The canonical form of a scenario, from which its key follows.
+fn canonical(scenario: &Value) -> String {
+    let (scenario, _) = scenario::check(scenario, "").expect("a scenario");
+    serde_json::to_string(&scenario).expect("JSON")
+}
+
+#[test]
+fn motions_that_mean_the_same_have_one_canonical_form() {
+    let of = |base: &Value, motion: Value| {
+        let mut scenario = base.clone();
+        (scenario["motion"], scenario["cycles"]) = (motion, json!([100, 1000]));
+        canonical(&scenario)
+    };
+    // One block, or several equal ones, until the last output cycle or beyond.
+    let block = |amplitude: &str, cycles: u32| json!({"amplitude": amplitude, "cycles": cycles});
+    let constant = of(&round(), json!({"amplitude": "2 um"}));
+    for blocks in [vec![block("2 um", 1000)], vec![block("2 um", 500), block("2000 nm", 700)]] {
+        assert_eq!(of(&round(), json!({"blocks": blocks})), constant);
+    }
+    let two = json!({"blocks": [block("2 um", 500), block("1 um", 700)]});
+    assert_ne!(of(&round(), two), constant);
+    let forces = json!({"blocks": [{"tangential_force": "20 N", "cycles": 1000}]});
+    assert_eq!(of(&line(), forces), of(&line(), json!({"tangential_force": "20 N"})));
+    let strokes = json!({"blocks": [block("2 um", 1000)], "reference_distance": "5 mm"});
+    let stroke = json!({"amplitude": "2 um", "reference_distance": "5 mm"});
+    assert_eq!(of(&line(), strokes), of(&line(), stroke));
+    // A record counts from any position.
+    let record = |shift: f64| {
+        let positions = [2.1, -1.4, 0.6, -2.1, 0.3].map(|position| 1e-6 * (position + shift));
+        of(&round(), json!({"reversals": positions}))
+    };
+    for shift in [0.7, -33.3, 1e3] {
+        assert_eq!(record(shift), record(0.0));
+    }
+    let (again, _) = scenario::check(&serde_json::from_str(&record(0.7)).expect("JSON"), "")
+        .expect("a scenario");
+    assert_eq!(serde_json::to_string(&again).expect("JSON"), record(0.7));
 }
 
 #[test]

@@ -4,19 +4,27 @@
 //! counts as one point: each of its points has the weight 1/m. If there are not more clusters than parameters, each
 //! point counts, and [`Measured::is_clustered`] is false.
 //!
-//! The noise of a set of points is stated, or it is estimated from the scatter of the set.
+//! The noise of a set of points is stated, or it is estimated from the scatter of the set. It can have a part that is a
+//! share of the true number. The prediction stands for that number, because a measured number that is too small by chance
+//! would get too much weight. These parts are held while S is minimised: else S would fall where predictions are large.
 //!
 //! # Equations
 //! ```text
-//! rᵢ = √wᵢ (fᵢ − yᵢ)/sᵢ,   sᵢ² = (q σᵢ)² + nᵢ²,   S = Σ rᵢ²
+//! rᵢ = √wᵢ (fᵢ − yᵢ)/sᵢ,   sᵢ² = (q σᵢ)² + nᵢ²,   σᵢ² = aᵢ² + (ρᵢ gᵢ)²,   S = Σ rᵢ²
+//! rᵢ = √wᵢ ln(fᵢ/yᵢ) gᵢ/sᵢ   if the noise is lognormal
 //! q² = Σ wᵢ (fᵢ − yᵢ)²/σᵢ² / (W (1 − p/ΣW)),   W = Σ wᵢ of a set with estimated noise, otherwise q = 1
 //! S ≤ S_min + t²(ν)
 //! ```
-//! σ is the noise, n the numerical error, p the number of parameters, and ν the number of degrees of freedom. With
-//! stated noise t is the factor of the normal distribution.
+//! With the loss of Huber, a weight has the factor hᵢ = min(1, c/|zᵢ|) of its distance zᵢ = (gᵢ − yᵢ)/sᵢ, and in q², zᵢ² is at
+//! most c²; the sum is divided by the mean of such squares.
+//!
+//! σ is the noise, ρ its share of the number, g the prediction that is held, n the numerical error, p the number of
+//! parameters, and ν the number of degrees of freedom. With stated noise t is the factor of the normal distribution.
 //!
 //! # Sources
 //! D. M. Bates, D. G. Watts, Nonlinear Regression Analysis and Its Applications (1988), chapters 1, 2 and 6.
+//! P. J. Huber, Robust Statistics (1981), chapters 6 and 7: the loss, and the estimate of the noise beside it.
+//! R. J. Carroll, D. Ruppert, Transformation and Weighting in Regression (1988), chapter 2: weights that are held.
 
 use std::collections::BTreeMap;
 
@@ -30,14 +38,28 @@ const LEAST_FACTOR: f64 = 1e-9;
 /// A part of a direction that is smaller than this share of the largest part counts as none.
 const PART: f64 = 0.15;
 
+/// The distance c beyond which the loss of Huber is linear, and the mean of min(z², c²) for normal z.
+const HUBER: f64 = 1.345;
+const HUBER_MEAN: f64 = 0.710_164;
+/// Number of rounds in which the noise beside the loss of Huber is found.
+const HUBER_ROUNDS: usize = 30;
+/// The least positive number whose logarithm is taken.
+const TINY: f64 = 1e-300;
+
 /// A measured number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// The number y. If it is not a number, the point does not take part.
     pub value: f64,
-    /// Its noise σ as a standard deviation. If the noise of its set is estimated, only the ratios of these numbers
-    /// matter.
+    /// The part a of its noise that does not depend on the number, as a standard deviation. If the noise of its set is
+    /// estimated, only the ratios of the noise matter.
     pub noise: f64,
+    /// The part ρ of its noise that is a share of the prediction.
+    pub share: f64,
+    /// The least prediction whose share counts.
+    pub least: f64,
+    /// Whether the noise is that of the logarithm.
+    pub is_log: bool,
     /// The numerical error n of a prediction.
     pub numerical: f64,
     /// The index of its set.
@@ -49,15 +71,30 @@ pub struct Point {
 }
 
 impl Point {
-    /// The standard deviation s of the difference between the number and its prediction.
-    pub fn deviation(&self, factors: &[f64]) -> f64 {
-        libm::hypot(factors[self.set] * self.noise, self.numerical)
+    /// The noise σ if this is the prediction.
+    fn noise_at(&self, predicted: f64) -> f64 {
+        libm::hypot(self.noise, self.share * predicted.abs().max(self.least))
     }
 
-    /// What a change of the prediction by 1 changes in the residual: √w/s.
-    pub fn slope(&self, factors: &[f64]) -> f64 {
-        self.weight.sqrt() / self.deviation(factors)
+    /// The difference between a prediction and the number, for noise at the prediction `held`.
+    fn difference(&self, predicted: f64, held: f64) -> f64 {
+        if !self.is_log {
+            return predicted - self.value;
+        }
+        libm::log(predicted.max(TINY) / self.value) * held.abs().max(self.least)
     }
+}
+
+/// The noise of all points at predictions that are held.
+#[derive(Debug, Clone, Default)]
+pub struct Noise {
+    /// The factor q of each set.
+    pub factors: Vec<f64>,
+    /// The standard deviation s of the difference between each number and its prediction.
+    pub deviations: Vec<f64>,
+    held: Vec<f64>,
+    /// The factors h of the weights: 1, or less for large residuals if the loss is that of Huber.
+    trusts: Vec<f64>,
 }
 
 /// Measured numbers with weights.
@@ -69,6 +106,8 @@ pub struct Measured {
     is_estimated: Vec<bool>,
     /// Whether the points of a cluster count as one.
     pub is_clustered: bool,
+    /// Whether the loss is that of Huber.
+    pub is_robust: bool,
     /// The number of parameters, less the number of those with a prior.
     parameters: f64,
 }
@@ -85,7 +124,14 @@ impl Measured {
             let size = sizes.get(&point.cluster).filter(|_| is_clustered).unwrap_or(&1.0);
             point.weight = if point.value.is_finite() { 1.0 / size } else { 0.0 };
         }
-        Self { points, is_estimated, is_clustered, parameters: parameters as f64 }
+        let (parameters, is_robust) = (parameters as f64, false);
+        Self { points, is_estimated, is_clustered, is_robust, parameters }
+    }
+
+    /// The same numbers, of which some have been taken out, with new weights.
+    #[must_use]
+    pub fn weighted_anew(&self) -> Self {
+        Self::new(self.points.clone(), self.is_estimated.clone(), self.parameters as usize)
     }
 
     /// The same numbers without those for which `is_left_out` holds.
@@ -102,10 +148,15 @@ impl Measured {
         self.points.iter().enumerate().filter(|(_, point)| point.weight > 0.0)
     }
 
-    /// The effective number of points of all sets, or of one of them.
+    /// The effective number of points of all sets, or of one of them. The number of whole clusters is exact.
     pub fn count(&self, set: Option<usize>) -> f64 {
-        let own = self.points.iter().filter(|point| set.is_none_or(|set| point.set == set));
-        own.map(|point| point.weight).sum()
+        let mut clusters = BTreeMap::<usize, (f64, f64)>::new();
+        for (_, point) in self.taking_part().filter(|it| set.is_none_or(|set| it.1.set == set)) {
+            let (points, weight) = clusters.entry(point.cluster).or_default();
+            (*points, *weight) = (*points + 1.0, point.weight);
+        }
+        // A weight is the inverse of a small whole number, so this quotient is exact if the cluster is whole.
+        clusters.values().map(|(points, weight)| points / (1.0 / weight).round()).sum()
     }
 
     /// The share of the points of a set that is left after the parameters were estimated.
@@ -114,28 +165,74 @@ impl Measured {
         ((all - self.parameters) / all).max(1.0 / all)
     }
 
-    /// The factor q of the noise of each set, from predictions.
-    pub fn factors(&self, predicted: &[f64]) -> Vec<f64> {
+    /// The noise at predictions, with the factors that follow from them.
+    pub fn noise(&self, predicted: &[f64]) -> Noise {
         let factor = |(set, is_estimated): (usize, &bool)| {
             let count = self.count(Some(set));
             if !is_estimated || count == 0.0 {
                 return 1.0;
             }
             let own = self.taking_part().filter(|(_, point)| point.set == set);
-            let distance = |(place, it): (usize, &Point)| (predicted[place] - it.value) / it.noise;
-            let square: f64 = own.map(|it| it.1.weight * distance(it) * distance(it)).sum();
-            (square / (count * self.left())).sqrt().max(LEAST_FACTOR)
+            let distance = |(place, it): (usize, &Point)| {
+                it.difference(predicted[place], predicted[place]) / it.noise_at(predicted[place])
+            };
+            let distances: Vec<(f64, f64)> = own.map(|it| (it.1.weight, distance(it))).collect();
+            let mean = |limit: f64| {
+                let squares = distances.iter().map(|(w, z)| w * (z * z).min(limit));
+                (squares.sum::<f64>() / (count * self.left())).sqrt().max(LEAST_FACTOR)
+            };
+            let once = |q: f64, _| mean(HUBER * HUBER * q * q) / HUBER_MEAN.sqrt();
+            let rounds = if self.is_robust { HUBER_ROUNDS } else { 0 };
+            (0..rounds).fold(mean(f64::INFINITY), once).max(LEAST_FACTOR)
         };
-        self.is_estimated.iter().enumerate().map(factor).collect()
+        self.noise_with(self.is_estimated.iter().enumerate().map(factor).collect(), predicted)
+    }
+
+    /// The noise before there are predictions: that at the measured numbers.
+    pub fn first_noise(&self) -> Noise {
+        let values: Vec<f64> = self.points.iter().map(|point| point.value).collect();
+        self.noise_with(vec![1.0; self.is_estimated.len()], &values)
+    }
+
+    fn noise_with(&self, factors: Vec<f64>, held: &[f64]) -> Noise {
+        let of = |(it, held): (&Point, &f64)| {
+            libm::hypot(factors[it.set] * it.noise_at(*held), it.numerical)
+        };
+        let deviations: Vec<f64> = self.points.iter().zip(held).map(of).collect();
+        let mut noise =
+            Noise { factors, deviations, held: held.to_vec(), trusts: vec![1.0; held.len()] };
+        if self.is_robust {
+            let distances = self.distances(held, &noise).into_iter();
+            // A number that was not measured has no distance.
+            noise.trusts = distances.map(|z| (HUBER / z.abs()).min(1.0)).collect();
+        }
+        noise
+    }
+
+    /// The differences between predictions and numbers, in standard deviations.
+    pub fn distances(&self, predicted: &[f64], noise: &Noise) -> Vec<f64> {
+        let of = |(place, it): (usize, &Point)| {
+            it.difference(predicted[place], noise.held[place]) / noise.deviations[place]
+        };
+        self.points.iter().enumerate().map(of).collect()
+    }
+
+    /// The roots of the weights of all residuals; 0 for a number that does not take part.
+    fn roots(&self, noise: &Noise) -> impl Iterator<Item = f64> {
+        let weights = self.points.iter().zip(&noise.trusts).map(|(it, trust)| it.weight * trust);
+        weights.map(|weight| if weight > 0.0 { weight.sqrt() } else { 0.0 })
+    }
+
+    /// What a change of each prediction by 1 changes in its residual: √w/s.
+    pub fn slopes(&self, noise: &Noise) -> Vec<f64> {
+        let each = self.roots(noise).zip(&noise.deviations);
+        each.map(|(root, s)| if root > 0.0 { root / s } else { 0.0 }).collect()
     }
 
     /// The residuals. A number that does not take part has none, even if it has no prediction.
-    pub fn residuals(&self, predicted: &[f64], factors: &[f64]) -> Vec<f64> {
-        let residual = |(point, found): (&Point, &f64)| match point.weight {
-            0.0 => 0.0,
-            _ => point.slope(factors) * (found - point.value),
-        };
-        self.points.iter().zip(predicted).map(residual).collect()
+    pub fn residuals(&self, predicted: &[f64], noise: &Noise) -> Vec<f64> {
+        let each = self.roots(noise).zip(self.distances(predicted, noise));
+        each.map(|(root, distance)| if root > 0.0 { root * distance } else { 0.0 }).collect()
     }
 
     /// The degrees of freedom from which noise is estimated, at least 1; `None` if all noise is stated.
@@ -160,13 +257,16 @@ impl Measured {
             return None;
         }
         // The most probable noise is smaller than the unbiased one.
-        let mut factors = self.factors(predicted);
+        let mut factors = self.noise(predicted).factors;
         let estimated = factors.iter_mut().zip(&self.is_estimated).filter(|(_, it)| **it);
         estimated.for_each(|(factor, _)| *factor *= self.left().sqrt());
+        let noise = self.noise_with(factors, predicted);
+        let residuals = self.residuals(predicted, &noise);
         let own = |(place, point): (usize, &Point)| {
-            let deviation = point.deviation(&factors);
-            let distance = (predicted[place] - point.value) / deviation;
-            point.weight * (distance * distance + 2.0 * libm::log(deviation))
+            // The density of a lognormal number falls as the number grows.
+            let jacobian = if point.is_log { point.value / predicted[place] } else { 1.0 };
+            let logarithm = libm::log(noise.deviations[place] * jacobian);
+            residuals[place] * residuals[place] + point.weight * 2.0 * logarithm
         };
         let fit: f64 = self.taking_part().map(own).sum();
         Some(fit + 2.0 * all + 2.0 * all * (all + 1.0) / (count - all - 1.0))
@@ -268,7 +368,8 @@ mod tests {
     use super::*;
 
     fn point(value: f64, noise: f64, set: usize, cluster: usize) -> Point {
-        Point { value, noise, numerical: 0.0, set, cluster, weight: 0.0 }
+        let (share, least, is_log) = (0.0, 0.0, false);
+        Point { value, noise, share, least, is_log, numerical: 0.0, set, cluster, weight: 0.0 }
     }
 
     fn close(found: f64, known: f64) {
@@ -282,13 +383,13 @@ mod tests {
         let measured = Measured::new(points.collect(), vec![true], 2);
         let predicted: Vec<f64> =
             MISRA.iter().map(|(x, _)| b[0] * (1.0 - libm::exp(-b[1] * x))).collect();
-        let factors = measured.factors(&predicted);
-        assert!((factors[0] - 0.101_878_763_30).abs() < 1e-9, "{factors:?}");
+        let noise = measured.noise(&predicted);
+        assert!((noise.factors[0] - 0.101_878_763_30).abs() < 1e-9, "{noise:?}");
         assert_eq!(measured.freedom(), Some(12));
-        let sum: f64 = measured.residuals(&predicted, &factors).iter().map(|r| r * r).sum();
+        let sum: f64 = measured.residuals(&predicted, &noise).iter().map(|r| r * r).sum();
         close(sum, 12.0);
         // The parameters are the logarithms of b.
-        let slopes: Vec<f64> = measured.points.iter().map(|it| it.slope(&factors)).collect();
+        let slopes = measured.slopes(&noise);
         let of_exponent = |x: f64| b[0] * b[1] * x * libm::exp(-b[1] * x);
         let columns = [
             predicted.iter().zip(&slopes).map(|(y, slope)| y * slope).collect(),
@@ -312,10 +413,10 @@ mod tests {
             let of = |points: &[Point]| {
                 let measured = Measured::new(points.to_vec(), vec![is_estimated], 1);
                 let predicted = vec![2.0; points.len()];
-                let factors = measured.factors(&predicted);
-                let residuals = measured.residuals(&predicted, &factors);
+                let noise = measured.noise(&predicted);
+                let residuals = measured.residuals(&predicted, &noise);
                 let sum = residuals.iter().map(|r| r * r).sum::<f64>();
-                (factors[0], sum, measured.freedom(), measured.aicc(&predicted, 1))
+                (noise.factors[0], sum, measured.freedom(), measured.aicc(&predicted, 1))
             };
             let (one, four) = (of(&single), of(&repeated));
             close(four.0, one.0);
@@ -333,7 +434,7 @@ mod tests {
         let points: Vec<_> =
             values.iter().enumerate().map(|(i, y)| point(*y, 0.5, i / 3, i)).collect();
         let measured = Measured::new(points.clone(), vec![true, false], 1);
-        let factors = measured.factors(&[2.0; 6]);
+        let factors = measured.noise(&[2.0; 6]).factors;
         close(factors[0], (8.0_f64 / (3.0 * 5.0 / 6.0)).sqrt());
         assert!((factors[1] - 1.0).abs() < 1e-15);
         assert_eq!(measured.freedom(), Some(2));
@@ -344,7 +445,7 @@ mod tests {
         // A numerical error of 0.3 beside a noise of 0.4.
         let numerical = Point { numerical: 0.3, ..point(1.0, 0.4, 0, 0) };
         let measured = Measured::new(vec![numerical], vec![false], 0);
-        close(measured.residuals(&[2.0], &[1.0])[0], 2.0);
+        close(measured.residuals(&[2.0], &measured.noise(&[2.0]))[0], 2.0);
         assert!((measured.without(|_| true).count(None)).abs() < 1e-15);
     }
 

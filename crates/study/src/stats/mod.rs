@@ -11,6 +11,7 @@ pub mod least_squares;
 pub mod measured;
 pub mod morris;
 pub mod origin;
+pub mod outliers;
 pub mod summary;
 pub mod trend;
 

@@ -30,6 +30,8 @@ const GRID: usize = 25;
 const GRIDS: usize = 1000;
 /// The output that is the wear volume times `density`.
 const MASS_LOSS: &str = "mass_loss";
+/// The least density of a worn body, in kg/m³. Those of solids in g/cm³ are smaller.
+const LEAST_DENSITY: f64 = 30.0;
 /// The columns that a run states about itself, which cannot be measured.
 const STATED: [&str; 3] = ["normalized_cycles", "wear_volume_error", "wear_depth_error"];
 /// The members that say how large the noise of a set is.
@@ -104,13 +106,77 @@ struct Noise {
     #[deserr(default)]
     relative: Given<f64>,
     #[deserr(default, rename = "noise")]
-    estimate: Given<Estimate>,
+    kind: Given<Value>,
 }
 
+/// The member `noise`: `"estimate"`, or an object. Without `relative`, its size is estimated.
 #[derive(Deserr)]
+#[deserr(error = Faults, deny_unknown_fields)]
+struct Scatter {
+    #[deserr(default)]
+    relative: Given<f64>,
+    #[deserr(default)]
+    kind: Given<Scale>,
+}
+
+#[derive(Deserr, PartialEq)]
 #[deserr(error = Faults, rename_all = lowercase)]
-enum Estimate {
-    Estimate,
+enum Scale {
+    Normal,
+    Lognormal,
+}
+
+impl Noise {
+    /// Reads the kind of the noise and its share of the numbers into a set. Returns the standard deviations that do not depend
+    /// on the numbers.
+    fn read_into(self, set: &mut Set, count: usize) -> Result<Vec<Value>, Faults> {
+        let wrong = |name: &str, detail: &str| Err(Faults::one(name, detail));
+        let (mut relative, mut pointer) = (self.relative.0, "/relative");
+        match self.kind.0 {
+            None => {}
+            Some(word) if word == "estimate" => set.is_estimated = true,
+            Some(Value::Object(own)) => {
+                let read = typed::<Scatter>(own.into()).map_err(|faults| faults.below("/noise"))?;
+                if relative.is_some() || self.sigma.0.is_some() {
+                    return wrong(
+                        "/noise",
+                        "has the noise, so `sigma` and `relative` have no meaning beside it. Remove them",
+                    );
+                }
+                set.is_log = read.kind.0 == Some(Scale::Lognormal);
+                set.is_estimated = read.relative.0.is_none();
+                (relative, pointer) = (read.relative.0.or(Some(FIRST_NOISE)), "/noise/relative");
+            }
+            Some(_) => {
+                return wrong(
+                    "/noise",
+                    "must be \"estimate\", or an object such as {\"relative\": 0.2, \"kind\": \"lognormal\"}",
+                );
+            }
+        }
+        set.share = relative.unwrap_or(0.0);
+        if !(0.0..=1.0).contains(&set.share) {
+            let detail = format!(
+                "is {}, but it is a share of each number, from 0 to 1. Enter {} for {} %",
+                set.share,
+                0.01 * set.share,
+                set.share
+            );
+            return wrong(pointer, &detail);
+        }
+        if self.sigma.0.is_none() && relative.is_none() && !set.is_estimated {
+            return wrong(
+                "/sigma",
+                "is missing. Enter `sigma`, `relative`, or \"noise\": \"estimate\"",
+            );
+        }
+        Ok(match self.sigma.0 {
+            Some(Value::Array(list)) => list,
+            Some(one) => vec![one; count],
+            // Without any size, all numbers of a set have the same noise. Its first estimate follows from them.
+            None => vec![json!(0); count],
+        })
+    }
 }
 
 /// A test: its scenario, and its specimen.
@@ -147,6 +213,11 @@ fn set(test: usize, given: &Value) -> Result<Set, Faults> {
             let detail = "belongs to `mass_loss`, which needs it: a number in kg/m³ greater than 0";
             return Err(Faults::one("/density", detail));
         }
+        if let Some(density) = density.0.filter(|density| *density < LEAST_DENSITY) {
+            let detail =
+                format!("is {density} kg/m³. If it is in g/cm³, enter {}", 1000.0 * density);
+            return Err(Faults::one("/density", detail));
+        }
         let unit = outcome::Quantity::named(column).map_or("1", |quantity| quantity.unit);
         let quantity = Quantity::Column { column, factor: density.0.unwrap_or(1.0) };
         let over = match over.0 {
@@ -160,25 +231,15 @@ fn set(test: usize, given: &Value) -> Result<Set, Faults> {
 }
 
 /// Reads and checks the numbers of a set.
-fn with_numbers(
-    mut set: Set,
-    x: &[Value],
-    y: &[Value],
-    Noise { sigma, relative, estimate }: Noise,
-) -> Result<Set, Faults> {
+fn with_numbers(mut set: Set, x: &[Value], y: &[Value], noise: Noise) -> Result<Set, Faults> {
     let (of_x, of_y, x_unit) = match set.over {
         "radius" => ("radius", "depth", "m"),
         "dissipated_energy" => ("x", "y", "J"),
         _ => ("x", "y", "1"),
     };
     let wrong = |name: &str, detail: &str| Err(Faults::one(&format!("/{name}"), detail));
-    let (count, is_stated) = (y.len(), sigma.0.is_some() || relative.0.is_some());
-    let share = relative.0.unwrap_or(0.0);
-    let sigma = match sigma.0 {
-        Some(Value::Array(list)) => list,
-        one => vec![one.unwrap_or(json!(0)); count],
-    };
-    set.is_estimated = estimate.0.is_some();
+    let (count, is_profile) = (y.len(), set.over == "radius");
+    let sigma = noise.read_into(&mut set, count)?;
     for (name, numbers) in [(of_y, count), ("sigma", sigma.len())] {
         let places = x.len();
         if numbers != places || numbers == 0 {
@@ -192,9 +253,6 @@ fn with_numbers(
     if count > 1 && are_equal(x) && are_equal(y) {
         return wrong(of_y, &format!("has the same point {count} times. Enter it once"));
     }
-    if !is_stated && !set.is_estimated {
-        return wrong("sigma", "is missing. Enter `sigma`, `relative`, or \"noise\": \"estimate\"");
-    }
     let mut faults = Faults::default();
     for place in 0..count {
         let mut read = |name: &str, value: &Value, unit: &str| {
@@ -206,21 +264,21 @@ fn with_numbers(
             read("sigma", &sigma[place], set.unit),
         );
         let (Some(x), Some(y), Some(sigma)) = numbers else { continue };
-        let noise = libm::hypot(sigma.unwrap_or(f64::NAN), share * y.unwrap_or(1.0));
-        let is_profile = set.over == "radius";
         let fault = match (x, y) {
             (None, _) => Some((of_x, "must be a number")),
-            (Some(x), _) if x < 0.0 || x == 0.0 && !is_profile || x > MAX_X => {
-                Some((of_x, "must be greater than 0 and at most 1e14. A radius can be 0"))
+            // The start of a test.
+            (Some(0.0), None | Some(0.0)) if !is_profile => continue,
+            (Some(x), _) if x < 0.0 || x == 0.0 && !is_profile || x > MAX_X => Some((
+                of_x,
+                "must be greater than 0 and at most 1e14. A radius can be 0, and so can the start with the number 0",
+            )),
+            (_, Some(y)) if y <= 0.0 && set.is_log => Some((
+                of_y,
+                "must be greater than 0 if the noise is lognormal. Enter null if it is not known",
+            )),
+            _ if sigma.is_none_or(|sigma| sigma < 0.0) => {
+                Some(("sigma", "must be a number from 0 on"))
             }
-            (_, Some(y)) if y < 0.0 && !is_profile => Some((
-                of_y,
-                "is negative, but this quantity cannot be. Enter null if it is not known",
-            )),
-            _ if is_stated && !(noise >= TINY && sigma >= Some(0.0) && share >= 0.0) => Some((
-                of_y,
-                "has no noise, or less than 1e-100. Enter a larger `sigma` or `relative`; `relative` gives none to 0",
-            )),
             _ => None,
         };
         if let Some((name, detail)) = fault {
@@ -228,11 +286,20 @@ fn with_numbers(
         }
         set.x.extend(x);
         set.y.push(y);
-        set.noise.push(noise);
+        set.pointers.push(format!("/{of_y}/{place}"));
+        set.noise.push(sigma.unwrap_or(0.0));
     }
-    if !is_stated {
-        let largest = set.y.iter().flatten().fold(0.0_f64, |largest, y| largest.max(*y));
-        set.noise.fill((FIRST_NOISE * largest).max(TINY));
+    let share = set.share * set.least();
+    if set.is_estimated && share == 0.0 && set.noise.iter().all(|sigma| *sigma == 0.0) {
+        let first = (FIRST_NOISE * set.largest()).max(TINY);
+        set.noise.fill(first);
+    } else if let Some(place) = set.noise.iter().position(|sigma| libm::hypot(*sigma, share) < TINY)
+    {
+        let detail = "has no noise, or less than 1e-100. Enter a larger `sigma` or `relative`";
+        faults.add(format!("/{of_y}/{place}"), detail);
+    }
+    if set.x.is_empty() && faults.0.is_empty() {
+        faults.add(format!("/{of_y}"), "has no number after the start. Enter at least one");
     }
     faults.or(set)
 }
@@ -275,7 +342,12 @@ fn test(
         members.insert(member.to_owned(), value);
     }
     let sets = Faults::list(data.0.iter().map(|data| set(place, data)));
-    let sets = sets.map_err(|faults| faults.below("/data"))?;
+    let mut sets = sets.map_err(|faults| faults.below("/data"))?;
+    for (entry, set) in sets.iter_mut().enumerate() {
+        set.pointers
+            .iter_mut()
+            .for_each(|it| it.insert_str(0, &format!("/tests/{place}/data/{entry}")));
+    }
     Ok((Test { name, specimen: specimen.0, changed, scenario }, sets))
 }
 
@@ -355,8 +427,10 @@ fn must_suffice(sets: &[Set], parameters: usize) -> Result<(), Faults> {
 /// Chooses a smaller tolerance for the runs of a scenario without one if the relative noise of the data is small.
 fn refine(scenario: &mut Value, sets: &[Set]) {
     let stated = sets.iter().filter(|set| !set.is_estimated);
-    let numbers = stated.flat_map(|set| set.y.iter().zip(&set.noise));
-    let shares = numbers.filter_map(|(y, noise)| Some(noise / y.filter(|y| *y != 0.0)?.abs()));
+    let numbers =
+        stated.flat_map(|set| set.y.iter().zip(&set.noise).map(|(y, noise)| (y, noise, set.share)));
+    let shares = numbers
+        .filter_map(|(y, noise, share)| Some(libm::hypot(noise / y.filter(|y| *y != 0.0)?, share)));
     let wanted = twelve_digits((OF_NOISE * shares.fold(f64::INFINITY, f64::min)).max(TOLERANCES.1));
     let model = scenario.get("model").cloned().unwrap_or(json!({}));
     let is_exact = model.is_object() && model.get("method") != Some(&json!("simplified"));
@@ -379,6 +453,9 @@ fn points(sets: &[Set], tests: &[Test], noises: &[Option<String>]) -> Vec<Point>
             points.push(Point {
                 value: y.unwrap_or(f64::NAN),
                 noise: set.noise.get(entry).copied().unwrap_or(f64::NAN),
+                share: set.share,
+                least: set.least(),
+                is_log: set.is_log,
                 numerical: 0.0,
                 set: noises.partition_point(|noise| *noise < set.estimated()),
                 cluster: *clusters.entry(key).or_insert(new),
@@ -387,6 +464,40 @@ fn points(sets: &[Set], tests: &[Test], noises: &[Option<String>]) -> Vec<Point>
         }
     }
     points
+}
+
+impl Fit {
+    /// Leaves the measured numbers at these pointers out.
+    ///
+    /// # Errors
+    /// A pointer is that of no number, or too few numbers are left.
+    pub fn leave_out(&mut self, pointers: &[String]) -> Result<(), Faults> {
+        let is_named = |own: &String, (set, entry): &(usize, usize)| {
+            self.sets[*set].pointers.get(*entry) == Some(own)
+        };
+        for (number, pointer) in pointers.iter().enumerate() {
+            let place =
+                self.positions.iter().position(|it| is_named(pointer, it)).ok_or_else(|| {
+                    let detail =
+                        "must be the pointer of a measured number, such as /tests/0/data/0/y/2";
+                    Faults::one(&format!("/without/{number}"), detail)
+                })?;
+            self.measured.points[place].value = f64::NAN;
+        }
+        if pointers.is_empty() {
+            return Ok(());
+        }
+        self.measured = self.measured.weighted_anew();
+        let unknown =
+            self.parameters.len() + usize::from(self.sets.iter().any(|set| set.is_estimated));
+        if self.measured.taking_part().count() < unknown {
+            return Err(Faults::one(
+                "/without",
+                format!("leaves fewer than {unknown} numbers. Leave fewer out"),
+            ));
+        }
+        Ok(())
+    }
 }
 
 impl Set {
@@ -398,8 +509,23 @@ impl Set {
         over: &'static str,
         quantity: Quantity,
     ) -> Self {
-        let (x, y, noise) = (Vec::new(), Vec::new(), Vec::new());
-        Self { test, output, unit, over, quantity, x, y, noise, is_estimated: false, runs: None }
+        let (x, y, noise, pointers) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (share, is_log, is_estimated, runs) = (0.0, false, false, None);
+        Self {
+            test,
+            output,
+            unit,
+            over,
+            quantity,
+            x,
+            y,
+            pointers,
+            noise,
+            share,
+            is_log,
+            is_estimated,
+            runs,
+        }
     }
 
     /// The output whose noise is estimated. All sets of an output have the same noise.

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use fretwork_engine::numeric::twelve_digits;
 use serde_json::{Value, json};
 
-use super::model::{Parameter, Set};
+use super::model::{Parameter, Quantity, Set};
 use super::search::{Fit, Known, Row, Task, end};
 use crate::member::Member;
 use crate::plan::{Cells, Findings};
@@ -15,9 +15,12 @@ use crate::rows::Rows;
 use crate::stats::fisher;
 use crate::stats::measured::{Direction, Information, Point};
 use crate::stats::origin::Line;
+use crate::stats::outliers::outliers;
 
 /// A deviation with a smaller probability than this is told.
 const IMPROBABLE: f64 = 0.01;
+/// Residuals that are this many times as large as the stated noise are told, also if there are no degrees of freedom.
+const LARGE: f64 = 3.0;
 /// Estimated noise above this share of the numbers is told.
 const WIDE_SCATTER: f64 = 0.3;
 /// Exponents of a combination nearer to 1 than this count as 1.
@@ -26,16 +29,30 @@ const ABOUT_ONE: f64 = 0.15;
 const MANY: f64 = 1e7;
 /// Numbers of a start count as outside of an interval beyond this share of its end.
 const COARSE: f64 = 0.05;
+/// Numbers that are this many powers of ten off can have another unit: the unit, its SI unit, and the power of ten between them.
+const OTHER_UNIT: f64 = 4.5;
+const UNITS: [(&str, &str, f64); 5] = [
+    ("cm^3", "m^3", 6.0),
+    ("mm^3", "m^3", 9.0),
+    ("um^3", "m^3", 18.0),
+    ("mg", "kg", 6.0),
+    ("ug", "kg", 9.0),
+];
+/// Differences up to this share of the numbers can be numerical errors.
+const NUMERICAL: f64 = 1e-3;
+/// A parameter whose change by its own value changes predictions by less than this share has almost no effect.
+const LITTLE: f64 = 0.05;
 /// A parameter whose coordinate is nearer to 0 or 1 than this is at a bound.
 const AT_BOUND: f64 = 2e-3;
 
 /// The columns of numbers in the tables of measured numbers and bands, and their units.
-pub const COLUMNS: [(&str, &str); 9] = [
+pub const COLUMNS: [(&str, &str); 10] = [
     ("x", "SI"),
     ("measured", "SI"),
     ("predicted", "SI"),
     ("deviation", "SI"),
     ("residual", "1"),
+    ("studentized", "1"),
     ("confidence_low", "SI"),
     ("confidence_high", "SI"),
     ("prediction_low", "SI"),
@@ -59,13 +76,24 @@ pub fn findings(fit: &Fit, problem: &Problem, rows: &Rows) -> Findings {
     };
     let [alone, information] = [false, true].map(|priors| fit.information(&known, priors));
     let best = &known.rows[known.minimum];
-    let told = Told { fit, known: &known, best, alone, information };
+    let mut told = Told {
+        fit,
+        known: &known,
+        best,
+        alone,
+        information,
+        studentized: BTreeMap::new(),
+        outliers: Vec::new(),
+    };
+    told.seek_outliers();
+    let told = told;
     let parameters: Vec<Value> = (0..fit.parameters.len()).map(|it| told.parameter(it)).collect();
     let others = vec![
-        ("notes", told.notes(&parameters)),
+        ("notes", told.notes(problem, &parameters)),
         ("parameters", parameters.into()),
         ("correlation", told.correlation()),
         ("quality", told.quality()),
+        ("outliers", told.outliers.iter().map(|it| told.outlier(&measured, *it)).collect()),
         ("lines", told.lines()),
         ("estimated_scenario", told.scenario(problem)),
     ];
@@ -93,13 +121,18 @@ fn task_name(fit: &Fit, task: Task) -> String {
     }
 }
 
+/// A probability in a text.
+fn in_words(probability: f64) -> String {
+    if probability < 1e-6 { "below 1e-6".to_owned() } else { format!("{probability:.1e}") }
+}
+
 /// A number as JSON.
 fn number(x: f64) -> Value {
     if x.is_finite() { json!(twelve_digits(x)) } else { Value::Null }
 }
 
 /// The numbers at these positions, and their columns from the prediction on, if they are known.
-fn table(fit: &Fit, places: &[usize], bands: &[[f64; 7]]) -> Table {
+fn table(fit: &Fit, places: &[usize], bands: &[[f64; 8]]) -> Table {
     let texts = |of: &dyn Fn(&Set) -> String| {
         Cells::Texts(places.iter().map(|place| of(fit.set(*place))).collect())
     };
@@ -129,29 +162,84 @@ struct Told<'a> {
     /// What the data say without the priors, and with them.
     alone: Information,
     information: Information,
+    /// The studentised residuals by position, and the positions of the outliers.
+    studentized: BTreeMap<usize, f64>,
+    outliers: Vec<usize>,
 }
 
 impl Told<'_> {
+    /// Seeks outliers among the points that take part. Neighbours in a profile are not independent, and a prior is no measurement.
+    fn seek_outliers(&mut self) {
+        let is_single = |it: &usize| matches!(self.fit.set(*it).quantity, Quantity::Column { .. });
+        let places: Vec<usize> = self.points().map(|it| it.0).filter(is_single).collect();
+        let distances: Vec<f64> = places.iter().map(|it| self.residual(*it)).collect();
+        let column =
+            |row: &Row| places.iter().map(|it| row.numbers[*it] / self.deviation(*it)).collect();
+        let slopes: Vec<Vec<f64>> = self.fit.derivatives(self.known).iter().map(column).collect();
+        let differs = |it: &usize| {
+            let (measured, predicted) =
+                (self.known.measured.points[*it].value, self.best.numbers[*it]);
+            (measured - predicted).abs() > NUMERICAL * predicted.abs()
+        };
+        let is_known = slopes.iter().flatten().chain(&distances).all(|it| it.is_finite());
+        if !is_known || !places.iter().any(differs) {
+            return;
+        }
+        let found = outliers(&distances, &slopes, self.known.measured.freedom().is_some());
+        self.outliers = found.places.iter().map(|it| places[*it]).collect();
+        self.studentized = places.into_iter().zip(found.studentized).collect();
+    }
+
+    /// The pointer of a measured number in the fit.
+    fn pointer(&self, place: usize) -> &str {
+        let (set, entry) = self.fit.positions[place];
+        &self.fit.sets[set].pointers[entry]
+    }
+
+    /// An outlier: its row in the table of the measured numbers, its pointer, and how far it is from the fit of the others.
+    fn outlier(&self, measured: &[usize], place: usize) -> Value {
+        let (row, size) = (measured.partition_point(|it| *it < place), self.studentized[&place]);
+        json!({"row": row, "pointer": self.pointer(place), "studentized": number(size)})
+    }
+
+    /// What is said of the outliers.
+    fn disagreement(&self) -> Option<String> {
+        let word = |place: &usize| {
+            let (set, size) = (self.fit.set(*place), self.studentized[place].abs());
+            let (x, test) = (set.x[self.fit.positions[*place].1], &self.fit.tests[set.test]);
+            format!("{} of {test} at {x} ({size:.1} standard deviations)", set.output)
+        };
+        let words = self.outliers.iter().map(word).collect::<Vec<_>>().join("; ");
+        let told =
+            format!("These numbers disagree with the fit of all others: {words}. Check them.");
+        Some(told).filter(|_| !words.is_empty())
+    }
+
     /// The points that take part, and their indices.
     fn points(&self) -> impl Iterator<Item = (usize, &Point)> {
         self.known.measured.taking_part()
     }
 
-    fn deviation(&self, point: &Point) -> f64 {
-        point.deviation(&self.known.factors)
+    fn deviation(&self, place: usize) -> f64 {
+        self.known.noise.deviations[place]
+    }
+
+    /// The residual of a point without its weight.
+    fn residual(&self, place: usize) -> f64 {
+        -self.known.distances[place]
     }
 
     /// The root mean square deviation of the numbers of a set, relative to that of their predictions.
     fn share(&self, set: usize) -> f64 {
         let own = self.points().filter(|(place, _)| self.fit.positions[*place].0 == set);
-        let own = own.map(|(place, point)| (self.deviation(point), self.best.numbers[place]));
+        let own = own.map(|(place, _)| (self.deviation(place), self.best.numbers[place]));
         let (noise, size) = own.fold((0.0, 0.0), |sum, (s, y)| (sum.0 + s * s, sum.1 + y * y));
         (noise / size).sqrt()
     }
 
     /// For each position: the prediction, its deviation, the residual, and the bands. A number that was not measured has
     /// the mean relative deviation of its set.
-    fn bands(&self) -> Vec<[f64; 7]> {
+    fn bands(&self) -> Vec<[f64; 8]> {
         let (fit, measured) = (self.fit, &self.known.measured);
         let shares: Vec<f64> = (0..fit.sets.len()).map(|set| self.share(set)).collect();
         let factor = measured.factor(fit.confidence);
@@ -160,19 +248,15 @@ impl Told<'_> {
             let slopes: Vec<f64> = derivatives.iter().map(|row| row.numbers[place]).collect();
             let point = &measured.points[place];
             let relative = shares[fit.positions[place].0] * y.abs();
-            let deviation = if point.weight > 0.0 { self.deviation(point) } else { relative };
+            let deviation = if point.weight > 0.0 { self.deviation(place) } else { relative };
             let confidence = factor * self.information.standard_error(&slopes);
             let prediction = libm::hypot(confidence, factor * deviation);
-            let [low, high] = [y - confidence, y + confidence];
-            [
-                *y,
-                deviation,
-                (point.value - y) / deviation,
-                low,
-                high,
-                y - prediction,
-                y + prediction,
-            ]
+            let is_log = fit.set(place).is_log;
+            let end = |by: f64| if is_log { y * libm::exp(by / y) } else { y + by };
+            let [low, high] = [-confidence, confidence].map(end);
+            let [least, most] = [-prediction, prediction].map(end);
+            let studentized = self.studentized.get(&place).copied().unwrap_or(f64::NAN);
+            [*y, deviation, self.residual(place), studentized, low, high, least, most]
         };
         self.best.numbers.iter().enumerate().map(band).collect()
     }
@@ -181,7 +265,7 @@ impl Told<'_> {
         let (parameter, x) = (&self.fit.parameters[place], self.best.theta[place]);
         let error = self.information.standard_error(&self.fit.only(place)) * parameter.scale(x);
         let is_open = self.information.is_open(place);
-        let known = |value: f64| if is_open { Value::Null } else { number(value) };
+        let known = |value: f64, is_open| if is_open { Value::Null } else { number(value) };
         let (u, rise) = (parameter.coordinate(x), self.known.measured.factor(self.fit.confidence));
         let interval = [(false, -1.0), (true, 1.0)].map(|(is_high, sign)| {
             let task = Task::Profile { parameter: place, is_high };
@@ -190,8 +274,9 @@ impl Told<'_> {
         });
         let mut told = json!({
             "pointer": parameter.pointer, "unit": parameter.unit,
-            "estimate": known(x), "standard_error": known(error), "interval": interval,
-            "at_bound": !(AT_BOUND..=1.0 - AT_BOUND).contains(&u),
+            "estimate": known(x, is_open && !self.is_at_bound(place)),
+            "standard_error": known(error, is_open), "interval": interval,
+            "at_bound": self.is_at_bound(place),
         });
         if !parameter.only.is_empty() {
             told["for"] = json!(parameter.only);
@@ -205,6 +290,29 @@ impl Told<'_> {
         (0..count).map(|one| (0..count).map(|other| cell(one, other)).collect::<Value>()).collect()
     }
 
+    fn is_at_bound(&self, place: usize) -> bool {
+        let parameter = &self.fit.parameters[place];
+        let u = parameter.coordinate(self.best.theta[place]);
+        !(AT_BOUND..=1.0 - AT_BOUND).contains(&u)
+    }
+
+    /// That the best value of a parameter is at an end of its range.
+    fn at_bound(&self, place: usize) -> String {
+        let Parameter { low, high, .. } = self.fit.parameters[place];
+        let name = self.fit.parameters[place].name();
+        let is_high = self.fit.parameters[place].coordinate(self.best.theta[place]) > 0.5;
+        let (end, side) = if is_high { (high, "high") } else { (low, "low") };
+        format!(
+            "The best value of `{name}` is at the {side} end {end:e} of its range. Widen the range."
+        )
+    }
+
+    /// Whether a large change of a parameter changes a prediction by more than a little.
+    fn has_effect(&self, place: usize) -> bool {
+        let changes = &self.fit.derivatives(self.known)[place].numbers;
+        self.points().any(|(it, _)| changes[it].abs() > LITTLE * self.best.numbers[it].abs())
+    }
+
     /// What the data cannot tell.
     fn in_words(&self, direction: &Direction) -> String {
         let parts = self.fit.parameters.iter().zip(direction).filter(|(_, part)| **part != 0.0);
@@ -212,6 +320,14 @@ impl Told<'_> {
         match &parts[..] {
             [(name, _)] => {
                 let place = direction.iter().take_while(|part| **part == 0.0).count();
+                if self.is_at_bound(place) {
+                    return self.at_bound(place);
+                }
+                if self.has_effect(place) {
+                    return format!(
+                        "The errors of these data are too large to determine `{name}`."
+                    );
+                }
                 let mut worn = self.fit.sets.iter().filter(|set| set.are_depths().is_some());
                 let has_stopped =
                     worn.any(|set| set.runs.as_ref().is_some_and(|it| it.is_rescaled_by(place)));
@@ -242,13 +358,22 @@ impl Told<'_> {
     }
 
     /// Remarks, the most important one first.
-    fn notes(&self, parameters: &[Value]) -> Value {
+    fn notes(&self, problem: &Problem, parameters: &[Value]) -> Value {
         let Known { measured, minimum, rows, .. } = self.known;
         let mut notes: Vec<(&str, String)> = Vec::new();
+        notes.extend(self.magnitude(problem).map(|detail| ("magnitude", detail)));
+        let lack = self.lack_of_fit();
+        notes.extend(self.misfit(lack));
+        notes.extend(self.disagreement().map(|detail| ("outliers", detail)));
         notes.extend(self.discrepancy().map(|detail| ("discrepancy", detail)));
         notes.extend(self.other_start(parameters).map(|detail| ("other_minimum", detail)));
         let open = &self.information.undetermined;
-        notes.extend(open.iter().map(|it| ("undetermined", self.in_words(it))));
+        let of_one = |it: &Direction| {
+            let place = it.iter().position(|part| *part != 0.0).unwrap_or(0);
+            it.iter().filter(|part| **part != 0.0).count() == 1 && self.is_at_bound(place)
+        };
+        let kind = |it| if of_one(it) { "at_bound" } else { "undetermined" };
+        notes.extend(open.iter().map(|it| (kind(it), self.in_words(it))));
         if open.is_empty() {
             let told = |it| format!("{} The rest follows from priors.", self.in_words(it));
             notes.extend(self.alone.undetermined.iter().map(|it| ("prior", told(it))));
@@ -262,24 +387,25 @@ impl Told<'_> {
             });
             let is_at_bound = told["at_bound"] == true;
             if told["estimate"].is_number() && (is_cut || is_at_bound) {
-                let what = if is_cut { "interval" } else { "estimate" };
                 let kind = if is_at_bound { "at_bound" } else { "open_interval" };
-                let detail = if is_lost {
+                let detail = if is_at_bound {
+                    self.at_bound(place)
+                } else if is_lost {
                     format!(
                         "An end of the interval of `{name}` was not found. Enter a narrower range than {low:e} to {high:e}."
                     )
                 } else {
                     format!(
-                        "The {what} of `{name}` reaches an end of its range from {low:e} to {high:e}."
+                        "The interval of `{name}` reaches an end of its range from {low:e} to {high:e}."
                     )
                 };
                 notes.push((kind, detail));
             }
         }
-        notes.extend(self.misfit().map(|detail| ("misfit", detail)));
-        let lack = self.lack_of_fit().filter(|(_, probability)| *probability < IMPROBABLE);
+        let lack = lack.filter(|(_, probability)| *probability < IMPROBABLE);
         notes.extend(lack.map(|(statistic, probability)| {
-            ("lack_of_fit", format!("The fit is worse than repeated tests allow (F = {statistic:.1}, probability {probability:.1e})."))
+            let probability = in_words(probability);
+            ("lack_of_fit", format!("The fit is worse than repeated tests allow (F = {statistic:.1}, probability {probability})."))
         }));
         let (points, count) = (self.points().count(), measured.count(None));
         if !measured.is_clustered {
@@ -299,6 +425,29 @@ impl Told<'_> {
         notes.iter().map(|(kind, detail)| json!({"kind": kind, "detail": detail})).collect()
     }
 
+    /// The unit that the volumes or masses seem to have, if they need another wear coefficient by many powers of ten.
+    fn magnitude(&self, problem: &Problem) -> Option<String> {
+        let place = self.fit.parameters.iter().position(|it| it.pointer.starts_with("/wear/"))?;
+        let own = Member::find(&problem.base, &self.fit.parameters[place].pointer).ok()?.value;
+        let is_volume = |it: &usize| self.fit.set(*it).are_depths() == Some(false);
+        let places: Vec<usize> = self.points().map(|it| it.0).filter(is_volume).collect();
+        let set = self.fit.set(*places.first()?);
+        let ratio =
+            |place: &usize| self.known.measured.points[*place].value / self.best.numbers[*place];
+        let mut ratios: Vec<f64> = places.iter().map(ratio).collect();
+        ratios.sort_by(f64::total_cmp);
+        let size = libm::log10(ratios[ratios.len() / 2] * self.best.theta[place] / own);
+        let units = UNITS.into_iter().filter(|(_, si, _)| *si == set.unit);
+        let distance = |power: f64| (size.abs() - power).abs();
+        let (unit, si, power) = units.min_by(|a, b| distance(a.2).total_cmp(&distance(b.2)))?;
+        let likely = if size > 0.0 { unit } else { si };
+        Some(format!(
+            "The measured numbers are about 1e{size:.0} times those that the wear coefficient of the scenario, {own:e}, gives. \
+             Are they in {likely}? Enter their unit."
+        ))
+        .filter(|_| size.abs() > OTHER_UNIT && distance(power) < 3.0)
+    }
+
     /// A start whose sum of squares is in the allowed rise, but whose parameters are outside of the intervals.
     fn other_start(&self, parameters: &[Value]) -> Option<String> {
         let (fit, Known { measured, rows, .. }) = (self.fit, self.known);
@@ -314,7 +463,13 @@ impl Told<'_> {
             low.is_some_and(|low| *x < low - COARSE * low.abs())
                 || high.is_some_and(|high| *x > high + COARSE * high.abs())
         };
-        let is_other = |row: &&Row| parameters.iter().zip(&row.theta).any(is_outside);
+        // The noise of the best start is not yet that of the minimum, so its parameters are not, either.
+        let start = &rows[self.known.start].theta;
+        let is_other = |row: &&Row| {
+            let differs = |(x, best): (&f64, &f64)| (x - best).abs() > COARSE * best.abs();
+            row.theta.iter().zip(start).any(differs)
+                && parameters.iter().zip(&row.theta).any(is_outside)
+        };
         let names = fit.parameters.iter().map(Parameter::name);
         let other = near.into_iter().find(is_other)?;
         let values = names.zip(&other.theta).map(|(name, x)| format!("`{name}` = {x:.3e}"));
@@ -325,44 +480,68 @@ impl Told<'_> {
         ))
     }
 
-    /// Whether the residuals are larger than the stated noise, or the estimated noise is large.
-    fn misfit(&self) -> Option<String> {
-        let (fit, measured) = (self.fit, &self.known.measured);
-        let freedom = (measured.count(None) - fit.parameters.len() as f64).floor();
-        if measured.freedom().is_none() && freedom >= 1.0 {
-            let ratio = self.best.sum / freedom;
-            let probability = fisher::above(ratio, (freedom, MANY));
+    /// How much larger the residuals are than the stated noise, if they are larger than chance allows, with the probability.
+    /// Without degrees of freedom, there is none.
+    fn excess(&self) -> Option<(f64, Option<f64>)> {
+        let measured = &self.known.measured;
+        let squares = self.points().map(|(place, _)| self.residual(place) * self.residual(place));
+        let size = (squares.sum::<f64>() / self.points().count() as f64).sqrt();
+        let freedom = measured.count(None) - self.fit.parameters.len() as f64;
+        let ratio = (freedom >= 1.0).then(|| self.best.sum / freedom);
+        let probability = ratio.map(|ratio| fisher::above(ratio, (freedom, MANY)));
+        let is_told = size >= LARGE || probability.is_some_and(|it| it < IMPROBABLE);
+        Some((ratio.map_or(size, |ratio| ratio.sqrt().max(size)), probability))
+            .filter(|_| is_told && measured.freedom().is_none())
+    }
+
+    /// Whether the residuals are larger than the noise, and whether the law is the reason. It is not if repeated tests scatter
+    /// as much.
+    fn misfit(&self, lack: Option<(f64, f64)>) -> Option<(&'static str, String)> {
+        let are_repeats_as_far = lack.is_some_and(|(_, probability)| probability >= IMPROBABLE);
+        if let Some((size, probability)) = self.excess() {
+            if are_repeats_as_far {
+                let told = format!(
+                    "Repeated tests scatter more than their stated errors allow. State errors that are {size:.1} times as large."
+                );
+                return Some(("scatter", told));
+            }
+            let probability = probability.map(|it| format!(" (probability {})", in_words(it)));
             let told = format!(
                 "One set of parameters does not describe these tests within their stated errors: the residuals are \
-                 {:.1} times as large (probability {probability:.1e}).",
-                ratio.sqrt()
+                 {size:.1} times as large{}.",
+                probability.unwrap_or_default()
             );
-            return Some(told).filter(|_| probability < IMPROBABLE);
+            return Some(("misfit", told));
         }
-        let estimated = (0..fit.sets.len()).filter(|set| fit.sets[*set].is_estimated);
+        let estimated = (0..self.fit.sets.len()).filter(|set| self.fit.sets[*set].is_estimated);
         let (set, share) =
             estimated.map(|set| (set, self.share(set))).find(|it| it.1 > WIDE_SCATTER)?;
-        let output = &fit.sets[set].output;
-        Some(format!(
-            "`{output}` scatters by {:.0} % around the fit. One set of parameters may not describe these tests.",
+        let told = format!(
+            "`{}` scatters by {:.0} % around the fit. Repeated tests would tell whether the law is the reason.",
+            self.fit.sets[set].output,
             100.0 * share
-        ))
+        );
+        let is_at_bound = (0..self.fit.parameters.len()).any(|place| self.is_at_bound(place));
+        Some(("scatter", told)).filter(|_| lack.is_none() && !is_at_bound)
     }
 
     /// The test of lack of fit, if points were repeated: F and its probability. Repeated points have equal predictions. In
     /// profiles they have not: all points beside the scar have the prediction 0.
     fn lack_of_fit(&self) -> Option<(f64, f64)> {
         let mut groups = BTreeMap::<(Option<usize>, &str, u64), Vec<(f64, f64)>>::new();
-        for (place, point) in self.points() {
+        for (place, _) in self.points() {
             let predicted = self.best.numbers[place].to_bits();
             let is_profile = self.fit.set(place).over == "radius";
             let key = (is_profile.then_some(place), self.fit.set(place).output.as_str(), predicted);
-            groups.entry(key).or_default().push((point.value, self.deviation(point)));
+            groups.entry(key).or_default().push((self.residual(place), self.deviation(place)));
         }
         let spread = |group: &Vec<(f64, f64)>| {
             let weights: f64 = group.iter().map(|(_, s)| 1.0 / (s * s)).sum();
-            let mean = group.iter().map(|(y, s)| y / (s * s)).sum::<f64>() / weights;
-            group.iter().map(|(y, s)| (y - mean) * (y - mean) / (s * s)).sum::<f64>()
+            let mean = group.iter().map(|(residual, s)| residual / s).sum::<f64>() / weights;
+            group
+                .iter()
+                .map(|(residual, s)| (residual - mean / s) * (residual - mean / s))
+                .sum::<f64>()
         };
         let pure: f64 = groups.values().map(spread).sum();
         let (points, count) = (self.points().count(), groups.len());
@@ -383,7 +562,8 @@ impl Told<'_> {
         let interval = |are_depths: bool| {
             let own =
                 self.points().filter(|it| self.fit.set(it.0).are_depths() == Some(are_depths));
-            let effects = own.map(|(it, point)| slopes[it] * point.slope(&self.known.factors));
+            let effects =
+                own.map(|(it, point)| slopes[it] * point.weight.sqrt() / self.deviation(it));
             let square: f64 = effects.map(|effect| effect * effect).sum();
             let half = self.known.measured.factor(self.fit.confidence) / square.sqrt();
             let only = Task::Only { are_depths };
@@ -401,8 +581,8 @@ impl Told<'_> {
     }
 
     fn quality(&self) -> Value {
-        let (fit, Known { measured, factors, rows, .. }) = (self.fit, self.known);
-        let noise = fit.noises.iter().zip(factors).filter_map(|(output, factor)| {
+        let (fit, Known { measured, noise, rows, .. }) = (self.fit, self.known);
+        let noise = fit.noises.iter().zip(&noise.factors).filter_map(|(output, factor)| {
             Some(json!({"output": output.as_ref()?, "factor": number(*factor)}))
         });
         let rise = measured.factor(fit.confidence);
@@ -426,7 +606,7 @@ impl Told<'_> {
         let own = self.points().filter(|(place, _)| self.fit.set(*place).is_over_energy());
         let weighted = own.map(|(place, point)| {
             let x = self.fit.set(place).x[self.fit.positions[place].1];
-            (x, point.value, 1.0 / (self.deviation(point) * self.deviation(point)))
+            (x, point.value, 1.0 / (self.deviation(place) * self.deviation(place)))
         });
         let weighted: Vec<_> = weighted.collect();
         let equal = weighted.iter().map(|(x, y, _)| (*x, *y, 1.0)).collect();

@@ -19,15 +19,17 @@ use serde::Deserialize;
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::model::Runs;
+use super::model::{Parameter, Runs};
 use super::search::{Fit, Known, Search, Wanted};
 use crate::plan::{Plan as _, Tried};
 use crate::problem::Problem;
 use crate::study::Point;
 
-/// The answer outside of the bounds, and where a prediction is missing. JSON has no infinity, and differences of two
-/// such numbers must be finite.
-const IMPOSSIBLE: f64 = -1e300;
+/// The answer where a prediction is missing. JSON has no infinity, and differences of two such numbers must be finite.
+/// Outside of the bounds, the answer falls with the distance from them, so that a search finds back.
+const IMPOSSIBLE: f64 = -1e200;
+/// The largest distance from the bounds, in units of their own distance, that counts.
+const FAR: f64 = 1e6;
 
 /// The log likelihood of a fit.
 #[derive(Debug)]
@@ -88,14 +90,35 @@ impl Likelihood {
         LikelihoodCall { of: Arc::clone(self), theta, is_gradient, point: Point::default() }
     }
 
+    /// The distance of each parameter from its range, in units of the range: negative below it, and 0 inside.
+    fn outside(&self, theta: &[f64]) -> Vec<f64> {
+        let of = |(it, x): (&Parameter, &f64)| {
+            ((x - x.clamp(it.low, it.high)) / (it.high - it.low)).clamp(-FAR, FAR)
+        };
+        self.fit.parameters.iter().zip(theta).map(of).collect()
+    }
+
     fn is_possible(&self, theta: &[f64]) -> bool {
-        self.fit.parameters.iter().zip(theta).all(|(it, x)| (it.low..=it.high).contains(x))
+        self.outside(theta).iter().all(|distance| *distance == 0.0)
+    }
+
+    /// The answer outside of the bounds: the value, or its gradient.
+    fn beyond(&self, theta: &[f64], is_gradient: bool) -> Vec<f64> {
+        let outside = self.outside(theta);
+        if !is_gradient {
+            return vec![IMPOSSIBLE * (1.0 + outside.iter().map(|it| it.abs()).sum::<f64>())];
+        }
+        let slope = |(it, distance): (&Parameter, &f64)| match *distance {
+            0.0 => 0.0,
+            distance => IMPOSSIBLE / (it.high - it.low) * distance.signum(),
+        };
+        self.fit.parameters.iter().zip(&outside).map(slope).collect()
     }
 
     fn value(&self, theta: &[f64], tried: &[Tried]) -> Result<f64, Wanted> {
         let residuals = self.search(tried).residuals(theta)?;
         let terms = self.known.measured.taking_part().map(|(place, point)| {
-            let deviation = point.deviation(&self.known.factors);
+            let deviation = self.known.noise.deviations[place];
             let constant = point.weight * libm::log(TAU * deviation * deviation);
             residuals[place] * residuals[place] + constant
         });
@@ -123,8 +146,8 @@ impl Likelihood {
     }
 
     fn search<'a>(&'a self, tried: &'a [Tried]) -> Search<'a> {
-        let Known { measured, factors, .. } = &self.known;
-        Search { fit: &self.fit, tried, measured, factors }
+        let Known { measured, noise, .. } = &self.known;
+        Search { fit: &self.fit, tried, measured, noise }
     }
 }
 
@@ -144,7 +167,7 @@ impl LikelihoodCall {
     pub fn step(&mut self) -> Option<Vec<f64>> {
         let Self { of, theta, is_gradient, point } = self;
         if !of.is_possible(theta) {
-            return Some(if *is_gradient { vec![0.0; theta.len()] } else { vec![IMPOSSIBLE] });
+            return Some(of.beyond(theta, *is_gradient));
         }
         point.step(&of.fit, &of.problem, |tried| {
             if *is_gradient {

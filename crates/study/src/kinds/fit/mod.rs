@@ -65,6 +65,18 @@ struct Request {
     confidence: Given<f64>,
     #[deserr(default)]
     starts: Given<Whole<1, MAX_STARTS>>,
+    #[deserr(default)]
+    loss: Given<Loss>,
+    #[deserr(default)]
+    without: Given<Vec<String>>,
+}
+
+/// What is summed over the residuals.
+#[derive(Deserr, PartialEq)]
+#[deserr(error = Faults, rename_all = lowercase)]
+enum Loss {
+    Squares,
+    Huber,
 }
 
 /// Reads a fit.
@@ -80,13 +92,16 @@ fn read(fit: Value) -> Result<Read, Faults> {
 }
 
 fn parsed(fit: Value) -> Result<(Problem, Fit), Faults> {
-    let Request { scenario, parameters, tests, confidence, starts, .. } = typed(fit)?;
+    let Request { scenario, parameters, tests, confidence, starts, loss, without, .. } =
+        typed(fit)?;
     let confidence = confidence.0.unwrap_or(CONFIDENCE);
     if !(0.5..=0.9999).contains(&confidence) {
         return Err(Faults::one("/confidence", "must be from 0.5 to 0.9999, such as 0.95"));
     }
     let starts = starts.0.map_or(STARTS, |starts| starts.0);
-    let fit = data::fit(&scenario, parameters.0, tests.0, (confidence, starts as u32))?;
+    let mut fit = data::fit(&scenario, parameters.0, tests.0, (confidence, starts as u32))?;
+    fit.leave_out(&without.0.unwrap_or_default())?;
+    fit.measured.is_robust = loss.0 == Some(Loss::Huber);
     Ok((Problem::new(scenario, Vec::new(), Vec::new()), fit))
 }
 
@@ -156,9 +171,9 @@ impl Plan for Fit {
     }
 
     fn findings_bytes(&self, problem: &Problem) -> usize {
-        let names = self.positions.len() * (NUMBER * 10 + TEXT);
+        let names = self.positions.len() * (NUMBER * 11 + TEXT);
         let parameters = self.parameters.len();
-        let words = TEXT * (10 + self.points() + parameters * (parameters + 4));
+        let words = TEXT * (30 + self.points() + parameters * (parameters + 4));
         names + words + problem.base.to_string().len()
     }
 

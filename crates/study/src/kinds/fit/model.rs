@@ -11,6 +11,9 @@ use crate::profile::{CommonProfiles, Field};
 
 /// Values of a linear parameter that are smaller than this share of its bounds are near 0.
 const NEAR_0: f64 = 0.01;
+/// Noise that is a share of the number is at least that of this share of the largest number. Depths beside a scar are 0.
+const LEAST: f64 = 1e-3;
+const LEAST_DEPTH: f64 = 0.1;
 /// The wear coefficients. They only rescale the cycles if nothing else depends on them.
 const COEFFICIENTS: [&str; 2] = ["/wear/coefficient", "/wear/energy_coefficient"];
 /// Members of a scenario that depend on the cycles in another way.
@@ -106,8 +109,14 @@ pub struct Set {
     /// measured.
     pub x: Vec<f64>,
     pub y: Vec<Option<f64>>,
-    /// The standard deviations of all measured points.
+    /// The pointers of the measured numbers in the fit.
+    pub pointers: Vec<String>,
+    /// The parts of the noise of all measured points that do not depend on the number.
     pub noise: Vec<f64>,
+    /// The part that is a share of the number.
+    pub share: f64,
+    /// Whether the noise is that of the logarithm.
+    pub is_log: bool,
     pub is_estimated: bool,
     /// The runs that predict the numbers. A prior needs none.
     pub runs: Option<Runs>,
@@ -161,8 +170,16 @@ impl Set {
 
     /// The size of a measured number. Those of a profile have that of the largest one.
     pub fn size(&self, entry: usize) -> f64 {
-        let largest = self.y.iter().flatten().fold(0.0_f64, |largest, y| largest.max(y.abs()));
-        if self.over == "radius" { largest } else { self.y[entry].map_or(0.0, f64::abs) }
+        if self.over == "radius" { self.largest() } else { self.y[entry].map_or(0.0, f64::abs) }
+    }
+
+    pub fn largest(&self) -> f64 {
+        self.y.iter().flatten().fold(0.0_f64, |largest, y| largest.max(y.abs()))
+    }
+
+    /// The least number whose share counts as noise.
+    pub fn least(&self) -> f64 {
+        self.largest() * if self.over == "radius" { LEAST_DEPTH } else { LEAST }
     }
 
     /// Makes the runs. `own` are the parameters of the test, with their indices.

@@ -14,7 +14,7 @@ use crate::problem::{Lack, Problem};
 use crate::rows::Rows;
 use crate::stats::derivative::{Derivative, Place, Search as Derivatives};
 use crate::stats::least_squares::{self, Stop};
-use crate::stats::measured::{Information, Measured};
+use crate::stats::measured::{Information, Measured, Noise};
 
 use super::model::{Parameter, Quantity, Set};
 
@@ -23,8 +23,9 @@ const DIFFERENCE: f64 = 0.04;
 /// When searches end: from the starts and in profiles, and elsewhere.
 const COARSE: Stop = Stop { decrease: 1e-3, step: 1e-3, steps: 25 };
 const FINE: Stop = Stop { decrease: 1e-5, step: 1e-4, steps: 20 };
-/// The noise is estimated at most this often, and until it changes by less than this share.
+/// The noise is computed anew at most this often, and until it changes by less than this share.
 const ESTIMATES: usize = 6;
+const ROBUST_ESTIMATES: usize = 30;
 const SAME_NOISE: f64 = 0.01;
 /// Maximum number of intervals in which a derivative is searched.
 const ROUNDS: usize = 2;
@@ -115,13 +116,14 @@ pub struct Row {
 pub struct Known {
     pub rows: Vec<Row>,
     /// The best start.
-    start: usize,
+    pub start: usize,
     /// The numbers with the numerical errors of the runs of the best start.
     pub measured: Measured,
     /// The index of the minimum.
     pub minimum: usize,
-    /// The factors of the noise at the minimum.
-    pub factors: Vec<f64>,
+    /// The noise and the distances of the measured numbers at the minimum.
+    pub noise: Noise,
+    pub distances: Vec<f64>,
 }
 
 /// The predictions and the residuals of some of the measured numbers.
@@ -129,7 +131,7 @@ pub struct Search<'a> {
     pub fit: &'a Fit,
     pub tried: &'a [Tried],
     pub measured: &'a Measured,
-    pub factors: &'a [f64],
+    pub noise: &'a Noise,
 }
 
 impl Search<'_> {
@@ -169,7 +171,7 @@ impl Search<'_> {
 
     pub fn residuals(&self, theta: &[f64]) -> Result<Vec<f64>, Wanted> {
         let [predicted, _] = self.fit.predicted(theta, self.tried)?;
-        Ok(self.measured.residuals(&predicted, self.factors))
+        Ok(self.measured.residuals(&predicted, self.noise))
     }
 
     fn sum(&self, theta: &[f64]) -> Result<f64, Wanted> {
@@ -246,8 +248,12 @@ impl Fit {
             let error = self.sets[*set].size(*entry) * rows[start].numbers[place];
             measured.points[place].numerical = if error.is_finite() { error } else { 0.0 };
         }
-        let factors = rows.get(minimum).map_or(Vec::new(), |row| measured.factors(&row.numbers));
-        Some(Known { rows, start, measured, minimum, factors })
+        let (mut noise, mut distances) = <(Noise, Vec<f64>)>::default();
+        if let Some(row) = rows.get(minimum) {
+            noise = measured.noise(&row.numbers);
+            distances = measured.distances(&row.numbers, &noise);
+        }
+        Some(Known { rows, start, measured, minimum, noise, distances })
     }
 
     /// What the data say about the parameters near the best ones: with or without their priors. The parameters are in
@@ -255,12 +261,12 @@ impl Fit {
     pub fn information(&self, known: &Known, has_priors: bool) -> Information {
         let is_prior = |place| matches!(self.set(place).quantity, Quantity::Prior { .. });
         let measured = known.measured.without(|place| !has_priors && is_prior(place));
-        let derivatives = self.derivatives(known);
+        let (derivatives, slopes) = (self.derivatives(known), measured.slopes(&known.noise));
         let columns: Vec<Vec<f64>> = derivatives
             .iter()
             .map(|row| {
-                let cells = row.numbers.iter().zip(&measured.points);
-                let cells = cells.map(|(slope, point)| slope * point.slope(&known.factors));
+                let cells = row.numbers.iter().zip(&slopes);
+                let cells = cells.map(|(change, slope)| change * slope);
                 cells.map(|cell| if cell.is_finite() { cell } else { 0.0 }).collect()
             })
             .collect();
@@ -312,8 +318,8 @@ impl Fit {
     ) -> Result<Result<Row, String>, Wanted> {
         let (all, task) = ((0..self.parameters.len()).collect::<Vec<_>>(), self.tasks[number].1);
         if let Task::Start(place) = task {
-            let (measured, factors) = (&self.measured, &vec![1.0; self.noises.len()]);
-            let search = Search { fit: self, tried, measured, factors };
+            let (measured, noise) = (&self.measured, &self.measured.first_noise());
+            let search = Search { fit: self, tried, measured, noise };
             if !search.sum(&self.starts[place])?.is_finite() {
                 let lacks = tried.iter().filter_map(|tried| tried.found.lack.as_ref());
                 let reason = lacks.map(|(Lack::Refused(why) | Lack::Incomplete(why))| why).next();
@@ -326,8 +332,8 @@ impl Fit {
         let Some(known) = self.known(earlier) else {
             return Ok(Err("no start leads to numbers for all measured points".to_owned()));
         };
-        let (measured, factors) = (&known.measured, &known.factors[..]);
-        let search = Search { fit: self, tried, measured, factors };
+        let Known { measured, noise, .. } = &known;
+        let search = Search { fit: self, tried, measured, noise };
         let of_part = |part: Measured, free: &[usize]| {
             if free.is_empty() || part.count(None) + 1e-9 < free.len() as f64 {
                 return Ok(missing());
@@ -357,19 +363,22 @@ impl Fit {
     /// The minimum near the best start.
     fn minimum(&self, known: &Known, all: &[usize], tried: &[Tried]) -> Result<Row, Wanted> {
         let (measured, mut theta) = (&known.measured, known.rows[known.start].theta.clone());
-        let mut factors = measured.factors(&self.predicted(&theta, tried)?[0]);
-        for _ in 0..ESTIMATES {
-            let search = Search { fit: self, tried, measured, factors: &factors };
+        let mut noise = measured.noise(&self.predicted(&theta, tried)?[0]);
+        for _ in 0..if measured.is_robust { ROBUST_ESTIMATES } else { ESTIMATES } {
+            let search = Search { fit: self, tried, measured, noise: &noise };
             theta = search.minimum(&theta, all, FINE)?.theta;
-            let new = measured.factors(&self.predicted(&theta, tried)?[0]);
-            let change = |(new, old): (&f64, &f64)| (new / old - 1.0).abs();
-            let is_same = new.iter().zip(&factors).map(change).all(|change| change < SAME_NOISE);
-            factors = new;
+            let new = measured.noise(&self.predicted(&theta, tried)?[0]);
+            let is_same = |place: usize| {
+                let [new, old] = [&new, &noise].map(|it| it.deviations[place]);
+                (new / old - 1.0).abs() < SAME_NOISE
+            };
+            let is_same = measured.taking_part().all(|(place, _)| is_same(place));
+            noise = new;
             if is_same {
                 break;
             }
         }
-        let sum = Search { fit: self, tried, measured, factors: &factors }.sum(&theta)?;
+        let sum = Search { fit: self, tried, measured, noise: &noise }.sum(&theta)?;
         let [numbers, _] = self.predicted(&theta, tried)?;
         Ok(Row { theta, sum, numbers, ..missing() })
     }
@@ -394,10 +403,11 @@ impl Fit {
             search.take(values.collect::<Result<_, Wanted>>()?);
         }
         let mut found = search.found();
+        let slopes = known.measured.slopes(&known.noise);
         let size = |found: &[Option<Derivative>], part: fn(&Derivative) -> f64| {
-            let parts = found.iter().zip(&known.measured.points).filter_map(|(found, point)| {
-                Some(part(found.as_ref()?) * scale * point.slope(&known.factors))
-            });
+            let parts = found.iter().zip(&slopes);
+            let parts =
+                parts.filter_map(|(found, slope)| Some(part(found.as_ref()?) * scale * slope));
             parts.map(|part| part * part).sum::<f64>().sqrt()
         };
         if size(&found, |it| it.error) > UNSURE * size(&found, |it| it.value) {
@@ -444,7 +454,12 @@ impl Fit {
                 // A straight line through a strongly curved profile is slow: it stays on one side of the end.
                 let stays = visited.chunk_by(|a, b| (a.1 < rise) == (b.1 < rise)).next_back();
                 let is_slow = stays.is_some_and(|stays| stays.len() > 1);
-                let share = if is_slow { 0.5 } else { (rise - own) / (other - own) };
+                let share = match other.is_infinite() {
+                    // Here predictions end, perhaps near the estimate.
+                    true if below == 0.0 => 0.25,
+                    _ if is_slow || other.is_infinite() => 0.5,
+                    _ => (rise - own) / (other - own),
+                };
                 below + share.clamp(0.1, 0.9) * (above - below)
             }
         };
