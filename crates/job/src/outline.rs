@@ -226,7 +226,10 @@ mod tests {
                 json!({"tangential_force": 50, "reference_distance": "36 mm", "rig_stiffness": 2e7}),
                 "tangential_force",
             ),
-            (json!({"blocks": [{"tangential_force": 50, "cycles": 20}]}), "blocks"),
+            (
+                json!({"blocks": [{"tangential_force": 50, "cycles": 9}, {"tangential_force": 40, "cycles": 9}]}),
+                "blocks",
+            ),
         ] {
             let [words, scalars] = outline(&json!({"motion": motion}));
             assert_eq!((&words["geometry"], &words["motion"]), (&json!("line"), &json!(kind)));
