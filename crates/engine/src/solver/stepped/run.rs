@@ -379,9 +379,14 @@ impl MeshRun {
 
     /// Changes the mesh when the tip or the edge of the shape has become blunt.
     fn leave_the_tip(&mut self) {
+        if self.blunt.is_none() {
+            return;
+        }
         let Wearing { contact, prior, .. } = &self.wearing;
-        let deepest = self.wearing.wear(&self.rkc.values).iter().copied().fold(0.0, f64::max);
-        if self.blunt.is_none() || !is_blunt(contact, deepest + prior.at(0.0)) {
+        let most = self.rkc.values.iter().copied().fold(0.0, f64::max);
+        // Where a layer is worn through, the tip is as sharp as it was.
+        let depth = contact.layers.as_ref().map_or(most, |layers| layers.beyond(most));
+        if !is_blunt(contact, depth + prior.at(0.0)) {
             return;
         }
         if let Some(mut plan) = self.blunt.take() {
@@ -552,6 +557,8 @@ impl MeshRun {
         if here <= 0.0 {
             return 0.0;
         }
+        // Where a layer is worn through, the wear below it counts.
+        let here = here - contact.layers.as_ref().map_or(0.0, |layers| layers.passed(here));
         let height = |r: f64| shape.profile(r) - shape.profile(sharp);
         // The height of the profile in one cell, relative to the wear.
         let ratio = height(sharp + mesh.width_at(sharp)) / here;
