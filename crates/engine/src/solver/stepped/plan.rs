@@ -135,8 +135,7 @@ impl MeshPlan {
         };
         let ring = reach - start;
         let slipping = if contact.stick > start { 1.0 - contact.stick } else { f64::INFINITY };
-        let mut plan =
-            Self { start, reach, farthest, focus: None, old_edge: None, ring: slipping };
+        let mut plan = Self { start, reach, farthest, focus: None, old_edge: None, ring: slipping };
         if start > 0.0 {
             plan.focus = Some(if shrinks {
                 Focus { from: start, to: contact.stick, blur: BLUR * ring }

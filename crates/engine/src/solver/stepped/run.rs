@@ -351,11 +351,11 @@ impl MeshRun {
         let negligible = SETTLED * self.rkc.tolerance * self.worn_by_energy[1];
         // The rate is conclusive only after the block has lasted at least the time scale.
         let tells = lasted * self.wearing.pace() >= self.rkc.scale;
-        lasted > 0.0
-            && (rate == 0.0
-                || self.wearing.springs.share() < VANISHED
-                || tells && rate * lasted <= negligible
-                || rate * (end - time) <= negligible)
+        self.wearing.springs.share() < VANISHED
+            || lasted > 0.0
+                && (rate == 0.0
+                    || tells && rate * lasted <= negligible
+                    || rate * (end - time) <= negligible)
     }
 
     /// Sets the next amplitude if a block has ended, and returns the end of the present block.
@@ -413,8 +413,8 @@ impl MeshRun {
     fn change_amplitude(&mut self, block: Block) {
         self.wearing.springs.amplitude = block.held();
         self.unworn_loss = unworn_loss(&self.wearing.contact, block.threshold);
-        if block.threshold == 0.0 {
-            // Nothing wears.
+        if block.threshold == 0.0 || self.wearing.springs.share() < VANISHED {
+            // Nothing wears. On another mesh, a lost contact would touch again by the error of the mesh.
             self.rkc.restart(&mut self.wearing, None);
             return;
         }
