@@ -92,11 +92,8 @@ impl RandomScenario {
             (random.one_of(&HELD[..2]), mode(random), shape(random))
         };
         let is_thin = shape == SHARP || random.between(0.0, 1.0) < 0.1;
-        let stick_ratio = if is_thin {
-            1.0 - random.log_between(1e-3, 0.05)
-        } else {
-            random.between(0.05, 0.98)
-        };
+        let stick_ratio =
+            if is_thin { 1.0 - random.log_between(1e-3, 0.05) } else { random.between(0.05, 0.98) };
         let mut request = json!({
             "profile": profile(shape, random)?,
             "moduli": {"normal": NORMAL_MODULUS, "tangential": "90 GPa"},

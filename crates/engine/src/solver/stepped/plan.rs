@@ -160,6 +160,11 @@ impl MeshPlan {
         Some(Self { focus: Some(focus), ring, ..self.clone() })
     }
 
+    /// Whether the unworn contact wears most in a ring that is much narrower than the mesh.
+    pub(super) fn is_thin(&self) -> bool {
+        self.ring < THIN * (self.reach - self.start)
+    }
+
     /// The smallest core that the first cells resolve, for a scar of this radius.
     pub(super) fn smallest_core(scar: f64, cells: usize) -> f64 {
         1.5 / (cells * cells) as f64 * scar
@@ -265,7 +270,7 @@ impl MeshPlan {
                     .collect()
             }
             Some(Focus { from, to, blur }) => {
-                let is_thin = self.ring < THIN * (reach - start);
+                let is_thin = self.is_thin();
                 let blur = if is_thin { blur.min(THIN_BLUR * self.ring) } else { blur };
                 let root = blur.sqrt();
                 // Outside of a thin ring, the distance of the nodes grows like that from the ring.
