@@ -151,6 +151,7 @@ impl Accuracy {
             let some = self.among(worn, |scenario| scenario.coefficients == coefficients);
             line(&format!("{coefficients} coefficients"), some)?;
         }
+        line("thin rings", self.among(worn, |scenario| scenario.is_thin))?;
         SHAPES.iter().try_for_each(|shape| {
             line(shape, self.among(worn, |scenario| scenario.shape == *shape))
         })

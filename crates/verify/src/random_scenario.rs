@@ -24,7 +24,7 @@ pub const MODES: [&str; 9] = [
     "force blocks",
 ];
 /// The shapes of the profile. The names of the power laws contain the exponent. Those of line contacts are the last.
-pub const SHAPES: [&str; 15] = [
+pub const SHAPES: [&str; 18] = [
     "sphere",
     "truncated paraboloid",
     "truncated cone",
@@ -34,15 +34,20 @@ pub const SHAPES: [&str; 15] = [
     "r^2",
     "r^3",
     "r^6",
+    "noisy r^2",
+    "noisy r^4",
     "cylinder",
     "wedge",
     "punch",
     "x^1.3",
     "x^3",
     "x^6",
+    SHARP,
 ];
+/// A punch with a small edge radius, whose ring of contact around the flat is thin.
+const SHARP: &str = "sharp punch";
 /// The number of shapes of round contacts in [`SHAPES`].
-const ROUND: usize = 9;
+const ROUND: usize = 11;
 /// The kinds of wear coefficients and of friction.
 pub const COEFFICIENTS: [&str; 3] = ["constant", "layers", "changing"];
 /// The output cycles of a run without blocks, as shares of the last one.
@@ -69,6 +74,8 @@ pub struct RandomScenario {
     pub shape: &'static str,
     /// One of [`COEFFICIENTS`].
     pub coefficients: &'static str,
+    /// Whether the ring that slips is at most 0.05 contact radii wide at the stick ratio of the scenario.
+    pub is_thin: bool,
     /// The scenario as JSON.
     pub request: Value,
 }
@@ -84,7 +91,9 @@ impl RandomScenario {
         } else {
             (random.one_of(&HELD[..2]), mode(random), shape(random))
         };
-        let stick_ratio = random.between(0.05, 0.98);
+        let is_thin = shape == SHARP || random.between(0.0, 1.0) < 0.1;
+        let stick_ratio =
+            if is_thin { 1.0 - random.log_between(1e-3, 0.05) } else { random.between(0.05, 0.98) };
         let mut request = json!({
             "profile": profile(shape, random)?,
             "moduli": {"normal": NORMAL_MODULUS, "tangential": "90 GPa"},
@@ -101,14 +110,15 @@ impl RandomScenario {
             request["load"]["held"] = json!(held);
         }
         let preview = scenario::check(&request, "").ok()?.0.preview().ok()?;
-        let mut last = random.log_between(0.5, 16.0) * preview.scales.cycles;
+        let shortest = if shape == SHARP { 0.01 } else { 0.5 };
+        let mut last = random.log_between(shortest, 16.0) * preview.scales.cycles;
         if mode.ends_with("blocks") {
             (request["motion"], request["cycles"]) = if is_line {
                 line_blocks(mode, &preview, random)
             } else {
                 blocks(&preview, random)
             };
-            return Some(Self { held, mode, shape, coefficients: "constant", request });
+            return Some(Self { held, mode, shape, coefficients: "constant", is_thin, request });
         }
         request["motion"] = if is_line {
             let (motion, pace) = line_motion(mode, stick_ratio, &preview, random);
@@ -119,7 +129,9 @@ impl RandomScenario {
         };
         request["cycles"] = SHARES.map(|share| json!(share * last)).into();
         let energy = preview.unworn.energy_per_cycle;
-        let coefficients = random.one_of(&["constant", "constant", "layers", "changing"]);
+        // Layers keep the tip of a wedge sharp, so half of the wedges have layers.
+        let usual = if shape == "wedge" { "layers" } else { "constant" };
+        let coefficients = random.one_of(&["constant", usual, "layers", "changing"]);
         match coefficients {
             "layers" => {
                 request["wear"] = layers(preview.scales.indentation_depth, random);
@@ -131,7 +143,7 @@ impl RandomScenario {
             "changing" => change(&mut request, last, energy, random),
             _ => {}
         }
-        Some(Self { held, mode, shape, coefficients, request })
+        Some(Self { held, mode, shape, coefficients, is_thin, request })
     }
 
     /// Whether the motion has blocks.
@@ -142,7 +154,7 @@ impl RandomScenario {
 
 /// One or two layers on each body. The depth is the unit of wear.
 fn layers(depth: f64, random: &mut Random) -> Value {
-    let mut coefficient = || 0.5 * WEAR * random.log_between(0.1, 10.0);
+    let mut coefficient = || 0.5 * WEAR * random.log_between(0.02, 10.0);
     let below = [coefficient(), coefficient()];
     let mut body = |below: f64, count: u8| {
         let mut layer = || {
@@ -221,6 +233,18 @@ fn profile(shape: &str, random: &mut Random) -> Option<Value> {
         "punch" => {
             let flat = random.log_between(5e-6, 2e-4);
             json!({"shape": "punch", "flat_half_width": flat, "edge_radius": "3 mm", "length": LENGTH})
+        }
+        SHARP => {
+            let (flat, edge) = (random.log_between(1e-4, 1e-3), random.log_between(3e-5, 1e-3));
+            json!({"shape": "punch", "flat_half_width": flat, "edge_radius": edge, "length": LENGTH})
+        }
+        noisy if noisy.starts_with("noisy") => {
+            let exponent: f64 = noisy.split_once('^')?.1.parse().ok()?;
+            let radius: Vec<f64> = (0..200).map(|i| f64::from(i) * 2.5e-6).collect();
+            let height = radius.iter().map(|r| {
+                5e-6 * libm::pow(r / 2e-4, exponent) * (1.0 + 0.01 * random.between(-1.7, 1.7))
+            });
+            json!({"shape": "table", "height": height.collect::<Vec<_>>(), "radius": radius})
         }
         power => {
             let (variable, exponent) = power.split_once('^')?;

@@ -55,6 +55,18 @@ impl Layers {
         self.depth(0, dose) + self.depth(1, dose)
     }
 
+    /// The depth of both bodies that a dose wears after the last layer that can be worn through. 0 before.
+    pub(crate) fn beyond(&self, dose: f64) -> f64 {
+        let last = self.interfaces().last().map_or(0.0, |it| it.dose);
+        if dose < last { 0.0 } else { self.both(dose) - self.both(last) }
+    }
+
+    /// The depth of both bodies at which the last layer was worn through, if they are `depth` deep now.
+    pub(crate) fn passed(&self, depth: f64) -> f64 {
+        let depths = self.interfaces().into_iter().map(|it| self.both(it.dose));
+        depths.filter(|passed| *passed < depth).fold(0.0, f64::max)
+    }
+
     /// An upper bound of the change of the depth per dose.
     pub(crate) fn steepest(&self) -> f64 {
         let most = |layers: &Vec<Layer>| layers.iter().map(|it| it.coefficient).fold(0.0, f64::max);

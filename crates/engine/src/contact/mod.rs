@@ -3,6 +3,7 @@
 
 pub mod control;
 pub mod course;
+pub(crate) mod doubts;
 pub mod geometry;
 pub mod hysteresis;
 pub mod layers;

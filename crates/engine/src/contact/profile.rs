@@ -149,7 +149,7 @@ impl Shape {
         self.geometry
     }
 
-    fn as_table(&self) -> Option<&PressedTable> {
+    pub(super) fn as_table(&self) -> Option<&PressedTable> {
         if let ShapeKind::Table(table) = &self.kind { Some(table) } else { None }
     }
 

@@ -74,6 +74,8 @@ pub(super) struct Smoothed {
     pub(super) heights: Vec<f64>,
     /// The noise that was found near each point, as the median prediction error σ of the module documentation.
     pub(super) noise: Vec<f64>,
+    /// The noise that remains in each smoothed height, as a standard deviation.
+    pub(super) remaining: Vec<f64>,
 }
 
 impl Smoothed {
@@ -99,7 +101,7 @@ impl Smoothed {
 pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Smoothed {
     let n = x.len();
     if n < FEWEST_SMOOTHED {
-        return Smoothed { heights: z, noise: vec![0.0; n] };
+        return Smoothed { heights: z, noise: vec![0.0; n], remaining: vec![0.0; n] };
     }
     let mut points = WeightedPoints { x, z: &z, trust: vec![1.0; n] };
     let nearest: Vec<f64> = (0..n).map(|i| (points.at(i, 2, false) - z[i]).abs()).collect();
@@ -112,7 +114,7 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Smoothed {
         .collect();
     let worst = noise.iter().copied().fold(0.0, f64::max);
     if worst < NEGLIGIBLE {
-        return Smoothed { heights: z, noise };
+        return Smoothed { heights: z, remaining: noise.clone(), noise };
     }
     points.trust = noise
         .iter()
@@ -170,7 +172,14 @@ pub(super) fn smoothed(x: &[f64], z: Vec<f64>) -> Smoothed {
         .collect();
     // A kink next to the axis can move the fitted height on the axis by more than the noise.
     heights[0] = heights[0].clamp(z[0] - REMAINDER * noise[0], z[0] + REMAINDER * noise[0]);
-    Smoothed { heights, noise }
+    let remaining = noise.iter().zip(&chosen).map(|(noise, c)| noise * left(reaches[*c])).collect();
+    Smoothed { heights, noise, remaining }
+}
+
+/// The share of the noise that remains in the value of a parabola through 2m + 1 points. With the smallest m, points
+/// are not changed.
+fn left(m: usize) -> f64 {
+    if m == 2 { 1.0 } else { (1.3 / m as f64).sqrt() }
 }
 
 /// The points around point i of n that are assumed to have the same noise.

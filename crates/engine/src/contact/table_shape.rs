@@ -53,6 +53,8 @@ pub(crate) struct TableShape {
     areas: Vec<f64>,
     /// The image before it is forced to increase, up to the last radius.
     true_image: TrueImage,
+    /// Radius and height of the smoothed points, and the noise that remains in the height.
+    points: Vec<[f64; 3]>,
 }
 
 /// A point whose smoothed height is below the height on the axis.
@@ -89,7 +91,9 @@ impl TableShape {
             let (radius, below) = (x[*row] * length, below * scale);
             return Err(LowPoint { radius, below, others: !rest.is_empty() });
         }
-        let Smoothed { heights: z, noise } = smooth;
+        let Smoothed { heights: z, noise, remaining } = smooth;
+        let points = x.iter().zip(&z).zip(remaining).map(|((x, z), noise)| [*x, *z, noise]);
+        let points = points.collect();
         let slopes = monotone_slopes(&x, &z);
         // The polynomial f′ in each cell, and its change at each point.
         let mut before = [0.0; 3];
@@ -119,7 +123,7 @@ impl TableShape {
         let images: Vec<(f64, f64)> =
             nodes.iter().map(|node| image_at(&x, &changes, *node)).collect();
         let noise: Vec<f64> = (0..nodes.len()).map(|node| noise[node / parts]).collect();
-        Ok(Self::rising((length, scale, geometry), nodes, &images, &noise))
+        Ok(Self { points, ..Self::rising((length, scale, geometry), nodes, &images, &noise) })
     }
 
     /// The increasing image through values and slopes at nodes. The table is cut off where the
@@ -185,7 +189,8 @@ impl TableShape {
         for (cell, ends) in cells.iter().zip(nodes.windows(2)) {
             areas.push(areas[areas.len() - 1] + area(cell, ends[1] - ends[0]));
         }
-        Self { length, height, geometry, nodes, cells, changes, areas, true_image }
+        let points = Vec::new();
+        Self { length, height, geometry, nodes, cells, changes, areas, true_image, points }
     }
 
     /// The radius, in m, up to which the image increases: the last radius of the table, or less if
@@ -421,6 +426,39 @@ impl PressedTable {
     pub(crate) fn pressure_inside(&self, r: f64, end: f64) -> f64 {
         let pressure = self.table.pressure_inside(r * self.radius, end * self.radius);
         pressure * self.radius / self.depth
+    }
+
+    /// The image of straight lines between the smoothed points.
+    pub(crate) fn straight_image(&self, x: f64) -> f64 {
+        let x = x * self.radius;
+        let is_round = self.geometry() == Geometry::Round;
+        // ∫ dr/√(x²−r²), or ∫ r dr/√(x²−r²).
+        let kernel =
+            |r: f64| if is_round { libm::asin(r / x) } else { -((x - r) * (x + r)).sqrt() };
+        let sum: f64 = self
+            .table
+            .points
+            .windows(2)
+            .take_while(|ends| ends[0][0] < x)
+            .map(|ends| {
+                let slope = (ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]);
+                slope * (kernel(ends[1][0].min(x)) - kernel(ends[0][0]))
+            })
+            .sum();
+        if is_round { x * sum / self.depth } else { sum / self.depth }
+    }
+
+    /// The number of points between two radii, the radii of the points on either side, and the noise that remains
+    /// there.
+    pub(crate) fn points_about(&self, from: f64, to: f64) -> (usize, [f64; 2], f64) {
+        let points = &self.table.points;
+        let beyond = |r: f64| points.partition_point(|point| point[0] <= r * self.radius);
+        let (first, last) = (beyond(from), beyond(to).min(points.len() - 1));
+        let about = &points[first.saturating_sub(1)..=last];
+        let noise = about.iter().map(|point| point[2]).sum::<f64>() / about.len() as f64;
+        let radius = |point: [f64; 3]| point[0] / self.radius;
+        let between = [radius(about[0]), radius(about[about.len() - 1])];
+        (last - first, between, noise / self.depth)
     }
 
     /// The largest pressure. It is found by a search in steps.

@@ -35,6 +35,7 @@ use serde_json::Value;
 use crate::case::{self, Case, Method, Scales};
 use crate::contact;
 use crate::contact::course::{Course, Over, Track};
+use crate::contact::doubts::Doubts;
 use crate::contact::layers::Layers;
 use crate::contact::unworn::Contact;
 use crate::contact::yielding::Rubbing;
@@ -66,6 +67,9 @@ pub const DEFAULT_TOLERANCE: f64 = 3e-3;
 pub const DEFAULT_POINTS: u16 = 256;
 /// Maximum estimated size of a result, in bytes.
 pub const MAX_ANSWER: usize = 64_000_000;
+/// Differences of two interpolants of a table, and of the ring that slips by its noise, above which a run has a warning.
+const MOST_INTERPOLATED: f64 = 0.1;
+const MOST_WIDENED: f64 = 0.012;
 
 /// A warning about the validity of the model. It does not prevent the run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -425,6 +429,9 @@ impl Scenario {
             );
             warn("elliptical_contact", detail);
         }
+        for (kind, detail) in doubts_about_table(case) {
+            warn(kind, detail);
+        }
         let simplified = matches!(case.method, Method::Simplified { .. });
         if simplified && case.contact.threshold * times >= 1.0 {
             let detail = "The whole contact slips; the simplified rule was fitted to partial slip.";
@@ -432,6 +439,33 @@ impl Scenario {
         }
         warnings
     }
+}
+
+/// The warnings about a table whose wear hangs on the interpolation between its rows, or on its noise.
+fn doubts_about_table(case: &Case) -> Vec<(&'static str, String)> {
+    let Some(doubts) = Doubts::of(&case.contact, &case.control) else { return Vec::new() };
+    let Scales { contact_radius: a, indentation_depth: d, .. } = case.scales;
+    let [from, to] = doubts.between.map(|radius| radius * a);
+    let mut warnings = Vec::new();
+    if doubts.interpolation.abs() > MOST_INTERPOLATED {
+        let detail = format!(
+            "The wear hangs on the profile between the radii {from:.4e} m and {to:.4e} m, where the table has too few \
+             rows: with straight lines between the rows, the energy of the first cycle would change by {:+.0} %. Enter more rows \
+             between these radii.",
+            100.0 * doubts.interpolation
+        );
+        warnings.push(("sparse_profile", detail));
+    }
+    if doubts.widening > MOST_WIDENED {
+        let detail = format!(
+            "After smoothing, a noise of about {:.1e} m remains in the heights of the table between the radii {from:.4e} m and \
+             {to:.4e} m. It may change the wear volume and the wear depth by more than 10 %. Enter heights with less \
+             noise, or more rows.",
+            doubts.noise * d
+        );
+        warnings.push(("noisy_profile", detail));
+    }
+    warnings
 }
 
 /// The effective moduli E* and G*, by (6).

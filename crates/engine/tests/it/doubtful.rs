@@ -6,7 +6,7 @@ use fretwork_engine::simulation::Simulation;
 use fretwork_engine::solver::events::EventKind;
 use serde_json::{Value, json};
 
-fn run(request: &Value) -> Outcome {
+pub fn run(request: &Value) -> Outcome {
     let checked = scenario::check(request, "");
     let (scenario, _) = checked.unwrap_or_else(|faults| panic!("{request}: {faults:?}"));
     Simulation::of(&scenario).expect("a contact").run()
@@ -54,7 +54,7 @@ type Column = fn(&History) -> &Vec<f64>;
 
 /// Asserts that the stated error of each output is at least the difference from a run with a finer mesh, and at most
 /// `most`.
-fn assert_stated(request: &Value, most: f64) {
+pub fn assert_stated(request: &Value, most: f64) {
     let mut fine = request.clone();
     fine["model"]["tolerance"] = json!(1e-4);
     let (found, exact) = (run(request).history, run(&fine).history);

@@ -33,7 +33,7 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
     let cycles = json!([500, 5000, 6000, 50_000, 500_000]);
     let long = json!({"normalized": [0.5, 4, 16, 1000]});
     vec![
-        ("simplified", json!({"cycles": long}), 0xe057_28c3_f639_430e),
+        ("simplified", json!({"cycles": long}), 0x1173_6338_23ca_6811),
         (
             "simplified, stopped",
             json!({"until": {"wear_depth": "0.5 um"}, "cycles": long}),
@@ -48,47 +48,47 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
         (
             "exact beside the rule",
             json!({"model": {"method": "exact", "compare": true}}),
-            0xd30f_c864_1eb5_a523,
+            0xc7d3_c117_8cf8_c2d9,
         ),
         (
             "exact, force held, stopped",
             json!({"model": exact, "load": force, "until": {"wear_volume": "1e-3 mm^3"},
                    "cycles": long}),
-            0x0bf5_ddf4_cdeb_123e,
+            0xed07_7e2e_3b26_7ed5,
         ),
         (
             "exact, both forces held, shared",
             json!({"model": exact, "load": force, "motion": {"tangential_force": "50 N"},
                    "wear": {"coefficient": "3.03e-5 mm^3/(N m)", "share": 0.3}, "cycles": long}),
-            0x32ff_5355_4b09_84cb,
+            0x7f98_ef70_b85e_514c,
         ),
         (
             "exact, tangential force held",
             json!({"model": exact, "load": depth, "motion": {"tangential_force": "50 N"},
                    "cycles": long}),
-            0x9861_aae3_2b55_559c,
+            0xce9a_3eb9_59ca_ad02,
         ),
         (
             "exact, rig",
             json!({"model": exact, "load": force,
                    "motion": {"amplitude": "2.5 um", "rig_stiffness": "50 N/um"}}),
-            0xcc5d_acc5_fddd_1ac7,
+            0x5126_832a_ac76_cc2d,
         ),
         (
             "exact, blocks",
             json!({"model": exact, "load": depth, "motion": blocks, "cycles": cycles}),
-            0x627b_7e46_8368_b909,
+            0x8d64_4938_c6c0_319d,
         ),
         (
             "simplified, blocks, force held",
             json!({"load": force, "motion": blocks, "cycles": cycles}),
-            0x62ad_fd8e_014d_8d4e,
+            0xd556_5e37_fd7e_33e7,
         ),
         (
             "exact, reversals",
             json!({"model": exact, "motion": {"reversals": ["2 um", "-2 um", "1 um", "-1.5 um"]},
                    "cycles": cycles, "profiles_at": [500, 50_000]}),
-            0xffd4_1295_c199_af9d,
+            0xa0fe_5675_c3b1_3f95,
         ),
     ]
 }
@@ -104,14 +104,14 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
         (
             "exact, table",
             json!({"profile": table, "model": exact, "load": force}),
-            0x003d_d27c_8876_06d7,
+            0x0ef3_b2c1_1697_62c3,
         ),
         (
             "exact, truncated cone, gross slip",
             json!({"profile": {"shape": "truncated_cone", "slope_angle": "2 deg",
                                "flat_radius": "20 um"},
                    "motion": {"amplitude": "8 um"}, "model": exact, "load": force}),
-            0xc58e_70ae_5267_5047,
+            0x30bb_a2ef_817d_a319,
         ),
         (
             "simplified, power",

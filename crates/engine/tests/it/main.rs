@@ -25,6 +25,7 @@ mod reference_solutions;
 mod requests;
 mod rig;
 mod shapes;
+mod sharp;
 mod slopes;
 mod splits;
 mod yielding;

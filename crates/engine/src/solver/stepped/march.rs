@@ -54,9 +54,11 @@ const FORGET: (f64, f64) = (0.7, 0.5);
 /// order, the error of the fine run is a third of the difference, so this estimate usually exceeds the error. A test
 /// counts how often it does.
 const SHARES: (f64, f64) = (0.95, 1.05);
+/// Safety factor of both estimates in a thin ring, which has few cells.
+const THIN_SAFETY: f64 = 1.5;
 /// Relative difference of the depths above which the difference is mostly the error of the coarse run, which has few
 /// cells in a narrow ring or at a tip. The first number applies in general, the second in later blocks.
-const COARSE: (f64, f64) = (0.032, 0.05);
+const COARSE: (f64, f64) = (0.1, 0.2);
 /// Minimum error estimates, in units of the tolerance of the time steps: in general, and for later blocks under a held
 /// force.
 const LEAST_ERRORS: (f64, f64) = (0.3, 0.6);
@@ -632,8 +634,9 @@ impl March {
             return MarchState { worn, errors, worn_by_energy, dissipated, depths };
         }
         let apart = self.distance(normalized_cycles).or(self.apart);
-        let RunErrors { volume, depth } =
-            apart.times(self.fine.wearing.springs.error_safety_factor());
+        let Wearing { springs, plan, .. } = &self.fine.wearing;
+        let safety = if plan.is_thin() { THIN_SAFETY } else { springs.error_safety_factor() };
+        let RunErrors { volume, depth } = apart.times(safety);
         let later = self.fine.block > 0 && self.fine.keeps_errors();
         let least = (if later { LEAST_ERRORS.1 } else { LEAST_ERRORS.0 } * self.fine.rkc.tolerance)
             .max(self.fine.edge_error(&worn))

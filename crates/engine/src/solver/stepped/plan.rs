@@ -23,6 +23,10 @@ const OLD_BLUR: f64 = 1e-3;
 const OLD_SHARE: f64 = 0.2;
 /// Blur of the nodes at a sharp tip or edge.
 const SHARP_BLUR: f64 = 1e-4;
+/// A ring is thin if it is narrower than this share of the mesh. In a thin ring, the distance of the nodes grows much
+/// more slowly than outside, and the blur is at most a share of the width of the ring.
+const THIN: f64 = 0.05;
+const THIN_BLUR: f64 = 0.25;
 /// Maximum width of the first cell at a fixed stick edge, in c/n². In a wide ring the nodes are
 /// graded more steeply.
 const COARSE_START: f64 = 1500.0;
@@ -53,6 +57,9 @@ pub struct MeshPlan {
     pub focus: Option<Focus>,
     /// The stick edge of an earlier block, where nodes are dense too.
     pub old_edge: Option<f64>,
+    /// The width of the ring at the focus in which the unworn contact wears most. It is infinite if all of the mesh is
+    /// in the ring.
+    pub ring: f64,
 }
 
 /// The range of radii where nodes are dense.
@@ -127,7 +134,8 @@ impl MeshPlan {
             _ => (outermost(last), outermost(last)),
         };
         let ring = reach - start;
-        let mut plan = Self { start, reach, farthest, focus: None, old_edge: None };
+        let slipping = if contact.stick > start { 1.0 - contact.stick } else { f64::INFINITY };
+        let mut plan = Self { start, reach, farthest, focus: None, old_edge: None, ring: slipping };
         if start > 0.0 {
             plan.focus = Some(if shrinks {
                 Focus { from: start, to: contact.stick, blur: BLUR * ring }
@@ -148,7 +156,13 @@ impl MeshPlan {
     pub(super) fn while_sharp(&self, contact: &Contact) -> Option<Self> {
         let sharp = contact.shape.sharp_radius()?;
         let focus = Focus { from: sharp, to: sharp, blur: SHARP_BLUR * self.reach };
-        Some(Self { focus: Some(focus), ..self.clone() })
+        let ring = if sharp > 0.0 { 1.0 - sharp } else { f64::INFINITY };
+        Some(Self { focus: Some(focus), ring, ..self.clone() })
+    }
+
+    /// Whether the unworn contact wears most in a ring that is much narrower than the mesh.
+    pub(super) fn is_thin(&self) -> bool {
+        self.ring < THIN * (self.reach - self.start)
     }
 
     /// The smallest core that the first cells resolve, for a scar of this radius.
@@ -168,7 +182,7 @@ impl MeshPlan {
         let reach = (stick + (reach - stick) * (1.0 + 0.6 / cells as f64)).min(extent);
         let farthest = if control.drifts(contact) { f64::INFINITY } else { reach };
         let focus = (stick > 0.0).then(|| Focus::at(stick));
-        Self { start: stick, reach, farthest, focus, old_edge: None }
+        Self { start: stick, reach, farthest, focus, old_edge: None, ring: f64::INFINITY }
     }
 
     /// Whether a mesh by another plan serves as well, because both have even nodes and almost the same size. The errors
@@ -256,9 +270,18 @@ impl MeshPlan {
                     .collect()
             }
             Some(Focus { from, to, blur }) => {
+                let is_thin = self.is_thin();
+                let blur = if is_thin { blur.min(THIN_BLUR * self.ring) } else { blur };
                 let root = blur.sqrt();
-                let u = |distance: f64| 2.0 * ((distance + blur).sqrt() - root);
-                let r = |u: f64| (0.5 * u + root) * (0.5 * u + root) - blur;
+                // Outside of a thin ring, the distance of the nodes grows like that from the ring.
+                let scale = 2.0 * self.ring.sqrt();
+                let narrowed = |u: f64| if is_thin { scale * libm::asinh(u / scale) } else { u };
+                let widened = |u: f64| if is_thin { scale * libm::sinh(u / scale) } else { u };
+                let u = |distance: f64| narrowed(2.0 * ((distance + blur).sqrt() - root));
+                let r = |u: f64| {
+                    let u = 0.5 * widened(u) + root;
+                    u * u - blur
+                };
                 let (inside, outside) = (u(from - start), u(reach - to));
                 // In front of a place of rest at the start, the distance of the nodes grows evenly.
                 let rate = (inside == 0.0 && to > from).then(|| (1.0 - TIGHT) * root / (to - from));

@@ -351,11 +351,11 @@ impl MeshRun {
         let negligible = SETTLED * self.rkc.tolerance * self.worn_by_energy[1];
         // The rate is conclusive only after the block has lasted at least the time scale.
         let tells = lasted * self.wearing.pace() >= self.rkc.scale;
-        lasted > 0.0
-            && (rate == 0.0
-                || self.wearing.springs.share() < VANISHED
-                || tells && rate * lasted <= negligible
-                || rate * (end - time) <= negligible)
+        self.wearing.springs.share() < VANISHED
+            || lasted > 0.0
+                && (rate == 0.0
+                    || tells && rate * lasted <= negligible
+                    || rate * (end - time) <= negligible)
     }
 
     /// Sets the next amplitude if a block has ended, and returns the end of the present block.
@@ -379,9 +379,14 @@ impl MeshRun {
 
     /// Changes the mesh when the tip or the edge of the shape has become blunt.
     fn leave_the_tip(&mut self) {
+        if self.blunt.is_none() {
+            return;
+        }
         let Wearing { contact, prior, .. } = &self.wearing;
-        let deepest = self.wearing.wear(&self.rkc.values).iter().copied().fold(0.0, f64::max);
-        if self.blunt.is_none() || !is_blunt(contact, deepest + prior.at(0.0)) {
+        let most = self.rkc.values.iter().copied().fold(0.0, f64::max);
+        // Where a layer is worn through, the tip is as sharp as it was.
+        let depth = contact.layers.as_ref().map_or(most, |layers| layers.beyond(most));
+        if !is_blunt(contact, depth + prior.at(0.0)) {
             return;
         }
         if let Some(mut plan) = self.blunt.take() {
@@ -408,8 +413,8 @@ impl MeshRun {
     fn change_amplitude(&mut self, block: Block) {
         self.wearing.springs.amplitude = block.held();
         self.unworn_loss = unworn_loss(&self.wearing.contact, block.threshold);
-        if block.threshold == 0.0 {
-            // Nothing wears.
+        if block.threshold == 0.0 || self.wearing.springs.share() < VANISHED {
+            // Nothing wears. On another mesh, a lost contact would touch again by the error of the mesh.
             self.rkc.restart(&mut self.wearing, None);
             return;
         }
@@ -552,6 +557,8 @@ impl MeshRun {
         if here <= 0.0 {
             return 0.0;
         }
+        // Where a layer is worn through, the wear below it counts.
+        let here = here - contact.layers.as_ref().map_or(0.0, |layers| layers.passed(here));
         let height = |r: f64| shape.profile(r) - shape.profile(sharp);
         // The height of the profile in one cell, relative to the wear.
         let ratio = height(sharp + mesh.width_at(sharp)) / here;
