@@ -215,7 +215,7 @@ async fn the_provenance_names_the_owner_request_and_program_of_a_result() {
         let seconds = |name: &str| computed[name].as_f64().unwrap();
         assert!(seconds("wall_seconds") > 0.0 && seconds("cpu_seconds") > 0.0, "{told}");
         assert_eq!(told["program"]["version"], env!("CARGO_PKG_VERSION"));
-        assert_eq!(told["program"]["numerics"], 4);
+        assert_eq!(told["program"]["numerics"], 5);
         assert_eq!(told["program"]["architecture"], std::env::consts::ARCH);
         assert!(told["program"]["host"].as_str().is_some_and(|host| !host.is_empty()));
         assert_eq!(told["jobs"], jobs);

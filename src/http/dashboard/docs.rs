@@ -25,6 +25,7 @@ const PAGES: &[(&str, &str)] = pages![
     "docs/README.md",
     "docs/accuracy.md",
     "docs/calibration.md",
+    "docs/changed-answers.md",
     "docs/installation.md",
     "docs/operating.md",
     "docs/results.md",

@@ -29,8 +29,8 @@ const MIN_THRESHOLD: f64 = 1e-6;
 /// rounded amplitude.
 const STICK_DIGITS: f64 = 1e-3;
 
-/// The inverse of the smallest change of position that counts, in units of the amplitude of a record.
-const DIGITS: f64 = 1e11;
+/// The digits of positions after the first one of the amplitude.
+const DIGITS: f64 = 11.0;
 
 /// The motion in canonical form.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -249,9 +249,9 @@ fn around_zero(reversals: Vec<f64>) -> Vec<f64> {
     if middle == 0.0 {
         return reversals;
     }
-    // Rounded, so that records with different middles become the same.
-    let share = |x: f64| (DIGITS * (x - middle) / amplitude).round() / DIGITS;
-    reversals.iter().map(|x| twelve_digits(twelve_digits(amplitude) * share(*x))).collect()
+    // Rounded to twelve digits of the amplitude, so that records with different middles become the same.
+    let unit = libm::pow(10.0, libm::log10(amplitude).floor() - DIGITS);
+    reversals.iter().map(|x| twelve_digits(((x - middle) / unit).round() * unit)).collect()
 }
 
 fn record_of(reversals: &[f64]) -> Result<DisplacementRecord, Faults> {
