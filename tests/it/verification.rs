@@ -68,7 +68,7 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
     }
     let limits = [
         ("contact radius", 1e-2),
-        ("energy per cycle", 3e-2),
+        ("energy per cycle", 4e-2),
         ("contact_lost", 1.5e-2),
         // Few runs come to shakedown, so one of them decides.
         ("shakedown", shakedown),
@@ -83,7 +83,8 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
     // While the friction changes by up to a factor of 4, the error of the moving stick edge is overestimated: one of four
     // of these runs has a warning.
     let (sound, warned) = accuracy.sound();
-    assert!(10 * warned <= sound, "{accuracy}");
+    assert!(8 * warned <= sound, "{accuracy}");
+    let table = accuracy.to_string();
     let steady = accuracy.with_constant_coefficients();
     for worn in [Worn::Volume, Worn::Depth] {
         let caution = steady.of(worn).caution();
@@ -91,7 +92,9 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
     }
     assert_eq!(steady.unwarned(), 0, "{steady}");
     let (sound, warned) = steady.sound();
-    // Of the few runs, one more or less decides.
-    let most = if is_long { 28 } else { 26 };
-    assert!(most * warned <= sound, "{steady}");
+    // At sharp tips, the stated errors of early depths are up to twice as large as the true ones.
+    assert!(20 * warned <= sound, "{steady}");
+    for kind in ["sharp punch", "thin rings", "noisy r^4", "wedge"] {
+        assert!(table.contains(&format!("| {kind} |")), "no {kind} among the scenarios");
+    }
 }

@@ -117,11 +117,21 @@ static WHOLE: OnceLock<Gauss<ROW_POINTS>> = OnceLock::new();
 /// ∫ min(Δ, y₀) dx and ∫ y₀ (Δ − y₀)₊ dx over the springs of an unworn contact with stick radius c, for half of the
 /// row.
 pub(crate) fn unworn_integrals(shape: &Shape, c: f64, threshold: f64) -> (f64, f64) {
+    integrals_of(shape, |x| shape.image(x), c, threshold)
+}
+
+/// The same integrals if the springs have another image.
+pub(super) fn integrals_of(
+    shape: &Shape,
+    image: impl Fn(f64) -> f64,
+    c: f64,
+    threshold: f64,
+) -> (f64, f64) {
     let (mut normal, mut energy) = (0.0, 0.0);
     let geometry = shape.geometry();
     for (delta, width) in layout(shape, c) {
         let weight = geometry.weight(c + delta, width);
-        let y = (1.0 - shape.image(c + delta)).clamp(0.0, threshold);
+        let y = (1.0 - image(c + delta)).clamp(0.0, threshold);
         normal += weight * y;
         energy += weight * y * (threshold - y);
     }

@@ -53,8 +53,20 @@ pub(crate) struct TableShape {
     areas: Vec<f64>,
     /// The image before it is forced to increase, up to the last radius.
     true_image: TrueImage,
-    /// Radius and height of the smoothed points, and the noise that remains in the height.
-    points: Vec<[f64; 3]>,
+    /// The radii of the points, and the noise that remains in their smoothed heights.
+    points: Vec<[f64; 2]>,
+    /// The change of the slope at each point, if straight lines connect the points.
+    bends: Vec<[f64; 3]>,
+}
+
+/// The image (3) at a radius and its slope, for the changes of a piecewise polynomial f′ at its knots.
+type ImageOf = fn(&[f64], &[[f64; 3]], f64) -> (f64, f64);
+
+fn image_at(geometry: Geometry) -> ImageOf {
+    match geometry {
+        Geometry::Round => image_of,
+        Geometry::Line => line_image_of,
+    }
 }
 
 /// A point whose smoothed height is below the height on the axis.
@@ -92,8 +104,10 @@ impl TableShape {
             return Err(LowPoint { radius, below, others: !rest.is_empty() });
         }
         let Smoothed { heights: z, noise, remaining } = smooth;
-        let points = x.iter().zip(&z).zip(remaining).map(|((x, z), noise)| [*x, *z, noise]);
-        let points = points.collect();
+        let points = x.iter().zip(remaining).map(|(x, noise)| [*x, noise]).collect();
+        let secant = |i: usize| (z[i + 1] - z[i]) / (x[i + 1] - x[i]);
+        let before = |i: usize| if i > 0 { secant(i - 1) } else { 0.0 };
+        let bends = (0..x.len() - 1).map(|i| [secant(i) - before(i), 0.0, 0.0]).collect();
         let slopes = monotone_slopes(&x, &z);
         // The polynomial f′ in each cell, and its change at each point.
         let mut before = [0.0; 3];
@@ -116,14 +130,12 @@ impl TableShape {
             );
             nodes.push(ends[1]);
         }
-        let image_at = match geometry {
-            Geometry::Round => image_of,
-            Geometry::Line => line_image_of,
-        };
+        let image_at = image_at(geometry);
         let images: Vec<(f64, f64)> =
             nodes.iter().map(|node| image_at(&x, &changes, *node)).collect();
         let noise: Vec<f64> = (0..nodes.len()).map(|node| noise[node / parts]).collect();
-        Ok(Self { points, ..Self::rising((length, scale, geometry), nodes, &images, &noise) })
+        let shape = Self::rising((length, scale, geometry), nodes, &images, &noise);
+        Ok(Self { points, bends, ..shape })
     }
 
     /// The increasing image through values and slopes at nodes. The table is cut off where the
@@ -189,8 +201,8 @@ impl TableShape {
         for (cell, ends) in cells.iter().zip(nodes.windows(2)) {
             areas.push(areas[areas.len() - 1] + area(cell, ends[1] - ends[0]));
         }
-        let points = Vec::new();
-        Self { length, height, geometry, nodes, cells, changes, areas, true_image, points }
+        let (points, bends) = Default::default();
+        Self { length, height, geometry, nodes, cells, changes, areas, true_image, points, bends }
     }
 
     /// The radius, in m, up to which the image increases: the last radius of the table, or less if
@@ -430,22 +442,9 @@ impl PressedTable {
 
     /// The image of straight lines between the smoothed points.
     pub(crate) fn straight_image(&self, x: f64) -> f64 {
-        let x = x * self.radius;
-        let is_round = self.geometry() == Geometry::Round;
-        // ∫ dr/√(x²−r²), or ∫ r dr/√(x²−r²).
-        let kernel =
-            |r: f64| if is_round { libm::asin(r / x) } else { -((x - r) * (x + r)).sqrt() };
-        let sum: f64 = self
-            .table
-            .points
-            .windows(2)
-            .take_while(|ends| ends[0][0] < x)
-            .map(|ends| {
-                let slope = (ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]);
-                slope * (kernel(ends[1][0].min(x)) - kernel(ends[0][0]))
-            })
-            .sum();
-        if is_round { x * sum / self.depth } else { sum / self.depth }
+        let knots: Vec<f64> = self.table.points.iter().map(|point| point[0]).collect();
+        let image = image_at(self.geometry());
+        image(&knots, &self.table.bends, x * self.radius).0 / self.depth
     }
 
     /// The number of points between two radii, the radii of the points on either side, and the noise that remains
@@ -455,9 +454,8 @@ impl PressedTable {
         let beyond = |r: f64| points.partition_point(|point| point[0] <= r * self.radius);
         let (first, last) = (beyond(from), beyond(to).min(points.len() - 1));
         let about = &points[first.saturating_sub(1)..=last];
-        let noise = about.iter().map(|point| point[2]).sum::<f64>() / about.len() as f64;
-        let radius = |point: [f64; 3]| point[0] / self.radius;
-        let between = [radius(about[0]), radius(about[about.len() - 1])];
+        let noise = about.iter().map(|point| point[1]).sum::<f64>() / about.len() as f64;
+        let between = [about[0], about[about.len() - 1]].map(|point| point[0] / self.radius);
         (last - first, between, noise / self.depth)
     }
 

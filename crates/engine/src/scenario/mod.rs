@@ -443,29 +443,22 @@ impl Scenario {
 
 /// The warnings about a table whose wear hangs on the interpolation between its rows, or on its noise.
 fn doubts_about_table(case: &Case) -> Vec<(&'static str, String)> {
-    let Some(doubts) = Doubts::of(&case.contact, &case.control) else { return Vec::new() };
-    let Scales { contact_radius: a, indentation_depth: d, .. } = case.scales;
-    let [from, to] = doubts.between.map(|radius| radius * a);
-    let mut warnings = Vec::new();
-    if doubts.interpolation.abs() > MOST_INTERPOLATED {
-        let detail = format!(
-            "The wear hangs on the profile between the radii {from:.4e} m and {to:.4e} m, where the table has too few \
-             rows: with straight lines between the rows, the energy of the first cycle would change by {:+.0} %. Enter more rows \
-             between these radii.",
-            100.0 * doubts.interpolation
-        );
-        warnings.push(("sparse_profile", detail));
-    }
-    if doubts.widening > MOST_WIDENED {
-        let detail = format!(
-            "After smoothing, a noise of about {:.1e} m remains in the heights of the table between the radii {from:.4e} m and \
-             {to:.4e} m. It may change the wear volume and the wear depth by more than 10 %. Enter heights with less \
-             noise, or more rows.",
-            doubts.noise * d
-        );
-        warnings.push(("noisy_profile", detail));
-    }
-    warnings
+    let Some(doubts) = Doubts::of(&case.contact) else { return Vec::new() };
+    let [from, to] = doubts.between.map(|radius| radius * case.scales.contact_radius);
+    let (change, noise) =
+        (100.0 * doubts.interpolation, doubts.noise * case.scales.indentation_depth);
+    let sparse = format!(
+        "The wear hangs on the profile between the radii {from:.4e} m and {to:.4e} m, where the table has few rows. Straight \
+         lines between the rows would change the energy per cycle by {change:+.0} %. Enter more rows between these radii."
+    );
+    let noisy = format!(
+        "After smoothing, a noise of about {noise:.1e} m remains in the heights between the radii {from:.4e} m and {to:.4e} m. It \
+         may change wear volume and wear depth by more than 10 %. Enter heights with less noise, or more rows."
+    );
+    let sparse =
+        (doubts.interpolation.abs() > MOST_INTERPOLATED).then_some(("sparse_profile", sparse));
+    let noisy = (doubts.widening > MOST_WIDENED).then_some(("noisy_profile", noisy));
+    sparse.into_iter().chain(noisy).collect()
 }
 
 /// The effective moduli E* and G*, by (6).

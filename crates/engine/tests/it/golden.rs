@@ -33,7 +33,7 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
     let cycles = json!([500, 5000, 6000, 50_000, 500_000]);
     let long = json!({"normalized": [0.5, 4, 16, 1000]});
     vec![
-        ("simplified", json!({"cycles": long}), 0x1173_6338_23ca_6811),
+        ("simplified", json!({"cycles": long}), 0xe057_28c3_f639_430e),
         (
             "simplified, stopped",
             json!({"until": {"wear_depth": "0.5 um"}, "cycles": long}),
@@ -44,51 +44,51 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
             json!({"motion": {"amplitude": "5 um"}, "cycles": long}),
             0xe8d9_045e_ef1a_91d0,
         ),
-        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0x8906_7eba_ad51_218d),
+        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0x4595_239b_aa57_422e),
         (
             "exact beside the rule",
             json!({"model": {"method": "exact", "compare": true}}),
-            0xc7d3_c117_8cf8_c2d9,
+            0x2bf3_a975_30d5_7a16,
         ),
         (
             "exact, force held, stopped",
             json!({"model": exact, "load": force, "until": {"wear_volume": "1e-3 mm^3"},
                    "cycles": long}),
-            0xed07_7e2e_3b26_7ed5,
+            0xc0a6_dddd_6b46_c071,
         ),
         (
             "exact, both forces held, shared",
             json!({"model": exact, "load": force, "motion": {"tangential_force": "50 N"},
                    "wear": {"coefficient": "3.03e-5 mm^3/(N m)", "share": 0.3}, "cycles": long}),
-            0x7f98_ef70_b85e_514c,
+            0x6b57_6df4_21af_8b9c,
         ),
         (
             "exact, tangential force held",
             json!({"model": exact, "load": depth, "motion": {"tangential_force": "50 N"},
                    "cycles": long}),
-            0xce9a_3eb9_59ca_ad02,
+            0x6bda_fed5_0f85_c887,
         ),
         (
             "exact, rig",
             json!({"model": exact, "load": force,
                    "motion": {"amplitude": "2.5 um", "rig_stiffness": "50 N/um"}}),
-            0x5126_832a_ac76_cc2d,
+            0xc69b_35ca_4b25_9ab3,
         ),
         (
             "exact, blocks",
             json!({"model": exact, "load": depth, "motion": blocks, "cycles": cycles}),
-            0x8d64_4938_c6c0_319d,
+            0x5d02_d772_b69e_b0da,
         ),
         (
             "simplified, blocks, force held",
             json!({"load": force, "motion": blocks, "cycles": cycles}),
-            0xd556_5e37_fd7e_33e7,
+            0x1a7a_8b67_58ca_b93b,
         ),
         (
             "exact, reversals",
             json!({"model": exact, "motion": {"reversals": ["2 um", "-2 um", "1 um", "-1.5 um"]},
                    "cycles": cycles, "profiles_at": [500, 50_000]}),
-            0xa0fe_5675_c3b1_3f95,
+            0xbc2d_5572_fc0c_3c69,
         ),
     ]
 }
@@ -104,14 +104,14 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
         (
             "exact, table",
             json!({"profile": table, "model": exact, "load": force}),
-            0x0ef3_b2c1_1697_62c3,
+            0x2a19_f274_3f98_8df5,
         ),
         (
             "exact, truncated cone, gross slip",
             json!({"profile": {"shape": "truncated_cone", "slope_angle": "2 deg",
                                "flat_radius": "20 um"},
                    "motion": {"amplitude": "8 um"}, "model": exact, "load": force}),
-            0x30bb_a2ef_817d_a319,
+            0x0c98_7834_2df7_7ecb,
         ),
         (
             "simplified, power",

@@ -138,6 +138,49 @@ fn sampled_cones_and_power_laws_give_the_results_of_the_exact_shape() {
     }
 }
 
+/// The kinds of the warnings about the table of a request.
+fn doubts(profile: &Value, motion: &Value) -> Vec<String> {
+    let mut request = steel_ball();
+    request["profile"] = profile.clone();
+    request["load"] = json!({"normal_force": 100.0, "held": "force"});
+    request["motion"] = motion.clone();
+    let (_, warnings) = scenario::check(&request, "").expect("a scenario");
+    let kinds = warnings.into_iter().map(|warning| warning.kind.to_string());
+    kinds.filter(|kind| kind.ends_with("_profile")).collect()
+}
+
+#[test]
+fn a_table_whose_wear_hangs_on_one_interval_has_a_warning() {
+    let motion = json!({"amplitude": 2e-6});
+    // Between the rows at 120 µm and 125 µm the height has a step, and there the contact ends.
+    for (step, expected) in [(0.0, vec![]), (1.5e-6, vec!["sparse_profile"])] {
+        let radius: Vec<f64> = (0..=120).map(|i| 5e-6 * f64::from(i)).collect();
+        let height = radius.iter().map(|r| r * r / 0.02 + if *r > 1.22e-4 { step } else { 0.0 });
+        let height: Vec<f64> = height.collect();
+        let table = json!({"shape": "table", "radius": radius, "height": height});
+        assert_eq!(doubts(&table, &motion), expected, "{step}");
+    }
+}
+
+#[test]
+fn a_table_with_noise_that_changes_the_wear_has_a_warning() {
+    let motion = json!({"stick_ratio": 0.8});
+    let quartic = |r: f64| 1.75e-6 * (r / 0.187e-3).powi(4);
+    let mut warned = 0;
+    for seed in 0..12 {
+        let even = sampled(200, 0.4e-3, seed, 0.01, quartic);
+        assert!(doubts(&even, &motion).is_empty(), "noise of 1 % of each height, {seed}");
+        let mut chance = Chance(seed);
+        let mut noisy = sampled(200, 0.4e-3, seed, 0.0, quartic);
+        for height in noisy["height"].as_array_mut().expect("heights") {
+            let noise = 0.01 * quartic(0.4e-3) * chance.normal();
+            *height = json!(height.as_f64().expect("a height") + noise);
+        }
+        warned += doubts(&noisy, &motion).len();
+    }
+    assert!(warned >= 8, "noise of 1 % of the greatest height: {warned} of 12");
+}
+
 #[test]
 fn a_table_of_10_000_rows_has_the_wear_of_its_shape() {
     let table = sampled(10_000, 0.4e-3, 1, 0.01, |r| r * r / 0.02);

@@ -58,7 +58,7 @@ const SHARES: (f64, f64) = (0.95, 1.05);
 const THIN_SAFETY: f64 = 1.5;
 /// Relative difference of the depths above which the difference is mostly the error of the coarse run, which has few
 /// cells in a narrow ring or at a tip. The first number applies in general, the second in later blocks.
-const COARSE: (f64, f64) = (0.1, 0.2);
+const COARSE: (f64, f64) = (0.05, 0.15);
 /// Minimum error estimates, in units of the tolerance of the time steps: in general, and for later blocks under a held
 /// force.
 const LEAST_ERRORS: (f64, f64) = (0.3, 0.6);
