@@ -162,7 +162,7 @@ pub struct UnwornCurves {
     rings: Rings,
     /// The loads of the rings in the core that follow from its image.
     core_loads: Vec<f64>,
-    /// For each end of these rings: the load outside that the sticking spring at c carries, and the weights of the
+    /// For each end of these rings inside c, and for c: the load outside that the sticking spring at c carries, and the weights of the
     /// slipping springs.
     inner: Vec<(f64, [f64; ROW_POINTS])>,
     /// For each radius outside ã: the slip with only the sticking core, and the amount by which
@@ -190,7 +190,7 @@ impl UnwornCurves {
         let inside = nodes.iter().take_while(|r| **r < 1.0);
         let rings = Rings::around(Geometry::Round, radii);
         let core_loads = rings.loads(c, shape.kinks(), |r| shape.pressure_inside(r, c));
-        let inner = rings.ends.iter().take_while(|r| **r < c);
+        let inner = rings.ends.iter().filter(|r| **r < c).chain([&c]);
         let inner = inner
             .map(|r| (threshold * kernel(Geometry::Round, *r, c), row.weights_inside(*r)))
             .collect();
@@ -615,8 +615,7 @@ impl Simplified {
                 unworn.rings.ends.iter().map(|r| self.load_outside(*r, decay)).collect();
             return unworn.rings.means(&Rings::between(&loads));
         }
-        let unresolved =
-            unworn.core > 0 && self.step_width(decay) < self.mesh.radii[1] - self.mesh.radii[0];
+        let unresolved = self.step_width(decay) < self.mesh.radii[1] - self.mesh.radii[0];
         if unresolved {
             // The sum at the stick edge contains the step. The sums outside do not.
             sums[0] = sums[1];
@@ -625,16 +624,21 @@ impl Simplified {
         let sums = self.spread(sums, self.ring().inside());
         let ring = unworn.pressure.iter().zip(&sums);
         let ring = ring.map(|(unworn, sum)| (decay.left * unworn + scale * sum).max(0.0));
-        let load = |(i, p): (usize, f64)| p * unworn.rings.area(unworn.core + i);
         let ring: Vec<f64> = ring.collect();
-        // The ring around the stick edge carries what the rings outside leave of the load of the slipping springs.
-        let others: f64 = ring.iter().copied().enumerate().skip(1).map(load).sum();
-        let outside =
-            unworn.inner.iter().map(|(stuck, weights)| stuck + dot(weights, compressions));
-        let loads = Rings::between(&outside.chain([others]).collect::<Vec<_>>());
+        let load = |(stuck, weights): &(f64, [f64; ROW_POINTS])| stuck + dot(weights, compressions);
+        let mut outside: Vec<f64> = unworn.inner.iter().map(load).collect();
+        // The last of these ends is the stick edge. Its ring extends further by a tiny area. That carries what the rings
+        // outside leave, unless the errors of these are as large as the load of this ring.
+        let (core, c) = (unworn.core, self.contact.stick);
+        let others = ring.iter().enumerate().skip(1).map(|(i, p)| p * unworn.rings.area(core + i));
+        let rest = outside[core + 1] - others.sum::<f64>();
+        let end = unworn.rings.ends[core + 1];
+        let is_unknown = rest.abs() > 0.5 * (outside[core] - outside[core + 1]);
+        outside[core + 1] -= if is_unknown { ring[0] * (end - c) * (end + c) } else { rest };
+        let loads = Rings::between(&outside);
         let loads = loads.iter().zip(&unworn.core_loads).map(|(springs, core)| springs + core);
         let mut curve = unworn.rings.means(&loads.collect::<Vec<_>>());
-        curve.extend(&ring[usize::from(unworn.core > 0)..]);
+        curve.extend(&ring[1..]);
         curve.resize(self.grid.radii.len(), 0.0);
         curve
     }

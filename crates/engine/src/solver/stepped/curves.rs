@@ -146,11 +146,15 @@ fn on_mesh(mesh: &Mesh, worn: &WornContact, springs: f64) -> (f64, Monotone) {
         loads
             .push(loads[loads.len() - 1] + 0.5 * (ends[1] - ends[0]) * (pressure[0] + pressure[1]));
     }
-    // Next to the edge of the contact, the pressure decreases like a square root.
-    let (last, inside) = (knots[knots.len() - 1], loads[loads.len() - 1]);
-    for left in [0.5, 0.1, 0.0_f64] {
-        knots.push(rim.max(last * (1.0 + 1e-9)) - left * (rim - last).max(0.0));
-        loads.push(total - (total - inside).max(0.0) * left * left.sqrt());
+    // Next to the edge of the contact, the pressure decreases like a power that gives the rest of the load.
+    let last = knots.len() - 1;
+    let (from, inside) = (knots[last], loads[last]);
+    let (width, rest) = ((rim - from).max(1e-9 * from), (total - inside).max(0.0));
+    // A pressure of 0 must not give 0/0.
+    let share = (rest / (pressure[last] * width).max(1e-300)).clamp(0.2, 1.0);
+    for left in [0.75, 0.5, 0.25, 0.1, 0.0_f64] {
+        knots.push(from + (1.0 - left) * width);
+        loads.push(total - rest * libm::pow(left, 1.0 / share));
     }
     if is_line {
         (knots, loads) = ([&[0.0], &knots[..]].concat(), [&[0.0], &loads[..]].concat());
