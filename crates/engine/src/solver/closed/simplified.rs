@@ -52,6 +52,8 @@ const UNRESOLVED: f64 = 0.01;
 /// Maximum number of mesh cells. With more output radii, wear and pressure are interpolated between
 /// the mesh nodes.
 const MOST_CELLS: usize = 512;
+/// A larger error of the load outside the stick edge is no error of the quadrature.
+const SMALL_ERROR: f64 = 0.1;
 /// Estimated number of multiplications per output radius, apart from the transforms.
 const CURVE_OPERATIONS: f64 = 40.0;
 
@@ -624,17 +626,21 @@ impl Simplified {
         let sums = self.spread(sums, self.ring().inside());
         let ring = unworn.pressure.iter().zip(&sums);
         let ring = ring.map(|(unworn, sum)| (decay.left * unworn + scale * sum).max(0.0));
-        let ring: Vec<f64> = ring.collect();
+        let mut ring: Vec<f64> = ring.collect();
         let load = |(stuck, weights): &(f64, [f64; ROW_POINTS])| stuck + dot(weights, compressions);
         let mut outside: Vec<f64> = unworn.inner.iter().map(load).collect();
-        // The last of these ends is the stick edge. Its ring extends further by a tiny area. That carries what the rings
-        // outside leave, unless the errors of these are as large as the load of this ring.
+        // The last of these ends is the stick edge. Outside of it, the rings carry the load of the slipping springs. If
+        // they do not resolve it, the ring around the edge carries the rest.
         let (core, c) = (unworn.core, self.contact.stick);
+        let first = (unworn.rings.ends[core + 1] - c) * (unworn.rings.ends[core + 1] + c) * ring[0];
         let others = ring.iter().enumerate().skip(1).map(|(i, p)| p * unworn.rings.area(core + i));
-        let rest = outside[core + 1] - others.sum::<f64>();
-        let end = unworn.rings.ends[core + 1];
-        let is_unknown = rest.abs() > 0.5 * (outside[core] - outside[core + 1]);
-        outside[core + 1] -= if is_unknown { ring[0] * (end - c) * (end + c) } else { rest };
+        let mut others: f64 = others.sum();
+        let share = outside[core + 1] / (first + others);
+        if (share - 1.0).abs() < SMALL_ERROR {
+            ring.iter_mut().for_each(|p| *p *= share);
+            others *= share;
+        }
+        outside[core + 1] = others;
         let loads = Rings::between(&outside);
         let loads = loads.iter().zip(&unworn.core_loads).map(|(springs, core)| springs + core);
         let mut curve = unworn.rings.means(&loads.collect::<Vec<_>>());
