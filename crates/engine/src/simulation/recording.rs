@@ -182,10 +182,7 @@ impl Recording {
             let depth = level.unwrap_or(history.indentation_depth[row]);
             image[..edge].iter_mut().for_each(|g| *g = g.min(depth));
             image[edge..].iter_mut().for_each(|g| *g = g.max(depth));
-            // The outermost ring with contact carries what its neighbour carries inside the edge.
-            let outside: f64 = (edge..pressure.len()).map(|i| pressure[i] * rings.area(i)).sum();
-            pressure[edge - 1] += outside / rings.area(edge - 1);
-            pressure[edge..].fill(0.0);
+            rings.end_before(edge, pressure);
             wear[edge..].fill(0.0);
             worn[edge..].copy_from_slice(&profiles.initial[edge..]);
         }

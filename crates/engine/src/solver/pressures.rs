@@ -88,6 +88,13 @@ impl Rings {
         loads.iter().enumerate().map(mean).collect()
     }
 
+    /// Lets the last ring before the ring `edge` carry all that the rings from there on carry.
+    pub(crate) fn end_before(&self, edge: usize, pressure: &mut [f64]) {
+        let outside: f64 = (edge..pressure.len()).map(|i| pressure[i] * self.area(i)).sum();
+        pressure[edge - 1] += outside / self.area(edge - 1);
+        pressure[edge..].fill(0.0);
+    }
+
     /// The weight of a ring in a trapezoid: its width in its place.
     pub(crate) fn area(&self, ring: usize) -> f64 {
         let inner =

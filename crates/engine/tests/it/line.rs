@@ -159,15 +159,6 @@ fn compare(
             continue;
         }
         let weight = widths[i];
-            println!(
-                "{} {} {:.5} {:.5} {}",
-                centres.len(),
-                i,
-                centres[i],
-                curves.pressure[i],
-                pressure[i]
-            );
-        }
         apart += weight * (curves.pressure[i].min(1e3) - pressure[i]).powi(2);
         far += weight * pressure[i] * (slip * curves.slip[i] - path[i]).powi(2);
         load += weight * pressure[i];

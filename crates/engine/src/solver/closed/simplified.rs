@@ -615,7 +615,9 @@ impl Simplified {
         if unworn.core == 0 {
             let loads: Vec<f64> =
                 unworn.rings.ends.iter().map(|r| self.load_outside(*r, decay)).collect();
-            return unworn.rings.means(&Rings::between(&loads));
+            let mut pressure = unworn.rings.means(&Rings::between(&loads));
+            unworn.rings.end_before(self.ring().inside(), &mut pressure);
+            return pressure;
         }
         let unresolved = self.step_width(decay) < self.mesh.radii[1] - self.mesh.radii[0];
         if unresolved {

@@ -146,8 +146,11 @@ fn on_mesh(mesh: &Mesh, worn: &WornContact, springs: f64) -> (f64, Monotone) {
         loads
             .push(loads[loads.len() - 1] + 0.5 * (ends[1] - ends[0]) * (pressure[0] + pressure[1]));
     }
-    // Next to the edge of the contact, the pressure decreases like a power that gives the rest of the load.
-    let last = knots.len() - 1;
+    // Next to the edge of the contact, the pressure decreases like a power that gives the rest of the load. The last node
+    // in contact does not count, because its pressure is a mean that extends beyond the edge.
+    let last = knots.len().saturating_sub(2);
+    knots.truncate(last + 1);
+    loads.truncate(last + 1);
     let (from, inside) = (knots[last], loads[last]);
     let (width, rest) = ((rim - from).max(1e-9 * from), (total - inside).max(0.0));
     // A pressure of 0 must not give 0/0.
