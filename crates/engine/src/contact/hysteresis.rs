@@ -33,6 +33,8 @@ use crate::numeric::{Gauss, dot, root};
 
 /// Number of Gauss points in a row of springs.
 pub const ROW_POINTS: usize = 48;
+/// A smaller relative difference of energies is rounding.
+const ROUNDED: f64 = 1e-6;
 
 /// A closed loop that starts and ends at the reversal at +Δ. There is one point for each spring
 /// that starts to slip, and one without force on each branch; the lines between the points are straight.
@@ -150,8 +152,16 @@ impl Backbone {
         }
         force += slope * (threshold - at);
         corners.push([threshold, force]);
+        let lost = 4.0 * loss * threshold;
+        // Where the stick edge lies inside a cell, the energy of this cell differs from that of its corner.
+        let missing = lost - area(&corners);
+        if missing.abs() > ROUNDED * lost
+            && let [.., before, corner, end] = &mut corners[..]
+        {
+            corner[1] += 0.25 * missing / (end[0] - before[0]);
+        }
         let half = Self::at_half(&corners);
-        Self { corners, half, lost: 4.0 * loss * threshold, is_placed: true }
+        Self { corners, half, lost, is_placed: true }
     }
 
     /// The backbone of a line contact: K and y of each spring, C with the springs outside the contact, θ, and the slip of
@@ -237,6 +247,13 @@ impl Backbone {
         }
         Loop { displacement, force, energy_ratio, slip_ratio, free_ratio }
     }
+}
+
+/// The area of the loop of a backbone.
+fn area(corners: &[[f64; 2]]) -> f64 {
+    let below =
+        corners.windows(2).map(|ends| (ends[1][0] - ends[0][0]) * (ends[0][1] + ends[1][1]));
+    4.0 * (below.sum::<f64>() - corners.last().map_or(0.0, |[u, force]| u * force))
 }
 
 /// Cubic Hermite interpolation between two knots [u, Q̃/2, slope].

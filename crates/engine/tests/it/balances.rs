@@ -35,7 +35,9 @@ pub fn judge(scenario: &Scenario, outcome: &Outcome) {
             });
         let found = area(radii, &pressure.collect::<Vec<_>>());
         let slack = 0.01 * force + 1e-12 * history.normal_force[0];
-        let is_known = radii.len() < RADII || (found - force).abs() <= slack;
+        // A profile that ends inside the contact does not contain its whole load.
+        let is_whole = radii.last().is_some_and(|last| *last >= history.contact_radius[row]);
+        let is_known = radii.len() < RADII || !is_whole || (found - force).abs() <= slack;
         assert!(is_known, "{found} {force} at {cycles}");
 
         let (u, q) = (&loops.displacement[shown], &loops.tangential_force[shown]);
