@@ -186,40 +186,6 @@ pub fn maximum(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
 /// wait for the addition before it.
 const LANES: usize = 8;
 
-/// The Abel integral ∫ f′(t)/√(t − `from`) dt for a function that is linear between the knots t ≥ `from`.
-pub(crate) fn abel(knots: &[f64], values: &[f64], from: f64) -> f64 {
-    let root = |t: f64| (t - from).max(0.0).sqrt();
-    let (Some((first, knots)), Some((mut low, values))) =
-        (knots.split_first(), values.split_first())
-    else {
-        return 0.0;
-    };
-    let (knots, last_knots) = knots.as_chunks::<LANES>();
-    let (values, last_values) = values.as_chunks::<LANES>();
-    let (mut near, mut sums) = (root(*first), [0.0; LANES]);
-    for (knots, values) in knots.iter().zip(values) {
-        let far = knots.map(root);
-        let (mut rises, mut roots) = (*values, far);
-        rises[0] -= low;
-        roots[0] += near;
-        for lane in 1..LANES {
-            rises[lane] -= values[lane - 1];
-            roots[lane] += far[lane - 1];
-        }
-        for ((sum, rise), roots) in sums.iter_mut().zip(rises).zip(roots) {
-            *sum += rise / roots;
-        }
-        (near, low) = (far[LANES - 1], &values[LANES - 1]);
-    }
-    let mut sum: f64 = sums.iter().sum();
-    for (knot, value) in last_knots.iter().zip(last_values) {
-        let far = root(*knot);
-        sum += (value - low) / (near + far);
-        (near, low) = (far, value);
-    }
-    2.0 * sum
-}
-
 /// Σ aᵢbᵢ over the shorter length, in a fixed order that the compiler can vectorise.
 #[must_use]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {

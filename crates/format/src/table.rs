@@ -61,6 +61,7 @@ pub enum Cell<'a> {
 struct Selection {
     cycles: Option<Vec<usize>>,
     points: Option<Vec<usize>>,
+    radii: Vec<f64>,
     rows: usize,
 }
 
@@ -114,7 +115,10 @@ impl Values {
                 let rows: Vec<&RawValue> = First::read(text, selection.rows)?;
                 let rows = pick(rows, selection.cycles.as_deref()).into_iter().map(|row| {
                     let row = numbers(serde_json::from_str(row.get())?);
-                    Ok(pick(row, selection.points.as_deref()))
+                    Ok(match &selection.points {
+                        Some(points) if name == "pressure" => means(&row, &selection.radii, points),
+                        points => pick(row, points.as_deref()),
+                    })
                 });
                 Ok(Self::Matrix(rows.collect::<Result<_, serde_json::Error>>()?))
             }
@@ -164,6 +168,25 @@ fn pick<T: Copy>(items: Vec<T>, indices: Option<&[usize]>) -> Vec<T> {
         Some(indices) => indices.iter().filter_map(|&index| items.get(index).copied()).collect(),
         None => items,
     }
+}
+
+/// Pressures at the selected radii, which are means: each radius that is not selected shares its load between its selected
+/// neighbours. So a trapezoid over fewer radii still gives the force. Values that are not finite are left out.
+fn means(row: &[f64], radii: &[f64], selected: &[usize]) -> Vec<f64> {
+    let at = |index: usize| radii[index.min(radii.len() - 1)];
+    let mut sums = vec![[0.0, 0.0]; selected.len()];
+    for (i, p) in row.iter().enumerate().filter(|(i, p)| p.is_finite() && *i < radii.len()) {
+        let right = selected.partition_point(|index| *index < i).min(selected.len() - 1);
+        let left = right.saturating_sub(1);
+        let (from, to) = (at(selected[left]), at(selected[right]));
+        let share = if to > from { (at(i) - from) / (to - from) } else { 1.0 };
+        for (place, share) in [(left, 1.0 - share), (right, share)] {
+            let weight = share * (at(i + 1) - at(i.saturating_sub(1)));
+            sums[place][0] += weight * p;
+            sums[place][1] += weight;
+        }
+    }
+    sums.iter().map(|[sum, weight]| sum / weight).collect()
 }
 
 /// The columns that identify rows: `cycles` in a run, and `point` in the profiles of a study.
@@ -356,9 +379,9 @@ fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection
         let selected = |index: &usize| wanted.iter().any(|wanted| same(cycles[*index], *wanted));
         (0..cycles.len()).filter(selected).collect()
     });
-    let radii = axis("radius")?.len();
-    let points = view.points.map(|points| evenly_spaced(radii, points));
-    Ok(Selection { cycles: selected, points, rows: view.rows.unwrap_or(usize::MAX) })
+    let radii = axis("radius")?;
+    let points = view.points.map(|points| evenly_spaced(radii.len(), points));
+    Ok(Selection { cycles: selected, points, radii, rows: view.rows.unwrap_or(usize::MAX) })
 }
 
 impl Serialize for Table {
@@ -408,6 +431,21 @@ pub fn evenly_spaced(length: usize, count: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn fewer_radii_carry_the_same_load() {
+        let radii: Vec<f64> = (0..=100).map(f64::from).collect();
+        let mut row: Vec<f64> = radii.iter().map(|r| 100.0 - r).collect();
+        row[50] = 1e4;
+        let load = |row: &[f64], at: &dyn Fn(usize) -> f64| -> f64 {
+            let below = |i: usize| 0.5 * (at(i) - at(i - 1)) * (row[i] + row[i - 1]);
+            (1..row.len()).map(below).sum()
+        };
+        let selected = evenly_spaced(radii.len(), 20);
+        let found = load(&means(&row, &radii, &selected), &|i| radii[selected[i]]);
+        assert!((found / load(&row, &|i| radii[i]) - 1.0).abs() < 0.01, "{found}");
+        assert_eq!(means(&row, &radii, &evenly_spaced(101, 101)), row);
+    }
 
     #[test]
     fn evenly_spaced_indices_include_both_ends() {

@@ -370,3 +370,53 @@ fn in_time(
     }
     (blocks, outputs)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fretwork_engine::simulation::Simulation;
+
+    /// The area below straight lines between points. Values that are not finite are left out.
+    fn area(points: impl Iterator<Item = (f64, f64)>) -> f64 {
+        let points: Vec<_> = points.filter(|(_, y)| y.is_finite()).collect();
+        let below = |ends: &[(f64, f64)]| 0.5 * (ends[1].0 - ends[0].0) * (ends[0].1 + ends[1].1);
+        points.windows(2).map(below).sum()
+    }
+
+    #[test]
+    fn profiles_give_the_force_and_loops_the_energy_of_random_scenarios() {
+        let mut random = Random::new(58);
+        for _ in 0..100 {
+            let Some(mut drawn) = RandomScenario::draw(&mut random) else { continue };
+            drawn.request["profiles_at"] = json!("all");
+            drawn.request["model"] = json!({"points": 64});
+            let Ok((scenario, _)) = scenario::check(&drawn.request, "") else { continue };
+            let outcome = Simulation::of(&scenario).expect("a contact").run();
+            let (profiles, loops) =
+                (outcome.profiles.expect("profiles"), outcome.loops.expect("loops"));
+            let history = &outcome.history;
+            for (shown, pressure) in profiles.pressure.iter().enumerate() {
+                let is_shown = |cycles: &f64| *cycles >= profiles.cycles[shown];
+                let row = history.cycles.iter().position(is_shown).expect("a row");
+                let is_line = drawn.held == "line";
+                let pairs = profiles.radius.iter().zip(pressure);
+                let found =
+                    area(pairs.map(|(r, p)| (*r, if is_line { LENGTH } else { PI * r } * 2.0 * p)));
+                let force = history.normal_force[row];
+                assert!(
+                    (found - force).abs() <= 0.01 * force,
+                    "{found} {force}: {}",
+                    drawn.request
+                );
+
+                let (u, q) = (&loops.displacement[shown], &loops.tangential_force[shown]);
+                let lost = history.energy_per_cycle[row];
+                let error = (area(u.iter().copied().zip(q.iter().copied())).abs() - lost).abs();
+                // Of a record, the loop is the largest of a pass. Rounding matters if a loop is almost closed.
+                let is_known = u[0].is_finite() && drawn.mode != "record";
+                let slack = 1e-3 * lost + 1e-14 * u[0] * q[0];
+                assert!(!is_known || error <= slack, "{error} {lost}: {}", drawn.request);
+            }
+        }
+    }
+}

@@ -217,6 +217,16 @@ impl Control {
         }
     }
 
+    /// The limiting scar radius of the largest of all blocks at constant force, under which a core of radius c > 0
+    /// carries the whole load.
+    pub(crate) fn scar_of_blocks(&self, shape: &Shape, stick: f64) -> Option<f64> {
+        let blocks =
+            matches!(self.tangential, Tangential::Blocks(_)) && self.normal == Normal::Force;
+        let core = blocks && stick > 0.0;
+        let limit = core.then(|| Limit::at_depth(shape, stick, self.depth_on_core(shape, stick)));
+        limit.flatten().map(|limit| limit.radius)
+    }
+
     /// The stick radius at which a shrinking core stops shrinking. It is the largest radius at
     /// which the springs inside still stick although they alone carry the tangential force.
     fn last_stick(&self, shape: &Shape) -> Option<f64> {

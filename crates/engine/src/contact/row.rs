@@ -258,14 +258,12 @@ impl SpringRow {
         Backbone::of_row((stick, threshold), &self.positions, &self.weights, compressions, loss)
     }
 
-    /// Weights of the slipping springs in the pressure at a radius r < c. They give the difference
-    /// from (Δ/π)/√(c²−r²), the pressure if y had a step at c: (1/π) ∫ −y′/√(x²−r²) dx, integrated
-    /// by parts. Only y is summed, so a steep y at the stick edge does not reduce the accuracy.
+    /// (2/π) w·x/√(x²−r²) of each slipping spring for a radius r ≤ c. Multiplied by the compressions and summed, these
+    /// weights give the load ∫ p dr² that the slipping springs carry outside r.
     pub(crate) fn weights_inside(&self, r: f64) -> [f64; ROW_POINTS] {
         std::array::from_fn(|k| {
             let x = self.positions[k];
-            let square = (x - r) * (x + r);
-            std::f64::consts::FRAC_1_PI * self.weights[k] * x / (square * square.sqrt())
+            std::f64::consts::FRAC_2_PI * self.weights[k] * x / ((x - r) * (x + r)).sqrt()
         })
     }
 

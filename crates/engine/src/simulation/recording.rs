@@ -1,10 +1,12 @@
 //! Records the rows of the history and of the profiles, in SI units.
 
 use crate::case::{Case, Scales};
+use crate::contact::geometry::Geometry;
 use crate::contact::hysteresis::Loop;
 use crate::outcome::{History, Loops, PartsOfWear, Profiles};
 use crate::solver::curves::Curves;
 use crate::solver::errors::RunErrors;
+use crate::solver::pressures::Rings;
 use crate::solver::stepped::shares::shares;
 
 /// The rows recorded so far.
@@ -167,6 +169,8 @@ impl Recording {
     )]
     fn end_profiles_at_contact_radii(&mut self, level: Option<f64>) {
         let Self { history, profiles, .. } = self;
+        let geometry = if level.is_some() { Geometry::Line } else { Geometry::Round };
+        let rings = Rings::around(geometry, &profiles.radius);
         let mut rows = 0..history.cycles.len();
         let curves = profiles.image.iter_mut().zip(&mut profiles.pressure);
         let wear = profiles.wear.iter_mut().zip(&mut profiles.worn);
@@ -178,7 +182,7 @@ impl Recording {
             let depth = level.unwrap_or(history.indentation_depth[row]);
             image[..edge].iter_mut().for_each(|g| *g = g.min(depth));
             image[edge..].iter_mut().for_each(|g| *g = g.max(depth));
-            pressure[edge..].fill(0.0);
+            rings.end_before(edge, pressure);
             wear[edge..].fill(0.0);
             worn[edge..].copy_from_slice(&profiles.initial[edge..]);
         }

@@ -198,7 +198,11 @@ impl SingleRun {
         }
         let (start, reach) = match tends_to {
             Some(end) => (end.stick, end.limit.radius.min(WIDEST)),
-            None => (control.least_stick(contact), march.reach()),
+            None => {
+                let stick = control.least_stick(contact);
+                let scar = control.scar_of_blocks(shape, stick).unwrap_or_default();
+                (stick, scar.min(WIDEST).max(march.reach()))
+            }
         };
         let outermost = MeshPlan::outermost(problem, last).unwrap_or(reach);
         // Some output radii must lie outside the scar.

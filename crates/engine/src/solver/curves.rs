@@ -4,6 +4,7 @@ use crate::contact::geometry::Geometry;
 use crate::contact::limit::{chord_and_angle, limiting_wear, step};
 use crate::contact::transform::graded;
 use crate::contact::unworn::Contact;
+use crate::solver::pressures::Rings;
 
 /// The largest output radius, in limiting radii ã.
 const REACH: f64 = 1.2;
@@ -14,7 +15,7 @@ pub struct Curves {
     pub wear: Vec<f64>,
     /// Image g.
     pub image: Vec<f64>,
-    /// Pressure p. It is infinite at the apex of a cone, and late in a run at the stick edge.
+    /// Mean pressure p between the middles to the neighbouring radii.
     pub pressure: Vec<f64>,
     /// Slip s. The local slip path per cycle is 4U·s.
     pub slip: Vec<f64>,
@@ -44,12 +45,9 @@ pub(crate) fn ring(c: f64, scar: f64, cells: usize) -> Vec<f64> {
 impl Grid {
     /// Selects `points` radii for a scar between c and ã. None of them exceeds `last`.
     pub(crate) fn new(c: f64, scar: f64, points: usize, last: f64) -> Self {
-        // A small core needs few radii. Simpson's rule needs an even number of cells.
-        let core = if c == 0.0 {
-            0
-        } else {
-            ((points as f64 / 32.0 * (2.0 * c).min(1.0)) as usize).max(1)
-        };
+        // The core has a fifth of the radii, and more if it is large. Simpson's rule needs an even number of cells.
+        let share = if c == 0.0 { 0.0 } else { 0.2 + 0.2 * c / scar };
+        let core = (points as f64 * share).ceil() as usize;
         let cells = (points - core - 1 - (points / 128).max(1)) & !1;
         let nodes = cells + 1;
         let outer = points - core - nodes;
@@ -98,10 +96,14 @@ impl Curves {
             };
             ((rule + beyond) / threshold).max(0.0)
         };
+        let rings = Rings::around(shape.geometry(), radii);
+        let loads = rings.loads(1.0, shape.kinks(), |r| shape.pressure_inside(r, 1.0));
+        let mut pressure = rings.means(&loads);
+        pressure.resize(radii.len(), 0.0);
         Self {
             wear: vec![0.0; radii.len()],
             image: radii.iter().map(|x| shape.image(*x)).collect(),
-            pressure: radii.iter().map(|r| shape.pressure_inside(*r, 1.0)).collect(),
+            pressure,
             slip: radii.iter().map(|r| slip(*r)).collect(),
         }
     }

@@ -4,5 +4,6 @@ pub mod closed;
 pub mod curves;
 pub mod errors;
 pub mod events;
+pub(crate) mod pressures;
 mod splits;
 pub mod stepped;

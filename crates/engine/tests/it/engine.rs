@@ -328,9 +328,12 @@ fn the_pressure_agrees_with_the_integral_of_the_image_slope() {
                 let exact =
                     panels(0.0, libm::acosh(1.0 / r), &panel_ends, |s| slope(r * s.cosh())) / PI;
                 // Next to the stick edge the pressure has a peak that is only a few mesh cells
-                // wide.
+                // wide. It is a mean over a ring, which matters next to a tip and next to the
+                // edge of the contact.
                 let near = |edge: &f64, width| (r - edge).abs() < width;
                 let edge = near(&contact.stick, 0.02)
+                    || near(&1.0, 0.02)
+                    || contact.shape.peak_pressure().is_infinite() && near(&0.0, 0.05)
                     || contact.shape.kinks().iter().any(|kink| near(kink, 0.05));
                 let tolerance = if edge { 0.03 } else { 2e-3 } * (0.2 + exact);
                 assert!(

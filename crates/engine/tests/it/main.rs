@@ -9,6 +9,7 @@
 )]
 
 mod anything;
+mod balances;
 mod changes;
 mod collocated;
 mod doubtful;

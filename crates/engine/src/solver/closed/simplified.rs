@@ -35,21 +35,25 @@
 use std::f64::consts::{FRAC_2_PI, PI};
 use std::sync::{Arc, OnceLock};
 
+use crate::contact::geometry::Geometry;
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::limit::{chord_and_angle, limiting_wear};
 use crate::contact::row::{SpringRow, Sums};
 use crate::contact::transform::{Kernels, graded};
 use crate::contact::unworn::{Contact, Decay};
-use crate::numeric::{Monotone, dot, integrate, largest, vertex};
+use crate::numeric::{Monotone, dot, integrate, integrate_pieces, largest, vertex};
 use crate::solver::closed::energy::dissipated;
 use crate::solver::curves::{self, Curves, Grid};
 use crate::solver::errors::RunErrors;
+use crate::solver::pressures::{Rings, kernel};
 
 /// If the image rises over the first cell by more than this share of Δ, the cell is integrated separately.
 const UNRESOLVED: f64 = 0.01;
 /// Maximum number of mesh cells. With more output radii, wear and pressure are interpolated between
 /// the mesh nodes.
 const MOST_CELLS: usize = 512;
+/// A larger error of the load outside the stick edge is no error of the quadrature.
+const SMALL_ERROR: f64 = 0.1;
 /// Estimated number of multiplications per output radius, apart from the transforms.
 const CURVE_OPERATIONS: f64 = 40.0;
 
@@ -156,8 +160,12 @@ pub struct UnwornCurves {
     pub initial: Vec<f64>,
     /// The limiting profile f∞ at every radius.
     pub limiting: Vec<f64>,
-    /// For each radius of the core: the pressure if y had a step at the stick edge, and the amount
-    /// by which each slipping spring reduces it.
+    /// The rings around the output radii.
+    rings: Rings,
+    /// The loads of the rings in the core that follow from its image.
+    core_loads: Vec<f64>,
+    /// For each end of these rings inside c, and for c: the load outside that the sticking spring at c carries, and the weights of the
+    /// slipping springs.
     inner: Vec<(f64, [f64; ROW_POINTS])>,
     /// For each radius outside ã: the slip with only the sticking core, and the amount by which
     /// each slipping spring reduces it.
@@ -165,7 +173,7 @@ pub struct UnwornCurves {
 }
 
 impl UnwornCurves {
-    fn new(contact: &Contact, row: &SpringRow, grid: &Grid) -> Self {
+    fn new(contact: &Contact, row: &SpringRow, grid: &Grid, mesh_cells: usize) -> Self {
         let Contact { ref shape, stick: c, threshold, .. } = *contact;
         let Grid { ref radii, core, cells } = *grid;
         let nodes = &radii[core..=core + cells];
@@ -182,23 +190,27 @@ impl UnwornCurves {
             _ => 0.0,
         };
         let inside = nodes.iter().take_while(|r| **r < 1.0);
-        let inner = radii[..core].iter().map(|r| {
-            let step = threshold / (PI * ((c - r) * (c + r)).sqrt());
-            (shape.pressure_inside(*r, c) + step, row.weights_inside(*r))
-        });
+        let rings = Rings::around(Geometry::Round, radii);
+        let core_loads = rings.loads(c, shape.kinks(), |r| shape.pressure_inside(r, c));
+        let inner = rings.ends.iter().filter(|r| **r < c).chain([&c]);
+        let inner = inner
+            .map(|r| (threshold * kernel(Geometry::Round, *r, c), row.weights_inside(*r)))
+            .collect();
         let outside = radii[core + cells + 1..]
             .iter()
             .map(|r| (1.0 - FRAC_2_PI * libm::asin(c / r), row.weights_outside(*r)));
         Self {
             core,
-            ring: (cells > MOST_CELLS).then(|| Ring::new(contact, nodes.to_vec())),
+            ring: (cells != mesh_cells).then(|| Ring::new(contact, nodes.to_vec())),
             slip,
             slip_excess: nodes.iter().map(excess).collect(),
             pressure: inside.map(|r| shape.pressure_inside(*r, 1.0)).collect(),
             images: radii.iter().map(|x| shape.image(*x)).collect(),
             initial,
             limiting,
-            inner: inner.collect(),
+            rings,
+            core_loads,
+            inner,
             outside: outside.collect(),
         }
     }
@@ -242,13 +254,9 @@ impl Simplified {
     pub fn new(contact: &Contact, points: usize) -> Self {
         let Contact { ref shape, stick: c, limit, .. } = *contact;
         let grid = Grid::new(c, limit.radius, points, shape.extent());
-        let Grid { ref radii, core, cells } = grid;
-        let nodes = if cells > MOST_CELLS {
-            curves::ring(c, limit.radius, MOST_CELLS)
-        } else {
-            radii[core..=core + cells].to_vec()
-        };
-        let mesh = Ring::new(contact, nodes);
+        // Simpson's rule needs an even number of cells.
+        let cells = (points - points / 32 - 2).min(MOST_CELLS) & !1;
+        let mesh = Ring::new(contact, curves::ring(c, limit.radius, cells));
         let reciprocal = mesh.radii.iter().map(|x| if *x > 0.0 { 1.0 / x } else { 0.0 }).collect();
         Self {
             contact: contact.clone(),
@@ -270,8 +278,8 @@ impl Simplified {
 
     /// The curves of the unworn contact. They are computed when they are first needed.
     pub(crate) fn unworn(&self) -> &UnwornCurves {
-        let Self { contact, row, grid, .. } = self;
-        self.unworn.get_or_init(|| Box::new(UnwornCurves::new(contact, row, grid)))
+        let Self { contact, row, grid, mesh, .. } = self;
+        self.unworn.get_or_init(|| Box::new(UnwornCurves::new(contact, row, grid, mesh.cells())))
     }
 
     /// Estimated number of multiplications of `states` states, some of them with curves.
@@ -581,6 +589,21 @@ impl Simplified {
         sums
     }
 
+    /// The load ∫ p dr² outside r in gross slip. Springs on the axis can be much more compressed than their neighbours.
+    fn load_outside(&self, r: f64, decay: Decay) -> f64 {
+        let end = (1.0 - r).max(0.0) * (1.0 + r);
+        let kinks = self.contact.shape.kinks().iter().filter(|kink| **kink > r);
+        // x² = r² + end·s⁸
+        let kinks: Vec<f64> =
+            kinks.map(|kink| ((kink - r) * (kink + r) / end).sqrt().sqrt().sqrt()).collect();
+        let load = integrate_pieces(0.0, 1.0, &kinks, |s| {
+            let cube = s * s * s;
+            let x = (r * r + end * (cube * s) * (cube * s)).sqrt();
+            4.0 * cube * self.contact.compression(x, decay).max(0.0)
+        });
+        FRAC_2_PI * end.sqrt() * load
+    }
+
     /// The pressure at every radius, from the sums of [`pressures`](Self::pressures).
     fn pressure(
         &self,
@@ -589,14 +612,14 @@ impl Simplified {
         compressions: &[f64; ROW_POINTS],
     ) -> Vec<f64> {
         let unworn = self.unworn();
-        let mut curve = Vec::with_capacity(self.grid.radii.len());
-        curve.extend(unworn.inner.iter().map(|(step, weights)| {
-            let found = step - dot(weights, compressions);
-            // If the core is too small for these sums, it acts like a point: the pressure is infinite.
-            if found >= 0.0 { found } else { f64::INFINITY }
-        }));
-        let unresolved =
-            unworn.core > 0 && self.step_width(decay) < self.mesh.radii[1] - self.mesh.radii[0];
+        if unworn.core == 0 {
+            let loads: Vec<f64> =
+                unworn.rings.ends.iter().map(|r| self.load_outside(*r, decay)).collect();
+            let mut pressure = unworn.rings.means(&Rings::between(&loads));
+            unworn.rings.end_before(self.ring().inside(), &mut pressure);
+            return pressure;
+        }
+        let unresolved = self.step_width(decay) < self.mesh.radii[1] - self.mesh.radii[0];
         if unresolved {
             // The sum at the stick edge contains the step. The sums outside do not.
             sums[0] = sums[1];
@@ -604,11 +627,26 @@ impl Simplified {
         let scale = FRAC_2_PI / self.theta.sqrt();
         let sums = self.spread(sums, self.ring().inside());
         let ring = unworn.pressure.iter().zip(&sums);
-        curve.extend(ring.map(|(unworn, sum)| (decay.left * unworn + scale * sum).max(0.0)));
-        // At the apex of a cone in gross slip the pressure is always infinite.
-        if unresolved || unworn.pressure[0].is_infinite() {
-            curve[unworn.core] = f64::INFINITY;
+        let ring = ring.map(|(unworn, sum)| (decay.left * unworn + scale * sum).max(0.0));
+        let mut ring: Vec<f64> = ring.collect();
+        let load = |(stuck, weights): &(f64, [f64; ROW_POINTS])| stuck + dot(weights, compressions);
+        let mut outside: Vec<f64> = unworn.inner.iter().map(load).collect();
+        // The last of these ends is the stick edge. Outside of it, the rings carry the load of the slipping springs. If
+        // they do not resolve it, the ring around the edge carries the rest.
+        let (core, c) = (unworn.core, self.contact.stick);
+        let first = (unworn.rings.ends[core + 1] - c) * (unworn.rings.ends[core + 1] + c) * ring[0];
+        let others = ring.iter().enumerate().skip(1).map(|(i, p)| p * unworn.rings.area(core + i));
+        let mut others: f64 = others.sum();
+        let share = outside[core + 1] / (first + others);
+        if (share - 1.0).abs() < SMALL_ERROR {
+            ring.iter_mut().for_each(|p| *p *= share);
+            others *= share;
         }
+        outside[core + 1] = others;
+        let loads = Rings::between(&outside);
+        let loads = loads.iter().zip(&unworn.core_loads).map(|(springs, core)| springs + core);
+        let mut curve = unworn.rings.means(&loads.collect::<Vec<_>>());
+        curve.extend(&ring[1..]);
         curve.resize(self.grid.radii.len(), 0.0);
         curve
     }

@@ -5,15 +5,13 @@
 //!
 //! # Equations
 //! ```text
-//! p(r) = (1/π) ∫ g′/√(x²−r²) dx over r…a
 //! s(r) = (2/π) ∫ ω/√(r²−x²) dx over 0…r,  1 − (2/π) ∫ (1 − ω)/√(r²−x²) dx outside the contact
 //! ```
 //!
 //! # Accuracy
-//! The accuracy is that of the mesh. If the springs just outside the stick edge carry much less
-//! load than those inside, the reported pressure at the edge is infinite.
+//! The accuracy is that of the mesh. The [pressures](crate::solver::pressures) integrate to the load of the springs.
 
-use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
+use std::f64::consts::FRAC_2_PI;
 use std::iter;
 
 use super::mesh::Mesh;
@@ -21,12 +19,9 @@ use super::prior::PriorWear;
 use super::wearing::WornContact;
 use crate::contact::geometry::Geometry;
 use crate::contact::profile::Shape;
-use crate::numeric::{Monotone, abel};
+use crate::numeric::Monotone;
 use crate::solver::curves::Curves;
-
-/// The reported pressure at the stick edge is infinite if the compression of the first cell is
-/// below this share of the compression at the edge.
-const STEP: f64 = 0.5;
+use crate::solver::pressures::{Rings, kernel};
 
 impl Curves {
     /// The curves of a worn shape at the given radii, in ascending order. `prior` is the wear before the
@@ -42,7 +37,7 @@ impl Curves {
         let Mesh { geometry, places, .. } = mesh;
         let place = |r: f64| geometry.place(r);
         let (start, end) = (places[0], places[places.len() - 1]);
-        let WornContact { wear, images, compressions, depth, scar, .. } = worn;
+        let WornContact { wear, images, depth, scar, .. } = worn;
         let contact_radius = worn.contact_radius;
         let middles: Vec<f64> =
             mesh.radii.windows(2).map(|ends| 0.5 * (ends[0] + ends[1])).collect();
@@ -52,31 +47,6 @@ impl Curves {
         } else {
             depth - shape.image(inner) - prior.image(inner)
         };
-        let live = compressions.len();
-        let rim = place(contact_radius);
-        // The loaded springs outside the stick radius as a curve y(t), linear between the middles of cells.
-        let square = contact_radius * contact_radius;
-        let loaded = middles.iter().take(live).map(|x| x * x);
-        let loaded: Vec<f64> = loaded.take_while(|t| *t < square).collect();
-        let loads = [&[edge], &compressions[..loaded.len()], &[0.0]].concat();
-        let knots = [&[inner * inner], &loaded[..], &[square]].concat();
-        // (1/π) ∫ −y′/√(x²−r²) dx for radii r up to the first knot.
-        let pressure_of_springs = |r: f64| -FRAC_1_PI * abel(&knots, &loads, r * r);
-
-        let mut pressure = vec![0.0; places.len()];
-        mesh.pressure(compressions, &mut pressure);
-        if mesh.starts_on_axis() {
-            pressure[0] = pressure[1];
-        } else if !mesh.is_whole {
-            pressure[0] = pressure_of_springs(inner);
-        }
-        // A large drop of y within the first cell makes the pressure at the stick edge infinite.
-        let step = !mesh.is_whole && compressions.first().is_some_and(|y| *y < STEP * edge);
-        let inside = places.iter().take(live + 1).take_while(|t| **t < rim).count().max(1);
-        let pressure = Monotone::through(
-            [&places[..inside], &[rim]].concat(),
-            [&pressure[..inside], &[0.0]].concat(),
-        );
         let slip = Monotone::through(places.clone(), mesh.solve(&worn.slips));
         let total = PriorWear::of(*geometry, worn.places.clone(), wear.clone(), *scar);
         let profile = Monotone::through(worn.places.clone(), wear.clone());
@@ -86,8 +56,7 @@ impl Curves {
         let values = [&[depth - edge], &images[..], &[at_end]].concat();
         let image = Monotone::through(knots, values);
 
-        let (mut pressure, mut slip) = (pressure.along(), slip.along());
-        let (mut profile, mut image) = (profile.along(), image.along());
+        let (mut slip, mut profile, mut image) = (slip.along(), profile.along(), image.along());
         Self {
             wear: curve(radii, |r| if r > *scar { 0.0 } else { profile(place(r)).max(0.0) }),
             image: curve(radii, |x| {
@@ -102,21 +71,7 @@ impl Curves {
                     shape.image(x) + total.image(x)
                 }
             }),
-            pressure: curve(radii, |r| {
-                if r < inner && !mesh.is_whole {
-                    let pressure = shape.pressure_inside(r, inner)
-                        + prior.pressure(r, inner)
-                        + pressure_of_springs(r);
-                    // Where an earlier block has worn a step, the terms differ by the error of the mesh.
-                    pressure.max(0.0)
-                } else if step && place(r) <= start {
-                    f64::INFINITY
-                } else if r < contact_radius {
-                    pressure(place(r)).max(0.0)
-                } else {
-                    0.0
-                }
-            }),
+            pressure: pressures(shape, (mesh, prior), worn, edge, radii),
             slip: curve(radii, |r| {
                 if r <= inner && !mesh.is_whole {
                     0.0
@@ -128,6 +83,86 @@ impl Curves {
             }),
         }
     }
+}
+
+/// The mean pressures around the radii. `edge` is the compression of the spring at the first node.
+fn pressures(
+    shape: &Shape,
+    (mesh, prior): (&Mesh, &PriorWear),
+    worn: &WornContact,
+    edge: f64,
+    radii: &[f64],
+) -> Vec<f64> {
+    let (geometry, inner) = (mesh.geometry, mesh.radii[0]);
+    let rings = Rings::around(geometry, radii);
+    // What the springs of the mesh carry outside r, for r up to the first node.
+    let springs = |r: f64| {
+        let (mut low, mut load) = (kernel(geometry, r, inner), 0.0);
+        for (y, x) in worn.compressions.iter().zip(&mesh.radii[1..]) {
+            let high = kernel(geometry, r, *x);
+            load += y * (high - low);
+            low = high;
+        }
+        load
+    };
+    let (total, on_mesh) = on_mesh(mesh, worn, springs(inner));
+    let outside = |r: &f64| {
+        if *r < inner && !mesh.is_whole {
+            edge * kernel(geometry, *r, inner) + springs(*r) + prior.load_outside(*r, inner)
+        } else {
+            total - on_mesh.at(geometry.place(*r))
+        }
+    };
+    let mut loads = Rings::between(&rings.ends.iter().map(outside).collect::<Vec<_>>());
+    if !mesh.is_whole {
+        let pressure = |r| shape.pressure_inside(r, inner);
+        let core = mesh.core_loads(&rings, || rings.loads(inner, shape.kinks(), pressure));
+        loads.iter_mut().zip(core).for_each(|(load, core)| *load += core);
+    }
+    rings.means(&loads)
+}
+
+/// What the springs carry on the mesh, in total and inside each place. `springs` is the total if there is a core.
+fn on_mesh(mesh: &Mesh, worn: &WornContact, springs: f64) -> (f64, Monotone) {
+    let places = &mesh.places;
+    let mut pressure = vec![0.0; places.len()];
+    mesh.pressure(&worn.compressions, &mut pressure);
+    let others = mesh.load(&pressure);
+    let total = if mesh.is_whole { others } else { springs };
+    if mesh.starts_on_axis() {
+        pressure[0] = pressure[1];
+    } else if !mesh.is_whole {
+        // The pressures at the nodes are means over neighbouring cells. The first one gets what the others leave.
+        pressure[0] = (2.0 * (total - others) / (places[1] - places[0])).max(0.0);
+    }
+    let rim = mesh.geometry.place(worn.contact_radius);
+    let mut knots = vec![places[0]];
+    // Everything wears inside a small core of a line contact, too.
+    let is_line = mesh.is_whole && mesh.geometry == Geometry::Line;
+    let mut loads = vec![if is_line { places[0] * pressure[0] } else { 0.0 }];
+    let cells = places.windows(2).zip(pressure.windows(2)).take_while(|(ends, _)| ends[1] < rim);
+    for (ends, pressure) in cells {
+        knots.push(ends[1]);
+        loads
+            .push(loads[loads.len() - 1] + 0.5 * (ends[1] - ends[0]) * (pressure[0] + pressure[1]));
+    }
+    // Next to the edge of the contact, the pressure decreases like a power that gives the rest of the load. The last node
+    // in contact does not count, because its pressure is a mean that extends beyond the edge.
+    let last = knots.len().saturating_sub(2);
+    knots.truncate(last + 1);
+    loads.truncate(last + 1);
+    let (from, inside) = (knots[last], loads[last]);
+    let (width, rest) = ((rim - from).max(1e-9 * from), (total - inside).max(0.0));
+    // A pressure of 0 must not give 0/0.
+    let share = (rest / (pressure[last] * width).max(1e-300)).clamp(0.2, 1.0);
+    for left in [0.75, 0.5, 0.25, 0.1, 0.0_f64] {
+        knots.push(from + (1.0 - left) * width);
+        loads.push(total - rest * libm::pow(left, 1.0 / share));
+    }
+    if is_line {
+        (knots, loads) = ([&[0.0], &knots[..]].concat(), [&[0.0], &loads[..]].concat());
+    }
+    (total, Monotone::through(knots, loads))
 }
 
 /// The slip at a radius outside the mesh.

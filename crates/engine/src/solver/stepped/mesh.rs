@@ -29,6 +29,7 @@ use super::prior::PriorWear;
 use crate::contact::geometry::Geometry;
 use crate::contact::profile::Shape;
 use crate::numeric::dot;
+use crate::solver::pressures::Rings;
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
 /// If everything wears, r₀ of a line contact is this share of the next node.
@@ -69,6 +70,8 @@ pub struct Mesh {
     pub(crate) core: f64,
     /// The rows of (4), computed when they are first needed.
     inverse: OnceCell<Vec<f64>>,
+    /// The loads of rings inside r₀ that follow from the image of the core, computed when they are first needed.
+    core_loads: OnceCell<(Rings, Vec<f64>)>,
 }
 
 impl Mesh {
@@ -113,7 +116,7 @@ impl Mesh {
                 areas.windows(2).zip(&weights).map(|(ends, weight)| (ends[1] - ends[0]) / weight);
             initial.iter_mut().zip(worn).for_each(|(image, worn)| *image += worn);
         }
-        let inverse = OnceCell::new();
+        let (inverse, core_loads) = (OnceCell::new(), OnceCell::new());
         Self {
             radii,
             geometry,
@@ -128,7 +131,19 @@ impl Mesh {
             initial,
             core,
             inverse,
+            core_loads,
         }
+    }
+
+    /// The loads of rings inside r₀ that follow from the image of the core. They are the same throughout a mesh.
+    pub(crate) fn core_loads(&self, rings: &Rings, load: impl Fn() -> Vec<f64>) -> Vec<f64> {
+        let known = self.core_loads.get_or_init(|| (rings.clone(), load()));
+        if known.0 == *rings { known.1.clone() } else { load() }
+    }
+
+    /// The load ∫ p dt of pressures at the nodes.
+    pub(crate) fn load(&self, pressure: &[f64]) -> f64 {
+        dot(&self.areas, pressure)
     }
 
     /// The width of the cell at a radius.

@@ -13,13 +13,13 @@
 //! # Accuracy
 //! Exact. Only if there are many nodes, those are left out that change the wear least.
 
-use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
-use std::iter;
+use std::f64::consts::FRAC_2_PI;
 use std::ops::RangeInclusive;
 use std::sync::OnceLock;
 
 use crate::contact::geometry::Geometry;
-use crate::numeric::{abel, weighted};
+use crate::numeric::weighted;
+use crate::solver::pressures::kernel_area;
 
 /// Maximum number of nodes per cell of a mesh. More are left when many blocks have different meshes.
 const NODES_PER_CELL: usize = 4;
@@ -237,9 +237,9 @@ impl PriorWear {
         }
     }
 
-    /// (1/π) ∫ g′/√(x²−r²) dx over r…end, for an image that is linear in x² between the nodes.
-    pub(super) fn pressure(&self, r: f64, end: f64) -> f64 {
-        if self.is_empty() {
+    /// The load ∫ p dt outside r, inside `end`, that follows from an image that is linear in x² between the nodes.
+    pub(super) fn load_outside(&self, r: f64, end: f64) -> f64 {
+        if self.is_empty() || r >= end {
             return 0.0;
         }
         let geometry = self.geometry;
@@ -248,11 +248,16 @@ impl PriorWear {
         let images: &Vec<f64> = self.images.get_or_init(images);
         let first = self.places.partition_point(|t| *t <= from);
         let last = self.places.partition_point(|t| *t < to).max(first);
-        let squares = self.places[first..last].iter().map(|t| geometry.square(*t));
-        let knots: Vec<f64> = iter::once(r * r).chain(squares).chain([end * end]).collect();
-        let at_ends = [between(&self.places, images, first, from), self.image(end)];
-        let values = [&at_ends[..1], &images[first..last], &at_ends[1..]].concat();
-        FRAC_1_PI * abel(&knots, &values, r * r)
+        let radii = self.places[first..last].iter().map(|t| geometry.radius(*t)).chain([end]);
+        let values = images[first..last].iter().copied().chain([self.image(end)]);
+        let (mut at, mut value, mut area) = (r, between(&self.places, images, first, from), 0.0);
+        let mut load = 0.0;
+        for (radius, image) in radii.zip(values) {
+            let up_to = kernel_area(geometry, r, radius);
+            load += (image - value) * (up_to - area) / ((radius - at) * (radius + at));
+            (at, value, area) = (radius, image, up_to);
+        }
+        load
     }
 }
 
