@@ -245,13 +245,19 @@ impl CanonicalMotion {
 fn around_zero(reversals: Vec<f64>) -> Vec<f64> {
     let low = reversals.iter().copied().fold(f64::INFINITY, f64::min);
     let high = reversals.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let (middle, amplitude) = (0.5 * (low + high), 0.5 * (high - low));
+    let (middle, amplitude) = (0.5 * (low + high), twelve_digits(0.5 * (high - low)));
     if middle == 0.0 {
         return reversals;
     }
     // Rounded to twelve digits of the amplitude, so that records with different middles become the same.
     let unit = libm::pow(10.0, libm::log10(amplitude).floor() - DIGITS);
-    reversals.iter().map(|x| twelve_digits(((x - middle) / unit).round() * unit)).collect()
+    let shifted = |x: f64| match x {
+        // The middle of these two is exactly 0.
+        _ if x == low => -amplitude,
+        _ if x == high => amplitude,
+        _ => twelve_digits(((x - middle) / unit).round() * unit),
+    };
+    reversals.into_iter().map(shifted).collect()
 }
 
 fn record_of(reversals: &[f64]) -> Result<DisplacementRecord, Faults> {

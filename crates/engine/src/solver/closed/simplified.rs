@@ -639,7 +639,9 @@ impl Simplified {
         let mut others: f64 = others.sum();
         let share = outside[core + 1] / (first + others);
         if (share - 1.0).abs() < SMALL_ERROR {
-            ring.iter_mut().for_each(|p| *p *= share);
+            for pressure in &mut ring {
+                *pressure *= share;
+            }
             others *= share;
         }
         outside[core + 1] = others;
