@@ -138,13 +138,13 @@ fn sampled_cones_and_power_laws_give_the_results_of_the_exact_shape() {
     }
 }
 
-/// The kinds of the warnings about the table of a request.
+/// The kinds of the warnings about a table, or that it is refused.
 fn doubts(profile: &Value, motion: &Value) -> Vec<String> {
     let mut request = steel_ball();
     request["profile"] = profile.clone();
     request["load"] = json!({"normal_force": 100.0, "held": "force"});
     request["motion"] = motion.clone();
-    let (_, warnings) = scenario::check(&request, "").expect("a scenario");
+    let Ok((_, warnings)) = scenario::check(&request, "") else { return vec!["refused".into()] };
     let kinds = warnings.into_iter().map(|warning| warning.kind.to_string());
     kinds.filter(|kind| kind.ends_with("_profile")).collect()
 }
@@ -164,7 +164,7 @@ fn a_table_whose_wear_hangs_on_one_interval_has_a_warning() {
 
 #[test]
 fn a_table_with_noise_that_changes_the_wear_has_a_warning() {
-    let motion = json!({"stick_ratio": 0.8});
+    let motion = json!({"amplitude": 1.2e-6});
     let quartic = |r: f64| 1.75e-6 * (r / 0.187e-3).powi(4);
     let mut warned = 0;
     for seed in 0..12 {
@@ -178,7 +178,10 @@ fn a_table_with_noise_that_changes_the_wear_has_a_warning() {
         }
         warned += doubts(&noisy, &motion).len();
     }
-    assert!(warned >= 8, "noise of 1 % of the greatest height: {warned} of 12");
+    assert!(
+        warned >= 8,
+        "noise of 1 % of the greatest height: {warned} of 12 have a warning or are refused"
+    );
 }
 
 #[test]
