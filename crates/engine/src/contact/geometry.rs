@@ -47,14 +47,6 @@ impl Geometry {
         }
     }
 
-    /// The square of the radius at a [`place`](Self::place).
-    pub(crate) fn square(self, place: f64) -> f64 {
-        match self {
-            Self::Round => place,
-            Self::Line => place * place,
-        }
-    }
-
     /// The volume under `twice` the area over the places, and under the area `inside` the first one. In a line contact
     /// it is the area of the worn section, on both sides of the middle.
     pub(crate) fn volume(self, twice: f64, inside: f64) -> f64 {

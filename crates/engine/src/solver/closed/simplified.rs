@@ -589,13 +589,17 @@ impl Simplified {
         sums
     }
 
-    /// The load ∫ p dr² outside r in gross slip. Springs on the axis can be much more compressed than their neighbours.
+    /// The load ∫ p dr² outside r in gross slip. Springs near the axis can be much more compressed than their neighbours.
     fn load_outside(&self, r: f64, decay: Decay) -> f64 {
+        let Contact { shape, threshold, .. } = &self.contact;
         let end = (1.0 - r).max(0.0) * (1.0 + r);
-        let kinks = self.contact.shape.kinks().iter().filter(|kink| **kink > r);
+        let step = shape.image_inverse((decay.left + threshold - 1.0).min(1.0));
+        let steps = [0.7, 0.9, 1.1, 1.4].map(|share| share * step);
+        let kinks = steps.iter().chain(shape.kinks()).filter(|x| **x > r && **x < 1.0);
         // x² = r² + end·s⁸
-        let kinks: Vec<f64> =
-            kinks.map(|kink| ((kink - r) * (kink + r) / end).sqrt().sqrt().sqrt()).collect();
+        let mut kinks: Vec<f64> =
+            kinks.map(|x| ((x - r) * (x + r) / end).sqrt().sqrt().sqrt()).collect();
+        kinks.sort_by(f64::total_cmp);
         let load = integrate_pieces(0.0, 1.0, &kinks, |s| {
             let cube = s * s * s;
             let x = (r * r + end * (cube * s) * (cube * s)).sqrt();
@@ -639,7 +643,9 @@ impl Simplified {
         let mut others: f64 = others.sum();
         let share = outside[core + 1] / (first + others);
         if (share - 1.0).abs() < SMALL_ERROR {
-            ring.iter_mut().for_each(|p| *p *= share);
+            for p in &mut ring {
+                *p *= share;
+            }
             others *= share;
         }
         outside[core + 1] = others;
