@@ -196,13 +196,14 @@ impl SingleRun {
         if share.is_some() || contact.layers.is_some() {
             march.share(share.unwrap_or_default(), scales.slip() / scales.contact_radius);
         }
-        let (start, reach) = if let Some(end) = tends_to {
-            (end.stick, end.limit.radius.min(WIDEST))
-        } else {
-            let stick = control.least_stick(contact);
-            let scar = control.scar_of_blocks(shape, stick).unwrap_or_default();
-            (stick, scar.min(WIDEST).max(march.reach()))
-        };
+        let (start, reach) = tends_to.as_ref().map_or_else(
+            || {
+                let stick = control.least_stick(contact);
+                let scar = control.scar_of_blocks(shape, stick).unwrap_or_default();
+                (stick, scar.min(WIDEST).max(march.reach()))
+            },
+            |end| (end.stick, end.limit.radius.min(WIDEST)),
+        );
         let outermost = MeshPlan::outermost(problem, last).unwrap_or(reach);
         // Some output radii must lie outside the scar.
         let most = shape.extent() - 1e-3 * (shape.extent() - start);

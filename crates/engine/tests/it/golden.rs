@@ -33,62 +33,62 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
     let cycles = json!([500, 5000, 6000, 50_000, 500_000]);
     let long = json!({"normalized": [0.5, 4, 16, 1000]});
     vec![
-        ("simplified", json!({"cycles": long}), 0xe057_28c3_f639_430e),
+        ("simplified", json!({"cycles": long}), 0x5084_1583_f20a_1b39),
         (
             "simplified, stopped",
             json!({"until": {"wear_depth": "0.5 um"}, "cycles": long}),
-            0xff73_7ddc_c150_b8b1,
+            0xb6bd_a291_80aa_5f55,
         ),
         (
             "simplified, gross slip",
             json!({"motion": {"amplitude": "5 um"}, "cycles": long}),
-            0xe8d9_045e_ef1a_91d0,
+            0x18d5_891b_fa45_b7dd,
         ),
-        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0x4595_239b_aa57_422e),
+        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0x563a_27d6_a808_10ca),
         (
             "exact beside the rule",
             json!({"model": {"method": "exact", "compare": true}}),
-            0x2bf3_a975_30d5_7a16,
+            0x66ca_1b5b_7caf_31a3,
         ),
         (
             "exact, force held, stopped",
             json!({"model": exact, "load": force, "until": {"wear_volume": "1e-3 mm^3"},
                    "cycles": long}),
-            0xc0a6_dddd_6b46_c071,
+            0xda3b_5cba_95b9_b866,
         ),
         (
             "exact, both forces held, shared",
             json!({"model": exact, "load": force, "motion": {"tangential_force": "50 N"},
                    "wear": {"coefficient": "3.03e-5 mm^3/(N m)", "share": 0.3}, "cycles": long}),
-            0x6b57_6df4_21af_8b9c,
+            0x1326_d759_ae6e_bcf9,
         ),
         (
             "exact, tangential force held",
             json!({"model": exact, "load": depth, "motion": {"tangential_force": "50 N"},
                    "cycles": long}),
-            0x6bda_fed5_0f85_c887,
+            0x2fcb_2c29_cb6f_9172,
         ),
         (
             "exact, rig",
             json!({"model": exact, "load": force,
                    "motion": {"amplitude": "2.5 um", "rig_stiffness": "50 N/um"}}),
-            0xc69b_35ca_4b25_9ab3,
+            0x3e30_d142_03da_d41a,
         ),
         (
             "exact, blocks",
             json!({"model": exact, "load": depth, "motion": blocks, "cycles": cycles}),
-            0x5d02_d772_b69e_b0da,
+            0x7854_9d74_dfd7_cd5a,
         ),
         (
             "simplified, blocks, force held",
             json!({"load": force, "motion": blocks, "cycles": cycles}),
-            0x1a7a_8b67_58ca_b93b,
+            0x4ab5_5a41_6b97_0c6d,
         ),
         (
             "exact, reversals",
             json!({"model": exact, "motion": {"reversals": ["2 um", "-2 um", "1 um", "-1.5 um"]},
                    "cycles": cycles, "profiles_at": [500, 50_000]}),
-            0xbc2d_5572_fc0c_3c69,
+            0x6bcb_730e_0bad_8081,
         ),
     ]
 }
@@ -100,24 +100,24 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
     let exact = json!({"method": "exact"});
     let force = json!({"normal_force": "100 N", "held": "force"});
     vec![
-        ("simplified, table", json!({"profile": table}), 0xa474_8631_2859_171f),
+        ("simplified, table", json!({"profile": table}), 0x1602_b656_848c_11c1),
         (
             "exact, table",
             json!({"profile": table, "model": exact, "load": force}),
-            0x2a19_f274_3f98_8df5,
+            0x7ad8_d14f_85f0_0000,
         ),
         (
             "exact, truncated cone, gross slip",
             json!({"profile": {"shape": "truncated_cone", "slope_angle": "2 deg",
                                "flat_radius": "20 um"},
                    "motion": {"amplitude": "8 um"}, "model": exact, "load": force}),
-            0x0c98_7834_2df7_7ecb,
+            0xc5ee_32b4_92e0_4d84,
         ),
         (
             "simplified, power",
             json!({"profile": {"shape": "power", "exponent": 2.5, "height": "1 um",
                                "at_radius": "0.1 mm"}, "profiles_at": "last"}),
-            0x8a5d_5b99_4e5c_6de4,
+            0x7ff4_0247_3f9f_014e,
         ),
     ]
 }
