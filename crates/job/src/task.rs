@@ -483,12 +483,12 @@ pub(super) mod tests {
         assert_eq!(
             [ball.as_str(), cone.as_str(), exact.as_str()],
             [
-                "37dc67008620342ebedd6e5c9cea723621a493e36eeb7146b07c60efa90e35d7 \
-                 42a20e0cfe24d878c41dc42cb13ec164a5769ba0e66dcb728ebf659cd2cefae6",
-                "62754c40f33157e0bd2161ad2a9a81ab13351a5ce015d45268889a86ad6ae036 \
-                 94c8a4e5bde7761dd6fc61c9d26b110ade11ffafcce3d31323a40de236f9f223",
-                "11a5ee1387b3070b67eba2adecb02f5ad1abbb5526714a659fef6ca07c087682 \
-                 9058c115ef07d48a0fff2047262b4b98c00a6ad6546e7eabede2740131985637",
+                "7c8a93bba29436f9d4dd515a180cf9a08080fc91b95c800bb49ac548638c9fa3 \
+                 63db49dd69e1b7557826db5816a098bf3f3a775b289d70edeb03138b46080c53",
+                "dba8c367f3340e4bc903272c94ee7c46f5de4a7e15d63f9519b8485c25bc00df \
+                 744482e1554a49fce44db93ea48bc1c802b8c33943ca440ed30b4c33296ed862",
+                "2d83f5fadc42f74756530ab0e09771be745763bbf0dca8ed11e093a9b5f3c409 \
+                 b6308b5a5b21c72c9521193dd19f06a784e6ed08558eed087f7a7a91502f7cba",
             ]
         );
     }

@@ -27,6 +27,8 @@ const SHARP_BLUR: f64 = 1e-4;
 /// more slowly than outside, and the blur is at most a share of the width of the ring.
 const THIN: f64 = 0.05;
 const THIN_BLUR: f64 = 0.25;
+/// Where the stick edge moves over many widths of the ring, all of its range needs cells.
+const MOVES: f64 = 100.0;
 /// Maximum width of the first cell at a fixed stick edge, in c/n². In a wide ring the nodes are
 /// graded more steeply.
 const COARSE_START: f64 = 1500.0;
@@ -160,9 +162,11 @@ impl MeshPlan {
         Some(Self { focus: Some(focus), ring, ..self.clone() })
     }
 
-    /// Whether the unworn contact wears most in a ring that is much narrower than the mesh.
+    /// Whether the unworn contact wears most in a ring that is much narrower than the mesh, and than the range in which the
+    /// stick edge moves.
     pub(super) fn is_thin(&self) -> bool {
-        self.ring < THIN * (self.reach - self.start)
+        let moves = self.focus.as_ref().map_or(0.0, |focus| focus.to - focus.from);
+        moves < MOVES * self.ring && self.ring < THIN * (self.reach - self.start)
     }
 
     /// The smallest core that the first cells resolve, for a scar of this radius.
