@@ -459,12 +459,16 @@ async fn loops_are_served_as_json_and_csv() {
     assert_eq!(loops["loops"], whole["loops"]);
     assert_eq!(column(&loops, "/loops/cycles"), [0.0, 1e3, 3e4]);
     assert_eq!(loops["units"]["tangential_force"], "N");
+    let mut points = 0;
     for (row, entry) in [0, 1, 4].into_iter().enumerate() {
         let displacement = column(&loops, &format!("/loops/displacement/{row}"));
         let force = column(&loops, &format!("/loops/tangential_force/{row}"));
-        assert_eq!((displacement.len(), force.len()), (99, 99));
+        assert_eq!(displacement.len(), force.len());
+        points += force.len();
         let history = |name: &str| column(&whole, &format!("/history/{name}"))[entry];
         let (stroke, most) = (history("amplitude"), history("tangential_force"));
+        // The point at zero force is on both branches.
+        assert_eq!(force.iter().filter(|force| force.abs() < 1e-9 * most).count(), 2, "{row}");
         assert!((displacement[0] / stroke - 1.0).abs() < 1e-9, "{row}");
         assert!((force[0] / most - 1.0).abs() < 1e-6, "{row}");
         let ratio = history("energy_per_cycle") / (4.0 * stroke * most);
@@ -479,7 +483,7 @@ async fn loops_are_served_as_json_and_csv() {
     let mut rows = csv.text().lines().filter(|line| !line.starts_with('#'));
     let names = "cycles,displacement[m],tangential_force[N],energy_ratio,slip_ratio,free_ratio";
     assert_eq!(rows.next(), Some(names));
-    assert_eq!(rows.count(), 3 * 99);
+    assert_eq!(rows.count(), points);
 
     let known = server.send("GET", &address, &[("If-None-Match", &tag)], "").await;
     assert_eq!((known.status, known.body.len()), (304, 0));

@@ -449,7 +449,7 @@ async fn a_damaged_page_of_an_import_file_affects_only_its_result() {
     let mut db = open_file(&file).await;
     let place: i64 = sqlx::query_scalar(
         "SELECT pgoffset FROM dbstat WHERE name = 'bodies' AND pagetype = 'overflow'
-         AND path LIKE '%+000000' ORDER BY path LIMIT 1",
+         AND path LIKE '%+000001' ORDER BY path LIMIT 1",
     )
     .fetch_one(&mut db)
     .await

@@ -189,7 +189,7 @@ fn a_figure_contains_a_title_and_a_text_description() {
         node.text().unwrap().to_owned()
     };
     assert_eq!((text("title"), text("identifier")), ("Worn profile".to_owned(), key));
-    assert_eq!(text("creator"), "fretwork/4");
+    assert_eq!(text("creator"), "fretwork/5");
     let told = text("desc");
     for part in ["Height f (µm)", "paraboloid", "partial slip", "friction 0.7", "exact"] {
         assert!(told.contains(part), "{told}");
@@ -199,7 +199,11 @@ fn a_figure_contains_a_title_and_a_text_description() {
 
 #[test]
 fn an_infinite_pressure_is_drawn_above_the_frame() {
+    // Results of earlier versions have such a pressure at the apex of a cone.
     let stored = computed(&cone(&json!([100])).to_string());
+    let mut document: Value = serde_json::from_slice(&stored).unwrap();
+    document["profiles"]["pressure"][0][0] = Value::Null;
+    let stored = document.to_string().into_bytes();
     let view =
         View { cycles: Some(vec![0.0]), ..View::figure(Quantity::named("pressure").unwrap()) };
     let svg = drawn(&stored, &view).unwrap();

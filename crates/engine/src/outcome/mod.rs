@@ -3,9 +3,9 @@
 //! # Units
 //! [`QUANTITIES`] names the unit of every quantity. A name has the same meaning everywhere.
 //!
-//! Entry 0 of every column and row 0 of every matrix is the unworn state. Pressure can be infinite at the
-//! apex of a cone, and late in a run at the stick edge: `f64::INFINITY` here, null in JSON. What is not defined, such as
-//! the displacements of a line contact without a reference, is NaN here, null in JSON. All other numbers are finite.
+//! Entry 0 of every column and row 0 of every matrix is the unworn state. The peak pressure of a cone is infinite:
+//! `f64::INFINITY` here, null in JSON. What is not defined, such as the displacements of a line contact without a reference, is
+//! NaN here, null in JSON. All other numbers are finite.
 
 mod columns;
 mod condition;
