@@ -292,7 +292,6 @@ fn judge_profiles(outcome: &Outcome) {
         for p in row {
             assert!(*p >= 0.0, "{row:?}");
         }
-        assert!(row.iter().all(|p| p.is_finite()), "{row:?}");
     }
     for row in slip {
         assert!(row.iter().all(|s| *s >= 0.0), "{row:?}");

@@ -23,7 +23,7 @@
 //! a step forms at the stick edge. Next to the step the error grows to 1e-4 with order 3/2, and to
 //! more for c below 0.05. In gross slip it is 6e-4 next to the edge of a flat, and up to 2e-2 just
 //! above the gross-slip threshold. The pressure has order 3/2, and an error of 0.2 % away from the
-//! edge. At the edge it is a [mean](crate::solver::pressures) that gives the load. At ξ = 0.8 the
+//! edge. At the edge it is a mean over a ring that gives the load. At ξ = 0.8 the
 //! *rule* itself differs from the exact method by −7…+4 % in volume and by up to 21 % in depth,
 //! which is too small.
 //!
