@@ -85,6 +85,8 @@ export function differencesOf(set, model) {
 
 /** Points this many standard deviations from the median lie apart; the standard deviation follows from the median distance. */
 const [APART, MAD] = [5, 1.4826];
+/** Smaller differences are rounding. */
+const SMALL = 1e-4;
 /** An interval of the mean that is wider than this share tells nothing. */
 const POWERLESS = 0.5;
 const meanOf = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
@@ -111,7 +113,7 @@ export function judge(rows, least) {
   }
   if (count < 3) return found;
   const middle = median(relative);
-  const spread = Math.max(MAD * median(relative.map((value) => Math.abs(value - middle))), least);
+  const spread = Math.max(MAD * median(relative.map((value) => Math.abs(value - middle))), least, SMALL);
   const apart = known.filter((row) => Math.abs(row.relative - middle) > APART * spread);
   if (apart.length && count - apart.length >= 3) return { ...judge(known.filter((row) => !apart.includes(row)), least), missing: found.missing, apart };
   const scatter = Math.sqrt(relative.reduce((sum, value) => sum + (value - mean) ** 2, 0) / (count - 1));

@@ -16,8 +16,8 @@
 //!
 //! The loop uses the same springs as the energy sum. Its points are its corners: the displacements
 //! at which a spring starts to slip. Straight lines between the points therefore enclose the area
-//! W of this loop. In a line contact whose stroke is measured at the distance L, the area is larger: springs at x yield
-//! 1/√(1 − x²/L²) times as much as at a large distance. Of a record, this is the largest loop.
+//! W of this loop. For a displacement record, it is the largest loop. In a line contact whose stroke is measured at the
+//! distance L, the area exceeds W: seen from there, the slip of a spring at x counts 1/√(1 − x²/L²) times.
 //!
 //! # Accuracy
 //! The area is accurate to 1e-6 of W. When the loop has almost closed, rounding limits the accuracy

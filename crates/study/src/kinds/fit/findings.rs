@@ -19,7 +19,7 @@ use crate::stats::outliers::outliers;
 
 /// A deviation with a smaller probability than this is told.
 const IMPROBABLE: f64 = 0.01;
-/// Residuals that are this many times as large as the stated noise are told, also if there are no degrees of freedom.
+/// Residuals are told if they are this many times as large as the stated noise, however few the points are.
 const LARGE: f64 = 3.0;
 /// Estimated noise above this share of the numbers is told.
 const WIDE_SCATTER: f64 = 0.3;
@@ -320,9 +320,6 @@ impl Told<'_> {
         match &parts[..] {
             [(name, _)] => {
                 let place = direction.iter().take_while(|part| **part == 0.0).count();
-                if self.is_at_bound(place) {
-                    return self.at_bound(place);
-                }
                 if self.has_effect(place) {
                     return format!(
                         "The errors of these data are too large to determine `{name}`."
@@ -368,12 +365,13 @@ impl Told<'_> {
         notes.extend(self.discrepancy().map(|detail| ("discrepancy", detail)));
         notes.extend(self.other_start(parameters).map(|detail| ("other_minimum", detail)));
         let open = &self.information.undetermined;
-        let of_one = |it: &Direction| {
-            let place = it.iter().position(|part| *part != 0.0).unwrap_or(0);
-            it.iter().filter(|part| **part != 0.0).count() == 1 && self.is_at_bound(place)
+        // A parameter at an end of its range is told below.
+        let is_at_end = |it: &&Direction| {
+            let mut parts = (0..it.len()).filter(|place| it[*place] != 0.0);
+            parts.next().is_some_and(|place| self.is_at_bound(place)) && parts.next().is_none()
         };
-        let kind = |it| if of_one(it) { "at_bound" } else { "undetermined" };
-        notes.extend(open.iter().map(|it| (kind(it), self.in_words(it))));
+        let told = open.iter().filter(|it| !is_at_end(it));
+        notes.extend(told.map(|it| ("undetermined", self.in_words(it))));
         if open.is_empty() {
             let told = |it| format!("{} The rest follows from priors.", self.in_words(it));
             notes.extend(self.alone.undetermined.iter().map(|it| ("prior", told(it))));

@@ -72,6 +72,9 @@ impl Likelihood {
         let known = columns.and_then(|columns| fit.known_from(&columns));
         let known = known.filter(|known| known.rows[known.minimum].sum.is_finite());
         let known = known.ok_or("it has found no minimum. See `reason` in its `searches`")?;
+        if known.measured.is_robust {
+            return Err("its loss `huber` is no likelihood. Fit with the loss `squares`".to_owned());
+        }
         Ok(Self { problem, fit, known })
     }
 
