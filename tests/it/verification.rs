@@ -57,7 +57,7 @@ fn the_inputs_from_the_literature_are_job_bodies_and_their_sources_are_named() {
 #[test]
 fn the_exact_method_is_as_accurate_as_the_documents_say() {
     let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
-    let (count, least, shakedown) = if is_long { (1000, 0.98, 1e-2) } else { (200, 0.95, 3e-2) };
+    let (count, least, shakedown) = if is_long { (1000, 0.98, 1e-2) } else { (240, 0.95, 3e-2) };
     let accuracy = Accuracy::measured(count, 16);
     for (worn, limit) in [(Worn::Volume, 3e-3), (Worn::Depth, 1e-2)] {
         let errors = accuracy.of(worn);
@@ -66,9 +66,17 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
         assert!(covered > least, "{worn:?}: {covered}\n{accuracy}");
         assert!(caution > 1.0 && caution < 5.0, "{worn:?}: {caution}\n{accuracy}");
     }
+    // A run has six outputs, and the estimates cover 98 of 100 errors. So one error may be just above the limit of the
+    // warning.
+    assert!(1000 * accuracy.unwarned() <= count, "{accuracy}");
+    let table = accuracy.to_string();
+    for kind in ["sharp punch", "thin rings", "noisy r^4", "wedge"] {
+        assert!(table.contains(&format!("| {kind} |")), "no {kind} among the scenarios");
+    }
+    let accuracy = accuracy.without_hard_kinds();
     let limits = [
         ("contact radius", 1e-2),
-        ("energy per cycle", 4e-2),
+        ("energy per cycle", 3e-2),
         ("contact_lost", 1.5e-2),
         // Few runs come to shakedown, so one of them decides.
         ("shakedown", shakedown),
@@ -77,14 +85,10 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
         let error = accuracy.below(other, 0.95).expect(other);
         assert!(error > 0.0 && error < limit, "{other}: {error}\n{accuracy}");
     }
-    // A run has six outputs, and the estimates cover 98 of 100 errors. So one error may be just above the limit of the
-    // warning.
-    assert!(1000 * accuracy.unwarned() <= count, "{accuracy}");
     // While the friction changes by up to a factor of 4, the error of the moving stick edge is overestimated: one of four
     // of these runs has a warning.
     let (sound, warned) = accuracy.sound();
-    assert!(8 * warned <= sound, "{accuracy}");
-    let table = accuracy.to_string();
+    assert!(10 * warned <= sound, "{warned} of {sound}: {accuracy}");
     let steady = accuracy.with_constant_coefficients();
     for worn in [Worn::Volume, Worn::Depth] {
         let caution = steady.of(worn).caution();
@@ -93,8 +97,6 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
     assert_eq!(steady.unwarned(), 0, "{steady}");
     let (sound, warned) = steady.sound();
     // Of the few runs, one more or less decides.
-    assert!(20 * warned <= sound, "{steady}");
-    for kind in ["sharp punch", "thin rings", "noisy r^4", "wedge"] {
-        assert!(table.contains(&format!("| {kind} |")), "no {kind} among the scenarios");
-    }
+    let most = if is_long { 28 } else { 26 };
+    assert!(most * warned <= sound, "{warned} of {sound}: {steady}");
 }

@@ -488,7 +488,7 @@ pub(super) mod tests {
                 "dba8c367f3340e4bc903272c94ee7c46f5de4a7e15d63f9519b8485c25bc00df \
                  744482e1554a49fce44db93ea48bc1c802b8c33943ca440ed30b4c33296ed862",
                 "2d83f5fadc42f74756530ab0e09771be745763bbf0dca8ed11e093a9b5f3c409 \
-                 b6308b5a5b21c72c9521193dd19f06a784e6ed08558eed087f7a7a91502f7cba",
+                 dde19f5200475be4129bab76bdc80a03bc3b89c73b21ce5f845a8fc2b8844bed",
             ]
         );
     }

@@ -88,6 +88,12 @@ impl Accuracy {
         self
     }
 
+    /// The runs without the kinds that are hard to compute, and whose errors are stated as larger.
+    pub fn without_hard_kinds(mut self) -> Self {
+        self.runs.retain(|(scenario, _)| !scenario.is_hard());
+        self
+    }
+
     /// The errors of a quantity at all output cycles.
     pub fn of(&self, worn: Worn) -> OutputErrors {
         self.among(worn, |_| true)

@@ -19,6 +19,10 @@ use std::sync::OnceLock;
 use crate::contact::geometry::Geometry;
 use crate::numeric::Gauss;
 
+/// A kink nearer than this share to the end of a piece is at its end. Between both, points would round to the end, where the
+/// pressure can be infinite.
+const ROUNDED: f64 = 1e-12;
+
 /// The rings around the output radii. They meet between neighbours: where r² is the product of both radii, or in the
 /// middle in a line contact. So the area of a ring is its weight in a trapezoid over 2πr·p or over p.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,7 +70,8 @@ impl Rings {
         inside
             .map(|ends| {
                 let (mut load, mut from, to) = (0.0, ends[0], ends[1].min(edge));
-                for kink in kinks.iter().filter(|kink| ends[0] < **kink && **kink < to) {
+                let before = (1.0 - ROUNDED) * to;
+                for kink in kinks.iter().filter(|kink| ends[0] < **kink && **kink < before) {
                     load += piece(from, *kink);
                     from = *kink;
                 }

@@ -238,8 +238,7 @@ fn judge(scenario: &Scenario, outcome: &Outcome) {
     let unworn = &outcome.unworn;
     assert!(unworn.peak_pressure >= unworn.mean_pressure);
     judge_profiles(outcome);
-    // About one of 3000 random results misses 1 %.
-    balances::judge(scenario, outcome, 0.02);
+    balances::judge(scenario, outcome, 0.01);
 }
 
 /// Checks that the wear of the two bodies adds up, that both scars grow, and that the scar of the counterbody is
@@ -293,8 +292,7 @@ fn judge_profiles(outcome: &Outcome) {
         for p in row {
             assert!(*p >= 0.0, "{row:?}");
         }
-        // The pressure may be infinite at the edge of a flat or at the stick edge, and nowhere else.
-        assert!(row.iter().filter(|p| p.is_infinite()).count() <= 2, "{row:?}");
+        assert!(row.iter().all(|p| p.is_finite()), "{row:?}");
     }
     for row in slip {
         assert!(row.iter().all(|s| *s >= 0.0), "{row:?}");

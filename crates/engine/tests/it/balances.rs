@@ -24,6 +24,8 @@ pub fn judge(scenario: &Scenario, outcome: &Outcome, most: f64) {
     let (history, profiles) = (&outcome.history, outcome.profiles.as_ref().expect("profiles"));
     let loops = outcome.loops.as_ref().expect("loops");
     let radii = &profiles.radius;
+    let is_rule = serde_json::to_value(scenario).expect("JSON")["model"]["method"] == "simplified";
+    let is_gross = is_rule && case.contact.threshold >= 1.0;
     let mut rows = 0..history.cycles.len();
     for (shown, cycles) in profiles.cycles.iter().enumerate() {
         let row = rows.find(|row| history.cycles[*row] >= *cycles).expect("a row");
@@ -33,16 +35,23 @@ pub fn judge(scenario: &Scenario, outcome: &Outcome, most: f64) {
                 None => 2.0 * PI * r * p,
                 Some(length) => 2.0 * length * p,
             });
-        let found = area(radii, &pressure.collect::<Vec<_>>());
+        let pressure: Vec<f64> = pressure.collect();
+        assert!(pressure.iter().all(|p| p.is_finite()), "{pressure:?}");
+        let found = area(radii, &pressure);
         // A contact that has lost nearly all of its force is an exception.
         let slack = most * force + 1e-6 * history.normal_force[0];
         // A profile that ends inside the contact does not contain its whole load.
         let is_whole = radii.last().is_some_and(|last| *last >= history.contact_radius[row]);
-        let is_known = radii.len() < RADII || !is_whole || (found - force).abs() <= slack;
+        // In gross slip, which has a warning, 48 springs of the rule do not resolve a needle on the axis: the force of the history
+        // is wrong there, and the profile is right.
+        let is_needle = is_gross && force < 0.05 * history.normal_force[0];
+        let is_known =
+            radii.len() < RADII || !is_whole || is_needle || (found - force).abs() <= slack;
         assert!(is_known, "{found} {force} at {cycles}");
 
         let (u, q) = (&loops.displacement[shown], &loops.tangential_force[shown]);
-        assert!(q.iter().filter(|q| **q == 0.0).count() >= 2, "{q:?}");
+        // A contact that is nearly lost has subnormal forces, whose difference is not exactly zero.
+        assert!(q.iter().filter(|q| q.abs() < f64::MIN_POSITIVE).count() >= 2, "{q:?}");
         if !u[0].is_finite() {
             continue;
         }
@@ -103,4 +112,42 @@ fn a_punch_with_a_thin_ring_of_slip_carries_its_load_at_the_edge() {
         "motion": {"amplitude": 1.731_771_2e-7, "rig_stiffness": 3.624_900_8e9, "reference_distance": 0.001_803_693_6},
         "cycles": [15_475, 257_917, 1_547_504, 4_126_678], "profiles_at": "all",
     }));
+}
+
+/// The core of this cone is its flat. Between the edges of both, which differ by rounding, the pressure was infinite.
+#[test]
+fn a_core_as_large_as_the_flat_has_finite_pressures() {
+    run(&json!({
+        "profile": {"shape": "truncated_cone", "slope_angle": 0.443_399_799_826, "flat_radius": 0.000_015_446_210_366},
+        "moduli": {"normal": 369.117_605_69e9, "tangential": 295.294_084_552e9}, "friction": 1.650_614_741_34,
+        "wear": {"coefficient": 1e-9, "share": 0.3}, "load": {"normal_force": 230_679.793_047},
+        "motion": {"amplitude": 380.764_860_624, "rig_stiffness": 1000},
+        "cycles": {"dissipated_energy": [1, 10, 1e6]}, "profiles_at": "all",
+        "model": {"method": "simplified", "xi": 0.730_365_121_768, "points": 64},
+    }));
+}
+
+/// Late in a run at the threshold of gross slip, a needle on the axis carries what is left of the force. The closed form (14) gives
+/// F/F₀ = (n + 1)/n · ∫ (1 − xⁿ) e/(xⁿ + (1 − xⁿ) e) dx, and for a small e the integral is e^(1/n) (π/n)/sin(π/n).
+#[test]
+fn a_needle_on_the_axis_carries_the_force() {
+    let n = 5.012_708_794_41;
+    let (scenario, _) = scenario::check(&json!({
+        "profile": {"shape": "power", "exponent": n, "height": 0.702_587_962_138, "at_radius": 0.445_306_080_32},
+        "moduli": {"normal": 3.763_469_875_43e6, "tangential": 3.010_775_900_35e6}, "friction": 1.195_877_331_06,
+        "wear": {"coefficient": 4.997_559_324_37e-10, "share": 0.3},
+        "load": {"indentation_depth": 0.007_532_644_793_54, "held": "depth"},
+        "motion": {"amplitude": 0.011_260_148_939_4}, "cycles": [138_949.549], "profiles_at": "all",
+        "model": {"method": "simplified", "xi": 0.728_010_988_928, "points": 64},
+    }), "").expect("a valid scenario");
+    let outcome = Simulation::of(&scenario).expect("a contact").run();
+    let scales = scenario.case().expect("a case").scales;
+    let limit = outcome.limit.expect("a limit").contact_radius / scales.contact_radius;
+    let e = libm::exp(-0.728_010_988_928 * 138_949.549 / scales.cycles / limit);
+    let integral = libm::pow(e, 1.0 / n) * (PI / n) / libm::sin(PI / n);
+    let known = outcome.history.normal_force[0] * (n + 1.0) / n * integral;
+    let profiles = outcome.profiles.expect("profiles");
+    let pairs = profiles.radius.iter().zip(&profiles.pressure[1]);
+    let found = area(&profiles.radius, &pairs.map(|(r, p)| 2.0 * PI * r * p).collect::<Vec<_>>());
+    assert!((found / known - 1.0).abs() < 1e-4, "{found} {known}");
 }

@@ -591,7 +591,7 @@ impl Simplified {
     fn load_outside(&self, r: f64, decay: Decay) -> f64 {
         let Contact { shape, threshold, .. } = &self.contact;
         let end = (1.0 - r).max(0.0) * (1.0 + r);
-        let step = shape.image_inverse((decay.left + threshold - 1.0).min(1.0));
+        let step = shape.image_inverse((decay.left + (threshold - 1.0)).min(1.0));
         let steps = [0.7, 0.9, 1.1, 1.4].map(|share| share * step);
         let kinks = steps.iter().chain(shape.kinks()).filter(|x| **x > r && **x < 1.0);
         // x² = r² + end·s⁸

@@ -54,11 +54,13 @@ const FORGET: (f64, f64) = (0.7, 0.5);
 /// order, the error of the fine run is a third of the difference, so this estimate usually exceeds the error. A test
 /// counts how often it does.
 const SHARES: (f64, f64) = (0.95, 1.05);
-/// Safety factor of both estimates in a thin ring, which has few cells.
+/// Safety factor of both estimates in a thin ring, which has few cells, and the difference of the depths there above which it is
+/// mostly the error of the coarse run.
 const THIN_SAFETY: f64 = 1.5;
+const THIN_COARSE: f64 = 0.15;
 /// Relative difference of the depths above which the difference is mostly the error of the coarse run, which has few
 /// cells in a narrow ring or at a tip. The first number applies in general, the second in later blocks.
-const COARSE: (f64, f64) = (0.05, 0.15);
+const COARSE: (f64, f64) = (0.032, 0.05);
 /// Minimum error estimates, in units of the tolerance of the time steps: in general, and for later blocks under a held
 /// force.
 const LEAST_ERRORS: (f64, f64) = (0.3, 0.6);
@@ -646,7 +648,11 @@ impl March {
                 Law::Exact => (worn_by_energy / worn.dosed - 1.0).abs(),
                 Law::Simplified(_) => 0.0,
             });
-        let coarse = if self.fine.block > 0 { COARSE.1 } else { COARSE.0 };
+        let coarse = match plan.is_thin() {
+            true => THIN_COARSE,
+            false if self.fine.block > 0 => COARSE.1,
+            false => COARSE.0,
+        };
         let depth = SHARES.1 * depth / (1.0 + depth / coarse) + self.fine.tip_error(&worn);
         let errors = RunErrors { volume: (SHARES.0 * volume).max(least), depth: depth.max(least) };
         MarchState { worn, errors, worn_by_energy, dissipated, depths }
