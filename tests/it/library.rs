@@ -272,6 +272,25 @@ async fn a_result_keeps_the_warnings_of_a_queued_job_and_of_a_new_computation() 
     assert_eq!(server.get(&warnings).await.json(), json!({"warnings": []}));
 }
 
+/// Version 4 of the numerics computed thin rings of slip with depths that are too small.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_result_of_an_earlier_version_says_what_was_wrong_with_it() {
+    let server = Server::start().await;
+    let mut ring = steel_ball();
+    ring["scenario"]["motion"] = json!({"stick_ratio": 0.98});
+    for (job, is_wrong) in [(ring, true), (steel_ball(), false)] {
+        let at = server.compute(&job).await.json()["links"]["result"].as_str().unwrap().to_owned();
+        let warnings = format!("{at}/warnings");
+        assert_eq!(server.get(&warnings).await.json(), json!({"warnings": []}));
+        let mut db = raw(server.dir.path()).await;
+        db.execute("UPDATE program SET numerics = 4").await.unwrap();
+        let told = server.get(&warnings).await.json()["warnings"].take();
+        db.execute("UPDATE program SET numerics = 5").await.unwrap();
+        let kinds: Vec<_> = told.as_array().unwrap().iter().map(|it| &it["kind"]).collect();
+        assert_eq!(kinds.contains(&&json!("earlier_version")), is_wrong, "{told}");
+    }
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_note_is_stored_shown_found_and_deleted() {
     let server = Server::start().await;

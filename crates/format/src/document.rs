@@ -23,6 +23,13 @@ pub struct Engine {
     numerics: u32,
 }
 
+impl Engine {
+    /// What is wrong with a result of this engine, see [`fretwork_job::earlier`].
+    pub fn doubt(&self, asked: &Value) -> Option<String> {
+        fretwork_job::earlier::doubt(self.numerics, asked)
+    }
+}
+
 impl fmt::Display for Engine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}", self.name, self.numerics)

@@ -13,8 +13,6 @@ use fretwork_study::stats::trend::{LEAST, Trend, trend};
 
 /// The verdict mentions a trend if independent residuals would show it with at most this probability in any of the sets of data.
 const SIGNIFICANT: f64 = 0.05;
-/// The version of the numerics from which on relative errors are shares of the predictions.
-const OWN_WEIGHTS: u64 = 5;
 /// Residuals up to this share of the numbers can be numerical errors.
 const NUMERICAL: f64 = 1e-3;
 /// Outputs that do not depend on wear alone.
@@ -52,11 +50,11 @@ impl Verdict {
         let [quality, notes, parameters] =
             ["quality", "notes", "parameters"].map(|name| document.value(name));
         let (quality, notes, parameters) = (quality?, notes?, parameters?);
-        let earlier = of_earlier(&fit, &document.value("engine")?);
+        let earlier = document.head.engine.doubt(&fit);
         let notes: Vec<&Value> = notes.as_array().into_iter().flatten().collect();
         let detail = |note: &Value| note["detail"].as_str().unwrap_or_default().to_owned();
         let told = |outcome, verdict: String, mut reason: String| {
-            reason += &earlier;
+            reason.extend(earlier.iter().flat_map(|it| [" ", it]));
             let is_doubtful = ["fails", "trend"].contains(&outcome) && !quality.is_null();
             let intervals =
                 Some("The interval assumes that the law holds.").filter(|_| is_doubtful);
@@ -112,24 +110,6 @@ impl Verdict {
             let condition = if errors == STATED { "" } else { " if their errors are as assumed" };
             told("holds", format!("{name} describes these data{condition}."), size)
         }
-    }
-}
-
-/// What is said of a fit that an earlier version has computed with other weights.
-fn of_earlier(fit: &Value, engine: &Value) -> String {
-    let is_earlier = engine["numerics"].as_u64().is_some_and(|it| it < OWN_WEIGHTS);
-    let mut data = fit["tests"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(|test| test["data"].as_array())
-        .flatten();
-    let told = " An earlier version computed this fit. It took relative errors from the measured numbers, so the estimates may be too \
-                small, by about twice the square of these errors. Compute it again.";
-    if is_earlier && data.any(|data| data["relative"].is_number()) {
-        told.to_owned()
-    } else {
-        String::new()
     }
 }
 

@@ -3,6 +3,7 @@
 mod canonical;
 pub mod clock;
 mod document;
+pub mod earlier;
 mod key;
 mod outline;
 mod received;

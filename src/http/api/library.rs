@@ -3,7 +3,7 @@
 use axum::http::StatusCode;
 use deserr::Deserr;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use utoipa::ToSchema;
 
 use crate::http::access::caller::Caller;
@@ -14,7 +14,7 @@ use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::{Fresh, NoQuery, Segment, instant, read_key, schemas};
 use fretwork_engine::request::fault::Faults;
-use fretwork_job::{Key, Verified};
+use fretwork_job::{Key, Verified, earlier};
 use fretwork_json::{read_body, typed};
 use fretwork_store::{self as store, Changed, Removed};
 
@@ -209,18 +209,19 @@ pub async fn provenance(app: App, key: Segment, _: NoQuery) -> Result<Fresh<Prov
     Ok(Fresh(Provenance::of(key, known)))
 }
 
-/// The warnings of the submission that computed a result.
+/// The warnings about a result that it does not contain.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct SubmissionWarnings {
-    /// A list of `{kind, detail}`; null if the server does not know the submission.
+    /// A list of `{kind, detail}`; null if there is nothing to say, and the server does not know the submission.
     #[schema(value_type = Option<Vec<schemas::Warning>>)]
     warnings: Option<Value>,
 }
 
-/// Returns the warnings about the two bodies in the submission that computed a result.
+/// Returns the warnings about a result that the result itself does not contain.
 ///
-/// `elastic_mismatch` and `yield` follow from the bodies. The key does not contain the bodies, so these warnings belong
-/// to a submission. The result itself has the other warnings. Links open this address too.
+/// `elastic_mismatch` and `yield` follow from the bodies in the submission that computed it: the key does not contain the
+/// bodies. `earlier_version` says that an earlier version of the engine computed the result, and what was wrong with it. Links
+/// open this address too.
 #[utoipa::path(get, path = "/v1/results/{key}/warnings", operation_id = "get_warnings", tag = "results",
     params(ResultKey),
     responses(
@@ -228,8 +229,14 @@ pub struct SubmissionWarnings {
     ),
 )]
 pub async fn warnings(app: App, key: Segment, _: NoQuery) -> Result<Fresh<SubmissionWarnings>> {
-    let known = app.store.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?;
-    Ok(Fresh(SubmissionWarnings { warnings: known.warnings }))
+    let key = read_key(&key)?;
+    let warnings = app.store.provenance(&key).await?.ok_or_else(unknown)?.warnings;
+    let known = app.store.known(&key).await?.ok_or_else(unknown)?;
+    let told = |detail| json!({"kind": "earlier_version", "detail": detail});
+    let earlier = earlier::doubt(known.numerics, &known.asked.value).map(told);
+    let own = warnings.as_ref().and_then(Value::as_array).into_iter().flatten().cloned();
+    let warnings = if earlier.is_some() { Some(own.chain(earlier).collect()) } else { warnings };
+    Ok(Fresh(SubmissionWarnings { warnings }))
 }
 
 /// A note to be written.

@@ -14,15 +14,10 @@ import { Section } from "./section.js";
 import { smooth } from "./smooth.js";
 import { entryOf, jobsOf, kindOf, labelOf, sourceOf, subtitle, title } from "./summary.js";
 import { cycles, WORDS } from "./units.js";
-import { isAtNumber } from "./warnings.js";
+import { isAtNumber, loadWarnings } from "./warnings.js";
 
-/** Loads the part of a result at `path`. `link` is the token of a shared link. */
-async function load(key, link, signal, path, words = {}) {
-  return get(`${resultAddress(key, path)}?${new URLSearchParams({ ...words, ...(link && { link }) })}`, { signal });
-}
-
-/** Loads a run, or a study without its rows. */
-export const loadResult = (key, link, signal) => load(key, link, signal, "", { rows: 0 });
+/** Loads a run, or a study without its rows. `link` is the token of a shared link. */
+export const loadResult = (key, link, signal) => get(`${resultAddress(key)}?${new URLSearchParams({ rows: 0, ...(link && { link }) })}`, { signal });
 
 /** The label, the source and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
 async function loadJob(key, id, signal) {
@@ -33,14 +28,11 @@ async function loadJob(key, id, signal) {
     source: id ? sourceOf(own?.tags) : jobs.map(({ tags }) => sourceOf(tags)).find(Boolean) };
 }
 
-/** The warnings about the bodies, which the result does not contain: those of the job, or of the job that computed the result. */
-async function loadBodyWarnings(result, job, link, signal) {
-  if (job.warnings) {
-    const known = new Set(result.warnings.map(({ detail }) => detail));
-    return { title: "Warnings about the bodies of this job", list: job.warnings.filter(({ detail }) => !known.has(detail)) };
-  }
-  const { warnings } = await load(result.key, link, signal, "/warnings");
-  return { title: "Warnings about the bodies of the job that computed this result", list: warnings ?? [] };
+/** The warnings about the bodies: those of the job, or of the job that computed the result. */
+function bodyWarningsOf(result, job, computing) {
+  if (!job.warnings) return { title: "Warnings about the bodies of the job that computed this result", list: computing };
+  const known = new Set(result.warnings.map(({ detail }) => detail));
+  return { title: "Warnings about the bodies of this job", list: job.warnings.filter(({ detail }) => !known.has(detail)) };
 }
 
 /** What was typed for a shared result; undefined without it. */
@@ -79,7 +71,9 @@ export async function showResult(main, { id: key, query, signal }) {
   }
   const [result, job] = await Promise.all([loadResult(key, link, signal), link ? { label: query.get("label"), typed: typedIn(query) } : loadJob(key, query.get("job"), signal)]);
   if (kindOf(result)) return (await import("./study.js")).showStudy(main, result, { job, link, query, signal });
-  const bodyWarnings = await loadBodyWarnings(result, job, link, signal);
+  const { earlier, bodies } = await loadWarnings(key, link, signal);
+  const bodyWarnings = bodyWarningsOf(result, job, bodies);
+  result.warnings.push(...earlier);
   await smooth([{ result, link }], signal);
   const outputs = result.profiles?.cycles ?? result.history.cycles;
   const state = {

@@ -1,5 +1,6 @@
 // The warnings of a run: which number each concerns, and which field of the form changes it.
 
+import { get, resultAddress } from "./api.js";
 import { explained, h } from "./dom.js";
 import { cycles, quantity } from "./units.js";
 
@@ -8,7 +9,7 @@ const KINDS = {
   numerical_error: ["wear_volume", "/model/tolerance", "/model/points"], model_error: ["wear_volume", "method"],
   model_error_unknown: ["wear_volume", "method"], simplified_gross_slip: ["wear_volume", "method"],
   fast_wear: ["wear_depth", "/wear/coefficient", "/wear/energy_coefficient", "/motion/amplitude"], split_of_wear: ["wear_depth", "/motion/amplitude"],
-  sparse_profile: ["wear_volume", "/profile/radius"], noisy_profile: ["wear_volume", "/profile/height"],
+  earlier_version: ["wear_depth"], sparse_profile: ["wear_volume", "/profile/radius"], noisy_profile: ["wear_volume", "/profile/height"],
   large_contact: ["contact_radius", "/load/normal_force", "/load/indentation_depth"],
   short_line: ["contact_radius", "/profile/length"],
   elliptical_contact: ["contact_radius", "/profile/radii/0", "/profile/radii/1"], long_scar: ["scar_radius", "/motion/amplitude"],
@@ -16,6 +17,14 @@ const KINDS = {
   elastic_mismatch: ["tangential_force"], yield: ["normal_force", "/load/normal_force", "/load/indentation_depth"],
   yield_unknown: ["normal_force", "/bodies/0/yield_strength", "/bodies/1/yield_strength", "/load/normal_force"],
 };
+
+/** The warnings that the result does not contain: what was wrong with the engine that computed it, and those about the bodies of the
+ * job that computed it. */
+export async function loadWarnings(key, link, signal) {
+  const warnings = (await get(`${resultAddress(key, "/warnings")}?${new URLSearchParams(link ? { link } : {})}`, { signal })).warnings ?? [];
+  const isEarlier = ({ kind }) => kind === "earlier_version";
+  return { earlier: warnings.filter(isEarlier), bodies: warnings.filter((warning) => !isEarlier(warning)) };
+}
 
 /** Whether a warning stands at a number of the headline. */
 export const isAtNumber = ({ kind }) => kind in KINDS;

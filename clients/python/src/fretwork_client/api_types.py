@@ -1198,7 +1198,7 @@ class StudyTable(TypedDict):
     table: "TableColumns"
 
 class SubmissionWarnings(TypedDict):
-    """The warnings of the submission that computed a result."""
+    """The warnings about a result that it does not contain."""
 
     warnings: "NotRequired[list[Warning] | None]"
 

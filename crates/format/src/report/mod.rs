@@ -74,6 +74,10 @@ impl Entry {
         let known = [("Program", version), ("Computed", computed)];
         let known = known.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?)));
         entry.origin.extend(known);
+        // The verdict of a fit says it, too.
+        if entry.kind.word() != "fit" {
+            entry.warnings.extend(si.head.engine.doubt(&asked));
+        }
         match kind {
             TaskKind::Run => run::fill(&mut entry, [&si, &drawn], &view, &asked, &about.measured)?,
             TaskKind::Study(kind) => study::fill(&mut entry, [&si, &drawn], &view, kind)?,

@@ -16,7 +16,9 @@
 //! S ≤ S_min + t²(ν)
 //! ```
 //! With the loss of Huber, a weight has the factor hᵢ = min(1, c/|zᵢ|) of its distance zᵢ = (gᵢ − yᵢ)/sᵢ, and in q², zᵢ² is at
-//! most c²; the sum is divided by the mean of such squares.
+//! most c²; the sum is divided by the mean of such squares. A number beyond c pulls as much as one at c, although its weight is
+//! small, so that intervals are at least √(Σ wᵢ ψᵢ² N/(N − p) Σ wᵢ hᵢ)/Σ wᵢ ψᵢ′ times as wide, with ψᵢ = hᵢ zᵢ, its slope ψᵢ′ = 1 for |zᵢ| < c
+//! and 0 beyond, and N = Σ wᵢ.
 //!
 //! σ is the noise, ρ its share of the number, g the prediction that is held, n the numerical error, p the number of
 //! parameters, and ν the number of degrees of freedom. With stated noise t is the factor of the normal distribution.
@@ -246,6 +248,19 @@ impl Measured {
     /// The size of an interval, in standard errors.
     pub fn factor(&self, confidence: f64) -> f64 {
         fisher::factor(confidence, self.freedom())
+    }
+
+    /// How many times as wide an interval is because some numbers lie beyond the distance c of the loss of Huber.
+    pub fn spread(&self, noise: &Noise, distances: &[f64]) -> f64 {
+        let sum = |of: &dyn Fn(f64, f64) -> f64| {
+            let each =
+                self.taking_part().map(|(at, it)| it.weight * of(noise.trusts[at], distances[at]));
+            each.sum::<f64>()
+        };
+        let pulls = sum(&|h, z| h * z * h * z) / self.left();
+        let slopes = sum(&|h, _| if h < 1.0 { 0.0 } else { 1.0 });
+        let spread = (pulls * sum(&|h, _| h)).sqrt() / slopes;
+        if self.is_robust { spread.max(1.0) } else { 1.0 }
     }
 
     /// The corrected information criterion of Akaike, without the constant that all models of the same numbers have in

@@ -249,7 +249,7 @@ impl Told<'_> {
             let point = &measured.points[place];
             let relative = shares[fit.positions[place].0] * y.abs();
             let deviation = if point.weight > 0.0 { self.deviation(place) } else { relative };
-            let confidence = factor * self.information.standard_error(&slopes);
+            let confidence = fit.rise(self.known) * self.information.standard_error(&slopes);
             let prediction = libm::hypot(confidence, factor * deviation);
             let is_log = fit.set(place).is_log;
             let end = |by: f64| if is_log { y * libm::exp(by / y) } else { y + by };
@@ -263,10 +263,11 @@ impl Told<'_> {
 
     fn parameter(&self, place: usize) -> Value {
         let (parameter, x) = (&self.fit.parameters[place], self.best.theta[place]);
-        let error = self.information.standard_error(&self.fit.only(place)) * parameter.scale(x);
+        let error = self.information.standard_error(&self.fit.only(place));
+        let error = self.known.spread * error * parameter.scale(x);
         let is_open = self.information.is_open(place);
         let known = |value: f64, is_open| if is_open { Value::Null } else { number(value) };
-        let (u, rise) = (parameter.coordinate(x), self.known.measured.factor(self.fit.confidence));
+        let (u, rise) = (parameter.coordinate(x), self.fit.rise(self.known));
         let interval = [(false, -1.0), (true, 1.0)].map(|(is_high, sign)| {
             let task = Task::Profile { parameter: place, is_high };
             let u = end(&self.fit.profile(self.known, task), rise).map(|end| u + sign * end);
@@ -449,7 +450,7 @@ impl Told<'_> {
     /// A start whose sum of squares is in the allowed rise, but whose parameters are outside of the intervals.
     fn other_start(&self, parameters: &[Value]) -> Option<String> {
         let (fit, Known { measured, rows, .. }) = (self.fit, self.known);
-        let rise = measured.factor(fit.confidence);
+        let rise = fit.rise(self.known);
         let starts = &rows[..fit.starts.len()];
         let least = starts.iter().map(|row| row.sum).fold(f64::INFINITY, f64::min);
         // With estimated noise, S of the starts has another unit.
@@ -563,7 +564,7 @@ impl Told<'_> {
             let effects =
                 own.map(|(it, point)| slopes[it] * point.weight.sqrt() / self.deviation(it));
             let square: f64 = effects.map(|effect| effect * effect).sum();
-            let half = self.known.measured.factor(self.fit.confidence) / square.sqrt();
+            let half = self.fit.rise(self.known) / square.sqrt();
             let only = Task::Only { are_depths };
             let row = self.fit.tasks.iter().position(|(_, task)| *task == only)?;
             let x = Some(self.known.rows[row].theta[place]).filter(|x| x.is_finite())?;
@@ -583,7 +584,7 @@ impl Told<'_> {
         let noise = fit.noises.iter().zip(&noise.factors).filter_map(|(output, factor)| {
             Some(json!({"output": output.as_ref()?, "factor": number(*factor)}))
         });
-        let rise = measured.factor(fit.confidence);
+        let rise = fit.rise(self.known);
         let lack = self.lack_of_fit().map(|(statistic, probability)| {
             json!({"statistic": number(statistic), "probability": number(probability)})
         });

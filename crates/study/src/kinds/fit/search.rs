@@ -124,6 +124,8 @@ pub struct Known {
     /// The noise and the distances of the measured numbers at the minimum.
     pub noise: Noise,
     pub distances: Vec<f64>,
+    /// How many times as wide the loss makes an interval.
+    pub spread: f64,
 }
 
 /// The predictions and the residuals of some of the measured numbers.
@@ -248,12 +250,18 @@ impl Fit {
             let error = self.sets[*set].size(*entry) * rows[start].numbers[place];
             measured.points[place].numerical = if error.is_finite() { error } else { 0.0 };
         }
-        let (mut noise, mut distances) = <(Noise, Vec<f64>)>::default();
+        let (mut noise, mut distances, mut spread) = (Noise::default(), Vec::new(), 1.0);
         if let Some(row) = rows.get(minimum) {
             noise = measured.noise(&row.numbers);
             distances = measured.distances(&row.numbers, &noise);
+            spread = measured.spread(&noise, &distances);
         }
-        Some(Known { rows, start, measured, minimum, noise, distances })
+        Some(Known { rows, start, measured, minimum, noise, distances, spread })
+    }
+
+    /// The size of an interval, in standard errors of the sum of squares.
+    pub fn rise(&self, known: &Known) -> f64 {
+        known.measured.factor(self.confidence) * known.spread
     }
 
     /// What the data say about the parameters near the best ones: with or without their priors. The parameters are in
@@ -304,7 +312,7 @@ impl Fit {
     /// Whether the interval of a parameter reaches its bound on one side.
     pub fn reaches_bound(&self, known: &Known, task: Task) -> bool {
         let last = AT_END * self.room(known, task);
-        let rise = known.measured.factor(self.confidence);
+        let rise = self.rise(known);
         let visited = self.profile(known, task);
         last <= 0.0 || visited.iter().any(|(distance, own)| *distance > last && *own < rise)
     }
@@ -438,7 +446,7 @@ impl Fit {
         if information.is_open(place) || !error.is_finite() || error == 0.0 {
             return None;
         }
-        let rise = known.measured.factor(self.confidence);
+        let rise = self.rise(known);
         let coordinate = |it: usize| self.parameters[it].coordinate(best[it]);
         let step = |it: usize| self.parameters[it].step(best[it]);
         let room = self.room(known, task);
