@@ -4,8 +4,9 @@ use crate::case::{Case, Method};
 use crate::scenario::Warning;
 use crate::solver::errors::RunErrors;
 
-/// Estimated relative error above which a run has a warning.
-const LARGE: f64 = 0.02;
+/// Estimated relative error above which a run has a warning: 2 % less half a percent of itself, because few estimates are a little
+/// too small.
+const LARGE: f64 = 0.0199;
 
 /// A warning about the largest errors of a run, if one of them exceeds the limit.
 pub(super) fn warning(case: &Case, errors: Option<RunErrors>) -> Option<Warning> {
