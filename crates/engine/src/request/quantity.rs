@@ -47,7 +47,87 @@ use Dimension::{
     StiffnessPerLength, Stress, Volume, WearCoefficient,
 };
 
-const FORCES_PER_LENGTH: [(&str, f64); 6] = [
+/// The units of a dimension, with their factors to that of SI, which is the first.
+type Units = &'static [(&'static str, f64)];
+
+const LENGTHS: Units = &[
+    ("m", 1.0),
+    ("cm", 1e-2),
+    ("mm", 1e-3),
+    ("um", 1e-6),
+    ("nm", 1e-9),
+    ("in", 0.0254),
+    ("mil", 2.54e-5),
+];
+const FORCES: Units = &[
+    ("N", 1.0),
+    ("uN", 1e-6),
+    ("mN", 1e-3),
+    ("kN", 1e3),
+    ("MN", 1e6),
+    ("lbf", 4.448_221_615_260_5),
+];
+
+const STRESSES: Units = &[
+    ("Pa", 1.0),
+    ("kPa", 1e3),
+    ("MPa", 1e6),
+    ("GPa", 1e9),
+    ("N/m^2", 1.0),
+    ("N/mm^2", 1e6),
+    ("psi", 6_894.757_293_168_361),
+    ("ksi", 6_894_757.293_168_361),
+];
+
+const STIFFNESSES: Units = &[
+    ("N/m", 1.0),
+    ("kN/m", 1e3),
+    ("MN/m", 1e6),
+    ("N/mm", 1e3),
+    ("kN/mm", 1e6),
+    ("N/um", 1e6),
+    ("lbf/in", 175.126_835_246_476_37),
+];
+
+const VOLUMES: Units = &[
+    ("m^3", 1.0),
+    ("cm^3", 1e-6),
+    ("mm^3", 1e-9),
+    ("um^3", 1e-18),
+    ("l", 1e-3),
+    ("ml", 1e-6),
+    ("ul", 1e-9),
+];
+
+const ENERGIES: Units = &[
+    ("J", 1.0),
+    ("kJ", 1e3),
+    ("mJ", 1e-3),
+    ("uJ", 1e-6),
+    ("nJ", 1e-9),
+    ("N m", 1.0),
+    ("N mm", 1e-3),
+];
+
+const ANGLES: Units = &[("rad", 1.0), ("mrad", 1e-3), ("deg", std::f64::consts::PI / 180.0)];
+
+const WEAR_COEFFICIENTS: Units = &[
+    ("1/Pa", 1.0),
+    ("1/kPa", 1e-3),
+    ("1/MPa", 1e-6),
+    ("1/GPa", 1e-9),
+    ("m^3/(N m)", 1.0),
+    ("mm^3/(N m)", 1e-9),
+    ("um^3/(N m)", 1e-18),
+    ("mm^3/(N mm)", 1e-6),
+    ("m^2/N", 1.0),
+    ("mm^2/N", 1e-6),
+];
+
+const ENERGY_WEAR: Units =
+    &[("m^3/J", 1.0), ("mm^3/J", 1e-9), ("um^3/J", 1e-18), ("mm^3/kJ", 1e-12), ("m^3/kJ", 1e-3)];
+
+const FORCES_PER_LENGTH: Units = &[
     ("N/m", 1.0),
     ("kN/m", 1e3),
     ("MN/m", 1e6),
@@ -56,7 +136,7 @@ const FORCES_PER_LENGTH: [(&str, f64); 6] = [
     ("lbf/in", 175.126_835_246_476_37),
 ];
 
-const STIFFNESSES_PER_LENGTH: [(&str, f64); 6] = [
+const STIFFNESSES_PER_LENGTH: Units = &[
     ("N/m/m", 1.0),
     ("N/m^2", 1.0),
     ("N/mm/mm", 1e6),
@@ -65,40 +145,44 @@ const STIFFNESSES_PER_LENGTH: [(&str, f64); 6] = [
     ("kN/mm/mm", 1e9),
 ];
 
+/// All dimensions with their names in error texts and their accepted units. If a unit belongs to several, the one that is
+/// meant more often comes first.
+const DIMENSIONS: [(Dimension, &str, Units); 12] = [
+    (Length, "a length", LENGTHS),
+    (Force, "a force", FORCES),
+    (Stress, "a stress", STRESSES),
+    (Stiffness, "a stiffness", STIFFNESSES),
+    (Volume, "a volume", VOLUMES),
+    (Energy, "an energy", ENERGIES),
+    (Angle, "an angle", ANGLES),
+    (WearCoefficient, "a wear coefficient", WEAR_COEFFICIENTS),
+    (EnergyWear, "an energy wear coefficient", ENERGY_WEAR),
+    (ForcePerLength, "a force per length", FORCES_PER_LENGTH),
+    (StiffnessPerLength, "a stiffness per length", STIFFNESSES_PER_LENGTH),
+    (Number, "a plain number", &[]),
+];
+
 impl Dimension {
-    /// All dimensions. If a unit belongs to several, the one that is meant more often comes first.
-    pub const ALL: [Self; 12] = [
-        Length,
-        Force,
-        Stress,
-        Stiffness,
-        Volume,
-        Energy,
-        Angle,
-        WearCoefficient,
-        EnergyWear,
-        ForcePerLength,
-        StiffnessPerLength,
-        Number,
-    ];
+    /// All dimensions, in the order of the table.
+    pub const ALL: [Self; DIMENSIONS.len()] = {
+        let mut all = [Number; DIMENSIONS.len()];
+        let mut place = 0;
+        while place < all.len() {
+            all[place] = DIMENSIONS[place].0;
+            place += 1;
+        }
+        all
+    };
+
+    fn row(self) -> (&'static str, Units) {
+        let own = DIMENSIONS.iter().find(|(dimension, ..)| *dimension == self);
+        own.map_or(("", &[]), |(_, name, units)| (*name, *units))
+    }
 
     /// The name in error texts.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Length => "a length",
-            Force => "a force",
-            Stress => "a stress",
-            Stiffness => "a stiffness",
-            ForcePerLength => "a force per length",
-            StiffnessPerLength => "a stiffness per length",
-            Volume => "a volume",
-            Energy => "an energy",
-            Angle => "an angle",
-            WearCoefficient => "a wear coefficient",
-            EnergyWear => "an energy wear coefficient",
-            Number => "a plain number",
-        }
+        self.row().0
     }
 
     /// The SI unit of numbers without a unit.
@@ -107,87 +191,8 @@ impl Dimension {
         self.units().first().map_or("", |unit| unit.0)
     }
 
-    /// The accepted units and their factors to the SI unit. The SI unit is the first.
-    fn units(self) -> &'static [(&'static str, f64)] {
-        match self {
-            Length => &[
-                ("m", 1.0),
-                ("cm", 1e-2),
-                ("mm", 1e-3),
-                ("um", 1e-6),
-                ("nm", 1e-9),
-                ("in", 0.0254),
-                ("mil", 2.54e-5),
-            ],
-            Force => &[
-                ("N", 1.0),
-                ("uN", 1e-6),
-                ("mN", 1e-3),
-                ("kN", 1e3),
-                ("MN", 1e6),
-                ("lbf", 4.448_221_615_260_5),
-            ],
-            Stress => &[
-                ("Pa", 1.0),
-                ("kPa", 1e3),
-                ("MPa", 1e6),
-                ("GPa", 1e9),
-                ("N/m^2", 1.0),
-                ("N/mm^2", 1e6),
-                ("psi", 6_894.757_293_168_361),
-                ("ksi", 6_894_757.293_168_361),
-            ],
-            Stiffness => &[
-                ("N/m", 1.0),
-                ("kN/m", 1e3),
-                ("MN/m", 1e6),
-                ("N/mm", 1e3),
-                ("kN/mm", 1e6),
-                ("N/um", 1e6),
-                ("lbf/in", 175.126_835_246_476_37),
-            ],
-            ForcePerLength => &FORCES_PER_LENGTH,
-            StiffnessPerLength => &STIFFNESSES_PER_LENGTH,
-            Volume => &[
-                ("m^3", 1.0),
-                ("cm^3", 1e-6),
-                ("mm^3", 1e-9),
-                ("um^3", 1e-18),
-                ("l", 1e-3),
-                ("ml", 1e-6),
-                ("ul", 1e-9),
-            ],
-            Energy => &[
-                ("J", 1.0),
-                ("kJ", 1e3),
-                ("mJ", 1e-3),
-                ("uJ", 1e-6),
-                ("nJ", 1e-9),
-                ("N m", 1.0),
-                ("N mm", 1e-3),
-            ],
-            Angle => &[("rad", 1.0), ("mrad", 1e-3), ("deg", std::f64::consts::PI / 180.0)],
-            WearCoefficient => &[
-                ("1/Pa", 1.0),
-                ("1/kPa", 1e-3),
-                ("1/MPa", 1e-6),
-                ("1/GPa", 1e-9),
-                ("m^3/(N m)", 1.0),
-                ("mm^3/(N m)", 1e-9),
-                ("um^3/(N m)", 1e-18),
-                ("mm^3/(N mm)", 1e-6),
-                ("m^2/N", 1.0),
-                ("mm^2/N", 1e-6),
-            ],
-            EnergyWear => &[
-                ("m^3/J", 1.0),
-                ("mm^3/J", 1e-9),
-                ("um^3/J", 1e-18),
-                ("mm^3/kJ", 1e-12),
-                ("m^3/kJ", 1e-3),
-            ],
-            Number => &[],
-        }
+    fn units(self) -> Units {
+        self.row().1
     }
 
     /// A list of all accepted units, for error texts and for the schema.
