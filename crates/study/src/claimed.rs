@@ -127,7 +127,7 @@ impl Claimed {
         row.push(&study.point(number), &self.row(number));
         let fields = study.problem.profiles.iter().flat_map(|profiles| &profiles.fields);
         let names = study.columns().into_iter().map(|column| column.name);
-        let names = names.chain(fields.map(|field| field.to_string()));
+        let names = names.chain(fields.map(ToString::to_string));
         let mut cells = names.zip(row.columns().zip(own.columns()));
         match cells.find(|(_, (theirs, own))| theirs != own) {
             Some((name, (theirs, own))) => {

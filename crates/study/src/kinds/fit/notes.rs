@@ -45,6 +45,16 @@ fn parts(direction: &Direction) -> Vec<(usize, f64)> {
     direction.iter().copied().enumerate().filter(|(_, part)| *part != 0.0).collect()
 }
 
+/// That the points scatter more around the fit than repeated tests.
+fn worse_than_repeats(lack: Option<(f64, f64)>) -> Option<Note> {
+    let (statistic, probability) = lack.filter(|it| it.1 < IMPROBABLE)?;
+    let probability = in_words(probability);
+    let detail = format!(
+        "The fit is worse than repeated tests allow (F = {statistic:.1}, probability {probability})."
+    );
+    Some(("lack_of_fit", detail))
+}
+
 impl Told<'_> {
     /// All remarks, the most important one first.
     pub fn notes(&self, problem: &Problem, parameters: &[Value]) -> Value {
@@ -64,7 +74,7 @@ impl Told<'_> {
         let prior = |it| ("prior", format!("{} The rest follows from priors.", self.in_words(it)));
         let priors = self.alone.undetermined.iter().filter(|_| open.is_empty()).map(prior);
         let ends = parameters.iter().enumerate().filter_map(|(place, told)| self.end(place, told));
-        let last = [self.worse_than_repeats(lack), self.clusters(), self.lower_minimum()];
+        let last = [worse_than_repeats(lack), self.clusters(), self.lower_minimum()];
         let notes = first.into_iter().flatten().chain(undetermined).chain(priors).chain(ends);
         let notes = notes.chain(last.into_iter().flatten());
         notes.map(|(kind, detail)| json!({"kind": kind, "detail": detail})).collect()
@@ -140,18 +150,6 @@ impl Told<'_> {
             );
             (is_open(false) || is_open(true)).then_some(("open_interval", detail))
         }
-    }
-
-    /// That the points scatter more around the fit than repeated tests.
-    fn worse_than_repeats(&self, lack: Option<(f64, f64)>) -> Option<Note> {
-        let (statistic, probability) = lack.filter(|it| it.1 < IMPROBABLE)?;
-        let probability = in_words(probability);
-        Some((
-            "lack_of_fit",
-            format!(
-                "The fit is worse than repeated tests allow (F = {statistic:.1}, probability {probability})."
-            ),
-        ))
     }
 
     /// How the points of a specimen count.
