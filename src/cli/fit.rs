@@ -49,11 +49,9 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
         members.shift_remove("sigma");
         is_estimated = relative.is_none();
         let mut noise = json!({"kind": "lognormal"});
-        noise.as_object_mut().into_iter().for_each(|noise| {
-            noise.extend(
-                members.shift_remove("relative").map(|share| ("relative".to_owned(), share)),
-            );
-        });
+        if let Some(share) = members.shift_remove("relative") {
+            noise["relative"] = share;
+        }
         members.insert("noise".to_owned(), noise);
     } else if is_estimated {
         (data["relative"], data["noise"]) = (json!(NOISE), json!("estimate"));
@@ -139,11 +137,9 @@ fn asked((pointer, low, high): &(String, String, String)) -> Value {
 
 /// The wear coefficient, and the friction if there are enough points.
 fn defaults(scenario: &Value, points: usize) -> Result<Vec<Value>, Error> {
-    let wear = [
-        ("coefficient", Dimension::WearCoefficient),
-        ("energy_coefficient", Dimension::EnergyWear),
-    ];
-    let found = wear.into_iter().find_map(|(name, dimension)| {
+    let wear = [Dimension::WearCoefficient, Dimension::EnergyWear];
+    let mut wear = ["coefficient", "energy_coefficient"].into_iter().zip(wear);
+    let found = wear.find_map(|(name, dimension)| {
         let value = scenario["wear"].get(name)?;
         let start = value.as_f64().or_else(|| parse(value.as_str()?, dimension).ok())?;
         let pointer = format!("/wear/{name}");

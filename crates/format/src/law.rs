@@ -51,7 +51,6 @@ impl Verdict {
             ["quality", "notes", "parameters"].map(|name| document.value(name));
         let (quality, notes, parameters) = (quality?, notes?, parameters?);
         let earlier = document.head.engine.doubt(&fit);
-        let notes: Vec<&Value> = notes.as_array().into_iter().flatten().collect();
         let detail = |note: &Value| note["detail"].as_str().unwrap_or_default().to_owned();
         let told = |outcome, verdict: String, mut reason: String| {
             reason.extend(earlier.iter().flat_map(|it| [" ", it]));
@@ -61,7 +60,7 @@ impl Verdict {
             Ok(Some(Self { outcome, verdict, reason, intervals }))
         };
         if quality.is_null() {
-            let reason = notes.first().map(|note| detail(note)).unwrap_or_default();
+            let reason = items(&notes).next().map(detail).unwrap_or_default();
             return told("fails", "The fit found no minimum.".to_owned(), reason);
         }
         let table = document.value("table")?;
@@ -71,7 +70,7 @@ impl Verdict {
         let freedom = (number("effective_points") - parameters.len() as f64).floor();
         let trend = if freedom < 1.0 { String::new() } else { trends(&table) };
         let against: Vec<String> =
-            notes.iter().filter(|note| is_in_verdict(note)).map(|note| detail(note)).collect();
+            items(&notes).filter(|note| is_in_verdict(note)).map(detail).collect();
         if !against.is_empty() {
             let reason = against.join(" ").replace("their stated errors", &errors) + &trend;
             let verdict = format!("{} does not hold for these data.", capital(&law));
@@ -88,17 +87,13 @@ impl Verdict {
         let is_repeated = !quality["lack_of_fit"].is_null();
         let name = capital(&law);
         if !trend.is_empty() {
-            let size = if is_estimated {
-                String::new()
-            } else {
-                format!(
-                    " Their size alone gives no reason for doubt: they are {ratio}as large as {errors}."
-                )
-            };
-            let verdict = format!("{name} does not have the shape of these data.");
-            let reasons =
-                " Possible reasons: a run-in, a coefficient that changes, or a wrong input.";
-            told("trend", verdict, trend.trim_start().to_owned() + &size + reasons)
+            let mut reason = trend.trim_start().to_owned();
+            if !is_estimated {
+                reason += " Their size alone gives no reason for doubt: they are ";
+                reason += &[&ratio, "as large as ", &errors, "."].concat();
+            }
+            reason += " Possible reasons: a run-in, a coefficient that changes, or a wrong input.";
+            told("trend", format!("{name} does not have the shape of these data."), reason)
         } else if is_repeated {
             let reason = "The scatter of the repeated tests explains how far their means are from the curve.";
             told("holds", format!("{name} describes these data."), reason.to_owned())
@@ -113,6 +108,11 @@ impl Verdict {
     }
 }
 
+/// The items of a list; none if it is missing.
+pub fn items(list: &Value) -> impl Iterator<Item = &Value> {
+    list.as_array().into_iter().flatten()
+}
+
 /// Whether the verdict contains a note of a fit: that there is no minimum, or that the law does not describe the data.
 pub fn is_in_verdict(note: &Value) -> bool {
     ["no_minimum", "misfit", "lack_of_fit", "discrepancy"].iter().any(|kind| note["kind"] == *kind)
@@ -122,8 +122,7 @@ const STATED: &str = "the stated errors";
 
 /// The name of the law, as in the middle of a sentence.
 fn law(scenario: &Value, parameters: &[Value], table: &Value) -> String {
-    let texts = |name: &str| table[name].as_array().into_iter().flatten().filter_map(Value::as_str);
-    if texts("output").all(|output| FRICTIONAL.contains(&output)) {
+    if items(&table["output"]).filter_map(Value::as_str).all(|it| FRICTIONAL.contains(&it)) {
         return "the simulation".to_owned();
     }
     let wear = &scenario["wear"];
@@ -147,8 +146,7 @@ fn law(scenario: &Value, parameters: &[Value], table: &Value) -> String {
 
 /// What the standard deviations of the data are. A relative error is usually assumed.
 fn errors(tests: &Value) -> String {
-    let data =
-        tests.as_array().into_iter().flatten().filter_map(|test| test["data"].as_array()).flatten();
+    let data = items(tests).flat_map(|test| items(&test["data"]));
     let share = |data: &Value| data["relative"].as_f64().or(data["noise"]["relative"].as_f64());
     let shares = data.map(|data| share(data).filter(|_| data.get("sigma").is_none()));
     let shares: Vec<Option<f64>> = shares.collect();
@@ -189,14 +187,11 @@ fn trends(table: &Value) -> String {
             (false, false) => "fall along the axis: high at the start, low at the end",
         };
         let shape = shape.replace("along the axis", &format!("with the {over}"));
-        let probability = if probability < 1e-4 {
-            format!("less than {}", percent(1e-4, 1))
-        } else {
-            percent(probability, 2)
-        };
+        let less = if probability < 1e-4 { "less than " } else { "" };
+        let probability = percent(probability.max(1e-4), if less.is_empty() { 2 } else { 1 });
         format!(
             " The residuals{of} {shape}. A law with this shape cannot describe them. Independent errors would do the same with a \
-                 probability of {probability}."
+                 probability of {less}{probability}."
         )
     };
     found.map(words).collect()

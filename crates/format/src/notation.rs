@@ -32,7 +32,7 @@ pub const LADDERS: &[(&str, usize, &[Step])] = &[
 ];
 
 /// How a text writes its numbers.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Notation {
     /// Whether units are those of the SI.
     pub is_si: bool,

@@ -21,17 +21,8 @@ const PERCENTILES: [(&str, f64); 9] = [
     ("maximum", 1.0),
 ];
 
-/// The ends of the intervals that contain the outer percentiles of the distribution with a confidence of 95 %.
-const INTERVALS: [(&str, f64, usize); 8] = [
-    ("percentile_2_5_low", 0.025, 0),
-    ("percentile_2_5_high", 0.025, 1),
-    ("percentile_5_low", 0.05, 0),
-    ("percentile_5_high", 0.05, 1),
-    ("percentile_95_low", 0.95, 0),
-    ("percentile_95_high", 0.95, 1),
-    ("percentile_97_5_low", 0.975, 0),
-    ("percentile_97_5_high", 0.975, 1),
-];
+/// The percentiles that have an interval, which contains that of the distribution with a confidence of 95 %.
+const OUTER: [&str; 4] = ["percentile_2_5", "percentile_5", "percentile_95", "percentile_97_5"];
 
 /// An output: its name, its unit, its values in SI, and how a statistic of them is written.
 struct Output {
@@ -52,13 +43,11 @@ pub fn table(document: &Document<'_>, part: Part) -> Result<Table> {
 fn outputs(document: &Document<'_>, part: Part) -> Result<Vec<Output>> {
     let kind = match document.kind() {
         TaskKind::Study(kind) if kind.rows != "searches" => kind,
-        TaskKind::Study(_) => {
-            let has = "estimates and figures, because it is a fit";
-            return Err(Error::OtherKind(part, has));
-        }
-        TaskKind::Run => {
-            let has = "history, profiles and loops, because it is a run";
-            return Err(Error::OtherKind(part, has));
+        other => {
+            let is_run = other == TaskKind::Run;
+            let run = "history, profiles and loops, because it is a run";
+            let fit = "estimates and figures, because it is a fit";
+            return Err(Error::OtherKind(part, if is_run { run } else { fit }));
         }
     };
     let units = &document.head.units;
@@ -97,11 +86,16 @@ fn statistics(outputs: &[Output]) -> Vec<(String, Values)> {
     ];
     let percentiles =
         PERCENTILES.map(|(name, share)| (name, numbers(&|summary| summary.percentile(share))));
-    let intervals = INTERVALS.map(|(name, share, end)| {
-        (name, numbers(&|summary| Some(summary.percentile_interval(share)?[end])))
+    let outer = PERCENTILES.into_iter().filter(|(name, _)| OUTER.contains(name));
+    let intervals = outer.flat_map(|(name, share)| {
+        ["low", "high"].into_iter().enumerate().map(move |(end, side)| (name, share, end, side))
     });
-    let all = first.into_iter().chain(percentiles).chain(intervals);
-    all.map(|(name, values)| (name.to_owned(), values)).collect()
+    let intervals = intervals.map(|(name, share, end, side)| {
+        let ends = numbers(&|summary| Some(summary.percentile_interval(share)?[end]));
+        (format!("{name}_{side}"), ends)
+    });
+    let all = first.into_iter().chain(percentiles);
+    all.map(|(name, values)| (name.to_owned(), values)).chain(intervals).collect()
 }
 
 /// One row for each bin of each output.

@@ -17,9 +17,10 @@ const RUN_VERSION: u32 = 2;
 const STUDY_VERSION: u32 = 3;
 
 /// What a job computes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum TaskKind {
     /// The run of one scenario.
+    #[default]
     Run,
     /// A study of many runs.
     Study(&'static Kind),

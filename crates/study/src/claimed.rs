@@ -77,7 +77,7 @@ impl Claimed {
         let outputs = &columns[study.problem.members.len()..columns.len() - 1];
         let outputs = outputs.iter().map(|column| read(&table, &column.name, points));
         let fields = study.problem.profiles.iter().flat_map(|profiles| &profiles.fields);
-        let curves = fields.map(|field| read(&profiles, field.name(), points));
+        let curves = fields.map(|field| read(&profiles, field.as_str(), points));
         let claimed = Self {
             outputs: outputs.collect::<Result<_, _>>()?,
             reasons: read(&table, "reason", points)?,
@@ -127,7 +127,7 @@ impl Claimed {
         row.push(&study.point(number), &self.row(number));
         let fields = study.problem.profiles.iter().flat_map(|profiles| &profiles.fields);
         let names = study.columns().into_iter().map(|column| column.name);
-        let names = names.chain(fields.map(|field| field.name().to_owned()));
+        let names = names.chain(fields.map(ToString::to_string));
         let mut cells = names.zip(row.columns().zip(own.columns()));
         match cells.find(|(_, (theirs, own))| theirs != own) {
             Some((name, (theirs, own))) => {

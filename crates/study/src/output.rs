@@ -16,13 +16,14 @@ use std::sync::LazyLock;
 use deserr::{Deserr, IntoValue, Value, ValuePointerRef};
 use fretwork_engine::case::Case;
 use fretwork_engine::outcome::{
-    self, ContactScales, History, LimitState, Member, Outcome, Preview, Unworn,
+    self, ContactScales, EVENTS, History, LimitState, Member, Outcome, Preview, Unworn,
 };
 use fretwork_engine::request::fault::{Faults, unknown};
 use fretwork_engine::request::instants::{Cycles, Measure};
 use fretwork_engine::request::quantity::{self, Dimension};
 use fretwork_engine::solver::events::EventKind;
 use fretwork_json::typed;
+use serde_json::json;
 
 /// Separates the name of a column from an output cycle.
 const AT: char = '@';
@@ -65,18 +66,6 @@ enum Source {
     Limit(usize),
 }
 
-/// The events of a run.
-const EVENTS: [(&str, EventKind); 8] = [
-    ("gross_slip", EventKind::GrossSlip),
-    ("contact_lost", EventKind::ContactLost),
-    ("shakedown", EventKind::Shakedown),
-    ("until_reached", EventKind::UntilReached),
-    ("rim_reached", EventKind::RimReached),
-    ("contact_splits", EventKind::ContactSplits),
-    ("energy_not_reached", EventKind::EnergyNotReached),
-    ("layer_worn_through", EventKind::LayerWornThrough),
-];
-
 /// All quantities. A quantity of a section is named `section.member`, except the columns of the history.
 static QUANTITIES: LazyLock<Vec<Quantity>> = LazyLock::new(|| {
     let section = |section: &str, members: &[Member], source: fn(usize) -> Source| {
@@ -86,10 +75,9 @@ static QUANTITIES: LazyLock<Vec<Quantity>> = LazyLock::new(|| {
         });
         named.collect::<Vec<_>>()
     };
-    let events = EVENTS.iter().map(|(name, kind)| Quantity {
-        name: format!("events.{name}").into(),
-        column: name,
-        source: Source::Event(*kind),
+    let events = EVENTS.iter().map(|(kind, _)| {
+        let name = format!("events.{}", json!(kind).as_str().unwrap_or_default());
+        Quantity { name: name.into(), column: "", source: Source::Event(*kind) }
     });
     let sections = [
         section("", History::MEMBERS, Source::Column),

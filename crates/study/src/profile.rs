@@ -5,25 +5,25 @@ use fretwork_engine::outcome::{Outcome, Profiles};
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::request::quantity::Dimension;
-use serde::Serialize;
 use serde_json::Value;
 
 use super::vary::{self, MAX_RADII};
-use fretwork_json::{Distinct, typed};
+use fretwork_json::{Distinct, typed, words};
 
-/// A curve over the radius.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr, Serialize)]
-#[deserr(error = Faults, rename_all = lowercase)]
-#[serde(rename_all = "snake_case")]
-pub enum Field {
-    /// Wear w ≥ 0.
-    Wear,
-    /// Worn profile f = f₀ + w.
-    Worn,
-    /// Pressure p.
-    Pressure,
-    /// Amplitude of the local slip.
-    Slip,
+words! {
+    /// A curve over the radius.
+    #[derive(Deserr)]
+    #[deserr(error = Faults, rename_all = lowercase)]
+    pub enum Field: "curve" {
+        /// Wear w ≥ 0.
+        Wear = "wear",
+        /// Worn profile f = f₀ + w.
+        Worn = "worn",
+        /// Pressure p.
+        Pressure = "pressure",
+        /// Amplitude of the local slip.
+        Slip = "slip",
+    }
 }
 
 /// The member `profiles` of a sweep.
@@ -47,16 +47,6 @@ pub struct CommonProfiles {
 }
 
 impl Field {
-    /// The name of its column.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Wear => "wear",
-            Self::Worn => "worn",
-            Self::Pressure => "pressure",
-            Self::Slip => "slip",
-        }
-    }
-
     /// The SI unit.
     pub fn unit(self) -> &'static str {
         if self == Self::Pressure { "Pa" } else { "m" }

@@ -245,7 +245,7 @@ impl Study {
         let columns = self.columns().into_iter().chain(self.plan.found_columns());
         let columns = columns.filter_map(|column| Some((column.name, column.unit?.into())));
         let curves = self.problem.profiles.iter().flat_map(|profiles| {
-            let fields = profiles.fields.iter().map(|field| (field.name(), field.unit()));
+            let fields = profiles.fields.iter().map(|field| (field.as_str(), field.unit()));
             [("point", "1"), ("radius", "m")].into_iter().chain(fields)
         });
         columns.chain(curves.map(|(name, unit)| (name.to_owned(), unit.into()))).collect()
@@ -298,7 +298,7 @@ impl Study {
             let points: Vec<_> = (0..rows.count).map(|point| point.to_string()).collect();
             let radii = json::write(&profiles.radii, NUMBER * profiles.radii.len());
             let axes = [("point", &*points.join(",")), ("radius", &radii[1..radii.len() - 1])];
-            let names = profiles.fields.iter().map(|field| field.name());
+            let names = profiles.fields.iter().map(|field| field.as_str());
             let curves = names.zip(rows.columns().skip(columns.len()));
             add_columns(&mut text, axes.into_iter().chain(curves));
         }

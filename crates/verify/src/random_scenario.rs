@@ -119,11 +119,7 @@ impl RandomScenario {
         let shortest = if shape == SHARP { 0.01 } else { 0.5 };
         let mut last = random.log_between(shortest, 16.0) * preview.scales.cycles;
         if mode.ends_with("blocks") {
-            (request["motion"], request["cycles"]) = if is_line {
-                line_blocks(mode, &preview, random)
-            } else {
-                blocks(&preview, random)
-            };
+            (request["motion"], request["cycles"]) = blocks(is_line, mode, &preview, random);
             return Some(Self { held, mode, shape, coefficients: "constant", is_thin, request });
         }
         request["motion"] = if is_line {
@@ -304,26 +300,6 @@ fn line_motion(
     }
 }
 
-/// Two to five random blocks of strokes or tangential forces of a line contact, and output cycles in each of them.
-fn line_blocks(mode: &str, preview: &Preview, random: &mut Random) -> (Value, Value) {
-    let Preview { unworn, scales, .. } = preview;
-    let count = random.one_of(&[2_u8, 3, 4, 5]);
-    let is_force = mode == "force blocks";
-    let (member, most, highest) = if is_force {
-        ("tangential_force", FRICTION * scales.normal_force, 0.98)
-    } else {
-        ("amplitude", unworn.gross_slip_amplitude, 1.3)
-    };
-    let motions: Vec<f64> = (0..count).map(|_| most * random.log_between(0.05, highest)).collect();
-    let last = random.log_between(0.5, 30.0) * scales.cycles;
-    let (blocks, outputs) = in_time(member, &motions, last, random);
-    let mut motion = json!({"blocks": blocks});
-    if !is_force {
-        motion["reference_distance"] = json!(REACH);
-    }
-    (motion, outputs.into())
-}
-
 /// A motion of a round contact without blocks.
 fn motion(mode: &str, stick_ratio: f64, preview: &Preview, random: &mut Random) -> Value {
     let unworn = &preview.unworn;
@@ -343,17 +319,25 @@ fn motion(mode: &str, stick_ratio: f64, preview: &Preview, random: &mut Random) 
     }
 }
 
-/// Two to five random blocks of a round contact, and output cycles in each of them.
-fn blocks(preview: &Preview, random: &mut Random) -> (Value, Value) {
+/// Blocks of amplitudes, or of forces of a line contact, and the output cycles.
+fn blocks(is_line: bool, mode: &str, preview: &Preview, random: &mut Random) -> (Value, Value) {
+    let Preview { unworn, scales, .. } = preview;
     let count = random.one_of(&[2_u8, 3, 4, 5]);
-    let amplitudes: Vec<f64> = (0..count)
-        .map(|_| preview.unworn.gross_slip_amplitude * random.log_between(0.02, 1.3))
-        .collect();
-    // N₀ of the first block.
-    let characteristic = preview.scales.cycles * preview.unworn.amplitude / amplitudes[0];
-    let last = random.log_between(0.5, 30.0) * characteristic;
-    let (blocks, outputs) = in_time("amplitude", &amplitudes, last, random);
-    (json!({"blocks": blocks}), outputs.into())
+    let (member, most, [lowest, highest]) = match mode {
+        "force blocks" => ("tangential_force", FRICTION * scales.normal_force, [0.05, 0.98]),
+        _ => ("amplitude", unworn.gross_slip_amplitude, [if is_line { 0.05 } else { 0.02 }, 1.3]),
+    };
+    let motions: Vec<f64> =
+        (0..count).map(|_| most * random.log_between(lowest, highest)).collect();
+    // The characteristic cycles of a round contact are those of its first amplitude.
+    let unit = if is_line { scales.cycles } else { scales.cycles * unworn.amplitude / motions[0] };
+    let last = random.log_between(0.5, 30.0) * unit;
+    let (blocks, outputs) = in_time(member, &motions, last, random);
+    let mut motion = json!({"blocks": blocks});
+    if is_line && member == "amplitude" {
+        motion["reference_distance"] = json!(REACH);
+    }
+    (motion, outputs.into())
 }
 
 /// Blocks of these motions up to the cycle `last`, and output cycles in each of them.

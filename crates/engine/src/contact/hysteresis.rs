@@ -38,7 +38,7 @@ const ROUNDED: f64 = 1e-6;
 
 /// A closed loop that starts and ends at the reversal at +Δ. There is one point for each spring
 /// that starts to slip, and one without force on each branch; the lines between the points are straight.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Loop {
     /// Displacement u, in the same unit as Δ (d₀). NaN, as A and D, in a line contact without a reference.
     pub displacement: Vec<f64>,
@@ -223,11 +223,10 @@ impl Backbone {
             points.extend(corners[1..].iter().map(|corner| 2.0 * corner[of] - most));
             points
         };
-        let (displacement, force) = (cycle(0), cycle(1));
+        let found = Loop { displacement: cycle(0), force: cycle(1), ..Loop::default() };
         if threshold == 0.0 {
             // The contact is at rest, so the loop is a point.
-            let (energy_ratio, slip_ratio, free_ratio) = (0.0, 0.0, 0.0);
-            return Loop { displacement, force, energy_ratio, slip_ratio, free_ratio };
+            return found;
         }
         // The unloading branch crosses zero where the backbone has half of the maximum force.
         let aperture = (threshold - 2.0 * self.half).max(0.0);
@@ -235,17 +234,12 @@ impl Backbone {
         // Without force the ratio is set to its limit for small forces: then all springs slip over the whole motion.
         let energy_ratio = if most == 0.0 { 1.0 } else { self.lost / (4.0 * most * threshold) };
         let free_ratio = if slip_ratio > 1e-9 { energy_ratio / slip_ratio } else { 0.0 };
-        if !self.is_placed {
-            let displacement = vec![f64::NAN; displacement.len()];
-            return Loop {
-                displacement,
-                force,
-                energy_ratio: f64::NAN,
-                slip_ratio: f64::NAN,
-                free_ratio,
-            };
+        if self.is_placed {
+            return Loop { energy_ratio, slip_ratio, free_ratio, ..found };
         }
-        Loop { displacement, force, energy_ratio, slip_ratio, free_ratio }
+        let displacement = vec![f64::NAN; found.displacement.len()];
+        let (energy_ratio, slip_ratio) = (f64::NAN, f64::NAN);
+        Loop { displacement, energy_ratio, slip_ratio, free_ratio, ..found }
     }
 }
 

@@ -307,24 +307,23 @@ pub(crate) fn limit_state(case: &Case) -> Option<LimitState> {
         let shape = &case.contact.shape;
         let inside =
             integrate_beyond(0.0, end.stick, shape.kinks(), |x| end.depth - shape.image(x));
+        let [normal_force, indentation_depth, tangential_force] = match shape.geometry() {
+            Geometry::Round => [
+                2.0 * inside * scales.force(),
+                end.depth * scales.indentation_depth,
+                scales.tangential(end.threshold * end.stick),
+            ],
+            Geometry::Line => [scales.force(), f64::NAN, scales.tangential(0.5 * end.threshold)],
+        };
         LimitState {
             contact_radius: limit.radius * scales.contact_radius,
             stick_radius: end.stick * scales.contact_radius,
             wear_volume: limit.volume * scales.volume(),
             wear_depth: limit.depth * scales.indentation_depth,
             wear_depth_radius: limit.depth_radius * scales.contact_radius,
-            normal_force: match shape.geometry() {
-                Geometry::Round => 2.0 * inside * scales.force(),
-                Geometry::Line => scales.force(),
-            },
-            indentation_depth: match shape.geometry() {
-                Geometry::Round => end.depth * scales.indentation_depth,
-                Geometry::Line => f64::NAN,
-            },
-            tangential_force: match shape.geometry() {
-                Geometry::Round => scales.tangential(end.threshold * end.stick),
-                Geometry::Line => scales.tangential(0.5 * end.threshold),
-            },
+            normal_force,
+            indentation_depth,
+            tangential_force,
         }
     })
 }

@@ -26,6 +26,11 @@ impl<T> Given<T> {
     pub(crate) fn is_absent(&self) -> bool {
         self.0.is_none()
     }
+
+    /// The name of this member if it is given.
+    pub(crate) fn named(&self, name: &'static str) -> Option<&'static str> {
+        self.0.as_ref().map(|_| name)
+    }
 }
 
 impl<T> Default for Given<T> {

@@ -1,6 +1,6 @@
 //! The load and the motion of a request.
 
-use deserr::{Deserr, IntoValue, Value, ValuePointerRef};
+use deserr::{Deserr, ValuePointerRef};
 use serde::Serialize;
 
 use super::fault::{Faults, pointer};
@@ -91,45 +91,23 @@ pub enum MotionHeld {
     TangentialForce,
 }
 
-/// A number of cycles at one amplitude.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+/// A number of cycles with one held motion, which is 0 for a contact at rest.
+#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
+#[deserr(error = Faults, deny_unknown_fields, validate = Block::validate -> Faults)]
 pub struct Block {
-    /// Amplitude U. It is 0 for a contact at rest.
-    pub amplitude: Rounded<Stroke>,
+    /// Amplitude U.
+    #[deserr(default)]
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    pub amplitude: Given<Rounded<Stroke>>,
+    /// Amplitude Q of the tangential force, in place of U.
+    #[deserr(default)]
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    pub tangential_force: Given<Total<BlockForce>>,
     /// The number of cycles.
     pub cycles: Rounded<BlockCycles>,
 }
 
-/// A number of cycles at one amplitude of the tangential force.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct ForceBlock {
-    /// Amplitude Q of the tangential force. It is 0 for a contact at rest.
-    pub tangential_force: Total<BlockForce>,
-    /// The number of cycles.
-    pub cycles: Rounded<BlockCycles>,
-}
-
-/// The blocks of a motion, 1 to [`MAX_BLOCKS`], all of the same kind.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Blocks {
-    /// Blocks of amplitudes.
-    Strokes(Vec<Block>),
-    /// Blocks of tangential forces.
-    Forces(Vec<ForceBlock>),
-}
-
-/// A block as the client gives it.
-#[derive(Deserr)]
-#[deserr(error = Faults, deny_unknown_fields, validate = GivenBlock::validate -> Faults)]
-struct GivenBlock {
-    #[deserr(default)]
-    amplitude: Given<Rounded<Stroke>>,
-    #[deserr(default)]
-    tangential_force: Given<Total<BlockForce>>,
-    cycles: Rounded<BlockCycles>,
-}
-
-impl GivenBlock {
+impl Block {
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
         let (member, detail) = match (self.amplitude.0, self.tangential_force.0) {
             (None, None) => (
@@ -144,65 +122,75 @@ impl GivenBlock {
         };
         Err(Faults::at(location.push_key(member), detail))
     }
+
+    /// Whether the block holds a tangential force.
+    #[must_use]
+    pub fn is_force(&self) -> bool {
+        self.tangential_force.0.is_some()
+    }
+
+    /// The name of the held motion.
+    pub(crate) fn member(&self) -> &'static str {
+        if self.is_force() { "tangential_force" } else { "amplitude" }
+    }
+
+    /// The held amplitude or force.
+    pub(crate) fn held(&self) -> f64 {
+        let force = self.tangential_force.0.map(|force| force.0);
+        force.or(self.amplitude.0.map(|amplitude| amplitude.0)).unwrap_or(0.0)
+    }
 }
 
-impl Deserr<Faults> for Blocks {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        let List(given) =
-            List::<GivenBlock, 1, MAX_BLOCKS>::deserialize_from_value(value, location)?;
-        let (mut strokes, mut forces) = (Vec::new(), Vec::new());
-        for block in &given {
-            let cycles = block.cycles;
-            strokes.extend(block.amplitude.0.map(|amplitude| Block { amplitude, cycles }));
-            let force = block.tangential_force.0;
-            forces.extend(force.map(|tangential_force| ForceBlock { tangential_force, cycles }));
-        }
-        let has_force = |block: &GivenBlock| block.tangential_force.0.is_some();
-        let kind = |force| if force { "tangential_force" } else { "amplitude" };
-        let first = has_force(&given[0]);
+/// The blocks of a motion, all of the same kind.
+#[derive(Debug, Clone, PartialEq, Deserr)]
+#[deserr(error = Faults, from(List<Block, 1, MAX_BLOCKS>) = Blocks::from, validate = Blocks::validate -> Faults)]
+pub struct Blocks(pub Vec<Block>);
+
+impl Blocks {
+    fn from(given: List<Block, 1, MAX_BLOCKS>) -> Self {
+        Self(given.0)
+    }
+
+    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+        let first = self.0[0];
         let mut faults = Faults::default();
-        for (index, _) in given.iter().enumerate().filter(|(_, it)| has_force(it) != first) {
-            let here = location.push_index(index);
+        let others = self.0.iter().enumerate().filter(|(_, it)| it.is_force() != first.is_force());
+        for (index, block) in others {
             let detail = format!(
-                "differs from the first block. Enter `{0}` in all blocks, as in the first one",
-                kind(first)
+                "differs from the first block. Enter `{}` in all blocks, as in the first one",
+                first.member()
             );
-            faults.add(pointer(here.push_key(kind(!first))), detail);
+            let here = location.push_index(index);
+            faults.add(pointer(here.push_key(block.member())), detail);
         }
-        let rests = if first {
-            forces.first().is_some_and(|block| block.tangential_force.0 == 0.0)
-        } else {
-            strokes.first().is_some_and(|block| block.amplitude.0 == 0.0)
-        };
-        if rests {
+        if first.held() == 0.0 {
             let here = location.push_index(0);
             let detail =
                 "must be greater than 0 in the first block, because this amplitude defines N₀";
-            faults.add(pointer(here.push_key(kind(first))), detail);
+            faults.add(pointer(here.push_key(first.member())), detail);
         }
-        faults.or(if first { Self::Forces(forces) } else { Self::Strokes(strokes) })
+        faults.or(self)
     }
 }
 
 /// What the stroke of a line contact is measured against. The displacement of a half-plane has no bound, so a stroke
 /// needs one.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum Reference {
     /// Points of the surface at this distance from the middle of the contact, in m. `rig_stiffness` in N/m lies in
     /// series.
     Distance {
         /// The distance L in m.
-        distance: f64,
+        reference_distance: f64,
         /// The stiffness of the rig in N/m.
+        #[serde(skip_serializing_if = "Option::is_none")]
         rig_stiffness: Option<f64>,
     },
     /// The slope dQ/dU of a measured loop just after a reversal, in N/m. It contains the rig.
     Loop {
         /// The slope in N/m.
-        stiffness: f64,
+        loop_stiffness: f64,
     },
 }
 
@@ -249,14 +237,14 @@ impl Motion {
         const WAYS: &str = "one of `amplitude`, `stick_ratio`, `tangential_force`, `blocks`, `reversals` and, for \
                             a line contact, `sliding_amplitude`";
         let given = [
-            ("amplitude", self.amplitude.0.is_some()),
-            ("sliding_amplitude", self.sliding_amplitude.0.is_some()),
-            ("stick_ratio", self.stick_ratio.0.is_some()),
-            ("tangential_force", self.tangential_force.0.is_some()),
-            ("blocks", self.blocks.0.is_some()),
-            ("reversals", self.reversals.0.is_some()),
+            self.amplitude.named("amplitude"),
+            self.sliding_amplitude.named("sliding_amplitude"),
+            self.stick_ratio.named("stick_ratio"),
+            self.tangential_force.named("tangential_force"),
+            self.blocks.named("blocks"),
+            self.reversals.named("reversals"),
         ];
-        let mut names = given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name);
+        let mut names = given.into_iter().flatten();
         let fault = |member, detail| Err(Faults::at(location.push_key(member), detail));
         let Some(first) = names.next() else {
             return fault("amplitude", format!("is missing. Enter {WAYS}"));
@@ -267,18 +255,13 @@ impl Motion {
         if let Err(detail) = self.check_held(false) {
             return fault("held", detail);
         }
-        if self.loop_stiffness.0.is_some() {
-            for (member, given) in [
-                ("reference_distance", self.reference_distance.0.is_some()),
-                ("rig_stiffness", self.rig_stiffness.0.is_some()),
-            ] {
-                if given {
-                    let detail = format!(
-                        "cannot be combined with `loop_stiffness`, which contains all that yields. Remove `{member}`"
-                    );
-                    return fault(member, detail);
-                }
-            }
+        let distance = self.reference_distance.named("reference_distance");
+        let other = distance.or(self.rig_stiffness.named("rig_stiffness"));
+        if let (Some(member), Some(_)) = (other, self.loop_stiffness.0) {
+            let detail = format!(
+                "cannot be combined with `loop_stiffness`, which contains all that yields. Remove `{member}`"
+            );
+            return fault(member, detail);
         }
         Ok(self)
     }
@@ -288,8 +271,8 @@ impl Motion {
     fn check_held(&self, is_line: bool) -> Result<(), String> {
         use MotionHeld::{Amplitude, TangentialForce};
         let (motion, only) = match &self.blocks.0 {
-            Some(Blocks::Forces(_)) => ("blocks", TangentialForce),
-            Some(Blocks::Strokes(_)) => ("blocks", Amplitude),
+            Some(blocks) if blocks.0[0].is_force() => ("blocks", TangentialForce),
+            Some(_) => ("blocks", Amplitude),
             None if self.reversals.0.is_some() => ("reversals", Amplitude),
             None if self.sliding_amplitude.0.is_some() => ("sliding_amplitude", Amplitude),
             None if !is_line => return Ok(()),
@@ -314,15 +297,12 @@ impl Motion {
         self.tangential_force.multiply(length, "/tangential_force", &mut faults);
         self.rig_stiffness.multiply(length, "/rig_stiffness", &mut faults);
         self.loop_stiffness.multiply(length, "/loop_stiffness", &mut faults);
-        if let Some(Blocks::Forces(blocks)) = &mut self.blocks.0
-            && length.is_some()
-        {
-            for (index, block) in blocks.iter_mut().enumerate() {
-                let place = format!("/blocks/{index}/tangential_force");
-                faults.keep(&place, block.tangential_force.multiply(length));
-            }
-        }
         if length.is_some() {
+            let blocks = self.blocks.0.iter_mut().flat_map(|blocks| &mut blocks.0);
+            for (index, block) in blocks.enumerate() {
+                let place = format!("/blocks/{index}/tangential_force");
+                block.tangential_force.multiply(length, &place, &mut faults);
+            }
             self.check_line(&mut faults);
         } else {
             self.check_round(&mut faults);
@@ -332,11 +312,7 @@ impl Motion {
 
     /// Refuses what only a line contact has, and a rig beside motions that are measured at the contact.
     fn check_round(&self, faults: &mut Faults) {
-        let varies = if self.blocks.0.is_some() {
-            Some("blocks")
-        } else {
-            self.reversals.0.is_some().then_some("reversals")
-        };
+        let varies = self.blocks.named("blocks").or(self.reversals.named("reversals"));
         if self.rig_stiffness.0.is_some() {
             if let Some(varies) = varies {
                 let detail = format!(
@@ -350,32 +326,29 @@ impl Motion {
                 faults.add("/rig_stiffness", detail);
             }
         }
-        let mut refuse = |member: &str, is_given: bool, instead: &str| {
-            if is_given {
-                faults.add(member, format!("applies to a line contact only. {instead}"));
-            }
-        };
-        refuse(
-            "/sliding_amplitude",
-            self.sliding_amplitude.0.is_some(),
-            "Enter `amplitude` instead, such as \"25 um\"",
-        );
-        refuse(
-            "/reference_distance",
-            self.reference_distance.0.is_some(),
-            "The amplitude of a round contact needs no reference. Remove `reference_distance`",
-        );
-        refuse(
-            "/loop_stiffness",
-            self.loop_stiffness.0.is_some(),
-            "Remove it. If something yields between the actuator and the contact, enter its stiffness as \
-             `rig_stiffness`, such as \"10 N/um\"",
-        );
-        refuse(
-            "/blocks/0/tangential_force",
-            matches!(self.blocks.0, Some(Blocks::Forces(_))),
-            "Enter `amplitude` in all blocks, such as \"2 um\"",
-        );
+        let forces = self.blocks.0.as_ref().filter(|blocks| blocks.0[0].is_force());
+        for (member, instead) in [
+            (
+                self.sliding_amplitude.named("/sliding_amplitude"),
+                "Enter `amplitude` instead, such as \"25 um\"",
+            ),
+            (
+                self.reference_distance.named("/reference_distance"),
+                "The amplitude of a round contact needs no reference. Remove `reference_distance`",
+            ),
+            (
+                self.loop_stiffness.named("/loop_stiffness"),
+                "Remove it. If something yields between the actuator and the contact, enter its stiffness as \
+                 `rig_stiffness`, such as \"10 N/um\"",
+            ),
+            (
+                forces.map(|_| "/blocks/0/tangential_force"),
+                "Enter `amplitude` in all blocks, such as \"2 um\"",
+            ),
+        ] {
+            let Some(member) = member else { continue };
+            faults.add(member, format!("applies to a line contact only. {instead}"));
+        }
     }
 
     /// Refuses what a line contact does not have, and strokes without a reference.
@@ -389,17 +362,14 @@ impl Motion {
         if let Err(detail) = self.check_held(true) {
             faults.add("/held", detail);
         }
-        let stroke = if self.amplitude.0.is_some() {
-            Some("/amplitude")
-        } else {
-            matches!(self.blocks.0, Some(Blocks::Strokes(_))).then_some("/blocks/0/amplitude")
-        };
+        let strokes = self.blocks.0.as_ref().filter(|blocks| !blocks.0[0].is_force());
+        let strokes = strokes.map(|_| "/blocks/0/amplitude");
         let given = [
-            ("/reference_distance", self.reference_distance.0.is_some()),
-            ("/loop_stiffness", self.loop_stiffness.0.is_some()),
-            ("/rig_stiffness", self.rig_stiffness.0.is_some()),
+            self.reference_distance.named("/reference_distance"),
+            self.loop_stiffness.named("/loop_stiffness"),
+            self.rig_stiffness.named("/rig_stiffness"),
         ];
-        match stroke {
+        match self.amplitude.named("/amplitude").or(strokes) {
             Some(place) if self.reference().is_none() => faults.add(
                 place,
                 "needs a reference, because the displacement of a half-plane has no bound. Add \
@@ -412,7 +382,7 @@ impl Motion {
             None if self.sliding_amplitude.0.is_none()
                 && (self.rig_stiffness.0.is_none() || self.reference_distance.0.is_some()) => {}
             None => {
-                for (member, _) in given.into_iter().filter(|(_, given)| *given) {
+                for member in given.into_iter().flatten() {
                     let detail = format!(
                         "has no effect, because this motion of a line contact needs no reference. Remove `{}`, or \
                          enter an `amplitude`",
@@ -428,10 +398,10 @@ impl Motion {
     #[must_use]
     pub fn reference(&self) -> Option<Reference> {
         let rig_stiffness = self.rig_stiffness.0.map(|stiffness| stiffness.0);
-        let distance = self.reference_distance.0;
-        distance
-            .map(|distance| Reference::Distance { distance: distance.0, rig_stiffness })
-            .or(self.loop_stiffness.0.map(|stiffness| Reference::Loop { stiffness: stiffness.0 }))
+        let distance = self.reference_distance.0.map(|it| it.0);
+        let distance = distance
+            .map(|reference_distance| Reference::Distance { reference_distance, rig_stiffness });
+        distance.or(self.loop_stiffness.0.map(|it| Reference::Loop { loop_stiffness: it.0 }))
     }
 
     /// The quantity that a round contact holds: `held` if it is given, otherwise the tangential force if that is given,

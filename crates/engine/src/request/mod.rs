@@ -84,11 +84,11 @@ impl Until {
         const WAYS: &str = "`wear_depth`, `wear_volume` or `dissipated_energy`";
         let fault = |member, detail| Err(Faults::at(location.push_key(member), detail));
         let given = [
-            ("wear_depth", self.wear_depth.0.is_some()),
-            ("wear_volume", self.wear_volume.0.is_some()),
-            ("dissipated_energy", self.dissipated_energy.0.is_some()),
+            self.wear_depth.named("wear_depth"),
+            self.wear_volume.named("wear_volume"),
+            self.dissipated_energy.named("dissipated_energy"),
         ];
-        let mut names = given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name);
+        let mut names = given.into_iter().flatten();
         match (names.next(), names.next()) {
             (None, _) => fault("wear_depth", format!("is missing. Enter {WAYS}")),
             (_, Some(second)) => fault(second, format!("give only one of {WAYS}")),

@@ -47,153 +47,112 @@ use Dimension::{
     StiffnessPerLength, Stress, Volume, WearCoefficient,
 };
 
-const FORCES_PER_LENGTH: [(&str, f64); 6] = [
-    ("N/m", 1.0),
-    ("kN/m", 1e3),
-    ("MN/m", 1e6),
-    ("N/mm", 1e3),
-    ("kN/mm", 1e6),
-    ("lbf/in", 175.126_835_246_476_37),
+/// All dimensions with their names in error texts and their accepted units, that of SI first. If a unit belongs to
+/// several, the one that is meant more often comes first.
+const DIMENSIONS: [(Dimension, &str, &str); 12] = [
+    (Length, "a length", "m, cm, mm, um, nm, in, mil"),
+    (Force, "a force", "N, uN, mN, kN, MN, lbf"),
+    (Stress, "a stress", "Pa, kPa, MPa, GPa, N/m^2, N/mm^2, psi, ksi"),
+    (Stiffness, "a stiffness", "N/m, kN/m, MN/m, N/mm, kN/mm, N/um, lbf/in"),
+    (Volume, "a volume", "m^3, cm^3, mm^3, um^3, l, ml, ul"),
+    (Energy, "an energy", "J, kJ, mJ, uJ, nJ, N m, N mm"),
+    (Angle, "an angle", "rad, mrad, deg"),
+    (
+        WearCoefficient,
+        "a wear coefficient",
+        "1/Pa, 1/kPa, 1/MPa, 1/GPa, m^3/(N m), mm^3/(N m), um^3/(N m), mm^3/(N mm), m^2/N, mm^2/N",
+    ),
+    (EnergyWear, "an energy wear coefficient", "m^3/J, mm^3/J, um^3/J, mm^3/kJ, m^3/kJ"),
+    (ForcePerLength, "a force per length", "N/m, kN/m, MN/m, N/mm, kN/mm, lbf/in"),
+    (
+        StiffnessPerLength,
+        "a stiffness per length",
+        "N/m/m, N/m^2, N/mm/mm, N/mm^2, N/um/mm, kN/mm/mm",
+    ),
+    (Number, "a plain number", ""),
 ];
 
-const STIFFNESSES_PER_LENGTH: [(&str, f64); 6] = [
-    ("N/m/m", 1.0),
-    ("N/m^2", 1.0),
-    ("N/mm/mm", 1e6),
-    ("N/mm^2", 1e6),
-    ("N/um/mm", 1e9),
-    ("kN/mm/mm", 1e9),
+/// The units that are no powers of ten of that of SI, with their factors.
+const OTHER_UNITS: [(&str, f64); 7] = [
+    ("in", 0.0254),
+    ("mil", 2.54e-5),
+    ("lbf", 4.448_221_615_260_5),
+    ("psi", 6_894.757_293_168_361),
+    ("ksi", 6_894_757.293_168_361),
+    ("lbf/in", 175.126_835_246_476_37),
+    ("deg", std::f64::consts::PI / 180.0),
 ];
+
+/// The factor of a unit of the table to that of SI.
+fn factor_to_si(unit: &str) -> f64 {
+    let mut exponent = 0;
+    for (place, product) in unit.split('/').enumerate() {
+        let sign = if place == 0 { 1 } else { -1 };
+        for part in product.trim_matches(['(', ')']).split(' ') {
+            let (symbol, power) = part.split_once('^').unwrap_or((part, "1"));
+            exponent += sign * power_of_ten(symbol) * power.parse().unwrap_or(1);
+        }
+    }
+    let other = OTHER_UNITS.iter().find(|other| other.0 == unit);
+    // A parsed power of ten is exact to the last digit, a computed one is not.
+    other.map_or_else(|| format!("1e{exponent}").parse().unwrap_or(f64::NAN), |other| other.1)
+}
+
+/// The power of ten of a unit that has one symbol, such as `mm`, from its prefix. That of a litre is in cubic metres.
+fn power_of_ten(symbol: &str) -> i32 {
+    let prefix =
+        ["m", "N", "Pa", "J", "rad", "l"].into_iter().find_map(|it| symbol.strip_suffix(it));
+    let litre = if symbol.ends_with('l') { -3 } else { 0 };
+    litre
+        + match prefix {
+            Some("n") => -9,
+            Some("u") => -6,
+            Some("m") => -3,
+            Some("c") => -2,
+            Some("k") => 3,
+            Some("M") => 6,
+            Some("G") => 9,
+            _ => 0,
+        }
+}
 
 impl Dimension {
-    /// All dimensions. If a unit belongs to several, the one that is meant more often comes first.
-    pub const ALL: [Self; 12] = [
-        Length,
-        Force,
-        Stress,
-        Stiffness,
-        Volume,
-        Energy,
-        Angle,
-        WearCoefficient,
-        EnergyWear,
-        ForcePerLength,
-        StiffnessPerLength,
-        Number,
-    ];
+    /// All dimensions, in the order of the table.
+    pub const ALL: [Self; DIMENSIONS.len()] = {
+        let mut all = [Number; DIMENSIONS.len()];
+        let mut place = 0;
+        while place < all.len() {
+            all[place] = DIMENSIONS[place].0;
+            place += 1;
+        }
+        all
+    };
+
+    fn row(self) -> (&'static str, &'static str) {
+        let own = DIMENSIONS.iter().find(|(dimension, ..)| *dimension == self);
+        own.map_or(("", ""), |(_, name, units)| (*name, *units))
+    }
 
     /// The name in error texts.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Length => "a length",
-            Force => "a force",
-            Stress => "a stress",
-            Stiffness => "a stiffness",
-            ForcePerLength => "a force per length",
-            StiffnessPerLength => "a stiffness per length",
-            Volume => "a volume",
-            Energy => "an energy",
-            Angle => "an angle",
-            WearCoefficient => "a wear coefficient",
-            EnergyWear => "an energy wear coefficient",
-            Number => "a plain number",
-        }
+        self.row().0
     }
 
     /// The SI unit of numbers without a unit.
     #[must_use]
     pub fn si(self) -> &'static str {
-        self.units().first().map_or("", |unit| unit.0)
+        self.units().next().unwrap_or("")
     }
 
-    /// The accepted units and their factors to the SI unit. The SI unit is the first.
-    fn units(self) -> &'static [(&'static str, f64)] {
-        match self {
-            Length => &[
-                ("m", 1.0),
-                ("cm", 1e-2),
-                ("mm", 1e-3),
-                ("um", 1e-6),
-                ("nm", 1e-9),
-                ("in", 0.0254),
-                ("mil", 2.54e-5),
-            ],
-            Force => &[
-                ("N", 1.0),
-                ("uN", 1e-6),
-                ("mN", 1e-3),
-                ("kN", 1e3),
-                ("MN", 1e6),
-                ("lbf", 4.448_221_615_260_5),
-            ],
-            Stress => &[
-                ("Pa", 1.0),
-                ("kPa", 1e3),
-                ("MPa", 1e6),
-                ("GPa", 1e9),
-                ("N/m^2", 1.0),
-                ("N/mm^2", 1e6),
-                ("psi", 6_894.757_293_168_361),
-                ("ksi", 6_894_757.293_168_361),
-            ],
-            Stiffness => &[
-                ("N/m", 1.0),
-                ("kN/m", 1e3),
-                ("MN/m", 1e6),
-                ("N/mm", 1e3),
-                ("kN/mm", 1e6),
-                ("N/um", 1e6),
-                ("lbf/in", 175.126_835_246_476_37),
-            ],
-            ForcePerLength => &FORCES_PER_LENGTH,
-            StiffnessPerLength => &STIFFNESSES_PER_LENGTH,
-            Volume => &[
-                ("m^3", 1.0),
-                ("cm^3", 1e-6),
-                ("mm^3", 1e-9),
-                ("um^3", 1e-18),
-                ("l", 1e-3),
-                ("ml", 1e-6),
-                ("ul", 1e-9),
-            ],
-            Energy => &[
-                ("J", 1.0),
-                ("kJ", 1e3),
-                ("mJ", 1e-3),
-                ("uJ", 1e-6),
-                ("nJ", 1e-9),
-                ("N m", 1.0),
-                ("N mm", 1e-3),
-            ],
-            Angle => &[("rad", 1.0), ("mrad", 1e-3), ("deg", std::f64::consts::PI / 180.0)],
-            WearCoefficient => &[
-                ("1/Pa", 1.0),
-                ("1/kPa", 1e-3),
-                ("1/MPa", 1e-6),
-                ("1/GPa", 1e-9),
-                ("m^3/(N m)", 1.0),
-                ("mm^3/(N m)", 1e-9),
-                ("um^3/(N m)", 1e-18),
-                ("mm^3/(N mm)", 1e-6),
-                ("m^2/N", 1.0),
-                ("mm^2/N", 1e-6),
-            ],
-            EnergyWear => &[
-                ("m^3/J", 1.0),
-                ("mm^3/J", 1e-9),
-                ("um^3/J", 1e-18),
-                ("mm^3/kJ", 1e-12),
-                ("m^3/kJ", 1e-3),
-            ],
-            Number => &[],
-        }
+    fn units(self) -> impl Iterator<Item = &'static str> {
+        self.row().1.split(", ").filter(|unit| !unit.is_empty())
     }
 
     /// A list of all accepted units, for error texts and for the schema.
     #[must_use]
     pub fn accepted(self) -> String {
-        self.units().iter().map(|unit| unit.0).collect::<Vec<_>>().join(", ")
+        self.row().1.to_owned()
     }
 }
 
@@ -279,11 +238,9 @@ fn corrected(text: &str) -> Option<String> {
 
 fn factor(unit: &str, dimension: Dimension) -> Result<f64, String> {
     let wanted = normalise(unit);
-    let find = |dimension: Dimension| {
-        dimension.units().iter().find(|known| normalise(known.0) == wanted).map(|known| known.1)
-    };
-    if let Some(factor) = find(dimension) {
-        return Ok(factor);
+    let find = |dimension: Dimension| dimension.units().find(|known| normalise(known) == wanted);
+    if let Some(known) = find(dimension) {
+        return Ok(factor_to_si(known));
     }
     if dimension == Number {
         return Err(format!("a plain number is needed, without a unit. Remove {unit:?}"));
@@ -385,16 +342,88 @@ mod tests {
     }
 
     #[test]
+    fn the_factor_of_a_unit_is_exact() {
+        for (unit, factor) in [
+            ("m", 1.0),
+            ("cm", 1e-2),
+            ("mm", 1e-3),
+            ("um", 1e-6),
+            ("nm", 1e-9),
+            ("in", 0.0254),
+            ("mil", 2.54e-5),
+            ("N", 1.0),
+            ("uN", 1e-6),
+            ("mN", 1e-3),
+            ("kN", 1e3),
+            ("MN", 1e6),
+            ("lbf", 4.448_221_615_260_5),
+            ("Pa", 1.0),
+            ("kPa", 1e3),
+            ("MPa", 1e6),
+            ("GPa", 1e9),
+            ("N/m^2", 1.0),
+            ("N/mm^2", 1e6),
+            ("psi", 6_894.757_293_168_361),
+            ("ksi", 6_894_757.293_168_361),
+            ("N/m", 1.0),
+            ("kN/m", 1e3),
+            ("MN/m", 1e6),
+            ("N/mm", 1e3),
+            ("kN/mm", 1e6),
+            ("N/um", 1e6),
+            ("lbf/in", 175.126_835_246_476_37),
+            ("m^3", 1.0),
+            ("cm^3", 1e-6),
+            ("mm^3", 1e-9),
+            ("um^3", 1e-18),
+            ("l", 1e-3),
+            ("ml", 1e-6),
+            ("ul", 1e-9),
+            ("J", 1.0),
+            ("kJ", 1e3),
+            ("mJ", 1e-3),
+            ("uJ", 1e-6),
+            ("nJ", 1e-9),
+            ("N m", 1.0),
+            ("N mm", 1e-3),
+            ("rad", 1.0),
+            ("mrad", 1e-3),
+            ("deg", std::f64::consts::PI / 180.0),
+            ("1/Pa", 1.0),
+            ("1/kPa", 1e-3),
+            ("1/MPa", 1e-6),
+            ("1/GPa", 1e-9),
+            ("m^3/(N m)", 1.0),
+            ("mm^3/(N m)", 1e-9),
+            ("um^3/(N m)", 1e-18),
+            ("mm^3/(N mm)", 1e-6),
+            ("m^2/N", 1.0),
+            ("mm^2/N", 1e-6),
+            ("m^3/J", 1.0),
+            ("mm^3/J", 1e-9),
+            ("um^3/J", 1e-18),
+            ("mm^3/kJ", 1e-12),
+            ("m^3/kJ", 1e-3),
+            ("N/m/m", 1.0),
+            ("N/mm/mm", 1e6),
+            ("N/um/mm", 1e9),
+            ("kN/mm/mm", 1e9),
+        ] {
+            assert_eq!(factor_to_si(unit).to_bits(), f64::to_bits(factor), "{unit}");
+        }
+    }
+
+    #[test]
     fn every_unit_belongs_to_one_dimension_beside_those_per_length() {
         let per_length = |dimension| matches!(dimension, ForcePerLength | StiffnessPerLength);
         for dimension in Dimension::ALL {
-            for (unit, factor) in dimension.units() {
+            for unit in dimension.units() {
                 let text = format!("1 {unit}");
                 let owners = Dimension::ALL.into_iter().filter(|it| parse(&text, *it).is_ok());
                 let owners: Vec<_> = owners.collect();
                 // A study reads texts without knowing their dimension.
                 for owner in &owners {
-                    assert_eq!(parse(&text, *owner), Ok(*factor), "{unit}");
+                    assert_eq!(parse(&text, *owner), Ok(factor_to_si(unit)), "{unit}");
                 }
                 assert!(owners.contains(&dimension), "{unit}");
                 let plain = owners.iter().filter(|it| !per_length(**it)).count();

@@ -178,12 +178,12 @@ impl GivenWear {
     ) -> Result<Wear, Faults> {
         let mut faults = Faults::default();
         let given = [
-            ("coefficient", self.coefficient.0.is_some()),
-            ("hardness", self.hardness.0.is_some()),
-            ("energy_coefficient", self.energy_coefficient.0.is_some()),
-            ("share", self.share.0.is_some()),
+            self.coefficient.named("coefficient"),
+            self.hardness.named("hardness"),
+            self.energy_coefficient.named("energy_coefficient"),
+            self.share.named("share"),
         ];
-        for (member, _) in given.into_iter().filter(|(_, given)| *given) {
+        for member in given.into_iter().flatten() {
             let detail = format!(
                 "cannot be combined with `bodies`, where each body has its own wear coefficient k_w. Remove \
                  `{member}`, or remove `bodies`"

@@ -19,7 +19,6 @@ use crate::contact::control::{Block, Control, Normal, Tangential};
 use crate::contact::reference::Series;
 use crate::numeric::twelve_digits;
 use crate::request::fault::Faults;
-use crate::request::fields::{BlockCycles, Rounded};
 use crate::request::held::{self, Blocks, Motion, MotionHeld, Reference};
 
 /// A tangential force must be smaller than μF by more than this share of μF.
@@ -32,124 +31,73 @@ const LEAST_SLIDING: f64 = 20.0;
 /// what yields beside the contact, in μh₀ per μF.
 const LEAST_COMPLIANCE: f64 = 0.1;
 
-/// What displacements are measured against, in canonical form.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(untagged)]
-pub(super) enum CanonicalReference {
-    Distance {
-        reference_distance: f64,
-        #[serde(skip_serializing_if = "Option::is_none")]
-        rig_stiffness: Option<f64>,
-    },
-    Loop {
-        loop_stiffness: f64,
-    },
-}
-
 /// The motion of a line contact.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-pub(super) enum LineMotion {
-    Force {
-        tangential_force: f64,
-        #[serde(flatten)]
-        reference: Option<CanonicalReference>,
-        held: MotionHeld,
-    },
-    Stroke {
-        amplitude: f64,
-        #[serde(flatten)]
-        reference: CanonicalReference,
-        held: MotionHeld,
-    },
-    Sliding {
-        sliding_amplitude: f64,
-        held: MotionHeld,
-    },
-    Forces {
-        blocks: Vec<held::ForceBlock>,
-        #[serde(flatten)]
-        reference: Option<CanonicalReference>,
-    },
-    Strokes {
-        blocks: Vec<held::Block>,
-        #[serde(flatten)]
-        reference: CanonicalReference,
-    },
+pub(super) struct LineMotion {
+    #[serde(flatten)]
+    moves: Moves,
+    /// What displacements are measured against.
+    #[serde(flatten)]
+    reference: Option<Reference>,
+    /// Blocks do not say what is held.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    held: Option<MotionHeld>,
 }
 
-impl CanonicalReference {
-    fn of(motion: &Motion, pressed: &UnwornContact) -> Result<Option<Self>, Faults> {
-        let Some(reference) = motion.reference() else { return Ok(None) };
-        Ok(Some(match reference {
-            Reference::Distance { distance, rig_stiffness } => {
-                if distance < NEAREST * pressed.contact_radius {
-                    let detail = format!(
-                        "is {distance:e} m, but the half-width of the contact is {:.4e} m. Enter at least {NEAREST} \
-                         times as much: the distance from the middle of the contact to the place of the displacement \
-                         sensor",
-                        pressed.contact_radius
-                    );
-                    return Err(Faults::one("/motion/reference_distance", detail));
-                }
-                Self::Distance { reference_distance: distance, rig_stiffness }
-            }
-            Reference::Loop { stiffness } => {
-                let most = pressed.force / (LEAST_COMPLIANCE * pressed.depth);
-                if stiffness > most {
-                    let detail = format!(
-                        "is {stiffness:.4e} N/m, but a loop of this contact has a slope of at most {most:.4e} N/m. \
-                         Enter the slope dQ/dU of the whole contact right after a reversal, in N/m or per length \
-                         in N/m/m"
-                    );
-                    return Err(Faults::one("/motion/loop_stiffness", detail));
-                }
-                Self::Loop { loop_stiffness: stiffness }
-            }
-        }))
-    }
+/// What moves the contact.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Moves {
+    Amplitude(f64),
+    SlidingAmplitude(f64),
+    TangentialForce(f64),
+    Blocks(Vec<held::Block>),
+}
 
-    /// The reference in units of the unworn contact.
-    fn series(&self, pressed: &UnwornContact) -> Series {
-        // μF moves a spring of this stiffness by F/(S h₀) in μh₀.
-        let compliance = |stiffness: f64| pressed.force / (stiffness * pressed.depth);
-        match *self {
-            Self::Distance { reference_distance, rig_stiffness } => Series {
-                reach: reference_distance / pressed.contact_radius,
-                compliance: rig_stiffness.map_or(0.0, compliance),
-            },
-            Self::Loop { loop_stiffness } => {
-                Series { reach: f64::INFINITY, compliance: compliance(loop_stiffness) }
-            }
+/// Checks that the reference is outside of the contact, and that a loop is not stiffer than the contact.
+fn check_reference(reference: Reference, pressed: &UnwornContact) -> Result<(), Faults> {
+    let most = pressed.force / (LEAST_COMPLIANCE * pressed.depth);
+    match reference {
+        Reference::Distance { reference_distance: distance, .. }
+            if distance < NEAREST * pressed.contact_radius =>
+        {
+            let detail = format!(
+                "is {distance:e} m, but the half-width of the contact is {:.4e} m. Enter at least {NEAREST} \
+                 times as much: the distance from the middle of the contact to the place of the displacement \
+                 sensor",
+                pressed.contact_radius
+            );
+            Err(Faults::one("/motion/reference_distance", detail))
         }
-    }
-
-    /// θ of the unworn contact at a stroke in m.
-    fn threshold(&self, pressed: &UnwornContact, amplitude: f64) -> f64 {
-        self.series(pressed).threshold(&pressed.shape, amplitude / pressed.slip()).0
+        Reference::Loop { loop_stiffness: stiffness } if stiffness > most => {
+            let detail = format!(
+                "is {stiffness:.4e} N/m, but a loop of this contact has a slope of at most {most:.4e} N/m. \
+                 Enter the slope dQ/dU of the whole contact right after a reversal, in N/m or per length \
+                 in N/m/m"
+            );
+            Err(Faults::one("/motion/loop_stiffness", detail))
+        }
+        _ => Ok(()),
     }
 }
 
 impl LineMotion {
+    fn new(moves: Moves, reference: Option<Reference>) -> Self {
+        let held = match moves {
+            Moves::Amplitude(_) | Moves::SlidingAmplitude(_) => Some(MotionHeld::Amplitude),
+            Moves::TangentialForce(_) => Some(MotionHeld::TangentialForce),
+            Moves::Blocks(_) => None,
+        };
+        Self { moves, reference, held }
+    }
+
     /// Converts the motion of a request to canonical form.
     #[expect(clippy::expect_used, reason = "the request was validated")]
     pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Result<Self, Faults> {
-        let reference = CanonicalReference::of(motion, pressed)?;
-        let found = if let Some(blocks) = &motion.blocks.0 {
-            match blocks {
-                Blocks::Forces(blocks) => Self::Forces {
-                    blocks: merged(
-                        blocks,
-                        |block| block.tangential_force.0,
-                        |block| &mut block.cycles,
-                    ),
-                    reference,
-                },
-                Blocks::Strokes(blocks) => Self::Strokes {
-                    blocks: merged(blocks, |block| block.amplitude.0, |block| &mut block.cycles),
-                    reference: reference.expect("a stroke without a reference is refused"),
-                },
-            }
+        let reference = motion.reference();
+        reference.map_or(Ok(()), |reference| check_reference(reference, pressed))?;
+        let moves = if let Some(Blocks(blocks)) = &motion.blocks.0 {
+            Moves::Blocks(merged(blocks))
         } else if let Some(sliding) = motion.sliding_amplitude.0 {
             let least = LEAST_SLIDING * pressed.most_friction * pressed.depth;
             if sliding.0 < least {
@@ -161,24 +109,16 @@ impl LineMotion {
                 );
                 return Err(Faults::one("/motion/sliding_amplitude", detail));
             }
-            Self::Sliding { sliding_amplitude: sliding.0, held: MotionHeld::Amplitude }
+            Moves::SlidingAmplitude(sliding.0)
         } else if let Some(amplitude) = motion.amplitude.0 {
-            Self::Stroke {
-                amplitude: twelve_digits(amplitude.0),
-                reference: reference.expect("a stroke without a reference is refused"),
-                held: MotionHeld::Amplitude,
-            }
+            Moves::Amplitude(twelve_digits(amplitude.0))
+        } else if let Some(force) = motion.tangential_force.0 {
+            Moves::TangentialForce(force.0)
         } else {
-            let force = match (motion.tangential_force.0, motion.stick_ratio.0) {
-                (Some(force), _) => force.0,
-                (None, ratio) => {
-                    let ratio = ratio.expect("a motion without any of these is refused");
-                    force_at(ratio.0, pressed)?
-                }
-            };
-            let held = MotionHeld::TangentialForce;
-            Self::Force { tangential_force: force, reference, held }
+            let ratio = motion.stick_ratio.0.expect("a motion without any of these is refused");
+            Moves::TangentialForce(force_at(ratio.0, pressed)?)
         };
+        let found = Self::new(moves, reference);
         found.check(pressed)?;
         Ok(found)
     }
@@ -211,39 +151,47 @@ impl LineMotion {
     }
 
     /// θ of each held motion with its place in the request, and whether it is a force.
+    #[expect(clippy::expect_used, reason = "a stroke without a reference is refused")]
     fn thresholds(&self, pressed: &UnwornContact) -> Vec<(String, f64, bool)> {
-        let of_force = |force: f64| force / (pressed.friction * pressed.force);
-        match self {
-            Self::Force { tangential_force, .. } => {
-                vec![("/tangential_force".to_owned(), of_force(*tangential_force), true)]
+        let threshold = |held: f64, is_force: bool| {
+            if is_force {
+                return held / (pressed.friction * pressed.force);
             }
-            Self::Stroke { amplitude, reference, .. } => {
-                vec![("/amplitude".to_owned(), reference.threshold(pressed, *amplitude), false)]
+            let series = self.series(pressed).expect("a stroke has a reference");
+            series.threshold(&pressed.shape, held / pressed.slip()).0
+        };
+        match &self.moves {
+            Moves::TangentialForce(force) => {
+                vec![("/tangential_force".to_owned(), threshold(*force, true), true)]
             }
-            Self::Sliding { .. } => Vec::new(),
-            Self::Forces { blocks, .. } => {
-                let place = |i| format!("/blocks/{i}/tangential_force");
-                let blocks = blocks.iter().enumerate();
-                blocks.map(|(i, it)| (place(i), of_force(it.tangential_force.0), true)).collect()
+            Moves::Amplitude(amplitude) => {
+                vec![("/amplitude".to_owned(), threshold(*amplitude, false), false)]
             }
-            Self::Strokes { blocks, reference } => {
-                let threshold =
-                    |block: &held::Block| reference.threshold(pressed, block.amplitude.0);
-                let place = |i| format!("/blocks/{i}/amplitude");
-                let blocks = blocks.iter().enumerate();
-                blocks.map(|(i, block)| (place(i), threshold(block), false)).collect()
+            Moves::SlidingAmplitude(_) => Vec::new(),
+            Moves::Blocks(blocks) => {
+                let of_block = |(i, block): (usize, &held::Block)| {
+                    let is_force = block.is_force();
+                    let place = format!("/blocks/{i}/{}", block.member());
+                    (place, threshold(block.held(), is_force), is_force)
+                };
+                blocks.iter().enumerate().map(of_block).collect()
             }
         }
     }
 
     /// What displacements are measured against, in units of the unworn contact.
     pub(super) fn series(&self, pressed: &UnwornContact) -> Option<Series> {
-        match self {
-            Self::Force { reference, .. } | Self::Forces { reference, .. } => *reference,
-            Self::Stroke { reference, .. } | Self::Strokes { reference, .. } => Some(*reference),
-            Self::Sliding { .. } => None,
-        }
-        .map(|reference| reference.series(pressed))
+        // μF moves a spring of this stiffness by F/(S h₀) in μh₀.
+        let compliance = |stiffness: f64| pressed.force / (stiffness * pressed.depth);
+        Some(match self.reference? {
+            Reference::Distance { reference_distance, rig_stiffness } => Series {
+                reach: reference_distance / pressed.contact_radius,
+                compliance: rig_stiffness.map_or(0.0, compliance),
+            },
+            Reference::Loop { loop_stiffness } => {
+                Series { reach: f64::INFINITY, compliance: compliance(loop_stiffness) }
+            }
+        })
     }
 
     /// The held quantities in units of the unworn contact, and the initial θ. `unit` is N₀.
@@ -251,35 +199,19 @@ impl LineMotion {
         let thresholds = self.thresholds(pressed);
         let first = thresholds.first().map_or(1.0, |(_, threshold, _)| *threshold);
         let stroke = |amplitude: f64| amplitude / pressed.slip();
-        let blocks = |cycles: Vec<f64>, strokes: Option<Vec<f64>>| {
-            let mut end = 0.0;
-            let blocks = cycles.into_iter().zip(&thresholds).enumerate();
-            let blocks = blocks.map(|(i, (cycles, (_, threshold, _)))| {
-                end += cycles;
-                let stroke = strokes.as_ref().map(|strokes| strokes[i]);
-                Block { threshold: *threshold, stroke, end: end / unit }
-            });
-            blocks.collect::<Vec<_>>()
-        };
-        let tangential = match self {
-            Self::Force { .. } => Tangential::Amplitude,
-            Self::Stroke { amplitude, .. } => Tangential::Stroke(stroke(*amplitude)),
-            Self::Sliding { sliding_amplitude, .. } => {
-                Tangential::Sliding(stroke(*sliding_amplitude))
-            }
-            // A single block lasts until the end of the run, so it is a constant motion.
-            Self::Forces { blocks, .. } if blocks.len() == 1 => Tangential::Amplitude,
-            Self::Strokes { blocks, .. } if blocks.len() == 1 => {
-                Tangential::Stroke(stroke(blocks[0].amplitude.0))
-            }
-            Self::Forces { blocks: given, .. } => {
-                let cycles = given.iter().map(|block| block.cycles.0).collect();
-                Tangential::Blocks(blocks(cycles, None))
-            }
-            Self::Strokes { blocks: given, .. } => {
-                let cycles = given.iter().map(|block| block.cycles.0).collect();
-                let strokes = given.iter().map(|block| stroke(block.amplitude.0)).collect();
-                Tangential::Blocks(blocks(cycles, Some(strokes)))
+        // A single block lasts until the end of the run, so it is a constant motion.
+        let tangential = match self.clone().constant().moves {
+            Moves::TangentialForce(_) => Tangential::Amplitude,
+            Moves::Amplitude(amplitude) => Tangential::Stroke(stroke(amplitude)),
+            Moves::SlidingAmplitude(amplitude) => Tangential::Sliding(stroke(amplitude)),
+            Moves::Blocks(blocks) => {
+                let mut end = 0.0;
+                let block = |(block, (_, threshold, _)): (held::Block, (_, f64, _))| {
+                    end += block.cycles.0;
+                    let stroke = (!block.is_force()).then(|| stroke(block.held()));
+                    Block { threshold, stroke, end: end / unit }
+                };
+                Tangential::Blocks(blocks.into_iter().zip(thresholds).map(block).collect())
             }
         };
         // The force is the level of the springs.
@@ -291,11 +223,11 @@ impl LineMotion {
         let series = self.series(pressed);
         let rig = series.map_or(0.0, |series| series.rig());
         let first = self.thresholds(pressed).first().map_or(1.0, |(_, threshold, _)| *threshold);
-        let stroke = match self {
-            Self::Stroke { amplitude, .. } => *amplitude,
-            Self::Strokes { blocks, .. } => blocks[0].amplitude.0,
-            Self::Sliding { sliding_amplitude, .. } => return *sliding_amplitude,
-            Self::Force { .. } | Self::Forces { .. } => series
+        let stroke = match &self.moves {
+            Moves::Amplitude(amplitude) => *amplitude,
+            Moves::SlidingAmplitude(amplitude) => return *amplitude,
+            Moves::Blocks(blocks) if !blocks[0].is_force() => blocks[0].held(),
+            Moves::TangentialForce(_) | Moves::Blocks(_) => series
                 .map_or(f64::NAN, |series| series.stroke(&pressed.shape, first) * pressed.slip()),
         };
         stroke - rig * first * pressed.slip()
@@ -303,33 +235,25 @@ impl LineMotion {
 
     /// The cycle at which the last block ends.
     pub(super) fn end(&self) -> Option<f64> {
-        let cycles: f64 = match self {
-            Self::Forces { blocks, .. } => blocks.iter().map(|block| block.cycles.0).sum(),
-            Self::Strokes { blocks, .. } => blocks.iter().map(|block| block.cycles.0).sum(),
-            _ => return None,
-        };
-        Some(twelve_digits(cycles))
+        let Moves::Blocks(blocks) = &self.moves else { return None };
+        Some(end_of(blocks))
     }
 
     /// The same motion, as a constant one if it has a single block.
     pub(super) fn constant(self) -> Self {
-        match self {
-            Self::Forces { blocks, reference } if blocks.len() == 1 => {
-                let held = MotionHeld::TangentialForce;
-                Self::Force { tangential_force: blocks[0].tangential_force.0, reference, held }
+        match &self.moves {
+            Moves::Blocks(blocks) if blocks.len() == 1 => {
+                let moves =
+                    if blocks[0].is_force() { Moves::TangentialForce } else { Moves::Amplitude };
+                Self::new(moves(blocks[0].held()), self.reference)
             }
-            Self::Strokes { blocks, reference } if blocks.len() == 1 => Self::Stroke {
-                amplitude: blocks[0].amplitude.0,
-                reference,
-                held: MotionHeld::Amplitude,
-            },
-            other => other,
+            _ => self,
         }
     }
 
     /// Whether the motion has blocks.
     pub(super) fn has_blocks(&self) -> bool {
-        matches!(self, Self::Forces { .. } | Self::Strokes { .. })
+        matches!(self.moves, Moves::Blocks(_))
     }
 }
 
@@ -348,21 +272,20 @@ fn force_at(ratio: f64, pressed: &UnwornContact) -> Result<f64, Faults> {
 }
 
 /// The blocks, of which consecutive ones of the same motion are merged.
-pub(super) fn merged<T: Copy>(
-    given: &[T],
-    motion: impl Fn(&T) -> f64,
-    cycles: impl Fn(&mut T) -> &mut Rounded<BlockCycles>,
-) -> Vec<T> {
-    let mut blocks: Vec<T> = Vec::new();
+pub(super) fn merged(given: &[held::Block]) -> Vec<held::Block> {
+    let mut blocks: Vec<held::Block> = Vec::new();
     for block in given {
-        let mut block = *block;
         match blocks.last_mut() {
-            Some(last) if motion(last).total_cmp(&motion(&block)).is_eq() => {
-                let added = cycles(&mut block).0;
-                cycles(last).0 = twelve_digits(cycles(last).0 + added);
+            Some(last) if last.held().total_cmp(&block.held()).is_eq() => {
+                last.cycles.0 = twelve_digits(last.cycles.0 + block.cycles.0);
             }
-            _ => blocks.push(block),
+            _ => blocks.push(*block),
         }
     }
     blocks
+}
+
+/// The cycle at which the last of these blocks ends.
+pub(super) fn end_of(blocks: &[held::Block]) -> f64 {
+    twelve_digits(blocks.iter().map(|block| block.cycles.0).sum())
 }

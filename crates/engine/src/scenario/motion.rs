@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::line::{LineMotion, merged};
+use super::line::{LineMotion, end_of, merged};
 use super::pressed::{MIN_RING, ROUNDED, UnwornContact, half_tangential};
 use crate::contact::control::{Block, Control, Normal, Tangential};
 use crate::contact::record::DisplacementRecord;
@@ -50,8 +50,13 @@ impl CanonicalMotion {
         if pressed.length.is_some() {
             return LineMotion::resolve(motion, pressed).map(Self::Line);
         }
-        if let Some(Blocks::Strokes(blocks)) = &motion.blocks.0 {
-            return Self::resolve_blocks(blocks, pressed);
+        if let Some(Blocks(blocks)) = &motion.blocks.0 {
+            let moving = blocks.iter().enumerate().filter(|(_, block)| block.held() > 0.0);
+            for (index, block) in moving {
+                let pointer = format!("/motion/blocks/{index}/amplitude");
+                resolved(block.held(), false, pressed, &pointer)?;
+            }
+            return Ok(Self::Blocks { blocks: merged(blocks) });
         }
         if let Some(List(reversals)) = &motion.reversals.0 {
             let reversals: Vec<f64> = reversals.iter().map(|position| position.0).collect();
@@ -82,22 +87,11 @@ impl CanonicalMotion {
         Ok(Self::Force { tangential_force, held: MotionHeld::TangentialForce })
     }
 
-    fn resolve_blocks(given: &[held::Block], pressed: &UnwornContact) -> Result<Self, Faults> {
-        let moving = given.iter().enumerate().filter(|(_, block)| block.amplitude.0 > 0.0);
-        for (index, block) in moving {
-            let pointer = format!("/motion/blocks/{index}/amplitude");
-            resolved(block.amplitude.0, false, pressed, &pointer)?;
-        }
-        let blocks = merged(given, |block| block.amplitude.0, |block| &mut block.cycles);
-        Ok(Self::Blocks { blocks })
-    }
-
     /// The same motion, as a constant one if it has a single block.
     pub(super) fn constant(self) -> Self {
         match self {
             Self::Blocks { blocks } if blocks.len() == 1 => {
-                let amplitude = blocks[0].amplitude.0;
-                Self::Amplitude { amplitude, held: MotionHeld::Amplitude }
+                Self::Amplitude { amplitude: blocks[0].held(), held: MotionHeld::Amplitude }
             }
             Self::Line(motion) => Self::Line(motion.constant()),
             other => other,
@@ -165,14 +159,11 @@ impl CanonicalMotion {
             }
             Self::Blocks { blocks } => {
                 let mut end = 0.0;
-                let blocks: Vec<Block> = blocks
-                    .iter()
-                    .map(|block| {
-                        end += block.cycles.0;
-                        let threshold = pressed.threshold(block.amplitude.0);
-                        Block::new(threshold, end / unit)
-                    })
-                    .collect();
+                let block = |block: &held::Block| {
+                    end += block.cycles.0;
+                    Block::new(pressed.threshold(block.held()), end / unit)
+                };
+                let blocks: Vec<Block> = blocks.iter().map(block).collect();
                 let first = blocks[0].threshold;
                 // A single block lasts until the end of the run, so it is a constant amplitude.
                 let one = blocks.len() == 1;
@@ -203,7 +194,7 @@ impl CanonicalMotion {
                 return Ok((motion.amplitude(pressed), unit));
             }
             Self::Amplitude { amplitude, .. } => *amplitude,
-            Self::Blocks { blocks } => blocks[0].amplitude.0,
+            Self::Blocks { blocks } => blocks[0].held(),
             _ => threshold * pressed.gross_slip,
         };
         Ok((amplitude, contact_radius / (4.0 * amplitude * wear_coefficient * normal_modulus)))
@@ -233,9 +224,7 @@ impl CanonicalMotion {
     pub(super) fn end(&self) -> Option<f64> {
         match self {
             Self::Line(motion) => motion.end(),
-            Self::Blocks { blocks } => {
-                Some(twelve_digits(blocks.iter().map(|block| block.cycles.0).sum()))
-            }
+            Self::Blocks { blocks } => Some(end_of(blocks)),
             _ => None,
         }
     }

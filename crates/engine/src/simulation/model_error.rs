@@ -217,11 +217,7 @@ fn pair(control: &Control) -> Option<usize> {
     let by_force = match control.tangential {
         Tangential::Amplitude => false,
         Tangential::Force(_) => true,
-        Tangential::Rig { .. }
-        | Tangential::Blocks(_)
-        | Tangential::Record(_)
-        | Tangential::Stroke(_)
-        | Tangential::Sliding(_) => return None,
+        _ => return None,
     };
     PAIRS.iter().position(|(_, normal, force)| (*normal, *force) == (control.normal, by_force))
 }

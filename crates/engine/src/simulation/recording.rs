@@ -10,7 +10,7 @@ use crate::solver::pressures::Rings;
 use crate::solver::stepped::shares::shares;
 
 /// The rows recorded so far.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Recording {
     pub(super) history: History,
     pub(super) profiles: Profiles,
@@ -101,21 +101,6 @@ impl HistoryEntry {
 }
 
 impl Recording {
-    pub(super) fn new(instants: usize) -> Self {
-        Self {
-            history: History::default(),
-            profiles: Profiles::default(),
-            loops: Loops::default(),
-            half_lengths: [Vec::with_capacity(instants), Vec::with_capacity(instants)],
-            parts: Vec::new(),
-            edges: Vec::with_capacity(instants),
-            mismatch: None,
-            errors: None,
-            initial: Vec::new(),
-            reported: Reported::default(),
-        }
-    }
-
     /// Sets the output radii, and the unworn and the limiting profile at these radii, all
     /// dimensionless.
     pub(super) fn lay_out(

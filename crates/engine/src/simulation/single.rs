@@ -80,7 +80,7 @@ impl Marching {
 impl SingleRun {
     /// Prepares the run of a case.
     pub(super) fn new(mut case: Case) -> Self {
-        let mut recording = Recording::new(case.outputs.count());
+        let mut recording = Recording::default();
         let mut events = Vec::new();
         let phase = match case.method {
             Method::Simplified { xi } if case.control.is_closed() => {
@@ -315,14 +315,13 @@ impl SingleRun {
         }
         let march = march.as_deref();
         let work = march.map(March::work);
-        let with_cycles = |event: &Event| OutcomeEvent {
-            cycles: event.at * case.scales.cycles,
-            kind: event.kind,
-            layer: event.layer.map(|WornThrough { body, layer, radius }| WornLayer {
-                body,
-                layer,
-                radius: radius * case.scales.contact_radius,
-            }),
+        let in_metres = |WornThrough { body, layer, radius }| {
+            let radius = radius * case.scales.contact_radius;
+            WornLayer { body, layer, radius }
+        };
+        let with_cycles = |event: &Event| {
+            let (cycles, kind) = (event.at * case.scales.cycles, event.kind);
+            OutcomeEvent { cycles, kind, layer: event.layer.map(in_metres) }
         };
         let unworn = case.unworn();
         let model_error = match case.method {

@@ -41,8 +41,8 @@ pub const EVENTS: [(EventKind, &str); 8] = [
     (EventKind::UntilReached, "Stop condition reached"),
     (EventKind::RimReached, "Edge of the profile reached"),
     (EventKind::ContactSplits, "Contact splits into core and ring"),
-    (EventKind::LayerWornThrough, "Layer worn through"),
     (EventKind::EnergyNotReached, "Requested energy not reached"),
+    (EventKind::LayerWornThrough, "Layer worn through"),
 ];
 
 /// An event and its time in N₀.

@@ -77,11 +77,14 @@ fn forces_and_stiffnesses_per_length_are_multiplied_by_the_length() {
         "amplitude": "25 um", "reference_distance": "10 mm", "rig_stiffness": "2 N/um/mm"
     }});
     let reference = accepted(&with(line(), stroke)).motion.reference();
-    assert_eq!(reference, Some(Reference::Distance { distance: 0.01, rig_stiffness: Some(1e9) }));
+    assert_eq!(
+        reference,
+        Some(Reference::Distance { reference_distance: 0.01, rig_stiffness: Some(1e9) })
+    );
     for (stiffness, total) in [("3 N/mm^2", 1.5e6), ("3 N/mm/mm", 1.5e6), ("3 N/mm", 3000.0)] {
         let stroke = json!({"motion": {"amplitude": "25 um", "loop_stiffness": stiffness}});
         let reference = accepted(&with(line(), stroke)).motion.reference();
-        assert_eq!(reference, Some(Reference::Loop { stiffness: total }), "{stiffness}");
+        assert_eq!(reference, Some(Reference::Loop { loop_stiffness: total }), "{stiffness}");
     }
 
     let blocks = json!([
@@ -90,9 +93,9 @@ fn forces_and_stiffnesses_per_length_are_multiplied_by_the_length() {
         {"tangential_force": "1 kN", "cycles": 5}
     ]);
     let request = accepted(&with(line(), json!({"motion": {"blocks": blocks}})));
-    let Some(Blocks::Forces(blocks)) = request.motion.blocks.0 else { panic!("no forces") };
-    let forces: Vec<f64> = blocks.iter().map(|block| block.tangential_force.0).collect();
-    assert_eq!(forces, [2000.0, 0.0, 1000.0]);
+    let Some(Blocks(blocks)) = request.motion.blocks.0 else { panic!("no blocks") };
+    let forces = blocks.iter().map(|block| block.tangential_force.0.map(|force| force.0));
+    assert_eq!(forces.collect::<Vec<_>>(), [Some(2000.0), Some(0.0), Some(1000.0)]);
 }
 
 #[test]

@@ -55,6 +55,7 @@ impl Number {
 }
 
 /// What a report says of one result.
+#[derive(Default)]
 pub struct Entry {
     pub(super) kind: TaskKind,
     pub(super) notation: Notation,

@@ -49,16 +49,9 @@ impl Entry {
             kind,
             notation,
             label: about.label.clone(),
-            title: String::new(),
-            subtitle: String::new(),
             inputs: inputs::listed(typed, notation, inputs::TYPED),
             asked: inputs::listed(&asked, notation, inputs::COMPUTED),
-            numbers: Vec::new(),
             cycles: f64::NAN,
-            sections: String::new(),
-            figures: Vec::new(),
-            table: String::new(),
-            curves: Vec::new(),
             warnings: warnings(&[&si.value("warnings")?, &about.warnings]),
             origin: vec![
                 ("Key".to_owned(), si.head.key.clone()),
@@ -66,6 +59,7 @@ impl Entry {
             ],
             command: (body.len() <= COMMAND)
                 .then(|| format!("fretwork run - <<'END'\n{body}\nEND")),
+            ..Self::default()
         };
         let computed = about.computed.as_deref().and_then(|time| time.split_once('T'));
         let computed =

@@ -31,30 +31,14 @@ use fretwork_engine::request::fault::Fault;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Distribution(Kind);
 
+/// The kinds. The deviation of `Lognormal` is that of ln x, whose mean is ln `median`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Kind {
-    Uniform {
-        low: f64,
-        high: f64,
-    },
-    LogUniform {
-        low: f64,
-        high: f64,
-    },
-    Normal {
-        mean: f64,
-        deviation: f64,
-    },
-    /// ln x is normal, with mean ln `median` and standard deviation `deviation`.
-    Lognormal {
-        median: f64,
-        deviation: f64,
-    },
-    Triangular {
-        low: f64,
-        mode: f64,
-        high: f64,
-    },
+    Uniform { low: f64, high: f64 },
+    LogUniform { low: f64, high: f64 },
+    Normal { mean: f64, deviation: f64 },
+    Lognormal { median: f64, deviation: f64 },
+    Triangular { low: f64, mode: f64, high: f64 },
 }
 
 impl Distribution {
@@ -98,10 +82,8 @@ impl Distribution {
         positive("median", median)?;
         finite("factor", factor)?;
         if factor <= 1.0 {
-            return Err(fault(
-                "factor",
-                "must be greater than 1. With a factor of 2, 68 % of the values lie between half and twice the median",
-            ));
+            let detail = "must be greater than 1. With a factor of 2, 68 % of the values lie between half and twice the median";
+            return Err(fault("factor", detail));
         }
         Ok(Self(Kind::Lognormal { median, deviation: libm::log(factor) }))
     }
@@ -115,10 +97,8 @@ impl Distribution {
         positive("standard_deviation", standard_deviation)?;
         let variation = standard_deviation / mean;
         let square = variation * variation;
-        Ok(Self(Kind::Lognormal {
-            median: mean / (1.0 + square).sqrt(),
-            deviation: libm::log1p(square).sqrt(),
-        }))
+        let (median, deviation) = (mean / (1.0 + square).sqrt(), libm::log1p(square).sqrt());
+        Ok(Self(Kind::Lognormal { median, deviation }))
     }
 
     /// The density rises in a straight line from `low` to `mode`, and falls in a straight line to `high`.
@@ -130,10 +110,8 @@ impl Distribution {
         finite("mode", mode)?;
         greater("high", high, "low", low)?;
         if mode < low || mode > high {
-            return Err(fault(
-                "mode",
-                "must lie between `low` and `high`. `mode` is the most probable value",
-            ));
+            let detail = "must lie between `low` and `high`. `mode` is the most probable value";
+            return Err(fault("mode", detail));
         }
         Ok(Self(Kind::Triangular { low, mode, high }))
     }

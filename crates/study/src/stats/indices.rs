@@ -31,8 +31,6 @@
 //! - A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259: the design and Sᵢ.
 //! - M. J. W. Jansen, Comput. Phys. Commun. 117 (1999) 35: Tᵢ.
 
-use std::fmt;
-
 use super::design::sobol::Sobol;
 use super::{Bootstrap, Estimate};
 
@@ -115,14 +113,21 @@ pub enum NoIndices {
 }
 
 /// A limitation of computed indices. The text says what to change.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Caution {
     /// The number of groups in the design is no power of two.
+    #[error(
+        "The number of groups, {groups}, is not a power of two. The estimates are valid but less accurate than with {}.",
+        .groups.next_power_of_two()
+    )]
     NotPowerOfTwo {
         /// The number of groups in the design.
         groups: usize,
     },
     /// Groups are left out.
+    #[error(
+        "{groups} of {planned} groups of points are left out, because a point of them has no value. The indices hold for the other points only."
+    )]
     LeftOut {
         /// The number of groups that are left out.
         groups: usize,
@@ -130,29 +135,13 @@ pub enum Caution {
         planned: usize,
     },
     /// The first-order index of a member is negative.
+    #[error(
+        "The first-order index is estimated below 0, because the sample is small. Read it as 0, or use more groups."
+    )]
     Negative {
         /// The place of the member.
         member: usize,
     },
-}
-
-impl fmt::Display for Caution {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotPowerOfTwo { groups } => write!(
-                f,
-                "The number of groups, {groups}, is not a power of two. The estimates are valid but less accurate than with {}.",
-                groups.next_power_of_two()
-            ),
-            Self::LeftOut { groups, planned } => write!(
-                f,
-                "{groups} of {planned} groups of points are left out, because a point of them has no value. The indices hold for the other points only."
-            ),
-            Self::Negative { .. } => f.write_str(
-                "The first-order index is estimated below 0, because the sample is small. Read it as 0, or use more groups.",
-            ),
-        }
-    }
 }
 
 impl Indices {

@@ -49,7 +49,7 @@ const HUBER_ROUNDS: usize = 30;
 const TINY: f64 = 1e-300;
 
 /// A measured number.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Point {
     /// The number y. If it is not a number, the point does not take part.
     pub value: f64,

@@ -136,32 +136,29 @@ fn on_mesh(mesh: &Mesh, worn: &WornContact, springs: f64) -> (f64, Monotone) {
         pressure[0] = (2.0 * (total - others) / (places[1] - places[0])).max(0.0);
     }
     let rim = mesh.geometry.place(worn.contact_radius);
-    let mut knots = vec![places[0]];
     // Everything wears inside a small core of a line contact, too.
     let is_line = mesh.is_whole && mesh.geometry == Geometry::Line;
-    let mut loads = vec![if is_line { places[0] * pressure[0] } else { 0.0 }];
+    let mut loads = vec![(places[0], if is_line { places[0] * pressure[0] } else { 0.0 })];
     let cells = places.windows(2).zip(pressure.windows(2)).take_while(|(ends, _)| ends[1] < rim);
     for (ends, pressure) in cells {
-        knots.push(ends[1]);
-        loads
-            .push(loads[loads.len() - 1] + 0.5 * (ends[1] - ends[0]) * (pressure[0] + pressure[1]));
+        let load = 0.5 * (ends[1] - ends[0]) * (pressure[0] + pressure[1]);
+        loads.push((ends[1], loads[loads.len() - 1].1 + load));
     }
     // Next to the edge of the contact, the pressure decreases like a power that gives the rest of the load. The last node
     // in contact does not count, because its pressure is a mean that extends beyond the edge.
-    let last = knots.len().saturating_sub(2);
-    knots.truncate(last + 1);
+    let last = loads.len().saturating_sub(2);
     loads.truncate(last + 1);
-    let (from, inside) = (knots[last], loads[last]);
+    let (from, inside) = loads[last];
     let (width, rest) = ((rim - from).max(1e-9 * from), (total - inside).max(0.0));
     // A pressure of 0 must not give 0/0.
     let share = (rest / (pressure[last] * width).max(1e-300)).clamp(0.2, 1.0);
     for left in [0.75, 0.5, 0.25, 0.1, 0.0_f64] {
-        knots.push(from + (1.0 - left) * width);
-        loads.push(total - rest * libm::pow(left, 1.0 / share));
+        loads.push((from + (1.0 - left) * width, total - rest * libm::pow(left, 1.0 / share)));
     }
     if is_line {
-        (knots, loads) = ([&[0.0], &knots[..]].concat(), [&[0.0], &loads[..]].concat());
+        loads.insert(0, (0.0, 0.0));
     }
+    let (knots, loads) = loads.into_iter().unzip();
     (total, Monotone::through(knots, loads))
 }
 

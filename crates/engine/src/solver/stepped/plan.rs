@@ -137,27 +137,22 @@ impl MeshPlan {
         };
         let ring = reach - start;
         let slipping = if contact.stick > start { 1.0 - contact.stick } else { f64::INFINITY };
-        let mut plan = Self { start, reach, farthest, focus: None, old_edge: None, ring: slipping };
-        if start > 0.0 {
-            plan.focus = Some(if shrinks {
-                Focus { from: start, to: contact.stick, blur: BLUR * ring }
-            } else {
-                Focus::at(start)
-            });
-        } else if shrinks {
-            let from = GIVES_WAY * critical_stick(shape);
-            plan.focus =
-                Some(Focus { from: from.min(contact.stick), to: contact.stick, blur: BLUR * ring });
-        } else if contact.stick > 0.05 {
-            plan.focus = Some(Focus { from: contact.stick, to: contact.stick, blur: 0.05 * ring });
-        }
-        Some(plan)
+        let focus = if shrinks {
+            let lowest = || (GIVES_WAY * critical_stick(shape)).min(contact.stick);
+            let from = if start > 0.0 { start } else { lowest() };
+            Some(Focus { from, to: contact.stick, blur: BLUR * ring })
+        } else if start > 0.0 {
+            Some(Focus::at(start))
+        } else {
+            (contact.stick > 0.05).then(|| Focus { blur: 0.05 * ring, ..Focus::at(contact.stick) })
+        };
+        Some(Self { start, reach, farthest, focus, old_edge: None, ring: slipping })
     }
 
     /// The mesh while a sharp tip or edge wears, with dense nodes there. `None` if the shape is smooth.
     pub(super) fn while_sharp(&self, contact: &Contact) -> Option<Self> {
         let sharp = contact.shape.sharp_radius()?;
-        let focus = Focus { from: sharp, to: sharp, blur: SHARP_BLUR * self.reach };
+        let focus = Focus { blur: SHARP_BLUR * self.reach, ..Focus::at(sharp) };
         let ring = if sharp > 0.0 { 1.0 - sharp } else { f64::INFINITY };
         Some(Self { focus: Some(focus), ring, ..self.clone() })
     }

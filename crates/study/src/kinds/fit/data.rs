@@ -4,47 +4,31 @@ use std::collections::BTreeMap;
 
 use deserr::Deserr;
 use fretwork_engine::numeric::twelve_digits;
-use fretwork_engine::outcome::{self, History};
 use fretwork_engine::request::fault::{Faults, unknown};
 use fretwork_engine::request::fields::{Given, List};
-use fretwork_engine::request::quantity::Dimension;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::model::{Parameter, Quantity, Set};
 use super::search::{Fit, tasks};
+use super::sets::set;
 use crate::member::Member;
 use crate::stats::design::Spacing;
 use crate::stats::measured::{Measured, Point};
 use crate::vary::{Values, Varied, distribution_of};
-use fretwork_json::{Whole, typed};
+use fretwork_json::typed;
 
 /// Maximum number of measured numbers.
 const MAX_NUMBERS: usize = 2000;
-/// Maximum number of cycles, a tenth of that of a run.
-const MAX_X: f64 = 1e14;
 /// Maximum bytes of the name of a test.
 const MAX_NAME: usize = 80;
 /// A set has a grid for bands if it has at most this many numbers; the numbers of points of a grid, and of all grids.
 const DENSE: usize = 100;
 const GRID: usize = 25;
 const GRIDS: usize = 1000;
-/// The output that is the wear volume times `density`.
-const MASS_LOSS: &str = "mass_loss";
-/// The least density of a worn body, in kg/m³. Those of solids in g/cm³ are smaller.
-const LEAST_DENSITY: f64 = 30.0;
-/// The columns that a run states about itself, which cannot be measured.
-const STATED: [&str; 3] = ["normalized_cycles", "wear_volume_error", "wear_depth_error"];
-/// The members that say how large the noise of a set is.
-const NOISE: [&str; 3] = ["sigma", "relative", "noise"];
 /// The default tolerance of runs, and the smallest one that a fit chooses because the noise is small. The error of a run
 /// is about half of its tolerance, and should be at most a quarter of the noise.
 const TOLERANCES: (f64, f64) = (3e-3, 1e-4);
 const OF_NOISE: f64 = 0.5;
-/// Noise of a set whose noise is estimated before its first estimate, relative to its largest number.
-const FIRST_NOISE: f64 = 0.1;
-/// The smallest noise in SI. Squares of residuals with less noise could exceed the largest number.
-const TINY: f64 = 1e-100;
-
 /// A test as a client writes it.
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
@@ -58,127 +42,6 @@ pub struct GivenTest {
     data: List<Value, 1, MAX_NUMBERS>,
 }
 
-/// Measured numbers of a column of the history.
-#[derive(Deserr)]
-#[deserr(error = Faults, deny_unknown_fields)]
-struct Scalars {
-    output: String,
-    #[deserr(default)]
-    over: Given<Over>,
-    x: Vec<Value>,
-    y: Vec<Value>,
-    #[deserr(default)]
-    density: Given<f64>,
-}
-
-#[derive(Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
-enum Over {
-    Cycles,
-    #[deserr(rename = "dissipated_energy")]
-    Energy,
-}
-
-/// A measured profile.
-#[derive(Deserr)]
-#[deserr(error = Faults, deny_unknown_fields)]
-struct Trace {
-    profile: Field,
-    at: f64,
-    #[deserr(default)]
-    body: Given<Whole<1, 2>>,
-    radius: Vec<Value>,
-    depth: Vec<Value>,
-}
-
-#[derive(Deserr)]
-#[deserr(error = Faults, rename_all = lowercase)]
-enum Field {
-    Wear,
-}
-
-/// The noise of a set.
-#[derive(Deserr)]
-#[deserr(error = Faults)]
-struct Noise {
-    #[deserr(default)]
-    sigma: Given<Value>,
-    #[deserr(default)]
-    relative: Given<f64>,
-    #[deserr(default, rename = "noise")]
-    kind: Given<Value>,
-}
-
-/// The member `noise`: `"estimate"`, or an object. Without `relative`, its size is estimated.
-#[derive(Deserr)]
-#[deserr(error = Faults, deny_unknown_fields)]
-struct Scatter {
-    #[deserr(default)]
-    relative: Given<f64>,
-    #[deserr(default)]
-    kind: Given<Scale>,
-}
-
-#[derive(Deserr, PartialEq)]
-#[deserr(error = Faults, rename_all = lowercase)]
-enum Scale {
-    Normal,
-    Lognormal,
-}
-
-impl Noise {
-    /// Reads the kind of the noise and its share of the numbers into a set. Returns the standard deviations that do not depend
-    /// on the numbers.
-    fn read_into(self, set: &mut Set, count: usize) -> Result<Vec<Value>, Faults> {
-        let wrong = |name: &str, detail: &str| Err(Faults::one(name, detail));
-        let (mut relative, mut pointer) = (self.relative.0, "/relative");
-        match self.kind.0 {
-            None => {}
-            Some(word) if word == "estimate" => set.is_estimated = true,
-            Some(Value::Object(own)) => {
-                let read = typed::<Scatter>(own.into()).map_err(|faults| faults.below("/noise"))?;
-                if relative.is_some() || self.sigma.0.is_some() {
-                    return wrong(
-                        "/noise",
-                        "has the noise, so `sigma` and `relative` have no meaning beside it. Remove them",
-                    );
-                }
-                set.is_log = read.kind.0 == Some(Scale::Lognormal);
-                set.is_estimated = read.relative.0.is_none();
-                (relative, pointer) = (read.relative.0.or(Some(FIRST_NOISE)), "/noise/relative");
-            }
-            Some(_) => {
-                return wrong(
-                    "/noise",
-                    "must be \"estimate\", or an object such as {\"relative\": 0.2, \"kind\": \"lognormal\"}",
-                );
-            }
-        }
-        set.share = relative.unwrap_or(0.0);
-        if !(0.0..=1.0).contains(&set.share) {
-            let detail = format!(
-                "is {}, but it is a share of each number, from 0 to 1. Enter {} for {} %",
-                set.share,
-                0.01 * set.share,
-                set.share
-            );
-            return wrong(pointer, &detail);
-        }
-        if self.sigma.0.is_none() && relative.is_none() && !set.is_estimated {
-            return wrong(
-                "/sigma",
-                "is missing. Enter `sigma`, `relative`, or \"noise\": \"estimate\"",
-            );
-        }
-        Ok(match self.sigma.0 {
-            Some(Value::Array(list)) => list,
-            Some(one) => vec![one; count],
-            // Without any size, all numbers of a set have the same noise. Its first estimate follows from them.
-            None => vec![json!(0); count],
-        })
-    }
-}
-
 /// A test: its scenario, and its specimen.
 struct Test {
     name: String,
@@ -186,132 +49,6 @@ struct Test {
     /// The pointers of its changes.
     changed: Vec<String>,
     scenario: Value,
-}
-
-/// Reads a quantity with this SI unit. Null is not measured.
-fn number(value: &Value, unit: &str) -> Result<Option<f64>, String> {
-    let dimension = Dimension::ALL.into_iter().find(|it| it.si() == unit);
-    let dimension = dimension.unwrap_or(Dimension::Number);
-    let member = Member { pointer: String::new(), dimension, value: 0.0 };
-    if value.is_null() { Ok(None) } else { Ok(Some(twelve_digits(member.read(value)?))) }
-}
-
-/// Reads a set of measured numbers.
-fn set(test: usize, given: &Value) -> Result<Set, Faults> {
-    let members = given.as_object().cloned().unwrap_or_default().into_iter();
-    let (noise, own): (Map<_, _>, Map<_, _>) =
-        members.partition(|(name, _)| NOISE.contains(&name.as_str()));
-    let (output, unit, over, quantity, x, y) = if own.contains_key("profile") {
-        let Trace { profile: Field::Wear, at, body, radius, depth } = typed(own.into())?;
-        let body = body.0.map(|body| body.0 as usize - 1);
-        let quantity = Quantity::Profile { at: twelve_digits(at), body };
-        ("profile.wear".to_owned(), "m", "radius", quantity, radius, depth)
-    } else {
-        let Scalars { output, over, x, y, density } = typed(own.into())?;
-        let (column, is_mass) = (column_of(&output)?, output == MASS_LOSS);
-        if is_mass != density.0.is_some() || density.0.is_some_and(|density| density <= 0.0) {
-            let detail = "belongs to `mass_loss`, which needs it: a number in kg/m³ greater than 0";
-            return Err(Faults::one("/density", detail));
-        }
-        if let Some(density) = density.0.filter(|density| *density < LEAST_DENSITY) {
-            let detail =
-                format!("is {density} kg/m³. If it is in g/cm³, enter {}", 1000.0 * density);
-            return Err(Faults::one("/density", detail));
-        }
-        let unit = outcome::Quantity::named(column).map_or("1", |quantity| quantity.unit);
-        let quantity = Quantity::Column { column, factor: density.0.unwrap_or(1.0) };
-        let over = match over.0 {
-            Some(Over::Energy) => "dissipated_energy",
-            Some(Over::Cycles) | None => "cycles",
-        };
-        (output, if is_mass { "kg" } else { unit }, over, quantity, x, y)
-    };
-    let set = Set::new(test, output, unit, over, quantity);
-    with_numbers(set, &x, &y, typed(noise.into())?)
-}
-
-/// Reads and checks the numbers of a set.
-fn with_numbers(mut set: Set, x: &[Value], y: &[Value], noise: Noise) -> Result<Set, Faults> {
-    let (of_x, of_y, x_unit) = match set.over {
-        "radius" => ("radius", "depth", "m"),
-        "dissipated_energy" => ("x", "y", "J"),
-        _ => ("x", "y", "1"),
-    };
-    let wrong = |name: &str, detail: &str| Err(Faults::one(&format!("/{name}"), detail));
-    let (count, is_profile) = (y.len(), set.over == "radius");
-    let sigma = noise.read_into(&mut set, count)?;
-    for (name, numbers) in [(of_y, count), ("sigma", sigma.len())] {
-        let places = x.len();
-        if numbers != places || numbers == 0 {
-            let detail = format!(
-                "has {numbers} numbers for {places} places. Enter as many, and at least one; `sigma` is one number, or as many"
-            );
-            return wrong(name, &detail);
-        }
-    }
-    let are_equal = |list: &[Value]| list.iter().all(|it| *it == list[0] && !it.is_null());
-    if count > 1 && are_equal(x) && are_equal(y) {
-        return wrong(of_y, &format!("has the same point {count} times. Enter it once"));
-    }
-    let mut faults = Faults::default();
-    for place in 0..count {
-        let mut read = |name: &str, value: &Value, unit: &str| {
-            faults.keep(&format!("/{name}/{place}"), number(value, unit))
-        };
-        let numbers = (
-            read(of_x, &x[place], x_unit),
-            read(of_y, &y[place], set.unit),
-            read("sigma", &sigma[place], set.unit),
-        );
-        let (Some(x), Some(y), Some(sigma)) = numbers else { continue };
-        let fault = match (x, y) {
-            (None, _) => Some((of_x, "must be a number")),
-            // The start of a test.
-            (Some(0.0), None | Some(0.0)) if !is_profile => continue,
-            (Some(x), _) if x < 0.0 || x == 0.0 && !is_profile || x > MAX_X => Some((
-                of_x,
-                "must be greater than 0 and at most 1e14. A radius can be 0, and so can the start with the number 0",
-            )),
-            (_, Some(y)) if y <= 0.0 && set.is_log => Some((
-                of_y,
-                "must be greater than 0 if the noise is lognormal. Enter null if it is not known",
-            )),
-            _ if sigma.is_none_or(|sigma| sigma < 0.0) => {
-                Some(("sigma", "must be a number from 0 on"))
-            }
-            _ => None,
-        };
-        if let Some((name, detail)) = fault {
-            faults.add(format!("/{name}/{place}"), detail);
-        }
-        set.x.extend(x);
-        set.y.push(y);
-        set.pointers.push(format!("/{of_y}/{place}"));
-        set.noise.push(sigma.unwrap_or(0.0));
-    }
-    let share = set.share * set.least();
-    if set.is_estimated && share == 0.0 && set.noise.iter().all(|sigma| *sigma == 0.0) {
-        let first = (FIRST_NOISE * set.largest()).max(TINY);
-        set.noise.fill(first);
-    } else if let Some(place) = set.noise.iter().position(|sigma| libm::hypot(*sigma, share) < TINY)
-    {
-        let detail = "has no noise, or less than 1e-100. Enter a larger `sigma` or `relative`";
-        faults.add(format!("/{of_y}/{place}"), detail);
-    }
-    if set.x.is_empty() && faults.0.is_empty() {
-        faults.add(format!("/{of_y}"), "has no number after the start. Enter at least one");
-    }
-    faults.or(set)
-}
-
-/// The column of the history from which an output follows.
-fn column_of(output: &str) -> Result<&'static str, Faults> {
-    let name = if output == MASS_LOSS { "wear_volume" } else { output };
-    let columns = History::MEMBERS.iter().map(|member| member.name);
-    let columns: Vec<_> = columns.filter(|name| !STATED.contains(name)).collect();
-    columns.iter().copied().find(|known| *known == name).ok_or_else(|| {
-        Faults::one("/output", unknown("output", name, &[&columns[..], &[MASS_LOSS]].concat()))
-    })
 }
 
 /// Reads a test.
@@ -393,9 +130,9 @@ fn parameter(
         let (middle, deviation, is_log) =
             distribution.ok_or_else(|| "must be `normal` or `lognormal`".to_owned())?;
         let quantity = Quantity::Prior { parameter: place, is_log };
-        let mut set = Set::new(tests.len(), pointer.clone(), "1", "", quantity);
-        (set.x, set.y, set.noise) = (vec![0.0], vec![Some(middle)], vec![deviation]);
-        Ok::<_, Faults>(set)
+        let (test, output, unit) = (tests.len(), pointer.clone(), "1");
+        let (x, y, noise) = (vec![0.0], vec![Some(middle)], vec![deviation]);
+        Ok::<_, Faults>(Set { test, output, unit, quantity, x, y, noise, ..Set::default() })
     });
     let prior = prior.transpose().map_err(|faults| faults.below("/prior"))?;
     let unit = Some(member.dimension.si()).filter(|unit| !unit.is_empty()).unwrap_or("1");
@@ -409,7 +146,7 @@ const OUTSIDE: &str = "must be from `from` to `to`";
 fn must_suffice(sets: &[Set], parameters: usize) -> Result<(), Faults> {
     let all: usize = sets.iter().map(|set| set.y.len()).sum();
     let measured = sets.iter().flat_map(|set| &set.y).flatten().count();
-    let noise = usize::from(sets.iter().any(|set| set.is_estimated));
+    let noise = has_unknown_noise(sets);
     let unknown = if noise > 0 { " parameter(s) and the noise" } else { " parameter(s)" };
     let detail = match (all, measured) {
         (MAX_NUMBERS.., _) => format!(
@@ -456,10 +193,9 @@ fn points(sets: &[Set], tests: &[Test], noises: &[Option<String>]) -> Vec<Point>
                 share: set.share,
                 least: set.least(),
                 is_log: set.is_log,
-                numerical: 0.0,
                 set: noises.partition_point(|noise| *noise < set.estimated()),
                 cluster: *clusters.entry(key).or_insert(new),
-                weight: 0.0,
+                ..Point::default()
             });
         }
     }
@@ -472,62 +208,36 @@ impl Fit {
     /// # Errors
     /// A pointer is that of no number, or too few numbers are left.
     pub fn leave_out(&mut self, pointers: &[String]) -> Result<(), Faults> {
-        let is_named = |own: &String, (set, entry): &(usize, usize)| {
-            self.sets[*set].pointers.get(*entry) == Some(own)
-        };
         for (number, pointer) in pointers.iter().enumerate() {
-            let place =
-                self.positions.iter().position(|it| is_named(pointer, it)).ok_or_else(|| {
-                    let detail =
-                        "must be the pointer of a measured number, such as /tests/0/data/0/y/2";
-                    Faults::one(&format!("/without/{number}"), detail)
-                })?;
+            let is_named = |(set, entry): &(usize, usize)| {
+                self.sets[*set].pointers.get(*entry) == Some(pointer)
+            };
+            let place = self.positions.iter().position(is_named).ok_or_else(|| {
+                let detail =
+                    "must be the pointer of a measured number, such as /tests/0/data/0/y/2";
+                Faults::one(&format!("/without/{number}"), detail)
+            })?;
             self.measured.points[place].value = f64::NAN;
         }
         if pointers.is_empty() {
             return Ok(());
         }
         self.measured = self.measured.weighted_anew();
-        let unknown =
-            self.parameters.len() + usize::from(self.sets.iter().any(|set| set.is_estimated));
-        if self.measured.taking_part().count() < unknown {
-            return Err(Faults::one(
-                "/without",
-                format!("leaves fewer than {unknown} numbers. Leave fewer out"),
-            ));
+        let unknown = self.parameters.len() + has_unknown_noise(&self.sets);
+        if self.measured.taking_part().count() >= unknown {
+            return Ok(());
         }
-        Ok(())
+        let detail = format!("leaves fewer than {unknown} numbers. Leave fewer out");
+        Err(Faults::one("/without", detail))
     }
 }
 
-impl Set {
-    /// A set without numbers.
-    fn new(
-        test: usize,
-        output: String,
-        unit: &'static str,
-        over: &'static str,
-        quantity: Quantity,
-    ) -> Self {
-        let (x, y, noise, pointers) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let (share, is_log, is_estimated, runs) = (0.0, false, false, None);
-        Self {
-            test,
-            output,
-            unit,
-            over,
-            quantity,
-            x,
-            y,
-            pointers,
-            noise,
-            share,
-            is_log,
-            is_estimated,
-            runs,
-        }
-    }
+/// 1 if the noise of a set is estimated, which needs a number more.
+fn has_unknown_noise(sets: &[Set]) -> usize {
+    usize::from(sets.iter().any(|set| set.is_estimated))
+}
 
+impl Set {
     /// The output whose noise is estimated. All sets of an output have the same noise.
     fn estimated(&self) -> Option<String> {
         self.is_estimated.then(|| self.output.clone())

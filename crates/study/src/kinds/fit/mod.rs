@@ -1,13 +1,17 @@
 //! Fits: the numbers of a scenario that agree best with measured volumes, depths, energies and profiles.
 //!
-//! The files of this room: [`data`] reads what was measured, [`model`] predicts it, [`search`] computes the points of
-//! the fit in stages, [`findings`] says what follows, and [`likelihood`] continues from there for samplers.
+//! The files of this room: [`data`] and [`sets`] read what was measured, [`model`] predicts it, [`search`] computes the points of
+//! the fit in stages, [`told`] judges the best parameters, [`notes`] says it in words, [`findings`] lists what follows,
+//! and [`likelihood`] continues from there for samplers.
 
 mod data;
 mod findings;
 mod likelihood;
 mod model;
+mod notes;
 mod search;
+mod sets;
+mod told;
 
 use std::mem::replace;
 

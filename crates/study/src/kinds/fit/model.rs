@@ -95,8 +95,14 @@ pub enum Quantity {
     Prior { parameter: usize, is_log: bool },
 }
 
+impl Default for Quantity {
+    fn default() -> Self {
+        Self::Prior { parameter: 0, is_log: false }
+    }
+}
+
 /// A set of measured numbers.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Set {
     /// The index of its test. Priors have one more.
     pub test: usize,

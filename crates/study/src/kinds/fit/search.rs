@@ -226,6 +226,11 @@ impl Fit {
         &self.sets[self.positions[position].0]
     }
 
+    /// The place x of a position.
+    pub fn x(&self, position: usize) -> f64 {
+        self.set(position).x[self.positions[position].1]
+    }
+
     /// What the rows of the first stages say. `None` if no start has led to numbers for all measured points.
     pub fn known(&self, rows: &Rows) -> Option<Known> {
         let all = self.parameters.len() + 3 + self.positions.len();

@@ -1,0 +1,147 @@
+//! The best parameters of a fit, and what the data say about them in numbers.
+
+use std::collections::BTreeMap;
+
+use super::model::Quantity;
+use super::search::{Fit, Known, Row};
+use crate::stats::fisher;
+use crate::stats::measured::{Information, Point};
+use crate::stats::outliers::outliers;
+
+/// Differences up to this share of the numbers can be numerical errors.
+const NUMERICAL: f64 = 1e-3;
+/// A parameter whose change by its own value changes predictions by less than this share has almost no effect.
+const LITTLE: f64 = 0.05;
+/// A parameter whose coordinate is nearer to 0 or 1 than this is at a bound.
+const AT_BOUND: f64 = 2e-3;
+
+/// What is told about the best parameters.
+pub struct Told<'a> {
+    pub fit: &'a Fit,
+    pub known: &'a Known,
+    pub best: &'a Row,
+    /// What the data say without the priors, and with them.
+    pub alone: Information,
+    pub information: Information,
+    /// The studentised residuals by position, and the positions of the outliers.
+    pub studentized: BTreeMap<usize, f64>,
+    pub outliers: Vec<usize>,
+}
+
+impl<'a> Told<'a> {
+    pub fn new(fit: &'a Fit, known: &'a Known) -> Self {
+        let [alone, information] = [false, true].map(|priors| fit.information(known, priors));
+        let (best, (studentized, outliers)) = (&known.rows[known.minimum], Default::default());
+        let mut told = Self { fit, known, best, alone, information, studentized, outliers };
+        told.seek_outliers();
+        told
+    }
+
+    /// Seeks outliers among the points that take part. Neighbours in a profile are not independent, and a prior is no measurement.
+    fn seek_outliers(&mut self) {
+        let is_single = |it: &usize| matches!(self.fit.set(*it).quantity, Quantity::Column { .. });
+        let places: Vec<usize> = self.points().map(|it| it.0).filter(is_single).collect();
+        let distances: Vec<f64> = places.iter().map(|it| self.residual(*it)).collect();
+        let column =
+            |row: &Row| places.iter().map(|it| row.numbers[*it] / self.deviation(*it)).collect();
+        let slopes: Vec<Vec<f64>> = self.fit.derivatives(self.known).iter().map(column).collect();
+        let differs = |it: &usize| {
+            let (measured, predicted) =
+                (self.known.measured.points[*it].value, self.best.numbers[*it]);
+            (measured - predicted).abs() > NUMERICAL * predicted.abs()
+        };
+        let is_known = slopes.iter().flatten().chain(&distances).all(|it| it.is_finite());
+        if !is_known || !places.iter().any(differs) {
+            return;
+        }
+        let found = outliers(&distances, &slopes, self.known.measured.freedom().is_some());
+        self.outliers = found.places.iter().map(|it| places[*it]).collect();
+        self.studentized = places.into_iter().zip(found.studentized).collect();
+    }
+
+    /// The points that take part, and their indices.
+    pub fn points(&self) -> impl Iterator<Item = (usize, &Point)> {
+        self.known.measured.taking_part()
+    }
+
+    pub fn deviation(&self, place: usize) -> f64 {
+        self.known.noise.deviations[place]
+    }
+
+    /// The residual of a point without its weight.
+    pub fn residual(&self, place: usize) -> f64 {
+        -self.known.distances[place]
+    }
+
+    /// The root mean square deviation of the numbers of a set, relative to that of their predictions.
+    pub fn share(&self, set: usize) -> f64 {
+        let own = self.points().filter(|(place, _)| self.fit.positions[*place].0 == set);
+        let own = own.map(|(place, _)| (self.deviation(place), self.best.numbers[place]));
+        let (noise, size) = own.fold((0.0, 0.0), |sum, (s, y)| (sum.0 + s * s, sum.1 + y * y));
+        (noise / size).sqrt()
+    }
+
+    /// For each position: the prediction, its deviation, the residual, and the bands. A number that was not measured has
+    /// the mean relative deviation of its set.
+    pub fn bands(&self) -> Vec<[f64; 8]> {
+        let (fit, measured) = (self.fit, &self.known.measured);
+        let shares: Vec<f64> = (0..fit.sets.len()).map(|set| self.share(set)).collect();
+        let factor = measured.factor(fit.confidence);
+        let derivatives = fit.derivatives(self.known);
+        let band = |(place, y): (usize, &f64)| {
+            let slopes: Vec<f64> = derivatives.iter().map(|row| row.numbers[place]).collect();
+            let point = &measured.points[place];
+            let relative = shares[fit.positions[place].0] * y.abs();
+            let deviation = if point.weight > 0.0 { self.deviation(place) } else { relative };
+            let confidence = fit.rise(self.known) * self.information.standard_error(&slopes);
+            let prediction = libm::hypot(confidence, factor * deviation);
+            let is_log = fit.set(place).is_log;
+            let end = |by: f64| if is_log { y * libm::exp(by / y) } else { y + by };
+            let [low, high] = [-confidence, confidence].map(end);
+            let [least, most] = [-prediction, prediction].map(end);
+            let studentized = self.studentized.get(&place).copied().unwrap_or(f64::NAN);
+            [*y, deviation, self.residual(place), studentized, low, high, least, most]
+        };
+        self.best.numbers.iter().enumerate().map(band).collect()
+    }
+
+    pub fn is_at_bound(&self, place: usize) -> bool {
+        let parameter = &self.fit.parameters[place];
+        let u = parameter.coordinate(self.best.theta[place]);
+        !(AT_BOUND..=1.0 - AT_BOUND).contains(&u)
+    }
+
+    /// Whether a large change of a parameter changes a prediction by more than a little.
+    pub fn has_effect(&self, place: usize) -> bool {
+        let changes = &self.fit.derivatives(self.known)[place].numbers;
+        self.points().any(|(it, _)| changes[it].abs() > LITTLE * self.best.numbers[it].abs())
+    }
+
+    /// The test of lack of fit, if points were repeated: F and its probability. Repeated points have equal predictions. In
+    /// profiles they have not: all points beside the scar have the prediction 0.
+    pub fn lack_of_fit(&self) -> Option<(f64, f64)> {
+        let mut groups = BTreeMap::<(Option<usize>, &str, u64), Vec<(f64, f64)>>::new();
+        for (place, _) in self.points() {
+            let predicted = self.best.numbers[place].to_bits();
+            let is_profile = self.fit.set(place).over == "radius";
+            let key = (is_profile.then_some(place), self.fit.set(place).output.as_str(), predicted);
+            groups.entry(key).or_default().push((self.residual(place), self.deviation(place)));
+        }
+        let spread = |group: &Vec<(f64, f64)>| {
+            let weights: f64 = group.iter().map(|(_, s)| 1.0 / (s * s)).sum();
+            let mean = group.iter().map(|(residual, s)| residual / s).sum::<f64>() / weights;
+            let rest = group.iter().map(|(residual, s)| residual - mean / s);
+            rest.map(|rest| rest * rest).sum::<f64>()
+        };
+        let pure: f64 = groups.values().map(spread).sum();
+        let (points, count) = (self.points().count(), groups.len());
+        let repeats = (points - count) as f64;
+        let freedom = count as f64 - self.fit.parameters.len() as f64;
+        let is_clustered = (self.known.measured.count(None) - points as f64).abs() > 0.5;
+        if is_clustered || freedom < 1.0 || repeats < 1.0 {
+            return None;
+        }
+        let statistic = (self.best.sum - pure).max(0.0) / freedom / (pure / repeats);
+        Some((statistic, fisher::above(statistic, (freedom, repeats))))
+    }
+}
