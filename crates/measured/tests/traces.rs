@@ -8,8 +8,15 @@ use fretwork_measured::{Measured, Prepare, Wanted, read};
 use fretwork_random::Stream;
 use serde_json::{Value, json};
 
-const TRACE: Wanted<'_> =
-    Wanted { x: None, y: None, prepare: Prepare::Trace, level: true, centre: true };
+const TRACE: Wanted<'_> = Wanted {
+    x: None,
+    y: None,
+    prepare: Prepare::Trace,
+    level: true,
+    centre: true,
+    up: None,
+    scar: None,
+};
 const RADIUS: f64 = 10e-3;
 
 /// Wear depth over radius of a steel ball, as a run computes it.

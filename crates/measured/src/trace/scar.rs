@@ -1,0 +1,212 @@
+//! Which parts of a trace are the scar, and where the heights point. What is doubtful is refused with the parameter that decides.
+
+use std::ops::Range;
+
+use super::parts::{Found, Part, UNWORN, find};
+use super::surface::{Points, Surface};
+use super::{Up, Wanted};
+
+/// A removed part with this share of the area of the scar is another scar.
+const OTHER: f64 = 0.1;
+/// A step counts if it is this many standard deviations, and this many times the scatter.
+const SURE: f64 = 5.0;
+
+/// The scar of a trace.
+#[derive(Debug)]
+pub struct Scar {
+    /// The unworn surface, and all parts.
+    pub found: Found,
+    /// The sign of heights out of the material.
+    pub outwards: f64,
+    /// The points between the ends of the scar. Empty if there is none.
+    pub range: Range<usize>,
+    /// The removed parts of the scar.
+    pub removed: Vec<Part>,
+    /// The parts above the unworn surface.
+    pub added: Vec<Part>,
+}
+
+const UM: f64 = 1e6;
+
+/// The ends of a part in words.
+fn place(points: &[(f64, f64)], range: &Range<usize>) -> String {
+    format!("from x = {:.4} mm to {:.4} mm", 1e3 * points[range.start].0, 1e3 * points[range.end - 1].0)
+}
+
+/// The parameter that chooses the points of a range.
+fn choice(points: &[(f64, f64)], range: &Range<usize>) -> String {
+    format!("scar={:.4}..{:.4}mm", 1e3 * points[range.start].0, 1e3 * points[range.end - 1].0)
+}
+
+fn area(parts: &[Part]) -> f64 {
+    parts.iter().map(|part| part.area.abs()).sum()
+}
+
+/// The sign of heights out of the material. Only the curvature of a surface may decide without a word of the user: a hump on
+/// a hollow surface is a scar of a ball whose heights count into it.
+fn outwards(found: &Found, points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> f64 {
+    let largest = found.parts.iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
+    let height = largest.map_or(0.0, |part| {
+        part.range.clone().fold(0.0, |most: f64, at| most.max(found.heights[at].abs()))
+    });
+    let half = 0.5 * (points[points.len() - 1].0 - points[0].0);
+    let bow = found.surface.bend() * half * half;
+    let is_turned = found.surface.is_round && bow > height && largest.is_none_or(|part| part.area > 0.0);
+    match wanted.up {
+        Some(Up::Out) => 1.0,
+        Some(Up::In) => -1.0,
+        None if is_turned => {
+            notes.push(
+                "The surface is a ball or cylinder if its heights point into the material, so they were turned. If it is \
+                 hollow, write up=out."
+                    .to_owned(),
+            );
+            -1.0
+        }
+        None => 1.0,
+    }
+}
+
+/// Finds the scar.
+///
+/// # Errors
+/// There is none, there are several, or the unworn surface is not one plane or circle.
+pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<Scar, String> {
+    let (count, window) = (points.len(), wanted.scar);
+    let mut found = find(points, window, None);
+    if let Some([from, to]) = window {
+        let [first, after] = [from, to].map(|end| points.partition_point(|point| point.0 < end));
+        if after < first + 5 || first < 5 || after + 5 > count {
+            return Err(format!(
+                "does not contain scar={:.4}..{:.4}mm with some points on both sides: x is {}. Write other ends",
+                1e3 * from, 1e3 * to, place(points, &(0..count))
+            ));
+        }
+        if is_step(&found.surface_with(points, [from, to])) {
+            found = find(points, window, Some([from, to]));
+            let height = found.surface.step().0;
+            notes.push(format!(
+                "The right side of the scar is {:.4} um higher than the left one. A line between both is the unworn \
+                 surface, and half of the difference is in the errors: depth and volume are uncertain.",
+                UM * height
+            ));
+        }
+        found.parts.retain(|part| part.range.start < after && part.range.end > first);
+        for Part { range, .. } in &mut found.parts {
+            *range = range.start.max(first)..range.end.min(after);
+        }
+    }
+    let outwards = outwards(&found, points, wanted, notes);
+    let (added, removed): (Vec<_>, Vec<_>) =
+        found.parts.iter().cloned().partition(|part| part.area * outwards > 0.0);
+    let mut scar = Scar { found, outwards, range: 0..0, removed, added };
+    if scar.removed.is_empty() && scar.added.is_empty() {
+        return match window {
+            None if scar.found.surface.is_round => Ok(scar),
+            None => Err("has no scar: the whole surface is plane within its scatter".to_owned()),
+            Some(_) => Err("has no scar there: nothing between the ends of scar= stands out of the scatter. Write other \
+                            ends".to_owned()),
+        };
+    }
+    scar.check_sign(points, wanted)?;
+    scar.check_one(points, window, notes)?;
+    Ok(scar)
+}
+
+impl Found {
+    /// The unworn surface if it may rise in a stretch.
+    fn surface_with(&self, points: &[(f64, f64)], stretch: [f64; 2]) -> Surface {
+        Surface::through(points, &self.is_unworn, Some(stretch))
+    }
+}
+
+/// Whether a surface has a step that is many times the scatter.
+fn is_step(surface: &Surface) -> bool {
+    let (height, error) = surface.step();
+    height.abs() > SURE * error && height.abs() > SURE * surface.scatter
+}
+
+impl Scar {
+    /// Refuses more added than removed material.
+    fn check_sign(&self, points: &[(f64, f64)], wanted: &Wanted<'_>) -> Result<(), String> {
+        let Self { removed, added, .. } = self;
+        let most = |parts: &[Part]| {
+            let largest = parts.iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
+            largest.map_or(String::new(), |part| format!(", most of it {}", place(points, &part.range)))
+        };
+        if area(added) <= area(removed) {
+            return Ok(());
+        }
+        let other = if self.outwards > 0.0 { "in" } else { "out" };
+        let choose = match wanted.scar {
+            None => " If the scar is another part, choose it with scar=FROM..TO, such as scar=0.4..1.6mm",
+            Some(_) => "",
+        };
+        Err(format!(
+            "has more added than removed material: {:.4} um^2 lie above the unworn surface{}, and {:.4} um^2 below it{}. \
+             If the heights count the other way, write up={other}.{choose}",
+            UM * UM * area(added), most(added), UM * UM * area(removed), most(removed)
+        ))
+    }
+
+    /// Chooses the removed parts of one scar. Parts with a gap that is not longer than the shorter one are one scar.
+    fn check_one(
+        &mut self,
+        points: &[(f64, f64)],
+        window: Option<[f64; 2]>,
+        notes: &mut Vec<String>,
+    ) -> Result<(), String> {
+        let mut groups: Vec<Vec<Part>> = Vec::new();
+        let all = |group: &[Part]| group[0].range.start..group[group.len() - 1].range.end;
+        for part in std::mem::take(&mut self.removed) {
+            let is_near = groups.last().is_some_and(|group| {
+                let gap = part.range.start.saturating_sub(all(group).end);
+                window.is_some() || gap <= all(group).len().min(part.range.len())
+            });
+            match groups.last_mut().filter(|_| is_near) {
+                Some(group) => group.push(part),
+                None => groups.push(vec![part]),
+            }
+        }
+        groups.sort_by(|one, other| area(other).total_cmp(&area(one)));
+        let count = points.len();
+        let scar = all(&groups[0]);
+        let others: Vec<_> = groups[1..].iter().filter(|group| area(group) > OTHER * area(&groups[0])).collect();
+        if let Some(other) = others.first() {
+            let both = scar.start.min(all(other).start)..scar.end.max(all(other).end);
+            return Err(format!(
+                "has two scars or more: {}, and {}. Choose one with {} or {}. If they are one ring, write {}",
+                place(points, &scar), place(points, &all(other)), choice(points, &scar), choice(points, &all(other)),
+                choice(points, &both)
+            ));
+        }
+        for group in &groups[1..] {
+            notes.push(format!("Below the unworn surface, {} was left out: it is not of the scar.", place(points, &all(group))));
+        }
+        let end = count / UNWORN;
+        let is_at_end = |range: &Range<usize>| range.start == 0 || range.end == count;
+        let is_stepped = |part: &Part| is_at_end(&part.range) && part.area.abs() > OTHER * area(&groups[0]);
+        if window.is_none() {
+            if scar.start < end || scar.end > count - end {
+                return Err(format!(
+                    "has a scar that reaches to an end: {}. Measure farther: at each end, a tenth of the trace must be \
+                     unworn. If the trace begins at the axis, write prepare=half. If the scar is a part of this, choose it \
+                     with scar=FROM..TO, such as {}",
+                    place(points, &scar), choice(points, &(end..count - end))
+                ));
+            }
+            let stretch = [points[scar.start].0, points[scar.end - 1].0];
+            let surface = self.found.surface_with(points, stretch);
+            if is_step(&surface) || self.found.parts.iter().any(is_stepped) {
+                return Err(format!(
+                    "has a scar {} whose sides do not lie on one plane or circle: the right side is {:.4} um higher than \
+                     the left one. If this is the scar, write {}; otherwise choose one with scar=FROM..TO",
+                    place(points, &scar), UM * surface.step().0, choice(points, &scar)
+                ));
+            }
+        }
+        self.range = scar;
+        self.removed = groups.swap_remove(0);
+        Ok(())
+    }
+}

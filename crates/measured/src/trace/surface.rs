@@ -1,0 +1,217 @@
+//! The unworn surface of a trace: a plane, or a circle with its own tilt, by least squares.
+//!
+//! # Equations
+//! ```text
+//! z = a + b·u + c·u² + h(x − x₀)        h(v) = ±(R − √(R² − v²)) − c·v²,   R = 1/(2|c|)
+//! ```
+//! u is the distance from the middle of the trace. The parabola alone describes a plane that is slightly bent. h is what a
+//! circle has beyond its parabola. If x₀ is the apex of the parabola, the surface is a circle. An instrument that subtracts a
+//! line from the trace of a tilted ball shears the circle: then x₀ lies elsewhere. The shear is used if the trace
+//! determines it. Errors contain it always.
+
+/// The columns of the fit: 1, u, u², the derivative of h by x₀, and a step of the surface.
+const COLUMNS: usize = 5;
+/// The column of x₀, and that of a step.
+const SHEAR: usize = 3;
+const STEP: usize = 4;
+/// A shear counts if it is this many standard deviations.
+const SURE: f64 = 4.0;
+/// The standard deviation of the shear that is expected without knowledge, in rad.
+const EXPECTED: f64 = 0.05;
+/// Number of repetitions of a fit that is not linear.
+const TRIES: usize = 12;
+
+type Row = [f64; COLUMNS];
+
+/// Points of a trace: x and z.
+pub type Points = Vec<(f64, f64)>;
+
+/// The unworn surface.
+#[derive(Debug, Clone, Default)]
+pub struct Surface {
+    /// The middle of the trace, and half of its length.
+    middle: f64,
+    half: f64,
+    /// The ends of a stretch in which the surface rises by a step.
+    edge: Option<[f64; 2]>,
+    coefficients: Row,
+    /// The covariance of the coefficients, with the shear.
+    covariance: [Row; COLUMNS],
+    /// The apex of the circle, x₀.
+    apex: f64,
+    /// Whether it is a circle. Otherwise it is a plane within the scatter.
+    pub is_round: bool,
+    /// Whether the circle is sheared.
+    pub is_sheared: bool,
+    /// The root mean square of the unworn points.
+    pub scatter: f64,
+    /// The number of neighbouring points whose deviations go together.
+    pub together: f64,
+}
+
+/// The solution of normal equations, and the inverse matrix. A column that is not used has the solution 0.
+fn solved(mut matrix: [Row; COLUMNS], right: Row, used: [bool; COLUMNS]) -> (Row, [Row; COLUMNS]) {
+    let mut inverse = [[0.0; COLUMNS]; COLUMNS];
+    for at in 0..COLUMNS {
+        inverse[at][at] = 1.0;
+        if !used[at] {
+            (0..COLUMNS).for_each(|other| (matrix[at][other], matrix[other][at]) = (0.0, 0.0));
+            matrix[at][at] = 1.0;
+        }
+    }
+    // Gauss and Jordan. The matrix is positive definite, so no rows are exchanged.
+    for at in 0..COLUMNS {
+        let pivot = matrix[at][at].max(f64::MIN_POSITIVE);
+        for other in 0..COLUMNS {
+            matrix[at][other] /= pivot;
+            inverse[at][other] /= pivot;
+        }
+        for row in (0..COLUMNS).filter(|row| *row != at) {
+            let factor = matrix[row][at];
+            for other in 0..COLUMNS {
+                matrix[row][other] -= factor * matrix[at][other];
+                inverse[row][other] -= factor * inverse[at][other];
+            }
+        }
+    }
+    let mut found = [0.0; COLUMNS];
+    for at in (0..COLUMNS).filter(|at| used[*at]) {
+        found[at] = (0..COLUMNS).filter(|it| used[*it]).map(|it| inverse[at][it] * right[it]).sum();
+    }
+    for at in (0..COLUMNS).filter(|at| !used[*at]) {
+        inverse[at] = [0.0; COLUMNS];
+    }
+    (found, inverse)
+}
+
+impl Surface {
+    /// The surface through the points that are used, perhaps with a step in a stretch.
+    pub fn through(points: &[(f64, f64)], is_used: &[bool], edge: Option<[f64; 2]>) -> Self {
+        let (first, last) = (points[0].0, points[points.len() - 1].0);
+        let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
+        let used: Points =
+            points.iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|it| *it.0).collect();
+        let mut found = Self { middle, half, edge, ..Self::default() };
+        found.fit(&used, false);
+        found.is_round = found.bend().abs() * half * half > 3.0 * found.scatter;
+        if found.is_round {
+            for _ in 0..TRIES {
+                found.apex = found.vertex();
+                found.fit(&used, false);
+            }
+            let mut sheared = found.clone();
+            for _ in 0..TRIES {
+                sheared.fit(&used, true);
+                // A ball that is tilted by more than a right angle shows no apex.
+                let reach = 0.5 / sheared.bend().abs();
+                let moved = sheared.apex + sheared.coefficients[SHEAR];
+                sheared.apex = moved.clamp(middle - reach, middle + reach);
+                sheared.coefficients[SHEAR] = 0.0;
+            }
+            let moved = (sheared.apex - sheared.vertex()).abs();
+            if moved > SURE * sheared.covariance[SHEAR][SHEAR].sqrt() && sheared.scatter < found.scatter {
+                found = Self { is_sheared: true, ..sheared };
+            } else if sheared.covariance.as_flattened().iter().all(|it| it.is_finite()) {
+                found.covariance = sheared.covariance;
+            }
+        }
+        found
+    }
+
+    /// Half of the second derivative at the apex.
+    pub fn bend(&self) -> f64 {
+        self.coefficients[2] / (self.half * self.half)
+    }
+
+    /// The apex of the parabola.
+    pub fn vertex(&self) -> f64 {
+        self.middle - 0.5 * self.half * self.coefficients[1] / self.coefficients[2]
+    }
+
+    /// The height of a step, and its standard deviation.
+    pub fn step(&self) -> (f64, f64) {
+        (self.coefficients[STEP], self.covariance[STEP][STEP].sqrt())
+    }
+
+    /// What the circle has beyond its parabola, and the derivative by its apex.
+    fn roundness(&self, x: f64) -> (f64, f64) {
+        if !self.is_round {
+            return (0.0, 0.0);
+        }
+        let (bend, v) = (self.bend(), x - self.apex);
+        let radius = 0.5 / bend.abs();
+        let root = (radius * radius - v * v).max(1e-4 * radius * radius).sqrt();
+        let beyond = (radius - root).copysign(bend) - bend * v * v;
+        (beyond, 2.0 * bend * v - (v / root).copysign(bend * v))
+    }
+
+    fn row(&self, x: f64) -> Row {
+        let u = (x - self.middle) / self.half;
+        let rise = |[from, to]: [f64; 2]| ((x - 0.5 * (from + to)) / (to - from)).clamp(-0.5, 0.5);
+        let step = self.edge.map_or(0.0, rise);
+        [1.0, u, u * u, self.roundness(x).1, step]
+    }
+
+    fn fit(&mut self, used: &[(f64, f64)], with_shear: bool) {
+        let (mut matrix, mut right) = ([[0.0; COLUMNS]; COLUMNS], [0.0; COLUMNS]);
+        for (x, z) in used {
+            let (row, beyond) = (self.row(*x), self.roundness(*x).0);
+            for at in 0..COLUMNS {
+                right[at] += row[at] * (z - beyond);
+                (0..COLUMNS).for_each(|other| matrix[at][other] += row[at] * row[other]);
+            }
+        }
+        let is_used = [true, true, true, with_shear, self.edge.is_some()];
+        let variance = self.scatter * self.scatter * self.together;
+        let expected = 0.5 * EXPECTED / self.bend();
+        if with_shear {
+            matrix[SHEAR][SHEAR] += variance / (expected * expected);
+        }
+        let found = solved(matrix, right, is_used);
+        self.coefficients = found.0;
+        let deviations: Vec<f64> = used.iter().map(|(x, z)| z - self.at(*x)).collect();
+        let sum: f64 = deviations.iter().map(|it| it * it).sum();
+        let free = used.len() as f64 - is_used.iter().filter(|it| **it).count() as f64;
+        self.scatter = (sum / free.max(1.0)).sqrt();
+        self.together = together(&deviations);
+        let variance = self.scatter * self.scatter * self.together;
+        self.covariance = found.1.map(|row| row.map(|it| it * variance));
+    }
+
+    /// The height of the surface. Where it rises by a step, a line joins both sides.
+    pub fn at(&self, x: f64) -> f64 {
+        let row = self.row(x);
+        (0..COLUMNS).map(|at| self.coefficients[at] * row[at]).sum::<f64>() + self.roundness(x).0
+    }
+
+    /// The slope of the surface.
+    pub fn slope(&self, x: f64) -> f64 {
+        let step = 1e-4 * self.half;
+        (self.at(x + step) - self.at(x - step)) / (2.0 * step)
+    }
+
+    /// The standard deviation of a sum of heights of the surface, each with its weight.
+    pub fn error(&self, weights: impl Iterator<Item = (f64, f64)>) -> f64 {
+        let mut sum = [0.0; COLUMNS];
+        for (x, weight) in weights {
+            sum.iter_mut().zip(self.row(x)).for_each(|(sum, own)| *sum += weight * own);
+        }
+        let product = |row: &Row| row.iter().zip(sum).map(|(own, sum)| own * sum).sum::<f64>();
+        let square: f64 = self.covariance.iter().zip(sum).map(|(row, sum)| sum * product(row)).sum();
+        square.max(0.0).sqrt()
+    }
+}
+
+/// The number of neighbours that go together: the variance of means of several numbers, in units of that of independent
+/// numbers (batch means).
+fn together(deviations: &[f64]) -> f64 {
+    let square = |values: &mut dyn Iterator<Item = f64>| values.map(|it| it * it).sum::<f64>();
+    let variance = square(&mut deviations.iter().copied()) / deviations.len() as f64;
+    let sizes = (1..).map(|power| 2_usize.pow(power)).take_while(|size| size * 8 <= deviations.len());
+    let ratio = |size: usize| {
+        let means = deviations.chunks_exact(size).map(|chunk| chunk.iter().sum::<f64>() / size as f64);
+        let count = (deviations.len() / size) as f64;
+        size as f64 * square(&mut means.into_iter()) / (count * variance)
+    };
+    sizes.map(ratio).filter(|it| it.is_finite()).fold(1.0, f64::max)
+}
