@@ -68,7 +68,9 @@ impl Part {
     }
 
     fn extreme(&self) -> f64 {
-        (0..400).map(|at| self.at(self.middle + self.half * (f64::from(at) / 200.0 - 1.0)).abs()).fold(0.0, f64::max)
+        (0..400)
+            .map(|at| self.at(self.middle + self.half * (f64::from(at) / 200.0 - 1.0)).abs())
+            .fold(0.0, f64::max)
     }
 }
 
@@ -126,7 +128,8 @@ impl Made {
         let depth = draw.log_between(1.0, 20.0).max(20.0 * noise);
         let skew = if chance(draw, 0.15) { draw.one_of(&[-0.5, -0.25, 0.25, 0.5]) } else { 0.0 };
         let mut parts = vec![Part { kind, middle, half, height: -depth, skew }];
-        let hump = |middle, half, height| Part { kind: Kind::Hump, middle, half, height, skew: 0.0 };
+        let hump =
+            |middle, half, height| Part { kind: Kind::Hump, middle, half, height, skew: 0.0 };
         // Ridges beside the scar.
         let sides: &[f64] = match draw.between(0.0, 1.0) {
             it if it < 0.25 => &[-1.0, 1.0],
@@ -135,18 +138,27 @@ impl Made {
         };
         for side in sides {
             let width = draw.between(0.03, 0.12) * half;
-            parts.push(hump(middle + side * (half + width), width, depth * draw.between(0.05, 0.5)));
+            parts.push(hump(
+                middle + side * (half + width),
+                width,
+                depth * draw.between(0.05, 0.5),
+            ));
         }
         // A lump on the surface.
         let outside = [middle - half - 0.1 * length, length - middle - half - 0.1 * length];
         if sides.is_empty() && chance(draw, 0.15) {
             let width = 0.25 * outside[0].max(outside[1]).min(0.2 * half);
             let at = draw.between(1.2, 2.0) * width;
-            let place = if outside[0] > outside[1] { middle - half - at } else { middle + half + at };
+            let place =
+                if outside[0] > outside[1] { middle - half - at } else { middle + half + at };
             parts.push(hump(place, width, depth * draw.between(0.1, 0.8)));
         }
         let wave = if chance(draw, 0.4) {
-            [draw.log_between(0.01, 0.2).min(depth / 20.0), draw.log_between(0.03, 0.15) * length, draw.between(0.0, 6.0)]
+            [
+                draw.log_between(0.01, 0.2).min(depth / 20.0),
+                draw.log_between(0.03, 0.15) * length,
+                draw.between(0.0, 6.0),
+            ]
         } else {
             [0.0, 1.0, 0.0]
         };
@@ -186,7 +198,8 @@ impl Made {
             made.clipped = Some(draw.between(0.6, 0.95));
             (made.radius, made.turned) = (f64::INFINITY, 0.0);
         } else if kind < 0.21 {
-            made.dropped = (draw.between(4.0, 60.0) as usize, draw.one_of(&[0.0, 0.0, -9999.0, -32_768.0]));
+            made.dropped =
+                (draw.between(4.0, 60.0) as usize, draw.one_of(&[0.0, 0.0, -9999.0, -32_768.0]));
         }
         made
     }
@@ -227,9 +240,12 @@ impl Made {
             }
         }
         if self.levelled && self.clipped.is_none() {
-            let mean = |of: &dyn Fn(&[f64; 2]) -> f64| rows.iter().map(of).sum::<f64>() / rows.len() as f64;
+            let mean = |of: &dyn Fn(&[f64; 2]) -> f64| {
+                rows.iter().map(of).sum::<f64>() / rows.len() as f64
+            };
             let (x, z) = (mean(&|row| row[0]), mean(&|row| row[1]));
-            let slope = mean(&|row| (row[0] - x) * (row[1] - z)) / mean(&|row| (row[0] - x) * (row[0] - x));
+            let slope =
+                mean(&|row| (row[0] - x) * (row[1] - z)) / mean(&|row| (row[0] - x) * (row[0] - x));
             for row in &mut rows {
                 row[1] -= z + slope * (row[0] - x);
             }
@@ -250,7 +266,8 @@ impl Made {
 
     fn file(&self) -> String {
         let rows = self.rows();
-        "x [um],z [um]\n".to_owned() + &rows.iter().map(|[x, z]| format!("{x:.4},{z:.5}\n")).collect::<String>()
+        "x [um],z [um]\n".to_owned()
+            + &rows.iter().map(|[x, z]| format!("{x:.4},{z:.5}\n")).collect::<String>()
     }
 
     fn axis(&self) -> f64 {
@@ -303,9 +320,22 @@ fn random_traces_have_the_volumes_of_which_they_were_made() {
         let made = Made::of(seed);
         let kind = format!(
             "{:?} {:?} R {:.0} L {:.0} n {} half {:.0} mid {:.0} h {:.2} skew {} parts {} noise {:.3} wave {:.3}/{:.0} lev {} clip {:?} drop {:?}",
-            made.verdict, made.parts[0].kind, made.radius, made.length, made.count, made.parts[0].half, made.parts[0].middle,
-            made.parts[0].height, made.parts[0].skew, made.parts.len(), made.noise, made.wave[0], made.wave[1], made.levelled,
-            made.clipped, made.dropped
+            made.verdict,
+            made.parts[0].kind,
+            made.radius,
+            made.length,
+            made.count,
+            made.parts[0].half,
+            made.parts[0].middle,
+            made.parts[0].height,
+            made.parts[0].skew,
+            made.parts.len(),
+            made.noise,
+            made.wave[0],
+            made.wave[1],
+            made.levelled,
+            made.clipped,
+            made.dropped
         );
         let found = answer(&made, &TRACE);
         let (is_right, text) = match (made.verdict, &found) {
@@ -315,7 +345,8 @@ fn random_traces_have_the_volumes_of_which_they_were_made() {
                 let is_deep = depth <= 1.0 || made.clipped.is_some() && depth.is_finite();
                 let is_right = volume.abs() <= 0.03_f64.max(error) && is_deep;
                 let told = ["left out", "clipped", "uncertain"];
-                let is_told = measured.notes.iter().any(|note| told.iter().any(|told| note.contains(told)));
+                let is_told =
+                    measured.notes.iter().any(|note| told.iter().any(|told| note.contains(told)));
                 let is_far = !(volume.abs() <= 0.1) && !is_told;
                 silent += usize::from(is_far);
                 let silent = if is_far { "SILENT " } else { "" };
@@ -327,9 +358,17 @@ fn random_traces_have_the_volumes_of_which_they_were_made() {
             }
             (_, Ok(measured)) => {
                 let [volume, error, depth] = off(&made, measured);
-                (false, format!("ACCEPTED {volume:+.4} (2σ {error:.4}), depth {depth:.2}"))
+                (
+                    false,
+                    format!(
+                        "ACCEPTED {volume:+.4} (2σ {error:.4}), depth {depth:.2} step {:?} {:?}",
+                        made.step, measured.notes
+                    ),
+                )
             }
-            (Verdict::TwoScars | Verdict::Step, Err(detail)) => (detail.contains("scar="), detail.clone()),
+            (Verdict::TwoScars | Verdict::Step, Err(detail)) => {
+                (detail.contains("scar="), detail.clone())
+            }
             (Verdict::Bump, Err(detail)) => (detail.contains("up=in"), detail.clone()),
         };
         right += usize::from(is_right);
@@ -337,7 +376,9 @@ fn random_traces_have_the_volumes_of_which_they_were_made() {
             println!("{seed} {} {kind}: {text}", if is_right { "right" } else { "WRONG" });
         }
     }
-    println!("{right} of {count} right, {refused} sound ones refused, {silent} far off without a note");
+    println!(
+        "{right} of {count} right, {refused} sound ones refused, {silent} far off without a note"
+    );
     assert!(right * 100 >= count as usize * 95, "{right} of {count}");
     assert!(refused * 100 <= count as usize * 3, "{refused} of {count} were refused");
     assert_eq!(silent, 0);

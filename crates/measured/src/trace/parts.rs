@@ -44,8 +44,6 @@ pub struct Found {
     pub is_unworn: Vec<bool>,
     /// The parts, from the lowest x to the highest one.
     pub parts: Vec<Part>,
-    /// The deviation from which points of a scar are sure.
-    pub limit: f64,
 }
 
 /// The length of the trace for which each point stands.
@@ -67,17 +65,14 @@ fn sums(values: impl Iterator<Item = f64>) -> Vec<f64> {
 
 /// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
 /// known. `edge` is where the surface may rise by a step.
-pub fn find(
-    points: &[(f64, f64)],
-    window: Option<[f64; 2]>,
-    edge: Option<[f64; 2]>,
-) -> Found {
+pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 2]>) -> Found {
     let count = points.len();
     let end = count / UNWORN;
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
     let noise = noise(points) / (2.0 * half as f64 + 1.0).sqrt();
     let widths = widths(points);
-    let is_outside = |at: usize| window.is_none_or(|[from, to]| points[at].0 < from || points[at].0 > to);
+    let is_outside =
+        |at: usize| window.is_none_or(|[from, to]| points[at].0 < from || points[at].0 > to);
     let is_near = |at: usize| match window {
         None => at < end || at >= count - end,
         Some([from, to]) => (points[at].0 - 0.5 * (from + to)).abs() < to - from,
@@ -111,7 +106,8 @@ pub fn find(
             let mut all: Vec<bool> = (0..count).map(is_outside).collect();
             for Part { range, .. } in &parts {
                 let margin = half + range.len() / UNWORN;
-                all[range.start.saturating_sub(margin)..(range.end + margin).min(count)].fill(false);
+                all[range.start.saturating_sub(margin)..(range.end + margin).min(count)]
+                    .fill(false);
             }
             next = all;
         } else {
@@ -122,7 +118,7 @@ pub fn find(
         // Too few points determine no surface.
         let is_empty = next.iter().filter(|is_unworn| **is_unworn).count() < 8;
         if is_last || is_empty {
-            return Found { surface, heights, is_unworn, parts, limit };
+            return Found { surface, heights, is_unworn, parts };
         }
         is_grown |= is_stable || attempt == TRIES / 2;
         is_unworn = next;
@@ -166,4 +162,3 @@ fn part(heights: &[f64], widths: &[f64], stretch: Range<usize>, half: usize) -> 
     let area = range.clone().map(|at| heights[at] * widths[at]).sum();
     Part { range, area }
 }
-

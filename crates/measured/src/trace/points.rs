@@ -1,5 +1,7 @@
 //! The points of a trace: repeated positions are averaged, and drop-outs and isolated spikes are left out.
 
+use std::ops::Range;
+
 use super::surface::Points;
 
 /// Minimum number of points.
@@ -15,8 +17,10 @@ const STEP: f64 = 0.01;
 const REPEATED: usize = 3;
 /// Drop-outs deviate by this many times the noise.
 const FAR: f64 = 6.0;
-/// From this many equal heights in a row, the range of the instrument can have ended.
-const EQUAL: usize = 5;
+/// The range of the instrument can have ended if the same height occurs this often in a row, and this many times as often
+/// as any other height: heights with few digits repeat, too.
+const EQUAL: usize = 3;
+const OFTEN: usize = 2;
 
 /// The median.
 pub fn median(mut values: Vec<f64>) -> f64 {
@@ -45,7 +49,11 @@ pub fn known(x: &[Option<f64>], y: &[Option<f64>]) -> Result<Points, String> {
 }
 
 /// The points of a trace, from the lowest x to the highest one.
-pub fn ascending(mut points: Points, is_half: bool, notes: &mut Vec<String>) -> Result<Points, String> {
+pub fn ascending(
+    mut points: Points,
+    is_half: bool,
+    notes: &mut Vec<String>,
+) -> Result<Points, String> {
     if points.first() > points.last() {
         points.reverse();
         notes.push("x decreased, so the order of the points was reversed.".to_owned());
@@ -166,16 +174,46 @@ fn range_of(points: &[(f64, f64)]) -> f64 {
     high - low
 }
 
-/// The number of points at an end of the range of the instrument, and whether it is the lower one: several equal heights
-/// in a row, although other points have noise.
-pub fn clipped(points: &[(f64, f64)]) -> Option<(usize, bool)> {
+/// Points beyond the range of an instrument.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Beyond {
+    /// From the first to the last of them.
+    pub range: Range<usize>,
+    /// Their number.
+    pub count: usize,
+    /// The mean height that is missing if a parabola continues the slopes of both sides; below 0 at the lower end.
+    pub height: f64,
+}
+
+/// Finds points at an end of the range of the instrument: several equal heights in a row, although other points have noise.
+pub fn beyond(points: &[(f64, f64)]) -> Option<Beyond> {
     let heights: Vec<f64> = points.iter().map(|point| point.1).collect();
-    let [low, high] = range(&heights);
     let has_noise = noise(points) > 0.0;
-    [(low, true), (high, false)].into_iter().find_map(|(end, is_low)| {
+    let mut sorted = heights.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let most = |end: f64| {
+        let others = sorted.chunk_by(|one, next| one == next).filter(|equal| equal[0] != end);
+        others.map(<[f64]>::len).max().unwrap_or(0)
+    };
+    let [low, high] = range(&heights);
+    [(low, -1.0), (high, 1.0)].into_iter().filter(|_| has_noise).find_map(|(end, sign)| {
         let runs = heights.chunk_by(|one, next| (*one == end) == (*next == end));
         let longest = runs.filter(|run| run[0] == end).map(<[f64]>::len).max()?;
+        let ends = |at: usize| heights[at] == end;
+        let (from, to) =
+            ((0..heights.len()).find(|at| ends(*at))?, (0..heights.len()).rfind(|at| ends(*at))?);
+        let step = ((to - from) / 4).max(3);
+        let (before, after) = (points.get(from.checked_sub(step)?)?, points.get(to + step)?);
+        let slope = |(x, z): &(f64, f64), at: usize| ((z - end) / (x - points[at].0)).abs();
+        // With the mean slope s at both ends of the width w, a parabola is s·w/4 deep, and s·w/6 in the mean.
+        let mean =
+            0.5 * (slope(before, from) + slope(after, to)) * (points[to].0 - points[from].0) / 6.0;
         let count = heights.iter().filter(|height| **height == end).count();
-        (has_noise && longest >= EQUAL).then_some((count, is_low))
+        let is_often = count >= OFTEN * most(end);
+        (longest >= EQUAL && is_often).then_some(Beyond {
+            range: from..to + 1,
+            count,
+            height: sign * mean,
+        })
     })
 }

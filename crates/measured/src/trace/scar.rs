@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::parts::{Found, Part, UNWORN, find};
+use super::points::{Beyond, beyond};
 use super::surface::{Points, Surface};
 use super::{Up, Wanted};
 
@@ -24,13 +25,19 @@ pub struct Scar {
     pub removed: Vec<Part>,
     /// The parts above the unworn surface.
     pub added: Vec<Part>,
+    /// Points beyond the range of the instrument.
+    pub beyond: Option<Beyond>,
 }
 
 const UM: f64 = 1e6;
 
 /// The ends of a part in words.
 fn place(points: &[(f64, f64)], range: &Range<usize>) -> String {
-    format!("from x = {:.4} mm to {:.4} mm", 1e3 * points[range.start].0, 1e3 * points[range.end - 1].0)
+    format!(
+        "from x = {:.4} mm to {:.4} mm",
+        1e3 * points[range.start].0,
+        1e3 * points[range.end - 1].0
+    )
 }
 
 /// The parameter that chooses the points of a range.
@@ -45,13 +52,15 @@ fn area(parts: &[Part]) -> f64 {
 /// The sign of heights out of the material. Only the curvature of a surface may decide without a word of the user: a hump on
 /// a hollow surface is a scar of a ball whose heights count into it.
 fn outwards(found: &Found, points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> f64 {
-    let largest = found.parts.iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
+    let largest =
+        found.parts.iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
     let height = largest.map_or(0.0, |part| {
         part.range.clone().fold(0.0, |most: f64, at| most.max(found.heights[at].abs()))
     });
     let half = 0.5 * (points[points.len() - 1].0 - points[0].0);
     let bow = found.surface.bend() * half * half;
-    let is_turned = found.surface.is_round && bow > height && largest.is_none_or(|part| part.area > 0.0);
+    let is_turned =
+        found.surface.is_round && bow > height && largest.is_none_or(|part| part.area > 0.0);
     match wanted.up {
         Some(Up::Out) => 1.0,
         Some(Up::In) => -1.0,
@@ -79,7 +88,9 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
         if after < first + 5 || first < 5 || after + 5 > count {
             return Err(format!(
                 "does not contain scar={:.4}..{:.4}mm with some points on both sides: x is {}. Write other ends",
-                1e3 * from, 1e3 * to, place(points, &(0..count))
+                1e3 * from,
+                1e3 * to,
+                place(points, &(0..count))
             ));
         }
         if is_step(&found.surface_with(points, [from, to])) {
@@ -99,7 +110,15 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
     let outwards = outwards(&found, points, wanted, notes);
     let (added, removed): (Vec<_>, Vec<_>) =
         found.parts.iter().cloned().partition(|part| part.area * outwards > 0.0);
-    let mut scar = Scar { found, outwards, range: 0..0, removed, added };
+    let beyond = beyond(points);
+    if let Some(Beyond { count, height, .. }) = &beyond {
+        let end = if *height < 0.0 { "lowest" } else { "highest" };
+        notes.push(format!(
+            "{count} points have the {end} height, several of them in a row: they are clipped, because the range of the \
+             instrument ends there. Depth and volume are lower limits."
+        ));
+    }
+    let mut scar = Scar { found, outwards, range: 0..0, removed, added, beyond };
     if scar.removed.is_empty() && scar.added.is_empty() {
         return match window {
             None if scar.found.surface.is_round => Ok(scar),
@@ -127,29 +146,43 @@ fn is_step(surface: &Surface) -> bool {
 }
 
 impl Scar {
+    /// The ends of the scar in x.
+    pub fn ends(&self, points: &[(f64, f64)]) -> Option<[f64; 2]> {
+        let Range { start, end } = self.range;
+        (start < end).then(|| [points[start].0, points[end - 1].0])
+    }
+
     /// Refuses more added than removed material.
     fn check_sign(&self, points: &[(f64, f64)], wanted: &Wanted<'_>) -> Result<(), String> {
         let Self { removed, added, .. } = self;
         let most = |parts: &[Part]| {
-            let largest = parts.iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
-            largest.map_or(String::new(), |part| format!(", most of it {}", place(points, &part.range)))
+            let largest =
+                parts.iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
+            largest.map_or(String::new(), |part| {
+                format!(", most of it {}", place(points, &part.range))
+            })
         };
         if area(added) <= area(removed) {
             return Ok(());
         }
         let other = if self.outwards > 0.0 { "in" } else { "out" };
         let choose = match wanted.scar {
-            None => " If the scar is another part, choose it with scar=FROM..TO, such as scar=0.4..1.6mm",
+            None => {
+                " If the scar is another part, choose it with scar=FROM..TO, such as scar=0.4..1.6mm"
+            }
             Some(_) => "",
         };
         Err(format!(
             "has more added than removed material: {:.4} um^2 lie above the unworn surface{}, and {:.4} um^2 below it{}. \
              If the heights count the other way, write up={other}.{choose}",
-            UM * UM * area(added), most(added), UM * UM * area(removed), most(removed)
+            UM * UM * area(added),
+            most(added),
+            UM * UM * area(removed),
+            most(removed)
         ))
     }
 
-    /// Chooses the removed parts of one scar. Parts with a gap that is not longer than the shorter one are one scar.
+    /// Chooses the removed parts of one scar. Parts with a gap of at most half of the shorter one are one scar.
     fn check_one(
         &mut self,
         points: &[(f64, f64)],
@@ -161,7 +194,7 @@ impl Scar {
         for part in std::mem::take(&mut self.removed) {
             let is_near = groups.last().is_some_and(|group| {
                 let gap = part.range.start.saturating_sub(all(group).end);
-                window.is_some() || gap <= all(group).len().min(part.range.len())
+                window.is_some() || 2 * gap <= all(group).len().min(part.range.len())
             });
             match groups.last_mut().filter(|_| is_near) {
                 Some(group) => group.push(part),
@@ -171,28 +204,37 @@ impl Scar {
         groups.sort_by(|one, other| area(other).total_cmp(&area(one)));
         let count = points.len();
         let scar = all(&groups[0]);
-        let others: Vec<_> = groups[1..].iter().filter(|group| area(group) > OTHER * area(&groups[0])).collect();
+        let others: Vec<_> =
+            groups[1..].iter().filter(|group| area(group) > OTHER * area(&groups[0])).collect();
         if let Some(other) = others.first() {
             let both = scar.start.min(all(other).start)..scar.end.max(all(other).end);
             return Err(format!(
                 "has two scars or more: {}, and {}. Choose one with {} or {}. If they are one ring, write {}",
-                place(points, &scar), place(points, &all(other)), choice(points, &scar), choice(points, &all(other)),
+                place(points, &scar),
+                place(points, &all(other)),
+                choice(points, &scar),
+                choice(points, &all(other)),
                 choice(points, &both)
             ));
         }
         for group in &groups[1..] {
-            notes.push(format!("Below the unworn surface, {} was left out: it is not of the scar.", place(points, &all(group))));
+            notes.push(format!(
+                "Below the unworn surface, {} was left out: it is not of the scar.",
+                place(points, &all(group))
+            ));
         }
         let end = count / UNWORN;
         let is_at_end = |range: &Range<usize>| range.start == 0 || range.end == count;
-        let is_stepped = |part: &Part| is_at_end(&part.range) && part.area.abs() > OTHER * area(&groups[0]);
+        let is_stepped =
+            |part: &Part| is_at_end(&part.range) && part.area.abs() > OTHER * area(&groups[0]);
         if window.is_none() {
             if scar.start < end || scar.end > count - end {
                 return Err(format!(
                     "has a scar that reaches to an end: {}. Measure farther: at each end, a tenth of the trace must be \
                      unworn. If the trace begins at the axis, write prepare=half. If the scar is a part of this, choose it \
                      with scar=FROM..TO, such as {}",
-                    place(points, &scar), choice(points, &(end..count - end))
+                    place(points, &scar),
+                    choice(points, &(end..count - end))
                 ));
             }
             let stretch = [points[scar.start].0, points[scar.end - 1].0];
@@ -201,7 +243,9 @@ impl Scar {
                 return Err(format!(
                     "has a scar {} whose sides do not lie on one plane or circle: the right side is {:.4} um higher than \
                      the left one. If this is the scar, write {}; otherwise choose one with scar=FROM..TO",
-                    place(points, &scar), UM * surface.step().0, choice(points, &scar)
+                    place(points, &scar),
+                    UM * surface.step().0,
+                    choice(points, &scar)
                 ));
             }
         }

@@ -18,8 +18,9 @@ const STEP: usize = 4;
 const SURE: f64 = 4.0;
 /// The standard deviation of the shear that is expected without knowledge, in rad.
 const EXPECTED: f64 = 0.05;
-/// Number of repetitions of a fit that is not linear.
-const TRIES: usize = 12;
+/// Maximum number of repetitions of a fit that is not linear, and the relative change at which it ends.
+const TRIES: usize = 30;
+const STILL: f64 = 1e-8;
 
 type Row = [f64; COLUMNS];
 
@@ -91,36 +92,57 @@ impl Surface {
         let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
         let used: Points =
             points.iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|it| *it.0).collect();
-        let mut found = Self { middle, half, edge, ..Self::default() };
-        found.fit(&used, false);
+        let mut found = Self { middle, half, edge, together: 1.0, ..Self::default() };
+        found.step_towards(&used, false);
         found.is_round = found.bend().abs() * half * half > 3.0 * found.scatter;
+        found.apex = found.vertex();
         if found.is_round {
-            for _ in 0..TRIES {
-                found.apex = found.vertex();
-                found.fit(&used, false);
-            }
+            found.fit(&used, false);
+            found.count_together(&used);
             let mut sheared = found.clone();
-            for _ in 0..TRIES {
-                sheared.fit(&used, true);
-                // A ball that is tilted by more than a right angle shows no apex.
-                let reach = 0.5 / sheared.bend().abs();
-                let moved = sheared.apex + sheared.coefficients[SHEAR];
-                sheared.apex = moved.clamp(middle - reach, middle + reach);
-                sheared.coefficients[SHEAR] = 0.0;
-            }
+            sheared.fit(&used, true);
+            sheared.count_together(&used);
             let moved = (sheared.apex - sheared.vertex()).abs();
-            if moved > SURE * sheared.covariance[SHEAR][SHEAR].sqrt() && sheared.scatter < found.scatter {
+            let is_finite = sheared.covariance.as_flattened().iter().all(|it| it.is_finite());
+            let variance = sheared.scatter * sheared.scatter * sheared.together;
+            if is_finite && moved > SURE * (variance * sheared.covariance[SHEAR][SHEAR]).sqrt() {
                 found = Self { is_sheared: true, ..sheared };
-            } else if sheared.covariance.as_flattened().iter().all(|it| it.is_finite()) {
+            } else if is_finite {
                 found.covariance = sheared.covariance;
             }
         }
+        found.count_together(&used);
+        let factor = found.scatter * found.scatter * found.together;
+        found.covariance = found.covariance.map(|row| row.map(|it| it * factor));
         found
+    }
+
+    /// Repeats the fit until apex and curvature stay.
+    fn fit(&mut self, used: &[(f64, f64)], with_shear: bool) {
+        for _ in 0..TRIES {
+            let before = (self.apex, self.bend());
+            self.step_towards(used, with_shear);
+            let reach = 0.5 / self.bend().abs();
+            // A circle that is tilted by more than a right angle has no apex.
+            let apex =
+                if with_shear { self.apex + self.coefficients[SHEAR] } else { self.vertex() };
+            self.apex = apex.clamp(self.middle - reach, self.middle + reach);
+            self.coefficients[SHEAR] = 0.0;
+            let moved = (self.apex - before.0).abs() / self.half;
+            if moved < STILL && (self.bend() / before.1 - 1.0).abs() < STILL {
+                break;
+            }
+        }
     }
 
     /// Half of the second derivative at the apex.
     pub fn bend(&self) -> f64 {
         self.coefficients[2] / (self.half * self.half)
+    }
+
+    /// The radius at the apex. None for a plane.
+    pub fn radius(&self) -> Option<f64> {
+        self.is_round.then(|| 0.5 / self.bend().abs())
     }
 
     /// The apex of the parabola.
@@ -152,7 +174,8 @@ impl Surface {
         [1.0, u, u * u, self.roundness(x).1, step]
     }
 
-    fn fit(&mut self, used: &[(f64, f64)], with_shear: bool) {
+    /// Least squares with the apex and the curvature of before. The covariance is in units of the variance of the points.
+    fn step_towards(&mut self, used: &[(f64, f64)], with_shear: bool) {
         let (mut matrix, mut right) = ([[0.0; COLUMNS]; COLUMNS], [0.0; COLUMNS]);
         for (x, z) in used {
             let (row, beyond) = (self.row(*x), self.roundness(*x).0);
@@ -161,21 +184,18 @@ impl Surface {
                 (0..COLUMNS).for_each(|other| matrix[at][other] += row[at] * row[other]);
             }
         }
-        let is_used = [true, true, true, with_shear, self.edge.is_some()];
-        let variance = self.scatter * self.scatter * self.together;
-        let expected = 0.5 * EXPECTED / self.bend();
         if with_shear {
-            matrix[SHEAR][SHEAR] += variance / (expected * expected);
+            // Without knowledge, the apex is that of the parabola.
+            let expected = 0.5 * EXPECTED / self.bend();
+            let weight = self.scatter * self.scatter * self.together / (expected * expected);
+            matrix[SHEAR][SHEAR] += weight;
+            right[SHEAR] += weight * (self.vertex() - self.apex);
         }
-        let found = solved(matrix, right, is_used);
-        self.coefficients = found.0;
-        let deviations: Vec<f64> = used.iter().map(|(x, z)| z - self.at(*x)).collect();
-        let sum: f64 = deviations.iter().map(|it| it * it).sum();
+        let is_used = [true, true, true, with_shear, self.edge.is_some()];
+        (self.coefficients, self.covariance) = solved(matrix, right, is_used);
+        let sum: f64 = used.iter().map(|(x, z)| (z - self.at(*x)) * (z - self.at(*x))).sum();
         let free = used.len() as f64 - is_used.iter().filter(|it| **it).count() as f64;
         self.scatter = (sum / free.max(1.0)).sqrt();
-        self.together = together(&deviations);
-        let variance = self.scatter * self.scatter * self.together;
-        self.covariance = found.1.map(|row| row.map(|it| it * variance));
     }
 
     /// The height of the surface. Where it rises by a step, a line joins both sides.
@@ -197,21 +217,25 @@ impl Surface {
             sum.iter_mut().zip(self.row(x)).for_each(|(sum, own)| *sum += weight * own);
         }
         let product = |row: &Row| row.iter().zip(sum).map(|(own, sum)| own * sum).sum::<f64>();
-        let square: f64 = self.covariance.iter().zip(sum).map(|(row, sum)| sum * product(row)).sum();
+        let square: f64 =
+            self.covariance.iter().zip(sum).map(|(row, sum)| sum * product(row)).sum();
         square.max(0.0).sqrt()
     }
-}
 
-/// The number of neighbours that go together: the variance of means of several numbers, in units of that of independent
-/// numbers (batch means).
-fn together(deviations: &[f64]) -> f64 {
-    let square = |values: &mut dyn Iterator<Item = f64>| values.map(|it| it * it).sum::<f64>();
-    let variance = square(&mut deviations.iter().copied()) / deviations.len() as f64;
-    let sizes = (1..).map(|power| 2_usize.pow(power)).take_while(|size| size * 8 <= deviations.len());
-    let ratio = |size: usize| {
-        let means = deviations.chunks_exact(size).map(|chunk| chunk.iter().sum::<f64>() / size as f64);
-        let count = (deviations.len() / size) as f64;
-        size as f64 * square(&mut means.into_iter()) / (count * variance)
-    };
-    sizes.map(ratio).filter(|it| it.is_finite()).fold(1.0, f64::max)
+    /// Counts the neighbours that go together: the variance of means of several points, in units of that of independent
+    /// points (batch means).
+    fn count_together(&mut self, used: &[(f64, f64)]) {
+        let deviations: Vec<f64> = used.iter().map(|(x, z)| z - self.at(*x)).collect();
+        let square = |values: &mut dyn Iterator<Item = f64>| values.map(|it| it * it).sum::<f64>();
+        let variance = square(&mut deviations.iter().copied()) / deviations.len() as f64;
+        let sizes = (1..).map(|power| 2_usize.pow(power));
+        let sizes = sizes.take_while(|size| size * 8 <= deviations.len());
+        let ratio = |size: usize| {
+            let chunks = deviations.chunks_exact(size);
+            let count = chunks.len() as f64;
+            let mut means = chunks.map(|chunk| chunk.iter().sum::<f64>() / size as f64);
+            size as f64 * square(&mut means) / (count * variance)
+        };
+        self.together = sizes.map(ratio).filter(|it| it.is_finite()).fold(1.0, f64::max);
+    }
 }
