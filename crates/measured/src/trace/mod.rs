@@ -139,11 +139,11 @@ pub fn profile(
     let is_ball = unworn.is_round && !is_hollow;
     let indenter = if is_ball { indenter(&radial, notes) } else { Value::Null };
     tell(&points, &scar, &sizes, &radial, wanted, notes);
-    let volume = |side: f64| sizes.volume(&scar.removed, side).json();
+    let side = |side: f64| sizes.side(&scar.removed, side).json();
     let sides = radial.are_different.then(|| {
         json!({
-            "left": {"depth": radial.left, "volume_removed": volume(-1.0)},
-            "right": {"depth": radial.right, "volume_removed": volume(1.0)},
+            "left": {"depth": radial.left, "volume_removed": side(-1.0)},
+            "right": {"depth": radial.right, "volume_removed": side(1.0)},
         })
     });
     let Radial { radius, depth, difference, deepest, .. } = &radial;
@@ -158,8 +158,8 @@ pub fn profile(
             "depth": {"value": deepest.0, "error": deepest.1},
             "area_removed": sizes.area(&scar.removed).json(),
             "area_added": sizes.area(&scar.added).json(),
-            "volume_removed": volume(0.0),
-            "volume_added": sizes.volume(&scar.added, 0.0).json(),
+            "volume_removed": sizes.volume(&scar.removed).json(),
+            "volume_added": sizes.volume(&scar.added).json(),
             "sides": sides,
         },
     }))
@@ -221,7 +221,7 @@ fn tell(
     let said = |size: Size, power: i32| {
         format!("{:.5} ± {:.2}", UM.powi(power) * size.value, UM.powi(power) * size.error())
     };
-    let volume = sizes.volume(&scar.removed, 0.0);
+    let volume = sizes.volume(&scar.removed);
     let added = match &*scar.added {
         [] => "No material stands above it".to_owned(),
         parts => format!("{} um^2 stand above it", said(sizes.area(parts), 2)),

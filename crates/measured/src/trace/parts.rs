@@ -47,7 +47,7 @@ pub struct Found {
 }
 
 /// The length of the trace for which each point stands.
-pub fn widths(points: &[(f64, f64)]) -> Vec<f64> {
+fn widths(points: &[(f64, f64)]) -> Vec<f64> {
     let last = points.len() - 1;
     let width = |at: usize| 0.5 * (points[(at + 1).min(last)].0 - points[at.saturating_sub(1)].0);
     (0..=last).map(width).collect()

@@ -12,6 +12,19 @@ const OTHER: f64 = 0.1;
 /// A step counts if it is this many standard deviations, and this many times the scatter.
 const SURE: f64 = 5.0;
 
+/// A step is searched at this many places less one, on at most this many points. With it, this share more of the points are
+/// unworn.
+const STEPS: f64 = 16.0;
+const THIN: usize = 500;
+const GAIN: f64 = 0.04;
+/// Minimum and maximum number of neighbours at the ends of the scar that exceed this many times the scatter and this share
+/// of the largest depth.
+const RUN: (usize, usize) = (3, 8);
+const SCATTER: f64 = 2.0;
+const SHARE: f64 = 0.01;
+/// The core of a scar is deeper than this share of the largest depth.
+const CORE: f64 = 0.1;
+
 /// The scar of a trace.
 #[derive(Debug)]
 pub struct Scar {
@@ -46,7 +59,7 @@ fn choice(points: &[(f64, f64)], range: &Range<usize>) -> String {
 }
 
 fn area(parts: &[Part]) -> f64 {
-    parts.iter().map(|part| part.area.abs()).sum()
+    parts.iter().map(|part| part.area.abs()).fold(0.0, |sum, area| sum + area)
 }
 
 /// The sign of heights out of the material. Only the curvature of a surface may decide without a word of the user: a hump on
@@ -93,8 +106,9 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
                 place(points, &(0..count))
             ));
         }
-        if is_step(&found.surface_with(points, [from, to])) {
-            found = find(points, window, Some([from, to]));
+        let stepped = find(points, window, window);
+        if is_step(&stepped.surface) {
+            found = stepped;
             let height = found.surface.step().0;
             notes.push(format!(
                 "The right side of the scar is {:.4} um higher than the left one. A line between both is the unworn \
@@ -132,17 +146,27 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
     Ok(scar)
 }
 
-impl Found {
-    /// The unworn surface if it may rise in a stretch.
-    fn surface_with(&self, points: &[(f64, f64)], stretch: [f64; 2]) -> Surface {
-        Surface::through(points, &self.is_unworn, Some(stretch))
-    }
-}
-
 /// Whether a surface has a step that is many times the scatter.
 fn is_step(surface: &Surface) -> bool {
     let (height, error) = surface.step();
     height.abs() > SURE * error && height.abs() > SURE * surface.scatter
+}
+
+/// The place and the height of a step of the unworn surface: with it, many more points lie on the surface.
+fn step(points: &[(f64, f64)], found: &Found) -> Option<(f64, f64)> {
+    let thin = points.len().div_ceil(THIN);
+    let thinned: Points = points.iter().step_by(thin).copied().collect();
+    let (first, last) = (points[0].0, points[points.len() - 1].0);
+    let count = |found: &Found| found.is_unworn.iter().filter(|is_unworn| **is_unworn).count();
+    let before = count(found) as f64 / thin as f64;
+    let width = (last - first) / STEPS;
+    let tried = (1..STEPS as usize).map(|at| {
+        let x = first + at as f64 * width;
+        (x, find(&thinned, None, Some([x - 1e-3 * width, x + 1e-3 * width])))
+    });
+    let (x, best) = tried.max_by_key(|(_, found)| count(found))?;
+    let is_better = count(&best) as f64 > before + GAIN * thinned.len() as f64;
+    (is_better && is_step(&best.surface)).then(|| (x, best.surface.step().0))
 }
 
 impl Scar {
@@ -150,6 +174,27 @@ impl Scar {
     pub fn ends(&self, points: &[(f64, f64)]) -> Option<[f64; 2]> {
         let Range { start, end } = self.range;
         (start < end).then(|| [points[start].0, points[end - 1].0])
+    }
+
+    /// The points of a part of the trace between the first and the last of several neighbours that all exceed a depth.
+    fn deeper(&self, range: &Range<usize>, depth: f64) -> Range<usize> {
+        let run = (self.found.heights.len() / 50).clamp(RUN.0, RUN.1);
+        let is_deep = |near: &[f64]| near.iter().all(|height| -self.outwards * height > depth);
+        let windows = || self.found.heights[range.clone()].windows(run);
+        match (windows().position(is_deep), windows().rposition(is_deep)) {
+            (Some(first), Some(last)) => range.start + first..range.start + last + run,
+            _ => range.clone(),
+        }
+    }
+
+    /// Where the scar is deeper than a share of its largest depth, which noise at shallow ends moves little.
+    pub fn core(&self, points: &[(f64, f64)]) -> [f64; 2] {
+        let Range { start, end } = self.deeper(&self.range, CORE * self.largest(&self.range));
+        [points[start].0, points[end - 1].0]
+    }
+
+    fn largest(&self, range: &Range<usize>) -> f64 {
+        range.clone().map(|at| -self.outwards * self.found.heights[at]).fold(0.0, f64::max)
     }
 
     /// Refuses more added than removed material.
@@ -225,9 +270,34 @@ impl Scar {
         }
         let end = count / UNWORN;
         let is_at_end = |range: &Range<usize>| range.start == 0 || range.end == count;
-        let is_stepped =
-            |part: &Part| is_at_end(&part.range) && part.area.abs() > OTHER * area(&groups[0]);
+        let is_stepped = |part: &&Part| {
+            part.range != scar
+                && is_at_end(&part.range)
+                && part.area.abs() > OTHER * area(&groups[0])
+        };
         if window.is_none() {
+            let ends = [points[scar.start].0, points[scar.end - 1].0];
+            let surface = Surface::through(points, &self.found.is_unworn, Some(ends));
+            let middle = 0.5 * (ends[0] + ends[1]);
+            let at_scar = is_step(&surface).then(|| (middle, surface.step().0));
+            if let Some((x, height)) = at_scar.or_else(|| step(points, &self.found)) {
+                return Err(format!(
+                    "has an unworn surface that rises by {:.4} um near x = {:.4} mm. If the scar is there, this makes its depth \
+                     uncertain. Choose the scar with scar=FROM..TO, such as {}",
+                    UM * height,
+                    1e3 * x,
+                    choice(points, &scar)
+                ));
+            }
+            if let Some(part) = self.found.parts.iter().find(is_stepped) {
+                return Err(format!(
+                    "has no unworn surface at an end: {} it lies {} the surface elsewhere. Choose the scar with scar=FROM..TO, \
+                     such as {}",
+                    place(points, &part.range),
+                    if part.area > 0.0 { "above" } else { "below" },
+                    choice(points, &scar)
+                ));
+            }
             if scar.start < end || scar.end > count - end {
                 return Err(format!(
                     "has a scar that reaches to an end: {}. Measure farther: at each end, a tenth of the trace must be \
@@ -237,19 +307,9 @@ impl Scar {
                     choice(points, &(end..count - end))
                 ));
             }
-            let stretch = [points[scar.start].0, points[scar.end - 1].0];
-            let surface = self.found.surface_with(points, stretch);
-            if is_step(&surface) || self.found.parts.iter().any(is_stepped) {
-                return Err(format!(
-                    "has a scar {} whose sides do not lie on one plane or circle: the right side is {:.4} um higher than \
-                     the left one. If this is the scar, write {}; otherwise choose one with scar=FROM..TO",
-                    place(points, &scar),
-                    UM * surface.step().0,
-                    choice(points, &scar)
-                ));
-            }
         }
-        self.range = scar;
+        let depth = (SCATTER * self.found.surface.scatter).max(SHARE * self.largest(&scar));
+        self.range = self.deeper(&scar, depth);
         self.removed = groups.swap_remove(0);
         Ok(())
     }

@@ -6,24 +6,31 @@
 //! ```
 //! d is the depth or height, w the length for which a point stands, and a the axis. So each side of the trace is half of a
 //! body of revolution. The errors are standard deviations: from the scatter of the points, of which neighbours go together,
-//! from the covariance of the unworn surface, for volumes from the axis, and from points beyond the range of the instrument.
+//! from the covariance of the unworn surface, for volumes from the axis, and from points that are clipped or left out.
 
 use std::f64::consts::PI;
 
 use serde_json::{Value, json};
 
-use super::parts::{Part, widths};
+use super::parts::Part;
+use super::points::median;
 use super::scar::Scar;
 
 /// Left and right are alike if the centroid is this near to the middle, as a share of the width.
 const ALIKE: f64 = 0.02;
+
+/// Maximum number of pieces of a gap.
+const MOST_PIECES: f64 = 100.0;
+/// A gap is longer than this many usual distances of points.
+const GAP: f64 = 1.7;
 
 /// A number with its standard deviation.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Size {
     /// The number.
     pub value: f64,
-    /// Contributions of the scatter, of the unworn surface, of the axis, and of points beyond the range of the instrument.
+    /// Contributions of the scatter, of the unworn surface, of the axis with the difference of both sides, and of clipped or missing
+    /// points.
     pub errors: [f64; 4],
 }
 
@@ -42,7 +49,7 @@ impl Size {
     pub fn cause(&self) -> &'static str {
         let [scatter, surface, axis, clipped] = self.errors;
         if clipped > scatter.max(surface).max(axis) {
-            "the points beyond the range of the instrument"
+            "points that are clipped or left out"
         } else if axis > scatter.max(surface) {
             "the axis, because left and right differ"
         } else if surface > scatter {
@@ -58,7 +65,8 @@ impl Size {
 pub struct Sizes<'a> {
     points: &'a [(f64, f64)],
     scar: &'a Scar,
-    widths: Vec<f64>,
+    /// The usual distance of points.
+    pace: f64,
     /// The axis in x, and its standard deviation.
     pub axis: (f64, f64),
 }
@@ -66,59 +74,97 @@ pub struct Sizes<'a> {
 impl<'a> Sizes<'a> {
     /// The axis of a scar is its centroid, or where x is 0. Without a scar, it is the apex, or the middle of a plane.
     pub fn new(points: &'a [(f64, f64)], scar: &'a Scar, is_centred: bool) -> Self {
-        let mut own = Self { points, scar, widths: widths(points), axis: (0.0, 0.0) };
+        let paces = points.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+        let mut own = Self { points, scar, pace: median(paces), axis: (0.0, 0.0) };
         let surface = &scar.found.surface;
         if is_centred && scar.range.is_empty() {
             let middle = 0.5 * (points[0].0 + points[points.len() - 1].0);
             own.axis.0 = if surface.is_round { surface.vertex() } else { middle };
         } else if is_centred {
-            let area = own.sum(&scar.removed, |_| 1.0).value;
-            let axis = own.sum(&scar.removed, |x| x).value / area;
-            let moment = own.sum(&scar.removed, |x| (x - axis) / area);
-            let ends = scar.ends(points).unwrap_or([axis; 2]);
-            let middle = 0.5 * (ends[0] + ends[1]);
+            let area = own.sum(&scar.removed, &|_| 1.0).value;
+            let axis = own.sum(&scar.removed, &|x| x).value / area;
+            let moment = own.sum(&scar.removed, &|x| (x - axis) / area);
+            let [first, last] = scar.core(points);
+            let middle = 0.5 * (first + last);
             let distance = (axis - middle).abs();
             // The centroid is more accurate if left and right are alike. If they are not, the contact lies between the ends.
-            let are_alike = distance < (ALIKE * (ends[1] - ends[0])).max(3.0 * moment.error());
+            let are_alike = distance < (ALIKE * (last - first)).max(3.0 * moment.error());
             own.axis =
                 (if are_alike { axis } else { middle }, moment.error().hypot(0.5 * distance));
         }
         own
     }
 
+    /// The weights of points for an integral of their heights times a weight, and its error from gaps. A line joins
+    /// neighbours, also across a gap, where the heights can lie anywhere between those of its ends.
+    fn weights(&self, part: &Part, weight: &dyn Fn(f64) -> f64) -> (Vec<(f64, f64)>, f64) {
+        let own = &self.points[part.range.clone()];
+        let heights = &self.scar.found.heights[part.range.clone()];
+        let (mut found, mut gaps): (Vec<_>, f64) =
+            (own.iter().map(|it| (it.0, 0.0)).collect(), 0.0);
+        // Half of the usual distance belongs to a part beyond its first and its last point.
+        for (at, side) in [(0, -0.25), (own.len() - 1, 0.25)] {
+            found[at].1 += 0.5 * self.pace * weight(own[at].0 + side * self.pace);
+        }
+        for at in 1..own.len() {
+            let (from, length) = (own[at - 1].0, own[at].0 - own[at - 1].0);
+            let pieces = (length / self.pace).ceil().clamp(1.0, MOST_PIECES);
+            for piece in 0..pieces as u32 {
+                let share = (f64::from(piece) + 0.5) / pieces;
+                let piece = weight(from + share * length) * length / pieces;
+                found[at - 1].1 += (1.0 - share) * piece;
+                found[at].1 += share * piece;
+                if length > GAP * self.pace {
+                    gaps += (piece * (heights[at] - heights[at - 1])).abs() / 12_f64.sqrt();
+                }
+            }
+        }
+        (found, gaps)
+    }
+
     /// The sum of depths of removed parts, or of heights of added ones, each with a weight.
-    fn sum(&self, parts: &[Part], weight: impl Fn(f64) -> f64) -> Size {
+    fn sum(&self, parts: &[Part], weight: &dyn Fn(f64) -> f64) -> Size {
         let surface = &self.scar.found.surface;
-        let all = || parts.iter().flat_map(|part| part.range.clone());
-        let weights =
-            || all().map(|at| (self.points[at].0, self.widths[at] * weight(self.points[at].0)));
-        let heights = all().map(|at| self.scar.found.heights[at]);
-        let value =
-            weights().zip(heights).map(|((_, weight), height)| weight * height).sum::<f64>();
-        let squares: f64 = weights().map(|(_, weight)| weight * weight).sum();
-        let sign = if parts.first().is_some_and(|part| part.area < 0.0) { -1.0 } else { 1.0 };
+        let all: Vec<usize> = parts.iter().flat_map(|part| part.range.clone()).collect();
+        let (weights, gaps): (Vec<_>, Vec<f64>) =
+            parts.iter().map(|part| self.weights(part, weight)).unzip();
+        let (weights, gaps) = (weights.concat(), gaps.iter().sum::<f64>());
+        let heights = all.iter().map(|at| self.scar.found.heights[*at]);
+        let value: f64 = weights.iter().zip(heights).map(|(own, height)| own.1 * height).sum();
+        let squares: f64 = weights.iter().map(|own| own.1 * own.1).sum();
         let scatter = surface.scatter * (surface.together * squares).sqrt();
-        let beyond = self.scar.beyond.as_ref().filter(|beyond| value * beyond.height > 0.0);
-        let clipped = beyond.map_or(0.0, |beyond| {
-            let inside = all().zip(weights()).filter(|(at, _)| beyond.range.contains(at));
-            inside.map(|(_, (_, weight))| weight * beyond.height).sum::<f64>()
+        let sign = if parts.first().is_some_and(|part| part.area < 0.0) { -1.0 } else { 1.0 };
+        let beyond = self.scar.beyond.as_ref().filter(|beyond| sign * beyond.height > 0.0);
+        let clipped = beyond.map_or(0.0, |beyond| -> f64 {
+            let inside = all.iter().zip(&weights).filter(|(at, _)| beyond.range.contains(at));
+            inside.map(|(_, own)| (own.1 * beyond.height).abs()).sum()
         });
-        Size { value: sign * value, errors: [scatter, surface.error(weights()), 0.0, clipped] }
+        let errors = [scatter, surface.error(weights.into_iter()), 0.0, clipped + gaps];
+        Size { value: sign * value, errors }
     }
 
     /// The area of parts.
     pub fn area(&self, parts: &[Part]) -> Size {
-        self.sum(parts, |_| 1.0)
+        self.sum(parts, &|_| 1.0)
     }
 
-    /// The volume of parts about the axis. With a `side` of 1 or −1, only this side counts, for a whole revolution.
-    pub fn volume(&self, parts: &[Part], side: f64) -> Size {
+    /// The volume of parts about the axis.
+    pub fn volume(&self, parts: &[Part]) -> Size {
+        let [left, right] = [-1.0, 1.0].map(|side| self.side(parts, side));
+        let axis = self.axis.0;
+        let mut volume = self.sum(parts, &|x| PI * (x - axis).abs());
+        // Both sides are two samples of the same volume, so half of their difference is the error of their mean.
+        let slope = self.sum(parts, &|x| PI * (x - axis).signum()).value;
+        volume.errors[2] = (slope * self.axis.1).hypot(0.5 * (left.value - right.value));
+        volume
+    }
+
+    /// The volume that the parts have if both sides are like this one: the right side is 1, the left one −1.
+    pub fn side(&self, parts: &[Part], side: f64) -> Size {
         let (axis, error) = self.axis;
-        let share =
-            |x: f64| if side == 0.0 { PI } else { PI * (1.0 + ((x - axis) * side).signum()) };
-        let volume = self.sum(parts, |x| share(x) * (x - axis).abs());
-        let slope = self.sum(parts, |x| share(x) * (x - axis).signum()).value;
-        let [scatter, surface, _, clipped] = volume.errors;
-        Size { errors: [scatter, surface, (slope * error).abs(), clipped], ..volume }
+        let share = |x: f64| PI * (1.0 + ((x - axis) * side).signum());
+        let mut volume = self.sum(parts, &|x| share(x) * (x - axis).abs());
+        volume.errors[2] = error * self.sum(parts, &share).value;
+        volume
     }
 }
