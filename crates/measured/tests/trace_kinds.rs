@@ -316,6 +316,9 @@ fn random_traces_have_the_volumes_of_which_they_were_made() {
     let count = if is_long { 1000 } else { 100 };
     let first = std::env::var("FIRST").map_or(0, |it| it.parse().unwrap());
     let (mut right, mut refused, mut silent) = (0, 0, 0);
+    if let Ok(path) = std::env::var("WRITE") {
+        std::fs::write(path, Made::of(first).file()).unwrap();
+    }
     for seed in first..first + count {
         let made = Made::of(seed);
         let kind = format!(
@@ -350,7 +353,13 @@ fn random_traces_have_the_volumes_of_which_they_were_made() {
                 let is_far = !(volume.abs() <= 0.1) && !is_told;
                 silent += usize::from(is_far);
                 let silent = if is_far { "SILENT " } else { "" };
-                (is_right, format!("{silent}{volume:+.4} (2σ {error:.4}), depth {depth:.2}"))
+                (
+                    is_right,
+                    format!(
+                        "{silent}{volume:+.4} (2σ {error:.4}), depth {depth:.2} {:?}",
+                        measured.notes
+                    ),
+                )
             }
             (Verdict::Sound, Err(detail)) => {
                 refused += 1;

@@ -11,6 +11,7 @@
 //! axis 0.2 µm, tilt 2e-5, mean depth 10 nm.
 
 mod energy;
+mod indenter;
 mod parts;
 mod points;
 mod radial;
@@ -20,7 +21,6 @@ mod surface;
 
 use serde_json::{Value, json};
 
-use fretwork_engine::scenario;
 use points::{FEWEST, ascending, known};
 use radial::Radial;
 use scar::Scar;
@@ -88,20 +88,6 @@ impl Prepare {
     ];
 }
 
-/// A trace as heights over radii, if a scenario may have it as its indenter.
-fn indenter(radial: &Radial, notes: &mut Vec<String>) -> Value {
-    let profile = json!({"shape": "table", "radius": radial.reach, "height": radial.height});
-    let request = json!({
-        "profile": profile, "moduli": {"normal": 1e11, "tangential": 1e11}, "friction": 0.5,
-        "wear": {"coefficient": 1e-14}, "load": {"normal_force": 1e-3}, "motion": {"amplitude": 1e-6}, "cycles": [1],
-    });
-    let Err(faults) = scenario::check(&request, "") else { return profile };
-    let of_profile = faults.0.iter().find(|fault| fault.pointer.starts_with("/profile"));
-    let detail = of_profile.or(faults.0.first()).map_or("", |fault| &*fault.detail);
-    notes.push(format!("There is no indenter, because a scenario would refuse it: {detail}."));
-    Value::Null
-}
-
 /// Makes a profile of wear from a trace of heights `z`.
 ///
 /// # Errors
@@ -137,7 +123,7 @@ pub fn profile(
     let unworn = &scar.found.surface;
     let is_hollow = unworn.is_round && scar.outwards * unworn.bend() > 0.0;
     let is_ball = unworn.is_round && !is_hollow;
-    let indenter = if is_ball { indenter(&radial, notes) } else { Value::Null };
+    let indenter = if is_ball { indenter::of(&radial, unworn.scatter, notes) } else { Value::Null };
     tell(&points, &scar, &sizes, &radial, wanted, notes);
     let side = |side: f64| sizes.side(&scar.removed, side).json();
     let sides = radial.are_different.then(|| {

@@ -19,6 +19,8 @@ const LOW: f64 = 0.25;
 /// The moving mean has one in this many points, within bounds.
 const WINDOW: usize = 100;
 const BOUNDS: (usize, usize) = (3, 25);
+/// If the ends of the scar are known, the search starts with the points up to this many widths beside it.
+pub const REACH: f64 = 1.0;
 /// Maximum number of repetitions.
 const TRIES: usize = 40;
 /// Where the unworn surface is searched, a point is unworn within this many standard deviations.
@@ -75,7 +77,10 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
         |at: usize| window.is_none_or(|[from, to]| points[at].0 < from || points[at].0 > to);
     let is_near = |at: usize| match window {
         None => at < end || at >= count - end,
-        Some([from, to]) => (points[at].0 - 0.5 * (from + to)).abs() < to - from,
+        Some([from, to]) => {
+            let reach = REACH * (to - from);
+            points[at].0 > from - reach && points[at].0 < to + reach
+        }
     };
     let mut is_unworn: Vec<bool> = (0..count).map(|at| is_outside(at) && is_near(at)).collect();
     let smoothed = |heights: &[f64]| -> Vec<f64> {

@@ -185,6 +185,13 @@ pub struct Beyond {
     pub height: f64,
 }
 
+impl Beyond {
+    /// The first and the last position.
+    pub fn ends(&self, points: &[(f64, f64)]) -> [f64; 2] {
+        [points[self.range.start].0, points[self.range.end - 1].0]
+    }
+}
+
 /// Finds points at an end of the range of the instrument: several equal heights in a row, although other points have noise.
 pub fn beyond(points: &[(f64, f64)]) -> Option<Beyond> {
     let heights: Vec<f64> = points.iter().map(|point| point.1).collect();

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::parts::{Found, Part, UNWORN, find};
+use super::parts::{Found, Part, REACH, UNWORN, find};
 use super::points::{Beyond, beyond};
 use super::surface::{Points, Surface};
 use super::{Up, Wanted};
@@ -17,6 +17,8 @@ const SURE: f64 = 5.0;
 const STEPS: f64 = 16.0;
 const THIN: usize = 500;
 const GAIN: f64 = 0.04;
+/// Minimum number of points in a scar, and on each side of it.
+const BESIDE: usize = 8;
 /// Minimum and maximum number of neighbours at the ends of the scar that exceed this many times the scatter and this share
 /// of the largest depth.
 const RUN: (usize, usize) = (3, 8);
@@ -34,6 +36,8 @@ pub struct Scar {
     pub outwards: f64,
     /// The points between the ends of the scar. Empty if there is none.
     pub range: Range<usize>,
+    /// The removed parts of the scar, without their shallow ends.
+    pub core: Vec<Part>,
     /// The removed parts of the scar.
     pub removed: Vec<Part>,
     /// The parts above the unworn surface.
@@ -95,17 +99,19 @@ fn outwards(found: &Found, points: &Points, wanted: &Wanted<'_>, notes: &mut Vec
 /// There is none, there are several, or the unworn surface is not one plane or circle.
 pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<Scar, String> {
     let (count, window) = (points.len(), wanted.scar);
+    let [first, after] = window.map_or([0, count], |window| {
+        window.map(|end| points.partition_point(|point| point.0 < end))
+    });
+    if let Some([from, to]) = window.filter(|window| !is_inside(points, *window)) {
+        return Err(format!(
+            "has too few points in or beside scar={:.4}..{:.4}mm: x is {}. Write other ends",
+            1e3 * from,
+            1e3 * to,
+            place(points, &(0..count))
+        ));
+    }
     let mut found = find(points, window, None);
-    if let Some([from, to]) = window {
-        let [first, after] = [from, to].map(|end| points.partition_point(|point| point.0 < end));
-        if after < first + 5 || first < 5 || after + 5 > count {
-            return Err(format!(
-                "does not contain scar={:.4}..{:.4}mm with some points on both sides: x is {}. Write other ends",
-                1e3 * from,
-                1e3 * to,
-                place(points, &(0..count))
-            ));
-        }
+    if window.is_some() {
         let stepped = find(points, window, window);
         if is_step(&stepped.surface) {
             found = stepped;
@@ -132,7 +138,7 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
              instrument ends there. Depth and volume are lower limits."
         ));
     }
-    let mut scar = Scar { found, outwards, range: 0..0, removed, added, beyond };
+    let mut scar = Scar { found, outwards, range: 0..0, core: Vec::new(), removed, added, beyond };
     if scar.removed.is_empty() && scar.added.is_empty() {
         return match window {
             None if scar.found.surface.is_round => Ok(scar),
@@ -144,6 +150,17 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
     scar.check_sign(points, wanted)?;
     scar.check_one(points, window, notes)?;
     Ok(scar)
+}
+
+/// Whether there are enough points between the ends of a scar, and beside them.
+fn is_inside(points: &[(f64, f64)], [from, to]: [f64; 2]) -> bool {
+    let count = |low: f64, high: f64| {
+        points.iter().filter(|point| low <= point.0 && point.0 <= high).count()
+    };
+    let width = REACH * (to - from);
+    [count(from, to), count(from - width, from), count(to, to + width)]
+        .iter()
+        .all(|it| *it >= BESIDE)
 }
 
 /// Whether a surface has a step that is many times the scatter.
@@ -188,7 +205,7 @@ impl Scar {
     }
 
     /// Where the scar is deeper than a share of its largest depth, which noise at shallow ends moves little.
-    pub fn core(&self, points: &[(f64, f64)]) -> [f64; 2] {
+    pub fn middle(&self, points: &[(f64, f64)]) -> [f64; 2] {
         let Range { start, end } = self.deeper(&self.range, CORE * self.largest(&self.range));
         [points[start].0, points[end - 1].0]
     }
@@ -270,47 +287,50 @@ impl Scar {
         }
         let end = count / UNWORN;
         let is_at_end = |range: &Range<usize>| range.start == 0 || range.end == count;
-        let is_stepped = |part: &&Part| {
-            part.range != scar
-                && is_at_end(&part.range)
-                && part.area.abs() > OTHER * area(&groups[0])
-        };
         if window.is_none() {
             let ends = [points[scar.start].0, points[scar.end - 1].0];
             let surface = Surface::through(points, &self.found.is_unworn, Some(ends));
             let middle = 0.5 * (ends[0] + ends[1]);
             let at_scar = is_step(&surface).then(|| (middle, surface.step().0));
-            if let Some((x, height)) = at_scar.or_else(|| step(points, &self.found)) {
-                return Err(format!(
-                    "has an unworn surface that rises by {:.4} um near x = {:.4} mm. If the scar is there, this makes its depth \
-                     uncertain. Choose the scar with scar=FROM..TO, such as {}",
+            let step = at_scar.or_else(|| step(points, &self.found));
+            let rises = step.map(|(x, height)| {
+                format!(
+                    "an unworn surface that rises by {:.4} um near x = {:.4} mm",
                     UM * height,
-                    1e3 * x,
-                    choice(points, &scar)
-                ));
-            }
-            if let Some(part) = self.found.parts.iter().find(is_stepped) {
-                return Err(format!(
-                    "has no unworn surface at an end: {} it lies {} the surface elsewhere. Choose the scar with scar=FROM..TO, \
-                     such as {}",
-                    place(points, &part.range),
-                    if part.area > 0.0 { "above" } else { "below" },
-                    choice(points, &scar)
-                ));
-            }
+                    1e3 * x
+                )
+            });
             if scar.start < end || scar.end > count - end {
+                let rises = rises.map_or(String::new(), |rises| format!(", or {rises}"));
                 return Err(format!(
-                    "has a scar that reaches to an end: {}. Measure farther: at each end, a tenth of the trace must be \
-                     unworn. If the trace begins at the axis, write prepare=half. If the scar is a part of this, choose it \
-                     with scar=FROM..TO, such as {}",
+                    "has a scar that reaches to an end, {}{rises}. Measure farther: at each end, a tenth of the trace must \
+                     be unworn. If the trace begins at the axis, write prepare=half. If the scar is only a part of this, \
+                     choose it with scar=FROM..TO, such as {}",
                     place(points, &scar),
                     choice(points, &(end..count - end))
+                ));
+            }
+            let is_stepped =
+                |part: &&Part| is_at_end(&part.range) && part.area.abs() > OTHER * area(&groups[0]);
+            let at_end = self.found.parts.iter().find(is_stepped).map(|part| {
+                format!("an end that is not on the unworn surface, {}", place(points, &part.range))
+            });
+            if let Some(told) = rises.or(at_end) {
+                return Err(format!(
+                    "has {told}. If the scar is there, this makes its depth uncertain. Choose the scar with scar=FROM..TO, \
+                     such as {}",
+                    choice(points, &scar)
                 ));
             }
         }
         let depth = (SCATTER * self.found.surface.scatter).max(SHARE * self.largest(&scar));
         self.range = self.deeper(&scar, depth);
         self.removed = groups.swap_remove(0);
+        self.core = self.removed.clone();
+        for Part { range, .. } in &mut self.core {
+            *range = range.start.max(self.range.start)..range.end.min(self.range.end);
+        }
+        self.core.retain(|part| !part.range.is_empty());
         Ok(())
     }
 }

@@ -9,6 +9,7 @@
 //! from the covariance of the unworn surface, for volumes from the axis, and from points that are clipped or left out.
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use serde_json::{Value, json};
 
@@ -81,10 +82,10 @@ impl<'a> Sizes<'a> {
             let middle = 0.5 * (points[0].0 + points[points.len() - 1].0);
             own.axis.0 = if surface.is_round { surface.vertex() } else { middle };
         } else if is_centred {
-            let area = own.sum(&scar.removed, &|_| 1.0).value;
-            let axis = own.sum(&scar.removed, &|x| x).value / area;
-            let moment = own.sum(&scar.removed, &|x| (x - axis) / area);
-            let [first, last] = scar.core(points);
+            let area = own.sum(&scar.core, &|_| 1.0).value;
+            let axis = own.sum(&scar.core, &|x| x).value / area;
+            let moment = own.sum(&scar.core, &|x| (x - axis) / area);
+            let [first, last] = scar.middle(points);
             let middle = 0.5 * (first + last);
             let distance = (axis - middle).abs();
             // The centroid is more accurate if left and right are alike. If they are not, the contact lies between the ends.
@@ -95,16 +96,21 @@ impl<'a> Sizes<'a> {
         own
     }
 
-    /// The weights of points for an integral of their heights times a weight, and its error from gaps. A line joins
+    /// Positions, weights and heights of points for an integral of the heights times a weight, and its error from gaps. A line joins
     /// neighbours, also across a gap, where the heights can lie anywhere between those of its ends.
-    fn weights(&self, part: &Part, weight: &dyn Fn(f64) -> f64) -> (Vec<(f64, f64)>, f64) {
-        let own = &self.points[part.range.clone()];
-        let heights = &self.scar.found.heights[part.range.clone()];
-        let (mut found, mut gaps): (Vec<_>, f64) =
-            (own.iter().map(|it| (it.0, 0.0)).collect(), 0.0);
-        // Half of the usual distance belongs to a part beyond its first and its last point.
-        for (at, side) in [(0, -0.25), (own.len() - 1, 0.25)] {
-            found[at].1 += 0.5 * self.pace * weight(own[at].0 + side * self.pace);
+    fn weights(&self, part: &Part, weight: &dyn Fn(f64) -> f64) -> (Vec<(f64, f64, f64)>, f64) {
+        let Range { mut start, mut end } = part.range;
+        // Half of the usual distance, or a gap, belongs to a part beyond its first and its last point.
+        let is_gap = |at: usize| self.points[at].0 - self.points[at - 1].0 > GAP * self.pace;
+        let (before, after) = (start > 0 && is_gap(start), end < self.points.len() && is_gap(end));
+        (start, end) = (start - usize::from(before), end + usize::from(after));
+        let own = &self.points[start..end];
+        let heights = &self.scar.found.heights[start..end];
+        let mut found: Vec<_> = own.iter().zip(heights).map(|(it, z)| (it.0, 0.0, *z)).collect();
+        let mut gaps = 0.0;
+        for (at, side, is_gap) in [(0, -0.25, before), (own.len() - 1, 0.25, after)] {
+            let half = if is_gap { 0.0 } else { 0.5 * self.pace };
+            found[at].1 += half * weight(own[at].0 + side * self.pace);
         }
         for at in 1..own.len() {
             let (from, length) = (own[at - 1].0, own[at].0 - own[at - 1].0);
@@ -125,21 +131,22 @@ impl<'a> Sizes<'a> {
     /// The sum of depths of removed parts, or of heights of added ones, each with a weight.
     fn sum(&self, parts: &[Part], weight: &dyn Fn(f64) -> f64) -> Size {
         let surface = &self.scar.found.surface;
-        let all: Vec<usize> = parts.iter().flat_map(|part| part.range.clone()).collect();
-        let (weights, gaps): (Vec<_>, Vec<f64>) =
+        let (own, gaps): (Vec<_>, Vec<f64>) =
             parts.iter().map(|part| self.weights(part, weight)).unzip();
-        let (weights, gaps) = (weights.concat(), gaps.iter().sum::<f64>());
-        let heights = all.iter().map(|at| self.scar.found.heights[*at]);
-        let value: f64 = weights.iter().zip(heights).map(|(own, height)| own.1 * height).sum();
-        let squares: f64 = weights.iter().map(|own| own.1 * own.1).sum();
+        let own = own.concat();
+        let value: f64 = own.iter().map(|(_, weight, height)| weight * height).sum();
+        let squares: f64 = own.iter().map(|(_, weight, _)| weight * weight).sum();
         let scatter = surface.scatter * (surface.together * squares).sqrt();
         let sign = if parts.first().is_some_and(|part| part.area < 0.0) { -1.0 } else { 1.0 };
         let beyond = self.scar.beyond.as_ref().filter(|beyond| sign * beyond.height > 0.0);
         let clipped = beyond.map_or(0.0, |beyond| -> f64 {
-            let inside = all.iter().zip(&weights).filter(|(at, _)| beyond.range.contains(at));
-            inside.map(|(_, own)| (own.1 * beyond.height).abs()).sum()
+            let [from, to] = beyond.ends(self.points);
+            let inside = own.iter().filter(|(x, ..)| (from..=to).contains(x));
+            inside.map(|(_, weight, _)| (weight * beyond.height).abs()).sum()
         });
-        let errors = [scatter, surface.error(weights.into_iter()), 0.0, clipped + gaps];
+        let missing = clipped + gaps.iter().sum::<f64>();
+        let weights = own.iter().map(|(x, weight, _)| (*x, *weight));
+        let errors = [scatter, surface.error(weights), 0.0, missing];
         Size { value: sign * value, errors }
     }
 

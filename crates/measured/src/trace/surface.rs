@@ -22,6 +22,9 @@ const EXPECTED: f64 = 0.05;
 const TRIES: usize = 30;
 const STILL: f64 = 1e-8;
 
+/// A pivot below this share of its diagonal is rounding.
+const SINGULAR: f64 = 1e-11;
+
 type Row = [f64; COLUMNS];
 
 /// Points of a trace: x and z.
@@ -60,9 +63,17 @@ fn solved(mut matrix: [Row; COLUMNS], right: Row, used: [bool; COLUMNS]) -> (Row
             matrix[at][at] = 1.0;
         }
     }
+    let diagonal: [f64; COLUMNS] = std::array::from_fn(|at| matrix[at][at]);
     // Gauss and Jordan. The matrix is positive definite, so no rows are exchanged.
     for at in 0..COLUMNS {
-        let pivot = matrix[at][at].max(f64::MIN_POSITIVE);
+        let pivot = matrix[at][at];
+        // The points do not determine this column.
+        if pivot <= SINGULAR * diagonal[at] {
+            (0..COLUMNS).for_each(|other| matrix[at][other] = 0.0);
+            (0..COLUMNS).for_each(|other| inverse[at][other] = 0.0);
+            (0..COLUMNS).for_each(|other| matrix[other][at] = 0.0);
+            continue;
+        }
         for other in 0..COLUMNS {
             matrix[at][other] /= pivot;
             inverse[at][other] /= pivot;
@@ -123,6 +134,9 @@ impl Surface {
             let before = (self.apex, self.bend());
             self.step_towards(used, with_shear);
             let reach = 0.5 / self.bend().abs();
+            if !reach.is_finite() {
+                break;
+            }
             // A circle that is tilted by more than a right angle has no apex.
             let apex =
                 if with_shear { self.apex + self.coefficients[SHEAR] } else { self.vertex() };
