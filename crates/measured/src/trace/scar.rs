@@ -47,6 +47,8 @@ pub struct Scar {
 }
 
 const UM: f64 = 1e6;
+const FARTHER: &str = "Measure farther: at each end, a tenth of the trace must be unworn. If the trace begins at the axis, \
+                       write prepare=half.";
 
 /// The ends of a part in words.
 fn place(points: &[(f64, f64)], range: &Range<usize>) -> String {
@@ -228,15 +230,18 @@ impl Scar {
             return Ok(());
         }
         let other = if self.outwards > 0.0 { "in" } else { "out" };
-        let choose = match wanted.scar {
-            None => {
-                " If the scar is another part, choose it with scar=FROM..TO, such as scar=0.4..1.6mm"
+        let end = points.len() / UNWORN;
+        let is_cut = |part: &Part| part.range.start < end || part.range.end > points.len() - end;
+        let mut more = String::new();
+        if wanted.scar.is_none() {
+            more.push_str(" If the scar is another part, choose it with scar=FROM..TO, such as scar=0.4..1.6mm.");
+            if removed.iter().chain(added).any(is_cut) {
+                more = format!("{more} Something reaches to an end. {FARTHER}");
             }
-            Some(_) => "",
-        };
+        }
         Err(format!(
             "has more added than removed material: {:.4} um^2 lie above the unworn surface{}, and {:.4} um^2 below it{}. \
-             If the heights count the other way, write up={other}.{choose}",
+             If the heights count the other way, write up={other}.{more}",
             UM * UM * area(added),
             most(added),
             UM * UM * area(removed),
@@ -303,8 +308,7 @@ impl Scar {
             if scar.start < end || scar.end > count - end {
                 let rises = rises.map_or(String::new(), |rises| format!(", or {rises}"));
                 return Err(format!(
-                    "has a scar that reaches to an end, {}{rises}. Measure farther: at each end, a tenth of the trace must \
-                     be unworn. If the trace begins at the axis, write prepare=half. If the scar is only a part of this, \
+                    "has a scar that reaches to an end, {}{rises}. {FARTHER} If the scar is only a part of this, \
                      choose it with scar=FROM..TO, such as {}",
                     place(points, &scar),
                     choice(points, &(end..count - end))

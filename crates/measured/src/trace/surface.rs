@@ -104,42 +104,42 @@ impl Surface {
         let used: Points =
             points.iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|it| *it.0).collect();
         let mut found = Self { middle, half, edge, together: 1.0, ..Self::default() };
-        found.step_towards(&used, false);
+        found.step_towards(&used);
+        found.judge(&used);
         found.is_round = found.bend().abs() * half * half > 3.0 * found.scatter;
-        found.apex = found.vertex();
         if found.is_round {
-            found.fit(&used, false);
-            found.count_together(&used);
-            let mut sheared = found.clone();
-            sheared.fit(&used, true);
-            sheared.count_together(&used);
+            found.apex = found.vertex();
+            found.fit(&used);
+            found.judge(&used);
+            let mut sheared = Self { is_sheared: true, ..found.clone() };
+            sheared.fit(&used);
+            sheared.judge(&used);
             let moved = (sheared.apex - sheared.vertex()).abs();
+            let sure = SURE * sheared.scatter * sheared.together.sqrt();
             let is_finite = sheared.covariance.as_flattened().iter().all(|it| it.is_finite());
-            let variance = sheared.scatter * sheared.scatter * sheared.together;
-            if is_finite && moved > SURE * (variance * sheared.covariance[SHEAR][SHEAR]).sqrt() {
-                found = Self { is_sheared: true, ..sheared };
+            if is_finite && moved > sure * sheared.covariance[SHEAR][SHEAR].sqrt() {
+                found = sheared;
             } else if is_finite {
                 found.covariance = sheared.covariance;
             }
         }
-        found.count_together(&used);
         let factor = found.scatter * found.scatter * found.together;
         found.covariance = found.covariance.map(|row| row.map(|it| it * factor));
         found
     }
 
     /// Repeats the fit until apex and curvature stay.
-    fn fit(&mut self, used: &[(f64, f64)], with_shear: bool) {
+    fn fit(&mut self, used: &[(f64, f64)]) {
         for _ in 0..TRIES {
             let before = (self.apex, self.bend());
-            self.step_towards(used, with_shear);
+            self.step_towards(used);
             let reach = 0.5 / self.bend().abs();
             if !reach.is_finite() {
                 break;
             }
             // A circle that is tilted by more than a right angle has no apex.
             let apex =
-                if with_shear { self.apex + self.coefficients[SHEAR] } else { self.vertex() };
+                if self.is_sheared { self.apex + self.coefficients[SHEAR] } else { self.vertex() };
             self.apex = apex.clamp(self.middle - reach, self.middle + reach);
             self.coefficients[SHEAR] = 0.0;
             let moved = (self.apex - before.0).abs() / self.half;
@@ -181,41 +181,40 @@ impl Surface {
         (beyond, 2.0 * bend * v - (v / root).copysign(bend * v))
     }
 
-    fn row(&self, x: f64) -> Row {
+    /// The columns at a position, and what the circle has beyond its parabola.
+    fn row(&self, x: f64) -> (Row, f64) {
+        let (beyond, shear) = self.roundness(x);
         let u = (x - self.middle) / self.half;
         let rise = |[from, to]: [f64; 2]| ((x - 0.5 * (from + to)) / (to - from)).clamp(-0.5, 0.5);
         let step = self.edge.map_or(0.0, rise);
-        [1.0, u, u * u, self.roundness(x).1, step]
+        ([1.0, u, u * u, shear, step], beyond)
     }
 
     /// Least squares with the apex and the curvature of before. The covariance is in units of the variance of the points.
-    fn step_towards(&mut self, used: &[(f64, f64)], with_shear: bool) {
+    fn step_towards(&mut self, used: &[(f64, f64)]) {
         let (mut matrix, mut right) = ([[0.0; COLUMNS]; COLUMNS], [0.0; COLUMNS]);
         for (x, z) in used {
-            let (row, beyond) = (self.row(*x), self.roundness(*x).0);
+            let (row, beyond) = self.row(*x);
             for at in 0..COLUMNS {
                 right[at] += row[at] * (z - beyond);
                 (0..COLUMNS).for_each(|other| matrix[at][other] += row[at] * row[other]);
             }
         }
-        if with_shear {
+        if self.is_sheared {
             // Without knowledge, the apex is that of the parabola.
             let expected = 0.5 * EXPECTED / self.bend();
             let weight = self.scatter * self.scatter * self.together / (expected * expected);
             matrix[SHEAR][SHEAR] += weight;
             right[SHEAR] += weight * (self.vertex() - self.apex);
         }
-        let is_used = [true, true, true, with_shear, self.edge.is_some()];
+        let is_used = [true, true, true, self.is_sheared, self.edge.is_some()];
         (self.coefficients, self.covariance) = solved(matrix, right, is_used);
-        let sum: f64 = used.iter().map(|(x, z)| (z - self.at(*x)) * (z - self.at(*x))).sum();
-        let free = used.len() as f64 - is_used.iter().filter(|it| **it).count() as f64;
-        self.scatter = (sum / free.max(1.0)).sqrt();
     }
 
     /// The height of the surface. Where it rises by a step, a line joins both sides.
     pub fn at(&self, x: f64) -> f64 {
-        let row = self.row(x);
-        (0..COLUMNS).map(|at| self.coefficients[at] * row[at]).sum::<f64>() + self.roundness(x).0
+        let (row, beyond) = self.row(x);
+        (0..COLUMNS).map(|at| self.coefficients[at] * row[at]).sum::<f64>() + beyond
     }
 
     /// The slope of the surface.
@@ -228,7 +227,7 @@ impl Surface {
     pub fn error(&self, weights: impl Iterator<Item = (f64, f64)>) -> f64 {
         let mut sum = [0.0; COLUMNS];
         for (x, weight) in weights {
-            sum.iter_mut().zip(self.row(x)).for_each(|(sum, own)| *sum += weight * own);
+            sum.iter_mut().zip(self.row(x).0).for_each(|(sum, own)| *sum += weight * own);
         }
         let product = |row: &Row| row.iter().zip(sum).map(|(own, sum)| own * sum).sum::<f64>();
         let square: f64 =
@@ -236,12 +235,15 @@ impl Surface {
         square.max(0.0).sqrt()
     }
 
-    /// Counts the neighbours that go together: the variance of means of several points, in units of that of independent
-    /// points (batch means).
-    fn count_together(&mut self, used: &[(f64, f64)]) {
+    /// Computes the scatter, and counts the neighbours that go together: the variance of means of several points, in units
+    /// of that of independent points (batch means).
+    fn judge(&mut self, used: &[(f64, f64)]) {
         let deviations: Vec<f64> = used.iter().map(|(x, z)| z - self.at(*x)).collect();
         let square = |values: &mut dyn Iterator<Item = f64>| values.map(|it| it * it).sum::<f64>();
-        let variance = square(&mut deviations.iter().copied()) / deviations.len() as f64;
+        let sum = square(&mut deviations.iter().copied());
+        let columns = 3 + usize::from(self.is_sheared) + usize::from(self.edge.is_some());
+        self.scatter = (sum / deviations.len().saturating_sub(columns).max(1) as f64).sqrt();
+        let variance = sum / deviations.len() as f64;
         let sizes = (1..).map(|power| 2_usize.pow(power));
         let sizes = sizes.take_while(|size| size * 8 <= deviations.len());
         let ratio = |size: usize| {
