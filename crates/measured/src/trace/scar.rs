@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use super::parts::{Found, Part, REACH, UNWORN, find};
-use super::points::{Beyond, beyond};
+use super::parts::{self, Found, Part, REACH, UNWORN};
+use super::points::{Beyond, beyond, noise, range};
 use super::surface::{Points, Surface};
 use super::{Up, Wanted};
 
@@ -17,6 +17,8 @@ const SURE: f64 = 5.0;
 const STEPS: f64 = 16.0;
 const THIN: usize = 500;
 const GAIN: f64 = 0.04;
+/// Without a scar, a surface is no circle if it scatters by this many times the noise and this share of its height.
+const ROUGH: (f64, f64) = (10.0, 0.01);
 /// Minimum number of points in a scar, and on each side of it.
 const BESIDE: usize = 8;
 /// Minimum and maximum number of neighbours at the ends of the scar that exceed this many times the scatter and this share
@@ -61,7 +63,17 @@ fn place(points: &[(f64, f64)], range: &Range<usize>) -> String {
 
 /// The parameter that chooses the points of a range.
 fn choice(points: &[(f64, f64)], range: &Range<usize>) -> String {
-    format!("scar={:.4}..{:.4}mm", 1e3 * points[range.start].0, 1e3 * points[range.end - 1].0)
+    ends([points[range.start].0, points[range.end - 1].0])
+}
+
+/// The parameter that chooses the points between two ends.
+fn ends([from, to]: [f64; 2]) -> String {
+    format!("scar={:.4}..{:.4}mm", 1e3 * from, 1e3 * to)
+}
+
+/// The points from the first part to the last one.
+fn all(parts: &[Part]) -> Range<usize> {
+    parts[0].range.start..parts[parts.len() - 1].range.end
 }
 
 fn area(parts: &[Part]) -> f64 {
@@ -112,9 +124,9 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
             place(points, &(0..count))
         ));
     }
-    let mut found = find(points, window, None);
+    let mut found = parts::find(points, window, None);
     if window.is_some() {
-        let stepped = find(points, window, window);
+        let stepped = parts::find(points, window, window);
         if is_step(&stepped.surface) {
             found = stepped;
             let height = found.surface.step().0;
@@ -142,15 +154,18 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
     }
     let mut scar = Scar { found, outwards, range: 0..0, core: Vec::new(), removed, added, beyond };
     if scar.removed.is_empty() && scar.added.is_empty() {
-        return match window {
-            None if scar.found.surface.is_round => Ok(scar),
-            None => Err("has no scar: the whole surface is plane within its scatter".to_owned()),
-            Some(_) => Err("has no scar there: nothing between the ends of scar= stands out of the scatter. Write other \
-                            ends".to_owned()),
-        };
+        let surface = &scar.found.surface;
+        let [low, high] = range(&points.iter().map(|point| point.1).collect::<Vec<_>>());
+        let is_one = surface.scatter < (ROUGH.0 * noise(points)).max(ROUGH.1 * (high - low));
+        return Err(match window {
+            None if surface.is_round && is_one => return Ok(scar),
+            None if surface.is_round => format!("has no circle outside of a scar. {FARTHER}"),
+            None => "has no scar: the whole surface is plane within its scatter".to_owned(),
+            Some(_) => "has no scar between the ends of scar=, where nothing stands out of the scatter. Write other ends".into(),
+        });
     }
     scar.check_sign(points, wanted)?;
-    scar.check_one(points, window, notes)?;
+    scar.choose_one(points, window, notes)?;
     Ok(scar)
 }
 
@@ -171,21 +186,38 @@ fn is_step(surface: &Surface) -> bool {
     height.abs() > SURE * error && height.abs() > SURE * surface.scatter
 }
 
-/// The place and the height of a step of the unworn surface: with it, many more points lie on the surface.
-fn step(points: &[(f64, f64)], found: &Found) -> Option<(f64, f64)> {
-    let thin = points.len().div_ceil(THIN);
-    let thinned: Points = points.iter().step_by(thin).copied().collect();
-    let (first, last) = (points[0].0, points[points.len() - 1].0);
-    let count = |found: &Found| found.is_unworn.iter().filter(|is_unworn| **is_unworn).count();
-    let before = count(found) as f64 / thin as f64;
-    let width = (last - first) / STEPS;
-    let tried = (1..STEPS as usize).map(|at| {
-        let x = first + at as f64 * width;
-        (x, find(&thinned, None, Some([x - 1e-3 * width, x + 1e-3 * width])))
-    });
-    let (x, best) = tried.max_by_key(|(_, found)| count(found))?;
-    let is_better = count(&best) as f64 > before + GAIN * thinned.len() as f64;
-    (is_better && is_step(&best.surface)).then(|| (x, best.surface.step().0))
+/// A step of the unworn surface.
+struct Step {
+    x: f64,
+    height: f64,
+    /// The ends of the scar if the surface has this step.
+    scar: [f64; 2],
+}
+
+impl Step {
+    /// Finds a step: with it, many more points lie on the unworn surface.
+    fn find(points: &[(f64, f64)], found: &Found, outwards: f64) -> Option<Self> {
+        let thin = points.len().div_ceil(THIN);
+        let thinned: Points = points.iter().step_by(thin).copied().collect();
+        let (first, last) = (points[0].0, points[points.len() - 1].0);
+        let count = |found: &Found| found.is_unworn.iter().filter(|is_unworn| **is_unworn).count();
+        let before = count(found) as f64 / thin as f64;
+        let width = (last - first) / STEPS;
+        let tried = (1..STEPS as usize).map(|at| {
+            let x = first + at as f64 * width;
+            (x, parts::find(&thinned, None, Some([x - 1e-3 * width, x + 1e-3 * width])))
+        });
+        let (x, best) = tried.max_by_key(|(_, found)| count(found))?;
+        let is_better = count(&best) as f64 > before + GAIN * thinned.len() as f64;
+        if !is_better || !is_step(&best.surface) {
+            return None;
+        }
+        let removed = best.parts.iter().filter(|part| part.area * outwards < 0.0);
+        let largest = removed.max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()))?;
+        let Range { start, end } = largest.range;
+        let scar = [thinned[start].0, thinned[end - 1].0];
+        Some(Self { x, height: best.surface.step().0, scar })
+    }
 }
 
 impl Scar {
@@ -219,25 +251,19 @@ impl Scar {
     /// Refuses more added than removed material.
     fn check_sign(&self, points: &[(f64, f64)], wanted: &Wanted<'_>) -> Result<(), String> {
         let Self { removed, added, .. } = self;
-        let most = |parts: &[Part]| {
-            let largest =
-                parts.iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
-            largest.map_or(String::new(), |part| {
-                format!(", most of it {}", place(points, &part.range))
-            })
-        };
         if area(added) <= area(removed) {
             return Ok(());
         }
+        let most = |parts: &[Part]| {
+            let largest =
+                parts.iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
+            largest.map_or(String::new(), |part| format!(", most {}", place(points, &part.range)))
+        };
         let other = if self.outwards > 0.0 { "in" } else { "out" };
-        let end = points.len() / UNWORN;
-        let is_cut = |part: &Part| part.range.start < end || part.range.end > points.len() - end;
         let mut more = String::new();
         if wanted.scar.is_none() {
-            more.push_str(" If the scar is another part, choose it with scar=FROM..TO, such as scar=0.4..1.6mm.");
-            if removed.iter().chain(added).any(is_cut) {
-                more = format!("{more} Something reaches to an end. {FARTHER}");
-            }
+            let choose = "If the scar is another part, choose it with scar=FROM..TO, such as scar=0.4..1.6mm.";
+            more = format!(" {choose}{}", self.farther(points));
         }
         Err(format!(
             "has more added than removed material: {:.4} um^2 lie above the unworn surface{}, and {:.4} um^2 below it{}. \
@@ -249,15 +275,26 @@ impl Scar {
         ))
     }
 
+    /// What to do if a part reaches to an end of the trace.
+    fn farther(&self, points: &[(f64, f64)]) -> String {
+        let end = points.len() / UNWORN;
+        let parts = &self.found.parts;
+        let largest = parts.iter().map(|part| part.area.abs()).fold(0.0, f64::max);
+        let is_cut = |part: &Part| {
+            let Range { start, end: after } = part.range;
+            part.area.abs() > OTHER * largest && (start < end || after > points.len() - end)
+        };
+        if parts.iter().any(is_cut) { format!(" {FARTHER}") } else { String::new() }
+    }
+
     /// Chooses the removed parts of one scar. Parts with a gap of at most half of the shorter one are one scar.
-    fn check_one(
+    fn choose_one(
         &mut self,
         points: &[(f64, f64)],
         window: Option<[f64; 2]>,
         notes: &mut Vec<String>,
     ) -> Result<(), String> {
         let mut groups: Vec<Vec<Part>> = Vec::new();
-        let all = |group: &[Part]| group[0].range.start..group[group.len() - 1].range.end;
         for part in std::mem::take(&mut self.removed) {
             let is_near = groups.last().is_some_and(|group| {
                 let gap = part.range.start.saturating_sub(all(group).end);
@@ -269,63 +306,28 @@ impl Scar {
             }
         }
         groups.sort_by(|one, other| area(other).total_cmp(&area(one)));
-        let count = points.len();
         let scar = all(&groups[0]);
-        let others: Vec<_> =
-            groups[1..].iter().filter(|group| area(group) > OTHER * area(&groups[0])).collect();
-        if let Some(other) = others.first() {
-            let both = scar.start.min(all(other).start)..scar.end.max(all(other).end);
-            return Err(format!(
-                "has two scars or more: {}, and {}. Choose one with {} or {}. If they are one ring, write {}",
-                place(points, &scar),
-                place(points, &all(other)),
-                choice(points, &scar),
-                choice(points, &all(other)),
-                choice(points, &both)
-            ));
-        }
         for group in &groups[1..] {
+            let other = all(group);
+            if area(group) > OTHER * area(&groups[0]) {
+                let both = scar.start.min(other.start)..scar.end.max(other.end);
+                return Err(format!(
+                    "has two scars or more: {}, and {}. Choose one with {} or {}. If they are one ring, write {}.{}",
+                    place(points, &scar),
+                    place(points, &other),
+                    choice(points, &scar),
+                    choice(points, &other),
+                    choice(points, &both),
+                    self.farther(points)
+                ));
+            }
             notes.push(format!(
-                "Below the unworn surface, {} was left out: it is not of the scar.",
-                place(points, &all(group))
+                "Below the unworn surface, a part {} is not of the scar and was left out.",
+                place(points, &other)
             ));
         }
-        let end = count / UNWORN;
-        let is_at_end = |range: &Range<usize>| range.start == 0 || range.end == count;
         if window.is_none() {
-            let ends = [points[scar.start].0, points[scar.end - 1].0];
-            let surface = Surface::through(points, &self.found.is_unworn, Some(ends));
-            let middle = 0.5 * (ends[0] + ends[1]);
-            let at_scar = is_step(&surface).then(|| (middle, surface.step().0));
-            let step = at_scar.or_else(|| step(points, &self.found));
-            let rises = step.map(|(x, height)| {
-                format!(
-                    "an unworn surface that rises by {:.4} um near x = {:.4} mm",
-                    UM * height,
-                    1e3 * x
-                )
-            });
-            if scar.start < end || scar.end > count - end {
-                let rises = rises.map_or(String::new(), |rises| format!(", or {rises}"));
-                return Err(format!(
-                    "has a scar that reaches to an end, {}{rises}. {FARTHER} If the scar is only a part of this, \
-                     choose it with scar=FROM..TO, such as {}",
-                    place(points, &scar),
-                    choice(points, &(end..count - end))
-                ));
-            }
-            let is_stepped =
-                |part: &&Part| is_at_end(&part.range) && part.area.abs() > OTHER * area(&groups[0]);
-            let at_end = self.found.parts.iter().find(is_stepped).map(|part| {
-                format!("an end that is not on the unworn surface, {}", place(points, &part.range))
-            });
-            if let Some(told) = rises.or(at_end) {
-                return Err(format!(
-                    "has {told}. If the scar is there, this makes its depth uncertain. Choose the scar with scar=FROM..TO, \
-                     such as {}",
-                    choice(points, &scar)
-                ));
-            }
+            self.check_sides(points, &scar)?;
         }
         let depth = (SCATTER * self.found.surface.scatter).max(SHARE * self.largest(&scar));
         self.range = self.deeper(&scar, depth);
@@ -336,5 +338,44 @@ impl Scar {
         }
         self.core.retain(|part| !part.range.is_empty());
         Ok(())
+    }
+
+    /// Refuses a scar whose sides are not one plane or circle, or are not measured.
+    fn check_sides(&self, points: &[(f64, f64)], scar: &Range<usize>) -> Result<(), String> {
+        let (count, end) = (points.len(), points.len() / UNWORN);
+        let [from, to] = [points[scar.start].0, points[scar.end - 1].0];
+        let surface = Surface::through(points, &self.found.is_unworn, Some([from, to]));
+        let own = Step { x: 0.5 * (from + to), height: surface.step().0, scar: [from, to] };
+        let step = is_step(&surface).then_some(own);
+        let step = step.or_else(|| Step::find(points, &self.found, self.outwards));
+        let rises = step.map(|step| {
+            format!(
+                "an unworn surface that rises by {:.4} um near x = {:.4} mm. If the scar is there, this makes its depth \
+                 uncertain. Choose the scar with scar=FROM..TO, such as {}",
+                UM * step.height,
+                1e3 * step.x,
+                ends(step.scar)
+            )
+        });
+        if scar.start < end || scar.end > count - end {
+            let rises = rises.map_or(String::new(), |rises| format!(". Or it has {rises}"));
+            return Err(format!(
+                "has a scar that reaches to an end, {}. {FARTHER}{rises}",
+                place(points, scar)
+            ));
+        }
+        let area = self.found.parts.iter().filter(|part| scar.contains(&part.range.start));
+        let area: f64 = area.map(|part| part.area.abs()).sum();
+        let is_end = |part: &&Part| {
+            part.area.abs() > OTHER * area && (part.range.start == 0 || part.range.end == count)
+        };
+        let at_end = self.found.parts.iter().find(is_end).map(|part| {
+            format!(
+                "an end that is not on the unworn surface, {}. Choose the scar with scar=FROM..TO, such as {}",
+                place(points, &part.range),
+                ends([from, to])
+            )
+        });
+        rises.or(at_end).map_or(Ok(()), |told| Err(format!("has {told}")))
     }
 }
