@@ -10,15 +10,7 @@ use fretwork_measured::{Measured, Prepare, Up, Wanted, read};
 use fretwork_random::Random;
 use serde_json::Value;
 
-const TRACE: Wanted<'_> = Wanted {
-    x: None,
-    y: None,
-    prepare: Prepare::Trace,
-    level: true,
-    centre: true,
-    up: None,
-    scar: None,
-};
+const TRACE: Wanted<'_> = Wanted::of(Prepare::Trace);
 
 /// Where material is removed or added. Lengths are in µm.
 #[derive(Debug, Clone, Copy)]

@@ -8,15 +8,7 @@ use fretwork_measured::{Measured, Prepare, Up, Wanted, read};
 use fretwork_random::Stream;
 use serde_json::{Value, json};
 
-const TRACE: Wanted<'_> = Wanted {
-    x: None,
-    y: None,
-    prepare: Prepare::Trace,
-    level: true,
-    centre: true,
-    up: None,
-    scar: None,
-};
+const TRACE: Wanted<'_> = Wanted::of(Prepare::Trace);
 const RADIUS: f64 = 10e-3;
 
 /// Wear depth over radius of a steel ball, as a run computes it.

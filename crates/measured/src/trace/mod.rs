@@ -19,6 +19,7 @@ mod scar;
 mod sizes;
 mod surface;
 
+use fretwork_engine::request::quantity::{Dimension, parse};
 use serde_json::{Value, json};
 
 use points::{FEWEST, ascending, known};
@@ -51,6 +52,14 @@ pub struct Wanted<'a> {
     pub scar: Option<[f64; 2]>,
 }
 
+impl Wanted<'_> {
+    /// The first two columns, with all that is usual.
+    #[must_use]
+    pub const fn of(prepare: Prepare) -> Self {
+        Self { x: None, y: None, prepare, level: true, centre: true, up: None, scar: None }
+    }
+}
+
 /// Where the heights of a trace point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Up {
@@ -63,6 +72,19 @@ pub enum Up {
 impl Up {
     /// The name of each.
     pub const NAMES: [(&'static str, Self); 2] = [("out", Self::Out), ("in", Self::In)];
+}
+
+/// What [`ends`] reads.
+pub const ENDS: &str = "FROM..TO with a unit of length, the smaller one first, such as 0.4..1.6mm";
+
+/// Reads the ends of a scar. The first end may have its own unit.
+#[must_use]
+pub fn ends(text: &str) -> Option<[f64; 2]> {
+    let (from, to) = text.split_once("..")?;
+    let unit = to.trim_start_matches(|it: char| it.is_ascii_digit() || ".+-eE ".contains(it));
+    let length = |text: &str| parse(text, Dimension::Length).ok();
+    let [from, to] = [length(&format!("{from} {unit}")).or_else(|| length(from))?, length(to)?];
+    (from < to && !unit.is_empty()).then_some([from, to])
 }
 
 /// What becomes of two columns.

@@ -50,7 +50,7 @@ pub struct Scar {
 
 const UM: f64 = 1e6;
 const FARTHER: &str = "Measure farther: at each end, a tenth of the trace must be unworn. If the trace begins at the axis, \
-                       write prepare=half.";
+                       write prepare=half";
 
 /// The ends of a part in words.
 fn place(points: &[(f64, f64)], range: &Range<usize>) -> String {
@@ -262,12 +262,12 @@ impl Scar {
         let other = if self.outwards > 0.0 { "in" } else { "out" };
         let mut more = String::new();
         if wanted.scar.is_none() {
-            let choose = "If the scar is another part, choose it with scar=FROM..TO, such as scar=0.4..1.6mm.";
-            more = format!(" {choose}{}", self.farther(points));
+            let choose = "If the scar is another part, choose it with scar=FROM..TO, such as scar=0.4..1.6mm";
+            more = format!(". {choose}{}", self.farther(points));
         }
         Err(format!(
             "has more added than removed material: {:.4} um^2 lie above the unworn surface{}, and {:.4} um^2 below it{}. \
-             If the heights count the other way, write up={other}.{more}",
+             If the heights count the other way, write up={other}{more}",
             UM * UM * area(added),
             most(added),
             UM * UM * area(removed),
@@ -284,7 +284,7 @@ impl Scar {
             let Range { start, end: after } = part.range;
             part.area.abs() > OTHER * largest && (start < end || after > points.len() - end)
         };
-        if parts.iter().any(is_cut) { format!(" {FARTHER}") } else { String::new() }
+        if parts.iter().any(is_cut) { format!(". {FARTHER}") } else { String::new() }
     }
 
     /// Chooses the removed parts of one scar. Parts with a gap of at most half of the shorter one are one scar.
@@ -312,7 +312,7 @@ impl Scar {
             if area(group) > OTHER * area(&groups[0]) {
                 let both = scar.start.min(other.start)..scar.end.max(other.end);
                 return Err(format!(
-                    "has two scars or more: {}, and {}. Choose one with {} or {}. If they are one ring, write {}.{}",
+                    "has two scars or more: {}, and {}. Choose one with {} or {}. If they are one ring, write {}{}",
                     place(points, &scar),
                     place(points, &other),
                     choice(points, &scar),

@@ -223,16 +223,17 @@ impl Surface {
         (self.at(x + step) - self.at(x - step)) / (2.0 * step)
     }
 
-    /// The standard deviation of a sum of heights of the surface, each with its weight.
+    /// The standard deviation of a sum of heights of the surface, each with its weight. Half of a step is uncertain.
     pub fn error(&self, weights: impl Iterator<Item = (f64, f64)>) -> f64 {
-        let mut sum = [0.0; COLUMNS];
+        let (mut sum, mut all) = ([0.0; COLUMNS], 0.0);
         for (x, weight) in weights {
+            all += weight.abs();
             sum.iter_mut().zip(self.row(x).0).for_each(|(sum, own)| *sum += weight * own);
         }
         let product = |row: &Row| row.iter().zip(sum).map(|(own, sum)| own * sum).sum::<f64>();
         let square: f64 =
             self.covariance.iter().zip(sum).map(|(row, sum)| sum * product(row)).sum();
-        square.max(0.0).sqrt()
+        square.max(0.0).sqrt().hypot(0.5 * all * self.coefficients[STEP])
     }
 
     /// Computes the scatter, and counts the neighbours that go together: the variance of means of several points, in units
