@@ -21,6 +21,8 @@ const WINDOW: usize = 100;
 const BOUNDS: (usize, usize) = (3, 25);
 /// If the ends of the scar are known, the search starts with the points up to this many widths beside it.
 pub const REACH: f64 = 1.0;
+/// Fewer points determine no surface.
+const FEWEST: usize = 8;
 /// Maximum number of repetitions.
 const TRIES: usize = 40;
 /// Where the unworn surface is searched, a point is unworn within this many standard deviations.
@@ -33,6 +35,14 @@ pub struct Part {
     pub range: Range<usize>,
     /// The area between the trace and the unworn surface, above 0 where the trace is above.
     pub area: f64,
+}
+
+impl Part {
+    /// What lies inside of a range, with the area of the whole part.
+    pub fn inside(&self, other: &Range<usize>) -> Option<Self> {
+        let range = self.range.start.max(other.start)..self.range.end.min(other.end);
+        (!range.is_empty()).then_some(Self { range, area: self.area })
+    }
 }
 
 /// The unworn surface of a trace, and the parts that deviate from it.
@@ -48,11 +58,11 @@ pub struct Found {
     pub parts: Vec<Part>,
 }
 
-/// The length of the trace for which each point stands.
-fn widths(points: &[(f64, f64)]) -> Vec<f64> {
-    let last = points.len() - 1;
-    let width = |at: usize| 0.5 * (points[(at + 1).min(last)].0 - points[at.saturating_sub(1)].0);
-    (0..=last).map(width).collect()
+impl Found {
+    /// The number of unworn points.
+    pub fn unworn(&self) -> usize {
+        self.is_unworn.iter().filter(|is_unworn| **is_unworn).count()
+    }
 }
 
 /// The sums of the first numbers.
@@ -65,105 +75,88 @@ fn sums(values: impl Iterator<Item = f64>) -> Vec<f64> {
     std::iter::once(0.0).chain(next).collect()
 }
 
+/// Means of each number and of up to `half` numbers on each side.
+fn moving_means(values: &[f64], half: usize) -> Vec<f64> {
+    let sums = sums(values.iter().copied());
+    let ends = |at: usize| (at.saturating_sub(half), (at + half + 1).min(values.len()));
+    let ends = (0..values.len()).map(ends);
+    ends.map(|(from, after)| (sums[after] - sums[from]) / (after - from) as f64).collect()
+}
+
 /// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
 /// known. `edge` is where the surface may rise by a step.
 pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 2]>) -> Found {
     let count = points.len();
-    let end = count / UNWORN;
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
     let noise = noise(points) / (2.0 * half as f64 + 1.0).sqrt();
-    let widths = widths(points);
-    let is_outside =
-        |at: usize| window.is_none_or(|[from, to]| points[at].0 < from || points[at].0 > to);
-    let is_near = |at: usize| match window {
-        None => at < end || at >= count - end,
-        Some([from, to]) => {
-            let reach = REACH * (to - from);
-            points[at].0 > from - reach && points[at].0 < to + reach
-        }
-    };
-    let mut is_unworn: Vec<bool> = (0..count).map(|at| is_outside(at) && is_near(at)).collect();
-    let smoothed = |heights: &[f64]| -> Vec<f64> {
-        let sums = sums(heights.iter().copied());
-        let mean = |at: usize| {
-            let (from, after) = (at.saturating_sub(half), (at + half + 1).min(count));
-            (sums[after] - sums[from]) / (after - from) as f64
+    let is_beside = |at: usize, reach: f64| {
+        let beside = |[from, to]: [f64; 2]| {
+            let (x, reach) = (points[at].0, reach * (to - from));
+            x < from && x > from - reach || x > to && x < to + reach
         };
-        (0..count).map(mean).collect()
+        window.is_none_or(beside)
     };
-    let mut is_grown = false;
-    for attempt in 0..TRIES {
+    let is_outside = |at: usize| is_beside(at, f64::INFINITY);
+    let is_end = |at: usize| at < count / UNWORN || at >= count - count / UNWORN;
+    let is_first = |at: usize| is_beside(at, REACH) && (window.is_some() || is_end(at));
+    let mut is_unworn: Vec<bool> = (0..count).map(is_first).collect();
+    let (mut is_grown, mut attempt) = (false, 0);
+    loop {
         let surface = Surface::through(points, &is_unworn, edge);
         let heights: Vec<f64> = points.iter().map(|(x, z)| z - surface.at(*x)).collect();
-        let mean = smoothed(&heights);
+        let mean = moving_means(&heights, half);
         let near = mean.iter().zip(&is_unworn).filter(|(_, is_unworn)| **is_unworn);
         let scale = (1.4826 * median(near.map(|(mean, _)| mean.abs()).collect())).max(noise);
         let largest = mean.iter().fold(0.0, |most: f64, mean| most.max(mean.abs()));
-        let limit = (SURE * scale).max(SHARE * largest);
         // First, the unworn points grow from the ends. Then they are all points but those of the parts.
-        let next: Vec<bool>;
+        let is_near = |at: usize| is_outside(at) && (is_grown || mean[at].abs() <= NEAR * scale);
+        let mut next: Vec<bool> = (0..count).map(is_near).collect();
         let mut parts = Vec::new();
         if is_grown {
-            parts = stretches(&mean, limit)
-                .into_iter()
-                .map(|range| part(&heights, &widths, range, half))
-                .collect();
-            let mut all: Vec<bool> = (0..count).map(is_outside).collect();
-            for Part { range, .. } in &parts {
-                let margin = half + range.len() / UNWORN;
-                all[range.start.saturating_sub(margin)..(range.end + margin).min(count)]
-                    .fill(false);
-            }
-            next = all;
-        } else {
-            next = (0..count).map(|at| is_outside(at) && mean[at].abs() <= NEAR * scale).collect();
+            let stretches = stretches(&mean, (SURE * scale).max(SHARE * largest));
+            parts = stretches.into_iter().map(|it| part(points, &heights, it, half)).collect();
         }
+        for Part { range, .. } in &parts {
+            let margin = half + range.len() / UNWORN;
+            next[range.start.saturating_sub(margin)..(range.end + margin).min(count)].fill(false);
+        }
+        attempt += 1;
         let is_stable = next == is_unworn;
-        let is_last = attempt + 1 == TRIES || is_grown && is_stable;
-        // Too few points determine no surface.
-        let is_empty = next.iter().filter(|is_unworn| **is_unworn).count() < 8;
-        if is_last || is_empty {
-            return Found { surface, heights, is_unworn, parts };
+        let found = Found { surface, heights, is_unworn: next, parts };
+        if attempt == TRIES || is_grown && is_stable || found.unworn() < FEWEST {
+            return Found { is_unworn, ..found };
         }
         is_grown |= is_stable || attempt == TRIES / 2;
-        is_unworn = next;
+        is_unworn = found.is_unworn;
     }
-    unreachable!("the last attempt returns")
 }
 
 /// Where the moving mean exceeds the limit, and as far as it is above `LOW` of it.
 fn stretches(mean: &[f64], limit: f64) -> Vec<Range<usize>> {
-    let class = |at: usize| if mean[at].abs() < LOW * limit { 0.0 } else { mean[at].signum() };
-    let mut found = Vec::new();
-    let mut begin = 0;
-    while begin < mean.len() {
-        let mut after = begin + 1;
-        while after < mean.len() && class(after) == class(begin) {
-            after += 1;
-        }
-        let is_sure = mean[begin..after].iter().any(|mean| mean.abs() > limit);
-        if class(begin) != 0.0 && is_sure {
-            found.push(begin..after);
-        }
-        begin = after;
-    }
-    found
+    let side = |mean: &f64| if mean.abs() < LOW * limit { 0.0 } else { mean.signum() };
+    let mut end = 0;
+    let runs = mean.chunk_by(|one, next| side(one) == side(next)).map(|run| {
+        end += run.len();
+        (end - run.len()..end, run)
+    });
+    let sure = runs.filter(|(_, run)| run.iter().any(|mean| mean.abs() > limit));
+    sure.map(|(range, _)| range).collect()
 }
 
 /// A part whose ends are the extremes of the sum of the heights near the ends of the stretch: the least squares of where a
 /// change begins.
-fn part(heights: &[f64], widths: &[f64], stretch: Range<usize>, half: usize) -> Part {
+fn part(points: &[(f64, f64)], heights: &[f64], stretch: Range<usize>, half: usize) -> Part {
     let sign: f64 = heights[stretch.clone()].iter().sum::<f64>().signum();
-    let middle = stretch.start.midpoint(stretch.end);
-    let from = stretch.start.saturating_sub(half);
-    let after = (stretch.end + half).min(heights.len());
+    let (from, after) =
+        (stretch.start.saturating_sub(half), (stretch.end + half).min(heights.len()));
     let sums = sums(heights[from..after].iter().map(|height| sign * height));
-    let near = |low: usize, high: usize| low.max(from) - from..=high.min(after) - from;
-    let start = near(from, (stretch.start + half).min(middle));
-    let start = start.min_by(|one, other| sums[*one].total_cmp(&sums[*other])).unwrap_or(0);
-    let end = near((stretch.end.saturating_sub(half)).max(middle), after);
-    let end = end.max_by(|one, other| sums[*one].total_cmp(&sums[*other])).unwrap_or(0);
+    // The ends may move by half of the window, but not beyond the middle.
+    let most = (2 * half).min(sums.len() / 2);
+    let order = |one: &usize, other: &usize| sums[*one].total_cmp(&sums[*other]);
+    let start = (0..=most).min_by(order).unwrap_or(0);
+    let end = (sums.len() - 1 - most..sums.len()).max_by(order).unwrap_or(0);
     let range = from + start..from + end.max(start + 1);
-    let area = range.clone().map(|at| heights[at] * widths[at]).sum();
+    let width = |at: usize| points[(at + 1).min(heights.len() - 1)].0 - points[at.max(1) - 1].0;
+    let area = range.clone().map(|at| 0.5 * heights[at] * width(at)).sum();
     Part { range, area }
 }

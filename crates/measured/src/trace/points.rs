@@ -1,7 +1,5 @@
 //! The points of a trace: repeated positions are averaged, and drop-outs and isolated spikes are left out.
 
-use std::ops::Range;
-
 use super::surface::Points;
 
 /// Minimum number of points.
@@ -21,6 +19,11 @@ const FAR: f64 = 6.0;
 /// as any other height: heights with few digits repeat, too.
 const EQUAL: usize = 3;
 const OFTEN: usize = 2;
+
+/// The heights alone.
+pub fn heights(points: &[(f64, f64)]) -> Vec<f64> {
+    points.iter().map(|point| point.1).collect()
+}
 
 /// The median.
 pub fn median(mut values: Vec<f64>) -> f64 {
@@ -122,15 +125,12 @@ fn without_spikes(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
 /// The points with one for each position.
 fn averaged(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
     let chunks = points.chunk_by(|one, next| one.0 == next.0);
-    let mean = |chunk: &[(f64, f64)]| {
-        (chunk[0].0, chunk.iter().map(|point| point.1).sum::<f64>() / chunk.len() as f64)
-    };
-    let kept: Points = chunks.map(mean).collect();
-    if kept.len() < points.len() {
-        notes.push(format!(
-            "{} points have the x of the point before them. The heights at equal x were averaged.",
-            points.len() - kept.len()
-        ));
+    let mean = |equal: &[(f64, f64)]| heights(equal).iter().sum::<f64>() / equal.len() as f64;
+    let kept: Points = chunks.map(|equal| (equal[0].0, mean(equal))).collect();
+    let more = points.len() - kept.len();
+    if more > 0 {
+        notes
+            .push(format!("{more} points have the x of the point before them, and were averaged."));
     }
     kept
 }
@@ -139,17 +139,14 @@ fn averaged(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
 /// if most of them are far from the line through the nearest other points.
 fn without_dropouts(mut points: Points, notes: &mut Vec<String>) -> Points {
     for which in 0..3 {
-        if points.len() < FEWEST {
-            break;
-        }
-        let heights: Vec<f64> = points.iter().map(|point| point.1).collect();
-        let [low, high] = range(&heights);
+        let [low, high] = range(&heights(&points));
         let value = [low, high, 0.0][which];
         let (equal, others): (Points, Points) = points.iter().partition(|point| point.1 == value);
         if equal.len() < REPEATED || others.len() < FEWEST {
             continue;
         }
-        let least = FAR * noise(&others).max(1e-3 * (range_of(&others)));
+        let [low, high] = range(&heights(&others));
+        let least = FAR * noise(&others).max(1e-3 * (high - low));
         let is_far = |(x, z): &&(f64, f64)| {
             let after = others.partition_point(|other| other.0 < *x).clamp(1, others.len() - 1);
             let ((x0, z0), (x1, z1)) = (others[after - 1], others[after]);
@@ -157,10 +154,9 @@ fn without_dropouts(mut points: Points, notes: &mut Vec<String>) -> Points {
             (z - z0 - share * (z1 - z0)).abs() > least
         };
         if 2 * equal.iter().filter(is_far).count() > equal.len() {
-            let count = equal.len();
+            let (count, value) = (equal.len(), 1e6 * value);
             notes.push(format!(
-                "{count} points with the height {:.6} um are drop-outs and were left out.",
-                value * 1e6
+                "{count} points with the height {value:.6} um are drop-outs and were left out."
             ));
             points = others;
         }
@@ -168,59 +164,42 @@ fn without_dropouts(mut points: Points, notes: &mut Vec<String>) -> Points {
     points
 }
 
-/// The difference of the highest and the lowest point.
-fn range_of(points: &[(f64, f64)]) -> f64 {
-    let [low, high] = range(&points.iter().map(|point| point.1).collect::<Vec<_>>());
-    high - low
-}
-
 /// Points beyond the range of an instrument.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Beyond {
-    /// From the first to the last of them.
-    pub range: Range<usize>,
+    /// The first and the last position.
+    pub ends: [f64; 2],
     /// Their number.
     pub count: usize,
+    /// Which end of the range it is.
+    pub end: &'static str,
     /// The mean height that is missing if a parabola continues the slopes of both sides; below 0 at the lower end.
     pub height: f64,
 }
 
-impl Beyond {
-    /// The first and the last position.
-    pub fn ends(&self, points: &[(f64, f64)]) -> [f64; 2] {
-        [points[self.range.start].0, points[self.range.end - 1].0]
-    }
-}
-
 /// Finds points at an end of the range of the instrument: several equal heights in a row, although other points have noise.
 pub fn beyond(points: &[(f64, f64)]) -> Option<Beyond> {
-    let heights: Vec<f64> = points.iter().map(|point| point.1).collect();
-    let has_noise = noise(points) > 0.0;
+    let heights = heights(points);
     let mut sorted = heights.clone();
     sorted.sort_unstable_by(f64::total_cmp);
-    let most = |end: f64| {
-        let others = sorted.chunk_by(|one, next| one == next).filter(|equal| equal[0] != end);
-        others.map(<[f64]>::len).max().unwrap_or(0)
-    };
     let [low, high] = range(&heights);
-    [(low, -1.0), (high, 1.0)].into_iter().filter(|_| has_noise).find_map(|(end, sign)| {
-        let runs = heights.chunk_by(|one, next| (*one == end) == (*next == end));
-        let longest = runs.filter(|run| run[0] == end).map(<[f64]>::len).max()?;
-        let ends = |at: usize| heights[at] == end;
-        let (from, to) =
-            ((0..heights.len()).find(|at| ends(*at))?, (0..heights.len()).rfind(|at| ends(*at))?);
-        let step = ((to - from) / 4).max(3);
-        let (before, after) = (points.get(from.checked_sub(step)?)?, points.get(to + step)?);
-        let slope = |(x, z): &(f64, f64), at: usize| ((z - end) / (x - points[at].0)).abs();
+    let sides = [(low, -1.0, "lowest"), (high, 1.0, "highest")];
+    sides.into_iter().filter(|_| noise(points) > 0.0).find_map(|(limit, sign, end)| {
+        let others = sorted.chunk_by(|one, next| one == next).filter(|it| it[0] != limit);
+        let most = others.map(<[f64]>::len).max()?;
+        let runs = heights.chunk_by(|one, next| one == next).filter(|it| it[0] == limit);
+        let (longest, count) =
+            runs.fold((0, 0), |(most, count), run| (run.len().max(most), count + run.len()));
+        let first = heights.iter().position(|height| *height == limit)?;
+        let last = heights.iter().rposition(|height| *height == limit)?;
+        let step = ((last - first) / 4).max(3);
+        let (before, after) = (first.checked_sub(step)?, points.get(last + step)?);
+        let (ends, before) = ([points[first].0, points[last].0], points[before]);
         // With the mean slope s at both ends of the width w, a parabola is s·w/4 deep, and s·w/6 in the mean.
-        let mean =
-            0.5 * (slope(before, from) + slope(after, to)) * (points[to].0 - points[from].0) / 6.0;
-        let count = heights.iter().filter(|height| **height == end).count();
-        let is_often = count >= OFTEN * most(end);
-        (longest >= EQUAL && is_often).then_some(Beyond {
-            range: from..to + 1,
-            count,
-            height: sign * mean,
-        })
+        let slope = |point: (f64, f64), x: f64| 0.5 * ((point.1 - limit) / (point.0 - x)).abs();
+        let slope = slope(before, ends[0]) + slope(*after, ends[1]);
+        let height = sign * slope * (ends[1] - ends[0]) / 6.0;
+        let is_clipped = longest >= EQUAL && count >= OFTEN * most;
+        is_clipped.then_some(Beyond { ends, count, end, height })
     })
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::parts::{self, Found, Part, REACH, UNWORN};
-use super::points::{Beyond, beyond, noise, range};
+use super::points::{Beyond, beyond, heights, noise, range};
 use super::surface::{Points, Surface};
 use super::{Up, Wanted};
 
@@ -38,8 +38,6 @@ pub struct Scar {
     pub outwards: f64,
     /// The points between the ends of the scar. Empty if there is none.
     pub range: Range<usize>,
-    /// The removed parts of the scar, without their shallow ends.
-    pub core: Vec<Part>,
     /// The removed parts of the scar.
     pub removed: Vec<Part>,
     /// The parts above the unworn surface.
@@ -52,22 +50,13 @@ const UM: f64 = 1e6;
 const FARTHER: &str = "Measure farther: at each end, a tenth of the trace must be unworn. If the trace begins at the axis, \
                        write prepare=half";
 
-/// The ends of a part in words.
-fn place(points: &[(f64, f64)], range: &Range<usize>) -> String {
-    format!(
-        "from x = {:.4} mm to {:.4} mm",
-        1e3 * points[range.start].0,
-        1e3 * points[range.end - 1].0
-    )
+/// The first and the last position of some points.
+fn ends(points: &[(f64, f64)], range: &Range<usize>) -> [f64; 2] {
+    [points[range.start].0, points[range.end - 1].0]
 }
 
-/// The parameter that chooses the points of a range.
-fn choice(points: &[(f64, f64)], range: &Range<usize>) -> String {
-    ends([points[range.start].0, points[range.end - 1].0])
-}
-
-/// The parameter that chooses the points between two ends.
-fn ends([from, to]: [f64; 2]) -> String {
+/// A stretch as the parameter that chooses it.
+fn named([from, to]: [f64; 2]) -> String {
     format!("scar={:.4}..{:.4}mm", 1e3 * from, 1e3 * to)
 }
 
@@ -77,34 +66,28 @@ fn all(parts: &[Part]) -> Range<usize> {
 }
 
 fn area(parts: &[Part]) -> f64 {
-    parts.iter().map(|part| part.area.abs()).fold(0.0, |sum, area| sum + area)
+    parts.iter().fold(0.0, |sum, part| sum + part.area.abs())
+}
+
+fn largest<'a>(parts: impl IntoIterator<Item = &'a Part>) -> Option<&'a Part> {
+    parts.into_iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()))
 }
 
 /// The sign of heights out of the material. Only the curvature of a surface may decide without a word of the user: a hump on
 /// a hollow surface is a scar of a ball whose heights count into it.
 fn outwards(found: &Found, points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> f64 {
-    let largest =
-        found.parts.iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
-    let height = largest.map_or(0.0, |part| {
-        part.range.clone().fold(0.0, |most: f64, at| most.max(found.heights[at].abs()))
-    });
-    let half = 0.5 * (points[points.len() - 1].0 - points[0].0);
-    let bow = found.surface.bend() * half * half;
-    let is_turned =
-        found.surface.is_round && bow > height && largest.is_none_or(|part| part.area > 0.0);
-    match wanted.up {
-        Some(Up::Out) => 1.0,
-        Some(Up::In) => -1.0,
-        None if is_turned => {
-            notes.push(
-                "The surface is a ball or cylinder if its heights point into the material, so they were turned. If it is \
-                 hollow, write up=out."
-                    .to_owned(),
-            );
-            -1.0
-        }
-        None => 1.0,
+    let part = largest(&found.parts);
+    let heights = part.map_or(&[][..], |part| &found.heights[part.range.clone()]);
+    let [from, to] = ends(points, &(0..points.len()));
+    let bow = 0.25 * found.surface.bend() * (to - from) * (to - from);
+    let is_higher = heights.iter().all(|height| height.abs() < bow) && bow > 0.0;
+    let is_turned = found.surface.is_round && is_higher && part.is_none_or(|part| part.area > 0.0);
+    if wanted.up.is_none() && is_turned {
+        let note = "The surface is a ball or cylinder if its heights point into the material, so they were turned. If it \
+                    is hollow, write up=out.";
+        notes.push(note.to_owned());
     }
+    if wanted.up == Some(Up::In) || wanted.up.is_none() && is_turned { -1.0 } else { 1.0 }
 }
 
 /// Finds the scar.
@@ -112,72 +95,62 @@ fn outwards(found: &Found, points: &Points, wanted: &Wanted<'_>, notes: &mut Vec
 /// # Errors
 /// There is none, there are several, or the unworn surface is not one plane or circle.
 pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<Scar, String> {
-    let (count, window) = (points.len(), wanted.scar);
-    let [first, after] = window.map_or([0, count], |window| {
-        window.map(|end| points.partition_point(|point| point.0 < end))
-    });
-    if let Some([from, to]) = window.filter(|window| !is_inside(points, *window)) {
+    let window = wanted.scar;
+    if let Some(window) = window.filter(|window| !is_inside(points, *window)) {
+        let [first, last] = ends(points, &(0..points.len())).map(|end| 1e3 * end);
         return Err(format!(
-            "has too few points in or beside scar={:.4}..{:.4}mm: x is {}. Write other ends",
-            1e3 * from,
-            1e3 * to,
-            place(points, &(0..count))
+            "has fewer than {BESIDE} points in or beside {}: x is from {first:.4} mm to {last:.4} mm. Write other ends",
+            named(window)
         ));
     }
     let mut found = parts::find(points, window, None);
-    if window.is_some() {
-        let stepped = parts::find(points, window, window);
+    if let Some(window) = window {
+        let stepped = parts::find(points, Some(window), Some(window));
         if is_step(&stepped.surface) {
             found = stepped;
-            let height = found.surface.step().0;
             notes.push(format!(
                 "The right side of the scar is {:.4} um higher than the left one. A line between both is the unworn \
-                 surface, and half of the difference is in the errors: depth and volume are uncertain.",
-                UM * height
+                 surface. Half of the difference is in the errors: depth and volume are uncertain.",
+                UM * found.surface.step().0
             ));
         }
-        found.parts.retain(|part| part.range.start < after && part.range.end > first);
-        for Part { range, .. } in &mut found.parts {
-            *range = range.start.max(first)..range.end.min(after);
-        }
+        let [first, after] = window.map(|end| points.partition_point(|point| point.0 < end));
+        found.parts = found.parts.iter().filter_map(|part| part.inside(&(first..after))).collect();
     }
     let outwards = outwards(&found, points, wanted, notes);
-    let (added, removed): (Vec<_>, Vec<_>) =
-        found.parts.iter().cloned().partition(|part| part.area * outwards > 0.0);
+    let is_added = |part: &Part| part.area * outwards > 0.0;
+    let (added, removed): (Vec<_>, Vec<_>) = found.parts.iter().cloned().partition(is_added);
     let beyond = beyond(points);
-    if let Some(Beyond { count, height, .. }) = &beyond {
-        let end = if *height < 0.0 { "lowest" } else { "highest" };
+    if let Some(Beyond { count, end, .. }) = &beyond {
         notes.push(format!(
             "{count} points have the {end} height, several of them in a row: they are clipped, because the range of the \
              instrument ends there. Depth and volume are lower limits."
         ));
     }
-    let mut scar = Scar { found, outwards, range: 0..0, core: Vec::new(), removed, added, beyond };
-    if scar.removed.is_empty() && scar.added.is_empty() {
+    let mut scar = Scar { found, outwards, range: 0..0, removed, added, beyond };
+    if scar.found.parts.is_empty() {
         let surface = &scar.found.surface;
-        let [low, high] = range(&points.iter().map(|point| point.1).collect::<Vec<_>>());
+        let [low, high] = range(&heights(points));
         let is_one = surface.scatter < (ROUGH.0 * noise(points)).max(ROUGH.1 * (high - low));
-        return Err(match window {
-            None if surface.is_round && is_one => return Ok(scar),
-            None if surface.is_round => format!("has no circle outside of a scar. {FARTHER}"),
-            None => "has no scar: the whole surface is plane within its scatter".to_owned(),
-            Some(_) => "has no scar between the ends of scar=, where nothing stands out of the scatter. Write other ends".into(),
-        });
+        return match window {
+            None if surface.is_round && is_one => Ok(scar),
+            None if surface.is_round => Err(format!("has no circle outside of a scar. {FARTHER}")),
+            None => Err("has no scar: the whole surface is plane within its scatter".to_owned()),
+            Some(window) => Err(format!("has no scar in {}. Write other ends", named(window))),
+        };
     }
-    scar.check_sign(points, wanted)?;
+    scar.check_sign(points, window)?;
     scar.choose_one(points, window, notes)?;
     Ok(scar)
 }
 
 /// Whether there are enough points between the ends of a scar, and beside them.
 fn is_inside(points: &[(f64, f64)], [from, to]: [f64; 2]) -> bool {
-    let count = |low: f64, high: f64| {
+    let count = |[low, high]: [f64; 2]| {
         points.iter().filter(|point| low <= point.0 && point.0 <= high).count()
     };
     let width = REACH * (to - from);
-    [count(from, to), count(from - width, from), count(to, to + width)]
-        .iter()
-        .all(|it| *it >= BESIDE)
+    [[from, to], [from - width, from], [to, to + width]].map(count).iter().all(|it| *it >= BESIDE)
 }
 
 /// Whether a surface has a step that is many times the scatter.
@@ -186,105 +159,60 @@ fn is_step(surface: &Surface) -> bool {
     height.abs() > SURE * error && height.abs() > SURE * surface.scatter
 }
 
-/// A step of the unworn surface.
-struct Step {
-    x: f64,
-    height: f64,
-    /// The ends of the scar if the surface has this step.
-    scar: [f64; 2],
-}
-
-impl Step {
-    /// Finds a step: with it, many more points lie on the unworn surface.
-    fn find(points: &[(f64, f64)], found: &Found, outwards: f64) -> Option<Self> {
-        let thin = points.len().div_ceil(THIN);
-        let thinned: Points = points.iter().step_by(thin).copied().collect();
-        let (first, last) = (points[0].0, points[points.len() - 1].0);
-        let count = |found: &Found| found.is_unworn.iter().filter(|is_unworn| **is_unworn).count();
-        let before = count(found) as f64 / thin as f64;
-        let width = (last - first) / STEPS;
-        let tried = (1..STEPS as usize).map(|at| {
-            let x = first + at as f64 * width;
-            (x, parts::find(&thinned, None, Some([x - 1e-3 * width, x + 1e-3 * width])))
-        });
-        let (x, best) = tried.max_by_key(|(_, found)| count(found))?;
-        let is_better = count(&best) as f64 > before + GAIN * thinned.len() as f64;
-        if !is_better || !is_step(&best.surface) {
-            return None;
-        }
-        let removed = best.parts.iter().filter(|part| part.area * outwards < 0.0);
-        let largest = removed.max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()))?;
-        let Range { start, end } = largest.range;
-        let scar = [thinned[start].0, thinned[end - 1].0];
-        Some(Self { x, height: best.surface.step().0, scar })
-    }
-}
-
 impl Scar {
     /// The ends of the scar in x.
     pub fn ends(&self, points: &[(f64, f64)]) -> Option<[f64; 2]> {
-        let Range { start, end } = self.range;
-        (start < end).then(|| [points[start].0, points[end - 1].0])
+        (!self.range.is_empty()).then(|| ends(points, &self.range))
     }
 
-    /// The points of a part of the trace between the first and the last of several neighbours that all exceed a depth.
-    fn deeper(&self, range: &Range<usize>, depth: f64) -> Range<usize> {
+    /// The points between the first and the last of several neighbours that all exceed a depth, or a share of the largest.
+    pub fn deeper(&self, range: &Range<usize>, depth: f64, share: f64) -> Range<usize> {
+        let depths: Vec<f64> =
+            self.found.heights[range.clone()].iter().map(|it| -self.outwards * it).collect();
+        let limit = depths.iter().fold(depth, |most, depth| most.max(share * depth));
         let run = (self.found.heights.len() / 50).clamp(RUN.0, RUN.1);
-        let is_deep = |near: &[f64]| near.iter().all(|height| -self.outwards * height > depth);
-        let windows = || self.found.heights[range.clone()].windows(run);
-        match (windows().position(is_deep), windows().rposition(is_deep)) {
-            (Some(first), Some(last)) => range.start + first..range.start + last + run,
-            _ => range.clone(),
-        }
+        let is_deep = |near: &[f64]| near.iter().all(|depth| *depth > limit);
+        let first = depths.windows(run).position(is_deep);
+        let last = depths.windows(run).rposition(is_deep);
+        let both = first.zip(last).map(|(first, last)| first..last + run);
+        both.map_or(range.clone(), |own| range.start + own.start..range.start + own.end)
     }
 
     /// Where the scar is deeper than a share of its largest depth, which noise at shallow ends moves little.
     pub fn middle(&self, points: &[(f64, f64)]) -> [f64; 2] {
-        let Range { start, end } = self.deeper(&self.range, CORE * self.largest(&self.range));
-        [points[start].0, points[end - 1].0]
-    }
-
-    fn largest(&self, range: &Range<usize>) -> f64 {
-        range.clone().map(|at| -self.outwards * self.found.heights[at]).fold(0.0, f64::max)
+        ends(points, &self.deeper(&self.range, 0.0, CORE))
     }
 
     /// Refuses more added than removed material.
-    fn check_sign(&self, points: &[(f64, f64)], wanted: &Wanted<'_>) -> Result<(), String> {
-        let Self { removed, added, .. } = self;
-        if area(added) <= area(removed) {
+    fn check_sign(&self, points: &[(f64, f64)], window: Option<[f64; 2]>) -> Result<(), String> {
+        if area(&self.added) <= area(&self.removed) {
             return Ok(());
         }
-        let most = |parts: &[Part]| {
-            let largest =
-                parts.iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
-            largest.map_or(String::new(), |part| format!(", most {}", place(points, &part.range)))
+        let said = |parts: &[Part]| {
+            let most = largest(parts).map(|part| ends(points, &part.range).map(|end| 1e3 * end));
+            let most =
+                most.map(|[from, to]| format!(", most from x = {from:.4} mm to {to:.4} mm,"));
+            format!("{:.4} um^2{}", UM * UM * area(parts), most.unwrap_or_default())
         };
+        let (above, below) = (said(&self.added), said(&self.removed));
         let other = if self.outwards > 0.0 { "in" } else { "out" };
-        let mut more = String::new();
-        if wanted.scar.is_none() {
-            let choose = "If the scar is another part, choose it with scar=FROM..TO, such as scar=0.4..1.6mm";
-            more = format!(". {choose}{}", self.farther(points));
-        }
+        let more = window.map_or_else(|| self.farther(points), |_| String::new());
         Err(format!(
-            "has more added than removed material: {:.4} um^2 lie above the unworn surface{}, and {:.4} um^2 below it{}. \
-             If the heights count the other way, write up={other}{more}",
-            UM * UM * area(added),
-            most(added),
-            UM * UM * area(removed),
-            most(removed)
+            "has more added than removed material: {above} above the unworn surface, and {below} below it. If the heights \
+             count the other way, write up={other}. If only a part is the scar, choose it with scar=FROM..TO, such as \
+             scar=0.4..1.6mm{more}"
         ))
     }
 
     /// What to do if a part reaches to an end of the trace.
     fn farther(&self, points: &[(f64, f64)]) -> String {
-        let end = points.len() / UNWORN;
-        let parts = &self.found.parts;
-        let largest = parts.iter().map(|part| part.area.abs()).fold(0.0, f64::max);
+        let (count, end) = (points.len(), points.len() / UNWORN);
+        let least = OTHER * largest(&self.found.parts).map_or(0.0, |part| part.area.abs());
         let is_cut = |part: &Part| {
-            let Range { start, end: after } = part.range;
-            part.area.abs() > OTHER * largest && (start < end || after > points.len() - end)
+            part.area.abs() > least && (part.range.start < end || part.range.end > count - end)
         };
-        if parts.iter().any(is_cut) { format!(". {FARTHER}") } else { String::new() }
+        let is_cut = self.found.parts.iter().any(is_cut);
+        if is_cut { format!(". {FARTHER}") } else { String::new() }
     }
 
     /// Chooses the removed parts of one scar. Parts with a gap of at most half of the shorter one are one scar.
@@ -296,11 +224,11 @@ impl Scar {
     ) -> Result<(), String> {
         let mut groups: Vec<Vec<Part>> = Vec::new();
         for part in std::mem::take(&mut self.removed) {
-            let is_near = groups.last().is_some_and(|group| {
+            let near = groups.last_mut().filter(|group| {
                 let gap = part.range.start.saturating_sub(all(group).end);
                 window.is_some() || 2 * gap <= all(group).len().min(part.range.len())
             });
-            match groups.last_mut().filter(|_| is_near) {
+            match near {
                 Some(group) => group.push(part),
                 None => groups.push(vec![part]),
             }
@@ -309,73 +237,77 @@ impl Scar {
         let scar = all(&groups[0]);
         for group in &groups[1..] {
             let other = all(group);
+            let [own, second] = [&scar, &other].map(|range| named(ends(points, range)));
             if area(group) > OTHER * area(&groups[0]) {
                 let both = scar.start.min(other.start)..scar.end.max(other.end);
                 return Err(format!(
-                    "has two scars or more: {}, and {}. Choose one with {} or {}. If they are one ring, write {}{}",
-                    place(points, &scar),
-                    place(points, &other),
-                    choice(points, &scar),
-                    choice(points, &other),
-                    choice(points, &both),
+                    "has two scars or more. Choose one with {own} or {second}. If they are one ring, write {}{}",
+                    named(ends(points, &both)),
                     self.farther(points)
                 ));
             }
-            notes.push(format!(
-                "Below the unworn surface, a part {} is not of the scar and was left out.",
-                place(points, &other)
-            ));
+            notes.push(format!("A smaller scar was left out. Write {second} for it."));
         }
         if window.is_none() {
-            self.check_sides(points, &scar)?;
+            self.check_sides(points, &scar, OTHER * area(&groups[0]))?;
         }
-        let depth = (SCATTER * self.found.surface.scatter).max(SHARE * self.largest(&scar));
-        self.range = self.deeper(&scar, depth);
+        self.range = self.deeper(&scar, SCATTER * self.found.surface.scatter, SHARE);
         self.removed = groups.swap_remove(0);
-        self.core = self.removed.clone();
-        for Part { range, .. } in &mut self.core {
-            *range = range.start.max(self.range.start)..range.end.min(self.range.end);
-        }
-        self.core.retain(|part| !part.range.is_empty());
         Ok(())
     }
 
     /// Refuses a scar whose sides are not one plane or circle, or are not measured.
-    fn check_sides(&self, points: &[(f64, f64)], scar: &Range<usize>) -> Result<(), String> {
-        let (count, end) = (points.len(), points.len() / UNWORN);
-        let [from, to] = [points[scar.start].0, points[scar.end - 1].0];
-        let surface = Surface::through(points, &self.found.is_unworn, Some([from, to]));
-        let own = Step { x: 0.5 * (from + to), height: surface.step().0, scar: [from, to] };
-        let step = is_step(&surface).then_some(own);
-        let step = step.or_else(|| Step::find(points, &self.found, self.outwards));
-        let rises = step.map(|step| {
+    fn check_sides(
+        &self,
+        points: &[(f64, f64)],
+        scar: &Range<usize>,
+        least: f64,
+    ) -> Result<(), String> {
+        let (count, end, own) = (points.len(), points.len() / UNWORN, ends(points, scar));
+        let surface = Surface::through(points, &self.found.is_unworn, Some(own));
+        let step = is_step(&surface).then(|| (surface.step().0, 0.5 * (own[0] + own[1]), own));
+        let told = step.or_else(|| self.step(points)).map(|(height, x, scar)| {
             format!(
-                "an unworn surface that rises by {:.4} um near x = {:.4} mm. If the scar is there, this makes its depth \
-                 uncertain. Choose the scar with scar=FROM..TO, such as {}",
-                UM * step.height,
-                1e3 * step.x,
-                ends(step.scar)
+                "an unworn surface that rises by {:.4} um near x = {:.4} mm. If the scar is there, its depth is uncertain. \
+                 Choose the scar with scar=FROM..TO, such as {}",
+                UM * height,
+                1e3 * x,
+                named(scar)
             )
         });
         if scar.start < end || scar.end > count - end {
-            let rises = rises.map_or(String::new(), |rises| format!(". Or it has {rises}"));
+            let told = told.map_or_else(String::new, |told| format!(". Or it has {told}"));
             return Err(format!(
-                "has a scar that reaches to an end, {}. {FARTHER}{rises}",
-                place(points, scar)
+                "has a scar that reaches to an end: {}. {FARTHER}{told}",
+                named(own)
             ));
         }
-        let area = self.found.parts.iter().filter(|part| scar.contains(&part.range.start));
-        let area: f64 = area.map(|part| part.area.abs()).sum();
-        let is_end = |part: &&Part| {
-            part.area.abs() > OTHER * area && (part.range.start == 0 || part.range.end == count)
+        let is_high = |part: &Part| {
+            part.area.abs() > least && (part.range.start == 0 || part.range.end == count)
         };
-        let at_end = self.found.parts.iter().find(is_end).map(|part| {
-            format!(
-                "an end that is not on the unworn surface, {}. Choose the scar with scar=FROM..TO, such as {}",
-                place(points, &part.range),
-                ends([from, to])
-            )
+        let at_end = self.found.parts.iter().any(is_high).then(|| {
+            let scar = named(own);
+            format!("an end that is not on the unworn surface. Choose the scar with scar=FROM..TO, such as {scar}")
         });
-        rises.or(at_end).map_or(Ok(()), |told| Err(format!("has {told}")))
+        told.or(at_end).map_or(Ok(()), |told| Err(format!("has {told}")))
+    }
+
+    /// The height and the place of a step of the unworn surface, and the ends of the scar that the surface then has: with the
+    /// step, many more points are unworn.
+    fn step(&self, points: &[(f64, f64)]) -> Option<(f64, f64, [f64; 2])> {
+        let thin = points.len().div_ceil(THIN);
+        let thinned: Points = points.iter().step_by(thin).copied().collect();
+        let [first, last] = ends(points, &(0..points.len()));
+        let width = (last - first) / STEPS;
+        let tried = (1..STEPS as usize).map(|at| {
+            let x = first + at as f64 * width;
+            (x, parts::find(&thinned, None, Some([x - 1e-3 * width, x + 1e-3 * width])))
+        });
+        let (x, best) = tried.max_by_key(|(_, found)| found.unworn())?;
+        let more = best.unworn() as f64 - self.found.unworn() as f64 / thin as f64;
+        let is_better = more > GAIN * thinned.len() as f64 && is_step(&best.surface);
+        let removed = best.parts.iter().filter(|part| part.area * self.outwards < 0.0);
+        let scar = largest(removed).filter(|_| is_better)?;
+        Some((best.surface.step().0, x, ends(&thinned, &scar.range)))
     }
 }

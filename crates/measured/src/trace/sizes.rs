@@ -48,16 +48,14 @@ impl Size {
 
     /// What most of the error comes from.
     pub fn cause(&self) -> &'static str {
-        let [scatter, surface, axis, clipped] = self.errors;
-        if clipped > scatter.max(surface).max(axis) {
-            "points that are clipped or left out"
-        } else if axis > scatter.max(surface) {
-            "the axis, because left and right differ"
-        } else if surface > scatter {
-            "the unworn surface, of which too little was measured or which is wavy. Measure farther"
-        } else {
-            "the scatter of the points"
-        }
+        let causes = [
+            "the scatter of the points",
+            "the unworn surface, of which too little was measured or which is wavy. Measure farther",
+            "the axis, because left and right differ",
+            "points that are clipped or left out",
+        ];
+        let all = self.errors.iter().zip(causes);
+        all.max_by(|one, other| one.0.total_cmp(other.0)).map_or("", |(_, cause)| cause)
     }
 }
 
@@ -82,9 +80,11 @@ impl<'a> Sizes<'a> {
             let middle = 0.5 * (points[0].0 + points[points.len() - 1].0);
             own.axis.0 = if surface.is_round { surface.vertex() } else { middle };
         } else if is_centred {
-            let area = own.sum(&scar.core, &|_| 1.0).value;
-            let axis = own.sum(&scar.core, &|x| x).value / area;
-            let moment = own.sum(&scar.core, &|x| (x - axis) / area);
+            let core: Vec<_> =
+                scar.removed.iter().filter_map(|part| part.inside(&scar.range)).collect();
+            let area = own.sum(&core, &|_| 1.0).value;
+            let axis = own.sum(&core, &|x| x).value / area;
+            let moment = own.sum(&core, &|x| (x - axis) / area);
             let [first, last] = scar.middle(points);
             let middle = 0.5 * (first + last);
             let distance = (axis - middle).abs();
@@ -96,22 +96,14 @@ impl<'a> Sizes<'a> {
         own
     }
 
-    /// Positions, weights and heights of points for an integral of the heights times a weight, and its error from gaps. A line joins
-    /// neighbours, also across a gap, where the heights can lie anywhere between those of its ends.
+    /// Positions, weights and heights of points for an integral of the heights times a weight, and its error from gaps. Lines
+    /// join the part and its neighbours, also across gaps, where the heights can lie anywhere between those of its ends.
     fn weights(&self, part: &Part, weight: &dyn Fn(f64) -> f64) -> (Vec<(f64, f64, f64)>, f64) {
-        let Range { mut start, mut end } = part.range;
-        // Half of the usual distance, or a gap, belongs to a part beyond its first and its last point.
-        let is_gap = |at: usize| self.points[at].0 - self.points[at - 1].0 > GAP * self.pace;
-        let (before, after) = (start > 0 && is_gap(start), end < self.points.len() && is_gap(end));
-        (start, end) = (start - usize::from(before), end + usize::from(after));
-        let own = &self.points[start..end];
-        let heights = &self.scar.found.heights[start..end];
+        let Range { start, end } = part.range;
+        let all = start.saturating_sub(1)..(end + 1).min(self.points.len());
+        let (own, heights) = (&self.points[all.clone()], &self.scar.found.heights[all]);
         let mut found: Vec<_> = own.iter().zip(heights).map(|(it, z)| (it.0, 0.0, *z)).collect();
         let mut gaps = 0.0;
-        for (at, side, is_gap) in [(0, -0.25, before), (own.len() - 1, 0.25, after)] {
-            let half = if is_gap { 0.0 } else { 0.5 * self.pace };
-            found[at].1 += half * weight(own[at].0 + side * self.pace);
-        }
         for at in 1..own.len() {
             let (from, length) = (own[at - 1].0, own[at].0 - own[at - 1].0);
             let pieces = (length / self.pace).ceil().clamp(1.0, MOST_PIECES);
@@ -140,7 +132,7 @@ impl<'a> Sizes<'a> {
         let sign = if parts.first().is_some_and(|part| part.area < 0.0) { -1.0 } else { 1.0 };
         let beyond = self.scar.beyond.as_ref().filter(|beyond| sign * beyond.height > 0.0);
         let clipped = beyond.map_or(0.0, |beyond| -> f64 {
-            let [from, to] = beyond.ends(self.points);
+            let [from, to] = beyond.ends;
             let inside = own.iter().filter(|(x, ..)| (from..=to).contains(x));
             inside.map(|(_, weight, _)| (weight * beyond.height).abs()).sum()
         });

@@ -53,47 +53,28 @@ pub struct Surface {
     pub together: f64,
 }
 
-/// The solution of normal equations, and the inverse matrix. A column that is not used has the solution 0.
-fn solved(mut matrix: [Row; COLUMNS], right: Row, used: [bool; COLUMNS]) -> (Row, [Row; COLUMNS]) {
-    let mut inverse = [[0.0; COLUMNS]; COLUMNS];
-    for at in 0..COLUMNS {
-        inverse[at][at] = 1.0;
-        if !used[at] {
-            (0..COLUMNS).for_each(|other| (matrix[at][other], matrix[other][at]) = (0.0, 0.0));
-            matrix[at][at] = 1.0;
-        }
-    }
-    let diagonal: [f64; COLUMNS] = std::array::from_fn(|at| matrix[at][at]);
-    // Gauss and Jordan. The matrix is positive definite, so no rows are exchanged.
+/// The solution of normal equations, and the inverse matrix, by Gauss and Jordan. The matrix is positive definite, so no
+/// rows are exchanged. A column that is not used, or that the points do not determine, has the solution 0.
+fn solved(mut matrix: [Row; COLUMNS], right: Row) -> (Row, [Row; COLUMNS]) {
+    let diagonal: Row = std::array::from_fn(|at| matrix[at][at]);
+    let mut inverse: [Row; COLUMNS] =
+        std::array::from_fn(|at| std::array::from_fn(|other| f64::from(u8::from(at == other))));
     for at in 0..COLUMNS {
         let pivot = matrix[at][at];
-        // The points do not determine this column.
-        if pivot <= SINGULAR * diagonal[at] {
-            (0..COLUMNS).for_each(|other| matrix[at][other] = 0.0);
-            (0..COLUMNS).for_each(|other| inverse[at][other] = 0.0);
-            (0..COLUMNS).for_each(|other| matrix[other][at] = 0.0);
-            continue;
-        }
-        for other in 0..COLUMNS {
-            matrix[at][other] /= pivot;
-            inverse[at][other] /= pivot;
-        }
+        let factor = if pivot > SINGULAR * diagonal[at] { 1.0 / pivot } else { 0.0 };
+        matrix[at] = matrix[at].map(|it| it * factor);
+        inverse[at] = inverse[at].map(|it| it * factor);
+        let (own, own_inverse) = (matrix[at], inverse[at]);
         for row in (0..COLUMNS).filter(|row| *row != at) {
             let factor = matrix[row][at];
             for other in 0..COLUMNS {
-                matrix[row][other] -= factor * matrix[at][other];
-                inverse[row][other] -= factor * inverse[at][other];
+                matrix[row][other] -= factor * own[other];
+                inverse[row][other] -= factor * own_inverse[other];
             }
         }
     }
-    let mut found = [0.0; COLUMNS];
-    for at in (0..COLUMNS).filter(|at| used[*at]) {
-        found[at] = (0..COLUMNS).filter(|it| used[*it]).map(|it| inverse[at][it] * right[it]).sum();
-    }
-    for at in (0..COLUMNS).filter(|at| !used[*at]) {
-        inverse[at] = [0.0; COLUMNS];
-    }
-    (found, inverse)
+    let solution = inverse.map(|row| row.iter().zip(right).map(|(own, right)| own * right).sum());
+    (solution, inverse)
 }
 
 impl Surface {
@@ -194,7 +175,8 @@ impl Surface {
     fn step_towards(&mut self, used: &[(f64, f64)]) {
         let (mut matrix, mut right) = ([[0.0; COLUMNS]; COLUMNS], [0.0; COLUMNS]);
         for (x, z) in used {
-            let (row, beyond) = self.row(*x);
+            let (mut row, beyond) = self.row(*x);
+            row[SHEAR] *= f64::from(u8::from(self.is_sheared));
             for at in 0..COLUMNS {
                 right[at] += row[at] * (z - beyond);
                 (0..COLUMNS).for_each(|other| matrix[at][other] += row[at] * row[other]);
@@ -207,8 +189,7 @@ impl Surface {
             matrix[SHEAR][SHEAR] += weight;
             right[SHEAR] += weight * (self.vertex() - self.apex);
         }
-        let is_used = [true, true, true, self.is_sheared, self.edge.is_some()];
-        (self.coefficients, self.covariance) = solved(matrix, right, is_used);
+        (self.coefficients, self.covariance) = solved(matrix, right);
     }
 
     /// The height of the surface. Where it rises by a step, a line joins both sides.
