@@ -43,17 +43,13 @@ fn convex(radius: &[f64], height: &[f64]) -> Vec<f64> {
         }
         corners.push(at);
     }
-    let mut found = vec![0.0; lowest];
+    let mut found = vec![0.0; lowest + 1];
     for pair in corners.windows(2) {
         let own = slope(pair[0], pair[1]);
-        found.extend(
-            (pair[0]..pair[1]).map(|at| height[pair[0]] + own * (radius[at] - radius[pair[0]])),
-        );
+        let rise = |at: usize| height[pair[0]] + own * (radius[at] - radius[pair[0]]);
+        found.extend((pair[0] + 1..=pair[1]).map(|at| rise(at) - height[lowest]));
     }
-    found.extend(corners.last().map(|last| height[*last]));
-    let base = height[lowest];
-    found[..lowest].fill(base);
-    found.iter().map(|height| height - base).collect()
+    found
 }
 
 /// The heights over radii, made convex within the noise if a scenario would refuse them. Null if it would refuse these, too.

@@ -182,68 +182,49 @@ fn tell(
     wanted: &Wanted<'_>,
     notes: &mut Vec<String>,
 ) {
-    let unworn = &scar.found.surface;
-    let axis = sizes.axis;
-    notes.push(match unworn.radius() {
-        Some(radius) => {
-            let is_hollow = scar.outwards * unworn.bend() > 0.0;
-            let hollow = if is_hollow { ", and the surface is hollow" } else { "" };
-            let sheared = if unworn.is_sheared {
-                ". A line was subtracted from the trace before, so the circle has its own tilt"
-            } else {
-                ""
-            };
-            format!("The radius outside of the scar is {:.5} mm{hollow}{sheared}.", radius * 1e3)
-        }
-        None => "Outside of the scar, the surface is plane within its scatter.".to_owned(),
-    });
+    let (unworn, axis, ends) = (&scar.found.surface, sizes.axis.0, scar.ends(points));
+    let is_hollow = scar.outwards * unworn.bend() > 0.0;
+    let hollow = if is_hollow { ", and the surface is hollow" } else { "" };
+    let line = ". A line was subtracted from the trace before, so the circle has its own tilt";
+    let line = if unworn.is_sheared { line } else { "" };
+    let plane = || "Outside of the scar, the surface is plane within its scatter.".to_owned();
+    notes.push(unworn.radius().map_or_else(plane, |radius| {
+        format!("The radius outside of the scar is {:.5} mm{hollow}{line}.", radius * 1e3)
+    }));
+    let none = || "No scar was found, so there are no wear depths.".to_owned();
+    notes.push(ends.map_or_else(none, |[first, last]| {
+        format!("The scar is from x = {:.3} um to {:.3} um.", UM * first, UM * last)
+    }));
     let removed = if wanted.level { "was removed" } else { "stays in the heights" };
-    let ends = scar.ends(points);
-    notes.push(match ends {
-        Some([first, last]) => {
-            format!("The scar is from x = {:.3} um to {:.3} um.", UM * first, UM * last)
-        }
-        None => "No scar was found, so there are no wear depths.".to_owned(),
-    });
+    let (tilt, scatter) = (1e3 * unworn.slope(axis), UM * unworn.scatter);
+    let (difference, deepest) = (UM * radial.difference, UM * radial.deepest.0);
+    let more = if radial.are_different { ", more than the scatter: `sides` has both" } else { "" };
     notes.extend([
+        format!("The axis is at x = {:.3} um. The tilt of {tilt:.4} um/mm there {removed}.", UM * axis),
+        format!("Points outside of the scar scatter by {scatter:.4} um (root mean square), which is `sigma`."),
         format!(
-            "The axis is at x = {:.3} um. The tilt of {:.4} um/mm there {removed}.",
-            UM * axis.0,
-            1e3 * unworn.slope(axis.0)
-        ),
-        format!(
-            "Points outside of the scar scatter by {:.4} um (root mean square), which is `sigma`.",
-            UM * unworn.scatter
+            "Left and right were averaged. They differ by {difference:.4} um (root mean square){more}; the largest depth is \
+             {deepest:.4} um."
         ),
     ]);
-    let Radial { difference, deepest, .. } = radial;
-    let beyond =
-        if radial.are_different { ", more than the scatter: `sides` has both" } else { "" };
-    notes.push(format!(
-        "Left and right were averaged. They differ by {:.4} um (root mean square){beyond}; the largest depth is {:.4} um.",
-        UM * difference, UM * deepest.0
-    ));
     if ends.is_none() {
         return;
     }
     let said = |size: Size, power: i32| {
-        format!("{:.5} ± {:.2}", UM.powi(power) * size.value, UM.powi(power) * size.error())
+        let unit = UM.powi(power);
+        format!("{:.5} ± {:.2} um^{power}", unit * size.value, unit * size.error())
     };
     let volume = sizes.volume(&scar.removed);
-    let added = match &*scar.added {
-        [] => "No material stands above it".to_owned(),
-        parts => format!("{} um^2 stand above it", said(sizes.area(parts), 2)),
-    };
     notes.push(format!(
-        "{} um^2 were removed below the unworn surface, and about the axis {} um^3. {added}.",
-        said(sizes.area(&scar.removed), 2),
-        said(volume, 3)
+        "{} were removed below the unworn surface, and {} stand above it. About the axis, {} were removed.",
+        said(sizes.area(&scar.removed), 2), said(sizes.area(&scar.added), 2), said(volume, 3)
     ));
-    if volume.error() > UNCERTAIN * volume.value {
+    let share = volume.error() / volume.value;
+    if share > UNCERTAIN {
+        let cause = volume.cause();
         notes.push(format!(
-            "The removed volume is uncertain by {:.1} %, mostly from {}.",
-            100.0 * volume.error() / volume.value,
-            volume.cause()
+            "The removed volume is uncertain by {:.1} %, mostly from {cause}.",
+            100.0 * share
         ));
     }
 }

@@ -10,24 +10,11 @@ const MOST_RADII: f64 = 1000.0;
 /// the largest depth.
 const DIFFERENT: (f64, f64) = (2.5, 0.02);
 
-/// The sums of the points near a radius on one side.
-#[derive(Debug, Clone, Copy, Default)]
-struct Bin {
-    count: f64,
-    radius: f64,
-    depth: f64,
-    height: f64,
-}
+/// The number of points near a radius on one side, and the sums of their radii, depths and heights.
+type Bin = [f64; 4];
 
-impl Bin {
-    fn and(self, other: Self) -> Self {
-        Self {
-            count: self.count + other.count,
-            radius: self.radius + other.radius,
-            depth: self.depth + other.depth,
-            height: self.height + other.height,
-        }
-    }
+fn plus(one: Bin, other: Bin) -> Bin {
+    std::array::from_fn(|at| one[at] + other[at])
 }
 
 /// Depths of one side, or of both. Null where the side has no point.
@@ -74,19 +61,18 @@ impl Radial {
         let mut bins = vec![[Bin::default(); 2]; (reach / width) as usize + 1];
         for ((x, z), height) in points.iter().zip(&scar.found.heights) {
             let level = unworn.at(axis) + if is_level { tilt * (x - axis) } else { 0.0 };
-            let (radius, depth) = ((x - axis).abs(), -outwards * height);
-            if let Some(sides) = bins.get_mut((radius / width).round() as usize) {
+            let own = [1.0, (x - axis).abs(), -outwards * height, outwards * (level - z)];
+            if let Some(sides) = bins.get_mut((own[1] / width).round() as usize) {
                 let side = &mut sides[usize::from(*x < axis)];
-                *side = side.and(Bin { count: 1.0, radius, depth, height: outwards * (level - z) });
+                *side = plus(*side, own);
             }
         }
-        bins.retain(|[right, left]| right.count + left.count > 0.0);
-        let mean = |of: &dyn Fn(Bin) -> f64| -> Vec<f64> {
-            let all = bins.iter().map(|[right, left]| right.and(*left));
-            all.map(|bin| of(bin) / bin.count).collect()
+        let both: Vec<Bin> = bins.iter().map(|[right, left]| plus(*right, *left)).collect();
+        let mean = |of: usize| -> Vec<f64> {
+            both.iter().filter(|bin| bin[0] > 0.0).map(|bin| bin[of] / bin[0]).collect()
         };
-        let (mut reach, mut height) = (mean(&|bin| bin.radius), mean(&|bin| bin.height));
-        let mut depth = mean(&|bin| bin.depth);
+        let [mut reach, mut depth, mut height] = [mean(1), mean(2), mean(3)];
+        bins.retain(|[right, left]| right[0] + left[0] > 0.0);
         reach[0] = 0.0;
         let lowest = height[0];
         height.iter_mut().for_each(|height| *height -= lowest);
@@ -94,31 +80,27 @@ impl Radial {
         radius.retain(|radius| half == 0.0 || *radius <= half);
         bins.truncate(radius.len());
         depth.truncate(radius.len());
-        let side = |which: usize| -> Depths {
-            let own = |bin: &Bin| (bin.count > 0.0).then(|| bin.depth / bin.count);
-            bins.iter().map(|sides| own(&sides[which])).collect()
-        };
-        let (right, left) = (side(0), side(1));
+        let own = |bin: &Bin| (bin[0] > 0.0).then(|| bin[2] / bin[0]);
+        let [right, left] =
+            [0, 1].map(|side: usize| bins.iter().map(|it| own(&it[side])).collect::<Depths>());
         // The squared differences of the sides, and the same in units of what the scatter explains.
         let variance = unworn.scatter * unworn.scatter * unworn.together;
-        let squares =
-            bins.iter().zip(right.iter().zip(&left)).filter_map(|(bin, (right, left))| {
-                let square = ((*right)? - (*left)?) * ((*right)? - (*left)?);
-                Some([square, square / (variance * (1.0 / bin[0].count + 1.0 / bin[1].count))])
-            });
+        let squares = bins.iter().filter_map(|[right, left]| {
+            let square = (own(right)? - own(left)?) * (own(right)? - own(left)?);
+            Some([square, square / (variance * (1.0 / right[0] + 1.0 / left[0]))])
+        });
         let squares: Vec<[f64; 2]> = squares.collect();
-        let rms = |of: usize| {
-            (squares.iter().map(|it| it[of]).sum::<f64>() / squares.len() as f64).sqrt()
-        };
+        let mean = |of: usize| squares.iter().map(|it| it[of]).sum::<f64>() / squares.len() as f64;
+        let [difference, excess] = [mean(0).sqrt(), mean(1).sqrt()];
         let mut deepest = largest(depth.iter().copied());
-        let are_different = half > 0.0 && rms(1) > DIFFERENT.0 && rms(0) > DIFFERENT.1 * deepest;
+        let are_different =
+            half > 0.0 && excess > DIFFERENT.0 && difference > DIFFERENT.1 * deepest;
         if are_different {
             deepest = largest(right.iter().chain(&left).copied().flatten());
         }
-        let count = largest(bins.iter().map(|[right, left]| right.count + left.count));
-        let error =
-            (variance / count.max(1.0)).sqrt().hypot(unworn.error([(axis, 1.0)].into_iter()));
-        let (difference, deepest) = (rms(0), (deepest, error));
+        let count = largest(both.iter().map(|bin| bin[0])).max(1.0);
+        let error = (variance / count).sqrt().hypot(unworn.error([(axis, 1.0)].into_iter()));
+        let deepest = (deepest, error);
         Self { radius, depth, left, right, reach, height, difference, are_different, deepest }
     }
 }
