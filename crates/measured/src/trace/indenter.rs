@@ -23,8 +23,7 @@ fn refused(radius: &[f64], height: &[f64]) -> Option<String> {
     };
     let faults: Vec<_> = LOADS.iter().map_while(fault).collect();
     let first = faults.first().and_then(|faults| faults.0.first());
-    (faults.len() == LOADS.len())
-        .then(|| first.map_or_else(String::new, |it| it.detail.to_string()))
+    (faults.len() == LOADS.len()).then(|| first.map_or_else(String::new, |it| it.detail.clone()))
 }
 
 /// The largest convex profile below the heights (their lower convex hull, by Andrew's monotone chain). It never falls.

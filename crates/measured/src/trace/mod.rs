@@ -210,14 +210,15 @@ fn tell(
     if ends.is_none() {
         return;
     }
-    let said = |size: Size, power: i32| {
-        let unit = UM.powi(power);
-        format!("{:.5} ± {:.2} um^{power}", unit * size.value, unit * size.error())
-    };
+    let said =
+        |size: Size, unit: f64| format!("{:.5} ± {:.2}", unit * size.value, unit * size.error());
     let volume = sizes.volume(&scar.removed);
+    let [removed, added] =
+        [&scar.removed, &scar.added].map(|parts| said(sizes.area(parts), UM * UM));
     notes.push(format!(
-        "{} were removed below the unworn surface, and {} stand above it. About the axis, {} were removed.",
-        said(sizes.area(&scar.removed), 2), said(sizes.area(&scar.added), 2), said(volume, 3)
+        "{removed} um^2 were removed below the unworn surface, and {added} um^2 stand above it. About the axis, {} um^3 \
+         were removed.",
+        said(volume, UM * UM * UM)
     ));
     let share = volume.error() / volume.value;
     if share > UNCERTAIN {

@@ -133,7 +133,7 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
 
 /// Where the moving mean exceeds the limit, and as far as it is above `LOW` of it.
 fn stretches(mean: &[f64], limit: f64) -> Vec<Range<usize>> {
-    let side = |mean: &f64| if mean.abs() < LOW * limit { 0.0 } else { mean.signum() };
+    let side = |mean: &f64| (mean.abs() > LOW * limit).then_some(*mean > 0.0);
     let mut end = 0;
     let runs = mean.chunk_by(|one, next| side(one) == side(next)).map(|run| {
         end += run.len();

@@ -1,5 +1,10 @@
 //! The points of a trace: repeated positions are averaged, and drop-outs and isolated spikes are left out.
 
+#![expect(
+    clippy::float_cmp,
+    reason = "numbers of a file that an instrument repeats have equal digits"
+)]
+
 use super::surface::Points;
 
 /// Minimum number of points.

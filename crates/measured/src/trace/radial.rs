@@ -75,7 +75,9 @@ impl Radial {
         bins.retain(|[right, left]| right[0] + left[0] > 0.0);
         reach[0] = 0.0;
         let lowest = height[0];
-        height.iter_mut().for_each(|height| *height -= lowest);
+        for height in &mut height {
+            *height -= lowest;
+        }
         let mut radius = reach.clone();
         radius.retain(|radius| half == 0.0 || *radius <= half);
         bins.truncate(radius.len());
@@ -99,7 +101,8 @@ impl Radial {
             deepest = largest(right.iter().chain(&left).copied().flatten());
         }
         let count = largest(both.iter().map(|bin| bin[0])).max(1.0);
-        let error = (variance / count).sqrt().hypot(unworn.error([(axis, 1.0)].into_iter()));
+        let error = unworn.error([(axis, 1.0)].into_iter());
+        let error = (variance / count + error * error).sqrt();
         let deepest = (deepest, error);
         Self { radius, depth, left, right, reach, height, difference, are_different, deepest }
     }

@@ -96,12 +96,17 @@ fn outwards(found: &Found, points: &Points, wanted: &Wanted<'_>, notes: &mut Vec
 /// There is none, there are several, or the unworn surface is not one plane or circle.
 pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<Scar, String> {
     let window = wanted.scar;
-    if let Some(window) = window.filter(|window| !is_inside(points, *window)) {
-        let [first, last] = ends(points, &(0..points.len())).map(|end| 1e3 * end);
-        return Err(format!(
-            "has fewer than {BESIDE} points in or beside {}: x is from {first:.4} mm to {last:.4} mm. Write other ends",
-            named(window)
-        ));
+    let at = |end: f64| points.partition_point(|point| point.0 < end);
+    if let Some([from, to]) = window {
+        let width = REACH * (to - from);
+        let counts = [from - width, from, to, to + width].map(at);
+        if counts.windows(2).any(|pair| pair[1] < pair[0] + BESIDE) {
+            let [first, last] = ends(points, &(0..points.len())).map(|end| 1e3 * end);
+            return Err(format!(
+                "has fewer than {BESIDE} points in or beside {}: x is from {first:.4} mm to {last:.4} mm. Write other ends",
+                named([from, to])
+            ));
+        }
     }
     let mut found = parts::find(points, window, None);
     if let Some(window) = window {
@@ -114,7 +119,7 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
                 UM * found.surface.step().0
             ));
         }
-        let [first, after] = window.map(|end| points.partition_point(|point| point.0 < end));
+        let [first, after] = window.map(at);
         found.parts = found.parts.iter().filter_map(|part| part.inside(&(first..after))).collect();
     }
     let outwards = outwards(&found, points, wanted, notes);
@@ -139,18 +144,9 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
             Some(window) => Err(format!("has no scar in {}. Write other ends", named(window))),
         };
     }
-    scar.check_sign(points, window)?;
+    scar.check_sign(points)?;
     scar.choose_one(points, window, notes)?;
     Ok(scar)
-}
-
-/// Whether there are enough points between the ends of a scar, and beside them.
-fn is_inside(points: &[(f64, f64)], [from, to]: [f64; 2]) -> bool {
-    let count = |[low, high]: [f64; 2]| {
-        points.iter().filter(|point| low <= point.0 && point.0 <= high).count()
-    };
-    let width = REACH * (to - from);
-    [[from, to], [from - width, from], [to, to + width]].map(count).iter().all(|it| *it >= BESIDE)
 }
 
 /// Whether a surface has a step that is many times the scatter.
@@ -184,7 +180,7 @@ impl Scar {
     }
 
     /// Refuses more added than removed material.
-    fn check_sign(&self, points: &[(f64, f64)], window: Option<[f64; 2]>) -> Result<(), String> {
+    fn check_sign(&self, points: &[(f64, f64)]) -> Result<(), String> {
         if area(&self.added) <= area(&self.removed) {
             return Ok(());
         }
@@ -196,23 +192,11 @@ impl Scar {
         };
         let (above, below) = (said(&self.added), said(&self.removed));
         let other = if self.outwards > 0.0 { "in" } else { "out" };
-        let more = window.map_or_else(|| self.farther(points), |_| String::new());
         Err(format!(
             "has more added than removed material: {above} above the unworn surface, and {below} below it. If the heights \
              count the other way, write up={other}. If only a part is the scar, choose it with scar=FROM..TO, such as \
-             scar=0.4..1.6mm{more}"
+             scar=0.4..1.6mm. If it reaches to an end: {FARTHER}"
         ))
-    }
-
-    /// What to do if a part reaches to an end of the trace.
-    fn farther(&self, points: &[(f64, f64)]) -> String {
-        let (count, end) = (points.len(), points.len() / UNWORN);
-        let least = OTHER * largest(&self.found.parts).map_or(0.0, |part| part.area.abs());
-        let is_cut = |part: &Part| {
-            part.area.abs() > least && (part.range.start < end || part.range.end > count - end)
-        };
-        let is_cut = self.found.parts.iter().any(is_cut);
-        if is_cut { format!(". {FARTHER}") } else { String::new() }
     }
 
     /// Chooses the removed parts of one scar. Parts with a gap of at most half of the shorter one are one scar.
@@ -241,9 +225,9 @@ impl Scar {
             if area(group) > OTHER * area(&groups[0]) {
                 let both = scar.start.min(other.start)..scar.end.max(other.end);
                 return Err(format!(
-                    "has two scars or more. Choose one with {own} or {second}. If they are one ring, write {}{}",
-                    named(ends(points, &both)),
-                    self.farther(points)
+                    "has two scars or more. Choose one with {own} or {second}. If they are one ring, write {}. If \
+                     one reaches to an end: {FARTHER}",
+                    named(ends(points, &both))
                 ));
             }
             notes.push(format!("A smaller scar was left out. Write {second} for it."));

@@ -17,8 +17,9 @@ use super::parts::Part;
 use super::points::median;
 use super::scar::Scar;
 
-/// Left and right are alike if the centroid is this near to the middle, as a share of the width.
-const ALIKE: f64 = 0.02;
+/// Left and right are alike if the centroid is this near to the middle, as a share of the width. Noise moves the ends by
+/// about its share of the depth.
+const ALIKE: f64 = 0.007;
 
 /// Maximum number of pieces of a gap.
 const MOST_PIECES: f64 = 100.0;
@@ -89,9 +90,11 @@ impl<'a> Sizes<'a> {
             let middle = 0.5 * (first + last);
             let distance = (axis - middle).abs();
             // The centroid is more accurate if left and right are alike. If they are not, the contact lies between the ends.
-            let are_alike = distance < (ALIKE * (last - first)).max(3.0 * moment.error());
-            own.axis =
-                (if are_alike { axis } else { middle }, moment.error().hypot(0.5 * distance));
+            let noise = surface.scatter * (last - first) / area;
+            let alike = (ALIKE + noise) * (last - first);
+            let are_alike = distance < alike.max(3.0 * moment.error());
+            let square = moment.error() * moment.error() + 0.25 * distance * distance;
+            own.axis = (if are_alike { axis } else { middle }, square.sqrt());
         }
         own
     }
@@ -154,7 +157,8 @@ impl<'a> Sizes<'a> {
         let mut volume = self.sum(parts, &|x| PI * (x - axis).abs());
         // Both sides are two samples of the same volume, so half of their difference is the error of their mean.
         let slope = self.sum(parts, &|x| PI * (x - axis).signum()).value;
-        volume.errors[2] = (slope * self.axis.1).hypot(0.5 * (left.value - right.value));
+        let (shift, half) = (slope * self.axis.1, 0.5 * (left.value - right.value));
+        volume.errors[2] = (shift * shift + half * half).sqrt();
         volume
     }
 

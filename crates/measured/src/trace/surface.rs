@@ -214,7 +214,8 @@ impl Surface {
         let product = |row: &Row| row.iter().zip(sum).map(|(own, sum)| own * sum).sum::<f64>();
         let square: f64 =
             self.covariance.iter().zip(sum).map(|(row, sum)| sum * product(row)).sum();
-        square.max(0.0).sqrt().hypot(0.5 * all * self.coefficients[STEP])
+        let step = 0.5 * all * self.coefficients[STEP];
+        (square.max(0.0) + step * step).sqrt()
     }
 
     /// Computes the scatter, and counts the neighbours that go together: the variance of means of several points, in units
