@@ -468,6 +468,13 @@ fn one_scar_is_chosen() {
         let volume = measured.prepared["trace"]["volume_removed"]["value"].as_f64().unwrap();
         assert!((volume / two.removed() - 1.0).abs() < 0.01, "{:?}", measured.notes);
     }
+    // Partial slip wears a ring, whose middle sticks.
+    let ring = made(8000.0, &[at(550.0), at(850.0)]);
+    let measured = answer(&ring, &TRACE).unwrap();
+    assert!(measured.notes.iter().any(|note| note.contains("one ring")), "{:?}", measured.notes);
+    let truth: f64 = ring.parts.iter().map(|part| -part.volume(700.0) * 1e-18).sum();
+    let volume = measured.prepared["trace"]["volume_removed"]["value"].as_f64().unwrap();
+    assert!((volume / truth - 1.0).abs() < 0.01, "{volume} {truth}");
     for (place, radius) in [(700.0, f64::INFINITY), (1100.0, f64::INFINITY), (750.0, 20_000.0)] {
         let stepped = Made { step: [place, 0.4], ..made(radius, &[SCAR]) };
         let told = refusal(&stepped);

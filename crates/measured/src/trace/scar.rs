@@ -5,10 +5,13 @@ use std::ops::Range;
 use super::parts::{self, Found, Part, REACH, UNWORN};
 use super::points::{Beyond, beyond, heights, noise, range};
 use super::surface::{Points, Surface};
-use super::{Up, Wanted};
+use super::wanted::{Up, Wanted};
 
 /// A removed part with this share of the area of the scar is another scar.
 const OTHER: f64 = 0.1;
+/// The sides of a ring are alike within this share, in width and in area, and wider than their gap by this factor.
+const RING: f64 = 0.7;
+const NEAR: f64 = 1.05;
 /// A step counts if it is this many standard deviations, and this many times the scatter.
 const SURE: f64 = 5.0;
 
@@ -149,6 +152,15 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
     Ok(scar)
 }
 
+/// Whether two parts are the sides of one ring: alike, and not further apart than their width.
+fn is_ring(one: &[Part], other: &Part, gap: usize) -> bool {
+    let (width, own) = (other.range.len() as f64, all(one).len() as f64);
+    let is_alike = |one: f64, other: f64| one.min(other) > RING * one.max(other);
+    NEAR * gap as f64 <= width.min(own)
+        && is_alike(width, own)
+        && is_alike(area(one), other.area.abs())
+}
+
 /// Whether a surface has a step that is many times the scatter.
 fn is_step(surface: &Surface) -> bool {
     let (height, error) = surface.step();
@@ -199,7 +211,8 @@ impl Scar {
         ))
     }
 
-    /// Chooses the removed parts of one scar. Parts with a gap of at most half of the shorter one are one scar.
+    /// Chooses the removed parts of one scar. Parts with a gap of at most half of the shorter one are one
+    /// scar, and so are the sides of a ring, whose middle sticks and does not wear.
     fn choose_one(
         &mut self,
         points: &[(f64, f64)],
@@ -210,7 +223,16 @@ impl Scar {
         for part in std::mem::take(&mut self.removed) {
             let near = groups.last_mut().filter(|group| {
                 let gap = part.range.start.saturating_sub(all(group).end);
-                window.is_some() || 2 * gap <= all(group).len().min(part.range.len())
+                let (own, other) = (all(group).len(), part.range.len());
+                let is_one = window.is_some() || 2 * gap <= own.min(other);
+                let is_ring = !is_one && is_ring(group, &part, gap);
+                if is_ring {
+                    let own = named(ends(points, &part.range));
+                    notes.push(format!(
+                        "Two alike grooves were taken as one ring. For one of them, write {own}."
+                    ));
+                }
+                is_one || is_ring
             });
             match near {
                 Some(group) => group.push(part),
