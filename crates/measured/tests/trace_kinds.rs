@@ -469,7 +469,7 @@ fn one_scar_is_chosen() {
         assert!((volume / two.removed() - 1.0).abs() < 0.01, "{:?}", measured.notes);
     }
     // Partial slip wears a ring, whose middle sticks.
-    let ring = made(8000.0, &[at(550.0), at(850.0)]);
+    let ring = made(8000.0, &[at(500.0), at(900.0)]);
     let measured = answer(&ring, &TRACE).unwrap();
     assert!(measured.notes.iter().any(|note| note.contains("one ring")), "{:?}", measured.notes);
     let truth: f64 = ring.parts.iter().map(|part| -part.volume(700.0) * 1e-18).sum();

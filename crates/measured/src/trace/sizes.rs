@@ -142,7 +142,8 @@ impl<'a> Sizes<'a> {
         let missing = clipped + gaps.iter().sum::<f64>();
         let weights = own.iter().map(|(x, weight, _)| (*x, *weight));
         let errors = [scatter, surface.error(weights), 0.0, missing];
-        Size { value: sign * value, errors }
+        // The sum of nothing is −0.
+        Size { value: sign * value + 0.0, errors }
     }
 
     /// The area of parts.
