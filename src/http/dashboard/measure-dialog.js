@@ -119,7 +119,7 @@ class TableReader {
       this.#chosen.scar = [...ends];
       this.#drawFields();
       this.#prepare();
-    });
+    }, this.#chosen.scar);
     fill(this.#trace, this.#picture?.element);
   }
 
@@ -225,7 +225,7 @@ class TableReader {
       const ofTrace = this.#isTrace() ? { ...(up && { up }), ...(scar && { scar: `${scar[0]}..${scar[1]}m` }) } : {};
       const { prepared, notes } = await readFile(this.#content, this.signal, { prepare: kind, x: wanted("x", x), y: wanted("y", y), ...ofTrace });
       if (own !== this.#latest) return;
-      this.#picture?.show(prepared.trace);
+      this.#picture?.show(prepared.trace, Boolean(scar));
       if (kind !== "loop" && !prepared.data) throw new Error("No scar was found in this trace, so there are no wear depths.");
       this.#prepared = prepared;
       this.#showNotes(notes);
@@ -234,7 +234,7 @@ class TableReader {
       this.#judge();
     } catch (problem) {
       if (this.signal.aborted || own !== this.#latest) return;
-      this.#picture?.show(null);
+      this.#picture?.show();
       this.#says.textContent = `${KINDS[kind]}: this table ${faultOf(problem)}`.replace("this table No", "no");
     }
   }

@@ -27,13 +27,16 @@ function amounts(trace) {
   ]);
 }
 
-/** The picture of positions and heights in metres. `choose([from, to])` takes the ends of the scar when a handle was moved. */
+/**
+ * The picture of positions and heights in metres. `choose([from, to])` takes the ends of the scar when a handle was moved. `chosen` are
+ * the ends that the user chose before.
+ */
 export class TracePicture {
   #amounts = h("div", { id: "trace-amounts" });
   #ends;
   #handles;
 
-  constructor(xs, zs, choose) {
+  constructor(xs, zs, choose, chosen) {
     const all = xs.map((x, i) => [x, zs[i]]).filter(([x, z]) => x != null && z != null).sort((one, other) => one[0] - other[0]);
     const size = Math.max(1, Math.floor(END * all.length));
     const mean = (points, of) => points.reduce((sum, point) => sum + point[of], 0) / points.length;
@@ -44,7 +47,7 @@ export class TracePicture {
     const [low, high] = [Math.min(...heights), Math.max(...heights)];
     [this.from, this.to] = [all[0][0], all.at(-1)[0]];
     this.choose = choose;
-    this.#ends = USUAL.map((share) => this.from + share * (this.to - this.from));
+    this.#ends = chosen ? [...chosen] : USUAL.map((share) => this.from + share * (this.to - this.from));
     const y = (z) => (HEIGHT - MARGIN - ((z - low) / (high - low || 1)) * (HEIGHT - 2 * MARGIN)).toFixed(1);
     const path = points.map(([x, z]) => `${this.#left(x).toFixed(1)},${y(z)}`).join(" L");
     this.#handles = NAMES.map((name, which) => this.#handle(name, which));
@@ -97,9 +100,9 @@ export class TracePicture {
     });
   }
 
-  /** Shows the scar that was found or chosen, and its amounts; without a trace, nothing. */
-  show(trace) {
-    if (trace?.scar) {
+  /** Shows the amounts of a trace, or nothing. Handles that the user did not move stand at the ends of the scar that was found. */
+  show(trace, isChosen) {
+    if (trace?.scar && !isChosen) {
       this.#ends = [...trace.scar];
       this.#place();
     }

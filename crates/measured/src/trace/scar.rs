@@ -255,7 +255,7 @@ impl Scar {
             notes.push(format!("A smaller scar was left out. Write {second} for it."));
         }
         if window.is_none() {
-            self.check_sides(points, &scar, OTHER * area(&groups[0]))?;
+            self.check_sides(points, &scar)?;
         }
         self.range = self.deeper(&scar, SCATTER * self.found.surface.scatter, SHARE);
         self.removed = groups.swap_remove(0);
@@ -263,12 +263,7 @@ impl Scar {
     }
 
     /// Refuses a scar whose sides are not one plane or circle, or are not measured.
-    fn check_sides(
-        &self,
-        points: &[(f64, f64)],
-        scar: &Range<usize>,
-        least: f64,
-    ) -> Result<(), String> {
+    fn check_sides(&self, points: &[(f64, f64)], scar: &Range<usize>) -> Result<(), String> {
         let (count, end, own) = (points.len(), points.len() / UNWORN, ends(points, scar));
         let surface = Surface::through(points, &self.found.is_unworn, Some(own));
         let step = is_step(&surface).then(|| (surface.step().0, 0.5 * (own[0] + own[1]), own));
@@ -288,14 +283,7 @@ impl Scar {
                 named(own)
             ));
         }
-        let is_high = |part: &Part| {
-            part.area.abs() > least && (part.range.start == 0 || part.range.end == count)
-        };
-        let at_end = self.found.parts.iter().any(is_high).then(|| {
-            let scar = named(own);
-            format!("an end that is not on the unworn surface. Choose the scar with scar=FROM..TO, such as {scar}")
-        });
-        told.or(at_end).map_or(Ok(()), |told| Err(format!("has {told}")))
+        told.map_or(Ok(()), |told| Err(format!("has {told}")))
     }
 
     /// The height and the place of a step of the unworn surface, and the ends of the scar that the surface then has: with the
