@@ -13,7 +13,7 @@ use fretwork_engine::request::quantity::{Dimension, parse};
 use fretwork_format::{Verdict, is_in_verdict};
 use fretwork_job::Submission;
 use fretwork_json::BadBody;
-use fretwork_measured::{Prepare, Wanted};
+use fretwork_measured::{Prepare, Up, Wanted};
 
 /// The factor from the wear coefficient of the scenario to the ends of its range.
 const RANGE: f64 = 1e4;
@@ -27,9 +27,16 @@ const FEWEST: usize = 3;
 /// Fits, and prints the estimates. The exit code is 2 if the file, the scenario or the fit has faults, and 1 if the fit finds no
 /// minimum.
 pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
-    let Fit { x, y, sigma, relative, at, density, .. } = settings;
+    let Fit { x, y, sigma, relative, at, density, up, scar, .. } = settings;
     let prepare = if at.is_some() { Prepare::Trace } else { Prepare::Points };
-    let wanted = Wanted { x: x.as_deref(), y: y.as_deref(), prepare, level: true, centre: true };
+    let up = Up::NAMES.into_iter().find(|(name, _)| up.as_deref() == Some(*name));
+    let wanted = Wanted {
+        x: x.as_deref(),
+        y: y.as_deref(),
+        up: up.map(|(_, up)| up),
+        scar: *scar,
+        ..Wanted::of(prepare)
+    };
     let mut measured = match fretwork_measured::read(&read(&settings.file)?, &wanted) {
         Ok(measured) => measured,
         Err(faults) => return Ok(print_faults(&faults.below(&settings.file.to_string_lossy()).0)),

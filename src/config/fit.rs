@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use fretwork_measured::{ENDS, ends};
 
 /// The settings of `fit`.
 #[derive(Debug, Args)]
@@ -36,9 +37,20 @@ pub struct Fit {
     /// The cycles after which a profilometer trace was measured. The file then has this trace across the scar.
     #[arg(long, value_name = "CYCLES")]
     pub at: Option<f64>,
+    /// Where the heights of a trace point: out of the material, or into it [default: out].
+    #[arg(long, value_name = "WHERE", value_parser = ["out", "in"], requires = "at")]
+    pub up: Option<String>,
+    /// The ends of the scar in a trace, such as 0.4..1.6mm [default: found].
+    #[arg(long, value_name = "FROM..TO", value_parser = scar, requires = "at", allow_hyphen_values = true)]
+    pub scar: Option<[f64; 2]>,
     /// Only print the input file of the fit, which POST /v1/jobs takes.
     #[arg(long)]
     pub print: bool,
+}
+
+/// Parses the ends of a scar.
+fn scar(text: &str) -> Result<[f64; 2], String> {
+    ends(text).ok_or_else(|| format!("write {ENDS}"))
 }
 
 /// Parses a range of a number of the scenario.

@@ -201,6 +201,31 @@ def other_files(browser, key):
     assert page.input_value("#choose-plot") in ("wear", "worn")
     assert page.locator("section[aria-label='Profiles'] path.measured").count() > 20
 
+    # The dialog shows what was removed and added, and the handles choose one of two scars.
+    page.click("#add-measurement")
+    def two(x):
+        return sum(-2e-6 * (1 - ((x - at) / 1e-4) ** 2) for at in (-3e-4, 3e-4) if abs(x - at) < 1e-4) + 1e-8 * math.sin(1e7 * x)
+    page.fill("#set-text", table("x [mm];z [um]", [x * 1e3 for x in xs], [two(x) * 1e6 for x in xs]))
+    expect(page.locator("#file-fault")).to_contain_text("has two scars or more. Choose one with scar=")
+    expect(page.locator("#add-set")).to_be_disabled()
+    box = page.locator(".trace-picture svg").bounding_box()
+    for name, x in (("to", -1.5e-4), ("from", -4.5e-4)):
+        handle = page.locator(f"#scar-{name} circle").bounding_box()
+        page.mouse.move(handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2)
+        page.mouse.down()
+        page.mouse.move(box["x"] + box["width"] * (0.5 + 0.475 * x / 6e-4), box["y"] + 20, steps=4)
+        page.mouse.up()
+    # Two thirds of twice 2 µm × 100 µm, once the answer for both ends has come.
+    expect(page.locator("[data-item='area-removed']")).to_contain_text(re.compile("^26[5-8] µm²"))
+    expect(page.locator("[data-item='area-added']")).to_contain_text("0 µm²")
+    start = float(page.get_attribute("#scar-from", "aria-valuenow"))
+    page.focus("#scar-from")
+    page.keyboard.press("ArrowLeft")
+    expect(page.locator("#find-scar")).to_be_visible()
+    assert start < -390, start
+    browser.check_accessibility(page, "trace")
+    page.click("dialog button:text('Cancel')")
+
     # A loop: an ellipse has the energy π·a·b·sin φ.
     phases = [2 * math.pi * i / 100 for i in range(101)]
     add(page, "loop", table("u [um];Q [N]", [5 * math.cos(p) for p in phases], [90 * math.cos(p - 0.5) for p in phases]))

@@ -261,6 +261,18 @@ async fn the_server_reads_a_file_and_keeps_nothing() {
         sent(&server, "?prepare=trace&centre=false&level=false", "text/plain", trace().as_bytes())
             .await;
     assert_eq!(free.json()["prepared"]["trace"]["centre"], 0.0);
+    // The ends that were found choose the same scar. An end with another unit is another way to write them.
+    let found = &profile["prepared"]["trace"];
+    let volume = |trace: &Value| trace["volume_removed"]["value"].as_f64().unwrap();
+    for scar in ["-0.28..0.28mm", "-280um..0.28 mm"] {
+        let query = format!("?prepare=trace&up=out&scar={}", scar.replace(' ', "%20"));
+        let chosen = sent(&server, &query, "text/plain", trace().as_bytes()).await.json();
+        let chosen = volume(&chosen["prepared"]["trace"]);
+        assert!((chosen / volume(found) - 1.0).abs() < 0.02, "{chosen} {found}");
+    }
+    let turned = sent(&server, "?prepare=trace&up=in", "text/plain", trace().as_bytes()).await;
+    let problem = turned.problem(422, "invalid-parameters");
+    assert!(problem["errors"][0]["detail"].as_str().unwrap().contains("write up=out"), "{problem}");
     assert_eq!(server.get("/v1/jobs").await.json()["jobs"], json!([]));
 }
 
@@ -282,6 +294,9 @@ async fn bad_files_and_parameters_are_refused_with_a_remedy() {
         ("?prepare=trace", "x", "must be a length"),
         ("?prepare=all", "prepare", "must be one of points, trace, half, loop"),
         ("?level=2", "level", "true or false"),
+        ("?up=down", "up", "must be out or in"),
+        ("?scar=0.4..1.6", "scar", "must be FROM..TO with a unit of length"),
+        ("?scar=1.6..0.4mm", "scar", "the smaller one first, such as 0.4..1.6mm"),
         ("?z=1", "z", "is unknown"),
     ] {
         let problem =

@@ -19,7 +19,7 @@ use cell::{MASSES, unit};
 use table::Table;
 
 pub use table::{Column, MAX_ROWS};
-pub use trace::{Prepare, Wanted};
+pub use trace::{ENDS, Prepare, Up, Wanted, ends};
 
 /// The output that is the wear volume times a density.
 const MASS_LOSS: &str = "mass_loss";

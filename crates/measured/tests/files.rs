@@ -5,8 +5,15 @@
 use fretwork_measured::{MAX_ROWS, Measured, Prepare, Wanted, read};
 use fretwork_random::Stream;
 
-const ALL: Wanted<'_> =
-    Wanted { x: None, y: None, prepare: Prepare::Points, level: true, centre: true };
+const ALL: Wanted<'_> = Wanted {
+    x: None,
+    y: None,
+    prepare: Prepare::Points,
+    level: true,
+    centre: true,
+    up: None,
+    scar: None,
+};
 
 fn good(text: &str) -> Measured {
     read(text.as_bytes(), &ALL).unwrap_or_else(|faults| panic!("{text}: {faults:?}"))

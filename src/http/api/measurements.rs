@@ -10,11 +10,11 @@ use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::transport::body::FileBody;
-use crate::http::wire::schemas::{self, Prepare as PrepareWord};
+use crate::http::wire::schemas::{self, Prepare as PrepareWord, Up as UpWord};
 use crate::http::wire::{FRESH_JSON, Query};
 use fretwork_engine::request::fault::Faults;
 use fretwork_json as json;
-use fretwork_measured::{Prepare, Wanted};
+use fretwork_measured::{ENDS, Prepare, Up, Wanted, ends};
 
 /// Bytes of the answer for each byte of the file.
 const ANSWER: usize = 8;
@@ -47,6 +47,10 @@ fn refused(faults: &Faults) -> Problem {
         ("level" = Option<bool>, Query, description = "Whether the tilt of a trace is removed. Default: true."),
         ("centre" = Option<bool>, Query, description = "Whether the axis is the middle of the scar (the default). \
             Otherwise it is where x is 0."),
+        ("up" = Option<UpWord>, Query, description = "Where the heights of a trace point: `out` of the material (the default) \
+            or `in`to it. Without it, only the curvature of a ball turns heights, and `notes` say so."),
+        ("scar" = Option<String>, Query, description = "The ends of the scar in x, if a trace has several or lies on a step. \
+            Default: the scar is found.", example = "0.4..1.6mm"),
     ),
     request_body(description = "The file, at most 4 MiB with 100 000 rows and 64 columns, in UTF-8, UTF-16 or Latin-1.",
         content(
@@ -75,13 +79,17 @@ pub async fn read(
     let mut is =
         |name| query.value(name, "true or false", |text| text.parse().ok()).unwrap_or(true);
     let (level, centre) = (is("level"), is("centre"));
+    let up = query
+        .value("up", "out or in", |text| Up::NAMES.into_iter().find(|(name, _)| *name == text));
+    let scar = query.value("scar", ENDS, ends);
     query.finish()?;
     let bytes = body.bytes.len();
     let turn = app.shares.heavy.turn(&caller.owner).await;
     let mut permit = app.shares.answers.hold(&caller.owner, ANSWER * bytes).await?;
     let prepare = prepare.map_or(Prepare::Points, |(_, prepare)| prepare);
     let read = task::spawn_blocking(move || {
-        let wanted = Wanted { x: x.as_deref(), y: y.as_deref(), prepare, level, centre };
+        let up = up.map(|(_, up)| up);
+        let wanted = Wanted { x: x.as_deref(), y: y.as_deref(), prepare, level, centre, up, scar };
         let read = fretwork_measured::read(&body.bytes, &wanted);
         read.map(|measured| json::write(&measured, bytes))
     });

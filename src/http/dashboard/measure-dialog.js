@@ -3,6 +3,7 @@
 import { capital, debounced, fill, h, openDialog, select } from "./dom.js";
 import { faultOf, readFile } from "./measured.js";
 import { freeName } from "./measure-sets.js";
+import { TracePicture } from "./measure-trace.js";
 import { previewOf, unitsFor, valuesIn, withStated } from "./measure-units.js";
 import { spread } from "./result-figures.js";
 import { digits, WORDS } from "./units.js";
@@ -10,6 +11,8 @@ import { digits, WORDS } from "./units.js";
 const KINDS = { points: "Points over cycles or energy", trace: "Trace across the scar", half: "Trace from the axis", loop: "Friction loop" };
 /** What the two columns of each kind are, with their SI units. */
 const ROLES = { trace: [["Position", "m"], ["Height", "m"]], half: [["Distance from the axis", "m"], ["Height", "m"]], loop: [["Displacement", "m"], ["Friction force", "N"]] };
+/** Where the heights of a trace point. */
+const UP = { "": "Out, unless a ball shows otherwise", out: "Out of the material", in: "Into the material" };
 const OVER = { cycles: "Cycles", dissipated_energy: "Dissipated energy" };
 /** Outputs that tests measure, and their SI units. A mass becomes a volume. */
 const OUTPUTS = { wear_volume: "m^3", mass_loss: "kg", wear_depth: "m", scar_radius: "m", contact_radius: "m", stick_radius: "m", energy_per_cycle: "J",
@@ -50,6 +53,8 @@ class TableReader {
   #found = h("div", { class: "stack", hidden: true });
   #preview = h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "First rows" });
   #fields = h("div", { class: "fields-read" });
+  #trace = h("div", { id: "trace-picture" });
+  #picture = null;
   #add = h("button", { class: "primary", disabled: true, id: "add-set" }, "Add");
   #chosen = {};
 
@@ -63,8 +68,7 @@ class TableReader {
       h("div", { class: "sources" }, h("div", {}, h("label", { for: "set-file" }, "File (CSV or text)"), choice),
         h("div", {}, h("label", { for: "set-text" }, "or paste a table"), text)),
       this.#says, this.#found, h("div", { class: "row" }, this.#add, h("button", { type: "button", onclick: close }, "Cancel")));
-    fill(this.#found, this.#fields, this.#preview,
-      this.#how);
+    fill(this.#found, this.#fields, this.#trace, this.#preview, this.#how);
   }
 
   /** Reads a file or a text, and guesses what it is. */
@@ -103,6 +107,22 @@ class TableReader {
     return { kind, x: x.name, y: y.name, sigma: sigma?.name ?? "", output, over: isEnergy ? "dissipated_energy" : "cycles", density: String(STEEL), units: {} };
   }
 
+  #isTrace() {
+    return ["trace", "half"].includes(this.#chosen.kind);
+  }
+
+  /** Draws the trace anew, with handles that choose the scar. */
+  #drawTrace() {
+    const { x, y, units } = this.#chosen;
+    const values = (name, role) => valuesIn(this.#column(name), "m", units[role]);
+    this.#picture = !this.#isTrace() || this.#says.textContent ? null : new TracePicture(values(x, "x"), values(y, "y"), (ends) => {
+      this.#chosen.scar = [...ends];
+      this.#drawFields();
+      this.#prepare();
+    }, this.#chosen.scar);
+    fill(this.#trace, this.#picture?.element);
+  }
+
   #column(name) {
     return this.#columns.find((column) => column.name === name);
   }
@@ -120,6 +140,7 @@ class TableReader {
     h("p", { class: "muted" }, `${this.#columns[0].values.length} rows, ${this.#columns.length} columns of numbers.`));
     this.#showNotes(notes);
     this.#drawFields();
+    this.#drawTrace();
   }
 
   /** The file says how it was read; what this dialog decides is in its fields. */
@@ -131,6 +152,7 @@ class TableReader {
     const chosen = this.#chosen;
     const changed = (name, redraw = true) => (event) => {
       chosen[name] = event.target.value;
+      if (["kind", "x", "y"].includes(name)) chosen.scar = null;
       if (redraw) this.#redraw(event.target.id);
     };
     const choose = (id, options, value, act) => select(options, value, { id, onchange: act });
@@ -148,6 +170,11 @@ class TableReader {
       field(`${roles[1][0]} from`, choose("set-y", names, chosen.y, changed("y")), unit("y", roles[1][1])),
       isPoints && field("Standard deviation from", choose("set-sigma", { "": "None", ...others }, chosen.sigma, changed("sigma"))),
       isPoints && chosen.output === "mass_loss" && field("Density in kg/m³", h("input", { id: "set-density", inputMode: "decimal", value: chosen.density, oninput: changed("density", false) })),
+      this.#isTrace() && field("Heights point", choose("set-up", UP, chosen.up ?? "", changed("up"))),
+      this.#isTrace() && chosen.scar && h("button", { type: "button", id: "find-scar", onclick: () => {
+        chosen.scar = null;
+        this.#redraw("set-up");
+      } }, "Find the scar again"),
       !isPoints && field("Measured after cycles", h("input", { id: "set-at", inputMode: "decimal", required: true, value: chosen.at, oninput: changed("at", false) })));
     this.#judge();
   }
@@ -169,6 +196,7 @@ class TableReader {
   async #redraw(focused) {
     this.#drawFields();
     document.getElementById(focused)?.focus();
+    this.#drawTrace();
     await this.#prepare();
   }
 
@@ -187,15 +215,17 @@ class TableReader {
 
   /** Lets the server make a profile of a trace, or the energy of a loop. */
   async #prepare() {
-    const { kind, x, y, units } = this.#chosen;
+    const { kind, x, y, units, up, scar } = this.#chosen;
     this.#prepared = null;
     this.#judge();
     if (kind === "points" || this.#says.textContent) return;
     const own = ++this.#latest;
     const wanted = (role, name) => (this.#column(name).unit ? name : `${name} [${units[role]}]`);
     try {
-      const { prepared, notes } = await readFile(this.#content, this.signal, { prepare: kind, x: wanted("x", x), y: wanted("y", y) });
+      const ofTrace = this.#isTrace() ? { ...(up && { up }), ...(scar && { scar: `${scar[0]}..${scar[1]}m` }) } : {};
+      const { prepared, notes } = await readFile(this.#content, this.signal, { prepare: kind, x: wanted("x", x), y: wanted("y", y), ...ofTrace });
       if (own !== this.#latest) return;
+      this.#picture?.show(prepared.trace, Boolean(scar));
       if (kind !== "loop" && !prepared.data) throw new Error("No scar was found in this trace, so there are no wear depths.");
       this.#prepared = prepared;
       this.#showNotes(notes);
@@ -204,6 +234,7 @@ class TableReader {
       this.#judge();
     } catch (problem) {
       if (this.signal.aborted || own !== this.#latest) return;
+      this.#picture?.show();
       this.#says.textContent = `${KINDS[kind]}: this table ${faultOf(problem)}`.replace("this table No", "no");
     }
   }

@@ -62,7 +62,7 @@ const SCRIPTS: &[File] = files!("text/javascript":
     "study-words.js", "study.js",
     // Measurements and fits, which are loaded when they are needed.
     "fit-figures.js", "fit-form.js", "fit-names.js", "fit-page.js", "measure-dialog.js",
-    "measure-energy.js", "measure-model.js", "measure-overlay.js", "measure-panel.js", "measure-sets.js",
+    "measure-energy.js", "measure-model.js", "measure-overlay.js", "measure-panel.js", "measure-sets.js", "measure-trace.js",
     "measure-units.js", "measure-words.js", "measure.js");
 const STYLES: &[File] = files!("text/css": "style.css");
 const IMAGES: &[File] = files!("image/svg+xml": "icon.svg");

@@ -12,7 +12,7 @@ use super::include::Include as Included;
 use fretwork_engine::outcome::{History, Loops, Profiles};
 use fretwork_format::{FigureOptions, Part, QUANTITIES, StudyFigure};
 use fretwork_job as job;
-use fretwork_measured::Prepare as Preparation;
+use fretwork_measured::{Prepare as Preparation, Up as Upwards};
 use fretwork_store::{Act as StoredAct, Role as StoredRole, Search};
 
 /// Declares types that exist only in the document. `openapi` replaces those whose schema is in a file.
@@ -142,4 +142,6 @@ documented! {
     Measured kept_in_a_file();
     /// What becomes of two columns of a file.
     Prepare words(Preparation::NAMES.map(|(name, _)| name));
+    /// Where the heights of a trace point.
+    Up words(Upwards::NAMES.map(|(name, _)| name));
 }

@@ -1319,6 +1319,8 @@ class Unworn(TypedDict):
     actuator_energy_ratio: "NotRequired[float]"
     actuator_slip_ratio: "NotRequired[float]"
 
+Up: TypeAlias = "Literal['out', 'in']"
+
 Varied = TypedDict(
     "Varied",
     {

@@ -1,0 +1,162 @@
+//! The parts of a trace where material was removed or added.
+//!
+//! A part counts if a moving mean of the heights exceeds four standard deviations somewhere. It extends to where the moving
+//! mean falls below a quarter of that (a threshold with hysteresis). So single points of noise are no parts. The standard
+//! deviation is that of moving means of the unworn surface, so that waves are no parts either.
+
+use std::ops::Range;
+
+use super::points::{median, noise};
+use super::surface::Surface;
+
+/// One in this many points at each end must be unworn.
+pub const UNWORN: usize = 10;
+/// A part exceeds this many standard deviations, or this share of the largest height.
+const SURE: f64 = 4.0;
+const SHARE: f64 = 0.01;
+/// A part ends at this share of the limit.
+const LOW: f64 = 0.25;
+/// The moving mean has one in this many points, within bounds.
+const WINDOW: usize = 100;
+const BOUNDS: (usize, usize) = (3, 25);
+/// If the ends of the scar are known, the search starts with the points up to this many widths beside it.
+pub const REACH: f64 = 1.0;
+/// Fewer points determine no surface.
+const FEWEST: usize = 8;
+/// Maximum number of repetitions.
+const TRIES: usize = 40;
+/// Where the unworn surface is searched, a point is unworn within this many standard deviations.
+const NEAR: f64 = 3.0;
+
+/// A part above or below the unworn surface.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Its points.
+    pub range: Range<usize>,
+    /// The area between the trace and the unworn surface, above 0 where the trace is above.
+    pub area: f64,
+}
+
+impl Part {
+    /// What lies inside of a range, with the area of the whole part.
+    pub fn inside(&self, other: &Range<usize>) -> Option<Self> {
+        let range = self.range.start.max(other.start)..self.range.end.min(other.end);
+        (!range.is_empty()).then_some(Self { range, area: self.area })
+    }
+}
+
+/// The unworn surface of a trace, and the parts that deviate from it.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// The unworn surface.
+    pub surface: Surface,
+    /// The heights above the unworn surface.
+    pub heights: Vec<f64>,
+    /// Whether each point is unworn.
+    pub is_unworn: Vec<bool>,
+    /// The parts, from the lowest x to the highest one.
+    pub parts: Vec<Part>,
+}
+
+impl Found {
+    /// The number of unworn points.
+    pub fn unworn(&self) -> usize {
+        self.is_unworn.iter().filter(|is_unworn| **is_unworn).count()
+    }
+}
+
+/// The sums of the first numbers.
+fn sums(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut sum = 0.0;
+    let next = values.map(|value| {
+        sum += value;
+        sum
+    });
+    std::iter::once(0.0).chain(next).collect()
+}
+
+/// Means of each number and of up to `half` numbers on each side.
+fn moving_means(values: &[f64], half: usize) -> Vec<f64> {
+    let sums = sums(values.iter().copied());
+    let ends = |at: usize| (at.saturating_sub(half), (at + half + 1).min(values.len()));
+    let ends = (0..values.len()).map(ends);
+    ends.map(|(from, after)| (sums[after] - sums[from]) / (after - from) as f64).collect()
+}
+
+/// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
+/// known. `edge` is where the surface may rise by a step.
+pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 2]>) -> Found {
+    let count = points.len();
+    let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
+    let noise = noise(points) / (2.0 * half as f64 + 1.0).sqrt();
+    let is_beside = |at: usize, reach: f64| {
+        let beside = |[from, to]: [f64; 2]| {
+            let (x, reach) = (points[at].0, reach * (to - from));
+            x < from && x > from - reach || x > to && x < to + reach
+        };
+        window.is_none_or(beside)
+    };
+    let is_outside = |at: usize| is_beside(at, f64::INFINITY);
+    let is_end = |at: usize| at < count / UNWORN || at >= count - count / UNWORN;
+    let is_first = |at: usize| is_beside(at, REACH) && (window.is_some() || is_end(at));
+    let mut is_unworn: Vec<bool> = (0..count).map(is_first).collect();
+    let (mut is_grown, mut attempt) = (false, 0);
+    loop {
+        let surface = Surface::through(points, &is_unworn, edge);
+        let heights: Vec<f64> = points.iter().map(|(x, z)| z - surface.at(*x)).collect();
+        let mean = moving_means(&heights, half);
+        let near = mean.iter().zip(&is_unworn).filter(|(_, is_unworn)| **is_unworn);
+        let scale = (1.4826 * median(near.map(|(mean, _)| mean.abs()).collect())).max(noise);
+        let largest = mean.iter().fold(0.0, |most: f64, mean| most.max(mean.abs()));
+        // First, the unworn points grow from the ends. Then they are all points but those of the parts.
+        let is_near = |at: usize| is_outside(at) && (is_grown || mean[at].abs() <= NEAR * scale);
+        let mut next: Vec<bool> = (0..count).map(is_near).collect();
+        let mut parts = Vec::new();
+        if is_grown {
+            let stretches = stretches(&mean, (SURE * scale).max(SHARE * largest));
+            parts = stretches.into_iter().map(|it| part(points, &heights, it, half)).collect();
+        }
+        for Part { range, .. } in &parts {
+            let margin = half + range.len() / UNWORN;
+            next[range.start.saturating_sub(margin)..(range.end + margin).min(count)].fill(false);
+        }
+        attempt += 1;
+        let is_stable = next == is_unworn;
+        let found = Found { surface, heights, is_unworn: next, parts };
+        if attempt == TRIES || is_grown && is_stable || found.unworn() < FEWEST {
+            return Found { is_unworn, ..found };
+        }
+        is_grown |= is_stable || attempt == TRIES / 2;
+        is_unworn = found.is_unworn;
+    }
+}
+
+/// Where the moving mean exceeds the limit, and as far as it is above `LOW` of it.
+fn stretches(mean: &[f64], limit: f64) -> Vec<Range<usize>> {
+    let side = |mean: &f64| (mean.abs() > LOW * limit).then_some(*mean > 0.0);
+    let mut end = 0;
+    let runs = mean.chunk_by(|one, next| side(one) == side(next)).map(|run| {
+        end += run.len();
+        (end - run.len()..end, run)
+    });
+    let sure = runs.filter(|(_, run)| run.iter().any(|mean| mean.abs() > limit));
+    sure.map(|(range, _)| range).collect()
+}
+
+/// A part whose ends are the extremes of the sum of the heights near the ends of the stretch: the least squares of where a
+/// change begins.
+fn part(points: &[(f64, f64)], heights: &[f64], stretch: Range<usize>, half: usize) -> Part {
+    let sign: f64 = heights[stretch.clone()].iter().sum::<f64>().signum();
+    let (from, after) =
+        (stretch.start.saturating_sub(half), (stretch.end + half).min(heights.len()));
+    let sums = sums(heights[from..after].iter().map(|height| sign * height));
+    // The ends may move by half of the window, but not beyond the middle.
+    let most = (2 * half).min(sums.len() / 2);
+    let order = |one: &usize, other: &usize| sums[*one].total_cmp(&sums[*other]);
+    let start = (0..=most).min_by(order).unwrap_or(0);
+    let end = (sums.len() - 1 - most..sums.len()).max_by(order).unwrap_or(0);
+    let range = from + start..from + end.max(start + 1);
+    let width = |at: usize| points[(at + 1).min(heights.len() - 1)].0 - points[at.max(1) - 1].0;
+    let area = range.clone().map(|at| 0.5 * heights[at] * width(at)).sum();
+    Part { range, area }
+}
