@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use serde_json::{Value, json};
 
 use super::printing::{Error, print, shown};
-use super::run::{compute, print_faults, read};
+use super::run::{compute, print_faults, read, read_json};
 use crate::config::Fit;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::quantity::{Dimension, parse};
@@ -27,9 +27,10 @@ const FEWEST: usize = 3;
 /// Fits, and prints the estimates. The exit code is 2 if the file, the scenario or the fit has faults, and 1 if the fit finds no
 /// minimum.
 pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
-    let Fit { x, y, sigma, relative, at, density, .. } = settings;
+    let Fit { x, y, table, sigma, relative, at, density, .. } = settings;
     let prepare = if at.is_some() { Prepare::Trace } else { Prepare::Points };
-    let wanted = Wanted { x: x.as_deref(), y: y.as_deref(), prepare, level: true, centre: true };
+    let (x, y, table) = (x.as_deref(), y.as_deref(), *table);
+    let wanted = Wanted { x, y, table, prepare, level: true, centre: true };
     let mut measured = match fretwork_measured::read(&read(&settings.file)?, &wanted) {
         Ok(measured) => measured,
         Err(faults) => return Ok(print_faults(&faults.below(&settings.file.to_string_lossy()).0)),
@@ -63,7 +64,7 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
         measured.notes.push(note.to_owned());
     }
     let named = |error| format!("{}: {error}", settings.scenario.display());
-    let job = serde_json::from_slice(&read(&settings.scenario)?);
+    let job = serde_json::from_slice(&read_json(&settings.scenario)?);
     let mut job: Value = job.map_err(named)?;
     let scenario = job.get_mut("scenario").map(Value::take).unwrap_or(job);
     let points =

@@ -44,7 +44,14 @@ pub fn report(settings: &Report) -> Result<ExitCode, Error> {
 /// The first two columns of numbers of a file.
 fn read_measured(file: &Path) -> Result<Measured, Error> {
     let name = file.display().to_string();
-    let wanted = Wanted { x: None, y: None, prepare: Prepare::Points, level: true, centre: true };
+    let wanted = Wanted {
+        x: None,
+        y: None,
+        table: None,
+        prepare: Prepare::Points,
+        level: true,
+        centre: true,
+    };
     let found = fretwork_measured::read(&read(file)?, &wanted);
     let mut found = found.map_err(|faults| format!("{name}: {}", faults.0[0].detail))?;
     let data = found.prepared["data"].take();
