@@ -227,6 +227,8 @@ pub fn both<A, B>(a: Result<A, Faults>, b: Result<B, Faults>) -> Result<(A, B), 
 /// The text is not JSON.
 pub fn parse(text: &[u8]) -> Result<(Value, Vec<Fault>), serde_json::Error> {
     let mut repeated = Repeated::default();
+    // Some editors write a mark before UTF-8.
+    let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
     let mut json = Deserializer::from_slice(text);
     let reader = Reader { location: ValuePointerRef::Origin, repeated: &mut repeated };
     let value = reader.deserialize(&mut json)?;

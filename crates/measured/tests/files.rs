@@ -581,6 +581,7 @@ fn a_map_of_heights_is_refused_as_one() {
 
 /// What a reader types wrongly: each message has the words that mend the file, and the mended file is read.
 #[test]
+#[expect(clippy::too_many_lines, reason = "it is a list of files")]
 fn each_message_leads_to_the_mend() {
     let volumes = "cycles;V [mm^3]\n1000;0.0021\n2000;0.0042\n5000;0.0108\n";
     let trace = "x;z\n".to_owned() + &rows(40, |at| format!("{at};{}\n", at % 3));
