@@ -175,12 +175,18 @@ impl<'a> Record<'a> {
             own.clamp(low + NEAR * (high - low), high - NEAR * (high - low))
         };
         let all: Vec<f64> = (1..strokes - 1).map(middle).collect();
-        let mean = |stroke: usize| {
-            let at = stroke.clamp(1, all.len()) - 1;
-            let reach = at.min(all.len() - 1 - at).min(SMOOTH);
+        let last = all.len() - 1;
+        let far = SMOOTH.min(last);
+        // How far the middle drifts in a stroke near both ends.
+        let drifts =
+            [all[far] - all[0], all[last] - all[last - far]].map(|it| it / far.max(1) as f64);
+        let mean = |at: usize| {
+            let reach = at.min(last - at).min(SMOOTH);
             all[at - reach..=at + reach].iter().sum::<f64>() / (2 * reach + 1) as f64
         };
-        (0..strokes).map(mean).collect()
+        let inner = (0..=last).map(mean);
+        let ends = [all[0] - drifts[0], all[last] + drifts[1]];
+        std::iter::once(ends[0]).chain(inner).chain([ends[1]]).collect()
     }
 
     /// Where the stroke after a reversal passes the place of a cut. `None` if it does not.
@@ -261,7 +267,7 @@ impl<'a> Record<'a> {
         let noise =
             [scatter[0] * (changes(force) + start * start).sqrt(), scatter[1] * changes(&x).sqrt()];
         let noise = (noise[0] * noise[0] + noise[1] * noise[1]).sqrt();
-        let error = 0.5 * coarseness(&x, force) + 2.0 * noise;
+        let error = 0.6 * coarseness(&x, force) + 2.5 * noise;
         let width = count / MEANS + 1;
         let [[left, right], [low, high]] = [&x[..], force].map(|all| {
             ends(all.windows(width).map(|near| near.iter().sum::<f64>() / width as f64))

