@@ -22,7 +22,7 @@ const SHARES: [f64; 2] = [0.05, 0.12];
 /// A record may begin and end this share of a stroke away from where a cycle does. A line then closes the cycle.
 /// Otherwise at most this many steps from row to row.
 const GAP: f64 = 0.06;
-const STEPS: f64 = 2.0;
+const STEPS: f64 = 1.7;
 /// Rows are near a reversal within this share of a stroke.
 const NEAR: f64 = 0.1;
 /// The middle of a stroke is the mean of up to this many on each side.
@@ -392,13 +392,10 @@ fn tell(cycles: &[[f64; 7]], [before, after]: [usize; 2], notes: &mut Vec<String
     let shares = cycles.iter().map(|it| it[2] / it[1].abs()).enumerate();
     let large = shares.clone().filter(|it| it.1 > LARGEST).count();
     let (worst, most) = shares.max_by(|one, other| one.1.total_cmp(&other.1)).unwrap_or_default();
-    if few > 0 {
-        notes.push(format!("{few} of {count} cycle(s) have fewer than {FEWEST} points. Sample faster for exact energies."));
-    }
     if few + large > 0 {
         notes.push(format!(
-            "Few points or noise make the energy uncertain by more than 1 % in {large} cycle(s): by {:.2} % in cycle {}. \
-             `energy_error` has the error of each.",
+            "{few} of {count} cycle(s) have fewer than {FEWEST} points. Few points or noise make the energy uncertain by more \
+             than 1 % in {large} cycle(s): by {:.2} % in cycle {}. `energy_error` has the error of each.",
             100.0 * most, worst + 1
         ));
     }

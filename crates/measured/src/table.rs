@@ -184,23 +184,18 @@ impl<'a> Lines<'a> {
                 block.layout.numbers.iter().enumerate().filter(|(_, is_number)| **is_number);
             for (place, cell) in places.map(|(place, _)| (place, &*cells[place])) {
                 let (column, head) = (&mut columns[place], &headers[place]);
-                let fault = || {
+                let fault = |what: &str| {
                     format!(
-                        "Line {line}: “{}” in “{head}” is not a number. Write it like 1234.5, without separators of \
+                        "Line {line}: “{}” in “{head}” {what} is not a number. Write it like 1234.5, without separators of \
                          thousands and without its unit, or leave the cell empty if it is not known",
                         short(cell)
                     )
                 };
-                let read = written(cell).ok_or_else(fault)?;
+                let read = written(cell).ok_or_else(|| fault("").replace("  ", " "))?;
                 let known = Some(read.value).filter(|value| !value.is_nan());
-                if known.is_some()
-                    && *column.unit.get_or_insert_with(|| read.unit.to_owned()) != *read.unit
-                {
-                    return Err(if read.unit.is_empty() {
-                        mixed(line, cell, head)
-                    } else {
-                        fault()
-                    });
+                let own = &mut column.unit;
+                if known.is_some() && *own.get_or_insert_with(|| read.unit.into()) != *read.unit {
+                    return Err(fault("has another unit than a cell above it, or none, and"));
                 }
                 if known.is_none() && is_bad(cell) {
                     column.bad = (short(cell), column.bad.1 + 1);
@@ -255,15 +250,6 @@ impl Spelling {
         }
         Ok(())
     }
-}
-
-/// The fault of a column in which only some cells have a unit.
-fn mixed(line: usize, cell: &str, header: &str) -> String {
-    format!(
-        "Line {line}: “{}” in “{header}” has no unit, but a cell above it has one, so it is not a number. Write it like \
-         1234.5, without separators of thousands and without its unit, in all cells, and the unit into the header",
-        short(cell)
-    )
 }
 
 /// A table, and what was done to read it.
