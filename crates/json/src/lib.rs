@@ -170,9 +170,7 @@ fn explained(text: &[u8], error: serde_json::Error) -> serde_json::Error {
         _ if digit(after.first()) && digit(earlier.next()) => {
             "enter numbers with a decimal point and without spaces, such as 0.7 or 10000, and commas between numbers,"
         }
-        _ if std::str::from_utf8(text).is_err() || text.starts_with("\u{feff}".as_bytes()) => {
-            "save the text in UTF-8, without a byte order mark"
-        }
+        _ if std::str::from_utf8(text).is_err() => "save the text in UTF-8",
         _ => match std::str::from_utf8(after).unwrap_or_default().chars().next() {
             Some(_) if before.is_empty() && error.line() == 1 => {
                 "enter a JSON object, which begins with {"

@@ -1,6 +1,6 @@
 //! Cells of a table: numbers, with errors and units.
 
-use super::units::unit;
+use super::units::{exponent, unit};
 
 /// Texts that stand for an unknown number.
 const UNKNOWN: [&str; 8] = ["", "-", "–", "—", "nan", "na", "n/a", "null"];
@@ -64,23 +64,10 @@ fn power(text: &str) -> Option<f64> {
     let (digits, power) = text.split_once(['x', '×', '*', '·'])?;
     let power = power.trim().strip_prefix("10")?;
     let is_raised = !power.starts_with(|first: char| first.is_ascii_digit());
-    let power = plain_exponent(power)?;
+    let power = exponent(power)?;
     let digits = digits.trim().replace('−', "-").replace(',', ".");
     let number = format!("{digits}e{power}").parse().ok();
     number.filter(|number: &f64| is_raised && number.is_finite())
-}
-
-/// An exponent such as `^-6` or `⁻⁶`.
-pub fn plain_exponent(text: &str) -> Option<i32> {
-    let plain =
-        text.chars().map(|it| match "⁰¹²³⁴⁵⁶⁷⁸⁹⁻".chars().position(|own| own == it)
-        {
-            Some(place) => char::from(b"0123456789-"[place]),
-            None if it == '−' => '-',
-            None => it,
-        });
-    let plain: String = plain.filter(|it| !"^{}".contains(*it)).collect();
-    plain.parse().ok().filter(|exponent: &i32| exponent.abs() < 400)
 }
 
 /// A known number without an error.

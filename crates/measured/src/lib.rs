@@ -18,7 +18,7 @@ use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use table::Table;
+use table::{SIGMA, Table};
 use units::{MASSES, unit};
 
 pub use lines::MAX_ROWS;
@@ -28,9 +28,6 @@ pub use trace::{Prepare, Wanted};
 
 /// The output that is the wear volume times a density.
 const MASS_LOSS: &str = "mass_loss";
-
-/// What follows the name of a column in the name of its errors.
-const SIGMA: &str = " sigma";
 
 /// What was read from a file.
 #[derive(Debug, Clone, PartialEq, Serialize)]

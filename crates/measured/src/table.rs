@@ -6,7 +6,6 @@ use fretwork_engine::request::fault::unknown;
 use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 
-use super::SIGMA;
 use super::cell::{has_thousands, is_bad, written};
 use super::lines::{Block, Lines, MAX_HEAD, MAX_ROWS, is_map, map_fault};
 use super::text::decode;
@@ -14,6 +13,9 @@ use super::units::{GRAVITY, header, symbol, unit};
 
 /// Maximum number of characters of a name, and of a cell in a fault.
 const MAX_NAME: usize = 200;
+
+/// What follows the name of a column in the name of its errors.
+pub const SIGMA: &str = " sigma";
 
 /// A column of numbers in SI.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -2,8 +2,6 @@
 
 use fretwork_engine::request::quantity::{Dimension, parse};
 
-use super::cell::plain_exponent;
-
 /// Texts that stand for the unit of a plain number.
 const PLAIN: [&str; 5] = ["", "-", "1", "cycle", "cycles"];
 /// Units of masses, with their factors to kg.
@@ -83,18 +81,31 @@ pub fn unit(text: &str) -> Option<Unit> {
         .map(|(dimension, si, factor)| (dimension, si.to_owned(), factor))
 }
 
+/// An exponent such as `^-6` or `⁻⁶`.
+pub fn exponent(text: &str) -> Option<i32> {
+    let plain =
+        text.chars().map(|it| match "⁰¹²³⁴⁵⁶⁷⁸⁹⁻".chars().position(|own| own == it)
+        {
+            Some(place) => char::from(b"0123456789-"[place]),
+            None if it == '−' => '-',
+            None => it,
+        });
+    let plain: String = plain.filter(|it| !"^{}".contains(*it)).collect();
+    plain.parse().ok().filter(|exponent: &i32| exponent.abs() < 400)
+}
+
 /// A product of units, such as `mm3/N/m` or `mm^3 N^-1 m^-1`.
 fn product(text: &str) -> Option<(Option<Dimension>, &'static str, f64)> {
     let (mut powers, mut factor) = ([0, 0], 1.0);
     for (place, part) in text.split('/').enumerate() {
         for term in part.split([' ', '·', '⋅', '*', '(', ')']).filter(|term| !term.is_empty()) {
             let end = term.find(|it: char| !it.is_alphabetic() && it != '°').unwrap_or(term.len());
-            let (name, exponent) = term.split_at(end);
+            let (name, power) = term.split_at(end);
             if term == "1" {
                 continue;
             }
-            let exponent = if exponent.is_empty() { 1 } else { plain_exponent(exponent)? };
-            let exponent = if place > 0 { -exponent } else { exponent };
+            let power = if power.is_empty() { 1 } else { exponent(power)? };
+            let exponent = if place > 0 { -power } else { power };
             let known = PRODUCTS[..5].iter().find_map(|(dimension, own)| {
                 Some((own, parse(&format!("1 {}", symbol(name)), *dimension).ok()?))
             });
