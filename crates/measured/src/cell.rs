@@ -26,7 +26,7 @@ pub struct Written<'a> {
 }
 
 /// Whether spaces separate thousands in a text, as in `12 345,6`.
-pub fn has_thousands(text: &str) -> bool {
+fn has_thousands(text: &str) -> bool {
     let digits = |group: &str| group.bytes().take_while(u8::is_ascii_digit).count();
     let mut groups = text.trim_start_matches(['+', '-', '−']).split(SPACES);
     let first = groups.next().unwrap_or("");
@@ -106,4 +106,45 @@ pub fn written(text: &str) -> Option<Written<'_>> {
         let value = number(digits).filter(|it| it.is_finite()).or_else(|| power(digits))?;
         unit(rest).map(|_| Written { value, sigma: None, unit: rest.trim_matches(['[', ']']) })
     })
+}
+
+/// Examples of numbers with a decimal point, with a decimal comma, and with spaces between thousands.
+#[derive(Default)]
+pub struct Spelling([String; 3]);
+
+impl Spelling {
+    pub fn see(&mut self, cell: &str) {
+        for (best, mark) in self.0.iter_mut().zip(['.', ',', ' ']) {
+            // A number that could have a separator of thousands is the best example of a decimal comma.
+            let at = cell.find(mark).filter(|at| best.is_empty() || cell.len() - at == 4);
+            if if mark == ' ' { has_thousands(cell) } else { at.is_some() } {
+                cell.clone_into(best);
+            }
+        }
+    }
+
+    /// Says how the numbers were read.
+    ///
+    /// # Errors
+    /// The numbers have points and commas.
+    pub fn tell(&self, notes: &mut Vec<String>) -> Result<(), String> {
+        let [point, comma, space] = &self.0;
+        if !comma.is_empty() && !point.is_empty() {
+            return Err(format!(
+                "The numbers have points and commas, such as “{point}” and “{comma}”. Write all of them with the same \
+                 decimal mark, without separators of thousands"
+            ));
+        }
+        let is_clear = point.find('.') != point.len().checked_sub(4) || point.starts_with('0');
+        for (told, example) in [
+            ("Points are decimal marks", if is_clear { "" } else { point }),
+            ("Commas are decimal marks", comma),
+            ("Spaces separate thousands", space),
+        ] {
+            if let Some(read) = written(example).filter(|_| !example.is_empty()) {
+                notes.push(format!("{told}: “{example}” was read as {}.", read.value));
+            }
+        }
+        Ok(())
+    }
 }

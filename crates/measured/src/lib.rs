@@ -5,6 +5,7 @@
 //! radii, and a friction loop the energy of a cycle.
 
 mod cell;
+mod curve;
 mod lines;
 mod loops;
 mod table;

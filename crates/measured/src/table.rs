@@ -6,7 +6,7 @@ use fretwork_engine::request::fault::unknown;
 use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 
-use super::cell::{has_thousands, is_bad, written};
+use super::cell::{Spelling, is_bad, written};
 use super::lines::{Block, Lines, MAX_HEAD, MAX_ROWS, is_map, map_fault};
 use super::text::decode;
 use super::units::{GRAVITY, header, symbol, unit};
@@ -214,43 +214,6 @@ impl<'a> Lines<'a> {
         }
         spelling.tell(notes)?;
         Ok(columns)
-    }
-}
-
-/// Examples of numbers with a decimal point, with a decimal comma, and with spaces between thousands.
-#[derive(Default)]
-struct Spelling([String; 3]);
-
-impl Spelling {
-    fn see(&mut self, cell: &str) {
-        for (best, mark) in self.0.iter_mut().zip(['.', ',', ' ']) {
-            // A number that could have a separator of thousands is the best example of a decimal comma.
-            let at = cell.find(mark).filter(|at| best.is_empty() || cell.len() - at == 4);
-            if if mark == ' ' { has_thousands(cell) } else { at.is_some() } {
-                cell.clone_into(best);
-            }
-        }
-    }
-
-    fn tell(&self, notes: &mut Vec<String>) -> Result<(), String> {
-        let [point, comma, space] = &self.0;
-        if !comma.is_empty() && !point.is_empty() {
-            return Err(format!(
-                "The numbers have points and commas, such as “{point}” and “{comma}”. Write all of them with the same \
-                 decimal mark, without separators of thousands"
-            ));
-        }
-        let is_clear = point.find('.') != point.len().checked_sub(4) || point.starts_with('0');
-        for (told, example) in [
-            ("Points are decimal marks", if is_clear { "" } else { point }),
-            ("Commas are decimal marks", comma),
-            ("Spaces separate thousands", space),
-        ] {
-            if let Some(read) = written(example).filter(|_| !example.is_empty()) {
-                notes.push(format!("{told}: “{example}” was read as {}.", read.value));
-            }
-        }
-        Ok(())
     }
 }
 
