@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use serde_json::{Value, json};
 
 use super::printing::{Error, print, shown};
-use super::run::{compute, print_faults, read};
+use super::run::{compute, print_faults, read, read_json};
 use crate::config::Fit;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_engine::request::quantity::{Dimension, parse};
@@ -27,12 +27,13 @@ const FEWEST: usize = 3;
 /// Fits, and prints the estimates. The exit code is 2 if the file, the scenario or the fit has faults, and 1 if the fit finds no
 /// minimum.
 pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
-    let Fit { x, y, sigma, relative, at, density, up, scar, .. } = settings;
+    let Fit { x, y, table, sigma, relative, at, density, up, scar, .. } = settings;
     let prepare = if at.is_some() { Prepare::Trace } else { Prepare::Points };
     let up = Up::NAMES.into_iter().find(|(name, _)| up.as_deref() == Some(*name));
     let wanted = Wanted {
         x: x.as_deref(),
         y: y.as_deref(),
+        table: *table,
         up: up.map(|(_, up)| up),
         scar: *scar,
         ..Wanted::of(prepare)
@@ -68,7 +69,7 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
         measured.notes.push(note.to_owned());
     }
     let named = |error| format!("{}: {error}", settings.scenario.display());
-    let job = serde_json::from_slice(&read(&settings.scenario)?);
+    let job = serde_json::from_slice(&read_json(&settings.scenario)?);
     let mut job: Value = job.map_err(named)?;
     let scenario = job.get_mut("scenario").map(Value::take).unwrap_or(job);
     let points =

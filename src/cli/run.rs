@@ -130,7 +130,7 @@ pub fn listed(files: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
 
 /// Reads a job body. A scenario alone becomes a job. Makes the changes of the scenario.
 pub fn read_job(file: &Path, change: &Change) -> Result<Vec<u8>, Error> {
-    let text = read(file)?;
+    let text = read_json(file)?;
     // The parser of jobs reports what is not JSON, and repeated members.
     let Ok(mut body) = serde_json::from_slice::<Value>(&text) else { return Ok(text) };
     let is_bare = body.get("profile").is_some();
@@ -177,6 +177,12 @@ pub fn read(file: &Path) -> Result<Vec<u8>, Error> {
     let read =
         if is_file { fs::read(file) } else { io::stdin().read_to_end(&mut text).map(|_| text) };
     read.map_err(|error| format!("cannot read {}: {error}", file.display()).into())
+}
+
+/// The text of a JSON file. Some editors write UTF-16, or a mark before UTF-8.
+pub fn read_json(file: &Path) -> Result<Vec<u8>, Error> {
+    let bytes = read(file)?;
+    Ok(fretwork_measured::marked(&bytes).map_or(bytes, String::into_bytes))
 }
 
 /// Computes the result, and shows the progress.

@@ -18,6 +18,9 @@ pub struct Fit {
     /// The column with the measured numbers, such as "wear_volume [mm^3]" [default: the next].
     #[arg(long, value_name = "COLUMN")]
     pub y: Option<String>,
+    /// Which table of the file, such as 2 for its second one [default: 1].
+    #[arg(long, value_name = "NUMBER")]
+    pub table: Option<usize>,
     /// A number of the scenario to fit, such as /friction=0.1..1.5; may be repeated [default: the wear coefficient, and
     /// the friction if the data can tell it].
     #[arg(long, value_name = "POINTER=LOW..HIGH", value_parser = range)]

@@ -148,7 +148,7 @@ fn the_command_reads_a_scenario_alone_and_prints_the_job() {
             "N;wear_volume [um]\n1000;1\n",
             "-/y: is the output wear_volume in the unit m",
         ),
-        (&["-", BALL], "cycles;V\n1;2\n3;4\n", "unknown output `V`"),
+        (&["-", BALL], "cycles;V\n1;2\n3;4\n", "V [mm^3] for volumes, V [um] for depths"),
     ] {
         let (code, _, err) = said(&[&["fit"], words].concat(), input);
         assert!(code == Some(2) && err.contains(told), "{told}: {err}");
@@ -314,10 +314,10 @@ async fn bad_files_and_parameters_are_refused_with_a_remedy() {
     );
     let large = vec![b'1'; (4 << 20) + 1];
     sent(&server, "", "text/csv", &large).await.problem(413, "body-too-large");
-    let rows = "a;b\n".to_owned() + &"1;2\n".repeat(100_001);
+    let rows = "a;b\n".to_owned() + &"1;2\n".repeat(1_000_001);
     let problem =
         sent(&server, "", "text/csv", rows.as_bytes()).await.problem(422, "unreadable-file");
-    assert!(problem["detail"].as_str().unwrap().contains("more than 100000 rows"), "{problem}");
+    assert!(problem["detail"].as_str().unwrap().contains("more than 1000000 rows"), "{problem}");
     let wide = "1;".repeat(63) + "1\n";
     let most = wide.repeat((4 << 20) / wide.len());
     let reply = sent(&server, "", "text/csv", most.as_bytes()).await;
@@ -341,4 +341,59 @@ async fn reading_needs_the_role_of_evaluations_and_counts_as_one() {
     asked(&submitter).await.problem(429, "rate-limited");
     let path = &serde_json::from_slice::<Value>(&document()).unwrap()["paths"][PATH]["post"];
     assert_eq!(path["operationId"], "read_measurements");
+}
+
+#[test]
+fn the_command_reads_a_scenario_with_the_mark_of_an_editor() {
+    let dir = TempDir::new().unwrap();
+    let text = example("steel-ball").to_string();
+    let utf16: Vec<u8> =
+        format!("\u{feff}{text}").encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let table = "cycles;wear_volume [mm^3]\n1000;4,6e-6\n2000;9,6e-6\n";
+    let print = |scenario: &str| said(&["fit", "-", scenario, "--print"], table);
+    let plain = print(BALL);
+    for (name, bytes) in
+        [("utf8.json", format!("\u{feff}{text}").into_bytes()), ("utf16.json", utf16)]
+    {
+        let file = dir.path().join(name);
+        fs::write(&file, &bytes).unwrap();
+        let file = file.to_str().unwrap();
+        let marked = print(file);
+        assert_eq!((marked.0, &marked.1), (Some(0), &plain.1), "{name}: {}", marked.2);
+        let (code, _, err) = said(&["run", file, "--set", "/friction=much"], "");
+        assert!(code == Some(2) && err.contains("/scenario/friction"), "{name}: {err}");
+    }
+}
+
+#[test]
+fn the_command_chooses_a_table() {
+    let tables = "cycles;wear_volume [mm^3]\n1;2\n3;4\n5;6\n\nSecond\ncycles;wear_volume [mm^3]\n1000;4e-6\n2000;9e-6\n3000;14e-6\n";
+    let (code, out, err) = said(&["fit", "-", BALL, "--table", "2", "--print"], tables);
+    assert_eq!(code, Some(0), "{err}");
+    let job: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(job["fit"]["tests"][0]["data"][0]["x"], json!([1000.0, 2000.0, 3000.0]));
+    let (code, _, err) = said(&["fit", "-", BALL, "--table", "3"], tables);
+    assert!(code == Some(2) && err.contains("The file has 2 table(s), and no table 3"), "{err}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_server_cuts_a_record_of_loops_into_cycles() {
+    let server = Server::start().await;
+    let row = |row: u32| {
+        let (angle, size) =
+            (std::f64::consts::TAU * f64::from(row) / 50.0, if row < 100 { 20.0 } else { 10.0 });
+        format!("{};{:.6};{:.6}\n", row, size * angle.sin(), 3.0 + size * (angle + 0.5).sin())
+    };
+    let file = "row;d [um];F [gf]\n".to_owned() + &(0..225).map(row).collect::<String>();
+    let reply = sent(&server, "?prepare=loop", "text/csv", file.as_bytes()).await.json();
+    let prepared = &reply["prepared"];
+    assert_eq!((&prepared["cycles"], &reply["tables"]), (&json!(4), &json!([[2, 225]])), "{reply}");
+    let truth = std::f64::consts::PI * 20e-6 * 20.0 * 9.80665e-3 * 0.5f64.sin();
+    for (energy, share) in
+        prepared["loops"]["energy"].as_array().unwrap().iter().zip([1.0, 1.0, 0.25, 0.25])
+    {
+        assert!((energy.as_f64().unwrap() / (truth * share) - 1.0).abs() < 0.01, "{prepared}");
+    }
+    assert!((prepared["energy_per_cycle"].as_f64().unwrap() / (0.625 * truth) - 1.0).abs() < 0.01);
+    sent(&server, "?table=2", "text/csv", file.as_bytes()).await.problem(422, "unreadable-file");
 }

@@ -170,9 +170,7 @@ fn explained(text: &[u8], error: serde_json::Error) -> serde_json::Error {
         _ if digit(after.first()) && digit(earlier.next()) => {
             "enter numbers with a decimal point and without spaces, such as 0.7 or 10000, and commas between numbers,"
         }
-        _ if std::str::from_utf8(text).is_err() || text.starts_with("\u{feff}".as_bytes()) => {
-            "save the text in UTF-8, without a byte order mark"
-        }
+        _ if std::str::from_utf8(text).is_err() => "save the text in UTF-8",
         _ => match std::str::from_utf8(after).unwrap_or_default().chars().next() {
             Some(_) if before.is_empty() && error.line() == 1 => {
                 "enter a JSON object, which begins with {"
@@ -227,6 +225,8 @@ pub fn both<A, B>(a: Result<A, Faults>, b: Result<B, Faults>) -> Result<(A, B), 
 /// The text is not JSON.
 pub fn parse(text: &[u8]) -> Result<(Value, Vec<Fault>), serde_json::Error> {
     let mut repeated = Repeated::default();
+    // Some editors write a mark before UTF-8.
+    let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
     let mut json = Deserializer::from_slice(text);
     let reader = Reader { location: ValuePointerRef::Origin, repeated: &mut repeated };
     let value = reader.deserialize(&mut json)?;

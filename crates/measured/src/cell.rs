@@ -1,20 +1,32 @@
-//! Cells of a table: numbers, units, and names with units.
+//! Cells of a table: numbers, with errors and units.
 
-use fretwork_engine::request::quantity::{Dimension, parse};
+use super::units::{exponent, unit};
 
 /// Texts that stand for an unknown number.
 const UNKNOWN: [&str; 8] = ["", "-", "–", "—", "nan", "na", "n/a", "null"];
-/// Texts that stand for the unit of a plain number.
-const PLAIN: [&str; 5] = ["", "-", "1", "cycle", "cycles"];
-/// Units of masses, with their factors to kg.
-pub const MASSES: [(&str, f64); 4] = [("kg", 1.0), ("g", 1e-3), ("mg", 1e-6), ("ug", 1e-9)];
-/// Units that a table may have, although neither a scenario nor a measured output has them.
-const FOREIGN: [&str; 7] = ["s", "ms", "min", "h", "Hz", "%", "°C"];
+/// Words of instruments and spreadsheets for a number that could not be measured or computed. They also write `1.#QNAN`, and
+/// words that begin with `#`.
+const BAD: [&str; 12] = [
+    "bad", "blank", "err", "error", "fail", "failed", "invalid", "missing", "n.a.", "none",
+    "overflow", "-nan",
+];
+/// The longest number with its error and unit, in bytes.
+const LONGEST: usize = 100;
 /// Spaces between thousands.
 const SPACES: [char; 4] = [' ', '\u{a0}', '\u{2009}', '\u{202f}'];
 
+/// A number with what people write behind it.
+#[derive(Debug, PartialEq)]
+pub struct Written<'a> {
+    pub value: f64,
+    /// The number behind `±`.
+    pub sigma: Option<f64>,
+    /// The unit in the cell, or an empty text.
+    pub unit: &'a str,
+}
+
 /// Whether spaces separate thousands in a text, as in `12 345,6`.
-pub fn has_thousands(text: &str) -> bool {
+fn has_thousands(text: &str) -> bool {
     let digits = |group: &str| group.bytes().take_while(u8::is_ascii_digit).count();
     let mut groups = text.trim_start_matches(['+', '-', '−']).split(SPACES);
     let first = groups.next().unwrap_or("");
@@ -29,6 +41,13 @@ pub fn is_grouped(text: &str) -> bool {
     is_number && (text.contains(['\'', '’']) || text.matches(['.', ',']).count() > 1 && is_whole)
 }
 
+/// Whether a text is a word for a number that could not be measured, as `#N/A`, `Bad`, `1.#QNAN` and `---`.
+pub fn is_bad(text: &str) -> bool {
+    let is_line = text.len() > 1 && text.chars().all(|it| "-–—_*?.".contains(it));
+    let is_error = text.starts_with('#') && text[1..].starts_with(char::is_alphabetic);
+    is_line || is_error || text.contains(".#") || BAD.contains(&&*text.to_lowercase())
+}
+
 /// A number with a decimal point or comma. NaN stands for an unknown number, and `None` for any other text.
 pub fn number(text: &str) -> Option<f64> {
     let plain = text.replace('−', "-").replace(',', ".");
@@ -36,50 +55,96 @@ pub fn number(text: &str) -> Option<f64> {
     let is_digit = |byte: u8| byte.is_ascii_digit() || b"+-.eE".contains(&byte);
     let is_number = plain.bytes().all(is_digit) && !text.ends_with(',');
     let number = plain.parse().ok().filter(|number| is_number && f64::is_finite(*number));
-    number.or_else(|| UNKNOWN.contains(&&*plain.to_lowercase()).then_some(f64::NAN))
+    let is_unknown = || UNKNOWN.contains(&&*plain.to_lowercase()) || is_bad(text);
+    number.or_else(|| is_unknown().then_some(f64::NAN))
 }
 
-/// A known unit: its dimension, `None` if no quantity of a scenario has it, the unit in SI, and the factor to that.
-pub fn unit(text: &str) -> Option<(Option<Dimension>, String, f64)> {
-    let text = text.trim_matches(['[', ']', '(', ')', ' ']);
-    let plain = text.replace(['µ', 'μ'], "u");
-    let mass = MASSES.iter().find(|it| it.0 == plain).map(|it| (None, "kg", it.1));
-    let of = |it: Dimension| Some((Some(it), it.si(), parse(&format!("1 {text}"), it).ok()?));
-    let known = match text {
-        _ if PLAIN.contains(&text) => Some((Some(Dimension::Number), "1", 1.0)),
-        _ if FOREIGN.contains(&text) => Some((None, text, 1.0)),
-        _ => mass.or_else(|| Dimension::ALL.into_iter().find_map(of)),
-    };
-    known.map(|(dimension, si, factor)| (dimension, si.to_owned(), factor))
+/// A number such as `10 x 10^-6` or `1.2·10⁻⁵`.
+fn power(text: &str) -> Option<f64> {
+    let (digits, power) = text.split_once(['x', '×', '*', '·'])?;
+    let power = power.trim().strip_prefix("10")?;
+    let is_raised = !power.starts_with(|first: char| first.is_ascii_digit());
+    let power = exponent(power)?;
+    let digits = digits.trim().replace('−', "-").replace(',', ".");
+    let number = format!("{digits}e{power}").parse().ok();
+    number.filter(|number: &f64| is_raised && number.is_finite())
 }
 
-/// Where a factor at the end of a name begins, such as `1e-3` in `V in 1e-3 mm^3`. The 2 in `Sensor 2 (um)` is none.
-fn factor(name: &str, is_bracketed: bool) -> Option<usize> {
-    let name = name.trim_end();
-    let word = name.rsplit([' ', '/', '(', ',', '*', '×']).next().unwrap_or("");
-    let at = name.len() - word.len();
-    let plain = word.trim_start_matches(if at > 0 { 'x' } else { ' ' }).trim_end_matches(')');
-    let is_power = plain.starts_with("10") && !plain.contains(char::is_alphabetic);
-    let is_number = is_power || plain.parse::<f64>().is_ok_and(f64::is_finite);
-    let is_label = is_bracketed
-        && plain.bytes().all(|byte| byte.is_ascii_digit())
-        && (word == plain || plain.len() == 1)
-        && !name[..at].trim_end().ends_with(['×', '*', '/']);
-    (is_number && !is_label).then_some(at)
+/// A known number without an error.
+fn bare(text: &str) -> Option<Written<'_>> {
+    written(text).filter(|it| it.value.is_finite() && it.sigma.is_none())
 }
 
-/// Splits a header such as `Depth [µm]`, `Force/N` or `wear_volume mm^3` into name and unit. A factor belongs to the
-/// unit, which is then unknown.
-pub fn header(text: &str) -> (&str, Option<&str>) {
-    let is_split = |(at, mark): &(usize, char)| {
-        let rest = text[at + mark.len_utf8()..].trim();
-        let is_bracketed = *mark == '(' || rest.starts_with('(');
-        " /(,".contains(*mark) && (is_bracketed || !PLAIN.contains(&rest)) && unit(rest).is_some()
-    };
-    let at = text.find('[').or_else(|| Some(text.char_indices().skip(1).find(is_split)?.0));
-    let is_bracketed = at.is_none_or(|at| text[at..].trim_start().starts_with(['[', '(']));
-    let at = factor(&text[..at.unwrap_or(text.len())], is_bracketed).or(at);
-    let (name, unit) = text.split_at(at.unwrap_or(text.len()));
-    let marks = [' ', '/', ',', '(', ':', '×', '*'];
-    (name.trim_matches(marks), at.map(|_| unit.trim_matches(['[', ']', ' ', '/', ','])))
+/// A number of a cell, with its error and its unit, as `0.0011 ± 0.0002 mm^3`.
+pub fn written(text: &str) -> Option<Written<'_>> {
+    let plain = |value| Some(Written { value, sigma: None, unit: "" });
+    if let Some(value) = number(text) {
+        return plain(value);
+    }
+    let is_start = |first: char| first.is_ascii_digit() || "+-−.,(".contains(first);
+    if !text.starts_with(is_start) || text.len() > LONGEST {
+        return None;
+    }
+    if let Some((value, rest)) = ["±", "+/-", "+-"].iter().find_map(|mark| text.split_once(mark)) {
+        let value = bare(value.trim_matches(['(', ' ']))?;
+        let (rest, unit) = rest.split_once(')').unwrap_or((rest, ""));
+        let sigma = bare(rest.trim())?;
+        let unit = [value.unit, sigma.unit, unit.trim()].into_iter().find(|unit| !unit.is_empty());
+        return Some(Written {
+            value: value.value,
+            sigma: Some(sigma.value),
+            unit: unit.unwrap_or(""),
+        });
+    }
+    if let Some(value) = power(text) {
+        return plain(value);
+    }
+    let is_start = |(_, letter): &(usize, char)| letter.is_alphabetic() || "[%°".contains(*letter);
+    let mut starts = text.char_indices().filter(is_start).map(|(at, _)| text.split_at(at));
+    starts.find_map(|(digits, rest)| {
+        let digits = digits.trim_end();
+        let value = number(digits).filter(|it| it.is_finite()).or_else(|| power(digits))?;
+        unit(rest).map(|_| Written { value, sigma: None, unit: rest.trim_matches(['[', ']']) })
+    })
+}
+
+/// Examples of numbers with a decimal point, with a decimal comma, and with spaces between thousands.
+#[derive(Default)]
+pub struct Spelling([String; 3]);
+
+impl Spelling {
+    pub fn see(&mut self, cell: &str) {
+        for (best, mark) in self.0.iter_mut().zip(['.', ',', ' ']) {
+            // A number that could have a separator of thousands is the best example of a decimal comma.
+            let at = cell.find(mark).filter(|at| best.is_empty() || cell.len() - at == 4);
+            if if mark == ' ' { has_thousands(cell) } else { at.is_some() } {
+                cell.clone_into(best);
+            }
+        }
+    }
+
+    /// Says how the numbers were read.
+    ///
+    /// # Errors
+    /// The numbers have points and commas.
+    pub fn tell(&self, notes: &mut Vec<String>) -> Result<(), String> {
+        let [point, comma, space] = &self.0;
+        if !comma.is_empty() && !point.is_empty() {
+            return Err(format!(
+                "The numbers have points and commas, such as “{point}” and “{comma}”. Write all of them with the same \
+                 decimal mark, without separators of thousands"
+            ));
+        }
+        let is_clear = point.find('.') != point.len().checked_sub(4) || point.starts_with('0');
+        for (told, example) in [
+            ("Points are decimal marks", if is_clear { "" } else { point }),
+            ("Commas are decimal marks", comma),
+            ("Spaces separate thousands", space),
+        ] {
+            if let Some(read) = written(example).filter(|_| !example.is_empty()) {
+                notes.push(format!("{told}: “{example}” was read as {}.", read.value));
+            }
+        }
+        Ok(())
+    }
 }

@@ -5,9 +5,13 @@
 //! radii, and a friction loop the energy of a cycle.
 
 mod cell;
+mod curve;
+mod lines;
+mod loops;
 mod table;
 mod text;
 mod trace;
+mod units;
 
 use fretwork_engine::outcome::{History, Quantity};
 use fretwork_engine::request::fault::Faults;
@@ -15,10 +19,12 @@ use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use cell::{MASSES, unit};
-use table::Table;
+use table::{SIGMA, Table};
+use units::{MASSES, unit};
 
-pub use table::{Column, MAX_ROWS};
+pub use lines::MAX_ROWS;
+pub use table::Column;
+pub use text::marked;
 pub use trace::{ENDS, Prepare, Up, Wanted, ends};
 
 /// The output that is the wear volume times a density.
@@ -29,6 +35,8 @@ const MASS_LOSS: &str = "mass_loss";
 pub struct Measured {
     /// The columns of numbers, in SI.
     pub columns: Vec<Column>,
+    /// The first line and the number of rows of each table in the file.
+    pub tables: Vec<[usize; 2]>,
     /// What was made from two columns.
     pub prepared: Value,
     /// What was done, in words.
@@ -40,32 +48,42 @@ pub struct Measured {
 /// # Errors
 /// Faults of the file have an empty pointer, and those of the wish the pointer `/x`, `/y` or `/prepare`.
 pub fn read(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Measured, Faults> {
-    let mut table = Table::read(bytes)?;
+    let mut table = Table::read(bytes, wanted.table.unwrap_or(1))?;
     let (of_x, of_y) = match wanted.prepare {
         Prepare::Points => (None, None),
         Prepare::Trace | Prepare::Half => (Some(Dimension::Length), Some(Dimension::Length)),
         Prepare::Loop => (Some(Dimension::Length), Some(Dimension::Force)),
     };
     let mut faults = Faults::default();
-    let x = faults.keep("/x", table.column(0, wanted.x, of_x));
-    let is_next = |column: &Column| x.as_ref().is_some_and(|x| column.name != x.name);
-    let next = table.columns.iter().position(is_next).unwrap_or(1);
-    let y = faults.keep("/y", table.column(next, wanted.y, of_y));
+    let least = if of_x == of_y { 2 } else { 1 };
+    let x = faults.keep("/x", table.column(None, wanted.x, (of_x, least)));
+    let first = table.columns.first().map(|column| column.name.clone());
+    let taken = x.as_ref().map(|x| x.name.clone()).or(first);
+    let y = faults.keep("/y", table.column(taken.as_deref(), wanted.y, (of_y, least)));
     let (Some(x), Some(y)) = (x, y) else { return Err(faults) };
-    let Table { columns, mut notes } = table;
+    let Table { columns, mut notes, all: tables } = table;
     notes.push(format!("x is “{}”, and y is “{}”.", x.name, y.name));
     let prepared = match wanted.prepare {
-        Prepare::Points => Ok(points(&x, &y, &mut notes)?),
-        Prepare::Loop => trace::energy(&x.values, &y.values, &mut notes),
+        Prepare::Points => {
+            let name = format!("{}{SIGMA}", y.name);
+            let sigma = columns.iter().find(|column| column.name == name && column.unit == y.unit);
+            Ok(points(&x, &y, sigma, &mut notes)?)
+        }
+        Prepare::Loop => loops::loops(&x.values, &y.values, &mut notes),
         _ => trace::profile((&x.values, &y.values), wanted, &mut notes),
     };
     let prepared = prepared.map_err(|detail| Faults::one("/prepare", detail))?;
-    Ok(Measured { columns, prepared, notes })
+    Ok(Measured { columns, tables, prepared, notes })
 }
 
 /// Points as the data of a fit. The unit of y says which output it is, unless its name is that of an output. The data are
-/// null if x is neither a number of cycles nor an energy, or if the unit of y is unknown.
-fn points(x: &Column, y: &Column, notes: &mut Vec<String>) -> Result<Value, Faults> {
+/// null if x is neither a number of cycles nor an energy, or if the unit of y is unknown or missing.
+fn points(
+    x: &Column,
+    y: &Column,
+    sigma: Option<&Column>,
+    notes: &mut Vec<String>,
+) -> Result<Value, Faults> {
     let is_output = y.name == MASS_LOSS || History::MEMBERS.iter().any(|it| it.name == y.name);
     let output = match y.unit.as_deref() {
         _ if is_output => &*y.name,
@@ -75,8 +93,9 @@ fn points(x: &Column, y: &Column, notes: &mut Vec<String>) -> Result<Value, Faul
         _ => &*y.name,
     };
     let needed = Quantity::named(output).map_or("kg", |quantity| quantity.unit);
+    let is_known = is_output && (y.unit.is_some() || needed == "1");
     let own = y.unit.as_deref().unwrap_or(needed);
-    if is_output && own != needed {
+    if is_known && own != needed {
         let other = if needed == "kg" { MASSES.map(|it| it.0).join(", ") } else { "1".into() };
         let dimension = Dimension::ALL.into_iter().find(|it| it.si() == needed);
         let accepted = dimension.map_or(other, Dimension::accepted);
@@ -84,6 +103,23 @@ fn points(x: &Column, y: &Column, notes: &mut Vec<String>) -> Result<Value, Faul
             "is the output {output} in the unit {own}. Accepted units: {accepted}. Convert the numbers to one of them"
         );
         return Err(Faults::one("/y", detail));
+    }
+    let name = &y.name;
+    if y.unit.is_none() && !is_known {
+        let examples = match needed {
+            _ if !is_output => format!(
+                "{name} [mm^3] for volumes, {name} [um] for depths, or {name} [mg] for masses"
+            ),
+            "m^3" => format!("{name} [mm^3]"),
+            "m" => format!("{name} [um]"),
+            "kg" => format!("{name} [mg]"),
+            _ => format!("{name} [{needed}]"),
+        };
+        notes.push(format!(
+            "“{name}” has no unit, so there are no data for a fit. Write the unit into the row of names, or choose the column \
+             with its unit as y: {examples}."
+        ));
+        return Ok(json!({"data": null}));
     }
     let is_over = x.unit.as_ref().is_none_or(|unit| ["1", "J"].contains(&&**unit));
     if !is_over || y.unit.as_ref().is_some_and(|own| unit(own).is_none()) {
@@ -96,7 +132,14 @@ fn points(x: &Column, y: &Column, notes: &mut Vec<String>) -> Result<Value, Faul
     let is_energy = x.dimension == Some(Dimension::Energy) || x.name == "dissipated_energy";
     let over = if is_energy { "dissipated_energy" } else { "cycles" };
     notes.push(format!("y was taken as the output {output} over {over}, in {own}."));
-    let known = x.values.iter().zip(&y.values).filter_map(|(x, y)| Some(((*x)?, *y)));
-    let (x, y): (Vec<f64>, Vec<Option<f64>>) = known.unzip();
-    Ok(json!({"data": {"output": output, "over": over, "x": x, "y": y}}))
+    let mut data = json!({"output": output, "over": over});
+    let columns =
+        [("x", Some(&x.values)), ("y", Some(&y.values)), ("sigma", sigma.map(|it| &it.values))];
+    for (name, values) in columns {
+        if let Some(values) = values {
+            let known = x.values.iter().zip(values).filter(|(x, _)| x.is_some());
+            data[name] = known.map(|(_, value)| *value).collect();
+        }
+    }
+    Ok(json!({"data": data}))
 }

@@ -1,25 +1,21 @@
-//! Finds the table in a text.
+//! Finds the names, the units and the numbers of a table.
+
+use std::borrow::Cow;
 
 use fretwork_engine::request::fault::unknown;
 use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 
-use super::cell::{has_thousands, header, is_grouped, number, unit};
+use super::cell::{Spelling, is_bad, written};
+use super::lines::{Block, Lines, MAX_HEAD, MAX_ROWS, is_map, map_fault};
 use super::text::decode;
+use super::units::{GRAVITY, header, symbol, unit};
 
-/// Maximum number of rows of a table.
-pub const MAX_ROWS: usize = 100_000;
-/// Maximum number of columns of a table.
-const MAX_COLUMNS: usize = 64;
-/// Maximum number of lines before the table.
-const MAX_HEAD: usize = 1000;
 /// Maximum number of characters of a name, and of a cell in a fault.
 const MAX_NAME: usize = 200;
-/// Number of last lines that decide on the separator.
-const SAMPLE: usize = 500;
-/// The characters that separate cells. Where two are possible, the last one does. Tabs and semicolons do so surely.
-const SEPARATORS: [(char, &str); 4] =
-    [(' ', "spaces"), (',', "commas"), ('\t', "tabs"), (';', "semicolons")];
+
+/// What follows the name of a column in the name of its errors.
+pub const SIGMA: &str = " sigma";
 
 /// A column of numbers in SI.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -48,8 +44,9 @@ impl Column {
             return Ok(());
         }
         let known = unit(text);
+        let symbol = if known.is_some() { symbol(text) } else { text.to_owned() };
         let read = if known.is_some() { "was read in" } else { "stays in the unknown unit" };
-        notes.push(format!("“{}” {read} {text}.", self.name));
+        notes.push(format!("“{}” {read} {symbol}.", self.name));
         let (dimension, si, factor) = known.unwrap_or((None, text.to_owned(), 1.0));
         self.values.iter_mut().flatten().for_each(|value| *value *= factor);
         (self.dimension, self.unit) = (dimension, Some(si));
@@ -58,113 +55,87 @@ impl Column {
     }
 }
 
-/// The cells of a line.
-fn cells(line: &str, separator: char) -> Vec<&str> {
-    let (mut is_quoted, mut at) = (false, 0);
-    let cells = line.split(|c: char| {
-        is_quoted ^= c == '"';
-        at += c.len_utf8();
-        // The space before a unit in brackets separates nothing.
-        let is_space = separator == ' ' && " \t".contains(c) && !line[at..].starts_with(['[', '(']);
-        !is_quoted && (is_space || separator != ' ' && c == separator)
-    });
-    let cells = cells.map(|cell| cell.trim().trim_matches('"').trim());
-    cells.filter(|cell| separator != ' ' || !cell.is_empty()).take(MAX_COLUMNS + 1).collect()
-}
-
-/// 1 for a number, 0 for an unknown number, and -1 for another text. Faulty numbers count as numbers, and are refused later.
-fn weight(cell: &str) -> i64 {
-    let other = if is_grouped(cell) { 1 } else { -1 };
-    number(cell).map_or(other, |number| i64::from(!number.is_nan()))
-}
-
 /// The beginning of a text.
 fn short(text: &str) -> String {
     text.chars().take(MAX_NAME).collect()
 }
 
-/// The sum of the weights, and which columns have numbers, for the most frequent number of cells in lines with numbers.
-fn layout(lines: &[(usize, &str)], separator: char) -> (i64, Vec<bool>) {
-    let rows = lines.iter().map(|(_, line)| cells(line, separator));
-    let rows: Vec<_> = rows.filter(|row| row.iter().any(|cell| weight(cell) > 0)).collect();
-    let count = |width: &usize| rows.iter().filter(|row| row.len() == *width).count();
-    let width = (2..=MAX_COLUMNS).rev().max_by_key(count).unwrap_or(0);
-    let rows = rows.iter().filter(|row| row.len() == width);
-    let sums = (0..width).map(|place| rows.clone().map(|row| weight(row[place])).sum());
-    let sums: Vec<i64> = sums.collect();
-    (sums.iter().copied().chain(rows.map(|_| 1)).sum(), sums.iter().map(|sum| *sum >= 0).collect())
+/// The cells of a column.
+#[derive(Default, Clone)]
+struct Cells {
+    values: Vec<Option<f64>>,
+    /// The standard deviations behind `±`, if there is one.
+    sigmas: Vec<Option<f64>>,
+    /// The unit in the first cell that has a number.
+    unit: Option<String>,
+    /// Words such as `#N/A`: the first, and how many there are.
+    bad: (String, usize),
 }
 
-/// The lines of a file whose layout is known.
-struct Lines<'a> {
-    /// The number of each line in the file, and its text.
-    all: Vec<(usize, &'a str)>,
-    separator: char,
-    separators: &'static str,
-    /// Which columns have numbers.
-    numbers: Vec<bool>,
-}
+/// A row, by its cells.
+type Row<'a> = Vec<Cow<'a, str>>;
 
 impl<'a> Lines<'a> {
-    fn of(text: &'a str) -> Result<Self, String> {
-        let all = text.lines().enumerate().map(|(at, line)| (at + 1, line.trim_start_matches('#')));
-        let all = all.filter(|(_, line)| !line.trim_matches([' ', '\t', ';', ',']).is_empty());
-        let all: Vec<_> = all.take(MAX_HEAD + MAX_ROWS + 1).collect();
-        let sample = &all[all.len().saturating_sub(SAMPLE)..];
-        let found = SEPARATORS.map(|it| (layout(sample, it.0), it));
-        let is_sure = |numbers: &[bool], separator: char| {
-            ";\t".contains(separator) && numbers.iter().filter(|it| **it).count() > 1
+    /// The row of names, and the row of units above a table, with the number of lines before them.
+    fn head(&self, block: &Block) -> (Option<Row<'a>>, Option<Row<'a>>, usize) {
+        let width = block.layout.cells;
+        let fitting = |row: &Row<'a>| {
+            let own = row.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
+            row.len() >= block.layout.numbers.len() && own <= width + 1
         };
-        let best = found.into_iter().max_by_key(|((score, numbers), (separator, _))| {
-            (*score > 0 && is_sure(numbers, *separator), *score)
-        });
-        let Some(((1.., numbers), (separator, separators))) = best else {
-            return Err(format!(
-                "The file has no table of numbers. Write 2 to {MAX_COLUMNS} columns, separated by semicolons, tabs, \
-                 commas or spaces, and one row for each point"
-            ));
+        let above = |count: usize| {
+            let at = block.head.end.checked_sub(count).filter(|at| *at >= block.head.start)?;
+            Some(self.cells(at)).filter(fitting)
         };
-        Ok(Self { all, separator, separators, numbers })
-    }
-
-    /// The cells of a line, if it has as many as the table.
-    fn row(&self, at: usize) -> Option<Vec<&'a str>> {
-        Some(cells(self.all.get(at)?.1, self.separator))
-            .filter(|row| row.len() == self.numbers.len())
-    }
-
-    /// The first row of numbers.
-    fn start(&self) -> usize {
-        let weights = |at| -> Vec<i64> {
-            let cells = self.row(at).into_iter().flatten().zip(&self.numbers);
-            cells.filter(|(_, is_number)| **is_number).map(|(cell, _)| weight(cell)).collect()
+        let has_unit = |row: &Row<'_>| row.iter().any(|cell| header(cell).1.is_some());
+        let is_double = |row: &Row<'_>| {
+            let names: Vec<_> = row.iter().filter(|cell| !cell.is_empty()).collect();
+            names.iter().enumerate().any(|(at, name)| names[..at].contains(name))
         };
-        let is_first = |at: &usize| weights(*at).contains(&1) && !weights(*at).contains(&-1);
-        let start = (0..self.all.len()).find(is_first).unwrap_or(0);
-        // A row with a number just above is a row of numbers with a fault.
-        let is_fault = start > 0 && weights(start - 1).contains(&1) && !self.is_units(start - 1);
-        start - usize::from(is_fault)
+        match (above(1), above(2)) {
+            (Some(units), Some(names)) if Self::is_units(&units) => (Some(names), Some(units), 2),
+            (Some(names), Some(units)) if Self::is_units(&units) => (Some(names), Some(units), 2),
+            (Some(names), Some(upper))
+                if is_double(&names) || has_unit(&upper) && !has_unit(&names) =>
+            {
+                let mut group = "";
+                let both = upper.iter().zip(&names).map(|(upper, name)| {
+                    group = if upper.is_empty() { group } else { upper };
+                    let (group, unit) = header(group);
+                    let unit = unit.map_or(String::new(), |unit| format!(" [{unit}]"));
+                    Cow::from(format!("{group} {name}{unit}").trim().to_owned())
+                });
+                (Some(both.collect()), None, 2)
+            }
+            (Some(names), _) => (Some(names), None, 1),
+            (None, _) => (None, self.bare_units(block), 0),
+        }
     }
 
-    /// Whether all cells of a line are units.
-    fn is_units(&self, at: usize) -> bool {
-        let is_unit = |cell: &str| unit(cell).is_some() || header(cell).0.is_empty();
-        self.row(at).is_some_and(|cells| cells.into_iter().all(is_unit))
+    /// A row above a table that has only a unit for each column, with spaces between them.
+    fn bare_units(&self, block: &Block) -> Option<Row<'a>> {
+        let near = block.head.clone().rev().take(2).map(|at| self.all[at].1.split_whitespace());
+        let rows = near.map(|cells| cells.map(Cow::from).collect::<Row<'a>>());
+        rows.into_iter().find(|row| row.len() == block.layout.numbers.len() && Self::is_units(row))
     }
 
-    /// The headers, from the one or two rows above the first row of numbers.
-    fn headers(&self, start: usize, notes: &mut Vec<String>) -> Result<Vec<String>, String> {
-        let above = |count: usize| self.row(start.checked_sub(count)?);
-        let units = above(1).filter(|_| above(2).is_some() && self.is_units(start - 1));
-        let names = above(1 + usize::from(units.is_some()));
-        let before = start - usize::from(names.is_some()) - usize::from(units.is_some());
-        if let Some((_, first)) = self.all[..before].first() {
-            let first: String = first.trim().chars().take(40).collect();
+    /// The headers of the columns, from the rows above them.
+    fn headers(
+        &self,
+        block: &Block,
+        notes: &mut Vec<String>,
+    ) -> Result<(Vec<String>, bool), String> {
+        let (names, units, count) = self.head(block);
+        let before = block.head.len() - count;
+        if before > 0 {
+            let first: String = self.all[block.head.start].1.trim().chars().take(40).collect();
             notes.push(format!("{before} line(s) before the table were not read: “{first}”."));
         }
-        if names.is_none() {
-            let (line, text) = start.checked_sub(1).map_or((0, ""), |last| self.all[last]);
-            let (count, width) = (cells(text, self.separator).len(), self.numbers.len());
+        let width = block.layout.numbers.len();
+        if names.is_none() && units.is_none() {
+            let last = block.head.clone().next_back();
+            let (line, text) = last.map_or((0, ""), |last| self.all[last]);
+            let count = last.map_or(0, |last| self.cells(last).len());
             if (2..width).contains(&count) || text.contains([';', '\t']) && count < 2 {
                 return Err(format!(
                     "The rows have {width} columns, separated by {}, but line {line} has other names: “{}”. Write one \
@@ -173,71 +144,75 @@ impl<'a> Lines<'a> {
                     short(text)
                 ));
             }
+        }
+        if names.is_none() {
             notes.push("The table has no row of names, so its columns have numbers.".to_owned());
         }
-        let header = |place: usize| match (names.as_ref().map_or("", |names| names[place]), &units)
-        {
-            ("", _) => format!("column {}", place + 1),
-            (name, Some(units)) => format!("{name} [{}]", units[place].trim_matches(['[', ']'])),
-            (name, None) => name.to_owned(),
+        let cell = |row: &Option<Row<'_>>, place: usize| {
+            row.as_ref().and_then(|row| row.get(place)).map_or(String::new(), ToString::to_string)
         };
-        Ok((0..self.numbers.len()).map(|place| short(&header(place))).collect())
+        let header = |place: usize| {
+            let name = Some(cell(&names, place)).filter(|name| !name.is_empty());
+            let name = name.unwrap_or_else(|| format!("column {}", place + 1));
+            match cell(&units, place).trim_matches(['[', ']']) {
+                "" => name,
+                unit => format!("{name} [{unit}]"),
+            }
+        };
+        Ok(((0..width).map(|place| short(&header(place))).collect(), names.is_some()))
     }
 
     /// The numbers of the columns.
     fn columns(
         &self,
-        start: usize,
+        block: &Block,
         headers: &[String],
         notes: &mut Vec<String>,
-    ) -> Result<Vec<Vec<Option<f64>>>, String> {
-        let mut columns = vec![Vec::new(); headers.len()];
-        let (mut point, mut comma, mut space) = ("", "", "");
-        for (line, text) in &self.all[start..] {
-            let cells = cells(text, self.separator);
-            let (count, width, by) = (cells.len(), headers.len(), self.separators);
-            if count != width {
+    ) -> Result<Vec<Cells>, String> {
+        let mut columns = vec![Cells::default(); headers.len()];
+        let mut spelling = Spelling::default();
+        for (row, at) in block.rows.clone().enumerate() {
+            let (line, cells) = (self.all[at].0, self.cells(at));
+            if !block.layout.fits(&cells) {
                 return Err(format!(
-                    "Line {line} has {count} cell(s), but the table has {width} columns. Separate the cells of all \
-                     lines by {by}, and write one cell for each column"
+                    "Line {line} has {} cell(s), but the table has {} columns. Separate the cells of all lines by {}, and \
+                     write one cell for each column",
+                    cells.len(),
+                    block.layout.cells,
+                    self.separators
                 ));
             }
-            for (place, cell) in cells.into_iter().enumerate().filter(|(at, _)| self.numbers[*at]) {
-                let read = number(cell).ok_or_else(|| {
+            let places =
+                block.layout.numbers.iter().enumerate().filter(|(_, is_number)| **is_number);
+            for (place, cell) in places.map(|(place, _)| (place, &*cells[place])) {
+                let (column, head) = (&mut columns[place], &headers[place]);
+                let fault = |what: &str| {
                     format!(
-                        "Line {line}: “{}” in “{}” is not a number. Write it like 1234.5, without separators of \
+                        "Line {line}: “{}” in “{head}” {what} is not a number. Write it like 1234.5, without separators of \
                          thousands and without its unit, or leave the cell empty if it is not known",
-                        short(cell), headers[place]
+                        short(cell)
                     )
-                })?;
-                let known = Some(read).filter(|read| !read.is_nan());
-                // A number that could have a separator of thousands is the best example of a decimal comma.
-                let found = |mark, best: &str| {
-                    let at = cell.find(mark).filter(|_| known.is_some());
-                    at.is_some_and(|at| best.is_empty() || cell.len() - at == 4)
                 };
-                point = if found('.', point) { cell } else { point };
-                comma = if found(',', comma) { cell } else { comma };
-                space = if has_thousands(cell) { cell } else { space };
-                columns[place].push(known);
+                let read = written(cell).ok_or_else(|| fault("").replace("  ", " "))?;
+                let known = Some(read.value).filter(|value| !value.is_nan());
+                let own = &mut column.unit;
+                if known.is_some() && *own.get_or_insert_with(|| read.unit.into()) != *read.unit {
+                    return Err(fault("has another unit than a cell above it, or none, and"));
+                }
+                if known.is_none() && is_bad(cell) {
+                    column.bad = (short(cell), column.bad.1 + 1);
+                }
+                if known.is_some() {
+                    spelling.see(cell);
+                }
+                column.values.push(known);
+                if read.sigma.is_some() || !column.sigmas.is_empty() {
+                    column.sigmas.resize(row, None);
+                    column.sigmas.push(read.sigma);
+                }
             }
         }
-        if !comma.is_empty() && !point.is_empty() {
-            return Err(format!(
-                "The numbers have points and commas, such as “{point}” and “{comma}”. Write all of them with the same \
-                 decimal mark, without separators of thousands"
-            ));
-        }
-        let is_clear = point.find('.') != point.len().checked_sub(4) || point.starts_with('0');
-        for (told, example) in [
-            ("Points are decimal marks", if is_clear { "" } else { point }),
-            ("Commas are decimal marks", comma),
-            ("Spaces separate thousands", space),
-        ] {
-            if let Some(read) = number(example).filter(|_| !example.is_empty()) {
-                notes.push(format!("{told}: “{example}” was read as {read}."));
-            }
-        }
+        spelling.tell(notes)?;
         Ok(columns)
     }
 }
@@ -246,59 +221,123 @@ impl<'a> Lines<'a> {
 pub struct Table {
     pub columns: Vec<Column>,
     pub notes: Vec<String>,
+    /// The first line and the number of rows of each table in the file.
+    pub all: Vec<[usize; 2]>,
 }
 
 impl Table {
-    /// Reads a file.
+    /// Reads a table of a file, from 1 on.
     ///
     /// # Errors
     /// A sentence that says what is wrong, and what to change.
-    pub fn read(bytes: &[u8]) -> Result<Self, String> {
+    pub fn read(bytes: &[u8], wanted: usize) -> Result<Self, String> {
         let mut notes = Vec::new();
         let text = decode(bytes, &mut notes)?;
         let lines = Lines::of(&text)?;
-        let start = lines.start();
-        if lines.all.len() - start.min(MAX_HEAD) > MAX_ROWS {
+        let all: Vec<_> = lines
+            .blocks
+            .iter()
+            .map(|block| [lines.all[block.rows.start].0, block.rows.len()])
+            .collect();
+        let block = wanted.checked_sub(1).and_then(|at| lines.blocks.get(at));
+        let first = block.map_or(MAX_HEAD, |block| block.rows.start.min(MAX_HEAD));
+        if lines.all.len() - first.min(lines.all.len()) > MAX_ROWS {
             return Err(format!(
                 "The table has more than {MAX_ROWS} rows. Keep, for example, every tenth row"
             ));
         }
+        let Some(block) = block else {
+            return Err(format!(
+                "The file has {} table(s), and no table {wanted}. Write table=1, or leave it out",
+                all.len()
+            ));
+        };
         notes.push(format!("Cells are separated by {}.", lines.separators));
-        let headers = lines.headers(start, &mut notes)?;
-        let columns = lines.columns(start, &headers, &mut notes)?;
-        let mut table = Self { columns: Vec::new(), notes };
-        for (head, values) in headers.iter().zip(columns) {
-            let (name, unit) = header(head);
-            let mut name = name.to_owned();
-            while table.columns.iter().any(|own| own.name == name) {
-                name.push('\'');
-            }
-            let mut column = Column { name, unit: None, dimension: None, values, stated: None };
-            if !column.values.iter().any(Option::is_some) {
-                table.notes.push(format!(
-                    "“{head}” has no numbers and was not read. Units belong into the header."
-                ));
-                continue;
-            }
-            let named = |detail| format!("“{head}” {detail}");
-            unit.map_or(Ok(()), |unit| column.convert(unit, &mut table.notes)).map_err(named)?;
-            table.columns.push(column);
+        if all.len() > 1 {
+            let others = all.iter().map(|[line, rows]| format!("line {line} ({rows} rows)"));
+            let others = others.collect::<Vec<_>>().join(", ");
+            notes.push(format!(
+                "The file has {} tables, from {}. This is table {wanted}. Choose another one with table=2, for example.",
+                all.len(), short(&others)
+            ));
+        }
+        let after = lines.blocks.get(wanted).map_or(lines.all.len(), |next| next.head.start);
+        if wanted == all.len() && after > block.rows.end {
+            let first: String = lines.all[block.rows.end].1.trim().chars().take(40).collect();
+            notes.push(format!(
+                "{} line(s) after the table were not read: “{first}”.",
+                after - block.rows.end
+            ));
+        }
+        let (headers, has_names) = lines.headers(block, &mut notes)?;
+        let columns = lines.columns(block, &headers, &mut notes)?;
+        let mut table = Self { columns: Vec::new(), notes, all };
+        for (head, cells) in headers.iter().zip(columns) {
+            table.add(head, cells)?;
+        }
+        let values: Vec<_> = table.columns.iter().map(|column| &column.values[..]).collect();
+        if !has_names && is_map(&values) {
+            return Err(map_fault(block.rows.len(), values.len()));
         }
         Ok(table)
     }
 
-    /// A column by its name, which may have a unit if the file states none. Without a name, the column at `place`.
+    /// Adds a column, and one with the errors of its numbers if they have some.
+    fn add(&mut self, head: &str, cells: Cells) -> Result<(), String> {
+        let (name, unit) = header(head);
+        let mut name = name.to_owned();
+        while self.columns.iter().any(|own| own.name == name) {
+            name.push('\'');
+        }
+        let Cells { values, sigmas, unit: own, bad: (bad, count) } = cells;
+        let mut column = Column { name, unit: None, dimension: None, values, stated: None };
+        if !column.values.iter().any(Option::is_some) {
+            self.notes.push(format!(
+                "“{head}” has no numbers and was not read. Units belong into the header."
+            ));
+            return Ok(());
+        }
+        if count > 0 {
+            self.notes.push(format!(
+                "{count} cell(s) of “{head}” with words such as “{bad}” were taken as unknown numbers."
+            ));
+        }
+        let own = own.filter(|own| !own.is_empty());
+        for unit in unit.into_iter().chain(own.as_deref()) {
+            column.convert(unit, &mut self.notes).map_err(|detail| format!("“{head}” {detail}"))?;
+        }
+        let name = format!("{}{SIGMA}", column.name);
+        let mut errors = Column { name, unit: None, dimension: None, values: sigmas, stated: None };
+        self.columns.push(column);
+        if !errors.values.is_empty() {
+            self.notes.push(format!("The numbers behind ± are the column “{}”.", errors.name));
+            let stated = self.columns.last().and_then(|column| column.stated.clone());
+            stated.map_or(Ok(()), |unit| errors.convert(&unit, &mut Vec::new()))?;
+            self.columns.push(errors);
+        }
+        Ok(())
+    }
+
+    /// A column by its name, which may have a unit if the file states none. Without a name, the first other column than `taken`
+    /// that has the needed dimension if there are at least so many, or else the first other column.
     ///
     /// # Errors
     /// The table has no such column, or it has another unit or dimension.
     pub fn column(
         &mut self,
-        place: usize,
+        taken: Option<&str>,
         wanted: Option<&str>,
-        needed: Option<Dimension>,
+        (needed, least): (Option<Dimension>, usize),
     ) -> Result<Column, String> {
         let missing = || "is missing: the file has only one column of numbers".to_owned();
-        let own = self.columns.get(place).map(|column| column.name.clone());
+        let is_like = |column: &&Column| {
+            needed.is_some() && column.dimension == needed || is_weight(column, needed)
+        };
+        let is_enough = self.columns.iter().filter(is_like).count() >= least;
+        let mut others = self.columns.iter().filter(|column| Some(&*column.name) != taken);
+        let like = others.clone().find(is_like).filter(|_| is_enough);
+        let own = like.or_else(|| others.next());
+        let own = own.map(|column| column.name.clone());
         let wanted = wanted.map(str::to_owned).or(own).ok_or_else(missing)?;
         let is_name = self.columns.iter().any(|column| column.name == wanted);
         let (name, unit) = if is_name { (&*wanted, None) } else { header(&wanted) };
@@ -308,11 +347,23 @@ impl Table {
             unknown("column", name, &names)
         })?;
         unit.map_or(Ok(()), |unit| column.convert(unit, &mut self.notes))?;
+        if is_weight(&column, needed) {
+            column.values.iter_mut().flatten().for_each(|value| *value *= GRAVITY);
+            (column.dimension, column.unit) = (needed, Some("N".to_owned()));
+            self.notes.push(format!("“{name}” is a mass, and was taken as the force that is its weight: 1 kg is {GRAVITY} N."));
+        }
         match needed.filter(|needed| column.dimension != Some(*needed)) {
-            Some(it) => {
-                Err(format!("must be {}. Add its unit, such as {name} [{}]", it.name(), it.si()))
-            }
+            Some(it) => Err(format!(
+                "must be {}. Add its unit, such as {name} [{}], to the row of names, or to this parameter",
+                it.name(),
+                it.si()
+            )),
             None => Ok(column),
         }
     }
+}
+
+/// Whether a column has masses where forces are needed.
+fn is_weight(column: &Column, needed: Option<Dimension>) -> bool {
+    needed == Some(Dimension::Force) && column.unit.as_deref() == Some("kg")
 }

@@ -12,20 +12,32 @@ const OTHERS: [(&[u8], &str); 8] = [
     (b"[[", "a JSON document"),
 ];
 
+/// UTF-16, and UTF-8 with the mark of an editor, as text. `None` for other bytes.
+#[must_use]
+pub fn marked(bytes: &[u8]) -> Option<String> {
+    let utf16 = |unit: fn([u8; 2]) -> u16| {
+        let units: Vec<u16> = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]])).collect();
+        Some(String::from_utf16_lossy(&units).trim_start_matches('\u{FEFF}').to_owned())
+    };
+    match bytes {
+        [0xFF, 0xFE, ..] | [1..=u8::MAX, 0, 1..=u8::MAX, 0, ..] => utf16(u16::from_le_bytes),
+        [0xFE, 0xFF, ..] | [0, 1..=u8::MAX, 0, 1..=u8::MAX, ..] => utf16(u16::from_be_bytes),
+        [0xEF, 0xBB, 0xBF, rest @ ..] => str::from_utf8(rest).ok().map(str::to_owned),
+        _ => None,
+    }
+}
+
 /// Decodes UTF-8, UTF-16 and Latin-1. Adds a note if the text is not UTF-8.
 ///
 /// # Errors
 /// The file is no text.
 pub fn decode(bytes: &[u8], notes: &mut Vec<String>) -> Result<String, String> {
-    let utf16 = |unit: fn([u8; 2]) -> u16| {
-        let units: Vec<u16> = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]])).collect();
-        (String::from_utf16_lossy(&units), Some("UTF-16"))
-    };
-    let (text, encoding) = match (bytes, str::from_utf8(bytes)) {
-        ([0xFF, 0xFE, ..] | [1..=u8::MAX, 0, 1..=u8::MAX, 0, ..], _) => utf16(u16::from_le_bytes),
-        ([0xFE, 0xFF, ..] | [0, 1..=u8::MAX, 0, 1..=u8::MAX, ..], _) => utf16(u16::from_be_bytes),
-        (_, Ok(text)) => (text.to_owned(), None),
-        (_, Err(_)) => (bytes.iter().map(|byte| char::from(*byte)).collect(), Some("Latin-1")),
+    let (text, encoding) = match (marked(bytes), str::from_utf8(bytes)) {
+        (Some(text), Err(_)) => (text, Some("UTF-16")),
+        (Some(text), Ok(_)) if bytes.contains(&0) => (text, Some("UTF-16")),
+        (Some(text), Ok(_)) => (text, None),
+        (None, Ok(text)) => (text.to_owned(), None),
+        (None, Err(_)) => (bytes.iter().map(|byte| char::from(*byte)).collect(), Some("Latin-1")),
     };
     let kind = OTHERS.iter().find(|(first, _)| bytes.trim_ascii_start().starts_with(first));
     let is_binary = text.contains(|letter: char| letter < ' ' && !"\t\r\n".contains(letter));
@@ -33,5 +45,7 @@ pub fn decode(bytes: &[u8], notes: &mut Vec<String>) -> Result<String, String> {
         return Err(format!("The file is {kind}. Save the table as CSV and send that file"));
     }
     notes.extend(encoding.map(|encoding| format!("The file was read as {encoding}.")));
-    Ok(text.trim_start_matches('\u{FEFF}').replace("\r\n", "\n").replace('\r', "\n"))
+    // Some instruments write CR CR LF, which editors show as the end of one line.
+    let text = text.replace("\r\r\n", "\n");
+    Ok(text.replace("\r\n", "\n").replace('\r', "\n"))
 }

@@ -5,15 +5,7 @@
 use fretwork_measured::{MAX_ROWS, Measured, Prepare, Wanted, read};
 use fretwork_random::Stream;
 
-const ALL: Wanted<'_> = Wanted {
-    x: None,
-    y: None,
-    prepare: Prepare::Points,
-    level: true,
-    centre: true,
-    up: None,
-    scar: None,
-};
+const ALL: Wanted<'_> = Wanted::of(Prepare::Points);
 
 fn good(text: &str) -> Measured {
     read(text.as_bytes(), &ALL).unwrap_or_else(|faults| panic!("{text}: {faults:?}"))
@@ -186,8 +178,18 @@ fn an_output_needs_its_unit() {
         let said = refused(format!("N;{head}\n1000;2\n").as_bytes(), &ALL);
         assert!(said.starts_with("/y: is the output") && said.contains(accepted), "{said}");
     }
-    let bare = good("cycles;wear_volume\n1000;2e-12\n").notes.join("\n");
-    assert!(bare.contains("the output wear_volume over cycles, in m^3."), "{bare}");
+    for (name, examples) in [
+        ("wear_volume", "as y: wear_volume [mm^3]."),
+        ("wear_depth", "as y: wear_depth [um]."),
+        ("mass_loss", "as y: mass_loss [mg]."),
+        ("normal_force", "as y: normal_force [N]."),
+        ("V", "as y: V [mm^3] for volumes, V [um] for depths, or V [mg] for masses."),
+    ] {
+        let bare = good(&format!("cycles;{name}\n1000;2e-12\n"));
+        assert!(bare.prepared["data"].is_null(), "{:?}", bare.prepared);
+        let told = bare.notes.join("\n");
+        assert!(told.contains("has no unit") && told.contains(examples), "{told}");
+    }
     let time = good("t [s];wear_volume [mm^3]\n1000;2\n");
     assert_eq!((time.columns.len(), &time.prepared["data"]), (2, &serde_json::Value::Null));
     let energy = good("dissipated_energy;wear_volume [mm^3]\n1000;2\n");
@@ -265,9 +267,9 @@ fn a_bad_file_is_refused_with_a_remedy() {
         assert!(said.starts_with(": ") && said.contains(told), "{told}: {said}");
     }
     let said = refused(rows(MAX_ROWS + 1).as_bytes(), &ALL);
-    assert!(said.contains("more than 100000 rows. Keep, for example, every tenth row"), "{said}");
+    assert!(said.contains("more than 1000000 rows. Keep, for example, every tenth row"), "{said}");
     let long = "about\n".repeat(2000) + &rows(MAX_ROWS);
-    assert!(refused(long.as_bytes(), &ALL).contains("more than 100000 rows"));
+    assert!(refused(long.as_bytes(), &ALL).contains("more than 1000000 rows"));
     let wide = "1;".repeat(70) + "1\n";
     assert!(refused(wide.as_bytes(), &ALL).contains("Write 2 to 64 columns"));
 }
@@ -359,4 +361,345 @@ fn random_bytes_and_changed_files_are_read_or_refused() {
         good += u64::from(read(&bytes, &Wanted { prepare, ..ALL }).is_ok());
     }
     assert!(good > count / 100, "{good} of {count} files were read");
+}
+
+/// The tables of tests have other sizes than the rows of text that they need.
+fn rows(count: u32, row: impl Fn(u32) -> String) -> String {
+    (0..count).map(row).collect()
+}
+
+fn values(measured: &Measured, name: &str) -> Vec<Option<f64>> {
+    let found = measured.columns.iter().find(|column| column.name == name);
+    found.unwrap_or_else(|| panic!("{name}: {:?}", measured.columns)).values.clone()
+}
+
+/// The columns as “name in unit: number of rows”.
+fn columns(measured: &Measured) -> Vec<String> {
+    let word = |it: &fretwork_measured::Column| {
+        format!("{} in {}: {}", it.name, it.unit.as_deref().unwrap_or("none"), it.values.len())
+    };
+    measured.columns.iter().map(word).collect()
+}
+
+#[test]
+fn tables_of_instruments_have_preambles_units_and_empty_columns() {
+    // A stylus instrument: settings as key,value, CR CR LF, units behind the names, and separators at the end.
+    let text = "Scan Parameters\nScan Type,Standard Scan\nStylus,Radius: 2.5 um\nLength,800.0 um\nForce,3.00 mg\n\n\
+        Analytical Results\nFunction,R.Cur Pos,R.Cur Width,Result\nRa,468.0 um,0.0 um,0.00525 um\n\nScan Data\n\
+        Lateral um,Raw Micrometer,\n"
+        .to_owned() + &rows(201, |at| format!("{}.0,-0.0{},,\n", 4 * at, 10 + at % 80));
+    let stylus = read(text.replace('\n', "\r\r\n").as_bytes(), &ALL).unwrap();
+    assert_eq!(columns(&stylus), ["Lateral in m: 201", "Raw in m: 201"], "{:?}", stylus.notes);
+    assert_eq!(stylus.tables, [[13, 201]]);
+    let fault =
+        refused(text.replace("\n40.0,", "\n40.0;").replace('\n', "\r\r\n").as_bytes(), &ALL);
+    assert!(
+        fault.starts_with(": Line 23: “40.0;-0.020” in “Lateral um” is not a number"),
+        "{fault}"
+    );
+
+    // A measurement program of a laboratory: the names are after the second header.
+    let text = "Measurement\t\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n\t\nChannels\t2\t\t\t\n\
+        Samples\t120\t120\t\t\nY_Unit_Label\tN\tmicrometer\t\t\nDelta_X\t0.001\t0.001\t\t\n***End_of_Header***\t\t\t\t\n\
+        X_Value\tfx_N\tdx_um\tComment\n"
+        .to_owned() + &rows(120, |at| format!("{:.4}\t{}\t-{}.5\n", f64::from(at) * 1e-3, at, at));
+    let laboratory = good(&text.replace('\n', "\r\n"));
+    assert_eq!(columns(&laboratory), ["X_Value in none: 120", "fx in N: 120", "dx in m: 120"]);
+    let third = values(&laboratory, "dx")[2];
+    assert!(third.is_some_and(|x| (x / -2.5e-6 - 1.0).abs() < 1e-12), "{third:?}");
+
+    // Units alone above the numbers, then how many there are.
+    let scan =
+        "µm µm\n61\n".to_owned() + &rows(61, |at| format!("   {}.0e+00,   -2.5e-02\n", 5 * at));
+    let scan = good(&scan);
+    assert_eq!(columns(&scan), ["column 1 in m: 61", "column 2 in m: 61"], "{:?}", scan.notes);
+
+    // Two rows of names, and units above names.
+    for (head, expected) in [
+        (
+            "depth;;force;\nmean;sd;mean;sd\n",
+            [
+                "depth mean in none: 3",
+                "depth sd in none: 3",
+                "force mean in none: 3",
+                "force sd in none: 3",
+            ],
+        ),
+        (
+            "x [um];y [um];F [N];G [N]\nA;B;C;D\n",
+            ["x A in m: 3", "y B in m: 3", "F C in N: 3", "G D in N: 3"],
+        ),
+        ("um;mm;N;kN\nA;B;C;D\n", ["A in m: 3", "B in m: 3", "C in N: 3", "D in N: 3"]),
+        ("A;B;C;D\n[um];(mm);N;kN;\n", ["A in m: 3", "B in m: 3", "C in N: 3", "D in N: 3"]),
+    ] {
+        assert_eq!(
+            columns(&good(&(head.to_owned() + &rows(3, |at| format!("{at};1;2;3\n"))))),
+            expected,
+            "{head}"
+        );
+    }
+}
+
+#[test]
+fn each_table_of_a_file_can_be_chosen() {
+    let step = |number: u32, count: u32| {
+        format!(
+            "\nStep No. {number}\n\nStep Type Code: 0\nVelocity     = 240\nData Count   = {count}\n\nFx,Fz,X,T,COF\ng,g,mm,sec,\n\n"
+        ) + &rows(count, |at| {
+            format!("{}.5,-200.1,0.0{:02},{:.4},0.7\n", number * 100, at, f64::from(at) * 0.02)
+        })
+    };
+    let text = format!(
+        "Created by a program\nTotal number of steps = 3\n{}\n{}{}",
+        step(1, 40),
+        step(2, 50),
+        step(3, 60)
+    );
+    let text = text.replace('\n', "\r\n");
+    let table = |table| read(text.as_bytes(), &Wanted { table: Some(table), ..ALL });
+    let first = good(&text);
+    assert_eq!(first.tables, [[13, 40], [64, 50], [124, 60]]);
+    assert_eq!(
+        columns(&first),
+        ["Fx in kg: 40", "Fz in kg: 40", "X in m: 40", "T in s: 40", "COF in none: 40"]
+    );
+    assert_eq!(first.columns, table(1).unwrap().columns);
+    assert!(
+        first.notes.iter().any(|note| note.contains("3 tables, from line 13 (40 rows)")),
+        "{:?}",
+        first.notes
+    );
+    assert_eq!(values(&table(3).unwrap(), "Fx")[0], Some(300.5e-3));
+    let said = refused(text.as_bytes(), &Wanted { table: Some(4), ..ALL });
+    assert!(said.contains("The file has 3 table(s), and no table 4. Write table=1"), "{said}");
+    // Gram-forces are forces where forces are needed.
+    let force = Wanted { table: Some(2), prepare: Prepare::Loop, ..ALL };
+    assert!(refused(text.as_bytes(), &force).starts_with("/prepare: is no loop"));
+    let other = "cycles;V [mm^3]\n1;2\n3;4\n5;6\n\nload;depth [um];sd\n10;1;0.1\n20;2;0.1\n30;3;0.1\n40;4;0.2\n";
+    let second = read(other.as_bytes(), &Wanted { table: Some(2), ..ALL }).unwrap();
+    assert_eq!(columns(&second), ["load in none: 4", "depth in m: 4", "sd in none: 4"]);
+}
+
+#[test]
+fn footers_and_words_of_errors_are_told() {
+    let text = "Zyklen;V [mm³];\n0;0\n10000;0,0021\n20000;#N/A\n30000;Bad\n40000;1.#QNAN\n45000;---\n50000;0,0108\n\
+        Mittelwert;0,0086\nEnde der Datei\n";
+    let read = good(text);
+    assert_eq!(values(&read, "V").iter().flatten().count(), 3);
+    assert_eq!(values(&read, "Zyklen").len(), 7);
+    for told in [
+        "4 cell(s) of “V [mm³]” with words such as “---”",
+        "2 line(s) after the table were not read: “Mittelwert;0,0086”",
+    ] {
+        assert!(read.notes.iter().any(|note| note.contains(told)), "{told}: {:?}", read.notes);
+    }
+    assert_eq!(read.prepared["data"]["output"], "wear_volume");
+}
+
+#[test]
+fn numbers_have_errors_and_units() {
+    let text = "cycles;V\n10000;0.0011 ± 0.0002 mm^3\n20000;0.0024 +/- 0.0003 mm^3\n30000;(0.0035 ± 0.0004) mm^3\n40000;\n";
+    let read = good(text);
+    assert_eq!(
+        columns(&read),
+        ["cycles in none: 4", "V in m^3: 4", "V sigma in m^3: 4"],
+        "{:?}",
+        read.notes
+    );
+    let sigma = &read.prepared["data"]["sigma"];
+    assert!(
+        (sigma[1].as_f64().unwrap() / 0.3e-12 - 1.0).abs() < 1e-12 && sigma[3].is_null(),
+        "{sigma}"
+    );
+    let powers = good("cycles;depth\n1000;10 x 10^-6 m\n2000;1.2·10⁻⁵ m\n3000;1.5e-5 m\n");
+    let depths: Vec<_> = values(&powers, "depth").into_iter().flatten().collect();
+    for (depth, truth) in depths.iter().zip([1e-5, 1.2e-5, 1.5e-5]) {
+        assert!((depth / truth - 1.0).abs() < 1e-12, "{depths:?}");
+    }
+    let quoted = good(
+        "\"cycles\",\"V, worn\n(mm^3)\",note\n\"1 000\",\"0,5\",\"a \"\"b\"\", c\"\n\"2 000\",\"0,7\",\"two\nlines\"\n3000,\"0,9\",\n",
+    );
+    assert_eq!(columns(&quoted), ["cycles in none: 3", "V, worn in m^3: 3"], "{:?}", quoted.notes);
+    assert_eq!(quoted.tables, [[3, 3]]);
+    assert!(
+        refused(b"a,b\n1,2\n3,\"4\n5,6\n7,8\n9,1\n", &ALL)
+            .contains("The quotation mark that opens in line 3 is not closed")
+    );
+}
+
+#[test]
+fn units_are_found_behind_names_and_as_words() {
+    for (header, name, unit, factor) in [
+        ("dx_um", "dx", "m", 1e-6),
+        ("X_(microns)", "X", "m", 1e-6),
+        ("Lateral um", "Lateral", "m", 1e-6),
+        ("Raw Micrometer", "Raw", "m", 1e-6),
+        ("z [micron]", "z", "m", 1e-6),
+        ("z (nanometres)", "z", "m", 1e-9),
+        ("z [Å]", "z", "m", 1e-10),
+        ("z / inches", "z", "m", 0.0254),
+        ("F [gf]", "F", "N", 9.80665e-3),
+        ("F (kgf)", "F", "N", 9.80665),
+        ("F [Newton]", "F", "N", 1.0),
+        ("F [kilonewtons]", "F", "N", 1e3),
+        ("tilt [degree]", "tilt", "rad", std::f64::consts::PI / 180.0),
+        ("k [mm3/N/m]", "k", "1/Pa", 1e-9),
+        ("k [mm^3 N^-1 m^-1]", "k", "1/Pa", 1e-9),
+        ("k [mm³·N⁻¹·m⁻¹]", "k", "1/Pa", 1e-9),
+        ("alpha [um^3 J^-1]", "alpha", "m^3/J", 1e-18),
+        ("S [N um^-1]", "S", "N/m", 1e6),
+        ("t [sec]", "t", "s", 1.0),
+        ("wear_volume_mm^3", "wear_volume", "m^3", 1e-9),
+    ] {
+        let read = good(&format!("{header};b\n1;2\n2;3\n"));
+        let column = &read.columns[0];
+        assert_eq!((&*column.name, column.unit.as_deref()), (name, Some(unit)), "{header}");
+        assert!((column.values[0].unwrap() / factor - 1.0).abs() < 1e-12, "{header}: {column:?}");
+    }
+    for name in ["wear_volume", "run_1", "X_Value", "T_max", "mean_depth"] {
+        assert_eq!(good(&format!("{name};b\n1;2\n2;3\n")).columns[0].name, name);
+    }
+}
+
+#[test]
+fn a_map_of_heights_is_refused_as_one() {
+    let height = |row: u32, column: u32| f64::from((row * 7919 + column * 104_729) % 1000) * 1e-10;
+    let map = |lines: u32, columns: u32| {
+        "# Channel: Topography\n# Width: 12.00 µm\n# Height: 8.00 µm\n# Value units: m\n".to_owned()
+            + &rows(lines, |row| {
+                let cells = (0..columns).map(|column| format!("{:.5e}", height(row, column)));
+                cells.collect::<Vec<_>>().join("\t") + "\n"
+            })
+    };
+    for (lines, columns) in [(40, 60), (20, 30), (48, 128), (300, 200)] {
+        let said = refused(map(lines, columns).as_bytes(), &ALL);
+        assert!(said.contains(&format!("is a map of {lines} × {columns} heights")), "{said}");
+        assert!(said.contains("two columns with names such as x [mm];z [um]"), "{said}");
+    }
+}
+
+/// What a reader types wrongly: each message has the words that mend the file, and the mended file is read.
+#[test]
+#[expect(clippy::too_many_lines, reason = "it is a list of files")]
+fn each_message_leads_to_the_mend() {
+    let volumes = "cycles;V [mm^3]\n1000;0.0021\n2000;0.0042\n5000;0.0108\n";
+    let trace = "x;z\n".to_owned() + &rows(40, |at| format!("{at};{}\n", at % 3));
+    let ring = "d;F\n".to_owned()
+        + &rows(101, |at| {
+            let angle = std::f64::consts::TAU * f64::from(at) / 100.0;
+            format!("{:.5};{:.5}\n", 5.0 * libm::sin(angle), 80.0 * libm::cos(angle))
+        });
+    let told = |text: &str, prepare| {
+        let wanted = Wanted { prepare, ..ALL };
+        match read(text.as_bytes(), &wanted) {
+            Err(faults) => faults
+                .0
+                .iter()
+                .map(|fault| format!("{}: {}", fault.pointer, fault.detail))
+                .collect::<Vec<_>>()
+                .join(" "),
+            Ok(read) if prepare == Prepare::Points && read.prepared["data"].is_null() => {
+                read.notes.join(" ")
+            }
+            Ok(_) => String::new(),
+        }
+    };
+    let points = Prepare::Points;
+    for (text, prepare, said, mended) in [
+        // No unit of the volumes.
+        (
+            volumes.replace(" [mm^3]", ""),
+            points,
+            "V [mm^3] for volumes, V [um] for depths",
+            volumes.to_owned(),
+        ),
+        (
+            volumes.replace("V [mm^3]", "wear_volume"),
+            points,
+            "choose the column with its unit as y: wear_volume [mm^3]",
+            volumes.replace('V', "wear_volume"),
+        ),
+        // No units of a trace and of a loop.
+        (
+            trace.clone(),
+            Prepare::Trace,
+            "/x: must be a length. Add its unit, such as x [m]",
+            String::new(),
+        ),
+        (
+            ring.clone(),
+            Prepare::Loop,
+            "/y: must be a force. Add its unit, such as F [N]",
+            ring.replace("d;F", "d [um];F [N]"),
+        ),
+        // A decimal comma in a file with commas.
+        (
+            volumes.replace(';', ",").replace("0.0", "0,0"),
+            points,
+            "the same separator in all lines",
+            volumes.replace('.', ","),
+        ),
+        // A comma and points.
+        (
+            volumes.replace("0.0042", "0,0042"),
+            points,
+            "Write all of them with the same decimal mark",
+            volumes.to_owned(),
+        ),
+        // A letter for a digit.
+        (
+            volumes.replace("0.0042", "0.oo42"),
+            points,
+            "Line 3: “0.oo42” in “V [mm^3]” is not a number",
+            volumes.to_owned(),
+        ),
+        // Another separator in one line.
+        (
+            volumes.replace("2000;", "2000\t"),
+            points,
+            "Line 3 has 1 cell(s), but the table has 2 columns. Separate the cells of all lines by semicolons",
+            volumes.to_owned(),
+        ),
+        // A unit that is no volume, and a factor.
+        (
+            volumes.replace("mm^3", "10^-3 mm^3").replace('V', "wear_volume"),
+            points,
+            "Accepted units: m^3, cm^3, mm^3",
+            volumes.to_owned(),
+        ),
+        // Thousands.
+        (
+            volumes.replace("1000;0.0021", "1,000.0;2.1"),
+            points,
+            "without separators of thousands",
+            volumes.to_owned(),
+        ),
+        // A quotation mark that stays open.
+        (
+            volumes.replace("2000;", "\"2000;"),
+            points,
+            "opens in line 3 is not closed",
+            volumes.to_owned(),
+        ),
+        // Half a loop.
+        (
+            ring.replace("d;F", "d [um];F [N]").lines().take(45).collect::<Vec<_>>().join("\n"),
+            Prepare::Loop,
+            "Keep the rows of one or more whole cycles",
+            ring.replace("d;F", "d [um];F [N]"),
+        ),
+        // Time instead of cycles.
+        (
+            volumes.replace("cycles", "t [s]"),
+            points,
+            "x must be cycles or an energy",
+            volumes.to_owned(),
+        ),
+    ] {
+        let message = told(&text, prepare);
+        assert!(message.contains(said), "{said}: {message}\n{text}");
+        if !mended.is_empty() {
+            assert_eq!(told(&mended, prepare), "", "{mended}");
+        }
+    }
 }

@@ -41,9 +41,11 @@ fn refused(faults: &Faults) -> Problem {
             Default: the first column.", example = "cycles"),
         ("y" = Option<String>, Query, description = "The name of another column. Default: the next column.",
             example = "wear_volume [mm^3]"),
+        ("table" = Option<usize>, Query, description = "Which table of the file, such as a step of a test. Default: 1."),
         ("prepare" = Option<PrepareWord>, Query, description = "What becomes of x and y: `points` of an output (the \
             default); a profilometer `trace` across the scar, or its `half` from the axis outwards, becomes a profile of \
-            wear and an indenter; a friction `loop`, the force over the displacement, becomes the energy of a cycle."),
+            wear and an indenter; a friction `loop`, the force over the displacement, is cut into cycles. Then the default of \
+            x and y is the first column of their dimension."),
         ("level" = Option<bool>, Query, description = "Whether the tilt of a trace is removed. Default: true."),
         ("centre" = Option<bool>, Query, description = "Whether the axis is the middle of the scar (the default). \
             Otherwise it is where x is 0."),
@@ -52,7 +54,7 @@ fn refused(faults: &Faults) -> Problem {
         ("scar" = Option<String>, Query, description = "The ends of the scar in x, if a trace has several or lies on a step. \
             Default: the scar is found.", example = "0.4..1.6mm"),
     ),
-    request_body(description = "The file, at most 4 MiB with 100 000 rows and 64 columns, in UTF-8, UTF-16 or Latin-1.",
+    request_body(description = "The file, at most 4 MiB with 1 000 000 rows and 64 columns, in UTF-8, UTF-16 or Latin-1.",
         content(
             (String = "text/csv", example = "cycles;wear_volume [mm^3]\n10000;0,12\n50000;0,47\n"),
             (String = "text/plain", example = "cycles;wear_volume [mm^3]\n10000;0,12\n50000;0,47\n"),
@@ -76,6 +78,7 @@ pub async fn read(
     let prepare = query.value("prepare", format!("one of {names}"), |text| {
         Prepare::NAMES.into_iter().find(|(name, _)| *name == text)
     });
+    let table = query.value("table", "a number from 1 on", |text| text.parse().ok());
     let mut is =
         |name| query.value(name, "true or false", |text| text.parse().ok()).unwrap_or(true);
     let (level, centre) = (is("level"), is("centre"));
@@ -89,7 +92,8 @@ pub async fn read(
     let prepare = prepare.map_or(Prepare::Points, |(_, prepare)| prepare);
     let read = task::spawn_blocking(move || {
         let up = up.map(|(_, up)| up);
-        let wanted = Wanted { x: x.as_deref(), y: y.as_deref(), prepare, level, centre, up, scar };
+        let wanted =
+            Wanted { x: x.as_deref(), y: y.as_deref(), table, prepare, level, centre, up, scar };
         let read = fretwork_measured::read(&body.bytes, &wanted);
         read.map(|measured| json::write(&measured, bytes))
     });

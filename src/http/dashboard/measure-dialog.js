@@ -6,7 +6,7 @@ import { freeName } from "./measure-sets.js";
 import { TracePicture } from "./measure-trace.js";
 import { previewOf, unitsFor, valuesIn, withStated } from "./measure-units.js";
 import { spread } from "./result-figures.js";
-import { digits, WORDS } from "./units.js";
+import { digits, quantity, WORDS } from "./units.js";
 
 const KINDS = { points: "Points over cycles or energy", trace: "Trace across the scar", half: "Trace from the axis", loop: "Friction loop" };
 /** What the two columns of each kind are, with their SI units. */
@@ -21,8 +21,14 @@ const OUTPUTS = { wear_volume: "m^3", mass_loss: "kg", wear_depth: "m", scar_rad
 const STEEL = 7850;
 /** A set keeps at most this many points, evenly chosen: a fit takes no more, and a figure shows no more. */
 const MOST = 2000;
-/** Rows of the preview. */
+/** Rows of the preview, and of the table of the cycles of a loop. */
 const ROWS = 5;
+const CYCLES = 100;
+/** The columns of this table, with their SI units and titles. */
+const LOOPS = { energy: ["J", "Energy"], energy_error: ["J", "Error"], displacement_amplitude: ["m", "Displacement amplitude"], force_amplitude: ["N", "Force amplitude"],
+  aperture: ["m", "Half width"], slope: ["N/m", "Slope"] };
+/** The weight of 1 kg in N: some instruments write forces in grams. */
+const GRAVITY = 9.80665;
 const SIGMA = /σ|sigma|\bsd\b|std|stdev|deviation|error|\berr\b|±|uncertainty/i;
 
 /** Asks for a measured set; null if the user cancels. `file` is what was dropped. */
@@ -56,7 +62,11 @@ class TableReader {
   #trace = h("div", { id: "trace-picture" });
   #picture = null;
   #add = h("button", { class: "primary", disabled: true, id: "add-set" }, "Add");
+  #cycles = h("div", { id: "set-cycles" });
   #chosen = {};
+  /** The tables of the file, and the number of the one that is shown. */
+  #tables = [];
+  #table = "1";
 
   constructor({ at, signal, done }, close) {
     Object.assign(this, { signal, done });
@@ -68,18 +78,19 @@ class TableReader {
       h("div", { class: "sources" }, h("div", {}, h("label", { for: "set-file" }, "File (CSV or text)"), choice),
         h("div", {}, h("label", { for: "set-text" }, "or paste a table"), text)),
       this.#says, this.#found, h("div", { class: "row" }, this.#add, h("button", { type: "button", onclick: close }, "Cancel")));
-    fill(this.#found, this.#fields, this.#trace, this.#preview, this.#how);
+    fill(this.#found, this.#fields, this.#trace, this.#cycles, this.#preview, this.#how);
   }
 
   /** Reads a file or a text, and guesses what it is. */
-  async take(content) {
+  async take(content, table = "1") {
     if (content === "") return;
     const { at } = this.#chosen;
-    this.#content = content;
+    [this.#content, this.#table] = [content, table];
     const own = ++this.#latest;
     try {
-      const read = await readFile(content, this.signal);
+      const read = await readFile(content, this.signal, { table });
       if (own !== this.#latest) return;
+      this.#tables = read.tables;
       this.#columns = withStated(read);
       if (this.#columns.length < 2) throw new Error("A measurement needs two columns of numbers.");
       this.#chosen = { at, ...this.#guess(read) };
@@ -163,7 +174,10 @@ class TableReader {
     const unit = (role, si) => Object.keys(unitsFor(si)).length > 0 && this.#unitField(role, si);
     const isPoints = chosen.kind === "points";
     const options = Object.fromEntries(Object.keys(OUTPUTS).map((own) => [own, own === "mass_loss" ? "Mass loss" : capital(WORDS[own])]));
-    fill(this.#fields, field("Name", this.#name), field("What it is", choose("set-kind", KINDS, chosen.kind, changed("kind"))),
+    const tables = Object.fromEntries(this.#tables.map(([line, rows], i) => [String(i + 1), `${i + 1}: line ${line}, ${rows} rows`]));
+    fill(this.#fields, field("Name", this.#name),
+      this.#tables.length > 1 && field("Table", choose("set-table", tables, this.#table, (event) => this.take(this.#content, event.target.value))),
+      field("What it is", choose("set-kind", KINDS, chosen.kind, changed("kind"))),
       isPoints && field("Measured", choose("set-output", options, chosen.output, changed("output"))),
       isPoints && field("Over", choose("set-over", OVER, chosen.over, changed("over"))),
       field(`${roles[0][0]} from`, choose("set-x", names, chosen.x, changed("x")), unit("x", roles[0][1])),
@@ -205,7 +219,8 @@ class TableReader {
     const { kind, x, y, sigma } = this.#chosen;
     const wrong = this.#roles().map(([word, si], i) => {
       const { name, unit } = this.#column([x, y][i]);
-      return unit && unit !== si && `“${name}” is in ${unit}, but ${word.toLowerCase()} ${si === "1" ? "has no unit" : `needs a unit such as ${Object.values(unitsFor(si))[0]}`}. Choose another column.`;
+      // A mass can stand for the force that is its weight.
+      return unit && unit !== si && !(kind === "loop" && si === "N" && unit === "kg") && `“${name}” is in ${unit}, but ${word.toLowerCase()} ${si === "1" ? "has no unit" : `needs a unit such as ${Object.values(unitsFor(si))[0]}`}. Choose another column.`;
     }).find(Boolean);
     const ofSigma = kind === "points" && sigma && this.#column(sigma).unit;
     const other = ofSigma && ofSigma !== this.#roles()[1][1] && `“${sigma}” is in ${ofSigma}, which is no standard deviation of “${y}”. Choose another column.`;
@@ -217,17 +232,19 @@ class TableReader {
   async #prepare() {
     const { kind, x, y, units, up, scar } = this.#chosen;
     this.#prepared = null;
+    fill(this.#cycles);
     this.#judge();
     if (kind === "points" || this.#says.textContent) return;
     const own = ++this.#latest;
     const wanted = (role, name) => (this.#column(name).unit ? name : `${name} [${units[role]}]`);
     try {
       const ofTrace = this.#isTrace() ? { ...(up && { up }), ...(scar && { scar: `${scar[0]}..${scar[1]}m` }) } : {};
-      const { prepared, notes } = await readFile(this.#content, this.signal, { prepare: kind, x: wanted("x", x), y: wanted("y", y), ...ofTrace });
+      const { prepared, notes } = await readFile(this.#content, this.signal, { prepare: kind, x: wanted("x", x), y: wanted("y", y), table: this.#table, ...ofTrace });
       if (own !== this.#latest) return;
       this.#picture?.show(prepared.trace, Boolean(scar));
       if (kind !== "loop" && !prepared.data) throw new Error("No scar was found in this trace, so there are no wear depths.");
       this.#prepared = prepared;
+      if (kind === "loop") this.#showCycles(prepared);
       this.#showNotes(notes);
       // The file was changed more than its columns show.
       this.#how.open = true;
@@ -237,6 +254,16 @@ class TableReader {
       this.#picture?.show();
       this.#says.textContent = `${KINDS[kind]}: this table ${faultOf(problem)}`.replace("this table No", "no");
     }
+  }
+
+  /** The table of the cycles of a loop. */
+  #showCycles({ loops, mean, cycles }) {
+    const cell = (value, name) => h("td", {}, value == null ? "–" : quantity(value, LOOPS[name][0], 4));
+    const row = (title, of) => h("tr", {}, h("th", { scope: "row" }, title), Object.keys(LOOPS).map((name) => cell(of(name), name)));
+    const rows = Array.from({ length: Math.min(cycles, CYCLES) }, (_, i) => row(String(i + 1), (name) => loops[name][i]));
+    fill(this.#cycles, h("details", {}, h("summary", {}, `${cycles} ${cycles === 1 ? "cycle" : "cycles"}`), h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Cycles" },
+      h("table", { class: "small-table" }, h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Cycle"), Object.values(LOOPS).map(([, title]) => h("th", { scope: "col" }, title)))),
+        h("tbody", {}, row("Mean", (name) => mean[name]), rows)))));
   }
 
   #submit(event) {
@@ -267,9 +294,11 @@ class TableReader {
     const cycles = Number(at.replace(/[\s\u202f]/g, ""));
     if (!(cycles > 0)) return "Enter the number of cycles after which this was measured.";
     if (kind === "loop") {
-      // The energy comes from all rows.
+      // The energy comes from all whole cycles.
+      const own = this.#column(y);
+      const forces = own.unit === "kg" ? own.values.map((mass) => (mass == null ? null : mass * GRAVITY)) : values(y, 1);
       const drawn = (numbers) => spread(numbers, MOST);
-      return { kind, output: "loop", over: "displacement", x: drawn(values(x, 0)), y: drawn(values(y, 1)), sigma: null, at: cycles, energy: this.#prepared.energy_per_cycle, rows: values(x, 0).length };
+      return { kind, output: "loop", over: "displacement", x: drawn(values(x, 0)), y: drawn(forces), sigma: null, at: cycles, energy: this.#prepared.energy_per_cycle, rows: values(x, 0).length };
     }
     const { radius, depth, sigma: scatter } = this.#prepared.data;
     return { kind: "profile", output: "profile.wear", over: "radius", x: radius, y: depth, sigma: depth.map(() => scatter), at: cycles };

@@ -765,6 +765,7 @@ class Measured(TypedDict):
     """What was read from a file of measured numbers."""
 
     columns: "list[MeasuredColumnsItem]"
+    tables: "list[list[int]]"
     prepared: "MeasuredPrepared | None"
     notes: "list[str]"
 
@@ -782,6 +783,19 @@ class MeasuredPrepared(TypedDict):
     trace: "NotRequired[dict[str, Any]]"
     energy_per_cycle: "NotRequired[float]"
     cycles: "NotRequired[int]"
+    loops: "NotRequired[MeasuredPreparedLoops]"
+    mean: "NotRequired[dict[str, float | None]]"
+
+class MeasuredPreparedLoops(TypedDict):
+    """For a loop: a table with a row for each whole cycle."""
+
+    points: "list[float | None]"
+    energy: "list[float | None]"
+    energy_error: "list[float | None]"
+    displacement_amplitude: "list[float | None]"
+    force_amplitude: "list[float | None]"
+    aperture: "list[float | None]"
+    slope: "list[float | None]"
 
 class Model(TypedDict):
     """How wear is computed."""

@@ -283,7 +283,7 @@ class Operations:
         found: api.DerivativeList = json.loads((yield from get(path, self.patience, **names)))
         return found["derivatives"]
 
-    def measurements(self, /, file: str | os.PathLike[str], **options: str | bool) -> Flow[api.Measured]:
+    def measurements(self, /, file: str | os.PathLike[str], **options: str | int) -> Flow[api.Measured]:
         """Reads a file of measured numbers. `options` are the parameters of `POST /v1/measurements`, such as `x` and `y`."""
         headers = {"content-type": "application/octet-stream"}
         request = Request("POST", "/v1/measurements", _words(options), headers, pathlib.Path(file).read_bytes())

@@ -9,6 +9,8 @@ pub struct Wanted<'a> {
     pub x: Option<&'a str>,
     /// The name of the second column. By default the next column of the file.
     pub y: Option<&'a str>,
+    /// Which table of the file, from 1 on. By default the first.
+    pub table: Option<usize>,
     /// What becomes of the two columns.
     pub prepare: Prepare,
     /// Whether the tilt of a trace is removed.
@@ -25,7 +27,16 @@ impl Wanted<'_> {
     /// The first two columns, with all that is usual.
     #[must_use]
     pub const fn of(prepare: Prepare) -> Self {
-        Self { x: None, y: None, prepare, level: true, centre: true, up: None, scar: None }
+        Self {
+            x: None,
+            y: None,
+            table: None,
+            prepare,
+            level: true,
+            centre: true,
+            up: None,
+            scar: None,
+        }
     }
 }
 
@@ -65,7 +76,7 @@ pub enum Prepare {
     Trace,
     /// A trace from the axis outwards becomes a profile.
     Half,
-    /// Friction force over displacement in one cycle becomes its energy.
+    /// Friction force over displacement becomes cycles with their energies.
     Loop,
 }
 

@@ -1,0 +1,215 @@
+//! Friction loops with known energies: steps and ramps of the amplitude, drift, offsets, noise, few and many points, and parts
+//! of cycles.
+
+#![expect(clippy::disallowed_methods, clippy::unwrap_used, reason = "a failed test may panic")]
+
+use std::f64::consts::{PI, TAU};
+use std::fmt::Write as _;
+
+use fretwork_measured::{Measured, Prepare, Wanted, read};
+use fretwork_random::Stream;
+
+const LOOP: Wanted<'_> = Wanted::of(Prepare::Loop);
+
+/// A uniform number from 0 to 1.
+fn uniform(stream: Stream, place: u64) -> f64 {
+    stream.at(place) as f64 / 2f64.powi(64)
+}
+
+/// A standard normal number, from twelve uniform ones.
+fn normal(stream: Stream, place: u64) -> f64 {
+    (0..12).map(|at| uniform(stream, 12 * place + at)).sum::<f64>() - 6.0
+}
+
+fn list(measured: &Measured, name: &str) -> Vec<f64> {
+    let all = measured.prepared["loops"][name].as_array().unwrap();
+    all.iter().map(|value| value.as_f64().unwrap_or(f64::NAN)).collect()
+}
+
+fn file(rows: impl Iterator<Item = (f64, f64)>) -> String {
+    rows.fold("x [um];F [N]\n".to_owned(), |mut text, (x, force)| {
+        writeln!(text, "{x:.5};{force:.5}").unwrap();
+        text
+    })
+}
+
+/// The forms of a loop. The force is in parts of its amplitude.
+#[derive(Clone, Copy, Debug)]
+enum Form {
+    /// An ellipse whose force is ahead by a part of a cycle.
+    Ellipse(f64),
+    /// Sticks over this part of the stroke after a reversal, and then slips.
+    Stick(f64),
+    /// Slips gradually after a reversal, as a ball does.
+    Partial(f64),
+}
+
+impl Form {
+    /// The force at a part of a cycle, and at the displacement there in parts of the amplitude.
+    fn force(self, phase: f64, x: f64) -> f64 {
+        let phase = phase.rem_euclid(1.0);
+        let (towards, done) = if (0.25..0.75).contains(&phase) {
+            (-1.0, 0.5 * (1.0 - x))
+        } else {
+            (1.0, 0.5 * (1.0 + x))
+        };
+        match self {
+            Self::Ellipse(ahead) => (TAU * (phase + ahead)).sin(),
+            Self::Stick(part) => towards * (2.0 * done / part - 1.0).min(1.0),
+            Self::Partial(slip) => {
+                let moved = |part: f64| {
+                    (1.0 - (1.0 - slip * part).powf(1.5)) / (1.0 - (1.0 - slip).powf(1.5))
+                };
+                towards * (2.0 * moved(done) - 1.0)
+            }
+        }
+    }
+
+    /// The energy of a cycle with the amplitude 1 of the displacement and of the force.
+    fn energy(self) -> f64 {
+        match self {
+            Self::Ellipse(ahead) => PI * (TAU * ahead).sin(),
+            Self::Stick(part) => 4.0 * (1.0 - part),
+            Self::Partial(_) => {
+                let mean = |at: u32| self.force(0.0, (f64::from(at) + 0.5) / 5e3 - 1.0);
+                4.0 * (0..10_000).map(mean).sum::<f64>() / 1e4
+            }
+        }
+    }
+}
+
+fn displacement(phase: f64, is_triangular: bool) -> f64 {
+    let phase = phase.rem_euclid(1.0);
+    match is_triangular {
+        false => (TAU * phase).sin(),
+        true if phase < 0.25 => 4.0 * phase,
+        true if phase < 0.75 => 2.0 - 4.0 * phase,
+        true => 4.0 * phase - 4.0,
+    }
+}
+
+/// 300 records. `FRETWORK_TEST_LONG` reads more.
+#[test]
+fn the_energy_of_each_cycle_is_that_of_its_formula_or_noted() {
+    let seed = std::env::var("FRETWORK_TEST_SEED").ok().and_then(|seed| seed.parse().ok());
+    let stream = Stream::new(seed.unwrap_or(59));
+    let count = if std::env::var_os("FRETWORK_TEST_LONG").is_some() { 10_000 } else { 300 };
+    let (mut all, mut noted, mut missed, mut far) = (0, 0, 0, Vec::new());
+    for case in 0..count {
+        let own = stream.child(case);
+        let [pick, first, cycles, points, part, drift, offset, shift, noise, tail, ends] =
+            std::array::from_fn(|at| uniform(own, at as u64));
+        let form = match own.below(100, 3) {
+            0 => Form::Ellipse(0.05 + 0.2 * part),
+            1 => Form::Stick(0.1 + 0.6 * part),
+            _ => Form::Partial(0.5 + 0.5 * part),
+        };
+        let is_triangular = !matches!(form, Form::Ellipse(_)) && pick > 0.7;
+        let cycles = 2 + (cycles * 13.0) as usize;
+        let points =
+            if points < 0.1 { 10.0 + 10.0 * first } else { 20.0 * 100f64.powf(points * points) };
+        // Amplitudes in steps, in a ramp from cycle to cycle, or constant.
+        let [low, high] = [0.2 + 0.3 * first, 1.0];
+        let amplitude = |cycle: usize| match own.below(101, 3) {
+            0 => [high, low][cycle * 2 / cycles % 2],
+            1 => low + (high - low) * cycle as f64 / (cycles - 1) as f64,
+            _ => high,
+        };
+        let is_whole = ends < 0.5;
+        let (begin, end) = if is_whole { (0.0, 0.0) } else { (0.45 * tail, 0.05 + 0.4 * ends) };
+        let size = 10f64.powf(3.0 * shift - 1.0);
+        let load = 10f64.powf(3.0 * offset - 1.0);
+        let (drift, noise) = (0.01 * (drift - 0.5), if noise < 0.3 { 0.0 } else { 0.004 * noise });
+        let rows = ((begin + cycles as f64 + end) * points).ceil() as u64;
+        let row = |row: u64| {
+            let place = row as f64 / points - begin;
+            let cycle = (place.floor().max(0.0) as usize).min(cycles - 1);
+            let (x, a) = (displacement(place, is_triangular), amplitude(cycle));
+            let [nx, nf] = [0, 1].map(|at| noise * normal(own.child(1), 2 * row + at));
+            // Forces are those of gross slip, whatever the amplitude is.
+            let (x0, f0) = (2.0 * offset + drift * place, 0.2 * (shift - 0.5));
+            (size * (a * x + x0 + nx), load * (form.force(place, x) + f0 + nf))
+        };
+        let text = file((0..rows).map(row));
+        let measured = read(text.as_bytes(), &LOOP);
+        let measured = measured.unwrap_or_else(|faults| panic!("{case} {form:?}: {faults:?}"));
+        let (energies, errors, counts) =
+            (list(&measured, "energy"), list(&measured, "energy_error"), list(&measured, "points"));
+        if energies.len() != cycles {
+            let left = measured.notes.iter().any(|note| note.contains("were left out"));
+            assert!(
+                left && points < 20.0,
+                "{case} {form:?}: {} of {cycles}, {points}",
+                energies.len()
+            );
+            missed += 1;
+            continue;
+        }
+        let is_noted = measured.notes.iter().any(|note| {
+            note.contains("make the energy uncertain") || note.contains("fewer than 20 points")
+        });
+        for cycle in 0..cycles {
+            let truth = form.energy() * amplitude(cycle) * size * load * 1e-6;
+            let off = energies[cycle] / truth - 1.0;
+            let is_told =
+                is_noted && (counts[cycle] < 20.0 || errors[cycle] > 0.01 * energies[cycle]);
+            all += 1;
+            noted += usize::from(is_told);
+            if off.abs() > 0.01 && !(is_told && off.abs() < 2.0 * errors[cycle] / energies[cycle]) {
+                far.push(format!("{case} {form:?} triangular {is_triangular} cycle {cycle} of {cycles}: {off:.4} (stated {:.4}), {} points, \
+                    noise {noise:.4}, drift {drift:.4}, amplitude {:.2}", errors[cycle] / energies[cycle], counts[cycle], amplitude(cycle)));
+            }
+        }
+    }
+    println!("{all} cycles, {noted} noted, {} far, {missed} records lack a cycle", far.len());
+    println!("{}", far.join("\n"));
+    assert!(far.len() <= all / 1000 && noted < 2 * all / 5 && missed <= count / 50);
+}
+
+/// Sticks over a quarter of the stroke with 4 N/µm, and then slips with 10 N.
+#[test]
+fn a_table_has_the_numbers_of_each_cycle() {
+    let amplitude = |row: u32| if row < 800 { 20.0 } else { 10.0 };
+    let row = |row: u32| {
+        let phase = f64::from(row) / 400.0;
+        let (x, a) = (displacement(phase, false), amplitude(row));
+        (a * x + 3.0, 2.0 + 10.0 * Form::Stick(5.0 / (2.0 * a)).force(phase, x))
+    };
+    let measured = read(file((0..1600).map(row)).as_bytes(), &LOOP).unwrap();
+    for (name, first, second) in [
+        ("energy", 4.0 * 200e-6 * (1.0 - 0.125), 4.0 * 100e-6 * (1.0 - 0.25)),
+        ("displacement_amplitude", 20e-6, 10e-6),
+        ("force_amplitude", 10.0, 10.0),
+        ("aperture", 17.5e-6, 7.5e-6),
+        ("slope", 4e6, 4e6),
+    ] {
+        let found = list(&measured, name);
+        let truth = [first, first, second, second];
+        assert!(
+            found.iter().zip(truth).all(|(own, truth)| (own / truth - 1.0).abs() < 2e-3),
+            "{name}: {found:?}"
+        );
+        let mean = measured.prepared["mean"][name].as_f64().unwrap();
+        assert!((mean / (0.5 * (first + second)) - 1.0).abs() < 2e-3, "{name}: {mean}");
+    }
+    assert_eq!(list(&measured, "points"), [400.0; 4]);
+    assert_eq!(measured.prepared["energy_per_cycle"], measured.prepared["mean"]["energy"]);
+}
+
+/// A record of 10 points in each of 100 000 cycles.
+#[test]
+fn a_million_rows_are_cut_into_cycles() {
+    let row = |row: u32| {
+        let angle = TAU * f64::from(row) / 10.0;
+        (20.0 * angle.sin(), 80.0 * (angle + 0.8).sin())
+    };
+    let measured = read(file((0..1_000_000).map(row)).as_bytes(), &LOOP).unwrap();
+    let energies = list(&measured, "energy");
+    assert_eq!(energies.len(), 100_000);
+    let truth = PI * 20e-6 * 80.0 * 0.8f64.sin();
+    assert!(
+        energies.iter().all(|energy| (energy / truth - 1.0).abs() < 0.02),
+        "{:?}",
+        &energies[..4]
+    );
+}
