@@ -109,9 +109,8 @@ class TableReader {
   /** What the columns probably are. */
   #guess({ prepared }) {
     const [x, y] = this.#columns;
-    const positions = x.values.filter((value) => value != null);
-    const kind = x.dimension !== "length" ? "points" : y.dimension === "force" ? "loop" : y.dimension !== "length" ? "points"
-      : Math.min(...positions) >= 0 && Math.min(...positions) < 0.02 * Math.max(...positions) ? "half" : "trace";
+    // Instruments count positions from 0, so a trace from the axis is only read as one if the user says so.
+    const kind = x.dimension !== "length" ? "points" : { force: "loop", length: "trace" }[y.dimension] ?? "points";
     const output = Object.hasOwn(OUTPUTS, prepared.data?.output) ? prepared.data.output : Object.keys(OUTPUTS).find((own) => OUTPUTS[own] === y.unit) ?? "wear_volume";
     const sigma = this.#columns.slice(2).find(({ name, unit }) => SIGMA.test(name) && (!unit || unit === OUTPUTS[output]));
     const isEnergy = x.dimension === "energy" || prepared.data?.over === "dissipated_energy" || /energy|^Σ?E\b/i.test(x.name);
