@@ -321,7 +321,7 @@ fn intervals_with_the_loss_of_huber_contain_the_truth_beside_outliers() {
                 (0..points).map(|it| 10.0 * libm::pow(1.2, it as f64)).collect();
             let mut factors: Vec<f64> =
                 (0..points).map(|it| 1.0 + 0.05 * normal(stream, it as u64)).collect();
-            // Different places: a random start and a step without a common divisor of small numbers of points.
+            // Different places: every third one from a random start.
             (0..wrong).for_each(|it| {
                 let sign = if draw(110 + it as u64, 2) == 0 { 1.0 } else { -1.0 };
                 factors[(draw(102, points) + 3 * it) % points] += 0.25 * sign;

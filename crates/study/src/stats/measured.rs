@@ -420,6 +420,24 @@ mod tests {
     }
 
     #[test]
+    fn numbers_beyond_the_distance_of_huber_widen_intervals() {
+        let values = [0.0, 0.0, 0.0, 0.0, 0.0, 5.0, 5.0, -5.0];
+        let points = values.iter().enumerate().map(|(place, y)| point(*y, 1.0, 0, place));
+        let mut measured = Measured::new(points.collect(), vec![false], 1);
+        let spread = |measured: &Measured| {
+            let noise = measured.noise(&[0.0; 8]);
+            measured.spread(&noise, &measured.distances(&[0.0; 8], &noise))
+        };
+        close(spread(&measured), 1.0);
+        measured.is_robust = true;
+        // Three numbers have the weight c/5 and the pull c, and five have the weight 1 and no pull.
+        close(
+            spread(&measured),
+            (3.0 * HUBER * HUBER * (8.0 / 7.0) * (5.0 + 0.6 * HUBER)).sqrt() / 5.0,
+        );
+    }
+
+    #[test]
     fn a_cluster_of_equal_points_counts_as_one_point() {
         let single: Vec<_> =
             [1.0, 2.0, 4.0].iter().enumerate().map(|(i, y)| point(*y, 0.5, 0, i)).collect();
