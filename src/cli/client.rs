@@ -1,12 +1,13 @@
 //! Sends requests to a server.
 
-use std::fs;
+use std::fmt::Write as _;
 use std::io::{self, Write as _};
 use std::net::IpAddr;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use rustls::{Error as TlsError, InvalidMessage};
+use serde::Deserialize;
 use serde_json::Value;
 use ureq::http::request::Builder;
 use ureq::http::{Request, Uri};
@@ -16,7 +17,7 @@ use uuid::Uuid;
 
 use super::listening::reachable;
 use super::printing::{Error, say};
-use crate::config::Remote;
+use crate::config::{Remote, secret_in};
 
 /// Maximum time to connect, and to wait for an answer that needs no computation.
 const TIMEOUT: Duration = Duration::from_secs(5);
@@ -27,7 +28,7 @@ const LONGEST_PAUSE: u64 = 60;
 /// How long a command waits for a server that has stopped answering, because a restart takes less.
 const RESTART: Duration = Duration::from_mins(2);
 /// Largest answer in bytes. The largest result is smaller.
-const LARGEST: u64 = 1 << 30;
+const LARGEST: u64 = 1 << 27;
 
 /// A server, and the key that it gets.
 pub struct Client {
@@ -45,6 +46,26 @@ pub struct Reply {
     retry_after: Option<u64>,
 }
 
+impl Reply {
+    /// Reads an answer in JSON.
+    pub fn json<'a, T: Deserialize<'a>>(&'a self) -> Result<T, Error> {
+        let advice = "the answer of the server is not the JSON of fretwork. Check FRETWORK_URL";
+        serde_json::from_slice(&self.body).map_err(|error| format!("{advice}: {error}").into())
+    }
+}
+
+/// A part of a path. An id of the user or of the server cannot lead to another path.
+pub fn escaped(id: &str) -> String {
+    let mut path = String::new();
+    for byte in id.bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' => path.push(byte.into()),
+            _ => _ = write!(path, "%{byte:02X}"),
+        }
+    }
+    path
+}
+
 impl Client {
     pub fn new(settings: &Remote) -> Result<Self, Error> {
         let listen = format!("http://{}", reachable(settings.listen));
@@ -60,10 +81,7 @@ impl Client {
             return Err(format!("{base} must be the address of the server: {better}").into());
         }
         let key = match (&settings.key, &settings.key_file) {
-            (None, Some(file)) => {
-                let key = fs::read_to_string(file);
-                Some(key.map_err(|error| format!("cannot read {}: {error}", file.display()))?)
-            }
+            (None, Some(file)) => Some(secret_in(file)?),
             (key, _) => key.as_ref().map(|key| key.0.clone()),
         };
         if key.is_some() && settings.url.is_some() && !is_private(&base) {
@@ -180,6 +198,9 @@ impl Client {
             // The system accepts connections for a process that is stopped.
             (Failure::Timeout(_), _) => {
                 format!("the server at {base} does not answer within {timeout:?}")
+            }
+            (Failure::BodyExceedsLimit(most), _) => {
+                format!("the answer of the server at {base} has more than {most} bytes. Check FRETWORK_URL")
             }
             (_, Some(TlsError::InvalidMessage(InvalidMessage::InvalidContentType))) => format!(
                 "the server at {base} does not speak TLS. Enter an address that begins with http://"

@@ -7,6 +7,7 @@ mod health;
 mod listening;
 mod moving;
 mod parts;
+mod places;
 mod printing;
 mod remote;
 mod report;
@@ -17,6 +18,7 @@ mod signals;
 mod study;
 mod worker;
 
+use std::fs;
 use std::process::ExitCode;
 
 use clap::FromArgMatches as _;
@@ -71,7 +73,9 @@ pub fn main() -> ExitCode {
             print(&script).map(success)
         }
         Some(Command::Man { directory }) => {
-            clap_mangen::generate_to(config::command(), directory).map_err(Into::into).map(success)
+            let made = fs::create_dir_all(&directory);
+            let made = made.and_then(|()| clap_mangen::generate_to(config::command(), directory));
+            made.map_err(Into::into).map(success)
         }
         Some(Command::Openapi) => print(&http::document()).map(success),
         Some(Command::Verify { exact_volumes: true, .. }) => {

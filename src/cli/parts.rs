@@ -1,13 +1,14 @@
-//! The command `run` for a part of a study: computes every sixteenth chunk, for instance, into a file, and joins the
-//! files of all parts.
+//! The command `run` for a part of a study: computes a sixteenth of the points, for instance, into a file, and joins
+//! the files of all parts.
 //!
 //! A file of a part has a line for each computed chunk, after a first line that says what is computed. Each line begins
 //! with its checksum. A command that was killed may leave an incomplete last line. The next command removes this line
 //! and continues.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Read as _, Write as _};
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -17,14 +18,18 @@ use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::printing::{Error, Progress};
+use super::places::make_parent;
+use super::printing::{Error, Progress, say};
 use super::study;
 use crate::config::Part;
 use fretwork_job::{Answer, Prepared, Submission, Task};
+use fretwork_store::MAX_BODY;
 use fretwork_study::{Rows, Study};
 
 /// The version of the form of these files.
 const FORM: u32 = 1;
+/// Longest line that is read, in bytes. A chunk has at most some thousand points. A file can be endless.
+const LONGEST_LINE: u64 = 1 << 27;
 
 /// Computed chunks by their numbers.
 type Chunks = BTreeMap<usize, Rows>;
@@ -57,13 +62,18 @@ struct Content {
     rows: Chunks,
     /// The length of all complete lines, in bytes.
     length: usize,
+    /// The first damaged or incomplete line.
+    rest: Vec<u8>,
 }
 
 impl Content {
     /// Reads all lines up to the first damaged or incomplete one.
-    fn read(text: &[u8]) -> Self {
-        let mut content = Self::default();
-        for line in text.split_inclusive(|byte| *byte == b'\n') {
+    fn read(file: &File) -> io::Result<Self> {
+        let (mut content, mut file) = (Self::default(), BufReader::new(file));
+        loop {
+            let line = &mut content.rest;
+            line.clear();
+            file.by_ref().take(LONGEST_LINE).read_until(b'\n', line)?;
             let Some(json) = checked(line) else { break };
             if content.head.is_none() {
                 content.head = serde_json::from_slice(json).ok();
@@ -76,7 +86,7 @@ impl Content {
             }
             content.length += line.len();
         }
-        content
+        Ok(content)
     }
 }
 
@@ -105,26 +115,61 @@ fn divisible(prepared: &Prepared) -> Result<&Arc<Study>, Error> {
     }
 }
 
+/// The number of chunks of a study with this number of parts. All parts have the same number of chunks, unless each chunk
+/// is one point.
+fn chunks(study: &Study, of: usize) -> usize {
+    study.chunks().div_ceil(of).saturating_mul(of).min(study.points())
+}
+
+/// The number of the part to which each chunk belongs. The parts differ by at most one point. Each has chunks from the whole
+/// study, because the points of one end often take longer.
+fn owners(study: &Study, of: usize) -> Vec<usize> {
+    let chunks = chunks(study, of);
+    let size = |number: usize| study.points_of(number, chunks).len();
+    let (mut points, mut owners) = (vec![0; of.min(chunks)], vec![0; chunks]);
+    for start in (0..chunks).step_by(of) {
+        // Of the next chunks, the parts with the fewest points get the largest ones.
+        let mut numbers: Vec<_> = (start..chunks.min(start.saturating_add(of))).collect();
+        numbers.sort_by_key(|number| Reverse(size(*number)));
+        let mut parts: Vec<_> = (0..points.len()).collect();
+        parts.sort_by_key(|part| points[*part]);
+        for (number, part) in numbers.into_iter().zip(parts) {
+            points[part] += size(number);
+            owners[number] = part + 1;
+        }
+    }
+    owners
+}
+
 /// Computes the chunks of a part that the file does not have yet, and appends each to the file.
 pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Result<ExitCode, Error> {
     let study = divisible(&job.prepared)?;
+    if study.bytes() as u64 > MAX_BODY {
+        say(&format!(
+            "the joined result could have {} MB, and `fretwork import` accepts at most {} MB",
+            study.bytes() / 1_000_000,
+            MAX_BODY / 1_000_000
+        ));
+    }
     let head = Head {
         fretwork_part: FORM,
         part,
-        chunks: study.chunks(),
+        chunks: chunks(study, part.of),
         key: job.prepared.key.to_string(),
         job: String::from_utf8(body.to_vec())?,
     };
     let unusable = |error: io::Error| format!("cannot use {}: {error}", store.display());
     let (file, known) = open(store, &head).map_err(unusable)??;
-    let numbers = (part.number - 1..head.chunks).step_by(part.of);
-    let all = numbers.clone().count();
-    let missing: Vec<_> = numbers.filter(|number| !known.contains_key(number)).collect();
+    let owners = owners(study, part.of);
+    let mut missing: Vec<_> = (0..head.chunks).collect();
+    missing.retain(|number| owners[*number] == part.number);
+    let all = missing.len();
+    missing.retain(|number| !known.contains_key(number));
     let file = Mutex::new(file);
     let keep = |number, rows| file.lock().write_all(&line(&Chunk { number, rows })?);
     let computed = missing.len();
     let progress = (&mut Progress::new(), all - computed..all);
-    study::chunks(study, &missing, &Rows::default(), progress, keep)?;
+    study::chunks(study, (&missing, head.chunks), &Rows::default(), progress, keep)?;
     file.into_inner().sync_all().map_err(unusable)?;
     writeln!(io::stderr(), "part {part}: {all} chunks, {} of them known already", all - computed)?;
     Ok(ExitCode::SUCCESS)
@@ -133,17 +178,19 @@ pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Resul
 /// Opens the file of a part, and reads its chunks. Creates the file if it is missing. The inner error says why the file
 /// is refused.
 fn open(store: &Path, head: &Head) -> io::Result<Result<(File, Chunks), String>> {
+    make_parent(store)?;
     let mut file = OpenOptions::new().create(true).read(true).append(true).open(store)?;
+    if !file.metadata()?.is_file() {
+        return Ok(Err(format!("{} is not a regular file; name another one", store.display())));
+    }
     // Some file systems of clusters have no locks.
     if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
         return Ok(Err(format!("another process computes the part in {}", store.display())));
     }
-    let mut text = Vec::new();
-    file.read_to_end(&mut text)?;
-    let (content, first) = (Content::read(&text), line(head)?);
+    let (content, first) = (Content::read(&file)?, line(head)?);
     match content.head {
         // A command that was killed at its start leaves the beginning of the first line.
-        None if first.starts_with(&text) => {
+        None if first.starts_with(&content.rest) => {
             file.set_len(0)?;
             file.write_all(&first)?;
         }
@@ -158,56 +205,57 @@ fn open(store: &Path, head: &Head) -> io::Result<Result<(File, Chunks), String>>
     Ok(Ok((file, content.rows)))
 }
 
-/// The rows of a whole study, and its job body.
+/// The rows of a whole study, and the first line of one of its files.
 pub struct Joined {
-    /// The job body.
-    pub body: Vec<u8>,
-    key: String,
-    /// The number of all chunks.
-    count: usize,
+    head: Head,
     chunks: Chunks,
 }
 
 /// Reads the files of all parts of a study.
 pub fn join(files: &[impl AsRef<Path>]) -> Result<Joined, Error> {
-    let mut joined: Option<(Joined, Head)> = None;
+    let mut joined: Option<Joined> = None;
     for file in files.iter().map(AsRef::as_ref) {
         let name = file.display();
-        let text = std::fs::read(file).map_err(|error| format!("cannot read {name}: {error}"))?;
-        let content = Content::read(&text);
+        // A FIFO would be opened only when another program writes to it, and a device can be endless.
+        let content = fs::metadata(file).and_then(|found| match found.is_file() {
+            true => Content::read(&File::open(file)?),
+            false => Ok(Content::default()),
+        });
+        let content = content.map_err(|error| format!("cannot read {name}: {error}"))?;
         let head = content.head.filter(|head| head.fretwork_part == FORM);
         let head = head.ok_or_else(|| format!("{name} is not the file of a part of a study"))?;
-        let (all, first) = joined.get_or_insert_with(|| {
-            let Head { job, key, chunks: count, .. } = head.clone();
-            (Joined { body: job.into_bytes(), key, count, chunks: BTreeMap::new() }, head.clone())
-        });
-        if (&head.key, head.part.of, head.chunks) != (&first.key, first.part.of, first.chunks) {
+        let (key, division) = (head.key.clone(), (head.part.of, head.chunks));
+        let all = joined.get_or_insert_with(|| Joined { head, chunks: BTreeMap::new() });
+        if (key, division) != (all.head.key.clone(), (all.head.part.of, all.head.chunks)) {
             return Err(
                 format!("{name} has a part of another study, or of another division").into()
             );
         }
         all.chunks.extend(content.rows);
     }
-    let (joined, Head { part, chunks, .. }) = joined.ok_or("--join needs a file")?;
-    match (0..chunks).find(|number| !joined.chunks.contains_key(number)) {
-        None => Ok(joined),
-        Some(number) => Err(format!(
-            "part {}/{of} is missing or not complete; compute it with --part {}/{of}",
-            number % part.of + 1,
-            number % part.of + 1,
-            of = part.of
-        )
-        .into()),
-    }
+    joined.ok_or_else(|| "--join needs a file".into())
 }
 
 impl Joined {
+    /// The job body.
+    pub fn body(&self) -> &[u8] {
+        self.head.job.as_bytes()
+    }
+
     /// The answer of the study that was prepared from the job body, and the time to join it.
     pub fn answer(&self, prepared: &Prepared) -> Result<(Answer, Duration), Error> {
         let started = Instant::now();
-        let study = divisible(prepared)?;
-        if self.key != prepared.key.to_string() || self.count != study.chunks() {
+        let (study, Head { key, part: Part { of, .. }, chunks: count, .. }) =
+            (divisible(prepared)?, &self.head);
+        if *key != prepared.key.to_string() || *count != chunks(study, *of) {
             return Err("another version of fretwork computed the parts; join them with it".into());
+        }
+        let mut owners = owners(study, *of).into_iter().enumerate();
+        if let Some((_, part)) = owners.find(|(number, _)| !self.chunks.contains_key(number)) {
+            return Err(format!(
+                "part {part}/{of} is missing or not complete; compute it with --part {part}/{of}"
+            )
+            .into());
         }
         let mut rows = Rows::default();
         self.chunks.values().for_each(|next| rows.append(next));

@@ -29,6 +29,17 @@ pub fn print(text: &[u8]) -> Result<(), Error> {
     }
 }
 
+/// A text of a server or a file, in which a terminal obeys nothing: control characters are shown as text.
+pub fn harmless(text: &str) -> String {
+    let shown = |letter: char| match letter {
+        // These change the order of the letters.
+        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => letter.escape_default().collect(),
+        _ if letter.is_control() => letter.escape_default().collect(),
+        _ => String::from(letter),
+    };
+    text.chars().map(shown).collect()
+}
+
 /// Characters in the bar of the progress.
 const WIDTH: usize = 40;
 /// Time before the first bar, so that short computations show none.

@@ -2,7 +2,6 @@
 
 use std::ffi::OsStr;
 use std::fmt::Write as _;
-use std::fs;
 use std::iter;
 use std::net::{IpAddr, SocketAddr};
 use std::num::NonZeroU32;
@@ -19,7 +18,7 @@ use hyper::header::{HeaderName, HeaderValue};
 
 use super::data::Data;
 use super::keys::role;
-use super::values::{Secret, duration, lease, nonzero, resolve, seconds};
+use super::values::{Secret, duration, lease, nonzero, resolve, seconds, secret_in};
 use crate::http::{self, Access, AdminKey, Connections, Limits, Origins, SignOn};
 use crate::service::WorkLimits;
 use crate::telemetry::Logging;
@@ -147,7 +146,7 @@ pub struct Serve {
     pub trusted_proxies: Vec<IpAddr>,
     /// The header in which a sign-on proxy, one of --trusted-proxy, names the user, such as X-Remote-User. The proxy must remove this
     /// header from the requests of its clients.
-    #[arg(long, env = "FRETWORK_AUTH_HEADER", value_name = "NAME", conflicts_with = "no_auth",
+    #[arg(long, env = "FRETWORK_AUTH_HEADER", value_name = "NAME", conflicts_with = "no_auth", value_parser = user_header,
         requires_all = ["trusted_proxies", "auth_secret", "auth_role"])]
     pub auth_header: Option<HeaderName>,
     /// What the sign-on proxy sends in the header X-Fretwork-Proxy-Secret: at least 20 characters. Prefer the environment variable.
@@ -241,10 +240,8 @@ impl Serve {
             (None, None) => return Ok(None),
             (Some(Secret(key)), _) => (key.clone(), "FRETWORK_ADMIN_KEY".to_owned()),
             (None, Some(file)) => {
-                let file_name = file.display();
-                let text = fs::read_to_string(file)
-                    .map_err(|error| format!("cannot read the key in {file_name}: {error}"))?;
-                (text.trim_end().to_owned(), format!("the key in {file_name}"))
+                let key = secret_in(file)?.trim_end().to_owned();
+                (key, format!("the key in {}", file.display()))
             }
         };
         if key.len() >= 20 && key.bytes().all(|byte| byte.is_ascii_graphic() && byte != b':') {
@@ -301,6 +298,23 @@ pub fn described(matches: &ArgMatches) -> String {
     text
 }
 
+/// Parses the name of the header with the user. Other programs on the way, or the server itself, set headers of HTTP.
+fn user_header(text: &str) -> Result<HeaderName, String> {
+    const RESERVED: [&str; 23] = [
+        "accept", "accept-", "connection", "content-", "cookie", "date", "expect", "forwarded", "host",
+        "idempotency-key", "if-", "origin", "prefer", "range", "referer", "sec-", "te", "trailer",
+        "transfer-encoding", "upgrade", "user-agent", "x-forwarded-", "x-fretwork-",
+    ];
+    let header: HeaderName = text.parse().map_err(|_| "expected the name of a header".to_owned())?;
+    let is_reserved = |name: &&str| {
+        header.as_str() == *name || (name.ends_with('-') && header.as_str().starts_with(*name))
+    };
+    if RESERVED.iter().any(is_reserved) || header.as_str().ends_with("authorization") {
+        return Err(format!("{header} has another meaning; name a header such as X-Remote-User"));
+    }
+    Ok(header)
+}
+
 /// Parses the secret of a sign-on proxy.
 fn proxy_secret(text: &str) -> Result<Secret, &'static str> {
     let sound = text.len() >= 20 && text.bytes().all(|byte| byte.is_ascii_graphic());
@@ -343,6 +357,20 @@ fn origin(text: &str) -> Result<HeaderValue, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_header_with_another_meaning_names_no_user() {
+        for bad in [
+            "Host", "cookie", "Authorization", "Proxy-Authorization", "X-Forwarded-For",
+            "X-Forwarded-Proto", "X-Fretwork-Proxy-Secret", "Forwarded", "Content-Length", "TE",
+            "Idempotency-Key", "Accept-Encoding", "Transfer-Encoding", "", "a b",
+        ] {
+            assert!(user_header(bad).is_err(), "{bad}");
+        }
+        for good in ["X-Remote-User", "Remote-User", "Tailscale-User-Login"] {
+            assert!(user_header(good).is_ok(), "{good}");
+        }
+    }
 
     #[test]
     fn only_origins_that_browsers_send_are_accepted() {

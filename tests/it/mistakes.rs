@@ -38,6 +38,7 @@ const MISTAKES: [(&str, &str, &str); 23] = [
         "Enter `amplitude`. It is half of the stroke from one end to the other.",
     ),
     ("10 mm", "10 000 um", "contains a comma or a space in the number. Enter \"10000 um\""),
+    ("10 mm", "10,000 um", "contains a comma or a space in the number. Enter \"10000 um\""),
     ("10 mm", "0,01 m", "contains a comma or a space in the number. Enter \"0.01 m\""),
     (
         "10 mm",
