@@ -1,6 +1,5 @@
 //! Sends requests to a server.
 
-use std::fmt::Write as _;
 use std::io::{self, Write as _};
 use std::net::IpAddr;
 use std::thread::sleep;
@@ -56,14 +55,9 @@ impl Reply {
 
 /// A part of a path. An id of the user or of the server cannot lead to another path.
 pub fn escaped(id: &str) -> String {
-    let mut path = String::new();
-    for byte in id.bytes() {
-        match byte {
-            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' => path.push(byte.into()),
-            _ => _ = write!(path, "%{byte:02X}"),
-        }
-    }
-    path
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_".contains(&byte);
+    let escape = |it: u8| if is_plain(it) { char::from(it).into() } else { format!("%{it:02X}") };
+    id.bytes().map(escape).collect()
 }
 
 impl Client {
@@ -199,9 +193,7 @@ impl Client {
             (Failure::Timeout(_), _) => {
                 format!("the server at {base} does not answer within {timeout:?}")
             }
-            (Failure::BodyExceedsLimit(most), _) => {
-                format!("the answer of the server at {base} has more than {most} bytes. Check FRETWORK_URL")
-            }
+            (Failure::BodyExceedsLimit(most), _) => format!("{base} sends more than {most} bytes"),
             (_, Some(TlsError::InvalidMessage(InvalidMessage::InvalidContentType))) => format!(
                 "the server at {base} does not speak TLS. Enter an address that begins with http://"
             ),

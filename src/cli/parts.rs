@@ -5,7 +5,6 @@
 //! with its checksum. A command that was killed may leave an incomplete last line. The next command removes this line
 //! and continues.
 
-use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
@@ -14,6 +13,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use bytesize::ByteSize;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
@@ -115,41 +115,19 @@ fn divisible(prepared: &Prepared) -> Result<&Arc<Study>, Error> {
     }
 }
 
-/// The number of chunks of a study with this number of parts. All parts have the same number of chunks, unless each chunk
-/// is one point.
+/// The number of chunks of a study in this number of parts, to which the chunks belong in turn. The parts have the same number
+/// of chunks, whose sizes differ by at most one point. If that were more than 2 %, each chunk is one point.
 fn chunks(study: &Study, of: usize) -> usize {
-    study.chunks().div_ceil(of).saturating_mul(of).min(study.points())
-}
-
-/// The number of the part to which each chunk belongs. The parts differ by at most one point. Each has chunks from the whole
-/// study, because the points of one end often take longer.
-fn owners(study: &Study, of: usize) -> Vec<usize> {
-    let chunks = chunks(study, of);
-    let size = |number: usize| study.points_of(number, chunks).len();
-    let (mut points, mut owners) = (vec![0; of.min(chunks)], vec![0; chunks]);
-    for start in (0..chunks).step_by(of) {
-        // Of the next chunks, the parts with the fewest points get the largest ones.
-        let mut numbers: Vec<_> = (start..chunks.min(start.saturating_add(of))).collect();
-        numbers.sort_by_key(|number| Reverse(size(*number)));
-        let mut parts: Vec<_> = (0..points.len()).collect();
-        parts.sort_by_key(|part| points[*part]);
-        for (number, part) in numbers.into_iter().zip(parts) {
-            points[part] += size(number);
-            owners[number] = part + 1;
-        }
-    }
-    owners
+    let chunks = study.chunks().div_ceil(of).saturating_mul(of);
+    if study.points() / 50 < chunks { study.points() } else { chunks }
 }
 
 /// Computes the chunks of a part that the file does not have yet, and appends each to the file.
 pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Result<ExitCode, Error> {
     let study = divisible(&job.prepared)?;
-    if study.bytes() as u64 > MAX_BODY {
-        say(&format!(
-            "the joined result could have {} MB, and `fretwork import` accepts at most {} MB",
-            study.bytes() / 1_000_000,
-            MAX_BODY / 1_000_000
-        ));
+    let [bytes, most] = [study.bytes() as u64, MAX_BODY].map(ByteSize::b);
+    if bytes > most {
+        say(&format!("the joined result could have {bytes}, and `fretwork import` accepts {most}"));
     }
     let head = Head {
         fretwork_part: FORM,
@@ -160,11 +138,9 @@ pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Resul
     };
     let unusable = |error: io::Error| format!("cannot use {}: {error}", store.display());
     let (file, known) = open(store, &head).map_err(unusable)??;
-    let owners = owners(study, part.of);
-    let mut missing: Vec<_> = (0..head.chunks).collect();
-    missing.retain(|number| owners[*number] == part.number);
-    let all = missing.len();
-    missing.retain(|number| !known.contains_key(number));
+    let numbers = (part.number - 1..head.chunks).step_by(part.of);
+    let all = numbers.clone().count();
+    let missing: Vec<_> = numbers.filter(|number| !known.contains_key(number)).collect();
     let file = Mutex::new(file);
     let keep = |number, rows| file.lock().write_all(&line(&Chunk { number, rows })?);
     let computed = missing.len();
@@ -205,15 +181,19 @@ fn open(store: &Path, head: &Head) -> io::Result<Result<(File, Chunks), String>>
     Ok(Ok((file, content.rows)))
 }
 
-/// The rows of a whole study, and the first line of one of its files.
+/// The rows of a whole study, and its job body.
 pub struct Joined {
-    head: Head,
+    /// The job body.
+    pub body: Vec<u8>,
+    key: String,
+    /// The numbers of all parts and of all chunks.
+    division: (usize, usize),
     chunks: Chunks,
 }
 
 /// Reads the files of all parts of a study.
 pub fn join(files: &[impl AsRef<Path>]) -> Result<Joined, Error> {
-    let mut joined: Option<Joined> = None;
+    let mut joined: Option<(Joined, Head)> = None;
     for file in files.iter().map(AsRef::as_ref) {
         let name = file.display();
         // A FIFO would be opened only when another program writes to it, and a device can be endless.
@@ -224,41 +204,70 @@ pub fn join(files: &[impl AsRef<Path>]) -> Result<Joined, Error> {
         let content = content.map_err(|error| format!("cannot read {name}: {error}"))?;
         let head = content.head.filter(|head| head.fretwork_part == FORM);
         let head = head.ok_or_else(|| format!("{name} is not the file of a part of a study"))?;
-        let (key, division) = (head.key.clone(), (head.part.of, head.chunks));
-        let all = joined.get_or_insert_with(|| Joined { head, chunks: BTreeMap::new() });
-        if (key, division) != (all.head.key.clone(), (all.head.part.of, all.head.chunks)) {
+        let (all, first) = joined.get_or_insert_with(|| {
+            let Head { job, key, part, chunks, .. } = head.clone();
+            let (body, division) = (job.into_bytes(), (part.of, chunks));
+            (Joined { body, key, division, chunks: BTreeMap::new() }, head.clone())
+        });
+        if (&head.key, head.part.of, head.chunks) != (&first.key, first.part.of, first.chunks) {
             return Err(
                 format!("{name} has a part of another study, or of another division").into()
             );
         }
         all.chunks.extend(content.rows);
     }
-    joined.ok_or_else(|| "--join needs a file".into())
+    let (joined, Head { part, chunks, .. }) = joined.ok_or("--join needs a file")?;
+    match (0..chunks).find(|number| !joined.chunks.contains_key(number)) {
+        None => Ok(joined),
+        Some(number) => Err(format!(
+            "part {}/{of} is missing or not complete; compute it with --part {}/{of}",
+            number % part.of + 1,
+            number % part.of + 1,
+            of = part.of
+        )
+        .into()),
+    }
 }
 
 impl Joined {
-    /// The job body.
-    pub fn body(&self) -> &[u8] {
-        self.head.job.as_bytes()
-    }
-
     /// The answer of the study that was prepared from the job body, and the time to join it.
     pub fn answer(&self, prepared: &Prepared) -> Result<(Answer, Duration), Error> {
         let started = Instant::now();
-        let (study, Head { key, part: Part { of, .. }, chunks: count, .. }) =
-            (divisible(prepared)?, &self.head);
-        if *key != prepared.key.to_string() || *count != chunks(study, *of) {
+        let study = divisible(prepared)?;
+        let (of, count) = self.division;
+        if self.key != prepared.key.to_string() || count != chunks(study, of) {
             return Err("another version of fretwork computed the parts; join them with it".into());
-        }
-        let mut owners = owners(study, *of).into_iter().enumerate();
-        if let Some((_, part)) = owners.find(|(number, _)| !self.chunks.contains_key(number)) {
-            return Err(format!(
-                "part {part}/{of} is missing or not complete; compute it with --part {part}/{of}"
-            )
-            .into());
         }
         let mut rows = Rows::default();
         self.chunks.values().for_each(|next| rows.append(next));
         Ok((Answer::of_study(prepared.key, study, &rows), started.elapsed()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    #[test]
+    fn parts_have_about_as_many_points() {
+        let ball: Value = serde_json::from_str(crate::http::EXAMPLES[0].body).unwrap();
+        for (count, of) in [(24, 16), (48, 16), (7, 16), (1000, 7), (100_003, 3), (5, usize::MAX)] {
+            let vary = json!([{"pointer": "/friction", "from": 0.5, "to": 0.8, "count": count}]);
+            let sweep =
+                json!({"scenario": ball["scenario"], "vary": vary, "outputs": ["wear_depth"]});
+            let job = Submission::parse(json!({"sweep": sweep}).to_string().as_bytes()).unwrap();
+            let study = divisible(&job.prepared).unwrap();
+            let mut points = BTreeMap::new();
+            let chunks = chunks(study, of);
+            for number in 0..chunks {
+                *points.entry(number % of).or_insert(0) += study.points_of(number, chunks).len();
+            }
+            assert_eq!(points.values().sum::<usize>(), count);
+            assert_eq!(points.len(), of.min(count));
+            let (least, most) = (points.values().min().unwrap(), points.values().max().unwrap());
+            assert!(most - least <= 1 + least / 50, "{count} points in {of} parts: {points:?}");
+        }
     }
 }

@@ -9,35 +9,31 @@ use super::printing::Error;
 use crate::config::Output;
 use fretwork_format::Format;
 
-/// Files that a command reads, or will write.
-pub struct Taken(HashSet<PathBuf>);
+/// Files that a command reads or will write, without links in their names.
+pub type Taken = HashSet<PathBuf>;
 
-impl Taken {
-    /// The input files of a command.
-    pub fn by(inputs: &[PathBuf]) -> Self {
-        Self(inputs.iter().filter_map(|file| fs::canonicalize(file).ok()).collect())
-    }
+/// The input files of a command.
+pub fn taken(inputs: &[PathBuf]) -> Taken {
+    inputs.iter().filter_map(|file| fs::canonicalize(file).ok()).collect()
+}
 
-    /// Makes the directory of an output file. Checks that the file can be written, and that it is no other file of the command.
-    pub fn reserve(&mut self, file: &Path) -> Result<(), Error> {
-        let refused = |error: io::Error| format!("cannot write {}: {error}", file.display());
-        if file.exists() && !file.is_file() && !file.is_dir() {
-            // A device or a FIFO. Its reader would take an attempt for the end.
-            return Ok(());
-        }
-        make_parent(file).map_err(refused)?;
-        let is_new = file.symlink_metadata().is_err();
-        OpenOptions::new().create(true).append(true).open(file).map_err(refused)?;
-        let whole = fs::canonicalize(file).map_err(refused)?;
-        if is_new {
-            fs::remove_file(file).map_err(refused)?;
-        }
-        if self.0.insert(whole) {
-            return Ok(());
-        }
-        let file = file.display();
-        Err(format!("{file} would replace an input file or another result. Name another file or directory").into())
+/// Makes the directory of an output file. Checks that the file can be written, and that it is no other file of the command.
+pub fn reserve(file: &Path, taken: &mut Taken) -> Result<(), Error> {
+    let (name, is_new) = (file.display(), file.symlink_metadata().is_err());
+    // The reader of a FIFO would take an attempt for the end.
+    if file.exists() && !file.is_file() && !file.is_dir() {
+        return Ok(());
     }
+    let opened = make_parent(file)
+        .and_then(|()| OpenOptions::new().create(true).append(true).open(file))
+        .and_then(|_| fs::canonicalize(file));
+    let place = opened.map_err(|error| format!("cannot write {name}: {error}"))?;
+    if is_new {
+        fs::remove_file(file)?;
+    }
+    let is_free = taken.insert(place);
+    let advice = "would replace an input file or another result. Name another place";
+    is_free.then_some(()).ok_or_else(|| format!("{name} {advice}").into())
 }
 
 /// Makes the directory of a file.
@@ -53,7 +49,8 @@ pub fn check(
     others: &[(Option<&PathBuf>, &str)],
     mut taken: Taken,
 ) -> Result<(), Error> {
-    for place in others.iter().filter_map(|(place, _)| *place).chain(&output.file) {
+    let others = others.iter().filter_map(|(place, suffix)| Some(((*place)?, *suffix)));
+    for place in others.clone().map(|(place, _)| place).chain(&output.file) {
         make_directory(place, inputs.len() == 1)?;
     }
     let format = output.format()?;
@@ -62,14 +59,14 @@ pub fn check(
         let advice = "write it to a file with --output";
         return Err(format!("the requested format is binary, not for a terminal: {advice}").into());
     }
-    for input in inputs {
-        let places = [(output.file.as_ref(), format.name())].into_iter().chain(others.to_vec());
-        for (place, suffix) in places.filter_map(|(place, suffix)| Some((place?, suffix))) {
-            if suffix == "svg" && !place.is_dir() && place.extension() != Some("svg".as_ref()) {
-                let place = place.display();
-                return Err(format!("{place}: figures are SVG. Enter a name that ends with .svg").into());
-            }
-            taken.reserve(&inside(place, input, suffix))?;
+    let places = others.chain(output.file.iter().map(|file| (file, format.name())));
+    for (place, suffix) in places {
+        if suffix == "svg" && !place.is_dir() && place.extension() != Some("svg".as_ref()) {
+            let place = place.display();
+            return Err(format!("{place}: figures are SVG. End the name with .svg").into());
+        }
+        for input in inputs {
+            reserve(&inside(place, input, suffix), &mut taken)?;
         }
     }
     Ok(())
@@ -78,17 +75,12 @@ pub fn check(
 /// Makes the directory in which several input files, or a name with a slash at its end, put their results.
 fn make_directory(place: &Path, is_one: bool) -> Result<(), Error> {
     let is_slash = place.as_os_str().as_encoded_bytes().ends_with(b"/");
-    if is_one && !is_slash {
-        return Ok(());
-    }
-    let suffixes = Format::ALL.map(Format::name);
     let suffix = place.extension().and_then(|suffix| suffix.to_str()).unwrap_or_default();
-    let is_file = !is_slash && (suffix == "html" || suffixes.contains(&suffix));
-    if place.is_dir() || (!is_file && fs::create_dir_all(place).is_ok()) {
-        return Ok(());
-    }
-    let place = place.display();
-    Err(format!("{place} is not a directory, which several input files need").into())
+    let is_file = suffix == "html" || Format::ALL.iter().any(|format| format.name() == suffix);
+    let is_wrong = is_file && !is_slash && !place.is_dir();
+    let is_right = (is_one && !is_slash) || (!is_wrong && fs::create_dir_all(place).is_ok());
+    let advice = "is not a directory, which several input files need";
+    is_right.then_some(()).ok_or_else(|| format!("{} {advice}", place.display()).into())
 }
 
 /// The file itself, or the file in a directory that is named after the input file.

@@ -29,15 +29,15 @@ pub fn print(text: &[u8]) -> Result<(), Error> {
     }
 }
 
-/// A text of a server or a file, in which a terminal obeys nothing: control characters are shown as text.
-pub fn harmless(text: &str) -> String {
-    let shown = |letter: char| match letter {
-        // These change the order of the letters.
-        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => letter.escape_default().collect(),
-        _ if letter.is_control() => letter.escape_default().collect(),
-        _ => String::from(letter),
-    };
-    text.chars().map(shown).collect()
+/// A line of a server or a file, in which a terminal obeys nothing: control characters are shown as text.
+pub fn harmless(line: &str) -> String {
+    // Some change the order of the letters.
+    let (text, end) = line.strip_suffix('\n').map_or((line, ""), |text| (text, "\n"));
+    let order = ['\u{202a}'..='\u{202e}', '\u{2066}'..='\u{2069}'];
+    let obeyed = |it: char| it.is_control() || order.iter().any(|range| range.contains(&it));
+    let shown =
+        |it: char| if obeyed(it) { it.escape_default().collect() } else { String::from(it) };
+    text.chars().map(shown).collect::<String>() + end
 }
 
 /// Characters in the bar of the progress.

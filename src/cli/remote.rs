@@ -1,6 +1,6 @@
 //! The commands `submit`, `get`, `watch`, `list`, `cancel` and `evaluate`, which talk to a server.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use serde_json::value::RawValue;
 use serde_json::{Value, json};
 
 use super::client::{Client, Refusal, Reply, escaped};
-use super::places::{self, Taken};
+use super::places;
 use super::printing::{Error, Progress, harmless, print};
 use super::run::{listed, read_job, write_result};
 use crate::config::{Evaluate, Get, List, OneJob, Remote, Submit};
@@ -49,7 +49,7 @@ pub fn submit(settings: &Submit) -> Result<ExitCode, Error> {
 /// Writes a result.
 pub fn get(settings: &Get) -> Result<ExitCode, Error> {
     let name = PathBuf::from(&settings.key_of_result);
-    places::check(slice::from_ref(&name), &settings.output, &[], Taken::by(&[]))?;
+    places::check(slice::from_ref(&name), &settings.output, &[], HashSet::new())?;
     let client = connect(&settings.server)?;
     let path = format!("/v1/results/{}", escaped(&settings.key_of_result));
     match client.call("GET", &path, None)? {
@@ -99,10 +99,9 @@ pub fn evaluate(settings: &Evaluate) -> Result<ExitCode, Error> {
         body = serde_json::to_vec(&members)?;
     }
     let name = format!("{}: ", settings.file.display());
-    printed(client.call("POST", "/v1/evaluate", Some(&body))?, &name, |answer| {
-        let lines = format!("{answer:#}\n");
-        lines.lines().map(|line| harmless(line) + "\n").collect()
-    })
+    let words =
+        |answer: &Value| format!("{answer:#}\n").split_inclusive('\n').map(harmless).collect();
+    printed(client.call("POST", "/v1/evaluate", Some(&body))?, &name, words)
 }
 
 /// The server of a command. Warns of another version.

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use super::places::Taken;
+use super::places::{reserve, taken};
 use super::printing::{Error, print};
 use super::run::{read, write_file};
 use crate::config::Report;
@@ -20,7 +20,7 @@ pub fn report(settings: &Report) -> Result<ExitCode, Error> {
         return Err("--measured belongs to the report of one run".into());
     }
     if let Some(file) = &settings.file {
-        Taken::by(&[&settings.files[..], &settings.measured].concat()).reserve(file)?;
+        reserve(file, &mut taken(&[&settings.files[..], &settings.measured].concat()))?;
     }
     let measured: Vec<_> =
         settings.measured.iter().map(|file| read_measured(file)).collect::<Result<_, _>>()?;

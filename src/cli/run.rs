@@ -10,7 +10,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::parts;
-use super::places::{self, Taken, inside};
+use super::places::{self, inside};
 use super::printing::{Error, Progress, print, shown};
 use super::study;
 use crate::config::{Change, Output, Run};
@@ -26,12 +26,12 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
         Some(_) => vec![PathBuf::from("-")],
         None => listed(&settings.files)?,
     };
-    let taken = Taken::by(settings.join.as_ref().unwrap_or(&files));
+    let taken = places::taken(settings.join.as_ref().unwrap_or(&files));
     let others = [(settings.plot.as_ref(), "svg"), (settings.report.as_ref(), "html")];
     places::check(&files, &settings.output, &others, taken)?;
     if let Some(parts) = &settings.join {
         let joined = parts::join(parts)?;
-        let job = match parse(joined.body()) {
+        let job = match parse(&joined.body) {
             Ok(job) => job,
             Err(faults) => return Ok(print_faults(faults, &parts[0])),
         };

@@ -28,7 +28,8 @@ impl fmt::Debug for Secret {
 pub fn secret_in(file: &Path) -> Result<String, String> {
     let mut text = String::new();
     let read = File::open(file).and_then(|file| file.take(4096).read_to_string(&mut text));
-    read.map(|_| text).map_err(|error| format!("cannot read the key in {}: {error}", file.display()))
+    read.map(|_| text)
+        .map_err(|error| format!("cannot read the key in {}: {error}", file.display()))
 }
 
 /// Parses the time of a lease. A busy server could not renew a shorter lease in time.

@@ -13,7 +13,7 @@ const TRACE: &str =
     r#""shape":"table","radius":["-1 mm","0 mm","1 mm"],"height":["50 um",0,"50 um"]"#;
 
 /// What is replaced, what the user writes instead, and the fault in the words of the program.
-const MISTAKES: [(&str, &str, &str); 23] = [
+const MISTAKES: [(&str, &str, &str); 24] = [
     ("0.7", "\"0.7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
     ("0.7", "\"0,7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
     ("0.7", "NaN", "enter a number instead of NaN or Infinity, at line"),

@@ -232,9 +232,9 @@ fn holder(file: &File) -> Option<String> {
     let mut locks = locks.lines().map(|line| line.split_whitespace().collect::<Vec<_>>());
     let held = locks.find(|words| words.len() > 5 && words[5].ends_with(&inode))?;
     let command = fs::read_to_string(format!("/proc/{}/cmdline", held[4])).ok()?;
-    let words = command.split('\0').take(3).take_while(|word| !word.starts_with('-'));
-    let command = words.collect::<Vec<_>>().join(" ");
-    Some(format!(" (process {}: {})", held[4], command.trim_end()))
+    let words: Vec<_> =
+        command.split_terminator('\0').take_while(|word| !word.starts_with('-')).collect();
+    Some(format!(" (process {}: {})", held[4], words.join(" ")))
 }
 
 /// Other systems do not tell who holds a lock.
@@ -337,17 +337,15 @@ pub(crate) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConne
             Err(error) => return Err(error),
         }
         // A server that has just started may still create or migrate the database.
-        match served(&path, &options).await {
+        let served = async {
+            inspect(&path).await?;
+            let mut db = SqliteConnection::connect_with(&options).await?;
+            schema::require_latest(&mut db, &path).await?;
+            Ok(db)
+        };
+        match served.await {
             Err(_) if Instant::now() < end => sleep(LOCK_PAUSE).await,
             done => return done,
         }
     }
-}
-
-/// Opens the database of a directory that a server has locked.
-async fn served(path: &Path, options: &SqliteConnectOptions) -> Result<SqliteConnection> {
-    inspect(path).await?;
-    let mut db = SqliteConnection::connect_with(options).await?;
-    schema::require_latest(&mut db, path).await?;
-    Ok(db)
 }
