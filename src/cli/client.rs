@@ -1,6 +1,6 @@
 //! Sends requests to a server.
 
-use std::io::{self, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::net::IpAddr;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -16,7 +16,8 @@ use uuid::Uuid;
 
 use super::listening::reachable;
 use super::printing::{Error, say};
-use crate::config::{Remote, secret_in};
+use super::run::read;
+use crate::config::Remote;
 
 /// Maximum time to connect, and to wait for an answer that needs no computation.
 const TIMEOUT: Duration = Duration::from_secs(5);
@@ -75,7 +76,7 @@ impl Client {
             return Err(format!("{base} must be the address of the server: {better}").into());
         }
         let key = match (&settings.key, &settings.key_file) {
-            (None, Some(file)) => Some(secret_in(file)?),
+            (None, Some(file)) => Some(String::from_utf8(read(file)?)?),
             (key, _) => key.as_ref().map(|key| key.0.clone()),
         };
         if key.is_some() && settings.url.is_some() && !is_private(&base) {
@@ -130,8 +131,10 @@ impl Client {
         let status = answer.status().as_u16();
         let retry_after = answer.headers().get("retry-after");
         let retry_after = retry_after.and_then(|seconds| seconds.to_str().ok()?.parse().ok());
-        let body = answer.body_mut().with_config().limit(LARGEST).read_to_vec();
-        let body = body.map_err(|error| self.failed(&error, timeout))?;
+        let mut body = Vec::new();
+        // The beginning of a larger answer is no JSON.
+        let read = answer.body_mut().as_reader().take(LARGEST).read_to_end(&mut body);
+        read.map_err(|error| self.failed(&error.into(), timeout))?;
         Ok(Reply { status, body, retry_after })
     }
 
@@ -193,7 +196,6 @@ impl Client {
             (Failure::Timeout(_), _) => {
                 format!("the server at {base} does not answer within {timeout:?}")
             }
-            (Failure::BodyExceedsLimit(most), _) => format!("{base} sends more than {most} bytes"),
             (_, Some(TlsError::InvalidMessage(InvalidMessage::InvalidContentType))) => format!(
                 "the server at {base} does not speak TLS. Enter an address that begins with http://"
             ),

@@ -18,7 +18,6 @@ mod signals;
 mod study;
 mod worker;
 
-use std::fs;
 use std::process::ExitCode;
 
 use clap::FromArgMatches as _;
@@ -73,9 +72,7 @@ pub fn main() -> ExitCode {
             print(&script).map(success)
         }
         Some(Command::Man { directory }) => {
-            let made = fs::create_dir_all(&directory);
-            let made = made.and_then(|()| clap_mangen::generate_to(config::command(), directory));
-            made.map_err(Into::into).map(success)
+            clap_mangen::generate_to(config::command(), directory).map_err(Into::into).map(success)
         }
         Some(Command::Openapi) => print(&http::document()).map(success),
         Some(Command::Verify { exact_volumes: true, .. }) => {

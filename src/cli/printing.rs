@@ -29,15 +29,15 @@ pub fn print(text: &[u8]) -> Result<(), Error> {
     }
 }
 
-/// A line of a server or a file, in which a terminal obeys nothing: control characters are shown as text.
-pub fn harmless(line: &str) -> String {
-    // Some change the order of the letters.
-    let (text, end) = line.strip_suffix('\n').map_or((line, ""), |text| (text, "\n"));
-    let order = ['\u{202a}'..='\u{202e}', '\u{2066}'..='\u{2069}'];
-    let obeyed = |it: char| it.is_control() || order.iter().any(|range| range.contains(&it));
-    let shown =
-        |it: char| if obeyed(it) { it.escape_default().collect() } else { String::from(it) };
-    text.chars().map(shown).collect::<String>() + end
+/// A text of a server or a file, in which a terminal obeys nothing: control characters are shown as text.
+pub fn harmless(text: &str) -> String {
+    let shown = |it: char| match it {
+        // These change the order of the letters.
+        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => it.escape_default().to_string(),
+        _ if it.is_control() && it != '\n' => it.escape_default().to_string(),
+        _ => it.to_string(),
+    };
+    text.chars().map(shown).collect()
 }
 
 /// Characters in the bar of the progress.

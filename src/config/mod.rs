@@ -24,7 +24,6 @@ pub use remote::{Evaluate, Get, List, OneJob, Remote, Submit};
 pub use report::Report;
 pub use run::{Change, Output, Part, Run};
 pub use server::{Serve, described};
-pub use values::secret_in;
 pub use worker::Worker;
 
 /// The examples that the help of a command shows.

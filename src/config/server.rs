@@ -2,6 +2,7 @@
 
 use std::ffi::OsStr;
 use std::fmt::Write as _;
+use std::fs;
 use std::iter;
 use std::net::{IpAddr, SocketAddr};
 use std::num::NonZeroU32;
@@ -18,7 +19,7 @@ use hyper::header::{HeaderName, HeaderValue};
 
 use super::data::Data;
 use super::keys::role;
-use super::values::{Secret, duration, lease, nonzero, resolve, seconds, secret_in};
+use super::values::{Secret, duration, lease, nonzero, resolve, seconds};
 use crate::http::{self, Access, AdminKey, Connections, Limits, Origins, SignOn};
 use crate::service::WorkLimits;
 use crate::telemetry::Logging;
@@ -240,8 +241,10 @@ impl Serve {
             (None, None) => return Ok(None),
             (Some(Secret(key)), _) => (key.clone(), "FRETWORK_ADMIN_KEY".to_owned()),
             (None, Some(file)) => {
-                let key = secret_in(file)?.trim_end().to_owned();
-                (key, format!("the key in {}", file.display()))
+                let file_name = file.display();
+                let text = fs::read_to_string(file)
+                    .map_err(|error| format!("cannot read the key in {file_name}: {error}"))?;
+                (text.trim_end().to_owned(), format!("the key in {file_name}"))
             }
         };
         if key.len() >= 20 && key.bytes().all(|byte| byte.is_ascii_graphic() && byte != b':') {

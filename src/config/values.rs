@@ -1,10 +1,7 @@
 //! Values of options: how they are read, and what is wrong with them.
 
 use std::fmt;
-use std::fs::File;
-use std::io::Read as _;
 use std::net::{SocketAddr, ToSocketAddrs};
-use std::path::Path;
 use std::time::Duration;
 
 /// A text that contains a password or a key. This type accepts any text, because an error of clap would print it. The
@@ -22,14 +19,6 @@ impl fmt::Debug for Secret {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("(not shown)")
     }
-}
-
-/// The secret in a file. No secret is as long as the bytes that this reads, and a device can be endless.
-pub fn secret_in(file: &Path) -> Result<String, String> {
-    let mut text = String::new();
-    let read = File::open(file).and_then(|file| file.take(4096).read_to_string(&mut text));
-    read.map(|_| text)
-        .map_err(|error| format!("cannot read the key in {}: {error}", file.display()))
 }
 
 /// Parses the time of a lease. A busy server could not renew a shorter lease in time.

@@ -206,7 +206,7 @@ fn a_server_that_is_not_fretwork_is_named_and_gets_few_requests() {
     fails(&watch(&[SAME_VERSION, "200 OK\r\n\r\n<html>"]), "is not the JSON of fretwork. Check");
     fails(&watch(&[SAME_VERSION, "200 OK\r\n\r\n{}"]), "is no job. Check FRETWORK_URL");
     let long = "200 OK\r\n\r\n".to_owned() + &" ".repeat((1 << 27) + 1);
-    fails(&watch(&[SAME_VERSION, &long]), "sends more than 134217728 bytes");
+    fails(&watch(&[SAME_VERSION, &long]), "is not the JSON of fretwork. Check");
     let running = "200 OK\r\n\r\n{\"state\":\"running\"}";
     let ended = format!("200 OK\r\n\r\n{{\"id\":\"{ID}\",\"state\":\"succeeded\"}}");
     let began = Instant::now();

@@ -161,9 +161,7 @@ fn what_is_no_part_of_the_study_is_refused_and_not_overwritten() {
 fn every_part_of_a_small_study_has_points() {
     let study = Divided::new(&example("sweep"), 16);
     for number in 1..=16 {
-        assert!(
-            succeeds(&study.compute(number)).starts_with(&format!("part {number}/16: 1 chunks"))
-        );
+        assert!(!succeeds(&study.compute(number)).contains(": 0 chunks"), "part {number} is empty");
     }
     let joined = study.join(&[]);
     succeeds(&joined);

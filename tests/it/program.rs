@@ -275,7 +275,7 @@ fn a_server_is_healthy_until_sigterm_and_exits_with_0() {
         assert_eq!(second.status.code(), Some(1));
         let said = text(&second.stderr);
         assert!(said.contains("fretwork: another server is using the data directory"), "{said}");
-        assert!(said.contains(&format!(" (process {}: ", child.id())), "{said}");
+        assert!(said.contains(&format!(" (process {})", child.id())), "{said}");
 
         let told = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
         assert!(told.success());

@@ -223,18 +223,14 @@ fn try_lock(dir: &Path) -> Result<File> {
 }
 
 /// The process that holds the lock of a file, as a part of an error text. Only Linux tells it, and no process of another
-/// container. Options of its command are not shown, because they can be secret.
+/// container.
 #[cfg(unix)]
 fn holder(file: &File) -> Option<String> {
     use std::os::unix::fs::MetadataExt as _;
     let inode = format!(":{}", file.metadata().ok()?.ino());
     let locks = fs::read_to_string("/proc/locks").ok()?;
-    let mut locks = locks.lines().map(|line| line.split_whitespace().collect::<Vec<_>>());
-    let held = locks.find(|words| words.len() > 5 && words[5].ends_with(&inode))?;
-    let command = fs::read_to_string(format!("/proc/{}/cmdline", held[4])).ok()?;
-    let words: Vec<_> =
-        command.split_terminator('\0').take_while(|word| !word.starts_with('-')).collect();
-    Some(format!(" (process {}: {})", held[4], words.join(" ")))
+    let held = locks.lines().find(|line| line.split(' ').any(|word| word.ends_with(&inode)))?;
+    Some(format!(" (process {})", held.split_whitespace().nth(4)?))
 }
 
 /// Other systems do not tell who holds a lock.
