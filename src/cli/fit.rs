@@ -41,11 +41,11 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
     };
     let mut measured = match fretwork_measured::read(&read(&settings.file)?, &wanted) {
         Ok(measured) => measured,
-        Err(faults) => return Ok(print_faults(faults.0, &settings.file)),
+        Err(faults) => return Ok(print_faults(&faults.0, &settings.file)),
     };
     let mut data = measured.prepared["data"].take();
     if data.is_null() {
-        return Ok(print_faults(Faults::one("", measured.notes.join(" ")).0, &settings.file));
+        return Ok(print_faults(&Faults::one("", measured.notes.join(" ")).0, &settings.file));
     }
     let given = [json!(sigma), json!(relative), json!(at), json!(density)];
     let given = OPTIONS.into_iter().zip(given);
@@ -88,7 +88,7 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
     }
     let mut found = match fitted(&body(&parameters), settings)? {
         Ok(found) => found,
-        Err(faults) => return Ok(print_faults(faults, Path::new("-"))),
+        Err(faults) => return Ok(print_faults(&faults, Path::new("-"))),
     };
     let ends = found.0["parameters"][1]["interval"].as_array();
     if settings.parameter.is_empty() && ends.is_some_and(|ends| ends.contains(&Value::Null)) {

@@ -33,7 +33,7 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
         let joined = parts::join(parts)?;
         let job = match parse(&joined.body) {
             Ok(job) => job,
-            Err(faults) => return Ok(print_faults(faults, &parts[0])),
+            Err(faults) => return Ok(print_faults(&faults, &parts[0])),
         };
         finish(&job, joined.answer(&job.prepared)?, &files[0], settings)?;
         return Ok(ExitCode::SUCCESS);
@@ -47,7 +47,7 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
         let job = match parse(&text) {
             Ok(job) => job,
             Err(faults) => {
-                code = print_faults(faults, file);
+                code = print_faults(&faults, file);
                 continue;
             }
         };
@@ -239,12 +239,13 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
 
 /// Prints the faults of a file to standard error, with its name unless it is standard input. Returns the exit code of a
 /// body that is not valid.
-pub fn print_faults(faults: Vec<Fault>, file: &Path) -> ExitCode {
-    let file = Some(file).filter(|file| file.as_os_str() != "-");
-    let name = file.map_or(String::new(), |file| format!("{}: ", file.display()));
-    for fault in Faults(faults).below(&name).0 {
+pub fn print_faults(faults: &[Fault], file: &Path) -> ExitCode {
+    let name = file.display().to_string();
+    for Fault { pointer, detail } in faults {
+        let place = [&name, pointer].into_iter().filter(|it| !["", "-"].contains(&it.as_str()));
+        let words: Vec<&str> = place.map(String::as_str).chain([detail.as_str()]).collect();
         // If standard error is closed, the exit code still reports the faults.
-        let _ = writeln!(io::stderr(), "{}: {}", fault.pointer, fault.detail);
+        let _ = writeln!(io::stderr(), "{}", words.join(": "));
     }
     ExitCode::from(2)
 }
