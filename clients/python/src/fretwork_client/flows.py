@@ -18,11 +18,15 @@ from . import api_types as api
 from .errors import InvalidRequest, JobFailed, ServerUnreachable, refusal
 from .progress import Progress
 from .results import Evaluation, Fit, Run, Study
+from .tables import Array
+from .values import plain
 
 T = TypeVar("T")
+# With quantities or arrays, a scenario is a dict of any type.
+Scenario = api.Scenario | Mapping[str, Any]
 Flow = Generator["Request | Pause", "Answer", T]
 # Numbers to vary: values, a range such as {"from": 1, "to": 2, "count": 5}, or {"distribution": …}, by JSON pointer.
-Vary = Mapping[str, Sequence[float | str] | Mapping[str, Any]]
+Vary = Mapping[str, Sequence[float | str] | Array | Mapping[str, Any]]
 
 FINISHED = ("succeeded", "failed", "canceled")
 # Answers after which the same request may succeed: too many requests, a proxy without a server, a server that starts or stops.
@@ -111,6 +115,7 @@ def send(request: Request, seconds: float) -> Flow[Answer]:
 
 def post(path: str, body: Mapping[str, Any], patience: float, **headers: str) -> Flow[Any]:
     """Sends JSON, and returns the JSON of the answer. The server must do the same if it receives this twice."""
+    body = plain(body)
     named = {"content-type": "application/json"} | {name.replace("_", "-"): value for name, value in headers.items()}
     answer = yield from send(Request("POST", path, headers=named, content=json.dumps(body).encode()), patience)
     return json.loads(answer.content)
@@ -176,11 +181,11 @@ class Operations:
     patience: float
     show: Callable[[], Progress]
 
-    def run(self, scenario: api.Scenario, *, label: str | None = None, tags: Sequence[str] = ()) -> Flow[Run]:
+    def run(self, scenario: Scenario, *, label: str | None = None, tags: Sequence[str] = ()) -> Flow[Run]:
         """Computes a scenario, or reads its stored result."""
         return (yield from self._compute(Run, "scenario", scenario, label, tags))
 
-    def evaluate(self, scenario: api.Scenario, outputs: Sequence[str]) -> Flow[Evaluation]:
+    def evaluate(self, scenario: Scenario, outputs: Sequence[str]) -> Flow[Evaluation]:
         """Computes some outputs of a short run, such as `wear_depth@10000`. The server stores nothing."""
         body = {"scenario": scenario, "outputs": list(outputs)}
         answer: api.Evaluated = yield from post("/v1/evaluate", body, self.patience)
@@ -189,7 +194,7 @@ class Operations:
     def sweep(
         self,
         /,
-        scenario: api.Scenario,
+        scenario: Scenario,
         vary: Vary,
         outputs: Sequence[str],
         *,
@@ -207,7 +212,7 @@ class Operations:
     def sensitivity(
         self,
         /,
-        scenario: api.Scenario,
+        scenario: Scenario,
         vary: Vary | Sequence[str],
         outputs: Sequence[str],
         *,
@@ -225,7 +230,7 @@ class Operations:
 
     def map(
         self,
-        scenario: api.Scenario,
+        scenario: Scenario,
         normal_force: api.Axis,
         amplitude: api.Axis,
         outputs: Sequence[str] = (),
@@ -242,7 +247,7 @@ class Operations:
     def fit(
         self,
         /,
-        scenario: api.Scenario,
+        scenario: Scenario,
         parameters: Mapping[str, Mapping[str, Any]] | Sequence[api.FitParametersItem],
         tests: Sequence[api.FitTestsItem],
         *,
