@@ -19,6 +19,7 @@ from .errors import InvalidRequest, JobFailed, ServerUnreachable, refusal
 from .progress import Progress
 from .results import Evaluation, Fit, Run, Study
 from .tables import Array
+from .traces import Trace
 from .values import plain
 
 T = TypeVar("T")
@@ -288,10 +289,17 @@ class Operations:
         found: api.DerivativeList = json.loads((yield from get(path, self.patience, **names)))
         return found["derivatives"]
 
-    def measurements(self, /, file: str | os.PathLike[str], **options: str | int) -> Flow[api.Measured]:
-        """Reads a file of measured numbers. `options` are the parameters of `POST /v1/measurements`, such as `x` and `y`."""
+    def measurements(self, /, file: str | os.PathLike[str] | Trace, **options: str | int) -> Flow[api.Measured]:
+        """Reads a file of measured numbers, or a trace of `read_trace`.
+
+        `options` are the parameters of `POST /v1/measurements`, such as `x` and `y`. For a trace, `prepare` is `trace`.
+        """
+        if isinstance(file, Trace):
+            content, options = file.text().encode(), {"prepare": "trace", **options}
+        else:
+            content = pathlib.Path(file).read_bytes()
         headers = {"content-type": "application/octet-stream"}
-        request = Request("POST", "/v1/measurements", _words(options), headers, pathlib.Path(file).read_bytes())
+        request = Request("POST", "/v1/measurements", _words(options), headers, content)
         return cast(api.Measured, json.loads((yield from send(request, self.patience)).content))
 
     def _compute(self, kind: type[ResultT], name: str, body: Any, label: str | None, tags: Sequence[str]) -> Flow[ResultT]:
