@@ -472,6 +472,21 @@ impl Springs {
         }
     }
 
+    /// The amplitudes of the contact and of the actuator at which the whole contact slips: Δ, or the stroke of a line
+    /// contact. NaN without a reference.
+    pub(crate) fn gross_slip(&self) -> [f64; 2] {
+        if self.mesh.geometry == Geometry::Line {
+            let stroke = self.moved(1.0).0;
+            return [stroke - self.reference.map_or(0.0, |reference| reference.rig()), stroke];
+        }
+        let first = self.compressions.iter().copied().fold(0.0, f64::max);
+        let most = if self.mesh.is_whole { first } else { self.depth };
+        match self.control.tangential {
+            Tangential::Rig { compliance, .. } => [most, most + 2.0 * compliance * self.normal()],
+            _ => [most; 2],
+        }
+    }
+
     /// The normal force as a share of its initial value, F/F₀.
     pub(crate) fn share(&self) -> f64 {
         self.normal() / self.half_force
