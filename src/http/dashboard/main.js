@@ -6,6 +6,7 @@ import { connection, watchConnection } from "./api.js";
 import { fill, h, notify, withDates } from "./dom.js";
 import { errorCard } from "./error.js";
 import { showForm } from "./form.js";
+import { forgetUser } from "./kept-input.js";
 import { caller, hasDeclined, readCaller, session, SIGN_ON, signedIn, signIn, signOut, whySignIn } from "./sign-in.js";
 import { si, useSi } from "./units.js";
 
@@ -113,7 +114,8 @@ function showUser() {
 
 async function leave() {
   currentView.abort();
-  if (await signOut()) return;
+  const me = caller();
+  if (await signOut()) return forgetUser(me);
   notify("The server cannot be reached. You are still signed in.");
   route();
 }

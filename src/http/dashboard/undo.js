@@ -4,9 +4,18 @@ const MOST = 200;
 
 /** Keeps the states of the form as texts. Consecutive changes of one field are one step. */
 export class Undo {
-  #states = [];
+  #states;
   #redone = [];
   #source = null;
+
+  constructor(states) {
+    this.#states = states;
+  }
+
+  /** The states as texts. The last one is the present. */
+  get states() {
+    return this.#states;
+  }
 
   /** Records a state. `source` names the field that has changed; null for a change that is a step of its own. */
   record(state, source = null) {
