@@ -88,8 +88,13 @@ def one_sign_in(browser, own):
     assert page.evaluate(kept).startswith("{}") and "fretwork_" not in page.evaluate(kept) + page.content()
     [cookie] = page.context.cookies()
     assert cookie["httpOnly"] and cookie["sameSite"] == "Lax" and cookie["expires"] == -1, cookie
+    # What is typed stays in the browser until the user signs out.
+    page.goto(own.base + "/#/new")
+    page.fill("#friction", "0.517")
+    assert "0.517" in page.evaluate(kept)
     sign_out(page)
     for place in (page, tab):
+        assert "0.517" not in place.evaluate(kept), place.evaluate(kept)
         expect(place.locator("#key-reason")).to_have_text("You are signed out.")
         expect(place.locator("#user")).to_have_text("Sign in")
         expect(place.locator("nav")).to_be_hidden()

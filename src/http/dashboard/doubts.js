@@ -47,5 +47,7 @@ export class Doubts {
     place.hidden = !this.areOpen;
     fill(place, `Before you can ${act}, answer:`, [...this.#open].map(([input, question]) =>
       button(`${input.dataset.name ?? input.getAttribute("aria-label")}: ${question}`, () => visit(input))));
+    // The question stands below the field that is typed.
+    if (this.#open.has(document.activeElement)) document.activeElement.closest(".field, td").scrollIntoView({ block: "nearest" });
   }
 }

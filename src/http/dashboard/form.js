@@ -276,12 +276,13 @@ export async function showForm(main, { query: asked, signal }) {
 
   function refuse(problem) {
     accepted = false;
-    allowKeep();
     showAll(problem);
     estimate.removeAttribute("aria-busy");
     announcement.textContent = problem.errors ? countOf(problem) : problem.detail;
     if (problem.errors) preview.mark([drawCount(main, problem), " ", lastValid(main, valid, form.scenario)]);
     fill(estimate, h("h2", {}, problem.errors ? drawCount(main, problem) : problem.title), problem.errors ? null : h("p", {}, problem.detail));
+    // The faults have moved the field that is typed.
+    drawDoubts();
   }
 
   /** The scenario that the shown numbers belong to. */

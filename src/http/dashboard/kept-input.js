@@ -102,7 +102,7 @@ export function forgetUser({ name }) {
 
 // Nobody knows yet whether the tab is closed or loaded again. A new id, because a duplicate of the tab has the one before.
 addEventListener("pagehide", () => {
-  if (steps) {
+  if (steps?.states.length > 1) {
     let rest = LONGEST;
     write(sessionStorage, STEPS, { ...steps, states: steps.states.slice(steps.states.findLastIndex((state) => (rest -= state.length) < 0) + 1) });
   }
