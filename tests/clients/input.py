@@ -102,7 +102,7 @@ def two_tabs(browser):
         page.reload()
         shows(page, friction=text)
     second.close(run_before_unload=True)
-    first.wait_for_function("localStorage.getItem('fretwork-left-inputs')?.includes('0.52')")
+    first.wait_for_function("() => localStorage.getItem('fretwork-left-inputs')?.includes('0.52')")
     third = form(first.context.new_page())
     expect(third.locator("#friction")).to_have_value("0.7")
     expect(third.locator(KEPT)).to_contain_text("Earlier input is kept: ")

@@ -2,12 +2,12 @@
 // closed.
 
 import { dateTime, fill, h, notify } from "./dom.js";
-import { caller } from "./sign-in.js";
+import { caller, SIGNED_OUT, tabsOfSession } from "./sign-in.js";
 import { Undo } from "./undo.js";
 
-/** Of each tab: its input, and its steps of undo. Of all tabs: the inputs that were left behind. */
-const [OWN, STEPS, LEFT] = ["fretwork-input", "fretwork-undo", "fretwork-left-inputs"];
-/** Number of inputs that are left behind, and characters of the steps that survive a reload. */
+/** Where a tab keeps its own, and where all tabs keep the inputs that were left behind. */
+const [TAB, LEFT] = ["fretwork-input", "fretwork-left-inputs"];
+/** Number of inputs that are left behind, and characters of the steps of undo that survive a reload. */
 const [MOST, LONGEST] = [5, 1e6];
 
 const read = (storage, name) => JSON.parse(storage.getItem(name));
@@ -17,19 +17,26 @@ function write(storage, name, value) {
   } catch { /* The storage is full. The address still has the input. */ }
 }
 
-const user = () => caller()?.name ?? "";
-const isMine = (own) => own?.user === user();
 /**
- * The input of this tab. Its address of the form contains all of it.
- * @returns {{id: number, user: string, hash: string, time: string} | undefined}
+ * The user of this tab, the steps of undo, and the input. The address of the form contains all of it.
+ * @type {{user: string, states: string[], input?: {id: number, user: string, hash: string, time: string}} | null}
  */
-const ofTab = () => [read(sessionStorage, OWN)].find(isMine);
+let tab = read(sessionStorage, TAB);
+function own() {
+  const user = caller()?.name ?? "";
+  if (tab?.user !== user) tab = { user, states: [] };
+  return tab;
+}
+
 const changeLeft = (change) => write(localStorage, LEFT, change(read(localStorage, LEFT) ?? []));
-const discard = ({ id }) => changeLeft((all) => all.filter((input) => input.id !== id));
+const discard = (input) => changeLeft((all) => all.filter(({ id }) => id !== input?.id));
 const leave = (input) => changeLeft((all) => [input, ...all].slice(0, MOST));
 
+/** The steps of undo of this tab. They continue when the form is opened again. */
+export const undoOfTab = () => new Undo(own().states);
+
 /** What the form shows: what its address says, else the input of this tab. */
-export const queryOf = (asked) => (asked.size || !ofTab() ? asked : new URLSearchParams(ofTab().hash.split(/\?(.*)/s)[1]));
+export const queryOf = (asked) => (asked.size || !own().input ? asked : new URLSearchParams(own().input.hash.split(/\?(.*)/s)[1]));
 
 /** The input of an open form. `hash` is its address at first, and `clear` empties the form. */
 export class KeptInput {
@@ -39,7 +46,7 @@ export class KeptInput {
 
   constructor(hash, clear) {
     Object.assign(this, { hash, clear });
-    this.#before = ofTab()?.hash === hash ? undefined : ofTab();
+    this.#before = own().input?.hash === hash ? undefined : own().input;
     this.#draw();
   }
 
@@ -47,35 +54,34 @@ export class KeptInput {
   keep(hash) {
     if (this.#before) leave(this.#before);
     this.#before = undefined;
-    if (hash) write(sessionStorage, OWN, { id: Math.random(), user: user(), hash, time: new Date().toISOString() });
-    else sessionStorage.removeItem(OWN);
+    const { user } = own();
+    own().input = hash ? { id: Math.random(), user, hash, time: new Date().toISOString() } : undefined;
   }
 
   /** Says that the input is back, or offers another one. */
   #draw() {
-    const isBack = ofTab()?.hash === this.hash;
-    const input = isBack ? ofTab() : [this.#before, ...(read(localStorage, LEFT) ?? []).filter(isMine)].find((other) => other && other.hash !== this.hash);
+    const { user, input: present } = own();
+    const isBack = present?.hash === this.hash;
+    const input = isBack ? present : [this.#before, ...(read(localStorage, LEFT) ?? [])].find((other) => other?.user === user && other.hash !== this.hash);
     this.element.hidden = !input;
     if (!input) return;
+    const label = new URLSearchParams(input.hash.split("?")[1]).get("label");
     const button = (text, act) => h("button", { type: "button", class: "vary", onclick: act }, text);
-    fill(this.element, h("span", {}, isBack ? "Your input is back: " : "Earlier input is kept: ",
-      [new URLSearchParams(input.hash.split("?")[1]).get("label")].filter(Boolean).map((label) => `${label}, `), dateTime(input.time)),
-    !isBack && button("Open it", () => this.#open(input)), button("Discard it", () => this.#discard(input, isBack)));
+    fill(this.element, h("span", {}, isBack ? "Your input is back: " : "Earlier input is kept: ", label ? `${label}, ` : "", dateTime(input.time)),
+      !isBack && button("Open it", () => this.#open(input)), button("Discard it", () => this.#discard(input, isBack)));
   }
 
   #open(input) {
-    if (ofTab() && ofTab().id !== input.id) leave(ofTab());
+    const { input: present } = own();
+    if (present && present !== input) leave(present);
     discard(input);
-    write(sessionStorage, OWN, input);
+    own().input = input;
     location.hash = input.hash;
   }
 
   #discard(input, isBack) {
     discard(input);
-    if (input === this.#before || isBack) {
-      this.#before = undefined;
-      this.keep(null);
-    }
+    if (input === own().input) own().input = this.#before = undefined;
     if (isBack) {
       this.clear();
       notify("Your input was discarded. Undo brings it back.");
@@ -84,33 +90,22 @@ export class KeptInput {
   }
 }
 
-let steps = read(sessionStorage, STEPS);
-
-/** The steps of undo of this tab. They continue when the form is opened again. */
-export function undoOfTab() {
-  if (!isMine(steps)) steps = { user: user(), states: [] };
-  return new Undo(steps.states);
-}
-
-/** Removes what a user has typed from the browser: the user has signed out. */
-export function forgetUser({ name }) {
-  changeLeft((all) => all.filter((input) => input.user !== name));
-  sessionStorage.removeItem(OWN);
-  sessionStorage.removeItem(STEPS);
-  steps = null;
-}
+// What a user has typed leaves the browser when the user signs out in any tab.
+tabsOfSession().addEventListener("message", ({ data }) => {
+  if (data !== SIGNED_OUT) return;
+  localStorage.removeItem(LEFT);
+  sessionStorage.removeItem(TAB);
+  tab = null;
+});
 
 // Nobody knows yet whether the tab is closed or loaded again. A new id, because a duplicate of the tab has the one before.
 addEventListener("pagehide", () => {
-  if (steps?.states.length > 1) {
-    let rest = LONGEST;
-    write(sessionStorage, STEPS, { ...steps, states: steps.states.slice(steps.states.findLastIndex((state) => (rest -= state.length) < 0) + 1) });
-  }
-  const left = read(sessionStorage, OWN) && { ...read(sessionStorage, OWN), id: Math.random() };
-  if (!left) return;
-  write(sessionStorage, OWN, left);
-  leave(left);
+  if (!tab?.input && !(tab?.states.length > 1)) return sessionStorage.removeItem(TAB);
+  let rest = LONGEST;
+  const states = tab.states.slice(tab.states.findLastIndex((state) => (rest -= state.length) < 0) + 1);
+  if (tab.input) leave(tab.input = { ...tab.input, id: Math.random() });
+  write(sessionStorage, TAB, { ...tab, states });
 });
-const takeBack = () => discard(read(sessionStorage, OWN) ?? {});
+const takeBack = () => discard(tab?.input);
 addEventListener("pageshow", takeBack);
 takeBack();

@@ -6,7 +6,6 @@ import { connection, watchConnection } from "./api.js";
 import { fill, h, notify, withDates } from "./dom.js";
 import { errorCard } from "./error.js";
 import { showForm } from "./form.js";
-import { forgetUser } from "./kept-input.js";
 import { caller, hasDeclined, readCaller, session, SIGN_ON, signedIn, signIn, signOut, whySignIn } from "./sign-in.js";
 import { si, useSi } from "./units.js";
 
@@ -114,8 +113,7 @@ function showUser() {
 
 async function leave() {
   currentView.abort();
-  const me = caller();
-  if (await signOut()) return forgetUser(me);
+  if (await signOut()) return;
   notify("The server cannot be reached. You are still signed in.");
   route();
 }
