@@ -86,7 +86,10 @@ export async function showForm(main, { query: asked, signal }) {
     "The form cannot show the study in the address. It shows a single run.");
   const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault", oninput: () => {
     readJson();
-    changed("json");
+    if (form.json === null) return changed("json");
+    record("json");
+    remember();
+    allowKeep();
   } });
   const jsonFault = h("p", { id: "json-fault", class: "fault" });
   const jsonOnly = h("p", { class: "muted" });
@@ -206,10 +209,10 @@ export async function showForm(main, { query: asked, signal }) {
       fillIn(Object(JSON.parse(json.value)));
       jsonFault.textContent = "";
     } catch (error) {
+      const isJson = !(error instanceof SyntaxError);
       Object.assign(form, before, { json: json.value });
-      draw();
-      jsonFault.textContent = error instanceof SyntaxError ? `Invalid JSON: ${error.message}`
-        : "The form cannot show this. Compare it with an example of the list “Start from”.";
+      if (isJson) draw();
+      jsonFault.textContent = isJson ? "The form cannot show this. Compare it with an example of the list “Start from”." : `Invalid JSON: ${error.message}`;
     }
   }
 
@@ -335,10 +338,10 @@ export async function showForm(main, { query: asked, signal }) {
       const headers = { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() };
       const job = await post("/v1/jobs", { ...jobBody(form.scenario, form.study), ...(label() && { label: label() }),
         ...(form.source && !isStudy() && { tags: [sourceTag(form.source)] }) }, { headers });
-      kept.keep(null);
       await showWithRun(job.key);
       // The user may have opened another view meanwhile.
       if (signal.aborted) return;
+      kept.keep(null);
       location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}${draft.isRunning ? "?draft=yes" : ""}`;
     } catch (problem) {
       if (signal.aborted) return;

@@ -24,8 +24,9 @@ function write(storage, name, value) {
 let tab = read(sessionStorage, TAB);
 function own() {
   const user = caller()?.name ?? "";
-  if (tab?.user !== user) tab = { user, states: [] };
-  return tab;
+  if (tab?.user === user) return tab;
+  if (tab?.input) leave(tab.input);
+  return (tab = { user, states: [] });
 }
 
 const changeLeft = (change) => write(localStorage, LEFT, change(read(localStorage, LEFT) ?? []));
