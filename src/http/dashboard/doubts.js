@@ -10,17 +10,8 @@ const confirmed = new Set();
 const button = (text, act) => [" ", h("button", { type: "button", class: "vary", onclick: act }, text)];
 
 export class Doubts {
-  /** The open questions by their fields. */
-  #open = new Map();
-
-  get areOpen() {
-    return this.#open.size > 0;
-  }
-
-  /** Forgets the fields before they are drawn again. */
-  clear() {
-    this.#open.clear();
-  }
+  /** The questions without an answer, by their fields. */
+  open = new Map();
 
   /** Says in `note` how the text of a field was read, and asks what is doubtful. Only a question without a note doubts the size. */
   show(input, note, pointer, { value, note: said, instead }) {
@@ -32,8 +23,8 @@ export class Doubts {
       input.focus();
     };
     input.toggleAttribute("data-doubt", isDoubt);
-    this.#open.delete(input);
-    if (isDoubt) this.#open.set(input, instead.question);
+    this.open.delete(input);
+    if (isDoubt) this.open.set(input, instead.question);
     fill(note, said, instead && (said || isDoubt) && [said && " ", instead.question,
       button(`Use ${pretty(instead.value)}`, () => type(pretty(instead.value).replaceAll("\u00a0", " ")))],
     isDoubt && button(`${pretty(value)} is right`, () => {
@@ -44,10 +35,10 @@ export class Doubts {
 
   /** Leads to the questions. `act` is what they hinder. */
   draw(place, act) {
-    place.hidden = !this.areOpen;
-    fill(place, `Before you can ${act}, answer:`, [...this.#open].map(([input, question]) =>
+    place.hidden = this.open.size === 0;
+    fill(place, `Before you can ${act}, answer:`, [...this.open].map(([input, question]) =>
       button(`${input.dataset.name ?? input.getAttribute("aria-label")}: ${question}`, () => visit(input))));
     // The question stands below the field that is typed.
-    if (this.#open.has(document.activeElement)) document.activeElement.closest(".field, td").scrollIntoView({ block: "nearest" });
+    if (this.open.has(document.activeElement)) document.activeElement.closest(".field, td").scrollIntoView({ block: "nearest" });
   }
 }

@@ -293,7 +293,7 @@ export async function showForm(main, { query: asked, signal }) {
   // `wanted`: the user has asked to keep the run before the server has checked it.
   let checks = 0, submitting = false, accepted = false, isLong = false, wanted = false;
   /** Enables Keep if the server accepts what the form shows. While the JSON is invalid, the form shows an earlier scenario. */
-  const allowKeep = () => { keep.disabled = submitting || !accepted || doubts.areOpen || jsonFault.textContent !== ""; };
+  const allowKeep = () => { keep.disabled = submitting || !accepted || doubts.open.size > 0 || jsonFault.textContent !== ""; };
   const checkSoon = debounced(IDLE_MS, check);
 
   /** Checks the job, and refines the figures. */
@@ -329,7 +329,7 @@ export async function showForm(main, { query: asked, signal }) {
 
   async function submit(event) {
     event?.preventDefault();
-    if (doubts.areOpen) return visit(main.querySelector("[data-doubt]"));
+    if (doubts.open.size) return visit([...doubts.open.keys()][0]);
     wanted = keep.disabled;
     if (!may("submit") || submitting || wanted) return;
     submitting = true;
