@@ -136,8 +136,8 @@ pub struct Serve {
     #[arg(long, env = "FRETWORK_ADDRESS_CONNECTIONS", default_value = "1024", value_name = "N",
         value_parser = clap::value_parser!(u32).range(1..))]
     pub address_connections: u32,
-    /// The address of a reverse proxy, which tells the address of each client in X-Forwarded-For. Repeat the option
-    /// for more proxies.
+    /// The address of a reverse proxy. It tells the address of each client in X-Forwarded-For, and in X-Forwarded-Proto whether the
+    /// client uses TLS. It must remove these headers from the requests of its clients. Repeat the option for more proxies.
     #[arg(
         long = "trusted-proxy",
         env = "FRETWORK_TRUSTED_PROXY",
