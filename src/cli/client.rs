@@ -1,12 +1,12 @@
 //! Sends requests to a server.
 
-use std::fs;
-use std::io::{self, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::net::IpAddr;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use rustls::{Error as TlsError, InvalidMessage};
+use serde::Deserialize;
 use serde_json::Value;
 use ureq::http::request::Builder;
 use ureq::http::{Request, Uri};
@@ -16,6 +16,7 @@ use uuid::Uuid;
 
 use super::listening::reachable;
 use super::printing::{Error, say};
+use super::run::read;
 use crate::config::Remote;
 
 /// Maximum time to connect, and to wait for an answer that needs no computation.
@@ -27,7 +28,7 @@ const LONGEST_PAUSE: u64 = 60;
 /// How long a command waits for a server that has stopped answering, because a restart takes less.
 const RESTART: Duration = Duration::from_mins(2);
 /// Largest answer in bytes. The largest result is smaller.
-const LARGEST: u64 = 1 << 30;
+const LARGEST: u64 = 1 << 27;
 
 /// A server, and the key that it gets.
 pub struct Client {
@@ -45,6 +46,21 @@ pub struct Reply {
     retry_after: Option<u64>,
 }
 
+impl Reply {
+    /// Reads an answer in JSON.
+    pub fn json<'a, T: Deserialize<'a>>(&'a self) -> Result<T, Error> {
+        let advice = "the answer of the server is not the JSON of fretwork. Check FRETWORK_URL";
+        serde_json::from_slice(&self.body).map_err(|error| format!("{advice}: {error}").into())
+    }
+}
+
+/// A part of a path. An id of the user or of the server cannot lead to another path.
+pub fn escaped(id: &str) -> String {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-_".contains(&byte);
+    let escape = |it: u8| if is_plain(it) { char::from(it).into() } else { format!("%{it:02X}") };
+    id.bytes().map(escape).collect()
+}
+
 impl Client {
     pub fn new(settings: &Remote) -> Result<Self, Error> {
         let listen = format!("http://{}", reachable(settings.listen));
@@ -60,10 +76,7 @@ impl Client {
             return Err(format!("{base} must be the address of the server: {better}").into());
         }
         let key = match (&settings.key, &settings.key_file) {
-            (None, Some(file)) => {
-                let key = fs::read_to_string(file);
-                Some(key.map_err(|error| format!("cannot read {}: {error}", file.display()))?)
-            }
+            (None, Some(file)) => Some(String::from_utf8(read(file)?)?),
             (key, _) => key.as_ref().map(|key| key.0.clone()),
         };
         if key.is_some() && settings.url.is_some() && !is_private(&base) {
@@ -118,8 +131,10 @@ impl Client {
         let status = answer.status().as_u16();
         let retry_after = answer.headers().get("retry-after");
         let retry_after = retry_after.and_then(|seconds| seconds.to_str().ok()?.parse().ok());
-        let body = answer.body_mut().with_config().limit(LARGEST).read_to_vec();
-        let body = body.map_err(|error| self.failed(&error, timeout))?;
+        let mut body = Vec::new();
+        // The beginning of a larger answer is no JSON.
+        let read = answer.body_mut().as_reader().take(LARGEST).read_to_end(&mut body);
+        read.map_err(|error| self.failed(&error.into(), timeout))?;
         Ok(Reply { status, body, retry_after })
     }
 

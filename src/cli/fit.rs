@@ -1,6 +1,7 @@
 //! The command `fit`: fits numbers of a scenario to a file of measured numbers, without a server.
 
 use std::fmt::Write as _;
+use std::path::Path;
 use std::process::ExitCode;
 
 use serde_json::{Value, json};
@@ -40,12 +41,11 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
     };
     let mut measured = match fretwork_measured::read(&read(&settings.file)?, &wanted) {
         Ok(measured) => measured,
-        Err(faults) => return Ok(print_faults(&faults.below(&settings.file.to_string_lossy()).0)),
+        Err(faults) => return Ok(print_faults(&faults.0, &settings.file)),
     };
     let mut data = measured.prepared["data"].take();
     if data.is_null() {
-        let file = settings.file.to_string_lossy();
-        return Ok(print_faults(&Faults::one(&file, measured.notes.join(" ")).0));
+        return Ok(print_faults(&Faults::one("", measured.notes.join(" ")).0, &settings.file));
     }
     let given = [json!(sigma), json!(relative), json!(at), json!(density)];
     let given = OPTIONS.into_iter().zip(given);
@@ -68,15 +68,15 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
         let note = "The noise is proportional to the numbers, and estimated from the residuals.";
         measured.notes.push(note.to_owned());
     }
-    let named = |error| format!("{}: {error}", settings.scenario.display());
+    let named = |error: Error| format!("{}: {error}", settings.scenario.display());
     let job = serde_json::from_slice(&read_json(&settings.scenario)?);
-    let mut job: Value = job.map_err(named)?;
+    let mut job: Value = job.map_err(|error| named(error.into()))?;
     let scenario = job.get_mut("scenario").map(Value::take).unwrap_or(job);
     let points =
         data["y"].as_array().map_or(FEWEST, |y| y.iter().filter_map(Value::as_f64).count());
     let mut parameters: Vec<Value> = settings.parameter.iter().map(asked).collect();
     if parameters.is_empty() {
-        parameters = defaults(&scenario, points)?;
+        parameters = defaults(&scenario, points).map_err(named)?;
     }
     let body = |parameters: &[Value]| {
         let tests = json!([{"data": [data]}]);
@@ -86,13 +86,13 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
     if settings.print {
         return print(body(&parameters).as_bytes()).map(|()| ExitCode::SUCCESS);
     }
-    let mut found = match fitted(&body(&parameters))? {
+    let mut found = match fitted(&body(&parameters), settings)? {
         Ok(found) => found,
-        Err(faults) => return Ok(print_faults(&faults)),
+        Err(faults) => return Ok(print_faults(&faults, Path::new("-"))),
     };
     let ends = found.0["parameters"][1]["interval"].as_array();
     if settings.parameter.is_empty() && ends.is_some_and(|ends| ends.contains(&Value::Null)) {
-        let less = fitted(&body(&parameters[..1]))?;
+        let less = fitted(&body(&parameters[..1]), settings)?;
         if let Some(less) = less.ok().filter(|less| !is_worse(&less.0, &found.0)) {
             found = less;
             let note = "These data do not tell the friction. It stays as in the scenario.";
@@ -106,8 +106,8 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
 /// A result, and its verdict.
 type Found = (Value, Option<Verdict>);
 
-/// The result of a job, or its faults. A fault of an option names this option.
-fn fitted(body: &str) -> Result<Result<Found, Vec<Fault>>, Error> {
+/// The result of a job, or its faults. A fault names its option or its file.
+fn fitted(body: &str, settings: &Fit) -> Result<Result<Found, Vec<Fault>>, Error> {
     let mut faults = match Submission::parse(body.as_bytes()) {
         Ok(job) => {
             let result = compute(&job.prepared)?.0.body;
@@ -117,10 +117,16 @@ fn fitted(body: &str) -> Result<Result<Found, Vec<Fault>>, Error> {
         Err(error) => return Err(error.into()),
     };
     for fault in &mut faults {
-        let member = fault.pointer.strip_prefix("/fit/tests/0/data/0/").unwrap_or("");
+        let member = fault.pointer.strip_prefix("/fit/tests/0/data/0").unwrap_or("");
         let option =
             OPTIONS.into_iter().find(|option| member.split('/').any(|part| part == *option));
-        fault.pointer = option.map_or(fault.pointer.clone(), |option| format!("--{option}"));
+        let scenario = fault.pointer.strip_prefix("/fit/scenario");
+        fault.pointer = match (option, scenario) {
+            (Some(option), _) => format!("--{option}"),
+            (_, Some(place)) => format!("{}: {place}", settings.scenario.display()),
+            _ if member.is_empty() => continue,
+            _ => format!("{}: {member}", settings.file.display()),
+        };
     }
     faults.dedup_by(|one, other| one.pointer == other.pointer);
     Ok(Err(faults))

@@ -7,6 +7,7 @@ mod health;
 mod listening;
 mod moving;
 mod parts;
+mod places;
 mod printing;
 mod remote;
 mod report;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bytesize::ByteSize;
 
-use super::printing::{Error, print};
+use super::printing::{Error, harmless, print};
 use super::runtime::block_on;
 use crate::config::{Backup, Data, Export, Import, Restore};
 use crate::service;
@@ -72,9 +72,7 @@ pub fn import(settings: &Import) -> Result<ExitCode, Error> {
     let Imported { results: count, bytes, known, sampled, unverified, notes, refused, other_notes } =
         done;
     for (key, why) in &refused {
-        // The text comes from the file and may contain control sequences, which a terminal would obey.
-        let why = why.replace(char::is_control, "\u{fffd}");
-        writeln!(io::stderr(), "refused the result {}: {why}", key.escape_debug())?;
+        writeln!(io::stderr(), "refused the result {}: {}", key.escape_debug(), harmless(why))?;
     }
     for key in &other_notes {
         writeln!(io::stderr(), "{key} keeps its note, which differs from the one in the file")?;

@@ -1,30 +1,35 @@
-//! The command `run` for a part of a study: computes every sixteenth chunk, for instance, into a file, and joins the
-//! files of all parts.
+//! The command `run` for a part of a study: computes a sixteenth of the points, for instance, into a file, and joins
+//! the files of all parts.
 //!
 //! A file of a part has a line for each computed chunk, after a first line that says what is computed. Each line begins
 //! with its checksum. A command that was killed may leave an incomplete last line. The next command removes this line
 //! and continues.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Read as _, Write as _};
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use bytesize::ByteSize;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::printing::{Error, Progress};
+use super::places::make_parent;
+use super::printing::{Error, Progress, say};
 use super::study;
 use crate::config::Part;
 use fretwork_job::{Answer, Prepared, Submission, Task};
+use fretwork_store::MAX_BODY;
 use fretwork_study::{Rows, Study};
 
 /// The version of the form of these files.
 const FORM: u32 = 1;
+/// Longest line that is read, in bytes. A chunk has at most some thousand points. A file can be endless.
+const LONGEST_LINE: u64 = 1 << 27;
 
 /// Computed chunks by their numbers.
 type Chunks = BTreeMap<usize, Rows>;
@@ -57,13 +62,18 @@ struct Content {
     rows: Chunks,
     /// The length of all complete lines, in bytes.
     length: usize,
+    /// The first damaged or incomplete line.
+    rest: Vec<u8>,
 }
 
 impl Content {
     /// Reads all lines up to the first damaged or incomplete one.
-    fn read(text: &[u8]) -> Self {
-        let mut content = Self::default();
-        for line in text.split_inclusive(|byte| *byte == b'\n') {
+    fn read(file: &File) -> io::Result<Self> {
+        let (mut content, mut file) = (Self::default(), BufReader::new(file));
+        loop {
+            let line = &mut content.rest;
+            line.clear();
+            file.by_ref().take(LONGEST_LINE).read_until(b'\n', line)?;
             let Some(json) = checked(line) else { break };
             if content.head.is_none() {
                 content.head = serde_json::from_slice(json).ok();
@@ -76,7 +86,7 @@ impl Content {
             }
             content.length += line.len();
         }
-        content
+        Ok(content)
     }
 }
 
@@ -105,13 +115,24 @@ fn divisible(prepared: &Prepared) -> Result<&Arc<Study>, Error> {
     }
 }
 
+/// The number of chunks of a study in this number of parts, to which the chunks belong in turn. The parts have the same number
+/// of chunks, whose sizes differ by at most one point. If that were more than 2 %, each chunk is one point.
+fn chunks(study: &Study, of: usize) -> usize {
+    let chunks = study.chunks().div_ceil(of).saturating_mul(of);
+    if study.points() / 50 < chunks { study.points() } else { chunks }
+}
+
 /// Computes the chunks of a part that the file does not have yet, and appends each to the file.
 pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Result<ExitCode, Error> {
     let study = divisible(&job.prepared)?;
+    let [bytes, most] = [study.bytes() as u64, MAX_BODY].map(ByteSize::b);
+    if bytes > most {
+        say(&format!("the joined result could have {bytes}, and `fretwork import` accepts {most}"));
+    }
     let head = Head {
         fretwork_part: FORM,
         part,
-        chunks: study.chunks(),
+        chunks: chunks(study, part.of),
         key: job.prepared.key.to_string(),
         job: String::from_utf8(body.to_vec())?,
     };
@@ -124,7 +145,7 @@ pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Resul
     let keep = |number, rows| file.lock().write_all(&line(&Chunk { number, rows })?);
     let computed = missing.len();
     let progress = (&mut Progress::new(), all - computed..all);
-    study::chunks(study, &missing, &Rows::default(), progress, keep)?;
+    study::chunks(study, (&missing, head.chunks), &Rows::default(), progress, keep)?;
     file.into_inner().sync_all().map_err(unusable)?;
     writeln!(io::stderr(), "part {part}: {all} chunks, {} of them known already", all - computed)?;
     Ok(ExitCode::SUCCESS)
@@ -133,17 +154,19 @@ pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Resul
 /// Opens the file of a part, and reads its chunks. Creates the file if it is missing. The inner error says why the file
 /// is refused.
 fn open(store: &Path, head: &Head) -> io::Result<Result<(File, Chunks), String>> {
+    make_parent(store)?;
     let mut file = OpenOptions::new().create(true).read(true).append(true).open(store)?;
+    if !file.metadata()?.is_file() {
+        return Ok(Err(format!("{} is not a regular file; name another one", store.display())));
+    }
     // Some file systems of clusters have no locks.
     if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
         return Ok(Err(format!("another process computes the part in {}", store.display())));
     }
-    let mut text = Vec::new();
-    file.read_to_end(&mut text)?;
-    let (content, first) = (Content::read(&text), line(head)?);
+    let (content, first) = (Content::read(&file)?, line(head)?);
     match content.head {
         // A command that was killed at its start leaves the beginning of the first line.
-        None if first.starts_with(&text) => {
+        None if first.starts_with(&content.rest) => {
             file.set_len(0)?;
             file.write_all(&first)?;
         }
@@ -163,8 +186,8 @@ pub struct Joined {
     /// The job body.
     pub body: Vec<u8>,
     key: String,
-    /// The number of all chunks.
-    count: usize,
+    /// The numbers of all parts and of all chunks.
+    division: (usize, usize),
     chunks: Chunks,
 }
 
@@ -173,13 +196,17 @@ pub fn join(files: &[impl AsRef<Path>]) -> Result<Joined, Error> {
     let mut joined: Option<(Joined, Head)> = None;
     for file in files.iter().map(AsRef::as_ref) {
         let name = file.display();
-        let text = std::fs::read(file).map_err(|error| format!("cannot read {name}: {error}"))?;
-        let content = Content::read(&text);
+        // A FIFO would be opened only when another program writes to it, and a device can be endless.
+        let content = fs::metadata(file).and_then(|found| {
+            if found.is_file() { Content::read(&File::open(file)?) } else { Ok(Content::default()) }
+        });
+        let content = content.map_err(|error| format!("cannot read {name}: {error}"))?;
         let head = content.head.filter(|head| head.fretwork_part == FORM);
         let head = head.ok_or_else(|| format!("{name} is not the file of a part of a study"))?;
         let (all, first) = joined.get_or_insert_with(|| {
-            let Head { job, key, chunks: count, .. } = head.clone();
-            (Joined { body: job.into_bytes(), key, count, chunks: BTreeMap::new() }, head.clone())
+            let Head { job, key, part, chunks, .. } = head.clone();
+            let (body, division) = (job.into_bytes(), (part.of, chunks));
+            (Joined { body, key, division, chunks: BTreeMap::new() }, head.clone())
         });
         if (&head.key, head.part.of, head.chunks) != (&first.key, first.part.of, first.chunks) {
             return Err(
@@ -206,11 +233,40 @@ impl Joined {
     pub fn answer(&self, prepared: &Prepared) -> Result<(Answer, Duration), Error> {
         let started = Instant::now();
         let study = divisible(prepared)?;
-        if self.key != prepared.key.to_string() || self.count != study.chunks() {
+        let (of, count) = self.division;
+        if self.key != prepared.key.to_string() || count != chunks(study, of) {
             return Err("another version of fretwork computed the parts; join them with it".into());
         }
         let mut rows = Rows::default();
         self.chunks.values().for_each(|next| rows.append(next));
         Ok((Answer::of_study(prepared.key, study, &rows), started.elapsed()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    #[test]
+    fn parts_have_about_as_many_points() {
+        let ball: Value = serde_json::from_str(crate::http::EXAMPLES[0].body).unwrap();
+        for (count, of) in [(24, 16), (48, 16), (7, 16), (1000, 7), (99_991, 3), (5, usize::MAX)] {
+            let vary = json!([{"pointer": "/friction", "from": 0.5, "to": 0.8, "count": count}]);
+            let sweep =
+                json!({"scenario": ball["scenario"], "vary": vary, "outputs": ["wear_depth"]});
+            let job = Submission::parse(json!({"sweep": sweep}).to_string().as_bytes()).unwrap();
+            let study = divisible(&job.prepared).unwrap();
+            let mut points = BTreeMap::new();
+            let chunks = chunks(study, of);
+            for number in 0..chunks {
+                *points.entry(number % of).or_insert(0) += study.points_of(number, chunks).len();
+            }
+            assert_eq!(points.values().sum::<usize>(), count);
+            assert_eq!(points.len(), of.min(count));
+            let (least, most) = (points.values().min().unwrap(), points.values().max().unwrap());
+            assert!(most - least <= 1 + least / 50, "{count} points in {of} parts: {points:?}");
+        }
     }
 }

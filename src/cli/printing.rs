@@ -29,6 +29,17 @@ pub fn print(text: &[u8]) -> Result<(), Error> {
     }
 }
 
+/// A text of a server or a file, in which a terminal obeys nothing: control characters are shown as text.
+pub fn harmless(text: &str) -> String {
+    let shown = |it: char| match it {
+        // These change the order of the letters.
+        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => it.escape_default().to_string(),
+        _ if it.is_control() && it != '\n' => it.escape_default().to_string(),
+        _ => it.to_string(),
+    };
+    text.chars().map(shown).collect()
+}
+
 /// Characters in the bar of the progress.
 const WIDTH: usize = 40;
 /// Time before the first bar, so that short computations show none.

@@ -1,16 +1,20 @@
 //! The commands `submit`, `get`, `watch`, `list`, `cancel` and `evaluate`, which talk to a server.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
-use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::slice;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 use serde_json::value::RawValue;
 use serde_json::{Value, json};
 
-use super::client::{Client, Refusal, Reply};
-use super::printing::{Error, Progress, print};
+use super::client::{Client, Refusal, Reply, escaped};
+use super::places;
+use super::printing::{Error, Progress, harmless, print};
 use super::run::{listed, read_job, write_result};
 use crate::config::{Evaluate, Get, List, OneJob, Remote, Submit};
 use fretwork_job::TaskKind;
@@ -19,6 +23,8 @@ use fretwork_job::TaskKind;
 const TERMINAL_WAIT: u64 = 1;
 /// Longest wait of one request, in seconds.
 const LOG_WAIT: u64 = 50;
+/// Minimum time between two requests about a job. A proxy may ignore the wait.
+const INTERVAL: Duration = Duration::from_millis(500);
 
 /// Submits files. With `--wait`, waits for the ends of their jobs.
 pub fn submit(settings: &Submit) -> Result<ExitCode, Error> {
@@ -27,7 +33,7 @@ pub fn submit(settings: &Submit) -> Result<ExitCode, Error> {
     for file in listed(&settings.files)? {
         let body = read_job(&file, &settings.change)?;
         match client.call("POST", "/v1/jobs", Some(&body))? {
-            Ok(reply) => jobs.push(serde_json::from_slice(&reply.body)?),
+            Ok(reply) => jobs.push(reply.json()?),
             Err(refusal) => code = code.max(refused(refusal, &format!("{}: ", file.display()))),
         }
         if let (Some(job), false) = (jobs.last(), settings.wait) {
@@ -42,17 +48,18 @@ pub fn submit(settings: &Submit) -> Result<ExitCode, Error> {
 
 /// Writes a result.
 pub fn get(settings: &Get) -> Result<ExitCode, Error> {
+    let name = PathBuf::from(&settings.key_of_result);
+    places::check(slice::from_ref(&name), &settings.output, &[], HashSet::new())?;
     let client = connect(&settings.server)?;
-    let path = format!("/v1/results/{}", settings.key_of_result);
+    let path = format!("/v1/results/{}", escaped(&settings.key_of_result));
     match client.call("GET", &path, None)? {
         Err(refusal) => Ok(ExitCode::from(refused(refusal, ""))),
         Ok(reply) => {
-            let members: BTreeMap<String, &RawValue> = serde_json::from_slice(&reply.body)?;
+            let members: BTreeMap<String, &RawValue> = reply.json()?;
             let mut kinds = TaskKind::all();
             let kind = kinds.find(|kind| members.contains_key(kind.member()));
             let kind = kind.ok_or("the answer of the server is no result")?;
-            let name = Path::new(&settings.key_of_result);
-            write_result(&reply.body, kind, &settings.output, name).map(|()| ExitCode::SUCCESS)
+            write_result(&reply.body, kind, &settings.output, &name).map(|()| ExitCode::SUCCESS)
         }
     }
 }
@@ -66,7 +73,7 @@ pub fn watch(settings: &OneJob) -> Result<ExitCode, Error> {
 pub fn list(settings: &List) -> Result<ExitCode, Error> {
     let client = connect(&settings.server)?;
     let path = format!("/v1/jobs?limit={}", settings.limit);
-    printed(client.call("GET", &path, None)?, |answer| {
+    printed(client.call("GET", &path, None)?, "", |answer| {
         answer["jobs"].as_array().into_iter().flatten().map(line).collect()
     })
 }
@@ -74,7 +81,8 @@ pub fn list(settings: &List) -> Result<ExitCode, Error> {
 /// Cancels a job.
 pub fn cancel(settings: &OneJob) -> Result<ExitCode, Error> {
     let client = connect(&settings.server)?;
-    printed(client.call("POST", &format!("/v1/jobs/{}/cancel", settings.id), None)?, line)
+    let path = format!("/v1/jobs/{}/cancel", escaped(&settings.id));
+    printed(client.call("POST", &path, None)?, "", line)
 }
 
 /// Evaluates a scenario.
@@ -90,7 +98,9 @@ pub fn evaluate(settings: &Evaluate) -> Result<ExitCode, Error> {
         }
         body = serde_json::to_vec(&members)?;
     }
-    printed(client.call("POST", "/v1/evaluate", Some(&body))?, |answer| format!("{answer:#}\n"))
+    let name = format!("{}: ", settings.file.display());
+    let words = |answer: &Value| harmless(&format!("{answer:#}\n"));
+    printed(client.call("POST", "/v1/evaluate", Some(&body))?, &name, words)
 }
 
 /// The server of a command. Warns of another version.
@@ -98,6 +108,7 @@ fn connect(server: &Remote) -> Result<Client, Error> {
     let client = Client::new(server)?;
     if let Some(version) = client.other_version()? {
         let own = env!("CARGO_PKG_VERSION");
+        let version = harmless(&version);
         writeln!(
             io::stderr(),
             "warning: the server is of version {version}, and this program of version {own}"
@@ -106,17 +117,18 @@ fn connect(server: &Remote) -> Result<Client, Error> {
     Ok(client)
 }
 
-/// Prints what a server answers in words.
+/// Prints what a server answers in words, or `name` with each reason why it refused the request.
 fn printed(
     reply: Result<Reply, Refusal>,
+    name: &str,
     words: impl FnOnce(&Value) -> String,
 ) -> Result<ExitCode, Error> {
     match reply {
         Ok(reply) => {
-            print(words(&serde_json::from_slice(&reply.body)?).as_bytes())?;
+            print(words(&reply.json()?).as_bytes())?;
             Ok(ExitCode::SUCCESS)
         }
-        Err(refusal) => Ok(ExitCode::from(refused(refusal, ""))),
+        Err(refusal) => Ok(ExitCode::from(refused(refusal, name))),
     }
 }
 
@@ -124,7 +136,7 @@ fn printed(
 fn refused(refusal: Refusal, name: &str) -> u8 {
     for line in refusal.lines {
         // If standard error is closed, the exit code still reports the refusal.
-        let _ = writeln!(io::stderr(), "{name}{line}");
+        let _ = writeln!(io::stderr(), "{name}{}", harmless(&line));
     }
     refusal.code
 }
@@ -136,32 +148,36 @@ fn line(job: &Value) -> String {
     if let Some(label) = job["label"].as_str() {
         let _ = write!(line, "  {label}");
     }
-    line + "\n"
+    harmless(&line) + "\n"
 }
 
 /// Waits for the end of a job and prints its line. Returns the exit code.
 fn end(client: &Client, id: &str) -> Result<u8, Error> {
     let mut progress = Progress::new();
     let wait = if progress.is_terminal { TERMINAL_WAIT } else { LOG_WAIT };
+    let path = format!("/v1/jobs/{}?wait={wait}", escaped(id));
     loop {
-        let reply = match client.call("GET", &format!("/v1/jobs/{id}?wait={wait}"), None)? {
+        let asked = Instant::now();
+        let reply = match client.call("GET", &path, None)? {
             Ok(reply) => reply,
             Err(refusal) => return Ok(refused(refusal, "")),
         };
-        let job: Value = serde_json::from_slice(&reply.body)?;
+        let job: Value = reply.json()?;
         let code = match job["state"].as_str() {
             Some("succeeded") => 0,
             Some("failed") => 3,
             Some("canceled") => 4,
-            _ => {
+            Some("queued" | "running") => {
                 progress.show(job["progress"].as_f64().unwrap_or(0.0));
+                sleep(INTERVAL.saturating_sub(asked.elapsed()));
                 continue;
             }
+            _ => return Err("the answer of the server is no job. Check FRETWORK_URL".into()),
         };
         drop(progress);
         print(line(&job).as_bytes())?;
         if let Some(detail) = job["error"]["detail"].as_str() {
-            writeln!(io::stderr(), "{detail}")?;
+            writeln!(io::stderr(), "{}", harmless(detail))?;
         }
         return Ok(code);
     }

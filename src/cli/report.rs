@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use super::places::{reserve, taken};
 use super::printing::{Error, print};
 use super::run::{read, write_file};
 use crate::config::Report;
@@ -17,6 +18,9 @@ pub fn report(settings: &Report) -> Result<ExitCode, Error> {
     }
     if settings.files.len() > 1 && !settings.measured.is_empty() {
         return Err("--measured belongs to the report of one run".into());
+    }
+    if let Some(file) = &settings.file {
+        reserve(file, &mut taken(&[&settings.files[..], &settings.measured].concat()))?;
     }
     let measured: Vec<_> =
         settings.measured.iter().map(|file| read_measured(file)).collect::<Result<_, _>>()?;

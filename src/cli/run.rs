@@ -1,7 +1,7 @@
 //! The command `run`: computes jobs without a server.
 
-use std::fs;
-use std::io::{self, IsTerminal as _, Read as _, Write as _};
+use std::fs::{self, File};
+use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -10,6 +10,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::parts;
+use super::places::{self, inside};
 use super::printing::{Error, Progress, print, shown};
 use super::study;
 use crate::config::{Change, Output, Run};
@@ -21,28 +22,32 @@ use fretwork_json::BadBody;
 
 /// Computes job bodies. The exit code is 2 if one of them is invalid. The others are computed anyway.
 pub fn run(settings: &Run) -> Result<ExitCode, Error> {
-    settings.output.format()?;
-    if let Some(files) = &settings.join {
-        let joined = parts::join(files)?;
+    let files = match &settings.join {
+        Some(_) => vec![PathBuf::from("-")],
+        None => listed(&settings.files)?,
+    };
+    let taken = places::taken(settings.join.as_ref().unwrap_or(&files));
+    let others = [(settings.plot.as_ref(), "svg"), (settings.report.as_ref(), "html")];
+    places::check(&files, &settings.output, &others, taken)?;
+    if let Some(parts) = &settings.join {
+        let joined = parts::join(parts)?;
         let job = match parse(&joined.body) {
             Ok(job) => job,
-            Err(faults) => return Ok(print_faults(&faults)),
+            Err(faults) => return Ok(print_faults(&faults, &parts[0])),
         };
-        let computed = joined.answer(&job.prepared)?;
-        finish(&job, computed, Path::new("-"), settings)?;
+        finish(&job, joined.answer(&job.prepared)?, &files[0], settings)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let files = listed(&settings.files)?;
-    let is_one = files.len() == 1;
-    check_places(settings, is_one)?;
+    if files.len() > 1 && settings.part.is_some() {
+        return Err("--part computes a part of one study: name one input file".into());
+    }
     let mut code = ExitCode::SUCCESS;
     for file in &files {
-        let name = if is_one { String::new() } else { format!("{}: ", file.display()) };
         let text = read_job(file, &settings.change)?;
         let job = match parse(&text) {
             Ok(job) => job,
             Err(faults) => {
-                code = print_faults(&Faults(faults).below(&name).0);
+                code = print_faults(&faults, file);
                 continue;
             }
         };
@@ -52,24 +57,6 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
         finish(&job, compute(&job.prepared)?, file, settings)?;
     }
     Ok(code)
-}
-
-/// Several input files need directories for their results. A part belongs to one study.
-fn check_places(settings: &Run, is_one: bool) -> Result<(), Error> {
-    if is_one {
-        return Ok(());
-    }
-    if settings.part.is_some() {
-        return Err("--part computes a part of one study: name one input file".into());
-    }
-    let places = [&settings.output.file, &settings.plot, &settings.report].into_iter().flatten();
-    match places.map(PathBuf::as_path).find(|place| !place.is_dir()) {
-        Some(place) => {
-            let place = place.display();
-            Err(format!("{place} is not a directory, which several input files need").into())
-        }
-        None => Ok(()),
-    }
 }
 
 /// Writes the result and the figure of a job, and prints the summary.
@@ -159,24 +146,25 @@ pub fn read_job(file: &Path, change: &Change) -> Result<Vec<u8>, Error> {
     Ok(serde_json::to_vec(&body)?)
 }
 
-/// The file itself, or the file in a directory that is named after the input file.
-fn inside(place: &Path, input: &Path, suffix: &str) -> PathBuf {
-    if !place.is_dir() {
-        return place.to_owned();
-    }
-    let name = input.file_stem().filter(|_| input.as_os_str() != "-").unwrap_or("result".as_ref());
-    let mut name = name.to_owned();
-    name.push(format!(".{suffix}"));
-    place.join(name)
-}
+/// Largest file that is read, in bytes. A device can be endless.
+const LARGEST: u64 = 1 << 28;
 
 /// Reads a file, or standard input.
 pub fn read(file: &Path) -> Result<Vec<u8>, Error> {
     let mut text = Vec::new();
-    let is_file = file.as_os_str() != "-";
-    let read =
-        if is_file { fs::read(file) } else { io::stdin().read_to_end(&mut text).map(|_| text) };
-    read.map_err(|error| format!("cannot read {}: {error}", file.display()).into())
+    let read = if file.as_os_str() == "-" {
+        io::stdin().take(LARGEST + 1).read_to_end(&mut text)
+    } else {
+        File::open(file).and_then(|file| file.take(LARGEST + 1).read_to_end(&mut text))
+    };
+    let name = file.display();
+    match read {
+        Ok(size) if size as u64 > LARGEST => {
+            Err(format!("{name} has more than {} MB", LARGEST / 1_000_000).into())
+        }
+        Ok(_) => Ok(text),
+        Err(error) => Err(format!("cannot read {name}: {error}").into()),
+    }
 }
 
 /// The text of a JSON file. Some editors write UTF-16, or a mark before UTF-8.
@@ -216,13 +204,8 @@ pub fn write_result(
     if format == Format::Json {
         bytes.push(b'\n');
     }
-    let is_binary = matches!(format, Format::Npz | Format::Arrow);
     match &output.file {
         Some(file) => write_file(&inside(file, input, format.name()), &bytes),
-        None if is_binary && io::stdout().is_terminal() => Err(
-            "the requested format is binary, not for a terminal: write it to a file with --output"
-                .into(),
-        ),
         None => print(&bytes),
     }
 }
@@ -254,11 +237,15 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
     Ok(())
 }
 
-/// Prints the faults of a body to standard error. Returns the exit code of a body that is not valid.
-pub fn print_faults(faults: &[Fault]) -> ExitCode {
-    for fault in faults {
+/// Prints the faults of a file to standard error, with its name unless it is standard input. Returns the exit code of a
+/// body that is not valid.
+pub fn print_faults(faults: &[Fault], file: &Path) -> ExitCode {
+    let name = file.display().to_string();
+    for Fault { pointer, detail } in faults {
+        let place = [&name, pointer].into_iter().filter(|it| !["", "-"].contains(&it.as_str()));
+        let words: Vec<&str> = place.map(String::as_str).chain([detail.as_str()]).collect();
         // If standard error is closed, the exit code still reports the faults.
-        let _ = writeln!(io::stderr(), "{}: {}", fault.pointer, fault.detail);
+        let _ = writeln!(io::stderr(), "{}", words.join(": "));
     }
     ExitCode::from(2)
 }

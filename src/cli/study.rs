@@ -26,7 +26,7 @@ pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
         let end = (first..count).take_while(is_same_stage).last().map_or(count, |last| last + 1);
         let stage = Mutex::new(BTreeMap::new());
         let numbers: Vec<_> = (first..end).collect();
-        chunks(study, &numbers, &all, (&mut progress, first..count), |number, rows| {
+        chunks(study, (&numbers, count), &all, (&mut progress, first..count), |number, rows| {
             stage.lock().insert(number, rows);
             Ok(())
         })?;
@@ -38,11 +38,11 @@ pub fn compute(study: &Arc<Study>) -> Result<Rows, Error> {
     Ok(all)
 }
 
-/// Computes chunks on all cores, and hands each to `keep`. `earlier` has the rows of earlier stages. `span` is what the
+/// Computes some of `count` chunks on all cores, and hands each to `keep`. `earlier` has the rows of earlier stages. `span` is what the
 /// progress shows: the number of chunks that are done already, and of all.
 pub fn chunks(
     study: &Arc<Study>,
-    numbers: &[usize],
+    (numbers, count): (&[usize], usize),
     earlier: &Rows,
     (progress, span): (&mut Progress, Range<usize>),
     keep: impl Fn(usize, Rows) -> io::Result<()> + Sync,
@@ -51,7 +51,7 @@ pub fn chunks(
     let work = || {
         while let Some(number) = numbers.get(next.fetch_add(1, Ordering::Relaxed)) {
             let earlier = earlier.clone();
-            let mut points = Points::chunk(Arc::clone(study), *number, study.chunks(), earlier);
+            let mut points = Points::chunk(Arc::clone(study), *number, count, earlier);
             let rows = iter::repeat_with(|| points.step()).find_map(|rows| rows);
             keep(*number, rows.unwrap_or_default())?;
         }

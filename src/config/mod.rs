@@ -66,7 +66,7 @@ pub enum Command {
     /// Compute input files, without a server or a database.
     ///
     /// An input file is a job, or a scenario alone. The result goes to standard output or to a file, and a summary to
-    /// standard error. If a file is invalid, each fault is printed as `pointer: detail`, and the exit code is 2.
+    /// standard error. If a file is invalid, each fault is printed as `file: pointer: detail`, and the exit code is 2.
     Run(Run),
     /// Fit a scenario to measured numbers, without a server.
     ///

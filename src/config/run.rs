@@ -33,7 +33,7 @@ pub struct Run {
     #[command(flatten)]
     pub output: Output,
     /// Also draw a figure to this SVG file. With several input files, a directory.
-    #[arg(long, value_name = "FIGURE.svg", value_parser = figure)]
+    #[arg(long, value_name = "FIGURE.svg")]
     pub plot: Option<PathBuf>,
     /// Also write a report to this HTML file. With several input files, a directory.
     #[arg(long, value_name = "REPORT.html", conflicts_with = "store")]
@@ -121,13 +121,6 @@ fn change(text: &str) -> Result<(String, Value), &'static str> {
     let (pointer, value) = parts.ok_or("write POINTER=VALUE, such as /friction=0.6")?;
     let value = serde_json::from_str(value).unwrap_or_else(|_| value.into());
     Ok((pointer.to_owned(), value))
-}
-
-/// Parses the name of a figure.
-fn figure(text: &str) -> Result<PathBuf, &'static str> {
-    let file = PathBuf::from(text);
-    let is_figure = file.is_dir() || file.extension().is_some_and(|suffix| suffix == "svg");
-    is_figure.then_some(file).ok_or("figures are SVG. Enter a name that ends with .svg")
 }
 
 /// Parses the name of one of these items.

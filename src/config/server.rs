@@ -147,7 +147,7 @@ pub struct Serve {
     pub trusted_proxies: Vec<IpAddr>,
     /// The header in which a sign-on proxy, one of --trusted-proxy, names the user, such as X-Remote-User. The proxy must remove this
     /// header from the requests of its clients.
-    #[arg(long, env = "FRETWORK_AUTH_HEADER", value_name = "NAME", conflicts_with = "no_auth",
+    #[arg(long, env = "FRETWORK_AUTH_HEADER", value_name = "NAME", conflicts_with = "no_auth", value_parser = user_header,
         requires_all = ["trusted_proxies", "auth_secret", "auth_role"])]
     pub auth_header: Option<HeaderName>,
     /// What the sign-on proxy sends in the header X-Fretwork-Proxy-Secret: at least 20 characters. Prefer the environment variable.
@@ -301,6 +301,18 @@ pub fn described(matches: &ArgMatches) -> String {
     text
 }
 
+/// Parses the name of the header with the user. Other programs on the way, or the server itself, set headers of HTTP.
+fn user_header(text: &str) -> Result<HeaderName, String> {
+    const RESERVED: &str = "accept authorization connection content- cookie expect forwarded host \
+        idempotency-key if- origin proxy- range referer sec- te: trailer transfer-encoding upgrade \
+        user-agent x-forwarded- x-fretwork-";
+    let name = text.to_ascii_lowercase() + ":";
+    if RESERVED.split(' ').any(|beginning| name.starts_with(beginning)) {
+        return Err(format!("{text} has another meaning; name a header such as X-Remote-User"));
+    }
+    text.parse().map_err(|_| "expected the name of a header".to_owned())
+}
+
 /// Parses the secret of a sign-on proxy.
 fn proxy_secret(text: &str) -> Result<Secret, &'static str> {
     let sound = text.len() >= 20 && text.bytes().all(|byte| byte.is_ascii_graphic());
@@ -343,6 +355,32 @@ fn origin(text: &str) -> Result<HeaderValue, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_header_with_another_meaning_names_no_user() {
+        for bad in [
+            "Host",
+            "cookie",
+            "Authorization",
+            "Proxy-Authorization",
+            "X-Forwarded-For",
+            "X-Forwarded-Proto",
+            "X-Fretwork-Proxy-Secret",
+            "Forwarded",
+            "Content-Length",
+            "TE",
+            "Idempotency-Key",
+            "Accept-Encoding",
+            "Transfer-Encoding",
+            "",
+            "a b",
+        ] {
+            assert!(user_header(bad).is_err(), "{bad}");
+        }
+        for good in ["X-Remote-User", "Remote-User", "Tailscale-User-Login"] {
+            assert!(user_header(good).is_ok(), "{good}");
+        }
+    }
 
     #[test]
     fn only_origins_that_browsers_send_are_accepted() {

@@ -6,6 +6,7 @@ use std::net::TcpListener;
 use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
 
 use rcgen::{CertificateParams, KeyPair};
 use rustls::crypto::ring;
@@ -172,6 +173,55 @@ fn the_exit_code_tells_how_a_job_ended() {
     }
     let usage = run(&["watch"], "");
     assert_eq!(usage.status.code(), Some(2));
+}
+
+/// No text with a control character, except the ends of lines.
+fn is_harmless(output: &Output) -> bool {
+    let said = [text(&output.stdout), text(&output.stderr)].concat();
+    !said.contains(|letter: char| (letter.is_control() && letter != '\n') || letter == '\u{202e}')
+}
+
+#[test]
+fn a_terminal_obeys_nothing_that_a_server_sends() {
+    let evil = "\\u001b]0;x\\u0007\\u009b31m\\u202e";
+    let job = format!(
+        "200 OK\r\n\r\n{{\"id\":\"{evil}\",\"state\":\"failed\",\"label\":\"{evil}\",\"error\":{{\"detail\":\"{evil}\"}}}}"
+    );
+    let output = watch(&[SAME_VERSION, &job]);
+    assert_eq!(output.status.code(), Some(3));
+    assert!(is_harmless(&output), "{output:?}");
+    assert!(text(&output.stderr).contains("\\u{1b}]0;x\\u{7}\\u{9b}31m"), "{output:?}");
+    let version = format!("200 OK\r\n\r\n{{\"version\":\"{evil}\"}}");
+    let refused = format!("409 No\r\n\r\n{{\"detail\":\"{evil}\"}}");
+    let output = watch(&[&version, &refused]);
+    assert!(is_harmless(&output) && text(&output.stderr).lines().count() == 2, "{output:?}");
+    let answer = format!("200 OK\r\n\r\n{{\"outputs\":\"{evil}\"}}");
+    let (port, _) = answering(None, &[SAME_VERSION, &answer]);
+    let output = run(&["evaluate", BALL, "--url", &format!("http://127.0.0.1:{port}")], "");
+    assert!(output.status.success() && is_harmless(&output), "{output:?}");
+}
+
+#[test]
+fn a_server_that_is_not_fretwork_is_named_and_gets_few_requests() {
+    fails(&watch(&[SAME_VERSION, "200 OK\r\n\r\n<html>"]), "is not the JSON of fretwork. Check");
+    fails(&watch(&[SAME_VERSION, "200 OK\r\n\r\n{}"]), "is no job. Check FRETWORK_URL");
+    let long = "200 OK\r\n\r\n".to_owned() + &" ".repeat((1 << 27) + 1);
+    fails(&watch(&[SAME_VERSION, &long]), "is not the JSON of fretwork. Check");
+    let running = "200 OK\r\n\r\n{\"state\":\"running\"}";
+    let ended = format!("200 OK\r\n\r\n{{\"id\":\"{ID}\",\"state\":\"succeeded\"}}");
+    let began = Instant::now();
+    let output = watch(&[SAME_VERSION, running, running, running, running, &ended]);
+    assert_eq!(output.status.code(), Some(0));
+    // Two requests per second at most, on every machine.
+    assert!(began.elapsed() >= Duration::from_secs(2));
+}
+
+#[test]
+fn an_id_leads_to_no_other_path() {
+    let (port, server) = answering(None, &[SAME_VERSION, "200 OK\r\n\r\n{}"]);
+    run(&["cancel", "../a?b#c d", "--url", &format!("http://127.0.0.1:{port}")], "");
+    let asked = server.join().unwrap();
+    assert!(asked[1].starts_with("post /v1/jobs/%2e%2e%2fa%3fb%23c%20d/cancel "), "{}", asked[1]);
 }
 
 #[test]

@@ -205,3 +205,36 @@ async fn a_backup_with_a_foreign_trigger_or_table_is_refused() {
     let refused = backup(dir.path(), &target.path().join("second.db")).await;
     assert!(refused.unwrap_err().to_string().contains("gone"));
 }
+
+#[test]
+fn endless_files_devices_and_pipes_are_refused() {
+    let dir = TempDir::new().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (pipe, huge) = (at("pipe"), at("huge"));
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    fs::File::create(&huge).unwrap().set_len(1 << 40).unwrap();
+    let data = at("data");
+    for file in ["/dev/zero", &*pipe, &*huge, dir.path().to_str().unwrap()] {
+        for words in [
+            &["run", "--join", file][..],
+            &["run", "examples/studies/sweep.json", "--part", "1/2", "--store", file],
+            &["import", file, "--data-dir", &data],
+            &["restore", file, "--data-dir", &data],
+        ] {
+            let (output, peak) = measured(words);
+            let said = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(
+                (output.status.code(), said.lines().count()),
+                (Some(1), 1),
+                "{words:?} {said}"
+            );
+            assert!(peak < 600, "{words:?} takes {peak} MiB");
+        }
+    }
+    for words in
+        [&["run", "/dev/zero"][..], &["list", "--key-file", "/dev/zero", "--url", "http://[::1]:1"]]
+    {
+        assert!(!measured(words).0.status.success(), "{words:?}");
+    }
+    assert_eq!(fs::metadata(&huge).unwrap().len(), 1 << 40);
+}

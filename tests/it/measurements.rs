@@ -133,9 +133,9 @@ fn the_command_reads_a_scenario_alone_and_prints_the_job() {
     assert_eq!(job["fit"]["parameters"].as_array().unwrap().len(), 1, "two points give one number");
     assert_eq!(job["fit"]["tests"][0]["data"][0]["noise"], "estimate");
     for (words, input, told) in [
-        (&["-", BALL][..], "a;b\n1;2\n3;x\n4;5\n", "-: Line 3: “x” in “b” is not a number"),
-        (&["-", BALL, "--y", "volume"], table, "-/y: unknown column `volume`"),
-        (&["-", BALL, "--at", "1000"], table, "-/x: must be a length"),
+        (&["-", BALL][..], "a;b\n1;2\n3;x\n4;5\n", "Line 3: “x” in “b” is not a number"),
+        (&["-", BALL, "--y", "volume"], table, "/y: unknown column `volume`"),
+        (&["-", BALL, "--at", "1000"], table, "/x: must be a length"),
         (&["-", BALL, "--sigma", "1 N"], table, "--sigma: \"N\" is the unit of a force"),
         (
             &["-", BALL, "--density", "0"],
@@ -146,7 +146,7 @@ fn the_command_reads_a_scenario_alone_and_prints_the_job() {
         (
             &["-", BALL],
             "N;wear_volume [um]\n1000;1\n",
-            "-/y: is the output wear_volume in the unit m",
+            "/y: is the output wear_volume in the unit m",
         ),
         (&["-", BALL], "cycles;V\n1;2\n3;4\n", "V [mm^3] for volumes, V [um] for depths"),
     ] {

@@ -13,7 +13,7 @@ const TRACE: &str =
     r#""shape":"table","radius":["-1 mm","0 mm","1 mm"],"height":["50 um",0,"50 um"]"#;
 
 /// What is replaced, what the user writes instead, and the fault in the words of the program.
-const MISTAKES: [(&str, &str, &str); 23] = [
+const MISTAKES: [(&str, &str, &str); 24] = [
     ("0.7", "\"0.7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
     ("0.7", "\"0,7\"", "must be a number, not a string. Enter 0.7, without quotation marks"),
     ("0.7", "NaN", "enter a number instead of NaN or Infinity, at line"),
@@ -38,6 +38,7 @@ const MISTAKES: [(&str, &str, &str); 23] = [
         "Enter `amplitude`. It is half of the stroke from one end to the other.",
     ),
     ("10 mm", "10 000 um", "contains a comma or a space in the number. Enter \"10000 um\""),
+    ("10 mm", "10,000 um", "contains a comma or a space in the number. Enter \"10000 um\""),
     ("10 mm", "0,01 m", "contains a comma or a space in the number. Enter \"0.01 m\""),
     (
         "10 mm",

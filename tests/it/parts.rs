@@ -156,3 +156,23 @@ fn what_is_no_part_of_the_study_is_refused_and_not_overwritten() {
     fails(&ball.compute(1), "--part needs a study; one run has no parts");
     assert!(!fit.file(1).exists() && !ball.file(1).exists());
 }
+
+#[test]
+fn every_part_of_a_small_study_has_points() {
+    let study = Divided::new(&example("sweep"), 16);
+    for number in 1..=16 {
+        assert!(!succeeds(&study.compute(number)).contains(": 0 chunks"), "part {number} is empty");
+    }
+    let joined = study.join(&[]);
+    succeeds(&joined);
+    assert!(joined.stdout == run(&["run", "-"], &study.body).stdout, "the joined result differs");
+}
+
+#[test]
+fn a_part_says_first_if_the_joined_result_is_too_large_for_an_import() {
+    let study = Divided::new(&long_sweep(1_000_000), 1_000_000);
+    let output = study.compute(7);
+    let said = succeeds(&output).lines().collect::<Vec<_>>();
+    assert!(said[0].starts_with("the joined result could have "), "{said:?}");
+    assert!(said[1].starts_with("part 7/1000000: 1 chunks, 0 of them"), "{said:?}");
+}

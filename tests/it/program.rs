@@ -117,8 +117,9 @@ fn a_result_is_written_to_a_file_in_every_format() {
         assert!(written.starts_with(begins.as_bytes()), "{format}");
         assert!(run(&words[..4], "").stdout == written, "{format}");
     }
-    let none = dir.path().join("none/r.csv");
-    fails_on(BALL, none.to_str().unwrap(), "cannot write");
+    let made = dir.path().join("new/one/r.csv");
+    assert!(run(&["run", BALL, "-o", made.to_str().unwrap()], "").status.success());
+    assert!(made.is_file());
     fails_on(BALL, "r.txt", "End the name with one of .json, .ndjson, .csv, .npz, .arrow");
 }
 
@@ -147,6 +148,64 @@ fn several_files_and_changed_scenarios_are_computed() {
     assert_eq!(result["units"]["wear_volume"], "mm^3");
     fails_on(input, "r.csv", "is not a directory, which several input files need");
     fails(&run(&["run", BALL, "--set", "/no/such=1"], ""), "the scenario in");
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_refused_before_anything_is_read_or_computed() {
+    let dir = TempDir::new().unwrap();
+    let file = dir.path().join("file");
+    std::fs::write(&file, "mine").unwrap();
+    let inside = |name| file.join(name).to_str().unwrap().to_owned();
+    let (json, svg, html) = (inside("x.json"), inside("x.svg"), inside("x.html"));
+    for words in [
+        &["run", "-", "-o", &json][..],
+        &["run", "-", "--plot", &svg],
+        &["run", "-", "--report", &html],
+        &["run", "--join", "none", "-o", &json],
+        &["get", "0", "-o", &json, "--url", "http://127.0.0.1:1"],
+        &["report", "none.json", "-o", &html],
+    ] {
+        fails(&run(words, "no JSON"), "cannot write ");
+    }
+    fails(&run(&["run", "-", "--plot", "x.png"], "no JSON"), "figures are SVG");
+    assert_eq!(std::fs::read_to_string(file).unwrap(), "mine");
+    // A command that computes nothing leaves no file.
+    let none = dir.path().join("new/x.json");
+    assert_eq!(run(&["run", "-", "-o", none.to_str().unwrap()], "no JSON").status.code(), Some(2));
+    assert!(none.parent().unwrap().is_dir() && !none.exists());
+}
+
+#[test]
+fn results_of_several_files_go_to_a_new_directory_and_replace_nothing() {
+    let dir = TempDir::new().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    for name in ["one", "two"] {
+        std::fs::create_dir(at(name)).unwrap();
+        std::fs::write(at(&format!("{name}/a.json")), http::EXAMPLES[0].body).unwrap();
+    }
+    std::fs::write(at("one/b.json"), "{\"scenario\": 1}").unwrap();
+    let (one, new) = (at("one"), at("new"));
+    let places = ["-o", &*new, "--plot", &*new, "--report", &*new];
+    let output = run(&[&["run", &one], &places[..]].concat(), "");
+    // A fault names its file.
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains(&format!("{}: /scenario: ", at("one/b.json"))), "{said}");
+    for name in ["new/a.json", "new/a.svg", "new/a.html"] {
+        assert!(std::fs::metadata(at(name)).unwrap().len() > 1000, "{name}");
+    }
+    let alone = run(&["run", &at("one/b.json")], "");
+    assert!(text(&alone.stderr).starts_with(&at("one/b.json")), "{}", text(&alone.stderr));
+    // Two results of one name, and results in place of their inputs.
+    fails(
+        &run(&["run", &one, &at("two"), "-o", &new], ""),
+        "would replace an input file or another",
+    );
+    fails(&run(&["run", &one, "-o", &one], ""), "would replace an input file or another");
+    fails(&run(&["run", &at("two/a.json"), "-o", &at("two/a.json")], ""), "would replace an input");
+    assert_eq!(std::fs::read_to_string(at("two/a.json")).unwrap(), http::EXAMPLES[0].body);
+    assert!(run(&["run", &at("two/a.json"), "-o", &at("slash/")], "").status.success());
+    assert!(dir.path().join("slash/a.json").is_file());
 }
 
 #[test]
@@ -216,6 +275,7 @@ fn a_server_is_healthy_until_sigterm_and_exits_with_0() {
         assert_eq!(second.status.code(), Some(1));
         let said = text(&second.stderr);
         assert!(said.contains("fretwork: another server is using the data directory"), "{said}");
+        assert!(said.contains(&format!(" (process {})", child.id())), "{said}");
 
         let told = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
         assert!(told.success());

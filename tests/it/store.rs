@@ -1,15 +1,15 @@
 //! The store: coalescing, fencing, cancellation, recovery, lists, and files that it refuses to open.
 
 use std::collections::{HashMap, HashSet};
-use std::fs;
+use std::fs::{self, File};
 use std::num::NonZeroU32;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork_store::{
-    Actor, Admission, Answered, Canceled, Claimed, Deleted, Error, Filter, Finish, NewJob, Options,
-    Piece, Recovered, RunId, Store, StoredResult, Submitted,
+    Actor, Administration, Admission, Answered, Canceled, Claimed, Deleted, Error, Filter, Finish,
+    NewJob, Options, Piece, Recovered, RunId, Store, StoredResult, Submitted,
 };
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -506,6 +506,24 @@ async fn a_second_server_on_the_same_directory_is_refused() {
     assert!(matches!(store.submit(new_job(1)).await, Err(Error::Closed)));
     assert!(matches!(store.probe().await, Err(Error::Closed)));
     open(dir.path()).await.probe().await.unwrap();
+}
+
+/// A command holds the lock for a moment, and a server that starts creates the database.
+#[tokio::test]
+async fn servers_and_commands_wait_for_the_lock() {
+    async fn locked<T>(open: impl AsyncFnOnce(PathBuf) -> T) -> (TempDir, T) {
+        let dir = TempDir::new().unwrap();
+        let lock = File::create(dir.path().join("fretwork.lock")).unwrap();
+        lock.lock().unwrap();
+        // The first attempt of `open` comes before the release.
+        let (opened, ()) = tokio::join!(open(dir.path().to_owned()), async { drop(lock) });
+        (dir, opened)
+    }
+    let (_dir, store) =
+        locked(async |dir| Store::open((&*dir).into(), &Options::default()).await).await;
+    store.unwrap().close().await;
+    let (_dir, tables) = locked(async |dir| Administration::open((&*dir).into()).await).await;
+    assert!(tables.unwrap().keys().await.unwrap().is_empty());
 }
 
 async fn changes_requested_before_closing_are_committed(on: Engine) {

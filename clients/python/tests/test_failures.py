@@ -3,7 +3,7 @@
 import asyncio
 import json
 import pathlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import cast
 
 import httpx
@@ -12,7 +12,7 @@ from conftest import KEY, PATIENCE, Server
 
 from fretwork_client import ApiError, AsyncClient, Client, JobFailed, ServerUnreachable
 from fretwork_client.api_types import Job, Scenario
-from fretwork_client.flows import Answer, Lost, Pause, Request, finish, send
+from fretwork_client.flows import Answer, Flow, Lost, Pause, Request, finish, send
 from fretwork_client.progress import Silent
 
 
@@ -165,10 +165,36 @@ def test_a_busy_server_decides_how_long_the_client_waits(status: int) -> None:
     assert flow.send(Answer(0, {}, b"")) is request
     assert flow.throw(Lost("reset")) == Pause(0.4)
     assert flow.send(Answer(0, {}, b"")) is request
-    assert flow.send(answers(status, retry_after="7")) == Pause(7)
-    assert flow.send(Answer(0, {}, b"")) is request
+    # The patience is shorter than this.
     with pytest.raises(ApiError, match=f"status {status}"):
-        flow.send(answers(status))
+        flow.send(answers(status, retry_after="7"))
+
+
+def repeated(fail: Callable[[Flow[Answer]], Request | Pause], pauses: list[float]) -> None:
+    """Fails each request, until the client gives up."""
+    flow = send(Request("GET", "/v1/jobs"), 60)
+    next(flow)
+    while True:
+        pause = fail(flow)
+        assert isinstance(pause, Pause)
+        pauses.append(pause.seconds)
+        flow.send(Answer(0, {}, b""))
+
+
+@pytest.mark.parametrize("retry_after", ["0", "", "-1", "soon", "9" * 400])
+def test_a_server_that_is_always_busy_gets_few_requests(retry_after: str) -> None:
+    pauses: list[float] = []
+    with pytest.raises(ApiError, match="status 503"):
+        repeated(lambda flow: flow.send(answers(503, retry_after=retry_after)), pauses)
+    assert len(pauses) < 20
+    assert sum(pauses) == pytest.approx(0 if len(retry_after) > 9 else 60)
+
+
+def test_a_server_that_has_never_answered_is_given_up_soon() -> None:
+    pauses: list[float] = []
+    with pytest.raises(ServerUnreachable, match="http://there: refused"):
+        repeated(lambda flow: flow.throw(Lost("http://there: refused", is_new=True)), pauses)
+    assert 0 < sum(pauses) <= 3
 
 
 def test_a_fault_is_not_sent_again() -> None:

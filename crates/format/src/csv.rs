@@ -35,10 +35,19 @@ pub fn table(out: &mut Out<'_>, head: &Head, table: &Table, view: &View) -> Resu
                     serde_json::to_writer(&mut *out, &number)?;
                 }
                 Cell::Number(_) => {}
-                Cell::Text(text) => write!(out, "\"{}\"", text.replace('"', "\"\""))?,
+                Cell::Text(text) => out.write_all(text_cell(text).as_bytes())?,
             }
         }
         out.write_all(b"\n")?;
     }
     Ok(())
+}
+
+/// A text as a cell of CSV. A spreadsheet would execute a text that begins like a formula, so this one begins with an
+/// apostrophe.
+#[must_use]
+pub fn text_cell(text: &str) -> String {
+    const FORMULA: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠'];
+    let guard = if text.starts_with(FORMULA) { "'" } else { "" };
+    format!("\"{guard}{}\"", text.replace('"', "\"\""))
 }

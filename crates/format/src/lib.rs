@@ -37,6 +37,7 @@ use std::io::Write;
 
 use document::Document;
 
+pub use csv::text_cell;
 pub use error::{Error, Missing};
 pub use fretwork_study::StudyFigure;
 pub use kind::{Format, Part};
@@ -48,7 +49,7 @@ pub use view::{FigureOptions, StudyOptions, View};
 
 /// The version of the formats. Clients may cache answers for ever, so increase the version when the same
 /// request gives other bytes.
-pub const VERSION: u8 = 6;
+pub const VERSION: u8 = 7;
 
 /// Writes a stored result, or a part of it. Large results take seconds. The stored bytes are dropped before the first
 /// byte is written, unless the whole document is written unchanged.
@@ -361,6 +362,17 @@ mod tests {
         let whole: Value = serde_json::from_slice(&whole.unwrap()).unwrap();
         assert_eq!(whole["table"]["wear_volume"], json!([1.2e-13, null]));
         assert_eq!(whole["counts"]["refused"], json!(1));
+    }
+
+    #[test]
+    fn a_text_of_a_table_is_no_formula() {
+        for begin in ["=HYPERLINK(", "+1", "-1", "@SUM(", "\t=1", "\r=1", "\n=1", "＝1"] {
+            let named = STUDY.replace("null,\"/friction", &format!("{},\"/friction", json!(begin)));
+            let csv = written(&named, Part::Table, Format::Csv, &View::default()).unwrap();
+            let cell = format!(",\"'{begin}\"\n");
+            assert!(String::from_utf8(csv).unwrap().contains(&cell), "{begin:?}");
+        }
+        assert_eq!(text_cell("a=\"b\""), "\"a=\"\"b\"\"\"");
     }
 
     #[test]

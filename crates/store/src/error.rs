@@ -33,10 +33,12 @@ pub enum Error {
         source: Arc<io::Error>,
     },
     /// Another server uses the data directory.
-    #[error("another server is using the data directory {}; end it, or name another directory", dir.display())]
+    #[error("another server is using the data directory {}{holder}; end it, or name another directory", dir.display())]
     Locked {
         /// The directory.
         dir: PathBuf,
+        /// The process of the server, or nothing if it is not known.
+        holder: String,
     },
     /// The file is not a database, or it is damaged.
     #[error("{} is not a database of SQLite, or is damaged; name another, or restore a backup", path.display())]

@@ -211,8 +211,8 @@ impl Study {
         ((self.seconds / CHUNK).ceil() as usize).clamp(least, self.points())
     }
 
-    /// The points of chunk number `number` of `chunks`, which have about the same size.
-    pub(crate) fn points_of(&self, number: usize, chunks: usize) -> Range<usize> {
+    /// The points of chunk number `number` of `chunks`, whose sizes differ by at most one point.
+    pub fn points_of(&self, number: usize, chunks: usize) -> Range<usize> {
         let start = |number| number * self.points() / chunks;
         start(number)..start(number + 1)
     }

@@ -14,7 +14,7 @@ use serde_json::Value;
 
 use crate::http::problem::Result;
 use crate::http::wire::paging::{CsvView, next_page};
-use fretwork_format::Format;
+use fretwork_format::{Format, text_cell};
 
 /// A page: its lines, and where the next page begins.
 pub type Page<Place> = (String, Option<Place>);
@@ -44,11 +44,7 @@ pub fn line(cells: impl IntoIterator<Item = Value>) -> String {
 fn cell(value: Value) -> String {
     match value {
         Value::Null => String::new(),
-        Value::String(text) => {
-            // A spreadsheet would execute a label that begins like a formula.
-            let guard = if text.starts_with(['=', '+', '-', '@', '\t', '\r']) { "'" } else { "" };
-            format!("\"{guard}{}\"", text.replace('"', "\"\""))
-        }
+        Value::String(text) => text_cell(&text),
         value => value.to_string(),
     }
 }

@@ -13,7 +13,7 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
 import httpx
 
-from .flows import Answer, Flow, Lost, Operations, Pause, Request
+from .flows import Answer, Body, Flow, Lines, Lost, Operations, Pause, Request
 from .progress import chosen
 from .settings import access_key, base_address
 
@@ -22,7 +22,7 @@ T = TypeVar("T")
 M = TypeVar("M", bound=Callable[..., object])
 
 # The server sends something at least every 15 seconds while a client follows a job, and answers a wait of 1 second.
-TIMEOUT = httpx.Timeout(75.0, connect=10.0)
+TIMEOUT = httpx.Timeout(75.0, connect=3.0)
 
 
 def _described(method: M, flow: Callable[..., object]) -> M:
@@ -53,7 +53,8 @@ def _awaitable(
 def _settings(url: str | None, key: str | None) -> dict[str, Any]:
     address = base_address(url)
     token = access_key(key, address)
-    headers = {"authorization": f"Bearer {token}"} if token else {}
+    # The client bounds the size of what it decompresses.
+    headers = {"accept-encoding": "gzip"} | ({"authorization": f"Bearer {token}"} if token else {})
     return {"base_url": address, "headers": headers, "timeout": TIMEOUT}
 
 
@@ -61,8 +62,21 @@ def _request(http: httpx.Client | httpx.AsyncClient, step: Request) -> httpx.Req
     return http.build_request(step.method, step.path, params=step.params, headers=step.headers, content=step.content)
 
 
-def _answer(response: httpx.Response, content: bytes) -> Answer:
-    return Answer(response.status_code, response.headers, content)
+def _body(response: httpx.Response, step: Request, place: str) -> Body:
+    """What reads the body of an answer: the lines of a stream that was asked for, or the whole."""
+    is_stream = response.is_success and response.headers.get("content-type", "").startswith("text/event-stream")
+    if step.on_line and is_stream:
+        return Lines(place, response.headers, step.on_line)
+    return Body(place, response.headers)
+
+
+def _answer(response: httpx.Response, body: Body) -> Answer:
+    content = b"" if isinstance(body, Lines) else bytes(body.content)
+    return Answer(response.status_code, response.headers, content, body.place)
+
+
+def _lost(error: httpx.RequestError, place: str, has_answered: bool) -> Lost:
+    return Lost(f"{place}: {error or type(error).__name__}", not has_answered)
 
 
 class Client:
@@ -71,7 +85,8 @@ class Client:
     `url` is its base address (FRETWORK_URL by default), and `key` an access key. By default, the server of FRETWORK_URL gets
     FRETWORK_KEY, or the key in the file FRETWORK_KEY_FILE.
     `progress` is False, True (a bar of tqdm, if installed), or a function that receives numbers from 0 to 1. After a lost
-    connection, and if the server is busy, the client tries again for `patience` seconds. `http` are options of `httpx.Client`.
+    connection, and if the server is busy, the client tries again for `patience` seconds (3 if the server has never answered).
+    `http` are options of `httpx.Client`.
     """
 
     def __init__(
@@ -86,6 +101,7 @@ class Client:
         self._operations = Operations(patience, chosen(progress))
         self._http = httpx.Client(**_settings(url, key) | http)
         self.url = base_address(url)
+        self._has_answered = False
 
     run = _blocking(Operations.run)
     evaluate = _blocking(Operations.evaluate)
@@ -107,8 +123,8 @@ class Client:
                 while True:
                     try:
                         answer = self._do(step)
-                    except httpx.TransportError as error:
-                        step = flow.throw(Lost(str(error) or type(error).__name__))
+                    except httpx.RequestError as error:
+                        step = flow.throw(_lost(error, self.url, self._has_answered))
                     else:
                         step = flow.send(answer)
             except StopIteration as end:
@@ -120,10 +136,13 @@ class Client:
             return Answer(0, {}, b"")
         response = self._http.send(_request(self._http, step), stream=True)
         with contextlib.closing(response):
-            if step.on_line and response.is_success:
-                any(map(step.on_line, response.iter_lines()))
-                return _answer(response, b"")
-            return _answer(response, response.read())
+            self._has_answered = True
+            body = _body(response, step, self.url)
+            for part in response.iter_bytes():
+                body.add(part)
+                if body.done:
+                    break
+            return _answer(response, body)
 
     def close(self) -> None:
         """Closes the connections."""
@@ -151,6 +170,7 @@ class AsyncClient:
         self._operations = Operations(patience, chosen(progress))
         self._http = httpx.AsyncClient(**_settings(url, key) | http)
         self.url = base_address(url)
+        self._has_answered = False
 
     run = _awaitable(Operations.run)
     evaluate = _awaitable(Operations.evaluate)
@@ -172,8 +192,8 @@ class AsyncClient:
                 while True:
                     try:
                         answer = await self._do(step)
-                    except httpx.TransportError as error:
-                        step = flow.throw(Lost(str(error) or type(error).__name__))
+                    except httpx.RequestError as error:
+                        step = flow.throw(_lost(error, self.url, self._has_answered))
                     else:
                         step = flow.send(answer)
             except StopIteration as end:
@@ -185,12 +205,13 @@ class AsyncClient:
             return Answer(0, {}, b"")
         response = await self._http.send(_request(self._http, step), stream=True)
         async with contextlib.aclosing(response):
-            if step.on_line and response.is_success:
-                async for line in response.aiter_lines():
-                    if step.on_line(line):
-                        break
-                return _answer(response, b"")
-            return _answer(response, await response.aread())
+            self._has_answered = True
+            body = _body(response, step, self.url)
+            async for part in response.aiter_bytes():
+                body.add(part)
+                if body.done:
+                    break
+            return _answer(response, body)
 
     async def aclose(self) -> None:
         """Closes the connections."""

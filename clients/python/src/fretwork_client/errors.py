@@ -54,15 +54,18 @@ class ServerUnreachable(FretworkError):
     """The server did not answer, although the client tried again for some time."""
 
 
-def refusal(status: int, body: bytes) -> ApiError:
+def refusal(status: int, body: bytes, location: str = "", place: str = "") -> ApiError:
     """The exception for an answer with an error. A proxy may answer without the members of RFC 9457."""
     kind = {400: InvalidRequest, 422: InvalidRequest, 401: AccessDenied, 403: AccessDenied}.get(status, ApiError)
+    server = f"The server {place}" if place else "The server"
+    if status < 400:
+        return kind(status, f"{server} redirects to {location[:200]!r}. Enter the address of fretwork in FRETWORK_URL", [])
     try:
         said = json.loads(body)
-        detail = said["detail"]
-    except (ValueError, KeyError, TypeError):
-        return kind(status, f"The server answered {status}: {body[:200].decode(errors='replace')}", [])
-    faults = [
-        Fault(fault.get("pointer") or fault.get("parameter") or "body", fault["detail"]) for fault in said.get("errors", [])
-    ]
-    return kind(status, detail, faults, said.get("type", ""), said.get("instance", ""))
+        detail = str(said["detail"])
+        faults = [
+            Fault(fault.get("pointer") or fault.get("parameter") or "body", fault["detail"]) for fault in said.get("errors", [])
+        ]
+        return kind(status, detail, faults, said.get("type", ""), said.get("instance", ""))
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return kind(status, f"{server} answered {status}: {body[:200].decode(errors='replace')}", [])

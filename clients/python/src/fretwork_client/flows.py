@@ -9,13 +9,16 @@ from __future__ import annotations
 import json
 import os
 import pathlib
+import time
+import urllib.parse
 import uuid
+import zipfile
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar, cast
 
 from . import api_types as api
-from .errors import InvalidRequest, JobFailed, ServerUnreachable, refusal
+from .errors import ApiError, InvalidRequest, JobFailed, ServerUnreachable, refusal
 from .progress import Progress
 from .results import Evaluation, Fit, Run, Study
 
@@ -28,6 +31,12 @@ FINISHED = ("succeeded", "failed", "canceled")
 # Answers after which the same request may succeed: too many requests, a proxy without a server, a server that starts or stops.
 TEMPORARY = (429, 502, 503)
 LONGEST_PAUSE = 5.0
+# How long the client tries again, in seconds, if the server has never answered: it may be somewhere else.
+FIRST_PATIENCE = 3.0
+# Largest answer in bytes, also when it is decompressed. The largest result is smaller.
+LARGEST = 1 << 28
+# Longest line of a stream in bytes.
+LONGEST_LINE = 1 << 24
 
 
 @dataclass(frozen=True)
@@ -51,15 +60,65 @@ class Pause:
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer to a request. The body of a stream is empty."""
+    """The answer to a request. The body of a stream is empty. `place` is the address of the server, for error texts."""
 
     status: int
     headers: Mapping[str, str]
     content: bytes
+    place: str = ""
+
+    def json(self) -> Any:
+        """The JSON of the body."""
+        try:
+            return json.loads(self.content)
+        except (ValueError, RecursionError):
+            raise self.strange("JSON") from None
+
+    def strange(self, expected: str) -> ApiError:
+        """The exception for an answer that no server of fretwork gives."""
+        said = self.content[:200].decode(errors="replace")
+        detail = f"The answer of {self.place or 'the server'} is not {expected}. Check FRETWORK_URL. It begins with: {said!r}"
+        return ApiError(self.status, detail, [])
+
+
+class Body:
+    """Collects the body of an answer, and refuses one that is too large or has an encoding that the client did not ask for."""
+
+    def __init__(self, place: str, headers: Mapping[str, str]) -> None:
+        self.place, self.content, self.done = place, bytearray(), False
+        encoding = headers.get("content-encoding", "identity").strip().lower()
+        if encoding not in ("gzip", "identity"):
+            raise ApiError(0, f"The answer of {place} has the encoding {encoding[:40]!r}, which the client did not ask for", [])
+
+    def add(self, part: bytes) -> None:
+        """Adds the next bytes."""
+        self.content += part
+        if len(self.content) > LARGEST:
+            raise ApiError(0, f"The answer of {self.place} has more than {LARGEST >> 20} MiB. Check FRETWORK_URL", [])
+
+
+class Lines(Body):
+    """Hands the lines of a stream to a function until it returns True."""
+
+    def __init__(self, place: str, headers: Mapping[str, str], on_line: Callable[[str], bool]) -> None:
+        super().__init__(place, headers)
+        self.on_line = on_line
+
+    def add(self, part: bytes) -> None:
+        """Reads the next bytes."""
+        *lines, rest = (self.content + part).split(b"\n") if b"\n" in part else [self.content + part]
+        self.content = rest
+        if len(rest) > LONGEST_LINE:
+            raise ApiError(0, f"A line of {self.place} has more than {LONGEST_LINE >> 20} MiB. Check FRETWORK_URL", [])
+        self.done = self.done or any(self.on_line(line.decode(errors="replace").rstrip("\r")) for line in lines)
 
 
 class Lost(Exception):
-    """The connection failed before the whole answer arrived."""
+    """The connection failed before the whole answer arrived. `is_new`: the server has never answered this client."""
+
+    def __init__(self, reason: str, is_new: bool = False) -> None:
+        super().__init__(reason)
+        self.is_new = is_new
 
 
 class Patience:
@@ -71,17 +130,25 @@ class Patience:
 
     def renew(self) -> None:
         """The server has answered: the next failure is a new one."""
-        self.left, self.tries = self.whole, 0
+        self.left, self.tries, self.began = self.whole, 0, time.monotonic()
 
-    def pause(self, reason: str, retry_after: str = "") -> Pause:
-        """The next pause: what the server asks for, else twice as long as the last one."""
-        if self.left <= 0:
-            raise ServerUnreachable(f"{reason}. Check that the server runs, and the address in FRETWORK_URL.")
-        own = min(0.1 * 2.0**self.tries, LONGEST_PAUSE)
-        wanted = float(retry_after) if retry_after.isdecimal() else own
+    def pause(self, error: Exception, retry_after: str = "", is_new: bool = False) -> Pause:
+        """The next pause: twice as long as the last one, or as the server asks. Raises the error if no patience is left."""
+        if is_new:
+            self.left = min(self.left, FIRST_PATIENCE - (time.monotonic() - self.began))
+        own = min(0.1 * 2.0 ** min(self.tries, 10), LONGEST_PAUSE)
+        asked = float(retry_after) if retry_after.isdecimal() else 0.0
+        if self.left <= 0 or asked > self.left:
+            raise error
         self.tries += 1
+        wanted = max(asked, min(own, self.left))
         self.left -= wanted
         return Pause(wanted)
+
+
+def unreachable(reason: str) -> ServerUnreachable:
+    """The exception when the client gives up."""
+    return ServerUnreachable(f"{reason}. Check that the server runs, and the address in FRETWORK_URL.")
 
 
 def attempt(request: Request, patience: Patience) -> Flow[Answer | None]:
@@ -89,14 +156,14 @@ def attempt(request: Request, patience: Patience) -> Flow[Answer | None]:
     try:
         answer = yield request
     except Lost as lost:
-        yield patience.pause(f"The server did not answer: {lost}")
+        yield patience.pause(unreachable(f"The server did not answer: {lost}"), is_new=lost.is_new)
         return None
-    if answer.status < 400:
+    if answer.status < 300:
         return answer
-    error = refusal(answer.status, answer.content)
-    if answer.status not in TEMPORARY or patience.left <= 0:
+    error = refusal(answer.status, answer.content, answer.headers.get("location", ""), answer.place)
+    if answer.status not in TEMPORARY:
         raise error
-    yield patience.pause(str(error), answer.headers.get("retry-after", ""))
+    yield patience.pause(error, answer.headers.get("retry-after", ""))
     return None
 
 
@@ -113,13 +180,12 @@ def post(path: str, body: Mapping[str, Any], patience: float, **headers: str) ->
     """Sends JSON, and returns the JSON of the answer. The server must do the same if it receives this twice."""
     named = {"content-type": "application/json"} | {name.replace("_", "-"): value for name, value in headers.items()}
     answer = yield from send(Request("POST", path, headers=named, content=json.dumps(body).encode()), patience)
-    return json.loads(answer.content)
+    return answer.json()
 
 
-def get(path: str, patience: float, **params: object) -> Flow[bytes]:
-    """The body of an answer."""
-    answer = yield from send(Request("GET", path, _words(params)), patience)
-    return answer.content
+def get(path: str, patience: float, **params: object) -> Flow[Answer]:
+    """The answer to a request that changes nothing."""
+    return (yield from send(Request("GET", path, _words(params)), patience))
 
 
 class JobEvents:
@@ -139,13 +205,19 @@ class JobEvents:
             self._kind = value.strip()
         if name != "data":
             return False
-        data = json.loads(value)
-        job = data if self._kind == "snapshot" else data.get("job")
+        try:
+            data = json.loads(value)
+            progress = float(data.get("progress", 0))
+            job = data if self._kind == "snapshot" else data.get("job")
+            has_ended = bool(job) and job["state"] in FINISHED
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            detail = f"The server sent an event that it does not have: {value[:200]!r}. Check FRETWORK_URL"
+            raise ApiError(200, detail, []) from None
         if "progress" in data:
-            self.progress.show(data["progress"])
-        if job and job["state"] in FINISHED:
+            self.progress.show(progress)
+        if has_ended:
             self.job = cast(api.Job, job)
-        return self.job is not None
+        return has_ended
 
 
 def finish(job: api.Job, progress: Progress, seconds: float) -> Flow[api.Job]:
@@ -154,19 +226,25 @@ def finish(job: api.Job, progress: Progress, seconds: float) -> Flow[api.Job]:
         return job
     patience = Patience(seconds)
     events = JobEvents(progress, patience)
-    stream = Request("GET", f"/v1/jobs/{job['id']}/events", headers={"accept": "text/event-stream"}, on_line=events.line)
+    path = f"/v1/jobs/{_part(job['id'])}/events"
+    stream = Request("GET", path, headers={"accept": "text/event-stream"}, on_line=events.line)
     while True:
         answer = yield from attempt(stream, patience)
         if events.job:
             return events.job
         if answer is not None:
-            yield patience.pause("The stream of events ended early")
+            if answer.content:
+                raise answer.strange("a stream of events")
+            yield patience.pause(unreachable("The stream of events ended early"))
 
 
 def submit(body: api.JobBody, patience: float, wait: float = 1) -> Flow[api.Job]:
     """Submits a job once, however often the request is sent. Waits up to `wait` seconds for its end."""
     key = str(uuid.uuid4())
-    return cast(api.Job, (yield from post("/v1/jobs", body, patience, idempotency_key=key, prefer=f"wait={wait:.0f}")))
+    job = yield from post("/v1/jobs", body, patience, idempotency_key=key, prefer=f"wait={wait:.0f}")
+    if not (isinstance(job, dict) and all(isinstance(job.get(name), str) for name in ("id", "state", "key"))):
+        raise ApiError(200, f"The server answered with something else than a job: {str(job)[:200]!r}. Check FRETWORK_URL", [])
+    return cast(api.Job, job)
 
 
 @dataclass(frozen=True)
@@ -260,34 +338,34 @@ class Operations:
 
     def example(self, name: str) -> Flow[api.JobBody]:
         """One of the examples of the server, such as `steel-ball`."""
-        return cast(api.JobBody, json.loads((yield from get(f"/v1/examples/{name}", self.patience))))
+        return cast(api.JobBody, (yield from get(f"/v1/examples/{_part(name)}", self.patience)).json())
 
     def jobs(self, /, **search: str | int) -> Flow[list[api.Job]]:
         """Jobs, the newest first. `search` has parameters of `GET /v1/jobs`, such as `state="running"` or `limit=200`."""
-        page: api.JobList = json.loads((yield from get("/v1/jobs", self.patience, **search)))
+        page: api.JobList = (yield from get("/v1/jobs", self.patience, **search)).json()
         return page["jobs"]
 
     def results(self, /, **search: str | int) -> Flow[list[api.ResultEntry]]:
         """Stored results. `search` has parameters of `GET /v1/results`, such as `wear_depth="..2um"` or `shape="cone"`."""
-        page: api.ResultList = json.loads((yield from get("/v1/results", self.patience, **search)))
+        page: api.ResultList = (yield from get("/v1/results", self.patience, **search)).json()
         return page["results"]
 
     def cancel(self, job_id: str) -> Flow[api.Job]:
         """Cancels a job. Its run stops if no other job needs it."""
-        return cast(api.Job, (yield from post(f"/v1/jobs/{job_id}/cancel", {}, self.patience)))
+        return cast(api.Job, (yield from post(f"/v1/jobs/{_part(job_id)}/cancel", {}, self.patience)))
 
     def derivatives(self, run: Run | str, outputs: Sequence[str], parameters: Sequence[str]) -> Flow[list[api.Derivative]]:
         """Derivatives of the outputs of a run, or of its key, with respect to numbers of its scenario (JSON pointers)."""
-        path = f"/v1/results/{run if isinstance(run, str) else run.key}/derivatives"
+        path = f"/v1/results/{_part(run if isinstance(run, str) else run.key)}/derivatives"
         names = {"outputs": ",".join(outputs), "parameters": ",".join(parameters)}
-        found: api.DerivativeList = json.loads((yield from get(path, self.patience, **names)))
+        found: api.DerivativeList = (yield from get(path, self.patience, **names)).json()
         return found["derivatives"]
 
     def measurements(self, /, file: str | os.PathLike[str], **options: str | int) -> Flow[api.Measured]:
         """Reads a file of measured numbers. `options` are the parameters of `POST /v1/measurements`, such as `x` and `y`."""
         headers = {"content-type": "application/octet-stream"}
         request = Request("POST", "/v1/measurements", _words(options), headers, pathlib.Path(file).read_bytes())
-        return cast(api.Measured, json.loads((yield from send(request, self.patience)).content))
+        return cast(api.Measured, (yield from send(request, self.patience)).json())
 
     def _compute(self, kind: type[ResultT], name: str, body: Any, label: str | None, tags: Sequence[str]) -> Flow[ResultT]:
         submission: dict[str, Any] = {name: body, "tags": list(tags)} | ({"label": label} if label else {})
@@ -299,19 +377,28 @@ class Operations:
             progress.close()
         if job["state"] != "succeeded":
             raise JobFailed(job)
-        path = f"/v1/results/{job['key']}"
-        arrays = yield from get(path, self.patience, format="npz")
-        return kind.read(job, arrays, (yield from self._picture(path)))
+        path = f"/v1/results/{_part(job['key'])}"
+        answer = yield from get(path, self.patience, format="npz")
+        picture = yield from self._picture(path)
+        try:
+            return kind.read(job, answer.content, picture)
+        except (ValueError, KeyError, TypeError, OSError, MemoryError, zipfile.BadZipFile):
+            raise answer.strange("a result") from None
 
     def _picture(self, path: str) -> Flow[bytes | None]:
         """The figure of a result as SVG; None if the server has no figure for it."""
         try:
-            return (yield from get(f"{path}/plot.svg", self.patience, width="560", height="360"))
+            return (yield from get(f"{path}/plot.svg", self.patience, width="560", height="360")).content
         except InvalidRequest:
             return None
 
 
 ResultT = TypeVar("ResultT", Run, Study, Fit)
+
+
+def _part(name: str) -> str:
+    """A part of a path. A name cannot lead to another path."""
+    return urllib.parse.quote(name, safe="").replace(".", "%2E")
 
 
 def _words(params: Mapping[str, object]) -> dict[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
@@ -18,6 +19,10 @@ from .tables import Array, Table, needed
 if TYPE_CHECKING:
     import pandas
     import xarray
+
+
+# Largest result in bytes. Compressed arrays can be endless.
+LARGEST_RESULT = 1 << 30
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,9 @@ class Result:
     @classmethod
     def read(cls, job: api.Job, npz: bytes, svg: bytes | None) -> Self:
         """Reads the arrays of a result (format NPZ)."""
+        with zipfile.ZipFile(io.BytesIO(npz)) as file:
+            if sum(member.file_size for member in file.infolist()) > LARGEST_RESULT:
+                raise ValueError("the arrays are too large")
         with np.load(io.BytesIO(npz), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         meta: dict[str, Any] = json.loads(str(arrays.pop("meta")))

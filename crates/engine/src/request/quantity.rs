@@ -201,7 +201,8 @@ pub(super) fn plain(text: &str) -> Option<String> {
 }
 
 /// The quoted text with a decimal point and without thousands separators. A comma before three digits can be either, so
-/// there are then two texts. `None` if the text has no such fault.
+/// there are then two texts. But nobody writes `.000`, and no group of thousands follows a 0. `None` if the text has no such
+/// fault.
 fn corrected(text: &str) -> Option<String> {
     let letters: Vec<char> = text.chars().collect();
     let (mut plain, mut point) = (String::new(), None);
@@ -228,8 +229,11 @@ fn corrected(text: &str) -> Option<String> {
         }
     }
     let (changed, mut whole) = (plain != text, plain.clone());
-    if let Some((at, 3)) = point {
+    if let Some((at, 3)) = point.filter(|_| !plain.starts_with("0.")) {
         whole.remove(at);
+        if whole[at..].starts_with("000") {
+            plain.clone_from(&whole);
+        }
     }
     let both =
         if whole == plain { format!("{plain:?}") } else { format!("{plain:?} or {whole:?}") };
@@ -336,7 +340,9 @@ mod tests {
         assert!(of("1'500 000,5 N", Force).ends_with("Enter \"1500000.5 N\""));
         assert!(of("10.000,5 N", Force).ends_with("Enter \"10000.5 N\""));
         assert!(of("1.5,5 N", Force).contains("unit"));
-        assert!(of("1,000 N", Force).ends_with("Enter \"1.000 N\" or \"1000 N\""));
+        assert!(of("1,250 N", Force).ends_with("Enter \"1.250 N\" or \"1250 N\""));
+        assert!(of("10,000 N", Force).ends_with("Enter \"10000 N\""));
+        assert!(of("0,700 N", Force).ends_with("Enter \"0.700 N\""));
         assert!(of("0.7 mm", Number).contains("plain number"));
         assert!(of("", Length).contains("does not begin with a number"));
     }

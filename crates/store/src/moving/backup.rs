@@ -84,7 +84,7 @@ pub fn restore<'a>(
     replace: bool,
 ) -> Command<'a, (Saved, Option<PathBuf>), Moving> {
     Box::pin(async move {
-        if !file.exists() {
+        if !file.is_file() {
             return Err(Moving::Nothing(file.to_owned()));
         }
         let lock = dir.join(LOCK);
@@ -92,7 +92,7 @@ pub fn restore<'a>(
         let missing: Vec<&Path> = missing.into_iter().take_while(|path| !path.exists()).collect();
         // This holds the lock until everything is removed. If another server holds the lock, the files belong to that
         // server and stay.
-        let locked = open::lock(dir);
+        let locked = open::lock(dir).await;
         let done = match &locked {
             Ok(locked) => put_in_place(dir, locked, file, replace).await,
             Err(error) => Err(error.clone().into()),

@@ -80,7 +80,8 @@ impl Source {
 /// The JSON of a result that `fretwork run` has written, or its first bytes if it is too large; `None` if the file is not
 /// JSON or cannot be read.
 fn json_of(path: &Path) -> Option<Bytes> {
-    let mut file = File::open(path).ok()?;
+    // A FIFO would be opened only when another program writes to it.
+    let mut file = path.is_file().then(|| File::open(path).ok())??;
     let mut json = vec![0];
     file.read_exact(&mut json).ok().filter(|()| json == *b"{")?;
     file.take(MAX_BODY + 1).read_to_end(&mut json).ok()?;
@@ -222,7 +223,7 @@ impl Importer {
 
 /// Maximum size of an imported body, in bytes. Half more than `MAX_ANSWER`, because the estimate of the size of a
 /// result can be too low. It is limited because SQLite and sqlx hold two copies of a body in memory.
-const MAX_BODY: u64 = MAX_ANSWER as u64 / 2 * 3;
+pub const MAX_BODY: u64 = MAX_ANSWER as u64 / 2 * 3;
 /// Maximum length of an imported name, in characters.
 const MAX_NAME: usize = 200;
 /// Maximum length of the imported warnings, in bytes. A submission has at most three of about 200 bytes each.

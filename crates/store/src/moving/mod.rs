@@ -32,7 +32,7 @@ pub use backup::{Saved, backup, note_backup, restore};
 pub use check::{Checked, check};
 pub use damage::Damage;
 pub use export::{Exported, export};
-pub use import::{Accepted, Entry, Imported, Importer};
+pub use import::{Accepted, Entry, Imported, Importer, MAX_BODY};
 
 /// The SQLite application id of an export ("frex").
 const EXPORT: i32 = 0x6672_6578;
@@ -49,7 +49,7 @@ pub enum Moving {
     #[error(transparent)]
     Store(#[from] Error),
     /// The source does not exist.
-    #[error("there is no file {}", .0.display())]
+    #[error("there is no file {}{}", .0.display(), if .0.exists() { ": it is something else" } else { "" })]
     Nothing(PathBuf),
     /// There is no database at this place.
     #[error(

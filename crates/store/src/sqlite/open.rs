@@ -4,11 +4,12 @@ use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 use tokio::sync::Semaphore;
+use tokio::time::sleep;
 
 use super::Database;
 use super::files::Files;
@@ -55,7 +56,7 @@ impl Database {
     }
 
     pub(crate) async fn open(dir: &Path, options: &Options, signals: Arc<Signals>) -> Result<Self> {
-        let lock = lock(dir)?;
+        let lock = lock(dir).await?;
         let path = dir.join(DATABASE);
         let log_pages = log_pages(options.budget);
         let writing = writing(&path, options.full_sync)
@@ -188,7 +189,23 @@ fn unusable(dir: &Path, error: io::Error) -> Error {
     Error::Directory { dir: dir.to_owned(), source: Arc::new(error) }
 }
 
-pub(crate) fn lock(dir: &Path) -> Result<File> {
+/// How long a process waits for the lock. Commands hold it for a moment, also one after another.
+const LOCK_PATIENCE: Duration = Duration::from_secs(5);
+/// The pause before the next attempt.
+const LOCK_PAUSE: Duration = Duration::from_millis(20);
+
+/// Locks a data directory, and creates it if it is missing. Waits some seconds for another process.
+pub(crate) async fn lock(dir: &Path) -> Result<File> {
+    let end = Instant::now() + LOCK_PATIENCE;
+    loop {
+        match try_lock(dir) {
+            Err(Error::Locked { .. }) if Instant::now() < end => sleep(LOCK_PAUSE).await,
+            done => return done,
+        }
+    }
+}
+
+fn try_lock(dir: &Path) -> Result<File> {
     let refused = |error| unusable(dir, error);
     fs::create_dir_all(dir).map_err(refused)?;
     let path = dir.join(LOCK);
@@ -196,11 +213,30 @@ pub(crate) fn lock(dir: &Path) -> Result<File> {
     let file = file.map_err(refused)?;
     match file.try_lock() {
         // A failed restore removes the lock file. Then another process may have created a new one.
-        Ok(()) if is_removed(&file, &path).map_err(refused)? => lock(dir),
+        Ok(()) if is_removed(&file, &path).map_err(refused)? => try_lock(dir),
         Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(Error::Locked { dir: dir.to_owned() }),
+        Err(TryLockError::WouldBlock) => {
+            Err(Error::Locked { dir: dir.to_owned(), holder: holder(&file).unwrap_or_default() })
+        }
         Err(TryLockError::Error(source)) => Err(refused(source)),
     }
+}
+
+/// The process that holds the lock of a file, as a part of an error text. Only Linux tells it, and no process of another
+/// container.
+#[cfg(unix)]
+fn holder(file: &File) -> Option<String> {
+    use std::os::unix::fs::MetadataExt as _;
+    let inode = format!(":{}", file.metadata().ok()?.ino());
+    let locks = fs::read_to_string("/proc/locks").ok()?;
+    let held = locks.lines().find(|line| line.split(' ').any(|word| word.ends_with(&inode)))?;
+    Some(format!(" (process {})", held.split_whitespace().nth(4)?))
+}
+
+/// Other systems do not tell who holds a lock.
+#[cfg(not(unix))]
+fn holder(_: &File) -> Option<String> {
+    None
 }
 
 /// Whether a path no longer leads to the open file.
@@ -289,13 +325,23 @@ pub(crate) async fn inspect(path: &Path) -> Result<()> {
 pub(crate) async fn beside(dir: &Path, patience: Duration) -> Result<SqliteConnection> {
     let path = dir.join(DATABASE);
     let options = writing(&path, false).busy_timeout(patience);
-    match lock(dir) {
-        Ok(_lock) => return prepare(dir, options).await,
-        Err(Error::Locked { .. }) => {}
-        Err(error) => return Err(error),
+    let end = Instant::now() + LOCK_PATIENCE;
+    loop {
+        match try_lock(dir) {
+            Ok(_lock) => return prepare(dir, options).await,
+            Err(Error::Locked { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        // A server that has just started may still create or migrate the database.
+        let served = async {
+            inspect(&path).await?;
+            let mut db = SqliteConnection::connect_with(&options).await?;
+            schema::require_latest(&mut db, &path).await?;
+            Ok(db)
+        };
+        match served.await {
+            Err(_) if Instant::now() < end => sleep(LOCK_PAUSE).await,
+            done => return done,
+        }
     }
-    inspect(&path).await?;
-    let mut db = SqliteConnection::connect_with(&options).await?;
-    schema::require_latest(&mut db, &path).await?;
-    Ok(db)
 }

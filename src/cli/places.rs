@@ -1,0 +1,95 @@
+//! The output files of commands. A command checks them before it computes, so that no result is computed and lost.
+
+use std::collections::HashSet;
+use std::fs::{self, OpenOptions};
+use std::io::{self, IsTerminal as _};
+use std::path::{Path, PathBuf};
+
+use super::printing::Error;
+use crate::config::Output;
+use fretwork_format::Format;
+
+/// Files that a command reads or will write, without links in their names.
+pub type Taken = HashSet<PathBuf>;
+
+/// The input files of a command.
+pub fn taken(inputs: &[PathBuf]) -> Taken {
+    inputs.iter().filter_map(|file| fs::canonicalize(file).ok()).collect()
+}
+
+/// Makes the directory of an output file. Checks that the file can be written, and that it is no other file of the command.
+pub fn reserve(file: &Path, taken: &mut Taken) -> Result<(), Error> {
+    let (name, is_new) = (file.display(), file.symlink_metadata().is_err());
+    // The reader of a FIFO would take an attempt for the end.
+    if file.exists() && !file.is_file() && !file.is_dir() {
+        return Ok(());
+    }
+    let opened = make_parent(file)
+        .and_then(|()| OpenOptions::new().create(true).append(true).open(file))
+        .and_then(|_| fs::canonicalize(file));
+    let place = opened.map_err(|error| format!("cannot write {name}: {error}"))?;
+    if is_new {
+        fs::remove_file(file)?;
+    }
+    let is_free = taken.insert(place);
+    let advice = "would replace an input file or another result. Name another place";
+    is_free.then_some(()).ok_or_else(|| format!("{name} {advice}").into())
+}
+
+/// Makes the directory of a file.
+pub fn make_parent(file: &Path) -> io::Result<()> {
+    file.parent().map_or(Ok(()), fs::create_dir_all)
+}
+
+/// Checks the places of all results of some input files, and makes their directories. `others` are the figure and the
+/// report, with their suffixes. `taken` has the files that the command reads.
+pub fn check(
+    inputs: &[PathBuf],
+    output: &Output,
+    others: &[(Option<&PathBuf>, &str)],
+    mut taken: Taken,
+) -> Result<(), Error> {
+    let others = others.iter().filter_map(|(place, suffix)| Some(((*place)?, *suffix)));
+    for place in others.clone().map(|(place, _)| place).chain(&output.file) {
+        make_directory(place, inputs.len() == 1)?;
+    }
+    let format = output.format()?;
+    let is_binary = matches!(format, Format::Npz | Format::Arrow);
+    if is_binary && output.file.is_none() && io::stdout().is_terminal() {
+        let advice = "write it to a file with --output";
+        return Err(format!("the requested format is binary, not for a terminal: {advice}").into());
+    }
+    let places = others.chain(output.file.iter().map(|file| (file, format.name())));
+    for (place, suffix) in places {
+        if suffix == "svg" && !place.is_dir() && place.extension() != Some("svg".as_ref()) {
+            let place = place.display();
+            return Err(format!("{place}: figures are SVG. End the name with .svg").into());
+        }
+        for input in inputs {
+            reserve(&inside(place, input, suffix), &mut taken)?;
+        }
+    }
+    Ok(())
+}
+
+/// Makes the directory in which several input files, or a name with a slash at its end, put their results.
+fn make_directory(place: &Path, is_one: bool) -> Result<(), Error> {
+    let is_slash = place.as_os_str().as_encoded_bytes().ends_with(b"/");
+    let suffix = place.extension().and_then(|suffix| suffix.to_str()).unwrap_or_default();
+    let is_file = suffix == "html" || Format::ALL.iter().any(|format| format.name() == suffix);
+    let is_wrong = is_file && !is_slash && !place.is_dir();
+    let is_right = (is_one && !is_slash) || (!is_wrong && fs::create_dir_all(place).is_ok());
+    let advice = "is not a directory, which several input files need";
+    is_right.then_some(()).ok_or_else(|| format!("{} {advice}", place.display()).into())
+}
+
+/// The file itself, or the file in a directory that is named after the input file.
+pub fn inside(place: &Path, input: &Path, suffix: &str) -> PathBuf {
+    if !place.is_dir() {
+        return place.to_owned();
+    }
+    let name = input.file_stem().filter(|_| input.as_os_str() != "-").unwrap_or("result".as_ref());
+    let mut name = name.to_owned();
+    name.push(format!(".{suffix}"));
+    place.join(name)
+}
