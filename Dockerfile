@@ -30,7 +30,7 @@ RUN --mount=type=cache,target=/usr/local/cargo/registry \
 
 FROM debian:bookworm-slim
 LABEL org.opencontainers.image.title="fretwork" \
-      org.opencontainers.image.description="Fretting wear of axisymmetric contacts as a service" \
+      org.opencontainers.image.description="Fretting wear of round and line contacts as a service" \
       org.opencontainers.image.version="0.4.0" \
       org.opencontainers.image.licenses="MIT OR Apache-2.0"
 # Fixed ids, so that the owner of a volume stays the same.

@@ -1,4 +1,4 @@
-//! Fretting wear of axisymmetric contacts: the method of dimensionality reduction as a library
+//! Fretting wear of round and line contacts: the method of dimensionality reduction as a library
 //! and as a service.
 
 pub mod cli;

@@ -21,7 +21,6 @@ import socket
 import struct
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 import urllib.error
@@ -70,14 +69,16 @@ def wait_for(condition, what, seconds=60):
     return value
 
 
-def written_secrets():
-    """The variables of the file .env, written as the first lines of compose.yaml say."""
-    script = re.search(r"^#\s+(\(umask.*?\.env\))$", TEXT, re.MULTILINE | re.DOTALL)[1]
-    with tempfile.TemporaryDirectory() as directory:
-        run("bash", "-euc", re.sub(r"\n#", "\n", script), cwd=directory)
-        file = Path(directory, ".env")
-        assert file.stat().st_mode & 0o777 == 0o600, "other users can read the secrets"
-        return dict(line.split("=", 1) for line in file.read_text().splitlines())
+def prepare(directory):
+    """Writes secrets and a certificate to a directory, as the first lines of compose.yaml say. Returns the variables of .env."""
+    scripts = re.findall(r"^#\s+(\((?:umask|mkdir) .*?\))$", TEXT, re.MULTILINE | re.DOTALL)
+    assert len(scripts) == 2, scripts
+    for script in scripts:
+        run("bash", "-euc", re.sub(r"\n#", "\n", script), cwd=directory, stderr=subprocess.DEVNULL)
+    modes = {".env": 0o600, "tls": 0o700}
+    for name, mode in modes.items():
+        assert Path(directory, name).stat().st_mode & 0o777 == mode, f"other users can read {name}"
+    return dict(line.split("=", 1) for line in Path(directory, ".env").read_text().splitlines())
 
 
 def interpolated(text, variables):
@@ -176,6 +177,8 @@ class Container:
                     named.mkdir(parents=True)
                     os.chown(named, *map(int, self.image.user.split(":")))
             self.image.bind(root, SOURCE / source if source.startswith(".") else named, target)
+        for name in self.settings.get("secrets", []):
+            self.image.bind(root, self.deployment.prepared / self.deployment.files[name]["file"], f"/run/secrets/{name}")
         # This also makes the places at which it binds /proc and other parts of the system.
         self.image.command(root, [])
         if self.settings.get("read_only"):
@@ -253,12 +256,14 @@ class Deployment:
 
     def __init__(self, fretwork, work):
         self.work = work
-        self.secrets = written_secrets()
+        self.prepared = work / "prepared"
+        self.prepared.mkdir()
+        self.secrets = prepare(self.prepared)
         check_form(self.secrets)
         import yaml  # It may have been installed by this script.
 
         stated = yaml.safe_load(interpolated(TEXT, self.secrets))
-        self.services, self.volumes = stated["services"], stated["volumes"]
+        self.services, self.volumes, self.files = stated["services"], stated["volumes"], stated["secrets"]
         endless = [name for name, one in self.services.items() if "max-size" not in one.get("logging", {}).get("options", {})]
         assert not endless, f"the logs of {endless} can fill the disk"
         self.images = {"fretwork": fretwork} | stand_ins(work)

@@ -44,9 +44,12 @@ fn progress(what: &'static str) -> impl FnMut(f64, usize) {
     }
 }
 
+fn counted(count: u64, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
 fn results(count: u64, bytes: u64) -> String {
-    let plural = if count == 1 { "result" } else { "results" };
-    format!("{count} {plural} ({})", ByteSize(bytes))
+    format!("{} ({})", counted(count, "result"), ByteSize(bytes))
 }
 
 /// Writes results to a file.
@@ -97,8 +100,8 @@ pub fn import(settings: &Import) -> Result<ExitCode, Error> {
 /// Describes the contents of a backup.
 fn contents(saved: &Saved) -> String {
     let Saved { jobs, results: count, bytes, evicted, .. } = *saved;
-    let results = results(count, bytes);
-    format!("{results}, {jobs} jobs, scenarios of {evicted} evicted results; checked")
+    let (results, jobs) = (results(count, bytes), counted(jobs, "job"));
+    format!("{results}, {jobs}, scenarios of {}; checked", counted(evicted, "evicted result"))
 }
 
 /// Prints the keys of the damaged results to standard error. The exit code is 2 if there are any.
@@ -122,10 +125,12 @@ pub fn check(data: &Data) -> Result<ExitCode, Error> {
     }
     let found = match damage.len() {
         0 => "no damage".to_owned(),
-        count => format!("damage in {count} places"),
+        count => format!("damage in {}", counted(count as u64, "place")),
     };
     let counts = match counts {
-        Some((jobs, results)) => format!("{results} results, {jobs} jobs"),
+        Some((jobs, results)) => {
+            format!("{}, {}", counted(results, "result"), counted(jobs, "job"))
+        }
         None => "its results and jobs cannot be counted".to_owned(),
     };
     let line = format!("{}: {counts}; {found}\n", dir.display());

@@ -14,6 +14,7 @@ use fretwork_store::Search;
 #[derive(Debug, Args)]
 pub struct Export {
     /// The file to write; it must not exist.
+    #[arg(value_parser = new_file)]
     pub file: PathBuf,
     /// A condition, such as shape=cone or wear_depth=..2um.
     #[arg(value_name = "NAME=VALUE", value_parser = condition, conflicts_with = "keys")]
@@ -44,6 +45,7 @@ pub struct Import {
 #[derive(Debug, Args)]
 pub struct Backup {
     /// The file to write; it must not exist.
+    #[arg(value_parser = new_file)]
     pub file: PathBuf,
     /// The database to copy.
     #[command(flatten)]
@@ -61,6 +63,15 @@ pub struct Restore {
     /// The database to replace.
     #[command(flatten)]
     pub data: Data,
+}
+
+/// Parses the name of a file that is written. A database cannot be written to standard output.
+fn new_file(text: &str) -> Result<PathBuf, &'static str> {
+    if text == "-" {
+        Err("enter the name of a file, not - for standard output")
+    } else {
+        Ok(text.into())
+    }
 }
 
 /// Parses NAME=VALUE.

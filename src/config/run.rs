@@ -82,8 +82,8 @@ pub struct Change {
 /// Where a result goes, and how.
 #[derive(Debug, Args)]
 pub struct Output {
-    /// The format: json and npz hold the whole result; csv, ndjson and arrow hold the history [default: the suffix of the
-    /// output file, or json].
+    /// The format: json and npz hold the whole result; csv, ndjson and arrow hold the history, or the table of a study
+    /// [default: the suffix of the output file, or json].
     #[arg(long, value_parser = one_of(&Format::ALL, |format| format.name()))]
     pub format: Option<&'static Format>,
     /// Output file; its suffix names the format. With several input files, a directory [default: standard output].

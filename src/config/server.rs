@@ -103,7 +103,8 @@ pub struct Serve {
         value_parser = clap::value_parser!(u32).range(1..))]
     pub study_points: u32,
     /// Maximum size of the result of one study as JSON, up to 64MB.
-    #[arg(long, env = "FRETWORK_STUDY_SIZE", default_value = "64MB", value_name = "SIZE")]
+    #[arg(long, env = "FRETWORK_STUDY_SIZE", default_value = "64MB", value_name = "SIZE",
+        value_parser = study_size)]
     pub study_size: ByteSize,
     /// How long finished jobs are kept, such as 90d; 0 means for ever. This does not affect results. Jobs are deleted earlier
     /// if the database would exceed --keep-results.
@@ -136,8 +137,8 @@ pub struct Serve {
     #[arg(long, env = "FRETWORK_ADDRESS_CONNECTIONS", default_value = "1024", value_name = "N",
         value_parser = clap::value_parser!(u32).range(1..))]
     pub address_connections: u32,
-    /// The address of a reverse proxy, which tells the address of each client in X-Forwarded-For. Repeat the option
-    /// for more proxies.
+    /// The address of a reverse proxy. It tells the address of each client in X-Forwarded-For, and in X-Forwarded-Proto whether the
+    /// client uses TLS. It must remove these headers from the requests of its clients. Repeat the option for more proxies.
     #[arg(
         long = "trusted-proxy",
         env = "FRETWORK_TRUSTED_PROXY",
@@ -262,7 +263,7 @@ impl Serve {
             run: nonzero(self.run_limit),
             study: nonzero(self.study_limit),
             study_points: self.study_points as usize,
-            study_bytes: (self.study_size.as_u64() as usize).min(MAX_ANSWER),
+            study_bytes: self.study_size.as_u64() as usize,
         }
     }
 
@@ -311,6 +312,13 @@ fn user_header(text: &str) -> Result<HeaderName, String> {
         return Err(format!("{text} has another meaning; name a header such as X-Remote-User"));
     }
     text.parse().map_err(|_| "expected the name of a header".to_owned())
+}
+
+/// Parses the largest size of the result of a study.
+fn study_size(text: &str) -> Result<ByteSize, String> {
+    let size: ByteSize = text.parse()?;
+    let fits = size.as_u64() <= MAX_ANSWER as u64;
+    if fits { Ok(size) } else { Err("no result has more than 64MB; enter at most 64MB".to_owned()) }
 }
 
 /// Parses the secret of a sign-on proxy.
@@ -379,6 +387,14 @@ mod tests {
         }
         for good in ["X-Remote-User", "Remote-User", "Tailscale-User-Login"] {
             assert!(user_header(good).is_ok(), "{good}");
+        }
+    }
+
+    #[test]
+    fn the_size_of_a_study_is_at_most_that_of_a_result() {
+        assert_eq!(study_size("64MB"), Ok(ByteSize(MAX_ANSWER as u64)));
+        for bad in ["64.1MB", "1GB", "large"] {
+            assert!(study_size(bad).is_err(), "{bad}");
         }
     }
 

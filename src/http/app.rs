@@ -11,6 +11,7 @@ use axum::http::request::Parts;
 use tokio::sync::Mutex;
 
 use super::access::Gate;
+use super::access::session::Unencrypted;
 use super::memory::Memory;
 use super::memory::models::{self, Models};
 use super::metrics::Metrics;
@@ -51,6 +52,7 @@ pub struct Shared {
     pub models: Models,
     /// The OpenAPI document. It is made when it is first requested.
     pub document: LazyLock<Bytes>,
+    pub unencrypted: Unencrypted,
     /// When the server last probed the database, and the outcome.
     probed: Mutex<Option<(Instant, Result<(), Error>)>>,
 }
@@ -72,10 +74,18 @@ impl App {
         let shares = Arc::new(Shares::new(transfers, service.places()));
         let metrics = Metrics::new(store.tally(), service.workers(), admission, &shares);
         let (models, document) = (models::empty(), LazyLock::new(document));
-        let probed = Mutex::default();
-        let shared =
-            Shared { service, store, gate, memory, shares, metrics, models, document, probed };
-        Self(Arc::new(shared))
+        Self(Arc::new(Shared {
+            service,
+            store,
+            gate,
+            memory,
+            shares,
+            metrics,
+            models,
+            document,
+            unencrypted: Unencrypted::default(),
+            probed: Mutex::default(),
+        }))
     }
 
     /// Checks that the database can store a submission, or did so less than [`PROBE_INTERVAL`] ago.

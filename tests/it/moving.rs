@@ -556,6 +556,8 @@ async fn export_import_backup_and_restore_report_results_and_errors() {
     let new = path("new");
     let output = run(&["import", &path("one.db"), "--data-dir", &new], "");
     assert!(output.status.success() && said(&output).contains("1 result ("), "{output:?}");
+    let output = run(&["check", "--data-dir", &new], "");
+    assert!(said(&output).ends_with(": 1 result, 0 jobs; no damage\n"), "{output:?}");
     let output = run(&["import", &path("one.db"), "--data-dir", &new], "");
     assert!(
         said(&output).contains("0 results (0 B) imported, 1 known already, 0 refused"),
@@ -602,6 +604,15 @@ async fn export_import_backup_and_restore_report_results_and_errors() {
     let store = open(Path::new(&new)).await;
     assert!(store.has_result(&key.parse().unwrap()).await.unwrap());
     assert_eq!(store.jobs(&Filter::default(), None, 9).await.unwrap().jobs.len(), 2);
+}
+
+#[test]
+fn a_database_is_not_written_to_standard_output() {
+    for command in ["export", "backup"] {
+        let refused = run(&[command, "-"], "");
+        let why = String::from_utf8_lossy(&refused.stderr);
+        assert!(why.contains("enter the name of a file"), "{refused:?}");
+    }
 }
 
 #[test]

@@ -65,6 +65,22 @@ fn every_operation_is_described_and_every_error_uses_the_problem_schema() {
     assert!(ids.len() >= 17, "{ids:?}");
 }
 
+/// Generators of clients invent names for the objects in an alternative without a name, which then clash.
+#[test]
+fn every_alternative_with_objects_has_a_name() {
+    let document = document();
+    let mut checked = 0;
+    for (name, schema) in document["components"]["schemas"].as_object().unwrap() {
+        for alternative in schema["oneOf"].as_array().into_iter().flatten() {
+            let mut members = alternative["properties"].as_object().into_iter().flatten();
+            let has_objects = members.any(|(_, member)| member["type"] == "object");
+            assert!(!has_objects || alternative["title"].is_string(), "{name}: {alternative}");
+            checked += 1;
+        }
+    }
+    assert!(checked > 20, "{checked}");
+}
+
 #[test]
 fn every_schema_reference_has_a_target() {
     fn check(document: &Value, value: &Value) {

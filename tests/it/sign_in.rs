@@ -1,15 +1,19 @@
 //! Browsers sign in with a cookie, and sign-on proxies with a header.
 
+use std::fs::File;
+use std::process::Command;
 use std::sync::Arc;
 
 use fretwork::http::{Access, AdminKey, Connections, Origins, Settings, SignOn};
 use fretwork_job::{Begin, Task};
 use fretwork_store::{Administration, Options, Role};
 use serde_json::json;
+use tempfile::TempDir;
 
 use crate::access::{MASTER, followed_with, made, rest};
 use crate::keeping::eventually;
-use crate::server::{Gate, JSON, Reply, Server, ball};
+use crate::program::serve_by;
+use crate::server::{Gate, JSON, Reply, Server, ball, send};
 
 const OWN: (&str, &str) = ("Origin", "http://localhost");
 const SECRET: &str = "the-secret-of-the-proxy";
@@ -140,6 +144,33 @@ async fn a_cookie_is_secure_behind_a_proxy_with_tls() {
     me(&server, &cookie).await.problem(401, "unauthorized");
     let reply = server.send("GET", "/v1/me", &[("Cookie", &cookie), tls], "").await;
     assert_eq!(reply.status, 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_log_warns_once_of_sessions_of_other_machines_without_tls() {
+    let dir = TempDir::new().unwrap();
+    let log = dir.path().join("log");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_fretwork"));
+    command.args(["--trusted-proxy", "127.0.0.1", "--log", "warn"]);
+    command.env("FRETWORK_ADMIN_KEY", MASTER).stderr(File::create(&log).unwrap());
+    let (_server, address) = serve_by(command, &dir.path().join("data"));
+    let address = address.strip_prefix("http://").unwrap().parse().unwrap();
+    let bearer = format!("Bearer {MASTER}");
+    let (plain, tls) = (("X-Forwarded-Proto", "http"), ("X-Forwarded-Proto", "https"));
+    let warnings_after = async |client: &str, protocol| {
+        let headers = [("Authorization", &*bearer), ("X-Forwarded-For", client), protocol];
+        let reply = send(address, "POST", "/v1/session", &headers, "").await.unwrap();
+        assert_eq!(reply.status, 204, "{}", reply.text());
+        let log = std::fs::read_to_string(&log).unwrap();
+        (log.lines().count(), log)
+    };
+    assert_eq!(warnings_after("198.51.100.6", tls).await.0, 0);
+    assert_eq!(warnings_after("127.0.0.1", plain).await.0, 0);
+    assert_eq!(warnings_after("::1", plain).await.0, 0);
+    let (warnings, log) = warnings_after("198.51.100.7", plain).await;
+    let says = ["WARN", "client=198.51.100.7", "without TLS"].iter().all(|word| log.contains(word));
+    assert!(warnings == 1 && says, "{log}");
+    assert_eq!(warnings_after("198.51.100.8", plain).await.0, 1);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -27,6 +27,20 @@ impl From<IpAddr> for Peer {
     }
 }
 
+impl Peer {
+    /// Whether the client has a loopback address.
+    pub fn is_this_machine(&self) -> bool {
+        // The network of `::1` is `::/64`.
+        self.0.starts_with("127.") || &*self.0 == "::/64"
+    }
+}
+
+impl fmt::Display for Peer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
 /// The caller, as identified by its key.
 #[derive(Debug, Clone)]
 pub struct Identity {

@@ -4,11 +4,14 @@
 //! cookie counts only if a page of this server sent it: its `Sec-Fetch-Site` or its `Origin` must say so. Reading also
 //! works from a bookmark or a link.
 
+use std::time::{Duration, Instant};
+
 use axum::extract::Request;
 use axum::http::uri::Authority;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
+use parking_lot::Mutex;
 
-use super::caller::ViaProxy;
+use super::caller::{Peer, ViaProxy};
 use crate::http::problem::{Problem, Result, kinds};
 
 const SEC_FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
@@ -65,6 +68,31 @@ fn host_of(request: &Request) -> Option<&str> {
 fn is_encrypted(request: &Request) -> bool {
     let protocol = only(request.headers(), &FORWARDED_PROTO);
     request.extensions().get::<ViaProxy>().is_some() && protocol == Some("https")
+}
+
+/// Sessions without TLS are logged at most once in this time.
+const WARNING_PAUSE: Duration = Duration::from_hours(1);
+
+/// When the server last warned about a session without TLS.
+#[derive(Debug, Default)]
+pub struct Unencrypted(Mutex<Option<Instant>>);
+
+impl Unencrypted {
+    /// Warns that the client of another machine signs in without TLS.
+    pub fn warn(&self, request: &Request) {
+        let Some(client) = request.extensions().get::<Peer>() else { return };
+        let mut warned = self.0.lock();
+        let is_recent = warned.is_some_and(|at| at.elapsed() < WARNING_PAUSE);
+        if is_encrypted(request) || client.is_this_machine() || is_recent {
+            return;
+        }
+        *warned = Some(Instant::now());
+        tracing::warn!(
+            %client,
+            "a browser signed in without TLS, so others in its network could read the key and the cookie: use a proxy \
+            with TLS that sends X-Forwarded-Proto, as deploy/haproxy.cfg does, and pass its address to --trusted-proxy"
+        );
+    }
 }
 
 /// The value of a header that the request has exactly once.

@@ -41,6 +41,7 @@ pub async fn sign_in(app: App, _: NoQuery, request: Request) -> Result<Answer> {
         app.store.end_session(&token).await?;
     }
     let token = app.store.begin_session(by).await?;
+    app.unencrypted.warn(&request);
     Ok(answer(&request, Some(&token)))
 }
 

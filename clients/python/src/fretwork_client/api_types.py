@@ -546,16 +546,18 @@ class Health(TypedDict):
 
 Height: TypeAlias = "float | str"
 
-HistogramAnswer: TypeAlias = "HistogramAnswer1 | Records"
+class Histogram(TypedDict):
+    """Distributions of the outputs of a study, in columns."""
 
-class HistogramAnswer1(TypedDict):
     key: "str"
     engine: "Engine"
     units: "dict[str, str]"
-    histogram: "HistogramAnswer1Histogram"
+    histogram: "HistogramHistogram"
 
-HistogramAnswer1Histogram = TypedDict(
-    "HistogramAnswer1Histogram",
+HistogramAnswer: TypeAlias = "Histogram | Records"
+
+HistogramHistogram = TypedDict(
+    "HistogramHistogram",
     {
         "output": "list[str]",
         "unit": "list[str]",
@@ -1157,15 +1159,17 @@ class Sphere(TypedDict):
 
 Standing: TypeAlias = "Literal['held', 'dropped', 'unknown']"
 
-StatisticsAnswer: TypeAlias = "StatisticsAnswer1 | Records"
+class Statistics(TypedDict):
+    """Statistics of a study, in columns."""
 
-class StatisticsAnswer1(TypedDict):
     key: "str"
     engine: "Engine"
     units: "dict[str, str]"
-    statistics: "StatisticsAnswer1Statistics"
+    statistics: "StatisticsStatistics"
 
-class StatisticsAnswer1Statistics(TypedDict):
+StatisticsAnswer: TypeAlias = "Statistics | Records"
+
+class StatisticsStatistics(TypedDict):
     output: "list[str]"
     unit: "list[str]"
     points: "list[float | None]"
