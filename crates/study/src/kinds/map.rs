@@ -223,10 +223,14 @@ impl Map {
 }
 
 impl Map {
+    fn has_rig(&self) -> bool {
+        self.beside.contains(&BESIDE[0])
+    }
+
     /// For each point the amplitude at which its contact slips as a whole after the run. `None` if the map has no runs.
     fn thresholds(&self, problem: &Problem, rows: &Rows) -> Option<Vec<Option<f64>>> {
-        let place =
-            problem.outputs.iter().position(|output| THRESHOLDS.contains(&output.name()))?;
+        let name = THRESHOLDS[usize::from(self.has_rig())];
+        let place = problem.outputs.iter().position(|output| output.name() == name)?;
         Some(rows.numbers(MEMBERS.len() + CLOSED.len() + place))
     }
 
@@ -317,12 +321,11 @@ impl Plan for Map {
         let case = |force| self.case(problem, force).ok();
         let at_contact = |force| Some(case(force)?.gross_slip_amplitude());
         let at_actuator = |force| case(force)?.actuator_gross_slip_amplitude();
-        let has_rig = self.beside.contains(&BESIDE[0]);
         let mut columns: Vec<(&str, Vec<Option<f64>>)> = vec![
             (MEMBERS[0], self.forces.iter().copied().map(Some).collect()),
-            (MEMBERS[1], each(if has_rig { &at_actuator } else { &at_contact })),
+            (MEMBERS[1], each(if self.has_rig() { &at_actuator } else { &at_contact })),
         ];
-        if has_rig {
+        if self.has_rig() {
             columns.push((BESIDE[0], each(&at_contact)));
         }
         if let Some(thresholds) = self.thresholds(problem, rows) {
@@ -448,7 +451,7 @@ mod tests {
                 map["normal_force"] = json!({"values": ["60 N", "100 N"]});
                 map["amplitude"] =
                     json!({"from": "0.5 um", "to": "40 um", "count": 240, "spacing": "log"});
-                map["outputs"] = json!(["wear_volume"]);
+                map["outputs"] = json!(["gross_slip_amplitude"]);
                 change(map);
             })
             .unwrap();
