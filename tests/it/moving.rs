@@ -211,7 +211,8 @@ async fn an_export_is_a_database_with_readable_columns_and_units() {
         .fetch_all(&mut db)
         .await
         .unwrap();
-    assert_eq!(columns.len(), history.len() + 2);
+    // Those of the key, the row, and the threshold at an actuator.
+    assert_eq!(columns.len(), history.len() + 3);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

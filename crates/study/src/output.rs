@@ -258,7 +258,7 @@ impl Output {
                     Some(row) if history.has_reached(case, row) => row,
                     Some(_) => return Err(NoValue::Ended),
                 };
-                finite(history.values()[place][row])
+                finite(*history.values()[place].get(row).ok_or(NoValue::NoRig)?)
             }
             Source::Event(kind) => {
                 let event = events.iter().find(|event| event.kind == kind);

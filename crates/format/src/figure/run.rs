@@ -199,7 +199,12 @@ impl Drawing<'_> {
     fn history(&self) -> Result<Figure> {
         let table = self.table()?;
         if table.column(self.quantity.name).is_none() {
-            return Err(self.unavailable("an earlier version of the engine computed the result")?);
+            let because = if self.quantity.name.starts_with("actuator") {
+                "only a scenario with `rig_stiffness` has it"
+            } else {
+                "an earlier version of the engine computed the result"
+            };
+            return Err(self.unavailable(because)?);
         }
         let cycles = table.axis("cycles");
         let columns = self.quantity.columns();
