@@ -518,3 +518,114 @@ fn levelled_balls_and_faults_of_instruments_are_told() {
     assert!(measured.notes.iter().any(|note| note.starts_with("701 points have the x of")));
     assert!(off(&plain, &measured)[0].abs() < 0.01, "{:?}", measured.notes);
 }
+
+/// A trace of [`SCAR`], of which some heights are replaced.
+fn replaced(part: Part, from: f64, to: f64, by: &dyn Fn(&[[f64; 2]]) -> Option<f64>) -> String {
+    let rows = made(f64::INFINITY, &[part]).rows();
+    let (first, after) =
+        (rows.partition_point(|it| it[0] < from), rows.partition_point(|it| it[0] < to));
+    let ends = [rows[first - 1], rows[after]];
+    let row = |(at, row): (usize, &[f64; 2])| match (first..after).contains(&at) {
+        true => by(&[ends[0], ends[1], *row]).map(|z| [row[0], z]),
+        false => Some(*row),
+    };
+    text(rows.iter().enumerate().filter_map(row))
+}
+
+/// How many stated errors a size is off.
+fn deviation(measured: &Measured, name: &str, truth: f64) -> f64 {
+    let size = &measured.prepared["trace"][name];
+    (size["value"].as_f64().unwrap() - truth) / size["error"].as_f64().unwrap()
+}
+
+#[test]
+fn the_errors_contain_what_gaps_hide() {
+    let missing = |_: &[[f64; 2]]| None;
+    let dropped = |_: &[[f64; 2]]| Some(-50.0);
+    let held = |near: &[[f64; 2]]| Some(near[0][1]);
+    let line = |near: &[[f64; 2]]| {
+        let [[x0, z0], [x1, z1], [x, _]] = [near[0], near[1], near[2]];
+        Some(z0 + (z1 - z0) * (x - x0) / (x1 - x0))
+    };
+    let fills: [&dyn Fn(&[[f64; 2]]) -> Option<f64>; 4] = [&missing, &dropped, &held, &line];
+    for (kind, [from, to]) in
+        [Kind::Round, Kind::Flat, Kind::Ring, Kind::Hump].into_iter().flat_map(|kind| {
+            [[660.0, 740.0], [640.0, 760.0], [480.0, 560.0], [780.0, 870.0]].map(|it| (kind, it))
+        })
+    {
+        let part = Part { kind, ..SCAR };
+        let truth = made(f64::INFINITY, &[part]);
+        for fill in fills {
+            let measured = read(replaced(part, from, to, fill).as_bytes(), &TRACE).unwrap();
+            // A held height that is the lowest one looks as if the range ended there.
+            let words = ["gaps without measured heights: from x = ", "are clipped"];
+            let told = measured.notes.iter().any(|note| words.iter().any(|it| note.contains(it)));
+            assert!(told, "{:?}", measured.notes);
+            let area = (0..4000)
+                .map(|at| -part.at(490.0 + 0.105 * (f64::from(at) + 0.5)) * 0.105e-12)
+                .sum();
+            for (name, truth) in [
+                ("depth", part.extreme() * 1e-6),
+                ("area_removed", area),
+                ("volume_removed", truth.removed()),
+            ] {
+                let off = deviation(&measured, name, truth);
+                assert!(
+                    off.abs() < 3.0,
+                    "{kind:?} {from} {name}: {off} {:?}",
+                    measured.prepared["trace"][name]
+                );
+            }
+        }
+    }
+    for fill in [fills[0], fills[1], fills[3]] {
+        let told = read(replaced(SCAR, 600.0, 800.0, fill).as_bytes(), &TRACE).unwrap_err().0[0]
+            .detail
+            .clone();
+        assert!(
+            told.contains("has no measured heights from x = ")
+                && told.contains("Measure the trace again"),
+            "{told}"
+        );
+    }
+}
+
+#[test]
+fn planes_without_noise_and_rounded_heights_are_read() {
+    for (half, turned, step) in [
+        (210.0, 0.0, 0.0),
+        (420.0, 0.0, 0.0),
+        (210.0, 0.003, 0.0),
+        (210.0, 0.0, 0.1),
+        (210.0, 0.0, 0.4),
+    ] {
+        let scar = Part { half, ..SCAR };
+        let exact = Made { noise: 0.0, turned, ..made(f64::INFINITY, &[scar]) };
+        let rounded = |z: f64| if step > 0.0 { (z / step).round() * step } else { z };
+        let rows = exact.rows().into_iter().map(|[x, z]| [x, rounded(z)]);
+        let measured = read(text(rows).as_bytes(), &TRACE).unwrap();
+        for (name, truth) in [("depth", 4e-6), ("volume_removed", exact.removed())] {
+            let error = measured.prepared["trace"][name]["error"].as_f64().unwrap();
+            let off = error * deviation(&measured, name, truth);
+            assert!(
+                off.abs() < 1e-3 * truth + 3.0 * error,
+                "{half} {step} {name}: {off} ± {error}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_depth_of_noisy_scars_is_not_biased() {
+    for kind in [Kind::Round, Kind::Flat, Kind::Ring] {
+        let (mut sum, mut far) = (0.0, 0);
+        for seed in 0..40 {
+            let noisy = Made { noise: 0.8, seed, ..made(f64::INFINITY, &[Part { kind, ..SCAR }]) };
+            let measured = answer(&noisy, &TRACE).unwrap();
+            let off = deviation(&measured, "depth", noisy.parts[0].extreme() * 1e-6);
+            sum += off;
+            far += u32::from(off.abs() > 3.0);
+        }
+        assert!((sum / 40.0_f64).abs() < 1.0 && far <= 1, "{kind:?}: {sum} {far}");
+    }
+}

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::points::{median, noise};
+use super::points::{heights, median, noise, resolution};
 use super::surface::Surface;
 
 /// One in this many points at each end must be unworn.
@@ -84,10 +84,16 @@ fn moving_means(values: &[f64], half: usize) -> Vec<f64> {
 }
 
 /// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
-/// known. `edge` is where the surface may rise by a step.
-pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 2]>) -> Found {
+/// known. Points in gaps are not used. `edge` is where the surface may rise by a step.
+pub fn find(
+    points: &[(f64, f64)],
+    gaps: &[Range<usize>],
+    window: Option<[f64; 2]>,
+    edge: Option<[f64; 2]>,
+) -> Found {
     let count = points.len();
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
+    let rounding = resolution(&heights(points)) / 12_f64.sqrt();
     let noise = noise(points) / (2.0 * half as f64 + 1.0).sqrt();
     let is_beside = |at: usize, reach: f64| {
         let beside = |[from, to]: [f64; 2]| {
@@ -99,10 +105,17 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
     let is_outside = |at: usize| is_beside(at, f64::INFINITY);
     let is_end = |at: usize| at < count / UNWORN || at >= count - count / UNWORN;
     let is_first = |at: usize| is_beside(at, REACH) && (window.is_some() || is_end(at));
-    let mut is_unworn: Vec<bool> = (0..count).map(is_first).collect();
+    let measured = |is_used: Vec<bool>| {
+        let mut own = is_used.clone();
+        for gap in gaps {
+            own[gap.clone()].fill(false);
+        }
+        if own.iter().filter(|is_used| **is_used).count() < FEWEST { is_used } else { own }
+    };
+    let mut is_unworn = measured((0..count).map(is_first).collect());
     let (mut is_grown, mut attempt) = (false, 0);
     loop {
-        let surface = Surface::through(points, &is_unworn, edge);
+        let surface = Surface::through(points, &is_unworn, edge, rounding);
         let heights: Vec<f64> = points.iter().map(|(x, z)| z - surface.at(*x)).collect();
         let mean = moving_means(&heights, half);
         let near = mean.iter().zip(&is_unworn).filter(|(_, is_unworn)| **is_unworn);
@@ -110,7 +123,7 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
         let largest = mean.iter().fold(0.0, |most: f64, mean| most.max(mean.abs()));
         // First, the unworn points grow from the ends. Then they are all points but those of the parts.
         let is_near = |at: usize| is_outside(at) && (is_grown || mean[at].abs() <= NEAR * scale);
-        let mut next: Vec<bool> = (0..count).map(is_near).collect();
+        let mut next = measured((0..count).map(is_near).collect());
         let mut parts = Vec::new();
         if is_grown {
             let stretches = stretches(&mean, (SURE * scale).max(SHARE * largest));

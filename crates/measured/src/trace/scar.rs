@@ -29,6 +29,9 @@ const BESIDE: usize = 8;
 const RUN: (usize, usize) = (3, 8);
 const SCATTER: f64 = 2.0;
 const SHARE: f64 = 0.01;
+/// Gaps from this share of the width of the scar on are told. One with more than the second share is refused.
+const TOLD: f64 = 0.02;
+const HIDDEN: f64 = 0.4;
 /// The core of a scar is deeper than this share of the largest depth.
 const CORE: f64 = 0.1;
 
@@ -45,8 +48,17 @@ pub struct Scar {
     pub removed: Vec<Part>,
     /// The parts above the unworn surface.
     pub added: Vec<Part>,
-    /// Points beyond the range of the instrument.
-    pub beyond: Option<Beyond>,
+    /// Gaps, and points beyond the range of the instrument.
+    pub gaps: Vec<Gap>,
+}
+
+/// Points whose heights are not known.
+#[derive(Debug, Clone)]
+pub struct Gap {
+    /// The points.
+    pub range: Range<usize>,
+    /// The standard deviation of their mean height.
+    pub error: f64,
 }
 
 const UM: f64 = 1e6;
@@ -97,7 +109,12 @@ fn outwards(found: &Found, points: &Points, wanted: &Wanted<'_>, notes: &mut Vec
 ///
 /// # Errors
 /// There is none, there are several, or the unworn surface is not one plane or circle.
-pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<Scar, String> {
+pub fn scar(
+    points: &Points,
+    gaps: Vec<Range<usize>>,
+    wanted: &Wanted<'_>,
+    notes: &mut Vec<String>,
+) -> Result<Scar, String> {
     let window = wanted.scar;
     let at = |end: f64| points.partition_point(|point| point.0 < end);
     if let Some([from, to]) = window {
@@ -111,9 +128,9 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
             ));
         }
     }
-    let mut found = parts::find(points, window, None);
+    let mut found = parts::find(points, &gaps, window, None);
     if let Some(window) = window {
-        let stepped = parts::find(points, Some(window), Some(window));
+        let stepped = parts::find(points, &gaps, Some(window), Some(window));
         if is_step(&stepped.surface) {
             found = stepped;
             notes.push(format!(
@@ -128,14 +145,15 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
     let outwards = outwards(&found, points, wanted, notes);
     let is_added = |part: &Part| part.area * outwards > 0.0;
     let (added, removed): (Vec<_>, Vec<_>) = found.parts.iter().cloned().partition(is_added);
-    let beyond = beyond(points);
-    if let Some(Beyond { count, end, .. }) = &beyond {
+    let gaps: Vec<_> = gaps.into_iter().map(|range| Gap { range, error: 0.0 }).collect();
+    let clipped = beyond(points);
+    if let Some(Beyond { count, end, .. }) = &clipped {
         notes.push(format!(
             "{count} points have the {end} height, several of them in a row: they are clipped, because the range of the \
              instrument ends there. Depth and volume are lower limits."
         ));
     }
-    let mut scar = Scar { found, outwards, range: 0..0, removed, added, beyond };
+    let mut scar = Scar { found, outwards, range: 0..0, removed, added, gaps };
     if scar.found.parts.is_empty() {
         let surface = &scar.found.surface;
         let [low, high] = range(&heights(points));
@@ -149,6 +167,9 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
     }
     scar.check_sign(points)?;
     scar.choose_one(points, window, notes)?;
+    scar.check_gaps(points, notes)?;
+    let clipped = clipped.map(|it| Gap { range: it.range, error: it.height.abs() });
+    scar.gaps.extend(clipped);
     Ok(scar)
 }
 
@@ -262,10 +283,52 @@ impl Scar {
         Ok(())
     }
 
+    /// Tells the gaps in the scar and their errors, and refuses one that hides too much. The error contains how the curve differs
+    /// from a line, that the height may be any between those of its ends, and structures that are as deep as the gap is wide.
+    fn check_gaps(&mut self, points: &[(f64, f64)], notes: &mut Vec<String>) -> Result<(), String> {
+        let [first, last] = ends(points, &self.range);
+        let share = |[from, to]: [f64; 2]| {
+            if from < last && to > first {
+                (to - from) / (to.max(last) - from.min(first))
+            } else {
+                0.0
+            }
+        };
+        let around = |gap: &Gap| ends(points, &(gap.range.start - 1..gap.range.end + 1));
+        let heights = &self.found.heights;
+        let deepest =
+            heights[self.range.clone()].iter().fold(0.0, |most: f64, it| most.max(it.abs()));
+        for gap in &mut self.gaps {
+            let [z0, z1] = [gap.range.start - 1, gap.range.end].map(|at| heights[at]);
+            let mean = heights[gap.range.clone()].iter().sum::<f64>() / gap.range.len() as f64;
+            let (bend, hidden) = (mean - 0.5 * (z0 + z1), share(around(gap)) * deepest);
+            gap.error = (bend * bend + ((z1 - z0) * (z1 - z0) + hidden * hidden) / 12.0).sqrt();
+        }
+        let all: Vec<_> = self.gaps.iter().map(around).filter(|it| share(*it) > TOLD).collect();
+        let said = |[from, to]: &[f64; 2]| format!("x = {:.3} um to {:.3} um", UM * from, UM * to);
+        if let Some(gap) = all.iter().find(|gap| share(**gap) > HIDDEN) {
+            return Err(format!(
+                "has no measured heights from {}, {:.0} % of the scar. Measure the trace again, with settings at which the \
+                 instrument sees that part, or along another line",
+                said(gap),
+                100.0 * share(*gap)
+            ));
+        }
+        if !all.is_empty() {
+            let said: Vec<String> = all.iter().map(said).collect();
+            notes.push(format!(
+                "The scar has gaps without measured heights: from {}. A curve that continues both sides fills them. The errors \
+                 of depth, area and volume contain what they can hide.",
+                said.join(", ")
+            ));
+        }
+        Ok(())
+    }
+
     /// Refuses a scar whose sides are not one plane or circle, or are not measured.
     fn check_sides(&self, points: &[(f64, f64)], scar: &Range<usize>) -> Result<(), String> {
         let (count, end, own) = (points.len(), points.len() / UNWORN, ends(points, scar));
-        let surface = Surface::through(points, &self.found.is_unworn, Some(own));
+        let surface = Surface::through(points, &self.found.is_unworn, Some(own), 0.0);
         let step = is_step(&surface).then(|| (surface.step().0, 0.5 * (own[0] + own[1]), own));
         let told = step.or_else(|| self.step(points)).map(|(height, x, scar)| {
             format!(
@@ -295,7 +358,7 @@ impl Scar {
         let width = (last - first) / STEPS;
         let tried = (1..STEPS as usize).map(|at| {
             let x = first + at as f64 * width;
-            (x, parts::find(&thinned, None, Some([x - 1e-3 * width, x + 1e-3 * width])))
+            (x, parts::find(&thinned, &[], None, Some([x - 1e-3 * width, x + 1e-3 * width])))
         });
         let (x, best) = tried.max_by_key(|(_, found)| found.unworn())?;
         let more = best.unworn() as f64 - self.found.unworn() as f64 / thin as f64;

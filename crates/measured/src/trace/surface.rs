@@ -38,6 +38,8 @@ pub struct Surface {
     half: f64,
     /// The ends of a stretch in which the surface rises by a step.
     edge: Option<[f64; 2]>,
+    /// Minimum of the scatter.
+    least: f64,
     coefficients: Row,
     /// The covariance of the coefficients, with the shear.
     covariance: [Row; COLUMNS],
@@ -79,12 +81,18 @@ fn solved(mut matrix: [Row; COLUMNS], right: Row) -> (Row, [Row; COLUMNS]) {
 
 impl Surface {
     /// The surface through the points that are used, perhaps with a step in a stretch.
-    pub fn through(points: &[(f64, f64)], is_used: &[bool], edge: Option<[f64; 2]>) -> Self {
+    /// The scatter is at least the given one, that of rounded heights.
+    pub fn through(
+        points: &[(f64, f64)],
+        is_used: &[bool],
+        edge: Option<[f64; 2]>,
+        least: f64,
+    ) -> Self {
         let (first, last) = (points[0].0, points[points.len() - 1].0);
         let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
         let used: Points =
             points.iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|it| *it.0).collect();
-        let mut found = Self { middle, half, edge, together: 1.0, ..Self::default() };
+        let mut found = Self { middle, half, edge, least, together: 1.0, ..Self::default() };
         found.step_towards(&used);
         found.judge(&used);
         found.is_round = found.bend().abs() * half * half > 3.0 * found.scatter;
@@ -225,7 +233,8 @@ impl Surface {
         let square = |values: &mut dyn Iterator<Item = f64>| values.map(|it| it * it).sum::<f64>();
         let sum = square(&mut deviations.iter().copied());
         let columns = 3 + usize::from(self.is_sheared) + usize::from(self.edge.is_some());
-        self.scatter = (sum / deviations.len().saturating_sub(columns).max(1) as f64).sqrt();
+        let scatter = (sum / deviations.len().saturating_sub(columns).max(1) as f64).sqrt();
+        self.scatter = scatter.max(self.least);
         let variance = sum / deviations.len() as f64;
         let sizes = (1..).map(|power| 2_usize.pow(power));
         let sizes = sizes.take_while(|size| size * 8 <= deviations.len());
