@@ -519,15 +519,19 @@ fn levelled_balls_and_faults_of_instruments_are_told() {
     assert!(off(&plain, &measured)[0].abs() < 0.01, "{:?}", measured.notes);
 }
 
+/// A height in place of a row, from the rows at both ends and this one.
+type Fill<'a> = &'a dyn Fn(&[[f64; 2]]) -> Option<f64>;
+
 /// A trace of [`SCAR`], of which some heights are replaced.
-fn replaced(part: Part, from: f64, to: f64, by: &dyn Fn(&[[f64; 2]]) -> Option<f64>) -> String {
+fn replaced(part: Part, from: f64, to: f64, by: Fill<'_>) -> String {
     let rows = made(f64::INFINITY, &[part]).rows();
     let (first, after) =
         (rows.partition_point(|it| it[0] < from), rows.partition_point(|it| it[0] < to));
     let ends = [rows[first - 1], rows[after]];
-    let row = |(at, row): (usize, &[f64; 2])| match (first..after).contains(&at) {
-        true => by(&[ends[0], ends[1], *row]).map(|z| [row[0], z]),
-        false => Some(*row),
+    let row = |(at, row): (usize, &[f64; 2])| {
+        let z =
+            if (first..after).contains(&at) { by(&[ends[0], ends[1], *row]) } else { Some(row[1]) };
+        z.map(|z| [row[0], z])
     };
     text(rows.iter().enumerate().filter_map(row))
 }
@@ -547,7 +551,7 @@ fn the_errors_contain_what_gaps_hide() {
         let [[x0, z0], [x1, z1], [x, _]] = [near[0], near[1], near[2]];
         Some(z0 + (z1 - z0) * (x - x0) / (x1 - x0))
     };
-    let fills: [&dyn Fn(&[[f64; 2]]) -> Option<f64>; 4] = [&missing, &dropped, &held, &line];
+    let fills: [Fill<'_>; 4] = [&missing, &dropped, &held, &line];
     for (kind, [from, to]) in
         [Kind::Round, Kind::Flat, Kind::Ring, Kind::Hump].into_iter().flat_map(|kind| {
             [[660.0, 740.0], [640.0, 760.0], [480.0, 560.0], [780.0, 870.0]].map(|it| (kind, it))

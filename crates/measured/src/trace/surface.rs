@@ -237,10 +237,11 @@ impl Surface {
         self.scatter = scatter.max(self.least);
         let variance = sum / deviations.len() as f64;
         let sizes = (1..).map(|power| 2_usize.pow(power));
-        let sizes = sizes.take_while(|size| size * 8 <= deviations.len());
+        let sizes = sizes.take_while(|size| size * 5 <= deviations.len());
         let ratio = |size: usize| {
             let chunks = deviations.chunks_exact(size);
-            let count = chunks.len() as f64;
+            // The fit follows as many of the means as it has columns.
+            let count = (chunks.len() - columns) as f64;
             let mut means = chunks.map(|chunk| chunk.iter().sum::<f64>() / size as f64);
             size as f64 * square(&mut means) / (count * variance)
         };
