@@ -22,6 +22,9 @@ const EXPECTED: f64 = 0.05;
 const TRIES: usize = 30;
 const STILL: f64 = 1e-8;
 
+/// How much of the length of the trace makes the effect of a wave twice as large: one in this many.
+const WAVES: f64 = 16.0;
+
 /// A pivot below this share of its diagonal is rounding.
 const SINGULAR: f64 = 1e-11;
 
@@ -243,7 +246,10 @@ impl Surface {
             // The fit follows as many of the means as it has columns.
             let count = (chunks.len() - columns) as f64;
             let mut means = chunks.map(|chunk| chunk.iter().sum::<f64>() / size as f64);
-            size as f64 * square(&mut means) / (count * variance)
+            let ratio = size as f64 * square(&mut means) / (count * variance);
+            // Few means show a wave that is hardly shorter than the trace, so its effect is enlarged.
+            let is_sure = ratio > 1.0 + SURE * (2.0 / count).sqrt();
+            ratio * if is_sure { 1.0 + WAVES * size as f64 / deviations.len() as f64 } else { 1.0 }
         };
         self.together = sizes.map(ratio).filter(|it| it.is_finite()).fold(1.0, f64::max);
     }
