@@ -482,7 +482,11 @@ fn one_scar_is_chosen() {
         let scar = Some([480e-6, 920e-6]);
         let measured = answer(&stepped, &Wanted { scar, ..TRACE }).unwrap();
         let [volume, error, _] = off(&stepped, &measured);
-        assert!(volume.abs() < 0.01_f64.max(error), "{volume} {error}");
+        assert!(
+            volume.abs() < 0.01_f64.max(error),
+            "{place} {volume} {error} {:?}",
+            measured.notes
+        );
     }
     for scar in [[0.1, 0.2], [690e-6, 692e-6], [-1.0, 1.0]] {
         let told = answer(&two, &Wanted { scar: Some(scar), ..TRACE }).unwrap_err();
@@ -632,4 +636,67 @@ fn the_depth_of_noisy_scars_is_not_biased() {
         }
         assert!((sum / 40.0_f64).abs() < 1.0 && far <= 1, "{kind:?}: {sum} {far}");
     }
+}
+
+#[test]
+fn errors_contain_long_waves() {
+    for length in [420.0, 600.0] {
+        let mut far = 0;
+        for seed in 0..40 {
+            let wave = [0.2, length, 0.157 * seed as f64];
+            let wavy = Made { wave, seed, ..made(f64::INFINITY, &[SCAR]) };
+            let off = deviation(&answer(&wavy, &TRACE).unwrap(), "volume_removed", wavy.removed());
+            far += u32::from(off.abs() > 3.0);
+        }
+        assert!(far <= 1, "{length}: {far}");
+    }
+}
+
+#[test]
+fn wide_and_shallow_scars_are_read() {
+    let mut refused = 0;
+    for seed in 0..40 {
+        let wide = Part { half: 490.0, height: -1.5, ..SCAR };
+        let wide = Made { noise: 0.07, count: 1401, seed, ..made(f64::INFINITY, &[wide]) };
+        match answer(&wide, &TRACE) {
+            Ok(measured) => {
+                let off = deviation(&measured, "volume_removed", wide.removed());
+                assert!(off.abs() < 4.0, "{off}");
+            }
+            Err(_) => refused += 1,
+        }
+    }
+    assert!(refused <= 1, "{refused}");
+    // Roughness hides a shallow scar, until its ends are given.
+    let rough = |radius: f64| Made {
+        wave: [0.2, 30.0, 1.0],
+        noise: 0.1,
+        ..made(radius, &[Part { height: -0.25, ..SCAR }])
+    };
+    let plane = rough(f64::INFINITY);
+    assert!(refusal(&plane).contains("plane within its scatter of 0.1"), "{}", refusal(&plane));
+    assert!(refusal(&plane).contains("choose it with scar=FROM..TO, such as scar="));
+    let ball = answer(&rough(8000.0), &TRACE).unwrap();
+    let told =
+        |note: &String| note.starts_with("No scar was found") && note.contains("such as scar=");
+    assert!(ball.notes.iter().any(told), "{:?}", ball.notes);
+    let measured = answer(&plane, &Wanted { scar: Some([490e-6, 910e-6]), ..TRACE }).unwrap();
+    let off = deviation(&measured, "volume_removed", plane.removed());
+    assert!(off.abs() < 3.0, "{off}");
+}
+
+#[test]
+fn half_of_a_ring_is_read_and_other_halves_are_told() {
+    let ring = Part { middle: 1020.0, half: 80.0, ..SCAR };
+    let half = |tilt: f64| {
+        let rows = made(f64::INFINITY, &[ring]).rows();
+        text(rows.into_iter().filter(|row| row[0] >= 700.0).map(|[x, z]| [x - 700.0, z + tilt * x]))
+    };
+    let wanted = Wanted { prepare: Prepare::Half, ..TRACE };
+    let measured = read(half(0.0).as_bytes(), &wanted).unwrap();
+    let off = deviation(&measured, "volume_removed", -2e-18 * ring.volume(700.0));
+    assert!(off.abs() < 3.0, "{off}");
+    let told = read(half(0.01).as_bytes(), &wanted).unwrap_err().0[0].detail.clone();
+    assert!(told.contains("If the trace has a tilt, remove it before"), "{told}");
+    assert!(!told.contains("prepare=half"), "{told}");
 }

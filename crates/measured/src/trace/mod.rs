@@ -115,7 +115,10 @@ fn tell(
     notes.push(unworn.radius().map_or_else(plane, |radius| {
         format!("The radius outside of the scar is {:.5} mm{hollow}{line}.", radius * 1e3)
     }));
-    let none = || "No scar was found, so there are no wear depths.".to_owned();
+    let none = || {
+        "No scar was found, so there are no wear depths. If you know where it is, write scar=FROM..TO, such as scar=0.4..1.6mm."
+            .to_owned()
+    };
     notes.push(ends.map_or_else(none, |[first, last]| {
         format!("The scar is from x = {:.3} um to {:.3} um.", UM * first, UM * last)
     }));

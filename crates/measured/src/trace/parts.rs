@@ -130,8 +130,12 @@ pub fn find(
             parts = stretches.into_iter().map(|it| part(points, &heights, it, half)).collect();
         }
         for Part { range, .. } in &parts {
-            let margin = half + range.len() / UNWORN;
-            next[range.start.saturating_sub(margin)..(range.end + margin).min(count)].fill(false);
+            // Beside a wide part, two thirds of a side stay.
+            let own = range.len() / UNWORN;
+            let margin =
+                |side: usize| half + if side * UNWORN > count { own.min(side / 3) } else { own };
+            let from = range.start.saturating_sub(margin(range.start));
+            next[from..(range.end + margin(count - range.end)).min(count)].fill(false);
         }
         attempt += 1;
         let is_stable = next == is_unworn;
@@ -142,6 +146,17 @@ pub fn find(
         is_grown |= is_stable || attempt == TRIES / 2;
         is_unworn = found.is_unworn;
     }
+}
+
+/// A whole stretch as one part, if its mean height is two standard deviations.
+pub fn whole(points: &[(f64, f64)], found: &Found, range: Range<usize>) -> Option<Part> {
+    let own = &found.heights[range.clone()];
+    let count = own.len() as f64;
+    let mean = own.iter().sum::<f64>() / count;
+    let scatter = found.surface.scatter * (found.surface.together / count).min(1.0).sqrt();
+    let surface = found.surface.error(range.clone().map(|at| (points[at].0, 1.0 / count)));
+    let is_sure = mean.abs() > 2.0 * libm::hypot(scatter, surface);
+    is_sure.then(|| with_area(points, &found.heights, range))
 }
 
 /// Where the moving mean exceeds the limit, and as far as it is above `LOW` of it.
@@ -168,7 +183,10 @@ fn part(points: &[(f64, f64)], heights: &[f64], stretch: Range<usize>, half: usi
     let order = |one: &usize, other: &usize| sums[*one].total_cmp(&sums[*other]);
     let start = (0..=most).min_by(order).unwrap_or(0);
     let end = (sums.len() - 1 - most..sums.len()).max_by(order).unwrap_or(0);
-    let range = from + start..from + end.max(start + 1);
+    with_area(points, heights, from + start..from + end.max(start + 1))
+}
+
+fn with_area(points: &[(f64, f64)], heights: &[f64], range: Range<usize>) -> Part {
     let width = |at: usize| points[(at + 1).min(heights.len() - 1)].0 - points[at.max(1) - 1].0;
     let area = range.clone().map(|at| 0.5 * heights[at] * width(at)).sum();
     Part { range, area }

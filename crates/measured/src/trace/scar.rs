@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::parts::{self, Found, Part, REACH, UNWORN};
 use super::points::{Beyond, beyond, heights, noise, range};
 use super::surface::{Points, Surface};
-use super::wanted::{Up, Wanted};
+use super::wanted::{Prepare, Up, Wanted};
 
 /// A removed part with this share of the area of the scar is another scar.
 const OTHER: f64 = 0.1;
@@ -62,8 +62,18 @@ pub struct Gap {
 }
 
 const UM: f64 = 1e6;
-const FARTHER: &str = "Measure farther: at each end, a tenth of the trace must be unworn. If the trace begins at the axis, \
-                       write prepare=half";
+/// How a user chooses a scar.
+const CHOOSE: &str = "choose it with scar=FROM..TO, such as scar=0.4..1.6mm";
+
+/// What helps if too little is unworn.
+fn farther(wanted: &Wanted<'_>) -> &'static str {
+    if wanted.prepare == Prepare::Half {
+        return "Measure farther: the last tenth must be unworn. If the trace has a tilt, remove it before, because half of a \
+                tilted surface looks like a cone";
+    }
+    "Measure farther: at each end, a tenth of the trace must be unworn. If the trace begins at the axis, give the axis x = 0 \
+     and write prepare=half (on the page: “Trace from the axis”; `fretwork fit` reads whole traces only)"
+}
 
 /// The first and the last position of some points.
 fn ends(points: &[(f64, f64)], range: &Range<usize>) -> [f64; 2] {
@@ -141,6 +151,11 @@ pub fn scar(
         }
         let [first, after] = window.map(at);
         found.parts = found.parts.iter().filter_map(|part| part.inside(&(first..after))).collect();
+        let inside: usize = found.parts.iter().map(|part| part.range.len()).sum();
+        // The user sees a scar that hardly stands out of the noise.
+        if 2 * inside < after - first {
+            found.parts = parts::whole(points, &found, first..after).into_iter().collect();
+        }
     }
     let outwards = outwards(&found, points, wanted, notes);
     let is_added = |part: &Part| part.area * outwards > 0.0;
@@ -160,13 +175,18 @@ pub fn scar(
         let is_one = surface.scatter < (ROUGH.0 * noise(points)).max(ROUGH.1 * (high - low));
         return match window {
             None if surface.is_round && is_one => Ok(scar),
-            None if surface.is_round => Err(format!("has no circle outside of a scar. {FARTHER}")),
-            None => Err("has no scar: the whole surface is plane within its scatter".to_owned()),
+            None if surface.is_round => {
+                Err(format!("has no circle outside of a scar. {}", farther(wanted)))
+            }
+            None => Err(format!(
+                "has no scar: the whole surface is plane within its scatter of {:.4} um. If you know where the scar is, {CHOOSE}",
+                UM * surface.scatter
+            )),
             Some(window) => Err(format!("has no scar in {}. Write other ends", named(window))),
         };
     }
-    scar.check_sign(points)?;
-    scar.choose_one(points, window, notes)?;
+    scar.check_sign(points, wanted)?;
+    scar.choose_one(points, wanted, notes)?;
     scar.check_gaps(points, notes)?;
     let clipped = clipped.map(|it| Gap { range: it.range, error: it.height.abs() });
     scar.gaps.extend(clipped);
@@ -213,7 +233,7 @@ impl Scar {
     }
 
     /// Refuses more added than removed material.
-    fn check_sign(&self, points: &[(f64, f64)]) -> Result<(), String> {
+    fn check_sign(&self, points: &[(f64, f64)], wanted: &Wanted<'_>) -> Result<(), String> {
         if area(&self.added) <= area(&self.removed) {
             return Ok(());
         }
@@ -227,8 +247,9 @@ impl Scar {
         let other = if self.outwards > 0.0 { "in" } else { "out" };
         Err(format!(
             "has more added than removed material: {above} above the unworn surface, and {below} below it. If the heights \
-             count the other way, write up={other}. If only a part is the scar, choose it with scar=FROM..TO, such as \
-             scar=0.4..1.6mm. If it reaches to an end: {FARTHER}"
+             count the other way, write up={other}. If only a part is the scar, {CHOOSE}. If it \
+             reaches to an end: {}",
+            farther(wanted)
         ))
     }
 
@@ -237,7 +258,7 @@ impl Scar {
     fn choose_one(
         &mut self,
         points: &[(f64, f64)],
-        window: Option<[f64; 2]>,
+        wanted: &Wanted<'_>,
         notes: &mut Vec<String>,
     ) -> Result<(), String> {
         let mut groups: Vec<Vec<Part>> = Vec::new();
@@ -245,12 +266,17 @@ impl Scar {
             let near = groups.last_mut().filter(|group| {
                 let gap = part.range.start.saturating_sub(all(group).end);
                 let (own, other) = (all(group).len(), part.range.len());
-                let is_one = window.is_some() || 2 * gap <= own.min(other);
+                let ends_of = |range: &Range<usize>| ends(points, range);
+                // A half was mirrored.
+                let [from, to] = [ends_of(&all(group))[0], ends_of(&part.range)[1]];
+                let is_mirrored = wanted.prepare == Prepare::Half && (from + to).abs() < 0.05 * to;
+                let is_one = wanted.scar.is_some() || is_mirrored || 2 * gap <= own.min(other);
                 let is_ring = !is_one && is_ring(group, &part, gap);
                 if is_ring {
-                    let own = named(ends(points, &part.range));
+                    let [one, other] = [all(group), part.range.clone()].map(|it| named(ends_of(&it)));
                     notes.push(format!(
-                        "Two alike grooves were taken as one ring. For one of them, write {own}."
+                        "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {one} \
+                         or {other}."
                     ));
                 }
                 is_one || is_ring
@@ -269,14 +295,15 @@ impl Scar {
                 let both = scar.start.min(other.start)..scar.end.max(other.end);
                 return Err(format!(
                     "has two scars or more. Choose one with {own} or {second}. If they are one ring, write {}. If \
-                     one reaches to an end: {FARTHER}",
-                    named(ends(points, &both))
+                     one reaches to an end: {}",
+                    named(ends(points, &both)),
+                    farther(wanted)
                 ));
             }
             notes.push(format!("A smaller scar was left out. Write {second} for it."));
         }
-        if window.is_none() {
-            self.check_sides(points, &scar)?;
+        if wanted.scar.is_none() {
+            self.check_sides(points, &scar, wanted)?;
         }
         self.range = self.deeper(&scar, SCATTER * self.found.surface.scatter, SHARE);
         self.removed = groups.swap_remove(0);
@@ -326,7 +353,12 @@ impl Scar {
     }
 
     /// Refuses a scar whose sides are not one plane or circle, or are not measured.
-    fn check_sides(&self, points: &[(f64, f64)], scar: &Range<usize>) -> Result<(), String> {
+    fn check_sides(
+        &self,
+        points: &[(f64, f64)],
+        scar: &Range<usize>,
+        wanted: &Wanted<'_>,
+    ) -> Result<(), String> {
         let (count, end, own) = (points.len(), points.len() / UNWORN, ends(points, scar));
         let surface = Surface::through(points, &self.found.is_unworn, Some(own), 0.0);
         let step = is_step(&surface).then(|| (surface.step().0, 0.5 * (own[0] + own[1]), own));
@@ -342,8 +374,9 @@ impl Scar {
         if scar.start < end || scar.end > count - end {
             let told = told.map_or_else(String::new, |told| format!(". Or it has {told}"));
             return Err(format!(
-                "has a scar that reaches to an end: {}. {FARTHER}{told}",
-                named(own)
+                "has a scar that reaches to an end: {}. If it is narrower, {CHOOSE}. {}{told}",
+                named(own),
+                farther(wanted)
             ));
         }
         told.map_or(Ok(()), |told| Err(format!("has {told}")))
