@@ -482,7 +482,11 @@ fn one_scar_is_chosen() {
         let scar = Some([480e-6, 920e-6]);
         let measured = answer(&stepped, &Wanted { scar, ..TRACE }).unwrap();
         let [volume, error, _] = off(&stepped, &measured);
-        assert!(volume.abs() < 0.01_f64.max(error), "{volume} {error}");
+        assert!(
+            volume.abs() < 0.01_f64.max(error),
+            "{place} {volume} {error} {:?}",
+            measured.notes
+        );
     }
     for scar in [[0.1, 0.2], [690e-6, 692e-6], [-1.0, 1.0]] {
         let told = answer(&two, &Wanted { scar: Some(scar), ..TRACE }).unwrap_err();
@@ -517,4 +521,182 @@ fn levelled_balls_and_faults_of_instruments_are_told() {
     let measured = read(text(rows).as_bytes(), &TRACE).unwrap();
     assert!(measured.notes.iter().any(|note| note.starts_with("701 points have the x of")));
     assert!(off(&plain, &measured)[0].abs() < 0.01, "{:?}", measured.notes);
+}
+
+/// A height in place of a row, from the rows at both ends and this one.
+type Fill<'a> = &'a dyn Fn(&[[f64; 2]]) -> Option<f64>;
+
+/// A trace of [`SCAR`], of which some heights are replaced.
+fn replaced(part: Part, from: f64, to: f64, by: Fill<'_>) -> String {
+    let rows = made(f64::INFINITY, &[part]).rows();
+    let (first, after) =
+        (rows.partition_point(|it| it[0] < from), rows.partition_point(|it| it[0] < to));
+    let ends = [rows[first - 1], rows[after]];
+    let row = |(at, row): (usize, &[f64; 2])| {
+        let z =
+            if (first..after).contains(&at) { by(&[ends[0], ends[1], *row]) } else { Some(row[1]) };
+        z.map(|z| [row[0], z])
+    };
+    text(rows.iter().enumerate().filter_map(row))
+}
+
+/// How many stated errors a size is off.
+fn deviation(measured: &Measured, name: &str, truth: f64) -> f64 {
+    let size = &measured.prepared["trace"][name];
+    (size["value"].as_f64().unwrap() - truth) / size["error"].as_f64().unwrap()
+}
+
+#[test]
+fn the_errors_contain_what_gaps_hide() {
+    let missing = |_: &[[f64; 2]]| None;
+    let dropped = |_: &[[f64; 2]]| Some(-50.0);
+    let held = |near: &[[f64; 2]]| Some(near[0][1]);
+    let line = |near: &[[f64; 2]]| {
+        let [[x0, z0], [x1, z1], [x, _]] = [near[0], near[1], near[2]];
+        Some(z0 + (z1 - z0) * (x - x0) / (x1 - x0))
+    };
+    let fills: [Fill<'_>; 4] = [&missing, &dropped, &held, &line];
+    for (kind, [from, to]) in
+        [Kind::Round, Kind::Flat, Kind::Ring, Kind::Hump].into_iter().flat_map(|kind| {
+            [[660.0, 740.0], [640.0, 760.0], [480.0, 560.0], [780.0, 870.0]].map(|it| (kind, it))
+        })
+    {
+        let part = Part { kind, ..SCAR };
+        let truth = made(f64::INFINITY, &[part]);
+        for fill in fills {
+            let measured = read(replaced(part, from, to, fill).as_bytes(), &TRACE).unwrap();
+            // A held height that is the lowest one looks as if the range ended there.
+            let words = ["gaps without measured heights: from x = ", "are clipped"];
+            let told = measured.notes.iter().any(|note| words.iter().any(|it| note.contains(it)));
+            assert!(told, "{:?}", measured.notes);
+            let area = (0..4000)
+                .map(|at| -part.at(490.0 + 0.105 * (f64::from(at) + 0.5)) * 0.105e-12)
+                .sum();
+            for (name, truth) in [
+                ("depth", part.extreme() * 1e-6),
+                ("area_removed", area),
+                ("volume_removed", truth.removed()),
+            ] {
+                let off = deviation(&measured, name, truth);
+                assert!(
+                    off.abs() < 3.0,
+                    "{kind:?} {from} {name}: {off} {:?}",
+                    measured.prepared["trace"][name]
+                );
+            }
+        }
+    }
+    for fill in [fills[0], fills[1], fills[3]] {
+        let told = read(replaced(SCAR, 600.0, 800.0, fill).as_bytes(), &TRACE).unwrap_err().0[0]
+            .detail
+            .clone();
+        assert!(
+            told.contains("has no measured heights from x = ")
+                && told.contains("Measure the trace again"),
+            "{told}"
+        );
+    }
+}
+
+#[test]
+fn planes_without_noise_and_rounded_heights_are_read() {
+    for (half, turned, step) in [
+        (210.0, 0.0, 0.0),
+        (420.0, 0.0, 0.0),
+        (210.0, 0.003, 0.0),
+        (210.0, 0.0, 0.1),
+        (210.0, 0.0, 0.4),
+    ] {
+        let scar = Part { half, ..SCAR };
+        let exact = Made { noise: 0.0, turned, ..made(f64::INFINITY, &[scar]) };
+        let rounded = |z: f64| if step > 0.0 { (z / step).round() * step } else { z };
+        let rows = exact.rows().into_iter().map(|[x, z]| [x, rounded(z)]);
+        let measured = read(text(rows).as_bytes(), &TRACE).unwrap();
+        for (name, truth) in [("depth", 4e-6), ("volume_removed", exact.removed())] {
+            let error = measured.prepared["trace"][name]["error"].as_f64().unwrap();
+            let off = error * deviation(&measured, name, truth);
+            assert!(
+                off.abs() < 1e-3 * truth + 3.0 * error,
+                "{half} {step} {name}: {off} ± {error}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_depth_of_noisy_scars_is_not_biased() {
+    for kind in [Kind::Round, Kind::Flat, Kind::Ring] {
+        let (mut sum, mut far) = (0.0, 0);
+        for seed in 0..40 {
+            let noisy = Made { noise: 0.8, seed, ..made(f64::INFINITY, &[Part { kind, ..SCAR }]) };
+            let measured = answer(&noisy, &TRACE).unwrap();
+            let off = deviation(&measured, "depth", noisy.parts[0].extreme() * 1e-6);
+            sum += off;
+            far += u32::from(off.abs() > 3.0);
+        }
+        assert!((sum / 40.0_f64).abs() < 1.0 && far <= 1, "{kind:?}: {sum} {far}");
+    }
+}
+
+#[test]
+fn errors_contain_long_waves() {
+    for length in [420.0, 600.0] {
+        let mut far = 0;
+        for seed in 0..40 {
+            let wave = [0.2, length, 0.157 * seed as f64];
+            let wavy = Made { wave, seed, ..made(f64::INFINITY, &[SCAR]) };
+            let off = deviation(&answer(&wavy, &TRACE).unwrap(), "volume_removed", wavy.removed());
+            far += u32::from(off.abs() > 3.0);
+        }
+        assert!(far <= 1, "{length}: {far}");
+    }
+}
+
+#[test]
+fn wide_and_shallow_scars_are_read() {
+    let mut refused = 0;
+    for seed in 0..40 {
+        let wide = Part { half: 490.0, height: -1.5, ..SCAR };
+        let wide = Made { noise: 0.07, count: 1401, seed, ..made(f64::INFINITY, &[wide]) };
+        match answer(&wide, &TRACE) {
+            Ok(measured) => {
+                let off = deviation(&measured, "volume_removed", wide.removed());
+                assert!(off.abs() < 4.0, "{off}");
+            }
+            Err(_) => refused += 1,
+        }
+    }
+    assert!(refused <= 1, "{refused}");
+    // Roughness hides a shallow scar, until its ends are given.
+    let rough = |radius: f64| Made {
+        wave: [0.2, 30.0, 1.0],
+        noise: 0.1,
+        ..made(radius, &[Part { height: -0.25, ..SCAR }])
+    };
+    let plane = rough(f64::INFINITY);
+    assert!(refusal(&plane).contains("plane within its scatter of 0.1"), "{}", refusal(&plane));
+    assert!(refusal(&plane).contains("choose it with scar=FROM..TO, such as scar="));
+    let ball = answer(&rough(8000.0), &TRACE).unwrap();
+    let told =
+        |note: &String| note.starts_with("No scar was found") && note.contains("such as scar=");
+    assert!(ball.notes.iter().any(told), "{:?}", ball.notes);
+    let measured = answer(&plane, &Wanted { scar: Some([490e-6, 910e-6]), ..TRACE }).unwrap();
+    let off = deviation(&measured, "volume_removed", plane.removed());
+    assert!(off.abs() < 3.0, "{off}");
+}
+
+#[test]
+fn half_of_a_ring_is_read_and_other_halves_are_told() {
+    let ring = Part { middle: 1020.0, half: 80.0, ..SCAR };
+    let half = |tilt: f64| {
+        let rows = made(f64::INFINITY, &[ring]).rows();
+        text(rows.into_iter().filter(|row| row[0] >= 700.0).map(|[x, z]| [x - 700.0, z + tilt * x]))
+    };
+    let wanted = Wanted { prepare: Prepare::Half, ..TRACE };
+    let measured = read(half(0.0).as_bytes(), &wanted).unwrap();
+    let off = deviation(&measured, "volume_removed", -2e-18 * ring.volume(700.0));
+    assert!(off.abs() < 3.0, "{off}");
+    let told = read(half(0.01).as_bytes(), &wanted).unwrap_err().0[0].detail.clone();
+    assert!(told.contains("If the trace has a tilt, remove it before"), "{told}");
+    assert!(!told.contains("prepare=half"), "{told}");
 }

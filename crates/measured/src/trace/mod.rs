@@ -10,6 +10,7 @@
 //! Of 20 traces with 1000 points across a scar of 8.7 µm with a scatter of 20 nm, the worst had these errors: radius 2e-4,
 //! axis 0.2 µm, tilt 2e-5, mean depth 10 nm.
 
+mod depth;
 mod indenter;
 mod parts;
 mod points;
@@ -42,7 +43,7 @@ pub fn profile(
     notes: &mut Vec<String>,
 ) -> Result<Value, String> {
     let is_half = wanted.prepare == Prepare::Half;
-    let points = ascending(known(x, z)?, is_half, notes)?;
+    let (points, gaps) = ascending(known(x, z)?, is_half, notes)?;
     if points.len() < FEWEST {
         return Err(if is_half {
             "has too few points with x above 0. The axis must be at x = 0".into()
@@ -55,7 +56,7 @@ pub fn profile(
     }
     let mirrored = wanted.scar.filter(|_| is_half).map(|[_, to]| [-to, to]);
     let wanted = &Wanted { scar: mirrored.or(wanted.scar), ..*wanted };
-    let scar = scar::scar(&points, wanted, notes)?;
+    let scar = scar::scar(&points, gaps, wanted, notes)?;
     let sizes = Sizes::new(&points, &scar, wanted.centre);
     let (first, last, axis) = (points[0].0, points[points.len() - 1].0, sizes.axis.0);
     let ends = scar.ends(&points);
@@ -68,7 +69,8 @@ pub fn profile(
     let is_hollow = unworn.is_round && scar.outwards * unworn.bend() > 0.0;
     let is_ball = unworn.is_round && !is_hollow;
     let indenter = if is_ball { indenter::of(&radial, unworn.scatter, notes) } else { Value::Null };
-    tell(&points, &scar, &sizes, &radial, wanted, notes);
+    let deepest = depth::deepest(&points, &scar);
+    tell(&points, &scar, &sizes, (&radial, deepest.0), wanted, notes);
     let side = |side: f64| sizes.side(&scar.removed, side).json();
     let sides = radial.are_different.then(|| {
         json!({
@@ -76,7 +78,7 @@ pub fn profile(
             "right": {"depth": radial.right, "volume_removed": side(1.0)},
         })
     });
-    let Radial { radius, depth, difference, deepest, .. } = &radial;
+    let Radial { radius, depth, difference, .. } = &radial;
     let data =
         json!({"profile": "wear", "radius": radius, "depth": depth, "sigma": unworn.scatter});
     Ok(json!({
@@ -100,7 +102,7 @@ fn tell(
     points: &[(f64, f64)],
     scar: &Scar,
     sizes: &Sizes<'_>,
-    radial: &Radial,
+    (radial, deepest): (&Radial, f64),
     wanted: &Wanted<'_>,
     notes: &mut Vec<String>,
 ) {
@@ -113,13 +115,16 @@ fn tell(
     notes.push(unworn.radius().map_or_else(plane, |radius| {
         format!("The radius outside of the scar is {:.5} mm{hollow}{line}.", radius * 1e3)
     }));
-    let none = || "No scar was found, so there are no wear depths.".to_owned();
+    let none = || {
+        "No scar was found, so there are no wear depths. If you know where it is, write scar=FROM..TO, such as scar=0.4..1.6mm."
+            .to_owned()
+    };
     notes.push(ends.map_or_else(none, |[first, last]| {
         format!("The scar is from x = {:.3} um to {:.3} um.", UM * first, UM * last)
     }));
     let removed = if wanted.level { "was removed" } else { "stays in the heights" };
     let (tilt, scatter) = (1e3 * unworn.slope(axis), UM * unworn.scatter);
-    let (difference, deepest) = (UM * radial.difference, UM * radial.deepest.0);
+    let (difference, deepest) = (UM * radial.difference, UM * deepest);
     let more = if radial.are_different { ", more than the scatter: `sides` has both" } else { "" };
     notes.extend([
         format!("The axis is at x = {:.3} um. The tilt of {tilt:.4} um/mm there {removed}.", UM * axis),

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::points::{median, noise};
+use super::points::{heights, median, noise, resolution};
 use super::surface::Surface;
 
 /// One in this many points at each end must be unworn.
@@ -84,10 +84,16 @@ fn moving_means(values: &[f64], half: usize) -> Vec<f64> {
 }
 
 /// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
-/// known. `edge` is where the surface may rise by a step.
-pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 2]>) -> Found {
+/// known. Points in gaps are not used. `edge` is where the surface may rise by a step.
+pub fn find(
+    points: &[(f64, f64)],
+    gaps: &[Range<usize>],
+    window: Option<[f64; 2]>,
+    edge: Option<[f64; 2]>,
+) -> Found {
     let count = points.len();
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
+    let rounding = resolution(&heights(points)) / 12_f64.sqrt();
     let noise = noise(points) / (2.0 * half as f64 + 1.0).sqrt();
     let is_beside = |at: usize, reach: f64| {
         let beside = |[from, to]: [f64; 2]| {
@@ -99,10 +105,17 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
     let is_outside = |at: usize| is_beside(at, f64::INFINITY);
     let is_end = |at: usize| at < count / UNWORN || at >= count - count / UNWORN;
     let is_first = |at: usize| is_beside(at, REACH) && (window.is_some() || is_end(at));
-    let mut is_unworn: Vec<bool> = (0..count).map(is_first).collect();
+    let measured = |is_used: Vec<bool>| {
+        let mut own = is_used.clone();
+        for gap in gaps {
+            own[gap.clone()].fill(false);
+        }
+        if own.iter().filter(|is_used| **is_used).count() < FEWEST { is_used } else { own }
+    };
+    let mut is_unworn = measured((0..count).map(is_first).collect());
     let (mut is_grown, mut attempt) = (false, 0);
     loop {
-        let surface = Surface::through(points, &is_unworn, edge);
+        let surface = Surface::through(points, &is_unworn, edge, rounding);
         let heights: Vec<f64> = points.iter().map(|(x, z)| z - surface.at(*x)).collect();
         let mean = moving_means(&heights, half);
         let near = mean.iter().zip(&is_unworn).filter(|(_, is_unworn)| **is_unworn);
@@ -110,15 +123,19 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
         let largest = mean.iter().fold(0.0, |most: f64, mean| most.max(mean.abs()));
         // First, the unworn points grow from the ends. Then they are all points but those of the parts.
         let is_near = |at: usize| is_outside(at) && (is_grown || mean[at].abs() <= NEAR * scale);
-        let mut next: Vec<bool> = (0..count).map(is_near).collect();
+        let mut next = measured((0..count).map(is_near).collect());
         let mut parts = Vec::new();
         if is_grown {
             let stretches = stretches(&mean, (SURE * scale).max(SHARE * largest));
             parts = stretches.into_iter().map(|it| part(points, &heights, it, half)).collect();
         }
         for Part { range, .. } in &parts {
-            let margin = half + range.len() / UNWORN;
-            next[range.start.saturating_sub(margin)..(range.end + margin).min(count)].fill(false);
+            // Beside a wide part, two thirds of a side stay.
+            let own = range.len() / UNWORN;
+            let margin =
+                |side: usize| half + if side * UNWORN > count { own.min(side / 3) } else { own };
+            let from = range.start.saturating_sub(margin(range.start));
+            next[from..(range.end + margin(count - range.end)).min(count)].fill(false);
         }
         attempt += 1;
         let is_stable = next == is_unworn;
@@ -129,6 +146,17 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
         is_grown |= is_stable || attempt == TRIES / 2;
         is_unworn = found.is_unworn;
     }
+}
+
+/// A whole stretch as one part, if its mean height is two standard deviations.
+pub fn whole(points: &[(f64, f64)], found: &Found, range: Range<usize>) -> Option<Part> {
+    let own = &found.heights[range.clone()];
+    let count = own.len() as f64;
+    let mean = own.iter().sum::<f64>() / count;
+    let scatter = found.surface.scatter * (found.surface.together / count).min(1.0).sqrt();
+    let surface = found.surface.error(range.clone().map(|at| (points[at].0, 1.0 / count)));
+    let is_sure = mean.abs() > 2.0 * libm::hypot(scatter, surface);
+    is_sure.then(|| with_area(points, &found.heights, range))
 }
 
 /// Where the moving mean exceeds the limit, and as far as it is above `LOW` of it.
@@ -155,7 +183,10 @@ fn part(points: &[(f64, f64)], heights: &[f64], stretch: Range<usize>, half: usi
     let order = |one: &usize, other: &usize| sums[*one].total_cmp(&sums[*other]);
     let start = (0..=most).min_by(order).unwrap_or(0);
     let end = (sums.len() - 1 - most..sums.len()).max_by(order).unwrap_or(0);
-    let range = from + start..from + end.max(start + 1);
+    with_area(points, heights, from + start..from + end.max(start + 1))
+}
+
+fn with_area(points: &[(f64, f64)], heights: &[f64], range: Range<usize>) -> Part {
     let width = |at: usize| points[(at + 1).min(heights.len() - 1)].0 - points[at.max(1) - 1].0;
     let area = range.clone().map(|at| 0.5 * heights[at] * width(at)).sum();
     Part { range, area }

@@ -1,11 +1,15 @@
-//! The points of a trace: repeated positions are averaged, and drop-outs and isolated spikes are left out.
+//! The points of a trace: repeated positions are averaged, and drop-outs, straight lines and isolated spikes are left out.
+//! Then a curve fills each gap.
 
 #![expect(
     clippy::float_cmp,
     reason = "numbers of a file that an instrument repeats have equal digits"
 )]
 
+use std::ops::Range;
+
 use super::surface::Points;
+use crate::curve;
 
 /// Minimum number of points.
 pub const FEWEST: usize = 30;
@@ -20,6 +24,15 @@ const STEP: f64 = 0.01;
 const REPEATED: usize = 3;
 /// Drop-outs deviate by this many times the noise.
 const FAR: f64 = 6.0;
+/// Points lie on one line if they deviate from it by no more than this share of the noise.
+const STRAIGHT: f64 = 0.01;
+/// How likely noise may make such a line in a trace.
+const CHANCE: f64 = 1e-6;
+/// A gap is longer than this many times the usual distance of up to `BESIDE` points on each side.
+const GAP: f64 = 1.7;
+const BESIDE: usize = 8;
+/// Minimum number of points for the slope beside a gap.
+const SLOPE: usize = 4;
 /// The range of the instrument can have ended if the same height occurs this often in a row, and this many times as often
 /// as any other height: heights with few digits repeat, too.
 const EQUAL: usize = 3;
@@ -56,12 +69,12 @@ pub fn known(x: &[Option<f64>], y: &[Option<f64>]) -> Result<Points, String> {
     if points.len() < FEWEST { Err(few()) } else { Ok(points) }
 }
 
-/// The points of a trace, from the lowest x to the highest one.
+/// The points of a trace, from the lowest x to the highest one, and which of them fill a gap.
 pub fn ascending(
     mut points: Points,
     is_half: bool,
     notes: &mut Vec<String>,
-) -> Result<Points, String> {
+) -> Result<(Points, Vec<Range<usize>>), String> {
     if points.first() > points.last() {
         points.reverse();
         notes.push("x decreased, so the order of the points was reversed.".to_owned());
@@ -75,6 +88,7 @@ pub fn ascending(
     }
     points = averaged(&points, notes);
     points = without_dropouts(points, notes);
+    points = without_lines(points, notes);
     points = without_spikes(&points, notes);
     if is_half {
         points.retain(|(x, _)| *x >= 0.0);
@@ -82,7 +96,107 @@ pub fn ascending(
         points = mirrored.chain(points.iter().copied()).collect();
         notes.push("The half with x above 0 was mirrored, so a tilt was not removed.".to_owned());
     }
-    Ok(points)
+    Ok(filled(&points))
+}
+
+/// The line through points: its height at a position, and its slope.
+fn line(points: &[(f64, f64)], at: f64) -> (f64, f64) {
+    let mean =
+        |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
+    let (x, z) = (mean(&|it| it.0), mean(&|it| it.1));
+    let square = mean(&|it| (it.0 - x) * (it.0 - x));
+    let slope = if square > 0.0 { mean(&|it| (it.0 - x) * (it.1 - z)) / square } else { 0.0 };
+    (z + slope * (at - x), slope)
+}
+
+/// Of the lines through near and through more points, the flatter one, because an edge among them makes a line steep.
+fn flattest(line: &dyn Fn(f64) -> (f64, f64)) -> (f64, f64) {
+    let [near, far] = [0.25, 0.5].map(line);
+    if near.1.abs() < far.1.abs() { near } else { far }
+}
+
+/// Fills each gap with the cubic curve that continues the lines through the points on a part of its length on both sides.
+fn filled(points: &[(f64, f64)]) -> (Points, Vec<Range<usize>>) {
+    let count = points.len();
+    let length = points.last().zip(points.first()).map_or(0.0, |(last, first)| last.0 - first.0);
+    let paces: Vec<f64> = points.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+    let (mut all, mut gaps) = (points[..count.min(1)].to_vec(), Vec::new());
+    for (at, width) in paces.iter().enumerate() {
+        let near = &paces[at.saturating_sub(BESIDE)..(at + BESIDE + 1).min(paces.len())];
+        // At most two points are added for each measured one.
+        let pace = median(near.to_vec()).max(0.5 * length / count as f64);
+        if *width > GAP * pace {
+            let (from, to) = (points[at].0, points[at + 1].0);
+            let [(z0, slope0), (z1, slope1)] = [
+                flattest(&|reach| {
+                    let first = points.partition_point(|it| it.0 < from - reach * width);
+                    line(&points[first.min((at + 1).saturating_sub(SLOPE))..=at], from)
+                }),
+                flattest(&|reach| {
+                    let last = points.partition_point(|it| it.0 <= to + reach * width);
+                    line(&points[at + 1..last.max((at + 1 + SLOPE).min(count))], to)
+                }),
+            ];
+            let pieces = (width / pace).round();
+            let start = all.len();
+            all.extend((1..pieces as usize).map(|piece| {
+                let (u, v) = (piece as f64 / pieces, 1.0 - piece as f64 / pieces);
+                let ends = v * v * (1.0 + 2.0 * u) * z0 + u * u * (1.0 + 2.0 * v) * z1;
+                (from + u * width, ends + u * v * width * (v * slope0 - u * slope1))
+            }));
+            gaps.push(start..all.len());
+        }
+        all.push(points[at + 1]);
+    }
+    (all, gaps)
+}
+
+/// The smallest difference of heights.
+pub fn resolution(heights: &[f64]) -> f64 {
+    let mut sorted = heights.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let least = 1e-9 * (sorted[sorted.len() - 1] - sorted[0]);
+    let steps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > least);
+    steps.reduce(f64::min).unwrap_or(0.0)
+}
+
+/// The noise of heights, if it exceeds their resolution, and a deviation from a line that the resolution explains.
+fn noise_beyond_rounding(heights: &[f64]) -> Option<(f64, f64)> {
+    let (noise, step) = (curve::noise(heights), resolution(heights));
+    (noise > step).then_some((noise, step.max(STRAIGHT * noise)))
+}
+
+/// The points without straight lines, if the others have noise: an instrument held a height, or a program drew a line across
+/// a gap. Heights at an end of the range are kept.
+fn without_lines(points: Points, notes: &mut Vec<String>) -> Points {
+    let all = heights(&points);
+    let Some((noise, straight)) = noise_beyond_rounding(&all) else { return points };
+    let [low, high] = range(&all);
+    let is_straight = |at: usize| {
+        let Some([one, own, next]) = at.checked_sub(1).and_then(|at| points.get(at..at + 3)) else {
+            return false;
+        };
+        let z = one.1 + (next.1 - one.1) * (own.0 - one.0) / (next.0 - one.0);
+        (own.1 - z).abs() <= straight && own.1 > low && own.1 < high
+    };
+    let likely = libm::log(CHANCE / points.len() as f64) / libm::log(straight / noise);
+    let straight: Vec<bool> = (0..points.len()).map(is_straight).collect();
+    let mut is_kept = vec![true; points.len()];
+    let mut end = 0;
+    for run in straight.chunk_by(PartialEq::eq) {
+        end += run.len();
+        if run[0] && run.len() as f64 > likely {
+            let (first, last) = (end - run.len() - 1, end);
+            is_kept[first..=last].fill(false);
+            let [from, to] = [points[first].0, points[last].0].map(|x| 1e6 * x);
+            notes.push(format!(
+                "{} points from x = {from:.3} um to {to:.3} um lie on one line, although the others have noise: a height was \
+                 held, or a line was drawn across a gap. They were left out.",
+                last + 1 - first
+            ));
+        }
+    }
+    points.into_iter().zip(is_kept).filter(|(_, is_kept)| *is_kept).map(|it| it.0).collect()
 }
 
 /// The smallest and the largest number.
@@ -151,6 +265,10 @@ fn without_dropouts(mut points: Points, notes: &mut Vec<String>) -> Points {
             continue;
         }
         let [low, high] = range(&heights(&others));
+        let is_beyond = value < 2.0 * low - high || value > 2.0 * high - low;
+        if noise_beyond_rounding(&heights(&others)).is_none() && !(is_beyond && low < high) {
+            continue;
+        }
         let least = FAR * noise(&others).max(1e-3 * (high - low));
         let is_far = |(x, z): &&(f64, f64)| {
             let after = others.partition_point(|other| other.0 < *x).clamp(1, others.len() - 1);
@@ -172,8 +290,8 @@ fn without_dropouts(mut points: Points, notes: &mut Vec<String>) -> Points {
 /// Points beyond the range of an instrument.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Beyond {
-    /// The first and the last position.
-    pub ends: [f64; 2],
+    /// The points from the first to the last one.
+    pub range: Range<usize>,
     /// Their number.
     pub count: usize,
     /// Which end of the range it is.
@@ -205,6 +323,6 @@ pub fn beyond(points: &[(f64, f64)]) -> Option<Beyond> {
         let slope = slope(before, ends[0]) + slope(*after, ends[1]);
         let height = sign * slope * (ends[1] - ends[0]) / 6.0;
         let is_clipped = longest >= EQUAL && count >= OFTEN * most;
-        is_clipped.then_some(Beyond { ends, count, end, height })
+        is_clipped.then_some(Beyond { range: first..last + 1, count, end, height })
     })
 }

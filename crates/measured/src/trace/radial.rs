@@ -35,13 +35,6 @@ pub struct Radial {
     /// The difference of the sides (root mean square), and whether it is more than scatter.
     pub difference: f64,
     pub are_different: bool,
-    /// The largest depth, of the deeper side if the sides differ, and its standard deviation.
-    pub deepest: (f64, f64),
-}
-
-/// The largest number.
-fn largest(values: impl Iterator<Item = f64>) -> f64 {
-    values.fold(0.0, f64::max)
 }
 
 impl Radial {
@@ -94,16 +87,9 @@ impl Radial {
         let squares: Vec<[f64; 2]> = squares.collect();
         let mean = |of: usize| squares.iter().map(|it| it[of]).sum::<f64>() / squares.len() as f64;
         let [difference, excess] = [mean(0).sqrt(), mean(1).sqrt()];
-        let mut deepest = largest(depth.iter().copied());
+        let deepest = depth.iter().copied().fold(0.0, f64::max);
         let are_different =
             half > 0.0 && excess > DIFFERENT.0 && difference > DIFFERENT.1 * deepest;
-        if are_different {
-            deepest = largest(right.iter().chain(&left).copied().flatten());
-        }
-        let count = largest(both.iter().map(|bin| bin[0])).max(1.0);
-        let error = unworn.error([(axis, 1.0)].into_iter());
-        let error = (variance / count + error * error).sqrt();
-        let deepest = (deepest, error);
-        Self { radius, depth, left, right, reach, height, difference, are_different, deepest }
+        Self { radius, depth, left, right, reach, height, difference, are_different }
     }
 }

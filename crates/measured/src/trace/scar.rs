@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::parts::{self, Found, Part, REACH, UNWORN};
 use super::points::{Beyond, beyond, heights, noise, range};
 use super::surface::{Points, Surface};
-use super::wanted::{Up, Wanted};
+use super::wanted::{Prepare, Up, Wanted};
 
 /// A removed part with this share of the area of the scar is another scar.
 const OTHER: f64 = 0.1;
@@ -29,6 +29,9 @@ const BESIDE: usize = 8;
 const RUN: (usize, usize) = (3, 8);
 const SCATTER: f64 = 2.0;
 const SHARE: f64 = 0.01;
+/// Gaps from this share of the width of the scar on are told. One with more than the second share is refused.
+const TOLD: f64 = 0.02;
+const HIDDEN: f64 = 0.4;
 /// The core of a scar is deeper than this share of the largest depth.
 const CORE: f64 = 0.1;
 
@@ -45,13 +48,32 @@ pub struct Scar {
     pub removed: Vec<Part>,
     /// The parts above the unworn surface.
     pub added: Vec<Part>,
-    /// Points beyond the range of the instrument.
-    pub beyond: Option<Beyond>,
+    /// Gaps, and points beyond the range of the instrument.
+    pub gaps: Vec<Gap>,
+}
+
+/// Points whose heights are not known.
+#[derive(Debug, Clone)]
+pub struct Gap {
+    /// The points.
+    pub range: Range<usize>,
+    /// The standard deviation of their mean height.
+    pub error: f64,
 }
 
 const UM: f64 = 1e6;
-const FARTHER: &str = "Measure farther: at each end, a tenth of the trace must be unworn. If the trace begins at the axis, \
-                       write prepare=half";
+/// How a user chooses a scar.
+const CHOOSE: &str = "choose it with scar=FROM..TO, such as scar=0.4..1.6mm";
+
+/// What helps if too little is unworn.
+fn farther(wanted: &Wanted<'_>) -> &'static str {
+    if wanted.prepare == Prepare::Half {
+        return "Measure farther: the last tenth must be unworn. If the trace has a tilt, remove it before, because half of a \
+                tilted surface looks like a cone";
+    }
+    "Measure farther: at each end, a tenth of the trace must be unworn. If the trace begins at the axis, give the axis x = 0 \
+     and write prepare=half (on the page: “Trace from the axis”; `fretwork fit` reads whole traces only)"
+}
 
 /// The first and the last position of some points.
 fn ends(points: &[(f64, f64)], range: &Range<usize>) -> [f64; 2] {
@@ -97,7 +119,12 @@ fn outwards(found: &Found, points: &Points, wanted: &Wanted<'_>, notes: &mut Vec
 ///
 /// # Errors
 /// There is none, there are several, or the unworn surface is not one plane or circle.
-pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<Scar, String> {
+pub fn scar(
+    points: &Points,
+    gaps: Vec<Range<usize>>,
+    wanted: &Wanted<'_>,
+    notes: &mut Vec<String>,
+) -> Result<Scar, String> {
     let window = wanted.scar;
     let at = |end: f64| points.partition_point(|point| point.0 < end);
     if let Some([from, to]) = window {
@@ -111,9 +138,9 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
             ));
         }
     }
-    let mut found = parts::find(points, window, None);
+    let mut found = parts::find(points, &gaps, window, None);
     if let Some(window) = window {
-        let stepped = parts::find(points, Some(window), Some(window));
+        let stepped = parts::find(points, &gaps, Some(window), Some(window));
         if is_step(&stepped.surface) {
             found = stepped;
             notes.push(format!(
@@ -124,31 +151,45 @@ pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Re
         }
         let [first, after] = window.map(at);
         found.parts = found.parts.iter().filter_map(|part| part.inside(&(first..after))).collect();
+        let inside: usize = found.parts.iter().map(|part| part.range.len()).sum();
+        // The user sees a scar that hardly stands out of the noise.
+        if 2 * inside < after - first {
+            found.parts = parts::whole(points, &found, first..after).into_iter().collect();
+        }
     }
     let outwards = outwards(&found, points, wanted, notes);
     let is_added = |part: &Part| part.area * outwards > 0.0;
     let (added, removed): (Vec<_>, Vec<_>) = found.parts.iter().cloned().partition(is_added);
-    let beyond = beyond(points);
-    if let Some(Beyond { count, end, .. }) = &beyond {
+    let gaps: Vec<_> = gaps.into_iter().map(|range| Gap { range, error: 0.0 }).collect();
+    let clipped = beyond(points);
+    if let Some(Beyond { count, end, .. }) = &clipped {
         notes.push(format!(
             "{count} points have the {end} height, several of them in a row: they are clipped, because the range of the \
              instrument ends there. Depth and volume are lower limits."
         ));
     }
-    let mut scar = Scar { found, outwards, range: 0..0, removed, added, beyond };
+    let mut scar = Scar { found, outwards, range: 0..0, removed, added, gaps };
     if scar.found.parts.is_empty() {
         let surface = &scar.found.surface;
         let [low, high] = range(&heights(points));
         let is_one = surface.scatter < (ROUGH.0 * noise(points)).max(ROUGH.1 * (high - low));
         return match window {
             None if surface.is_round && is_one => Ok(scar),
-            None if surface.is_round => Err(format!("has no circle outside of a scar. {FARTHER}")),
-            None => Err("has no scar: the whole surface is plane within its scatter".to_owned()),
+            None if surface.is_round => {
+                Err(format!("has no circle outside of a scar. {}", farther(wanted)))
+            }
+            None => Err(format!(
+                "has no scar: the whole surface is plane within its scatter of {:.4} um. If you know where the scar is, {CHOOSE}",
+                UM * surface.scatter
+            )),
             Some(window) => Err(format!("has no scar in {}. Write other ends", named(window))),
         };
     }
-    scar.check_sign(points)?;
-    scar.choose_one(points, window, notes)?;
+    scar.check_sign(points, wanted)?;
+    scar.choose_one(points, wanted, notes)?;
+    scar.check_gaps(points, notes)?;
+    let clipped = clipped.map(|it| Gap { range: it.range, error: it.height.abs() });
+    scar.gaps.extend(clipped);
     Ok(scar)
 }
 
@@ -192,7 +233,7 @@ impl Scar {
     }
 
     /// Refuses more added than removed material.
-    fn check_sign(&self, points: &[(f64, f64)]) -> Result<(), String> {
+    fn check_sign(&self, points: &[(f64, f64)], wanted: &Wanted<'_>) -> Result<(), String> {
         if area(&self.added) <= area(&self.removed) {
             return Ok(());
         }
@@ -206,8 +247,9 @@ impl Scar {
         let other = if self.outwards > 0.0 { "in" } else { "out" };
         Err(format!(
             "has more added than removed material: {above} above the unworn surface, and {below} below it. If the heights \
-             count the other way, write up={other}. If only a part is the scar, choose it with scar=FROM..TO, such as \
-             scar=0.4..1.6mm. If it reaches to an end: {FARTHER}"
+             count the other way, write up={other}. If only a part is the scar, {CHOOSE}. If it \
+             reaches to an end: {}",
+            farther(wanted)
         ))
     }
 
@@ -216,7 +258,7 @@ impl Scar {
     fn choose_one(
         &mut self,
         points: &[(f64, f64)],
-        window: Option<[f64; 2]>,
+        wanted: &Wanted<'_>,
         notes: &mut Vec<String>,
     ) -> Result<(), String> {
         let mut groups: Vec<Vec<Part>> = Vec::new();
@@ -224,12 +266,17 @@ impl Scar {
             let near = groups.last_mut().filter(|group| {
                 let gap = part.range.start.saturating_sub(all(group).end);
                 let (own, other) = (all(group).len(), part.range.len());
-                let is_one = window.is_some() || 2 * gap <= own.min(other);
+                let ends_of = |range: &Range<usize>| ends(points, range);
+                // A half was mirrored.
+                let [from, to] = [ends_of(&all(group))[0], ends_of(&part.range)[1]];
+                let is_mirrored = wanted.prepare == Prepare::Half && (from + to).abs() < 0.05 * to;
+                let is_one = wanted.scar.is_some() || is_mirrored || 2 * gap <= own.min(other);
                 let is_ring = !is_one && is_ring(group, &part, gap);
                 if is_ring {
-                    let own = named(ends(points, &part.range));
+                    let [one, other] = [all(group), part.range.clone()].map(|it| named(ends_of(&it)));
                     notes.push(format!(
-                        "Two alike grooves were taken as one ring. For one of them, write {own}."
+                        "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {one} \
+                         or {other}."
                     ));
                 }
                 is_one || is_ring
@@ -248,24 +295,72 @@ impl Scar {
                 let both = scar.start.min(other.start)..scar.end.max(other.end);
                 return Err(format!(
                     "has two scars or more. Choose one with {own} or {second}. If they are one ring, write {}. If \
-                     one reaches to an end: {FARTHER}",
-                    named(ends(points, &both))
+                     one reaches to an end: {}",
+                    named(ends(points, &both)),
+                    farther(wanted)
                 ));
             }
             notes.push(format!("A smaller scar was left out. Write {second} for it."));
         }
-        if window.is_none() {
-            self.check_sides(points, &scar)?;
+        if wanted.scar.is_none() {
+            self.check_sides(points, &scar, wanted)?;
         }
         self.range = self.deeper(&scar, SCATTER * self.found.surface.scatter, SHARE);
         self.removed = groups.swap_remove(0);
         Ok(())
     }
 
+    /// Tells the gaps in the scar and their errors, and refuses one that hides too much. The error contains how the curve differs
+    /// from a line, that the height may be any between those of its ends, and structures that are as deep as the gap is wide.
+    fn check_gaps(&mut self, points: &[(f64, f64)], notes: &mut Vec<String>) -> Result<(), String> {
+        let [first, last] = ends(points, &self.range);
+        let share = |[from, to]: [f64; 2]| {
+            if from < last && to > first {
+                (to - from) / (to.max(last) - from.min(first))
+            } else {
+                0.0
+            }
+        };
+        let around = |gap: &Gap| ends(points, &(gap.range.start - 1..gap.range.end + 1));
+        let heights = &self.found.heights;
+        let deepest =
+            heights[self.range.clone()].iter().fold(0.0, |most: f64, it| most.max(it.abs()));
+        for gap in &mut self.gaps {
+            let [z0, z1] = [gap.range.start - 1, gap.range.end].map(|at| heights[at]);
+            let mean = heights[gap.range.clone()].iter().sum::<f64>() / gap.range.len() as f64;
+            let (bend, hidden) = (mean - 0.5 * (z0 + z1), share(around(gap)) * deepest);
+            gap.error = (bend * bend + ((z1 - z0) * (z1 - z0) + hidden * hidden) / 12.0).sqrt();
+        }
+        let all: Vec<_> = self.gaps.iter().map(around).filter(|it| share(*it) > TOLD).collect();
+        let said = |[from, to]: &[f64; 2]| format!("x = {:.3} um to {:.3} um", UM * from, UM * to);
+        if let Some(gap) = all.iter().find(|gap| share(**gap) > HIDDEN) {
+            return Err(format!(
+                "has no measured heights from {}, {:.0} % of the scar. Measure the trace again, with settings at which the \
+                 instrument sees that part, or along another line",
+                said(gap),
+                100.0 * share(*gap)
+            ));
+        }
+        if !all.is_empty() {
+            let said: Vec<String> = all.iter().map(said).collect();
+            notes.push(format!(
+                "The scar has gaps without measured heights: from {}. A curve that continues both sides fills them. The errors \
+                 of depth, area and volume contain what they can hide.",
+                said.join(", ")
+            ));
+        }
+        Ok(())
+    }
+
     /// Refuses a scar whose sides are not one plane or circle, or are not measured.
-    fn check_sides(&self, points: &[(f64, f64)], scar: &Range<usize>) -> Result<(), String> {
+    fn check_sides(
+        &self,
+        points: &[(f64, f64)],
+        scar: &Range<usize>,
+        wanted: &Wanted<'_>,
+    ) -> Result<(), String> {
         let (count, end, own) = (points.len(), points.len() / UNWORN, ends(points, scar));
-        let surface = Surface::through(points, &self.found.is_unworn, Some(own));
+        let surface = Surface::through(points, &self.found.is_unworn, Some(own), 0.0);
         let step = is_step(&surface).then(|| (surface.step().0, 0.5 * (own[0] + own[1]), own));
         let told = step.or_else(|| self.step(points)).map(|(height, x, scar)| {
             format!(
@@ -279,8 +374,9 @@ impl Scar {
         if scar.start < end || scar.end > count - end {
             let told = told.map_or_else(String::new, |told| format!(". Or it has {told}"));
             return Err(format!(
-                "has a scar that reaches to an end: {}. {FARTHER}{told}",
-                named(own)
+                "has a scar that reaches to an end: {}. If it is narrower, {CHOOSE}. {}{told}",
+                named(own),
+                farther(wanted)
             ));
         }
         told.map_or(Ok(()), |told| Err(format!("has {told}")))
@@ -295,7 +391,7 @@ impl Scar {
         let width = (last - first) / STEPS;
         let tried = (1..STEPS as usize).map(|at| {
             let x = first + at as f64 * width;
-            (x, parts::find(&thinned, None, Some([x - 1e-3 * width, x + 1e-3 * width])))
+            (x, parts::find(&thinned, &[], None, Some([x - 1e-3 * width, x + 1e-3 * width])))
         });
         let (x, best) = tried.max_by_key(|(_, found)| found.unworn())?;
         let more = best.unworn() as f64 - self.found.unworn() as f64 / thin as f64;

@@ -14,17 +14,11 @@ use std::ops::Range;
 use serde_json::{Value, json};
 
 use super::parts::Part;
-use super::points::median;
 use super::scar::Scar;
 
 /// Left and right are alike if the centroid is this near to the middle, as a share of the width. Noise moves the ends by
 /// about its share of the depth.
 const ALIKE: f64 = 0.007;
-
-/// Maximum number of pieces of a gap.
-const MOST_PIECES: f64 = 100.0;
-/// A gap is longer than this many usual distances of points.
-const GAP: f64 = 1.7;
 
 /// A number with its standard deviation.
 #[derive(Debug, Clone, Copy, Default)]
@@ -65,8 +59,6 @@ impl Size {
 pub struct Sizes<'a> {
     points: &'a [(f64, f64)],
     scar: &'a Scar,
-    /// The usual distance of points.
-    pace: f64,
     /// The axis in x, and its standard deviation.
     pub axis: (f64, f64),
 }
@@ -74,8 +66,7 @@ pub struct Sizes<'a> {
 impl<'a> Sizes<'a> {
     /// The axis of a scar is its centroid, or where x is 0. Without a scar, it is the apex, or the middle of a plane.
     pub fn new(points: &'a [(f64, f64)], scar: &'a Scar, is_centred: bool) -> Self {
-        let paces = points.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
-        let mut own = Self { points, scar, pace: median(paces), axis: (0.0, 0.0) };
+        let mut own = Self { points, scar, axis: (0.0, 0.0) };
         let surface = &scar.found.surface;
         if is_centred && scar.range.is_empty() {
             let middle = 0.5 * (points[0].0 + points[points.len() - 1].0);
@@ -100,26 +91,26 @@ impl<'a> Sizes<'a> {
     }
 
     /// Positions, weights and heights of points for an integral of the heights times a weight, and its error from gaps. Lines
-    /// join the part and its neighbours, also across gaps, where the heights can lie anywhere between those of its ends.
+    /// join the part and its neighbours.
     fn weights(&self, part: &Part, weight: &dyn Fn(f64) -> f64) -> (Vec<(f64, f64, f64)>, f64) {
         let Range { start, end } = part.range;
-        let all = start.saturating_sub(1)..(end + 1).min(self.points.len());
-        let (own, heights) = (&self.points[all.clone()], &self.scar.found.heights[all]);
-        let mut found: Vec<_> = own.iter().zip(heights).map(|(it, z)| (it.0, 0.0, *z)).collect();
-        let mut gaps = 0.0;
-        for at in 1..own.len() {
-            let (from, length) = (own[at - 1].0, own[at].0 - own[at - 1].0);
-            let pieces = (length / self.pace).ceil().clamp(1.0, MOST_PIECES);
-            for piece in 0..pieces as u32 {
-                let share = (f64::from(piece) + 0.5) / pieces;
-                let piece = weight(from + share * length) * length / pieces;
-                found[at - 1].1 += (1.0 - share) * piece;
-                found[at].1 += share * piece;
-                if length > GAP * self.pace {
-                    gaps += (piece * (heights[at] - heights[at - 1])).abs() / 12_f64.sqrt();
-                }
+        let (from, after) = (start.saturating_sub(1), (end + 1).min(self.points.len()));
+        let heights = &self.scar.found.heights;
+        let mut found: Vec<_> =
+            (from..after).map(|at| (self.points[at].0, 0.0, heights[at])).collect();
+        for at in 1..found.len() {
+            let (x, length) = (found[at - 1].0, found[at].0 - found[at - 1].0);
+            for (at, share) in [(at - 1, 0.25), (at, 0.75)] {
+                found[at].1 += 0.5 * length * weight(x + share * length);
             }
         }
+        let gaps = self.scar.gaps.iter().map(|gap| {
+            let inside = gap.range.start.max(from)..gap.range.end.min(after);
+            let inside = if inside.is_empty() { from..from } else { inside };
+            let all: f64 = (inside.clone()).map(|at| found[at - from].1.abs()).sum();
+            all * gap.error * gap.range.len() as f64 / inside.len().max(1) as f64
+        });
+        let gaps = gaps.sum();
         (found, gaps)
     }
 
@@ -133,13 +124,7 @@ impl<'a> Sizes<'a> {
         let squares: f64 = own.iter().map(|(_, weight, _)| weight * weight).sum();
         let scatter = surface.scatter * (surface.together * squares).sqrt();
         let sign = if parts.first().is_some_and(|part| part.area < 0.0) { -1.0 } else { 1.0 };
-        let beyond = self.scar.beyond.as_ref().filter(|beyond| sign * beyond.height > 0.0);
-        let clipped = beyond.map_or(0.0, |beyond| -> f64 {
-            let [from, to] = beyond.ends;
-            let inside = own.iter().filter(|(x, ..)| (from..=to).contains(x));
-            inside.map(|(_, weight, _)| (weight * beyond.height).abs()).sum()
-        });
-        let missing = clipped + gaps.iter().sum::<f64>();
+        let missing = gaps.iter().sum();
         let weights = own.iter().map(|(x, weight, _)| (*x, *weight));
         let errors = [scatter, surface.error(weights), 0.0, missing];
         // The sum of nothing is −0.

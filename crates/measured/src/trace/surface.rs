@@ -22,6 +22,9 @@ const EXPECTED: f64 = 0.05;
 const TRIES: usize = 30;
 const STILL: f64 = 1e-8;
 
+/// How much of the length of the trace makes the effect of a wave twice as large: one in this many.
+const WAVES: f64 = 16.0;
+
 /// A pivot below this share of its diagonal is rounding.
 const SINGULAR: f64 = 1e-11;
 
@@ -38,6 +41,8 @@ pub struct Surface {
     half: f64,
     /// The ends of a stretch in which the surface rises by a step.
     edge: Option<[f64; 2]>,
+    /// Minimum of the scatter.
+    least: f64,
     coefficients: Row,
     /// The covariance of the coefficients, with the shear.
     covariance: [Row; COLUMNS],
@@ -79,12 +84,18 @@ fn solved(mut matrix: [Row; COLUMNS], right: Row) -> (Row, [Row; COLUMNS]) {
 
 impl Surface {
     /// The surface through the points that are used, perhaps with a step in a stretch.
-    pub fn through(points: &[(f64, f64)], is_used: &[bool], edge: Option<[f64; 2]>) -> Self {
+    /// The scatter is at least the given one, that of rounded heights.
+    pub fn through(
+        points: &[(f64, f64)],
+        is_used: &[bool],
+        edge: Option<[f64; 2]>,
+        least: f64,
+    ) -> Self {
         let (first, last) = (points[0].0, points[points.len() - 1].0);
         let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
         let used: Points =
             points.iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|it| *it.0).collect();
-        let mut found = Self { middle, half, edge, together: 1.0, ..Self::default() };
+        let mut found = Self { middle, half, edge, least, together: 1.0, ..Self::default() };
         found.step_towards(&used);
         found.judge(&used);
         found.is_round = found.bend().abs() * half * half > 3.0 * found.scatter;
@@ -225,15 +236,20 @@ impl Surface {
         let square = |values: &mut dyn Iterator<Item = f64>| values.map(|it| it * it).sum::<f64>();
         let sum = square(&mut deviations.iter().copied());
         let columns = 3 + usize::from(self.is_sheared) + usize::from(self.edge.is_some());
-        self.scatter = (sum / deviations.len().saturating_sub(columns).max(1) as f64).sqrt();
+        let scatter = (sum / deviations.len().saturating_sub(columns).max(1) as f64).sqrt();
+        self.scatter = scatter.max(self.least);
         let variance = sum / deviations.len() as f64;
         let sizes = (1..).map(|power| 2_usize.pow(power));
-        let sizes = sizes.take_while(|size| size * 8 <= deviations.len());
+        let sizes = sizes.take_while(|size| size * 5 <= deviations.len());
         let ratio = |size: usize| {
             let chunks = deviations.chunks_exact(size);
-            let count = chunks.len() as f64;
+            // The fit follows as many of the means as it has columns.
+            let count = (chunks.len() - columns) as f64;
             let mut means = chunks.map(|chunk| chunk.iter().sum::<f64>() / size as f64);
-            size as f64 * square(&mut means) / (count * variance)
+            let ratio = size as f64 * square(&mut means) / (count * variance);
+            // Few means show a wave that is hardly shorter than the trace, so its effect is enlarged.
+            let is_sure = ratio > 1.0 + SURE * (2.0 / count).sqrt();
+            ratio * if is_sure { 1.0 + WAVES * size as f64 / deviations.len() as f64 } else { 1.0 }
         };
         self.together = sizes.map(ratio).filter(|it| it.is_finite()).fold(1.0, f64::max);
     }
