@@ -135,13 +135,14 @@ fn spaces_and_points_in_numbers_are_told() {
 #[test]
 fn a_factor_makes_a_unit_unknown() {
     for (head, name, unit) in [
-        ("V (1e-3 mm3)", "V", "1e-3 mm3)"),
+        ("V (1e-3 mm3)", "V", "1e-3 mm3"),
         ("V / 10^-3 mm^3", "V", "10^-3 mm^3"),
         ("V in 1e-3 mm^3", "V in", "1e-3 mm^3"),
         ("V [10^-3 mm3]", "V", "10^-3 mm3"),
         ("V × 10⁻³ (mm³)", "V", "10⁻³ (mm³)"),
         ("V 1000 mm^3", "V", "1000 mm^3"),
-        ("cycles (10^3)", "cycles", "10^3)"),
+        ("cycles (10^3)", "cycles", "10^3"),
+        ("V (worn mm)", "V", "worn mm"),
         ("cycles/1000", "cycles", "1000"),
         ("cycles x1000", "cycles", "x1000"),
     ] {
@@ -550,6 +551,14 @@ fn units_are_found_behind_names_and_as_words() {
         ("S [N um^-1]", "S", "N/m", 1e6),
         ("t [sec]", "t", "s", 1.0),
         ("wear_volume_mm^3", "wear_volume", "m^3", 1e-9),
+        ("Total Profile(Å)", "Total Profile", "m", 1e-10),
+        ("V (cu mm)", "V", "m^3", 1e-9),
+        ("V [cubic micrometers]", "V", "m^3", 1e-18),
+        ("wear volume cubic mm", "wear volume", "m^3", 1e-9),
+        ("kcycles", "cycles", "1", 1e3),
+        ("cycles (thousands)", "cycles", "1", 1e3),
+        ("10^3 cycles", "cycles", "1", 1e3),
+        ("N [Mcycles]", "N", "1", 1e6),
     ] {
         let read = good(&format!("{header};b\n1;2\n2;3\n"));
         let column = &read.columns[0];
@@ -701,5 +710,102 @@ fn each_message_leads_to_the_mend() {
         if !mended.is_empty() {
             assert_eq!(told(&mended, prepare), "", "{mended}");
         }
+    }
+}
+
+/// Tables whose names, cells or shape say more than numbers do: they are read by it, or refused.
+#[test]
+fn names_cells_and_shape_of_a_table_are_obeyed() {
+    let table = |head: &str, row: fn(u32) -> String| format!("{head}\n") + &rows(5, row);
+    let x = |read: &Measured| read.prepared["data"]["x"].clone();
+    let volumes = table("cycles;V [mm^3]", |at| format!("{}000;0.{at}1\n", at + 1));
+    let powers = "cycles;V [mm^3]\n1000;0.01\n2e3;0.11\n3·10^3;0.21\n4*10^3;0.31\n5 x 10³;0.41\n";
+    for text in [
+        table("No.;cycles;V [mm^3]", |at| format!("{at};{}000;0.{at}1\n", at + 1)),
+        table(";cycles;V [mm^3]", |at| format!("{at};{}000;0.{at}1\n", at + 1)),
+        powers.to_owned(),
+        volumes.replace("3000;", "#2500;7\n3000;"),
+    ] {
+        let read = good(&text);
+        assert_eq!(read.prepared, good(&volumes).prepared, "{text}: {:?}", read.notes);
+    }
+    assert_eq!(x(&good("cycles;V [mm^3]\n10^4;0.1\n10⁵;0.2\n"))[1], 1e5);
+    for (text, told) in [
+        (
+            volumes.replace("3000;", "#2500;7\n3000;"),
+            "1 row(s) that begin with # were left out, the first in line 4",
+        ),
+        (
+            table("N;V1 [mm^3];V2 [mm^3];SD [mm^3]", |at| format!("{at};1;2;3\n")),
+            "not used: “V2”, “SD”. Name standard deviations of y “V1 sigma”",
+        ),
+        (table("No.;V [mm^3]", |at| format!("{at};1\n")), "x must be cycles"),
+    ] {
+        let notes = good(&text).notes.join("\n");
+        assert!(notes.contains(told), "{told}: {notes}");
+    }
+    for (text, told) in [
+        ("cycles;1000;2000;5000\nV [mm^3];0.1;0.2;0.3\n".to_owned(), "Transpose the table"),
+        (
+            "cycles;1000;2000\nV [mm^3];0.1;0.2\nF [N];7;7\nh [um];1;2\n".to_owned(),
+            "Transpose the table",
+        ),
+        (table("cycles;log10(V) [mm^3]", |at| format!("{at};1\n")), "/y: has values of log10"),
+        (table("ln N;V [mm^3]", |at| format!("{at};1\n")), "/x: has values of ln, as its name"),
+        (
+            table("cycles;ΔV [mm^3]", |at| format!("{at};1\n")),
+            "/y: has the increments between readings",
+        ),
+        (
+            volumes.replace("000;0.", ",000;"),
+            "“5,000” can be 5000 or 5.000. Write decimal=. if its mark separates",
+        ),
+        (volumes.replace("000;0.", ".000;"), "decimal=. if it is the decimal mark"),
+    ] {
+        let said = refused(text.as_bytes(), &ALL);
+        assert!(said.contains(told), "{told}: {said}");
+    }
+    for (mark, decimal, value) in
+        [(",", '.', 5e3), (".", ',', 5e3), (",", ',', 5.0), (".", '.', 5.0)]
+    {
+        let text = volumes.replace("000;0.", &format!("{mark}000;"));
+        let read = read(text.as_bytes(), &Wanted { decimal: Some(decimal), ..ALL }).unwrap();
+        assert_eq!(x(&read)[4], value, "{mark}{decimal}");
+    }
+    let said = refused(powers.replace('.', ",").as_bytes(), &Wanted { decimal: Some('.'), ..ALL });
+    assert!(said.contains("is no number with decimal=."), "{said}");
+}
+
+/// Only a friction force makes a loop.
+#[test]
+fn a_normal_force_is_never_taken_as_friction() {
+    let ring = |head: &str| {
+        format!("{head}\n")
+            + &rows(101, |at| {
+                let angle = std::f64::consts::TAU * f64::from(at) / 100.0;
+                format!("100;{:.5};{:.5};{at}\n", 80.0 * libm::cos(angle), 5.0 * libm::sin(angle))
+            })
+    };
+    let wanted = Wanted { prepare: Prepare::Loop, ..ALL };
+    for head in [
+        "Fn [N];Ft [N]",
+        "Normal force [N];F [N]",
+        "load [N];Q [N]",
+        "F [N];friction [N]",
+        "F_z [N];F_x [N]",
+    ] {
+        let read = read(ring(&format!("{head};d [um];n")).as_bytes(), &wanted).unwrap();
+        let energy = read.prepared["energy_per_cycle"].as_f64().unwrap();
+        assert!((energy / (400e-6 * std::f64::consts::PI) - 1.0).abs() < 1e-3, "{head}: {energy}");
+    }
+    for head in ["F1 [N];F2 [N]", "Fn [N];P [N]", "Fn [N];t [s]"] {
+        let text = ring(&format!("{head};d [um];n"));
+        let said = refused(text.as_bytes(), &wanted);
+        assert!(
+            said.contains("/y: must be the friction force, but its name does not decide"),
+            "{said}"
+        );
+        let name = said.split("y=").nth(1).unwrap();
+        assert!(read(text.as_bytes(), &Wanted { y: Some(name), ..wanted }).is_ok(), "{name}");
     }
 }
