@@ -9,6 +9,7 @@ mod curve;
 mod lines;
 mod loops;
 mod names;
+mod record;
 mod table;
 mod text;
 mod trace;

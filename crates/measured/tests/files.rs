@@ -224,12 +224,9 @@ fn a_bad_file_is_refused_with_a_remedy() {
             b"a;b\n1;2\n3\t4\n5;6\n",
             "Line 3 has 1 cell(s), but the table has 2 columns. Separate the cells of all lines by semicolons",
         ),
-        (
-            b"a;b\n1;2\n3;x\n4;5\n6;y\n",
-            "Line 3: \u{201c}x\u{201d} in \u{201c}b\u{201d} is not a number. Write it like 1234.5",
-        ),
-        (b"a;b\n1;x\n3;2\n4;5\n", "Line 2: \u{201c}x\u{201d}"),
-        (b"a;b\n1;2\n3;inf\n4;5\n", "\u{201c}inf\u{201d} in"),
+        (b"a;b\n1;2\n3;x\n4;5\n6;y\n", "Line 3: “x” in “b” is not a number. Write it like 1234.5"),
+        (b"a;b\n1;x\n3;2\n4;5\n", "Line 2: “x”"),
+        (b"a;b\n1;2\n3;inf\n4;5\n", "“inf” in"),
         (
             b"a;b\n1.000.000;2\n3;4\n5;6\n",
             "is not a number. Write it like 1234.5, without separators of thousands and without its unit",
@@ -242,26 +239,20 @@ fn a_bad_file_is_refused_with_a_remedy() {
             b"a;b\n1.234,5;2\n3;4\n5;6\n",
             "is not a number. Write it like 1234.5, without separators of thousands and without its unit",
         ),
-        (
-            b"a;b\n1;4.629,9\n2;9.612,0\n",
-            "Line 2: \u{201c}4.629,9\u{201d} in \u{201c}b\u{201d} is not a number",
-        ),
+        (b"a;b\n1;4.629,9\n2;9.612,0\n", "Line 2: “4.629,9” in “b” is not a number"),
         (
             b"a,b [mm^3]\n1000,0,12\n2000,0,13\n",
             "The rows have 3 columns, separated by commas, but line 1",
         ),
         (b"a;b\n1,2\n3,4\n", "The rows have 2 columns, separated by commas, but line 1"),
-        (
-            b"a;b\n1,5;2.5\n",
-            "have points and commas, such as \u{201c}2.5\u{201d} and \u{201c}1,5\u{201d}",
-        ),
+        (b"a;b\n1,5;2.5\n", "have points and commas, such as “2.5” and “1,5”"),
         (
             b"a;b\n1 mm;2\n3;4\n5;6\n",
             "is not a number. Write it like 1234.5, without separators of thousands and without its unit",
         ),
         (
             b"a [mm];b\num;N\n1;2\n",
-            "\u{201c}a [mm] [um]\u{201d} has two units: [mm] [um]. Write only one of them",
+            "“a [mm] [um]” has two units: [mm] [um]. Write only one of them",
         ),
     ] {
         let said = refused(bytes, &ALL);
@@ -308,42 +299,9 @@ fn random_bytes_and_changed_files_are_read_or_refused() {
     let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
     let seed = std::env::var("FRETWORK_TEST_SEED").ok().and_then(|seed| seed.parse().ok());
     let stream = Stream::new(seed.unwrap_or(38));
-    let parts: Vec<&[u8]> = vec![
-        b";",
-        b"\t",
-        b",",
-        b" ",
-        b"\n",
-        b"\r\n",
-        b"\"",
-        b"1",
-        b"2,5",
-        b"-3.25e-7",
-        b"NaN",
-        b"[um]",
-        b"(",
-        b")",
-        b"mm^3",
-        b"#",
-        b"x [um]",
-        b"z",
-        b"\xff\xfe",
-        b"\0",
-        b"\xb5m",
-        "µm³".as_bytes(),
-        b"[",
-        b"{",
-        b"1 000",
-        b"/N",
-        b"\xef\xbb\xbf",
-        "\u{202f}".as_bytes(),
-        b"''",
-        b"1.",
-        b",5",
-        b"\n1;2;3",
-        b"\n4\t5",
-        b"\n10;20",
-    ];
+    let texts = "; \t , \n \r\n \" 1 2,5 -3.25e-7 NaN [um] ( ) mm^3 # x[um] z \0 µm³ [ { /N \u{feff} '' 1. ,5 \n1;2;3 \n4\t5 \n10;20";
+    let texts = texts.split(' ').chain([" ", "1 000", "\u{202f}"]).map(str::as_bytes);
+    let parts: Vec<&[u8]> = texts.chain([&b"\xff\xfe"[..], b"\xb5m"]).collect();
     let prepares = Prepare::NAMES.map(|(_, prepare)| prepare);
     let (mut good, count) = (0, if is_long { 2_000_000 } else { 20_000 });
     for case in 0..count {
@@ -589,7 +547,6 @@ fn a_map_of_heights_is_refused_as_one() {
 
 /// What a reader types wrongly: each message has the words that mend the file, and the mended file is read.
 #[test]
-#[expect(clippy::too_many_lines, reason = "it is a list of files")]
 fn each_message_leads_to_the_mend() {
     let volumes = "cycles;V [mm^3]\n1000;0.0021\n2000;0.0042\n5000;0.0108\n";
     let trace = "x;z\n".to_owned() + &rows(40, |at| format!("{at};{}\n", at % 3));
@@ -599,118 +556,50 @@ fn each_message_leads_to_the_mend() {
             format!("{:.5};{:.5}\n", 5.0 * libm::sin(angle), 80.0 * libm::cos(angle))
         });
     let told = |text: &str, prepare| {
-        let wanted = Wanted { prepare, ..ALL };
-        match read(text.as_bytes(), &wanted) {
-            Err(faults) => faults
-                .0
-                .iter()
-                .map(|fault| format!("{}: {}", fault.pointer, fault.detail))
-                .collect::<Vec<_>>()
-                .join(" "),
-            Ok(read) if prepare == Prepare::Points && read.prepared["data"].is_null() => {
-                read.notes.join(" ")
-            }
-            Ok(_) => String::new(),
+        let said = |read: Measured| {
+            (prepare == Prepare::Points && read.prepared["data"].is_null())
+                .then(|| read.notes.join(" "))
+        };
+        match read(text.as_bytes(), &Wanted { prepare, ..ALL }) {
+            Err(_) => refused(text.as_bytes(), &Wanted { prepare, ..ALL }),
+            Ok(read) => said(read).unwrap_or_default(),
         }
     };
-    let points = Prepare::Points;
-    for (text, prepare, said, mended) in [
-        // No unit of the volumes.
+    for (from, typed, said) in [
+        (" [mm^3]", "", "V [mm^3] for volumes, V [um] for depths"),
+        ("V [mm^3]", "wear_volume", "choose the column with its unit as y: wear_volume [mm^3]"),
+        ("0.0042", "0,0042", "Write all of them with the same decimal mark"),
+        ("0.0042", "0.oo42", "Line 3: “0.oo42” in “V [mm^3]” is not a number"),
         (
-            volumes.replace(" [mm^3]", ""),
-            points,
-            "V [mm^3] for volumes, V [um] for depths",
-            volumes.to_owned(),
+            "2000;",
+            "2000\t",
+            "Line 3 has 1 cell(s), but the table has 2 columns. Separate the cells of all lines by semicolons",
         ),
-        (
-            volumes.replace("V [mm^3]", "wear_volume"),
-            points,
-            "choose the column with its unit as y: wear_volume [mm^3]",
-            volumes.replace('V', "wear_volume"),
-        ),
-        // No units of a trace and of a loop.
-        (
-            trace.clone(),
-            Prepare::Trace,
-            "/x: must be a length. Add its unit, such as x [m]",
-            String::new(),
-        ),
-        (
-            ring.clone(),
-            Prepare::Loop,
-            "/y: must be a force. Add its unit, such as F [N]",
-            ring.replace("d;F", "d [um];F [N]"),
-        ),
-        // A decimal comma in a file with commas.
+        ("V [mm^3]", "wear_volume [10^-3 mm^3]", "Accepted units: m^3, cm^3, mm^3"),
+        ("1000;0.0021", "1,000.0;2.1", "without separators of thousands"),
+        ("2000;", "\"2000;", "opens in line 3 is not closed"),
+        ("cycles", "t [s]", "x must be cycles or an energy"),
+    ] {
+        let message = told(&volumes.replace(from, typed), Prepare::Points);
+        assert!(message.contains(said), "{said}: {message}");
+    }
+    let half = ring.replace("d;F", "d [um];F [N]").lines().take(45).collect::<Vec<_>>().join("\n");
+    for (text, prepare, said) in [
         (
             volumes.replace(';', ",").replace("0.0", "0,0"),
-            points,
+            Prepare::Points,
             "the same separator in all lines",
-            volumes.replace('.', ","),
         ),
-        // A comma and points.
-        (
-            volumes.replace("0.0042", "0,0042"),
-            points,
-            "Write all of them with the same decimal mark",
-            volumes.to_owned(),
-        ),
-        // A letter for a digit.
-        (
-            volumes.replace("0.0042", "0.oo42"),
-            points,
-            "Line 3: “0.oo42” in “V [mm^3]” is not a number",
-            volumes.to_owned(),
-        ),
-        // Another separator in one line.
-        (
-            volumes.replace("2000;", "2000\t"),
-            points,
-            "Line 3 has 1 cell(s), but the table has 2 columns. Separate the cells of all lines by semicolons",
-            volumes.to_owned(),
-        ),
-        // A unit that is no volume, and a factor.
-        (
-            volumes.replace("mm^3", "10^-3 mm^3").replace('V', "wear_volume"),
-            points,
-            "Accepted units: m^3, cm^3, mm^3",
-            volumes.to_owned(),
-        ),
-        // Thousands.
-        (
-            volumes.replace("1000;0.0021", "1,000.0;2.1"),
-            points,
-            "without separators of thousands",
-            volumes.to_owned(),
-        ),
-        // A quotation mark that stays open.
-        (
-            volumes.replace("2000;", "\"2000;"),
-            points,
-            "opens in line 3 is not closed",
-            volumes.to_owned(),
-        ),
-        // Half a loop.
-        (
-            ring.replace("d;F", "d [um];F [N]").lines().take(45).collect::<Vec<_>>().join("\n"),
-            Prepare::Loop,
-            "Keep the rows of one or more whole cycles",
-            ring.replace("d;F", "d [um];F [N]"),
-        ),
-        // Time instead of cycles.
-        (
-            volumes.replace("cycles", "t [s]"),
-            points,
-            "x must be cycles or an energy",
-            volumes.to_owned(),
-        ),
+        (trace, Prepare::Trace, "/x: must be a length. Add its unit, such as x [m]"),
+        (ring.clone(), Prepare::Loop, "/y: must be a force. Add its unit, such as F [N]"),
+        (half, Prepare::Loop, "Keep the rows of one or more whole cycles"),
     ] {
         let message = told(&text, prepare);
         assert!(message.contains(said), "{said}: {message}\n{text}");
-        if !mended.is_empty() {
-            assert_eq!(told(&mended, prepare), "", "{mended}");
-        }
     }
+    let good = [volumes.to_owned(), volumes.replace('.', ","), volumes.replace('V', "wear_volume")];
+    assert!(good.iter().all(|mended| told(mended, Prepare::Points).is_empty()));
+    assert_eq!(told(&ring.replace("d;F", "d [um];F [N]"), Prepare::Loop), "");
 }
 
 /// Tables whose names, cells or shape say more than numbers do: they are read by it, or refused.
