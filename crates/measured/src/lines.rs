@@ -22,6 +22,10 @@ const MAP: usize = 8;
 const SEPARATORS: [(char, &str); 4] =
     [(' ', "spaces"), (',', "commas"), ('\t', "tabs"), (';', "semicolons")];
 
+/// The fault of a table whose lines are quantities.
+pub const TRANSPOSED: &str = "Each line of the table is a quantity, and each column a point. Transpose the table: write the \
+                              names with their units in one row, and one row of numbers for each point";
+
 /// The cells of a line.
 pub fn cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
     let line = line.trim_start_matches('#');

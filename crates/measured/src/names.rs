@@ -19,6 +19,12 @@ pub fn is_index(name: &str) -> bool {
     INDICES.contains(&name.to_lowercase().trim_end_matches('.'))
 }
 
+/// Whether numbers only count the rows.
+pub fn is_count(values: &[Option<f64>]) -> bool {
+    let mut steps = values.windows(2).map(|pair| Some(pair[1]? - pair[0]?));
+    steps.all(|step| step.is_some_and(|step| step.to_bits() == 1f64.to_bits()))
+}
+
 /// The function in a name such as `log10(V)` or `ln V`.
 pub fn function(name: &str) -> Option<&'static str> {
     let lower = name.to_lowercase();

@@ -7,8 +7,8 @@ use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 
 use super::cell::{Spelling, is_bad, ungrouped, written};
-use super::lines::{Block, Lines, MAX_HEAD, MAX_ROWS, is_map, map_fault};
-use super::names::{friction, function, is_index};
+use super::lines::{Block, Lines, MAX_HEAD, MAX_ROWS, TRANSPOSED, is_map, map_fault};
+use super::names::{friction, function, is_count, is_index};
 use super::text::decode;
 use super::units::{GRAVITY, header, symbol, unit};
 
@@ -71,14 +71,6 @@ struct Cells {
     unit: Option<String>,
     /// Words such as `#N/A`: the first, and how many there are.
     bad: (String, usize),
-}
-
-impl Cells {
-    /// Whether the numbers count the rows.
-    fn is_count(&self) -> bool {
-        let steps = self.values.windows(2).map(|pair| Some(pair[1]? - pair[0]?));
-        steps.into_iter().all(|step| step.is_some_and(|step| step.to_bits() == 1f64.to_bits()))
-    }
 }
 
 /// A row, by its cells.
@@ -294,15 +286,12 @@ impl Table {
         }
         let (headers, has_names) = lines.headers(block, &mut notes)?;
         if !has_names && lines.is_transposed(block) {
-            return Err(
-                "Each line of the table is a quantity, and each column a point. Transpose the table: write the names with \
-                 their units in one row, and one row of numbers for each point".into(),
-            );
+            return Err(TRANSPOSED.into());
         }
         let columns = lines.columns(block, &headers, decimal, &mut notes)?;
         let mut table = Self { columns: Vec::new(), notes, all };
         for (head, cells) in headers.iter().zip(columns) {
-            let is_count = has_names && head == "column 1" && cells.is_count();
+            let is_count = has_names && head == "column 1" && is_count(&cells.values);
             table.add(if is_count { "index" } else { head }, cells)?;
         }
         let values: Vec<_> = table.columns.iter().map(|column| &column.values[..]).collect();
