@@ -28,13 +28,14 @@ const FEWEST: usize = 3;
 /// Fits, and prints the estimates. The exit code is 2 if the file, the scenario or the fit has faults, and 1 if the fit finds no
 /// minimum.
 pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
-    let Fit { x, y, table, sigma, relative, at, density, up, scar, .. } = settings;
+    let Fit { x, y, table, decimal, sigma, relative, at, density, up, scar, .. } = settings;
     let prepare = if at.is_some() { Prepare::Trace } else { Prepare::Points };
     let up = Up::NAMES.into_iter().find(|(name, _)| up.as_deref() == Some(*name));
     let wanted = Wanted {
         x: x.as_deref(),
         y: y.as_deref(),
         table: *table,
+        decimal: *decimal,
         up: up.map(|(_, up)| up),
         scar: *scar,
         ..Wanted::of(prepare)

@@ -21,6 +21,9 @@ pub struct Fit {
     /// Which table of the file, such as 2 for its second one [default: 1].
     #[arg(long, value_name = "NUMBER")]
     pub table: Option<usize>,
+    /// The decimal mark, if 1,000 can be 1 or 1000 [default: the one that the numbers show].
+    #[arg(long, value_name = "MARK")]
+    pub decimal: Option<char>,
     /// A number of the scenario to fit, such as /friction=0.1..1.5; may be repeated [default: the wear coefficient, and
     /// the friction if the data can tell it].
     #[arg(long, value_name = "POINTER=LOW..HIGH", value_parser = range)]

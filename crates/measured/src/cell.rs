@@ -1,5 +1,7 @@
 //! Cells of a table: numbers, with errors and units.
 
+use std::borrow::Cow;
+
 use super::units::{exponent, unit};
 
 /// Texts that stand for an unknown number.
@@ -96,7 +98,7 @@ pub fn written(text: &str) -> Option<Written<'_>> {
             unit: unit.unwrap_or(""),
         });
     }
-    if let Some(value) = power(text) {
+    if let Some(value) = power(text).or_else(|| power(&format!("1x{text}"))) {
         return plain(value);
     }
     let is_start = |(_, letter): &(usize, char)| letter.is_alphabetic() || "[%°".contains(*letter);
@@ -108,13 +110,41 @@ pub fn written(text: &str) -> Option<Written<'_>> {
     })
 }
 
+/// Whether a mark in a number can separate thousands, as in `1,000`, but not in `0,500` or `1,5`.
+fn is_ambiguous(cell: &str, mark: char) -> bool {
+    let (before, after) =
+        cell.trim_start_matches(['+', '-', '−']).split_once(mark).unwrap_or(("", ""));
+    let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    (1..=3).contains(&before.len())
+        && !before.starts_with('0')
+        && after.len() == 3
+        && is_digits(before)
+        && is_digits(after)
+}
+
+/// A cell without separators of thousands, if the decimal mark is known.
+pub fn ungrouped(cell: &str, decimal: char) -> Cow<'_, str> {
+    let other = if decimal == '.' { ',' } else { '.' };
+    let whole = cell.split(decimal).next().unwrap_or(cell);
+    let mut groups = whole.split(other).skip(1).peekable();
+    let is_grouped = groups.peek().is_some() && groups.all(|group| group.len() == 3);
+    if is_grouped { cell.replace(other, "").into() } else { cell.into() }
+}
+
 /// Examples of numbers with a decimal point, with a decimal comma, and with spaces between thousands.
 #[derive(Default)]
-pub struct Spelling([String; 3]);
+pub struct Spelling {
+    examples: [String; 3],
+    /// Whether a point or a comma surely is a decimal mark.
+    is_sure: [bool; 2],
+}
 
 impl Spelling {
     pub fn see(&mut self, cell: &str) {
-        for (best, mark) in self.0.iter_mut().zip(['.', ',', ' ']) {
+        for (is_sure, mark) in self.is_sure.iter_mut().zip(['.', ',']) {
+            *is_sure |= cell.contains(mark) && !is_ambiguous(cell, mark);
+        }
+        for (best, mark) in self.examples.iter_mut().zip(['.', ',', ' ']) {
             // A number that could have a separator of thousands is the best example of a decimal comma.
             let at = cell.find(mark).filter(|at| best.is_empty() || cell.len() - at == 4);
             if if mark == ' ' { has_thousands(cell) } else { at.is_some() } {
@@ -126,9 +156,26 @@ impl Spelling {
     /// Says how the numbers were read.
     ///
     /// # Errors
-    /// The numbers have points and commas.
-    pub fn tell(&self, notes: &mut Vec<String>) -> Result<(), String> {
-        let [point, comma, space] = &self.0;
+    /// The numbers have points and commas, or marks that could separate thousands.
+    pub fn tell(&self, decimal: Option<char>, notes: &mut Vec<String>) -> Result<(), String> {
+        let [point, comma, space] = &self.examples;
+        for (example, mark, other, is_sure) in
+            [(point, '.', ',', self.is_sure[0]), (comma, ',', '.', self.is_sure[1])]
+        {
+            if decimal == Some(other) && !example.is_empty() {
+                return Err(format!(
+                    "“{example}” is no number with decimal={other}. Write decimal={mark}, or leave it out"
+                ));
+            }
+            if decimal.is_none() && !example.is_empty() && !is_sure {
+                let whole = example.replace(mark, "");
+                return Err(format!(
+                    "“{example}” can be {whole} or {}. Write decimal={other} if its mark separates thousands, or \
+                     decimal={mark} if it is the decimal mark. In the file, write it as {whole} or with another digit at its end",
+                    example.replace(',', ".")
+                ));
+            }
+        }
         if !comma.is_empty() && !point.is_empty() {
             return Err(format!(
                 "The numbers have points and commas, such as “{point}” and “{comma}”. Write all of them with the same \

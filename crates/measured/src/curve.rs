@@ -6,12 +6,110 @@ pub fn ends(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold(first, |[low, high], value| [low.min(value), high.max(value)])
 }
 
-/// The standard deviation of the noise, from fourth differences.
+/// The range of all but a few of the numbers, which are spikes or a part with other amplitudes.
+pub fn spread(values: &[f64]) -> f64 {
+    let (mut all, few) = (values.to_vec(), values.len() / 50);
+    let high = *all.select_nth_unstable_by(values.len() - 1 - few, f64::total_cmp).1;
+    high - *all.select_nth_unstable_by(few, f64::total_cmp).1
+}
+
+/// Whether a row is far off its neighbours, more than a limit and than the steps near it.
+pub fn is_spike(v: &[f64], row: usize, least: f64) -> bool {
+    let near = |reach: usize| &v[row.saturating_sub(reach)..(row + reach + 1).min(v.len())];
+    let median = |mut all: Vec<f64>| {
+        let middle = (all.len() - 1) / 2;
+        *all.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    let off = || (v[row] - median(near(2).to_vec())).abs();
+    let steps = || near(4).windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    off() > least && off() > 5.0 * median(steps())
+}
+
+/// Means over so many rows, an odd number. They are fewer at both ends.
+pub fn smooth(values: &[f64], width: usize) -> Vec<f64> {
+    if width < 2 {
+        return values.to_vec();
+    }
+    let mut sums = vec![0.0];
+    for value in values {
+        sums.push(sums[sums.len() - 1] + value);
+    }
+    let mean = |row: usize| {
+        let (from, to) = (row.saturating_sub(width / 2), (row + width / 2 + 1).min(values.len()));
+        (sums[to] - sums[from]) / (to - from) as f64
+    };
+    (0..values.len()).map(mean).collect()
+}
+
+/// The period in rows, from the strokes that are longer than half of the spread, without a steady drift.
+pub fn period(x: &[f64]) -> f64 {
+    let middle = 0.5 * (x.len() - 1) as f64;
+    let mean = x.iter().sum::<f64>() / x.len() as f64;
+    let times = || (0..x.len()).map(|row| row as f64 - middle);
+    let drift = times().zip(x).map(|(time, x)| time * (x - mean)).sum::<f64>()
+        / times().map(|time| time * time).sum::<f64>();
+    let level: Vec<f64> = times().zip(x).map(|(time, x)| x - drift * time).collect();
+    let turns = turns(&level, 0.5 * spread(&level));
+    let inner = turns.get(1..turns.len().saturating_sub(1)).unwrap_or(&[]);
+    let mut lengths: Vec<usize> = inner.windows(3).map(|near| near[2] - near[0]).collect();
+    let quarter = lengths.len() / 4;
+    match *inner {
+        [] | [_] => x.len() as f64,
+        [one, other] => 2.0 * (other - one) as f64,
+        _ => *lengths.select_nth_unstable(quarter).1 as f64,
+    }
+}
+
+/// Reversals without those inside a stroke: strokes that are shorter than both neighbours become one with them, if all three
+/// last less than `longest`.
+pub fn merged(x: &[f64], turns: &[usize], longest: f64) -> Vec<usize> {
+    let mut kept: Vec<usize> = Vec::new();
+    for turn in turns {
+        kept.push(*turn);
+        while let [.., a, b, c, d] = kept[..] {
+            let [before, own, after] =
+                [(a, b), (b, c), (c, d)].map(|(from, to)| (x[from] - x[to]).abs());
+            if own > before.min(after) || (d - a) as f64 >= longest {
+                break;
+            }
+            kept.truncate(kept.len() - 3);
+            kept.push(d);
+        }
+    }
+    kept
+}
+
+/// A slope with a larger relative error is not known.
+const MOST: f64 = 0.5;
+
+/// The slope of y over x where both have noise, and its standard error, from sums of squares and products. Neither noise
+/// changes it in the mean (Deming regression).
+pub fn slope([count, xx, xy, yy]: [f64; 4], [of_x, of_y]: [f64; 2]) -> [f64; 2] {
+    let (b, a) = (of_x * of_x, (of_y * of_y).max(1e-12 * yy / count));
+    let q = a * xx - b * yy;
+    let root = (q * q + 4.0 * a * b * xy * xy).sqrt();
+    let slope = if q < 0.0 { (root - q) / (2.0 * b * xy) } else { 2.0 * a * xy / (q + root) };
+    let rest = (yy - 2.0 * slope * xy + slope * slope * xx).max(0.0);
+    let error = (rest / (count - 2.0) * (slope / xy).abs()).sqrt();
+    if error < MOST * slope.abs() { [slope, error] } else { [f64::NAN; 2] }
+}
+
+/// The standard deviation of the noise, from fourth differences, and at least that of rounding to the smallest step.
 pub fn noise(values: &[f64]) -> f64 {
     let fourth = |v: &[f64]| (v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4]).abs();
     let mut differences: Vec<f64> = values.windows(5).map(fourth).collect();
     let middle = differences.len() / 2;
-    *differences.select_nth_unstable_by(middle, f64::total_cmp).1 / (0.6745 * 70f64.sqrt())
+    let scatter =
+        *differences.select_nth_unstable_by(middle, f64::total_cmp).1 / (0.6745 * 70f64.sqrt());
+    let least = 1e-9 * ends(values.iter().map(|it| it.abs()))[1];
+    let steps = || values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let step = ends(steps().filter(|step| *step > least))[0];
+    let is_whole = |change: f64| (change / step - (change / step).round()).abs() < 0.01;
+    if step.is_finite() && steps().all(is_whole) {
+        scatter.max(step / 12f64.sqrt())
+    } else {
+        scatter
+    }
 }
 
 /// The rows where the displacement turns back by more than `least`, and both ends.
@@ -81,7 +179,13 @@ pub fn aperture(x: &[f64], force: &[f64], middle: f64) -> f64 {
         let next = (row + 1) % x.len();
         let (f, f1) = (force[row] - middle, force[next] - middle);
         let place = x[row] + (x[next] - x[row]) * f / (f - f1);
-        if (f < 0.0) == (f1 < 0.0) { 0.0 } else { place * f1.signum() }
+        if (f < 0.0) == (f1 < 0.0) {
+            0.0
+        } else if f < 0.0 {
+            place
+        } else {
+            -place
+        }
     });
     0.5 * passes.sum::<f64>().abs()
 }

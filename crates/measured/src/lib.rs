@@ -8,6 +8,8 @@ mod cell;
 mod curve;
 mod lines;
 mod loops;
+mod names;
+mod record;
 mod table;
 mod text;
 mod trace;
@@ -19,6 +21,7 @@ use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use names::{is_increment, is_index};
 use table::{SIGMA, Table};
 use units::{MASSES, unit};
 
@@ -48,7 +51,7 @@ pub struct Measured {
 /// # Errors
 /// Faults of the file have an empty pointer, and those of the wish the pointer `/x`, `/y` or `/prepare`.
 pub fn read(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Measured, Faults> {
-    let mut table = Table::read(bytes, wanted.table.unwrap_or(1))?;
+    let mut table = Table::read(bytes, wanted.table.unwrap_or(1), wanted.decimal)?;
     let (of_x, of_y) = match wanted.prepare {
         Prepare::Points => (None, None),
         Prepare::Trace | Prepare::Half => (Some(Dimension::Length), Some(Dimension::Length)),
@@ -63,10 +66,21 @@ pub fn read(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Measured, Faults> {
     let (Some(x), Some(y)) = (x, y) else { return Err(faults) };
     let Table { columns, mut notes, all: tables } = table;
     notes.push(format!("x is “{}”, and y is “{}”.", x.name, y.name));
+    let sigma = format!("{}{SIGMA}", y.name);
+    let others =
+        columns.iter().map(|it| &*it.name).filter(|it| ![&*x.name, &y.name, &sigma].contains(it));
+    let others = others.collect::<Vec<_>>().join("”, “");
+    if !others.is_empty() {
+        let errors = if wanted.prepare == Prepare::Points {
+            format!(" Name standard deviations of y “{sigma}”.")
+        } else {
+            String::new()
+        };
+        notes.push(format!("Columns that were not used: “{others}”.{errors}"));
+    }
     let prepared = match wanted.prepare {
         Prepare::Points => {
-            let name = format!("{}{SIGMA}", y.name);
-            let sigma = columns.iter().find(|column| column.name == name && column.unit == y.unit);
+            let sigma = columns.iter().find(|column| column.name == sigma && column.unit == y.unit);
             Ok(points(&x, &y, sigma, &mut notes)?)
         }
         Prepare::Loop => loops::loops(&x.values, &y.values, &mut notes),
@@ -93,6 +107,10 @@ fn points(
         _ => &*y.name,
     };
     let needed = Quantity::named(output).map_or("kg", |quantity| quantity.unit);
+    if is_increment(&y.name) {
+        let detail = "has the increments between readings, as its name says. Add them up: a fit needs the total at each reading. If its numbers are totals, change its name";
+        return Err(Faults::one("/y", detail));
+    }
     let is_known = is_output && (y.unit.is_some() || needed == "1");
     let own = y.unit.as_deref().unwrap_or(needed);
     if is_known && own != needed {
@@ -121,7 +139,8 @@ fn points(
         ));
         return Ok(json!({"data": null}));
     }
-    let is_over = x.unit.as_ref().is_none_or(|unit| ["1", "J"].contains(&&**unit));
+    let is_over =
+        x.unit.as_ref().is_none_or(|unit| ["1", "J"].contains(&&**unit)) && !is_index(&x.name);
     if !is_over || y.unit.as_ref().is_some_and(|own| unit(own).is_none()) {
         notes.push(
             "There are no data for a fit: x must be cycles or an energy, and y needs a known unit."

@@ -22,8 +22,13 @@ const MAP: usize = 8;
 const SEPARATORS: [(char, &str); 4] =
     [(' ', "spaces"), (',', "commas"), ('\t', "tabs"), (';', "semicolons")];
 
+/// The fault of a table whose lines are quantities.
+pub const TRANSPOSED: &str = "Each line of the table is a quantity, and each column a point. Transpose the table: write the \
+                              names with their units in one row, and one row of numbers for each point";
+
 /// The cells of a line.
 pub fn cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
+    let line = line.trim_start_matches('#');
     let trimmed = |cell: &str| cell.trim().trim_matches('"').trim().replace('\n', " ");
     if separator != ' ' && line.contains('"') {
         let mut reader = reader(line, separator);
@@ -70,9 +75,8 @@ fn lines(text: &str, separator: char) -> Result<Vec<(usize, &str)>, String> {
         all.push((first, own.trim_end_matches('\n')));
         (at, line) = (end, first + count);
     }
-    let all = all.into_iter().map(|(line, text)| (line, text.trim_start_matches('#')));
-    let is_blank = |text: &str| text.trim_matches([' ', '\t', ';', ',', '\n']).is_empty();
-    Ok(all.filter(|(_, text)| !is_blank(text)).collect())
+    let is_blank = |text: &str| text.trim_matches(['#', ' ', '\t', ';', ',', '\n']).is_empty();
+    Ok(all.into_iter().filter(|(_, text)| !is_blank(text)).collect())
 }
 
 /// 1 for a number, 0 for an unknown number, and -1 for another text. Faulty numbers count as numbers, and are refused later.
@@ -239,6 +243,14 @@ impl<'a> Lines<'a> {
             end = block.rows.end;
         }
         blocks
+    }
+
+    /// Whether each line of a table is a quantity: its name, and then its numbers.
+    pub fn is_transposed(&self, block: &Block) -> bool {
+        let rows: Vec<_> = block.rows.clone().take(SAMPLE).map(|at| self.cells(at)).collect();
+        let is_quantity = |cells: &Vec<Cow<'_, str>>| header(&cells[0]).1.is_some();
+        rows.iter().all(|cells| weight(&cells[0]) < 0 && is_word(&cells[0]))
+            && (rows.len() < block.layout.count() || rows.iter().any(is_quantity))
     }
 
     /// Whether all cells of a line are units.

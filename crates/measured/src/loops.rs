@@ -1,8 +1,9 @@
 //! Friction loops: force over displacement in many cycles, cut into cycles.
 //!
-//! A reversal counts if the displacement then returns by more than its noise. A cycle begins where the displacement passes the
-//! middle between its reversals, or the displacement at which the record begins: wherever the amplitude within a cycle changes
-//! least, and most cycles are whole. The middle follows the drift.
+//! The longest strokes give the period. Then the displacement, smoothed over a small part of that, gives the reversals: those
+//! that return within a part of the period are inside a stroke. A cycle begins where the displacement passes the middle between
+//! its reversals, or the displacement at which the record begins or ends: wherever the amplitude within a cycle changes least,
+//! and most cycles are whole. The middle follows the drift.
 //!
 //! # Equations
 //! ```text
@@ -15,24 +16,15 @@
 
 use serde_json::{Map, Value, json};
 
-use super::curve::{aperture, changes, coarseness, ends, noise, turns, work};
+use super::curve::{ends, is_spike, noise, spread};
+use super::record::{Cycle, NOISE, Record};
 
-/// A reversal counts if the displacement returns by this many standard deviations of its noise, and by a share of the
-/// longest stroke between these.
-const NOISE: f64 = 10.0;
-const SHARES: [f64; 2] = [0.05, 0.12];
-/// A record may begin and end this share of a stroke away from where a cycle does. A line then closes the cycle.
-/// Otherwise at most this many steps from row to row.
-const GAP: f64 = 0.06;
-const STEPS: f64 = 1.7;
-/// Rows are near a reversal within this share of a stroke.
-const NEAR: f64 = 0.1;
-/// The middle of a stroke is the mean of up to this many on each side.
-const SMOOTH: usize = 5;
-/// Changes of the amplitude within a cycle count beyond this share, each as this many whole cycles.
-const CHANGE: (f64, f64) = (0.05, 4.0);
-/// An amplitude is that of means over one in this many points of a cycle.
-const MEANS: usize = 100;
+/// A spike is off its neighbours by this share of the spread.
+const SPIKE: f64 = 0.2;
+/// A cycle with so few points, in parts of those of its neighbours, lacks rows.
+const LACKS: f64 = 0.92;
+/// Away from the middle, a place must give so many more cycles: there, amplitudes matter.
+const ASIDE: f64 = 0.5;
 /// Cycles with fewer points, or with larger relative errors of the energy, are noted.
 const FEWEST: usize = 20;
 const LARGEST: f64 = 0.01;
@@ -41,7 +33,7 @@ const SPARSE: f64 = 8.0;
 const LEAST: usize = 10;
 
 /// The names of the columns of a table of loops.
-const COLUMNS: [&str; 7] = [
+const COLUMNS: [&str; 8] = [
     "points",
     "energy",
     "energy_error",
@@ -49,196 +41,31 @@ const COLUMNS: [&str; 7] = [
     "force_amplitude",
     "aperture",
     "slope",
+    "slope_error",
 ];
 
-/// Where a cycle begins or ends: its first row, the displacement and the force there, and the energy until there. A line of the
-/// length `open` along the displacement closes the cycle.
-#[derive(Clone, Copy)]
-struct Cut {
-    row: f64,
-    x: f64,
-    force: f64,
-    work: f64,
-    open: f64,
-}
+/// Why a cycle gives wrong numbers.
+const FAULTS: [&str; 2] = [
+    "with fewer rows than their neighbours",
+    "that do not end at the force at which they begin, as from rest",
+];
+/// Maximum number of places in a note.
+const MOST: usize = 5;
 
-/// What is cut at: the middle between the reversals, or the displacement at which the record begins.
-#[derive(Clone, Copy, PartialEq)]
-enum At {
-    Middle,
-    Begin,
-}
-
-/// A record, and its reversals with both ends.
-struct Record<'a> {
-    x: &'a [f64],
-    force: &'a [f64],
-    /// The energy until each row.
-    work: Vec<f64>,
-    turns: Vec<usize>,
-    /// The middle of the displacement in each stroke, from reversal to reversal.
-    middles: Vec<f64>,
-}
-
-impl<'a> Record<'a> {
-    fn of(x: &'a [f64], force: &'a [f64]) -> Self {
-        let [low, high] = ends(x.iter().copied());
-        let scatter = NOISE * noise(x);
-        let first = turns(x, scatter.min(SHARES[1] * (high - low)));
-        let strokes = first.windows(2).map(|pair| (x[pair[1]] - x[pair[0]]).abs());
-        let longest = strokes.fold(0.0, f64::max);
-        let turns = turns(x, scatter.clamp(SHARES[0] * longest, SHARES[1] * longest));
-        let mut own = Self { x, force, work: work(x, force), turns, middles: Vec::new() };
-        own.middles = own.middles();
-        own
-    }
-
-    /// The middle of the time near a reversal, in rows.
-    fn time(&self, turn: usize) -> f64 {
-        let Self { x, turns, .. } = self;
-        let (at, before, after) = (turns[turn], turns[turn - 1], turns[turn + 1]);
-        let reach = NEAR * (x[at] - x[before]).abs().min((x[at] - x[after]).abs());
-        let far = |row: usize| (x[row] - x[at]).abs() - reach;
-        // How far after a row, towards another one, the reach ends.
-        let share = |row: usize, other: usize| far(other) / (far(other) - far(row));
-        let first = (before..at).rev().find(|row| far(*row) > 0.0).unwrap_or(before);
-        let last = (at..=after).find(|row| far(*row) > 0.0).unwrap_or(after);
-        0.5 * (first as f64 + 1.0 - share(first, first + 1) + last as f64 - 1.0
-            + share(last, last - 1))
-    }
-
-    /// The displacement in the middle of the time between reversals, smoothed over the strokes.
-    fn middles(&self) -> Vec<f64> {
-        let Self { x, turns, .. } = self;
-        let strokes = turns.len().saturating_sub(1);
-        if strokes < 3 {
-            let sum: f64 = turns.iter().take(2).map(|row| x[*row]).sum();
-            return vec![0.5 * sum; strokes];
+/// Says which of the cycles lack rows, or end at another force than they begin with. These give wrong numbers.
+fn faults(record: &Record<'_>, cycles: &[Cycle]) -> Vec<Option<&'static str>> {
+    let lengths: Vec<f64> = cycles.iter().map(|it| it.2.row - it.1.row).collect();
+    let fault = |at: usize| {
+        let near = at.saturating_sub(2)..(at + 3).min(lengths.len());
+        let least = ends(near.filter(|other| *other != at).map(|other| lengths[other]))[0];
+        let (_, begin, end) = &cycles[at];
+        if least.is_finite() && lengths[at] < (LACKS * least).min(least - 2.0) {
+            Some(FAULTS[0])
+        } else {
+            (!record.closes(begin, end)).then_some(FAULTS[1])
         }
-        let middle = |stroke: usize| {
-            let time = 0.5 * (self.time(stroke) + self.time(stroke + 1));
-            let (row, share) = (time as usize, time.fract());
-            let own = x[row] + share * (x[row + 1] - x[row]);
-            let [low, high] = ends([x[turns[stroke]], x[turns[stroke + 1]]].into_iter());
-            own.clamp(low + NEAR * (high - low), high - NEAR * (high - low))
-        };
-        let all: Vec<f64> = (1..strokes - 1).map(middle).collect();
-        let last = all.len() - 1;
-        let far = SMOOTH.min(last);
-        // How far the middle drifts in a stroke near both ends.
-        let drifts =
-            [all[far] - all[0], all[last] - all[last - far]].map(|it| it / far.max(1) as f64);
-        let mean = |at: usize| {
-            let reach = at.min(last - at).min(SMOOTH);
-            all[at - reach..=at + reach].iter().sum::<f64>() / (2 * reach + 1) as f64
-        };
-        let inner = (0..=last).map(mean);
-        let ends = [all[0] - drifts[0], all[last] + drifts[1]];
-        std::iter::once(ends[0]).chain(inner).chain([ends[1]]).collect()
-    }
-
-    /// Where the stroke after a reversal passes the place of a cut. `None` if it does not.
-    fn cut(&self, stroke: usize, at: At) -> Option<Cut> {
-        let Self { x, force, work, turns, middles } = self;
-        let (from, last) = (*turns.get(stroke)?, turns.len() - 1);
-        let (middle, begin) = (middles[stroke.min(last - 1)], x[turns[0]] - middles[0]);
-        // The end of the record can be where the next stroke begins.
-        let to = turns.get(stroke + 1).copied().unwrap_or(turns[last - 1]);
-        let towards = (x[to] - x[from]).signum();
-        // The record begins as far from the next reversal as from the one before, in parts of the amplitude.
-        let next = if stroke + 1 >= last { turns[stroke.max(1) - 1] } else { to };
-        let (like, first) = if begin * towards > 0.0 { (next, 1) } else { (from, 2) };
-        let level = match at {
-            At::Begin if stroke == 0 => x[from],
-            At::Begin => middle + begin * (x[like] - middle) / (x[*turns.get(first)?] - middles[0]),
-            At::Middle => middle,
-        };
-        let ahead = |row: usize| towards * (level - x[row]);
-        let near = |row: usize, next: usize, after: f64| {
-            let stroke = 2.0 * (x[to] - middle).abs().max((x[from] - middle).abs());
-            let is_near = ahead(row).abs() <= (GAP * stroke).max(STEPS * (x[row] - x[next]).abs());
-            let open = level - x[row];
-            is_near.then(|| Cut {
-                row: row as f64 + after,
-                x: level,
-                force: force[row],
-                work: work[row],
-                open,
-            })
-        };
-        // The record can end at a reversal.
-        let is_turn = || (x[from] - x[turns[last - 2]]).abs() <= GAP * (x[from] - x[to]).abs();
-        if stroke == last && (last < 2 || !is_turn()) {
-            return None;
-        }
-        if ahead(from) <= 0.0 || stroke == last {
-            return near(from, if stroke == 0 { from + 1 } else { from - 1 }, 0.0);
-        }
-        let Some(after) = (from..=to).find(|row| ahead(*row) <= 0.0) else {
-            return if stroke + 1 == last { near(to, to - 1, 1.0) } else { None };
-        };
-        let before = after - 1;
-        let share = (level - x[before]) / (x[after] - x[before]);
-        let own = force[before] + share * (force[after] - force[before]);
-        let work = work[before] + 0.5 * (force[before] + own) * (level - x[before]);
-        Some(Cut { row: before as f64 + share, x: level, force: own, work, open: 0.0 })
-    }
-
-    /// The cuts of the whole cycles that begin in every other stroke from the first one or the next one, and how good they are.
-    fn cuts(&self, (at, first): (At, usize)) -> (f64, Vec<(usize, Cut, Cut)>) {
-        let starts = (first..self.turns.len()).step_by(2);
-        let cycles = starts.filter_map(|stroke| {
-            let (begin, end) = (self.cut(stroke, at)?, self.cut(stroke + 2, at)?);
-            Some((stroke, begin, end))
-        });
-        let cycles: Vec<_> = cycles.collect();
-        let score = cycles.iter().map(|(stroke, ..)| {
-            let from = |turn: usize| (self.x[self.turns[turn]] - self.middles[stroke + 1]).abs();
-            let (one, other) = (from(stroke + 1), from(stroke + 2));
-            1.0 - CHANGE.1 * ((one - other).abs() / one.max(other) - CHANGE.0).max(0.0)
-        });
-        (score.sum(), cycles)
-    }
-
-    /// The numbers of a cycle: those of [`COLUMNS`].
-    fn cycle(&self, (stroke, begin, end): (usize, Cut, Cut), scatter: [f64; 2]) -> [f64; 7] {
-        let rows = begin.row.ceil() as usize..(end.row.ceil() as usize).min(self.x.len());
-        let drift = (end.x - begin.x) / (end.row - begin.row);
-        let straight = |row: usize| self.x[row] - drift * (row as f64 - begin.row);
-        let x: Vec<f64> = rows.clone().map(straight).collect();
-        let force = &self.force[rows.clone()];
-        let count = x.len();
-        let mean = force.iter().sum::<f64>() / count as f64;
-        let line = 0.5 * (begin.force + end.force) * (end.open - begin.open);
-        let energy = end.work - begin.work + line - mean * (end.x - begin.x);
-        let start = begin.force - mean;
-        let noise =
-            [scatter[0] * (changes(force) + start * start).sqrt(), scatter[1] * changes(&x).sqrt()];
-        let noise = (noise[0] * noise[0] + noise[1] * noise[1]).sqrt();
-        let error = 0.6 * coarseness(&x, force) + 2.5 * noise;
-        let width = count / MEANS + 1;
-        let [[left, right], [low, high]] = [&x[..], force].map(|all| {
-            ends(all.windows(width).map(|near| near.iter().sum::<f64>() / width as f64))
-        });
-        let turns = self.turns[stroke + 1..stroke + 3].iter();
-        let flanks = turns.map(|turn| self.flank(*turn, (high - low) / 3.0));
-        let [xx, xf] = flanks.fold([0.0; 2], |sums, own| [sums[0] + own[0], sums[1] + own[1]]);
-        let aperture = aperture(&x, force, 0.5 * (low + high));
-        [count as f64, energy, error, 0.5 * (right - left), 0.5 * (high - low), aperture, xf / xx]
-    }
-
-    /// The sums of squares and of products of displacement and force after a reversal, until the force has changed by `most`.
-    fn flank(&self, turn: usize, most: f64) -> [f64; 2] {
-        let Self { x, force, .. } = self;
-        let rows = turn..x.len();
-        let near = rows.take_while(|row| (force[*row] - force[turn]).abs() <= most);
-        let near: Vec<usize> = near.collect();
-        if near.len() < 3 {
-            return [f64::NAN; 2];
-        }
-        let mean = near.iter().map(|row| x[*row]).sum::<f64>() / near.len() as f64;
-        [x, force].map(|of| near.iter().map(|row| (x[*row] - mean) * of[*row]).sum())
-    }
+    };
+    (0..cycles.len()).map(fault).collect()
 }
 
 /// Cuts a record into cycles.
@@ -251,14 +78,26 @@ pub fn loops(
     notes: &mut Vec<String>,
 ) -> Result<Value, String> {
     let rows = x.iter().zip(force).filter_map(|(x, y)| Some(((*x)?, (*y)?)));
-    let (x, force): (Vec<f64>, Vec<f64>) = rows.unzip();
+    let (mut x, mut force): (Vec<f64>, Vec<f64>) = rows.unzip();
     if x.len() < LEAST {
         return Err(format!("needs {LEAST} rows with both numbers, but the file has {}", x.len()));
     }
+    let least = [&x, &force].map(|all| (SPIKE * spread(all)).max(NOISE * noise(all)));
+    let is_spike = |row: &usize| is_spike(&x, *row, least[0]) || is_spike(&force, *row, least[1]);
+    let (spikes, rows): (Vec<_>, Vec<_>) = (0..x.len()).partition(is_spike);
+    if let Some(first) = spikes.first() {
+        notes.push(format!(
+            "{} row(s) with spikes were left out, the first is row {}.",
+            spikes.len(),
+            first + 1
+        ));
+        (x, force) = rows.iter().map(|row| (x[*row], force[*row])).unzip();
+    }
     let record = Record::of(&x, &force);
     let mut best = (0.0, Vec::new());
-    for kind in [(At::Middle, 0), (At::Middle, 1), (At::Begin, 0)] {
-        let found = record.cuts(kind);
+    for place in record.places() {
+        let mut found = record.cuts(place);
+        found.0 -= if place.0.abs() > 0.0 { ASIDE } else { 0.0 };
         if !found.1.is_empty() && (best.1.is_empty() || found.0 > best.0) {
             best = found;
         }
@@ -275,11 +114,29 @@ pub fn loops(
     }
     let (before, after) =
         (first.1.row.ceil() as usize, x.len().saturating_sub(last.2.row.ceil() as usize));
-    let scatter = [&x, &force].map(|own| noise(own));
-    let mut cycles: Vec<_> = best.1.iter().map(|cycle| record.cycle(*cycle, scatter)).collect();
+    let faults = faults(&record, &best.1);
+    let is_any = faults.iter().any(Option::is_none);
+    let rows = |(_, begin, end): &Cycle| format!("{:.0} to {:.0}", begin.row + 1.0, end.row + 1.0);
+    for kind in FAULTS {
+        let own = faults.iter().zip(&best.1).filter(|(fault, _)| **fault == Some(kind));
+        let own: Vec<String> = own.map(|(_, cycle)| rows(cycle)).collect();
+        let told =
+            if is_any { "left out" } else { "kept, as there is no other: record more cycles" };
+        if !own.is_empty() {
+            let count = own.len();
+            let places = own[..count.min(MOST)].join(", ");
+            notes.push(format!("{count} cycle(s) {kind}, in rows {places}. They were {told}."));
+        }
+    }
+    let whole = best.1.iter().zip(&faults).filter(|(_, fault)| fault.is_none() || !is_any);
+    let mut cycles: Vec<_> = whole.map(|(cycle, _)| record.cycle(*cycle)).collect();
     let sign = cycles.iter().map(|it| it[1]).sum::<f64>().signum();
     for cycle in &mut cycles {
         cycle[1] *= sign;
+        cycle[6] *= sign;
+    }
+    if sign < 0.0 {
+        notes.push("The force points against the displacement, so its sign was turned.".to_owned());
     }
     tell(&cycles, [before, after], notes);
     let (mut table, mut means) = (Map::new(), Map::new());
@@ -294,7 +151,7 @@ pub fn loops(
 }
 
 /// Says which rows are whole cycles, and what limits their energies.
-fn tell(cycles: &[[f64; 7]], [before, after]: [usize; 2], notes: &mut Vec<String>) {
+fn tell(cycles: &[[f64; 8]], [before, after]: [usize; 2], notes: &mut Vec<String>) {
     let count = cycles.len();
     notes.push(format!(
         "The rows are {count} cycle(s), each of which a line closes. The energy is their mean. The table has each of them."

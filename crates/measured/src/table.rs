@@ -6,8 +6,9 @@ use fretwork_engine::request::fault::unknown;
 use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 
-use super::cell::{Spelling, is_bad, written};
-use super::lines::{Block, Lines, MAX_HEAD, MAX_ROWS, is_map, map_fault};
+use super::cell::{Spelling, is_bad, ungrouped, written};
+use super::lines::{Block, Lines, MAX_HEAD, MAX_ROWS, TRANSPOSED, is_map, map_fault};
+use super::names::{friction, function, is_count, is_index};
 use super::text::decode;
 use super::units::{GRAVITY, header, symbol, unit};
 
@@ -167,11 +168,24 @@ impl<'a> Lines<'a> {
         &self,
         block: &Block,
         headers: &[String],
+        decimal: Option<char>,
         notes: &mut Vec<String>,
     ) -> Result<Vec<Cells>, String> {
         let mut columns = vec![Cells::default(); headers.len()];
         let mut spelling = Spelling::default();
-        for (row, at) in block.rows.clone().enumerate() {
+        // Somebody has taken these rows out of the data.
+        let is_out = |at: &usize| self.all[*at].1.starts_with('#');
+        let all = block.rows.clone();
+        let (out, rows): (Vec<_>, Vec<_>) =
+            all.partition(|at| is_out(at) && !is_out(&block.rows.start));
+        if let Some(first) = out.first() {
+            notes.push(format!(
+                "{} row(s) that begin with # were left out, the first in line {}.",
+                out.len(),
+                self.all[*first].0
+            ));
+        }
+        for (row, at) in rows.into_iter().enumerate() {
             let (line, cells) = (self.all[at].0, self.cells(at));
             if !block.layout.fits(&cells) {
                 return Err(format!(
@@ -193,7 +207,8 @@ impl<'a> Lines<'a> {
                         short(cell)
                     )
                 };
-                let read = written(cell).ok_or_else(|| fault("").replace("  ", " "))?;
+                let plain = decimal.map_or(cell.into(), |mark| ungrouped(cell, mark));
+                let read = written(&plain).ok_or_else(|| fault("").replace("  ", " "))?;
                 let known = Some(read.value).filter(|value| !value.is_nan());
                 let own = &mut column.unit;
                 if known.is_some() && *own.get_or_insert_with(|| read.unit.into()) != *read.unit {
@@ -203,7 +218,7 @@ impl<'a> Lines<'a> {
                     column.bad = (short(cell), column.bad.1 + 1);
                 }
                 if known.is_some() {
-                    spelling.see(cell);
+                    spelling.see(&plain);
                 }
                 column.values.push(known);
                 if read.sigma.is_some() || !column.sigmas.is_empty() {
@@ -212,7 +227,7 @@ impl<'a> Lines<'a> {
                 }
             }
         }
-        spelling.tell(notes)?;
+        spelling.tell(decimal, notes)?;
         Ok(columns)
     }
 }
@@ -226,11 +241,11 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a table of a file, from 1 on.
+    /// Reads a table of a file, from 1 on, with a decimal mark if it is known.
     ///
     /// # Errors
     /// A sentence that says what is wrong, and what to change.
-    pub fn read(bytes: &[u8], wanted: usize) -> Result<Self, String> {
+    pub fn read(bytes: &[u8], wanted: usize, decimal: Option<char>) -> Result<Self, String> {
         let mut notes = Vec::new();
         let text = decode(bytes, &mut notes)?;
         let lines = Lines::of(&text)?;
@@ -270,10 +285,14 @@ impl Table {
             ));
         }
         let (headers, has_names) = lines.headers(block, &mut notes)?;
-        let columns = lines.columns(block, &headers, &mut notes)?;
+        if !has_names && lines.is_transposed(block) {
+            return Err(TRANSPOSED.into());
+        }
+        let columns = lines.columns(block, &headers, decimal, &mut notes)?;
         let mut table = Self { columns: Vec::new(), notes, all };
         for (head, cells) in headers.iter().zip(columns) {
-            table.add(head, cells)?;
+            let is_count = has_names && head == "column 1" && is_count(&cells.values);
+            table.add(if is_count { "index" } else { head }, cells)?;
         }
         let values: Vec<_> = table.columns.iter().map(|column| &column.values[..]).collect();
         if !has_names && is_map(&values) {
@@ -319,10 +338,11 @@ impl Table {
     }
 
     /// A column by its name, which may have a unit if the file states none. Without a name, the first other column than `taken`
-    /// that has the needed dimension if there are at least so many, or else the first other column.
+    /// that has the needed dimension if there are at least so many, or else the first other column. Names decide among forces,
+    /// and columns that count the rows come last.
     ///
     /// # Errors
-    /// The table has no such column, or it has another unit or dimension.
+    /// The table has no such column, or it has another unit or dimension, or logarithms.
     pub fn column(
         &mut self,
         taken: Option<&str>,
@@ -334,10 +354,18 @@ impl Table {
             needed.is_some() && column.dimension == needed || is_weight(column, needed)
         };
         let is_enough = self.columns.iter().filter(is_like).count() >= least;
-        let mut others = self.columns.iter().filter(|column| Some(&*column.name) != taken);
-        let like = others.clone().find(is_like).filter(|_| is_enough);
-        let own = like.or_else(|| others.next());
-        let own = own.map(|column| column.name.clone());
+        let mut others: Vec<_> =
+            self.columns.iter().filter(|column| Some(&*column.name) != taken).collect();
+        if self.columns.len() > 2 {
+            others.sort_by_key(|column| is_index(&column.name));
+        }
+        let like: Vec<_> = others.iter().copied().filter(is_like).map(|it| &*it.name).collect();
+        let like = match needed {
+            Some(Dimension::Force) if wanted.is_none() => friction(&like)?,
+            _ => like.first().copied(),
+        };
+        let own = like.filter(|_| is_enough).or_else(|| others.first().map(|it| &*it.name));
+        let own = own.map(str::to_owned);
         let wanted = wanted.map(str::to_owned).or(own).ok_or_else(missing)?;
         let is_name = self.columns.iter().any(|column| column.name == wanted);
         let (name, unit) = if is_name { (&*wanted, None) } else { header(&wanted) };
@@ -347,6 +375,11 @@ impl Table {
             unknown("column", name, &names)
         })?;
         unit.map_or(Ok(()), |unit| column.convert(unit, &mut self.notes))?;
+        if let Some(function) = function(name) {
+            return Err(format!(
+                "has values of {function}, as its name “{name}” says. Write the numbers themselves, or choose another column"
+            ));
+        }
         if is_weight(&column, needed) {
             column.values.iter_mut().flatten().for_each(|value| *value *= GRAVITY);
             (column.dimension, column.unit) = (needed, Some("N".to_owned()));

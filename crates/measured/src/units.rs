@@ -44,6 +44,10 @@ pub fn symbol(text: &str) -> String {
     let inner = |marks: [char; 2]| text.strip_prefix(marks[0])?.strip_suffix(marks[1]);
     let word =
         inner(['(', ')']).or(inner(['[', ']'])).unwrap_or(text).trim_matches([' ', ']', '.']);
+    let cubed = ["cubic ", "cu. ", "cu "].iter().find_map(|own| word.strip_prefix(own));
+    if let Some(length) = cubed {
+        return format!("{}^3", symbol(length));
+    }
     let lower = word.to_lowercase().replace(['-', ' '], "");
     let pairs = |list: &'static str| {
         let words: Vec<&str> = list.split_whitespace().collect();
@@ -64,6 +68,21 @@ pub fn symbol(text: &str) -> String {
     word_of(&lower).map(str::to_owned).or_else(prefixed).unwrap_or_else(|| word.to_owned())
 }
 
+/// How many cycles a unit such as `kcycles`, `10^3 cycles` or `thousands` is.
+fn counts(text: &str) -> Option<f64> {
+    let lower = text.to_lowercase();
+    let plain = lower.strip_suffix('s').unwrap_or(&lower);
+    let (before, is_cycles) = plain.strip_suffix("cycle").map_or((plain, false), |it| (it, true));
+    match before.trim().trim_end_matches(" of").trim_end_matches('s') {
+        "thousand" => Some(1e3),
+        "million" => Some(1e6),
+        "k" | "kilo" | "10^3" | "10³" | "1e3" | "1000" if is_cycles => Some(1e3),
+        "mega" | "10^6" | "10⁶" | "1e6" | "1000000" if is_cycles => Some(1e6),
+        "m" if is_cycles && text.starts_with('M') => Some(1e6),
+        _ => None,
+    }
+}
+
 /// Reads the unit of a header or of a cell.
 pub fn unit(text: &str) -> Option<Unit> {
     let text = &*symbol(text);
@@ -77,6 +96,7 @@ pub fn unit(text: &str) -> Option<Unit> {
         _ => mass.or(other).or_else(|| Dimension::ALL.into_iter().find_map(of)),
     };
     known
+        .or_else(|| Some((Some(Dimension::Number), "1", counts(text)?)))
         .or_else(|| product(text))
         .map(|(dimension, si, factor)| (dimension, si.to_owned(), factor))
 }
@@ -137,18 +157,28 @@ fn factor(name: &str, is_bracketed: bool) -> Option<usize> {
 }
 
 /// Splits a header such as `Depth [µm]`, `Force/N`, `dx_um` or `wear_volume mm^3` into name and unit. A factor belongs to the
-/// unit, which is then unknown.
+/// unit, which is then unknown, as other words in brackets at the end are.
 pub fn header(text: &str) -> (&str, Option<&str>) {
+    if counts(text).is_some() {
+        return ("cycles", Some(text));
+    }
     let is_split = |(at, mark): &(usize, char)| {
         let rest = text[at + mark.len_utf8()..].trim();
+        let rest = rest.strip_suffix(')').filter(|_| *mark == '(').unwrap_or(rest);
         let is_bracketed = *mark == '(' || rest.starts_with('(');
-        " /(,_".contains(*mark) && (is_bracketed || !PLAIN.contains(&rest)) && unit(rest).is_some()
+        let is_inside = text[..*at].matches('(').count() > text[..*at].matches(')').count();
+        let is_unit = is_bracketed || !PLAIN.contains(&rest);
+        " /(,_".contains(*mark) && !is_inside && is_unit && unit(rest).is_some()
     };
-    let at = text.find('[').or_else(|| Some(text.char_indices().skip(1).find(is_split)?.0));
+    let known = || Some(text.char_indices().skip(1).find(is_split)?.0);
+    let bracket = || text.ends_with(')').then(|| text.rfind('('))?.filter(|at| *at > 0);
+    let at = text.find('[').or_else(known).or_else(bracket);
     let is_bracketed =
         at.is_none_or(|at| text[at..].trim_start_matches('_').trim_start().starts_with(['[', '(']));
     let at = factor(&text[..at.unwrap_or(text.len())], is_bracketed).or(at);
     let (name, unit) = text.split_at(at.unwrap_or(text.len()));
     let marks = [' ', '/', ',', '(', ':', '×', '*', '_'];
-    (name.trim_matches(marks), at.map(|_| unit.trim_matches(['[', ']', ' ', '/', ',', '_'])))
+    let unit = unit.trim_matches(['[', ']', ' ', '/', ',', '_']);
+    let inner = unit.strip_prefix('(').and_then(|own| own.strip_suffix(')')).unwrap_or(unit);
+    (name.trim_matches(marks), at.map(|_| inner))
 }

@@ -135,13 +135,14 @@ fn spaces_and_points_in_numbers_are_told() {
 #[test]
 fn a_factor_makes_a_unit_unknown() {
     for (head, name, unit) in [
-        ("V (1e-3 mm3)", "V", "1e-3 mm3)"),
+        ("V (1e-3 mm3)", "V", "1e-3 mm3"),
         ("V / 10^-3 mm^3", "V", "10^-3 mm^3"),
         ("V in 1e-3 mm^3", "V in", "1e-3 mm^3"),
         ("V [10^-3 mm3]", "V", "10^-3 mm3"),
         ("V × 10⁻³ (mm³)", "V", "10⁻³ (mm³)"),
         ("V 1000 mm^3", "V", "1000 mm^3"),
-        ("cycles (10^3)", "cycles", "10^3)"),
+        ("cycles (10^3)", "cycles", "10^3"),
+        ("V (worn mm)", "V", "worn mm"),
         ("cycles/1000", "cycles", "1000"),
         ("cycles x1000", "cycles", "x1000"),
     ] {
@@ -223,12 +224,9 @@ fn a_bad_file_is_refused_with_a_remedy() {
             b"a;b\n1;2\n3\t4\n5;6\n",
             "Line 3 has 1 cell(s), but the table has 2 columns. Separate the cells of all lines by semicolons",
         ),
-        (
-            b"a;b\n1;2\n3;x\n4;5\n6;y\n",
-            "Line 3: \u{201c}x\u{201d} in \u{201c}b\u{201d} is not a number. Write it like 1234.5",
-        ),
-        (b"a;b\n1;x\n3;2\n4;5\n", "Line 2: \u{201c}x\u{201d}"),
-        (b"a;b\n1;2\n3;inf\n4;5\n", "\u{201c}inf\u{201d} in"),
+        (b"a;b\n1;2\n3;x\n4;5\n6;y\n", "Line 3: “x” in “b” is not a number. Write it like 1234.5"),
+        (b"a;b\n1;x\n3;2\n4;5\n", "Line 2: “x”"),
+        (b"a;b\n1;2\n3;inf\n4;5\n", "“inf” in"),
         (
             b"a;b\n1.000.000;2\n3;4\n5;6\n",
             "is not a number. Write it like 1234.5, without separators of thousands and without its unit",
@@ -241,26 +239,20 @@ fn a_bad_file_is_refused_with_a_remedy() {
             b"a;b\n1.234,5;2\n3;4\n5;6\n",
             "is not a number. Write it like 1234.5, without separators of thousands and without its unit",
         ),
-        (
-            b"a;b\n1;4.629,9\n2;9.612,0\n",
-            "Line 2: \u{201c}4.629,9\u{201d} in \u{201c}b\u{201d} is not a number",
-        ),
+        (b"a;b\n1;4.629,9\n2;9.612,0\n", "Line 2: “4.629,9” in “b” is not a number"),
         (
             b"a,b [mm^3]\n1000,0,12\n2000,0,13\n",
             "The rows have 3 columns, separated by commas, but line 1",
         ),
         (b"a;b\n1,2\n3,4\n", "The rows have 2 columns, separated by commas, but line 1"),
-        (
-            b"a;b\n1,5;2.5\n",
-            "have points and commas, such as \u{201c}2.5\u{201d} and \u{201c}1,5\u{201d}",
-        ),
+        (b"a;b\n1,5;2.5\n", "have points and commas, such as “2.5” and “1,5”"),
         (
             b"a;b\n1 mm;2\n3;4\n5;6\n",
             "is not a number. Write it like 1234.5, without separators of thousands and without its unit",
         ),
         (
             b"a [mm];b\num;N\n1;2\n",
-            "\u{201c}a [mm] [um]\u{201d} has two units: [mm] [um]. Write only one of them",
+            "“a [mm] [um]” has two units: [mm] [um]. Write only one of them",
         ),
     ] {
         let said = refused(bytes, &ALL);
@@ -307,42 +299,9 @@ fn random_bytes_and_changed_files_are_read_or_refused() {
     let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
     let seed = std::env::var("FRETWORK_TEST_SEED").ok().and_then(|seed| seed.parse().ok());
     let stream = Stream::new(seed.unwrap_or(38));
-    let parts: Vec<&[u8]> = vec![
-        b";",
-        b"\t",
-        b",",
-        b" ",
-        b"\n",
-        b"\r\n",
-        b"\"",
-        b"1",
-        b"2,5",
-        b"-3.25e-7",
-        b"NaN",
-        b"[um]",
-        b"(",
-        b")",
-        b"mm^3",
-        b"#",
-        b"x [um]",
-        b"z",
-        b"\xff\xfe",
-        b"\0",
-        b"\xb5m",
-        "µm³".as_bytes(),
-        b"[",
-        b"{",
-        b"1 000",
-        b"/N",
-        b"\xef\xbb\xbf",
-        "\u{202f}".as_bytes(),
-        b"''",
-        b"1.",
-        b",5",
-        b"\n1;2;3",
-        b"\n4\t5",
-        b"\n10;20",
-    ];
+    let texts = "; \t , \n \r\n \" 1 2,5 -3.25e-7 NaN [um] ( ) mm^3 # x[um] z \0 µm³ [ { /N \u{feff} '' 1. ,5 \n1;2;3 \n4\t5 \n10;20";
+    let texts = texts.split(' ').chain([" ", "1 000", "\u{202f}"]).map(str::as_bytes);
+    let parts: Vec<&[u8]> = texts.chain([&b"\xff\xfe"[..], b"\xb5m"]).collect();
     let prepares = Prepare::NAMES.map(|(_, prepare)| prepare);
     let (mut good, count) = (0, if is_long { 2_000_000 } else { 20_000 });
     for case in 0..count {
@@ -550,6 +509,14 @@ fn units_are_found_behind_names_and_as_words() {
         ("S [N um^-1]", "S", "N/m", 1e6),
         ("t [sec]", "t", "s", 1.0),
         ("wear_volume_mm^3", "wear_volume", "m^3", 1e-9),
+        ("Total Profile(Å)", "Total Profile", "m", 1e-10),
+        ("V (cu mm)", "V", "m^3", 1e-9),
+        ("V [cubic micrometers]", "V", "m^3", 1e-18),
+        ("wear volume cubic mm", "wear volume", "m^3", 1e-9),
+        ("kcycles", "cycles", "1", 1e3),
+        ("cycles (thousands)", "cycles", "1", 1e3),
+        ("10^3 cycles", "cycles", "1", 1e3),
+        ("N [Mcycles]", "N", "1", 1e6),
     ] {
         let read = good(&format!("{header};b\n1;2\n2;3\n"));
         let column = &read.columns[0];
@@ -580,7 +547,6 @@ fn a_map_of_heights_is_refused_as_one() {
 
 /// What a reader types wrongly: each message has the words that mend the file, and the mended file is read.
 #[test]
-#[expect(clippy::too_many_lines, reason = "it is a list of files")]
 fn each_message_leads_to_the_mend() {
     let volumes = "cycles;V [mm^3]\n1000;0.0021\n2000;0.0042\n5000;0.0108\n";
     let trace = "x;z\n".to_owned() + &rows(40, |at| format!("{at};{}\n", at % 3));
@@ -590,116 +556,145 @@ fn each_message_leads_to_the_mend() {
             format!("{:.5};{:.5}\n", 5.0 * libm::sin(angle), 80.0 * libm::cos(angle))
         });
     let told = |text: &str, prepare| {
-        let wanted = Wanted { prepare, ..ALL };
-        match read(text.as_bytes(), &wanted) {
-            Err(faults) => faults
-                .0
-                .iter()
-                .map(|fault| format!("{}: {}", fault.pointer, fault.detail))
-                .collect::<Vec<_>>()
-                .join(" "),
-            Ok(read) if prepare == Prepare::Points && read.prepared["data"].is_null() => {
-                read.notes.join(" ")
-            }
-            Ok(_) => String::new(),
+        let said = |read: Measured| {
+            (prepare == Prepare::Points && read.prepared["data"].is_null())
+                .then(|| read.notes.join(" "))
+        };
+        match read(text.as_bytes(), &Wanted { prepare, ..ALL }) {
+            Err(_) => refused(text.as_bytes(), &Wanted { prepare, ..ALL }),
+            Ok(read) => said(read).unwrap_or_default(),
         }
     };
-    let points = Prepare::Points;
-    for (text, prepare, said, mended) in [
-        // No unit of the volumes.
+    for (from, typed, said) in [
+        (" [mm^3]", "", "V [mm^3] for volumes, V [um] for depths"),
+        ("V [mm^3]", "wear_volume", "choose the column with its unit as y: wear_volume [mm^3]"),
+        ("0.0042", "0,0042", "Write all of them with the same decimal mark"),
+        ("0.0042", "0.oo42", "Line 3: “0.oo42” in “V [mm^3]” is not a number"),
         (
-            volumes.replace(" [mm^3]", ""),
-            points,
-            "V [mm^3] for volumes, V [um] for depths",
-            volumes.to_owned(),
+            "2000;",
+            "2000\t",
+            "Line 3 has 1 cell(s), but the table has 2 columns. Separate the cells of all lines by semicolons",
         ),
-        (
-            volumes.replace("V [mm^3]", "wear_volume"),
-            points,
-            "choose the column with its unit as y: wear_volume [mm^3]",
-            volumes.replace('V', "wear_volume"),
-        ),
-        // No units of a trace and of a loop.
-        (
-            trace.clone(),
-            Prepare::Trace,
-            "/x: must be a length. Add its unit, such as x [m]",
-            String::new(),
-        ),
-        (
-            ring.clone(),
-            Prepare::Loop,
-            "/y: must be a force. Add its unit, such as F [N]",
-            ring.replace("d;F", "d [um];F [N]"),
-        ),
-        // A decimal comma in a file with commas.
+        ("V [mm^3]", "wear_volume [10^-3 mm^3]", "Accepted units: m^3, cm^3, mm^3"),
+        ("1000;0.0021", "1,000.0;2.1", "without separators of thousands"),
+        ("2000;", "\"2000;", "opens in line 3 is not closed"),
+        ("cycles", "t [s]", "x must be cycles or an energy"),
+    ] {
+        let message = told(&volumes.replace(from, typed), Prepare::Points);
+        assert!(message.contains(said), "{said}: {message}");
+    }
+    let half = ring.replace("d;F", "d [um];F [N]").lines().take(45).collect::<Vec<_>>().join("\n");
+    for (text, prepare, said) in [
         (
             volumes.replace(';', ",").replace("0.0", "0,0"),
-            points,
+            Prepare::Points,
             "the same separator in all lines",
-            volumes.replace('.', ","),
         ),
-        // A comma and points.
-        (
-            volumes.replace("0.0042", "0,0042"),
-            points,
-            "Write all of them with the same decimal mark",
-            volumes.to_owned(),
-        ),
-        // A letter for a digit.
-        (
-            volumes.replace("0.0042", "0.oo42"),
-            points,
-            "Line 3: “0.oo42” in “V [mm^3]” is not a number",
-            volumes.to_owned(),
-        ),
-        // Another separator in one line.
-        (
-            volumes.replace("2000;", "2000\t"),
-            points,
-            "Line 3 has 1 cell(s), but the table has 2 columns. Separate the cells of all lines by semicolons",
-            volumes.to_owned(),
-        ),
-        // A unit that is no volume, and a factor.
-        (
-            volumes.replace("mm^3", "10^-3 mm^3").replace('V', "wear_volume"),
-            points,
-            "Accepted units: m^3, cm^3, mm^3",
-            volumes.to_owned(),
-        ),
-        // Thousands.
-        (
-            volumes.replace("1000;0.0021", "1,000.0;2.1"),
-            points,
-            "without separators of thousands",
-            volumes.to_owned(),
-        ),
-        // A quotation mark that stays open.
-        (
-            volumes.replace("2000;", "\"2000;"),
-            points,
-            "opens in line 3 is not closed",
-            volumes.to_owned(),
-        ),
-        // Half a loop.
-        (
-            ring.replace("d;F", "d [um];F [N]").lines().take(45).collect::<Vec<_>>().join("\n"),
-            Prepare::Loop,
-            "Keep the rows of one or more whole cycles",
-            ring.replace("d;F", "d [um];F [N]"),
-        ),
-        // Time instead of cycles.
-        (
-            volumes.replace("cycles", "t [s]"),
-            points,
-            "x must be cycles or an energy",
-            volumes.to_owned(),
-        ),
+        (trace, Prepare::Trace, "/x: must be a length. Add its unit, such as x [m]"),
+        (ring.clone(), Prepare::Loop, "/y: must be a force. Add its unit, such as F [N]"),
+        (half, Prepare::Loop, "Keep the rows of one or more whole cycles"),
     ] {
         let message = told(&text, prepare);
         assert!(message.contains(said), "{said}: {message}\n{text}");
-        if !mended.is_empty() {
-            assert_eq!(told(&mended, prepare), "", "{mended}");
-        }
+    }
+    let good = [volumes.to_owned(), volumes.replace('.', ","), volumes.replace('V', "wear_volume")];
+    assert!(good.iter().all(|mended| told(mended, Prepare::Points).is_empty()));
+    assert_eq!(told(&ring.replace("d;F", "d [um];F [N]"), Prepare::Loop), "");
+}
+
+/// Tables whose names, cells or shape say more than numbers do: they are read by it, or refused.
+#[test]
+fn names_cells_and_shape_of_a_table_are_obeyed() {
+    let table = |head: &str, row: fn(u32) -> String| format!("{head}\n") + &rows(5, row);
+    let x = |read: &Measured| read.prepared["data"]["x"].clone();
+    let volumes = table("cycles;V [mm^3]", |at| format!("{}000;0.{at}1\n", at + 1));
+    let powers = "cycles;V [mm^3]\n1000;0.01\n2e3;0.11\n3·10^3;0.21\n4*10^3;0.31\n5 x 10³;0.41\n";
+    for text in [
+        table("No.;cycles;V [mm^3]", |at| format!("{at};{}000;0.{at}1\n", at + 1)),
+        table(";cycles;V [mm^3]", |at| format!("{at};{}000;0.{at}1\n", at + 1)),
+        powers.to_owned(),
+        volumes.replace("3000;", "#2500;7\n3000;"),
+    ] {
+        let read = good(&text);
+        assert_eq!(read.prepared, good(&volumes).prepared, "{text}: {:?}", read.notes);
+    }
+    assert_eq!(x(&good("cycles;V [mm^3]\n10^4;0.1\n10⁵;0.2\n"))[1], 1e5);
+    for (text, told) in [
+        (
+            volumes.replace("3000;", "#2500;7\n3000;"),
+            "1 row(s) that begin with # were left out, the first in line 4",
+        ),
+        (
+            table("N;V1 [mm^3];V2 [mm^3];SD [mm^3]", |at| format!("{at};1;2;3\n")),
+            "not used: “V2”, “SD”. Name standard deviations of y “V1 sigma”",
+        ),
+        (table("No.;V [mm^3]", |at| format!("{at};1\n")), "x must be cycles"),
+    ] {
+        let notes = good(&text).notes.join("\n");
+        assert!(notes.contains(told), "{told}: {notes}");
+    }
+    for (text, told) in [
+        ("cycles;1000;2000;5000\nV [mm^3];0.1;0.2;0.3\n".to_owned(), "Transpose the table"),
+        (
+            "cycles;1000;2000\nV [mm^3];0.1;0.2\nF [N];7;7\nh [um];1;2\n".to_owned(),
+            "Transpose the table",
+        ),
+        (table("cycles;log10(V) [mm^3]", |at| format!("{at};1\n")), "/y: has values of log10"),
+        (table("ln N;V [mm^3]", |at| format!("{at};1\n")), "/x: has values of ln, as its name"),
+        (
+            table("cycles;ΔV [mm^3]", |at| format!("{at};1\n")),
+            "/y: has the increments between readings",
+        ),
+        (
+            volumes.replace("000;0.", ",000;"),
+            "“5,000” can be 5000 or 5.000. Write decimal=. if its mark separates",
+        ),
+        (volumes.replace("000;0.", ".000;"), "decimal=. if it is the decimal mark"),
+    ] {
+        let said = refused(text.as_bytes(), &ALL);
+        assert!(said.contains(told), "{told}: {said}");
+    }
+    for (mark, decimal, value) in
+        [(",", '.', 5e3), (".", ',', 5e3), (",", ',', 5.0), (".", '.', 5.0)]
+    {
+        let text = volumes.replace("000;0.", &format!("{mark}000;"));
+        let read = read(text.as_bytes(), &Wanted { decimal: Some(decimal), ..ALL }).unwrap();
+        assert_eq!(x(&read)[4], value, "{mark}{decimal}");
+    }
+    let said = refused(powers.replace('.', ",").as_bytes(), &Wanted { decimal: Some('.'), ..ALL });
+    assert!(said.contains("is no number with decimal=."), "{said}");
+}
+
+/// Only a friction force makes a loop.
+#[test]
+fn a_normal_force_is_never_taken_as_friction() {
+    let ring = |head: &str| {
+        format!("{head}\n")
+            + &rows(101, |at| {
+                let angle = std::f64::consts::TAU * f64::from(at) / 100.0;
+                format!("100;{:.5};{:.5};{at}\n", 80.0 * libm::cos(angle), 5.0 * libm::sin(angle))
+            })
+    };
+    let wanted = Wanted { prepare: Prepare::Loop, ..ALL };
+    for head in [
+        "Fn [N];Ft [N]",
+        "Normal force [N];F [N]",
+        "load [N];Q [N]",
+        "F [N];friction [N]",
+        "F_z [N];F_x [N]",
+    ] {
+        let read = read(ring(&format!("{head};d [um];n")).as_bytes(), &wanted).unwrap();
+        let energy = read.prepared["energy_per_cycle"].as_f64().unwrap();
+        assert!((energy / (400e-6 * std::f64::consts::PI) - 1.0).abs() < 1e-3, "{head}: {energy}");
+    }
+    for head in ["F1 [N];F2 [N]", "Fn [N];P [N]", "Fn [N];t [s]"] {
+        let text = ring(&format!("{head};d [um];n"));
+        let said = refused(text.as_bytes(), &wanted);
+        assert!(
+            said.contains("/y: must be the friction force, but its name does not decide"),
+            "{said}"
+        );
+        let name = said.split("y=").nth(1).unwrap();
+        assert!(read(text.as_bytes(), &Wanted { y: Some(name), ..wanted }).is_ok(), "{name}");
     }
 }

@@ -42,6 +42,8 @@ fn refused(faults: &Faults) -> Problem {
         ("y" = Option<String>, Query, description = "The name of another column. Default: the next column.",
             example = "wear_volume [mm^3]"),
         ("table" = Option<usize>, Query, description = "Which table of the file, such as a step of a test. Default: 1."),
+        ("decimal" = Option<String>, Query, description = "The decimal mark, `.` or `,`. Needed where `1,000` can be 1 or 1000.",
+            example = "."),
         ("prepare" = Option<PrepareWord>, Query, description = "What becomes of x and y: `points` of an output (the \
             default); a profilometer `trace` across the scar, or its `half` from the axis outwards, becomes a profile of \
             wear and an indenter; a friction `loop`, the force over the displacement, is cut into cycles. Then the default of \
@@ -79,6 +81,9 @@ pub async fn read(
         Prepare::NAMES.into_iter().find(|(name, _)| *name == text)
     });
     let table = query.value("table", "a number from 1 on", |text| text.parse().ok());
+    let decimal = query.value("decimal", ". or ,", |text| {
+        text.parse().ok().filter(|mark| ['.', ','].contains(mark))
+    });
     let mut is =
         |name| query.value(name, "true or false", |text| text.parse().ok()).unwrap_or(true);
     let (level, centre) = (is("level"), is("centre"));
@@ -92,8 +97,17 @@ pub async fn read(
     let prepare = prepare.map_or(Prepare::Points, |(_, prepare)| prepare);
     let read = task::spawn_blocking(move || {
         let up = up.map(|(_, up)| up);
-        let wanted =
-            Wanted { x: x.as_deref(), y: y.as_deref(), table, prepare, level, centre, up, scar };
+        let wanted = Wanted {
+            x: x.as_deref(),
+            y: y.as_deref(),
+            table,
+            decimal,
+            prepare,
+            level,
+            centre,
+            up,
+            scar,
+        };
         let read = fretwork_measured::read(&body.bytes, &wanted);
         read.map(|measured| json::write(&measured, bytes))
     });

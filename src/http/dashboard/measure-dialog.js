@@ -26,7 +26,7 @@ const ROWS = 5;
 const CYCLES = 100;
 /** The columns of this table, with their SI units and titles. */
 const LOOPS = { energy: ["J", "Energy"], energy_error: ["J", "Error"], displacement_amplitude: ["m", "Displacement amplitude"], force_amplitude: ["N", "Force amplitude"],
-  aperture: ["m", "Half width"], slope: ["N/m", "Slope"] };
+  aperture: ["m", "Half width"], slope: ["N/m", "Slope"], slope_error: ["N/m", "Error"] };
 /** The weight of 1 kg in N: some instruments write forces in grams. */
 const GRAVITY = 9.80665;
 const SIGMA = /σ|sigma|\bsd\b|std|stdev|deviation|error|\berr\b|±|uncertainty/i;

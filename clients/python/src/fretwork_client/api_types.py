@@ -802,6 +802,7 @@ class MeasuredPreparedLoops(TypedDict):
     force_amplitude: "list[float | None]"
     aperture: "list[float | None]"
     slope: "list[float | None]"
+    slope_error: "list[float | None]"
 
 class Model(TypedDict):
     """How wear is computed."""

@@ -11,6 +11,8 @@ pub struct Wanted<'a> {
     pub y: Option<&'a str>,
     /// Which table of the file, from 1 on. By default the first.
     pub table: Option<usize>,
+    /// The decimal mark, a point or a comma. By default the one that the numbers show.
+    pub decimal: Option<char>,
     /// What becomes of the two columns.
     pub prepare: Prepare,
     /// Whether the tilt of a trace is removed.
@@ -31,6 +33,7 @@ impl Wanted<'_> {
             x: None,
             y: None,
             table: None,
+            decimal: None,
             prepare,
             level: true,
             centre: true,
