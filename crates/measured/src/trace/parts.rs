@@ -93,7 +93,6 @@ pub fn find(
 ) -> Found {
     let count = points.len();
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
-    let rounding = resolution(&heights(points)) / 12_f64.sqrt();
     let noise = noise(points) / (2.0 * half as f64 + 1.0).sqrt();
     let is_beside = |at: usize, reach: f64| {
         let beside = |[from, to]: [f64; 2]| {
@@ -112,6 +111,11 @@ pub fn find(
         }
         if own.iter().filter(|is_used| **is_used).count() < FEWEST { is_used } else { own }
     };
+    // A curve in a gap has heights between the steps of the instrument.
+    let known = heights(points).into_iter().zip(measured(vec![true; count]));
+    let known: Vec<f64> =
+        known.filter(|(_, is_known)| *is_known).map(|(height, _)| height).collect();
+    let rounding = resolution(&known) / 12_f64.sqrt();
     let mut is_unworn = measured((0..count).map(is_first).collect());
     let (mut is_grown, mut attempt) = (false, 0);
     loop {
