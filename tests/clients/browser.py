@@ -247,6 +247,15 @@ def downloaded(page, click):
     return made[0].read_bytes()
 
 
+def drop(page, place, *files):
+    """Drops files on a place of the page. A file has a name and a text."""
+    page.locator(place).first.evaluate("""(place, files) => {
+        const data = new DataTransfer();
+        for (const [name, text] of files) data.items.add(new File([text], name));
+        place.dispatchEvent(new DragEvent("drop", {dataTransfer: data, bubbles: true, cancelable: true}));
+    }""", files)
+
+
 def until(page, holds):
     """Waits until a condition holds."""
     end = time.monotonic() + programs.PATIENCE

@@ -117,6 +117,22 @@ def columns(page):
     page.evaluate("localStorage.clear()")
 
 
+def whole_menu(page, base):
+    """The menu of columns is on the screen, however wide this is and whether rows are selected or not."""
+    page.goto(base + f"/#/library?q={TAG}")
+    expect(names(page)).to_have_count(13)
+    size = page.viewport_size
+    for choice in ("check", "uncheck"):
+        getattr(page.get_by_label("Select all loaded results"), choice)()
+        page.click("summary:has-text('Columns')")
+        for width in (1920, 1440, 1280, 1024, 860, 720, 560, 390, 320):
+            page.set_viewport_size({"width": width, "height": size["height"]})
+            box = page.locator(".columns").bounding_box()
+            assert 0 <= box["x"] and box["x"] + box["width"] <= width, (choice, width, box)
+        page.keyboard.press("Escape")
+    page.set_viewport_size(size)
+
+
 def choose(page, *labels):
     for label in labels:
         page.get_by_role("checkbox", name=f"Select {label}", exact=True).check()
@@ -240,6 +256,7 @@ def library(browser, base):
     sort(page, base)
     columns(page)
     whole_texts(page, base)
+    whole_menu(page, base)
     keyboard(page, base)
     rename(page, base)
     table(page, base)

@@ -15,7 +15,7 @@ import urllib.request
 
 from playwright.sync_api import expect
 
-from browser import FIREFOX, LOOKS, ask, close, factor, near, number, opened, value
+from browser import FIREFOX, LOOKS, ask, close, downloaded, drop, factor, near, number, opened, value
 
 BASE = sys.argv[1]
 get = functools.partial(ask, BASE)
@@ -162,21 +162,26 @@ def two_labs(browser, key):
 
 
 def other_files(browser, key):
-    """A dropped file, energies, a mass, a corrected unit, a trace, a loop, and files that cannot be read."""
+    """Dropped files, energies, a mass, a corrected unit, a trace, a loop, and files that cannot be read."""
     page = result(browser, key)
     own = history(CYCLES)
     text = table("N;V", CYCLES, [v * 1e18 for v in own["wear_volume"]])
-    page.evaluate("""([text]) => {
-        const data = new DataTransfer();
-        data.items.add(new File([text], "rig 7.csv", {type: "text/csv"}));
-        document.querySelector("section[aria-label='History'] .canvas").dispatchEvent(new DragEvent("drop", {dataTransfer: data, bubbles: true, cancelable: true}));
-    }""", [text])
+    drop(page, "section[aria-label='History'] .canvas", ("rig 7.csv", text), ("=1+1.csv", text))
     page.wait_for_selector("#set-kind")
     assert page.input_value("#set-name") == "rig 7"
     page.select_option("#set-unit-y", "mm^3")
     page.select_option("#set-unit-y", "um^3")
     page.click("#add-set:enabled")
     page.wait_for_selector("[data-set='rig 7']")
+    # The second file comes after the first. A spreadsheet must not compute its name.
+    expect(page.locator("#set-name")).to_have_value("=1+1")
+    page.click("#add-set:enabled")
+    page.wait_for_selector("[data-set='=1+1']")
+    page.click("[aria-label='Save differences']")
+    head = downloaded(page, page.get_by_role("button", name="Save differences as CSV").click).decode().splitlines()[0]
+    assert "\"'=1+1 (" in head and "\"rig 7 (" in head, head
+    page.get_by_role("button", name="Remove =1+1").click()
+    expect(page.locator("[data-set='=1+1']")).to_have_count(0)
     assert "agrees with the simulation" in verdict(page, "rig 7") and "are less than 0.01 % " in verdict(page, "rig 7"), verdict(page, "rig 7")
 
     # Energies, with volumes that are 20 % larger.

@@ -88,8 +88,20 @@ def one_sign_in(browser, own):
     assert page.evaluate(kept).startswith("{}") and "fretwork_" not in page.evaluate(kept) + page.content()
     [cookie] = page.context.cookies()
     assert cookie["httpOnly"] and cookie["sameSite"] == "Lax" and cookie["expires"] == -1, cookie
+    # What is typed stays in the browser until the user signs out.
+    page.goto(own.base + "/#/new")
+    page.fill("#friction", "0.517")
+    page.reload()
+    expect(page.locator("#kept-input")).to_contain_text("Your input is back")
+    tab.goto(own.base + "/#/new")
+    tab.fill("#friction", "0.518")
+    tab.reload()
+    expect(tab.locator("#friction")).to_have_value("0.518")
+    tab.goto(own.base + "/#/library")
+    expect(tab.locator(".entry")).to_have_count(1)
     sign_out(page)
     for place in (page, tab):
+        place.wait_for_function(f"() => !/0.51[78]/.test({kept})")
         expect(place.locator("#key-reason")).to_have_text("You are signed out.")
         expect(place.locator("#user")).to_have_text("Sign in")
         expect(place.locator("nav")).to_be_hidden()

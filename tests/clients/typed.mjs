@@ -54,6 +54,7 @@ assert.equal(question("/profile/radius", "0.01"), "0.01 mm. Did you mean 10 mm (
 assert.equal(question("/profile/radius", "0.01 mm"), undefined);
 assert.equal(question("/load/normal_force", "1,000"), "Or did you mean 1.000 N?");
 assert.equal(question("/motion/amplitude", "2,256"), "Or did you mean 2256 µm?");
+assert.equal(question("/wear/coefficient", "2e-14"), "2e−14 mm³/(N m). Did you mean 2e−5 mm³/(N m) (2e−14 m³/(N m))?");
 for (const [pointer, text] of [["/motion/amplitude", "2"], ["/motion/amplitude", "0"], ["/profile/radius", "0.5 in"], ["/friction", "7"],
   ["/motion/amplitude", "2 GPa"]]) assert.equal(question(pointer, text), undefined, `${pointer} ${text}`);
 
@@ -65,6 +66,8 @@ for (const [text, list] of [["1 000, 2 000", [1000, 2000]], ["1,000, 2,000", [10
 // Numbers of a scenario are in SI. A field shows them in its own unit.
 assert.equal(fieldText(0.01, "/profile/radius", scenario), "10 mm");
 assert.equal(fieldText(3.03e-14, "/wear/coefficient", scenario), "3.03e-5 mm^3/(N m)");
+for (const text of ["1.9e-14 1/Pa", "1.9e-8 1/MPa", 1.9e-14]) assert.equal(fieldText(text, "/wear/bodies/0/coefficient", scenario), "1.9e-5 mm^3/(N m)");
+assert.equal(understand("1.9e-14 1/Pa", kindAt("/wear/coefficient", scenario)).note.replaceAll("\u00a0", " "), "Read as 1.9e−5 mm³/(N m).");
 assert.equal(fieldText("10 mm", "/profile/radius", scenario), "10 mm");
 assert.equal(fieldText(0.7, "/friction", scenario), "0.7");
 assert.equal(fieldText([1000, 2000], "/cycles", scenario), "1000, 2000");
@@ -73,5 +76,6 @@ assert.equal(fieldText([1000, 2000], "/cycles", scenario), "1000, 2000");
 useSi(true);
 assert.equal(value("/motion/amplitude", "2e-6"), "2e-6 m");
 assert.equal(question("/motion/amplitude", "2"), "2 m. Did you mean 2 µm?");
+assert.equal(fieldText("1.9e-14 1/Pa", "/wear/coefficient", scenario), "1.9e-14 1/Pa");
 assert.equal(fieldText(205e9, "/bodies/0/youngs_modulus", scenario), "205000000000 Pa");
 console.log("what is typed is understood");

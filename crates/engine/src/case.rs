@@ -4,8 +4,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::contact::control::{Control, Final, Tangential};
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
-use crate::contact::row::UnwornSums;
+use crate::contact::row::{UnwornSums, unworn_integrals};
 use crate::contact::unworn::Contact;
+use crate::numeric::root;
 use crate::solver::closed::energy;
 use crate::solver::closed::simplified::Simplified;
 use crate::solver::events::StopCondition;
@@ -250,14 +251,19 @@ impl Case {
         })
     }
 
-    /// Δ of the unworn contact at the amplitude U in m, and the slip of the middle of a line contact. A line contact needs
-    /// a reference.
+    /// Δ of the unworn contact at an amplitude of the motion in m, which is that of the actuator if there is a rig, and
+    /// the slip of the middle of a line contact. A line contact needs a reference.
     pub(crate) fn threshold_at(&self, amplitude: f64) -> (f64, f64) {
-        let slip = self.scales.slip();
-        self.contact.reference.map_or_else(
-            || (threshold(amplitude, slip), 0.0),
-            |reference| reference.without_rig().threshold(&self.contact.shape, amplitude / slip),
-        )
+        let (shape, slip) = (&self.contact.shape, self.scales.slip());
+        let moved = amplitude / slip;
+        match (self.contact.reference, &self.control.tangential) {
+            (Some(reference), _) => reference.threshold(shape, moved),
+            (None, Tangential::Rig { compliance, .. }) => {
+                let force = |at| unworn_integrals(shape, shape.stick_radius(at), at).0;
+                (root(0.0, moved, |at| at + 2.0 * compliance * force(at) - moved), 0.0)
+            }
+            (None, _) => (threshold(amplitude, slip), 0.0),
+        }
     }
 
     /// The indentation depth of the unworn contact, in d₀. Of a line contact it is known only against points of the
@@ -303,6 +309,34 @@ impl Case {
             }
             (Some(_), None) => f64::NAN,
         }
+    }
+
+    /// U_rig at which the whole contact slips, in m. `None` without a rig.
+    #[must_use]
+    pub fn actuator_gross_slip_amplitude(&self) -> Option<f64> {
+        self.has_rig()
+            .then(|| self.gross_slip_amplitude() + self.rig_at_limit() * self.scales.slip())
+    }
+
+    /// Whether a rig lies between the contact and the actuator.
+    pub(crate) fn has_rig(&self) -> bool {
+        self.rig_at_limit() > 0.0
+    }
+
+    /// What the rig yields when the whole unworn contact slips, in the unit of Δ. 0 without a rig.
+    fn rig_at_limit(&self) -> f64 {
+        match &self.control.tangential {
+            Tangential::Rig { compliance, .. } => {
+                2.0 * compliance * self.contact.shape.half_force()
+            }
+            _ => self.contact.reference.map_or(0.0, |reference| reference.rig()),
+        }
+    }
+
+    /// The amplitudes of the contact and of the actuator at which the whole unworn contact slips, in the unit of Δ.
+    pub(crate) fn unworn_gross_slip(&self) -> [f64; 2] {
+        let contact = self.gross_slip_amplitude() / self.scales.slip();
+        [contact, contact + self.rig_at_limit()]
     }
 
     /// Sums over the unworn springs.
@@ -447,6 +481,6 @@ impl Case {
         let rows = self.profile_rows();
         let curves = if rows == 0 { 0 } else { 3 + 5 * rows };
         let loops = rows * (2 * Backbone::points(self.springs()) + 5);
-        4096 + NUMBER * (self.points * curves + loops + 15 * self.outputs.count())
+        4096 + NUMBER * (self.points * curves + loops + 17 * self.outputs.count())
     }
 }

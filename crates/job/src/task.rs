@@ -484,11 +484,11 @@ pub(super) mod tests {
             [ball.as_str(), cone.as_str(), exact.as_str()],
             [
                 "7c8a93bba29436f9d4dd515a180cf9a08080fc91b95c800bb49ac548638c9fa3 \
-                 63db49dd69e1b7557826db5816a098bf3f3a775b289d70edeb03138b46080c53",
+                 87ea46034ff9766fa19b9d1384cab219f3267b3ef77543c8a7f7672628d0025f",
                 "dba8c367f3340e4bc903272c94ee7c46f5de4a7e15d63f9519b8485c25bc00df \
-                 744482e1554a49fce44db93ea48bc1c802b8c33943ca440ed30b4c33296ed862",
+                 359a1df68e5c996183386d80b3fa164410c43e2398afef2485545fcb78d804d9",
                 "2d83f5fadc42f74756530ab0e09771be745763bbf0dca8ed11e093a9b5f3c409 \
-                 dde19f5200475be4129bab76bdc80a03bc3b89c73b21ce5f845a8fc2b8844bed",
+                 18f85043267a33d7e9b3d0a2ad510b92130d49762b1f109cbd6c6a3fca811586",
             ]
         );
     }

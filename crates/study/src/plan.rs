@@ -149,6 +149,8 @@ pub struct Regions {
     pub boundary: &'static str,
     /// The label of the boundary.
     pub label: &'static str,
+    /// The column of the boundary, if it has one, that is the boundary after the runs, in place of the second number.
+    pub later: &'static str,
     /// The title of the figure.
     pub title: &'static str,
     /// The names of the regions below and above the boundary.

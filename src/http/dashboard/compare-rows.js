@@ -32,7 +32,7 @@ const OUTPUTS = [
   { id: "peak_pressure", name: "Peak pressure, unworn", isFirst: true, ranks: true,
     values: ({ result: { unworn } }) => unworn.peak_pressure ?? "Infinite" },
   ...["scar_radius", "contact_radius", "stick_radius", "indentation_depth", "normal_force", "amplitude", "tangential_force", "energy_per_cycle"].map(column),
-  { id: "gross_slip_amplitude", values: ({ result: { unworn } }) => unworn.gross_slip_amplitude },
+  ...["gross_slip_amplitude", "actuator_gross_slip_amplitude"].map((id) => ({ id, values: ({ result: { unworn } }) => unworn[id] })),
   { id: "characteristic_cycles", name: "Characteristic cycles N₀", symbol: "", unit: "1", values: ({ result: { scales } }) => scales.cycles },
   { id: "limit_volume", name: "Limiting volume", unit: "m^3", values: ({ result: { limit } }) => limit?.wear_volume },
   { id: "limit_depth", name: "Limiting depth", unit: "m", values: ({ result: { limit } }) => limit?.wear_depth },

@@ -1,7 +1,7 @@
 // The cards below the plots of a result: scales, accuracy, events, comparison, bodies and scenario.
 
 import { asJson, explained, h, list, tableOf } from "./dom.js";
-import { depthOrForce, grossSlip } from "./estimate.js";
+import { depthOrForce, NEEDS_REFERENCE } from "./estimate.js";
 import { term } from "./explain.js";
 import { inputRows } from "./input-rows.js";
 import { sketch } from "./sketch.js";
@@ -26,7 +26,9 @@ export function drawDetails(place, result, submitted, bodyWarnings) {
       depthOrForce(scenario, scales),
       [[term("normal_force", scenario), "₀"], inUnits("normal_force", scales.normal_force)],
       ["Characteristic cycles N₀", scales.cycles == null ? "–" : cycles(Math.round(scales.cycles))],
-      [term("gross_slip_amplitude", scenario), grossSlip(unworn)],
+      [term("gross_slip_amplitude", scenario), unworn.gross_slip_amplitude == null ? NEEDS_REFERENCE : inUnits("gross_slip_amplitude", unworn.gross_slip_amplitude)],
+      unworn.actuator_gross_slip_amplitude != null
+        && [term("actuator_gross_slip_amplitude", scenario), inUnits("gross_slip_amplitude", unworn.actuator_gross_slip_amplitude)],
       [term("peak_pressure", scenario), unworn.peak_pressure == null ? "Infinite" : inUnits("peak_pressure", unworn.peak_pressure)],
       limit && ["Limiting volume", inUnits("wear_volume", limit.wear_volume)],
       limit && ["Limiting depth", inUnits("wear_depth", limit.wear_depth)],

@@ -44,19 +44,12 @@ export const depthOrForce = ({ profile }, scales) => (isLine(profile)
   ? ["Force per length", quantity(scales.normal_force / profile.length, "N per m")]
   : ["Indentation depth d₀", quantity(scales.indentation_depth, "m")]);
 
-/** The threshold of gross slip. In a line contact, an amplitude needs a reference. */
-export const grossSlip = ({ gross_slip_amplitude: threshold }) =>
-  (threshold == null ? "Needs a reference distance" : quantity(threshold, "m"));
+/** In a line contact, an amplitude needs a reference. */
+export const NEEDS_REFERENCE = "Needs a reference distance";
 
-/**
- * The threshold of gross slip at a row of the history: the unworn one times (d − w)/d₀, with the wear w in the middle. Undefined if
- * the result does not tell: in a line contact, without profiles, or if the friction changes.
- */
-export function grossSlipNow({ history, profiles, scales, scenario, unworn }, row) {
-  const worn = profiles?.wear[profiles.cycles.indexOf(history.cycles[row])]?.[0];
-  if (worn == null || profiles.radius[0] !== 0 || isLine(scenario.profile) || typeof scenario.friction !== "number") return undefined;
-  return unworn.gross_slip_amplitude * (history.indentation_depth[row] - worn) / scales.indentation_depth;
-}
+/** The thresholds of gross slip, each with its place. */
+const grossSlip = ({ gross_slip_amplitude: contact, actuator_gross_slip_amplitude: actuator }) => (contact == null ? NEEDS_REFERENCE
+  : `${actuator == null ? "" : `${quantity(actuator, "m")} at the actuator, `}${quantity(contact, "m")} at the contact`);
 
 /** The regime and the contact radius of a checked scenario, in words. */
 export const announce = ({ regime, scales, scenario }) =>

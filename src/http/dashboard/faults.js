@@ -4,6 +4,7 @@ import { h } from "./dom.js";
 import { valueAt } from "./fields.js";
 import { fieldText, pretty } from "./kinds.js";
 import { repairs, tableFault } from "./repair.js";
+import { quantity } from "./units.js";
 import { visit } from "./warnings.js";
 import { formPointer } from "./vary.js";
 
@@ -13,8 +14,13 @@ function noun(name) {
   return /^(Young|Poisson|Archard)/.test(own) ? own : own[0].toLowerCase() + own.slice(1);
 }
 
+/** The wear coefficients of a sentence in the unit of the page. */
+const inWearUnit = (detail) => (/\d 1\/Pa/.test(detail)
+  ? detail.replace(/(-?\d[\d.]*(?:e-?\d+)?)(?: 1\/Pa)?/g, (_, number) => quantity(Number(number), "1/Pa", 3)) : detail);
+
 /** The sentence for a fault at the field of a name. */
-function sentence(detail, name) {
+function sentence(sent, name) {
+  const detail = inWearUnit(sent);
   if (/^is missing\b/.test(detail) && name) return `Enter the ${noun(name)}.`;
   if (/^must be a number, not a string/.test(detail)) return "Enter a number.";
   if (/^must increase/.test(detail) && name) return `${name.split(",")[0]} ${detail}.`;

@@ -26,6 +26,7 @@ export class Fieldset {
   draw() {
     const { scenario, study } = this.form;
     this.names.clear();
+    this.calls.doubts.open.clear();
     const groups = Map.groupBy(choicesOf(scenario), (choice) => choice.group);
     fill(this.element, [...groups].map(([name, choices]) => group(name, choices.map((choice) => this.#drawChoice(choice)))));
     const others = varied(study).filter((pointer) => !this.names.has(pointer));

@@ -35,8 +35,12 @@ function figureText({ curves: drawn, axes, zoom, title }, size) {
   return standalone(drawing, size);
 }
 
+/** A spreadsheet would execute a text that begins like a formula. The server guards its texts alike. */
+const FORMULA = /^[=+\-@\t\r\n＝＋－＠]/;
+const textCell = (text) => `"${FORMULA.test(text) ? "'" : ""}${text.replaceAll('"', '""')}"`;
+
 /** A value of a CSV file: a number with 12 digits, or a text in quotes. */
-export const csvCell = (value) => (typeof value === "number" ? String(Number(value.toPrecision(12))) : value == null ? "" : `"${String(value).replaceAll('"', '""')}"`);
+export const csvCell = (value) => (typeof value === "number" ? String(Number(value.toPrecision(12))) : value == null ? "" : textCell(String(value)));
 
 /** Columns with their names as CSV. */
 export function csvOf(columns) {

@@ -5,18 +5,22 @@ import { keepState } from "./address.js";
 import { may } from "./allowed.js";
 import { get, idempotencyKey, Problem, post } from "./api.js";
 import { debounced, explained, fill, h, notify, select } from "./dom.js";
+import { Doubts } from "./doubts.js";
 import { Draft } from "./draft.js";
+import { takeDropped } from "./dropped.js";
 import { Editors } from "./editors.js";
 import { announce, drawEstimate, drawStudyEstimate } from "./estimate.js";
 import { countOf, drawCount, lastValid, showFaults } from "./faults.js";
 import { withoutField } from "./fields.js";
 import { Fieldset } from "./fieldset.js";
+import { KeptInput, queryOf, undoOfTab } from "./kept-input.js";
 import { loadLimits } from "./limits.js";
 import { Live } from "./live.js";
 import { drawPlan, drawRuns, submitText } from "./plan.js";
+import { measureForRun, showWithRun } from "./measure.js";
 import { Preview } from "./preview.js";
+import { kindOf, sourceOf, sourceTag } from "./summary.js";
 import { Undo } from "./undo.js";
-import { sourceOf, sourceTag } from "./summary.js";
 import { choose, isPossible, jobBody, newStudy, OFFERS, studyOf, varied } from "./vary.js";
 import { unknownYield, visit } from "./warnings.js";
 
@@ -33,10 +37,14 @@ const LIMITED = {
 
 let examples = [];
 
-/** The scenario, the study and the label of an address, or of the first example. */
+/**
+ * The scenario, the study and the label of an address, or of the first example. `source` is the run that the user edits, and `json` a
+ * text that is not yet valid JSON.
+ */
 function fromAddress(query) {
   const first = examples.find((example) => example.name === query.get("example")) ?? examples[0];
-  const form = { scenario: structuredClone(first?.body.scenario ?? {}), study: newStudy(), label: query.get("label") };
+  const form = { scenario: structuredClone(first?.body.scenario ?? {}), study: newStudy(), label: query.get("label"),
+    source: sourceOf([sourceTag(query.get("from"))]) ?? null, json: query.get("json") };
   try {
     if (query.has("scenario")) form.scenario = Object(JSON.parse(query.get("scenario")));
   } catch {
@@ -48,27 +56,41 @@ function fromAddress(query) {
   return form;
 }
 
-export async function showForm(main, { query, signal }) {
+/** The address that contains all of a form, so that a reload or a bookmark restores it. `link` is the token of a shared result. */
+const addressOf = ({ scenario, study, label, source, json }, link) => `#/new?${new URLSearchParams({ ...(link && { link }), scenario: JSON.stringify(scenario),
+  ...(label !== null && { label }), ...(varied(study).length && { study: JSON.stringify(jobBody(undefined, study)) }), ...(source && { from: source }), ...(json !== null && { json }) })}`;
+
+export async function showForm(main, { query: asked, signal }) {
   // The holder of a shared link gets neither, and has a scenario in the address.
   if (may("read")) [examples] = await Promise.all([examples.length ? examples : get("/v1/examples", { signal }), loadLimits(signal)]);
+  const undo = may("read") ? undoOfTab() : new Undo([]);
+  const query = may("read") ? queryOf(asked) : asked;
   // `label` is what the user typed. A study and an unchanged example have labels of their own, which change with the form.
   const form = fromAddress(query);
-  // The run that the user edits.
-  let source = sourceOf([sourceTag(query.get("from"))]);
-  const undo = new Undo();
+  const address = () => addressOf(form, !may("read") && query.get("link"));
+  const first = `#/new?${query}`;
+  // The last step also has what the address leaves out, such as the samples of a study without numbers that vary.
+  const last = JSON.parse(undo.states.at(-1) ?? null);
+  if (last && addressOf(last) === first) Object.assign(form, last);
   const isStudy = () => varied(form.study).length > 0;
   const example = () => examples.find(({ body }) => JSON.stringify(body.scenario) === JSON.stringify(form.scenario));
   const names = () => varied(form.study).map((pointer) => fieldset.names.get(pointer) ?? pointer);
   const ownLabel = () => (isStudy() ? `${OFFERS[form.study.kind].title}: ${names().join(", ")}` : example()?.body.label ?? "");
   // A study that is made of a run does not have the name of the run alone.
-  const ofRun = source && query.get("label");
+  const ofRun = form.source && query.get("label");
   const label = () => (isStudy() && ofRun && form.label === ofRun ? `${ofRun}: ${OFFERS[form.study.kind].title.toLowerCase()}` : form.label ?? ownLabel()).slice(0, MAX_LABEL);
 
   const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
     "The text that was typed for this run is not available. The form shows the computed values.");
   const notShown = h("p", { class: "warning", id: "not-shown", hidden: !query.has("study") || isStudy() },
     "The form cannot show the study in the address. It shows a single run.");
-  const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault", oninput: editJson });
+  const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault", oninput: () => {
+    readJson();
+    if (form.json === null) return changed("json");
+    record("json");
+    remember();
+    allowKeep();
+  } });
   const jsonFault = h("p", { id: "json-fault", class: "fault" });
   const jsonOnly = h("p", { class: "muted" });
   const jsonEditor = h("details", { class: "card" }, h("summary", {}, "Scenario as JSON"),
@@ -89,10 +111,8 @@ export async function showForm(main, { query, signal }) {
   const undoButton = h("button", { type: "button", id: "undo", title: "Undo the last change (Ctrl+Z)", onclick: () => restore(undo.undo()) }, "Undo");
   const chooseExample = select({ "": "Custom scenario", ...Object.fromEntries(examples.map(({ name, label }) => [name, label ?? name])) },
     "", { id: "example", onchange: () => {
-      restore({ scenario: structuredClone(examples.find(({ name }) => name === chooseExample.value).body.scenario), label: null, study: newStudy() });
+      restore(fromAddress(new URLSearchParams({ example: chooseExample.value })));
       canonical.hidden = notShown.hidden = true;
-      source = undefined;
-      remember();
     } });
   chooseExample.options[0].hidden = true;
 
@@ -100,17 +120,26 @@ export async function showForm(main, { query, signal }) {
   const live = new Live(showAnswer, refused, signal);
   const draft = new Draft({ says: (...said) => preview.mark(...said), result: (result, checked) => preview.show(warned(result, checked.warnings)),
     rows: ({ history, units }, checked) => preview.showRows(history, { ...warned(checked), units }) }, signal);
-  const calls = { edited, changed, redraw, chosen: () => {
+  const doubts = new Doubts();
+  const doubtful = h("p", { class: "warning", id: "doubts" });
+  const calls = { edited, changed, redraw, doubts, chosen: () => {
     draw();
     edited(null);
   } };
   const fieldset = new Fieldset(form, calls, new Editors(form, calls));
 
-  /** Keeps the scenario, its study and its label in the address, so that a reload or a bookmark restores them. */
+  // An example that nobody has changed is no input of the user.
+  const isTyped = () => !example() || isStudy() || form.label !== null || form.json !== null;
+  const kept = may("read") ? new KeptInput(first, () => {
+    restore(fromAddress(new URLSearchParams()));
+    undoButton.focus();
+  }) : null;
+  let isOpen = false;
+
+  /** Keeps the form in the address, and what the user has typed in the browser. */
   const remember = () => {
-    const words = new URLSearchParams({ ...(!may("read") && { link: query.get("link") }), scenario: JSON.stringify(form.scenario), ...(form.label !== null && { label: form.label }),
-      ...(isStudy() && { study: JSON.stringify(jobBody(undefined, form.study)) }), ...(source && { from: source }) });
-    keepState(`#/new?${words}`);
+    keepState(address());
+    if (isOpen) kept?.keep(isTyped() ? address() : null);
   };
 
   function record(source = null) {
@@ -131,12 +160,14 @@ export async function showForm(main, { query, signal }) {
   }
 
   function showJson() {
-    json.value = JSON.stringify(form.scenario, null, 2);
+    json.value = form.json ?? JSON.stringify(form.scenario, null, 2);
     jsonFault.textContent = "";
+    if (form.json !== null) readJson();
   }
 
   /** A value of the scenario has changed. */
   function edited(pointer, isDragging = false) {
+    form.json = null;
     showJson();
     changed(pointer, isDragging);
   }
@@ -155,6 +186,7 @@ export async function showForm(main, { query, signal }) {
     wanted = false;
     heading.textContent = !may("submit") ? "Estimate" : isStudy() ? "New study" : "New run";
     keep.textContent = submitText(form.study);
+    drawDoubts();
     preview.element.hidden = isStudy() || !may("submit");
     estimate.hidden = !may("read");
     // Its height changes with each answer, so it comes last, and nothing moves below the pointer.
@@ -170,18 +202,43 @@ export async function showForm(main, { query, signal }) {
     if (may("read")) checkSoon();
   }
 
-  function editJson() {
+  /** Fills the form with the text of the JSON; without, if it is faulty. */
+  function readJson() {
+    const before = { ...form };
     try {
-      const parsed = JSON.parse(json.value);
-      form.scenario = Object(parsed?.scenario ?? parsed);
-      if (parsed?.scenario) form.label = parsed.label ?? null;
+      fillIn(Object(JSON.parse(json.value)));
       jsonFault.textContent = "";
-      draw();
-      changed("json");
     } catch (error) {
-      jsonFault.textContent = `Invalid JSON: ${error.message}`;
-      allowKeep();
+      const isJson = !(error instanceof SyntaxError);
+      Object.assign(form, before, { json: json.value });
+      if (isJson) draw();
+      jsonFault.textContent = isJson ? "The form cannot show this. Compare it with an example of the list “Start from”." : `Invalid JSON: ${error.message}`;
     }
+  }
+
+  /** Shows a scenario, or the body of a job. */
+  function fillIn(body) {
+    const kind = kindOf(body);
+    form.scenario = Object(kind ? body[kind].scenario : body.scenario ?? body);
+    if (kind) form.study = studyOf(body, form.scenario);
+    if (kind || body.scenario) form.label = body.label ?? null;
+    form.json = null;
+    draw();
+  }
+
+  /** Takes a dropped file: a scenario, the body of a job, or a measurement. */
+  async function take(file) {
+    if (!(await file.slice(0, 1000).text()).trimStart().startsWith("{")) return measureForRun(preview.at, signal, file);
+    Object.assign(form, { study: newStudy(), source: null, json: await file.text() });
+    showJson();
+    restore({ ...form });
+    jsonEditor.open ||= form.json !== null;
+    notify(form.json === null ? `The form shows ${file.name}. Undo brings back what it showed before.` : `${file.name}: ${jsonFault.textContent}`);
+  }
+
+  function drawDoubts() {
+    doubts.draw(doubtful, isStudy() ? "compute" : "keep this run");
+    allowKeep();
   }
 
   /** Draws all fields and the card of the study. */
@@ -222,12 +279,13 @@ export async function showForm(main, { query, signal }) {
 
   function refuse(problem) {
     accepted = false;
-    allowKeep();
     showAll(problem);
     estimate.removeAttribute("aria-busy");
     announcement.textContent = problem.errors ? countOf(problem) : problem.detail;
     if (problem.errors) preview.mark([drawCount(main, problem), " ", lastValid(main, valid, form.scenario)]);
     fill(estimate, h("h2", {}, problem.errors ? drawCount(main, problem) : problem.title), problem.errors ? null : h("p", {}, problem.detail));
+    // The faults have moved the field that is typed.
+    drawDoubts();
   }
 
   /** The scenario that the shown numbers belong to. */
@@ -235,7 +293,7 @@ export async function showForm(main, { query, signal }) {
   // `wanted`: the user has asked to keep the run before the server has checked it.
   let checks = 0, submitting = false, accepted = false, isLong = false, wanted = false;
   /** Enables Keep if the server accepts what the form shows. While the JSON is invalid, the form shows an earlier scenario. */
-  const allowKeep = () => { keep.disabled = submitting || !accepted || jsonFault.textContent !== ""; };
+  const allowKeep = () => { keep.disabled = submitting || !accepted || doubts.open.size > 0 || jsonFault.textContent !== ""; };
   const checkSoon = debounced(IDLE_MS, check);
 
   /** Checks the job, and refines the figures. */
@@ -271,6 +329,7 @@ export async function showForm(main, { query, signal }) {
 
   async function submit(event) {
     event?.preventDefault();
+    if (doubts.open.size) return visit([...doubts.open.keys()][0]);
     wanted = keep.disabled;
     if (!may("submit") || submitting || wanted) return;
     submitting = true;
@@ -278,9 +337,11 @@ export async function showForm(main, { query, signal }) {
     try {
       const headers = { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() };
       const job = await post("/v1/jobs", { ...jobBody(form.scenario, form.study), ...(label() && { label: label() }),
-        ...(source && !isStudy() && { tags: [sourceTag(source)] }) }, { headers });
+        ...(form.source && !isStudy() && { tags: [sourceTag(form.source)] }) }, { headers });
+      await showWithRun(job.key);
       // The user may have opened another view meanwhile.
       if (signal.aborted) return;
+      kept.keep(null);
       location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}${draft.isRunning ? "?draft=yes" : ""}`;
     } catch (problem) {
       if (signal.aborted) return;
@@ -307,24 +368,28 @@ export async function showForm(main, { query, signal }) {
   const left = h("div", {},
     h("div", { class: "card" }, canonical, notShown, otherFaults, fieldset.element,
       h("p", { class: "muted" }, "Type a number, with or without a unit: 10, 10 mm, 3.03×10⁻⁵ mm³/Nm. The arrow keys and the slider change it.",
-        may("submit") && " Press Vary to compute many values of it in one study.")),
+        may("submit") && " Press Vary to compute many values of it in one study. You can drop files here: a scenario fills the form, and measured numbers go with the run.")),
     jsonEditor);
   const skip = h("a", { class: "skip", href: "#fields", onclick: (event) => {
     event.preventDefault();
     visit(fieldset.element.querySelector("select, input"));
   } }, "Skip to the fields");
-  const side = h("div", { class: "side" }, announcement, !may("submit") && h("section", { class: "card", id: "limited" }, LIMITED[may("read")]), plan, preview.element);
+  const side = h("div", { class: "side" }, announcement, !may("submit") && h("section", { class: "card", id: "limited" }, LIMITED[may("read")]), may("submit") && doubtful, plan, preview.element);
   main.replaceChildren(
     h("form", { class: "maker", onsubmit: submit, noValidate: true, onkeydown: pressed },
       h("div", { class: "bar run" }, skip, heading,
         h("div", { class: "field", hidden: !may("read") }, h("label", { for: "example" }, "Start from"), chooseExample),
         h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), undoButton, may("submit") && keep),
+      kept?.element,
       h("div", { class: "two" }, left, side)));
   // The unit of a number without a unit follows the choice.
   document.addEventListener("units", () => {
     draw();
+    drawDoubts();
     if (may("read")) check();
   }, { signal });
   restore(form);
-  jsonEditor.open = withoutField(form.scenario).length > 0;
+  isOpen = true;
+  if (may("submit")) takeDropped(document, take, signal);
+  jsonEditor.open = form.json !== null || withoutField(form.scenario).length > 0;
 }

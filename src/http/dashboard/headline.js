@@ -1,7 +1,6 @@
 // The numbers of a run at one output cycle: the wear first, with its errors beside it and its warnings below it.
 
 import { explained, fill, h } from "./dom.js";
-import { grossSlipNow } from "./estimate.js";
 import { term, withMeaning } from "./explain.js";
 import { cycles, percent, quantity, wordOf, WORDS } from "./units.js";
 import { drawWarning, fieldAt, numberOf, visit } from "./warnings.js";
@@ -60,12 +59,14 @@ export function drawHeadline({ first, others, notes }, result, row, warnings) {
       `${error > 0 ? `${SOLVER} ${fieldAt(tolerance) ? "Press to change it. " : ""}` : ""}${own}`, () => visit(fieldAt(tolerance)))));
   };
   const [regime, when] = regimeAt(result, row, at);
-  const threshold = unworn?.gross_slip_amplitude;
-  const now = threshold != null && at > 0 ? grossSlipNow(result, row) : undefined;
+  // Without a rig, the motion is that of the contact.
+  const limit = unworn?.actuator_gross_slip_amplitude == null ? "gross_slip_amplitude" : "actuator_gross_slip_amplitude";
+  const threshold = unworn?.[limit];
+  const now = at > 0 ? history[limit]?.[row] : undefined;
   fill(first, FIRST.map(wear), h("div", {}, h("dt", {}, "Regime"),
     h("dd", {}, h("span", { "data-value": "regime" }, regime), marked("regime")), h("dd", { class: "errors" }, when,
-      threshold != null && [" · ", term("gross_slip_amplitude", scenario, CHANGES), `\u00a0=\u00a0${quantity(threshold, "m", 3)} ${now === undefined ? "unworn" : "fresh"}`,
-        now !== undefined && [", ", h("span", { "data-value": "threshold" }, quantity(now, "m", 3)), ` after ${cycles(at)} cycles`]])));
+      threshold != null && [" · ", term(limit, scenario, CHANGES), `\u00a0=\u00a0${quantity(threshold, "m", 3)} ${now == null ? "unworn" : "fresh"}`,
+        now != null && [", ", h("span", { "data-value": "threshold" }, quantity(now, "m", 3)), ` after ${cycles(at)} cycles`]])));
   fill(others, OTHERS.map((name) => h("div", {}, h("dt", {}, term(name, scenario)),
     h("dd", {}, h("span", { "data-value": name }, quantity(history[name][row], units[name], 3)), marked(name)))));
   const concerned = [...FIRST, "regime", ...OTHERS].map((name) => [name, warnings.filter((warning) => numberOf(warning) === name)])

@@ -1,6 +1,6 @@
 // The field of one value of the scenario: it reads what is typed, says how it was read, and asks what is doubtful.
 
-import { fill, h, select } from "./dom.js";
+import { h, select } from "./dom.js";
 import { setValueAt, valueAt } from "./fields.js";
 import { fieldText, kindAt, pretty, printed } from "./kinds.js";
 import { drawRange, varyButton } from "./plan.js";
@@ -32,14 +32,14 @@ function meaning(pointer, text, scenario) {
 
 /**
  * Draws the fields of a scenario. `edited(pointer, isDragging)` is called when a value has changed, and `redraw` when the fields
- * are to be drawn again.
+ * are to be drawn again. `doubts` asks about sizes.
  */
 export class Inputs {
   /** The names of the fields whose numbers can vary, by their pointers. */
   names = new Map();
 
-  constructor(form, { edited, changed, redraw }) {
-    Object.assign(this, { form, edited, changed, redraw });
+  constructor(form, { edited, changed, redraw, doubts }) {
+    Object.assign(this, { form, edited, changed, redraw, doubts });
   }
 
   /** The field of `[pointer, label, options, explanation]`. */
@@ -76,19 +76,13 @@ export class Inputs {
     const input = h("input", { ...attributes, value: printed(fieldText(valueAt(scenario, pointer), pointer, scenario)), autocomplete: "off",
       spellcheck: false, placeholder: [/yield_strength$/.test(pointer) && "optional", printed(kindAt(pointer, scenario).unit)].filter(Boolean).join(", ") });
     const set = (text, isDragging = false) => {
-      const { value, note: said, instead } = meaning(pointer, text, scenario);
-      setValueAt(scenario, pointer, value);
+      const read = meaning(pointer, text, scenario);
+      setValueAt(scenario, pointer, read.value);
       if (vary) vary.disabled = !suggested(scenario, pointer, study.kind);
-      // A list has no other reading, so only a question without a note doubts the size.
-      input.toggleAttribute("data-doubt", Boolean(instead) && !said);
-      fill(note, said, said && instead && " ", instead && [instead.question, " ", h("button", { type: "button", class: "vary", onclick: () => {
-        input.value = pretty(instead.value).replaceAll("\u00a0", " ");
-        set(input.value);
-        slide?.follow();
-        input.focus();
-      } }, `Use ${pretty(instead.value)}`)]);
+      this.doubts.show(input, note, pointer, read);
       this.edited(pointer, isDragging);
     };
+    this.doubts.show(input, note, pointer, meaning(pointer, input.value, scenario));
     const slide = vary ? slider(input, name, pointer, scenario, set) : null;
     input.addEventListener("input", () => {
       set(input.value);

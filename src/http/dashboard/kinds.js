@@ -6,7 +6,7 @@ export const LENGTHS = { m: 1, mm: 1e-3, um: 1e-6, nm: 1e-9, cm: 1e-2, in: 0.025
 // MPa comes first: it is meant most often by a number that no field has in GPa.
 const STRESSES = { MPa: 1e6, GPa: 1e9, kPa: 1e3, Pa: 1, "N/mm^2": 1e6 };
 const STIFFNESSES = { "N/m": 1, "N/um": 1e6, "N/mm": 1e3, "kN/mm": 1e6, "MN/m": 1e6 };
-const WEAR = { "1/Pa": 1, "mm^3/(N m)": 1e-9, "m^3/(N m)": 1, "um^3/(N m)": 1e-18, "mm^2/N": 1e-6 };
+const WEAR = { "mm^3/(N m)": 1e-9, "m^3/(N m)": 1, "um^3/(N m)": 1e-18, "mm^2/N": 1e-6, "1/Pa": 1 };
 
 const NUMBER = { unit: "", units: {} };
 /** Plain numbers whose sliders have fixed ends. */
@@ -54,8 +54,8 @@ export function kindAt(pointer, scenario) {
   return si() ? { ...own, likely: own.unit, unit: siUnitOf(own) ?? "" } : own;
 }
 
-/** The SI unit of a kind. */
-export const siUnitOf = ({ units }) => Object.keys(units).find((name) => units[name] === 1);
+/** The SI unit of a kind: the last one of size 1. */
+export const siUnitOf = ({ units }) => Object.keys(units).findLast((name) => units[name] === 1);
 
 /** All spellings of a unit as one: µm³/(N·m), um3/Nm. */
 const plainUnit = (unit) => unit.replace(/[µμ]/g, "u").replace("²", "2").replace("³", "3").replace("°", "deg").replace(/[\s^·⋅*×()]/g, "");
@@ -78,10 +78,19 @@ function plain(number) {
 /** A value in SI as a text in the unit of its field. */
 export const inUnitOf = ({ unit, units }, si) => `${plain(si / units[unit])} ${unit}`;
 
-/** The text of a value in its field. A number of the scenario is in SI; the field has its own unit. */
+/** A wear coefficient as formulas have it. People write a volume per force and path. */
+const PER_PRESSURE = /^([\d.]+(?:[eE][+-]?\d+)?) ?1\/([kMG]?Pa)$/;
+
+/** The text of one value in a field of a kind. A number of the scenario is in SI; the field has its own unit. */
+export function written(value, kind) {
+  const [, number, pressure] = (kind.unit === WEAR_COEFFICIENT.unit && String(value).match(PER_PRESSURE)) || [];
+  const size = number ? number / STRESSES[pressure] : value;
+  return typeof size === "number" && kind.unit && size !== 0 ? inUnitOf(kind, size) : String(value);
+}
+
+/** The text of a value in its field. */
 export function fieldText(value, pointer, scenario) {
   if (value === undefined) return "";
   const kind = kindAt(pointer, scenario);
-  const text = (own) => (typeof own === "number" && kind.unit && own !== 0 ? inUnitOf(kind, own) : String(own));
-  return Array.isArray(value) ? value.map(text).join(", ") : text(value);
+  return Array.isArray(value) ? value.map((own) => written(own, kind)).join(", ") : written(value, kind);
 }

@@ -31,10 +31,9 @@ const LOOPS = { energy: ["J", "Energy"], energy_error: ["J", "Error"], displacem
 const GRAVITY = 9.80665;
 const SIGMA = /σ|sigma|\bsd\b|std|stdev|deviation|error|\berr\b|±|uncertainty/i;
 
-/** Asks for a measured set; null if the user cancels. `file` is what was dropped. */
-export async function askForSet({ result, state, signal }, file) {
+/** Asks for a measured set; null if the user cancels. `file` is what was dropped, and `at` the output cycle that the page shows. */
+export async function askForSet(at, signal, file) {
   let answer = null;
-  const at = (result.profiles?.cycles ?? result.history.cycles)[state.row];
   await openDialog("Add a measurement", (close) => {
     const reader = new TableReader({ at, signal, done: (set) => {
       answer = set;

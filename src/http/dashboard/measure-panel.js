@@ -46,9 +46,10 @@ export class Panel {
 
   /** Asks for a set, with the content of a dropped file if there is one, and shows it. */
   async ask(file) {
-    const set = await askForSet(this.context, file);
+    const { result, state, signal } = this.context;
+    const set = await askForSet((result.profiles?.cycles ?? result.history.cycles)[state.row], signal, file);
     if (!set) return;
-    addSet(set, this.context.result.key);
+    addSet(set, result.key);
     await this.update();
     this.#reveal(set);
   }

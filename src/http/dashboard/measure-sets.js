@@ -1,7 +1,7 @@
 // The measured sets of this tab. Each belongs to the runs that it is shown with.
 
 import { notify } from "./dom.js";
-import { KEPT } from "./measure.js";
+import { FORM, KEPT } from "./measure.js";
 import { cycles, WORDS } from "./units.js";
 
 /**
@@ -37,6 +37,9 @@ function change(to) {
 
 /** Shows the sets of other runs with this run too. */
 export const showAllAt = (key) => change(sets.map((set) => (isOf(key)(set) ? set : { ...set, runs: [...set.runs, key] })));
+
+/** Gives the sets of the form to a run. */
+export const giveTo = (key) => change(sets.map((set) => ({ ...set, runs: [...new Set(set.runs.map((run) => (run === FORM ? key : run)))] })));
 
 /** Adds a set to a run. A set with the same name is replaced. */
 export function addSet(set, key) {

@@ -2,9 +2,24 @@
 
 import { may } from "./allowed.js";
 import { h, notify } from "./dom.js";
+import { takeDropped } from "./dropped.js";
 
 /** Where the measured sets are kept: they survive a reload, and end with the tab. */
 export const KEPT = "fretwork-measured";
+/** What sets that are dropped on the form have in place of the key of a run. */
+export const FORM = "form";
+
+/** Asks for a set that is dropped on the form. */
+export async function measureForRun(at, signal, file) {
+  const [{ askForSet }, { addSet }] = await Promise.all([import("./measure-dialog.js"), import("./measure-sets.js")]);
+  const set = await askForSet(at, signal, file);
+  if (!set) return;
+  addSet(set, FORM);
+  notify(`The run that you keep will show ${set.name}.`);
+}
+
+/** Shows the sets of the form beside a run that is kept. */
+export const showWithRun = async (key) => sessionStorage.getItem(KEPT) && (await import("./measure-sets.js")).giveTo(key);
 
 /**
  * The card of measurements below a run. `figures` are the figures `profile`, `history` and `loop`, `state` is what they show, and
@@ -22,7 +37,6 @@ export function measuring({ result, submitted, link, state, figures, redraw, ref
   const act = (what) => loaded().then(what).catch((problem) => signal.aborted || notify(problem.detail ?? problem.message));
   const button = (id, text, what) => h("button", { type: "button", id, onclick: () => act(what) }, text);
   const mayRead = may("submit");
-  const hasFile = ({ dataTransfer }) => dataTransfer?.types.includes("Files");
   const element = h("section", { class: "card measurements", "aria-label": "Measurements" },
     h("div", { class: "row spread" }, h("h2", {}, mayRead ? "Measurements" : "Wear over energy"), h("div", { class: "row" },
       mayRead && button("add-measurement", "Add measurement…", (own) => own.ask()), button("wear-over-energy", mayRead ? "Wear over energy" : "Show", (own) => own.showEnergy()),
@@ -30,13 +44,7 @@ export function measuring({ result, submitted, link, state, figures, redraw, ref
     mayRead && h("p", { class: "muted" }, "Drop a CSV file with measured numbers on a figure, or add it here. The numbers stay in this tab. Only the reader of files on the "
       + "server gets them, and keeps nothing."), place);
   if (!mayRead) return element;
-  document.addEventListener("dragover", (event) => hasFile(event) && event.preventDefault(), { signal });
-  document.addEventListener("drop", (event) => {
-    if (!hasFile(event)) return;
-    event.preventDefault();
-    const [file] = event.dataTransfer.files;
-    if (file) act((own) => own.ask(file));
-  }, { signal });
+  takeDropped(document, (file) => act((own) => own.ask(file)), signal);
   if (refit) act((own) => own.refit(refit));
   else if (sessionStorage.getItem(KEPT)) act(() => {});
   return element;

@@ -44,7 +44,7 @@ const SCRIPTS: &[File] = files!("text/javascript":
     "keys.js", "library-actions.js", "library-columns.js", "library-table.js", "library.js",
     "thumbnails.js",
     // The live form.
-    "draft.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kinds.js", "live.js",
+    "doubts.js", "draft.js", "dropped.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kept-input.js", "kinds.js", "live.js",
     "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js",
     "undo.js", "warnings.js",
     // Figures and the views of results.

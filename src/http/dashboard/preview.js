@@ -75,6 +75,11 @@ export class Preview {
     this.#draw();
   }
 
+  /** The shown output cycle; 0 before the first answer. */
+  get at() {
+    return (this.#result?.profiles?.cycles ?? [0]).at(this.#row ?? -1);
+  }
+
   /** Shows the rows of a run that is being computed. */
   showRows(history, result) {
     const rows = { ...result, history, events: [], accuracy: { model_error: null } };

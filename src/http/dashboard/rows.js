@@ -1,6 +1,7 @@
 // An editor of rows: blocks, reversals and tables. It takes rows from the clipboard and from files.
 
 import { fill, h } from "./dom.js";
+import { takeDropped } from "./dropped.js";
 import { fieldText, kindAt, printed } from "./kinds.js";
 import { readFile } from "./measured.js";
 import { understand } from "./typed.js";
@@ -14,9 +15,10 @@ const cellsOf = (text) => text.trim().split(/\r?\n/).map((line) => line.split(/\
 
 /**
  * An editor of `{columns, rows(), put(rows), fresh}`. A column has a name and a function from the number of a row to its pointer. A
- * row is a list of values, and `fresh` is a new one. `edited` is called when a cell has changed, and `redraw` for other changes.
+ * row is a list of values, and `fresh` is a new one. `edited` is called when a cell has changed, and `chosen` for other changes. `doubts` asks
+ * about sizes, but not about those of a profile, which are tiny near its axis.
  */
-export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited, chosen }) {
+export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited, chosen, doubts }) {
   const { scenario } = form;
   const body = h("tbody", {});
   const says = h("p", { class: "note-read", role: "status" });
@@ -32,7 +34,7 @@ export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited,
       "aria-describedby": `${id}-fault`, value: printed(fieldText(value, pointer, scenario)), autocomplete: "off", spellcheck: false,
       oninput: () => {
         const all = rows();
-        all[row][column] = understand(input.value, kindAt(pointer, scenario)).value;
+        all[row][column] = ask();
         put(all);
         edited(pointer);
       },
@@ -49,7 +51,15 @@ export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited,
         event.preventDefault();
         pasted(text, row, column);
       } });
-    return h("td", {}, input, h("p", { id: `${id}-fault`, class: "fault" }));
+    const note = h("p", { class: "note-read", role: "status" });
+    /** The value of the cell. */
+    const ask = () => {
+      const meaning = understand(input.value, kindAt(pointer, scenario));
+      if (!pointer.startsWith("/profile/")) doubts.show(input, note, pointer, meaning);
+      return meaning.value;
+    };
+    ask();
+    return h("td", {}, input, note, h("p", { id: `${id}-fault`, class: "fault" }));
   };
   /** Puts pasted cells into the rows from one cell on. */
   function pasted(text, row, column) {
@@ -89,14 +99,10 @@ export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited,
   } });
   const file = h("input", { type: "file", class: "hidden", "aria-label": `${title}: file`, tabIndex: -1, accept: ".csv,.txt,.tsv,text/*",
     onchange: () => file.files[0] && fromFile(file.files[0]) });
-  const element = h("div", { class: "rows", role: "group", "aria-label": title,
-    ondragover: (event) => event.preventDefault(), ondrop: (event) => {
-      event.preventDefault();
-      if (event.dataTransfer.files[0]) fromFile(event.dataTransfer.files[0]);
-    } },
-  h("table", {}, h("thead", {}, h("tr", {}, columns.map(({ name }) => h("th", { scope: "col" }, name)), h("td", {}))), body), more,
+  const element = h("div", { class: "rows", role: "group", "aria-label": title }, h("table", {}, h("thead", {}, h("tr", {}, columns.map(({ name }) => h("th", { scope: "col" }, name)), h("td", {}))), body), more,
   h("div", { class: "row" }, h("button", { type: "button", onclick: () => replace([...rows(), [...(rows().at(-1) ?? fresh)]]) }, "Add row"),
     h("button", { type: "button", onclick: () => file.click() }, "File…"), file, h("span", { class: "muted" }, "Or paste rows, or drop a file.")), says);
+  takeDropped(element, fromFile);
   draw();
   return element;
 }

@@ -8,7 +8,11 @@ const ENDED = "/problems/session-ended";
 
 /** Dispatches `changed` when another user, or none, has signed in, in this tab or in another one. */
 export const session = new EventTarget();
-const tabs = new BroadcastChannel("session");
+/** A channel to all tabs of the browser, also to this one. */
+export const tabsOfSession = () => new BroadcastChannel("session");
+const tabs = tabsOfSession();
+/** What it carries when the user has signed out. */
+export const SIGNED_OUT = "out";
 
 /** The answer of `GET /v1/me`; null if the server requires a key and this browser has none; undefined until it is known. */
 let me;
@@ -57,8 +61,9 @@ tabs.addEventListener("message", async () => {
 export async function signOut() {
   const response = await fetch("/v1/session", { method: "DELETE" }).catch(() => null);
   await readCaller();
-  tabs.postMessage("out");
-  return response?.ok || !signedIn();
+  const isOut = response?.ok || !signedIn();
+  tabs.postMessage(isOut ? SIGNED_OUT : "still in");
+  return isOut;
 }
 
 /** Signs in with a key. Returns why the server did not accept it; empty if it did. */

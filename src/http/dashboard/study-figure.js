@@ -180,11 +180,15 @@ export class StudyFigure {
     const { output, over, by } = this.#state;
     const own = { x: valueAt(view.scenario, over), y: valueAt(view.scenario, by), name: "Scenario", isOwn: true };
     const { points } = readPoints(this.#points, [over, by], view.scenario);
-    const line = view.boundary && view.boundary[over].map((x, i) => ({ x, y: view.boundary[by][i] })).filter(({ x, y }) => x != null && y != null).sort((a, b) => a.y - b.y);
+    const { boundary: table, hints: { regions } } = view;
+    // The second number of a boundary is the amplitude, which has another column after the runs.
+    const [force, amplitude] = view.members;
+    const edge = (column) => table?.[column] && table[force].map((x, i) => ({ [force]: x, [amplitude]: table[column][i] })).map((point) => ({ x: point[over], y: point[by] }))
+      .filter(({ x, y }) => x != null && y != null).sort((a, b) => a.y - b.y);
     this.#chart.show(kind === "regimes" ? view.hints.regions.title : view.title(output), plane(view, { across: over, up: by, output: kind === "heat" ? output : null, rows,
-      boundary: line, regions: view.hints.regions, known: [own, ...points].filter(({ x, y }) => Number.isFinite(x) && Number.isFinite(y)) }), { tall: true });
+      boundary: edge(amplitude), later: edge(regions?.later), regions, known: [own, ...points].filter(({ x, y }) => Number.isFinite(x) && Number.isFinite(y)) }), { tall: true });
     this.#note.textContent = `◆ Scenario of the study: ${[over, by].map((name) => `${view.title(name)} = ${quantity(valueAt(view.scenario, name), view.units[name])}`).join(", ")}.${
-      view.boundary && kind === "heat" ? ` Dashed: ${view.hints.regions.label}.` : ""}`;
+      view.boundary && kind === "heat" ? ` Dashed: ${regions.label}.` : ""}${table?.[regions?.later] ? " Thin: after the last cycle." : ""}`;
   }
 
   /** Offers the runs of the points of the curves at `x`. */

@@ -124,7 +124,7 @@ function knownPoint({ x, y, name, isOwn }, others, { horizontal, vertical, area 
  * A painter of the plane of the numbers `across` and `up`. With an `output` it has colours and contour lines, else the regimes
  * on both sides of `boundary`. `rows` are the rows of the table that belong to the plane, and `known` the points of the user.
  */
-export const plane = (view, { across, up, output, rows, boundary, regions, known }) => (size) => {
+export const plane = (view, { across, up, output, rows, boundary, later, regions, known }) => (size) => {
   const { table, units, words, valuesOf, title } = view;
   const axes = [across, up].map((name) => cellsOf(distinct(rows.map((row) => table[name][row]))));
   const column = output && table[output];
@@ -140,12 +140,16 @@ export const plane = (view, { across, up, output, rows, boundary, regions, known
   const places = axes.map(({ values }, i) => values.map([plan.horizontal, plan.vertical][i].at));
   const lines = hasBar ? contours(places, grid.map((line) => line.map((row) => scaled(column[row] ?? NaN))), bar.ticks.map(({ value }) => scaled(value))).map((d, i) => ({ d, name: bar.ticks[i].text })).filter(({ d }) => d) : [];
   const edge = boundary && output ? [svg("path", { d: `M${boundary.map(({ x, y }) => `${px(plan.horizontal.at(x))} ${px(plan.vertical.at(y))}`).join("L")}`, fill: "none", stroke: "#ffffff", "stroke-width": 2, "stroke-dasharray": "6 4", class: "boundary" })] : [];
+  if (later?.length > 0) {
+    const d = `M${later.map(({ x, y }) => `${px(plan.horizontal.at(x))} ${px(plan.vertical.at(y))}`).join("L")}`;
+    edge.push(svg("path", { d, fill: "none", stroke: output ? "#ffffff" : "var(--ink)", "stroke-width": 1, class: "later boundary" }));
+  }
   const items = grid.flatMap((line, j) => line.flatMap((row, i) => (row === undefined ? [] : [{ x: places[0][i], y: places[1][j], row, values: () => valuesOf(row) }])));
   return {
     plan, items, stride: axes[0].values.length,
     below: output ? [...cells(grid, column, [plan.horizontal, plan.vertical], axes, share),
       ...lines.map(({ d }) => svg("path", { d, fill: "none", stroke: "#ffffff", "stroke-opacity": 0.75, "stroke-width": 1, class: "contour" })), ...edge, ...numbersOf(lines, plan, known)]
-      : regimes(plan, boundary, regions.names.map((name) => name[0].toUpperCase() + name.slice(1))),
+      : [...regimes(plan, boundary, regions.names.map((name) => name[0].toUpperCase() + name.slice(1))), ...edge],
     above: [...(bar?.drawing ?? []), ...known.flatMap((point) => knownPoint(point, known, plan))],
     description: `${output ? title(output) : regions.title} over ${inner(title(across))} and ${inner(title(up))}, ${items.length} points`,
     columns: [across, up, ...(output ? [output] : [])].map((name) => {

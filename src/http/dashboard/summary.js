@@ -32,13 +32,17 @@ export const title = (entry) => (KINDS[entry.kind] ? studyTitle(entry.kind, entr
 const friction = (value) => (Object(value) === value && value.values
   ? `μ\u00a0=\u00a0${digits(value.values[0])}…${digits(value.values.at(-1))}` : equation("μ", value, "1"));
 
+/** The amplitude that was entered: behind a rig, that of the actuator, U + Q/k. */
+const amplitude = ({ amplitude: contact, actuator, rig_stiffness: stiffness, tangential_force: force }) => (stiffness == null ? equation("U", contact, "m")
+  : equation("U at the actuator", actuator ?? contact + force / stiffness, "m"));
+
 const titleOfRun = ({ shape, motion, values }) => `${joined(WORDS[shape], equation("R", values.radius ?? values.edge_radius, "m"),
   values.radii && `R\u00a0=\u00a0${values.radii.map((radius) => quantity(radius, "m")).join(" and ")}`,
   equation("θ", values.slope_angle, "rad"), typeof values.exponent === "number" && `n\u00a0=\u00a0${digits(values.exponent)}`,
   equation("b", values.flat_radius ?? values.flat_half_width, "m"), equation("length", values.length, "m"))}; ${joined(equation("F", values.normal_force, "N"),
   motion === "tangential_force" ? equation("Q", values.tangential_force, "N")
     // Blocks and records have more than one amplitude.
-    : motion !== "blocks" && motion !== "reversals" && equation("U", values.amplitude, "m"),
+    : motion !== "blocks" && motion !== "reversals" && amplitude(values),
   friction(values.friction))}`;
 
 /** For example "Exact method · Partial slip · constant depth, constant amplitude". */
@@ -48,7 +52,8 @@ export const subtitle = ({ kind, method, regime, held, motion }) => KINDS[kind] 
 /** A job whose scenario is known but not yet checked, in the form of an entry of `GET /v1/results`. */
 const entryOfScenario = ({ profile, model, load, motion, friction }) => ({
   shape: profile.shape, method: model?.method, held: load.held, motion: motionOf(motion),
-  values: { ...profile, friction, normal_force: load.normal_force, amplitude: motion.amplitude ?? motion.sliding_amplitude, tangential_force: motion.tangential_force },
+  values: { ...profile, friction, normal_force: load.normal_force, amplitude: motion.amplitude ?? motion.sliding_amplitude, tangential_force: motion.tangential_force,
+    rig_stiffness: motion.rig_stiffness, actuator: motion.amplitude },
 });
 
 /** The title of a study: the offer that made its design, for example a random sample. */

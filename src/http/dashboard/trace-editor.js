@@ -1,6 +1,7 @@
 // The editor of a measured indenter: it takes a trace, and makes a profile of it at once.
 
 import { fill, h, select } from "./dom.js";
+import { takeDropped } from "./dropped.js";
 import { LENGTHS } from "./kinds.js";
 import { faultOf, readFile } from "./measured.js";
 import { profileOf, radiusOf } from "./trace.js";
@@ -26,11 +27,9 @@ export class TraceEditor {
     this.use = use;
     this.#text = h("textarea", { id: "trace", rows: 3, spellcheck: false, oninput: () => this.#read(this.#text.value) });
     const file = h("input", { type: "file", id: "trace-file", accept: ".csv,.txt,.tsv,text/*", onchange: () => file.files[0] && this.#read(file.files[0]) });
-    this.element = h("div", { class: "rows", role: "group", "aria-label": "Trace", ondragover: (event) => event.preventDefault(), ondrop: (event) => {
-      event.preventDefault();
-      if (event.dataTransfer.files[0]) this.#read(event.dataTransfer.files[0]);
-    } }, h("label", { for: "trace" }, "Paste a trace of the indenter (position and height), or drop a file"), this.#text,
+    this.element = h("div", { class: "rows", role: "group", "aria-label": "Trace" }, h("label", { for: "trace" }, "Paste a trace of the indenter (position and height), or drop a file"), this.#text,
     h("label", { class: "hidden", for: "trace-file" }, "File of a trace"), file, this.#options, this.#says);
+    takeDropped(this.element, (own) => this.#read(own));
   }
 
   #choice(name, options, value) {

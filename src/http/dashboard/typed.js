@@ -1,6 +1,6 @@
 // Reads numbers as people type and paste them: 0,7 · 1 000 · 3.03×10⁻⁵ mm³/Nm. Says how it read what is ambiguous.
 
-import { factorIn, inUnitOf, pretty } from "./kinds.js";
+import { factorIn, inUnitOf, pretty, written } from "./kinds.js";
 
 const SPACE = "[ '’\\u00a0\\u2007\\u2009\\u202f]";
 const SIGN = "[-+−–]";
@@ -61,7 +61,8 @@ export function understand(text, kind) {
   }
   const meant = suspect(read, unit, kind);
   if (meant) return { value, note: "", instead: { question: `${shown}. Did you mean ${pretty(meant.value)}${meant.told}?`, value: meant.value } };
-  return { value, note: !read.rest && kind.unit ? `Read as ${shown}.` : "" };
+  const inField = pretty(written(value, kind));
+  return { value, note: (!read.rest && kind.unit) || inField !== shown ? `Read as ${inField}.` : "" };
 }
 
 /**
@@ -76,7 +77,9 @@ function suspect({ number, rest }, unit, kind) {
   const meant = [kind.likely ?? kind.unit, ...Object.keys(kind.units)].find((name) => isUsual(Math.abs(number) * kind.units[name]));
   if (!meant) return undefined;
   const [value, inField] = [valueOf(number, meant), inUnitOf(kind, number * kind.units[meant])];
-  return meant === kind.unit || /e/.test(inField) ? { value, told: "" } : { value: inField, told: ` (${pretty(value)})` };
+  // The unit of the field, unless only this needs a power of ten.
+  const isShort = /e/.test(inField) && !/e/.test(value);
+  return meant === kind.unit || isShort ? { value, told: "" } : { value: inField, told: ` (${pretty(value)})` };
 }
 
 /** The numbers of a list: 1000, 2000 · 1 000; 2 000 · 0,5; 1,5 · 1000 2000. Texts that are no number stay as they are. */

@@ -5,6 +5,7 @@ from .errors import AccessDenied, ApiError, Fault, FretworkError, InvalidRequest
 from .local import LocalClient, local
 from .results import Evaluation, Fit, Number, Result, Run, Study
 from .tables import Table
+from .traces import Trace, read_trace
 
 __all__ = [
     "AccessDenied",
@@ -24,5 +25,7 @@ __all__ = [
     "ServerUnreachable",
     "Study",
     "Table",
+    "Trace",
     "local",
+    "read_trace",
 ]

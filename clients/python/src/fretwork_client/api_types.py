@@ -181,6 +181,8 @@ class Columns(TypedDict):
 
     indentation_depth: "NotRequired[list[float | None]]"
     amplitude: "NotRequired[list[float | None]]"
+    gross_slip_amplitude: "NotRequired[list[float | None]]"
+    actuator_gross_slip_amplitude: "NotRequired[list[float | None]]"
     cycles: "list[float]"
     normalized_cycles: "NotRequired[list[float]]"
     wear_volume: "NotRequired[list[float]]"
@@ -751,6 +753,8 @@ MapResultBoundary = TypedDict(
     {
         "/load/normal_force": "list[float]",
         "/motion/amplitude": "list[float | None]",
+        "unworn.gross_slip_amplitude": "NotRequired[list[float | None]]",
+        "after_run": "NotRequired[list[float | None]]",
     },
 )
 
@@ -867,7 +871,7 @@ PlotInstants: TypeAlias = "list[float]"
 
 PlotKind: TypeAlias = "Literal['curves', 'scatter', 'heat', 'regimes', 'tornado', 'bands', 'residuals', 'energy', 'profile']"
 
-PlotQuantity: TypeAlias = "Literal['worn', 'wear', 'image', 'pressure', 'slip', 'wear_volume', 'wear_depth', 'scar_radius', 'contact_radius', 'stick_radius', 'normal_force', 'indentation_depth', 'amplitude', 'tangential_force', 'energy_per_cycle', 'dissipated_energy', 'wear_volume_error', 'wear_depth_error', 'loops']"
+PlotQuantity: TypeAlias = "Literal['worn', 'wear', 'image', 'pressure', 'slip', 'wear_volume', 'wear_depth', 'scar_radius', 'contact_radius', 'stick_radius', 'normal_force', 'indentation_depth', 'amplitude', 'tangential_force', 'energy_per_cycle', 'dissipated_energy', 'wear_volume_error', 'wear_depth_error', 'gross_slip_amplitude', 'actuator_gross_slip_amplitude', 'loops']"
 
 Position: TypeAlias = "float | str"
 
@@ -1336,6 +1340,7 @@ class Unworn(TypedDict):
     actuator_amplitude: "NotRequired[float]"
     actuator_energy_ratio: "NotRequired[float]"
     actuator_slip_ratio: "NotRequired[float]"
+    actuator_gross_slip_amplitude: "NotRequired[float]"
 
 Up: TypeAlias = "Literal['out', 'in']"
 

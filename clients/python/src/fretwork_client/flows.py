@@ -21,11 +21,16 @@ from . import api_types as api
 from .errors import ApiError, InvalidRequest, JobFailed, ServerUnreachable, refusal
 from .progress import Progress
 from .results import Evaluation, Fit, Run, Study
+from .tables import Array
+from .traces import Trace
+from .values import plain
 
 T = TypeVar("T")
+# With quantities or arrays, a scenario is a dict of any type.
+Scenario = api.Scenario | Mapping[str, Any]
 Flow = Generator["Request | Pause", "Answer", T]
 # Numbers to vary: values, a range such as {"from": 1, "to": 2, "count": 5}, or {"distribution": …}, by JSON pointer.
-Vary = Mapping[str, Sequence[float | str] | Mapping[str, Any]]
+Vary = Mapping[str, Sequence[float | str] | Array | Mapping[str, Any]]
 
 FINISHED = ("succeeded", "failed", "canceled")
 # Answers after which the same request may succeed: too many requests, a proxy without a server, a server that starts or stops.
@@ -178,6 +183,7 @@ def send(request: Request, seconds: float) -> Flow[Answer]:
 
 def post(path: str, body: Mapping[str, Any], patience: float, **headers: str) -> Flow[Any]:
     """Sends JSON, and returns the JSON of the answer. The server must do the same if it receives this twice."""
+    body = plain(body)
     named = {"content-type": "application/json"} | {name.replace("_", "-"): value for name, value in headers.items()}
     answer = yield from send(Request("POST", path, headers=named, content=json.dumps(body).encode()), patience)
     return answer.json()
@@ -254,11 +260,11 @@ class Operations:
     patience: float
     show: Callable[[], Progress]
 
-    def run(self, scenario: api.Scenario, *, label: str | None = None, tags: Sequence[str] = ()) -> Flow[Run]:
+    def run(self, scenario: Scenario, *, label: str | None = None, tags: Sequence[str] = ()) -> Flow[Run]:
         """Computes a scenario, or reads its stored result."""
         return (yield from self._compute(Run, "scenario", scenario, label, tags))
 
-    def evaluate(self, scenario: api.Scenario, outputs: Sequence[str]) -> Flow[Evaluation]:
+    def evaluate(self, scenario: Scenario, outputs: Sequence[str]) -> Flow[Evaluation]:
         """Computes some outputs of a short run, such as `wear_depth@10000`. The server stores nothing."""
         body = {"scenario": scenario, "outputs": list(outputs)}
         answer: api.Evaluated = yield from post("/v1/evaluate", body, self.patience)
@@ -267,7 +273,7 @@ class Operations:
     def sweep(
         self,
         /,
-        scenario: api.Scenario,
+        scenario: Scenario,
         vary: Vary,
         outputs: Sequence[str],
         *,
@@ -285,7 +291,7 @@ class Operations:
     def sensitivity(
         self,
         /,
-        scenario: api.Scenario,
+        scenario: Scenario,
         vary: Vary | Sequence[str],
         outputs: Sequence[str],
         *,
@@ -303,7 +309,7 @@ class Operations:
 
     def map(
         self,
-        scenario: api.Scenario,
+        scenario: Scenario,
         normal_force: api.Axis,
         amplitude: api.Axis,
         outputs: Sequence[str] = (),
@@ -320,7 +326,7 @@ class Operations:
     def fit(
         self,
         /,
-        scenario: api.Scenario,
+        scenario: Scenario,
         parameters: Mapping[str, Mapping[str, Any]] | Sequence[api.FitParametersItem],
         tests: Sequence[api.FitTestsItem],
         *,
@@ -361,10 +367,17 @@ class Operations:
         found: api.DerivativeList = (yield from get(path, self.patience, **names)).json()
         return found["derivatives"]
 
-    def measurements(self, /, file: str | os.PathLike[str], **options: str | int) -> Flow[api.Measured]:
-        """Reads a file of measured numbers. `options` are the parameters of `POST /v1/measurements`, such as `x` and `y`."""
+    def measurements(self, /, file: str | os.PathLike[str] | Trace, **options: str | int) -> Flow[api.Measured]:
+        """Reads a file of measured numbers, or a trace of `read_trace`.
+
+        `options` are the parameters of `POST /v1/measurements`, such as `x` and `y`. For a trace, `prepare` is `trace`.
+        """
+        if isinstance(file, Trace):
+            content, options = file.text().encode(), {"prepare": "trace", **options}
+        else:
+            content = pathlib.Path(file).read_bytes()
         headers = {"content-type": "application/octet-stream"}
-        request = Request("POST", "/v1/measurements", _words(options), headers, pathlib.Path(file).read_bytes())
+        request = Request("POST", "/v1/measurements", _words(options), headers, content)
         return cast(api.Measured, (yield from send(request, self.patience)).json())
 
     def _compute(self, kind: type[ResultT], name: str, body: Any, label: str | None, tags: Sequence[str]) -> Flow[ResultT]:

@@ -26,13 +26,13 @@ ENGINEERING = {
 }
 
 
-def needed(module: str) -> Any:
-    """A module of an optional package."""
+def needed(module: str, install: str = "") -> Any:
+    """A module of an optional package. `install` is what pip installs, if it is not the package itself."""
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
         package = module.split(".")[0]
-        raise ImportError(f"{package} is missing. Install it with: pip install {package}") from error
+        raise ImportError(f"{package} is missing. Install it with: pip install {install or package}") from error
 
 
 class Table(Mapping[str, Array]):

@@ -97,17 +97,18 @@ impl Limit {
         // Otherwise the substitution x = ã − (ã − c)s² removes the square root at the end.
         let width = radius - c;
         let volume = if geometry == Geometry::Line {
-            // With s = ã − (ã − c) v² the root at the end is smooth.
+            // With s = ã (c/ã)^v² the root at the end is smooth, and small s/ã have their share.
+            let ratio = libm::log(c / radius);
             let of_spring = |v: f64| {
-                let s = radius - width * v * v;
-                v * (d - shape.image(s)) * chord(s) / s
+                let s = radius * libm::exp(ratio * v * v);
+                v * (d - shape.image(s)) * chord(s)
             };
             let kinks: Vec<f64> = shape
                 .kinks()
                 .iter()
-                .map(|kink| ((radius - kink) / width).max(0.0).sqrt())
+                .map(|kink| (libm::log(kink / radius) / ratio).max(0.0).sqrt())
                 .collect();
-            4.0 * width * integrate_pieces(0.0, 1.0, &kinks, of_spring)
+            -4.0 * ratio * integrate_pieces(0.0, 1.0, &kinks, of_spring)
         } else if shape.kinks().iter().any(|kink| c - kink < width) {
             let of_spring = |x: f64| (d - shape.image(x)) * chord(x);
             let part = |to: f64| integrate_pieces(0.0, to, shape.kinks(), of_spring);
@@ -226,6 +227,27 @@ mod tests {
         assert_eq!((paraboloid.depth, paraboloid.depth_radius), (1.0, 0.0));
         let cone = Limit::solve(&Shape::power(1.0), 0.0).expect("a root");
         assert!((cone.radius - FRAC_PI_2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_volume_of_a_line_contact_agrees_with_its_limiting_profile_however_small_the_core() {
+        for (shape, c) in [1.0, 2.0]
+            .into_iter()
+            .flat_map(|exponent| [0.5, 0.02, 1e-3, 1e-7].map(|c| (Shape::line_power(exponent), c)))
+        {
+            let limit = Limit::solve(&shape, c).expect("a root");
+            // With r = c·(ã/c)^u² the profile is smooth at the core, and has its share near it.
+            let ratio = libm::log(limit.radius / c);
+            let of = |u: f64| {
+                let r = c * libm::exp(ratio * u * u);
+                4.0 * ratio * u * r * limiting_wear(&shape, c, 1.0, r, chord_and_angle(c, r))
+            };
+            let volume = integrate_pieces(0.0, 1.0, &[0.3, 0.6, 0.9], of);
+            assert!(
+                (volume / limit.volume - 1.0).abs() < 1e-6,
+                "{shape:?} {c}: {volume} {limit:?}"
+            );
+        }
     }
 
     #[test]

@@ -37,6 +37,11 @@ impl Series {
 
     /// The stroke of the unworn contact of `shape` at θ, in μh₀.
     pub(crate) fn stroke(&self, shape: &Shape, threshold: f64) -> f64 {
+        threshold * self.outside(1.0) + self.slipping(shape, threshold, 1.0)
+    }
+
+    /// What the unworn springs of `shape` inside the half-width `end` yield at θ, where they slip.
+    pub(crate) fn slipping(&self, shape: &Shape, threshold: f64, end: f64) -> f64 {
         let stick = shape.stick_radius(threshold);
         let rise = |s: f64| threshold - 1.0 + shape.image(s);
         let of_spring = |s: f64| {
@@ -48,10 +53,8 @@ impl Series {
         // The cube makes the image smooth at the stick edge and at the middle. Beyond a flat, the image rises like a
         // power 3/2.
         let from = shape.kinks().iter().copied().fold(stick, f64::max);
-        let width = 1.0 - from;
-        let slipping =
-            integrate(0.0, 1.0, |v| 3.0 * width * v * v * of_spring(from + width * v * v * v));
-        threshold * self.outside(1.0) + slipping
+        let width = (end - from).max(0.0);
+        integrate(0.0, 1.0, |v| 3.0 * width * v * v * of_spring(from + width * v * v * v))
     }
 
     /// The same reference at the contact, without the rig.

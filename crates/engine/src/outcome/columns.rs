@@ -33,7 +33,7 @@ pub const QUANTITIES: &[Quantity] = &[
     quantity("normal_force", "N", "Normal force", "$F$"),
     quantity("tangential_force", "N", "Tangential force amplitude", "$Q$"),
     quantity("amplitude", "m", "Displacement amplitude", "$U$"),
-    quantity("gross_slip_amplitude", "m", "Gross-slip threshold", ""),
+    quantity("gross_slip_amplitude", "m", "Gross-slip threshold at the contact", ""),
     quantity("normal_modulus", "Pa", "Normal modulus", "$E$*"),
     quantity("tangential_modulus", "Pa", "Tangential modulus", "$G$*"),
     quantity("wear_coefficient", "1/Pa", "Wear coefficient", "$k_w$"),
@@ -61,6 +61,7 @@ pub const QUANTITIES: &[Quantity] = &[
     quantity("actuator_amplitude", "m", "Actuator amplitude", ""),
     quantity("actuator_energy_ratio", "1", "Energy ratio at the actuator", ""),
     quantity("actuator_slip_ratio", "1", "Slip ratio at the actuator", ""),
+    quantity("actuator_gross_slip_amplitude", "m", "Gross-slip threshold at the actuator", ""),
     quantity("scar_half_length", "m", "Half-length of the scar", ""),
 ];
 
@@ -79,7 +80,8 @@ pub const SECTION_WORDS: &[(&str, [&str; 2])] =
 /// The names and symbols of numbers of sections that do not follow from the quantity.
 pub const SPECIAL_WORDS: &[(&str, [&str; 2])] = &[
     ("scales.cycles", ["Characteristic cycles", "$N$₀"]),
-    ("unworn.gross_slip_amplitude", ["Gross-slip threshold", ""]),
+    ("unworn.gross_slip_amplitude", ["Gross-slip threshold at the contact", ""]),
+    ("unworn.actuator_gross_slip_amplitude", ["Gross-slip threshold at the actuator", ""]),
     ("unworn.force_ratio", ["Unworn force ratio", "$Q$/($μF$)"]),
     ("unworn.stick_ratio", ["Unworn stick ratio", "$c$/$a$₀"]),
     ("limit.wear_depth", ["Limiting wear depth", ""]),
@@ -189,7 +191,7 @@ section! {
     wear_coefficient: f64 = "k_w";
     peak_pressure: f64 = "The largest pressure. It is infinite for a cone and at the edge of a flat: then it is null in JSON";
     mean_pressure: f64 = "F/(πa²), or F/(2a·length) of a line contact";
-    gross_slip_amplitude: f64 = "The amplitude at which the whole contact slips; null for a line contact without a reference";
+    gross_slip_amplitude: f64 = "The amplitude U of the contact at which all of it slips; null for a line contact without a reference";
     stick_radius: f64 = "The stick radius c; 0 in gross slip";
     amplitude: f64 = "The amplitude U; null for a line contact without a reference";
     tangential_force: f64 = "The amplitude Q of the tangential force";
@@ -203,6 +205,8 @@ section! {
     actuator_energy_ratio: Option<f64> = "The energy ratio for the stroke at the actuator, W/(4QU_rig). Only with a rig";
     #[serde(skip_serializing_if = "Option::is_none")]
     actuator_slip_ratio: Option<f64> = "The slip ratio for the stroke at the actuator, δ₀/U_rig. Only with a rig";
+    #[serde(skip_serializing_if = "Option::is_none")]
+    actuator_gross_slip_amplitude: Option<f64> = "The amplitude of the actuator at which the whole contact slips, `gross_slip_amplitude` + μF/k_rig. Only with a rig";
 }
 
 section! {
@@ -240,6 +244,10 @@ section! {
     wear_volume_error: Vec<f64> = "Estimated relative error of `wear_volume` due to discretisation; 0 at cycle 0. Results of version 0.3.0 and earlier do not have it";
     #[serde(default)]
     wear_depth_error: Vec<f64> = "Estimated relative error of `wear_depth` due to discretisation; 0 at cycle 0. Results of version 0.3.0 and earlier do not have it";
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    gross_slip_amplitude: Vec<f64> = "The amplitude U at which the whole contact would slip, as it is worn at this cycle; null for a line contact without a reference. Results of version 0.4.0 and earlier do not have it";
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    actuator_gross_slip_amplitude: Vec<f64> = "The same at the actuator. Only with a rig";
 }
 
 impl History {

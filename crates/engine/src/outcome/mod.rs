@@ -294,6 +294,7 @@ impl Unworn {
             actuator_amplitude: share.map(|share| scales.amplitude / share),
             actuator_energy_ratio: share.map(|share| share * found.energy_ratio),
             actuator_slip_ratio: share.map(|share| share * found.slip_ratio),
+            actuator_gross_slip_amplitude: case.actuator_gross_slip_amplitude(),
         }
     }
 }

@@ -63,6 +63,8 @@ pub(super) struct HistoryEntry {
     pub(super) threshold: f64,
     /// The stroke of a line contact in μh₀, with that of the rig. NaN if it is not known.
     pub(super) stroke: f64,
+    /// The amplitudes of the contact and of the actuator at which the whole contact slips, Δ or the stroke.
+    pub(super) gross_slip: [f64; 2],
     /// Half of the normal force, ∫ y dx over half of the row.
     pub(super) normal: f64,
     /// Half of the tangential force, ∫ min(Δ, y) dx over half of the row.
@@ -228,6 +230,11 @@ impl Recording {
         history.dissipated_energy.push(entry.dissipated * scales.volume() * per_wear);
         history.wear_volume_error.push(entry.errors.volume);
         history.wear_depth_error.push(entry.errors.depth);
+        let [contact_slips, actuator_slips] = entry.gross_slip.map(|it| it * m * scales.slip());
+        history.gross_slip_amplitude.push(contact_slips);
+        if case.has_rig() {
+            history.actuator_gross_slip_amplitude.push(actuator_slips);
+        }
         let Some((curves, found)) = entry.curves else { return };
         let profiles = &mut self.profiles;
         profiles.cycles.push(n);

@@ -503,7 +503,8 @@ fn the_rows_so_far_are_rows_of_the_result() {
             let smoothed = request["model"]["method"] == "exact" && rows != all;
             for ((name, part), (_, whole)) in rows.columns().into_iter().zip(all.columns()) {
                 let missing = smoothed && ["contact_radius", "scar_radius"].contains(&name);
-                let count = if missing { 0 } else { rows.cycles.len() };
+                // This one has no actuator.
+                let count = if missing { 0 } else { rows.cycles.len().min(whole.len()) };
                 assert_eq!(part, &whole[..count], "{name}");
             }
         }

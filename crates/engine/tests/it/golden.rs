@@ -33,62 +33,62 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
     let cycles = json!([500, 5000, 6000, 50_000, 500_000]);
     let long = json!({"normalized": [0.5, 4, 16, 1000]});
     vec![
-        ("simplified", json!({"cycles": long}), 0x5084_1583_f20a_1b39),
+        ("simplified", json!({"cycles": long}), 0xa4e1_d321_e532_91b4),
         (
             "simplified, stopped",
             json!({"until": {"wear_depth": "0.5 um"}, "cycles": long}),
-            0xb6bd_a291_80aa_5f55,
+            0xc459_551e_9220_d646,
         ),
         (
             "simplified, gross slip",
             json!({"motion": {"amplitude": "5 um"}, "cycles": long}),
-            0x18d5_891b_fa45_b7dd,
+            0xc52f_ac57_1ddf_40cb,
         ),
-        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0x563a_27d6_a808_10ca),
+        ("exact", json!({"model": exact, "load": depth, "cycles": long}), 0xa046_5ce3_15b8_131c),
         (
             "exact beside the rule",
             json!({"model": {"method": "exact", "compare": true}}),
-            0x66ca_1b5b_7caf_31a3,
+            0x114b_139e_e0b6_2d57,
         ),
         (
             "exact, force held, stopped",
             json!({"model": exact, "load": force, "until": {"wear_volume": "1e-3 mm^3"},
                    "cycles": long}),
-            0xda3b_5cba_95b9_b866,
+            0x41f1_3fc1_057a_6e35,
         ),
         (
             "exact, both forces held, shared",
             json!({"model": exact, "load": force, "motion": {"tangential_force": "50 N"},
                    "wear": {"coefficient": "3.03e-5 mm^3/(N m)", "share": 0.3}, "cycles": long}),
-            0x1326_d759_ae6e_bcf9,
+            0x17cd_7c9e_9bd4_5e1d,
         ),
         (
             "exact, tangential force held",
             json!({"model": exact, "load": depth, "motion": {"tangential_force": "50 N"},
                    "cycles": long}),
-            0x2fcb_2c29_cb6f_9172,
+            0x9139_211f_df89_8ec7,
         ),
         (
             "exact, rig",
             json!({"model": exact, "load": force,
                    "motion": {"amplitude": "2.5 um", "rig_stiffness": "50 N/um"}}),
-            0x3e30_d142_03da_d41a,
+            0x7dd9_4f3e_0800_298a,
         ),
         (
             "exact, blocks",
             json!({"model": exact, "load": depth, "motion": blocks, "cycles": cycles}),
-            0x7854_9d74_dfd7_cd5a,
+            0x0ca3_1cb6_ca82_5fcc,
         ),
         (
             "simplified, blocks, force held",
             json!({"load": force, "motion": blocks, "cycles": cycles}),
-            0x4ab5_5a41_6b97_0c6d,
+            0xbf50_b2f9_041d_4d34,
         ),
         (
             "exact, reversals",
             json!({"model": exact, "motion": {"reversals": ["2 um", "-2 um", "1 um", "-1.5 um"]},
                    "cycles": cycles, "profiles_at": [500, 50_000]}),
-            0x6bcb_730e_0bad_8081,
+            0x340f_4a58_4836_64ed,
         ),
     ]
 }
@@ -100,24 +100,24 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
     let exact = json!({"method": "exact"});
     let force = json!({"normal_force": "100 N", "held": "force"});
     vec![
-        ("simplified, table", json!({"profile": table}), 0x1602_b656_848c_11c1),
+        ("simplified, table", json!({"profile": table}), 0x9dce_ef9c_d83a_083b),
         (
             "exact, table",
             json!({"profile": table, "model": exact, "load": force}),
-            0x7ad8_d14f_85f0_0000,
+            0xb2a5_51f1_f469_f8e0,
         ),
         (
             "exact, truncated cone, gross slip",
             json!({"profile": {"shape": "truncated_cone", "slope_angle": "2 deg",
                                "flat_radius": "20 um"},
                    "motion": {"amplitude": "8 um"}, "model": exact, "load": force}),
-            0xc5ee_32b4_92e0_4d84,
+            0xb2ea_1bc2_63f0_e5a3,
         ),
         (
             "simplified, power",
             json!({"profile": {"shape": "power", "exponent": 2.5, "height": "1 um",
                                "at_radius": "0.1 mm"}, "profiles_at": "last"}),
-            0x7ff4_0247_3f9f_014e,
+            0x98e7_26a7_761e_6688,
         ),
     ]
 }

@@ -3,6 +3,7 @@
 
 use std::f64::consts::{FRAC_2_PI, SQRT_2};
 
+use fretwork_engine::contact::unworn::Regime;
 use fretwork_engine::outcome::Outcome;
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
@@ -329,4 +330,96 @@ fn the_criteria_at_the_actuator_agree_with_a_loop_that_includes_the_rig() {
     let outcome = run(&ball("exact", "depth", &stiff, json!([100])));
     assert_eq!(outcome.unworn.actuator_amplitude, None);
     assert_eq!(outcome.loops.expect("loops").actuator_slip_ratio, None);
+}
+
+/// A contact behind a rig, with sizes drawn from a seed.
+fn random_contact(number: u64) -> Value {
+    let mut state = number.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(7);
+    let mut between = |low: f64, high: f64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        low * (high / low).powf((state >> 11) as f64 / (1_u64 << 53) as f64)
+    };
+    let radius = between(2e-3, 0.1);
+    let (profile, is_line) = match number % 5 {
+        0 => (json!({"shape": "paraboloid", "radius": radius}), false),
+        1 => (json!({"shape": "cone", "slope_angle": between(0.005, 0.05)}), false),
+        2 => {
+            let flat = 0.3e-3 * between(0.3, 1.0);
+            (json!({"shape": "truncated_paraboloid", "radius": radius, "flat_radius": flat}), false)
+        }
+        3 => (json!({"shape": "cylinder", "radius": radius, "length": "10 mm"}), true),
+        _ => (
+            json!({"shape": "wedge", "slope_angle": between(0.005, 0.05), "length": "10 mm"}),
+            true,
+        ),
+    };
+    let held = if is_line || number.is_multiple_of(2) { "force" } else { "depth" };
+    let mut motion = json!({"amplitude": "1 um", "rig_stiffness": between(1e6, 1e9)});
+    if is_line {
+        motion["reference_distance"] = json!("60 mm");
+    }
+    let moduli = if is_line {
+        json!({"normal": "113 GPa"})
+    } else {
+        json!({"normal": "113 GPa", "tangential": "93 GPa"})
+    };
+    let method = if is_line || number.is_multiple_of(3) { "exact" } else { "simplified" };
+    json!({
+        "profile": profile, "moduli": moduli, "friction": between(0.2, 1.0),
+        "wear": {"coefficient": "3e-5 mm^3/(N m)"},
+        "load": {"normal_force": between(20.0, 2000.0), "held": held},
+        "motion": motion, "cycles": {"normalized": [0.3, between(0.5, 3.0)]},
+        "model": {"method": method, "points": 16},
+    })
+}
+
+fn at_amplitude(request: &Value, amplitude: f64) -> Outcome {
+    let mut request = request.clone();
+    request["motion"]["amplitude"] = json!(amplitude);
+    run(&request)
+}
+
+/// The amplitude of the actuator minus the threshold after the last cycle.
+fn excess(outcome: &Outcome) -> f64 {
+    let unworn = &outcome.unworn;
+    let last = outcome.history.actuator_gross_slip_amplitude.last().expect("a rig");
+    unworn.actuator_amplitude.expect("a rig") - last
+}
+
+#[test]
+fn the_threshold_at_the_actuator_separates_partial_and_gross_slip() {
+    for number in 0..40 {
+        let request = random_contact(number);
+        let unworn = at_amplitude(&request, 1e-6).unworn;
+        let limit = unworn.actuator_gross_slip_amplitude.expect("a rig");
+        let [friction, force, stiffness] =
+            ["/friction", "/load/normal_force", "/motion/rig_stiffness"]
+                .map(|pointer| request.pointer(pointer).and_then(Value::as_f64).expect("a number"));
+        let known = unworn.gross_slip_amplitude + friction * force / stiffness;
+        assert!((limit / known - 1.0).abs() < 1e-6, "{request}: {limit} {known}");
+        for (share, regime) in [(0.999, Regime::PartialSlip), (1.001, Regime::GrossSlip)] {
+            let outcome = at_amplitude(&request, share * limit);
+            assert_eq!(outcome.regime, regime, "{request}: {share}");
+            let first = outcome.history.actuator_gross_slip_amplitude[0];
+            assert!((first / limit - 1.0).abs() < 1e-9, "{request}: {first} {limit}");
+        }
+        // The amplitude at which the contact just slips as a whole after the last cycle.
+        let [mut low, mut high] = [limit, limit];
+        while excess(&at_amplitude(&request, low)) >= 0.0 {
+            low *= 0.97;
+        }
+        while excess(&at_amplitude(&request, high)) < 0.0 {
+            high *= 1.03;
+        }
+        while high / low > 1.0001 {
+            let middle = 0.5 * (low + high);
+            let slips = excess(&at_amplitude(&request, middle)) >= 0.0;
+            *(if slips { &mut high } else { &mut low }) = middle;
+        }
+        let stick = |amplitude| {
+            *at_amplitude(&request, amplitude).history.stick_radius.last().expect("a row")
+        };
+        let [below, above] = [stick(0.999 * low), stick(1.001 * high)];
+        assert!(below > 0.0 && above == 0.0, "{request}: {low} {limit}, {below} {above}");
+    }
 }

@@ -16,6 +16,7 @@ const MAX_CELLS: usize = 128;
 const BELOW: &str = "#dcebf7";
 const ABOVE: &str = "#f2bf8c";
 const BOUNDARY: Style = Style { color: "#000000", dash: Dash::Dashed, width: 1.8, mark: None };
+const LATER: Style = Style { color: "#000000", dash: Dash::Solid, width: 1.2, mark: None };
 const HALO: Style = Style { color: "#ffffff", dash: Dash::Solid, width: 3.4, mark: None };
 
 /// The numbers on the axes of a figure, as indices into the list of the numbers that the study varies.
@@ -168,6 +169,11 @@ pub fn list(x: &[f64], y: &[f64]) -> Series {
 pub fn boundary([x, y]: [Vec<f64>; 2], label: &str) -> Vec<Series> {
     let line = |label, style| Series::new(label, x.clone(), y.clone()).styled(style);
     vec![line("", HALO), line(label, BOUNDARY)]
+}
+
+/// The boundary after the runs.
+pub fn later([x, y]: [Vec<f64>; 2]) -> Series {
+    Series::new("after the last cycle", x, y).styled(LATER)
 }
 
 /// The regions below and above the boundary, which may leave the range of the vertical axis.

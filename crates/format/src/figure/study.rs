@@ -201,9 +201,13 @@ impl<'a> Study<'a> {
         let (field, note) = self.surface(name).field(named, (x.log, y.log), scale);
         let series = match self.offer.hints.regions {
             Some(regions) => {
-                let [first, second] = self.boundary(&regions)?;
-                let curve = if over == 0 { [first, second] } else { [second, first] };
-                grid::boundary(curve, regions.label)
+                let turned = |[first, second]: [Vec<f64>; 2]| {
+                    if over == 0 { [first, second] } else { [second, first] }
+                };
+                let unworn = self.boundary(&regions, self.member(1))?;
+                let mut series = grid::boundary(turned(unworn), regions.label);
+                series.extend(self.later(&regions)?.map(turned).map(grid::later));
+                series
             }
             None => Vec::new(),
         };
@@ -212,12 +216,18 @@ impl<'a> Study<'a> {
         self.finished(figure, &(note + &self.gaps(name)), &format!(" Colours: {label}."))
     }
 
-    /// The boundary of two regions: the values of its first column, ascending, and those of its second column. A
-    /// missing value of the second column is NaN.
-    fn boundary(&self, regions: &Regions) -> Result<[Vec<f64>; 2]> {
+    /// The boundary after the runs.
+    fn later(&self, regions: &Regions) -> Result<Option<[Vec<f64>; 2]>> {
+        let boundary = self.boundary(regions, regions.later)?;
+        Ok(Some(boundary).filter(|[_, second]| !second.is_empty()))
+    }
+
+    /// The boundary of two regions: the values of the first number, ascending, and those of a column. A missing value of
+    /// the column is NaN.
+    fn boundary(&self, regions: &Regions, column: &str) -> Result<[Vec<f64>; 2]> {
         let boundary = self.document.value(regions.boundary)?;
-        let [first, second] = [0, 1].map(|place| -> Vec<f64> {
-            let cells = boundary[self.member(place)].as_array().into_iter().flatten();
+        let [first, second] = [self.member(0), column].map(|name| -> Vec<f64> {
+            let cells = boundary[name].as_array().into_iter().flatten();
             cells.map(|cell| cell.as_f64().unwrap_or(f64::NAN)).collect()
         });
         let mut pairs: Vec<_> = first.into_iter().zip(second).collect();
@@ -229,7 +239,7 @@ impl<'a> Study<'a> {
     #[expect(clippy::expect_used, reason = "a test reads the hints of all kinds")]
     fn regimes(&self) -> Result<String> {
         let regions = self.offer.hints.regions.expect("this figure has regions");
-        let boundary = self.boundary(&regions)?;
+        let boundary = self.boundary(&regions, self.member(1))?;
         let [x, y] = [0, 1].map(|place| {
             let ends = axes::distinct(self.column(self.member(place)));
             let range = ends.first().zip(ends.last()).map(|(low, high)| (*low, *high));
@@ -237,7 +247,8 @@ impl<'a> Study<'a> {
         });
         let bands = grid::regions(regions.names, &boundary, y.range);
         // The boundary needs no label, because the regions have names.
-        let series = grid::boundary(boundary, "");
+        let mut series = grid::boundary(boundary, "");
+        series.extend(self.later(&regions)?.map(grid::later));
         let title = regions.title.to_owned();
         self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, "", "")
     }

@@ -21,12 +21,13 @@ const FIGURES: [&str; 4] = ["worn", "wear_volume", "wear_depth", "loops"];
 /// The numbers that stand first.
 const FIRST: [&str; 2] = ["wear_volume", "wear_depth"];
 /// The numbers of the unworn contact and of the limiting state: section and member.
-const UNWORN: [(&str, &str); 10] = [
+const UNWORN: [(&str, &str); 11] = [
     ("scales", "contact_radius"),
     ("scales", "indentation_depth"),
     ("scales", "normal_force"),
     ("scales", "cycles"),
     ("unworn", "gross_slip_amplitude"),
+    ("unworn", "actuator_gross_slip_amplitude"),
     ("unworn", "peak_pressure"),
     ("unworn", "amplitude"),
     ("unworn", "tangential_force"),

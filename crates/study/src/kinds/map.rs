@@ -5,7 +5,7 @@
 //!
 //! Gross slip begins at the amplitude U = μ(E*/G*)·d(F), where d is the indentation depth at the normal force F. For a
 //! paraboloid with contact radius a this is the formula of Hertz and Mindlin, U = 3μF/(4G*a). The amplitude of a line
-//! contact is measured against the reference of the scenario.
+//! contact is measured against the reference of the scenario. Behind a rig, all amplitudes are those of the actuator.
 //!
 //! # Sources
 //! O. Vingsbo, S. Söderberg, Wear 126 (1988) 131: fretting maps.
@@ -43,6 +43,7 @@ pub const KIND: Kind = Kind {
             regions: Some(Regions {
                 boundary: "boundary",
                 label: "gross slip begins",
+                later: "after_run",
                 title: "Regimes of the unworn contact",
                 names: ["partial slip", "gross slip"],
             }),
@@ -72,6 +73,13 @@ const CLOSED: [(&str, &str); 3] =
 const STICK_RATIO: usize = 1;
 /// The name of the column of texts that follows from the stick ratio.
 const REGIME: &str = "regime";
+/// The stiffness of a rig.
+const RIG: &str = "/motion/rig_stiffness";
+/// The outputs of a run that say at which amplitude the worn contact slips as a whole: without and with a rig.
+const THRESHOLDS: [&str; 2] = ["gross_slip_amplitude", "actuator_gross_slip_amplitude"];
+/// The columns of the boundary besides [`MEMBERS`]: the amplitude at the contact, if there is a rig, and the boundary
+/// after the runs, if there are runs.
+const BESIDE: [&str; 2] = ["unworn.gross_slip_amplitude", "after_run"];
 /// Processor time of a point without a run, in seconds.
 const SECONDS: f64 = 2e-6;
 
@@ -93,6 +101,8 @@ struct Request {
 struct Map {
     forces: Vec<f64>,
     amplitudes: Vec<f64>,
+    /// Those of [`BESIDE`] that the boundary has.
+    beside: Vec<&'static str>,
     /// For each normal force a case with one of the amplitudes, or why there is none. Each is computed when it is first
     /// needed.
     cases: Vec<OnceLock<Result<Box<Case>, String>>>,
@@ -110,18 +120,26 @@ fn read(map: Value) -> Result<Read, Faults> {
     faults.keep("/scenario", plain(&scenario));
     let names = outputs.0.filter(|names| *names != json!([]));
     let outputs = names.map_or(Ok(Vec::new()), |names| outputs_of(names, &scenario));
-    let outputs = faults.keep("/outputs", outputs).unwrap_or_default();
+    let mut outputs = faults.keep("/outputs", outputs).unwrap_or_default();
     if let Some(place) =
         outputs.iter().position(|output| CLOSED.iter().any(|(own, _)| *own == output.name()))
     {
         faults.add(format!("/outputs/{place}"), "is a column of every map. Remove it");
     }
     faults.or(())?;
+    // The boundary after the runs follows from this output.
+    let has_rig = scenario.pointer(RIG).is_some();
+    let threshold = THRESHOLDS[usize::from(has_rig)];
+    let has = [has_rig, !outputs.is_empty()];
+    let beside = BESIDE.into_iter().zip(has).filter_map(|(name, has)| has.then_some(name));
+    if has[1] && outputs.iter().all(|output| output.name() != threshold) {
+        outputs.extend(outputs_of(json!([threshold]), &scenario)?);
+    }
     let [force, amplitude] =
         [(0, normal_force), (1, amplitude)].map(|(place, given)| axis(place, given, &scenario));
     let ((force, forces), (amplitude, amplitudes)) = both(force, amplitude)?;
     let cases = forces.iter().map(|_| OnceLock::new()).collect();
-    let plan = Map { forces, amplitudes, cases };
+    let plan = Map { forces, amplitudes, beside: beside.collect(), cases };
     Ok(Read::new(complete, Problem::new(scenario, vec![force, amplitude], outputs), plan))
 }
 
@@ -141,12 +159,6 @@ fn plain(scenario: &Value) -> Result<(), Faults> {
             }
             faults.add(section, detail);
         }
-    }
-    let rig = "/motion/rig_stiffness";
-    if scenario.pointer(rig).is_some() {
-        let detail = "does not belong to a map, because a map varies the amplitude at the contact, not at the \
-                      actuator. Remove `rig_stiffness`";
-        faults.add(rig, detail);
     }
     faults.or(())
 }
@@ -210,6 +222,33 @@ impl Map {
     }
 }
 
+impl Map {
+    /// For each point the amplitude at which its contact slips as a whole after the run. `None` if the map has no runs.
+    fn thresholds(&self, problem: &Problem, rows: &Rows) -> Option<Vec<Option<f64>>> {
+        let place =
+            problem.outputs.iter().position(|output| THRESHOLDS.contains(&output.name()))?;
+        Some(rows.numbers(MEMBERS.len() + CLOSED.len() + place))
+    }
+
+    /// The amplitude above which the whole contact still slips at the end of the runs, interpolated between the amplitudes
+    /// of the map. `None` if it is not among them.
+    fn after_run(&self, force: usize, thresholds: &[Option<f64>]) -> Option<f64> {
+        let count = self.amplitudes.len();
+        let own = self.amplitudes.iter().zip(&thresholds[force * count..]);
+        let mut points: Vec<[f64; 2]> =
+            own.filter_map(|(amplitude, at)| Some([*amplitude, amplitude - (*at)?])).collect();
+        points.sort_by(|one, other| one[0].total_cmp(&other[0]));
+        let above = points.iter().rposition(|[_, rest]| *rest < 0.0)? + 1;
+        let (high, [low, rest]) = (points.get(above)?[0], points[above - 1]);
+        // Just above the boundary, the threshold can fall steeply, so it is continued from below.
+        let slope = match above.checked_sub(2) {
+            Some(before) => (rest - points[before][1]) / (low - points[before][0]),
+            None => (points[above][1] - rest) / (high - low),
+        };
+        Some((low - rest / slope).clamp(low, high))
+    }
+}
+
 /// The cells of the column of regimes, which follow from the stick ratios.
 fn regimes(rows: &Rows) -> String {
     let ratios = rows.numbers(MEMBERS.len() + STICK_RATIO);
@@ -262,21 +301,36 @@ impl Plan for Map {
         CLOSED.map(|(name, unit)| Column::new(name, unit)).to_vec()
     }
 
-    /// The boundary, which is known without the rows: the amplitude at which gross slip begins, for each normal force.
-    /// And the regimes of all rows.
+    fn found_columns(&self) -> Vec<Column> {
+        self.beside.iter().map(|name| Column::new(name, "m")).collect()
+    }
+
+    /// The boundary: the amplitude at which gross slip begins, for each normal force, unworn and after the runs. And the
+    /// regimes of all rows.
     fn findings(
         &self,
         problem: &Problem,
         rows: &Rows,
         _: &mut dyn FnMut() -> bool,
     ) -> Option<Findings> {
-        let of = |force| Some(self.case(problem, force).ok()?.gross_slip_amplitude());
-        let amplitudes = (0..self.forces.len()).map(of).collect();
-        let forces = self.forces.iter().copied().map(Some).collect();
-        let columns = [forces, amplitudes].map(Cells::Numbers);
-        let boundary = MEMBERS.map(str::to_owned).into_iter().zip(columns).collect();
+        let each = |of: &dyn Fn(usize) -> Option<f64>| (0..self.forces.len()).map(of).collect();
+        let case = |force| self.case(problem, force).ok();
+        let at_contact = |force| Some(case(force)?.gross_slip_amplitude());
+        let at_actuator = |force| case(force)?.actuator_gross_slip_amplitude();
+        let has_rig = self.beside.contains(&BESIDE[0]);
+        let mut columns: Vec<(&str, Vec<Option<f64>>)> = vec![
+            (MEMBERS[0], self.forces.iter().copied().map(Some).collect()),
+            (MEMBERS[1], each(if has_rig { &at_actuator } else { &at_contact })),
+        ];
+        if has_rig {
+            columns.push((BESIDE[0], each(&at_contact)));
+        }
+        if let Some(thresholds) = self.thresholds(problem, rows) {
+            columns.push((BESIDE[1], each(&|force| self.after_run(force, &thresholds))));
+        }
+        let columns = columns.into_iter().map(|(name, it)| (name.to_owned(), Cells::Numbers(it)));
         Some(Findings {
-            tables: vec![("boundary", boundary)],
+            tables: vec![("boundary", columns.collect())],
             beside: vec![(REGIME, regimes(rows))],
             ..Findings::default()
         })
@@ -288,7 +342,8 @@ impl Plan for Map {
     }
 
     fn findings_bytes(&self, _: &Problem) -> usize {
-        NUMBER * (2 * self.forces.len() + self.points())
+        let columns = MEMBERS.len() + BESIDE.len();
+        NUMBER * (columns * (self.forces.len() + 1) + self.points())
     }
 
     fn memory(&self) -> usize {
@@ -369,6 +424,60 @@ mod tests {
             let slips = table[MEMBERS[1]][number].as_f64().unwrap() > amplitude;
             let regime = if slips { "gross_slip" } else { "partial_slip" };
             assert_eq!(table[REGIME][number], regime, "{number}");
+        }
+    }
+
+    /// Runs with amplitudes just below and above the boundary show it, unworn and after the last cycle.
+    #[test]
+    fn the_boundaries_behind_a_rig_separate_partial_and_gross_slip() {
+        let changes: [fn(&mut Value); 3] = [
+            |map| map["scenario"]["load"]["held"] = json!("force"),
+            |map| map["scenario"]["model"]["method"] = json!("exact"),
+            |map| {
+                map["scenario"]["profile"] =
+                    json!({"shape": "cylinder", "radius": "6 mm", "length": "10 mm"});
+                map["scenario"]["load"] = json!({"normal_force": "18.5 N/mm"});
+                map["scenario"]["motion"]["reference_distance"] = json!("36 mm");
+                map["scenario"]["model"] = json!({"points": 16});
+                map["normal_force"]["values"] = json!(["8 N/mm", "18.5 N/mm"]);
+            },
+        ];
+        for change in changes {
+            let study = map(|map| {
+                map["scenario"]["motion"]["rig_stiffness"] = json!("20 N/um");
+                map["normal_force"] = json!({"values": ["60 N", "100 N"]});
+                map["amplitude"] =
+                    json!({"from": "0.5 um", "to": "40 um", "count": 240, "spacing": "log"});
+                map["outputs"] = json!(["wear_volume"]);
+                change(map);
+            })
+            .unwrap();
+            let document = document(&study);
+            let regimes = |amplitude: f64, row: usize| {
+                let force = document["boundary"][MEMBERS[0]][row].as_f64().unwrap();
+                let outcome =
+                    Simulation::new(study.problem.case(&[force, amplitude]).unwrap(), Vec::new())
+                        .run();
+                let stick = outcome.history.stick_radius;
+                [stick[0] > 0.0, *stick.last().unwrap() > 0.0]
+            };
+            for row in [0, 1] {
+                let at = |name: &str| document["boundary"][name][row].as_f64().unwrap();
+                let [unworn, later] = [at(MEMBERS[1]), at(BESIDE[1])];
+                assert!(at(BESIDE[0]) < unworn);
+                assert!(regimes(0.999 * unworn, row)[0] && !regimes(1.001 * unworn, row)[0]);
+                assert!(
+                    regimes(0.998 * later, row)[1] && !regimes(1.002 * later, row)[1],
+                    "{unworn} {later}"
+                );
+            }
+            // The rows agree with their own runs, and with the boundary.
+            let table = &document["table"];
+            for number in (0..480).step_by(37) {
+                let amplitude = table[MEMBERS[1]][number].as_f64().unwrap();
+                let is_partial = table[REGIME][number] == "partial_slip";
+                assert_eq!(is_partial, regimes(amplitude, number / 240)[0], "{number}");
+            }
         }
     }
 
@@ -460,8 +569,6 @@ mod tests {
         assert!(fault(&line(json!({"sliding_amplitude": 1e-5}))).ends_with("`loop_stiffness`"));
         let unmeasured = fault(&line(json!({"amplitude": 1e-5})));
         assert!(unmeasured.starts_with("/scenario/motion/amplitude: needs a reference"));
-        let rig = |map: &mut Value| map["scenario"]["motion"]["rig_stiffness"] = json!("50 N/um");
-        assert!(fault(&rig).starts_with("/scenario/motion/rig_stiffness: does not belong"));
         assert!(fault(&|map| map["amplitude"]["to"] = json!("1 N")).starts_with("/amplitude/to: "));
         assert!(
             fault(&|map| map["normal_force"]["from"] = json!(0))

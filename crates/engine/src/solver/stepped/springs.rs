@@ -48,6 +48,8 @@ pub struct Springs {
     reference: Option<Series>,
     /// What a unit of θ moves: K of each spring and C, if a line contact has a reference.
     stroke: Option<(Vec<f64>, f64)>,
+    /// What the springs of a line contact inside r₀ yield if the whole contact slips.
+    core_yields: f64,
     /// Compression of the spring at r₀ at the depth d₀, before any wear on this mesh.
     edge: f64,
     /// Whether the stick edge moves inwards.
@@ -103,6 +105,9 @@ impl Springs {
             amplitude,
             reference: contact.reference,
             stroke,
+            core_yields: contact
+                .reference
+                .map_or(0.0, |series| series.slipping(&contact.shape, 1.0, start)),
             edge: 1.0 - contact.shape.image(start) - prior.image(start),
             moves_in: held && control.normal == Normal::Depth,
             depth: 1.0,
@@ -468,7 +473,24 @@ impl Springs {
             _ if !self.mesh.is_whole => 1.0,
             _ if self.middle > 0.0 => -self.middle,
             Tangential::Force(half) => self.normal() - half,
+            // The spring in the middle of a line contact carries its whole force.
+            _ if self.mesh.geometry == Geometry::Line => 1.0 - self.threshold,
             _ => self.compressions.iter().copied().fold(0.0, f64::max) - self.threshold,
+        }
+    }
+
+    /// The amplitudes of the contact and of the actuator at which the whole contact slips: Δ, or the stroke of a line
+    /// contact. NaN without a reference.
+    pub(crate) fn gross_slip(&self) -> [f64; 2] {
+        if self.mesh.geometry == Geometry::Line {
+            let stroke = self.moved(1.0).0 + self.core_yields;
+            return [stroke - self.reference.map_or(0.0, |reference| reference.rig()), stroke];
+        }
+        let first = self.compressions.iter().copied().fold(0.0, f64::max);
+        let most = if self.mesh.is_whole { first } else { self.depth };
+        match self.control.tangential {
+            Tangential::Rig { compliance, .. } => [most, most + 2.0 * compliance * self.normal()],
+            _ => [most; 2],
         }
     }
 
@@ -487,6 +509,10 @@ impl Springs {
         let y = &self.compressions;
         let sticks = |y: f64| y >= self.threshold * (1.0 - 1e-12);
         let Some(last) = y.iter().rposition(|y| sticks(*y)) else {
+            if self.mesh.geometry == Geometry::Line && self.mesh.is_whole {
+                let rest = (1.0 - self.threshold) / (1.0 - y.first().copied().unwrap_or(0.0));
+                return rest.min(1.0) * middle(0);
+            }
             let edge = self.edge();
             let first = y.first().copied().unwrap_or(0.0);
             if self.mesh.is_whole || edge <= self.threshold || edge <= first {

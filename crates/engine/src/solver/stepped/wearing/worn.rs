@@ -39,6 +39,8 @@ pub struct WornContact {
     /// What is reported as the indentation depth: d, or what all springs of a line contact yield in series, with the
     /// wear in the middle. NaN if it is not known.
     pub approach: f64,
+    /// The amplitudes of the contact and of the actuator at which the whole contact slips.
+    pub gross_slip: [f64; 2],
     /// Stick radius c.
     pub stick: f64,
     /// ∫₀ᵃ y dx.
@@ -190,6 +192,7 @@ impl Wearing {
                 Geometry::Round => springs.depth,
                 Geometry::Line => springs.approach() + wear[0],
             },
+            gross_slip: springs.gross_slip(),
             stick: self.stick(),
             normal: springs.normal(),
             tangential: springs.tangential(),
