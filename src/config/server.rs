@@ -316,9 +316,8 @@ fn user_header(text: &str) -> Result<HeaderName, String> {
 
 /// Parses the largest size of the result of a study.
 fn study_size(text: &str) -> Result<ByteSize, String> {
-    let size: ByteSize = text.parse()?;
-    let fits = size.as_u64() <= MAX_ANSWER as u64;
-    if fits { Ok(size) } else { Err("no result has more than 64MB; enter at most 64MB".to_owned()) }
+    let size = Some(text.parse::<ByteSize>()?).filter(|size| size.as_u64() <= MAX_ANSWER as u64);
+    size.ok_or_else(|| "no result has more than 64MB; enter at most 64MB".to_owned())
 }
 
 /// Parses the secret of a sign-on proxy.
