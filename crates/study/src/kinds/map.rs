@@ -234,18 +234,25 @@ impl Map {
         Some(rows.numbers(MEMBERS.len() + CLOSED.len() + place))
     }
 
-    /// The amplitude above which the whole contact still slips at the end of the runs, interpolated between the amplitudes
-    /// of the map. `None` if it is not among them.
-    fn after_run(&self, force: usize, thresholds: &[Option<f64>]) -> Option<f64> {
+    /// The amplitude above which the whole contact still slips at the end of the runs, estimated from the amplitudes of the
+    /// map around it. `None` if it is not among them. `is_steep`: if the depth is held, a contact that slips as a whole
+    /// loses its load, and the threshold falls steeply just above the boundary.
+    fn after_run(
+        &self,
+        force: usize,
+        thresholds: &[Option<f64>],
+        is_steep: bool,
+    ) -> Option<f64> {
         let count = self.amplitudes.len();
         let own = self.amplitudes.iter().zip(&thresholds[force * count..]);
         let mut points: Vec<[f64; 2]> =
             own.filter_map(|(amplitude, at)| Some([*amplitude, amplitude - (*at)?])).collect();
         points.sort_by(|one, other| one[0].total_cmp(&other[0]));
+        points.dedup_by(|next, before| next[0].total_cmp(&before[0]).is_eq());
         let above = points.iter().rposition(|[_, rest]| *rest < 0.0)? + 1;
         let (high, [low, rest]) = (points.get(above)?[0], points[above - 1]);
-        // Just above the boundary, the threshold can fall steeply, so it is continued from below.
-        let slope = match above.checked_sub(2) {
+        // A steep threshold is continued from below.
+        let slope = match above.checked_sub(2).filter(|_| is_steep) {
             Some(before) => (rest - points[before][1]) / (low - points[before][0]),
             None => (points[above][1] - rest) / (high - low),
         };
@@ -329,7 +336,8 @@ impl Plan for Map {
             columns.push((BESIDE[0], each(&at_contact)));
         }
         if let Some(thresholds) = self.thresholds(problem, rows) {
-            columns.push((BESIDE[1], each(&|force| self.after_run(force, &thresholds))));
+            let is_steep = problem.base.pointer("/load/held") == Some(&json!("depth"));
+            columns.push((BESIDE[1], each(&|force| self.after_run(force, &thresholds, is_steep))));
         }
         let columns = columns.into_iter().map(|(name, it)| (name.to_owned(), Cells::Numbers(it)));
         Some(Findings {

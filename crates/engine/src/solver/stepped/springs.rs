@@ -50,6 +50,8 @@ pub struct Springs {
     stroke: Option<(Vec<f64>, f64)>,
     /// What the springs of a line contact inside r₀ yield if the whole contact slips.
     core_yields: f64,
+    /// Whether a core never slips in the whole run, so that the spring in the middle does not wear.
+    has_core: bool,
     /// Compression of the spring at r₀ at the depth d₀, before any wear on this mesh.
     edge: f64,
     /// Whether the stick edge moves inwards.
@@ -105,6 +107,7 @@ impl Springs {
             amplitude,
             reference: contact.reference,
             stroke,
+            has_core: control.least_stick(contact) > 0.0,
             core_yields: contact
                 .reference
                 .map_or(0.0, |series| series.slipping(&contact.shape, 1.0, start)),
@@ -473,9 +476,7 @@ impl Springs {
             _ if !self.mesh.is_whole => 1.0,
             _ if self.middle > 0.0 => -self.middle,
             Tangential::Force(half) => self.normal() - half,
-            // The spring in the middle of a line contact carries its whole force.
-            _ if self.mesh.geometry == Geometry::Line => 1.0 - self.threshold,
-            _ => self.compressions.iter().copied().fold(0.0, f64::max) - self.threshold,
+            _ => self.most() - self.threshold,
         }
     }
 
@@ -486,12 +487,22 @@ impl Springs {
             let stroke = self.moved(1.0).0 + self.core_yields;
             return [stroke - self.reference.map_or(0.0, |reference| reference.rig()), stroke];
         }
-        let first = self.compressions.iter().copied().fold(0.0, f64::max);
-        let most = if self.mesh.is_whole { first } else { self.depth };
+        let most = self.most();
         match self.control.tangential {
             Tangential::Rig { compliance, .. } => [most, most + 2.0 * compliance * self.normal()],
             _ => [most; 2],
         }
+    }
+
+    /// The largest compression, that of the spring in the middle. The cells have means, so it is extrapolated from them.
+    fn most(&self) -> f64 {
+        if self.mesh.geometry == Geometry::Line || self.has_core || !self.mesh.is_whole {
+            return self.depth;
+        }
+        let most = self.compressions.iter().copied().fold(0.0, f64::max);
+        let [y0, y1, ..] = self.compressions[..] else { return most };
+        let [d0, d1, ..] = self.mesh.widths[..] else { return most };
+        most.max(y0 + (y0 - y1) * d0 / (d0 + d1))
     }
 
     /// The normal force as a share of its initial value, F/F₀.
@@ -509,14 +520,15 @@ impl Springs {
         let y = &self.compressions;
         let sticks = |y: f64| y >= self.threshold * (1.0 - 1e-12);
         let Some(last) = y.iter().rposition(|y| sticks(*y)) else {
-            if self.mesh.geometry == Geometry::Line && self.mesh.is_whole {
-                let rest = (1.0 - self.threshold) / (1.0 - y.first().copied().unwrap_or(0.0));
-                return rest.min(1.0) * middle(0);
+            let first = y.first().copied().unwrap_or(0.0);
+            if self.mesh.is_whole {
+                let most = self.most();
+                let rest = (most - self.threshold) / (most - first);
+                return if most > self.threshold { rest.min(1.0) * middle(0) } else { 0.0 };
             }
             let edge = self.edge();
-            let first = y.first().copied().unwrap_or(0.0);
-            if self.mesh.is_whole || edge <= self.threshold || edge <= first {
-                return if self.mesh.is_whole { 0.0 } else { radii[0] };
+            if edge <= self.threshold || edge <= first {
+                return radii[0];
             }
             let share = (edge - self.threshold) / (edge - first);
             return radii[0] + share * (middle(0) - radii[0]);
