@@ -66,7 +66,7 @@ fn paraboloids() -> Vec<(&'static str, Value, u64)> {
             "exact, tangential force held",
             json!({"model": exact, "load": depth, "motion": {"tangential_force": "50 N"},
                    "cycles": long}),
-            0x9139_211f_df89_8ec7,
+            0x9ae5_8086_90c4_3840,
         ),
         (
             "exact, rig",
@@ -111,7 +111,7 @@ fn shapes() -> Vec<(&'static str, Value, u64)> {
             json!({"profile": {"shape": "truncated_cone", "slope_angle": "2 deg",
                                "flat_radius": "20 um"},
                    "motion": {"amplitude": "8 um"}, "model": exact, "load": force}),
-            0xb2ea_1bc2_63f0_e5a3,
+            0xb97a_cbac_7bd6_80f2,
         ),
         (
             "simplified, power",

@@ -423,3 +423,27 @@ fn the_threshold_at_the_actuator_separates_partial_and_gross_slip() {
         assert!(below > 0.0 && above == 0.0, "{request}: {low} {limit}, {below} {above}");
     }
 }
+
+/// A stick zone that is smaller than a cell of the mesh still carries the contact.
+#[test]
+fn a_tiny_core_that_sticks_keeps_the_threshold() {
+    let mut request = steel_ball();
+    request["profile"] = json!({"shape": "cone", "slope_angle": "1 deg"});
+    request["load"] = json!({"normal_force": "100 N", "held": "depth"});
+    request["motion"] = json!({"stick_ratio": 3e-4});
+    request["cycles"] = json!([1, 10_000, 50_000]);
+    request["model"] = json!({"method": "exact"});
+    let outcome = run(&request);
+    let limit = outcome.unworn.gross_slip_amplitude;
+    for at in &outcome.history.gross_slip_amplitude {
+        assert!((at / limit - 1.0).abs() < 1e-9, "{at} {limit}");
+    }
+    request["load"]["held"] = json!("force");
+    request["motion"] = json!({"amplitude": limit * (1.0 - 3e-4)});
+    request["cycles"] = json!([1, 1000, 10_000]);
+    let history = run(&request).history;
+    assert!(history.stick_radius.iter().all(|c| *c > 0.0), "{:?}", history.stick_radius);
+    // The depth rises.
+    let thresholds = &history.gross_slip_amplitude;
+    assert!(thresholds.windows(2).all(|pair| pair[0] <= pair[1] * (1.0 + 1e-6)), "{thresholds:?}");
+}

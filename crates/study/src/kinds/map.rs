@@ -237,12 +237,7 @@ impl Map {
     /// The amplitude above which the whole contact still slips at the end of the runs, estimated from the amplitudes of the
     /// map around it. `None` if it is not among them. `is_steep`: if the depth is held, a contact that slips as a whole
     /// loses its load, and the threshold falls steeply just above the boundary.
-    fn after_run(
-        &self,
-        force: usize,
-        thresholds: &[Option<f64>],
-        is_steep: bool,
-    ) -> Option<f64> {
+    fn after_run(&self, force: usize, thresholds: &[Option<f64>], is_steep: bool) -> Option<f64> {
         let count = self.amplitudes.len();
         let own = self.amplitudes.iter().zip(&thresholds[force * count..]);
         let mut points: Vec<[f64; 2]> =
