@@ -22,7 +22,7 @@ pub struct Fit {
     #[arg(long, value_name = "NUMBER")]
     pub table: Option<usize>,
     /// The decimal mark, if 1,000 can be 1 or 1000 [default: the one that the numbers show].
-    #[arg(long, value_name = "MARK")]
+    #[arg(long, value_name = "MARK", value_parser = decimal_mark)]
     pub decimal: Option<char>,
     /// A number of the scenario to fit, such as /friction=0.1..1.5; may be repeated [default: the wear coefficient, and
     /// the friction if the data can tell it].
@@ -57,6 +57,12 @@ pub struct Fit {
 /// Parses the ends of a scar.
 fn scar(text: &str) -> Result<[f64; 2], String> {
     ends(text).ok_or_else(|| format!("write {ENDS}"))
+}
+
+/// Parses a decimal mark.
+fn decimal_mark(text: &str) -> Result<char, &'static str> {
+    let mark = text.parse().ok().filter(|mark| ['.', ','].contains(mark));
+    mark.ok_or("expected . or ,")
 }
 
 /// Parses a range of a number of the scenario.

@@ -223,7 +223,7 @@ async fn the_report_of_a_changed_bit_in_the_schema_names_the_index() {
     assert_eq!(output.status.code(), Some(2));
     let said = said(&output);
     assert!(said.starts_with("damaged: sqlite_schema job_key: "), "{said}");
-    assert!(output.stdout.ends_with(b"cannot be counted; damage in 1 places\n"));
+    assert!(output.stdout.ends_with(b"cannot be counted; damage in 1 place\n"));
     // The server names the index too.
     let refused = Store::open(dir.path().into(), &Options::default()).await.unwrap_err();
     assert!(refused.source().unwrap().to_string().contains("job_key"), "{refused:?}");

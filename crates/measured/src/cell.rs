@@ -126,8 +126,11 @@ fn is_ambiguous(cell: &str, mark: char) -> bool {
 pub fn ungrouped(cell: &str, decimal: char) -> Cow<'_, str> {
     let other = if decimal == '.' { ',' } else { '.' };
     let whole = cell.split(decimal).next().unwrap_or(cell);
-    let mut groups = whole.split(other).skip(1).peekable();
-    let is_grouped = groups.peek().is_some() && groups.all(|group| group.len() == 3);
+    let (first, rest) = whole.split_once(other).unwrap_or((whole, ""));
+    let first = first.trim_start_matches(['+', '-', '−']);
+    let is_grouped = (1..=3).contains(&first.len())
+        && !first.starts_with('0')
+        && rest.split(other).all(|group| group.len() == 3);
     if is_grouped { cell.replace(other, "").into() } else { cell.into() }
 }
 
@@ -140,6 +143,10 @@ pub struct Spelling {
 }
 
 impl Spelling {
+    pub fn with_sure_point(is_sure: bool) -> Self {
+        Self { is_sure: [is_sure, false], ..Self::default() }
+    }
+
     pub fn see(&mut self, cell: &str) {
         for (is_sure, mark) in self.is_sure.iter_mut().zip(['.', ',']) {
             *is_sure |= cell.contains(mark) && !is_ambiguous(cell, mark);

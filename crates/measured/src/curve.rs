@@ -132,6 +132,9 @@ pub fn turns(x: &[f64], least: f64) -> Vec<usize> {
 
 /// The energy until each row, along cubic curves whose tangents are parallel to the chords between the neighbours.
 pub fn work(x: &[f64], force: &[f64]) -> Vec<f64> {
+    if x.len() < 3 {
+        return vec![0.0; x.len()];
+    }
     let last = x.len() - 1;
     let mut sum = 0.0;
     let after = (0..last).map(|row| {

@@ -309,8 +309,10 @@ impl<'a> Record<'a> {
     fn flank(&self, turn: usize, range: f64) -> [f64; 4] {
         let Self { x, force, smooth: [_, mean], turns, .. } = self;
         let change = |row: &usize| (mean[*row] - mean[turns[turn]]).abs() / range;
+        // A record that ends at a reversal has no flank after it.
+        let Some(next) = turns.get(turn + 1) else { return [0.0; 4] };
         let rows: Vec<usize> =
-            (turns[turn]..turns[turn + 1]).take_while(|row| change(row) <= FLANK.1).collect();
+            (turns[turn]..*next).take_while(|row| change(row) <= FLANK.1).collect();
         // The reversal is uncertain if there is noise.
         let first = rows.iter().position(|row| change(row) >= FLANK.0).unwrap_or(0);
         let near = &rows[if rows.len() - first < 3 { 0 } else { first }..];

@@ -172,12 +172,13 @@ impl<'a> Lines<'a> {
         notes: &mut Vec<String>,
     ) -> Result<Vec<Cells>, String> {
         let mut columns = vec![Cells::default(); headers.len()];
-        let mut spelling = Spelling::default();
+        // Between cells, commas cannot be decimal marks, so points are.
+        let mut spelling = Spelling::with_sure_point(self.separators == "commas");
         // Somebody has taken these rows out of the data.
         let is_out = |at: &usize| self.all[*at].1.starts_with('#');
-        let all = block.rows.clone();
+        let is_all = block.rows.clone().all(|at| is_out(&at));
         let (out, rows): (Vec<_>, Vec<_>) =
-            all.partition(|at| is_out(at) && !is_out(&block.rows.start));
+            block.rows.clone().partition(|at| is_out(at) && !is_all);
         if let Some(first) = out.first() {
             notes.push(format!(
                 "{} row(s) that begin with # were left out, the first in line {}.",

@@ -124,6 +124,10 @@ fn product(text: &str) -> Option<(Option<Dimension>, &'static str, f64)> {
             if term == "1" {
                 continue;
             }
+            // A number alone, as in `V 3`, is no unit.
+            if name.is_empty() {
+                return None;
+            }
             let power = if power.is_empty() { 1 } else { exponent(power)? };
             let exponent = if place > 0 { -power } else { power };
             let known = PRODUCTS[..5].iter().find_map(|(dimension, own)| {

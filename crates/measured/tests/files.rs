@@ -698,3 +698,22 @@ fn a_normal_force_is_never_taken_as_friction() {
         assert!(read(text.as_bytes(), &Wanted { y: Some(name), ..wanted }).is_ok(), "{name}");
     }
 }
+
+/// The values of y of a file, or its faults.
+fn numbers(text: &str, decimal: Option<char>) -> Result<serde_json::Value, String> {
+    let wanted = Wanted { decimal, ..Wanted::of(Prepare::Points) };
+    let found = read(text.as_bytes(), &wanted).map_err(|faults| faults.0[0].detail.clone())?;
+    Ok(found.prepared["data"]["y"].clone())
+}
+
+#[test]
+fn marks_comments_and_numbers_in_names_are_no_traps() {
+    let y = |text: &str, decimal| numbers(text, decimal).unwrap();
+    assert_eq!(y("N,h [um]\n1000,1.234\n2000,2.345\n", None).as_array().unwrap().len(), 2);
+    assert!(numbers("N;h [um]\n1000;0,500\n2000;0,700\n", Some('.')).is_err());
+    assert_eq!(
+        y("N;h [m]\n#1000;9\n2000;2\n# 3000;9\n4000;4\n", None),
+        serde_json::json!([2.0, 4.0])
+    );
+    assert!(y("cycles;V 3\n1000;1\n2000;2\n", None).is_null());
+}

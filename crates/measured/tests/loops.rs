@@ -326,3 +326,15 @@ fn the_slope_is_true_in_the_mean_and_its_error_covers_it() {
         assert!(10 * covered > 9 * known().count(), "{dx} {df}: {covered}");
     }
 }
+
+#[test]
+fn a_record_that_ends_at_a_reversal_is_cut_there() {
+    let row = |at: i32| {
+        let angle = f64::from(at) * std::f64::consts::TAU / 20.0;
+        format!("{};{}\n", 10.0 * angle.cos(), 50.0 * angle.sin())
+    };
+    let text = "d [um];F [N]\n".to_owned() + &(0..=20).map(row).collect::<String>();
+    let found = read(text.as_bytes(), &Wanted::of(Prepare::Loop)).expect("a loop");
+    let energy = found.prepared["energy_per_cycle"].as_f64().expect("a mean");
+    assert!((energy / (std::f64::consts::PI * 5e-4) - 1.0).abs() < 0.02, "{energy}");
+}

@@ -187,6 +187,10 @@ fn without_lines(points: Points, notes: &mut Vec<String>) -> Points {
         end += run.len();
         if run[0] && run.len() as f64 > likely {
             let (first, last) = (end - run.len() - 1, end);
+            // A gap has two sides. At an end, such a line is the unworn surface.
+            if first == 0 || last + 1 == points.len() {
+                continue;
+            }
             is_kept[first..=last].fill(false);
             let [from, to] = [points[first].0, points[last].0].map(|x| 1e6 * x);
             notes.push(format!(
