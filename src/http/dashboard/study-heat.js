@@ -142,7 +142,7 @@ export const plane = (view, { across, up, output, rows, boundary, later, regions
   const edge = boundary && output ? [svg("path", { d: `M${boundary.map(({ x, y }) => `${px(plan.horizontal.at(x))} ${px(plan.vertical.at(y))}`).join("L")}`, fill: "none", stroke: "#ffffff", "stroke-width": 2, "stroke-dasharray": "6 4", class: "boundary" })] : [];
   if (later?.length > 0) {
     const d = `M${later.map(({ x, y }) => `${px(plan.horizontal.at(x))} ${px(plan.vertical.at(y))}`).join("L")}`;
-    edge.push(svg("path", { d, fill: "none", stroke: output ? "#ffffff" : "var(--ink)", "stroke-width": 1, class: "later boundary" }));
+    edge.push(svg("path", { d, fill: "none", stroke: output ? "#ffffff" : "var(--ink)", "stroke-width": 1, class: "later" }));
   }
   const items = grid.flatMap((line, j) => line.flatMap((row, i) => (row === undefined ? [] : [{ x: places[0][i], y: places[1][j], row, values: () => valuesOf(row) }])));
   return {
