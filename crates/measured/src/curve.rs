@@ -25,7 +25,7 @@ pub fn is_spike(v: &[f64], row: usize, least: f64) -> bool {
     off() > least && off() > 5.0 * median(steps())
 }
 
-/// Means over so many rows, an odd number. They are fewer at both ends.
+/// Means over an odd number of rows, over fewer rows at both ends.
 pub fn smooth(values: &[f64], width: usize) -> Vec<f64> {
     if width < 2 {
         return values.to_vec();

@@ -31,7 +31,7 @@ const MIDDLES: usize = 5;
 /// Changes of the amplitude within a cycle count beyond this share, each as this many whole cycles.
 const CHANGE: (f64, f64) = (0.05, 4.0);
 
-/// Over how many rows means have little noise: an odd number, and at most so many.
+/// Over how many rows a mean has little noise: an odd number, at most about `most`.
 fn width(noise: f64, range: f64, most: f64) -> usize {
     let needed = noise / (SMOOTH * range);
     (needed * needed).min(most) as usize | 1

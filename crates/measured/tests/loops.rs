@@ -258,7 +258,7 @@ fn harmonics_blocks_noise_spikes_gaps_and_rest_give_true_cycles_or_are_told() {
     let dense: Vec<_> = ten[200..].iter().flat_map(|it| [*it; 20]).collect();
     let coarse: Vec<_> = ten.iter().map(|(x, f)| ((10.0 * x).round() / 10.0, f.round())).collect();
     let turned: Vec<_> = ten[200..].iter().map(|(x, f)| (*x, -f)).collect();
-    // Each with its cycles, the mean energy in units of 1.5 mJ, its limit, and what is told.
+    // For each record: the number of cycles, the mean energy in units of 1.5 mJ, its tolerance, and a part of the notes.
     for (name, rows, cycles, energy, limit, told) in [
         ("third harmonic", &stick(1201, third)[200..], 5..=5, 0.99, 5e-3, ""),
         ("second harmonic", &stick(1201, second)[200..], 4..=5, 1.466, 5e-3, ""),

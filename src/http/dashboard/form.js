@@ -128,7 +128,7 @@ export async function showForm(main, { query: asked, signal }) {
   } };
   const fieldset = new Fieldset(form, calls, new Editors(form, calls));
 
-  // An example that nobody has changed is no input of the user.
+  // The user has typed nothing in an unchanged example.
   const isTyped = () => !example() || isStudy() || form.label !== null || form.json !== null;
   const kept = may("read") ? new KeptInput(first, () => {
     restore(fromAddress(new URLSearchParams()));

@@ -99,7 +99,7 @@ tabsOfSession().addEventListener("message", ({ data }) => {
   tab = null;
 });
 
-// Nobody knows yet whether the tab is closed or loaded again. A new id, because a duplicate of the tab has the one before.
+// The tab may be closed, or loaded again. It gets a new id, because a duplicate of the tab has the old one.
 addEventListener("pagehide", () => {
   if (!tab?.input && !(tab?.states.length > 1)) return sessionStorage.removeItem(TAB);
   let rest = LONGEST;

@@ -29,7 +29,7 @@ const BESIDE: usize = 8;
 const RUN: (usize, usize) = (3, 8);
 const SCATTER: f64 = 2.0;
 const SHARE: f64 = 0.01;
-/// Gaps from this share of the width of the scar on are told. One with more than the second share is refused.
+/// A note names a gap of at least this share of the width of the scar. A gap of more than the second share is refused.
 const TOLD: f64 = 0.02;
 const HIDDEN: f64 = 0.4;
 /// The core of a scar is deeper than this share of the largest depth.
