@@ -191,7 +191,7 @@ impl Drawing<'_> {
         let series = self.curves(&table, true, |row| {
             (column("displacement", row), column("tangential_force", row))
         });
-        let x = self.axis("Displacement $u$", "displacement");
+        let x = self.axis("Displacement at the contact $u$", "displacement");
         let y = self.axis(&self.quantity.label(), "tangential_force");
         Ok(Figure { x, y, series, ..Figure::default() })
     }

@@ -246,9 +246,10 @@ impl<'a> Study<'a> {
             Axis { range: range.filter(|(low, high)| low < high), ..self.across(place) }
         });
         let bands = grid::regions(regions.names, &boundary, y.range);
-        // The boundary needs no label, because the regions have names.
-        let mut series = grid::boundary(boundary, "");
-        series.extend(self.later(&regions)?.map(grid::later));
+        // The only boundary needs no label, because the regions have names.
+        let later = self.later(&regions)?.map(grid::later);
+        let mut series = grid::boundary(boundary, later.as_ref().map_or("", |_| regions.label));
+        series.extend(later);
         let title = regions.title.to_owned();
         self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, "", "")
     }

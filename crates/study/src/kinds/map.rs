@@ -42,7 +42,7 @@ pub const KIND: Kind = Kind {
             is_grid: true,
             regions: Some(Regions {
                 boundary: "boundary",
-                label: "gross slip begins",
+                label: "gross slip begins, unworn",
                 later: "after_run",
                 title: "Regimes of the unworn contact",
                 names: ["partial slip", "gross slip"],
@@ -224,7 +224,7 @@ impl Map {
 
 impl Map {
     /// For each point the amplitude at which its contact slips as a whole after the run. `None` if the map has no runs.
-    fn thresholds(&self, problem: &Problem, rows: &Rows) -> Option<Vec<Option<f64>>> {
+    fn thresholds(problem: &Problem, rows: &Rows) -> Option<Vec<Option<f64>>> {
         let place =
             problem.outputs.iter().position(|output| THRESHOLDS.contains(&output.name()))?;
         Some(rows.numbers(MEMBERS.len() + CLOSED.len() + place))
@@ -325,7 +325,7 @@ impl Plan for Map {
         if has_rig {
             columns.push((BESIDE[0], each(&at_contact)));
         }
-        if let Some(thresholds) = self.thresholds(problem, rows) {
+        if let Some(thresholds) = Self::thresholds(problem, rows) {
             columns.push((BESIDE[1], each(&|force| self.after_run(force, &thresholds))));
         }
         let columns = columns.into_iter().map(|(name, it)| (name.to_owned(), Cells::Numbers(it)));
