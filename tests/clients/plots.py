@@ -54,7 +54,7 @@ HISTORIES = {
     "depth": {"Largest wear depth": "wear_depth"},
     "radii": {"Contact radius": "contact_radius", "Stick radius": "stick_radius", "Scar radius": "scar_radius"},
     "forces": {"Normal force": "normal_force", "Tangential force amplitude": "tangential_force"},
-    "depths": {"Indentation depth": "indentation_depth", "Displacement amplitude at the contact": "amplitude"},
+    "depths": {"Indentation depth": "indentation_depth", "Amplitude at the contact": "amplitude"},
     "energy": {"Energy per cycle": "energy_per_cycle"},
     "dissipated": {"Dissipated energy": "dissipated_energy"},
 }

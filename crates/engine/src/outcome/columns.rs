@@ -32,7 +32,7 @@ pub const QUANTITIES: &[Quantity] = &[
     quantity("indentation_depth", "m", "Indentation depth", "$d$"),
     quantity("normal_force", "N", "Normal force", "$F$"),
     quantity("tangential_force", "N", "Tangential force amplitude", "$Q$"),
-    quantity("amplitude", "m", "Displacement amplitude at the contact", "$U$"),
+    quantity("amplitude", "m", "Amplitude at the contact", "$U$"),
     quantity("gross_slip_amplitude", "m", "Gross-slip threshold at the contact", ""),
     quantity("normal_modulus", "Pa", "Normal modulus", "$E$*"),
     quantity("tangential_modulus", "Pa", "Tangential modulus", "$G$*"),
@@ -80,8 +80,6 @@ pub const SECTION_WORDS: &[(&str, [&str; 2])] =
 /// The names and symbols of numbers of sections that do not follow from the quantity.
 pub const SPECIAL_WORDS: &[(&str, [&str; 2])] = &[
     ("scales.cycles", ["Characteristic cycles", "$N$₀"]),
-    ("unworn.gross_slip_amplitude", ["Gross-slip threshold at the contact", ""]),
-    ("unworn.actuator_gross_slip_amplitude", ["Gross-slip threshold at the actuator", ""]),
     ("unworn.force_ratio", ["Unworn force ratio", "$Q$/($μF$)"]),
     ("unworn.stick_ratio", ["Unworn stick ratio", "$c$/$a$₀"]),
     ("limit.wear_depth", ["Limiting wear depth", ""]),

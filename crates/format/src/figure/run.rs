@@ -191,7 +191,7 @@ impl Drawing<'_> {
         let series = self.curves(&table, true, |row| {
             (column("displacement", row), column("tangential_force", row))
         });
-        let x = self.axis("Displacement at the contact $u$", "displacement");
+        let x = self.axis("Displacement $u$", "displacement");
         let y = self.axis(&self.quantity.label(), "tangential_force");
         Ok(Figure { x, y, series, ..Figure::default() })
     }
@@ -199,7 +199,12 @@ impl Drawing<'_> {
     fn history(&self) -> Result<Figure> {
         let table = self.table()?;
         if table.column(self.quantity.name).is_none() {
-            return Err(self.unavailable("an earlier version of the engine computed the result")?);
+            let reason = if self.quantity.name.starts_with("actuator_") {
+                "the run has no `rig_stiffness`, or an earlier version of the engine computed it"
+            } else {
+                "an earlier version of the engine computed the result"
+            };
+            return Err(self.unavailable(reason)?);
         }
         let cycles = table.axis("cycles");
         let columns = self.quantity.columns();
