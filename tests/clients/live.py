@@ -324,7 +324,7 @@ def errors_and_warnings(browser):
     # The regime is that of the output cycle, and both thresholds stand beside it: of the unworn and of the worn contact.
     expect(page.locator("#headline [data-value=regime]")).to_have_text("Partial slip")
     threshold = get("/v1/scenarios", {"scenario": scenario(page)})["unworn"]["gross_slip_amplitude"] * 1e6
-    expect(page.locator("#headline > :last-child")).to_contain_text(f"= {threshold:.3g}\u00a0µm fresh")
+    expect(page.locator("#headline > :last-child")).to_contain_text(f"= {threshold:.3g}\u00a0µm unworn")
     page.fill("#model-tolerance", "")
     for amplitude, regime in (("2.9", "Partial slip"), ("3.2", "Partial slip"), ("4", "Gross slip")):
         page.fill("#motion-amplitude", amplitude)
@@ -348,7 +348,7 @@ def errors_and_warnings(browser):
     page.fill("#cycles", "100")
     page.fill("#motion-amplitude", "200 µm")
     sliding = page.locator("#warning-regime")
-    expect(sliding).to_contain_text(re.compile("The amplitude \\(200\u00a0µm\\) exceeds the contact radius \\([0-9.]+\u00a0µm\\).*Use another program"))
+    expect(sliding).to_contain_text(re.compile("The amplitude at the contact \\(200\u00a0µm\\) exceeds the contact radius \\([0-9.]+\u00a0µm\\).*Use another program"))
     page.goto(BASE + "/docs/accuracy")
     expect(page.locator("tr:has(code:text-is('yield'))")).to_contain_text("reduce the load, or expect a larger contact")
     page.context.close()

@@ -54,7 +54,7 @@ HISTORIES = {
     "depth": {"Largest wear depth": "wear_depth"},
     "radii": {"Contact radius": "contact_radius", "Stick radius": "stick_radius", "Scar radius": "scar_radius"},
     "forces": {"Normal force": "normal_force", "Tangential force amplitude": "tangential_force"},
-    "depths": {"Indentation depth": "indentation_depth", "Displacement amplitude": "amplitude"},
+    "depths": {"Indentation depth": "indentation_depth", "Amplitude at the contact": "amplitude"},
     "energy": {"Energy per cycle": "energy_per_cycle"},
     "dissipated": {"Dissipated energy": "dissipated_energy"},
 }
@@ -112,8 +112,8 @@ def every_plot(page, base, key, scales=("x", "", "xy")):
         close(shown, ratio[-1], 5e-3)
     moved, force = loops["displacement"][-1], loops["tangential_force"][-1]
     turn = moved.index(min(moved))
-    read_plot(page, LOOP, "Displacement", {"Unloading": (moved[:turn + 1], force[:turn + 1])})
-    read_plot(page, LOOP, "Displacement", {"Loading": (moved[turn:], force[turn:])})
+    read_plot(page, LOOP, "Displacement at the contact", {"Unloading": (moved[:turn + 1], force[:turn + 1])})
+    read_plot(page, LOOP, "Displacement at the contact", {"Loading": (moved[turn:], force[turn:])})
 
 
 def every_loop(page, base, key):

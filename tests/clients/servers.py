@@ -164,8 +164,14 @@ def edit(page, base, key, submitted):
         value = scenario
         for name in pointer.split("/")[2:]:
             value = value[int(name)] if isinstance(value, list) else (value or {}).get(name)
-        # An omitted value is an empty field. A list is separated by commas. Fields have the signs of printed units.
+        # An omitted value is an empty field. A list is separated by commas. Fields have the signs of printed units, and wear
+        # coefficients are volumes per force and path.
         written = re.sub(r"µ(?=[mNJ])", "u", shown).replace("³", "^3").replace("²", "^2")
+        if str(value).endswith(" 1/Pa"):
+            volume, _, unit = written.partition(" ")
+            assert unit == "mm^3/(N m)", (pointer, shown)
+            written = f"{float(volume) * 1e-9:.12g} 1/Pa"
+            value = f"{float(value.split()[0]):.12g} 1/Pa"
         read = [] if shown == "" else [number_or_text(text) for text in written.split(", ")]
         assert read == (value if isinstance(value, list) else [] if value is None else [value]), (pointer, shown, value)
 

@@ -209,8 +209,8 @@ def fretting_map(page, base):
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
     # The scenario is in the middle of both logarithmic axes.
-    boundary = figure.locator(".boundary")
-    expect(boundary).to_be_visible()
+    for boundary in (".boundary", ".later"):
+        expect(figure.locator(boundary)).to_be_visible()
     page.get_by_text("Measured points").click()
     page.fill("#points", "2; 100; same\n0.2 um; 0.01 kN; corner\nnonsense")
     marks = figure.locator(".measured.point")

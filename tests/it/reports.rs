@@ -282,7 +282,7 @@ async fn a_comparison_shows_what_differs_and_by_how_much() {
     for (heading, expected, unit) in [
         ("Wear volume per energy V/ΣW", &ratios, "mm³/J"),
         ("Unworn peak pressure", &vec![pressure; 2], "GPa"),
-        ("Gross-slip threshold, contact", &vec![threshold; 2], "µm"),
+        ("Unworn gross-slip threshold at the contact", &vec![threshold; 2], "µm"),
     ] {
         let cells = row(&document, heading);
         for (cell, expected) in cells[1..].iter().zip(expected) {

@@ -306,7 +306,10 @@ impl Figure {
         let below = area.bottom() + SMALL * LEADING + LABEL + GAP;
         let above = area.top - 0.5 * GAP;
         canvas.title((area.left, corner.1 + TITLE), TITLE, &self.title);
-        canvas.upward_text((corner.0 + LABEL + 2.0, area.at(0.0, 0.5).1), LABEL, &self.y.label);
+        let halfway = area.at(0.0, 0.5).1;
+        // A long label of a low figure is small.
+        let size = LABEL.min(2.0 * (halfway - corner.1) / width(&self.y.label));
+        canvas.upward_text((corner.0 + LABEL + 2.0, halfway), size, &self.y.label);
         // The powers of ten are at the ends of the axes. Labels that would overlap them are moved.
         let (across, up) = (plan.x.factor(), plan.y.factor());
         canvas.text((area.right(), below), Anchor::End, SMALL, &across);

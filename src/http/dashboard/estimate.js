@@ -23,7 +23,7 @@ export const timeOf = ({ operations }) => {
 /** Draws the response of `POST /v1/scenarios`. */
 export function drawEstimate(place, { scenario, scales, unworn, limit, cost, regime, warnings, cached }) {
   fill(place, h("h2", {}, "Estimate"), sketch({ scenario, scales, unworn }), list([
-    ["Regime", WORDS[regime], "regime"],
+    ["Regime, unworn", WORDS[regime], "regime"],
     [`${wordOf("contact_radius", scenario)} a₀`, quantity(scales.contact_radius, "m"), "contact-radius"],
     [`${wordOf("stick_radius", scenario)} c`, quantity(unworn.stick_radius, "m")],
     ["Normal force F₀", quantity(scales.normal_force, "N"), "normal-force"],

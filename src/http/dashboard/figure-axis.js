@@ -66,7 +66,9 @@ function evenTicks(low, high, count) {
   const range = () => [Math.ceil((low - slack) / step), Math.floor((high + slack) / step)];
   // With a single tick the reader does not know the step.
   while (range()[0] >= range()[1]) step /= 2;
-  const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  // A halved step such as 2.5 has more digits than one.
+  const digits = Number(step.toPrecision(3)).toExponential().replace(/\.|e.*/g, "").length;
+  const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(step) + 1e-9));
   const [first, last] = range();
   return Array.from({ length: last - first + 1 }, (_, i) => {
     const value = (first + i) * step;

@@ -247,7 +247,7 @@ export async function showForm(main, { query: asked, signal }) {
     // `choose` can change ranges, so it comes before they are drawn.
     if (!isPossible(form.study.kind, form.study)) choose(newStudy().kind, form.scenario, form.study);
     fieldset.draw();
-    drawPlan(plan, names(), [...fieldset.names.keys()], form.scenario, form.study, { changed, redraw });
+    drawPlan(plan, names(), [...fieldset.names.keys()], form.scenario, form.study, calls);
     if (focused) document.getElementById(focused)?.focus();
   }
 

@@ -35,7 +35,8 @@ export function regimeAt({ regime, events, history }, row, at) {
   if (first?.cycles <= at && regime !== "gross_slip") return [WORDS.gross_slip, `since N\u00a0=\u00a0${cycles(first.cycles)}`];
   if (stick == null || contact == null || !(at > 0)) return [WORDS[regime], "of the unworn contact"];
   const now = stick <= 0 ? "gross_slip" : stick >= contact ? "full_stick" : "partial_slip";
-  return [WORDS[now], first && regime !== "gross_slip" ? `gross slip from N\u00a0=\u00a0${cycles(first.cycles)}` : `at N\u00a0=\u00a0${cycles(at)}`];
+  if (first && regime !== "gross_slip") return [WORDS[now], `gross slip from N\u00a0=\u00a0${cycles(first.cycles)}`];
+  return [WORDS[now], `at N\u00a0=\u00a0${cycles(at)}${now === regime ? "" : `, unworn ${WORDS[regime].toLowerCase()}`}`];
 }
 
 /** Draws the numbers at the row of the history into two lists, and the warnings into a third. */
@@ -59,16 +60,17 @@ export function drawHeadline({ first, others, notes }, result, row, warnings) {
       `${error > 0 ? `${SOLVER} ${fieldAt(tolerance) ? "Press to change it. " : ""}` : ""}${own}`, () => visit(fieldAt(tolerance)))));
   };
   const [regime, when] = regimeAt(result, row, at);
-  // Without a rig, the motion is that of the contact.
-  const limit = unworn?.actuator_gross_slip_amplitude == null ? "gross_slip_amplitude" : "actuator_gross_slip_amplitude";
+  // Without a rig, the motion is that of the contact. Behind one, the numbers of the contact stand below.
+  const hasRig = unworn?.actuator_gross_slip_amplitude != null;
+  const limit = hasRig ? "actuator_gross_slip_amplitude" : "gross_slip_amplitude";
   const threshold = unworn?.[limit];
   const now = at > 0 ? history[limit]?.[row] : undefined;
   fill(first, FIRST.map(wear), h("div", {}, h("dt", {}, "Regime"),
     h("dd", {}, h("span", { "data-value": "regime" }, regime), marked("regime")), h("dd", { class: "errors" }, when,
-      threshold != null && [" · ", term(limit, scenario, CHANGES), `\u00a0=\u00a0${quantity(threshold, "m", 3)} ${now == null ? "unworn" : "fresh"}`,
+      threshold != null && [" · ", term(limit, scenario, CHANGES), `\u00a0=\u00a0${quantity(threshold, "m", 3)} unworn`,
         now != null && [", ", h("span", { "data-value": "threshold" }, quantity(now, "m", 3)), ` after ${cycles(at)} cycles`]])));
-  fill(others, OTHERS.map((name) => h("div", {}, h("dt", {}, term(name, scenario)),
-    h("dd", {}, h("span", { "data-value": name }, quantity(history[name][row], units[name], 3)), marked(name)))));
+  fill(others, [...OTHERS, ...(hasRig ? ["amplitude", "gross_slip_amplitude"] : [])].map((name) => h("div", {}, h("dt", {}, term(name, scenario)),
+    h("dd", {}, h("span", { "data-value": name }, quantity(history[name]?.[row], units[name], 3)), marked(name)))));
   const concerned = [...FIRST, "regime", ...OTHERS].map((name) => [name, warnings.filter((warning) => numberOf(warning) === name)])
     .filter(([, own]) => own.length);
   fill(notes, concerned.map(([name, own]) => h("div", { id: `warning-${name}`, tabIndex: -1, class: "warning" },

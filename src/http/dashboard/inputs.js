@@ -6,6 +6,7 @@ import { fieldText, kindAt, pretty, printed } from "./kinds.js";
 import { drawRange, varyButton } from "./plan.js";
 import { slider } from "./slider.js";
 import { readList, understand } from "./typed.js";
+import { inputWords, plainWords } from "./units.js";
 import { canVary, suggested } from "./vary.js";
 
 /** Maximum number of characters of a value, and of a label, beside each other. Longer ones stand in two rows. */
@@ -60,6 +61,16 @@ export class Inputs {
       explanation && hint(id, explanation), h("p", { id: `${id}-fault`, class: "fault" }));
   }
 
+  /** Writes the label of another field anew: the amplitude is that of the actuator if the rig has a stiffness. */
+  #rename(pointer) {
+    const label = document.querySelector(`label[for|="${idOf(pointer)}"]`);
+    if (!label) return;
+    const name = plainWords(inputWords(pointer, this.form.scenario));
+    label.textContent = label.textContent.replace(label.control.dataset.name ?? this.names.get(pointer), name);
+    label.control.dataset.name = name;
+    this.names.set(pointer, name);
+  }
+
   #choice(pointer, options, attributes) {
     const { scenario } = this.form;
     const value = valueAt(scenario, pointer);
@@ -80,6 +91,7 @@ export class Inputs {
       setValueAt(scenario, pointer, read.value);
       if (vary) vary.disabled = !suggested(scenario, pointer, study.kind);
       this.doubts.show(input, note, pointer, read);
+      if (pointer === "/motion/rig_stiffness") this.#rename("/motion/amplitude");
       this.edited(pointer, isDragging);
     };
     this.doubts.show(input, note, pointer, meaning(pointer, input.value, scenario));

@@ -17,7 +17,7 @@ const OPTIONS = {
   kind: ["Kind", { "": "Any", run: "Run", ...Object.fromEntries(Object.values(KINDS).map(({ name, title, offers }) => [name, capital(offers.map((offer) => offer.title.toLowerCase()).join(" or ") || title)])) }],
   shape: ["Shape", anyOf("shape")],
   method: ["Method", anyOf("method")],
-  regime: ["Regime", anyOf("regime")],
+  regime: ["Regime, unworn", anyOf("regime")],
   pinned: ["Pinned", { "": "Any", true: "Pinned only" }],
   submitted_by: ["Submitted by", { "": "Anyone", me: "Me" }],
 };
@@ -25,7 +25,7 @@ const OPTIONS = {
 const TEXTS = {
   friction: ["Friction coefficient", "0.6..0.8"],
   normal_force: ["Normal force", "50 N..0.2 kN"],
-  amplitude: ["Amplitude", "..5 µm"],
+  amplitude: ["Amplitude at the contact", "..5 µm"],
   wear_depth: ["Wear depth", "..2 µm"],
   wear_volume: ["Wear volume", "1e-5 mm³.."],
   owner: ["Computed by", ""],

@@ -1,7 +1,8 @@
 // The parts of the form that belong to a study: the range of a number that varies, and the card that says what is computed.
 
 import { may } from "./allowed.js";
-import { explained, fill, h, select } from "./dom.js";
+import { post } from "./api.js";
+import { explained, fill, h, notify, select } from "./dom.js";
 import { printed } from "./kinds.js";
 import { outputWords } from "./study-words.js";
 import { cycles, plainWords, WORDS } from "./units.js";
@@ -87,7 +88,7 @@ export function submitText(study) {
 }
 
 /** The card that says what is computed. `names` are the labels of the numbers that vary, and `all` the pointers of those that can. */
-export function drawPlan(card, names, all, scenario, study, { changed, redraw }) {
+export function drawPlan(card, names, all, scenario, study, { changed, redraw, chosen }) {
   card.hidden = varied(study).length === 0;
   if (card.hidden) return;
   const design = ({ id, title, meaning, kind }) => {
@@ -118,8 +119,21 @@ export function drawPlan(card, names, all, scenario, study, { changed, redraw })
     h("fieldset", { id: "outputs", "data-pointer": "/outputs", "aria-describedby": "outputs-fault" },
       h("legend", {}, "Outputs"), h("p", { class: "hint" }, "After the last cycle, if no other is named."), h("div", { class: "options" }, [...new Set([...OUTPUTS, ...study.outputs])].map(output)),
       h("p", { id: "outputs-fault", class: "fault" }), moreOutputs(scenario, study, redraw)),
+    (scenario.motion?.rig_stiffness ?? study.rig) !== undefined && OFFERS[study.kind].kind.axes.length > 0 && drawPlace(scenario, study, chosen),
     study.profiles && OFFERS[study.kind].kind.keeps_profiles && drawProfiles(study, redraw), runs,
     explained("studies", "What each study computes"));
+}
+
+/** The place of the amplitudes of a map: at the contact, the map has no rig, and the scenario has the amplitude of its contact. */
+function drawPlace(scenario, study, chosen) {
+  const field = select({ actuator: "At the actuator", contact: "At the contact (leaves the rig out)" }, study.rig ? "contact" : "actuator", { id: "amplitudes-at", onchange: async () => {
+    const { rig } = study;
+    const { unworn } = rig ? {} : await post("/v1/scenarios", { scenario }).catch(({ message }) => notify(message)) ?? {};
+    if (!rig && !unworn) return chosen();
+    [study.rig, scenario.motion] = rig ? [undefined, rig] : [scenario.motion, { ...scenario.motion, amplitude: unworn.amplitude, rig_stiffness: undefined }];
+    chosen();
+  } });
+  return h("div", { class: "field long" }, h("label", { for: field.id }, "Amplitudes"), field);
 }
 
 /** Adds an output that has no box: at another cycle, of the unworn contact, of the limiting state, or an event. */

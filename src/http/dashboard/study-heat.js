@@ -105,6 +105,16 @@ function regimes(plan, boundary, [low, high]) {
     onDrawing(area.right - 12, area.bottom - 14, high, { fill: "var(--ink-2)", "font-size": 14, "text-anchor": "end" })];
 }
 
+/** The names of the boundaries of the unworn and of the worn contact, each on its outer side. */
+function namesOfEdges(edges, { area, horizontal, vertical }) {
+  const [unworn, worn] = edges.map((edge) => edge.map(({ x, y }) => [horizontal.at(x), vertical.at(y)]).filter(([x, y]) => x > area.left && x < area.right && y > area.top && y < area.bottom));
+  if (!unworn.length || !worn.length) return [];
+  const [first, last] = [unworn[unworn.length >> 2], worn[worn.length * 3 >> 2]];
+  const isRight = edges[1][0].x - edges[0][0].x > edges[1][0].y - edges[0][0].y;
+  return [[first, "Unworn", !isRight], [last, "After the last cycle", isRight]].map(([[x, y], name, right]) =>
+    onDrawing(Math.max(area.left + widthOf(name), Math.min(x + (right ? 8 : -8), area.right - widthOf(name))), y, name, { "text-anchor": right ? "start" : "end" }));
+}
+
 /** Distance in px within which a measured point leaves no room for the name of the scenario. */
 const CROWDED = 80;
 
@@ -142,7 +152,7 @@ export const plane = (view, { across, up, output, rows, boundary, later, regions
   const edge = boundary && output ? [svg("path", { d: `M${boundary.map(({ x, y }) => `${px(plan.horizontal.at(x))} ${px(plan.vertical.at(y))}`).join("L")}`, fill: "none", stroke: "#ffffff", "stroke-width": 2, "stroke-dasharray": "6 4", class: "boundary" })] : [];
   if (later?.length > 0) {
     const d = `M${later.map(({ x, y }) => `${px(plan.horizontal.at(x))} ${px(plan.vertical.at(y))}`).join("L")}`;
-    edge.push(svg("path", { d, fill: "none", stroke: output ? "#ffffff" : "var(--ink)", "stroke-width": 1, class: "later" }));
+    edge.push(svg("path", { d, fill: "none", stroke: output ? "#ffffff" : "var(--ink)", "stroke-width": 1, class: "later" }), ...namesOfEdges([boundary, later], plan));
   }
   const items = grid.flatMap((line, j) => line.flatMap((row, i) => (row === undefined ? [] : [{ x: places[0][i], y: places[1][j], row, values: () => valuesOf(row) }])));
   return {

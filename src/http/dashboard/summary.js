@@ -19,7 +19,7 @@ export const entryOf = ({ scenario, scales, unworn, regime }) => ({
   shape: scenario.profile.shape, method: scenario.model.method, regime,
   held: scenario.load.held, motion: motionOf(scenario.motion),
   values: { ...scenario.profile, friction: scenario.friction, normal_force: scales.normal_force,
-    amplitude: unworn.amplitude, tangential_force: unworn.tangential_force },
+    amplitude: unworn.amplitude, tangential_force: unworn.tangential_force, rig_stiffness: scenario.motion.rig_stiffness, actuator: unworn.actuator_amplitude },
 });
 
 const equation = (letter, value, unit) => typeof value === "number" && `${letter}\u00a0=\u00a0${quantity(value, unit)}`;
@@ -45,9 +45,9 @@ const titleOfRun = ({ shape, motion, values }) => `${joined(WORDS[shape], equati
     : motion !== "blocks" && motion !== "reversals" && amplitude(values),
   friction(values.friction))}`;
 
-/** For example "Exact method · Partial slip · constant depth, constant amplitude". */
+/** For example "Exact method · Partial slip, unworn · constant depth, constant amplitude". */
 export const subtitle = ({ kind, method, regime, held, motion }) => KINDS[kind] ? "A study of many runs"
-  : `${WORDS[method]} · ${WORDS[regime]} · constant ${held}, ${MOTIONS[motion]}`;
+  : `${WORDS[method]} · ${WORDS[regime]}, unworn · constant ${held}, ${MOTIONS[motion]}`;
 
 /** A job whose scenario is known but not yet checked, in the form of an entry of `GET /v1/results`. */
 const entryOfScenario = ({ profile, model, load, motion, friction }) => ({

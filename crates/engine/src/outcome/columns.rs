@@ -32,8 +32,8 @@ pub const QUANTITIES: &[Quantity] = &[
     quantity("indentation_depth", "m", "Indentation depth", "$d$"),
     quantity("normal_force", "N", "Normal force", "$F$"),
     quantity("tangential_force", "N", "Tangential force amplitude", "$Q$"),
-    quantity("amplitude", "m", "Displacement amplitude", "$U$"),
-    quantity("gross_slip_amplitude", "m", "Gross-slip threshold, contact", ""),
+    quantity("amplitude", "m", "Amplitude at the contact", "$U$"),
+    quantity("gross_slip_amplitude", "m", "Gross-slip threshold at the contact", ""),
     quantity("normal_modulus", "Pa", "Normal modulus", "$E$*"),
     quantity("tangential_modulus", "Pa", "Tangential modulus", "$G$*"),
     quantity("wear_coefficient", "1/Pa", "Wear coefficient", "$k_w$"),
@@ -54,14 +54,14 @@ pub const QUANTITIES: &[Quantity] = &[
     quantity("image", "m", "One-dimensional image", "$g$"),
     quantity("pressure", "Pa", "Pressure", "$p$"),
     quantity("slip", "m", "Slip amplitude", ""),
-    quantity("displacement", "m", "Displacement", "$u$"),
+    quantity("displacement", "m", "Displacement at the contact", "$u$"),
     quantity("energy_ratio", "1", "Energy ratio", "$A$"),
     quantity("slip_ratio", "1", "Slip ratio", "$D$"),
     quantity("free_ratio", "1", "System-free ratio", "$B$"),
     quantity("actuator_amplitude", "m", "Actuator amplitude", ""),
     quantity("actuator_energy_ratio", "1", "Energy ratio at the actuator", ""),
     quantity("actuator_slip_ratio", "1", "Slip ratio at the actuator", ""),
-    quantity("actuator_gross_slip_amplitude", "m", "Gross-slip threshold, actuator", ""),
+    quantity("actuator_gross_slip_amplitude", "m", "Gross-slip threshold at the actuator", ""),
     quantity("scar_half_length", "m", "Half-length of the scar", ""),
 ];
 
@@ -80,8 +80,6 @@ pub const SECTION_WORDS: &[(&str, [&str; 2])] =
 /// The names and symbols of numbers of sections that do not follow from the quantity.
 pub const SPECIAL_WORDS: &[(&str, [&str; 2])] = &[
     ("scales.cycles", ["Characteristic cycles", "$N$₀"]),
-    ("unworn.gross_slip_amplitude", ["Gross-slip threshold, contact", ""]),
-    ("unworn.actuator_gross_slip_amplitude", ["Gross-slip threshold, actuator", ""]),
     ("unworn.force_ratio", ["Unworn force ratio", "$Q$/($μF$)"]),
     ("unworn.stick_ratio", ["Unworn stick ratio", "$c$/$a$₀"]),
     ("limit.wear_depth", ["Limiting wear depth", ""]),

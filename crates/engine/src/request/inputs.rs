@@ -59,6 +59,7 @@ pub const INPUTS: &[Input] = &[
     input("/load/normal_force", "Normal force", "$F$"),
     input("/load/indentation_depth", "Indentation depth", "$d$"),
     input("/load/held", "Load: kept constant", ""),
+    input("/motion/amplitude?rig_stiffness", "Amplitude at the actuator", "$U$"),
     input("/motion/amplitude", "Amplitude", "$U$"),
     input("/motion/sliding_amplitude", "Sliding amplitude", ""),
     input("/motion/stick_ratio", "Stick ratio", "$c$/$a$₀"),
@@ -143,6 +144,9 @@ mod tests {
         let archard = json!({"wear": {"coefficient": 1e-4, "hardness": "3 GPa"}});
         assert_eq!(named("/wear/coefficient", archard), ("Archard coefficient".to_owned(), "$k$"));
         assert_eq!(named("/wear/coefficient", json!({})).0, "Wear coefficient");
+        let rig = json!({"motion": {"amplitude": 1e-6, "rig_stiffness": 2e7}});
+        assert_eq!(named("/motion/amplitude", rig).0, "Amplitude at the actuator");
+        assert_eq!(named("/motion/amplitude", json!({})).0, "Amplitude");
         assert_eq!(named("/motion/other_number", json!({})), ("other number".to_owned(), ""));
     }
 }

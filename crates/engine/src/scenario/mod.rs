@@ -406,8 +406,8 @@ impl Scenario {
         }
         if amplitude > a {
             let detail = format!(
-                "The amplitude ({amplitude:.3e} m) exceeds the contact radius ({a:.3e} m): this is \
-                 sliding wear, where the counterbody is not always covered."
+                "The amplitude at the contact ({amplitude:.3e} m) exceeds the contact radius ({a:.3e} m): \
+                 this is sliding wear, where the counterbody is not always covered."
             );
             warn("large_amplitude", detail);
         }

@@ -199,12 +199,12 @@ impl Drawing<'_> {
     fn history(&self) -> Result<Figure> {
         let table = self.table()?;
         if table.column(self.quantity.name).is_none() {
-            let because = if self.quantity.name.starts_with("actuator") {
-                "only a scenario with `rig_stiffness` has it"
+            let reason = if self.quantity.name.starts_with("actuator_") {
+                "the run has no `rig_stiffness`, or an earlier version of the engine computed it"
             } else {
                 "an earlier version of the engine computed the result"
             };
-            return Err(self.unavailable(because)?);
+            return Err(self.unavailable(reason)?);
         }
         let cycles = table.axis("cycles");
         let columns = self.quantity.columns();

@@ -42,7 +42,7 @@ pub const KIND: Kind = Kind {
             is_grid: true,
             regions: Some(Regions {
                 boundary: "boundary",
-                label: "gross slip begins",
+                label: "gross slip begins, unworn",
                 later: "after_run",
                 title: "Regimes of the unworn contact",
                 names: ["partial slip", "gross slip"],
