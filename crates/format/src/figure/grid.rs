@@ -173,7 +173,7 @@ pub fn boundary([x, y]: [Vec<f64>; 2], label: &str) -> Vec<Series> {
 
 /// The boundary after the runs.
 pub fn later([x, y]: [Vec<f64>; 2]) -> Series {
-    Series::new("gross slip begins, after the last cycle", x, y).styled(LATER)
+    Series::new("", x, y).styled(LATER)
 }
 
 /// The regions below and above the boundary, which may leave the range of the vertical axis.

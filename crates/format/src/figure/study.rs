@@ -16,6 +16,9 @@ use crate::view::{FigureOptions, StudyOptions, View};
 use fretwork_plot::{Axis, Figure};
 use fretwork_study::{Hints, Kind, Regions, StudyFigure};
 
+/// The note about the boundary after the runs. The legend has no room for it.
+const LATER: &str = " Thin: the boundary after the last cycle.";
+
 /// Maximum number of figures in a report.
 const MOST: usize = 12;
 
@@ -199,14 +202,17 @@ impl<'a> Study<'a> {
         y.log = self.view.figure.log_y.unwrap_or(y.log);
         let named = Axes { over, by: Some(by) };
         let (field, note) = self.surface(name).field(named, (x.log, y.log), scale);
-        let mut series = Vec::new();
+        let (mut series, mut note) = (Vec::new(), note);
         if let Some(regions) = self.offer.hints.regions {
             let turned = |[first, second]: [Vec<f64>; 2]| {
                 if over == 0 { [first, second] } else { [second, first] }
             };
             let unworn = self.boundary(&regions, self.member(1))?;
             series.extend(grid::boundary(turned(unworn), regions.label));
-            series.extend(self.later(&regions)?.map(|later| grid::later(turned(later))));
+            if let Some(later) = self.later(&regions)? {
+                series.push(grid::later(turned(later)));
+                note += LATER;
+            }
         }
         let label = field.scale.label.clone();
         let figure = Figure { title, x, y, field: Some(field), series, ..Figure::default() };
@@ -243,12 +249,13 @@ impl<'a> Study<'a> {
             Axis { range: range.filter(|(low, high)| low < high), ..self.across(place) }
         });
         let bands = grid::regions(regions.names, &boundary, y.range);
-        // The only boundary needs no label, because the regions have names.
-        let later = self.later(&regions)?.map(grid::later);
-        let mut series = grid::boundary(boundary, later.as_ref().map_or("", |_| regions.label));
-        series.extend(later);
+        // The boundary needs no label, because the regions have names.
+        let mut series = grid::boundary(boundary, "");
+        let later = self.later(&regions)?;
+        let note = if later.is_some() { LATER } else { "" };
+        series.extend(later.map(grid::later));
         let title = regions.title.to_owned();
-        self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, "", "")
+        self.finished(Figure { title, x, y, bands, series, ..Figure::default() }, note, "")
     }
 
     fn scatter(&self, output: usize, over: usize) -> Result<String> {
