@@ -1,11 +1,14 @@
 """Tests the page as a user with a compliant rig sees it: each threshold says at which place it holds, and is the number of the API
 and of the command line. From the first click to the number.
 
-    python rig.py /path/to/fretwork http://127.0.0.1:8080
+    python rig.py /path/to/fretwork http://127.0.0.1:8080 [--long]
+
+With --long, it tries 40 random contacts, else 6.
 """
 
 import functools
 import json
+import random
 import re
 import subprocess
 import sys
@@ -188,8 +191,68 @@ def fretting_map(browser):
         with urllib.request.urlopen(f"{BASE}/v1/results/{key}/plot.svg?kind=regimes") as answer:
             drawn = re.sub("<[^>]*>", "", answer.read().decode())
         assert ("Amplitude at the actuator (µm)" in drawn) == (place == "actuator"), drawn
-        assert "gross slip begins, unworn" in drawn and "gross slip begins, after the last cycle" in drawn, drawn
+        assert "Thin: the boundary after the last cycle." in drawn, drawn
     page.context.close()
+
+
+def random_contact(number):
+    """A contact behind a rig: every shape, held at constant force or depth, by both methods."""
+    draw = random.Random(number)
+    between = lambda low, high: low * (high / low) ** draw.random()
+    radius, angle, length = between(2e-3, 0.1), between(0.005, 0.05), "10 mm"
+    profile = [{"shape": "paraboloid", "radius": radius}, {"shape": "cone", "slope_angle": angle},
+        {"shape": "truncated_paraboloid", "radius": radius, "flat_radius": between(1e-4, 3e-4)},
+        {"shape": "cylinder", "radius": radius, "length": length}, {"shape": "wedge", "slope_angle": angle, "length": length}][number % 5]
+    is_line = "length" in profile
+    motion = {"rig_stiffness": between(1e6, 1e9)} | ({"reference_distance": "60 mm"} if is_line else {})
+    return {"profile": profile, "moduli": {"normal": "113 GPa"} | ({} if is_line else {"tangential": "93 GPa"}), "friction": between(0.2, 1),
+        "wear": {"coefficient": "3e-5 mm^3/(N m)"}, "load": {"normal_force": between(20, 2000), "held": "force" if is_line else draw.choice(["force", "depth"])},
+        "motion": motion, "cycles": {"normalized": [between(0.5, 3)]}, "model": {"method": "exact" if is_line else draw.choice(["exact", "simplified"]), "points": 16}}
+
+
+def after_run(scenario, unworn):
+    """The amplitude of the actuator at which the contact slips as a whole after the run, by trying amplitudes."""
+    def excess(amplitude):
+        return amplitude - get("/v1/evaluate", {"scenario": moved(scenario, amplitude), "outputs": [PLACES["actuator"]]})["outputs"][PLACES["actuator"]]
+
+    low = high = unworn
+    while excess(low) >= 0:
+        low *= 0.9
+    while excess(high) < 0:
+        high *= 1.1
+    while high / low > 1.0002:
+        middle = (low + high) / 2
+        low, high = (low, middle) if excess(middle) >= 0 else (middle, high)
+    return (low + high) / 2
+
+
+def moved(scenario, amplitude):
+    return {**scenario, "motion": {**scenario["motion"], "amplitude": amplitude}}
+
+
+def any_contact(page, scenario):
+    """Page, API, command line and map state thresholds that separate partial from gross slip, unworn and after the run."""
+    name = PLACES["actuator"]
+    limit = get("/v1/scenarios", {"scenario": moved(scenario, 1e-6)})["unworn"][name]
+    worn = after_run(scenario, limit)
+    study = {"scenario": moved(scenario, 1e-6), "normal_force": {"from": scenario["load"]["normal_force"], "to": 1.2 * scenario["load"]["normal_force"], "count": 2},
+        "amplitude": {"from": 0.97 * worn, "to": 1.03 * worn, "count": 9}, "outputs": ["stick_radius"]}
+    boundary = get(get("/v1/jobs", {"map": study})["links"]["result"])["boundary"]
+    assert boundary["/motion/amplitude"][0] == limit, (scenario, boundary, limit)
+    assert abs(boundary["after_run"][0] / worn - 1) < 1e-3, (scenario, boundary, worn)
+    for share, regime in ((0.999, "partial_slip"), (1.001, "gross_slip")):
+        own = moved(scenario, share * limit)
+        checked, result = get("/v1/scenarios", {"scenario": own}), computed(own)
+        assert (checked["regime"], result["regime"], result["unworn"][name]) == (regime, regime, limit), (own, checked["regime"], result["regime"])
+        last = computed(moved(scenario, share * worn))["history"]
+        assert (last["stick_radius"][-1] == 0) == (regime == "gross_slip"), (scenario, worn, share)
+        assert (share * worn >= last[name][-1]) == (regime == "gross_slip"), (scenario, worn, share)
+        page.goto("about:blank")
+        page.goto(f"{BASE}/#/new?scenario={json.dumps(own)}")
+        expect(item(page, "regime")).to_have_text(regime.replace("_", " ").capitalize())
+        agree(lengths(page.locator(".estimate dd", has_text="at the actuator")), [limit, result["unworn"][PLACES["contact"]]], 1e-3)
+        settled(page)
+        agree(lengths(page.locator("#headline [data-value=threshold]")), [result["history"][name][-1]], 0.01)
 
 
 def finished(page):
@@ -204,6 +267,9 @@ def main():
         keys = [run(browser, amplitude) for amplitude in ("3.2", "6.52", "6.6")]
         comparison(browser, keys)
         fretting_map(browser)
+        page = browser.page(BASE)
+        for number in range(40 if "--long" in sys.argv else 6):
+            any_contact(page, random_contact(number))
     print("the page says at which place a threshold holds")
 
 
