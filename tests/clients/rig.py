@@ -154,6 +154,8 @@ def fretting_map(browser):
     checked = get("/v1/scenarios", {"scenario": scenario})["unworn"]
     motion = json.loads(page.input_value("#json"))["motion"]
     assert motion == {"amplitude": checked["amplitude"]}, motion
+    page.reload()
+    expect(page.locator("#amplitudes-at")).to_have_value("contact")
     page.select_option("#amplitudes-at", "actuator")
     expect(page.locator("#json")).to_have_value(re.compile("rig_stiffness"))
     assert json.loads(page.input_value("#json")) == scenario
