@@ -178,9 +178,16 @@ impl Follower {
 
     /// Whether a coefficient can still change.
     pub(crate) fn is_changing(&self) -> bool {
+        [Over::Time, Over::Energy].into_iter().any(|over| self.changes_over(over))
+    }
+
+    /// Whether a coefficient over the time or over the energy can still change.
+    pub(crate) fn changes_over(&self, over: Over) -> bool {
         let Some(course) = &self.course else { return false };
         let mut tracks = course.tracks().into_iter().zip(self.segments);
-        tracks.any(|(track, segment)| track.is_some_and(|track| segment < track.at.len()))
+        tracks.any(|(track, segment)| {
+            track.is_some_and(|track| track.over == over && segment < track.at.len())
+        })
     }
 
     /// The time at which the first of the present segments ends, as far as it is known.

@@ -4,7 +4,7 @@
 use std::f64::consts::{FRAC_2_PI, SQRT_2};
 
 use fretwork_engine::contact::unworn::Regime;
-use fretwork_engine::outcome::Outcome;
+use fretwork_engine::outcome::{History, Outcome};
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
 use fretwork_engine::solver::events::EventKind;
@@ -254,6 +254,37 @@ fn a_run_ends_even_if_it_cannot_dissipate_the_energies() {
         assert_eq!(end.kind, EnergyNotReached);
         assert!((end.cycles / 1e15 - 1.0).abs() < 1e-9, "{method}: {}", end.cycles);
     }
+}
+
+/// Coefficients over an energy that is never dissipated do not change any more. Wear that begins again by a coefficient over the
+/// energy is not overlooked.
+#[test]
+fn a_run_with_coefficients_over_the_energy_ends_when_no_energy_is_left() {
+    let track = |values: Value| json!({"over": "dissipated_energy", "at": ["0 J", "5 mJ", "5 mJ", "1 kJ"], "values": values});
+    for (held, amplitude) in [("depth", "2.256 um"), ("depth", "5 um"), ("force", "2.256 um")] {
+        let motion = json!({"amplitude": amplitude});
+        let energies = json!({"dissipated_energy": ["1 mJ", "10 mJ", "1 kJ"]});
+        let mut request = ball("exact", held, &motion, energies);
+        request["friction"] = track(json!([0.7, 0.71, 0.69, 0.72]));
+        let outcome = run(&request);
+        let end = outcome.events.last().expect("an end");
+        assert_eq!(end.kind, EventKind::EnergyNotReached, "{held} {amplitude}");
+        let history = &outcome.history;
+        assert!(history.energy_per_cycle[3] < 1e-4 * history.energy_per_cycle[0], "{history:?}");
+        // A run for a number of cycles stops changing, too.
+        request["cycles"] = json!([end.cycles, 10.0 * end.cycles]);
+        let History { wear_volume, .. } = run(&request).history;
+        assert!((wear_volume[1] / wear_volume[2] - 1.0).abs() < 1e-4, "{wear_volume:?}");
+        assert!((wear_volume[1] / history.wear_volume[3] - 1.0).abs() < 1e-3, "{wear_volume:?}");
+    }
+    // Hardly anything wears until 5 mJ are dissipated.
+    let mut request = ball("exact", "depth", &json!({"amplitude": "2.256 um"}), json!([1e15]));
+    request["wear"] = json!({"coefficient": track(json!([1e-18, 1e-18, 3e-14, 3e-14]))});
+    let last = |request: &Value| *run(request).history.wear_volume.last().expect("a row");
+    let delayed = last(&request);
+    request["wear"] = json!({"coefficient": 3e-14});
+    let usual = last(&request);
+    assert!((delayed / usual - 1.0).abs() < 2e-3, "{delayed:e} {usual:e}");
 }
 
 /// The canonical scenario keeps the energies, and energies accept the same forms and words as cycles.

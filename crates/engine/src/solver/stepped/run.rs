@@ -8,6 +8,7 @@ use super::prior::PriorWear;
 use super::rkc::Rkc;
 use super::wearing::{Wearing, WornContact};
 use crate::contact::control::{Block, Control, Normal, Tangential};
+use crate::contact::course::Over;
 use crate::contact::geometry::Geometry;
 use crate::contact::limit::Limit;
 use crate::contact::row::unworn_integrals;
@@ -342,20 +343,29 @@ impl MeshRun {
     /// Whether wear has practically stopped at the present amplitude, which is constant until
     /// `end`.
     fn has_arrived(&self, end: f64) -> bool {
-        if self.wearing.follower.is_changing() {
+        let follower = &self.wearing.follower;
+        if self.wearing.springs.share() < VANISHED {
+            return true;
+        }
+        if follower.changes_over(Over::Time) {
             // Another coefficient of friction can start the wear again.
             return false;
         }
-        let (time, rate) = (self.rkc.time, self.wearing.energy_rate());
+        // So can a coefficient over the energy, unless there is hardly any energy to come.
+        let (rate, sum) = if follower.changes_over(Over::Energy) {
+            (self.power[1], self.dissipated[1])
+        } else {
+            (self.wearing.energy_rate(), self.worn_by_energy[1])
+        };
+        let time = self.rkc.time;
         let lasted = time - self.block_began;
-        let negligible = SETTLED * self.rkc.tolerance * self.worn_by_energy[1];
+        let negligible = SETTLED * self.rkc.tolerance * sum;
         // The rate is conclusive only after the block has lasted at least the time scale.
         let tells = lasted * self.wearing.pace() >= self.rkc.scale;
-        self.wearing.springs.share() < VANISHED
-            || lasted > 0.0
-                && (rate == 0.0
-                    || tells && rate * lasted <= negligible
-                    || rate * (end - time) <= negligible)
+        lasted > 0.0
+            && (rate == 0.0
+                || tells && rate * lasted <= negligible
+                || rate * (end - time) <= negligible)
     }
 
     /// Sets the next amplitude if a block has ended, and returns the end of the present block.
