@@ -19,9 +19,9 @@ use fretwork_engine::numeric::dot;
 use super::fisher;
 use super::measured::Information;
 
-/// The probability with which the test of one size calls points outliers although there are none: for stated noise, and for
-/// estimated noise, where the sizes are less alike. Together, all sizes call some in 5 of 100 sets.
-const ALPHA: (f64, f64) = (0.05, 0.03);
+/// The probability with which the test of one size calls points outliers although there are none: for stated noise, and, for
+/// estimated noise, where the sizes are less alike, that of one outlier and of more. Together, all sizes call some in 5 of 100 sets.
+const ALPHA: (f64, [f64; 2]) = (0.05, [0.043, 0.012]);
 /// Maximum number of outliers, and the share of the points if the noise is estimated.
 const MOST: usize = 10;
 const SHARE: usize = 4;
@@ -126,7 +126,7 @@ pub fn outliers(values: &[f64], slopes: &[Vec<f64>], is_estimated: bool) -> Outl
         }
         let rest = all.without(&set);
         let freedom = is_estimated.then_some(rest.freedom as usize);
-        let alpha = if is_estimated { ALPHA.1 } else { ALPHA.0 };
+        let alpha = if is_estimated { ALPHA.1[usize::from(size > 1)] } else { ALPHA.0 };
         let limit = fisher::factor(1.0 - alpha / (count - size + 1) as f64, freedom);
         if set.iter().all(|place| all.studentized(&rest, *place, true).abs() > limit) {
             places.clone_from(&set);
