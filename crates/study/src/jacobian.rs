@@ -11,7 +11,7 @@ use fretwork_engine::request::quantity::Dimension;
 
 use super::model::{Model, PointValues};
 use super::run::Run;
-use super::stats::derivative::{Derivative, Place, Search};
+use super::stats::derivative::{Derivative, MAX_ROUNDS, Place, derivatives};
 
 /// Typical number of runs for each number that varies: one interval usually suffices.
 const RUNS: f64 = 17.0;
@@ -40,9 +40,8 @@ pub struct Jacobian {
 #[derive(Debug)]
 struct Column {
     member: usize,
-    search: Search,
-    /// The points of this interval that are not computed yet, in reverse order.
-    points: Vec<f64>,
+    place: Place,
+    /// The values at the points that the search has asked for so far.
     values: Vec<Vec<Option<f64>>>,
     /// The first fault of an invalid scenario around the point.
     fault: Option<String>,
@@ -119,19 +118,22 @@ impl Jacobian {
                 }
                 continue;
             };
-            if let Some(value) = column.points.pop() {
-                let mut point = self.point.clone();
-                point[column.member] = value;
-                match self.model.run(&point) {
-                    Ok(run) => {
-                        self.run = Some(run);
-                        return None;
-                    }
-                    Err(faults) => column.refused(&faults, at_point.values.len()),
+            match column.found(at_point) {
+                Ok(found) => {
+                    self.found.extend(column.entries(found, at_point));
+                    self.column = None;
                 }
-            } else if !column.next_round() {
-                self.found.extend(column.entries(at_point));
-                self.column = None;
+                Err(next) => {
+                    let mut point = self.point.clone();
+                    point[column.member] = next;
+                    match self.model.run(&point) {
+                        Ok(run) => {
+                            self.run = Some(run);
+                            return None;
+                        }
+                        Err(faults) => column.refused(&faults, at_point.values.len()),
+                    }
+                }
             }
         }
     }
@@ -157,29 +159,15 @@ impl Column {
         let scale = if x == 0.0 { 1.0 } else { x.abs() };
         // The domain of the number is not known. Beyond it the scenario has faults, so the point has no values.
         let place = Place { x, scale, low: f64::NEG_INFINITY, high: f64::INFINITY };
-        let search = Search::new(place, &at_point.accuracies);
-        let (points, values) = (Vec::new(), Vec::new());
-        let mut column = Self { member, search, points, values, fault: None };
-        column.begin_round();
         // The first point is x₀, whose values are known.
-        column.points.pop();
-        column.values.push(numbers(at_point));
-        Ok(column)
+        Ok(Self { member, place, values: vec![numbers(at_point)], fault: None })
     }
 
-    /// Takes the points of the next interval from the search. Returns whether there is one.
-    fn begin_round(&mut self) -> bool {
-        let points = self.search.points();
-        let has_begun = points.is_some();
-        self.points = points.unwrap_or_default();
-        self.points.reverse();
-        has_begun
-    }
-
-    /// Gives the values of an interval to the search, and begins the next one. Returns whether there is one.
-    fn next_round(&mut self) -> bool {
-        self.search.take(mem::take(&mut self.values));
-        self.begin_round()
+    /// The derivatives, or the next point at which they need values.
+    fn found(&self, at_point: &PointValues) -> Result<Vec<Option<Derivative>>, f64> {
+        let mut known = self.values.iter().cloned();
+        let values = |x: f64| known.next().ok_or(x);
+        derivatives(self.place, &at_point.accuracies, MAX_ROUNDS, values)
     }
 
     fn refused(&mut self, faults: &Faults, outputs: usize) {
@@ -188,8 +176,7 @@ impl Column {
         self.values.push(vec![None; outputs]);
     }
 
-    fn entries(&self, at_point: &PointValues) -> Vec<Entry> {
-        let found = self.search.found().into_iter().enumerate();
+    fn entries(&self, found: Vec<Option<Derivative>>, at_point: &PointValues) -> Vec<Entry> {
         let entry = |(output, derivative): (usize, Option<Derivative>)| {
             let derivative =
                 derivative.ok_or_else(|| match (&at_point.values[output], &self.fault) {
@@ -206,7 +193,7 @@ impl Column {
                 });
             Entry::new(output, self.member, derivative, at_point)
         };
-        found.map(entry).collect()
+        found.into_iter().enumerate().map(entry).collect()
     }
 }
 

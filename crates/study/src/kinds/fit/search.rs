@@ -12,7 +12,7 @@
 use crate::plan::Tried;
 use crate::problem::{Lack, Problem};
 use crate::rows::Rows;
-use crate::stats::derivative::{Derivative, Place, Search as Derivatives};
+use crate::stats::derivative::{Derivative, Place, derivatives};
 use crate::stats::least_squares::{self, Stop};
 use crate::stats::measured::{Information, Measured, Noise};
 
@@ -404,18 +404,13 @@ impl Fit {
         let errors = known.rows[known.start].numbers.iter();
         let errors: Vec<f64> = errors.map(|it| if *it < 1.0 { *it } else { 0.0 }).collect();
         let at = Place { x, scale, low: parameter.low, high: parameter.high };
-        let mut search = Derivatives::new(at, &errors);
         let predicted = |x: f64| {
             let mut theta = best.theta.clone();
             theta[place] = x;
             self.predicted(&theta, tried).map(|[values, _]| values)
         };
-        for _ in 0..ROUNDS {
-            let Some(points) = search.points() else { break };
-            let values = points.iter().map(|x| Ok(predicted(*x)?.into_iter().map(Some).collect()));
-            search.take(values.collect::<Result<_, Wanted>>()?);
-        }
-        let mut found = search.found();
+        let values = |x: f64| Ok::<_, Wanted>(predicted(x)?.into_iter().map(Some).collect());
+        let mut found = derivatives(at, &errors, ROUNDS, values)?;
         let slopes = known.measured.slopes(&known.noise);
         let size = |found: &[Option<Derivative>], part: fn(&Derivative) -> f64| {
             let parts = found.iter().zip(&slopes);
