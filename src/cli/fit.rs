@@ -14,7 +14,7 @@ use fretwork_engine::request::quantity::{Dimension, parse};
 use fretwork_format::{Verdict, is_in_verdict};
 use fretwork_job::Submission;
 use fretwork_json::BadBody;
-use fretwork_measured::{Prepare, Up, Wanted};
+use fretwork_measured::{Prepare, Wanted};
 
 /// The factor from the wear coefficient of the scenario to the ends of its range.
 const RANGE: f64 = 1e4;
@@ -30,13 +30,12 @@ const FEWEST: usize = 3;
 pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
     let Fit { x, y, table, decimal, sigma, relative, at, density, up, scar, .. } = settings;
     let prepare = if at.is_some() { Prepare::Trace } else { Prepare::Points };
-    let up = Up::NAMES.into_iter().find(|(name, _)| up.as_deref() == Some(*name));
     let wanted = Wanted {
         x: x.as_deref(),
         y: y.as_deref(),
         table: *table,
         decimal: *decimal,
-        up: up.map(|(_, up)| up),
+        up: up.map(|(_, up)| *up),
         scar: *scar,
         ..Wanted::of(prepare)
     };

@@ -181,19 +181,15 @@ fn open(store: &Path, head: &Head) -> io::Result<Result<(File, Chunks), String>>
     Ok(Ok((file, content.rows)))
 }
 
-/// The rows of a whole study, and its job body.
+/// The rows of a whole study, and what the first line of one of its files says.
 pub struct Joined {
-    /// The job body.
-    pub body: Vec<u8>,
-    key: String,
-    /// The numbers of all parts and of all chunks.
-    division: (usize, usize),
+    head: Head,
     chunks: Chunks,
 }
 
 /// Reads the files of all parts of a study.
 pub fn join(files: &[impl AsRef<Path>]) -> Result<Joined, Error> {
-    let mut joined: Option<(Joined, Head)> = None;
+    let mut joined: Option<Joined> = None;
     for file in files.iter().map(AsRef::as_ref) {
         let name = file.display();
         // A FIFO would be opened only when another program writes to it, and a device can be endless.
@@ -203,38 +199,40 @@ pub fn join(files: &[impl AsRef<Path>]) -> Result<Joined, Error> {
         let content = content.map_err(|error| format!("cannot read {name}: {error}"))?;
         let head = content.head.filter(|head| head.fretwork_part == FORM);
         let head = head.ok_or_else(|| format!("{name} is not the file of a part of a study"))?;
-        let (all, first) = joined.get_or_insert_with(|| {
-            let Head { job, key, part, chunks, .. } = head.clone();
-            let (body, division) = (job.into_bytes(), (part.of, chunks));
-            (Joined { body, key, division, chunks: BTreeMap::new() }, head.clone())
-        });
-        if (&head.key, head.part.of, head.chunks) != (&first.key, first.part.of, first.chunks) {
+        let first = || Joined { head: head.clone(), chunks: Chunks::new() };
+        let all = joined.get_or_insert_with(first);
+        let [own, of_all] = [&head, &all.head].map(|it| (&it.key, it.part.of, it.chunks));
+        if own != of_all {
             return Err(
                 format!("{name} has a part of another study, or of another division").into()
             );
         }
         all.chunks.extend(content.rows);
     }
-    let (joined, Head { part, chunks, .. }) = joined.ok_or("--join needs a file")?;
-    match (0..chunks).find(|number| !joined.chunks.contains_key(number)) {
+    let joined = joined.ok_or("--join needs a file")?;
+    let of = joined.head.part.of;
+    match (0..joined.head.chunks).find(|number| !joined.chunks.contains_key(number)) {
         None => Ok(joined),
-        Some(number) => Err(format!(
-            "part {}/{of} is missing or not complete; compute it with --part {}/{of}",
-            number % part.of + 1,
-            number % part.of + 1,
-            of = part.of
-        )
-        .into()),
+        Some(number) => {
+            let part = Part { number: number % of + 1, of };
+            Err(format!("part {part} is missing or not complete; compute it with --part {part}")
+                .into())
+        }
     }
 }
 
 impl Joined {
+    /// The job body.
+    pub fn body(&self) -> &[u8] {
+        self.head.job.as_bytes()
+    }
+
     /// The answer of the study that was prepared from the job body, and the time to join it.
     pub fn answer(&self, prepared: &Prepared) -> Result<(Answer, Duration), Error> {
         let started = Instant::now();
         let study = divisible(prepared)?;
-        let (of, count) = self.division;
-        if self.key != prepared.key.to_string() || count != chunks(study, of) {
+        let Head { key, part, chunks: count, .. } = &self.head;
+        if *key != prepared.key.to_string() || *count != chunks(study, part.of) {
             return Err("another version of fretwork computed the parts; join them with it".into());
         }
         let mut rows = Rows::default();

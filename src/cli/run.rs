@@ -31,7 +31,7 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
     places::check(&files, &settings.output, &others, taken)?;
     if let Some(parts) = &settings.join {
         let joined = parts::join(parts)?;
-        let job = match parse(&joined.body) {
+        let job = match parse(joined.body()) {
             Ok(job) => job,
             Err(faults) => return Ok(print_faults(&faults, &parts[0])),
         };

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use fretwork_measured::{ENDS, ends};
+use fretwork_measured::{ENDS, Up, ends};
+
+use super::run::one_of;
 
 /// The settings of `fit`.
 #[derive(Debug, Args)]
@@ -44,8 +46,8 @@ pub struct Fit {
     #[arg(long, value_name = "CYCLES")]
     pub at: Option<f64>,
     /// Where the heights of a trace point: out of the material, or into it [default: out].
-    #[arg(long, value_name = "WHERE", value_parser = ["out", "in"], requires = "at")]
-    pub up: Option<String>,
+    #[arg(long, value_name = "WHERE", value_parser = one_of(&Up::NAMES, |(name, _)| name), requires = "at")]
+    pub up: Option<&'static (&'static str, Up)>,
     /// The ends of the scar in a trace, such as 0.4..1.6mm [default: found].
     #[arg(long, value_name = "FROM..TO", value_parser = scar, requires = "at", allow_hyphen_values = true)]
     pub scar: Option<[f64; 2]>,

@@ -124,7 +124,7 @@ fn change(text: &str) -> Result<(String, Value), &'static str> {
 }
 
 /// Parses the name of one of these items.
-fn one_of<T: Clone + Send + Sync>(
+pub(super) fn one_of<T: Clone + Send + Sync>(
     items: &'static [T],
     name: fn(&T) -> &'static str,
 ) -> impl TypedValueParser<Value = &'static T> {

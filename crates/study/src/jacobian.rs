@@ -4,14 +4,15 @@
 //! pause or stop. See [`derivative`](super::stats::derivative) for the search and for the stated errors.
 
 use std::sync::Arc;
-use std::{mem, vec};
+use std::{iter, mem, vec};
 
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::quantity::Dimension;
 
 use super::model::{Model, PointValues};
+use super::output::NoValue;
 use super::run::Run;
-use super::stats::derivative::{Derivative, Place, Search};
+use super::stats::derivative::{Derivative, MAX_ROUNDS, Place, derivatives};
 
 /// Typical number of runs for each number that varies: one interval usually suffices.
 const RUNS: f64 = 17.0;
@@ -26,26 +27,17 @@ pub struct Jacobian {
     point: Vec<f64>,
     /// Estimated time of one run, in seconds.
     seconds: f64,
-    /// The values at the point, after the first run.
-    values: Option<PointValues>,
     /// The run that is being computed.
     run: Option<Run>,
-    /// The indices of the numbers whose derivatives are not computed yet.
-    next: vec::IntoIter<usize>,
-    column: Option<Column>,
-    found: Vec<Entry>,
-}
-
-/// The search for the derivatives with respect to one number.
-#[derive(Debug)]
-struct Column {
-    member: usize,
-    search: Search,
-    /// The points of this interval that are not computed yet, in reverse order.
-    points: Vec<f64>,
-    values: Vec<Vec<Option<f64>>>,
-    /// The first fault of an invalid scenario around the point.
+    /// The values at the point, after the first run.
+    at_point: Option<PointValues>,
+    /// The indices of the numbers whose derivatives are not known yet.
+    rest: vec::IntoIter<usize>,
+    /// For the first of these numbers, the values at the points that its search has asked for so far.
+    around: Vec<Vec<Option<f64>>>,
+    /// The first fault of an invalid scenario among these points.
     fault: Option<String>,
+    found: Vec<Entry>,
 }
 
 /// The derivative of one output with respect to one number.
@@ -75,17 +67,18 @@ impl Jacobian {
             model: Arc::clone(model),
             point: point.to_vec(),
             seconds: run.seconds(),
-            values: None,
             run: Some(run),
-            next: members.into_iter(),
-            column: None,
+            at_point: None,
+            rest: members.into_iter(),
+            around: Vec::new(),
+            fault: None,
             found: Vec::new(),
         })
     }
 
     /// Estimated processor time, in seconds, if one interval suffices for each number. More intervals take longer.
     pub fn seconds(&self) -> f64 {
-        (self.seconds + PREPARATION) * (1.0 + RUNS * self.next.len() as f64)
+        (self.seconds + PREPARATION) * (1.0 + RUNS * self.rest.len() as f64)
     }
 
     /// Computes one step: about 30 ms of a run. Returns the derivatives after the last run.
@@ -93,9 +86,9 @@ impl Jacobian {
         if let Some(run) = &mut self.run {
             let values = self.model.values(&run.step()?);
             self.run = None;
-            match &mut self.column {
-                Some(column) => column.values.push(numbers(&values)),
-                None => self.values = Some(values),
+            match self.at_point {
+                Some(_) => self.around.push(numbers(&values)),
+                None => self.at_point = Some(values),
             }
         }
         self.start_run()
@@ -103,35 +96,68 @@ impl Jacobian {
 
     /// Starts the next run. Returns the derivatives if no more run is needed.
     fn start_run(&mut self) -> Option<Vec<Entry>> {
-        let at_point = self.values.as_ref()?;
-        loop {
-            let Some(column) = &mut self.column else {
-                let Some(member) = self.next.next() else {
-                    return Some(mem::take(&mut self.found));
-                };
-                match Column::new(&self.model, &self.point, member, at_point) {
-                    Ok(column) => self.column = Some(column),
-                    Err(reason) => {
-                        let none =
-                            |output| Entry::new(output, member, Err(reason.clone()), at_point);
-                        self.found.extend((0..at_point.values.len()).map(none));
-                    }
+        let at_point = self.at_point.as_ref()?;
+        while let Some(member) = self.rest.as_slice().first().copied() {
+            let x = match self.entries(member, at_point) {
+                Err(x) => x,
+                Ok(entries) => {
+                    self.found.extend(entries);
+                    self.rest.next();
+                    (self.around, self.fault) = (Vec::new(), None);
+                    continue;
                 }
-                continue;
             };
-            if let Some(value) = column.points.pop() {
-                let mut point = self.point.clone();
-                point[column.member] = value;
-                match self.model.run(&point) {
-                    Ok(run) => {
-                        self.run = Some(run);
-                        return None;
-                    }
-                    Err(faults) => column.refused(&faults, at_point.values.len()),
+            let mut point = self.point.clone();
+            point[member] = x;
+            match self.model.run(&point) {
+                Ok(run) => {
+                    self.run = Some(run);
+                    return None;
                 }
-            } else if !column.next_round() {
-                self.found.extend(column.entries(at_point));
-                self.column = None;
+                Err(faults) => {
+                    let fault = faults.0.first().map(|it| format!("{} {}", it.pointer, it.detail));
+                    self.fault = self.fault.take().or(fault);
+                    self.around.push(vec![None; at_point.values.len()]);
+                }
+            }
+        }
+        Some(mem::take(&mut self.found))
+    }
+
+    /// The derivatives with respect to a number, or its value in the run that they need next.
+    fn entries(&self, member: usize, at_point: &PointValues) -> Result<Vec<Entry>, f64> {
+        let entry = |output: usize, derivative| {
+            let (is_closed, has_value) = (at_point.closed[output], at_point.values[output].is_ok());
+            Entry { output, member, derivative, is_closed, has_value }
+        };
+        let x = self.point[member];
+        if x == 0.0 && self.model.members()[member].dimension != Dimension::Number {
+            let reason = "the number is 0, so a suitable step for the derivative is not known";
+            let none = |output| entry(output, Err(reason.to_owned()));
+            return Ok((0..at_point.values.len()).map(none).collect());
+        }
+        let scale = if x == 0.0 { 1.0 } else { x.abs() };
+        // The domain of the number is not known. Beyond it the scenario has faults, so the point has no values.
+        let place = Place { x, scale, low: f64::NEG_INFINITY, high: f64::INFINITY };
+        let mut known = iter::once(numbers(at_point)).chain(self.around.iter().cloned());
+        let values = |x: f64| known.next().ok_or(x);
+        let found = derivatives(place, &at_point.accuracies, MAX_ROUNDS, values)?;
+        let found = found.into_iter().zip(&at_point.values).enumerate();
+        let found = found.map(|(output, (derivative, value))| {
+            entry(output, derivative.ok_or_else(|| self.lack(value)))
+        });
+        Ok(found.collect())
+    }
+
+    /// Why an output with this value at the point has no derivative.
+    fn lack(&self, value: &Result<f64, NoValue>) -> String {
+        match (value, &self.fault) {
+            (Err(reason), _) => reason.to_string(),
+            (Ok(_), Some(fault)) => {
+                format!("too few scenarios with nearby values of this number are valid: {fault}")
+            }
+            (Ok(_), None) => {
+                "the output has no value at too many nearby values of this number".to_owned()
             }
         }
     }
@@ -139,87 +165,6 @@ impl Jacobian {
 
 fn numbers(values: &PointValues) -> Vec<Option<f64>> {
     values.values.iter().map(|value| value.ok()).collect()
-}
-
-impl Column {
-    fn new(
-        model: &Model,
-        point: &[f64],
-        member: usize,
-        at_point: &PointValues,
-    ) -> Result<Self, String> {
-        let (x, is_plain) = (point[member], model.members()[member].dimension == Dimension::Number);
-        if x == 0.0 && !is_plain {
-            return Err(
-                "the number is 0, so a suitable step for the derivative is not known".to_owned()
-            );
-        }
-        let scale = if x == 0.0 { 1.0 } else { x.abs() };
-        // The domain of the number is not known. Beyond it the scenario has faults, so the point has no values.
-        let place = Place { x, scale, low: f64::NEG_INFINITY, high: f64::INFINITY };
-        let search = Search::new(place, &at_point.accuracies);
-        let (points, values) = (Vec::new(), Vec::new());
-        let mut column = Self { member, search, points, values, fault: None };
-        column.begin_round();
-        // The first point is x₀, whose values are known.
-        column.points.pop();
-        column.values.push(numbers(at_point));
-        Ok(column)
-    }
-
-    /// Takes the points of the next interval from the search. Returns whether there is one.
-    fn begin_round(&mut self) -> bool {
-        let points = self.search.points();
-        let has_begun = points.is_some();
-        self.points = points.unwrap_or_default();
-        self.points.reverse();
-        has_begun
-    }
-
-    /// Gives the values of an interval to the search, and begins the next one. Returns whether there is one.
-    fn next_round(&mut self) -> bool {
-        self.search.take(mem::take(&mut self.values));
-        self.begin_round()
-    }
-
-    fn refused(&mut self, faults: &Faults, outputs: usize) {
-        let fault = faults.0.first().map(|fault| format!("{} {}", fault.pointer, fault.detail));
-        self.fault = self.fault.take().or(fault);
-        self.values.push(vec![None; outputs]);
-    }
-
-    fn entries(&self, at_point: &PointValues) -> Vec<Entry> {
-        let found = self.search.found().into_iter().enumerate();
-        let entry = |(output, derivative): (usize, Option<Derivative>)| {
-            let derivative =
-                derivative.ok_or_else(|| match (&at_point.values[output], &self.fault) {
-                    (Err(reason), _) => reason.to_string(),
-                    (Ok(_), Some(fault)) => {
-                        format!(
-                            "too few scenarios with nearby values of this number are valid: {fault}"
-                        )
-                    }
-                    (Ok(_), None) => {
-                        "the output has no value at too many nearby values of this number"
-                            .to_owned()
-                    }
-                });
-            Entry::new(output, self.member, derivative, at_point)
-        };
-        found.map(entry).collect()
-    }
-}
-
-impl Entry {
-    fn new(
-        output: usize,
-        member: usize,
-        derivative: Result<Derivative, String>,
-        at_point: &PointValues,
-    ) -> Self {
-        let (is_closed, has_value) = (at_point.closed[output], at_point.values[output].is_ok());
-        Self { output, member, derivative, is_closed, has_value }
-    }
 }
 
 #[cfg(test)]

@@ -48,7 +48,7 @@ const BY_EDGE: [(&str, f64); 4] = [
 ];
 
 /// A scalar of a result, at any output cycle.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 struct Quantity {
     name: Box<str>,
     /// The name without the name of the section.
@@ -57,7 +57,7 @@ struct Quantity {
 }
 
 /// Where the value of a quantity is in a result. The numbers are indices into the columns or members of a section.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Source {
     Column(usize),
     Event(EventKind),
@@ -89,7 +89,7 @@ static QUANTITIES: LazyLock<Vec<Quantity>> = LazyLock::new(|| {
 });
 
 /// An output as a client names it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct OutputName {
     text: Box<str>,
     quantity: &'static Quantity,
@@ -163,12 +163,6 @@ impl OutputName {
         let cycles = scenario.get("cycles").cloned().unwrap_or_default();
         let Ok(cycles) = typed::<Cycles>(cycles) else { return Ok(Vec::new()) };
         Faults::list(names.into_iter().map(|name| name.among(&cycles)))
-    }
-}
-
-impl PartialEq for OutputName {
-    fn eq(&self, other: &Self) -> bool {
-        self.text == other.text
     }
 }
 

@@ -20,6 +20,9 @@ const MAX_OUTPUTS: usize = 100;
 /// estimate of the engine does not contain it.
 const PREPARATION: (f64, f64) = (15e-6, 0.3e-6);
 
+/// Why a run has no curves.
+const NO_PROFILES: &str = "profiles: the run ended exactly at an earlier output cycle";
+
 /// Largest seed: the largest integer that every JSON parser reads exactly.
 pub(super) const MAX_SEED: u64 = 1 << 53;
 
@@ -107,18 +110,12 @@ impl Problem {
     /// The outputs and the curves of a run that has ended.
     pub(super) fn found(&self, run: &Ended) -> Found {
         let found = self.outputs_of(run);
-        match self
-            .profiles
-            .as_ref()
-            .zip(run.outcome())
-            .map(|(profiles, outcome)| profiles.of(outcome))
-        {
+        let asked = self.profiles.as_ref().zip(run.outcome());
+        let no_profiles = || Some(Lack::Incomplete(NO_PROFILES.to_owned()));
+        match asked.map(|(profiles, outcome)| profiles.of(outcome)) {
             None => found,
-            Some(Ok(profiles)) => Found { profiles, ..found },
-            Some(Err(why)) => {
-                let lack = found.lack.or(Some(Lack::Incomplete(why.to_string())));
-                Found { lack, ..found }
-            }
+            Some(Some(profiles)) => Found { profiles, ..found },
+            Some(None) => Found { lack: found.lack.or_else(no_profiles), ..found },
         }
     }
 

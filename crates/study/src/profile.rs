@@ -93,23 +93,20 @@ impl CommonProfiles {
     /// output radii of the run. Beyond them, a value is missing unless it is 0 there. An infinite value is also
     /// missing.
     ///
-    /// # Errors
-    /// The run has no profiles after its last output cycle.
-    pub fn of(&self, outcome: &Outcome) -> Result<Vec<Vec<Option<f64>>>, NoProfiles> {
-        let profiles = outcome.profiles.as_ref().ok_or(NoProfiles)?;
-        if profiles.cycles.last() != outcome.history.cycles.last() {
-            return Err(NoProfiles);
-        }
+    /// `None` if the run has no profiles after its last output cycle.
+    pub fn of(&self, outcome: &Outcome) -> Option<Vec<Vec<Option<f64>>>> {
+        let is_last = |of: &&Profiles| of.cycles.last() == outcome.history.cycles.last();
+        let profiles = outcome.profiles.as_ref().filter(is_last)?;
         let share = |body: usize| {
             let depth = outcome.bodies[body].wear_depth.as_ref()?.last()?;
             Some(depth / outcome.history.wear_depth.last()?)
         };
-        let share = self.body.map_or(Some(1.0), share).ok_or(NoProfiles)?;
+        let share = self.body.map_or(Some(1.0), share)?;
         let curves = self.fields.iter().map(|field| {
-            let (curve, outside) = field.of(profiles).ok_or(NoProfiles)?;
+            let (curve, outside) = field.of(profiles)?;
             let finite = |value: f64| Some(share * value).filter(|value| value.is_finite());
             let at = |radius: &f64| at(&profiles.radius, curve, *radius).map_or(outside, finite);
-            Ok(self.radii.iter().map(at).collect())
+            Some(self.radii.iter().map(at).collect())
         });
         curves.collect()
     }
@@ -119,11 +116,6 @@ impl CommonProfiles {
         vec![vec![None; self.radii.len()]; self.fields.len()]
     }
 }
-
-/// A run has no profiles after its last output cycle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("profiles: the run ended exactly at an earlier output cycle")]
-pub struct NoProfiles;
 
 /// The value of a curve at a radius, interpolated linearly. `None` beyond the last radius of the curve. The value is
 /// not finite next to an infinite value.

@@ -131,7 +131,7 @@ impl Study {
 
     /// The mean of the estimates for some points, times the number of all points.
     fn estimate(&self) -> f64 {
-        let of = |place| self.point_seconds(&self.point(place));
+        let of = |place| self.plan.seconds(&self.problem, &self.point(place));
         // To prepare one point of a scenario with long lists takes milliseconds, so fewer points are sampled.
         let samples = (SAMPLING / self.problem.preparation()) as usize;
         let samples = samples.clamp(SAMPLES.0, SAMPLES.1);
@@ -143,11 +143,6 @@ impl Study {
     fn sample(&self, count: usize) -> impl Iterator<Item = usize> {
         let (stream, points) = (Stream::new(0), self.points() as u64);
         (0..count as u64).map(move |place| stream.below(place, points) as usize)
-    }
-
-    /// Estimated processor time of a point with these values.
-    fn point_seconds(&self, values: &[f64]) -> f64 {
-        self.plan.seconds(&self.problem, values)
     }
 
     /// Continues to compute a point for at most about 30 ms. Returns its row when it is known.

@@ -10,7 +10,6 @@ use fretwork_engine::request::quantity::Dimension;
 use serde_json::Value;
 
 use super::member::Member;
-use super::stats::design::{Spacing, range};
 use super::stats::distribution::Distribution;
 use fretwork_json::{Whole, typed};
 
@@ -62,7 +61,7 @@ struct Entry {
     #[deserr(default)]
     count: Given<Whole<2, MAX_VALUES>>,
     #[deserr(default)]
-    spacing: Given<SpacingName>,
+    spacing: Given<Spacing>,
     #[deserr(default)]
     distribution: Given<Value>,
 }
@@ -75,17 +74,19 @@ struct Range {
     to: Value,
     count: Whole<2, MAX_RADII>,
     #[deserr(default)]
-    spacing: Given<SpacingName>,
+    spacing: Given<Spacing>,
 }
 
-/// The name of a spacing.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
+/// How the values of a range are spaced.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
-pub enum SpacingName {
-    /// Equal distances.
+pub enum Spacing {
+    /// The differences of neighbours are equal.
+    #[default]
     Linear,
-    /// Equal ratios.
-    Log,
+    /// The ratios of neighbours are equal.
+    #[deserr(rename = "log")]
+    Logarithmic,
 }
 
 /// Reads the list `vary` of a study of this scenario.
@@ -201,7 +202,7 @@ impl Entry {
             Some(value) => end_of(name, &value, member),
         };
         let (from, to) = (end("from", self.from.0)?, end("to", self.to.0)?);
-        let spacing = spacing_of(self.spacing);
+        let spacing = self.spacing.0.unwrap_or_default();
         match self.count.0 {
             None => Ok(Values::Range(from, to, spacing)),
             Some(Whole(count)) => {
@@ -220,14 +221,6 @@ pub fn end_of(name: &str, value: &Value, member: &Member) -> Result<f64, Faults>
     member.read(value).map_err(|detail| Faults::one(&format!("/{name}"), detail))
 }
 
-/// The spacing with this name. The default is linear.
-pub fn spacing_of(name: Given<SpacingName>) -> Spacing {
-    match name.0 {
-        Some(SpacingName::Log) => Spacing::Logarithmic,
-        Some(SpacingName::Linear) | None => Spacing::Linear,
-    }
-}
-
 /// Reads quantities that a study does not vary: a list, or a range.
 ///
 /// # Errors
@@ -239,7 +232,44 @@ pub fn list_or_range(given: Value, dimension: Dimension) -> Result<Vec<f64>, Fau
     }
     let Range { from, to, count: Whole(count), spacing } = typed(given)?;
     let (from, to) = (end_of("from", &from, &member)?, end_of("to", &to, &member)?);
-    range(from, to, count as usize, spacing_of(spacing)).map_err(|fault| Faults(vec![fault]))
+    range(from, to, count as usize, spacing.0.unwrap_or_default())
+        .map_err(|fault| Faults(vec![fault]))
+}
+
+/// The values of a range: `count` values from `from` to `to`, both included. `to` may be less than `from`. `count` is
+/// at least 2.
+///
+/// # Errors
+/// The fault at `/from` or `/to`.
+fn range(from: f64, to: f64, count: usize, spacing: Spacing) -> Result<Vec<f64>, Fault> {
+    let wrong = |member: &str, detail: &str| {
+        Err(Fault { pointer: format!("/{member}"), detail: detail.to_owned() })
+    };
+    for (member, end) in [("from", from), ("to", to)] {
+        if !end.is_finite() {
+            return wrong(member, "must be a finite number");
+        }
+        if spacing == Spacing::Logarithmic && end <= 0.0 {
+            return wrong(member, "must be greater than 0. Otherwise use linear spacing");
+        }
+    }
+    if !(to - from).is_finite() {
+        return wrong("to", "is too far from `from`. Enter a narrower range");
+    }
+    let last = count - 1;
+    Ok((0..count)
+        .map(|i| {
+            let share = i as f64 / last as f64;
+            match spacing {
+                _ if i == 0 => from,
+                _ if i == last => to,
+                Spacing::Linear => from + (to - from) * share,
+                Spacing::Logarithmic => {
+                    libm::exp(libm::log(from) * (1.0 - share) + libm::log(to) * share)
+                }
+            }
+        })
+        .collect())
 }
 
 fn list_of(list: &[Value], member: &Member) -> Result<Vec<f64>, Faults> {
@@ -307,4 +337,33 @@ pub fn distribution_of(value: &Value, member: &Member) -> Result<Distribution, F
     };
     let values: Vec<f64> = parameters.iter().map(read).collect::<Result<_, _>>()?;
     make(&values).map_err(|wrong| fault(&wrong.pointer[1..], &wrong.detail))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_range_contains_both_ends() {
+        let linear = range(1.0, 2.0, 5, Spacing::Linear).unwrap();
+        assert_eq!(linear, [1.0, 1.25, 1.5, 1.75, 2.0]);
+        let falling = range(1e-3, 1e-6, 4, Spacing::Logarithmic).unwrap();
+        for (value, expected) in falling.iter().zip([1e-3, 1e-4, 1e-5, 1e-6]) {
+            assert!((value / expected - 1.0).abs() < 1e-14);
+        }
+        assert_eq!((falling[0], falling[3]), (1e-3, 1e-6));
+    }
+
+    #[test]
+    fn the_fault_of_a_wrong_range_names_its_end() {
+        for (from, to, spacing, pointer, words) in [
+            (f64::NAN, 1.0, Spacing::Linear, "/from", "finite"),
+            (-1.0, 1.0, Spacing::Logarithmic, "/from", "linear"),
+            (-f64::MAX, f64::MAX, Spacing::Linear, "/to", "narrower"),
+        ] {
+            let fault = range(from, to, 2, spacing).unwrap_err();
+            assert_eq!(fault.pointer, pointer, "{}", fault.detail);
+            assert!(fault.detail.contains(words), "{}", fault.detail);
+        }
+    }
 }

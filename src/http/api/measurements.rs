@@ -1,19 +1,16 @@
 //! Reads files of measured numbers. Nothing is stored.
 
-use std::sync::Arc;
-
-use axum::Extension;
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use tokio::task;
 
+use super::evaluate::fresh;
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::transport::body::FileBody;
+use crate::http::wire::Query;
 use crate::http::wire::schemas::{self, Prepare as PrepareWord, Up as UpWord};
-use crate::http::wire::{FRESH_JSON, Query};
 use fretwork_engine::request::fault::Faults;
-use fretwork_json as json;
 use fretwork_measured::{ENDS, Prepare, Up, Wanted, ends};
 
 /// Bytes of the answer for each byte of the file.
@@ -91,30 +88,16 @@ pub async fn read(
         .value("up", "out or in", |text| Up::NAMES.into_iter().find(|(name, _)| *name == text));
     let scar = query.value("scar", ENDS, ends);
     query.finish()?;
-    let bytes = body.bytes.len();
+    let bytes = ANSWER * body.bytes.len();
     let turn = app.shares.heavy.turn(&caller.owner).await;
-    let mut permit = app.shares.answers.hold(&caller.owner, ANSWER * bytes).await?;
+    let permit = app.shares.answers.hold(&caller.owner, bytes).await?;
     let prepare = prepare.map_or(Prepare::Points, |(_, prepare)| prepare);
     let read = task::spawn_blocking(move || {
-        let up = up.map(|(_, up)| up);
-        let wanted = Wanted {
-            x: x.as_deref(),
-            y: y.as_deref(),
-            table,
-            decimal,
-            prepare,
-            level,
-            centre,
-            up,
-            scar,
-        };
-        let read = fretwork_measured::read(&body.bytes, &wanted);
-        read.map(|measured| json::write(&measured, bytes))
+        let (x, y, up) = (x.as_deref(), y.as_deref(), up.map(|(_, up)| up));
+        let wanted = Wanted { x, y, table, decimal, prepare, level, centre, up, scar };
+        fretwork_measured::read(&body.bytes, &wanted)
     });
     let read = read.await.map_err(Problem::bug)?;
     drop(turn);
-    let answer = read.map_err(|faults| refused(&faults))?;
-    permit.shrink(answer.len());
-    let permit = permit.is_held().then(|| Extension(Arc::new(permit)));
-    Ok((permit, FRESH_JSON, answer).into_response())
+    fresh(permit, bytes, read.map_err(|faults| refused(&faults))?).await
 }

@@ -91,58 +91,28 @@ impl From<Listed> for ResultEntry {
 }
 
 impl ResultEntry {
-    /// The columns before the words and values, with their units.
-    const COLUMNS: [(&str, &str); 10] = [
-        ("key", ""),
-        ("created", ""),
-        ("label", ""),
-        ("tags", ""),
-        ("note", ""),
-        ("owner", ""),
-        ("size", "B"),
-        ("pinned", ""),
-        ("evicted", ""),
-        ("job", ""),
-    ];
+    /// The columns of a list as CSV before the words and values.
+    const COLUMNS: [&str; 10] =
+        ["key", "created", "label", "tags", "note", "owner", "size", "pinned", "evicted", "job"];
 
     /// The columns of a list as CSV, with their units.
     fn columns() -> impl Iterator<Item = (&'static str, &'static str)> {
+        let own = Self::COLUMNS.map(|name| (name, if name == "size" { "B" } else { "" }));
         let words = WORDS.iter().map(|word| (word.name, ""));
         let scalars = SCALARS.iter().map(|scalar| (scalar.name, scalar.unit()));
-        Self::COLUMNS.into_iter().chain(words).chain(scalars)
+        own.into_iter().chain(words).chain(scalars)
     }
 
     /// A line of a list as CSV.
     fn line(self) -> String {
-        let Self {
-            key,
-            created,
-            owner,
-            size,
-            pinned,
-            evicted,
-            note,
-            job,
-            label,
-            tags,
-            words,
-            values,
-            ..
-        } = self;
-        let cells = [
-            json!(key),
-            json!(created),
-            json!(label),
-            json!(tags.join(", ")),
-            json!(note.map(|note| note.text)),
-            json!(owner),
-            json!(size),
-            json!(pinned),
-            json!(evicted),
-            json!(job),
-        ];
-        let named = words.into_iter().chain(values).map(|(_, value)| value);
-        listed::line(cells.into_iter().chain(named))
+        let entry = json!(self);
+        let own = Self::COLUMNS.map(|name| match name {
+            "tags" => json!(self.tags.join(", ")),
+            "note" => entry["note"]["text"].clone(),
+            name => entry[name].clone(),
+        });
+        let named = self.words.into_iter().chain(self.values).map(|(_, value)| value);
+        listed::line(own.into_iter().chain(named))
     }
 }
 

@@ -43,9 +43,10 @@
 //!
 //! # Examples
 //! ```
-//! use fretwork_study::stats::derivative::{Place, derivatives};
+//! use fretwork_study::stats::derivative::{MAX_ROUNDS, Place, derivatives};
 //! let place = Place { x: 2.0, scale: 2.0, low: 0.0, high: f64::INFINITY };
-//! let found = derivatives(place, &[1e-12, 1e-12], |x| vec![Some(x * x), Some(1.0 / x)]);
+//! let f = |x: f64| Ok::<_, ()>(vec![Some(x * x), Some(1.0 / x)]);
+//! let found = derivatives(place, &[1e-12, 1e-12], MAX_ROUNDS, f).unwrap();
 //! let [square, inverse] = [found[0].unwrap(), found[1].unwrap()];
 //! assert!((square.value - 4.0).abs() <= square.error && square.error < 1e-10);
 //! assert!((inverse.value + 0.25).abs() <= inverse.error && inverse.error < 1e-8);
@@ -70,8 +71,8 @@ const HALF_WIDTH: f64 = 0.1;
 /// An interval is this many times narrower than the one before.
 const NARROWING: f64 = 4.0;
 
-/// The largest number of intervals. The narrowest one reaches 4e-4 of the scale to both sides.
-const MAX_ROUNDS: usize = 5;
+/// The usual largest number of intervals. The narrowest one reaches 4e-4 of the scale to both sides.
+pub const MAX_ROUNDS: usize = 5;
 
 /// The search ends when the error is less than this part of the slope |f|/scale or |f′|.
 const GOAL: f64 = 5e-9;
@@ -110,8 +111,9 @@ pub struct Derivative {
     pub error: f64,
 }
 
-/// The derivatives of all outputs of `f`, which gives the values of the outputs at a point. An output without a value
-/// is `None`.
+/// The derivatives of all outputs of `f`, which gives the values of the outputs at a point: at x₀, and then at the
+/// [`neighbours`] of each interval, in their order. An output without a value is `None`, or not finite. `rounds` is the
+/// largest number of intervals.
 ///
 /// `accuracies` has the relative error that the values of each output can have: 1e-11 for closed forms with 12
 /// digits, for example, and the stated error for a numerical method. Scatter of this size is taken for noise, and
@@ -120,32 +122,51 @@ pub struct Derivative {
 ///
 /// An output has no derivative if it has no value at the point or at too many points around it.
 ///
+/// # Errors
+/// The first one of `f`, whose values may be unknown. The caller begins again when it knows one more.
+///
 /// # Panics
 /// If the point lies outside of the domain.
-pub fn derivatives(
+pub fn derivatives<E>(
     place: Place,
     accuracies: &[f64],
-    f: impl Fn(f64) -> Vec<Option<f64>>,
-) -> Vec<Option<Derivative>> {
-    let mut search = Search::new(place, accuracies);
-    while let Some(points) = search.points() {
-        let values = points.iter().map(|x| f(*x)).collect();
-        search.take(values);
+    rounds: usize,
+    mut f: impl FnMut(f64) -> Result<Vec<Option<f64>>, E>,
+) -> Result<Vec<Option<Derivative>>, E> {
+    assert!((place.low..=place.high).contains(&place.x), "the point lies in the domain");
+    let output = |(at_point, accuracy): (Option<f64>, &f64)| {
+        let at_point = at_point.filter(|y| y.is_finite());
+        Output { accuracy: *accuracy, at_point, best: None, done: at_point.is_none() }
+    };
+    let mut outputs: Vec<_> = f(place.x)?.into_iter().zip(accuracies).map(output).collect();
+    for round in 0..rounds {
+        if outputs.iter().all(|output| output.done) {
+            break;
+        }
+        let points = neighbours(place, round);
+        let values: Vec<_> = points.iter().map(|x| f(*x)).collect::<Result<_, _>>()?;
+        for (number, output) in outputs.iter_mut().enumerate().filter(|(_, output)| !output.done) {
+            let others = points.iter().zip(&values);
+            let others = others.filter_map(|(x, values)| Some((x - place.x, values[number]?)));
+            output.fit(others, place.scale);
+        }
     }
-    search.found()
+    Ok(outputs.iter().map(|output| output.found(place.scale)).collect())
 }
 
-/// A search for the derivatives of all outputs of a function, whose values are computed elsewhere: interval by
-/// interval, all points of an interval at once.
-#[derive(Debug, Clone)]
-pub struct Search {
-    place: Place,
-    round: usize,
-    outputs: Vec<Output>,
+/// The points of an interval, without x₀.
+pub fn neighbours(Place { x, scale, low, high }: Place, round: usize) -> Vec<f64> {
+    let half = (0..round).fold(HALF_WIDTH * scale, |half, _| half / NARROWING);
+    let from = (x - half).min(high - 2.0 * half).max(low);
+    let width = (from + 2.0 * half).min(high) - from;
+    let point = |place: usize| {
+        let angle = std::f64::consts::PI * place as f64 / (POINTS - 1) as f64;
+        from + width * (0.5 - 0.5 * libm::cos(angle))
+    };
+    (0..POINTS).map(point).filter(|p| (p - x).abs() > 1e-3 * width).collect()
 }
 
 /// The state of the search for one output.
-#[derive(Debug, Clone, Copy)]
 struct Output {
     accuracy: f64,
     at_point: Option<f64>,
@@ -153,99 +174,23 @@ struct Output {
     done: bool,
 }
 
-impl Search {
-    /// Starts a search. See [`derivatives`] for the accuracies.
-    ///
-    /// # Panics
-    /// If the point lies outside of the domain.
-    pub fn new(place: Place, accuracies: &[f64]) -> Self {
-        assert!((place.low..=place.high).contains(&place.x), "the point lies in the domain");
-        let output = |accuracy: &f64| Output {
-            accuracy: *accuracy,
-            at_point: None,
-            best: None,
-            done: false,
-        };
-        Self { place, round: 0, outputs: accuracies.iter().map(output).collect() }
+impl Output {
+    /// Takes the values of an interval, with their distances from x₀.
+    fn fit(&mut self, others: impl Iterator<Item = (f64, f64)>, scale: f64) {
+        let Some(at_point) = self.at_point else { return };
+        let sample = std::iter::once((0.0, at_point)).chain(others);
+        let sample: Vec<_> = sample.filter(|(_, y)| y.is_finite()).collect();
+        let Some(fit) = Fit::new(&sample, self.accuracy) else { return };
+        let best = self.best.map_or(fit.derivative, |best| best.or(fit.derivative));
+        let slope = (at_point / scale).abs().max(best.value.abs());
+        self.best = Some(best);
+        self.done = best.error <= GOAL * slope || fit.resolved;
     }
 
-    /// The points at which the function must be computed next, or `None` when the search is complete.
-    pub fn points(&self) -> Option<Vec<f64>> {
-        let done = self.outputs.iter().all(|output| output.done);
-        if done || self.round == MAX_ROUNDS {
-            return None;
-        }
-        // x₀ is a point of the first interval only. The search keeps its values.
-        let point = (self.round == 0).then_some(self.place.x);
-        Some(point.into_iter().chain(self.neighbours()).collect())
-    }
-
-    /// The points of all intervals, without x₀. A search takes the values of an interval only if it has not found all
-    /// derivatives in the intervals before it.
-    ///
-    /// # Panics
-    /// If the point lies outside of the domain.
-    pub fn all_points(place: Place) -> Vec<Vec<f64>> {
-        let of = |round| Self { round, ..Self::new(place, &[]) }.neighbours();
-        (0..MAX_ROUNDS).map(of).collect()
-    }
-
-    /// The points of the interval, without x₀.
-    fn neighbours(&self) -> Vec<f64> {
-        let Place { x, scale, low, high, .. } = self.place;
-        let half = (0..self.round).fold(HALF_WIDTH * scale, |half, _| half / NARROWING);
-        let from = (x - half).min(high - 2.0 * half).max(low);
-        let width = (from + 2.0 * half).min(high) - from;
-        let point = |place: usize| {
-            let angle = std::f64::consts::PI * place as f64 / (POINTS - 1) as f64;
-            from + width * (0.5 - 0.5 * libm::cos(angle))
-        };
-        (0..POINTS).map(point).filter(|p| (p - x).abs() > 1e-3 * width).collect()
-    }
-
-    /// Takes the values at [`points`](Self::points), in their order. A value that is not finite counts as missing.
-    ///
-    /// # Panics
-    /// If there are more or less values than points.
-    pub fn take(&mut self, mut values: Vec<Vec<Option<f64>>>) {
-        if self.round == 0 {
-            for (output, value) in self.outputs.iter_mut().zip(values.remove(0)) {
-                output.at_point = value.filter(|y| y.is_finite());
-            }
-        }
-        let distances: Vec<f64> = self.neighbours().iter().map(|p| p - self.place.x).collect();
-        assert_eq!(values.len(), distances.len(), "the caller gives the values at all points");
-        for (place, output) in
-            self.outputs.iter_mut().enumerate().filter(|(_, output)| !output.done)
-        {
-            let Some(at_point) = output.at_point else {
-                output.done = true;
-                continue;
-            };
-            let others = distances.iter().zip(&values);
-            let others = others.filter_map(|(distance, values)| Some((*distance, values[place]?)));
-            let sample: Vec<_> = std::iter::once((0.0, at_point))
-                .chain(others)
-                .filter(|(_, y)| y.is_finite())
-                .collect();
-            if let Some(fit) = Fit::new(&sample, output.accuracy) {
-                let best = output.best.map_or(fit.derivative, |best| best.or(fit.derivative));
-                let slope = (at_point / self.place.scale).abs().max(best.value.abs());
-                output.best = Some(best);
-                output.done = best.error <= GOAL * slope || fit.resolved;
-            }
-        }
-        self.round += 1;
-    }
-
-    /// The derivatives that are known so far.
-    pub fn found(&self) -> Vec<Option<Derivative>> {
-        let found = |output: &Output| {
-            let Derivative { value, error } = output.best?;
-            let slow = SAFETY * output.accuracy * output.at_point?.abs() / self.place.scale;
-            Some(Derivative { value, error: error + slow })
-        };
-        self.outputs.iter().map(found).collect()
+    fn found(&self, scale: f64) -> Option<Derivative> {
+        let Derivative { value, error } = self.best?;
+        let slow = SAFETY * self.accuracy * self.at_point?.abs() / scale;
+        Some(Derivative { value, error: error + slow })
     }
 }
 
@@ -384,8 +329,19 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::convert::Infallible;
+
     use super::*;
     use fretwork_random::{Random, Stream};
+
+    fn searched(
+        place: Place,
+        accuracies: &[f64],
+        mut f: impl FnMut(f64) -> Vec<Option<f64>>,
+    ) -> Vec<Option<Derivative>> {
+        let Ok(found) = derivatives(place, accuracies, MAX_ROUNDS, |x| Ok::<_, Infallible>(f(x)));
+        found
+    }
 
     /// A function of x and a parameter from 0 to 1, with its derivative.
     type Smooth = fn(f64, f64) -> (f64, f64);
@@ -462,7 +418,7 @@ mod tests {
                 vec![Some(f(x, a).0 * (1.0 + error))]
             };
             let low = if at_end { x } else { 0.0 };
-            let found = derivatives(place(x, low), &[2.0 * level.max(1e-12)], value)[0].unwrap();
+            let found = searched(place(x, low), &[2.0 * level.max(1e-12)], value)[0].unwrap();
             let (value, slope) = f(x, a);
             covered += usize::from((found.value - slope).abs() <= found.error);
             let scale = if level > 0.0 {
@@ -519,7 +475,7 @@ mod tests {
                     let part = if kind == "kink" { 0.3 * beyond } else { f64::from(y > at) * 0.01 };
                     vec![Some(libm::sqrt(y) + part)]
                 };
-                let found = derivatives(place(x, 0.0), &[1e-11], value)[0].unwrap();
+                let found = searched(place(x, 0.0), &[1e-11], value)[0].unwrap();
                 let own = if kind == "kink" && x > at { 0.3 } else { 0.0 };
                 let error = (found.value - 0.5 / x.sqrt() - own).abs();
                 covered += usize::from(error <= found.error);
@@ -532,7 +488,7 @@ mod tests {
 
     #[test]
     fn outputs_are_searched_independently() {
-        let found = derivatives(place(1.0, 0.0), &[1e-11, 0.0, 1e-11, 1e-11, 1e-11], |x| {
+        let found = searched(place(1.0, 0.0), &[1e-11, 0.0, 1e-11, 1e-11, 1e-11], |x| {
             let positive = (x > 1.01).then_some(x);
             vec![Some(x * x * x), Some(4.0), positive, (x <= 1.0).then_some(2.0 * x), None]
         });
@@ -542,8 +498,8 @@ mod tests {
         let constant = constant.unwrap();
         assert!(constant.value.abs() <= constant.error && constant.error < 1e-12);
         assert_eq!((missing, never), (None, None));
-        let tiny = derivatives(place(1.0, 0.0), &[1e-11], |x| vec![Some(1e-250 * libm::exp(x))])[0]
-            .unwrap();
+        let tiny =
+            searched(place(1.0, 0.0), &[1e-11], |x| vec![Some(1e-250 * libm::exp(x))])[0].unwrap();
         assert!((tiny.value / 1e-250 - libm::exp(1.0)).abs() <= tiny.error / 1e-250);
         assert!(tiny.error > 0.0 && tiny.error < 1e-258);
         // Points on one side suffice.
@@ -556,13 +512,14 @@ mod tests {
         for (x, low, high) in [(1.0, 0.0, 2.0), (1.0, 1.0, 2.0), (1.0, 0.0, 1.0), (1.0, 0.97, 1.01)]
         {
             let place = Place { x, scale: 1.0, low, high };
-            let mut search = Search::new(place, &[1e-11]);
-            let points = search.points().unwrap();
+            let mut points = Vec::new();
+            let found = searched(place, &[1e-11], |x| {
+                points.push(x);
+                vec![Some(libm::exp(x))]
+            });
             assert!(points.iter().all(|x| (low..=high).contains(x)));
             assert!((POINTS..=POINTS + 1).contains(&points.len()));
-            search.take(points.iter().map(|x| vec![Some(libm::exp(*x))]).collect());
-            assert_eq!(search.points(), None);
-            let found = search.found()[0].unwrap();
+            let found = found[0].unwrap();
             assert!((found.value - libm::exp(1.0)).abs() <= found.error && found.error < 1e-7);
         }
     }
@@ -570,6 +527,6 @@ mod tests {
     #[test]
     fn a_domain_without_width_has_no_derivative() {
         let place = Place { x: 1.0, scale: 1.0, low: 1.0, high: 1.0 };
-        assert_eq!(derivatives(place, &[1e-11], |x| vec![Some(x)]), [None]);
+        assert_eq!(searched(place, &[1e-11], |x| vec![Some(x)]), [None]);
     }
 }

@@ -24,7 +24,7 @@
 //!
 //! An estimate can be negative, although an index cannot. Following A. Saltelli et al., *Global Sensitivity Analysis.
 //! The Primer* (2008), it is kept as it is: a negative value shows the size of the error, and values
-//! that are set to 0 would be biased. [`Caution::Negative`] says what to do.
+//! that are set to 0 would be biased. [`Indices::cautions`] says what to do.
 //!
 //! # Sources
 //! - I. M. Sobol, Math. Comput. Simul. 55 (2001) 271: the indices.
@@ -36,6 +36,10 @@ use super::{Bootstrap, Estimate};
 
 /// Results have 12 significant digits. Outputs that differ by less, relative to the largest one, are constant.
 const ROUNDING: f64 = 1e-11;
+
+/// What is said of a member whose first-order index is negative.
+const NEGATIVE: &str = "The first-order index is estimated below 0, because the sample is small. Read it as 0, or use \
+                        more groups.";
 
 /// The points at which Sobol indices need the outputs.
 #[derive(Debug, Clone)]
@@ -73,10 +77,6 @@ impl Saltelli {
 pub struct Indices {
     /// The indices of each member.
     pub members: Vec<Index>,
-    /// The mean of the output over the points A and B.
-    pub mean: f64,
-    /// The variance of the output over the points A and B.
-    pub variance: f64,
     /// The number of groups that the indices are computed from.
     pub groups: usize,
     /// The number of groups that are left out, because a point of them has no value.
@@ -112,50 +112,27 @@ pub enum NoIndices {
     },
 }
 
-/// A limitation of computed indices. The text says what to change.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum Caution {
-    /// The number of groups in the design is no power of two.
-    #[error(
-        "The number of groups, {groups}, is not a power of two. The estimates are valid but less accurate than with {}.",
-        .groups.next_power_of_two()
-    )]
-    NotPowerOfTwo {
-        /// The number of groups in the design.
-        groups: usize,
-    },
-    /// Groups are left out.
-    #[error(
-        "{groups} of {planned} groups of points are left out, because a point of them has no value. The indices hold for the other points only."
-    )]
-    LeftOut {
-        /// The number of groups that are left out.
-        groups: usize,
-        /// The number of groups in the design.
-        planned: usize,
-    },
-    /// The first-order index of a member is negative.
-    #[error(
-        "The first-order index is estimated below 0, because the sample is small. Read it as 0, or use more groups."
-    )]
-    Negative {
-        /// The place of the member.
-        member: usize,
-    },
-}
-
 impl Indices {
-    /// The limitations of these indices.
-    pub fn cautions(&self) -> Vec<Caution> {
-        let planned = self.groups + self.left_out;
-        let size =
-            (!planned.is_power_of_two()).then_some(Caution::NotPowerOfTwo { groups: planned });
-        let left_out =
-            (self.left_out > 0).then_some(Caution::LeftOut { groups: self.left_out, planned });
-        let negative = (0..self.members.len())
-            .filter(|member| self.members[*member].first.value < 0.0)
-            .map(|member| Caution::Negative { member });
-        size.into_iter().chain(left_out).chain(negative).collect()
+    /// The limitations of these indices, with the place of the member that one is about. Each text says what to change.
+    pub fn cautions(&self) -> Vec<(Option<usize>, String)> {
+        let (left_out, planned) = (self.left_out, self.groups + self.left_out);
+        let size = (!planned.is_power_of_two()).then(|| {
+            format!(
+                "The number of groups, {planned}, is not a power of two. The estimates are valid but less accurate than \
+                 with {}.",
+                planned.next_power_of_two()
+            )
+        });
+        let missing = (left_out > 0).then(|| {
+            format!(
+                "{left_out} of {planned} groups of points are left out, because a point of them has no value. The \
+                 indices hold for the other points only."
+            )
+        });
+        let members = self.members.iter().enumerate();
+        let negative = members.filter(|(_, member)| member.first.value < 0.0);
+        let of_all = size.into_iter().chain(missing).map(|text| (None, text));
+        of_all.chain(negative.map(|(member, _)| (Some(member), NEGATIVE.to_owned()))).collect()
     }
 }
 
@@ -214,16 +191,14 @@ pub fn indices(
         let shares = sums[3..].chunks_exact(2).flat_map(|pair| [pair[0], 0.5 * pair[1]]);
         let shares = shares.map(|sum| sum / sums[0] / variance);
         // A drawn sample in which all values are equal has no indices.
-        (variance > 1e-12).then(|| [mean, variance].into_iter().chain(shares).collect())
+        (variance > 1e-12).then(|| shares.collect())
     });
     let estimates = estimates.ok_or(NoIndices::Constant)?;
     Ok(Indices {
-        members: estimates[2..]
+        members: estimates
             .chunks_exact(2)
             .map(|pair| Index { first: pair[0], total: pair[1] })
             .collect(),
-        mean: mean + range * estimates[0].value,
-        variance: range * range * estimates[1].value,
         groups: complete,
         left_out: planned - complete,
     })
@@ -339,17 +314,13 @@ mod tests {
             assert!((member.first.value - first).abs() < 1e-12);
             assert!((member.total.value - total).abs() < 1e-12);
         }
-        assert_eq!(found.cautions(), [Caution::Negative { member: 2 }]);
+        assert_eq!(found.cautions(), [(Some(2), NEGATIVE.to_owned())]);
     }
 
-    /// The test also compares the mean and the variance with the known values of the Ishigami function.
     #[test]
     fn scaling_and_shifting_the_output_does_not_change_the_indices() {
         let outputs = ishigami().outputs(1024, 3);
         let found = indices(&outputs, 3, &bootstrap(100)).unwrap();
-        assert!(
-            (found.mean - 3.5).abs() < 0.05 && (found.variance - 13.844_587_940_719).abs() < 0.2
-        );
         let other: Vec<_> = outputs.iter().map(|y| y.map(|y| 1e-200 * (y + 1e4))).collect();
         let other = indices(&other, 3, &bootstrap(100)).unwrap();
         for (one, other) in found.members.iter().zip(&other.members) {
@@ -365,7 +336,10 @@ mod tests {
         (outputs[7], outputs[5 * 100], outputs[5 * 100 + 4]) = (None, None, Some(f64::NAN));
         let found = indices(&outputs, 3, &bootstrap(100)).unwrap();
         assert_eq!((found.groups, found.left_out), (1022, 2));
-        assert_eq!(found.cautions(), [Caution::LeftOut { groups: 2, planned: 1024 }]);
+        let [(None, caution)] = &found.cautions()[..] else {
+            panic!("one caution about all members")
+        };
+        assert!(caution.starts_with("2 of 1024 groups of points are left out"), "{caution}");
         let whole = indices(&problem.outputs(1024, 1), 3, &bootstrap(100)).unwrap();
         for (found, whole) in found.members.iter().zip(&whole.members) {
             let change = found.first.value - whole.first.value;
@@ -377,8 +351,10 @@ mod tests {
     fn a_number_of_groups_that_is_no_power_of_two_gives_a_caution() {
         let problem = ishigami();
         let found = indices(&problem.outputs(1000, 1), 3, &bootstrap(100)).unwrap();
-        assert_eq!(found.cautions(), [Caution::NotPowerOfTwo { groups: 1000 }]);
-        assert!(found.cautions()[0].to_string().ends_with("less accurate than with 1024."));
+        let [(None, caution)] = &found.cautions()[..] else {
+            panic!("one caution about all members")
+        };
+        assert!(caution.contains("1000") && caution.ends_with("less accurate than with 1024."));
         assert_eq!(problem.covered(&found), 6);
     }
 

@@ -14,7 +14,7 @@ use crate::http::api::results::either;
 use crate::http::app::App;
 use crate::http::problem::Result;
 use crate::http::wire::paging::{ListView, next_page};
-use crate::http::wire::{Query, instant, schemas};
+use crate::http::wire::{Query, schemas};
 use fretwork_job::{Job, JobState};
 use fretwork_store::{Filter, Words};
 
@@ -68,7 +68,8 @@ pub async fn list(
                 Ok((page.jobs.into_iter().map(line).collect(), page.next))
             }
         };
-        return listed::answer(("jobs", COLUMNS), &uri, as_csv, cursor, read).await;
+        let columns = COLUMNS.map(|name| (name, "")).into_iter().chain(SUMMARY);
+        return listed::answer(("jobs", columns), &uri, as_csv, cursor, read).await;
     }
     let _turn = app.shares.heavy.turn(&caller.owner).await;
     let page = app.service.jobs(caller.reach(), filter.clone(), cursor, view.page).await?;
@@ -79,19 +80,13 @@ pub async fn list(
     Ok((link, axum::Json(JobList { jobs, next, total })).into_response())
 }
 
-/// The columns of a list as CSV, with their units. The last ones are of the summary.
-const COLUMNS: [(&str, &str); 16] = [
-    ("id", ""),
-    ("label", ""),
-    ("tags", ""),
-    ("state", ""),
-    ("owner", ""),
-    ("key", ""),
-    ("origin", ""),
-    ("created", ""),
-    ("started", ""),
-    ("finished", ""),
-    ("error", ""),
+/// The columns of a list as CSV before those of the summary.
+const COLUMNS: [&str; 11] = [
+    "id", "label", "tags", "state", "owner", "key", "origin", "created", "started", "finished",
+    "error",
+];
+/// The columns of the summary, and their units.
+const SUMMARY: [(&str, &str); 5] = [
     ("regime", ""),
     ("cycles", ""),
     ("wear_volume", "m^3"),
@@ -101,22 +96,15 @@ const COLUMNS: [(&str, &str); 16] = [
 
 /// A line of a list as CSV.
 fn line(job: Job) -> String {
-    let cells = [
-        json!(job.id),
-        json!(job.label),
-        json!(job.tags.join(", ")),
-        json!(job.state),
-        json!(job.owner),
-        json!(job.key),
-        json!(job.origin),
-        json!(instant(job.created)),
-        json!(job.started.map(instant)),
-        json!(job.finished.map(instant)),
-        json!(job.failure.map(|failure| failure.message)),
-    ];
-    let summary = job.summary.unwrap_or_default();
-    let outputs = COLUMNS[cells.len()..].iter().map(|(name, _)| summary[*name].clone());
-    listed::line(cells.iter().cloned().chain(outputs))
+    let tags = job.tags.join(", ");
+    let told = json!(JobAnswer::from(job));
+    let own = COLUMNS.map(|name| match name {
+        "tags" => json!(tags),
+        "created" | "started" | "finished" => told["times"][name].clone(),
+        "error" => told["error"]["detail"].clone(),
+        name => told[name].clone(),
+    });
+    listed::line(own.into_iter().chain(SUMMARY.map(|(name, _)| told["summary"][name].clone())))
 }
 
 /// Reads the filters of jobs from the query.

@@ -12,9 +12,8 @@ use super::model::{Parameter, Quantity, Set};
 use super::search::{Fit, tasks};
 use super::sets::set;
 use crate::member::Member;
-use crate::stats::design::Spacing;
 use crate::stats::measured::{Measured, Point};
-use crate::vary::{Values, Varied, distribution_of};
+use crate::vary::{Spacing, Values, Varied, distribution_of};
 use fretwork_json::typed;
 
 /// Maximum number of measured numbers.
@@ -29,6 +28,7 @@ const GRIDS: usize = 1000;
 /// is about half of its tolerance, and should be at most a quarter of the noise.
 const TOLERANCES: (f64, f64) = (3e-3, 1e-4);
 const OF_NOISE: f64 = 0.5;
+
 /// A test as a client writes it.
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
@@ -81,9 +81,8 @@ fn test(
     let sets = Faults::list(data.0.iter().map(|data| set(place, data)));
     let mut sets = sets.map_err(|faults| faults.below("/data"))?;
     for (entry, set) in sets.iter_mut().enumerate() {
-        set.pointers
-            .iter_mut()
-            .for_each(|it| it.insert_str(0, &format!("/tests/{place}/data/{entry}")));
+        let place = format!("/tests/{place}/data/{entry}");
+        set.pointers.iter_mut().for_each(|pointer| pointer.insert_str(0, &place));
     }
     Ok((Test { name, specimen: specimen.0, changed, scenario }, sets))
 }

@@ -19,7 +19,7 @@ use serde::Deserialize;
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::model::{Parameter, Runs};
+use super::model::Parameter;
 use super::search::{Fit, Known, Search, Wanted};
 use crate::plan::{Plan as _, Tried};
 use crate::problem::Problem;
@@ -93,29 +93,25 @@ impl Likelihood {
         LikelihoodCall { of: Arc::clone(self), theta, is_gradient, point: Point::default() }
     }
 
-    /// The distance of each parameter from its range, in units of the range: negative below it, and 0 inside.
-    fn outside(&self, theta: &[f64]) -> Vec<f64> {
-        let of = |(it, x): (&Parameter, &f64)| {
+    /// The answer outside of the bounds: the value, or its gradient. `None` inside of them.
+    fn beyond(&self, theta: &[f64], is_gradient: bool) -> Option<Vec<f64>> {
+        // In units of the range: negative below it, and 0 inside.
+        let distance = |(it, x): (&Parameter, &f64)| {
             ((x - x.clamp(it.low, it.high)) / (it.high - it.low)).clamp(-FAR, FAR)
         };
-        self.fit.parameters.iter().zip(theta).map(of).collect()
-    }
-
-    fn is_possible(&self, theta: &[f64]) -> bool {
-        self.outside(theta).iter().all(|distance| *distance == 0.0)
-    }
-
-    /// The answer outside of the bounds: the value, or its gradient.
-    fn beyond(&self, theta: &[f64], is_gradient: bool) -> Vec<f64> {
-        let outside = self.outside(theta);
+        let outside: Vec<f64> = self.fit.parameters.iter().zip(theta).map(distance).collect();
+        if outside.iter().all(|distance| *distance == 0.0) {
+            return None;
+        }
         if !is_gradient {
-            return vec![IMPOSSIBLE * (1.0 + outside.iter().map(|it| it.abs()).sum::<f64>())];
+            let size = outside.iter().map(|distance| distance.abs()).sum::<f64>();
+            return Some(vec![IMPOSSIBLE * (1.0 + size)]);
         }
         let slope = |(it, distance): (&Parameter, &f64)| match *distance {
             0.0 => 0.0,
             distance => IMPOSSIBLE / (it.high - it.low) * distance.signum(),
         };
-        self.fit.parameters.iter().zip(&outside).map(slope).collect()
+        Some(self.fit.parameters.iter().zip(&outside).map(slope).collect())
     }
 
     fn value(&self, theta: &[f64], tried: &[Tried]) -> Result<f64, Wanted> {
@@ -158,19 +154,16 @@ impl LikelihoodCall {
     /// Estimated processor time, in seconds.
     pub fn seconds(&self) -> f64 {
         let Self { of, theta, is_gradient, .. } = self;
-        let runs = of.fit.sets.iter().filter_map(|set| set.runs.as_ref());
-        let seconds = runs.map(|Runs { problem, parameters, .. }| {
-            problem.seconds(&parameters.iter().map(|it| theta[*it]).collect::<Vec<_>>())
-        });
+        let seconds = of.fit.runs().map(|runs| runs.seconds(theta)).sum::<f64>();
         let count = if *is_gradient { 1 + 2 * theta.len() } else { 1 };
-        if of.is_possible(theta) { count as f64 * seconds.sum::<f64>() } else { 0.0 }
+        if of.beyond(theta, false).is_none() { count as f64 * seconds } else { 0.0 }
     }
 
     /// Continues for at most about 30 ms. Returns the log likelihood alone, or its gradient.
     pub fn step(&mut self) -> Option<Vec<f64>> {
         let Self { of, theta, is_gradient, point } = self;
-        if !of.is_possible(theta) {
-            return Some(of.beyond(theta, *is_gradient));
+        if let Some(answer) = of.beyond(theta, *is_gradient) {
+            return Some(answer);
         }
         point.step(&of.fit, &of.problem, |tried| {
             if *is_gradient {

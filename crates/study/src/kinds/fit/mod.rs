@@ -23,10 +23,10 @@ use serde_json::{Value, json};
 use self::data::GivenTest;
 pub use self::likelihood::{Likelihood, LikelihoodCall};
 use self::model::{Runs, Set};
-use self::search::Fit;
+use self::search::{Fit, Row};
 use crate::plan::StudyFigure::{Bands, Energy, Profile, Residuals};
 use crate::plan::{Column, Findings, Hints, Kind, Plan, Read, Tried};
-use crate::problem::{Problem, small_members};
+use crate::problem::{Found, Lack, Problem, small_members};
 use crate::rows::{NUMBER, Rows};
 use fretwork_json::{Whole, typed};
 
@@ -131,7 +131,16 @@ impl Plan for Fit {
         earlier: &Rows,
         tried: &[Tried],
     ) -> Result<Tried, Vec<f64>> {
-        self.row_or_run(problem, number, earlier, tried)
+        let (row, lack) = match self.computed(number, earlier, tried)? {
+            Ok(row) => (row, None),
+            Err(lack) => (Row::missing(), Some(Lack::Incomplete(lack))),
+        };
+        let Row { mut theta, sum, error, mut numbers, .. } = row;
+        theta.resize(self.parameters.len(), f64::NAN);
+        numbers.resize(self.positions.len(), f64::NAN);
+        let cells = theta.into_iter().chain([sum, tried.len() as f64, error]).chain(numbers);
+        let outputs = cells.map(|it| Some(it).filter(|it| it.is_finite())).collect();
+        Ok(Tried { values: Vec::new(), found: Found { outputs, lack, ..problem.no_run() } })
     }
 
     fn asked<'a>(&'a self, problem: &'a Problem, values: &'a [f64]) -> (&'a Problem, &'a [f64]) {
@@ -140,12 +149,8 @@ impl Plan for Fit {
     }
 
     fn seconds(&self, _: &Problem, _: &[f64]) -> f64 {
-        let runs = self.sets.iter().filter_map(|set| set.runs.as_ref());
-        let seconds = runs.map(|Runs { problem, parameters, .. }| {
-            let start: Vec<f64> = parameters.iter().map(|it| self.parameters[*it].start).collect();
-            (RUNS.0 + RUNS.1 * start.len() as f64) * problem.seconds(&start)
-        });
-        seconds.sum()
+        let searches = |runs: &Runs| RUNS.0 + RUNS.1 * runs.parameters.len() as f64;
+        self.runs().map(|runs| searches(runs) * runs.seconds(&self.starts[0])).sum()
     }
 
     fn columns(&self) -> Vec<Column> {
@@ -182,7 +187,7 @@ impl Plan for Fit {
     }
 
     fn memory(&self) -> usize {
-        let runs = self.sets.iter().filter_map(|set| set.runs.as_ref());
-        runs.map(|runs| 150 * runs.problem.size).sum::<usize>() + 400 * self.positions.len()
+        let runs = self.runs().map(|runs| 150 * runs.problem.size).sum::<usize>();
+        runs + 400 * self.positions.len()
     }
 }

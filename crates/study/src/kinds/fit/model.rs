@@ -287,9 +287,19 @@ impl Runs {
         self.rescaled.is_some_and(|member| self.parameters[member] == parameter)
     }
 
+    /// The values of the members for these parameters.
+    fn own(&self, theta: &[f64]) -> Vec<f64> {
+        self.parameters.iter().map(|it| theta[*it]).collect()
+    }
+
+    /// Estimated processor time of the run for these parameters, in seconds.
+    pub fn seconds(&self, theta: &[f64]) -> f64 {
+        self.problem.seconds(&self.own(theta))
+    }
+
     /// The values of the members in the run for these parameters; `None` if no run is necessary.
     pub fn values(&self, theta: &[f64]) -> Option<Vec<f64>> {
-        let mut values: Vec<f64> = self.parameters.iter().map(|it| theta[*it]).collect();
+        let mut values = self.own(theta);
         if let Some(member) = self.rescaled {
             // The coefficients of runs are powers of 2, so that near coefficients share runs.
             let power = (libm::log2(values[member]) / libm::log2(SHARED * SHARED)).round();

@@ -10,13 +10,13 @@
 //! The tasks of a stage do not depend on the rows before it.
 
 use crate::plan::Tried;
-use crate::problem::{Lack, Problem};
+use crate::problem::Lack;
 use crate::rows::Rows;
-use crate::stats::derivative::{Derivative, Place, Search as Derivatives};
+use crate::stats::derivative::{Derivative, Place, derivatives};
 use crate::stats::least_squares::{self, Stop};
 use crate::stats::measured::{Information, Measured, Noise};
 
-use super::model::{Parameter, Quantity, Set};
+use super::model::{Parameter, Quantity, Runs, Set};
 
 /// Relative change of a parameter from which a search takes its differences. Numerical noise is much smaller.
 const DIFFERENCE: f64 = 0.04;
@@ -109,6 +109,13 @@ pub struct Row {
     /// A number for each position: the numerical error of a prediction (from a start), a prediction (of the minimum), or
     /// a derivative of a prediction.
     pub numbers: Vec<f64>,
+}
+
+impl Row {
+    /// A row without numbers.
+    pub fn missing() -> Self {
+        Self { sum: f64::NAN, error: f64::NAN, ..Self::default() }
+    }
 }
 
 /// What the rows of the first stages say.
@@ -221,6 +228,11 @@ impl Fit {
         Ok([values, errors])
     }
 
+    /// The runs of all sets.
+    pub fn runs(&self) -> impl Iterator<Item = &Runs> {
+        self.sets.iter().filter_map(|set| set.runs.as_ref())
+    }
+
     /// The set of a position.
     pub fn set(&self, position: usize) -> &Set {
         &self.sets[self.positions[position].0]
@@ -322,8 +334,8 @@ impl Fit {
         last <= 0.0 || visited.iter().any(|(distance, own)| *distance > last && *own < rise)
     }
 
-    /// The row of a point from its runs, or the run that it needs next.
-    fn computed(
+    /// The row of a point from its runs, or the run that it needs next. The inner error says why the row has no numbers.
+    pub fn computed(
         &self,
         number: usize,
         earlier: &Rows,
@@ -349,7 +361,7 @@ impl Fit {
         let search = Search { fit: self, tried, measured, noise };
         let of_part = |part: Measured, free: &[usize]| {
             if free.is_empty() || part.count(None) + 1e-9 < free.len() as f64 {
-                return Ok(missing());
+                return Ok(Row::missing());
             }
             let best = &known.rows[known.minimum].theta;
             Search { measured: &part, ..search }.minimum(best, free, FINE)
@@ -363,7 +375,7 @@ impl Fit {
                 of_part(measured.without(is_other), self.coefficient.as_slice())
             }
             Task::Profile { parameter, .. } => match self.beside(task, &known) {
-                None => Ok(missing()),
+                None => Ok(Row::missing()),
                 Some(theta) => {
                     let free: Vec<_> = all.into_iter().filter(|it| *it != parameter).collect();
                     search.minimum(&theta, &free, COARSE)
@@ -393,7 +405,7 @@ impl Fit {
         }
         let sum = Search { fit: self, tried, measured, noise: &noise }.sum(&theta)?;
         let [numbers, _] = self.predicted(&theta, tried)?;
-        Ok(Row { theta, sum, numbers, ..missing() })
+        Ok(Row { theta, sum, numbers, ..Row::missing() })
     }
 
     /// The derivatives of all predictions.
@@ -404,18 +416,13 @@ impl Fit {
         let errors = known.rows[known.start].numbers.iter();
         let errors: Vec<f64> = errors.map(|it| if *it < 1.0 { *it } else { 0.0 }).collect();
         let at = Place { x, scale, low: parameter.low, high: parameter.high };
-        let mut search = Derivatives::new(at, &errors);
         let predicted = |x: f64| {
             let mut theta = best.theta.clone();
             theta[place] = x;
             self.predicted(&theta, tried).map(|[values, _]| values)
         };
-        for _ in 0..ROUNDS {
-            let Some(points) = search.points() else { break };
-            let values = points.iter().map(|x| Ok(predicted(*x)?.into_iter().map(Some).collect()));
-            search.take(values.collect::<Result<_, Wanted>>()?);
-        }
-        let mut found = search.found();
+        let values = |x: f64| Ok::<_, Wanted>(predicted(x)?.into_iter().map(Some).collect());
+        let mut found = derivatives(at, &errors, ROUNDS, values)?;
         let slopes = known.measured.slopes(&known.noise);
         let size = |found: &[Option<Derivative>], part: fn(&Derivative) -> f64| {
             let parts = found.iter().zip(&slopes);
@@ -438,7 +445,7 @@ impl Fit {
         }
         let error = size(&found, |it| it.error);
         let numbers = found.iter().map(|it| it.map_or(f64::NAN, |it| it.value * scale)).collect();
-        Ok(Row { theta: best.theta.clone(), error, numbers, ..missing() })
+        Ok(Row { theta: best.theta.clone(), error, numbers, ..Row::missing() })
     }
 
     /// The next value in the profile of a parameter, with a guess of the other ones. The first one is at half of the
@@ -489,32 +496,6 @@ impl Fit {
     pub fn only(&self, place: usize) -> Vec<f64> {
         (0..self.parameters.len()).map(|other| f64::from(other == place)).collect()
     }
-
-    /// The row of a point, or the values of the run that it needs next.
-    pub fn row_or_run(
-        &self,
-        problem: &Problem,
-        number: usize,
-        earlier: &Rows,
-        tried: &[Tried],
-    ) -> Result<Tried, Wanted> {
-        let (row, lack) = match self.computed(number, earlier, tried)? {
-            Ok(row) => (row, None),
-            Err(lack) => (missing(), Some(Lack::Incomplete(lack))),
-        };
-        let Row { mut theta, sum, error, mut numbers, .. } = row;
-        theta.resize(self.parameters.len(), f64::NAN);
-        numbers.resize(self.positions.len(), f64::NAN);
-        let cells = theta.into_iter().chain([sum, tried.len() as f64, error]).chain(numbers);
-        let outputs = cells.map(|it| Some(it).filter(|it| it.is_finite())).collect();
-        let found = crate::problem::Found { outputs, lack, ..problem.no_run() };
-        Ok(Tried { values: Vec::new(), found })
-    }
-}
-
-/// A row without numbers.
-fn missing() -> Row {
-    Row { sum: f64::NAN, error: f64::NAN, ..Row::default() }
 }
 
 /// The visited values around the end of an interval: the last one below it, or the estimate, and the first one above it.

@@ -3,7 +3,7 @@
 
 use crate::plan::{Cells, Findings, Note};
 use crate::stats::derivative::Derivative;
-use crate::stats::indices::{Caution, Index, indices};
+use crate::stats::indices::{Index, indices};
 use crate::stats::morris::Effect;
 use crate::stats::{Bootstrap, Estimate};
 
@@ -18,39 +18,43 @@ pub struct Named<'a> {
     pub accuracy: f64,
 }
 
+/// A row: its output, its member, and its numbers. They are missing if there is no estimate.
+type Row<'a> = (Named<'a>, &'a str, Vec<f64>);
+
 /// The table and the notes, built row by row.
-pub struct Table {
-    outputs: Vec<String>,
-    members: Vec<String>,
-    units: Vec<String>,
-    columns: Vec<(&'static str, Vec<Option<f64>>)>,
+pub struct Table<'a> {
+    columns: &'static [&'static str],
+    rows: Vec<Row<'a>>,
     notes: Vec<Note>,
 }
 
-impl Table {
+impl<'a> Table<'a> {
     /// An empty table. These columns of numbers come after the columns `output`, `unit` and `member`.
-    pub fn new(columns: &[&'static str]) -> Self {
-        let columns = columns.iter().map(|name| (*name, Vec::new())).collect();
-        let (outputs, members, units, notes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Self { outputs, members, units, columns, notes }
+    pub fn new(columns: &'static [&'static str]) -> Self {
+        Self { columns, rows: Vec::new(), notes: Vec::new() }
     }
 
     /// The members `table` and `notes` of the document.
     pub fn finished(self) -> Findings {
-        let texts = [("output", self.outputs), ("unit", self.units), ("member", self.members)];
-        let texts = texts.into_iter().map(|(name, cells)| (name, Cells::Texts(cells)));
-        let columns = self.columns.into_iter().map(|(name, cells)| (name, Cells::Numbers(cells)));
-        let table = texts.chain(columns).map(|(name, cells)| (name.to_owned(), cells)).collect();
+        let texts = |name: &str, of: fn(&Row<'a>) -> &'a str| {
+            let cells = self.rows.iter().map(|row| of(row).to_owned());
+            (name.to_owned(), Cells::Texts(cells.collect()))
+        };
+        let numbers = |(place, name): (usize, &&str)| {
+            let cells = self.rows.iter().map(|(.., numbers)| numbers.get(place).copied());
+            ((*name).to_owned(), Cells::Numbers(cells.collect()))
+        };
+        let mut table = vec![
+            texts("output", |(output, ..)| output.name),
+            texts("unit", |(output, ..)| output.unit),
+            texts("member", |(_, member, _)| member),
+        ];
+        table.extend(self.columns.iter().enumerate().map(numbers));
         Findings { notes: Some(self.notes), tables: vec![("table", table)], ..Findings::default() }
     }
 
-    fn row(&mut self, output: Named<'_>, member: &str, numbers: &[f64]) {
-        self.outputs.push(output.name.to_owned());
-        self.units.push(output.unit.to_owned());
-        self.members.push(member.to_owned());
-        for (place, (_, column)) in self.columns.iter_mut().enumerate() {
-            column.push(numbers.get(place).copied());
-        }
+    fn row(&mut self, output: Named<'a>, member: &'a str, numbers: &[f64]) {
+        self.rows.push((output, member, numbers.to_vec()));
     }
 
     fn note(&mut self, output: Named<'_>, member: Option<&str>, detail: &dyn ToString) {
@@ -61,8 +65,8 @@ impl Table {
     /// Adds the rows of an output: its Sobol indices.
     pub fn shares(
         &mut self,
-        output: Named<'_>,
-        members: &[&str],
+        output: Named<'a>,
+        members: &[&'a str],
         values: &[Option<f64>],
         bootstrap: &Bootstrap,
     ) {
@@ -79,20 +83,16 @@ impl Table {
             let numbers = [first, total].map(|Estimate { value, low, high }| [*value, *low, *high]);
             self.row(output, member, numbers.as_flattened());
         }
-        for caution in found.cautions() {
-            let member = match caution {
-                Caution::Negative { member } => Some(members[member]),
-                Caution::NotPowerOfTwo { .. } | Caution::LeftOut { .. } => None,
-            };
-            self.note(output, member, &caution);
+        for (member, caution) in found.cautions() {
+            self.note(output, member.map(|member| members[member]), &caution);
         }
     }
 
     /// Adds the rows of an output: the elementary effects on it.
     pub fn effects<E: ToString>(
         &mut self,
-        output: Named<'_>,
-        members: &[&str],
+        output: Named<'a>,
+        members: &[&'a str],
         found: &[Result<Effect, E>],
         planned: usize,
     ) {
@@ -126,8 +126,8 @@ impl Table {
     /// Adds a row: the elasticity of an output, x/y·dy/dx.
     pub fn elasticity(
         &mut self,
-        output: Named<'_>,
-        member: &str,
+        output: Named<'a>,
+        member: &'a str,
         (x, y): (f64, f64),
         derivative: Option<Derivative>,
     ) {

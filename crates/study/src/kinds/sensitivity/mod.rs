@@ -24,7 +24,7 @@ use crate::plan::StudyFigure::{Scatter, Tornado};
 use crate::plan::{Bars, Column, Findings, Hints, Kind, Offer, Plan, Read, StudyFigure};
 use crate::problem::{MAX_SEED, Problem, small_members, varied_and_outputs};
 use crate::rows::{NUMBER, Rows};
-use crate::stats::derivative::{Derivative, Place, Search};
+use crate::stats::derivative::{Derivative, MAX_ROUNDS, Place, derivatives, neighbours};
 use crate::stats::distribution::Distribution;
 use crate::stats::indices::Saltelli;
 use crate::stats::morris::{Morris, effects};
@@ -133,23 +133,16 @@ struct Neighbourhood {
     place: Place,
     /// The index of the first of these points among the points of the study.
     first: usize,
-    rounds: Vec<Vec<f64>>,
+    /// Those of all intervals. The point itself is the first point of the study.
+    points: Vec<f64>,
 }
 
 impl Neighbourhood {
     /// The derivative of an output, from its values at the points of the study.
     fn derivative(&self, values: &[Option<f64>], accuracy: f64) -> Option<Derivative> {
-        let Self { place, first, rounds } = self;
-        let mut search = Search::new(*place, &[accuracy]);
-        let (mut rounds, mut next) = (rounds.iter(), *first);
-        while let (Some(_), Some(round)) = (search.points(), rounds.next()) {
-            // The point itself comes before those of the first round.
-            let base = (next == *first).then_some(values[0]);
-            let own = values[next..next + round.len()].iter().copied();
-            search.take(base.into_iter().chain(own).map(|value| vec![value]).collect());
-            next += round.len();
-        }
-        search.found()[0]
+        let mut own = values[..1].iter().chain(&values[self.first..]).map(|value| vec![*value]);
+        let next = |_| own.next().ok_or(());
+        derivatives(self.place, &[accuracy], MAX_ROUNDS, next).ok()?[0]
     }
 }
 
@@ -262,10 +255,11 @@ impl Sensitivity {
             }
             let x = member.value;
             let place = Place { x, scale: x.abs(), low: f64::NEG_INFINITY, high: f64::INFINITY };
-            let rounds = Search::all_points(place);
-            let points: usize = rounds.iter().map(Vec::len).sum();
-            around.push(Neighbourhood { place, first, rounds });
-            first += points;
+            let points: Vec<f64> =
+                (0..MAX_ROUNDS).flat_map(|round| neighbours(place, round)).collect();
+            let next = first + points.len();
+            around.push(Neighbourhood { place, first, points });
+            first = next;
         }
         faults.or(Self::Local(around))
     }
@@ -327,9 +321,7 @@ impl Plan for Sensitivity {
         match self {
             Self::Sobol { design, groups, .. } => groups * design.group(),
             Self::Morris { design, trajectories, .. } => trajectories * design.trajectory(),
-            Self::Local(around) => {
-                1 + around.iter().flat_map(|one| &one.rounds).map(Vec::len).sum::<usize>()
-            }
+            Self::Local(around) => 1 + around.iter().map(|one| one.points.len()).sum::<usize>(),
         }
     }
 
@@ -343,8 +335,7 @@ impl Plan for Sensitivity {
             Self::Local(around) => around
                 .iter()
                 .map(|one| {
-                    let own = number.checked_sub(one.first);
-                    let own = own.and_then(|own| one.rounds.iter().flatten().nth(own));
+                    let own = number.checked_sub(one.first).and_then(|own| one.points.get(own));
                     own.copied().unwrap_or(one.place.x)
                 })
                 .collect(),
