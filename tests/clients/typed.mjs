@@ -1,11 +1,19 @@
 // Tests how the form of the dashboard reads what is typed.
 //
-//     node typed.mjs
+//     node typed.mjs http://127.0.0.1:8080
 
 import assert from "node:assert/strict";
-import { fieldText, kindAt } from "../../src/http/dashboard/kinds.js";
-import { useSi } from "../../src/http/dashboard/system.js";
-import { readList, readNumber, understand } from "../../src/http/dashboard/typed.js";
+import { register } from "node:module";
+
+// The server writes words.js.
+const served = await (await fetch(`${process.argv[2]}/assets/words.js`)).text();
+const words = `data:text/javascript,${encodeURIComponent(served)}`;
+register(`data:text/javascript,${encodeURIComponent(`export const resolve = (name, context, next) => name === "./words.js"
+  ? { url: ${JSON.stringify(words)}, shortCircuit: true } : next(name, context);`)}`);
+const page = (name) => import(`../../src/http/dashboard/${name}.js`);
+const { fieldText, kindAt } = await page("kinds");
+const { useSi } = await page("system");
+const { readList, readNumber, understand } = await page("typed");
 
 const scenario = { wear: {} };
 const value = (pointer, text) => understand(text, kindAt(pointer, scenario)).value;

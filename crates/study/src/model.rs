@@ -93,7 +93,7 @@ impl Model {
         totals::of_model(&mut base, parameters)?;
         let mut faults = Faults::default();
         faults.keep("", scenario::prepare(base.clone(), "/scenario"));
-        let members = Faults::list(Member::find_all(&base, parameters.iter().map(String::as_str)));
+        let members = Faults::list(parameters.iter().map(|pointer| Member::find(&base, pointer)));
         let members = faults.keep("/parameters", members).unwrap_or_default();
         let outputs = OutputName::all_among(outputs, &base);
         let outputs = faults.keep("/outputs", outputs).unwrap_or_default();

@@ -91,13 +91,12 @@ fn of_scenario(scenario: &mut Value) -> Option<(f64, Option<String>)> {
 
 /// The dimensions of a number, as a total and per length, if it has both.
 fn dimensions(pointer: &str) -> Option<(Dimension, Dimension)> {
-    match pointer.rsplit('/').next()? {
-        "normal_force" | "tangential_force" => Some((Dimension::Force, Dimension::ForcePerLength)),
-        "rig_stiffness" | "loop_stiffness" => {
-            Some((Dimension::Stiffness, Dimension::StiffnessPerLength))
-        }
-        _ => None,
-    }
+    let total = match pointer.rsplit('/').next()? {
+        "normal_force" | "tangential_force" => Dimension::Force,
+        "rig_stiffness" | "loop_stiffness" => Dimension::Stiffness,
+        _ => return None,
+    };
+    Some((total, total.per_length()?))
 }
 
 /// Replaces the texts per length among the values of the number at `pointer`, or in the part of the scenario there.

@@ -108,7 +108,7 @@ pub fn list(entries: &[Value], scenario: &Value) -> Result<Vec<Varied>, Faults> 
         return Err(Faults::one("", detail));
     }
     let pointers = entries.iter().map(|entry| entry["pointer"].as_str());
-    let members = Member::find_all(scenario, pointers.clone().map(Option::unwrap_or_default));
+    let members = pointers.clone().map(|it| Member::find(scenario, it.unwrap_or_default()));
     let mut distinct = HashSet::new();
     let is_new = pointers.map(|pointer| pointer.is_none_or(|pointer| distinct.insert(pointer)));
     Faults::list(entries.iter().zip(members).zip(is_new).map(|((entry, member), is_new)| {

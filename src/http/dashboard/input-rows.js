@@ -1,7 +1,7 @@
 // The inputs of runs as a person reads them: one row for each number or choice of the canonical scenarios.
 
 import { capital } from "./dom.js";
-import { kindAt, printed, siUnitOf } from "./kinds.js";
+import { kindAt, printed } from "./kinds.js";
 import { cycles, inputWords, plainWords, quantity, WORDS } from "./units.js";
 
 /** A list with more values is shown by its length and its ends. */
@@ -36,7 +36,7 @@ export function inputRows(scenarios) {
   const rows = pointers.map((pointer) => {
     const values = all.map((own) => own.get(pointer));
     const own = scenarios[values.findIndex((value) => value !== undefined)];
-    const unit = siUnitOf(kindAt(pointer, own)) ?? "1";
+    const unit = kindAt(pointer, own).si || "1";
     return { id: pointer, name: plainWords(inputWords(pointer, own)), unit, values, texts: values.map((value) => textOf(value, pointer, unit)),
       isEqual: values.every((value) => JSON.stringify(value) === JSON.stringify(values[0])) };
   });

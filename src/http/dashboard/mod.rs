@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 
 use axum::http::HeaderMap;
 use axum::response::Response;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::http::problem::Result;
 use crate::http::wire::{NoQuery, Segment};
@@ -19,7 +19,8 @@ use asset::{Asset, Assets};
 use fretwork_engine::outcome::{
     EVENTS, History, LINE_WORDS, QUANTITIES, Quantity, SECTION_WORDS, SPECIAL_WORDS, Unworn,
 };
-use fretwork_engine::request::inputs::{INPUTS, VALUES};
+use fretwork_engine::request::inputs::{INPUTS, Measure, VALUES};
+use fretwork_engine::request::quantity::factor_to_si;
 use fretwork_format::notation::LADDERS;
 use fretwork_job::WORDS;
 use fretwork_study::{Kind, OutputName};
@@ -99,7 +100,10 @@ fn words() -> String {
     let [sections, special]: [Value; 2] = [SECTION_WORDS, SPECIAL_WORDS]
         .map(|list| list.iter().map(|(name, words)| (*name, json!(words))).collect());
     let values: Value = VALUES.iter().copied().collect();
-    let inputs: Value = INPUTS.iter().map(|it| json!([it.pointer, it.words, it.symbol])).collect();
+    let inputs: Value = INPUTS
+        .iter()
+        .map(|it| json!([it.pointer, it.words, it.symbol, measured(it.measure)]))
+        .collect();
     let ladder = |(unit, usual, steps): &(&str, _, _)| {
         ((*unit).to_owned(), json!({"usual": usual, "steps": steps}))
     };
@@ -118,11 +122,25 @@ fn words() -> String {
          /** The beginning of names of numbers of sections, and the end of their symbols. */\nexport const SECTIONS = {sections};\n\n\
          /** The names and symbols of other numbers of sections. */\nexport const SPECIAL = {special};\n\n\
          /** The names of values of inputs. */\nexport const VALUES = {values};\n\n\
-         /** The inputs: patterns of their pointers, names and symbols. */\nexport const INPUTS = {inputs};\n\n\
+         /** The inputs: patterns of their pointers, names, symbols, and what they measure. */\nexport const INPUTS = {inputs};\n\n\
          /** The units for people, each with its factor and the size from which it is used. */\nexport const LADDERS = {ladders};\n\n\
          /** The outputs of a study, without output cycles. */\nexport const OUTPUTS = {outputs};\n\n\
          /** The words that results are searched by. */\nexport const SEARCHED = {searched};\n"
     )
+}
+
+/// What an input measures, for the form. A plain number has no units, and its usual sizes are the ends of its slider.
+fn measured(measure: Measure) -> Value {
+    let Measure { dimension, units, usual, bare } = measure;
+    let names = units.split(", ").filter(|unit| !unit.is_empty());
+    let units: Map<String, Value> =
+        names.clone().map(|unit| (unit.to_owned(), json!(factor_to_si(unit)))).collect();
+    match names.clone().next() {
+        None => json!({"unit": "", "units": {}, "si": "", "slide": usual}),
+        Some(unit) => {
+            json!({"unit": unit, "units": units, "si": dimension.si(), "usual": usual, "bare": bare})
+        }
+    }
 }
 
 /// `GET /`.

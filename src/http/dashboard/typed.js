@@ -71,7 +71,8 @@ export function understand(text, kind) {
  */
 function suspect({ number, rest }, unit, kind) {
   const size = Math.abs(number) * (factorIn(kind, unit) ?? NaN);
-  const [least, most] = (!rest && kind.bare) || kind.usual || [];
+  const [low, most] = kind.usual ?? [];
+  const least = rest ? low : kind.bare;
   const isUsual = (si) => si >= least && si <= most;
   if (!kind.usual || !(size > 0) || isUsual(size)) return undefined;
   const meant = [kind.likely ?? kind.unit, ...Object.keys(kind.units)].find((name) => isUsual(Math.abs(number) * kind.units[name]));

@@ -25,18 +25,30 @@ export const wordOf = (name, { profile }) => (isLine(profile) && LINE_WORDS[name
 /** Title and symbol as one text. */
 export const plainWords = ({ title, symbol }) => `${title} ${symbol.replaceAll("$", "")}`.trim();
 
-/** Title and symbol of the input at a pointer of a scenario. */
-export function inputWords(pointer, scenario = {}) {
+const isPlace = (part) => /^\d+$/.test(part);
+const memberAt = (scenario, names) => names.reduce((value, name) => value?.[name], scenario);
+
+/** The entry of `INPUTS` for a pointer of a scenario; undefined if there is none. */
+export function inputAt(pointer, scenario = {}) {
   const parts = pointer.split("/");
-  const isPlace = (part) => /^\d+$/.test(part);
-  const applies = ([pattern]) => {
-    const [own, sibling] = pattern.split("?");
-    const names = own.split("/");
-    return names.length === parts.length && names.every((name, i) => name === parts[i] || (name === "#" && isPlace(parts[i])))
-      && (!sibling || parts.slice(1, -1).reduce((value, name) => value?.[name], scenario)?.[sibling] !== undefined);
+  // A condition names a sibling, or a member of the scenario, and perhaps its value.
+  const holds = (condition) => {
+    const [member, value] = condition.split("=");
+    const found = memberAt(scenario, member.startsWith("/") ? member.split("/").slice(1) : [...parts.slice(1, -1), member]);
+    return value ? found === value : found !== undefined;
   };
+  return INPUTS.find(([pattern]) => {
+    const [own, condition] = pattern.split("?");
+    const names = own.split("/");
+    return names.length === parts.length && names.every((name, i) => name === parts[i] || (name === "#" && isPlace(parts[i]))) && (!condition || holds(condition));
+  });
+}
+
+/** Title and symbol of the input at a pointer of a scenario. */
+export function inputWords(pointer, scenario) {
+  const parts = pointer.split("/");
   const last = parts.at(-1).replaceAll("_", " ");
-  const [, words, symbol] = INPUTS.find(applies) ?? ["", last[0].toUpperCase() + last.slice(1), ""];
+  const [, words, symbol] = inputAt(pointer, scenario) ?? ["", last[0].toUpperCase() + last.slice(1), ""];
   return { title: parts.filter(isPlace).reduce((text, place) => text.replace("#", String(Number(place) + 1)), words), symbol };
 }
 

@@ -1,90 +1,151 @@
-//! The names of the inputs, from which the form, figures and reports take them.
+//! The inputs: their names, dimensions and usual sizes, from which the form, studies, figures and reports take them.
 
 use serde_json::Value;
+
+use super::quantity::Dimension;
+
+/// What the number of an input measures.
+#[derive(Debug, Clone, Copy)]
+pub struct Measure {
+    /// The dimension.
+    pub dimension: Dimension,
+    /// The units in which people write it, that of its field first; empty for a plain number.
+    pub units: &'static str,
+    /// The least and the largest size in SI that a contact has, or the ends of the slider of a plain number.
+    pub usual: Option<(f64, f64)>,
+    /// The least usual size of a number without a unit.
+    pub bare: f64,
+}
+
+const fn measure(dimension: Dimension, units: &'static str, least: f64, most: f64) -> Measure {
+    Measure { dimension, units, usual: Some((least, most)), bare: least }
+}
+
+/// A plain number between these ends.
+const fn between(least: f64, most: f64) -> Measure {
+    measure(Dimension::Number, "", least, most)
+}
+
+/// A plain number, or no number.
+const PLAIN: Measure =
+    Measure { dimension: Dimension::Number, units: "", usual: None, bare: f64::NEG_INFINITY };
+const RATIO: Measure = between(0.0, 1.0);
+const FRICTION: Measure = between(0.05, 1.5);
+const MILLI: &str = "mm, m, um, nm, cm, in, mil";
+const RADIUS: Measure = Measure { bare: 5e-5, ..measure(Dimension::Length, MILLI, 1e-6, 100.0) };
+const MICRO: Measure = measure(Dimension::Length, "um, m, mm, nm, cm, in, mil", 1e-10, 2e-3);
+const ANGLE: Measure = measure(Dimension::Angle, "deg, rad, mrad", 1e-5, 1.57);
+// MPa comes before the others: it is meant most often by a number that no field has in GPa.
+const GIGA: &str = "GPa, MPa, kPa, Pa, N/mm^2";
+const MODULUS: Measure = measure(Dimension::Stress, GIGA, 1e4, 2e12);
+const STRENGTH: Measure = measure(Dimension::Stress, "MPa, GPa, kPa, Pa, N/mm^2", 1e4, 2e10);
+const HARDNESS: Measure = measure(Dimension::Stress, GIGA, 1e5, 1e12);
+const PER_LOAD: &str = "mm^3/(N m), m^3/(N m), um^3/(N m), mm^2/N, 1/Pa, 1/kPa, 1/MPa, 1/GPa";
+const WEAR: Measure = measure(Dimension::WearCoefficient, PER_LOAD, 1e-20, 1e-10);
+const PER_ENERGY: &str = "mm^3/J, m^3/J, um^3/J, mm^3/kJ";
+const ENERGY_WEAR: Measure = measure(Dimension::EnergyWear, PER_ENERGY, 1e-20, 1e-9);
+const FORCE: Measure = measure(Dimension::Force, "N, mN, kN, uN, MN", 1e-6, 1e6);
+const STIFF: &str = "N/um, N/m, N/mm, kN/mm, MN/m";
+const STIFFNESS: Measure = measure(Dimension::Stiffness, STIFF, 1e2, 1e12);
+const ENERGY: Measure = measure(Dimension::Energy, "J, mJ, kJ, uJ", 1e-9, 1e9);
+const VOLUME: Measure = measure(Dimension::Volume, "mm^3, m^3, um^3, cm^3", 1e-22, 1e-5);
 
 /// An input of a scenario.
 #[derive(Debug, Clone, Copy)]
 pub struct Input {
-    /// Its pointer, with `#` in place of the place in a list. After `?` is a sibling that the scenario must have.
+    /// Its pointer, with `#` in place of the place in a list. After `?` is a member that the scenario must have: a sibling,
+    /// or a pointer. After `=` is its value.
     pub pointer: &'static str,
     /// The name for people, with `#` in place of the place in a list, counted from 1.
     pub words: &'static str,
     /// The symbol, with the letters of the equations between `$`; empty if it has none.
     pub symbol: &'static str,
+    /// What its number measures.
+    pub measure: Measure,
 }
 
 /// All inputs. The first that applies counts.
 pub const INPUTS: &[Input] = &[
-    input("/profile/shape", "Shape", ""),
-    input("/profile/geometry", "Geometry", ""),
-    input("/profile/radius", "Radius", "$R$"),
-    input("/profile/radii/0", "Radius, axis along the motion", ""),
-    input("/profile/radii/1", "Radius, axis across the motion", ""),
-    input("/profile/slope_angle", "Slope angle", "$θ$"),
-    input("/profile/exponent", "Exponent", "$n$"),
-    input("/profile/at_radius", "Reference radius", ""),
-    input("/profile/height?at_radius", "Height at reference radius", ""),
-    input("/profile/height", "Height", ""),
-    input("/profile/flat_radius", "Flat radius", "$b$"),
-    input("/profile/flat_half_width", "Half-width of the flat", "$b$"),
-    input("/profile/edge_radius", "Edge radius", "$R$"),
-    input("/profile/length", "Length of the contact", ""),
-    input("/moduli/normal", "Normal modulus", "$E$*"),
-    input("/moduli/tangential", "Tangential modulus", "$G$*"),
-    input("/bodies/#/youngs_modulus", "Body #: Young's modulus", "$E$"),
-    input("/bodies/#/poisson_ratio", "Body #: Poisson's ratio", "$ν$"),
-    input("/bodies/#/yield_strength", "Body #: yield strength", ""),
-    input("/friction", "Friction coefficient", "$μ$"),
-    input("/friction/run_in/cycles", "Run-in cycles of μ", ""),
-    input("/friction/run_in/from", "μ at the start", ""),
-    input("/friction/run_in/to", "μ after the run-in", ""),
-    input("/friction/over", "μ changes over", ""),
-    input("/friction/at", "Points of the table of μ", ""),
-    input("/friction/values", "Values of μ", ""),
-    input("/wear/coefficient?hardness", "Archard coefficient", "$k$"),
-    input("/wear/coefficient", "Wear coefficient", "$k_w$"),
-    input("/wear/coefficient/run_in/cycles", "Run-in cycles of k_w", ""),
-    input("/wear/coefficient/run_in/from", "k_w at the start", ""),
-    input("/wear/coefficient/run_in/to", "k_w after the run-in", ""),
-    input("/wear/coefficient/over", "k_w changes over", ""),
-    input("/wear/coefficient/at", "Points of the table of k_w", ""),
-    input("/wear/coefficient/values", "Values of k_w", ""),
-    input("/wear/hardness", "Hardness", ""),
-    input("/wear/energy_coefficient", "Energy coefficient", "$α$"),
-    input("/wear/share", "Wear share of body 1", ""),
-    input("/wear/bodies/#/coefficient?layers", "Body #, below the layers:", "$k_w$"),
-    input("/wear/bodies/#/coefficient", "Body #:", "$k_w$"),
-    input("/wear/bodies/#/layers/#/thickness", "Body #, layer #: thickness", ""),
-    input("/wear/bodies/#/layers/#/coefficient", "Body #, layer #:", "$k_w$"),
-    input("/load/normal_force", "Normal force", "$F$"),
-    input("/load/indentation_depth", "Indentation depth", "$d$"),
-    input("/load/held", "Load: kept constant", ""),
-    input("/motion/amplitude?rig_stiffness", "Amplitude at the actuator", "$U$"),
-    input("/motion/amplitude", "Amplitude", "$U$"),
-    input("/motion/sliding_amplitude", "Sliding amplitude", ""),
-    input("/motion/stick_ratio", "Stick ratio", "$c$/$a$₀"),
-    input("/motion/tangential_force", "Tangential force", "$Q$"),
-    input("/motion/reference_distance", "Reference distance", ""),
-    input("/motion/rig_stiffness", "Rig stiffness", ""),
-    input("/motion/loop_stiffness", "Loop stiffness", ""),
-    input("/motion/held", "Motion: kept constant", ""),
-    input("/motion/blocks", "Amplitude blocks", ""),
-    input("/motion/blocks/#/amplitude", "Block #: amplitude", ""),
-    input("/motion/blocks/#/sliding_amplitude", "Block #: sliding amplitude", ""),
-    input("/motion/blocks/#/tangential_force", "Block #: tangential force", ""),
-    input("/motion/blocks/#/stick_ratio", "Block #: stick ratio", ""),
-    input("/motion/blocks/#/cycles", "Block #: cycles", ""),
-    input("/motion/reversals", "Displacement record", ""),
-    input("/cycles", "Output cycles", ""),
-    input("/cycles/normalized", "Output cycles in N₀", ""),
-    input("/cycles/dissipated_energy", "Dissipated energies of the outputs", ""),
-    input("/profiles_at", "Cycles with profiles", ""),
-    input("/until/wear_depth", "Stop at wear depth", ""),
-    input("/model/method", "Method", ""),
-    input("/model/xi", "Fitting parameter", "$ξ$"),
-    input("/model/tolerance", "Tolerance", ""),
-    input("/model/compare", "Compare with simplified rule", ""),
-    input("/model/points", "Output radii", ""),
+    input("/profile/shape", "Shape", "", PLAIN),
+    input("/profile/geometry", "Geometry", "", PLAIN),
+    input("/profile/radius", "Radius", "$R$", RADIUS),
+    input("/profile/radius/#", "Radius of point #", "", MICRO),
+    input("/profile/radii/0", "Radius, axis along the motion", "", RADIUS),
+    input("/profile/radii/1", "Radius, axis across the motion", "", RADIUS),
+    input("/profile/slope_angle", "Slope angle", "$θ$", ANGLE),
+    input("/profile/exponent", "Exponent", "$n$", between(1.0, 10.0)),
+    input("/profile/at_radius", "Reference radius", "", RADIUS),
+    input("/profile/height?at_radius", "Height at reference radius", "", MICRO),
+    input("/profile/height", "Height", "", MICRO),
+    input("/profile/height/#", "Height of point #", "", MICRO),
+    input("/profile/flat_radius", "Flat radius", "$b$", MICRO),
+    input("/profile/flat_half_width", "Half-width of the flat", "$b$", RADIUS),
+    input("/profile/edge_radius", "Edge radius", "$R$", RADIUS),
+    input("/profile/length", "Length of the contact", "", RADIUS),
+    input("/moduli/normal", "Normal modulus", "$E$*", MODULUS),
+    input("/moduli/tangential", "Tangential modulus", "$G$*", MODULUS),
+    input("/bodies/#/youngs_modulus", "Body #: Young's modulus", "$E$", MODULUS),
+    input("/bodies/#/poisson_ratio", "Body #: Poisson's ratio", "$ν$", between(0.0, 0.5)),
+    input("/bodies/#/yield_strength", "Body #: yield strength", "", STRENGTH),
+    input("/friction", "Friction coefficient", "$μ$", FRICTION),
+    input("/friction/run_in/cycles", "Run-in cycles of μ", "", PLAIN),
+    input("/friction/run_in/from", "μ at the start", "", FRICTION),
+    input("/friction/run_in/to", "μ after the run-in", "", FRICTION),
+    input("/friction/over", "μ changes over", "", PLAIN),
+    input("/friction/at?over=dissipated_energy", "Points of the table of μ", "", ENERGY),
+    input("/friction/at", "Points of the table of μ", "", PLAIN),
+    input("/friction/values", "Values of μ", "", FRICTION),
+    input("/wear/coefficient?hardness", "Archard coefficient", "$k$", PLAIN),
+    input("/wear/coefficient", "Wear coefficient", "$k_w$", WEAR),
+    input("/wear/coefficient/run_in/cycles", "Run-in cycles of k_w", "", PLAIN),
+    input("/wear/coefficient/run_in/from?/wear/hardness", "k at the start", "", PLAIN),
+    input("/wear/coefficient/run_in/to?/wear/hardness", "k after the run-in", "", PLAIN),
+    input("/wear/coefficient/values?/wear/hardness", "Values of k", "", PLAIN),
+    input("/wear/coefficient/run_in/from", "k_w at the start", "", WEAR),
+    input("/wear/coefficient/run_in/to", "k_w after the run-in", "", WEAR),
+    input("/wear/coefficient/over", "k_w changes over", "", PLAIN),
+    input("/wear/coefficient/at?over=dissipated_energy", "Points of the table of k_w", "", ENERGY),
+    input("/wear/coefficient/at", "Points of the table of k_w", "", PLAIN),
+    input("/wear/coefficient/values", "Values of k_w", "", WEAR),
+    input("/wear/hardness", "Hardness", "", HARDNESS),
+    input("/wear/energy_coefficient", "Energy coefficient", "$α$", ENERGY_WEAR),
+    input("/wear/share", "Wear share of body 1", "", RATIO),
+    input("/wear/bodies/#/coefficient?layers", "Body #, below the layers:", "$k_w$", WEAR),
+    input("/wear/bodies/#/coefficient", "Body #:", "$k_w$", WEAR),
+    input("/wear/bodies/#/layers/#/thickness", "Body #, layer #: thickness", "", MICRO),
+    input("/wear/bodies/#/layers/#/coefficient", "Body #, layer #:", "$k_w$", WEAR),
+    input("/load/normal_force", "Normal force", "$F$", FORCE),
+    input("/load/indentation_depth", "Indentation depth", "$d$", MICRO),
+    input("/load/held", "Load: kept constant", "", PLAIN),
+    input("/motion/amplitude?rig_stiffness", "Amplitude at the actuator", "$U$", MICRO),
+    input("/motion/amplitude", "Amplitude", "$U$", MICRO),
+    input("/motion/sliding_amplitude", "Sliding amplitude", "", MICRO),
+    input("/motion/stick_ratio", "Stick ratio", "$c$/$a$₀", RATIO),
+    input("/motion/tangential_force", "Tangential force", "$Q$", FORCE),
+    input("/motion/reference_distance", "Reference distance", "", RADIUS),
+    input("/motion/rig_stiffness", "Rig stiffness", "", STIFFNESS),
+    input("/motion/loop_stiffness", "Loop stiffness", "", STIFFNESS),
+    input("/motion/held", "Motion: kept constant", "", PLAIN),
+    input("/motion/blocks", "Amplitude blocks", "", PLAIN),
+    input("/motion/blocks/#/amplitude", "Block #: amplitude", "", MICRO),
+    input("/motion/blocks/#/sliding_amplitude", "Block #: sliding amplitude", "", MICRO),
+    input("/motion/blocks/#/tangential_force", "Block #: tangential force", "", FORCE),
+    input("/motion/blocks/#/stick_ratio", "Block #: stick ratio", "", RATIO),
+    input("/motion/blocks/#/cycles", "Block #: cycles", "", PLAIN),
+    input("/motion/reversals", "Displacement record", "", MICRO),
+    input("/motion/reversals/#", "Position #", "", MICRO),
+    input("/cycles", "Output cycles", "", PLAIN),
+    input("/cycles/normalized", "Output cycles in N₀", "", PLAIN),
+    input("/cycles/dissipated_energy", "Dissipated energies of the outputs", "", ENERGY),
+    input("/profiles_at", "Cycles with profiles", "", PLAIN),
+    input("/until/wear_depth", "Stop at wear depth", "", MICRO),
+    input("/until/wear_volume", "Stop at wear volume", "", VOLUME),
+    input("/until/dissipated_energy", "Stop at dissipated energy", "", ENERGY),
+    input("/model/method", "Method", "", PLAIN),
+    input("/model/xi", "Fitting parameter", "$ξ$", PLAIN),
+    input("/model/tolerance", "Tolerance", "", PLAIN),
+    input("/model/compare", "Compare with simplified rule", "", PLAIN),
+    input("/model/points", "Output radii", "", PLAIN),
 ];
 
 /// The names of values whose names are not their words.
@@ -96,36 +157,66 @@ pub const VALUES: &[(&str, &str)] = &[
     ("log", "Logarithmic"),
 ];
 
-const fn input(pointer: &'static str, words: &'static str, symbol: &'static str) -> Input {
-    Input { pointer, words, symbol }
+const fn input(
+    pointer: &'static str,
+    words: &'static str,
+    symbol: &'static str,
+    measure: Measure,
+) -> Input {
+    Input { pointer, words, symbol, measure }
+}
+
+impl Input {
+    /// The input at a pointer of a scenario, which is divided into its parts.
+    fn at(parts: &[&str], scenario: &Value) -> Option<&'static Self> {
+        INPUTS.iter().find(|input| {
+            let (own, condition) = input.pointer.split_once('?').unwrap_or((input.pointer, ""));
+            let is_own = |(own, part): (&str, &&str)| own == *part || own == "#" && is_place(part);
+            own.split('/').count() == parts.len()
+                && own.split('/').zip(parts).all(is_own)
+                && (condition.is_empty() || holds(condition, parts, scenario))
+        })
+    }
+}
+
+fn is_place(part: &str) -> bool {
+    part.parse::<usize>().is_ok()
+}
+
+/// Whether a scenario has the member of a condition.
+fn holds(condition: &str, parts: &[&str], scenario: &Value) -> bool {
+    let (member, value) = condition.split_once('=').unwrap_or((condition, ""));
+    let pointer = if member.starts_with('/') {
+        member.to_owned()
+    } else {
+        format!("{}/{member}", parts[..parts.len() - 1].join("/"))
+    };
+    scenario.pointer(&pointer).is_some_and(|found| value.is_empty() || found == value)
 }
 
 /// The name and the symbol of the input at a pointer of a scenario. Without a name, it is the last member in words.
 #[must_use]
 pub fn named(pointer: &str, scenario: &Value) -> (String, &'static str) {
     let parts: Vec<&str> = pointer.split('/').collect();
-    let places: Vec<usize> = parts.iter().filter_map(|part| part.parse().ok()).collect();
-    let applies = |input: &&Input| {
-        let (own, sibling) = input.pointer.split_once('?').unwrap_or((input.pointer, ""));
-        let is_place = |part: &str| part.parse::<usize>().is_ok();
-        own.split('/').count() == parts.len()
-            && own
-                .split('/')
-                .zip(&parts)
-                .all(|(own, part)| own == *part || own == "#" && is_place(part))
-            && (sibling.is_empty() || {
-                let parent = pointer.rsplit_once('/').map_or("", |(parent, _)| parent);
-                scenario.pointer(&format!("{parent}/{sibling}")).is_some()
-            })
-    };
-    let Some(input) = INPUTS.iter().find(applies) else {
+    let Some(input) = Input::at(&parts, scenario) else {
         return (parts[parts.len() - 1].replace('_', " "), "");
     };
-    let mut words = input.words.to_owned();
-    for place in places.iter().take(input.words.matches('#').count()) {
-        words = words.replacen('#', &(place + 1).to_string(), 1);
-    }
+    let places = parts.iter().filter_map(|part| part.parse::<usize>().ok());
+    let words = places.fold(input.words.to_owned(), |words, place| {
+        words.replacen('#', &(place + 1).to_string(), 1)
+    });
     (words, input.symbol)
+}
+
+/// What the number at a pointer of a scenario measures. The numbers of a list or range measure what it measures.
+#[must_use]
+pub fn measure_at(pointer: &str, scenario: &Value) -> Measure {
+    let parts: Vec<&str> = pointer.split('/').collect();
+    let own = Input::at(&parts, scenario);
+    let list =
+        parts.split_last().filter(|(last, _)| is_place(last) || ["from", "to"].contains(last));
+    let input = own.or_else(|| list.and_then(|(_, list)| Input::at(list, scenario)));
+    input.map_or(PLAIN, |input| input.measure)
 }
 
 #[cfg(test)]

@@ -84,7 +84,8 @@ const OTHER_UNITS: [(&str, f64); 7] = [
 ];
 
 /// The factor of a unit of the table to that of SI.
-fn factor_to_si(unit: &str) -> f64 {
+#[must_use]
+pub fn factor_to_si(unit: &str) -> f64 {
     let mut exponent = 0;
     for (place, product) in unit.split('/').enumerate() {
         let sign = if place == 0 { 1 } else { -1 };
@@ -127,6 +128,16 @@ impl Dimension {
         }
         all
     };
+
+    /// The dimension of the quantity per length, in which a line contact can state it.
+    #[must_use]
+    pub fn per_length(self) -> Option<Self> {
+        match self {
+            Force => Some(ForcePerLength),
+            Stiffness => Some(StiffnessPerLength),
+            _ => None,
+        }
+    }
 
     fn row(self) -> (&'static str, &'static str) {
         let own = DIMENSIONS.iter().find(|(dimension, ..)| *dimension == self);

@@ -1,13 +1,12 @@
 //! The inputs of a result in words, in the notation of the page. Long lists are shortened.
 
-use std::collections::HashMap;
-
 use serde_json::{Map, Value};
 
 use crate::figure::words::{capital, short, whole};
 use crate::notation::{Notation, cycles, digits, percent};
 use fretwork_engine::outcome::Quantity;
 use fretwork_engine::request::inputs::VALUES;
+use fretwork_engine::request::inputs::measure_at;
 use fretwork_engine::request::quantity::{Dimension, parse};
 use fretwork_study::{Kind, Member};
 
@@ -32,7 +31,7 @@ pub fn listed(asked: &Value, notation: Notation, digits: u8) -> Vec<Input> {
     let scenario = asked.get("scenario").unwrap_or(asked);
     let mut found = Vec::new();
     collect(scenario, String::new(), &mut found);
-    let reader = Reader { scenario, units: units(scenario, &found), notation, digits };
+    let reader = Reader { scenario, notation, digits };
     let is_own =
         |name: &str| asked.get("scenario").is_some() && !["scenario", "version"].contains(&name);
     let members = asked.as_object().into_iter().flatten().filter(|(name, _)| is_own(name));
@@ -83,34 +82,18 @@ fn pointer_of<'a>(name: &str, item: &'a Value) -> Option<&'a str> {
     item["pointer"].as_str().or(axes.find(|(axis, _)| *axis == name).map(|(_, pointer)| *pointer))
 }
 
-/// The SI units of numbers without a unit, and of lists, by their pointers.
-fn units(scenario: &Value, found: &[(String, &Value)]) -> HashMap<String, &'static str> {
-    let number = |(pointer, value): &(String, &Value)| match value {
-        Value::Number(_) => Some(pointer.clone()),
-        Value::Array(items) if items.first().is_some_and(Value::is_number) => {
-            Some(format!("{pointer}/0"))
-        }
-        _ => None,
-    };
-    let numbers: Vec<String> = found.iter().filter_map(number).take(MOST).collect();
-    let members = Member::find_all(scenario, numbers.iter().map(String::as_str));
-    let unit = |member: Member| {
-        let own = member.pointer.strip_suffix("/0").unwrap_or(&member.pointer);
-        (own.to_owned(), member.dimension.si())
-    };
-    members.into_iter().flatten().map(unit).collect()
-}
-
 struct Reader<'a> {
     scenario: &'a Value,
-    units: HashMap<String, &'static str>,
     notation: Notation,
     digits: u8,
 }
 
 impl Reader<'_> {
     fn input(&self, pointer: String, value: &Value) -> Input {
-        let unit = self.units.get(&pointer).copied().unwrap_or("1");
+        // Numbers without a unit, and lists of them, are in SI.
+        let first = value.as_array().and_then(|items| items.first()).unwrap_or(value);
+        let dimension = first.is_number().then(|| measure_at(&pointer, self.scenario).dimension);
+        let unit = dimension.map_or("1", Dimension::si);
         Input { name: whole(&pointer, self.scenario), text: self.text(value, unit), pointer }
     }
 

@@ -222,9 +222,9 @@ impl Set {
         let below = |faults: Faults| faults.below("/scenario");
         fretwork_engine::scenario::prepare(scenario.clone(), "").map_err(below)?;
         let mut members = Vec::<Member>::new();
-        let found = Member::find_all(&scenario, own.iter().map(|(_, it)| it.pointer.as_str()));
-        for ((place, _), member) in own.iter().zip(found) {
+        for (place, parameter) in own {
             let twice = Err("is listed twice for this test".to_owned());
+            let member = Member::find(&scenario, &parameter.pointer);
             let member = member.and_then(|it| if members.contains(&it) { twice } else { Ok(it) });
             let pointer = format!("/parameters/{place}/pointer");
             members.push(member.map_err(|detail| Faults::one(&pointer, detail))?);
