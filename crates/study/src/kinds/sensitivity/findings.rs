@@ -57,8 +57,8 @@ impl<'a> Table<'a> {
         self.rows.push((output, member, numbers.to_vec()));
     }
 
-    fn note(&mut self, output: Named<'_>, member: Option<&str>, detail: &dyn ToString) {
-        let (output, detail) = (output.name.to_owned(), detail.to_string());
+    fn note(&mut self, output: Named<'_>, member: Option<&str>, detail: &str) {
+        let (output, detail) = (output.name.to_owned(), detail.to_owned());
         self.notes.push(Note { output, detail, member: member.map(str::to_owned) });
     }
 
@@ -89,11 +89,11 @@ impl<'a> Table<'a> {
     }
 
     /// Adds the rows of an output: the elementary effects on it.
-    pub fn effects<E: ToString>(
+    pub fn effects(
         &mut self,
         output: Named<'a>,
         members: &[&'a str],
-        found: &[Result<Effect, E>],
+        found: &[Result<Effect, String>],
         planned: usize,
     ) {
         for (member, effect) in members.iter().zip(found) {
@@ -119,7 +119,7 @@ impl<'a> Table<'a> {
         if found.iter().all(|effect| effect.as_ref().is_ok_and(constant)) {
             let detail = "The output has the same value at all points. Choose another output, or vary other members or \
                           wider ranges.";
-            self.note(output, None, &detail);
+            self.note(output, None, detail);
         }
     }
 
@@ -145,7 +145,7 @@ impl<'a> Table<'a> {
                     "The output has no value at the values of the scenario, or at too many points around them. Choose \
                      another output or other values."
                 };
-                self.note(output, Some(member), &detail);
+                self.note(output, Some(member), detail);
             }
         }
     }
