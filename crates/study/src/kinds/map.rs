@@ -312,7 +312,7 @@ impl Plan for Map {
         let case = |force| self.case(problem, force).ok();
         let at_contact = |force| Some(case(force)?.gross_slip_amplitude());
         let at_actuator = |force| case(force)?.actuator_gross_slip_amplitude();
-        let mut columns: Vec<(&str, Vec<Option<f64>>)> = vec![
+        let mut columns: Vec<(&'static str, Vec<Option<f64>>)> = vec![
             (MEMBERS[0], self.forces.iter().copied().map(Some).collect()),
             (MEMBERS[1], each(if self.has_rig { &at_actuator } else { &at_contact })),
         ];
@@ -324,7 +324,7 @@ impl Plan for Map {
             let is_steep = problem.base.pointer("/load/held") == Some(&json!("depth"));
             columns.push((BESIDE[1], each(&|force| self.after_run(force, &thresholds, is_steep))));
         }
-        let columns = columns.into_iter().map(|(name, it)| (name.to_owned(), Cells::Numbers(it)));
+        let columns = columns.into_iter().map(|(name, cells)| (name, Cells::Numbers(cells)));
         Some(Findings {
             tables: vec![("boundary", columns.collect())],
             beside: vec![(REGIME, regimes(rows))],

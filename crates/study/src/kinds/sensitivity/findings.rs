@@ -36,18 +36,17 @@ impl<'a> Table<'a> {
 
     /// The members `table` and `notes` of the document.
     pub fn finished(self) -> Findings {
-        let texts = |name: &str, of: fn(&Row<'a>) -> &'a str| {
-            let cells = self.rows.iter().map(|row| of(row).to_owned());
-            (name.to_owned(), Cells::Texts(cells.collect()))
+        let texts = |of: fn(&Row<'a>) -> &'a str| {
+            Cells::Texts(self.rows.iter().map(|row| of(row).to_owned()).collect())
         };
-        let numbers = |(place, name): (usize, &&str)| {
+        let numbers = |(place, name): (usize, &&'static str)| {
             let cells = self.rows.iter().map(|(.., numbers)| numbers.get(place).copied());
-            ((*name).to_owned(), Cells::Numbers(cells.collect()))
+            (*name, Cells::Numbers(cells.collect()))
         };
         let mut table = vec![
-            texts("output", |(output, ..)| output.name),
-            texts("unit", |(output, ..)| output.unit),
-            texts("member", |(_, member, _)| member),
+            ("output", texts(|(output, ..)| output.name)),
+            ("unit", texts(|(output, ..)| output.unit)),
+            ("member", texts(|(_, member, _)| member)),
         ];
         table.extend(self.columns.iter().enumerate().map(numbers));
         Findings { notes: Some(self.notes), tables: vec![("table", table)], ..Findings::default() }
