@@ -157,19 +157,14 @@ pub fn indices(
     let scaled = |y: f64| (y - mean) / range;
     // The columns: 1, a + b, a² + b², then b(aᵢ − a) and (a − aᵢ)² of each member.
     let width = 3 + 2 * members;
-    let mut rows = Vec::with_capacity(planned * width);
-    for group in &groups {
-        let Some(group) = group else {
-            rows.resize(rows.len() + width, 0.0);
-            continue;
-        };
+    let row = |group: Option<&[f64]>| -> Vec<f64> {
+        let Some(group) = group else { return vec![0.0; width] };
         let (a, b) = (scaled(group[0]), scaled(group[members + 1]));
-        rows.extend([1.0, a + b, a * a + b * b]);
-        for value in &group[1..=members] {
-            let mixed = scaled(*value);
-            rows.extend([b * (mixed - a), (a - mixed) * (a - mixed)]);
-        }
-    }
+        let mixed = group[1..=members].iter().map(|value| scaled(*value));
+        let own = mixed.flat_map(|mixed| [b * (mixed - a), (a - mixed) * (a - mixed)]);
+        [1.0, a + b, a * a + b * b].into_iter().chain(own).collect()
+    };
+    let rows: Vec<f64> = groups.iter().flat_map(|group| row(group.as_deref())).collect();
     let estimates = bootstrap.estimate(&rows, width, |sums| {
         let values = 2.0 * sums[0];
         let (mean, square) = (sums[1] / values, sums[2] / values);
