@@ -41,10 +41,11 @@ struct Members<'a> {
     profiles: Option<Columns<'a>>,
 }
 
-type Columns<'a> = BTreeMap<Cow<'a, str>, &'a RawValue>;
+/// The columns of a table, as JSON.
+pub(super) type Columns<'a> = BTreeMap<Cow<'a, str>, &'a RawValue>;
 
 /// Reads the cells of a column, one for each point.
-fn read<T: DeserializeOwned>(
+pub(super) fn column_of<T: DeserializeOwned>(
     table: &Columns<'_>,
     name: &str,
     points: usize,
@@ -75,12 +76,12 @@ impl Claimed {
             (samples.or(searches).unwrap_or(table), profiles.unwrap_or_default());
         let (columns, points) = (study.columns(), study.points());
         let outputs = &columns[study.problem.members.len()..columns.len() - 1];
-        let outputs = outputs.iter().map(|column| read(&table, &column.name, points));
+        let outputs = outputs.iter().map(|column| column_of(&table, &column.name, points));
         let fields = study.problem.profiles.iter().flat_map(|profiles| &profiles.fields);
-        let curves = fields.map(|field| read(&profiles, field.as_str(), points));
+        let curves = fields.map(|field| column_of(&profiles, field.as_str(), points));
         let claimed = Self {
             outputs: outputs.collect::<Result<_, _>>()?,
-            reasons: read(&table, "reason", points)?,
+            reasons: column_of(&table, "reason", points)?,
             curves: curves.collect::<Result<_, _>>()?,
             counts,
             refused: AtomicU64::new(0),

@@ -58,7 +58,8 @@ impl Model {
         let config: Config = typed(config)?;
         let parameters =
             config.parameters.0.map_or_else(|| vec!["/friction".to_owned()], |it| it.0);
-        let outputs = config.outputs.0.map_or_else(default_outputs, |outputs| outputs.0);
+        let wear_volume = || "wear_volume".parse().into_iter().collect();
+        let outputs = config.outputs.0.map_or_else(wear_volume, |outputs| outputs.0);
         Self::new(config.scenario.0.unwrap_or_else(default_scenario), &parameters, outputs)
     }
 
@@ -138,10 +139,6 @@ impl Model {
             closed: outputs().map(|output| output.is_closed(run.case)).collect(),
         }
     }
-}
-
-fn default_outputs() -> Vec<OutputName> {
-    "wear_volume".parse().into_iter().collect()
 }
 
 #[expect(clippy::expect_used, reason = "the example is part of the program, and a test reads it")]

@@ -239,41 +239,33 @@ impl Output {
         matches!(self.quantity.source, Source::Column(_) | Source::Event(_))
     }
 
-    /// The value in the result of a case.
+    /// The value in the result of a case, or in what is known of the case without a run.
     ///
     /// # Errors
-    /// The result does not have this value.
-    pub fn value(&self, case: &Case, outcome: &Outcome) -> Result<f64, NoValue> {
-        let Outcome { scales, unworn, limit, history, events, .. } = outcome;
-        match self.quantity.source {
+    /// The result does not have this value, or only a run finds it.
+    pub fn value(&self, case: &Case, found: Result<&Outcome, &Preview>) -> Result<f64, NoValue> {
+        let (scales, unworn, limit) = match found {
+            Ok(outcome) => (&outcome.scales, &outcome.unworn, &outcome.limit),
+            Err(preview) => (&preview.scales, &preview.unworn, &preview.limit),
+        };
+        let value = match self.quantity.source {
             Source::Column(place) => {
+                let history = &found.map_err(|_| NoValue::NoRun)?.history;
                 let row = match self.row {
                     None => history.cycles.len() - 1,
                     Some(row) if history.has_reached(case, row) => row,
                     Some(_) => return Err(NoValue::Ended),
                 };
-                finite(*history.values()[place].get(row).ok_or(NoValue::NoRig)?)
+                history.values()[place].get(row).copied()
             }
             Source::Event(kind) => {
-                let event = events.iter().find(|event| event.kind == kind);
-                event.map(|event| event.cycles).ok_or(NoValue::NoEvent)
+                let mut events = found.map_err(|_| NoValue::NoRun)?.events.iter();
+                let event = events.find(|event| event.kind == kind);
+                return event.map(|event| event.cycles).ok_or(NoValue::NoEvent);
             }
-            _ => self.of_contact(scales, unworn, limit.as_ref()),
-        }
-    }
-
-    /// The value, if it follows from the unworn contact: from the section `scales`, `unworn` or `limit`.
-    fn of_contact(
-        &self,
-        scales: &ContactScales,
-        unworn: &Unworn,
-        limit: Option<&LimitState>,
-    ) -> Result<f64, NoValue> {
-        let value = match self.quantity.source {
-            Source::Column(_) | Source::Event(_) => return Err(NoValue::NoRun),
             Source::Scales(place) => scales.values()[place],
             Source::Unworn(place) => unworn.values()[place],
-            Source::Limit(place) => limit.ok_or(NoValue::NoLimit)?.values()[place],
+            Source::Limit(place) => limit.as_ref().ok_or(NoValue::NoLimit)?.values()[place],
         };
         finite(value.ok_or(NoValue::NoRig)?)
     }
@@ -326,14 +318,6 @@ impl Output {
     /// Whether this is the estimated error of another output.
     pub fn is_error(&self) -> bool {
         self.quantity.name.ends_with("_error")
-    }
-
-    /// The value that is known without a run.
-    ///
-    /// # Errors
-    /// Only a run finds the value, or the result will not have it.
-    pub fn known(&self, preview: &Preview) -> Result<f64, NoValue> {
-        self.of_contact(&preview.scales, &preview.unworn, preview.limit.as_ref())
     }
 }
 
@@ -405,7 +389,7 @@ mod tests {
     #[test]
     fn the_value_of_an_output_equals_the_number_in_the_result() {
         let (cycles, case, outcome) = run(&json!([1000, 30000, 1e6]), &json!({}));
-        let value = |name: &str| output(name, &cycles).value(&case, &outcome);
+        let value = |name: &str| output(name, &cycles).value(&case, Ok(&outcome));
         let history = &outcome.history;
         assert_eq!(value("wear_volume"), Ok(history.wear_volume[3]));
         assert_eq!(value("wear_volume@1e6"), Ok(history.wear_volume[3]));
@@ -419,11 +403,11 @@ mod tests {
         assert_eq!(value("unworn.actuator_amplitude"), Err(NoValue::NoRig));
         let (cycles, case, outcome) =
             run(&json!([10]), &json!({"profile": {"shape": "cone", "slope_angle": "2 deg"}}));
-        let value = |name: &str| output(name, &cycles).value(&case, &outcome);
+        let value = |name: &str| output(name, &cycles).value(&case, Ok(&outcome));
         assert_eq!(value("unworn.peak_pressure"), Err(NoValue::Infinite));
         let slipping = json!({"motion": {"tangential_force": "69 N"}});
         let (cycles, case, outcome) = run(&json!([10]), &slipping);
-        let value = output("limit.wear_depth", &cycles).value(&case, &outcome);
+        let value = output("limit.wear_depth", &cycles).value(&case, Ok(&outcome));
         assert_eq!(value, Err(NoValue::NoLimit));
     }
 
@@ -431,14 +415,14 @@ mod tests {
     fn output_cycles_are_named_in_the_measure_of_the_scenario() {
         let (cycles, case, outcome) =
             run(&json!({"normalized": [0, 0.5, 1.0 / 3.0 + 1.0]}), &json!({}));
-        let value = |name: &str| output(name, &cycles).value(&case, &outcome);
+        let value = |name: &str| output(name, &cycles).value(&case, Ok(&outcome));
         for (name, row) in [("cycles@0", 0), ("cycles@0.5", 1), ("cycles@1.33333333333", 2)] {
             assert_eq!(value(name), Ok(outcome.history.cycles[row]), "{name}");
         }
         let range = json!({"from": "10 mJ", "to": 0.1, "count": 3, "spacing": "linear"});
         let energies = json!({"dissipated_energy": range});
         let (cycles, case, outcome) = run(&energies, &json!({}));
-        let value = |name: &str| output(name, &cycles).value(&case, &outcome);
+        let value = |name: &str| output(name, &cycles).value(&case, Ok(&outcome));
         for (name, row) in [("cycles@0.01", 1), ("cycles@55 mJ", 2), ("cycles@0.1 J", 3)] {
             assert_eq!(value(name), Ok(outcome.history.cycles[row]), "{name}");
         }
@@ -449,7 +433,7 @@ mod tests {
         for list in [json!([10, 1e5]), json!([10, 1e5, 1e6]), json!([10, 1e5, 1e6, 1e7])] {
             let until = json!({"until": {"wear_depth": "0.3 um"}});
             let (cycles, case, outcome) = run(&list, &until);
-            let value = |name: &str| output(name, &cycles).value(&case, &outcome);
+            let value = |name: &str| output(name, &cycles).value(&case, Ok(&outcome));
             assert_eq!(value("cycles@10"), Ok(10.0));
             let end = value("events.until_reached").unwrap();
             assert!((10.0..1e5).contains(&end), "{end}");
@@ -458,7 +442,7 @@ mod tests {
         }
         let until = json!({"until": {"wear_depth": "0.3 um"}});
         let (cycles, case, outcome) = run(&json!({"dissipated_energy": [1e-3, "1 kJ"]}), &until);
-        let value = |name: &str| output(name, &cycles).value(&case, &outcome);
+        let value = |name: &str| output(name, &cycles).value(&case, Ok(&outcome));
         assert!(value("wear_depth@1 mJ").is_ok());
         assert_eq!(value("wear_depth@1 kJ"), Err(NoValue::Ended));
     }

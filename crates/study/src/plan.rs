@@ -19,7 +19,7 @@ use fretwork_json::words;
 pub const MAX_POINTS: u64 = 1 << 22;
 
 /// A kind of study. Kinds with the same name are equal.
-#[derive(Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize)]
 pub struct Kind {
     /// The member of a job body and of a result that holds the study, and the word by which users search for it.
     pub name: &'static str,
@@ -50,12 +50,6 @@ impl PartialEq for Kind {
 }
 
 impl Eq for Kind {}
-
-impl fmt::Debug for Kind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name)
-    }
-}
 
 impl Kind {
     /// The figures of a study, from its canonical form.
@@ -307,12 +301,15 @@ pub struct Findings {
     /// Remarks for readers of the study; `None` if the kind has no notes.
     pub notes: Option<Vec<Note>>,
     /// Tables, by the names of their members in the document.
-    pub tables: Vec<(&'static str, Vec<(String, Cells)>)>,
+    pub tables: Vec<(&'static str, Table)>,
     /// Other members of the document.
     pub others: Vec<(&'static str, Value)>,
     /// Additional columns at the end of the table of rows: their names, and their cells as JSON, separated by commas.
     pub beside: Vec<(&'static str, String)>,
 }
+
+/// The columns of a table, with their names.
+pub type Table = Vec<(&'static str, Cells)>;
 
 /// The cells of a column.
 #[derive(Debug)]
@@ -345,8 +342,8 @@ impl Findings {
             }
         };
         let notes = self.notes.iter().map(|notes| ("notes", json!(notes)));
-        let table = |(name, columns): &(&'static str, Vec<(String, Cells)>)| {
-            let columns = columns.iter().map(|(name, own)| (name.clone(), cells(own)));
+        let table = |(name, columns): &(&'static str, Table)| {
+            let columns = columns.iter().map(|(name, own)| ((*name).to_owned(), cells(own)));
             (*name, Value::Object(columns.collect()))
         };
         let tables = self.tables.iter().map(table);

@@ -9,6 +9,10 @@ use super::problem::Lack;
 use super::rows::Rows;
 use super::study::{Point, Study};
 
+/// Why a point has no row.
+const PANICKED: &str =
+    "the engine panicked: this is a defect of fretwork. Please report this point";
+
 /// The computation of consecutive points of a study.
 #[derive(Debug)]
 pub struct Points {
@@ -54,8 +58,11 @@ impl Points {
         }
         let (study, number) = (&self.study, self.rest.start);
         let earlier = self.earlier.as_ref().unwrap_or(&self.rows);
-        let row = guarded(|| study.step(number, earlier, &mut self.point))
-            .unwrap_or_else(|| Some(study.lacks_all(number, panicked())));
+        // A defect of the engine at one point must not end the study. The closure is unwind safe: after a panic, no value that
+        // it has changed is used.
+        let row = catch_unwind(AssertUnwindSafe(|| study.step(number, earlier, &mut self.point)));
+        let row = row
+            .unwrap_or_else(|_| Some(study.lacks_all(number, Lack::Refused(PANICKED.to_owned()))));
         if let Some(Tried { values, found }) = row {
             self.rows.push(&values, &found);
             self.point = Point::default();
@@ -63,16 +70,4 @@ impl Points {
         }
         None
     }
-}
-
-/// Returns `None` if the computation panics. A defect of the engine at one point must not end the study.
-fn guarded<T>(compute: impl FnOnce() -> T) -> Option<T> {
-    // The closure is unwind safe: after a panic, no value that it has changed is used.
-    catch_unwind(AssertUnwindSafe(compute)).ok()
-}
-
-fn panicked() -> Lack {
-    Lack::Refused(
-        "the engine panicked: this is a defect of fretwork. Please report this point".to_owned(),
-    )
 }

@@ -53,10 +53,7 @@ impl Ended<'_> {
     /// # Errors
     /// The run does not have it.
     pub fn value(&self, output: &Output) -> Result<f64, NoValue> {
-        match &self.found {
-            Ok(outcome) => output.value(self.case, outcome),
-            Err(preview) => output.known(preview),
-        }
+        output.value(self.case, self.found.as_deref())
     }
 
     pub(super) fn outcome(&self) -> Option<&Outcome> {

@@ -44,7 +44,7 @@ pub fn of_study(study: &mut Value, axes: &[(&str, &str)]) -> Result<(), Faults> 
     for (pointer, value) in changes {
         replace(value, pointer, length, &mut changed);
     }
-    varies.zip(changed).map_or(Ok(()), |(place, changed)| Err(both_vary(&place, &changed)))
+    may_vary(varies, changed)
 }
 
 /// Replaces the texts per length in the scenario of a model that varies these numbers.
@@ -54,17 +54,17 @@ pub fn of_study(study: &mut Value, axes: &[(&str, &str)]) -> Result<(), Faults> 
 pub fn of_model(scenario: &mut Value, parameters: &[String]) -> Result<(), Faults> {
     let changed = of_scenario(scenario).and_then(|(_, changed)| changed);
     let varies = parameters.iter().position(|pointer| pointer == LENGTH);
-    varies.zip(changed).map_or(Ok(()), |(place, changed)| {
-        Err(both_vary(&format!("/parameters/{place}"), &changed))
-    })
+    may_vary(varies.map(|place| format!("/parameters/{place}")), changed)
 }
 
-fn both_vary(place: &str, changed: &str) -> Faults {
+/// Checks that the length does not vary, at this place, beside a number that is given per length.
+fn may_vary(place: Option<String>, changed: Option<String>) -> Result<(), Faults> {
+    let (Some(place), Some(changed)) = (place, changed) else { return Ok(()) };
     let detail = format!(
         "cannot vary, because `{changed}` is given per length, and its total would stay the same. Enter the total of \
          `{changed}`, such as \"185 N\" for \"18.5 N/mm\" and a length of 10 mm"
     );
-    Faults::one(place, detail)
+    Err(Faults::one(&place, detail))
 }
 
 /// Replaces the texts per length in a scenario. Returns the length of the contact, and the pointer of a number that has

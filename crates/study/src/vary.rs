@@ -186,13 +186,12 @@ impl Entry {
             ));
         }
         if let Some(list) = self.values.0 {
-            let list = list_of(&list, member).map_err(|faults| faults.below("/values"))?;
-            return Ok(Values::List(list));
+            let list = list_of(&list, member).map(Values::List);
+            return list.map_err(|faults| faults.below("/values"));
         }
         if let Some(distribution) = self.distribution.0 {
-            let read = distribution_of(&distribution, member);
-            let read = read.map_err(|faults| faults.below("/distribution"))?;
-            return Ok(Values::Distribution(read));
+            let read = distribution_of(&distribution, member).map(Values::Distribution);
+            return read.map_err(|faults| faults.below("/distribution"));
         }
         if !is_range {
             return Ok(Values::Base);

@@ -21,6 +21,7 @@ use fretwork_engine::scenario;
 use serde_json::{Value, json};
 
 use crate::member::Member;
+use crate::output::Output;
 use crate::plan::StudyFigure::{Curves, Heat, Regimes};
 use crate::plan::{Cells, Column, Findings, Hints, Kind, Offer, Plan, Read, Regions, Tried};
 use crate::problem::{Found, Lack, Problem, outputs_of, small_members};
@@ -101,8 +102,9 @@ struct Request {
 struct Map {
     forces: Vec<f64>,
     amplitudes: Vec<f64>,
-    /// Those of [`BESIDE`] that the boundary has.
-    beside: Vec<&'static str>,
+    has_rig: bool,
+    /// The index of the output of [`THRESHOLDS`], if the map has runs. The boundary after the runs follows from it.
+    threshold: Option<usize>,
     /// For each normal force a case with one of the amplitudes, or why there is none. Each is computed when it is first
     /// needed.
     cases: Vec<OnceLock<Result<Box<Case>, String>>>,
@@ -127,19 +129,18 @@ fn read(map: Value) -> Result<Read, Faults> {
         faults.add(format!("/outputs/{place}"), "is a column of every map. Remove it");
     }
     faults.or(())?;
-    // The boundary after the runs follows from this output.
     let has_rig = scenario.pointer(RIG).is_some();
-    let threshold = THRESHOLDS[usize::from(has_rig)];
-    let has = [has_rig, !outputs.is_empty()];
-    let beside = BESIDE.into_iter().zip(has).filter_map(|(name, has)| has.then_some(name));
-    if has[1] && outputs.iter().all(|output| output.name() != threshold) {
-        outputs.extend(outputs_of(json!([threshold]), &scenario)?);
+    let name = THRESHOLDS[usize::from(has_rig)];
+    let place = |outputs: &[Output]| outputs.iter().position(|output| output.name() == name);
+    if !outputs.is_empty() && place(&outputs).is_none() {
+        outputs.extend(outputs_of(json!([name]), &scenario)?);
     }
+    let threshold = place(&outputs);
     let [force, amplitude] =
         [(0, normal_force), (1, amplitude)].map(|(place, given)| axis(place, given, &scenario));
     let ((force, forces), (amplitude, amplitudes)) = both(force, amplitude)?;
     let cases = forces.iter().map(|_| OnceLock::new()).collect();
-    let plan = Map { forces, amplitudes, beside: beside.collect(), cases };
+    let plan = Map { forces, amplitudes, has_rig, threshold, cases };
     Ok(Read::new(complete, Problem::new(scenario, vec![force, amplitude], outputs), plan))
 }
 
@@ -220,19 +221,6 @@ impl Map {
             Condition::of(case.map_err(Clone::clone)?, amplitude);
         Ok([force_ratio, stick_ratio, energy_per_cycle])
     }
-}
-
-impl Map {
-    fn has_rig(&self) -> bool {
-        self.beside.contains(&BESIDE[0])
-    }
-
-    /// For each point the amplitude at which its contact slips as a whole after the run. `None` if the map has no runs.
-    fn thresholds(&self, problem: &Problem, rows: &Rows) -> Option<Vec<Option<f64>>> {
-        let name = THRESHOLDS[usize::from(self.has_rig())];
-        let place = problem.outputs.iter().position(|output| output.name() == name)?;
-        Some(rows.numbers(MEMBERS.len() + CLOSED.len() + place))
-    }
 
     /// The amplitude above which the whole contact still slips at the end of the runs, estimated from the amplitudes of the
     /// map around it. `None` if it is not among them. `is_steep`: if the depth is held, a contact that slips as a whole
@@ -308,7 +296,8 @@ impl Plan for Map {
     }
 
     fn found_columns(&self) -> Vec<Column> {
-        self.beside.iter().map(|name| Column::new(name, "m")).collect()
+        let has = BESIDE.into_iter().zip([self.has_rig, self.threshold.is_some()]);
+        has.filter(|(_, has)| *has).map(|(name, _)| Column::new(name, "m")).collect()
     }
 
     /// The boundary: the amplitude at which gross slip begins, for each normal force, unworn and after the runs. And the
@@ -323,18 +312,19 @@ impl Plan for Map {
         let case = |force| self.case(problem, force).ok();
         let at_contact = |force| Some(case(force)?.gross_slip_amplitude());
         let at_actuator = |force| case(force)?.actuator_gross_slip_amplitude();
-        let mut columns: Vec<(&str, Vec<Option<f64>>)> = vec![
+        let mut columns: Vec<(&'static str, Vec<Option<f64>>)> = vec![
             (MEMBERS[0], self.forces.iter().copied().map(Some).collect()),
-            (MEMBERS[1], each(if self.has_rig() { &at_actuator } else { &at_contact })),
+            (MEMBERS[1], each(if self.has_rig { &at_actuator } else { &at_contact })),
         ];
-        if self.has_rig() {
+        if self.has_rig {
             columns.push((BESIDE[0], each(&at_contact)));
         }
-        if let Some(thresholds) = self.thresholds(problem, rows) {
+        if let Some(place) = self.threshold {
+            let thresholds = rows.numbers(MEMBERS.len() + CLOSED.len() + place);
             let is_steep = problem.base.pointer("/load/held") == Some(&json!("depth"));
             columns.push((BESIDE[1], each(&|force| self.after_run(force, &thresholds, is_steep))));
         }
-        let columns = columns.into_iter().map(|(name, it)| (name.to_owned(), Cells::Numbers(it)));
+        let columns = columns.into_iter().map(|(name, cells)| (name, Cells::Numbers(cells)));
         Some(Findings {
             tables: vec![("boundary", columns.collect())],
             beside: vec![(REGIME, regimes(rows))],

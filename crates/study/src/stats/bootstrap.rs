@@ -59,13 +59,14 @@ impl Bootstrap {
         width: usize,
         estimate: impl Fn(&[f64]) -> Option<Vec<f64>>,
     ) -> Option<Vec<Estimate>> {
-        let blocks = Blocks::new(rows, width);
-        let values = estimate(&blocks.sum(0..blocks.count()))?;
+        let blocks = blocks(rows, width);
+        let values = estimate(&sum(blocks.iter().map(Vec::as_slice), width))?;
         let random = Stream::new(self.seed);
-        let count = blocks.count() as u64;
+        let count = blocks.len() as u64;
         let samples = (0..).filter_map(|sample| {
             let bits = random.child(sample);
-            estimate(&blocks.sum((0..count).map(|i| bits.below(i, count) as usize)))
+            let drawn = (0..count).map(|i| &*blocks[bits.below(i, count) as usize]);
+            estimate(&sum(drawn, width))
         });
         let mut drawn = vec![Vec::with_capacity(self.resamples); values.len()];
         for sample in samples.take(self.resamples) {
@@ -82,46 +83,22 @@ impl Bootstrap {
     }
 }
 
-/// Sums over blocks of consecutive rows.
-struct Blocks {
-    sums: Vec<f64>,
-    width: usize,
+/// The sums over blocks of consecutive rows.
+fn blocks(rows: &[f64], width: usize) -> Vec<Vec<f64>> {
+    // The length is a power of two, so that each block of a Sobol sequence is evenly spread.
+    let length = (rows.len() / width).div_ceil(MAX_BLOCKS).next_power_of_two();
+    rows.chunks(length * width).map(|block| sum(block.chunks(width), width)).collect()
 }
 
-impl Blocks {
-    fn new(rows: &[f64], width: usize) -> Self {
-        let count = rows.len() / width;
-        // The length is a power of two, so that each block of a Sobol sequence is evenly spread.
-        let length = count.div_ceil(MAX_BLOCKS).next_power_of_two();
-        let mut sums = Vec::with_capacity(count.div_ceil(length) * width);
-        for block in rows.chunks(length * width) {
-            let start = sums.len();
-            sums.resize(start + width, 0.0);
-            for row in block.chunks(width) {
-                add(&mut sums[start..], row);
-            }
+/// The sum of some rows or blocks, in their order.
+fn sum<'a>(rows: impl Iterator<Item = &'a [f64]>, width: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; width];
+    for row in rows {
+        for (sum, value) in sum.iter_mut().zip(row) {
+            *sum += value;
         }
-        Self { sums, width }
     }
-
-    fn count(&self) -> usize {
-        self.sums.len() / self.width
-    }
-
-    /// The sum of some blocks, in their order.
-    fn sum(&self, blocks: impl Iterator<Item = usize>) -> Vec<f64> {
-        let mut sum = vec![0.0; self.width];
-        for block in blocks {
-            add(&mut sum, &self.sums[block * self.width..][..self.width]);
-        }
-        sum
-    }
-}
-
-fn add(sum: &mut [f64], row: &[f64]) {
-    for (sum, value) in sum.iter_mut().zip(row) {
-        *sum += value;
-    }
+    sum
 }
 
 /// The value below which the share `share` of sorted values lies, interpolated between neighbours.

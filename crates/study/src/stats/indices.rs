@@ -37,6 +37,9 @@ use super::{Bootstrap, Estimate};
 /// Results have 12 significant digits. Outputs that differ by less, relative to the largest one, are constant.
 const ROUNDING: f64 = 1e-11;
 
+/// What is said of an output without variance.
+const CONSTANT: &str = "The output has the same value at all points, so there is no variance to share. Choose another \
+                        output, or vary other members or wider ranges.";
 /// What is said of a member whose first-order index is negative.
 const NEGATIVE: &str = "The first-order index is estimated below 0, because the sample is small. Read it as 0, or use \
                         more groups.";
@@ -92,26 +95,6 @@ pub struct Index {
     pub total: Estimate,
 }
 
-/// Why an output has no indices. The text says what to change.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum NoIndices {
-    /// All values are equal.
-    #[error(
-        "The output has the same value at all points, so there is no variance to share. Choose another output, or vary other members or wider ranges."
-    )]
-    Constant,
-    /// Too many points have no value.
-    #[error(
-        "Only {groups} of {planned} groups of points have all their values, and at least 2 are needed. Choose ranges in which fewer points fail, or more groups."
-    )]
-    TooFewGroups {
-        /// The number of complete groups.
-        groups: usize,
-        /// The number of groups in the design.
-        planned: usize,
-    },
-}
-
 impl Indices {
     /// The limitations of these indices, with the place of the member that one is about. Each text says what to change.
     pub fn cautions(&self) -> Vec<(Option<usize>, String)> {
@@ -140,7 +123,7 @@ impl Indices {
 /// a value is left out with its group.
 ///
 /// # Errors
-/// The reason why there are no indices.
+/// The reason why there are no indices, and what to change.
 ///
 /// # Panics
 /// If the last group is not complete.
@@ -148,21 +131,24 @@ pub fn indices(
     outputs: &[Option<f64>],
     members: usize,
     bootstrap: &Bootstrap,
-) -> Result<Indices, NoIndices> {
+) -> Result<Indices, String> {
     let planned = outputs.len() / (members + 2);
     assert_eq!(planned * (members + 2), outputs.len(), "the caller gives whole groups");
     let groups: Vec<Option<Vec<f64>>> = outputs.chunks(members + 2).map(complete_group).collect();
     let values = || groups.iter().flatten();
     let complete = values().count();
     if complete < 2 {
-        return Err(NoIndices::TooFewGroups { groups: complete, planned });
+        return Err(format!(
+            "Only {complete} of {planned} groups of points have all their values, and at least 2 are needed. Choose \
+             ranges in which fewer points fail, or more groups."
+        ));
     }
     let (low, high) = values()
         .flatten()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| (y.min(low), y.max(high)));
     let range = high - low;
     if range <= ROUNDING * high.abs().max(low.abs()) {
-        return Err(NoIndices::Constant);
+        return Err(CONSTANT.to_owned());
     }
     let count = (complete * (members + 2)) as f64;
     let mean = values().flatten().map(|y| y / count).sum::<f64>();
@@ -171,19 +157,14 @@ pub fn indices(
     let scaled = |y: f64| (y - mean) / range;
     // The columns: 1, a + b, a² + b², then b(aᵢ − a) and (a − aᵢ)² of each member.
     let width = 3 + 2 * members;
-    let mut rows = Vec::with_capacity(planned * width);
-    for group in &groups {
-        let Some(group) = group else {
-            rows.resize(rows.len() + width, 0.0);
-            continue;
-        };
+    let row = |group: Option<&[f64]>| -> Vec<f64> {
+        let Some(group) = group else { return vec![0.0; width] };
         let (a, b) = (scaled(group[0]), scaled(group[members + 1]));
-        rows.extend([1.0, a + b, a * a + b * b]);
-        for value in &group[1..=members] {
-            let mixed = scaled(*value);
-            rows.extend([b * (mixed - a), (a - mixed) * (a - mixed)]);
-        }
-    }
+        let mixed = group[1..=members].iter().map(|value| scaled(*value));
+        let own = mixed.flat_map(|mixed| [b * (mixed - a), (a - mixed) * (a - mixed)]);
+        [1.0, a + b, a * a + b * b].into_iter().chain(own).collect()
+    };
+    let rows: Vec<f64> = groups.iter().flat_map(|group| row(group.as_deref())).collect();
     let estimates = bootstrap.estimate(&rows, width, |sums| {
         let values = 2.0 * sums[0];
         let (mean, square) = (sums[1] / values, sums[2] / values);
@@ -193,7 +174,7 @@ pub fn indices(
         // A drawn sample in which all values are equal has no indices.
         (variance > 1e-12).then(|| shares.collect())
     });
-    let estimates = estimates.ok_or(NoIndices::Constant)?;
+    let estimates = estimates.ok_or(CONSTANT)?;
     Ok(Indices {
         members: estimates
             .chunks_exact(2)
@@ -361,13 +342,12 @@ mod tests {
     #[test]
     fn an_output_without_variance_has_a_reason() {
         let constant: Vec<_> = (0..50).map(|i| Some(1.0 + 1e-13 * f64::from(i % 3))).collect();
-        assert_eq!(indices(&constant, 3, &bootstrap(100)), Err(NoIndices::Constant));
-        assert_eq!(indices(&[Some(0.0); 50], 3, &bootstrap(100)), Err(NoIndices::Constant));
+        assert_eq!(indices(&constant, 3, &bootstrap(100)), Err(CONSTANT.to_owned()));
+        assert_eq!(indices(&[Some(0.0); 50], 3, &bootstrap(100)), Err(CONSTANT.to_owned()));
         let mut failed = vec![None; 50];
         failed[..5].fill(Some(1.0));
-        let few = NoIndices::TooFewGroups { groups: 1, planned: 10 };
-        assert_eq!(indices(&failed, 3, &bootstrap(100)), Err(few));
-        assert!(few.to_string().starts_with("Only 1 of 10 groups"));
+        let few = indices(&failed, 3, &bootstrap(100)).unwrap_err();
+        assert!(few.starts_with("Only 1 of 10 groups"), "{few}");
     }
 
     /// In many drawn samples of this output all values are equal. They give no estimate and are drawn again.

@@ -16,9 +16,8 @@
 //! - H. B. Nielsen, report IMM-REP-1999-05, Technical University of Denmark: the damping.
 
 use basin::{
-    BoundedLevenbergMarquardt, BoxBounds, ConstraintDescription, ConstraintSet,
-    ConstraintSolveError, Constraints, DenseMatrix, Executor, Jacobian, PointState, Residual,
-    State as _,
+    BoundedLevenbergMarquardt, BoxBounds, Constrained, ConstraintSet, ConstraintSolveError,
+    DenseMatrix, Executor, Jacobian, PointState, Residual, State as _,
 };
 
 /// A search begins at least this far from a bound, because the steps become small near a bound.
@@ -41,22 +40,12 @@ pub type Residuals<'a, E> = dyn Fn(&[f64]) -> Result<Vec<f64>, E> + 'a;
 /// The derivatives of the residuals at u: a column for each coordinate.
 pub type Derivatives<'a, E> = dyn Fn(&[f64]) -> Result<Vec<Vec<f64>>, E> + 'a;
 
-struct Bounded<'a, E> {
+struct Problem<'a, E> {
     residuals: &'a Residuals<'a, E>,
     derivatives: &'a Derivatives<'a, E>,
-    low: Vec<f64>,
-    high: Vec<f64>,
 }
 
-impl<E> Constraints for Bounded<'_, E> {
-    type Set = ConstraintSet<BoxBounds<Vec<f64>>>;
-
-    fn constraints(&self) -> <Self::Set as ConstraintDescription>::Borrowed<'_> {
-        ConstraintSet::new().with_bounds(BoxBounds::new(Some(&self.low), Some(&self.high)))
-    }
-}
-
-impl<E> Residual for Bounded<'_, E> {
+impl<E> Residual for Problem<'_, E> {
     type Param = Vec<f64>;
     type Output = Vec<f64>;
     type Error = E;
@@ -66,7 +55,7 @@ impl<E> Residual for Bounded<'_, E> {
     }
 }
 
-impl<E> Jacobian for Bounded<'_, E> {
+impl<E> Jacobian for Problem<'_, E> {
     type Jacobian = DenseMatrix;
 
     fn jacobian(&self, u: &Vec<f64>) -> Result<DenseMatrix, E> {
@@ -89,13 +78,14 @@ pub fn minimum<E>(
     start: &[f64],
     stop: Stop,
 ) -> Result<Vec<f64>, E> {
-    let (low, high) = (vec![0.0; start.len()], vec![1.0; start.len()]);
+    let bounds = BoxBounds::new(Some(vec![0.0; start.len()]), Some(vec![1.0; start.len()]));
     let start = start.iter().map(|u| u.clamp(INSIDE, 1.0 - INSIDE)).collect();
     let solver = BoundedLevenbergMarquardt::<Vec<f64>, DenseMatrix>::new()
         .with_absolute_scaled_gradient_tolerance(0.0)
         .with_relative_cost_change_tolerance(stop.decrease)
         .with_absolute_step_tolerance(stop.step);
-    let bounded = Bounded { residuals, derivatives, low, high };
+    let problem = Problem { residuals, derivatives };
+    let bounded = Constrained::new(problem, ConstraintSet::new().with_bounds(bounds));
     let found = Executor::new(bounded, solver, PointState::new(start)).max_iter(stop.steps).run();
     match found {
         Ok(found) => Ok(found.state.param().clone()),

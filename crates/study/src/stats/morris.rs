@@ -103,19 +103,8 @@ pub struct Effect {
     pub count: usize,
 }
 
-/// Why a member has no effect to report. The text says what to change.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "Only {count} of {planned} elementary effects have both values, and at least 2 are needed. Choose ranges in which fewer points fail, or more trajectories."
-)]
-pub struct TooFewEffects {
-    /// The number of elementary effects with both values.
-    pub count: usize,
-    /// The number of trajectories.
-    pub planned: usize,
-}
-
-/// The effect of each member on one output, from the values at the points of a design in their order.
+/// The effect of each member on one output, from the values at the points of a design in their order; or why it has none,
+/// and what to change.
 ///
 /// # Panics
 /// If the last trajectory is not complete.
@@ -123,7 +112,7 @@ pub fn effects(
     design: &Morris,
     outputs: &[Option<f64>],
     bootstrap: &Bootstrap,
-) -> Vec<Result<Effect, TooFewEffects>> {
+) -> Vec<Result<Effect, String>> {
     let planned = outputs.len() / design.trajectory();
     assert_eq!(planned * design.trajectory(), outputs.len(), "the caller gives whole trajectories");
     let mut elementary = vec![Vec::with_capacity(planned); design.members];
@@ -139,19 +128,25 @@ pub fn effects(
     elementary.iter().map(|list| effect(list, bootstrap)).collect()
 }
 
-fn effect(elementary: &[Option<f64>], bootstrap: &Bootstrap) -> Result<Effect, TooFewEffects> {
+fn effect(elementary: &[Option<f64>], bootstrap: &Bootstrap) -> Result<Effect, String> {
     let present = || elementary.iter().flatten();
     let count = present().count();
-    let too_few = TooFewEffects { count, planned: elementary.len() };
+    let too_few = || {
+        format!(
+            "Only {count} of {} elementary effects have both values, and at least 2 are needed. Choose ranges in which \
+             fewer points fail, or more trajectories.",
+            elementary.len()
+        )
+    };
     if count < 2 {
-        return Err(too_few);
+        return Err(too_few());
     }
     let mean = present().sum::<f64>() / count as f64;
     let squares: f64 = present().map(|e| (e - mean) * (e - mean)).sum();
     let row = |e: &Option<f64>| e.map_or([0.0; 2], |e| [1.0, e.abs()]);
     let rows: Vec<f64> = elementary.iter().flat_map(row).collect();
     let strength = |sums: &[f64]| (sums[0] > 0.0).then(|| vec![sums[1] / sums[0]]);
-    let strength = bootstrap.estimate(&rows, 2, strength).ok_or(too_few)?[0];
+    let strength = bootstrap.estimate(&rows, 2, strength).ok_or_else(too_few)?[0];
     Ok(Effect { mean, strength, deviation: (squares / (count - 1) as f64).sqrt(), count })
 }
 
@@ -172,7 +167,7 @@ mod tests {
         design: &Morris,
         trajectories: usize,
         f: impl Fn(&[f64]) -> f64,
-    ) -> Vec<Result<Effect, TooFewEffects>> {
+    ) -> Vec<Result<Effect, String>> {
         let count = trajectories * design.trajectory();
         let outputs: Vec<_> = (0..count).map(|index| Some(f(&design.point(index)))).collect();
         effects(design, &outputs, &Bootstrap::new(200, 0.95, 1).unwrap())
@@ -264,8 +259,7 @@ mod tests {
         let bootstrap = Bootstrap::new(100, 0.95, 1).unwrap();
         let found = effects(&design, &outputs, &bootstrap);
         assert_eq!(found.iter().filter(|effect| effect.is_ok()).count(), 2);
-        let missing = found.iter().find_map(|effect| effect.err()).unwrap();
-        assert_eq!(missing, TooFewEffects { count: 1, planned: 2 });
-        assert!(missing.to_string().starts_with("Only 1 of 2"));
+        let missing = found.into_iter().find_map(Result::err).unwrap();
+        assert!(missing.starts_with("Only 1 of 2 elementary effects"), "{missing}");
     }
 }

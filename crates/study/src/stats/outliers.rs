@@ -57,28 +57,23 @@ struct Rest {
 impl Residuals<'_> {
     fn without(&self, left_out: &[usize]) -> Rest {
         let kept = |place: usize| f64::from(!left_out.contains(&place));
-        let columns: Vec<Vec<f64>> = self
-            .slopes
-            .iter()
-            .map(|column| {
-                column.iter().enumerate().map(|(place, slope)| kept(place) * slope).collect()
-            })
-            .collect();
+        let weighted = |column: &Vec<f64>| -> Vec<f64> {
+            column.iter().enumerate().map(|(place, slope)| kept(place) * slope).collect()
+        };
+        let columns: Vec<Vec<f64>> = self.slopes.iter().map(weighted).collect();
         let information = Information::of(&columns, &vec![0.0; columns.len()]);
         let along: Vec<f64> = columns.iter().map(|column| dot(column, self.values)).collect();
         let shift: Vec<f64> =
             (0..along.len()).map(|it| information.covariance(it, &along)).collect();
         let row =
             |place: usize| -> Vec<f64> { self.slopes.iter().map(|column| column[place]).collect() };
-        let places = 0..self.values.len();
-        let residuals: Vec<f64> =
-            places.clone().map(|it| self.values[it] - dot(&row(it), &shift)).collect();
-        let variances = places
-            .clone()
-            .map(|it| information.standard_error(&row(it)))
-            .map(|it| it * it)
-            .collect();
-        let sum = places.map(|it| kept(it) * residuals[it] * residuals[it]).sum();
+        let rows: Vec<_> = (0..self.values.len()).map(row).collect();
+        let residuals = self.values.iter().zip(&rows).map(|(value, row)| value - dot(row, &shift));
+        let residuals: Vec<f64> = residuals.collect();
+        let errors = rows.iter().map(|row| information.standard_error(row));
+        let variances = errors.map(|error| error * error).collect();
+        let squares = residuals.iter().enumerate().map(|(place, e)| kept(place) * e * e);
+        let sum = squares.sum();
         let freedom = (self.values.len() - left_out.len()) as f64 - self.slopes.len() as f64;
         Rest { residuals, variances, sum, freedom }
     }

@@ -1,6 +1,6 @@
 //! Reads the parameters and the tests of a fit.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use deserr::Deserr;
 use fretwork_engine::numeric::twelve_digits;
@@ -297,9 +297,8 @@ pub fn fit(
             faults
         })?;
     }
-    let mut noises: Vec<Option<String>> = sets.iter().map(Set::estimated).collect();
-    noises.sort();
-    noises.dedup();
+    let noises: BTreeSet<_> = sets.iter().map(Set::estimated).collect();
+    let noises: Vec<Option<String>> = noises.into_iter().collect();
     let is_estimated = noises.iter().map(Option::is_some).collect();
     let points = points(&sets, &tests, &noises);
     let has = |depths| sets.iter().any(|set| set.are_depths() == Some(depths));

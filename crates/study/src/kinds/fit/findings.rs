@@ -7,7 +7,7 @@ use super::model::Set;
 use super::search::{Fit, Known, Task, end};
 use super::told::Told;
 use crate::member::Member;
-use crate::plan::{Cells, Findings};
+use crate::plan::{Cells, Findings, Table};
 use crate::problem::Problem;
 use crate::rows::Rows;
 use crate::stats::origin::Line;
@@ -25,9 +25,6 @@ pub const COLUMNS: [(&str, &str); 10] = [
     ("prediction_low", "SI"),
     ("prediction_high", "SI"),
 ];
-
-/// A table of named columns.
-type Table = Vec<(String, Cells)>;
 
 /// The findings. If no start led to a minimum, they are only a note and the measured numbers.
 pub fn findings(fit: &Fit, problem: &Problem, rows: &Rows) -> Findings {
@@ -101,7 +98,7 @@ fn table(fit: &Fit, places: &[usize], bands: &[[f64; 8]]) -> Table {
         };
         (*name, Cells::Numbers(places.iter().map(cell).collect()))
     }));
-    table.into_iter().map(|(name, cells)| (name.to_owned(), cells)).collect()
+    table
 }
 
 impl Told<'_> {
@@ -120,8 +117,8 @@ impl Told<'_> {
         let known = |value: f64, is_open| if is_open { Value::Null } else { number(value) };
         let (u, rise) = (parameter.coordinate(x), self.fit.rise(self.known));
         let interval = [(false, -1.0), (true, 1.0)].map(|(is_high, sign)| {
-            let task = Task::Profile { parameter: place, is_high };
-            let u = end(&self.fit.profile(self.known, task), rise).map(|end| u + sign * end);
+            let visited = self.fit.profile(self.known, place, is_high);
+            let u = end(&visited, rise).map(|end| u + sign * end);
             u.filter(|u| (0.0..=1.0).contains(u)).map(|u| twelve_digits(parameter.value(u)))
         });
         let mut told = json!({

@@ -9,19 +9,17 @@
 //! fit has found: a marginal likelihood would need a prior of the noise, and has another maximum where runs have errors.
 //! With few points, intervals of the fit are wider, because they use Student's t.
 
-use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use fretwork_engine::numeric::dot;
 use serde::Deserialize;
 use serde_json::Value;
-use serde_json::value::RawValue;
 
 use super::model::Parameter;
 use super::search::{Fit, Known, Search, Wanted};
-use crate::plan::{Plan as _, Tried};
+use crate::claimed::{Columns, column_of};
+use crate::plan::{Column, Plan as _, Tried};
 use crate::problem::Problem;
 use crate::study::Point;
 
@@ -44,7 +42,7 @@ pub struct Likelihood {
 struct Document<'a> {
     fit: Value,
     #[serde(borrow)]
-    searches: BTreeMap<Cow<'a, str>, &'a RawValue>,
+    searches: Columns<'a>,
 }
 
 /// The computation of the log likelihood or of its gradient.
@@ -65,10 +63,8 @@ impl Likelihood {
         let read: Document = serde_json::from_slice(document).map_err(|error| error.to_string())?;
         let faults = |_| "this version of the server cannot read its fit".to_owned();
         let (problem, fit) = super::parsed(read.fit).map_err(faults)?;
-        let cells = |name: &str| serde_json::from_str(read.searches.get(name)?.get()).ok();
-        let columns = fit.columns().into_iter();
-        let columns: Option<Vec<Vec<_>>> = columns.map(|column| cells(&column.name)).collect();
-        let columns = columns.filter(|all| all.iter().all(|it| it.len() == fit.points()));
+        let cells = |column: Column| column_of(&read.searches, &column.name, fit.points()).ok();
+        let columns: Option<Vec<_>> = fit.columns().into_iter().map(cells).collect();
         let known = columns.and_then(|columns| fit.known_from(&columns));
         let known = known.filter(|known| known.rows[known.minimum].sum.is_finite());
         let known = known.ok_or("it has found no minimum. See `reason` in its `searches`")?;

@@ -13,8 +13,6 @@ mod search;
 mod sets;
 mod told;
 
-use std::mem::replace;
-
 use deserr::Deserr;
 use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::{Given, List};
@@ -115,9 +113,9 @@ impl Plan for Fit {
     }
 
     fn stages(&self) -> Vec<usize> {
-        let stages = self.tasks.chunk_by(|one, next| one.0 == next.0);
-        let first = stages.scan(0, |sum, stage| Some(replace(sum, *sum + stage.len())));
-        first.collect()
+        let stage = |number: usize| self.tasks[number].0;
+        let begins = |number: &usize| *number == 0 || stage(*number) > stage(*number - 1);
+        (0..self.tasks.len()).filter(begins).collect()
     }
 
     fn point(&self, _: usize) -> Vec<f64> {

@@ -126,10 +126,8 @@ impl Told<'_> {
         let parameter = &self.fit.parameters[place];
         let (name, Parameter { low, high, .. }) = (parameter.name(), parameter);
         let is_open = |is_high: bool| told["interval"][usize::from(is_high)].is_null();
-        let is_lost = |is_high: bool| {
-            let task = Task::Profile { parameter: place, is_high };
-            is_open(is_high) && !self.fit.reaches_bound(self.known, task)
-        };
+        let is_lost =
+            |is_high: bool| is_open(is_high) && !self.fit.reaches_bound(self.known, place, is_high);
         if !told["estimate"].is_number() {
             None
         } else if self.is_at_bound(place) {

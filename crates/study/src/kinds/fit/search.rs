@@ -306,8 +306,8 @@ impl Fit {
 
     /// The visited values in the profile of a parameter on one side: the distance from the estimate in coordinates, and
     /// the square root of the rise of S.
-    pub fn profile(&self, known: &Known, own: Task) -> Vec<(f64, f64)> {
-        let Task::Profile { parameter: place, .. } = own else { return Vec::new() };
+    pub fn profile(&self, known: &Known, place: usize, is_high: bool) -> Vec<(f64, f64)> {
+        let own = Task::Profile { parameter: place, is_high };
         let best = &known.rows[known.minimum];
         let coordinate = |row: &Row| self.parameters[place].coordinate(row.theta[place]);
         let visited = known.rows.iter().zip(&self.tasks).filter_map(|(row, (_, task))| {
@@ -320,17 +320,15 @@ impl Fit {
     }
 
     /// The distance from the estimate of a parameter to its bound, in coordinates.
-    fn room(&self, known: &Known, task: Task) -> f64 {
-        let Task::Profile { parameter: place, is_high } = task else { return 0.0 };
+    fn room(&self, known: &Known, place: usize, is_high: bool) -> f64 {
         let u = self.parameters[place].coordinate(known.rows[known.minimum].theta[place]);
         if is_high { 1.0 - u } else { u }
     }
 
     /// Whether the interval of a parameter reaches its bound on one side.
-    pub fn reaches_bound(&self, known: &Known, task: Task) -> bool {
-        let last = AT_END * self.room(known, task);
-        let rise = self.rise(known);
-        let visited = self.profile(known, task);
+    pub fn reaches_bound(&self, known: &Known, place: usize, is_high: bool) -> bool {
+        let (last, rise) = (AT_END * self.room(known, place, is_high), self.rise(known));
+        let visited = self.profile(known, place, is_high);
         last <= 0.0 || visited.iter().any(|(distance, own)| *distance > last && *own < rise)
     }
 
@@ -374,7 +372,7 @@ impl Fit {
                 let is_other = |place| self.set(place).are_depths() != Some(are_depths);
                 of_part(measured.without(is_other), self.coefficient.as_slice())
             }
-            Task::Profile { parameter, .. } => match self.beside(task, &known) {
+            Task::Profile { parameter, is_high } => match self.beside(&known, parameter, is_high) {
                 None => Ok(Row::missing()),
                 Some(theta) => {
                     let free: Vec<_> = all.into_iter().filter(|it| *it != parameter).collect();
@@ -451,8 +449,7 @@ impl Fit {
     /// The next value in the profile of a parameter, with a guess of the other ones. The first one is at half of the
     /// expected end of the interval. The next ones are where a straight line lets expect the end. `None` if the data do
     /// not determine the parameter, or if the end or a bound is reached.
-    fn beside(&self, task: Task, known: &Known) -> Option<Vec<f64>> {
-        let Task::Profile { parameter: place, is_high } = task else { return None };
+    fn beside(&self, known: &Known, place: usize, is_high: bool) -> Option<Vec<f64>> {
         let (information, only) = (self.information(known, true), self.only(place));
         let (error, best) = (information.standard_error(&only), &known.rows[known.minimum].theta);
         if information.is_open(place) || !error.is_finite() || error == 0.0 {
@@ -461,8 +458,8 @@ impl Fit {
         let rise = self.rise(known);
         let coordinate = |it: usize| self.parameters[it].coordinate(best[it]);
         let step = |it: usize| self.parameters[it].step(best[it]);
-        let room = self.room(known, task);
-        let visited = self.profile(known, task);
+        let room = self.room(known, place, is_high);
+        let visited = self.profile(known, place, is_high);
         if visited.iter().any(|(_, own)| (own / rise - 1.0).abs() < SAME_RISE) {
             return None;
         }

@@ -36,18 +36,17 @@ impl<'a> Table<'a> {
 
     /// The members `table` and `notes` of the document.
     pub fn finished(self) -> Findings {
-        let texts = |name: &str, of: fn(&Row<'a>) -> &'a str| {
-            let cells = self.rows.iter().map(|row| of(row).to_owned());
-            (name.to_owned(), Cells::Texts(cells.collect()))
+        let texts = |of: fn(&Row<'a>) -> &'a str| {
+            Cells::Texts(self.rows.iter().map(|row| of(row).to_owned()).collect())
         };
-        let numbers = |(place, name): (usize, &&str)| {
+        let numbers = |(place, name): (usize, &&'static str)| {
             let cells = self.rows.iter().map(|(.., numbers)| numbers.get(place).copied());
-            ((*name).to_owned(), Cells::Numbers(cells.collect()))
+            (*name, Cells::Numbers(cells.collect()))
         };
         let mut table = vec![
-            texts("output", |(output, ..)| output.name),
-            texts("unit", |(output, ..)| output.unit),
-            texts("member", |(_, member, _)| member),
+            ("output", texts(|(output, ..)| output.name)),
+            ("unit", texts(|(output, ..)| output.unit)),
+            ("member", texts(|(_, member, _)| member)),
         ];
         table.extend(self.columns.iter().enumerate().map(numbers));
         Findings { notes: Some(self.notes), tables: vec![("table", table)], ..Findings::default() }
@@ -57,8 +56,8 @@ impl<'a> Table<'a> {
         self.rows.push((output, member, numbers.to_vec()));
     }
 
-    fn note(&mut self, output: Named<'_>, member: Option<&str>, detail: &dyn ToString) {
-        let (output, detail) = (output.name.to_owned(), detail.to_string());
+    fn note(&mut self, output: Named<'_>, member: Option<&str>, detail: &str) {
+        let (output, detail) = (output.name.to_owned(), detail.to_owned());
         self.notes.push(Note { output, detail, member: member.map(str::to_owned) });
     }
 
@@ -89,11 +88,11 @@ impl<'a> Table<'a> {
     }
 
     /// Adds the rows of an output: the elementary effects on it.
-    pub fn effects<E: ToString>(
+    pub fn effects(
         &mut self,
         output: Named<'a>,
         members: &[&'a str],
-        found: &[Result<Effect, E>],
+        found: &[Result<Effect, String>],
         planned: usize,
     ) {
         for (member, effect) in members.iter().zip(found) {
@@ -119,7 +118,7 @@ impl<'a> Table<'a> {
         if found.iter().all(|effect| effect.as_ref().is_ok_and(constant)) {
             let detail = "The output has the same value at all points. Choose another output, or vary other members or \
                           wider ranges.";
-            self.note(output, None, &detail);
+            self.note(output, None, detail);
         }
     }
 
@@ -145,7 +144,7 @@ impl<'a> Table<'a> {
                     "The output has no value at the values of the scenario, or at too many points around them. Choose \
                      another output or other values."
                 };
-                self.note(output, Some(member), &detail);
+                self.note(output, Some(member), detail);
             }
         }
     }

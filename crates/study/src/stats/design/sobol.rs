@@ -69,11 +69,6 @@ impl Sobol {
         Self { dimensions: dimensions.collect() }
     }
 
-    /// The number of coordinates of a point.
-    pub fn dimensions(&self) -> usize {
-        self.dimensions.len()
-    }
-
     /// One coordinate of the point with this index, greater than 0 and less than 1.
     pub fn coordinate(&self, index: u32, dimension: usize) -> f64 {
         let dimension = &self.dimensions[dimension];
