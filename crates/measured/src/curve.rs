@@ -195,20 +195,6 @@ pub fn changes(values: &[f64]) -> f64 {
     changes.map(|change| change * change).sum()
 }
 
-/// How much the area inside the points changes if every second point is left out.
-pub fn coarseness(x: &[f64], force: &[f64]) -> f64 {
-    let area = |first: usize, step: usize| {
-        let around = |all: &[f64]| -> Vec<f64> {
-            let own: Vec<f64> = all.iter().skip(first).step_by(step).copied().collect();
-            own.iter().cycle().take(own.len() + 3).copied().collect()
-        };
-        let work = work(&around(x), &around(force));
-        work[work.len() - 2] - work[1]
-    };
-    let all = area(0, 1);
-    (area(0, 2) - all).abs().max((area(1, 2) - all).abs())
-}
-
 /// Half of the distance between the displacements at which the force falls through its middle and rises. Where noise lets it
 /// pass several times, all but one of these cancel.
 pub fn aperture(x: &[f64], force: &[f64], middle: f64) -> f64 {
@@ -216,13 +202,7 @@ pub fn aperture(x: &[f64], force: &[f64], middle: f64) -> f64 {
         let next = (row + 1) % x.len();
         let (f, f1) = (force[row] - middle, force[next] - middle);
         let place = x[row] + (x[next] - x[row]) * f / (f - f1);
-        if (f < 0.0) == (f1 < 0.0) {
-            0.0
-        } else if f < 0.0 {
-            place
-        } else {
-            -place
-        }
+        if (f < 0.0) == (f1 < 0.0) { 0.0 } else { place * f.signum() }
     });
     0.5 * passes.sum::<f64>().abs()
 }

@@ -1,8 +1,8 @@
 //! A record of a friction loop: its reversals, and the places where it is cut into cycles.
 
 use super::curve::{
-    aperture, changes, coarseness, drift, ends, median, merged, noise, period, slope, smooth,
-    spread, turns, work,
+    aperture, changes, drift, ends, median, merged, noise, period, slope, smooth, spread, turns,
+    work,
 };
 
 /// A reversal counts if the displacement returns by this many standard deviations of its noise, but by no more than a share
@@ -60,8 +60,8 @@ impl Record {
         let (scatter, ranges) = ([noise(&x), noise(&force)], [&x, &force].map(|own| spread(own)));
         // A mean over so many rows has little noise.
         let mean = |own: &[f64], at: usize| {
-            let needed = (scatter[at] / (SMOOTH * ranges[at])).powi(2);
-            smooth(own, needed.min(most) as usize | 1)
+            let needed = scatter[at] / (SMOOTH * ranges[at]);
+            smooth(own, (needed * needed).min(most) as usize | 1)
         };
         let mut smooth = [mean(&x, 0), mean(&force, 1)];
         let turns = turns(&smooth[0], (NOISE * noise(&smooth[0])).min(SHARE * ranges[0]));
@@ -164,9 +164,9 @@ impl Record {
         let (x, force) = (&self.x[rows.clone()], &self.force[rows.clone()]);
         let line = 0.5 * (begin.force + end.force) * (begin.x - end.x);
         let energy = end.work - begin.work + line;
-        let noise = (scatter[0].powi(2) * changes(force) + scatter[1].powi(2) * changes(x)).sqrt();
-        let corners = self.corner(stroke, &begin) + self.corner(stroke + 2, &end);
-        let error = 0.6 * coarseness(x, force) + 2.5 * noise + corners;
+        let [of_x, of_force] = scatter.map(|scatter| scatter * scatter);
+        let noise = (of_x * changes(force) + of_force * changes(x)).sqrt();
+        let error = 0.5 * self.coarseness(begin.row as usize, end.row as usize) + 2.5 * noise;
         let [[left, right], [low, high]] =
             [0, 1].map(|at| ends(smooth[at][rows.clone()].iter().copied()));
         let flanks = [1, 2].map(|next| self.flank(stroke + next, high - low));
@@ -177,16 +177,12 @@ impl Record {
         [x.len() as f64, energy, error, of_x, of_force, aperture, slope, slope_error]
     }
 
-    /// How far the curve of the work near a cut is from straight lines, if the amplitude changes there.
-    fn corner(&self, stroke: usize, cut: &Cut) -> f64 {
+    /// How far the work between two rows is from that along straight lines, in each step.
+    fn coarseness(&self, from: usize, to: usize) -> f64 {
         let Self { x, force, work, .. } = self;
-        let row = cut.row as usize;
-        let rows = row.saturating_sub(1)..(row + 2).min(x.len() - 1);
+        let rows = from.saturating_sub(1)..(to + 2).min(x.len() - 1);
         let straight = |row: usize| 0.5 * (x[row + 1] - x[row]) * (force[row] + force[row + 1]);
-        let off = rows.map(|row| (work[row + 1] - work[row] - straight(row)).abs()).sum::<f64>();
-        let [before, after] =
-            [stroke.saturating_sub(1), stroke + 1].map(|stroke| self.amplitude(stroke));
-        off * (before - after).abs() / before.max(after)
+        rows.map(|row| (work[row + 1] - work[row] - straight(row)).abs()).sum()
     }
 
     /// The number, squares and products of displacement and force after a reversal, until the force has changed by a third of
