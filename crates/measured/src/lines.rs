@@ -9,7 +9,7 @@ use super::units::{header, unit};
 /// Maximum number of rows of a table.
 pub const MAX_ROWS: usize = 1_000_000;
 /// Maximum number of columns of a table.
-pub const MAX_COLUMNS: usize = 64;
+const MAX_COLUMNS: usize = 64;
 /// Maximum number of other lines.
 pub const MAX_HEAD: usize = 1000;
 /// Number of last lines that decide on the separator, and of first rows that decide on the columns of a table.
@@ -22,18 +22,22 @@ const MAP: usize = 8;
 const SEPARATORS: [(char, &str); 4] =
     [(' ', "spaces"), (',', "commas"), ('\t', "tabs"), (';', "semicolons")];
 
+/// What to write instead of a file without a table.
+const WIDE: &str = "Write 2 to 64 columns, separated by semicolons, tabs, commas or spaces, and one row for each point";
 /// The fault of a table whose lines are quantities.
 pub const TRANSPOSED: &str = "Each line of the table is a quantity, and each column a point. Transpose the table: write the \
                               names with their units in one row, and one row of numbers for each point";
 
 /// The cells of a line.
-pub fn cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
+fn cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
     let line = line.trim_start_matches('#');
     let trimmed = |cell: &str| cell.trim().trim_matches('"').trim().replace('\n', " ");
     if separator != ' ' && line.contains('"') {
-        let mut reader = reader(line, separator);
-        let record = reader.records().next().and_then(Result::ok).unwrap_or_default();
-        return record.iter().take(MAX_COLUMNS + 1).map(|cell| trimmed(cell).into()).collect();
+        let mut reader = csv::ReaderBuilder::new();
+        let reader = reader.has_headers(false).delimiter(u8::try_from(separator).unwrap_or(b','));
+        let record = reader.from_reader(line.as_bytes()).into_records().next();
+        let record = record.and_then(Result::ok).unwrap_or_default();
+        return record.iter().map(|cell| trimmed(cell).into()).collect();
     }
     let (mut is_quoted, mut at) = (false, 0);
     let cells = line.split(|c: char| {
@@ -44,39 +48,28 @@ pub fn cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
         !is_quoted && (is_space || separator != ' ' && c == separator)
     });
     let cells = cells.map(|cell| Cow::from(cell.trim().trim_matches('"').trim()));
-    cells.filter(|cell| separator != ' ' || !cell.is_empty()).take(MAX_COLUMNS + 1).collect()
-}
-
-/// A reader of cells that may have quotation marks around them.
-fn reader(text: &str, separator: char) -> csv::Reader<&[u8]> {
-    let mut builder = csv::ReaderBuilder::new();
-    let separator = u8::try_from(separator).unwrap_or(b',');
-    builder.has_headers(false).flexible(true).delimiter(separator).from_reader(text.as_bytes())
+    cells.filter(|cell| separator != ' ' || !cell.is_empty()).collect()
 }
 
 /// The number of each line in the file, and its text. A cell in quotation marks can have several lines.
 fn lines(text: &str, separator: char) -> Result<Vec<(usize, &str)>, String> {
-    let mut all: Vec<(usize, &str)> = Vec::new();
-    let is_plain = separator == ' ' || !text.contains('"');
-    all.extend(text.lines().enumerate().filter(|_| is_plain).map(|(at, text)| (at + 1, text)));
-    let mut reader = reader(text, separator);
-    let (mut record, mut at, mut line) = (csv::ByteRecord::new(), 0, 1);
-    while !is_plain && reader.read_byte_record(&mut record).is_ok_and(|is_one| is_one) {
-        let end = usize::try_from(reader.position().byte()).unwrap_or(text.len());
-        let own = text.get(at..end).unwrap_or("");
-        let blank = own.len() - own.trim_start_matches('\n').len();
-        let own = &own[blank..];
-        let (first, count) = (line + blank, own.matches('\n').count());
-        if end == text.len() && count > 1 && own.matches('"').count() % 2 == 1 {
-            return Err(format!(
-                "The quotation mark that opens in line {first} is not closed. Close it, or remove it"
-            ));
-        }
-        all.push((first, own.trim_end_matches('\n')));
-        (at, line) = (end, first + count);
+    let (mut all, mut open, mut at, quoted) = (Vec::new(), None, 0, format!("{separator}\""));
+    for (place, line) in text.split('\n').enumerate() {
+        let (first, from) = open.unwrap_or((place + 1, at));
+        at += line.len() + 1;
+        let is_odd = separator != ' ' && line.matches('"').count() % 2 == 1;
+        let begins = line.starts_with('"') || line.contains(&quoted);
+        let is_open = if open.is_some() { !is_odd } else { is_odd && begins };
+        open = is_open.then_some((first, from));
+        all.extend((!is_open).then(|| (first, &text[from..at - 1])));
     }
     let is_blank = |text: &str| text.trim_matches(['#', ' ', '\t', ';', ',', '\n']).is_empty();
-    Ok(all.into_iter().filter(|(_, text)| !is_blank(text)).collect())
+    all.retain(|(_, text)| !is_blank(text));
+    open.map_or(Ok(all), |(line, _)| {
+        Err(format!(
+            "The quotation mark that opens in line {line} is not closed. Close it, or remove it"
+        ))
+    })
 }
 
 /// 1 for a number, 0 for an unknown number, and -1 for another text. Faulty numbers count as numbers, and are refused later.
@@ -108,7 +101,8 @@ impl Layout {
         let rows = lines.iter().map(|(_, line)| cells(line, separator));
         let rows: Vec<_> = rows.filter(|row| row.iter().any(|cell| weight(cell) > 0)).collect();
         let count = |width: &usize| rows.iter().filter(|row| row.len() == *width).count();
-        let width = (2..=MAX_COLUMNS).rev().max_by_key(count).unwrap_or(0);
+        let most = rows.iter().map(Vec::len).max().unwrap_or(0);
+        let width = (2..=most).rev().max_by_key(count).unwrap_or(0);
         let rows = rows.iter().filter(|row| row.len() == width);
         let weights = |place: usize| rows.clone().map(move |row| weight(&row[place]));
         let sums: Vec<i64> = (0..width).map(|place| weights(place).sum()).collect();
@@ -151,28 +145,19 @@ pub struct Lines<'a> {
 impl<'a> Lines<'a> {
     pub fn of(text: &'a str) -> Result<Self, String> {
         let tail = text.rmatch_indices('\n').nth(SAMPLE).map_or(0, |(at, _)| at + 1);
-        let found = SEPARATORS.map(|it| {
-            let sample = lines(&text[tail..], it.0).unwrap_or_default();
-            (Layout::of(&sample, it.0), it)
-        });
+        let found = SEPARATORS
+            .map(|it| (Layout::of(&lines(&text[tail..], it.0).unwrap_or_default(), it.0), it));
         let most = found.iter().map(|it| it.0.rows).max().unwrap_or(0);
-        let best = found.into_iter().max_by_key(|(layout, (separator, _))| {
+        let best = found.into_iter().filter(|it| it.0.score > 0).max_by_key(|(layout, own)| {
             let is_frequent = layout.count() > 1 && 2 * layout.rows >= most;
-            let is_sure = ";\t".contains(*separator) && is_frequent;
-            (layout.score > 0 && is_sure, layout.score)
+            (";\t".contains(own.0) && is_frequent, layout.score)
         });
-        let best = best.filter(|(layout, _)| layout.score > 0);
         let (_, (separator, separators)) = best.ok_or_else(|| {
             let open = SEPARATORS.iter().find_map(|it| lines(text, it.0).err());
-            open.or_else(|| map(text)).unwrap_or_else(|| {
-                format!(
-                    "The file has no table of numbers. Write 2 to {MAX_COLUMNS} columns, separated by semicolons, tabs, \
-                     commas or spaces, and one row for each point"
-                )
-            })
+            open.unwrap_or_else(|| format!("The file has no table of numbers. {WIDE}"))
         })?;
-        let mut own =
-            Self { all: lines(text, separator)?, separator, separators, blocks: Vec::new() };
+        let all = lines(text, separator)?;
+        let mut own = Self { all, separator, separators, blocks: Vec::new() };
         // Such a file has too many rows, wherever its table is.
         if own.all.len() <= MAX_HEAD + MAX_ROWS {
             own.blocks = own.blocks();
@@ -187,56 +172,47 @@ impl<'a> Lines<'a> {
     /// Whether a line has words and no number, or only units.
     fn is_text(&self, at: usize) -> bool {
         let cells = self.cells(at);
-        let weights = || cells.iter().map(|cell| (cell, weight(cell)));
-        let has_word = || weights().any(|(cell, weight)| weight < 0 && is_word(cell));
-        weights().any(|it| it.1 < 0)
-            && (weights().all(|it| it.1 < 1) && has_word() || Self::is_units(&cells))
+        let weights: Vec<i64> = cells.iter().map(|cell| weight(cell)).collect();
+        let has_word =
+            cells.iter().zip(&weights).any(|(cell, weight)| *weight < 0 && is_word(cell));
+        let is_name = has_word && weights.iter().all(|it| *it < 1);
+        weights.contains(&-1) && (is_name || Self::is_units(&cells))
     }
 
     /// The tables: rows between lines of words. Rows of words and a number before and behind them are none of their rows.
     fn blocks(&self) -> Vec<Block> {
         let texts: Vec<bool> = (0..self.all.len()).map(|at| self.is_text(at)).collect();
-        let (mut blocks, mut at, mut end) = (Vec::new(), 0, 0);
+        let (mut blocks, mut at) = (Vec::new(), 0);
         for run in texts.chunk_by(|one, next| one == next) {
             let rows = at..at + run.len();
             at = rows.end;
-            if run[0] {
-                continue;
-            }
-            let layout = Layout::of(
-                &self.all[rows.start..rows.end.min(rows.start + SAMPLE)],
-                self.separator,
-            );
+            let sample = &self.all[rows.start..rows.end.min(rows.start + SAMPLE)];
+            let layout = Layout::of(if run[0] { &[] } else { sample }, self.separator);
             let Some(first) = layout.numbers.iter().position(|is| *is) else { continue };
             // Words in the first column of numbers belong to a setting or a footer.
             let has_word = |cells: &[Cow<'_, str>]| {
                 cells.get(first).is_some_and(|cell| weight(cell) < 0 && is_word(cell))
             };
-            // A first line with fewer cells than the names above it has a fault. Without names, it is a setting.
-            let is_named = rows.start > end && layout.fits(&self.cells(rows.start - 1));
             let is_first = |at: &usize| {
                 let cells = self.cells(*at);
-                let is_full = layout.fits(&cells) || cells.len() >= layout.cells;
-                !has_word(&cells) && (is_full || is_named && *at == rows.start)
+                !has_word(&cells) && (layout.fits(&cells) || cells.len() >= layout.cells)
             };
             let begin = rows.clone().find(is_first).unwrap_or(rows.end);
             let last = (begin..rows.end).rfind(|at| !has_word(&self.cells(*at)));
             let rows = begin..last.map_or(begin, |last| last + 1);
             if !rows.is_empty() {
-                end = rows.end;
                 blocks.push(Block { head: 0..rows.start, rows, layout });
             }
         }
         let most = blocks.iter().map(|block: &Block| block.rows.len()).max().unwrap_or(0);
-        let is_table = |block: &Block| {
-            block.layout.count() > 1
-                && (block.rows.len() >= SETTINGS.0 || block.rows.len() * SETTINGS.1 > most)
+        // Tables are better than settings, and best if the first column has numbers.
+        let rank = |block: &Block| {
+            let is_long = block.rows.len() >= SETTINGS.0 || block.rows.len() * SETTINGS.1 > most;
+            let is_table = is_long && block.layout.count() > 1;
+            (is_table, is_table && block.layout.numbers[0])
         };
-        let is_first = |block: &Block| is_table(block) && block.layout.numbers[0];
-        let is_any = [blocks.iter().any(is_first), blocks.iter().any(is_table)];
-        blocks.retain(
-            |block| if is_any[0] { is_first(block) } else { !is_any[1] || is_table(block) },
-        );
+        let best = blocks.iter().map(rank).max();
+        blocks.retain(|block| Some(rank(block)) == best);
         let mut end = 0;
         for block in &mut blocks {
             block.head.start = end;
@@ -259,31 +235,19 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// The fault of a file with more columns than a table has, which all are numbers.
-fn map(text: &str) -> Option<String> {
-    let of = |separator: char| {
-        let rows =
-            text.lines().map(|line| line.split(separator).filter(|it| !it.trim().is_empty()));
-        let sizes = rows.filter(|row| row.clone().all(|cell| number(cell.trim()).is_some()));
-        sizes.map(Iterator::count).filter(|size| *size > MAX_COLUMNS).collect::<Vec<_>>()
-    };
-    let sizes = SEPARATORS.map(|(separator, _)| of(separator));
-    let sizes = sizes.iter().max_by_key(|sizes| sizes.len())?;
-    (sizes.len() >= MAP).then(|| map_fault(sizes.len(), sizes[0]))
-}
-
-/// The fault of a map of heights.
-pub fn map_fault(rows: usize, columns: usize) -> String {
-    format!(
-        "The file is a map of {rows} × {columns} heights, and no table. In the program of the instrument, take a profile across \
-         the scar, and save it as two columns with names such as x [mm];z [um]"
-    )
-}
-
-/// Whether columns without names are a map of heights: the first one goes up and down.
-pub fn is_map(columns: &[&[Option<f64>]]) -> bool {
-    let first: Vec<f64> =
-        columns.first().into_iter().flat_map(|column| column.iter()).copied().flatten().collect();
+/// The fault of a map of heights, or of too many columns. In a map without names, the first column goes up and down.
+pub fn map_fault(rows: usize, columns: usize, first: &[Option<f64>]) -> Option<String> {
+    let first: Vec<f64> = first.iter().copied().flatten().collect();
     let changes = |sign: f64| first.windows(2).any(|pair| sign * (pair[1] - pair[0]) > 0.0);
-    columns.len() >= MAP && first.len() >= MAP && changes(1.0) && changes(-1.0)
+    let is_wide = columns > MAX_COLUMNS;
+    if rows >= MAP
+        && !first.is_empty()
+        && (is_wide || columns >= MAP && changes(1.0) && changes(-1.0))
+    {
+        return Some(format!(
+            "The file is a map of {rows} × {columns} heights, and no table. In the program of the instrument, take a profile \
+             across the scar, and save it as two columns with names such as x [mm];z [um]"
+        ));
+    }
+    is_wide.then(|| format!("The table has {columns} columns. {WIDE}"))
 }

@@ -647,9 +647,12 @@ fn names_cells_and_shape_of_a_table_are_obeyed() {
         ),
         (
             volumes.replace("000;0.", ",000;"),
-            "“5,000” can be 5000 or 5.000. Write decimal=. if its mark separates",
+            "“5,000” can be 5000 or 5.000. Write decimal=\".\" (--decimal .) if its mark separates",
         ),
-        (volumes.replace("000;0.", ".000;"), "decimal=. if it is the decimal mark"),
+        (
+            volumes.replace("000;0.", ".000;"),
+            "decimal=\".\" (--decimal .) if it is the decimal mark",
+        ),
     ] {
         let said = refused(text.as_bytes(), &ALL);
         assert!(said.contains(told), "{told}: {said}");
@@ -662,7 +665,7 @@ fn names_cells_and_shape_of_a_table_are_obeyed() {
         assert_eq!(x(&read)[4], value, "{mark}{decimal}");
     }
     let said = refused(powers.replace('.', ",").as_bytes(), &Wanted { decimal: Some('.'), ..ALL });
-    assert!(said.contains("is no number with decimal=."), "{said}");
+    assert!(said.contains("is no number with decimal=\".\""), "{said}");
 }
 
 /// Only a friction force makes a loop.
