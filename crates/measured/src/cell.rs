@@ -14,8 +14,6 @@ const BAD: [&str; 12] = [
 const LONGEST: usize = 100;
 /// Spaces between thousands.
 const SPACES: [char; 4] = [' ', '\u{a0}', '\u{2009}', '\u{202f}'];
-/// Other marks between thousands.
-const GROUPS: [&[char]; 3] = [&['.'], &[','], &['\'', '’']];
 const SIGNS: [char; 3] = ['+', '-', '−'];
 
 /// A number with what people write behind it.
@@ -41,10 +39,12 @@ pub fn ungrouped(text: &str, marks: &[char]) -> Option<String> {
     (is_grouped && sizes.all(|size| size == 3)).then(|| text.replace(marks, ""))
 }
 
-/// Whether points, commas or apostrophes separate thousands in a text, as in `1.234,5`. A date is no such number.
-pub fn is_grouped(text: &str) -> bool {
-    let plain = GROUPS.iter().find_map(|marks| ungrouped(text, marks));
-    plain.is_some_and(|plain| number(&plain).is_some())
+/// Whether a text has only digits and marks of numbers, as `1.234,5` and `1'000`. A date is no such text.
+pub fn is_numeral(text: &str) -> bool {
+    let is_mark = |it: char| it.is_ascii_digit() || "+-−.,'’".contains(it);
+    let is_whole = text.rsplit('.').next().is_some_and(|group| group.len() == 3);
+    let has_digit = text.contains(|it: char| it.is_ascii_digit());
+    has_digit && text.chars().all(is_mark) && (is_whole || text.contains([',', '\'', '’']))
 }
 
 /// Whether a text is a word for a number that could not be measured, as `#N/A`, `Bad`, `1.#QNAN` and `---`.

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::cell::{is_grouped, number, written};
+use super::cell::{is_numeral, number, written};
 use super::units::{header, unit};
 
 /// Maximum number of rows of a table.
@@ -53,15 +53,17 @@ fn cells(line: &str, separator: char) -> Vec<Cow<'_, str>> {
 
 /// The number of each line in the file, and its text. A cell in quotation marks can have several lines.
 fn lines(text: &str, separator: char) -> Result<Vec<(usize, &str)>, String> {
-    let (mut all, mut open, mut at, quoted) = (Vec::new(), None, 0, format!("{separator}\""));
+    let (mut all, mut open, mut at) = (Vec::new(), None, 0);
     for (place, line) in text.split('\n').enumerate() {
         let (first, from) = open.unwrap_or((place + 1, at));
+        let (mut is_open, mut last) = (open.is_some(), separator);
+        for letter in line.chars() {
+            is_open ^= letter == '"' && (is_open || [separator, '"'].contains(&last));
+            last = letter;
+        }
         at += line.len() + 1;
-        let is_odd = separator != ' ' && line.matches('"').count() % 2 == 1;
-        let begins = line.starts_with('"') || line.contains(&quoted);
-        let is_open = if open.is_some() { !is_odd } else { is_odd && begins };
-        open = is_open.then_some((first, from));
-        all.extend((!is_open).then(|| (first, &text[from..at - 1])));
+        open = (is_open && separator != ' ').then_some((first, from));
+        all.extend(open.is_none().then(|| (first, &text[from..at - 1])));
     }
     let is_blank = |text: &str| text.trim_matches(['#', ' ', '\t', ';', ',', '\n']).is_empty();
     all.retain(|(_, text)| !is_blank(text));
@@ -74,7 +76,7 @@ fn lines(text: &str, separator: char) -> Result<Vec<(usize, &str)>, String> {
 
 /// 1 for a number, 0 for an unknown number, and -1 for another text. Faulty numbers count as numbers, and are refused later.
 pub fn weight(cell: &str) -> i64 {
-    let other = || if is_grouped(cell) || written(cell).is_some() { 1 } else { -1 };
+    let other = || if is_numeral(cell) || written(cell).is_some() { 1 } else { -1 };
     number(cell).map_or_else(other, |number| i64::from(!number.is_nan()))
 }
 
@@ -182,7 +184,7 @@ impl<'a> Lines<'a> {
     /// The tables: rows between lines of words. Rows of words and a number before and behind them are none of their rows.
     fn blocks(&self) -> Vec<Block> {
         let texts: Vec<bool> = (0..self.all.len()).map(|at| self.is_text(at)).collect();
-        let (mut blocks, mut at) = (Vec::new(), 0);
+        let (mut blocks, mut at, mut end) = (Vec::new(), 0, 0);
         for run in texts.chunk_by(|one, next| one == next) {
             let rows = at..at + run.len();
             at = rows.end;
@@ -193,14 +195,18 @@ impl<'a> Lines<'a> {
             let has_word = |cells: &[Cow<'_, str>]| {
                 cells.get(first).is_some_and(|cell| weight(cell) < 0 && is_word(cell))
             };
+            // A first line with fewer cells than the names above it has a fault. Without names, it is a setting.
+            let is_named = rows.start > end && layout.fits(&self.cells(rows.start - 1));
             let is_first = |at: &usize| {
                 let cells = self.cells(*at);
-                !has_word(&cells) && (layout.fits(&cells) || cells.len() >= layout.cells)
+                let is_full = layout.fits(&cells) || cells.len() >= layout.cells;
+                !has_word(&cells) && (is_full || is_named && *at == rows.start)
             };
             let begin = rows.clone().find(is_first).unwrap_or(rows.end);
             let last = (begin..rows.end).rfind(|at| !has_word(&self.cells(*at)));
             let rows = begin..last.map_or(begin, |last| last + 1);
             if !rows.is_empty() {
+                end = rows.end;
                 blocks.push(Block { head: 0..rows.start, rows, layout });
             }
         }

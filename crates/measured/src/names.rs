@@ -7,6 +7,8 @@ const INDICES: [&str; 14] = [
 ];
 /// Functions that a name may begin with.
 const FUNCTIONS: [&str; 6] = ["log10", "log2", "log", "ln", "lg", "sqrt"];
+/// Names of the changes of a volume, a mass or a weight.
+const CHANGES: [&str; 3] = ["dV", "dM", "dW"];
 /// Names, and beginnings of words in names, of forces across and along the surface.
 const NORMAL: [&str; 7] = ["normal", "load", "fn", "fz", "n", "p", "w"];
 const TANGENTIAL: [&str; 10] =
@@ -25,31 +27,36 @@ pub fn is_count(values: &[Option<f64>]) -> bool {
     steps.all(|step| step.is_some_and(|step| step.to_bits() == 1f64.to_bits()))
 }
 
-/// The function in a name such as `log10(V)` or `ln V`.
-pub fn function(name: &str) -> Option<&'static str> {
-    let lower = name.to_lowercase();
-    let is_own = |own: &&&str| {
-        lower.starts_with(**own) && !name.chars().nth(own.len()).is_some_and(char::is_lowercase)
-    };
-    FUNCTIONS.iter().find(is_own).copied()
+/// The words of a name.
+fn words(name: &str) -> impl Iterator<Item = &str> {
+    name.split(|it: char| !it.is_alphanumeric()).filter(|word| !word.is_empty())
 }
 
-/// Whether a column has the changes between readings, as `ΔV` says.
+/// The function in a name such as `log10(V)`, `ln V` or `V_log`.
+pub fn function(name: &str) -> Option<&'static str> {
+    let is_own = |word: &str, own: &str| {
+        let rest = word.to_lowercase().starts_with(own).then(|| &word[own.len()..]);
+        rest.is_some_and(|rest| !rest.starts_with(char::is_lowercase))
+    };
+    words(name).find_map(|word| FUNCTIONS.into_iter().find(|own| is_own(word, own)))
+}
+
+/// Whether a column has the changes between readings, as `ΔV` and `dV` say.
 pub fn is_increment(name: &str) -> bool {
     let lower = name.to_lowercase();
-    lower.starts_with(['δ', '∆']) || lower.starts_with("delta") || lower.contains("increment")
+    let is_sign = lower.starts_with(['δ', '∆']) || lower.starts_with("delta");
+    is_sign || lower.contains("increment") || words(name).any(|word| CHANGES.contains(&word))
 }
 
 /// Whether a name has one of these words.
-fn has(name: &str, words: &[&str]) -> bool {
+fn has(name: &str, list: &[&str]) -> bool {
     let lower = name.to_lowercase();
     let whole: String = lower.chars().filter(|it| it.is_alphabetic()).collect();
-    let is_own = |own: &&str| {
-        whole == *own
-            || own.len() >= SHORTEST && whole.contains(own)
-            || lower.split(|it: char| !it.is_alphabetic()).any(|word| word == *own && own.len() > 1)
+    let parts = lower.split(|it: char| !it.is_alphabetic()).filter(|part| part.len() > 1);
+    let is_own = |word: &str| {
+        list.iter().any(|own| word == *own || own.len() >= SHORTEST && word.contains(own))
     };
-    words.iter().any(is_own)
+    is_own(&whole) || parts.into_iter().any(is_own)
 }
 
 /// The column of friction forces among columns of forces.

@@ -38,11 +38,12 @@ pub struct Column {
 impl Column {
     /// Converts the values from the unit `text` to SI.
     fn convert(&mut self, text: &str, notes: &mut Vec<String>) -> Result<(), String> {
-        if text.contains('[') || self.stated.as_ref().is_some_and(|own| unit(own) != unit(text)) {
+        let is_same = self.stated.as_ref().is_some_and(|own| unit(own) == unit(text));
+        if text.contains('[') || self.stated.is_some() && !is_same {
             let own = self.stated.as_ref().map_or(String::new(), |own| format!("[{own}] "));
             return Err(format!("has two units: {own}[{text}]. Write only one of them"));
         }
-        if self.stated.is_some() {
+        if is_same {
             return Ok(());
         }
         let known = unit(text);

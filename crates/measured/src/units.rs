@@ -38,7 +38,8 @@ pub type Unit = (Option<Dimension>, String, f64);
 
 /// The symbol of a unit that is written as a word, such as `um` for `Microns` or `micrometer`.
 fn symbol(text: &str) -> String {
-    let word = text.trim_matches([' ', '(', ')', '[', ']', '.']);
+    let word = Some(text.trim_matches([' ', '(', ')', '[', ']', '.']));
+    let word = word.filter(|word| !word.is_empty()).unwrap_or(text);
     if let Some(length) = ["cubic ", "cu. ", "cu "].iter().find_map(|own| word.strip_prefix(own)) {
         return format!("{}^3", symbol(length));
     }
