@@ -106,43 +106,38 @@ pub fn written(text: &str) -> Option<Written<'_>> {
     Some(Written { value: value.0, sigma: Some(sigma.0), unit: unit.unwrap_or("") })
 }
 
-/// Examples of numbers with points, with commas, and with spaces between thousands.
+/// Examples of numbers with points, with commas, and with spaces: one whose mark can separate nothing but decimals, and one
+/// whose mark can separate thousands.
 #[derive(Default)]
-pub struct Spelling {
-    examples: [String; 3],
-    /// Whether a point or a comma surely is a decimal mark.
-    is_sure: [bool; 2],
-}
+pub struct Spelling([[String; 2]; 3]);
 
 impl Spelling {
-    pub fn with_sure_point(is_sure: bool) -> Self {
-        Self { is_sure: [is_sure, false], ..Self::default() }
-    }
-
     pub fn see(&mut self, cell: &str) {
-        for (at, marks) in [&['.'][..], &[','], &SPACES].into_iter().enumerate() {
-            let can_group = ungrouped(cell, marks).is_some();
-            let is_seen = if at < 2 { cell.contains(marks) } else { can_group };
-            if is_seen && (can_group || self.examples[at].is_empty()) {
-                cell.clone_into(&mut self.examples[at]);
-            }
-            if at < 2 {
-                self.is_sure[at] |= is_seen && !can_group;
+        for (own, marks) in self.0.iter_mut().zip([&['.'][..], &[','], &SPACES]) {
+            if cell.contains(marks) {
+                cell.clone_into(&mut own[usize::from(ungrouped(cell, marks).is_some())]);
             }
         }
     }
 
-    /// Says how the numbers were read.
+    /// Says how the numbers were read. Between commas, points are decimal marks.
     ///
     /// # Errors
     /// The numbers have points and commas, or marks that could separate thousands.
-    pub fn tell(&self, decimal: Option<char>, notes: &mut Vec<String>) -> Result<(), String> {
-        let [point, comma, space] = &self.examples;
-        let [is_point, is_comma] = self.is_sure;
+    pub fn tell(
+        &self,
+        decimal: Option<char>,
+        is_between_commas: bool,
+        notes: &mut Vec<String>,
+    ) -> Result<(), String> {
+        let Self([points, commas, [_, space]]) = self;
+        let [point, comma] =
+            [points, commas].map(|[sure, own]| if own.is_empty() { sure } else { own });
         let set = |mark| format!("decimal=\"{mark}\" (--decimal {mark})");
-        for (example, mark, other, is_sure) in
-            [(point, '.', ',', is_point), (comma, ',', '.', is_comma)]
-        {
+        for (example, mark, other, is_sure) in [
+            (point, '.', ',', is_between_commas || !points[0].is_empty()),
+            (comma, ',', '.', !commas[0].is_empty()),
+        ] {
             if decimal == Some(other) && !example.is_empty() {
                 let (own, better) = (set(other), set(mark));
                 return Err(format!(
@@ -165,9 +160,8 @@ impl Spelling {
                  decimal mark, without separators of thousands"
             ));
         }
-        let is_clear = ungrouped(point, &['.']).is_none();
         for (told, example) in [
-            ("Points are decimal marks", if is_clear { "" } else { point }),
+            ("Points are decimal marks", &points[1]),
             ("Commas are decimal marks", comma),
             ("Spaces separate thousands", space),
         ] {

@@ -33,6 +33,10 @@ pub use trace::{ENDS, Prepare, Up, Wanted, ends};
 /// The output that is the wear volume times a density.
 const MASS_LOSS: &str = "mass_loss";
 
+/// The units of y that say which output it is, and units that people use for it.
+const OUTPUTS: [(&str, &str, &str); 3] =
+    [("m^3", "wear_volume", "mm^3"), ("m", "wear_depth", "um"), ("kg", MASS_LOSS, "mg")];
+
 /// What was read from a file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Measured {
@@ -104,12 +108,8 @@ fn points(
         return Err(Faults::one("/y", detail));
     }
     let is_output = name == MASS_LOSS || History::MEMBERS.iter().any(|it| it.name == name);
-    let output = match y.unit.as_deref() {
-        Some("m^3") if !is_output => "wear_volume",
-        Some("m") if !is_output => "wear_depth",
-        Some("kg") if !is_output => MASS_LOSS,
-        _ => name,
-    };
+    let by_unit = OUTPUTS.iter().find(|it| y.unit.as_deref() == Some(it.0) && !is_output);
+    let output = by_unit.map_or(&**name, |it| it.1);
     let needed = Quantity::named(output).map_or("kg", |quantity| quantity.unit);
     let own = y.unit.as_deref().or((is_output && needed == "1").then_some("1"));
     if let Some(own) = own.filter(|own| is_output && *own != needed) {
@@ -123,41 +123,40 @@ fn points(
     }
     let is_over =
         x.unit.as_ref().is_none_or(|unit| ["1", "J"].contains(&&**unit)) && !is_index(&x.name);
-    let own = match own {
-        Some(own) if is_over && unit(own).is_some() => own,
-        Some(_) => {
-            let note = "There are no data for a fit: x must be cycles or an energy, and y needs a known unit.";
-            notes.push(note.to_owned());
-            return Ok(json!({"data": null}));
-        }
+    let example = OUTPUTS.iter().find(|it| it.0 == needed).map_or(needed, |it| it.2);
+    let why = match own {
+        Some(own) if is_over && unit(own).is_some() => None,
+        Some(_) => Some(
+            "There are no data for a fit: x must be cycles or an energy, and y needs a known unit."
+                .into(),
+        ),
         None => {
-            let example = [("m^3", "mm^3"), ("m", "um"), ("kg", "mg")];
-            let example = example.iter().find(|it| it.0 == needed).map_or(needed, |it| it.1);
-            let examples = if is_output {
-                format!("{name} [{example}]")
-            } else {
-                format!(
-                    "{name} [mm^3] for volumes, {name} [um] for depths, or {name} [mg] for masses"
-                )
-            };
-            notes.push(format!(
+            let one = format!("{name} [{example}]");
+            let all = format!(
+                "{name} [mm^3] for volumes, {name} [um] for depths, or {name} [mg] for masses"
+            );
+            Some(format!(
                 "“{name}” has no unit, so there are no data for a fit. Write the unit into the row of names, or choose the \
-                 column with its unit as y: {examples}."
-            ));
-            return Ok(json!({"data": null}));
+                 column with its unit as y: {}.",
+                if is_output { one } else { all }
+            ))
         }
     };
+    if let Some(why) = why {
+        notes.push(why);
+        return Ok(json!({"data": null}));
+    }
     let is_energy = x.dimension == Some(Dimension::Energy) || x.name == "dissipated_energy";
     let over = if is_energy { "dissipated_energy" } else { "cycles" };
+    let own = own.unwrap_or_default();
     notes.push(format!("y was taken as the output {output} over {over}, in {own}."));
-    let mut data = json!({"output": output, "over": over});
-    let columns =
-        [("x", Some(&x.values)), ("y", Some(&y.values)), ("sigma", sigma.map(|it| &it.values))];
-    for (name, values) in columns {
-        if let Some(values) = values {
-            let known = x.values.iter().zip(values).filter(|(x, _)| x.is_some());
-            data[name] = known.map(|(_, value)| *value).collect();
-        }
+    let known = |column: &Column| -> Value {
+        let rows = x.values.iter().zip(&column.values).filter(|(x, _)| x.is_some());
+        rows.map(|(_, value)| *value).collect()
+    };
+    let mut data = json!({"output": output, "over": over, "x": known(x), "y": known(y)});
+    if let Some(sigma) = sigma {
+        data["sigma"] = known(sigma);
     }
     Ok(json!({"data": data}))
 }

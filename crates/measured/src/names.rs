@@ -7,8 +7,6 @@ const INDICES: [&str; 14] = [
 ];
 /// Functions that a name may begin with.
 const FUNCTIONS: [&str; 6] = ["log10", "log2", "log", "ln", "lg", "sqrt"];
-/// Names of the changes of a volume, a mass or a weight.
-const CHANGES: [&str; 3] = ["dV", "dM", "dW"];
 /// Names, and beginnings of words in names, of forces across and along the surface.
 const NORMAL: [&str; 7] = ["normal", "load", "fn", "fz", "n", "p", "w"];
 const TANGENTIAL: [&str; 10] =
@@ -29,23 +27,23 @@ pub fn is_count(values: &[Option<f64>]) -> bool {
 
 /// The words of a name.
 fn words(name: &str) -> impl Iterator<Item = &str> {
-    name.split(|it: char| !it.is_alphanumeric()).filter(|word| !word.is_empty())
+    name.split(|it: char| !it.is_alphanumeric())
 }
 
 /// The function in a name such as `log10(V)`, `ln V` or `V_log`.
 pub fn function(name: &str) -> Option<&'static str> {
     let is_own = |word: &str, own: &str| {
-        let rest = word.to_lowercase().starts_with(own).then(|| &word[own.len()..]);
-        rest.is_some_and(|rest| !rest.starts_with(char::is_lowercase))
+        let is_whole = !word.chars().nth(own.len()).is_some_and(char::is_lowercase);
+        is_whole && word.to_lowercase().starts_with(own)
     };
-    words(name).find_map(|word| FUNCTIONS.into_iter().find(|own| is_own(word, own)))
+    FUNCTIONS.into_iter().find(|own| words(name).any(|word| is_own(word, own)))
 }
 
 /// Whether a column has the changes between readings, as `ΔV` and `dV` say.
 pub fn is_increment(name: &str) -> bool {
     let lower = name.to_lowercase();
-    let is_sign = lower.starts_with(['δ', '∆']) || lower.starts_with("delta");
-    is_sign || lower.contains("increment") || words(name).any(|word| CHANGES.contains(&word))
+    let is_word = words(name).any(|word| ["dV", "dM", "dW"].contains(&word));
+    is_word || ["δ", "∆", "delta", "increment"].iter().any(|own| lower.contains(own))
 }
 
 /// Whether a name has one of these words.
@@ -53,10 +51,8 @@ fn has(name: &str, list: &[&str]) -> bool {
     let lower = name.to_lowercase();
     let whole: String = lower.chars().filter(|it| it.is_alphabetic()).collect();
     let parts = lower.split(|it: char| !it.is_alphabetic()).filter(|part| part.len() > 1);
-    let is_own = |word: &str| {
-        list.iter().any(|own| word == *own || own.len() >= SHORTEST && word.contains(own))
-    };
-    is_own(&whole) || parts.into_iter().any(is_own)
+    let is_own = |word: &str, own: &str| word == own || own.len() >= SHORTEST && word.contains(own);
+    parts.chain([&*whole]).any(|word| list.iter().any(|own| is_own(word, own)))
 }
 
 /// The column of friction forces among columns of forces.

@@ -175,8 +175,7 @@ impl<'a> Lines<'a> {
         notes: &mut Vec<String>,
     ) -> Result<Vec<Cells>, String> {
         let mut columns = vec![Cells::default(); headers.len()];
-        // Between cells, commas cannot be decimal marks, so points are.
-        let mut spelling = Spelling::with_sure_point(self.separators == "commas");
+        let mut spelling = Spelling::default();
         // Somebody has taken these rows out of the data.
         let is_out = |at: &usize| self.all[*at].1.starts_with('#');
         let is_all = block.rows.clone().all(|at| is_out(&at));
@@ -229,7 +228,7 @@ impl<'a> Lines<'a> {
                 }
             }
         }
-        spelling.tell(decimal, notes)?;
+        spelling.tell(decimal, self.separators == "commas", notes)?;
         Ok(columns)
     }
 }
