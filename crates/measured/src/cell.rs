@@ -6,10 +6,7 @@ use super::units::{exponent, unit};
 const UNKNOWN: [&str; 8] = ["", "-", "–", "—", "nan", "na", "n/a", "null"];
 /// Words of instruments and spreadsheets for a number that could not be measured or computed. They also write `1.#QNAN`, and
 /// words that begin with `#`.
-const BAD: [&str; 12] = [
-    "bad", "blank", "err", "error", "fail", "failed", "invalid", "missing", "n.a.", "none",
-    "overflow", "-nan",
-];
+const BAD: &str = "bad blank err error fail failed invalid missing n.a. none overflow -nan";
 /// The longest number with its error and unit, in bytes.
 const LONGEST: usize = 100;
 /// Spaces between thousands.
@@ -51,7 +48,10 @@ pub fn is_numeral(text: &str) -> bool {
 pub fn is_bad(text: &str) -> bool {
     let is_line = text.len() > 1 && text.chars().all(|it| "-–—_*?.".contains(it));
     let is_error = text.starts_with('#') && text[1..].starts_with(char::is_alphabetic);
-    is_line || is_error || text.contains(".#") || BAD.contains(&&*text.to_lowercase())
+    is_line
+        || is_error
+        || text.contains(".#")
+        || BAD.split(' ').any(|own| own == text.to_lowercase())
 }
 
 /// A number with a decimal point or comma. NaN stands for an unknown number, and `None` for any other text.

@@ -100,19 +100,19 @@ pub struct Layout {
 impl Layout {
     /// The layout of the most frequent number of cells in lines with numbers.
     fn of(lines: &[(usize, &str)], separator: char) -> Self {
-        let rows = lines.iter().map(|(_, line)| cells(line, separator));
-        let rows: Vec<_> = rows.filter(|row| row.iter().any(|cell| weight(cell) > 0)).collect();
-        let count = |width: &usize| rows.iter().filter(|row| row.len() == *width).count();
-        let most = rows.iter().map(Vec::len).max().unwrap_or(0);
-        let width = (2..=most).rev().max_by_key(count).unwrap_or(0);
-        let rows = rows.iter().filter(|row| row.len() == width);
-        let weights = |place: usize| rows.clone().map(move |row| weight(&row[place]));
-        let sums: Vec<i64> = (0..width).map(|place| weights(place).sum()).collect();
-        let score = sums.iter().copied().chain(rows.clone().map(|_| 1)).sum();
-        let is_number = |place| sums[place] >= 0 && weights(place).any(|weight| weight > 0);
+        let weights = |line: &str| cells(line, separator).iter().map(|cell| weight(cell)).collect();
+        let mut rows: Vec<Vec<i64>> = lines.iter().map(|(_, line)| weights(line)).collect();
+        rows.retain(|row| row.len() > 1 && row.iter().any(|weight| *weight > 0));
+        rows.sort_by_key(Vec::len);
+        let same = rows.chunk_by(|one, next| one.len() == next.len());
+        let rows = same.rev().max_by_key(|rows| rows.len()).unwrap_or(&[]);
+        let width = rows.first().map_or(0, Vec::len);
+        let sums: Vec<i64> = (0..width).map(|at| rows.iter().map(|row| row[at]).sum()).collect();
+        let score = sums.iter().copied().chain(rows.iter().map(|_| 1)).sum();
+        let is_number = |at: usize| sums[at] >= 0 && rows.iter().any(|row| row[at] > 0);
         let mut numbers: Vec<bool> = (0..width).map(is_number).collect();
         numbers.truncate(numbers.iter().rposition(|is| *is).map_or(0, |last| last + 1));
-        Self { cells: width, numbers, rows: rows.count(), score }
+        Self { cells: width, numbers, rows: rows.len(), score }
     }
 
     fn count(&self) -> usize {
@@ -133,6 +133,16 @@ pub struct Block {
     pub rows: Range<usize>,
     pub head: Range<usize>,
     pub layout: Layout,
+}
+
+impl Block {
+    /// The fault of a table with too many columns: most of these are maps.
+    pub fn wide_fault(&self) -> Option<String> {
+        let width = self.layout.cells;
+        let fault = || map_fault(self.rows.len(), width, None);
+        (width > MAX_COLUMNS)
+            .then(|| fault().unwrap_or_else(|| format!("The table has {width} columns. {WIDE}")))
+    }
 }
 
 /// The lines of a file, and their tables.
@@ -241,19 +251,19 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// The fault of a map of heights, or of too many columns. In a map without names, the first column goes up and down.
-pub fn map_fault(rows: usize, columns: usize, first: &[Option<f64>]) -> Option<String> {
-    let first: Vec<f64> = first.iter().copied().flatten().collect();
-    let changes = |sign: f64| first.windows(2).any(|pair| sign * (pair[1] - pair[0]) > 0.0);
-    let is_wide = columns > MAX_COLUMNS;
-    if rows >= MAP
-        && !first.is_empty()
-        && (is_wide || columns >= MAP && changes(1.0) && changes(-1.0))
-    {
-        return Some(format!(
+/// The fault of a map of heights. Its first column goes up and down.
+pub fn map_fault(rows: usize, columns: usize, first: Option<&[Option<f64>]>) -> Option<String> {
+    let changes = |sign: f64| {
+        first.is_none_or(|first| {
+            let known: Vec<f64> = first.iter().copied().flatten().collect();
+            known.windows(2).any(|pair| sign * (pair[1] - pair[0]) > 0.0)
+        })
+    };
+    let is_map = rows.min(columns) >= MAP && changes(1.0) && changes(-1.0);
+    is_map.then(|| {
+        format!(
             "The file is a map of {rows} × {columns} heights, and no table. In the program of the instrument, take a profile \
              across the scar, and save it as two columns with names such as x [mm];z [um]"
-        ));
-    }
-    is_wide.then(|| format!("The table has {columns} columns. {WIDE}"))
+        )
+    })
 }

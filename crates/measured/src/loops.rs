@@ -34,18 +34,10 @@ const SPARSE: f64 = 8.0;
 const LEAST: usize = 10;
 
 /// The names of the columns of a table of loops.
-const COLUMNS: [&str; 8] = [
-    "points",
-    "energy",
-    "energy_error",
-    "displacement_amplitude",
-    "force_amplitude",
-    "aperture",
-    "slope",
-    "slope_error",
-];
+const COLUMNS: &str =
+    "points energy energy_error displacement_amplitude force_amplitude aperture slope slope_error";
 
-/// Why a cycle gives wrong numbers.
+/// What is wrong with a cycle.
 const FAULTS: [&str; 2] = [
     "with fewer rows than their neighbours",
     "that do not end at the force at which they begin, as from rest",
@@ -132,7 +124,7 @@ pub fn loops(
     }
     tell(&cycles, outer, notes);
     let (mut table, mut means) = (Map::new(), Map::new());
-    for (place, name) in COLUMNS.into_iter().enumerate() {
+    for (place, name) in COLUMNS.split(' ').enumerate() {
         let column = cycles.iter().map(|it| it[place]);
         let known: Vec<f64> = column.clone().filter(|it| it.is_finite()).collect();
         means.insert(name.to_owned(), (known.iter().sum::<f64>() / known.len() as f64).into());

@@ -1,6 +1,7 @@
 //! Finds the names, the units and the numbers of a table.
 
 use std::borrow::Cow;
+use std::mem;
 use std::ops::Range;
 
 use fretwork_engine::request::fault::unknown;
@@ -20,7 +21,7 @@ const MAX_NAME: usize = 200;
 pub const SIGMA: &str = " sigma";
 
 /// A column of numbers in SI.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Column {
     /// The name in the header, without the unit.
     pub name: String,
@@ -30,20 +31,26 @@ pub struct Column {
     pub dimension: Option<Dimension>,
     /// The values. Null stands for an unknown number.
     pub values: Vec<Option<f64>>,
-    /// The unit in the file.
+    /// The unit in the file: at first that of the first cell with a number.
     #[serde(skip)]
     stated: Option<String>,
+    /// The standard deviations behind `±`, if there is one.
+    #[serde(skip)]
+    sigmas: Vec<Option<f64>>,
+    /// Words such as `#N/A`: the last, and how many there are.
+    #[serde(skip)]
+    bad: (String, usize),
 }
 
 impl Column {
     /// Converts the values from the unit `text` to SI.
     fn convert(&mut self, text: &str, notes: &mut Vec<String>) -> Result<(), String> {
-        let is_same = self.stated.as_ref().is_some_and(|own| unit(own) == unit(text));
-        if text.contains('[') || self.stated.is_some() && !is_same {
+        let is_same = self.stated.as_ref().map(|own| unit(own) == unit(text));
+        if text.contains('[') || is_same == Some(false) {
             let own = self.stated.as_ref().map_or(String::new(), |own| format!("[{own}] "));
             return Err(format!("has two units: {own}[{text}]. Write only one of them"));
         }
-        if is_same {
+        if is_same.is_some() {
             return Ok(());
         }
         let known = unit(text);
@@ -62,24 +69,12 @@ fn short(text: &str) -> String {
     text.chars().take(MAX_NAME).collect()
 }
 
-/// The cells of a column.
-#[derive(Default, Clone)]
-struct Cells {
-    values: Vec<Option<f64>>,
-    /// The standard deviations behind `±`, if there is one.
-    sigmas: Vec<Option<f64>>,
-    /// The unit in the first cell that has a number.
-    unit: Option<String>,
-    /// Words such as `#N/A`: the first, and how many there are.
-    bad: (String, usize),
-}
-
 /// A row, by its cells.
 type Row<'a> = Vec<Cow<'a, str>>;
 
 impl<'a> Lines<'a> {
-    /// The rows of names, of names above them, and of units above a table, and how many lines they are.
-    fn head(&self, block: &Block) -> ([Row<'a>; 3], usize) {
+    /// The rows of names, of names above them, and of units above a table.
+    fn head(&self, block: &Block) -> [Row<'a>; 3] {
         let width = block.layout.cells;
         let fitting = |row: &Row<'a>| {
             let own = row.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
@@ -94,17 +89,17 @@ impl<'a> Lines<'a> {
             let mut names = row.iter().filter(|cell| !cell.is_empty());
             names.any(|name| row.iter().filter(|own| *own == name).count() > 1)
         };
-        let (none, other) = (Row::new(), above(2));
-        match (above(1), other) {
-            (Some(units), Some(names)) if Self::is_units(&units) => ([names, none, units], 2),
-            (Some(names), Some(units)) if Self::is_units(&units) => ([names, none, units], 2),
+        let none = Row::new();
+        match (above(1), above(2)) {
+            (Some(units), Some(names)) if Self::is_units(&units) => [names, none, units],
+            (Some(names), Some(units)) if Self::is_units(&units) => [names, none, units],
             (Some(names), Some(upper))
                 if is_double(&names) || has_unit(&upper) && !has_unit(&names) =>
             {
-                ([names, upper, none], 2)
+                [names, upper, none]
             }
-            (Some(names), _) => ([names, none.clone(), none], 1),
-            (None, _) => ([none.clone(), none, self.bare_units(block)], 0),
+            (Some(names), _) => [names, none.clone(), none],
+            (None, _) => [none.clone(), none, self.bare_units(block)],
         }
     }
 
@@ -131,7 +126,9 @@ impl<'a> Lines<'a> {
         block: &Block,
         notes: &mut Vec<String>,
     ) -> Result<(Vec<String>, bool), String> {
-        let ([names, upper, units], count) = self.head(block);
+        let [names, upper, units] = self.head(block);
+        let count = [&names, &upper, &units].into_iter().filter(|row| !row.is_empty()).count();
+        let count = if names.is_empty() { 0 } else { count };
         self.tell_skipped(block.head.start..block.head.end - count, "before", notes);
         let width = block.layout.numbers.len();
         if let Some(last) =
@@ -173,8 +170,8 @@ impl<'a> Lines<'a> {
         headers: &[String],
         decimal: Option<char>,
         notes: &mut Vec<String>,
-    ) -> Result<Vec<Cells>, String> {
-        let mut columns = vec![Cells::default(); headers.len()];
+    ) -> Result<Vec<Column>, String> {
+        let mut columns = vec![Column::default(); headers.len()];
         let mut spelling = Spelling::default();
         // Somebody has taken these rows out of the data.
         let is_out = |at: &usize| self.all[*at].1.starts_with('#');
@@ -212,7 +209,7 @@ impl<'a> Lines<'a> {
                 let plain = plain.as_deref().unwrap_or(cell);
                 let read = written(plain).ok_or_else(|| fault(""))?;
                 let is_known = !read.value.is_nan();
-                let own = &mut column.unit;
+                let own = &mut column.stated;
                 if is_known && *own.get_or_insert_with(|| read.unit.into()) != *read.unit {
                     return Err(fault("has another unit than a cell above it, or none, and "));
                 }
@@ -263,6 +260,9 @@ impl Table {
             let count = all.len();
             format!("The file has {count} table(s), and no table {wanted}. Write table=1, or leave it out")
         })?;
+        if let Some(fault) = block.wide_fault() {
+            return Err(fault);
+        }
         notes.push(format!("Cells are separated by {}.", lines.separators));
         if all.len() > 1 {
             let others = all.iter().map(|[line, rows]| format!("line {line} ({rows} rows)"));
@@ -286,33 +286,32 @@ impl Table {
             table.add(if is_count { "index" } else { head }, cells)?;
         }
         let first = table.columns.first().filter(|_| !has_names);
-        let first = first.map_or(&[][..], |column| &column.values);
-        map_fault(block.rows.len(), headers.len(), first).map_or(Ok(table), Err)
+        let map = first.and_then(|it| map_fault(block.rows.len(), headers.len(), Some(&it.values)));
+        map.map_or(Ok(table), Err)
     }
 
     /// Adds a column, and one with the errors of its numbers if they have some.
-    fn add(&mut self, head: &str, cells: Cells) -> Result<(), String> {
+    fn add(&mut self, head: &str, mut column: Column) -> Result<(), String> {
         let (name, unit) = header(head);
-        let mut name = name.to_owned();
-        while self.columns.iter().any(|own| own.name == name) {
-            name.push('\'');
+        name.clone_into(&mut column.name);
+        while self.columns.iter().any(|own| own.name == column.name) {
+            column.name.push('\'');
         }
-        let Cells { values, sigmas, unit: own, bad: (bad, count) } = cells;
-        if !values.iter().any(Option::is_some) {
+        if !column.values.iter().any(Option::is_some) {
             self.notes.push(format!(
                 "“{head}” has no numbers and was not read. Units belong into the header."
             ));
             return Ok(());
         }
+        let (bad, count) = mem::take(&mut column.bad);
         if count > 0 {
             self.notes.push(format!(
                 "{count} cell(s) of “{head}” with words such as “{bad}” were taken as unknown numbers."
             ));
         }
-        let of = |name, values| Column { name, unit: None, dimension: None, values, stated: None };
-        let mut errors = of(format!("{name}{SIGMA}"), sigmas);
-        let mut column = of(name, values);
-        let own = own.filter(|own| !own.is_empty());
+        let (name, values) = (format!("{}{SIGMA}", column.name), mem::take(&mut column.sigmas));
+        let mut errors = Column { name, values, ..Column::default() };
+        let own = column.stated.take().filter(|own| !own.is_empty());
         for unit in unit.into_iter().chain(own.as_deref()) {
             column.convert(unit, &mut self.notes).map_err(|detail| format!("“{head}” {detail}"))?;
             errors.convert(unit, &mut Vec::new())?;
@@ -352,15 +351,14 @@ impl Table {
         let is_enough = self.columns.iter().filter(is_like).count() >= least;
         let mut others: Vec<_> =
             self.columns.iter().filter(|column| Some(&*column.name) != taken).collect();
-        if self.columns.len() > 2 {
-            others.sort_by_key(|column| is_index(&column.name));
+        others.sort_by_key(|column| {
+            (is_enough && !is_like(column), self.columns.len() > 2 && is_index(&column.name))
+        });
+        let mut own = others.first().map(|it| &*it.name);
+        if needed == Some(Dimension::Force) && wanted.is_none() {
+            others.retain(is_like);
+            own = friction(&others.iter().map(|it| &*it.name).collect::<Vec<_>>())?.or(own);
         }
-        let like: Vec<_> = others.iter().copied().filter(is_like).map(|it| &*it.name).collect();
-        let like = match needed {
-            Some(Dimension::Force) if wanted.is_none() => friction(&like)?,
-            _ => like.first().copied(),
-        };
-        let own = like.filter(|_| is_enough).or_else(|| others.first().map(|it| &*it.name));
         let missing = "is missing: the file has only one column of numbers";
         let wanted = wanted.or(own).ok_or(missing)?.to_owned();
         let is_name = self.columns.iter().any(|column| column.name == wanted);

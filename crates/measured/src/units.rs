@@ -10,14 +10,8 @@ pub const MASSES: [(&str, f64); 4] = [("kg", 1.0), ("g", 1e-3), ("mg", 1e-6), ("
 pub const GRAVITY: f64 = 9.806_65;
 /// Units that a table may have, although neither a scenario nor a measured output has them.
 const FOREIGN: [&str; 7] = ["s", "ms", "min", "h", "Hz", "%", "°C"];
-/// Units that only tables have, with their dimensions and their factors to SI.
-const OTHERS: [(&str, Dimension, f64); 5] = [
-    ("Å", Dimension::Length, 1e-10),
-    ("pm", Dimension::Length, 1e-12),
-    ("gf", Dimension::Force, 1e-3 * GRAVITY),
-    ("kgf", Dimension::Force, GRAVITY),
-    ("kp", Dimension::Force, GRAVITY),
-];
+/// Units that only tables have. Behind each is what it is.
+const OTHERS: &str = "Å 0.1nm pm 0.001nm gf 0.00980665N kgf 9.80665N kp 9.80665N";
 /// Words for units, without the s of a plural, and for their prefixes. Behind each is its symbol.
 const WORDS: &str = "micron um angstrom Å meter m metre m newton N pascal Pa joule J gram g gramforce gf kilogramforce kgf \
                      inch in inche in degree deg radian rad sec s second s minute min hour h percent %";
@@ -36,6 +30,14 @@ const PRODUCTS: [(Dimension, [i32; 2]); 7] = [
 /// A known unit: its dimension, `None` if no quantity of a scenario has it, the unit in SI, and the factor to that.
 pub type Unit = (Option<Dimension>, String, f64);
 
+/// The text behind a word in a list of pairs.
+fn behind(list: &'static str, word: &str) -> Option<&'static str> {
+    let mut texts = list.split(' ');
+    std::iter::from_fn(|| Some((texts.next()?, texts.next()?)))
+        .find(|it| it.0 == word)
+        .map(|it| it.1)
+}
+
 /// The symbol of a unit that is written as a word, such as `um` for `Microns` or `micrometer`.
 fn symbol(text: &str) -> String {
     let word = Some(text.trim_matches([' ', '(', ')', '[', ']', '.']));
@@ -44,14 +46,10 @@ fn symbol(text: &str) -> String {
         return format!("{}^3", symbol(length));
     }
     let lower = word.to_lowercase().replace(['-', ' '], "");
-    let find = |list: &'static str, word: &str| {
-        let mut words = list.split_whitespace();
-        std::iter::from_fn(move || Some((words.next()?, words.next()?))).find(|it| it.0 == word)
-    };
-    let of = |word: &str| find(WORDS, word.trim_end_matches('s')).map(|it| it.1);
+    let of = |word: &str| behind(WORDS, word.trim_end_matches('s'));
     let prefixed = || {
         let mut ends = (4..=5).filter_map(|end| Some((lower.get(..end)?, of(lower.get(end..)?)?)));
-        ends.find_map(|(long, own)| Some(format!("{}{own}", find(PREFIXES, long)?.1)))
+        ends.find_map(|(long, own)| Some(format!("{}{own}", behind(PREFIXES, long)?)))
     };
     of(&lower).map(str::to_owned).or_else(prefixed).unwrap_or_else(|| word.to_owned())
 }
@@ -101,13 +99,8 @@ pub fn exponent(text: &str) -> Option<i32> {
 
 /// The powers of length and force of a unit, and its factor to SI.
 fn factors(name: &str) -> Option<([i32; 2], f64)> {
-    let other = OTHERS.iter().find(|it| it.0 == name).map(|it| (it.1, it.2));
-    let other = other.or_else(|| {
-        let known = |it: Dimension| Some((it, parse(&format!("1 {name}"), it).ok()?));
-        PRODUCTS[..5].iter().find_map(|it| known(it.0))
-    });
-    let (dimension, factor) = other?;
-    Some((PRODUCTS.iter().find(|it| it.0 == dimension)?.1, factor))
+    let text = behind(OTHERS, name).map_or_else(|| format!("1 {name}"), str::to_owned);
+    PRODUCTS[..5].iter().find_map(|it| Some((it.1, parse(&text, it.0).ok()?)))
 }
 
 /// A product of units, such as `mm3/N/m` or `mm^3 N^-1 m^-1`.
