@@ -327,6 +327,22 @@ async fn bad_files_and_parameters_are_refused_with_a_remedy() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_mark_that_can_be_either_is_asked_for() {
+    let server = Server::start().await;
+    let table = b"cycles;wear_volume [mm^3]\n1,000;1\n2,000;2\n";
+    let problem = sent(&server, "", "text/csv", table).await.problem(422, "unreadable-file");
+    let detail = problem["detail"].as_str().unwrap();
+    assert!(detail.contains("“2,000” can be 2000 or 2.000. Write decimal=\".\""), "{detail}");
+    for (mark, values) in [(".", [1e3, 2e3]), ("%2C", [1.0, 2.0])] {
+        let read = sent(&server, &format!("?decimal={mark}"), "text/csv", table).await.json();
+        assert_eq!(read["columns"][0]["values"], json!(values), "{mark}");
+    }
+    let problem =
+        sent(&server, "?decimal=x", "text/csv", table).await.problem(422, "invalid-parameters");
+    assert_eq!(problem["errors"][0]["parameter"], "decimal", "{problem}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn reading_needs_the_role_of_evaluations_and_counts_as_one() {
     let server =
         server(Limits { evaluations: std::num::NonZeroU32::new(2), ..Limits::default() }).await;

@@ -1,5 +1,10 @@
 //! Curves of force over displacement: their noise, their reversals and the work along them.
 
+/// The level at a reversal is the median of the middles of this many strokes on each side.
+const REACH: usize = 12;
+/// The slope of the drift is the median of those between any two of so many strokes.
+const PAIRS: usize = 100;
+
 /// The smallest and the largest number.
 pub fn ends(values: impl Iterator<Item = f64>) -> [f64; 2] {
     let first = [f64::INFINITY, f64::NEG_INFINITY];
@@ -13,16 +18,19 @@ pub fn spread(values: &[f64]) -> f64 {
     high - *all.select_nth_unstable_by(few, f64::total_cmp).1
 }
 
+/// The middle number, the smaller one of two, or 0 without numbers.
+pub fn median(all: impl Iterator<Item = f64>) -> f64 {
+    let mut all: Vec<f64> = all.collect();
+    let middle = all.len().saturating_sub(1) / 2;
+    if all.is_empty() { 0.0 } else { *all.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
+
 /// Whether a row is far off its neighbours, more than a limit and than the steps near it.
-pub fn is_spike(v: &[f64], row: usize, least: f64) -> bool {
+pub fn is_spike(v: &[f64], row: usize, reach: usize, least: f64) -> bool {
     let near = |reach: usize| &v[row.saturating_sub(reach)..(row + reach + 1).min(v.len())];
-    let median = |mut all: Vec<f64>| {
-        let middle = (all.len() - 1) / 2;
-        *all.select_nth_unstable_by(middle, f64::total_cmp).1
-    };
-    let off = || (v[row] - median(near(2).to_vec())).abs();
-    let steps = || near(4).windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
-    off() > least && off() > 5.0 * median(steps())
+    let off = (v[row] - median(near(reach).iter().copied())).abs();
+    let steps = || near(2 * reach).windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    off > least && off > 5.0 * median(steps())
 }
 
 /// Means over an odd number of rows, over fewer rows at both ends.
@@ -58,6 +66,37 @@ pub fn period(x: &[f64]) -> f64 {
         [one, other] => 2.0 * (other - one) as f64,
         _ => *lengths.select_nth_unstable(quarter).1 as f64,
     }
+}
+
+/// How far the displacement has drifted in each row: along a line, and with the medians of a few
+/// strokes about it.
+pub fn drift(x: &[f64], turns: &[usize]) -> Vec<f64> {
+    let inner = turns.get(1..turns.len().saturating_sub(1)).unwrap_or(&[]);
+    let middle = |ends: &[usize]| (ends[0] as f64, 0.5 * (x[ends[0]] + x[ends[1]]));
+    let middles: Vec<_> = inner.windows(2).map(middle).collect();
+    if middles.is_empty() {
+        let [low, high] = ends(x.iter().copied());
+        return vec![0.5 * (low + high); x.len()];
+    }
+    // Where the amplitude grows, every other stroke has another middle.
+    let few: Vec<_> = middles.iter().step_by(1 + middles.len() / PAIRS * 2).collect();
+    let slopes = few.iter().enumerate().flat_map(|(at, one)| {
+        let others = few[..at].iter().rev().skip(1).step_by(2);
+        others.map(move |other| (one.1 - other.1) / (one.0 - other.0))
+    });
+    let slope = if few.len() < 8 { 0.0 } else { median(slopes) };
+    let levels = (0..turns.len()).map(|turn| {
+        let from = turn.saturating_sub(1 + REACH).min(middles.len().saturating_sub(2 * REACH));
+        median(middles[from..].iter().take(2 * REACH).map(|it| it.1 - slope * it.0))
+    });
+    let levels: Vec<f64> = levels.collect();
+    let of = |row: usize| {
+        let after = turns.partition_point(|turn| *turn <= row).clamp(1, turns.len() - 1);
+        let [from, to] = [turns[after - 1], turns[after]].map(|row| row as f64);
+        let share = ((row as f64 - from) / (to - from)).clamp(0.0, 1.0);
+        slope * row as f64 + levels[after - 1] + share * (levels[after] - levels[after - 1])
+    };
+    (0..x.len()).map(of).collect()
 }
 
 /// Reversals without those inside a stroke: strokes that are shorter than both neighbours become one with them, if all three
@@ -132,23 +171,18 @@ pub fn turns(x: &[f64], least: f64) -> Vec<usize> {
 
 /// The energy until each row, along cubic curves whose tangents are parallel to the chords between the neighbours.
 pub fn work(x: &[f64], force: &[f64]) -> Vec<f64> {
-    if x.len() < 3 {
-        return vec![0.0; x.len()];
-    }
-    let last = x.len() - 1;
+    let [x, force] = [x, force].map(|v| {
+        // Both ends continue as parabolas.
+        let beyond = |[a, b, c]: [usize; 3]| 3.0 * (v[a] - v[b]) + v[c];
+        let last = v.len() - 1;
+        let before = [beyond([0, 1, 2])].into_iter().chain(v.iter().copied());
+        before.chain([beyond([last, last - 1, last - 2])]).collect::<Vec<_>>()
+    });
     let mut sum = 0.0;
-    let after = (0..last).map(|row| {
-        let ends = |v: &[f64]| {
-            let middle = |at: usize| 0.5 * (v[at + 1] - v[at - 1]);
-            let tangent = |at: usize| match at {
-                0 => 2.0 * (v[1] - v[0]) - middle(1),
-                _ if at == last => 2.0 * (v[last] - v[last - 1]) - middle(last - 1),
-                _ => middle(at),
-            };
-            (v[row + 1] - v[row], tangent(row), tangent(row + 1))
-        };
-        let ((dx, u, u1), (df, f, f1)) = (ends(x), ends(force));
-        sum += 0.5 * dx * (force[row] + force[row + 1]) + (dx * (f - f1) - df * (u - u1)) / 12.0
+    let after = x.windows(4).zip(force.windows(4)).map(|(x, force)| {
+        let tangents = |v: &[f64]| (v[2] - v[1], 0.5 * (v[2] - v[0]), 0.5 * (v[3] - v[1]));
+        let ((dx, u, u1), (df, f, f1)) = (tangents(x), tangents(force));
+        sum += 0.5 * dx * (force[1] + force[2]) + (dx * (f - f1) - df * (u - u1)) / 12.0
             - ((f - df) * (u1 - dx) - (f1 - df) * (u - dx)) / 60.0;
         sum
     });
@@ -161,20 +195,6 @@ pub fn changes(values: &[f64]) -> f64 {
     changes.map(|change| change * change).sum()
 }
 
-/// How much the area inside the points changes if every second point is left out.
-pub fn coarseness(x: &[f64], force: &[f64]) -> f64 {
-    let area = |first: usize, step: usize| {
-        let around = |all: &[f64]| -> Vec<f64> {
-            let own: Vec<f64> = all.iter().skip(first).step_by(step).copied().collect();
-            own.iter().cycle().take(own.len() + 3).copied().collect()
-        };
-        let work = work(&around(x), &around(force));
-        work[work.len() - 2] - work[1]
-    };
-    let all = area(0, 1);
-    (area(0, 2) - all).abs().max((area(1, 2) - all).abs())
-}
-
 /// Half of the distance between the displacements at which the force falls through its middle and rises. Where noise lets it
 /// pass several times, all but one of these cancel.
 pub fn aperture(x: &[f64], force: &[f64], middle: f64) -> f64 {
@@ -182,13 +202,7 @@ pub fn aperture(x: &[f64], force: &[f64], middle: f64) -> f64 {
         let next = (row + 1) % x.len();
         let (f, f1) = (force[row] - middle, force[next] - middle);
         let place = x[row] + (x[next] - x[row]) * f / (f - f1);
-        if (f < 0.0) == (f1 < 0.0) {
-            0.0
-        } else if f < 0.0 {
-            place
-        } else {
-            -place
-        }
+        if (f < 0.0) == (f1 < 0.0) { 0.0 } else { place * f.signum() }
     });
     0.5 * passes.sum::<f64>().abs()
 }

@@ -33,6 +33,10 @@ pub use trace::{ENDS, Prepare, Up, Wanted, ends};
 /// The output that is the wear volume times a density.
 const MASS_LOSS: &str = "mass_loss";
 
+/// The units of y that say which output it is, and units that people use for it.
+const OUTPUTS: [(&str, &str, &str); 3] =
+    [("m^3", "wear_volume", "mm^3"), ("m", "wear_depth", "um"), ("kg", MASS_LOSS, "mg")];
+
 /// What was read from a file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Measured {
@@ -57,6 +61,9 @@ pub fn read(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Measured, Faults> {
         Prepare::Trace | Prepare::Half => (Some(Dimension::Length), Some(Dimension::Length)),
         Prepare::Loop => (Some(Dimension::Length), Some(Dimension::Force)),
     };
+    if of_y == Some(Dimension::Force) {
+        table.weigh();
+    }
     let mut faults = Faults::default();
     let least = if of_x == of_y { 2 } else { 1 };
     let x = faults.keep("/x", table.column(None, wanted.x, (of_x, least)));
@@ -71,11 +78,8 @@ pub fn read(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Measured, Faults> {
         columns.iter().map(|it| &*it.name).filter(|it| ![&*x.name, &y.name, &sigma].contains(it));
     let others = others.collect::<Vec<_>>().join("”, “");
     if !others.is_empty() {
-        let errors = if wanted.prepare == Prepare::Points {
-            format!(" Name standard deviations of y “{sigma}”.")
-        } else {
-            String::new()
-        };
+        let errors = format!(" Name standard deviations of y “{sigma}”.");
+        let errors = if wanted.prepare == Prepare::Points { &*errors } else { "" };
         notes.push(format!("Columns that were not used: “{others}”.{errors}"));
     }
     let prepared = match wanted.prepare {
@@ -98,22 +102,17 @@ fn points(
     sigma: Option<&Column>,
     notes: &mut Vec<String>,
 ) -> Result<Value, Faults> {
-    let is_output = y.name == MASS_LOSS || History::MEMBERS.iter().any(|it| it.name == y.name);
-    let output = match y.unit.as_deref() {
-        _ if is_output => &*y.name,
-        Some("m^3") => "wear_volume",
-        Some("m") => "wear_depth",
-        Some("kg") => MASS_LOSS,
-        _ => &*y.name,
-    };
-    let needed = Quantity::named(output).map_or("kg", |quantity| quantity.unit);
-    if is_increment(&y.name) {
+    let name = &y.name;
+    if is_increment(name) {
         let detail = "has the increments between readings, as its name says. Add them up: a fit needs the total at each reading. If its numbers are totals, change its name";
         return Err(Faults::one("/y", detail));
     }
-    let is_known = is_output && (y.unit.is_some() || needed == "1");
-    let own = y.unit.as_deref().unwrap_or(needed);
-    if is_known && own != needed {
+    let is_output = name == MASS_LOSS || History::MEMBERS.iter().any(|it| it.name == name);
+    let by_unit = OUTPUTS.iter().find(|it| y.unit.as_deref() == Some(it.0) && !is_output);
+    let output = by_unit.map_or(&**name, |it| it.1);
+    let needed = Quantity::named(output).map_or("kg", |quantity| quantity.unit);
+    let own = y.unit.as_deref().or((is_output && needed == "1").then_some("1"));
+    if let Some(own) = own.filter(|own| is_output && *own != needed) {
         let other = if needed == "kg" { MASSES.map(|it| it.0).join(", ") } else { "1".into() };
         let dimension = Dimension::ALL.into_iter().find(|it| it.si() == needed);
         let accepted = dimension.map_or(other, Dimension::accepted);
@@ -122,43 +121,42 @@ fn points(
         );
         return Err(Faults::one("/y", detail));
     }
-    let name = &y.name;
-    if y.unit.is_none() && !is_known {
-        let examples = match needed {
-            _ if !is_output => format!(
-                "{name} [mm^3] for volumes, {name} [um] for depths, or {name} [mg] for masses"
-            ),
-            "m^3" => format!("{name} [mm^3]"),
-            "m" => format!("{name} [um]"),
-            "kg" => format!("{name} [mg]"),
-            _ => format!("{name} [{needed}]"),
-        };
-        notes.push(format!(
-            "“{name}” has no unit, so there are no data for a fit. Write the unit into the row of names, or choose the column \
-             with its unit as y: {examples}."
-        ));
-        return Ok(json!({"data": null}));
-    }
     let is_over =
         x.unit.as_ref().is_none_or(|unit| ["1", "J"].contains(&&**unit)) && !is_index(&x.name);
-    if !is_over || y.unit.as_ref().is_some_and(|own| unit(own).is_none()) {
-        notes.push(
+    let example = OUTPUTS.iter().find(|it| it.0 == needed).map_or(needed, |it| it.2);
+    let why = match own {
+        Some(own) if is_over && unit(own).is_some() => None,
+        Some(_) => Some(
             "There are no data for a fit: x must be cycles or an energy, and y needs a known unit."
-                .to_owned(),
-        );
+                .into(),
+        ),
+        None => {
+            let one = format!("{name} [{example}]");
+            let all = format!(
+                "{name} [mm^3] for volumes, {name} [um] for depths, or {name} [mg] for masses"
+            );
+            Some(format!(
+                "“{name}” has no unit, so there are no data for a fit. Write the unit into the row of names, or choose the \
+                 column with its unit as y: {}.",
+                if is_output { one } else { all }
+            ))
+        }
+    };
+    if let Some(why) = why {
+        notes.push(why);
         return Ok(json!({"data": null}));
     }
     let is_energy = x.dimension == Some(Dimension::Energy) || x.name == "dissipated_energy";
     let over = if is_energy { "dissipated_energy" } else { "cycles" };
+    let own = own.unwrap_or_default();
     notes.push(format!("y was taken as the output {output} over {over}, in {own}."));
-    let mut data = json!({"output": output, "over": over});
-    let columns =
-        [("x", Some(&x.values)), ("y", Some(&y.values)), ("sigma", sigma.map(|it| &it.values))];
-    for (name, values) in columns {
-        if let Some(values) = values {
-            let known = x.values.iter().zip(values).filter(|(x, _)| x.is_some());
-            data[name] = known.map(|(_, value)| *value).collect();
-        }
+    let known = |column: &Column| -> Value {
+        let rows = x.values.iter().zip(&column.values).filter(|(x, _)| x.is_some());
+        rows.map(|(_, value)| *value).collect()
+    };
+    let mut data = json!({"output": output, "over": over, "x": known(x), "y": known(y)});
+    if let Some(sigma) = sigma {
+        data["sigma"] = known(sigma);
     }
     Ok(json!({"data": data}))
 }

@@ -1,22 +1,19 @@
 //! What the names of columns say about their numbers.
 
 /// Names of columns that only count the rows.
-const INDICES: [&str; 14] = [
-    "no", "nr", "n°", "#", "index", "idx", "id", "row", "point", "sample", "specimen", "test",
-    "run", "i",
-];
+const INDICES: &str = "no nr n° # index idx id row point sample specimen test run i";
 /// Functions that a name may begin with.
-const FUNCTIONS: [&str; 6] = ["log10", "log2", "log", "ln", "lg", "sqrt"];
+const FUNCTIONS: &str = "log10 log2 log ln lg sqrt";
 /// Names, and beginnings of words in names, of forces across and along the surface.
-const NORMAL: [&str; 7] = ["normal", "load", "fn", "fz", "n", "p", "w"];
-const TANGENTIAL: [&str; 10] =
-    ["tangential", "friction", "lateral", "shear", "reib", "ft", "fx", "ff", "q", "t"];
+const NORMAL: &str = "normal load fn fz n p w";
+const TANGENTIAL: &str = "tangential friction lateral shear reib ft fx ff q t";
 /// A shorter name is not the beginning of a word.
 const SHORTEST: usize = 4;
 
 /// Whether a column only counts the rows.
 pub fn is_index(name: &str) -> bool {
-    INDICES.contains(&name.to_lowercase().trim_end_matches('.'))
+    let name = name.to_lowercase();
+    INDICES.split(' ').any(|own| own == name.trim_end_matches('.'))
 }
 
 /// Whether numbers only count the rows.
@@ -25,31 +22,34 @@ pub fn is_count(values: &[Option<f64>]) -> bool {
     steps.all(|step| step.is_some_and(|step| step.to_bits() == 1f64.to_bits()))
 }
 
-/// The function in a name such as `log10(V)` or `ln V`.
-pub fn function(name: &str) -> Option<&'static str> {
-    let lower = name.to_lowercase();
-    let is_own = |own: &&&str| {
-        lower.starts_with(**own) && !name.chars().nth(own.len()).is_some_and(char::is_lowercase)
-    };
-    FUNCTIONS.iter().find(is_own).copied()
+/// The words of a name.
+fn words(name: &str) -> impl Iterator<Item = &str> {
+    name.split(|it: char| !it.is_alphanumeric())
 }
 
-/// Whether a column has the changes between readings, as `ΔV` says.
+/// The function in a name such as `log10(V)`, `ln V` or `V_log`.
+pub fn function(name: &str) -> Option<&'static str> {
+    let is_own = |word: &str, own: &str| {
+        let is_whole = !word.chars().nth(own.len()).is_some_and(char::is_lowercase);
+        is_whole && word.to_lowercase().starts_with(own)
+    };
+    FUNCTIONS.split(' ').find(|own| words(name).any(|word| is_own(word, own)))
+}
+
+/// Whether a column has the changes between readings, as `ΔV` and `dV` say.
 pub fn is_increment(name: &str) -> bool {
     let lower = name.to_lowercase();
-    lower.starts_with(['δ', '∆']) || lower.starts_with("delta") || lower.contains("increment")
+    let is_word = words(name).any(|word| ["dV", "dM", "dW"].contains(&word));
+    is_word || ["δ", "∆", "delta", "increment"].iter().any(|own| lower.contains(own))
 }
 
 /// Whether a name has one of these words.
-fn has(name: &str, words: &[&str]) -> bool {
+fn has(name: &str, list: &str) -> bool {
     let lower = name.to_lowercase();
     let whole: String = lower.chars().filter(|it| it.is_alphabetic()).collect();
-    let is_own = |own: &&str| {
-        whole == *own
-            || own.len() >= SHORTEST && whole.contains(own)
-            || lower.split(|it: char| !it.is_alphabetic()).any(|word| word == *own && own.len() > 1)
-    };
-    words.iter().any(is_own)
+    let parts = lower.split(|it: char| !it.is_alphabetic()).filter(|part| part.len() > 1);
+    let is_own = |word: &str, own: &str| word == own || own.len() >= SHORTEST && word.contains(own);
+    parts.chain([&*whole]).any(|word| list.split(' ').any(|own| is_own(word, own)))
 }
 
 /// The column of friction forces among columns of forces.
@@ -57,10 +57,9 @@ fn has(name: &str, words: &[&str]) -> bool {
 /// # Errors
 /// Names do not decide.
 pub fn friction<'a>(names: &[&'a str]) -> Result<Option<&'a str>, String> {
-    let mut found: Vec<&str> =
-        names.iter().copied().filter(|name| has(name, &TANGENTIAL)).collect();
+    let mut found: Vec<&str> = names.iter().copied().filter(|name| has(name, TANGENTIAL)).collect();
     if found.is_empty() {
-        found.extend(names.iter().filter(|name| !has(name, &NORMAL)));
+        found.extend(names.iter().filter(|name| !has(name, NORMAL)));
     }
     match found[..] {
         [one] => Ok(Some(one)),

@@ -1,16 +1,18 @@
 //! Finds the names, the units and the numbers of a table.
 
 use std::borrow::Cow;
+use std::mem;
+use std::ops::Range;
 
 use fretwork_engine::request::fault::unknown;
 use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 
 use super::cell::{Spelling, is_bad, ungrouped, written};
-use super::lines::{Block, Lines, MAX_HEAD, MAX_ROWS, TRANSPOSED, is_map, map_fault};
+use super::lines::{Block, Lines, MAX_HEAD, MAX_ROWS, TRANSPOSED, map_fault};
 use super::names::{friction, function, is_count, is_index};
 use super::text::decode;
-use super::units::{GRAVITY, header, symbol, unit};
+use super::units::{GRAVITY, header, unit};
 
 /// Maximum number of characters of a name, and of a cell in a fault.
 const MAX_NAME: usize = 200;
@@ -19,7 +21,7 @@ const MAX_NAME: usize = 200;
 pub const SIGMA: &str = " sigma";
 
 /// A column of numbers in SI.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Column {
     /// The name in the header, without the unit.
     pub name: String,
@@ -29,25 +31,31 @@ pub struct Column {
     pub dimension: Option<Dimension>,
     /// The values. Null stands for an unknown number.
     pub values: Vec<Option<f64>>,
-    /// The unit in the file.
+    /// The unit in the file: at first that of the first cell with a number.
     #[serde(skip)]
     stated: Option<String>,
+    /// The standard deviations behind `±`, if there is one.
+    #[serde(skip)]
+    sigmas: Vec<Option<f64>>,
+    /// Words such as `#N/A`: the last, and how many there are.
+    #[serde(skip)]
+    bad: (String, usize),
 }
 
 impl Column {
     /// Converts the values from the unit `text` to SI.
     fn convert(&mut self, text: &str, notes: &mut Vec<String>) -> Result<(), String> {
-        if text.contains('[') || self.stated.as_ref().is_some_and(|own| unit(own) != unit(text)) {
+        let is_same = self.stated.as_ref().map(|own| unit(own) == unit(text));
+        if text.contains('[') || is_same == Some(false) {
             let own = self.stated.as_ref().map_or(String::new(), |own| format!("[{own}] "));
             return Err(format!("has two units: {own}[{text}]. Write only one of them"));
         }
-        if self.stated.is_some() {
+        if is_same.is_some() {
             return Ok(());
         }
         let known = unit(text);
-        let symbol = if known.is_some() { symbol(text) } else { text.to_owned() };
         let read = if known.is_some() { "was read in" } else { "stays in the unknown unit" };
-        notes.push(format!("“{}” {read} {symbol}.", self.name));
+        notes.push(format!("“{}” {read} {text}.", self.name));
         let (dimension, si, factor) = known.unwrap_or((None, text.to_owned(), 1.0));
         self.values.iter_mut().flatten().for_each(|value| *value *= factor);
         (self.dimension, self.unit) = (dimension, Some(si));
@@ -61,24 +69,12 @@ fn short(text: &str) -> String {
     text.chars().take(MAX_NAME).collect()
 }
 
-/// The cells of a column.
-#[derive(Default, Clone)]
-struct Cells {
-    values: Vec<Option<f64>>,
-    /// The standard deviations behind `±`, if there is one.
-    sigmas: Vec<Option<f64>>,
-    /// The unit in the first cell that has a number.
-    unit: Option<String>,
-    /// Words such as `#N/A`: the first, and how many there are.
-    bad: (String, usize),
-}
-
 /// A row, by its cells.
 type Row<'a> = Vec<Cow<'a, str>>;
 
 impl<'a> Lines<'a> {
-    /// The row of names, and the row of units above a table, with the number of lines before them.
-    fn head(&self, block: &Block) -> (Option<Row<'a>>, Option<Row<'a>>, usize) {
+    /// The rows of names, of names above them, and of units above a table.
+    fn head(&self, block: &Block) -> [Row<'a>; 3] {
         let width = block.layout.cells;
         let fitting = |row: &Row<'a>| {
             let own = row.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
@@ -90,53 +86,55 @@ impl<'a> Lines<'a> {
         };
         let has_unit = |row: &Row<'_>| row.iter().any(|cell| header(cell).1.is_some());
         let is_double = |row: &Row<'_>| {
-            let names: Vec<_> = row.iter().filter(|cell| !cell.is_empty()).collect();
-            names.iter().enumerate().any(|(at, name)| names[..at].contains(name))
+            let mut names = row.iter().filter(|cell| !cell.is_empty());
+            names.any(|name| row.iter().filter(|own| *own == name).count() > 1)
         };
+        let none = Row::new();
         match (above(1), above(2)) {
-            (Some(units), Some(names)) if Self::is_units(&units) => (Some(names), Some(units), 2),
-            (Some(names), Some(units)) if Self::is_units(&units) => (Some(names), Some(units), 2),
+            (Some(units), Some(names)) if Self::is_units(&units) => [names, none, units],
+            (Some(names), Some(units)) if Self::is_units(&units) => [names, none, units],
             (Some(names), Some(upper))
                 if is_double(&names) || has_unit(&upper) && !has_unit(&names) =>
             {
-                let mut group = "";
-                let both = upper.iter().zip(&names).map(|(upper, name)| {
-                    group = if upper.is_empty() { group } else { upper };
-                    let (group, unit) = header(group);
-                    let unit = unit.map_or(String::new(), |unit| format!(" [{unit}]"));
-                    Cow::from(format!("{group} {name}{unit}").trim().to_owned())
-                });
-                (Some(both.collect()), None, 2)
+                [names, upper, none]
             }
-            (Some(names), _) => (Some(names), None, 1),
-            (None, _) => (None, self.bare_units(block), 0),
+            (Some(names), _) => [names, none.clone(), none],
+            (None, _) => [none.clone(), none, self.bare_units(block)],
         }
     }
 
     /// A row above a table that has only a unit for each column, with spaces between them.
-    fn bare_units(&self, block: &Block) -> Option<Row<'a>> {
+    fn bare_units(&self, block: &Block) -> Row<'a> {
         let near = block.head.clone().rev().take(2).map(|at| self.all[at].1.split_whitespace());
-        let rows = near.map(|cells| cells.map(Cow::from).collect::<Row<'a>>());
-        rows.into_iter().find(|row| row.len() == block.layout.numbers.len() && Self::is_units(row))
+        let mut rows = near.map(|cells| cells.map(Cow::from).collect::<Row<'a>>());
+        let is_own = |row: &Row<'_>| row.len() == block.layout.numbers.len() && Self::is_units(row);
+        rows.find(is_own).unwrap_or_default()
     }
 
-    /// The headers of the columns, from the rows above them.
+    /// Says which lines were not read.
+    fn tell_skipped(&self, lines: Range<usize>, place: &str, notes: &mut Vec<String>) {
+        if !lines.is_empty() {
+            let first: String = self.all[lines.start].1.trim().chars().take(40).collect();
+            let count = lines.len();
+            notes.push(format!("{count} line(s) {place} the table were not read: “{first}”."));
+        }
+    }
+
+    /// The headers of the columns, from the rows above them, and whether these have names.
     fn headers(
         &self,
         block: &Block,
         notes: &mut Vec<String>,
     ) -> Result<(Vec<String>, bool), String> {
-        let (names, units, count) = self.head(block);
-        let before = block.head.len() - count;
-        if before > 0 {
-            let first: String = self.all[block.head.start].1.trim().chars().take(40).collect();
-            notes.push(format!("{before} line(s) before the table were not read: “{first}”."));
-        }
+        let [names, upper, units] = self.head(block);
+        let count = [&names, &upper, &units].into_iter().filter(|row| !row.is_empty()).count();
+        let count = if names.is_empty() { 0 } else { count };
+        self.tell_skipped(block.head.start..block.head.end - count, "before", notes);
         let width = block.layout.numbers.len();
-        if names.is_none() && units.is_none() {
-            let last = block.head.clone().next_back();
-            let (line, text) = last.map_or((0, ""), |last| self.all[last]);
-            let count = last.map_or(0, |last| self.cells(last).len());
+        if let Some(last) =
+            block.head.clone().next_back().filter(|_| count == 0 && units.is_empty())
+        {
+            let ((line, text), count) = (self.all[last], self.cells(last).len());
             if (2..width).contains(&count) || text.contains([';', '\t']) && count < 2 {
                 return Err(format!(
                     "The rows have {width} columns, separated by {}, but line {line} has other names: “{}”. Write one \
@@ -146,21 +144,23 @@ impl<'a> Lines<'a> {
                 ));
             }
         }
-        if names.is_none() {
+        if count == 0 {
             notes.push("The table has no row of names, so its columns have numbers.".to_owned());
         }
-        let cell = |row: &Option<Row<'_>>, place: usize| {
-            row.as_ref().and_then(|row| row.get(place)).map_or(String::new(), ToString::to_string)
-        };
+        let mut group = "";
         let header = |place: usize| {
-            let name = Some(cell(&names, place)).filter(|name| !name.is_empty());
-            let name = name.unwrap_or_else(|| format!("column {}", place + 1));
-            match cell(&units, place).trim_matches(['[', ']']) {
-                "" => name,
-                unit => format!("{name} [{unit}]"),
-            }
+            let [name, upper, unit] =
+                [&names, &upper, &units].map(|row| row.get(place).map_or("", |it| it));
+            group = if upper.is_empty() { group } else { upper };
+            let (group, of_group) = header(group);
+            let name = match format!("{group} {name}").trim() {
+                "" => format!("column {}", place + 1),
+                name => name.to_owned(),
+            };
+            let unit = of_group.unwrap_or(unit).trim_matches(['[', ']']);
+            short(&if unit.is_empty() { name } else { format!("{name} [{unit}]") })
         };
-        Ok(((0..width).map(|place| short(&header(place))).collect(), names.is_some()))
+        Ok(((0..width).map(header).collect(), count > 0))
     }
 
     /// The numbers of the columns.
@@ -170,22 +170,19 @@ impl<'a> Lines<'a> {
         headers: &[String],
         decimal: Option<char>,
         notes: &mut Vec<String>,
-    ) -> Result<Vec<Cells>, String> {
-        let mut columns = vec![Cells::default(); headers.len()];
-        // Between cells, commas cannot be decimal marks, so points are.
-        let mut spelling = Spelling::with_sure_point(self.separators == "commas");
+    ) -> Result<Vec<Column>, String> {
+        let mut columns = vec![Column::default(); headers.len()];
+        let mut spelling = Spelling::default();
         // Somebody has taken these rows out of the data.
         let is_out = |at: &usize| self.all[*at].1.starts_with('#');
         let is_all = block.rows.clone().all(|at| is_out(&at));
         let (out, rows): (Vec<_>, Vec<_>) =
             block.rows.clone().partition(|at| is_out(at) && !is_all);
-        if let Some(first) = out.first() {
-            notes.push(format!(
-                "{} row(s) that begin with # were left out, the first in line {}.",
-                out.len(),
-                self.all[*first].0
-            ));
-        }
+        notes.extend(out.first().map(|first| {
+            let (count, line) = (out.len(), self.all[*first].0);
+            format!("{count} row(s) that begin with # were left out, the first in line {line}.")
+        }));
+        let other = decimal.map(|mark| if mark == '.' { [','] } else { ['.'] });
         for (row, at) in rows.into_iter().enumerate() {
             let (line, cells) = (self.all[at].0, self.cells(at));
             if !block.layout.fits(&cells) {
@@ -197,38 +194,38 @@ impl<'a> Lines<'a> {
                     self.separators
                 ));
             }
-            let places =
-                block.layout.numbers.iter().enumerate().filter(|(_, is_number)| **is_number);
-            for (place, cell) in places.map(|(place, _)| (place, &*cells[place])) {
-                let (column, head) = (&mut columns[place], &headers[place]);
+            let places = (0..headers.len()).filter(|place| block.layout.numbers[*place]);
+            for place in places {
+                let (column, cell) = (&mut columns[place], &*cells[place]);
                 let fault = |what: &str| {
                     format!(
-                        "Line {line}: “{}” in “{head}” {what} is not a number. Write it like 1234.5, without separators of \
+                        "Line {line}: “{}” in “{}” {what}is not a number. Write it like 1234.5, without separators of \
                          thousands and without its unit, or leave the cell empty if it is not known",
-                        short(cell)
+                        short(cell),
+                        headers[place]
                     )
                 };
-                let plain = decimal.map_or(cell.into(), |mark| ungrouped(cell, mark));
-                let read = written(&plain).ok_or_else(|| fault("").replace("  ", " "))?;
-                let known = Some(read.value).filter(|value| !value.is_nan());
-                let own = &mut column.unit;
-                if known.is_some() && *own.get_or_insert_with(|| read.unit.into()) != *read.unit {
-                    return Err(fault("has another unit than a cell above it, or none, and"));
+                let plain = other.and_then(|other| ungrouped(cell, &other));
+                let plain = plain.as_deref().unwrap_or(cell);
+                let read = written(plain).ok_or_else(|| fault(""))?;
+                let is_known = !read.value.is_nan();
+                let own = &mut column.stated;
+                if is_known && *own.get_or_insert_with(|| read.unit.into()) != *read.unit {
+                    return Err(fault("has another unit than a cell above it, or none, and "));
                 }
-                if known.is_none() && is_bad(cell) {
+                if is_known {
+                    spelling.see(plain);
+                } else if is_bad(cell) {
                     column.bad = (short(cell), column.bad.1 + 1);
                 }
-                if known.is_some() {
-                    spelling.see(&plain);
-                }
-                column.values.push(known);
+                column.values.push(is_known.then_some(read.value));
                 if read.sigma.is_some() || !column.sigmas.is_empty() {
                     column.sigmas.resize(row, None);
                     column.sigmas.push(read.sigma);
                 }
             }
         }
-        spelling.tell(decimal, notes)?;
+        spelling.tell(decimal, self.separators == "commas", notes)?;
         Ok(columns)
     }
 }
@@ -250,24 +247,22 @@ impl Table {
         let mut notes = Vec::new();
         let text = decode(bytes, &mut notes)?;
         let lines = Lines::of(&text)?;
-        let all: Vec<_> = lines
-            .blocks
-            .iter()
-            .map(|block| [lines.all[block.rows.start].0, block.rows.len()])
-            .collect();
+        let place = |block: &Block| [lines.all[block.rows.start].0, block.rows.len()];
+        let all: Vec<_> = lines.blocks.iter().map(place).collect();
         let block = wanted.checked_sub(1).and_then(|at| lines.blocks.get(at));
         let first = block.map_or(MAX_HEAD, |block| block.rows.start.min(MAX_HEAD));
-        if lines.all.len() - first.min(lines.all.len()) > MAX_ROWS {
+        if lines.all.len().saturating_sub(first) > MAX_ROWS {
             return Err(format!(
                 "The table has more than {MAX_ROWS} rows. Keep, for example, every tenth row"
             ));
         }
-        let Some(block) = block else {
-            return Err(format!(
-                "The file has {} table(s), and no table {wanted}. Write table=1, or leave it out",
-                all.len()
-            ));
-        };
+        let block = block.ok_or_else(|| {
+            let count = all.len();
+            format!("The file has {count} table(s), and no table {wanted}. Write table=1, or leave it out")
+        })?;
+        if let Some(fault) = block.wide_fault() {
+            return Err(fault);
+        }
         notes.push(format!("Cells are separated by {}.", lines.separators));
         if all.len() > 1 {
             let others = all.iter().map(|[line, rows]| format!("line {line} ({rows} rows)"));
@@ -277,13 +272,8 @@ impl Table {
                 all.len(), short(&others)
             ));
         }
-        let after = lines.blocks.get(wanted).map_or(lines.all.len(), |next| next.head.start);
-        if wanted == all.len() && after > block.rows.end {
-            let first: String = lines.all[block.rows.end].1.trim().chars().take(40).collect();
-            notes.push(format!(
-                "{} line(s) after the table were not read: “{first}”.",
-                after - block.rows.end
-            ));
+        if wanted == all.len() {
+            lines.tell_skipped(block.rows.end..lines.all.len(), "after", &mut notes);
         }
         let (headers, has_names) = lines.headers(block, &mut notes)?;
         if !has_names && lines.is_transposed(block) {
@@ -295,47 +285,54 @@ impl Table {
             let is_count = has_names && head == "column 1" && is_count(&cells.values);
             table.add(if is_count { "index" } else { head }, cells)?;
         }
-        let values: Vec<_> = table.columns.iter().map(|column| &column.values[..]).collect();
-        if !has_names && is_map(&values) {
-            return Err(map_fault(block.rows.len(), values.len()));
-        }
-        Ok(table)
+        let first = table.columns.first().filter(|_| !has_names);
+        let map = first.and_then(|it| map_fault(block.rows.len(), headers.len(), Some(&it.values)));
+        map.map_or(Ok(table), Err)
     }
 
     /// Adds a column, and one with the errors of its numbers if they have some.
-    fn add(&mut self, head: &str, cells: Cells) -> Result<(), String> {
+    fn add(&mut self, head: &str, mut column: Column) -> Result<(), String> {
         let (name, unit) = header(head);
-        let mut name = name.to_owned();
-        while self.columns.iter().any(|own| own.name == name) {
-            name.push('\'');
+        name.clone_into(&mut column.name);
+        while self.columns.iter().any(|own| own.name == column.name) {
+            column.name.push('\'');
         }
-        let Cells { values, sigmas, unit: own, bad: (bad, count) } = cells;
-        let mut column = Column { name, unit: None, dimension: None, values, stated: None };
         if !column.values.iter().any(Option::is_some) {
             self.notes.push(format!(
                 "“{head}” has no numbers and was not read. Units belong into the header."
             ));
             return Ok(());
         }
+        let (bad, count) = mem::take(&mut column.bad);
         if count > 0 {
             self.notes.push(format!(
                 "{count} cell(s) of “{head}” with words such as “{bad}” were taken as unknown numbers."
             ));
         }
-        let own = own.filter(|own| !own.is_empty());
+        let (name, values) = (format!("{}{SIGMA}", column.name), mem::take(&mut column.sigmas));
+        let mut errors = Column { name, values, ..Column::default() };
+        let own = column.stated.take().filter(|own| !own.is_empty());
         for unit in unit.into_iter().chain(own.as_deref()) {
             column.convert(unit, &mut self.notes).map_err(|detail| format!("“{head}” {detail}"))?;
+            errors.convert(unit, &mut Vec::new())?;
         }
-        let name = format!("{}{SIGMA}", column.name);
-        let mut errors = Column { name, unit: None, dimension: None, values: sigmas, stated: None };
         self.columns.push(column);
         if !errors.values.is_empty() {
             self.notes.push(format!("The numbers behind ± are the column “{}”.", errors.name));
-            let stated = self.columns.last().and_then(|column| column.stated.clone());
-            stated.map_or(Ok(()), |unit| errors.convert(&unit, &mut Vec::new()))?;
             self.columns.push(errors);
         }
         Ok(())
+    }
+
+    /// Takes masses as the forces that are their weights.
+    pub fn weigh(&mut self) {
+        let masses = self.columns.iter_mut().filter(|it| it.unit.as_deref() == Some("kg"));
+        for column in masses {
+            column.values.iter_mut().flatten().for_each(|value| *value *= GRAVITY);
+            (column.dimension, column.unit) = (Some(Dimension::Force), Some("N".to_owned()));
+            let name = &column.name;
+            self.notes.push(format!("“{name}” is a mass, and was taken as the force that is its weight: 1 kg is {GRAVITY} N."));
+        }
     }
 
     /// A column by its name, which may have a unit if the file states none. Without a name, the first other column than `taken`
@@ -350,24 +347,20 @@ impl Table {
         wanted: Option<&str>,
         (needed, least): (Option<Dimension>, usize),
     ) -> Result<Column, String> {
-        let missing = || "is missing: the file has only one column of numbers".to_owned();
-        let is_like = |column: &&Column| {
-            needed.is_some() && column.dimension == needed || is_weight(column, needed)
-        };
+        let is_like = |column: &&Column| needed.is_some() && column.dimension == needed;
         let is_enough = self.columns.iter().filter(is_like).count() >= least;
         let mut others: Vec<_> =
             self.columns.iter().filter(|column| Some(&*column.name) != taken).collect();
-        if self.columns.len() > 2 {
-            others.sort_by_key(|column| is_index(&column.name));
+        others.sort_by_key(|column| {
+            (is_enough && !is_like(column), self.columns.len() > 2 && is_index(&column.name))
+        });
+        let mut own = others.first().map(|it| &*it.name);
+        if needed == Some(Dimension::Force) && wanted.is_none() {
+            others.retain(is_like);
+            own = friction(&others.iter().map(|it| &*it.name).collect::<Vec<_>>())?.or(own);
         }
-        let like: Vec<_> = others.iter().copied().filter(is_like).map(|it| &*it.name).collect();
-        let like = match needed {
-            Some(Dimension::Force) if wanted.is_none() => friction(&like)?,
-            _ => like.first().copied(),
-        };
-        let own = like.filter(|_| is_enough).or_else(|| others.first().map(|it| &*it.name));
-        let own = own.map(str::to_owned);
-        let wanted = wanted.map(str::to_owned).or(own).ok_or_else(missing)?;
+        let missing = "is missing: the file has only one column of numbers";
+        let wanted = wanted.or(own).ok_or(missing)?.to_owned();
         let is_name = self.columns.iter().any(|column| column.name == wanted);
         let (name, unit) = if is_name { (&*wanted, None) } else { header(&wanted) };
         let found = self.columns.iter().find(|column| column.name == name);
@@ -381,11 +374,6 @@ impl Table {
                 "has values of {function}, as its name “{name}” says. Write the numbers themselves, or choose another column"
             ));
         }
-        if is_weight(&column, needed) {
-            column.values.iter_mut().flatten().for_each(|value| *value *= GRAVITY);
-            (column.dimension, column.unit) = (needed, Some("N".to_owned()));
-            self.notes.push(format!("“{name}” is a mass, and was taken as the force that is its weight: 1 kg is {GRAVITY} N."));
-        }
         match needed.filter(|needed| column.dimension != Some(*needed)) {
             Some(it) => Err(format!(
                 "must be {}. Add its unit, such as {name} [{}], to the row of names, or to this parameter",
@@ -395,9 +383,4 @@ impl Table {
             None => Ok(column),
         }
     }
-}
-
-/// Whether a column has masses where forces are needed.
-fn is_weight(column: &Column, needed: Option<Dimension>) -> bool {
-    needed == Some(Dimension::Force) && column.unit.as_deref() == Some("kg")
 }

@@ -10,20 +10,12 @@ pub const MASSES: [(&str, f64); 4] = [("kg", 1.0), ("g", 1e-3), ("mg", 1e-6), ("
 pub const GRAVITY: f64 = 9.806_65;
 /// Units that a table may have, although neither a scenario nor a measured output has them.
 const FOREIGN: [&str; 7] = ["s", "ms", "min", "h", "Hz", "%", "°C"];
-/// Units that only tables have, with their dimensions and their factors to SI.
-const OTHERS: [(&str, Dimension, f64); 5] = [
-    ("Å", Dimension::Length, 1e-10),
-    ("pm", Dimension::Length, 1e-12),
-    ("gf", Dimension::Force, 1e-3 * GRAVITY),
-    ("kgf", Dimension::Force, GRAVITY),
-    ("kp", Dimension::Force, GRAVITY),
-];
+/// Units that only tables have. Behind each is what it is.
+const OTHERS: &str = "Å 0.1nm pm 0.001nm gf 0.00980665N kgf 9.80665N kp 9.80665N";
 /// Words for units, without the s of a plural, and for their prefixes. Behind each is its symbol.
-const WORDS: &str = "micron um angstrom Å meter m metre m newton N pascal Pa joule J gram g gramforce gf \
-                     kilogramforce kgf inch in degree deg radian rad sec s second s minute min hour h percent %";
+const WORDS: &str = "micron um angstrom Å meter m metre m newton N pascal Pa joule J gram g gramforce gf kilogramforce kgf \
+                     inch in inche in degree deg radian rad sec s second s minute min hour h percent %";
 const PREFIXES: &str = "nano n micro u milli m centi c kilo k mega M giga G";
-/// The shortest word for a unit, in letters.
-const SHORTEST: usize = 3;
 /// Powers of length and force of the dimensions that a product of units can have.
 const PRODUCTS: [(Dimension, [i32; 2]); 7] = [
     (Dimension::Length, [1, 0]),
@@ -38,47 +30,39 @@ const PRODUCTS: [(Dimension, [i32; 2]); 7] = [
 /// A known unit: its dimension, `None` if no quantity of a scenario has it, the unit in SI, and the factor to that.
 pub type Unit = (Option<Dimension>, String, f64);
 
+/// The text behind a word in a list of pairs.
+fn behind(list: &'static str, word: &str) -> Option<&'static str> {
+    let mut texts = list.split(' ');
+    std::iter::from_fn(|| Some((texts.next()?, texts.next()?)))
+        .find(|it| it.0 == word)
+        .map(|it| it.1)
+}
+
 /// The symbol of a unit that is written as a word, such as `um` for `Microns` or `micrometer`.
-pub fn symbol(text: &str) -> String {
-    let text = text.trim();
-    let inner = |marks: [char; 2]| text.strip_prefix(marks[0])?.strip_suffix(marks[1]);
-    let word =
-        inner(['(', ')']).or(inner(['[', ']'])).unwrap_or(text).trim_matches([' ', ']', '.']);
-    let cubed = ["cubic ", "cu. ", "cu "].iter().find_map(|own| word.strip_prefix(own));
-    if let Some(length) = cubed {
+fn symbol(text: &str) -> String {
+    let word = Some(text.trim_matches([' ', '(', ')', '[', ']', '.']));
+    let word = word.filter(|word| !word.is_empty()).unwrap_or(text);
+    if let Some(length) = ["cubic ", "cu. ", "cu "].iter().find_map(|own| word.strip_prefix(own)) {
         return format!("{}^3", symbol(length));
     }
     let lower = word.to_lowercase().replace(['-', ' '], "");
-    let pairs = |list: &'static str| {
-        let words: Vec<&str> = list.split_whitespace().collect();
-        words.chunks(2).map(|pair| (pair[0], pair[1])).collect::<Vec<_>>()
-    };
-    let word_of = |word: &str| {
-        let singular = word.strip_suffix("es").into_iter().chain(word.strip_suffix('s'));
-        let find = |own: &str| pairs(WORDS).iter().find(|it| it.0 == own).map(|it| it.1);
-        singular.chain([word]).find_map(find)
-    };
+    let of = |word: &str| behind(WORDS, word.trim_end_matches('s'));
     let prefixed = || {
-        let (long, short) = *pairs(PREFIXES).iter().find(|it| lower.starts_with(it.0))?;
-        Some(format!("{short}{}", word_of(&lower[long.len()..])?))
+        let mut ends = (4..=5).filter_map(|end| Some((lower.get(..end)?, of(lower.get(end..)?)?)));
+        ends.find_map(|(long, own)| Some(format!("{}{own}", behind(PREFIXES, long)?)))
     };
-    if lower.len() < SHORTEST || !lower.is_ascii() {
-        return word.to_owned();
-    }
-    word_of(&lower).map(str::to_owned).or_else(prefixed).unwrap_or_else(|| word.to_owned())
+    of(&lower).map(str::to_owned).or_else(prefixed).unwrap_or_else(|| word.to_owned())
 }
 
-/// How many cycles a unit such as `kcycles`, `10^3 cycles` or `thousands` is.
+/// How many cycles a unit such as `kcycles`, `cycles_k`, `10^3 cycles` or `thousands` is.
 fn counts(text: &str) -> Option<f64> {
-    let lower = text.to_lowercase();
-    let plain = lower.strip_suffix('s').unwrap_or(&lower);
-    let (before, is_cycles) = plain.strip_suffix("cycle").map_or((plain, false), |it| (it, true));
-    match before.trim().trim_end_matches(" of").trim_end_matches('s') {
+    let lower = text.to_lowercase().replace("cycles", "cycle");
+    let before = lower.strip_suffix("cycle").or_else(|| lower.strip_prefix("cycle_"));
+    match before.unwrap_or(&lower).trim().trim_end_matches(" of").trim_end_matches('s') {
         "thousand" => Some(1e3),
         "million" => Some(1e6),
-        "k" | "kilo" | "10^3" | "10³" | "1e3" | "1000" if is_cycles => Some(1e3),
-        "mega" | "10^6" | "10⁶" | "1e6" | "1000000" if is_cycles => Some(1e6),
-        "m" if is_cycles && text.starts_with('M') => Some(1e6),
+        "k" | "kilo" | "10^3" | "10³" | "1e3" | "1000" if before.is_some() => Some(1e3),
+        "m" | "mega" | "10^6" | "10⁶" | "1e6" | "1000000" if before.is_some() => Some(1e6),
         _ => None,
     }
 }
@@ -88,12 +72,11 @@ pub fn unit(text: &str) -> Option<Unit> {
     let text = &*symbol(text);
     let plain = text.replace(['µ', 'μ'], "u");
     let mass = MASSES.iter().find(|it| it.0 == plain).map(|it| (None, "kg", it.1));
-    let other = OTHERS.iter().find(|it| it.0 == plain).map(|it| (Some(it.1), it.1.si(), it.2));
     let of = |it: Dimension| Some((Some(it), it.si(), parse(&format!("1 {text}"), it).ok()?));
     let known = match text {
         _ if PLAIN.contains(&text) => Some((Some(Dimension::Number), "1", 1.0)),
         _ if FOREIGN.contains(&text) => Some((None, text, 1.0)),
-        _ => mass.or(other).or_else(|| Dimension::ALL.into_iter().find_map(of)),
+        _ => mass.or_else(|| Dimension::ALL.into_iter().find_map(of)),
     };
     known
         .or_else(|| Some((Some(Dimension::Number), "1", counts(text)?)))
@@ -114,29 +97,26 @@ pub fn exponent(text: &str) -> Option<i32> {
     plain.parse().ok().filter(|exponent: &i32| exponent.abs() < 400)
 }
 
+/// The powers of length and force of a unit, and its factor to SI.
+fn factors(name: &str) -> Option<([i32; 2], f64)> {
+    let text = behind(OTHERS, name).map_or_else(|| format!("1 {name}"), str::to_owned);
+    PRODUCTS[..5].iter().find_map(|it| Some((it.1, parse(&text, it.0).ok()?)))
+}
+
 /// A product of units, such as `mm3/N/m` or `mm^3 N^-1 m^-1`.
 fn product(text: &str) -> Option<(Option<Dimension>, &'static str, f64)> {
     let (mut powers, mut factor) = ([0, 0], 1.0);
     for (place, part) in text.split('/').enumerate() {
-        for term in part.split([' ', '·', '⋅', '*', '(', ')']).filter(|term| !term.is_empty()) {
+        let terms = part.split([' ', '·', '⋅', '*', '(', ')']);
+        for term in terms.filter(|term| !["", "1"].contains(term)) {
             let end = term.find(|it: char| !it.is_alphabetic() && it != '°').unwrap_or(term.len());
-            let (name, power) = term.split_at(end);
-            if term == "1" {
-                continue;
-            }
             // A number alone, as in `V 3`, is no unit.
-            if name.is_empty() {
-                return None;
-            }
-            let power = if power.is_empty() { 1 } else { exponent(power)? };
-            let exponent = if place > 0 { -power } else { power };
-            let known = PRODUCTS[..5].iter().find_map(|(dimension, own)| {
-                Some((own, parse(&format!("1 {}", symbol(name)), *dimension).ok()?))
-            });
-            let (own, of_one) = known?;
-            let power = (0..exponent.abs().min(9)).fold(1.0, |power, _| power * of_one);
-            factor *= if exponent < 0 { 1.0 / power } else { power };
-            (0..2).for_each(|at| powers[at] += exponent * own[at]);
+            let (own, of_one) = (end > 0).then(|| factors(&symbol(&term[..end])))??;
+            let power = if end < term.len() { exponent(&term[end..])? } else { 1 };
+            let power = if place > 0 { -power } else { power };
+            let of_all = (0..power.abs().min(9)).fold(1.0, |all, _| all * of_one);
+            factor *= if power < 0 { 1.0 / of_all } else { of_all };
+            (0..2).for_each(|at| powers[at] += power * own[at]);
         }
     }
     let (dimension, _) = PRODUCTS.iter().find(|(_, own)| *own == powers)?;

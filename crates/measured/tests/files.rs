@@ -514,6 +514,8 @@ fn units_are_found_behind_names_and_as_words() {
         ("V [cubic micrometers]", "V", "m^3", 1e-18),
         ("wear volume cubic mm", "wear volume", "m^3", 1e-9),
         ("kcycles", "cycles", "1", 1e3),
+        ("cycles_k", "cycles", "1", 1e3),
+        ("mcycles", "cycles", "1", 1e6),
         ("cycles (thousands)", "cycles", "1", 1e3),
         ("10^3 cycles", "cycles", "1", 1e3),
         ("N [Mcycles]", "N", "1", 1e6),
@@ -570,6 +572,7 @@ fn each_message_leads_to_the_mend() {
         ("V [mm^3]", "wear_volume", "choose the column with its unit as y: wear_volume [mm^3]"),
         ("0.0042", "0,0042", "Write all of them with the same decimal mark"),
         ("0.0042", "0.oo42", "Line 3: “0.oo42” in “V [mm^3]” is not a number"),
+        ("1000;", "1000", "Line 2 has 1 cell(s), but the table has 2 columns"),
         (
             "2000;",
             "2000\t",
@@ -641,15 +644,20 @@ fn names_cells_and_shape_of_a_table_are_obeyed() {
         ),
         (table("cycles;log10(V) [mm^3]", |at| format!("{at};1\n")), "/y: has values of log10"),
         (table("ln N;V [mm^3]", |at| format!("{at};1\n")), "/x: has values of ln, as its name"),
+        (table("N;V_log [mm^3]", |at| format!("{at};1\n")), "/y: has values of log, as its name"),
+        (table("N;dV [mm^3]", |at| format!("{at};1\n")), "/y: has the increments between readings"),
         (
             table("cycles;ΔV [mm^3]", |at| format!("{at};1\n")),
             "/y: has the increments between readings",
         ),
         (
             volumes.replace("000;0.", ",000;"),
-            "“5,000” can be 5000 or 5.000. Write decimal=. if its mark separates",
+            "“5,000” can be 5000 or 5.000. Write decimal=\".\" (--decimal .) if its mark separates",
         ),
-        (volumes.replace("000;0.", ".000;"), "decimal=. if it is the decimal mark"),
+        (
+            volumes.replace("000;0.", ".000;"),
+            "decimal=\".\" (--decimal .) if it is the decimal mark",
+        ),
     ] {
         let said = refused(text.as_bytes(), &ALL);
         assert!(said.contains(told), "{told}: {said}");
@@ -662,7 +670,7 @@ fn names_cells_and_shape_of_a_table_are_obeyed() {
         assert_eq!(x(&read)[4], value, "{mark}{decimal}");
     }
     let said = refused(powers.replace('.', ",").as_bytes(), &Wanted { decimal: Some('.'), ..ALL });
-    assert!(said.contains("is no number with decimal=."), "{said}");
+    assert!(said.contains("is no number with decimal=\".\""), "{said}");
 }
 
 /// Only a friction force makes a loop.

@@ -338,3 +338,33 @@ fn a_record_that_ends_at_a_reversal_is_cut_there() {
     let energy = found.prepared["energy_per_cycle"].as_f64().expect("a mean");
     assert!((energy / (std::f64::consts::PI * 5e-4) - 1.0).abs() < 0.02, "{energy}");
 }
+
+#[test]
+fn long_spikes_short_neighbours_and_columns_without_a_loop_are_told() {
+    let ten = stick(2001, |time| 10.0 * (TAU * time).sin())[200..].to_vec();
+    let mut spikes = ten.clone();
+    for row in (300..305).chain(700..703).chain([1111]) {
+        spikes[row].0 += 200.0;
+    }
+    let gaps = |row: &usize| !(310..370).contains(row) && !(510..570).contains(row);
+    let gaps: Vec<_> = (0..ten.len()).filter(gaps).map(|row| ten[row]).collect();
+    let elastic: Vec<_> = ten.iter().map(|(x, _)| (*x, 2.0 * x)).collect();
+    let still: Vec<_> = ten.iter().map(|(_, force)| (7.0, *force)).collect();
+    let said = |rows: &[(f64, f64)]| {
+        let found = read(file(rows.iter().copied()).as_bytes(), &LOOP);
+        let told = |found: Measured| {
+            (found.prepared["energy_per_cycle"].as_f64().unwrap(), found.notes.join("\n"))
+        };
+        found.map_or_else(|faults| (f64::NAN, faults.0[0].detail.clone()), told)
+    };
+    for (rows, energy, told) in [
+        (&spikes, 1.5e-3, "9 row(s) with spikes were left out, the first is row 301"),
+        (&gaps, 1.5e-3, "2 cycle(s) with fewer rows than their neighbours"),
+        (&elastic, 0.0, "in 9 cycle(s): all of it in cycle"),
+        (&still, f64::NAN, "choose the column of the displacement as x"),
+    ] {
+        let (found, notes) = said(rows);
+        assert!(notes.contains(told), "{told}: {notes}");
+        assert!(energy.is_nan() || (found - energy).abs() < 3e-6, "{told}: {found}");
+    }
+}
