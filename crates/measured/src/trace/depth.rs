@@ -4,7 +4,7 @@
 //! width. The widest one counts that is as deep as all narrower ones, less what noise adds to the largest of their means (intersection of confidence intervals, Goldenshluger
 //! and Nemirovski 1997).
 
-use super::scar::Scar;
+use super::scar::{Gap, Scar};
 
 /// The first window is this share of the scar, but not fewer points. Each one is wider by the factor, up to the last share.
 const FIRST: f64 = 1.0 / 80.0;
@@ -21,30 +21,29 @@ pub fn deepest(points: &[(f64, f64)], scar: &Scar) -> (f64, f64) {
     let depths: Vec<f64> =
         scar.found.heights[range.clone()].iter().map(|height| -outwards * height).collect();
     let count = depths.len() as f64;
-    let mut size = (FIRST * count).max(FEWEST);
-    let (mut found, mut before, mut least) = ((0.0, surface.scatter, 0), None, f64::NEG_INFINITY);
+    let (mut size, mut before, mut least) = ((FIRST * count).max(FEWEST), None, f64::NEG_INFINITY);
+    let (mut found, mut errors, mut near) = (0.0, [surface.scatter, 0.0, 0.0], 0..0);
     while size <= (LAST * count).max(FEWEST).min(count) {
         let window = size as usize;
         let starts = (0..=depths.len() - window).step_by(((MOVE * size) as usize).max(1));
-        let means = starts.map(|start| {
-            (depths[start..start + window].iter().sum::<f64>() / size.floor(), start + window / 2)
-        });
+        let mean = |start| depths[start..start + window].iter().sum::<f64>() / window as f64;
+        let means = starts.map(|start| (mean(start), range.start + start));
         let Some((mean, at)) = means.max_by(|one, other| one.0.total_cmp(&other.0)) else { break };
-        let error = surface.scatter * (surface.together / size).min(1.0).sqrt();
         if mean < least {
             break;
         }
+        near = at..at + window;
+        let weights = near.clone().map(|at| (points[at].0, 1.0 / window as f64));
+        let [scatter, unworn] = surface.error(weights);
         // The largest of several means is too large by about this many standard deviations.
         let chosen = (2.0 * libm::log((count / size).max(1.0))).sqrt();
-        least = least.max(mean - chosen * error);
+        least = least.max(mean - chosen * scatter);
         // A wider window is shallower by the square of its width, so half of what it lost was lost in the last step.
         let change = before.map_or(0.0, |before| 2.0 * (mean - before));
-        before = Some(mean);
-        found = (mean, libm::hypot(error, change), range.start + at);
+        (found, before, errors) = (mean, Some(mean), [scatter, unworn, change]);
         size *= FACTOR;
     }
-    let (value, error, at) = found;
-    let gaps = scar.gaps.iter().filter(|gap| gap.range.contains(&at));
-    let error = gaps.fold(error, |error, gap| libm::hypot(error, gap.error));
-    (value, libm::hypot(error, surface.error([(points[at].0, 1.0)].into_iter())))
+    let beside = |gap: &&Gap| gap.range.start <= near.end && gap.range.end >= near.start;
+    let gaps = scar.gaps.iter().filter(beside).map(|gap| gap.error);
+    (found, errors.into_iter().chain(gaps).fold(0.0, libm::hypot))
 }

@@ -22,7 +22,7 @@ mod wanted;
 
 use serde_json::{Value, json};
 
-use points::{FEWEST, ascending, known};
+use points::ascending;
 use radial::Radial;
 use scar::Scar;
 use sizes::{Size, Sizes};
@@ -43,20 +43,10 @@ pub fn profile(
     notes: &mut Vec<String>,
 ) -> Result<Value, String> {
     let is_half = wanted.prepare == Prepare::Half;
-    let (points, gaps) = ascending(known(x, z)?, is_half, notes)?;
-    if points.len() < FEWEST {
-        return Err(if is_half {
-            "has too few points with x above 0. The axis must be at x = 0".into()
-        } else {
-            format!(
-                "needs {FEWEST} points that are no drop-outs at different x. It has {}",
-                points.len()
-            )
-        });
-    }
+    let points = ascending((x, z), is_half, notes)?;
     let mirrored = wanted.scar.filter(|_| is_half).map(|[_, to]| [-to, to]);
     let wanted = &Wanted { scar: mirrored.or(wanted.scar), ..*wanted };
-    let scar = scar::scar(&points, gaps, wanted, notes)?;
+    let scar = scar::scar(&points, wanted, notes)?;
     let sizes = Sizes::new(&points, &scar, wanted.centre);
     let (first, last, axis) = (points[0].0, points[points.len() - 1].0, sizes.axis.0);
     let ends = scar.ends(&points);
@@ -110,7 +100,7 @@ fn tell(
     let is_hollow = scar.outwards * unworn.bend() > 0.0;
     let hollow = if is_hollow { ", and the surface is hollow" } else { "" };
     let line = ". A line was subtracted from the trace before, so the circle has its own tilt";
-    let line = if unworn.is_sheared { line } else { "" };
+    let line = if unworn.is_sheared() { line } else { "" };
     let plane = || "Outside of the scar, the surface is plane within its scatter.".to_owned();
     notes.push(unworn.radius().map_or_else(plane, |radius| {
         format!("The radius outside of the scar is {:.5} mm{hollow}{line}.", radius * 1e3)

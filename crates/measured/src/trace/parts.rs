@@ -6,8 +6,9 @@
 
 use std::ops::Range;
 
-use super::points::{heights, median, noise, resolution};
+use super::points::{median, noise, resolution};
 use super::surface::Surface;
+use crate::curve::smooth;
 
 /// One in this many points at each end must be unworn.
 pub const UNWORN: usize = 10;
@@ -75,59 +76,35 @@ fn sums(values: impl Iterator<Item = f64>) -> Vec<f64> {
     std::iter::once(0.0).chain(next).collect()
 }
 
-/// Means of each number and of up to `half` numbers on each side.
-fn moving_means(values: &[f64], half: usize) -> Vec<f64> {
-    let sums = sums(values.iter().copied());
-    let ends = |at: usize| (at.saturating_sub(half), (at + half + 1).min(values.len()));
-    let ends = (0..values.len()).map(ends);
-    ends.map(|(from, after)| (sums[after] - sums[from]) / (after - from) as f64).collect()
-}
-
 /// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
-/// known. Points in gaps are not used. `edge` is where the surface may rise by a step.
-pub fn find(
-    points: &[(f64, f64)],
-    gaps: &[Range<usize>],
-    window: Option<[f64; 2]>,
-    edge: Option<[f64; 2]>,
-) -> Found {
+/// known. `edge` is where the surface may rise by a step.
+pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 2]>) -> Found {
     let count = points.len();
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
     let noise = noise(points) / (2.0 * half as f64 + 1.0).sqrt();
+    let rounding = resolution(points) / 12_f64.sqrt();
     let is_beside = |at: usize, reach: f64| {
-        let beside = |[from, to]: [f64; 2]| {
+        window.is_none_or(|[from, to]| {
             let (x, reach) = (points[at].0, reach * (to - from));
             x < from && x > from - reach || x > to && x < to + reach
-        };
-        window.is_none_or(beside)
+        })
     };
-    let is_outside = |at: usize| is_beside(at, f64::INFINITY);
-    let is_end = |at: usize| at < count / UNWORN || at >= count - count / UNWORN;
+    let is_end = |at: usize| at.min(count - 1 - at) < count / UNWORN;
     let is_first = |at: usize| is_beside(at, REACH) && (window.is_some() || is_end(at));
-    let measured = |is_used: Vec<bool>| {
-        let mut own = is_used.clone();
-        for gap in gaps {
-            own[gap.clone()].fill(false);
-        }
-        if own.iter().filter(|is_used| **is_used).count() < FEWEST { is_used } else { own }
-    };
-    // A curve in a gap has heights between the steps of the instrument.
-    let known = heights(points).into_iter().zip(measured(vec![true; count]));
-    let known: Vec<f64> =
-        known.filter(|(_, is_known)| *is_known).map(|(height, _)| height).collect();
-    let rounding = resolution(&known) / 12_f64.sqrt();
-    let mut is_unworn = measured((0..count).map(is_first).collect());
+    let mut is_unworn: Vec<bool> = (0..count).map(is_first).collect();
     let (mut is_grown, mut attempt) = (false, 0);
     loop {
         let surface = Surface::through(points, &is_unworn, edge, rounding);
         let heights: Vec<f64> = points.iter().map(|(x, z)| z - surface.at(*x)).collect();
-        let mean = moving_means(&heights, half);
+        let mean = smooth(&heights, 2 * half + 1);
         let near = mean.iter().zip(&is_unworn).filter(|(_, is_unworn)| **is_unworn);
         let scale = (1.4826 * median(near.map(|(mean, _)| mean.abs()).collect())).max(noise);
         let largest = mean.iter().fold(0.0, |most: f64, mean| most.max(mean.abs()));
         // First, the unworn points grow from the ends. Then they are all points but those of the parts.
-        let is_near = |at: usize| is_outside(at) && (is_grown || mean[at].abs() <= NEAR * scale);
-        let mut next = measured((0..count).map(is_near).collect());
+        let is_near = |at: usize| {
+            is_beside(at, f64::INFINITY) && (is_grown || mean[at].abs() <= NEAR * scale)
+        };
+        let mut next: Vec<bool> = (0..count).map(is_near).collect();
         let mut parts = Vec::new();
         if is_grown {
             let stretches = stretches(&mean, (SURE * scale).max(SHARE * largest));
@@ -135,9 +112,7 @@ pub fn find(
         }
         for Part { range, .. } in &parts {
             // Beside a wide part, two thirds of a side stay.
-            let own = range.len() / UNWORN;
-            let margin =
-                |side: usize| half + if side * UNWORN > count { own.min(side / 3) } else { own };
+            let margin = |side: usize| half + (range.len() / UNWORN).min(side / 3);
             let from = range.start.saturating_sub(margin(range.start));
             next[from..(range.end + margin(count - range.end)).min(count)].fill(false);
         }
@@ -145,7 +120,7 @@ pub fn find(
         let is_stable = next == is_unworn;
         let found = Found { surface, heights, is_unworn: next, parts };
         if attempt == TRIES || is_grown && is_stable || found.unworn() < FEWEST {
-            return Found { is_unworn, ..found };
+            return found;
         }
         is_grown |= is_stable || attempt == TRIES / 2;
         is_unworn = found.is_unworn;
@@ -157,8 +132,8 @@ pub fn whole(points: &[(f64, f64)], found: &Found, range: Range<usize>) -> Optio
     let own = &found.heights[range.clone()];
     let count = own.len() as f64;
     let mean = own.iter().sum::<f64>() / count;
-    let scatter = found.surface.scatter * (found.surface.together / count).min(1.0).sqrt();
-    let surface = found.surface.error(range.clone().map(|at| (points[at].0, 1.0 / count)));
+    let [scatter, surface] =
+        found.surface.error(range.clone().map(|at| (points[at].0, 1.0 / count)));
     let is_sure = mean.abs() > 2.0 * libm::hypot(scatter, surface);
     is_sure.then(|| with_area(points, &found.heights, range))
 }
@@ -191,7 +166,13 @@ fn part(points: &[(f64, f64)], heights: &[f64], stretch: Range<usize>, half: usi
 }
 
 fn with_area(points: &[(f64, f64)], heights: &[f64], range: Range<usize>) -> Part {
-    let width = |at: usize| points[(at + 1).min(heights.len() - 1)].0 - points[at.max(1) - 1].0;
-    let area = range.clone().map(|at| 0.5 * heights[at] * width(at)).sum();
+    let area = range.clone().map(|at| heights[at] * share(points, at, &|_| 1.0)).sum();
     Part { range, area }
+}
+
+/// The integral of a weight over the length for which a point stands, half of the way to both neighbours.
+pub fn share(points: &[(f64, f64)], at: usize, weight: &dyn Fn(f64) -> f64) -> f64 {
+    let neighbours = [at.max(1) - 1, (at + 1).min(points.len() - 1)];
+    let lengths = neighbours.map(|other| 0.5 * (points[other].0 - points[at].0));
+    lengths.iter().map(|length| length.abs() * weight(points[at].0 + 0.5 * length)).sum()
 }

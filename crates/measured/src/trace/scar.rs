@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::parts::{self, Found, Part, REACH, UNWORN};
-use super::points::{Beyond, beyond, heights, noise, range};
+use super::points::{clipped, limits, median, noise};
 use super::surface::{Points, Surface};
 use super::wanted::{Prepare, Up, Wanted};
 
@@ -29,7 +29,9 @@ const BESIDE: usize = 8;
 const RUN: (usize, usize) = (3, 8);
 const SCATTER: f64 = 2.0;
 const SHARE: f64 = 0.01;
-/// A note names a gap of at least this share of the width of the scar. A gap of more than the second share is refused.
+/// A gap is longer than this many times the usual distance, and this share of the scar. A gap of more than the second share
+/// is refused.
+const GAP: f64 = 1.7;
 const TOLD: f64 = 0.02;
 const HIDDEN: f64 = 0.4;
 /// The core of a scar is deeper than this share of the largest depth.
@@ -52,10 +54,10 @@ pub struct Scar {
     pub gaps: Vec<Gap>,
 }
 
-/// Points whose heights are not known.
+/// A stretch whose heights are not known, or of which some are clipped.
 #[derive(Debug, Clone)]
 pub struct Gap {
-    /// The points.
+    /// The points from its first end to the last one.
     pub range: Range<usize>,
     /// The standard deviation of their mean height.
     pub error: f64,
@@ -76,7 +78,7 @@ fn farther(wanted: &Wanted<'_>) -> &'static str {
 }
 
 /// The first and the last position of some points.
-fn ends(points: &[(f64, f64)], range: &Range<usize>) -> [f64; 2] {
+pub fn ends(points: &[(f64, f64)], range: &Range<usize>) -> [f64; 2] {
     [points[range.start].0, points[range.end - 1].0]
 }
 
@@ -119,12 +121,7 @@ fn outwards(found: &Found, points: &Points, wanted: &Wanted<'_>, notes: &mut Vec
 ///
 /// # Errors
 /// There is none, there are several, or the unworn surface is not one plane or circle.
-pub fn scar(
-    points: &Points,
-    gaps: Vec<Range<usize>>,
-    wanted: &Wanted<'_>,
-    notes: &mut Vec<String>,
-) -> Result<Scar, String> {
+pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<Scar, String> {
     let window = wanted.scar;
     let at = |end: f64| points.partition_point(|point| point.0 < end);
     if let Some([from, to]) = window {
@@ -138,9 +135,9 @@ pub fn scar(
             ));
         }
     }
-    let mut found = parts::find(points, &gaps, window, None);
+    let mut found = parts::find(points, window, None);
     if let Some(window) = window {
-        let stepped = parts::find(points, &gaps, Some(window), Some(window));
+        let stepped = parts::find(points, Some(window), Some(window));
         if is_step(&stepped.surface) {
             found = stepped;
             notes.push(format!(
@@ -160,18 +157,10 @@ pub fn scar(
     let outwards = outwards(&found, points, wanted, notes);
     let is_added = |part: &Part| part.area * outwards > 0.0;
     let (added, removed): (Vec<_>, Vec<_>) = found.parts.iter().cloned().partition(is_added);
-    let gaps: Vec<_> = gaps.into_iter().map(|range| Gap { range, error: 0.0 }).collect();
-    let clipped = beyond(points);
-    if let Some(Beyond { count, end, .. }) = &clipped {
-        notes.push(format!(
-            "{count} points have the {end} height, several of them in a row: they are clipped, because the range of the \
-             instrument ends there. Depth and volume are lower limits."
-        ));
-    }
-    let mut scar = Scar { found, outwards, range: 0..0, removed, added, gaps };
+    let mut scar = Scar { found, outwards, range: 0..0, removed, added, gaps: Vec::new() };
     if scar.found.parts.is_empty() {
         let surface = &scar.found.surface;
-        let [low, high] = range(&heights(points));
+        let [low, high] = limits(points);
         let is_one = surface.scatter < (ROUGH.0 * noise(points)).max(ROUGH.1 * (high - low));
         return match window {
             None if surface.is_round && is_one => Ok(scar),
@@ -188,8 +177,6 @@ pub fn scar(
     scar.check_sign(points, wanted)?;
     scar.choose_one(points, wanted, notes)?;
     scar.check_gaps(points, notes)?;
-    let clipped = clipped.map(|it| Gap { range: it.range, error: it.height.abs() });
-    scar.gaps.extend(clipped);
     Ok(scar)
 }
 
@@ -310,44 +297,53 @@ impl Scar {
         Ok(())
     }
 
-    /// Tells the gaps in the scar and their errors, and refuses one that hides too much. The error contains how the curve differs
-    /// from a line, that the height may be any between those of its ends, and structures that are as deep as the gap is wide.
+    /// Finds gaps in the scar and where its depth is clipped, and refuses a gap that hides too much. A line fills a gap. It may
+    /// hide any height between those of its ends, and structures that are as deep as the gap is wide.
     fn check_gaps(&mut self, points: &[(f64, f64)], notes: &mut Vec<String>) -> Result<(), String> {
+        let Range { start, end } = self.range;
         let [first, last] = ends(points, &self.range);
-        let share = |[from, to]: [f64; 2]| {
-            if from < last && to > first {
-                (to - from) / (to.max(last) - from.min(first))
-            } else {
-                0.0
-            }
-        };
-        let around = |gap: &Gap| ends(points, &(gap.range.start - 1..gap.range.end + 1));
         let heights = &self.found.heights;
-        let deepest =
-            heights[self.range.clone()].iter().fold(0.0, |most: f64, it| most.max(it.abs()));
-        for gap in &mut self.gaps {
-            let [z0, z1] = [gap.range.start - 1, gap.range.end].map(|at| heights[at]);
-            let mean = heights[gap.range.clone()].iter().sum::<f64>() / gap.range.len() as f64;
-            let (bend, hidden) = (mean - 0.5 * (z0 + z1), share(around(gap)) * deepest);
-            gap.error = (bend * bend + ((z1 - z0) * (z1 - z0) + hidden * hidden) / 12.0).sqrt();
-        }
-        let all: Vec<_> = self.gaps.iter().map(around).filter(|it| share(*it) > TOLD).collect();
-        let said = |[from, to]: &[f64; 2]| format!("x = {:.3} um to {:.3} um", UM * from, UM * to);
-        if let Some(gap) = all.iter().find(|gap| share(**gap) > HIDDEN) {
+        let deepest = heights[start..end].iter().fold(0.0, |most: f64, it| most.max(it.abs()));
+        let share = |range: &Range<usize>| {
+            let [from, to] = ends(points, range);
+            (to - from) / (to.max(last) - from.min(first))
+        };
+        let width = |at: &usize| points[at + 1].0 - points[*at].0;
+        let all = start.saturating_sub(1)..end.min(points.len() - 1);
+        let pace = median(all.clone().map(|at| width(&at)).collect());
+        let ranges = all.filter(|at| width(at) > GAP * pace).map(|at| at..at + 2);
+        let ranges: Vec<_> = ranges.filter(|range| share(range) > TOLD).collect();
+        let said = |range: &Range<usize>| {
+            let [from, to] = ends(points, range).map(|x| UM * x);
+            format!("x = {from:.3} um to {to:.3} um")
+        };
+        if let Some(range) = ranges.iter().find(|range| share(range) > HIDDEN) {
             return Err(format!(
                 "has no measured heights from {}, {:.0} % of the scar. Measure the trace again, with settings at which the \
                  instrument sees that part, or along another line",
-                said(gap),
-                100.0 * share(*gap)
+                said(range),
+                100.0 * share(range)
             ));
         }
-        if !all.is_empty() {
-            let said: Vec<String> = all.iter().map(said).collect();
+        if !ranges.is_empty() {
+            let said: Vec<String> = ranges.iter().map(said).collect();
             notes.push(format!(
-                "The scar has gaps without measured heights: from {}. A curve that continues both sides fills them. The errors \
-                 of depth, area and volume contain what they can hide.",
+                "The scar has gaps without measured heights: from {}. Lines fill them. The errors of depth, area and volume \
+                 contain what they can hide.",
                 said.join(", ")
             ));
+        }
+        let error = |range: &Range<usize>| {
+            let hidden = share(range) * deepest;
+            libm::hypot(heights[range.start] - heights[range.end - 1], hidden) / 12_f64.sqrt()
+        };
+        self.gaps = ranges.into_iter().map(|range| Gap { error: error(&range), range }).collect();
+        if let Some((range, count, end)) = clipped(points) {
+            notes.push(format!(
+                "{count} points have the {end} height, several of them in a row: they are clipped, because the range of the \
+                 instrument ends there. Depth and volume are lower limits."
+            ));
+            self.gaps.push(Gap { error: share(&range) * deepest, range });
         }
         Ok(())
     }
@@ -391,7 +387,7 @@ impl Scar {
         let width = (last - first) / STEPS;
         let tried = (1..STEPS as usize).map(|at| {
             let x = first + at as f64 * width;
-            (x, parts::find(&thinned, &[], None, Some([x - 1e-3 * width, x + 1e-3 * width])))
+            (x, parts::find(&thinned, None, Some([x - 1e-3 * width, x + 1e-3 * width])))
         });
         let (x, best) = tried.max_by_key(|(_, found)| found.unworn())?;
         let more = best.unworn() as f64 - self.found.unworn() as f64 / thin as f64;

@@ -9,12 +9,11 @@
 //! from the covariance of the unworn surface, for volumes from the axis, and from points that are clipped or left out.
 
 use std::f64::consts::PI;
-use std::ops::Range;
 
 use serde_json::{Value, json};
 
-use super::parts::Part;
-use super::scar::Scar;
+use super::parts::{Part, share};
+use super::scar::{Gap, Scar, ends};
 
 /// Left and right are alike if the centroid is this near to the middle, as a share of the width. Noise moves the ends by
 /// about its share of the depth.
@@ -90,45 +89,23 @@ impl<'a> Sizes<'a> {
         own
     }
 
-    /// Positions, weights and heights of points for an integral of the heights times a weight, and its error from gaps. Lines
-    /// join the part and its neighbours.
-    fn weights(&self, part: &Part, weight: &dyn Fn(f64) -> f64) -> (Vec<(f64, f64, f64)>, f64) {
-        let Range { start, end } = part.range;
-        let (from, after) = (start.saturating_sub(1), (end + 1).min(self.points.len()));
-        let heights = &self.scar.found.heights;
-        let mut found: Vec<_> =
-            (from..after).map(|at| (self.points[at].0, 0.0, heights[at])).collect();
-        for at in 1..found.len() {
-            let (x, length) = (found[at - 1].0, found[at].0 - found[at - 1].0);
-            for (at, share) in [(at - 1, 0.25), (at, 0.75)] {
-                found[at].1 += 0.5 * length * weight(x + share * length);
-            }
-        }
-        let gaps = self.scar.gaps.iter().map(|gap| {
-            let inside = gap.range.start.max(from)..gap.range.end.min(after);
-            let inside = if inside.is_empty() { from..from } else { inside };
-            let all: f64 = (inside.clone()).map(|at| found[at - from].1.abs()).sum();
-            all * gap.error * gap.range.len() as f64 / inside.len().max(1) as f64
-        });
-        let gaps = gaps.sum();
-        (found, gaps)
-    }
-
     /// The sum of depths of removed parts, or of heights of added ones, each with a weight.
     fn sum(&self, parts: &[Part], weight: &dyn Fn(f64) -> f64) -> Size {
-        let surface = &self.scar.found.surface;
-        let (own, gaps): (Vec<_>, Vec<f64>) =
-            parts.iter().map(|part| self.weights(part, weight)).unzip();
-        let own = own.concat();
-        let value: f64 = own.iter().map(|(_, weight, height)| weight * height).sum();
-        let squares: f64 = own.iter().map(|(_, weight, _)| weight * weight).sum();
-        let scatter = surface.scatter * (surface.together * squares).sqrt();
+        let Scar { found, gaps, .. } = self.scar;
+        let all = || parts.iter().flat_map(|part| part.range.clone());
+        let weights = || all().map(|at| (self.points[at].0, share(self.points, at, weight)));
+        let value: f64 = all().zip(weights()).map(|(at, own)| own.1 * found.heights[at]).sum();
+        let [scatter, surface] = found.surface.error(weights());
+        let inside = gaps.iter().filter(|gap| all().any(|at| gap.range.contains(&at)));
+        let missing = inside.map(|Gap { range, error }| {
+            let [from, to] = ends(self.points, range);
+            let mean =
+                weight(from).abs() + 4.0 * weight(0.5 * (from + to)).abs() + weight(to).abs();
+            error * (to - from) * mean / 6.0
+        });
         let sign = if parts.first().is_some_and(|part| part.area < 0.0) { -1.0 } else { 1.0 };
-        let missing = gaps.iter().sum();
-        let weights = own.iter().map(|(x, weight, _)| (*x, *weight));
-        let errors = [scatter, surface.error(weights), 0.0, missing];
         // The sum of nothing is −0.
-        Size { value: sign * value + 0.0, errors }
+        Size { value: sign * value + 0.0, errors: [scatter, surface, 0.0, missing.sum()] }
     }
 
     /// The area of parts.
