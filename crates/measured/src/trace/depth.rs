@@ -5,6 +5,7 @@
 //! and Nemirovski 1997).
 
 use super::scar::{Gap, Scar};
+use super::sizes::Size;
 
 /// The first window is this share of the scar, but not fewer points. Each one is wider by the factor, up to the last share.
 const FIRST: f64 = 1.0 / 80.0;
@@ -15,14 +16,12 @@ const LAST: f64 = 0.7;
 const MOVE: f64 = 0.2;
 
 /// The largest depth of the scar, and its standard deviation.
-pub fn deepest(points: &[(f64, f64)], scar: &Scar) -> (f64, f64) {
-    let Scar { range, outwards, .. } = scar;
-    let surface = &scar.found.surface;
-    let depths: Vec<f64> =
-        scar.found.heights[range.clone()].iter().map(|height| -outwards * height).collect();
+pub fn deepest(scar: &Scar<'_>) -> Size {
+    let (range, surface) = (&scar.range, &scar.found.surface);
+    let depths = scar.depths(range);
     let count = depths.len() as f64;
     let (mut size, mut before, mut least) = ((FIRST * count).max(FEWEST), None, f64::NEG_INFINITY);
-    let (mut found, mut errors, mut near) = (0.0, [surface.scatter, 0.0, 0.0], 0..0);
+    let (mut found, mut errors, mut near) = (0.0, [surface.scatter, 0.0, 0.0, 0.0], 0..0);
     while size <= (LAST * count).max(FEWEST).min(count) {
         let window = size as usize;
         let starts = (0..=depths.len() - window).step_by(((MOVE * size) as usize).max(1));
@@ -33,17 +32,18 @@ pub fn deepest(points: &[(f64, f64)], scar: &Scar) -> (f64, f64) {
             break;
         }
         near = at..at + window;
-        let weights = near.clone().map(|at| (points[at].0, 1.0 / window as f64));
+        let weights = near.clone().map(|at| (scar.found.points[at].0, 1.0 / window as f64));
         let [scatter, unworn] = surface.error(weights);
         // The largest of several means is too large by about this many standard deviations.
         let chosen = (2.0 * libm::log((count / size).max(1.0))).sqrt();
         least = least.max(mean - chosen * scatter);
         // A wider window is shallower by the square of its width, so half of what it lost was lost in the last step.
         let change = before.map_or(0.0, |before| 2.0 * (mean - before));
-        (found, before, errors) = (mean, Some(mean), [scatter, unworn, change]);
+        (found, before, errors) = (mean, Some(mean), [scatter, unworn, change, 0.0]);
         size *= FACTOR;
     }
     let beside = |gap: &&Gap| gap.range.start <= near.end && gap.range.end >= near.start;
     let gaps = scar.gaps.iter().filter(beside).map(|gap| gap.error);
-    (found, errors.into_iter().chain(gaps).fold(0.0, libm::hypot))
+    errors[3] = gaps.fold(0.0, libm::hypot);
+    Size { value: found, errors }
 }

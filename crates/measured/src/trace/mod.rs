@@ -24,8 +24,8 @@ use serde_json::{Value, json};
 
 use points::ascending;
 use radial::Radial;
-use scar::Scar;
-use sizes::{Size, Sizes};
+use scar::CHOOSE;
+use sizes::Sizes;
 
 pub use wanted::{ENDS, Prepare, Up, Wanted, ends};
 
@@ -46,21 +46,22 @@ pub fn profile(
     let points = ascending((x, z), is_half, notes)?;
     let mirrored = wanted.scar.filter(|_| is_half).map(|[_, to]| [-to, to]);
     let wanted = &Wanted { scar: mirrored.or(wanted.scar), ..*wanted };
-    let scar = scar::scar(&points, wanted, notes)?;
-    let sizes = Sizes::new(&points, &scar, wanted.centre);
+    let scar = &scar::scar(&points, wanted, notes)?;
+    let sizes = &Sizes::new(scar, wanted.centre);
     let (first, last, axis) = (points[0].0, points[points.len() - 1].0, sizes.axis.0);
-    let ends = scar.ends(&points);
+    let ends = scar.ends();
     let half = ends.map_or(0.0, |ends| 0.5 * (ends[1] - ends[0]));
     if (axis - first).min(last - axis) <= half {
         return Err("has not the whole scar on both sides of x = 0. Remove centre=false".into());
     }
-    let radial = Radial::of(&points, &scar, &sizes, half, wanted.level);
+    let radial = &Radial::of(sizes, half, wanted.level);
     let unworn = &scar.found.surface;
-    let is_hollow = unworn.is_round && scar.outwards * unworn.bend() > 0.0;
-    let is_ball = unworn.is_round && !is_hollow;
-    let indenter = if is_ball { indenter::of(&radial, unworn.scatter, notes) } else { Value::Null };
-    let deepest = depth::deepest(&points, &scar);
-    tell(&points, &scar, &sizes, (&radial, deepest.0), wanted, notes);
+    let is_ball = unworn.is_round && scar.outwards * unworn.bend() <= 0.0;
+    let indenter = if is_ball { indenter::of(radial, unworn.scatter, notes) } else { Value::Null };
+    let deepest = depth::deepest(scar);
+    let volume = sizes.volume(&scar.removed);
+    tell(sizes, radial, wanted, notes);
+    notes.push(format!("The largest depth is {} um.", deepest.text(UM)));
     let side = |side: f64| sizes.side(&scar.removed, side).json();
     let sides = radial.are_different.then(|| {
         json!({
@@ -68,7 +69,7 @@ pub fn profile(
             "right": {"depth": radial.right, "volume_removed": side(1.0)},
         })
     });
-    let Radial { radius, depth, difference, .. } = &radial;
+    let Radial { radius, depth, difference, .. } = radial;
     let data =
         json!({"profile": "wear", "radius": radius, "depth": depth, "sigma": unworn.scatter});
     Ok(json!({
@@ -77,10 +78,10 @@ pub fn profile(
         "trace": {
             "radius": unworn.radius(), "scar": ends, "centre": axis, "tilt": unworn.slope(axis),
             "scatter": unworn.scatter, "difference": difference,
-            "depth": {"value": deepest.0, "error": deepest.1},
+            "depth": deepest.json(),
             "area_removed": sizes.area(&scar.removed).json(),
             "area_added": sizes.area(&scar.added).json(),
-            "volume_removed": sizes.volume(&scar.removed).json(),
+            "volume_removed": volume.json(),
             "volume_added": sizes.volume(&scar.added).json(),
             "sides": sides,
         },
@@ -88,61 +89,59 @@ pub fn profile(
 }
 
 /// Says what was found.
-fn tell(
-    points: &[(f64, f64)],
-    scar: &Scar,
-    sizes: &Sizes<'_>,
-    (radial, deepest): (&Radial, f64),
-    wanted: &Wanted<'_>,
-    notes: &mut Vec<String>,
-) {
-    let (unworn, axis, ends) = (&scar.found.surface, sizes.axis.0, scar.ends(points));
-    let is_hollow = scar.outwards * unworn.bend() > 0.0;
-    let hollow = if is_hollow { ", and the surface is hollow" } else { "" };
-    let line = ". A line was subtracted from the trace before, so the circle has its own tilt";
-    let line = if unworn.is_sheared() { line } else { "" };
+fn tell(sizes: &Sizes<'_>, radial: &Radial, wanted: &Wanted<'_>, notes: &mut Vec<String>) {
+    let Sizes { scar, axis } = sizes;
+    let surface = &scar.found.surface;
+    let hollow =
+        if scar.outwards * surface.bend() > 0.0 { ", and the surface is hollow" } else { "" };
+    let line = if surface.is_sheared() {
+        ". A line was subtracted from the trace before, so the circle has its own tilt"
+    } else {
+        ""
+    };
     let plane = || "Outside of the scar, the surface is plane within its scatter.".to_owned();
-    notes.push(unworn.radius().map_or_else(plane, |radius| {
+    notes.push(surface.radius().map_or_else(plane, |radius| {
         format!("The radius outside of the scar is {:.5} mm{hollow}{line}.", radius * 1e3)
     }));
-    let none = || {
-        "No scar was found, so there are no wear depths. If you know where it is, write scar=FROM..TO, such as scar=0.4..1.6mm."
-            .to_owned()
-    };
-    notes.push(ends.map_or_else(none, |[first, last]| {
-        format!("The scar is from x = {:.3} um to {:.3} um.", UM * first, UM * last)
-    }));
     let removed = if wanted.level { "was removed" } else { "stays in the heights" };
-    let (tilt, scatter) = (1e3 * unworn.slope(axis), UM * unworn.scatter);
-    let (difference, deepest) = (UM * radial.difference, UM * deepest);
     let more = if radial.are_different { ", more than the scatter: `sides` has both" } else { "" };
     notes.extend([
-        format!("The axis is at x = {:.3} um. The tilt of {tilt:.4} um/mm there {removed}.", UM * axis),
-        format!("Points outside of the scar scatter by {scatter:.4} um (root mean square), which is `sigma`."),
         format!(
-            "Left and right were averaged. They differ by {difference:.4} um (root mean square){more}; the largest depth is \
-             {deepest:.4} um."
+            "The axis is at x = {:.3} um. The tilt of {:.4} um/mm there {removed}.",
+            UM * axis.0,
+            1e3 * surface.slope(axis.0)
+        ),
+        format!(
+            "Points outside of the scar scatter by {:.4} um (root mean square), which is `sigma`.",
+            UM * surface.scatter
+        ),
+        format!(
+            "Left and right were averaged. They differ by {:.4} um (root mean square){more}.",
+            UM * radial.difference
         ),
     ]);
-    if ends.is_none() {
+    let Some([first, last]) = scar.ends() else {
+        notes.push(format!(
+            "No scar was found, so there are no wear depths. If you know where it is, {CHOOSE}."
+        ));
         return;
-    }
-    let said =
-        |size: Size, unit: f64| format!("{:.5} ± {:.2}", unit * size.value, unit * size.error());
-    let volume = sizes.volume(&scar.removed);
+    };
     let [removed, added] =
-        [&scar.removed, &scar.added].map(|parts| said(sizes.area(parts), UM * UM));
+        [&scar.removed, &scar.added].map(|parts| sizes.area(parts).text(UM * UM));
+    let volume = sizes.volume(&scar.removed);
     notes.push(format!(
-        "{removed} um^2 were removed below the unworn surface, and {added} um^2 stand above it. About the axis, {} um^3 \
-         were removed.",
-        said(volume, UM * UM * UM)
+        "The scar is from x = {:.3} um to {:.3} um. {removed} um^2 were removed below the unworn surface, and {added} um^2 stand \
+         above it. About the axis, {} um^3 were removed.",
+        UM * first,
+        UM * last,
+        volume.text(UM * UM * UM)
     ));
     let share = volume.error() / volume.value;
     if share > UNCERTAIN {
-        let cause = volume.cause();
         notes.push(format!(
-            "The removed volume is uncertain by {:.1} %, mostly from {cause}.",
-            100.0 * share
+            "The removed volume is uncertain by {:.1} %, mostly from {}.",
+            100.0 * share,
+            volume.cause()
         ));
     }
 }

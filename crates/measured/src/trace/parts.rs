@@ -12,9 +12,8 @@ use crate::curve::smooth;
 
 /// One in this many points at each end must be unworn.
 pub const UNWORN: usize = 10;
-/// A part exceeds this many standard deviations, or this share of the largest height.
+/// A part exceeds this many standard deviations.
 const SURE: f64 = 4.0;
-const SHARE: f64 = 0.01;
 /// A part ends at this share of the limit.
 const LOW: f64 = 0.25;
 /// The moving mean has one in this many points, within bounds.
@@ -48,7 +47,9 @@ impl Part {
 
 /// The unworn surface of a trace, and the parts that deviate from it.
 #[derive(Debug, Clone)]
-pub struct Found {
+pub struct Found<'a> {
+    /// The trace.
+    pub points: &'a [(f64, f64)],
     /// The unworn surface.
     pub surface: Surface,
     /// The heights above the unworn surface.
@@ -59,10 +60,51 @@ pub struct Found {
     pub parts: Vec<Part>,
 }
 
-impl Found {
+impl Found<'_> {
     /// The number of unworn points.
     pub fn unworn(&self) -> usize {
         self.is_unworn.iter().filter(|is_unworn| **is_unworn).count()
+    }
+
+    /// The first and the last position of some points.
+    pub fn ends(&self, range: &Range<usize>) -> [f64; 2] {
+        [self.points[range.start].0, self.points[range.end - 1].0]
+    }
+
+    /// The integral of a weight over the length for which a point stands, half of the way to both neighbours.
+    pub fn share(&self, at: usize, weight: &dyn Fn(f64) -> f64) -> f64 {
+        let x = self.points[at].0;
+        let neighbours = [at.max(1) - 1, (at + 1).min(self.points.len() - 1)];
+        let lengths = neighbours.map(|other| 0.5 * (self.points[other].0 - x));
+        lengths.iter().map(|length| length.abs() * weight(x + 0.5 * length)).sum()
+    }
+
+    fn part(&self, range: Range<usize>) -> Part {
+        let area = range.clone().map(|at| self.heights[at] * self.share(at, &|_| 1.0)).sum();
+        Part { range, area }
+    }
+
+    /// A whole stretch as one part, if its mean height is two standard deviations.
+    pub fn whole(&self, range: Range<usize>) -> Option<Part> {
+        let count = range.len() as f64;
+        let mean = self.heights[range.clone()].iter().sum::<f64>() / count;
+        let errors = self.surface.error(range.clone().map(|at| (self.points[at].0, 1.0 / count)));
+        (mean.abs() > 2.0 * libm::hypot(errors[0], errors[1])).then(|| self.part(range))
+    }
+
+    /// A part whose ends are the extremes of the sum of the heights near the ends of the stretch: the least squares of where a
+    /// change begins.
+    fn exact(&self, stretch: Range<usize>, half: usize) -> Part {
+        let sign = self.heights[stretch.clone()].iter().sum::<f64>().signum();
+        let (from, after) =
+            (stretch.start.saturating_sub(half), (stretch.end + half).min(self.heights.len()));
+        let sums = sums(self.heights[from..after].iter().map(|height| sign * height));
+        // The ends may move by half of the window, but not beyond the middle.
+        let most = (2 * half).min(sums.len() / 2);
+        let order = |one: &usize, other: &usize| sums[*one].total_cmp(&sums[*other]);
+        let start = (0..=most).min_by(order).unwrap_or(0);
+        let end = (sums.len() - 1 - most..sums.len()).max_by(order).unwrap_or(0);
+        self.part(from + start..from + end.max(start + 1))
     }
 }
 
@@ -78,7 +120,7 @@ fn sums(values: impl Iterator<Item = f64>) -> Vec<f64> {
 
 /// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
 /// known. `edge` is where the surface may rise by a step.
-pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 2]>) -> Found {
+pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 2]>) -> Found<'_> {
     let count = points.len();
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
     let noise = noise(points) / (2.0 * half as f64 + 1.0).sqrt();
@@ -99,43 +141,29 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
         let mean = smooth(&heights, 2 * half + 1);
         let near = mean.iter().zip(&is_unworn).filter(|(_, is_unworn)| **is_unworn);
         let scale = (1.4826 * median(near.map(|(mean, _)| mean.abs()).collect())).max(noise);
-        let largest = mean.iter().fold(0.0, |most: f64, mean| most.max(mean.abs()));
         // First, the unworn points grow from the ends. Then they are all points but those of the parts.
         let is_near = |at: usize| {
             is_beside(at, f64::INFINITY) && (is_grown || mean[at].abs() <= NEAR * scale)
         };
-        let mut next: Vec<bool> = (0..count).map(is_near).collect();
-        let mut parts = Vec::new();
-        if is_grown {
-            let stretches = stretches(&mean, (SURE * scale).max(SHARE * largest));
-            parts = stretches.into_iter().map(|it| part(points, &heights, it, half)).collect();
-        }
-        for Part { range, .. } in &parts {
+        let is_unworn_now: Vec<bool> = (0..count).map(is_near).collect();
+        let mut found = Found { points, surface, heights, is_unworn: is_unworn_now, parts: vec![] };
+        for stretch in stretches(&mean, SURE * scale).into_iter().filter(|_| is_grown) {
+            let part = found.exact(stretch, half);
+            let Range { start, end } = part.range;
             // Beside a wide part, two thirds of a side stay.
-            let margin = |side: usize| half + (range.len() / UNWORN).min(side / 3);
-            let from = range.start.saturating_sub(margin(range.start));
-            next[from..(range.end + margin(count - range.end)).min(count)].fill(false);
+            let margin = |side: usize| half + (part.range.len() / UNWORN).min(side / 3);
+            let (from, after) = (start.saturating_sub(margin(start)), end + margin(count - end));
+            found.is_unworn[from..after.min(count)].fill(false);
+            found.parts.push(part);
         }
         attempt += 1;
-        let is_stable = next == is_unworn;
-        let found = Found { surface, heights, is_unworn: next, parts };
+        let is_stable = found.is_unworn == is_unworn;
         if attempt == TRIES || is_grown && is_stable || found.unworn() < FEWEST {
             return found;
         }
         is_grown |= is_stable || attempt == TRIES / 2;
         is_unworn = found.is_unworn;
     }
-}
-
-/// A whole stretch as one part, if its mean height is two standard deviations.
-pub fn whole(points: &[(f64, f64)], found: &Found, range: Range<usize>) -> Option<Part> {
-    let own = &found.heights[range.clone()];
-    let count = own.len() as f64;
-    let mean = own.iter().sum::<f64>() / count;
-    let [scatter, surface] =
-        found.surface.error(range.clone().map(|at| (points[at].0, 1.0 / count)));
-    let is_sure = mean.abs() > 2.0 * libm::hypot(scatter, surface);
-    is_sure.then(|| with_area(points, &found.heights, range))
 }
 
 /// Where the moving mean exceeds the limit, and as far as it is above `LOW` of it.
@@ -148,31 +176,4 @@ fn stretches(mean: &[f64], limit: f64) -> Vec<Range<usize>> {
     });
     let sure = runs.filter(|(_, run)| run.iter().any(|mean| mean.abs() > limit));
     sure.map(|(range, _)| range).collect()
-}
-
-/// A part whose ends are the extremes of the sum of the heights near the ends of the stretch: the least squares of where a
-/// change begins.
-fn part(points: &[(f64, f64)], heights: &[f64], stretch: Range<usize>, half: usize) -> Part {
-    let sign: f64 = heights[stretch.clone()].iter().sum::<f64>().signum();
-    let (from, after) =
-        (stretch.start.saturating_sub(half), (stretch.end + half).min(heights.len()));
-    let sums = sums(heights[from..after].iter().map(|height| sign * height));
-    // The ends may move by half of the window, but not beyond the middle.
-    let most = (2 * half).min(sums.len() / 2);
-    let order = |one: &usize, other: &usize| sums[*one].total_cmp(&sums[*other]);
-    let start = (0..=most).min_by(order).unwrap_or(0);
-    let end = (sums.len() - 1 - most..sums.len()).max_by(order).unwrap_or(0);
-    with_area(points, heights, from + start..from + end.max(start + 1))
-}
-
-fn with_area(points: &[(f64, f64)], heights: &[f64], range: Range<usize>) -> Part {
-    let area = range.clone().map(|at| heights[at] * share(points, at, &|_| 1.0)).sum();
-    Part { range, area }
-}
-
-/// The integral of a weight over the length for which a point stands, half of the way to both neighbours.
-pub fn share(points: &[(f64, f64)], at: usize, weight: &dyn Fn(f64) -> f64) -> f64 {
-    let neighbours = [at.max(1) - 1, (at + 1).min(points.len() - 1)];
-    let lengths = neighbours.map(|other| 0.5 * (points[other].0 - points[at].0));
-    lengths.iter().map(|length| length.abs() * weight(points[at].0 + 0.5 * length)).sum()
 }

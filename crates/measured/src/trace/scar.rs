@@ -9,12 +9,11 @@ use super::wanted::{Prepare, Up, Wanted};
 
 /// A removed part with this share of the area of the scar is another scar.
 const OTHER: f64 = 0.1;
-/// The sides of a ring are alike within this share, in width and in area, and wider than their gap by this factor.
+/// The areas of both sides of a ring are alike within this share, and each side is wider than their gap by this factor.
 const RING: f64 = 0.7;
 const NEAR: f64 = 1.05;
 /// A step counts if it is this many standard deviations, and this many times the scatter.
 const SURE: f64 = 5.0;
-
 /// A step is searched at this many places less one, on at most this many points. With it, this share more of the points are
 /// unworn.
 const STEPS: f64 = 16.0;
@@ -37,11 +36,15 @@ const HIDDEN: f64 = 0.4;
 /// The core of a scar is deeper than this share of the largest depth.
 const CORE: f64 = 0.1;
 
+const UM: f64 = 1e6;
+/// How a user chooses a scar.
+pub const CHOOSE: &str = "choose it with scar=FROM..TO, such as scar=0.4..1.6mm";
+
 /// The scar of a trace.
 #[derive(Debug)]
-pub struct Scar {
+pub struct Scar<'a> {
     /// The unworn surface, and all parts.
-    pub found: Found,
+    pub found: Found<'a>,
     /// The sign of heights out of the material.
     pub outwards: f64,
     /// The points between the ends of the scar. Empty if there is none.
@@ -50,7 +53,7 @@ pub struct Scar {
     pub removed: Vec<Part>,
     /// The parts above the unworn surface.
     pub added: Vec<Part>,
-    /// Gaps, and points beyond the range of the instrument.
+    /// Gaps in the scar, and where its depth is clipped.
     pub gaps: Vec<Gap>,
 }
 
@@ -63,10 +66,6 @@ pub struct Gap {
     pub error: f64,
 }
 
-const UM: f64 = 1e6;
-/// How a user chooses a scar.
-const CHOOSE: &str = "choose it with scar=FROM..TO, such as scar=0.4..1.6mm";
-
 /// What helps if too little is unworn.
 fn farther(wanted: &Wanted<'_>) -> &'static str {
     if wanted.prepare == Prepare::Half {
@@ -75,11 +74,6 @@ fn farther(wanted: &Wanted<'_>) -> &'static str {
     }
     "Measure farther: at each end, a tenth of the trace must be unworn. If the trace begins at the axis, give the axis x = 0 \
      and write prepare=half (on the page: “Trace from the axis”; `fretwork fit` reads whole traces only)"
-}
-
-/// The first and the last position of some points.
-pub fn ends(points: &[(f64, f64)], range: &Range<usize>) -> [f64; 2] {
-    [points[range.start].0, points[range.end - 1].0]
 }
 
 /// A stretch as the parameter that chooses it.
@@ -100,111 +94,112 @@ fn largest<'a>(parts: impl IntoIterator<Item = &'a Part>) -> Option<&'a Part> {
     parts.into_iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()))
 }
 
+/// Whether a surface has a step that is many times the scatter.
+fn is_step(surface: &Surface) -> bool {
+    let (height, error) = surface.step();
+    height.abs() > SURE * error.max(surface.scatter)
+}
+
+/// The unworn surface on both sides of a stretch, and the parts in it.
+fn inside<'a>(
+    points: &'a [(f64, f64)],
+    [from, to]: [f64; 2],
+    notes: &mut Vec<String>,
+) -> Result<Found<'a>, String> {
+    let width = REACH * (to - from);
+    let places = [from - width, from, to, to + width];
+    let [before, first, after, last] =
+        places.map(|end| points.partition_point(|point| point.0 < end));
+    if (first - before).min(after - first).min(last - after) < BESIDE {
+        let [first, last] = [points[0].0, points[points.len() - 1].0].map(|end| 1e3 * end);
+        return Err(format!(
+            "has fewer than {BESIDE} points in or beside {}: x is from {first:.4} mm to {last:.4} mm. Write other ends",
+            named([from, to])
+        ));
+    }
+    let mut found = parts::find(points, Some([from, to]), Some([from, to]));
+    if is_step(&found.surface) {
+        notes.push(format!(
+            "The right side of the scar is {:.4} um higher than the left one. A line between both is the unworn surface. Half \
+             of the difference is in the errors: depth and volume are uncertain.",
+            UM * found.surface.step().0
+        ));
+    } else {
+        found = parts::find(points, Some([from, to]), None);
+    }
+    found.parts = found.parts.iter().filter_map(|part| part.inside(&(first..after))).collect();
+    let inside: usize = found.parts.iter().map(|part| part.range.len()).sum();
+    // The user sees a scar that hardly stands out of the noise.
+    if 2 * inside < after - first {
+        found.parts = found.whole(first..after).into_iter().collect();
+    }
+    Ok(found)
+}
+
 /// The sign of heights out of the material. Only the curvature of a surface may decide without a word of the user: a hump on
 /// a hollow surface is a scar of a ball whose heights count into it.
-fn outwards(found: &Found, points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> f64 {
-    let part = largest(&found.parts);
-    let heights = part.map_or(&[][..], |part| &found.heights[part.range.clone()]);
-    let [from, to] = ends(points, &(0..points.len()));
-    let bow = 0.25 * found.surface.bend() * (to - from) * (to - from);
-    let is_higher = heights.iter().all(|height| height.abs() < bow) && bow > 0.0;
-    let is_turned = found.surface.is_round && is_higher && part.is_none_or(|part| part.area > 0.0);
+fn outwards(found: &Found<'_>, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> f64 {
+    let is_hump = largest(&found.parts).is_none_or(|part| part.area > 0.0);
+    let is_turned = found.surface.is_round && found.surface.bend() > 0.0 && is_hump;
     if wanted.up.is_none() && is_turned {
         let note = "The surface is a ball or cylinder if its heights point into the material, so they were turned. If it \
                     is hollow, write up=out.";
         notes.push(note.to_owned());
     }
-    if wanted.up == Some(Up::In) || wanted.up.is_none() && is_turned { -1.0 } else { 1.0 }
+    if wanted.up.map_or(is_turned, |up| up == Up::In) { -1.0 } else { 1.0 }
 }
 
 /// Finds the scar.
 ///
 /// # Errors
 /// There is none, there are several, or the unworn surface is not one plane or circle.
-pub fn scar(points: &Points, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<Scar, String> {
-    let window = wanted.scar;
-    let at = |end: f64| points.partition_point(|point| point.0 < end);
-    if let Some([from, to]) = window {
-        let width = REACH * (to - from);
-        let counts = [from - width, from, to, to + width].map(at);
-        if counts.windows(2).any(|pair| pair[1] < pair[0] + BESIDE) {
-            let [first, last] = ends(points, &(0..points.len())).map(|end| 1e3 * end);
-            return Err(format!(
-                "has fewer than {BESIDE} points in or beside {}: x is from {first:.4} mm to {last:.4} mm. Write other ends",
-                named([from, to])
-            ));
-        }
-    }
-    let mut found = parts::find(points, window, None);
-    if let Some(window) = window {
-        let stepped = parts::find(points, Some(window), Some(window));
-        if is_step(&stepped.surface) {
-            found = stepped;
-            notes.push(format!(
-                "The right side of the scar is {:.4} um higher than the left one. A line between both is the unworn \
-                 surface. Half of the difference is in the errors: depth and volume are uncertain.",
-                UM * found.surface.step().0
-            ));
-        }
-        let [first, after] = window.map(at);
-        found.parts = found.parts.iter().filter_map(|part| part.inside(&(first..after))).collect();
-        let inside: usize = found.parts.iter().map(|part| part.range.len()).sum();
-        // The user sees a scar that hardly stands out of the noise.
-        if 2 * inside < after - first {
-            found.parts = parts::whole(points, &found, first..after).into_iter().collect();
-        }
-    }
-    let outwards = outwards(&found, points, wanted, notes);
+pub fn scar<'a>(
+    points: &'a [(f64, f64)],
+    wanted: &Wanted<'_>,
+    notes: &mut Vec<String>,
+) -> Result<Scar<'a>, String> {
+    let found = match wanted.scar {
+        Some(ends) => inside(points, ends, notes)?,
+        None => parts::find(points, None, None),
+    };
+    let outwards = outwards(&found, wanted, notes);
     let is_added = |part: &Part| part.area * outwards > 0.0;
     let (added, removed): (Vec<_>, Vec<_>) = found.parts.iter().cloned().partition(is_added);
     let mut scar = Scar { found, outwards, range: 0..0, removed, added, gaps: Vec::new() };
     if scar.found.parts.is_empty() {
         let surface = &scar.found.surface;
         let [low, high] = limits(points);
-        let is_one = surface.scatter < (ROUGH.0 * noise(points)).max(ROUGH.1 * (high - low));
-        return match window {
-            None if surface.is_round && is_one => Ok(scar),
-            None if surface.is_round => {
-                Err(format!("has no circle outside of a scar. {}", farther(wanted)))
-            }
-            None => Err(format!(
+        let is_rough = surface.scatter > (ROUGH.0 * noise(points)).max(ROUGH.1 * (high - low));
+        return Err(match wanted.scar {
+            Some(ends) => format!("has no scar in {}. Write other ends", named(ends)),
+            None if !surface.is_round => format!(
                 "has no scar: the whole surface is plane within its scatter of {:.4} um. If you know where the scar is, {CHOOSE}",
                 UM * surface.scatter
-            )),
-            Some(window) => Err(format!("has no scar in {}. Write other ends", named(window))),
-        };
+            ),
+            None if is_rough => format!("has no circle outside of a scar. {}", farther(wanted)),
+            None => return Ok(scar),
+        });
     }
-    scar.check_sign(points, wanted)?;
-    scar.choose_one(points, wanted, notes)?;
-    scar.check_gaps(points, notes)?;
+    scar.check_sign(wanted)?;
+    scar.choose(wanted, notes)?;
+    scar.check_gaps(notes)?;
     Ok(scar)
 }
 
-/// Whether two parts are the sides of one ring: alike, and not further apart than their width.
-fn is_ring(one: &[Part], other: &Part, gap: usize) -> bool {
-    let (width, own) = (other.range.len() as f64, all(one).len() as f64);
-    let is_alike = |one: f64, other: f64| one.min(other) > RING * one.max(other);
-    NEAR * gap as f64 <= width.min(own)
-        && is_alike(width, own)
-        && is_alike(area(one), other.area.abs())
-}
-
-/// Whether a surface has a step that is many times the scatter.
-fn is_step(surface: &Surface) -> bool {
-    let (height, error) = surface.step();
-    height.abs() > SURE * error && height.abs() > SURE * surface.scatter
-}
-
-impl Scar {
+impl Scar<'_> {
     /// The ends of the scar in x.
-    pub fn ends(&self, points: &[(f64, f64)]) -> Option<[f64; 2]> {
-        (!self.range.is_empty()).then(|| ends(points, &self.range))
+    pub fn ends(&self) -> Option<[f64; 2]> {
+        (!self.range.is_empty()).then(|| self.found.ends(&self.range))
+    }
+
+    /// The depths of points.
+    pub fn depths(&self, range: &Range<usize>) -> Vec<f64> {
+        self.found.heights[range.clone()].iter().map(|it| -self.outwards * it).collect()
     }
 
     /// The points between the first and the last of several neighbours that all exceed a depth, or a share of the largest.
-    pub fn deeper(&self, range: &Range<usize>, depth: f64, share: f64) -> Range<usize> {
-        let depths: Vec<f64> =
-            self.found.heights[range.clone()].iter().map(|it| -self.outwards * it).collect();
+    fn deeper(&self, range: &Range<usize>, depth: f64, share: f64) -> Range<usize> {
+        let depths = self.depths(range);
         let limit = depths.iter().fold(depth, |most, depth| most.max(share * depth));
         let run = (self.found.heights.len() / 50).clamp(RUN.0, RUN.1);
         let is_deep = |near: &[f64]| near.iter().all(|depth| *depth > limit);
@@ -215,109 +210,100 @@ impl Scar {
     }
 
     /// Where the scar is deeper than a share of its largest depth, which noise at shallow ends moves little.
-    pub fn middle(&self, points: &[(f64, f64)]) -> [f64; 2] {
-        ends(points, &self.deeper(&self.range, 0.0, CORE))
+    pub fn middle(&self) -> [f64; 2] {
+        self.found.ends(&self.deeper(&self.range, 0.0, CORE))
     }
 
     /// Refuses more added than removed material.
-    fn check_sign(&self, points: &[(f64, f64)], wanted: &Wanted<'_>) -> Result<(), String> {
-        if area(&self.added) <= area(&self.removed) {
-            return Ok(());
-        }
-        let said = |parts: &[Part]| {
-            let most = largest(parts).map(|part| ends(points, &part.range).map(|end| 1e3 * end));
-            let most =
-                most.map(|[from, to]| format!(", most from x = {from:.4} mm to {to:.4} mm,"));
-            format!("{:.4} um^2{}", UM * UM * area(parts), most.unwrap_or_default())
-        };
-        let (above, below) = (said(&self.added), said(&self.removed));
-        let other = if self.outwards > 0.0 { "in" } else { "out" };
+    fn check_sign(&self, wanted: &Wanted<'_>) -> Result<(), String> {
+        let [above, below] = [&self.added, &self.removed].map(|parts| area(parts));
+        let Some(most) = largest(&self.added).filter(|_| above > below) else { return Ok(()) };
         Err(format!(
-            "has more added than removed material: {above} above the unworn surface, and {below} below it. If the heights \
-             count the other way, write up={other}. If only a part is the scar, {CHOOSE}. If it \
-             reaches to an end: {}",
+            "has more added than removed material: {:.4} um^2 above the unworn surface, most in {}, and {:.4} um^2 below it. \
+             If the heights count the other way, write up={}. If only a part is the scar, {CHOOSE}. If it reaches to an end: {}",
+            UM * UM * above,
+            named(self.found.ends(&most.range)),
+            UM * UM * below,
+            if self.outwards > 0.0 { "in" } else { "out" },
             farther(wanted)
         ))
     }
 
-    /// Chooses the removed parts of one scar. Parts with a gap of at most half of the shorter one are one
-    /// scar, and so are the sides of a ring, whose middle sticks and does not wear.
-    fn choose_one(
-        &mut self,
-        points: &[(f64, f64)],
-        wanted: &Wanted<'_>,
-        notes: &mut Vec<String>,
-    ) -> Result<(), String> {
-        let mut groups: Vec<Vec<Part>> = Vec::new();
+    /// Whether a part belongs to a scar: the gap is at most half of the shorter one, or both are the sides of a ring, whose middle
+    /// sticks and does not wear.
+    fn is_one(&self, scar: &[Part], part: &Part, wanted: &Wanted<'_>) -> bool {
+        let (own, other) = (area(scar), part.area.abs());
+        let is_alike = own.min(other) > RING * own.max(other);
+        // A half was mirrored.
+        let [from, to] = self.found.ends(&(all(scar).start..part.range.end));
+        let is_mirrored = wanted.prepare == Prepare::Half && (from + to).abs() < 0.05 * to;
+        let gap = gap(&all(scar), part);
+        wanted.scar.is_some() || is_mirrored || gap <= 0.5 || is_alike && NEAR * gap <= 1.0
+    }
+
+    /// Chooses the removed parts of one scar.
+    fn choose(&mut self, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<(), String> {
+        let mut scars: Vec<Vec<Part>> = Vec::new();
         for part in std::mem::take(&mut self.removed) {
-            let near = groups.last_mut().filter(|group| {
-                let gap = part.range.start.saturating_sub(all(group).end);
-                let (own, other) = (all(group).len(), part.range.len());
-                let ends_of = |range: &Range<usize>| ends(points, range);
-                // A half was mirrored.
-                let [from, to] = [ends_of(&all(group))[0], ends_of(&part.range)[1]];
-                let is_mirrored = wanted.prepare == Prepare::Half && (from + to).abs() < 0.05 * to;
-                let is_one = wanted.scar.is_some() || is_mirrored || 2 * gap <= own.min(other);
-                let is_ring = !is_one && is_ring(group, &part, gap);
-                if is_ring {
-                    let [one, other] = [all(group), part.range.clone()].map(|it| named(ends_of(&it)));
-                    notes.push(format!(
-                        "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {one} \
-                         or {other}."
-                    ));
-                }
-                is_one || is_ring
-            });
-            match near {
-                Some(group) => group.push(part),
-                None => groups.push(vec![part]),
+            match scars.last_mut().filter(|scar| self.is_one(scar, &part, wanted)) {
+                Some(scar) => scar.push(part),
+                None => scars.push(vec![part]),
             }
         }
-        groups.sort_by(|one, other| area(other).total_cmp(&area(one)));
-        let scar = all(&groups[0]);
-        for group in &groups[1..] {
-            let other = all(group);
-            let [own, second] = [&scar, &other].map(|range| named(ends(points, range)));
-            if area(group) > OTHER * area(&groups[0]) {
-                let both = scar.start.min(other.start)..scar.end.max(other.end);
+        scars.sort_by(|one, other| area(one).total_cmp(&area(other)));
+        self.removed = scars.pop().unwrap_or_default();
+        let named = |range: &Range<usize>| named(self.found.ends(range));
+        let own = all(&self.removed);
+        for other in &scars {
+            let second = all(other);
+            if area(other) > OTHER * area(&self.removed) {
+                let both = own.start.min(second.start)..own.end.max(second.end);
                 return Err(format!(
-                    "has two scars or more. Choose one with {own} or {second}. If they are one ring, write {}. If \
-                     one reaches to an end: {}",
-                    named(ends(points, &both)),
+                    "has two scars or more. Choose one with {} or {}. If they are one ring, write {}. If one reaches to an \
+                     end: {}",
+                    named(&own),
+                    named(&second),
+                    named(&both),
                     farther(wanted)
                 ));
             }
-            notes.push(format!("A smaller scar was left out. Write {second} for it."));
+            notes.push(format!("A smaller scar was left out. Write {} for it.", named(&second)));
         }
-        if wanted.scar.is_none() {
-            self.check_sides(points, &scar, wanted)?;
+        let is_ring = |pair: &&[Part]| gap(&pair[0].range, &pair[1]) > 0.5;
+        if let Some([one, other]) =
+            self.removed.windows(2).find(is_ring).filter(|_| wanted.scar.is_none())
+        {
+            notes.push(format!(
+                "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {} or {}.",
+                named(&one.range),
+                named(&other.range)
+            ));
         }
-        self.range = self.deeper(&scar, SCATTER * self.found.surface.scatter, SHARE);
-        self.removed = groups.swap_remove(0);
-        Ok(())
+        self.range = self.deeper(&own, SCATTER * self.found.surface.scatter, SHARE);
+        if wanted.scar.is_none() { self.check_sides(wanted) } else { Ok(()) }
     }
 
     /// Finds gaps in the scar and where its depth is clipped, and refuses a gap that hides too much. A line fills a gap. It may
     /// hide any height between those of its ends, and structures that are as deep as the gap is wide.
-    fn check_gaps(&mut self, points: &[(f64, f64)], notes: &mut Vec<String>) -> Result<(), String> {
+    fn check_gaps(&mut self, notes: &mut Vec<String>) -> Result<(), String> {
+        let Found { points, heights, .. } = &self.found;
         let Range { start, end } = self.range;
-        let [first, last] = ends(points, &self.range);
-        let heights = &self.found.heights;
-        let deepest = heights[start..end].iter().fold(0.0, |most: f64, it| most.max(it.abs()));
+        let [first, last] = self.found.ends(&self.range);
+        let deepest = self.depths(&self.range).into_iter().fold(0.0, f64::max);
         let share = |range: &Range<usize>| {
-            let [from, to] = ends(points, range);
+            let [from, to] = self.found.ends(range);
             (to - from) / (to.max(last) - from.min(first))
         };
         let width = |at: &usize| points[at + 1].0 - points[*at].0;
         let all = start.saturating_sub(1)..end.min(points.len() - 1);
         let pace = median(all.clone().map(|at| width(&at)).collect());
-        let ranges = all.filter(|at| width(at) > GAP * pace).map(|at| at..at + 2);
-        let ranges: Vec<_> = ranges.filter(|range| share(range) > TOLD).collect();
+        let gaps = all.filter(|at| width(at) > GAP * pace).map(|at| at..at + 2);
+        let gaps: Vec<_> = gaps.filter(|range| share(range) > TOLD).collect();
         let said = |range: &Range<usize>| {
-            let [from, to] = ends(points, range).map(|x| UM * x);
+            let [from, to] = self.found.ends(range).map(|x| UM * x);
             format!("x = {from:.3} um to {to:.3} um")
         };
-        if let Some(range) = ranges.iter().find(|range| share(range) > HIDDEN) {
+        if let Some(range) = gaps.iter().find(|range| share(range) > HIDDEN) {
             return Err(format!(
                 "has no measured heights from {}, {:.0} % of the scar. Measure the trace again, with settings at which the \
                  instrument sees that part, or along another line",
@@ -325,40 +311,34 @@ impl Scar {
                 100.0 * share(range)
             ));
         }
-        if !ranges.is_empty() {
-            let said: Vec<String> = ranges.iter().map(said).collect();
+        if !gaps.is_empty() {
             notes.push(format!(
                 "The scar has gaps without measured heights: from {}. Lines fill them. The errors of depth, area and volume \
                  contain what they can hide.",
-                said.join(", ")
+                gaps.iter().map(said).collect::<Vec<_>>().join(", ")
             ));
         }
         let error = |range: &Range<usize>| {
             let hidden = share(range) * deepest;
             libm::hypot(heights[range.start] - heights[range.end - 1], hidden) / 12_f64.sqrt()
         };
-        self.gaps = ranges.into_iter().map(|range| Gap { error: error(&range), range }).collect();
+        let mut gaps: Vec<_> =
+            gaps.into_iter().map(|range| Gap { error: error(&range), range }).collect();
         if let Some((range, count, end)) = clipped(points) {
             notes.push(format!(
                 "{count} points have the {end} height, several of them in a row: they are clipped, because the range of the \
                  instrument ends there. Depth and volume are lower limits."
             ));
-            self.gaps.push(Gap { error: share(&range) * deepest, range });
+            gaps.push(Gap { error: share(&range) * deepest, range });
         }
+        self.gaps = gaps;
         Ok(())
     }
 
     /// Refuses a scar whose sides are not one plane or circle, or are not measured.
-    fn check_sides(
-        &self,
-        points: &[(f64, f64)],
-        scar: &Range<usize>,
-        wanted: &Wanted<'_>,
-    ) -> Result<(), String> {
-        let (count, end, own) = (points.len(), points.len() / UNWORN, ends(points, scar));
-        let surface = Surface::through(points, &self.found.is_unworn, Some(own), 0.0);
-        let step = is_step(&surface).then(|| (surface.step().0, 0.5 * (own[0] + own[1]), own));
-        let told = step.or_else(|| self.step(points)).map(|(height, x, scar)| {
+    fn check_sides(&self, wanted: &Wanted<'_>) -> Result<(), String> {
+        let (count, own) = (self.found.points.len(), self.found.ends(&self.range));
+        let step = self.step(own).map(|(height, x, scar)| {
             format!(
                 "an unworn surface that rises by {:.4} um near x = {:.4} mm. If the scar is there, its depth is uncertain. \
                  Choose the scar with scar=FROM..TO, such as {}",
@@ -367,23 +347,28 @@ impl Scar {
                 named(scar)
             )
         });
-        if scar.start < end || scar.end > count - end {
-            let told = told.map_or_else(String::new, |told| format!(". Or it has {told}"));
+        if self.range.start.min(count - self.range.end) < count / UNWORN {
             return Err(format!(
-                "has a scar that reaches to an end: {}. If it is narrower, {CHOOSE}. {}{told}",
+                "has a scar that reaches to an end: {}. If it is narrower, {CHOOSE}. {}{}",
                 named(own),
-                farther(wanted)
+                farther(wanted),
+                step.map_or_else(String::new, |step| format!(". Or it has {step}"))
             ));
         }
-        told.map_or(Ok(()), |told| Err(format!("has {told}")))
+        step.map_or(Ok(()), |step| Err(format!("has {step}")))
     }
 
-    /// The height and the place of a step of the unworn surface, and the ends of the scar that the surface then has: with the
-    /// step, many more points are unworn.
-    fn step(&self, points: &[(f64, f64)]) -> Option<(f64, f64, [f64; 2])> {
+    /// The height and the place of a step of the unworn surface, and the ends of the scar that the surface then has. The step is
+    /// in the scar, or many more points are unworn with it.
+    fn step(&self, own: [f64; 2]) -> Option<(f64, f64, [f64; 2])> {
+        let Found { points, is_unworn, .. } = &self.found;
+        let surface = Surface::through(points, is_unworn, Some(own), 0.0);
+        if is_step(&surface) {
+            return Some((surface.step().0, 0.5 * (own[0] + own[1]), own));
+        }
         let thin = points.len().div_ceil(THIN);
         let thinned: Points = points.iter().step_by(thin).copied().collect();
-        let [first, last] = ends(points, &(0..points.len()));
+        let [first, last] = self.found.ends(&(0..points.len()));
         let width = (last - first) / STEPS;
         let tried = (1..STEPS as usize).map(|at| {
             let x = first + at as f64 * width;
@@ -394,6 +379,11 @@ impl Scar {
         let is_better = more > GAIN * thinned.len() as f64 && is_step(&best.surface);
         let removed = best.parts.iter().filter(|part| part.area * self.outwards < 0.0);
         let scar = largest(removed).filter(|_| is_better)?;
-        Some((best.surface.step().0, x, ends(&thinned, &scar.range)))
+        Some((best.surface.step().0, x, best.ends(&scar.range)))
     }
+}
+
+/// The gap before a part, in units of the shorter one of both sides.
+fn gap(before: &Range<usize>, part: &Part) -> f64 {
+    part.range.start.saturating_sub(before.end) as f64 / before.len().min(part.range.len()) as f64
 }

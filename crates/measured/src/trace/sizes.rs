@@ -12,8 +12,8 @@ use std::f64::consts::PI;
 
 use serde_json::{Value, json};
 
-use super::parts::{Part, share};
-use super::scar::{Gap, Scar, ends};
+use super::parts::Part;
+use super::scar::{Gap, Scar};
 
 /// Left and right are alike if the centroid is this near to the middle, as a share of the width. Noise moves the ends by
 /// about its share of the depth.
@@ -32,12 +32,17 @@ pub struct Size {
 impl Size {
     /// The standard deviation.
     pub fn error(&self) -> f64 {
-        self.errors.iter().map(|it| it * it).sum::<f64>().sqrt()
+        self.errors.into_iter().fold(0.0, libm::hypot)
     }
 
     /// As JSON.
     pub fn json(&self) -> Value {
         json!({"value": self.value, "error": self.error()})
+    }
+
+    /// As text, in a unit.
+    pub fn text(&self, unit: f64) -> String {
+        format!("{:.5} ± {:.2}", unit * self.value, unit * self.error())
     }
 
     /// What most of the error comes from.
@@ -56,35 +61,30 @@ impl Size {
 /// The axis, and the sizes about it.
 #[derive(Debug)]
 pub struct Sizes<'a> {
-    points: &'a [(f64, f64)],
-    scar: &'a Scar,
+    pub scar: &'a Scar<'a>,
     /// The axis in x, and its standard deviation.
     pub axis: (f64, f64),
 }
 
 impl<'a> Sizes<'a> {
     /// The axis of a scar is its centroid, or where x is 0. Without a scar, it is the apex, or the middle of a plane.
-    pub fn new(points: &'a [(f64, f64)], scar: &'a Scar, is_centred: bool) -> Self {
-        let mut own = Self { points, scar, axis: (0.0, 0.0) };
-        let surface = &scar.found.surface;
+    pub fn new(scar: &'a Scar<'a>, is_centred: bool) -> Self {
+        let (mut own, surface) = (Self { scar, axis: (0.0, 0.0) }, &scar.found.surface);
         if is_centred && scar.range.is_empty() {
-            let middle = 0.5 * (points[0].0 + points[points.len() - 1].0);
-            own.axis.0 = if surface.is_round { surface.vertex() } else { middle };
+            own.axis.0 = surface.apex();
         } else if is_centred {
             let core: Vec<_> =
                 scar.removed.iter().filter_map(|part| part.inside(&scar.range)).collect();
-            let area = own.sum(&core, &|_| 1.0).value;
+            let area = own.area(&core).value;
             let axis = own.sum(&core, &|x| x).value / area;
-            let moment = own.sum(&core, &|x| (x - axis) / area);
-            let [first, last] = scar.middle(points);
-            let middle = 0.5 * (first + last);
+            let moment = own.sum(&core, &|x| (x - axis) / area).error();
+            let [first, last] = scar.middle();
+            let (middle, width) = (0.5 * (first + last), last - first);
             let distance = (axis - middle).abs();
             // The centroid is more accurate if left and right are alike. If they are not, the contact lies between the ends.
-            let noise = surface.scatter * (last - first) / area;
-            let alike = (ALIKE + noise) * (last - first);
-            let are_alike = distance < alike.max(3.0 * moment.error());
-            let square = moment.error() * moment.error() + 0.25 * distance * distance;
-            own.axis = (if are_alike { axis } else { middle }, square.sqrt());
+            let alike = (ALIKE + surface.scatter * width / area) * width;
+            let are_alike = distance < alike.max(3.0 * moment);
+            own.axis = (if are_alike { axis } else { middle }, libm::hypot(moment, 0.5 * distance));
         }
         own
     }
@@ -93,15 +93,14 @@ impl<'a> Sizes<'a> {
     fn sum(&self, parts: &[Part], weight: &dyn Fn(f64) -> f64) -> Size {
         let Scar { found, gaps, .. } = self.scar;
         let all = || parts.iter().flat_map(|part| part.range.clone());
-        let weights = || all().map(|at| (self.points[at].0, share(self.points, at, weight)));
+        let weights = || all().map(|at| (found.points[at].0, found.share(at, weight)));
         let value: f64 = all().zip(weights()).map(|(at, own)| own.1 * found.heights[at]).sum();
         let [scatter, surface] = found.surface.error(weights());
         let inside = gaps.iter().filter(|gap| all().any(|at| gap.range.contains(&at)));
         let missing = inside.map(|Gap { range, error }| {
-            let [from, to] = ends(self.points, range);
-            let mean =
-                weight(from).abs() + 4.0 * weight(0.5 * (from + to)).abs() + weight(to).abs();
-            error * (to - from) * mean / 6.0
+            let [from, to] = found.ends(range);
+            let middle = 4.0 * weight(0.5 * (from + to)).abs();
+            error * (to - from) * (weight(from).abs() + middle + weight(to).abs()) / 6.0
         });
         let sign = if parts.first().is_some_and(|part| part.area < 0.0) { -1.0 } else { 1.0 };
         // The sum of nothing is −0.
@@ -116,21 +115,19 @@ impl<'a> Sizes<'a> {
     /// The volume of parts about the axis.
     pub fn volume(&self, parts: &[Part]) -> Size {
         let [left, right] = [-1.0, 1.0].map(|side| self.side(parts, side));
-        let axis = self.axis.0;
-        let mut volume = self.sum(parts, &|x| PI * (x - axis).abs());
+        let mut volume = self.sum(parts, &|x| PI * (x - self.axis.0).abs());
         // Both sides are two samples of the same volume, so half of their difference is the error of their mean.
-        let slope = self.sum(parts, &|x| PI * (x - axis).signum()).value;
-        let (shift, half) = (slope * self.axis.1, 0.5 * (left.value - right.value));
-        volume.errors[2] = (shift * shift + half * half).sqrt();
+        let shift = 0.5 * (left.errors[2] - right.errors[2]);
+        volume.errors[2] = libm::hypot(shift, 0.5 * (left.value - right.value));
         volume
     }
 
     /// The volume that the parts have if both sides are like this one: the right side is 1, the left one −1.
     pub fn side(&self, parts: &[Part], side: f64) -> Size {
         let (axis, error) = self.axis;
-        let share = |x: f64| PI * (1.0 + ((x - axis) * side).signum());
-        let mut volume = self.sum(parts, &|x| share(x) * (x - axis).abs());
-        volume.errors[2] = error * self.sum(parts, &share).value;
+        let twice = |x: f64| PI * (1.0 + ((x - axis) * side).signum());
+        let mut volume = self.sum(parts, &|x| twice(x) * (x - axis).abs());
+        volume.errors[2] = error * self.sum(parts, &twice).value;
         volume
     }
 }

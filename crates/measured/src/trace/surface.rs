@@ -120,8 +120,13 @@ impl Surface {
         self.is_round.then(|| 0.5 / self.bend().abs())
     }
 
+    /// The apex of a circle, as if it were not sheared, or the middle of a plane.
+    pub fn apex(&self) -> f64 {
+        if self.is_round { self.vertex() } else { self.middle }
+    }
+
     /// The apex of the parabola.
-    pub fn vertex(&self) -> f64 {
+    fn vertex(&self) -> f64 {
         self.middle - 0.5 * self.half * self.coefficients[1] / self.coefficients[2]
     }
 
