@@ -4,6 +4,7 @@
 //! mean falls below a quarter of that (a threshold with hysteresis). So single points of noise are no parts. The standard
 //! deviation is that of moving means of the unworn surface, so that waves are no parts either.
 
+use std::fmt::{self, Display, Formatter};
 use std::ops::Range;
 
 use super::points::{median, noise, resolution};
@@ -19,8 +20,6 @@ const LOW: f64 = 0.25;
 /// The moving mean has one in this many points, within bounds.
 const WINDOW: usize = 100;
 const BOUNDS: (usize, usize) = (3, 25);
-/// If the ends of the scar are known, the search starts with the points up to this many widths beside it.
-pub const REACH: f64 = 1.0;
 /// Fewer points determine no surface.
 const FEWEST: usize = 8;
 /// Maximum number of repetitions.
@@ -28,21 +27,36 @@ const TRIES: usize = 40;
 /// Where the unworn surface is searched, a point is unworn within this many standard deviations.
 const NEAR: f64 = 3.0;
 
-/// A part above or below the unworn surface.
+/// A part above or below the unworn surface, or several of one sign with what is between them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// Its points.
     pub range: Range<usize>,
+    /// Its ends in x.
+    pub ends: [f64; 2],
     /// The area between the trace and the unworn surface, above 0 where the trace is above.
     pub area: f64,
 }
 
 impl Part {
-    /// What lies inside of a range, with the area of the whole part.
-    pub fn inside(&self, other: &Range<usize>) -> Option<Self> {
-        let range = self.range.start.max(other.start)..self.range.end.min(other.end);
-        (!range.is_empty()).then_some(Self { range, area: self.area })
+    /// This part and another one.
+    pub fn with(&self, other: &Self) -> Self {
+        let [from, to] = [self.ends[0].min(other.ends[0]), self.ends[1].max(other.ends[1])];
+        let range = self.range.start.min(other.range.start)..self.range.end.max(other.range.end);
+        Self { range, ends: [from, to], area: self.area + other.area }
     }
+}
+
+/// As the parameter that chooses it.
+impl Display for Part {
+    fn fmt(&self, to: &mut Formatter<'_>) -> fmt::Result {
+        write!(to, "{}", named(self.ends))
+    }
+}
+
+/// The parameter that chooses a stretch.
+pub fn named([from, to]: [f64; 2]) -> String {
+    format!("scar={:.4}..{:.4}mm", 1e3 * from, 1e3 * to)
 }
 
 /// The unworn surface of a trace, and the parts that deviate from it.
@@ -79,9 +93,16 @@ impl Found<'_> {
         lengths.iter().map(|length| length.abs() * weight(x + 0.5 * length)).sum()
     }
 
-    fn part(&self, range: Range<usize>) -> Part {
+    /// A stretch as a part.
+    pub fn part(&self, range: Range<usize>) -> Part {
         let area = range.clone().map(|at| self.heights[at] * self.share(at, &|_| 1.0)).sum();
-        Part { range, area }
+        Part { ends: self.ends(&range), range, area }
+    }
+
+    /// What of parts is in a range.
+    pub fn inside(&self, parts: &[Part], range: &Range<usize>) -> Vec<Part> {
+        let both = |it: &Part| it.range.start.max(range.start)..it.range.end.min(range.end);
+        parts.iter().map(both).filter(|it| !it.is_empty()).map(|it| self.part(it)).collect()
     }
 
     /// A whole stretch as one part, if its mean height is two standard deviations.
@@ -125,14 +146,15 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
     let noise = noise(points) / (2.0 * half as f64 + 1.0).sqrt();
     let rounding = resolution(points) / 12_f64.sqrt();
-    let is_beside = |at: usize, reach: f64| {
-        window.is_none_or(|[from, to]| {
-            let (x, reach) = (points[at].0, reach * (to - from));
-            x < from && x > from - reach || x > to && x < to + reach
-        })
+    // If the ends of the scar are known, the search starts with the points up to its width beside it.
+    let is_beside = |at: usize, [from, to]: [f64; 2]| {
+        let x = points[at].0;
+        x < from && x > 2.0 * from - to || x > to && x < 2.0 * to - from
     };
     let is_end = |at: usize| at.min(count - 1 - at) < count / UNWORN;
-    let is_first = |at: usize| is_beside(at, REACH) && (window.is_some() || is_end(at));
+    let is_first = |at: usize| window.map_or_else(|| is_end(at), |ends| is_beside(at, ends));
+    let is_outside =
+        |at: usize| window.is_none_or(|[from, to]| points[at].0 < from || points[at].0 > to);
     let mut is_unworn: Vec<bool> = (0..count).map(is_first).collect();
     let (mut is_grown, mut attempt) = (false, 0);
     loop {
@@ -142,9 +164,7 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
         let near = mean.iter().zip(&is_unworn).filter(|(_, is_unworn)| **is_unworn);
         let scale = (1.4826 * median(near.map(|(mean, _)| mean.abs()).collect())).max(noise);
         // First, the unworn points grow from the ends. Then they are all points but those of the parts.
-        let is_near = |at: usize| {
-            is_beside(at, f64::INFINITY) && (is_grown || mean[at].abs() <= NEAR * scale)
-        };
+        let is_near = |at: usize| is_outside(at) && (is_grown || mean[at].abs() <= NEAR * scale);
         let is_unworn_now: Vec<bool> = (0..count).map(is_near).collect();
         let mut found = Found { points, surface, heights, is_unworn: is_unworn_now, parts: vec![] };
         for stretch in stretches(&mean, SURE * scale).into_iter().filter(|_| is_grown) {

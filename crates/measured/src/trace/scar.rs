@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::parts::{self, Found, Part, REACH, UNWORN};
+use super::parts::{self, Found, Part, UNWORN, named};
 use super::points::{clipped, limits, median, noise};
 use super::surface::{Points, Surface};
 use super::wanted::{Prepare, Up, Wanted};
@@ -12,8 +12,6 @@ const OTHER: f64 = 0.1;
 /// The areas of both sides of a ring are alike within this share, and each side is wider than their gap by this factor.
 const RING: f64 = 0.7;
 const NEAR: f64 = 1.05;
-/// A step counts if it is this many standard deviations, and this many times the scatter.
-const SURE: f64 = 5.0;
 /// A step is searched at this many places less one, on at most this many points. With it, this share more of the points are
 /// unworn.
 const STEPS: f64 = 16.0;
@@ -76,16 +74,6 @@ fn farther(wanted: &Wanted<'_>) -> &'static str {
      and write prepare=half (on the page: “Trace from the axis”; `fretwork fit` reads whole traces only)"
 }
 
-/// A stretch as the parameter that chooses it.
-fn named([from, to]: [f64; 2]) -> String {
-    format!("scar={:.4}..{:.4}mm", 1e3 * from, 1e3 * to)
-}
-
-/// The points from the first part to the last one.
-fn all(parts: &[Part]) -> Range<usize> {
-    parts[0].range.start..parts[parts.len() - 1].range.end
-}
-
 fn area(parts: &[Part]) -> f64 {
     parts.iter().fold(0.0, |sum, part| sum + part.area.abs())
 }
@@ -94,40 +82,31 @@ fn largest<'a>(parts: impl IntoIterator<Item = &'a Part>) -> Option<&'a Part> {
     parts.into_iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()))
 }
 
-/// Whether a surface has a step that is many times the scatter.
-fn is_step(surface: &Surface) -> bool {
-    let (height, error) = surface.step();
-    height.abs() > SURE * error.max(surface.scatter)
-}
-
 /// The unworn surface on both sides of a stretch, and the parts in it.
 fn inside<'a>(
     points: &'a [(f64, f64)],
-    [from, to]: [f64; 2],
+    ends: [f64; 2],
     notes: &mut Vec<String>,
 ) -> Result<Found<'a>, String> {
-    let width = REACH * (to - from);
-    let places = [from - width, from, to, to + width];
-    let [before, first, after, last] =
-        places.map(|end| points.partition_point(|point| point.0 < end));
+    let [from, to] = ends;
+    let at = |end: f64| points.partition_point(|point| point.0 < end);
+    let [before, first, after, last] = [2.0 * from - to, from, to, 2.0 * to - from].map(at);
     if (first - before).min(after - first).min(last - after) < BESIDE {
         let [first, last] = [points[0].0, points[points.len() - 1].0].map(|end| 1e3 * end);
         return Err(format!(
             "has fewer than {BESIDE} points in or beside {}: x is from {first:.4} mm to {last:.4} mm. Write other ends",
-            named([from, to])
+            named(ends)
         ));
     }
-    let mut found = parts::find(points, Some([from, to]), Some([from, to]));
-    if is_step(&found.surface) {
+    let mut found = parts::find(points, Some(ends), Some(ends));
+    if let Some(step) = found.surface.step() {
         notes.push(format!(
             "The right side of the scar is {:.4} um higher than the left one. A line between both is the unworn surface. Half \
              of the difference is in the errors: depth and volume are uncertain.",
-            UM * found.surface.step().0
+            UM * step
         ));
-    } else {
-        found = parts::find(points, Some([from, to]), None);
     }
-    found.parts = found.parts.iter().filter_map(|part| part.inside(&(first..after))).collect();
+    found.parts = found.inside(&found.parts, &(first..after));
     let inside: usize = found.parts.iter().map(|part| part.range.len()).sum();
     // The user sees a scar that hardly stands out of the noise.
     if 2 * inside < after - first {
@@ -216,70 +195,55 @@ impl Scar<'_> {
 
     /// Refuses more added than removed material.
     fn check_sign(&self, wanted: &Wanted<'_>) -> Result<(), String> {
-        let [above, below] = [&self.added, &self.removed].map(|parts| area(parts));
+        let [above, below] = [&self.added, &self.removed].map(|parts| UM * UM * area(parts));
         let Some(most) = largest(&self.added).filter(|_| above > below) else { return Ok(()) };
+        let (other, farther) = (if self.outwards > 0.0 { "in" } else { "out" }, farther(wanted));
         Err(format!(
-            "has more added than removed material: {:.4} um^2 above the unworn surface, most in {}, and {:.4} um^2 below it. \
-             If the heights count the other way, write up={}. If only a part is the scar, {CHOOSE}. If it reaches to an end: {}",
-            UM * UM * above,
-            named(self.found.ends(&most.range)),
-            UM * UM * below,
-            if self.outwards > 0.0 { "in" } else { "out" },
-            farther(wanted)
+            "has more added than removed material: {above:.4} um^2 above the unworn surface, most in {most}, and {below:.4} um^2 \
+             below it. If the heights count the other way, write up={other}. If only a part is the scar, {CHOOSE}. If it reaches \
+             to an end: {farther}"
         ))
     }
 
-    /// Whether a part belongs to a scar: the gap is at most half of the shorter one, or both are the sides of a ring, whose middle
-    /// sticks and does not wear.
-    fn is_one(&self, scar: &[Part], part: &Part, wanted: &Wanted<'_>) -> bool {
-        let (own, other) = (area(scar), part.area.abs());
-        let is_alike = own.min(other) > RING * own.max(other);
-        // A half was mirrored.
-        let [from, to] = self.found.ends(&(all(scar).start..part.range.end));
-        let is_mirrored = wanted.prepare == Prepare::Half && (from + to).abs() < 0.05 * to;
-        let gap = gap(&all(scar), part);
-        wanted.scar.is_some() || is_mirrored || gap <= 0.5 || is_alike && NEAR * gap <= 1.0
-    }
-
-    /// Chooses the removed parts of one scar.
+    /// Chooses the removed parts of one scar. Two parts are one scar if their gap is at most half of the shorter one, or if they are
+    /// the sides of a ring, whose middle sticks and does not wear.
     fn choose(&mut self, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<(), String> {
-        let mut scars: Vec<Vec<Part>> = Vec::new();
-        for part in std::mem::take(&mut self.removed) {
-            match scars.last_mut().filter(|scar| self.is_one(scar, &part, wanted)) {
-                Some(scar) => scar.push(part),
-                None => scars.push(vec![part]),
-            }
-        }
-        scars.sort_by(|one, other| area(one).total_cmp(&area(other)));
-        self.removed = scars.pop().unwrap_or_default();
-        let named = |range: &Range<usize>| named(self.found.ends(range));
-        let own = all(&self.removed);
-        for other in &scars {
-            let second = all(other);
-            if area(other) > OTHER * area(&self.removed) {
-                let both = own.start.min(second.start)..own.end.max(second.end);
-                return Err(format!(
-                    "has two scars or more. Choose one with {} or {}. If they are one ring, write {}. If one reaches to an \
-                     end: {}",
-                    named(&own),
-                    named(&second),
-                    named(&both),
-                    farther(wanted)
+        let mut scars: Vec<Part> = Vec::new();
+        for part in &self.removed {
+            let Some(last) = scars.last_mut() else {
+                scars.push(part.clone());
+                continue;
+            };
+            let gap = part.range.start.saturating_sub(last.range.end) as f64
+                / last.range.len().min(part.range.len()) as f64;
+            let (own, other) = (last.area.abs(), part.area.abs());
+            let is_ring = NEAR * gap <= 1.0 && own.min(other) > RING * own.max(other);
+            // A half was mirrored.
+            let is_mirrored = wanted.prepare == Prepare::Half
+                && (last.ends[0] + part.ends[1]).abs() < 0.05 * part.ends[1];
+            let is_one = wanted.scar.is_some() || is_mirrored || gap <= 0.5;
+            if is_ring && !is_one {
+                notes.push(format!(
+                    "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {last} or \
+                     {part}."
                 ));
             }
-            notes.push(format!("A smaller scar was left out. Write {} for it.", named(&second)));
+            if is_one || is_ring { *last = last.with(part) } else { scars.push(part.clone()) }
         }
-        let is_ring = |pair: &&[Part]| gap(&pair[0].range, &pair[1]) > 0.5;
-        if let Some([one, other]) =
-            self.removed.windows(2).find(is_ring).filter(|_| wanted.scar.is_none())
-        {
-            notes.push(format!(
-                "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {} or {}.",
-                named(&one.range),
-                named(&other.range)
-            ));
+        scars.sort_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
+        let Some(own) = scars.pop() else { return Ok(()) };
+        for other in scars.iter().rev() {
+            if other.area.abs() > OTHER * own.area.abs() {
+                let (both, farther) = (own.with(other), farther(wanted));
+                return Err(format!(
+                    "has two scars or more. Choose one with {own} or {other}. If they are one ring, write {both}. If one reaches \
+                     to an end: {farther}"
+                ));
+            }
+            notes.push(format!("A smaller scar was left out. Write {other} for it."));
         }
-        self.range = self.deeper(&own, SCATTER * self.found.surface.scatter, SHARE);
+        self.range = self.deeper(&own.range, SCATTER * self.found.surface.scatter, SHARE);
+        self.removed = self.found.inside(&self.removed, &own.range);
         if wanted.scar.is_none() { self.check_sides(wanted) } else { Ok(()) }
     }
 
@@ -287,103 +251,87 @@ impl Scar<'_> {
     /// hide any height between those of its ends, and structures that are as deep as the gap is wide.
     fn check_gaps(&mut self, notes: &mut Vec<String>) -> Result<(), String> {
         let Found { points, heights, .. } = &self.found;
-        let Range { start, end } = self.range;
         let [first, last] = self.found.ends(&self.range);
         let deepest = self.depths(&self.range).into_iter().fold(0.0, f64::max);
-        let share = |range: &Range<usize>| {
-            let [from, to] = self.found.ends(range);
-            (to - from) / (to.max(last) - from.min(first))
-        };
         let width = |at: &usize| points[at + 1].0 - points[*at].0;
-        let all = start.saturating_sub(1)..end.min(points.len() - 1);
+        let all = self.range.start.saturating_sub(1)..self.range.end.min(points.len() - 1);
         let pace = median(all.clone().map(|at| width(&at)).collect());
-        let gaps = all.filter(|at| width(at) > GAP * pace).map(|at| at..at + 2);
-        let gaps: Vec<_> = gaps.filter(|range| share(range) > TOLD).collect();
-        let said = |range: &Range<usize>| {
-            let [from, to] = self.found.ends(range).map(|x| UM * x);
-            format!("x = {from:.3} um to {to:.3} um")
-        };
-        if let Some(range) = gaps.iter().find(|range| share(range) > HIDDEN) {
-            return Err(format!(
-                "has no measured heights from {}, {:.0} % of the scar. Measure the trace again, with settings at which the \
-                 instrument sees that part, or along another line",
-                said(range),
-                100.0 * share(range)
-            ));
+        let mut told = Vec::new();
+        for at in all.filter(|at| width(at) > (GAP * pace).max(TOLD * (last - first))) {
+            let [from, to] = [points[at].0, points[at + 1].0];
+            let share = (to - from) / (to.max(last) - from.min(first));
+            told.push(format!("x = {:.3} um to {:.3} um", UM * from, UM * to));
+            if share > HIDDEN {
+                return Err(format!(
+                    "has no measured heights from {}, {:.0} % of the scar. Measure the trace again, with settings at which the \
+                     instrument sees that part, or along another line",
+                    told[told.len() - 1],
+                    100.0 * share
+                ));
+            }
+            let error = libm::hypot(heights[at + 1] - heights[at], share * deepest) / 12_f64.sqrt();
+            self.gaps.push(Gap { range: at..at + 2, error });
         }
-        if !gaps.is_empty() {
+        if !told.is_empty() {
             notes.push(format!(
                 "The scar has gaps without measured heights: from {}. Lines fill them. The errors of depth, area and volume \
                  contain what they can hide.",
-                gaps.iter().map(said).collect::<Vec<_>>().join(", ")
+                told.join(", ")
             ));
         }
-        let error = |range: &Range<usize>| {
-            let hidden = share(range) * deepest;
-            libm::hypot(heights[range.start] - heights[range.end - 1], hidden) / 12_f64.sqrt()
-        };
-        let mut gaps: Vec<_> =
-            gaps.into_iter().map(|range| Gap { error: error(&range), range }).collect();
         if let Some((range, count, end)) = clipped(points) {
             notes.push(format!(
                 "{count} points have the {end} height, several of them in a row: they are clipped, because the range of the \
                  instrument ends there. Depth and volume are lower limits."
             ));
-            gaps.push(Gap { error: share(&range) * deepest, range });
+            let [from, to] = self.found.ends(&range);
+            self.gaps.push(Gap { range, error: (to - from) / (last - first) * deepest });
         }
-        self.gaps = gaps;
         Ok(())
     }
 
     /// Refuses a scar whose sides are not one plane or circle, or are not measured.
     fn check_sides(&self, wanted: &Wanted<'_>) -> Result<(), String> {
-        let (count, own) = (self.found.points.len(), self.found.ends(&self.range));
-        let step = self.step(own).map(|(height, x, scar)| {
-            format!(
-                "an unworn surface that rises by {:.4} um near x = {:.4} mm. If the scar is there, its depth is uncertain. \
-                 Choose the scar with scar=FROM..TO, such as {}",
-                UM * height,
-                1e3 * x,
-                named(scar)
-            )
-        });
+        let (own, farther) = (self.found.part(self.range.clone()), farther(wanted));
+        let step = self.step(own.ends);
+        let count = self.found.points.len();
         if self.range.start.min(count - self.range.end) < count / UNWORN {
+            let step = step.map_or_else(String::new, |step| format!(". Or it has {step}"));
             return Err(format!(
-                "has a scar that reaches to an end: {}. If it is narrower, {CHOOSE}. {}{}",
-                named(own),
-                farther(wanted),
-                step.map_or_else(String::new, |step| format!(". Or it has {step}"))
+                "has a scar that reaches to an end: {own}. If it is narrower, {CHOOSE}. {farther}{step}"
             ));
         }
         step.map_or(Ok(()), |step| Err(format!("has {step}")))
     }
 
-    /// The height and the place of a step of the unworn surface, and the ends of the scar that the surface then has. The step is
-    /// in the scar, or many more points are unworn with it.
-    fn step(&self, own: [f64; 2]) -> Option<(f64, f64, [f64; 2])> {
+    /// A step of the unworn surface, and the scar that the surface then has. The step is in the scar, or many more points are
+    /// unworn with it.
+    fn step(&self, own: [f64; 2]) -> Option<String> {
         let Found { points, is_unworn, .. } = &self.found;
-        let surface = Surface::through(points, is_unworn, Some(own), 0.0);
-        if is_step(&surface) {
-            return Some((surface.step().0, 0.5 * (own[0] + own[1]), own));
-        }
+        let said = |surface: &Surface, [from, to]: [f64; 2], scar: [f64; 2]| {
+            Some(format!(
+                "an unworn surface that rises by {:.4} um near x = {:.4} mm. If the scar is there, its depth is uncertain. \
+                 Choose the scar with scar=FROM..TO, such as {}",
+                UM * surface.step()?,
+                0.5e3 * (from + to),
+                named(scar)
+            ))
+        };
         let thin = points.len().div_ceil(THIN);
         let thinned: Points = points.iter().step_by(thin).copied().collect();
         let [first, last] = self.found.ends(&(0..points.len()));
         let width = (last - first) / STEPS;
         let tried = (1..STEPS as usize).map(|at| {
             let x = first + at as f64 * width;
-            (x, parts::find(&thinned, None, Some([x - 1e-3 * width, x + 1e-3 * width])))
+            let edge = [x - 1e-3 * width, x + 1e-3 * width];
+            (edge, parts::find(&thinned, None, Some(edge)))
         });
-        let (x, best) = tried.max_by_key(|(_, found)| found.unworn())?;
-        let more = best.unworn() as f64 - self.found.unworn() as f64 / thin as f64;
-        let is_better = more > GAIN * thinned.len() as f64 && is_step(&best.surface);
-        let removed = best.parts.iter().filter(|part| part.area * self.outwards < 0.0);
-        let scar = largest(removed).filter(|_| is_better)?;
-        Some((best.surface.step().0, x, best.ends(&scar.range)))
+        said(&Surface::through(points, is_unworn, Some(own), 0.0), own, own).or_else(|| {
+            let (edge, best) = tried.max_by_key(|(_, found)| found.unworn())?;
+            let more = best.unworn() as f64 - self.found.unworn() as f64 / thin as f64;
+            let removed = best.parts.iter().filter(|part| part.area * self.outwards < 0.0);
+            let scar = largest(removed).filter(|_| more > GAIN * thinned.len() as f64)?;
+            said(&best.surface, edge, scar.ends)
+        })
     }
-}
-
-/// The gap before a part, in units of the shorter one of both sides.
-fn gap(before: &Range<usize>, part: &Part) -> f64 {
-    part.range.start.saturating_sub(before.end) as f64 / before.len().min(part.range.len()) as f64
 }

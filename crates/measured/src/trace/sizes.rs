@@ -73,8 +73,7 @@ impl<'a> Sizes<'a> {
         if is_centred && scar.range.is_empty() {
             own.axis.0 = surface.apex();
         } else if is_centred {
-            let core: Vec<_> =
-                scar.removed.iter().filter_map(|part| part.inside(&scar.range)).collect();
+            let core = scar.found.inside(&scar.removed, &scar.range);
             let area = own.area(&core).value;
             let axis = own.sum(&core, &|x| x).value / area;
             let moment = own.sum(&core, &|x| (x - axis) / area).error();

@@ -16,6 +16,8 @@ const SHEAR: usize = 3;
 const STEP: usize = 4;
 /// A shear is told, and a wave counts, if it is this many standard deviations.
 const SURE: f64 = 4.0;
+/// A step counts if it is this many times the scatter and its standard deviation.
+const EDGE: f64 = 5.0;
 /// The standard deviation of the shear that is expected without knowledge, in rad.
 const EXPECTED: f64 = 0.02;
 /// Maximum number of repetitions of a fit that is not linear, and the relative change at which it ends.
@@ -140,9 +142,11 @@ impl Surface {
         self.is_round && (self.apex - self.vertex()).abs() > SURE * self.deviation(SHEAR)
     }
 
-    /// The height of a step, and its standard deviation.
-    pub fn step(&self) -> (f64, f64) {
-        (self.coefficients[STEP], self.deviation(STEP))
+    /// The height of a step, if it is many times the scatter and its standard deviation.
+    pub fn step(&self) -> Option<f64> {
+        let height = self.coefficients[STEP];
+        let least = EDGE * self.scatter.max(self.deviation(STEP));
+        (height.abs() > least).then_some(height)
     }
 
     /// The columns at a position, and what the circle has beyond its parabola.
