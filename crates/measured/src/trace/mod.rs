@@ -25,12 +25,12 @@ use serde_json::{Value, json};
 use points::ascending;
 use radial::Radial;
 use scar::CHOOSE;
-use sizes::Sizes;
+use sizes::{Size, Sizes};
 
 pub use wanted::{ENDS, Prepare, Up, Wanted, ends};
 
-/// From this relative error of the removed volume, a note says where it comes from.
-const UNCERTAIN: f64 = 0.05;
+/// From this error of the removed volume in percent, a note says where it comes from.
+const UNCERTAIN: f64 = 5.0;
 const UM: f64 = 1e6;
 
 /// Makes a profile of wear from a trace of heights `z`.
@@ -58,10 +58,9 @@ pub fn profile(
     let unworn = &scar.found.surface;
     let is_ball = unworn.is_round && scar.outwards * unworn.bend() <= 0.0;
     let indenter = if is_ball { indenter::of(radial, unworn.scatter, notes) } else { Value::Null };
-    let deepest = depth::deepest(scar);
-    let volume = sizes.volume(&scar.removed);
-    tell(sizes, radial, wanted, notes);
-    notes.push(format!("The largest depth is {} um.", deepest.text(UM)));
+    let [removed, added] = [&scar.removed, &scar.added].map(|parts| sizes.area(parts));
+    let (deepest, volume) = (depth::deepest(scar), sizes.volume(&scar.removed));
+    tell(sizes, radial, [&deepest, &removed, &added, &volume], wanted, notes);
     let side = |side: f64| sizes.side(&scar.removed, side).json();
     let sides = radial.are_different.then(|| {
         json!({
@@ -77,71 +76,55 @@ pub fn profile(
         "indenter": indenter,
         "trace": {
             "radius": unworn.radius(), "scar": ends, "centre": axis, "tilt": unworn.slope(axis),
-            "scatter": unworn.scatter, "difference": difference,
-            "depth": deepest.json(),
-            "area_removed": sizes.area(&scar.removed).json(),
-            "area_added": sizes.area(&scar.added).json(),
-            "volume_removed": volume.json(),
-            "volume_added": sizes.volume(&scar.added).json(),
-            "sides": sides,
+            "scatter": unworn.scatter, "difference": difference, "sides": sides, "depth": deepest.json(),
+            "area_removed": removed.json(), "area_added": added.json(),
+            "volume_removed": volume.json(), "volume_added": sizes.volume(&scar.added).json(),
         },
     }))
 }
 
 /// Says what was found.
-fn tell(sizes: &Sizes<'_>, radial: &Radial, wanted: &Wanted<'_>, notes: &mut Vec<String>) {
-    let Sizes { scar, axis } = sizes;
+fn tell(
+    Sizes { scar, axis: (axis, _) }: &Sizes<'_>,
+    radial: &Radial,
+    [depth, removed, added, volume]: [&Size; 4],
+    wanted: &Wanted<'_>,
+    notes: &mut Vec<String>,
+) {
     let surface = &scar.found.surface;
-    let hollow =
-        if scar.outwards * surface.bend() > 0.0 { ", and the surface is hollow" } else { "" };
-    let line = if surface.is_sheared() {
-        ". A line was subtracted from the trace before, so the circle has its own tilt"
-    } else {
-        ""
-    };
+    let or_empty = |is_so: bool, words: &'static str| if is_so { words } else { "" };
+    let hollow = or_empty(scar.outwards * surface.bend() > 0.0, ", and the surface is hollow");
+    let line = ". A line was subtracted from the trace before, so the circle has its own tilt";
+    let line = or_empty(surface.is_sheared(), line);
     let plane = || "Outside of the scar, the surface is plane within its scatter.".to_owned();
     notes.push(surface.radius().map_or_else(plane, |radius| {
         format!("The radius outside of the scar is {:.5} mm{hollow}{line}.", radius * 1e3)
     }));
-    let removed = if wanted.level { "was removed" } else { "stays in the heights" };
-    let more = if radial.are_different { ", more than the scatter: `sides` has both" } else { "" };
-    notes.extend([
-        format!(
-            "The axis is at x = {:.3} um. The tilt of {:.4} um/mm there {removed}.",
-            UM * axis.0,
-            1e3 * surface.slope(axis.0)
-        ),
-        format!(
-            "Points outside of the scar scatter by {:.4} um (root mean square), which is `sigma`.",
-            UM * surface.scatter
-        ),
-        format!(
-            "Left and right were averaged. They differ by {:.4} um (root mean square){more}.",
-            UM * radial.difference
-        ),
-    ]);
-    let Some([first, last]) = scar.ends() else {
-        notes.push(format!(
-            "No scar was found, so there are no wear depths. If you know where it is, {CHOOSE}."
-        ));
-        return;
-    };
-    let [removed, added] =
-        [&scar.removed, &scar.added].map(|parts| sizes.area(parts).text(UM * UM));
-    let volume = sizes.volume(&scar.removed);
+    let kept = if wanted.level { "was removed" } else { "stays in the heights" };
+    let more = or_empty(radial.are_different, ", more than the scatter: `sides` has both");
+    let (scatter, difference) = (UM * surface.scatter, UM * radial.difference);
+    let (tilt, axis) = (1e3 * surface.slope(*axis), UM * axis);
     notes.push(format!(
-        "The scar is from x = {:.3} um to {:.3} um. {removed} um^2 were removed below the unworn surface, and {added} um^2 stand \
-         above it. About the axis, {} um^3 were removed.",
-        UM * first,
-        UM * last,
-        volume.text(UM * UM * UM)
+        "The axis is at x = {axis:.3} um. The tilt of {tilt:.4} um/mm there {kept}."
     ));
-    let share = volume.error() / volume.value;
+    notes.push(format!(
+        "Left and right were averaged. They differ by {difference:.4} um (root mean square){more}. Points outside of the scar \
+         scatter by {scatter:.4} um, which is `sigma`."
+    ));
+    let Some([from, to]) = scar.ends().map(|ends| ends.map(|end| UM * end)) else {
+        let none = "No scar was found, so there are no wear depths. If you know where it is,";
+        return notes.push(format!("{none} {CHOOSE}."));
+    };
+    let (share, cause) = (100.0 * volume.error() / volume.value, volume.cause());
+    let [depth, removed, added, volume] =
+        [(depth, UM), (removed, UM * UM), (added, UM * UM), (volume, UM * UM * UM)]
+            .map(|(size, unit)| size.text(unit));
+    notes.push(format!(
+        "The scar is from x = {from:.3} um to {to:.3} um, and {depth} um deep. {removed} um^2 were removed below the unworn \
+         surface, and {added} um^2 stand above it. About the axis, {volume} um^3 were removed."
+    ));
     if share > UNCERTAIN {
-        notes.push(format!(
-            "The removed volume is uncertain by {:.1} %, mostly from {}.",
-            100.0 * share,
-            volume.cause()
-        ));
+        notes
+            .push(format!("The removed volume is uncertain by {share:.1} %, mostly from {cause}."));
     }
 }

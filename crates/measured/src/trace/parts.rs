@@ -117,9 +117,14 @@ impl Found<'_> {
     /// change begins.
     fn exact(&self, stretch: Range<usize>, half: usize) -> Part {
         let sign = self.heights[stretch.clone()].iter().sum::<f64>().signum();
-        let (from, after) =
-            (stretch.start.saturating_sub(half), (stretch.end + half).min(self.heights.len()));
-        let sums = sums(self.heights[from..after].iter().map(|height| sign * height));
+        let from = stretch.start.saturating_sub(half);
+        let near = self.heights[from..].iter().take(stretch.end + half - from);
+        let mut sum = 0.0;
+        let mut sums = vec![0.0];
+        sums.extend(near.map(|height| {
+            sum += sign * height;
+            sum
+        }));
         // The ends may move by half of the window, but not beyond the middle.
         let most = (2 * half).min(sums.len() / 2);
         let order = |one: &usize, other: &usize| sums[*one].total_cmp(&sums[*other]);
@@ -127,16 +132,6 @@ impl Found<'_> {
         let end = (sums.len() - 1 - most..sums.len()).max_by(order).unwrap_or(0);
         self.part(from + start..from + end.max(start + 1))
     }
-}
-
-/// The sums of the first numbers.
-fn sums(values: impl Iterator<Item = f64>) -> Vec<f64> {
-    let mut sum = 0.0;
-    let next = values.map(|value| {
-        sum += value;
-        sum
-    });
-    std::iter::once(0.0).chain(next).collect()
 }
 
 /// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
@@ -167,7 +162,7 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
         let is_near = |at: usize| is_outside(at) && (is_grown || mean[at].abs() <= NEAR * scale);
         let is_unworn_now: Vec<bool> = (0..count).map(is_near).collect();
         let mut found = Found { points, surface, heights, is_unworn: is_unworn_now, parts: vec![] };
-        for stretch in stretches(&mean, SURE * scale).into_iter().filter(|_| is_grown) {
+        for stretch in stretches(&mean, SURE * scale).filter(|_| is_grown) {
             let part = found.exact(stretch, half);
             let Range { start, end } = part.range;
             // Beside a wide part, two thirds of a side stay.
@@ -187,13 +182,11 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
 }
 
 /// Where the moving mean exceeds the limit, and as far as it is above `LOW` of it.
-fn stretches(mean: &[f64], limit: f64) -> Vec<Range<usize>> {
-    let side = |mean: &f64| (mean.abs() > LOW * limit).then_some(*mean > 0.0);
+fn stretches(mean: &[f64], limit: f64) -> impl Iterator<Item = Range<usize>> {
+    let side = move |mean: &f64| (mean.abs() > LOW * limit).then_some(*mean > 0.0);
     let mut end = 0;
-    let runs = mean.chunk_by(|one, next| side(one) == side(next)).map(|run| {
+    mean.chunk_by(move |one, next| side(one) == side(next)).filter_map(move |run| {
         end += run.len();
-        (end - run.len()..end, run)
-    });
-    let sure = runs.filter(|(_, run)| run.iter().any(|mean| mean.abs() > limit));
-    sure.map(|(range, _)| range).collect()
+        run.iter().any(|mean| mean.abs() > limit).then(|| end - run.len()..end)
+    })
 }

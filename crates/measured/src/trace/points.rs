@@ -76,11 +76,12 @@ pub fn ascending(
     is_half: bool,
     notes: &mut Vec<String>,
 ) -> Result<Points, String> {
-    let mut points: Points = x.iter().zip(z).filter_map(|(x, z)| Some(((*x)?, (*z)?))).collect();
-    if points.len() < FEWEST {
-        let count = points.len();
-        return Err(format!("needs {FEWEST} rows with both numbers, but the file has {count}"));
-    }
+    let enough = |points: Points, what: &str| match points.len() {
+        count if count < FEWEST => Err(format!("needs {FEWEST} {what}, but the file has {count}")),
+        _ => Ok(points),
+    };
+    let rows = x.iter().zip(z).filter_map(|(x, z)| Some(((*x)?, (*z)?)));
+    let mut points = enough(rows.collect(), "rows with both numbers")?;
     if points.first() > points.last() {
         points.reverse();
         notes.push("x decreased, so the order of the points was reversed.".to_owned());
@@ -92,23 +93,18 @@ pub fn ascending(
         ));
     }
     for cleaned in [averaged, without_dropouts, without_lines, without_spikes] {
-        if points.len() >= FEWEST {
-            points = cleaned(&points, notes);
-        }
+        points = enough(cleaned(&points, notes), "points at different x that are no drop-outs")?;
     }
     if is_half {
         points.retain(|(x, _)| *x >= 0.0);
         let mirrored = points.iter().rev().filter(|(x, _)| *x > 0.0).map(|(x, z)| (-x, *z));
         points = mirrored.chain(points.iter().copied()).collect();
         notes.push("The half with x above 0 was mirrored, so a tilt was not removed.".to_owned());
+        if points.len() < FEWEST {
+            return Err("has too few points with x above 0. The axis must be at x = 0".to_owned());
+        }
     }
-    let few = if is_half {
-        "has too few points with x above 0. The axis must be at x = 0".to_owned()
-    } else {
-        let count = points.len();
-        format!("needs {FEWEST} points that are no drop-outs at different x. It has {count}")
-    };
-    if points.len() < FEWEST { Err(few) } else { Ok(points) }
+    Ok(points)
 }
 
 /// The points with one for each position.
@@ -118,8 +114,8 @@ fn averaged(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
     let kept: Points = chunks.map(|equal| (equal[0].0, mean(equal))).collect();
     let more = points.len() - kept.len();
     if more > 0 {
-        notes
-            .push(format!("{more} points have the x of the point before them, and were averaged."));
+        let told = "points have the x of the point before them, and were averaged.";
+        notes.push(format!("{more} {told}"));
     }
     kept
 }

@@ -86,30 +86,21 @@ impl Surface {
         let used: Points =
             points.iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|it| *it.0).collect();
         let mut found = Self { middle, half, edge, together: 1.0, ..Self::default() };
-        found.fit(&used);
-        found.judge(&used, rounding);
-        if found.bend().abs() * half * half > 3.0 * found.scatter {
-            let parabola = found.clone();
-            (found.is_round, found.apex) = (true, found.vertex());
-            for _ in 0..TRIES {
-                let before = (found.apex, found.bend());
-                found.fit(&used);
-                // A circle that is tilted by more than a right angle has no apex.
-                let reach = 0.5 / found.bend().abs();
-                let apex = found.apex + found.coefficients[SHEAR];
-                found.apex = apex.max(middle - reach).min(middle + reach);
-                found.coefficients[SHEAR] = 0.0;
-                found.judge(&used, rounding);
-                let moved = (found.apex - before.0).abs() / half;
-                if moved < STILL && (found.bend() / before.1 - 1.0).abs() < STILL {
-                    break;
-                }
-            }
-            if !found.scatter.is_finite() {
-                found = parabola;
+        found.fit(&used, rounding);
+        if found.bend().abs() * half * half <= 3.0 * found.scatter {
+            return found;
+        }
+        let plane = found.clone();
+        (found.is_round, found.apex) = (true, found.vertex());
+        for _ in 0..TRIES {
+            let before = (found.apex, found.bend());
+            found.fit(&used, rounding);
+            let moved = (found.apex - before.0).abs() / half;
+            if moved < STILL && (found.bend() / before.1 - 1.0).abs() < STILL {
+                break;
             }
         }
-        found
+        if found.scatter.is_finite() { found } else { plane }
     }
 
     /// Half of the second derivative at the apex.
@@ -152,8 +143,8 @@ impl Surface {
     /// The columns at a position, and what the circle has beyond its parabola.
     fn row(&self, x: f64) -> ([f64; COLUMNS], f64) {
         let u = (x - self.middle) / self.half;
-        let rise = |[from, to]: [f64; 2]| ((x - 0.5 * (from + to)) / (to - from)).clamp(-0.5, 0.5);
-        let step = self.edge.map_or(0.0, rise);
+        let step =
+            self.edge.map_or(0.0, |[from, to]| ((x - from) / (to - from)).clamp(0.0, 1.0) - 0.5);
         let (bend, v) = (self.bend(), x - self.apex);
         let radius = 0.5 / bend.abs();
         let root = (radius * radius - v * v).max(1e-4 * radius * radius).sqrt();
@@ -164,8 +155,8 @@ impl Surface {
         ([1.0, u, u * u, shear, step], (radius - root).copysign(bend) - bend * v * v)
     }
 
-    /// Least squares with the apex and the curvature of before.
-    fn fit(&mut self, used: &[(f64, f64)]) {
+    /// Least squares with the curvature of before, and the next apex.
+    fn fit(&mut self, used: &[(f64, f64)], rounding: f64) {
         let mut matrix = Matrix::default();
         for (x, z) in used {
             let ([a, b, c, d, e], beyond) = self.row(*x);
@@ -185,6 +176,11 @@ impl Surface {
         let matrix = swept(matrix);
         self.coefficients = from_fn(|at| matrix[at][COLUMNS]);
         self.covariance = from_fn(|at| from_fn(|other| -matrix[at][other]));
+        // A circle that is tilted by more than a right angle has no apex.
+        let (apex, reach) = (self.apex + self.coefficients[SHEAR], 0.5 / self.bend().abs());
+        self.apex = apex.max(self.middle - reach).min(self.middle + reach);
+        self.coefficients[SHEAR] = 0.0;
+        self.judge(used, rounding);
     }
 
     /// The height of the surface. Where it rises by a step, a line joins both sides.
@@ -208,10 +204,8 @@ impl Surface {
             squares += weight * weight;
             sum.iter_mut().zip(self.row(x).0).for_each(|(sum, own)| *sum += weight * own);
         }
-        let product =
-            |row: &[f64; COLUMNS]| row.iter().zip(sum).map(|(own, sum)| own * sum).sum::<f64>();
-        let square: f64 =
-            self.covariance.iter().zip(sum).map(|(row, sum)| sum * product(row)).sum();
+        let dot = |row: &[f64; COLUMNS]| row.iter().zip(sum).map(|(own, sum)| own * sum).sum();
+        let square: f64 = dot(&self.covariance.map(|row| dot(&row)));
         // The sum of neighbours that go together is not more uncertain than their own deviations.
         let scatter = self.scatter * (self.together * squares).min(all * all).sqrt();
         let surface = self.scatter * (self.together * square.max(0.0)).sqrt();
