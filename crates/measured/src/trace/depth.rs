@@ -6,14 +6,13 @@
 
 use super::scar::{Gap, Scar};
 use super::sizes::Size;
+use crate::curve::smooth;
 
 /// The first window is this share of the scar, but not fewer points. Each one is wider by the factor, up to the last share.
 const FIRST: f64 = 1.0 / 80.0;
 const FEWEST: f64 = 5.0;
 const FACTOR: f64 = 1.4;
 const LAST: f64 = 0.7;
-/// Windows are moved by this share of their width.
-const MOVE: f64 = 0.2;
 
 /// The largest depth of the scar, and its standard deviation.
 pub fn deepest(scar: &Scar<'_>) -> Size {
@@ -23,17 +22,18 @@ pub fn deepest(scar: &Scar<'_>) -> Size {
     let (mut size, mut before, mut least) = ((FIRST * count).max(FEWEST), None, f64::NEG_INFINITY);
     let (mut found, mut errors, mut near) = (0.0, [surface.scatter, 0.0, 0.0, 0.0], 0..0);
     while size <= (LAST * count).max(FEWEST).min(count) {
-        let window = size as usize;
-        let starts = (0..=depths.len() - window).step_by(((MOVE * size) as usize).max(1));
-        let mean = |start| depths[start..start + window].iter().sum::<f64>() / window as f64;
-        let means = starts.map(|start| (mean(start), range.start + start));
-        let Some((mean, at)) = means.max_by(|one, other| one.0.total_cmp(&other.0)) else { break };
+        let half = size as usize / 2;
+        let means = smooth(&depths, 2 * half + 1).into_iter().enumerate();
+        let Some((at, mean)) = means.max_by(|one, other| one.1.total_cmp(&other.1)) else { break };
         if mean < least {
             break;
         }
-        near = at..at + window;
-        let weights = near.clone().map(|at| (scar.found.points[at].0, 1.0 / window as f64));
-        let [scatter, unworn] = surface.error(weights);
+        near = at.saturating_sub(half)..(at + half + 1).min(depths.len());
+        let share = 1.0 / near.len() as f64;
+        near = range.start + near.start..range.start + near.end;
+        let [scatter, unworn] =
+            surface.error(near.clone().map(|at| (scar.found.points[at].0, share)));
+        let scatter = scatter.min(surface.scatter);
         // The largest of several means is too large by about this many standard deviations.
         let chosen = (2.0 * libm::log((count / size).max(1.0))).sqrt();
         least = least.max(mean - chosen * scatter);

@@ -105,12 +105,12 @@ impl Found<'_> {
         parts.iter().map(both).filter(|it| !it.is_empty()).map(|it| self.part(it)).collect()
     }
 
-    /// A whole stretch as one part, if its mean height is two standard deviations.
+    /// A whole stretch as one part, if its area is two standard deviations.
     pub fn whole(&self, range: Range<usize>) -> Option<Part> {
-        let count = range.len() as f64;
-        let mean = self.heights[range.clone()].iter().sum::<f64>() / count;
-        let errors = self.surface.error(range.clone().map(|at| (self.points[at].0, 1.0 / count)));
-        (mean.abs() > 2.0 * libm::hypot(errors[0], errors[1])).then(|| self.part(range))
+        let part = self.part(range);
+        let weights = part.range.clone().map(|at| (self.points[at].0, self.share(at, &|_| 1.0)));
+        let [scatter, surface] = self.surface.error(weights);
+        (part.area.abs() > 2.0 * libm::hypot(scatter, surface)).then_some(part)
     }
 
     /// A part whose ends are the extremes of the sum of the heights near the ends of the stretch: the least squares of where a

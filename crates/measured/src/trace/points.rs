@@ -199,18 +199,15 @@ fn without_spikes(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
 /// The points at an end of the range of the instrument, their number and which end it is: several equal heights in a row,
 /// although other points have noise.
 pub fn clipped(points: &[(f64, f64)]) -> Option<(Range<usize>, usize, &'static str)> {
-    let heights = heights(points);
-    let mut sorted = heights.clone();
+    let mut sorted = heights(points);
     sorted.sort_unstable_by(f64::total_cmp);
-    let counts: Vec<usize> = sorted.chunk_by(PartialEq::eq).map(<[f64]>::len).collect();
-    let [low, high] = limits(points);
-    let sides = [(low, &counts[1..], "lowest"), (high, &counts[..counts.len() - 1], "highest")];
-    sides.into_iter().filter(|_| noise(points) > 0.0).find_map(|(limit, others, end)| {
-        let is_limit = |height: &f64| *height == limit;
-        let count = heights.iter().filter(|height| is_limit(height)).count();
-        let is_run = heights.windows(REPEATED).any(|near| near.iter().all(is_limit));
-        let range = heights.iter().position(is_limit)?..heights.iter().rposition(is_limit)? + 1;
-        let is_clipped = is_run && count >= OFTEN * others.iter().copied().max()?;
-        is_clipped.then_some((range, count, end))
+    let sides = limits(points).into_iter().zip(["lowest", "highest"]);
+    sides.filter(|_| noise(points) > 0.0).find_map(|(limit, end)| {
+        let others = sorted.chunk_by(PartialEq::eq).filter(|equal| equal[0] != limit);
+        let most = others.map(<[f64]>::len).max()?;
+        let all: Vec<usize> = (0..points.len()).filter(|at| points[*at].1 == limit).collect();
+        let is_run = all.windows(REPEATED).any(|near| near[REPEATED - 1] - near[0] < REPEATED);
+        let range = all[0]..all[all.len() - 1] + 1;
+        (is_run && all.len() >= OFTEN * most).then_some((range, all.len(), end))
     })
 }

@@ -128,6 +128,27 @@ fn outwards(found: &Found<'_>, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> 
     if wanted.up.map_or(is_turned, |up| up == Up::In) { -1.0 } else { 1.0 }
 }
 
+/// Whether two parts are one scar: their gap is at most half of the shorter one, or they are the sides of a ring, whose middle
+/// sticks and does not wear.
+fn is_one(last: &Part, part: &Part, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> bool {
+    let gap = part.range.start.saturating_sub(last.range.end) as f64;
+    let gap = gap / last.range.len().min(part.range.len()) as f64;
+    let [from, to] = last.with(part).ends;
+    // A half was mirrored.
+    let is_mirrored = wanted.prepare == Prepare::Half && (from + to).abs() < 0.05 * to;
+    if wanted.scar.is_some() || is_mirrored || gap <= 0.5 {
+        return true;
+    }
+    let share = last.area / part.area;
+    let is_ring = NEAR * gap <= 1.0 && share.min(1.0 / share) > RING;
+    if is_ring {
+        notes.push(format!(
+            "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {last} or {part}."
+        ));
+    }
+    is_ring
+}
+
 /// Finds the scar.
 ///
 /// # Errors
@@ -205,30 +226,14 @@ impl Scar<'_> {
         ))
     }
 
-    /// Chooses the removed parts of one scar. Two parts are one scar if their gap is at most half of the shorter one, or if they are
-    /// the sides of a ring, whose middle sticks and does not wear.
+    /// Chooses the removed parts of one scar.
     fn choose(&mut self, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<(), String> {
         let mut scars: Vec<Part> = Vec::new();
         for part in &self.removed {
-            let Some(last) = scars.last_mut() else {
-                scars.push(part.clone());
-                continue;
-            };
-            let gap = part.range.start.saturating_sub(last.range.end) as f64
-                / last.range.len().min(part.range.len()) as f64;
-            let (own, other) = (last.area.abs(), part.area.abs());
-            let is_ring = NEAR * gap <= 1.0 && own.min(other) > RING * own.max(other);
-            // A half was mirrored.
-            let is_mirrored = wanted.prepare == Prepare::Half
-                && (last.ends[0] + part.ends[1]).abs() < 0.05 * part.ends[1];
-            let is_one = wanted.scar.is_some() || is_mirrored || gap <= 0.5;
-            if is_ring && !is_one {
-                notes.push(format!(
-                    "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {last} or \
-                     {part}."
-                ));
+            match scars.last_mut() {
+                Some(last) if is_one(last, part, wanted, notes) => *last = last.with(part),
+                _ => scars.push(part.clone()),
             }
-            if is_one || is_ring { *last = last.with(part) } else { scars.push(part.clone()) }
         }
         scars.sort_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
         let Some(own) = scars.pop() else { return Ok(()) };

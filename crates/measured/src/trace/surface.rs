@@ -206,8 +206,7 @@ impl Surface {
         }
         let dot = |row: &[f64; COLUMNS]| row.iter().zip(sum).map(|(own, sum)| own * sum).sum();
         let square: f64 = dot(&self.covariance.map(|row| dot(&row)));
-        // The sum of neighbours that go together is not more uncertain than their own deviations.
-        let scatter = self.scatter * (self.together * squares).min(all * all).sqrt();
+        let scatter = self.scatter * (self.together * squares).sqrt();
         let surface = self.scatter * (self.together * square.max(0.0)).sqrt();
         [scatter, libm::hypot(surface, 0.5 * all * self.coefficients[STEP])]
     }
