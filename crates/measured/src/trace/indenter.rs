@@ -46,13 +46,13 @@ fn convex(radius: &[f64], height: &[f64]) -> Vec<f64> {
 
 /// The heights over radii, made convex within the noise if a scenario would refuse them. Null if it would refuse these, too.
 pub fn of(radial: &Radial, scatter: f64, notes: &mut Vec<String>) -> Value {
-    let Radial { reach, height, .. } = radial;
-    let table = |height: &[f64]| json!({"shape": "table", "radius": reach, "height": height});
-    let Some(detail) = refused(reach, height) else { return table(height) };
-    let smooth = convex(reach, height);
+    let Radial { radius, height, .. } = radial;
+    let table = |height: &[f64]| json!({"shape": "table", "radius": radius, "height": height});
+    let Some(detail) = refused(radius, height) else { return table(height) };
+    let smooth = convex(radius, height);
     let largest =
         height.iter().zip(&smooth).map(|(one, other)| (one - other).abs()).fold(0.0, f64::max);
-    if largest <= NOISE * scatter && refused(reach, &smooth).is_none() {
+    if largest <= NOISE * scatter && refused(radius, &smooth).is_none() {
         notes.push(format!(
             "The heights of the indenter were made convex, by at most {:.4} um, because noise would split the contact.",
             1e6 * largest

@@ -68,7 +68,7 @@ pub fn profile(
             "right": {"depth": radial.right, "volume_removed": side(1.0)},
         })
     });
-    let Radial { radius, depth, difference, .. } = radial;
+    let (radius, depth) = (&radial.radius[..radial.inside], &radial.depth[..radial.inside]);
     let data =
         json!({"profile": "wear", "radius": radius, "depth": depth, "sigma": unworn.scatter});
     Ok(json!({
@@ -76,7 +76,7 @@ pub fn profile(
         "indenter": indenter,
         "trace": {
             "radius": unworn.radius(), "scar": ends, "centre": axis, "tilt": unworn.slope(axis),
-            "scatter": unworn.scatter, "difference": difference, "sides": sides, "depth": deepest.json(),
+            "scatter": unworn.scatter, "difference": radial.difference, "sides": sides, "depth": deepest.json(),
             "area_removed": removed.json(), "area_added": added.json(),
             "volume_removed": volume.json(), "volume_added": sizes.volume(&scar.added).json(),
         },

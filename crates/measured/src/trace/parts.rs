@@ -105,7 +105,7 @@ impl Found<'_> {
         parts.iter().map(both).filter(|it| !it.is_empty()).map(|it| self.part(it)).collect()
     }
 
-    /// A whole stretch as one part, if its area is two standard deviations.
+    /// A stretch as a part, if its area is two standard deviations.
     pub fn whole(&self, range: Range<usize>) -> Option<Part> {
         let part = self.part(range);
         let weights = part.range.clone().map(|at| (self.points[at].0, self.share(at, &|_| 1.0)));
@@ -115,7 +115,7 @@ impl Found<'_> {
 
     /// A part whose ends are the extremes of the sum of the heights near the ends of the stretch: the least squares of where a
     /// change begins.
-    fn exact(&self, stretch: Range<usize>, half: usize) -> Part {
+    fn exact(&self, stretch: Range<usize>, half: usize) -> Range<usize> {
         let sign = self.heights[stretch.clone()].iter().sum::<f64>().signum();
         let from = stretch.start.saturating_sub(half);
         let near = self.heights[from..].iter().take(stretch.end + half - from);
@@ -130,7 +130,7 @@ impl Found<'_> {
         let order = |one: &usize, other: &usize| sums[*one].total_cmp(&sums[*other]);
         let start = (0..=most).min_by(order).unwrap_or(0);
         let end = (sums.len() - 1 - most..sums.len()).max_by(order).unwrap_or(0);
-        self.part(from + start..from + end.max(start + 1))
+        from + start..from + end.max(start + 1)
     }
 }
 
@@ -163,7 +163,7 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
         let is_unworn_now: Vec<bool> = (0..count).map(is_near).collect();
         let mut found = Found { points, surface, heights, is_unworn: is_unworn_now, parts: vec![] };
         for stretch in stretches(&mean, SURE * scale).filter(|_| is_grown) {
-            let part = found.exact(stretch, half);
+            let part = found.part(found.exact(stretch, half));
             let Range { start, end } = part.range;
             // Beside a wide part, two thirds of a side stay.
             let margin = |side: usize| half + (part.range.len() / UNWORN).min(side / 3);

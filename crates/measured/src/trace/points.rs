@@ -123,17 +123,15 @@ fn averaged(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
 /// The points without those that an instrument wrote where it measured nothing: zeros, or the lowest or highest number,
 /// if most of them are far from the nearest other points.
 fn without_dropouts(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
-    let mut points = points.to_vec();
-    for which in 0..3 {
-        let [low, high] = limits(&points);
-        let value = [low, high, 0.0][which];
+    let (mut points, [low, high]) = (points.to_vec(), limits(points));
+    for value in [low, high, 0.0] {
         let (equal, others): (Points, Points) = points.iter().partition(|point| point.1 == value);
         if equal.len() < REPEATED || others.len() < FEWEST {
             continue;
         }
         let [low, high] = limits(&others);
-        let is_beyond = value < 2.0 * low - high || value > 2.0 * high - low;
-        if noise_beyond_rounding(&others).is_none() && !(is_beyond && low < high) {
+        let is_beyond = low < high && (value - 0.5 * (low + high)).abs() > 1.5 * (high - low);
+        if noise_beyond_rounding(&others).is_none() && !is_beyond {
             continue;
         }
         let least = (FAR.0 * noise(&others)).max(FAR.1 * (high - low));
@@ -164,23 +162,21 @@ fn without_lines(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
     let is_straight =
         |at: usize| bends[at] <= most && points[at + 1].1 > low && points[at + 1].1 < high;
     let straight: Vec<bool> = (0..bends.len()).map(is_straight).collect();
-    let (mut kept, mut first, mut next) = (Points::new(), 0, 0);
+    let (mut is_kept, mut first) = (vec![true; points.len()], 0);
     for run in straight.chunk_by(PartialEq::eq) {
-        let after = first + run.len() + 2;
-        if run[0] && run.len() as f64 > likely && first > 0 && after < points.len() {
-            let [from, to] = [points[first].0, points[after - 1].0].map(|x| 1e6 * x);
+        let last = first + run.len() + 1;
+        if run[0] && run.len() as f64 > likely && first > 0 && last + 1 < points.len() {
+            is_kept[first..=last].fill(false);
+            let (count, [from, to]) =
+                (last + 1 - first, [first, last].map(|at| 1e6 * points[at].0));
             notes.push(format!(
-                "{} points from x = {from:.3} um to {to:.3} um lie on one line, although the others have noise: a height was \
-                 held, or a line was drawn across a gap. They were left out.",
-                after - first
+                "{count} points from x = {from:.3} um to {to:.3} um lie on one line, although the others have noise: a height was \
+                 held, or a line was drawn across a gap. They were left out."
             ));
-            kept.extend(&points[next.min(first)..first]);
-            next = after;
         }
         first += run.len();
     }
-    kept.extend(&points[next..]);
-    kept
+    points.iter().zip(is_kept).filter(|(_, is_kept)| *is_kept).map(|it| *it.0).collect()
 }
 
 /// The points without spikes.

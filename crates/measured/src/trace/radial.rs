@@ -19,14 +19,14 @@ type Depths = Vec<Option<f64>>;
 /// A trace over the distance from the axis.
 #[derive(Debug)]
 pub struct Radial {
-    /// The radii inside of the scar, or all if there is no scar, and the mean depths of both sides.
+    /// The radii, the first of which are inside of the scar (all if there is no scar).
     pub radius: Vec<f64>,
+    pub inside: usize,
+    /// The mean depths of both sides, and those of the left side and of the right one.
     pub depth: Vec<f64>,
-    /// The depths of the left side and of the right one.
     pub left: Depths,
     pub right: Depths,
-    /// All radii, and the heights above that of the axis.
-    pub reach: Vec<f64>,
+    /// The heights above that of the axis.
     pub height: Vec<f64>,
     /// The difference of the sides (root mean square), and whether it is more than scatter.
     pub difference: f64,
@@ -57,29 +57,24 @@ impl Radial {
                 bins.iter().map(|[right, left]| (right[of] + left[of]) / (right[0] + left[0]));
             both.collect()
         };
-        let [mut reach, mut depth, mut height] = [mean(1), mean(2), mean(3)];
-        reach[0] = 0.0;
-        let lowest = height[0];
-        for height in &mut height {
-            *height -= lowest;
-        }
-        let mut radius = reach.clone();
-        radius.retain(|radius| half == 0.0 || *radius <= half);
-        bins.truncate(radius.len());
-        depth.truncate(radius.len());
+        let [mut radius, depth, height] = [mean(1), mean(2), mean(3)];
+        radius[0] = 0.0;
+        let height = height.iter().map(|own| own - height[0]).collect();
+        let inside = radius.partition_point(|radius| half == 0.0 || *radius <= half);
         let own = |bin: &Bin| (bin[0] > 0.0).then(|| bin[2] / bin[0]);
-        let [right, left] = [0, 1].map(|side| bins.iter().map(|it| own(&it[side])).collect());
+        let [right, left] =
+            [0, 1].map(|side| bins[..inside].iter().map(|it| own(&it[side])).collect());
         // The squared differences of the sides, and the same in units of what the scatter explains.
         let variance = surface.scatter * surface.scatter * surface.together;
-        let squares = bins.iter().filter_map(|[right, left]| {
+        let squares = bins[..inside].iter().filter_map(|[right, left]| {
             let square = (own(right)? - own(left)?) * (own(right)? - own(left)?);
             Some([square, square / (variance * (1.0 / right[0] + 1.0 / left[0]))])
         });
         let squares: Vec<[f64; 2]> = squares.collect();
         let [difference, excess] = [0, 1]
             .map(|of| (squares.iter().map(|it| it[of]).sum::<f64>() / squares.len() as f64).sqrt());
-        let least = DIFFERENT.1 * depth.iter().copied().fold(0.0, f64::max);
+        let least = DIFFERENT.1 * depth[..inside].iter().copied().fold(0.0, f64::max);
         let are_different = half > 0.0 && excess > DIFFERENT.0 && difference > least;
-        Self { radius, depth, left, right, reach, height, difference, are_different }
+        Self { radius, inside, depth, left, right, height, difference, are_different }
     }
 }
