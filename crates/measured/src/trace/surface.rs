@@ -145,14 +145,11 @@ impl Surface {
         let u = (x - self.middle) / self.half;
         let step =
             self.edge.map_or(0.0, |[from, to]| ((x - from) / (to - from)).clamp(0.0, 1.0) - 0.5);
-        let (bend, v) = (self.bend(), x - self.apex);
-        let radius = 0.5 / bend.abs();
-        let root = (radius * radius - v * v).max(1e-4 * radius * radius).sqrt();
-        if !self.is_round {
-            return ([1.0, u, u * u, 0.0, step], 0.0);
-        }
-        let shear = 2.0 * bend * v - (v / root).copysign(bend * v);
-        ([1.0, u, u * u, shear, step], (radius - root).copysign(bend) - bend * v * v)
+        let (bend, v) = (if self.is_round { self.bend() } else { 0.0 }, x - self.apex);
+        let sine = 2.0 * bend * v;
+        let cosine = (1.0 - sine * sine).max(1e-4).sqrt();
+        let beyond = bend * v * v * (2.0 / (1.0 + cosine) - 1.0);
+        ([1.0, u, u * u, sine * (1.0 - 1.0 / cosine), step], beyond)
     }
 
     /// Least squares with the curvature of before, and the next apex.
