@@ -13,8 +13,9 @@ use crate::curve::smooth;
 
 /// One in this many points at each end must be unworn.
 pub const UNWORN: usize = 10;
-/// A part exceeds this many standard deviations.
+/// A part exceeds this many standard deviations, or this share of the largest height.
 const SURE: f64 = 4.0;
+const SHARE: f64 = 0.01;
 /// A part ends at this share of the limit.
 const LOW: f64 = 0.25;
 /// The moving mean has one in this many points, within bounds.
@@ -158,11 +159,12 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
         let mean = smooth(&heights, 2 * half + 1);
         let near = mean.iter().zip(&is_unworn).filter(|(_, is_unworn)| **is_unworn);
         let scale = (1.4826 * median(near.map(|(mean, _)| mean.abs()).collect())).max(noise);
+        let largest = mean.iter().fold(0.0, |most: f64, mean| most.max(mean.abs()));
         // First, the unworn points grow from the ends. Then they are all points but those of the parts.
         let is_near = |at: usize| is_outside(at) && (is_grown || mean[at].abs() <= NEAR * scale);
         let is_unworn_now: Vec<bool> = (0..count).map(is_near).collect();
         let mut found = Found { points, surface, heights, is_unworn: is_unworn_now, parts: vec![] };
-        for stretch in stretches(&mean, SURE * scale).filter(|_| is_grown) {
+        for stretch in stretches(&mean, (SURE * scale).max(SHARE * largest)).filter(|_| is_grown) {
             let part = found.part(found.exact(stretch, half));
             let Range { start, end } = part.range;
             // Beside a wide part, two thirds of a side stay.
