@@ -655,8 +655,8 @@ fn errors_contain_long_waves() {
 #[test]
 fn wide_and_shallow_scars_are_read() {
     let mut refused = 0;
-    for seed in 0..40 {
-        let wide = Part { half: 490.0, height: -1.5, ..SCAR };
+    for (seed, half) in (0..80).zip([490.0, 545.0].into_iter().cycle()) {
+        let wide = Part { half, height: -1.5, ..SCAR };
         let wide = Made { noise: 0.07, count: 1401, seed, ..made(f64::INFINITY, &[wide]) };
         match answer(&wide, &TRACE) {
             Ok(measured) => {

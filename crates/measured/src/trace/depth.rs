@@ -4,47 +4,46 @@
 //! width. The widest one counts that is as deep as all narrower ones, less what noise adds to the largest of their means (intersection of confidence intervals, Goldenshluger
 //! and Nemirovski 1997).
 
-use super::scar::Scar;
+use super::scar::{Gap, Scar};
+use super::sizes::Size;
+use crate::curve::smooth;
 
 /// The first window is this share of the scar, but not fewer points. Each one is wider by the factor, up to the last share.
 const FIRST: f64 = 1.0 / 80.0;
 const FEWEST: f64 = 5.0;
 const FACTOR: f64 = 1.4;
 const LAST: f64 = 0.7;
-/// Windows are moved by this share of their width.
-const MOVE: f64 = 0.2;
 
 /// The largest depth of the scar, and its standard deviation.
-pub fn deepest(points: &[(f64, f64)], scar: &Scar) -> (f64, f64) {
-    let Scar { range, outwards, .. } = scar;
-    let surface = &scar.found.surface;
-    let depths: Vec<f64> =
-        scar.found.heights[range.clone()].iter().map(|height| -outwards * height).collect();
+pub fn deepest(scar: &Scar<'_>) -> Size {
+    let (range, surface) = (&scar.range, &scar.found.surface);
+    let depths = scar.depths(range);
     let count = depths.len() as f64;
-    let mut size = (FIRST * count).max(FEWEST);
-    let (mut found, mut before, mut least) = ((0.0, surface.scatter, 0), None, f64::NEG_INFINITY);
+    let (mut size, mut before, mut least) = ((FIRST * count).max(FEWEST), None, f64::NEG_INFINITY);
+    let (mut found, mut errors, mut near) = (0.0, [surface.scatter, 0.0, 0.0, 0.0], 0..0);
     while size <= (LAST * count).max(FEWEST).min(count) {
-        let window = size as usize;
-        let starts = (0..=depths.len() - window).step_by(((MOVE * size) as usize).max(1));
-        let means = starts.map(|start| {
-            (depths[start..start + window].iter().sum::<f64>() / size.floor(), start + window / 2)
-        });
-        let Some((mean, at)) = means.max_by(|one, other| one.0.total_cmp(&other.0)) else { break };
-        let error = surface.scatter * (surface.together / size).min(1.0).sqrt();
+        let half = size as usize / 2;
+        let means = smooth(&depths, 2 * half + 1).into_iter().enumerate();
+        let Some((at, mean)) = means.max_by(|one, other| one.1.total_cmp(&other.1)) else { break };
         if mean < least {
             break;
         }
+        near = at.saturating_sub(half)..(at + half + 1).min(depths.len());
+        let share = 1.0 / near.len() as f64;
+        near = range.start + near.start..range.start + near.end;
+        let [scatter, unworn] =
+            surface.error(near.clone().map(|at| (scar.found.points[at].0, share)));
+        let scatter = scatter.min(surface.scatter);
         // The largest of several means is too large by about this many standard deviations.
         let chosen = (2.0 * libm::log((count / size).max(1.0))).sqrt();
-        least = least.max(mean - chosen * error);
+        least = least.max(mean - chosen * scatter);
         // A wider window is shallower by the square of its width, so half of what it lost was lost in the last step.
         let change = before.map_or(0.0, |before| 2.0 * (mean - before));
-        before = Some(mean);
-        found = (mean, libm::hypot(error, change), range.start + at);
+        (found, before, errors) = (mean, Some(mean), [scatter, unworn, change, 0.0]);
         size *= FACTOR;
     }
-    let (value, error, at) = found;
-    let gaps = scar.gaps.iter().filter(|gap| gap.range.contains(&at));
-    let error = gaps.fold(error, |error, gap| libm::hypot(error, gap.error));
-    (value, libm::hypot(error, surface.error([(points[at].0, 1.0)].into_iter())))
+    let beside = |gap: &&Gap| gap.range.start <= near.end && gap.range.end >= near.start;
+    let gaps = scar.gaps.iter().filter(beside).map(|gap| gap.error);
+    errors[3] = gaps.fold(0.0, libm::hypot);
+    Size { value: found, errors }
 }

@@ -21,45 +21,38 @@ fn refused(radius: &[f64], height: &[f64]) -> Option<String> {
         });
         scenario::check(&request, "").err()
     };
-    let faults: Vec<_> = LOADS.iter().map_while(fault).collect();
-    let first = faults.first().and_then(|faults| faults.0.first());
-    (faults.len() == LOADS.len()).then(|| first.map_or_else(String::new, |it| it.detail.clone()))
+    // One load without a fault is enough.
+    let faults: Option<Vec<_>> = LOADS.iter().map(fault).collect();
+    faults?.into_iter().flat_map(|faults| faults.0).map(|fault| fault.detail).next()
 }
 
-/// The largest convex profile below the heights (their lower convex hull, by Andrew's monotone chain). It never falls.
+/// The largest convex profile below the heights from the lowest one on: each corner is the next one in the flattest direction.
 fn convex(radius: &[f64], height: &[f64]) -> Vec<f64> {
-    let lowest = (0..height.len()).min_by(|one, other| height[*one].total_cmp(&height[*other]));
-    let lowest = lowest.unwrap_or(0);
-    let slope =
-        |one: usize, other: usize| (height[other] - height[one]) / (radius[other] - radius[one]);
-    let mut corners: Vec<usize> = Vec::new();
-    for at in lowest..height.len() {
-        while let [.., before, last] = corners[..] {
-            if slope(before, last) < slope(last, at) {
-                break;
-            }
-            corners.pop();
-        }
-        corners.push(at);
-    }
-    let mut found = vec![0.0; lowest + 1];
-    for pair in corners.windows(2) {
-        let own = slope(pair[0], pair[1]);
-        let rise = |at: usize| height[pair[0]] + own * (radius[at] - radius[pair[0]]);
-        found.extend((pair[0] + 1..=pair[1]).map(|at| rise(at) - height[lowest]));
+    let order = |one: &usize, other: &usize| height[*one].total_cmp(&height[*other]);
+    let mut corner = (0..height.len()).min_by(order).unwrap_or(0);
+    let (lowest, mut found) = (height[corner], vec![0.0; corner + 1]);
+    let slope = |from: usize, to: usize| (height[to] - height[from]) / (radius[to] - radius[from]);
+    let flattest = |from: usize| {
+        (from + 1..height.len())
+            .min_by(|one, other| slope(from, *one).total_cmp(&slope(from, *other)))
+    };
+    while let Some(next) = flattest(corner) {
+        let rise = |at: usize| slope(corner, next) * (radius[at] - radius[corner]);
+        found.extend((corner + 1..=next).map(|at| height[corner] + rise(at) - lowest));
+        corner = next;
     }
     found
 }
 
 /// The heights over radii, made convex within the noise if a scenario would refuse them. Null if it would refuse these, too.
 pub fn of(radial: &Radial, scatter: f64, notes: &mut Vec<String>) -> Value {
-    let Radial { reach, height, .. } = radial;
-    let table = |height: &[f64]| json!({"shape": "table", "radius": reach, "height": height});
-    let Some(detail) = refused(reach, height) else { return table(height) };
-    let smooth = convex(reach, height);
+    let Radial { radius, height, .. } = radial;
+    let table = |height: &[f64]| json!({"shape": "table", "radius": radius, "height": height});
+    let Some(detail) = refused(radius, height) else { return table(height) };
+    let smooth = convex(radius, height);
     let largest =
         height.iter().zip(&smooth).map(|(one, other)| (one - other).abs()).fold(0.0, f64::max);
-    if largest <= NOISE * scatter && refused(reach, &smooth).is_none() {
+    if largest <= NOISE * scatter && refused(radius, &smooth).is_none() {
         notes.push(format!(
             "The heights of the indenter were made convex, by at most {:.4} um, because noise would split the contact.",
             1e6 * largest

@@ -22,15 +22,15 @@ mod wanted;
 
 use serde_json::{Value, json};
 
-use points::{FEWEST, ascending, known};
+use points::ascending;
 use radial::Radial;
-use scar::Scar;
+use scar::CHOOSE;
 use sizes::{Size, Sizes};
 
 pub use wanted::{ENDS, Prepare, Up, Wanted, ends};
 
-/// From this relative error of the removed volume, a note says where it comes from.
-const UNCERTAIN: f64 = 0.05;
+/// From this error of the removed volume in percent, a note says where it comes from.
+const UNCERTAIN: f64 = 5.0;
 const UM: f64 = 1e6;
 
 /// Makes a profile of wear from a trace of heights `z`.
@@ -43,34 +43,24 @@ pub fn profile(
     notes: &mut Vec<String>,
 ) -> Result<Value, String> {
     let is_half = wanted.prepare == Prepare::Half;
-    let (points, gaps) = ascending(known(x, z)?, is_half, notes)?;
-    if points.len() < FEWEST {
-        return Err(if is_half {
-            "has too few points with x above 0. The axis must be at x = 0".into()
-        } else {
-            format!(
-                "needs {FEWEST} points that are no drop-outs at different x. It has {}",
-                points.len()
-            )
-        });
-    }
+    let points = ascending((x, z), is_half, notes)?;
     let mirrored = wanted.scar.filter(|_| is_half).map(|[_, to]| [-to, to]);
     let wanted = &Wanted { scar: mirrored.or(wanted.scar), ..*wanted };
-    let scar = scar::scar(&points, gaps, wanted, notes)?;
-    let sizes = Sizes::new(&points, &scar, wanted.centre);
+    let scar = &scar::scar(&points, wanted, notes)?;
+    let sizes = &Sizes::new(scar, wanted.centre);
     let (first, last, axis) = (points[0].0, points[points.len() - 1].0, sizes.axis.0);
-    let ends = scar.ends(&points);
+    let ends = scar.ends();
     let half = ends.map_or(0.0, |ends| 0.5 * (ends[1] - ends[0]));
     if (axis - first).min(last - axis) <= half {
         return Err("has not the whole scar on both sides of x = 0. Remove centre=false".into());
     }
-    let radial = Radial::of(&points, &scar, &sizes, half, wanted.level);
+    let radial = &Radial::of(sizes, half, wanted.level);
     let unworn = &scar.found.surface;
-    let is_hollow = unworn.is_round && scar.outwards * unworn.bend() > 0.0;
-    let is_ball = unworn.is_round && !is_hollow;
-    let indenter = if is_ball { indenter::of(&radial, unworn.scatter, notes) } else { Value::Null };
-    let deepest = depth::deepest(&points, &scar);
-    tell(&points, &scar, &sizes, (&radial, deepest.0), wanted, notes);
+    let is_ball = unworn.is_round && scar.outwards * unworn.bend() <= 0.0;
+    let indenter = if is_ball { indenter::of(radial, unworn.scatter, notes) } else { Value::Null };
+    let [removed, added] = [&scar.removed, &scar.added].map(|parts| sizes.area(parts));
+    let (deepest, volume) = (depth::deepest(scar), sizes.volume(&scar.removed));
+    tell(sizes, radial, [&deepest, &removed, &added, &volume], wanted, notes);
     let side = |side: f64| sizes.side(&scar.removed, side).json();
     let sides = radial.are_different.then(|| {
         json!({
@@ -78,7 +68,7 @@ pub fn profile(
             "right": {"depth": radial.right, "volume_removed": side(1.0)},
         })
     });
-    let Radial { radius, depth, difference, .. } = &radial;
+    let (radius, depth) = (&radial.radius[..radial.inside], &radial.depth[..radial.inside]);
     let data =
         json!({"profile": "wear", "radius": radius, "depth": depth, "sigma": unworn.scatter});
     Ok(json!({
@@ -86,73 +76,55 @@ pub fn profile(
         "indenter": indenter,
         "trace": {
             "radius": unworn.radius(), "scar": ends, "centre": axis, "tilt": unworn.slope(axis),
-            "scatter": unworn.scatter, "difference": difference,
-            "depth": {"value": deepest.0, "error": deepest.1},
-            "area_removed": sizes.area(&scar.removed).json(),
-            "area_added": sizes.area(&scar.added).json(),
-            "volume_removed": sizes.volume(&scar.removed).json(),
-            "volume_added": sizes.volume(&scar.added).json(),
-            "sides": sides,
+            "scatter": unworn.scatter, "difference": radial.difference, "sides": sides, "depth": deepest.json(),
+            "area_removed": removed.json(), "area_added": added.json(),
+            "volume_removed": volume.json(), "volume_added": sizes.volume(&scar.added).json(),
         },
     }))
 }
 
 /// Says what was found.
 fn tell(
-    points: &[(f64, f64)],
-    scar: &Scar,
-    sizes: &Sizes<'_>,
-    (radial, deepest): (&Radial, f64),
+    Sizes { scar, axis: (axis, _) }: &Sizes<'_>,
+    radial: &Radial,
+    [depth, removed, added, volume]: [&Size; 4],
     wanted: &Wanted<'_>,
     notes: &mut Vec<String>,
 ) {
-    let (unworn, axis, ends) = (&scar.found.surface, sizes.axis.0, scar.ends(points));
-    let is_hollow = scar.outwards * unworn.bend() > 0.0;
-    let hollow = if is_hollow { ", and the surface is hollow" } else { "" };
+    let surface = &scar.found.surface;
+    let or_empty = |is_so: bool, words: &'static str| if is_so { words } else { "" };
+    let hollow = or_empty(scar.outwards * surface.bend() > 0.0, ", and the surface is hollow");
     let line = ". A line was subtracted from the trace before, so the circle has its own tilt";
-    let line = if unworn.is_sheared { line } else { "" };
+    let line = or_empty(surface.is_sheared(), line);
     let plane = || "Outside of the scar, the surface is plane within its scatter.".to_owned();
-    notes.push(unworn.radius().map_or_else(plane, |radius| {
+    notes.push(surface.radius().map_or_else(plane, |radius| {
         format!("The radius outside of the scar is {:.5} mm{hollow}{line}.", radius * 1e3)
     }));
-    let none = || {
-        "No scar was found, so there are no wear depths. If you know where it is, write scar=FROM..TO, such as scar=0.4..1.6mm."
-            .to_owned()
-    };
-    notes.push(ends.map_or_else(none, |[first, last]| {
-        format!("The scar is from x = {:.3} um to {:.3} um.", UM * first, UM * last)
-    }));
-    let removed = if wanted.level { "was removed" } else { "stays in the heights" };
-    let (tilt, scatter) = (1e3 * unworn.slope(axis), UM * unworn.scatter);
-    let (difference, deepest) = (UM * radial.difference, UM * deepest);
-    let more = if radial.are_different { ", more than the scatter: `sides` has both" } else { "" };
-    notes.extend([
-        format!("The axis is at x = {:.3} um. The tilt of {tilt:.4} um/mm there {removed}.", UM * axis),
-        format!("Points outside of the scar scatter by {scatter:.4} um (root mean square), which is `sigma`."),
-        format!(
-            "Left and right were averaged. They differ by {difference:.4} um (root mean square){more}; the largest depth is \
-             {deepest:.4} um."
-        ),
-    ]);
-    if ends.is_none() {
-        return;
-    }
-    let said =
-        |size: Size, unit: f64| format!("{:.5} ± {:.2}", unit * size.value, unit * size.error());
-    let volume = sizes.volume(&scar.removed);
-    let [removed, added] =
-        [&scar.removed, &scar.added].map(|parts| said(sizes.area(parts), UM * UM));
+    let kept = if wanted.level { "was removed" } else { "stays in the heights" };
+    let more = or_empty(radial.are_different, ", more than the scatter: `sides` has both");
+    let (scatter, difference) = (UM * surface.scatter, UM * radial.difference);
+    let (tilt, axis) = (1e3 * surface.slope(*axis), UM * axis);
     notes.push(format!(
-        "{removed} um^2 were removed below the unworn surface, and {added} um^2 stand above it. About the axis, {} um^3 \
-         were removed.",
-        said(volume, UM * UM * UM)
+        "The axis is at x = {axis:.3} um. The tilt of {tilt:.4} um/mm there {kept}."
     ));
-    let share = volume.error() / volume.value;
+    notes.push(format!(
+        "Left and right were averaged. They differ by {difference:.4} um (root mean square){more}. Points outside of the scar \
+         scatter by {scatter:.4} um, which is `sigma`."
+    ));
+    let Some([from, to]) = scar.ends().map(|ends| ends.map(|end| UM * end)) else {
+        let none = "No scar was found, so there are no wear depths. If you know where it is,";
+        return notes.push(format!("{none} {CHOOSE}."));
+    };
+    let (share, cause) = (100.0 * volume.error() / volume.value, volume.cause());
+    let [depth, removed, added, volume] =
+        [(depth, UM), (removed, UM * UM), (added, UM * UM), (volume, UM * UM * UM)]
+            .map(|(size, unit)| size.text(unit));
+    notes.push(format!(
+        "The scar is from x = {from:.3} um to {to:.3} um, and {depth} um deep. {removed} um^2 were removed below the unworn \
+         surface, and {added} um^2 stand above it. About the axis, {volume} um^3 were removed."
+    ));
     if share > UNCERTAIN {
-        let cause = volume.cause();
-        notes.push(format!(
-            "The removed volume is uncertain by {:.1} %, mostly from {cause}.",
-            100.0 * share
-        ));
+        notes
+            .push(format!("The removed volume is uncertain by {share:.1} %, mostly from {cause}."));
     }
 }

@@ -1,6 +1,6 @@
 //! Depths and heights over the distance from the axis: means of the points near each radius, on both sides and together.
 
-use super::scar::Scar;
+use super::parts::Found;
 use super::sizes::Sizes;
 
 /// Number of radii in the scar, and maximum number of radii.
@@ -13,24 +13,20 @@ const DIFFERENT: (f64, f64) = (2.5, 0.02);
 /// The number of points near a radius on one side, and the sums of their radii, depths and heights.
 type Bin = [f64; 4];
 
-fn plus(one: Bin, other: Bin) -> Bin {
-    std::array::from_fn(|at| one[at] + other[at])
-}
-
-/// Depths of one side, or of both. Null where the side has no point.
-pub type Depths = Vec<Option<f64>>;
+/// Depths of one side. Null where it has no point.
+type Depths = Vec<Option<f64>>;
 
 /// A trace over the distance from the axis.
 #[derive(Debug)]
 pub struct Radial {
-    /// The radii inside of the scar, or all if there is no scar, and the mean depths of both sides.
+    /// The radii, the first of which are inside of the scar (all if there is no scar).
     pub radius: Vec<f64>,
+    pub inside: usize,
+    /// The mean depths of both sides, and those of the left side and of the right one.
     pub depth: Vec<f64>,
-    /// The depths of the left side and of the right one.
     pub left: Depths,
     pub right: Depths,
-    /// All radii, and the heights above that of the axis.
-    pub reach: Vec<f64>,
+    /// The heights above that of the axis.
     pub height: Vec<f64>,
     /// The difference of the sides (root mean square), and whether it is more than scatter.
     pub difference: f64,
@@ -39,57 +35,46 @@ pub struct Radial {
 
 impl Radial {
     /// Takes the means of a trace up to the end that is nearer to the axis. `half` is half of the scar.
-    pub fn of(
-        points: &[(f64, f64)],
-        scar: &Scar,
-        sizes: &Sizes<'_>,
-        half: f64,
-        is_level: bool,
-    ) -> Self {
-        let (unworn, outwards, axis) = (&scar.found.surface, scar.outwards, sizes.axis.0);
+    pub fn of(Sizes { scar, axis }: &Sizes<'_>, half: f64, is_level: bool) -> Self {
+        let (Found { points, surface, heights, .. }, axis) = (&scar.found, axis.0);
         let (first, last) = (points[0].0, points[points.len() - 1].0);
-        let (reach, tilt) = ((axis - first).min(last - axis), unworn.slope(axis));
+        let (reach, tilt) = ((axis - first).min(last - axis), surface.slope(axis));
         let width =
             (half / RADII).max(reach / MOST_RADII).max(2.0 * (last - first) / points.len() as f64);
         let mut bins = vec![[Bin::default(); 2]; (reach / width) as usize + 1];
-        for ((x, z), height) in points.iter().zip(&scar.found.heights) {
-            let level = unworn.at(axis) + if is_level { tilt * (x - axis) } else { 0.0 };
-            let own = [1.0, (x - axis).abs(), -outwards * height, outwards * (level - z)];
-            if let Some(sides) = bins.get_mut((own[1] / width).round() as usize) {
-                let side = &mut sides[usize::from(*x < axis)];
-                *side = plus(*side, own);
+        for ((x, z), height) in points.iter().zip(heights) {
+            let level = surface.at(axis) + if is_level { tilt * (x - axis) } else { 0.0 };
+            let (r, depth) = ((x - axis).abs(), -scar.outwards * height);
+            if let Some(sides) = bins.get_mut((r / width).round() as usize) {
+                let own = [1.0, r, depth, scar.outwards * (level - z)];
+                let side = sides[usize::from(*x < axis)].iter_mut();
+                side.zip(own).for_each(|(sum, own)| *sum += own);
             }
         }
-        let both: Vec<Bin> = bins.iter().map(|[right, left]| plus(*right, *left)).collect();
-        let mean = |of: usize| -> Vec<f64> {
-            both.iter().filter(|bin| bin[0] > 0.0).map(|bin| bin[of] / bin[0]).collect()
-        };
-        let [mut reach, mut depth, mut height] = [mean(1), mean(2), mean(3)];
         bins.retain(|[right, left]| right[0] + left[0] > 0.0);
-        reach[0] = 0.0;
-        let lowest = height[0];
-        for height in &mut height {
-            *height -= lowest;
-        }
-        let mut radius = reach.clone();
-        radius.retain(|radius| half == 0.0 || *radius <= half);
-        bins.truncate(radius.len());
-        depth.truncate(radius.len());
+        let mean = |of: usize| -> Vec<f64> {
+            let both =
+                bins.iter().map(|[right, left]| (right[of] + left[of]) / (right[0] + left[0]));
+            both.collect()
+        };
+        let [mut radius, depth, height] = [mean(1), mean(2), mean(3)];
+        radius[0] = 0.0;
+        let height = height.iter().map(|own| own - height[0]).collect();
+        let inside = radius.partition_point(|radius| half == 0.0 || *radius <= half);
         let own = |bin: &Bin| (bin[0] > 0.0).then(|| bin[2] / bin[0]);
         let [right, left] =
-            [0, 1].map(|side: usize| bins.iter().map(|it| own(&it[side])).collect::<Depths>());
+            [0, 1].map(|side| bins[..inside].iter().map(|it| own(&it[side])).collect());
         // The squared differences of the sides, and the same in units of what the scatter explains.
-        let variance = unworn.scatter * unworn.scatter * unworn.together;
-        let squares = bins.iter().filter_map(|[right, left]| {
+        let variance = surface.scatter * surface.scatter * surface.together;
+        let squares = bins[..inside].iter().filter_map(|[right, left]| {
             let square = (own(right)? - own(left)?) * (own(right)? - own(left)?);
             Some([square, square / (variance * (1.0 / right[0] + 1.0 / left[0]))])
         });
         let squares: Vec<[f64; 2]> = squares.collect();
-        let mean = |of: usize| squares.iter().map(|it| it[of]).sum::<f64>() / squares.len() as f64;
-        let [difference, excess] = [mean(0).sqrt(), mean(1).sqrt()];
-        let deepest = depth.iter().copied().fold(0.0, f64::max);
-        let are_different =
-            half > 0.0 && excess > DIFFERENT.0 && difference > DIFFERENT.1 * deepest;
-        Self { radius, depth, left, right, reach, height, difference, are_different }
+        let [difference, excess] = [0, 1]
+            .map(|of| (squares.iter().map(|it| it[of]).sum::<f64>() / squares.len() as f64).sqrt());
+        let least = DIFFERENT.1 * depth[..inside].iter().copied().fold(0.0, f64::max);
+        let are_different = half > 0.0 && excess > DIFFERENT.0 && difference > least;
+        Self { radius, inside, depth, left, right, height, difference, are_different }
     }
 }
