@@ -183,7 +183,7 @@ fn without_lines(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
 fn without_spikes(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
     let heights = heights(points);
     let least = (FAR.0 * noise(points)).max(FAR.1 * spread(&heights));
-    let rows = (0..points.len()).filter(|row| !is_spike(&heights, *row, least));
+    let rows = (0..points.len()).filter(|row| !is_spike(&heights, *row, 2, least));
     let kept: Points = rows.map(|row| points[row]).collect();
     let dropped = points.len() - kept.len();
     if dropped > 0 {
