@@ -18,7 +18,7 @@ use super::printing::{Error, print};
 use super::signals::ShutdownSignals;
 use super::worker;
 use crate::config::{self, Serve};
-use crate::http::{self, AdminKey};
+use crate::http::{self, Secret};
 use crate::telemetry::Logging;
 use fretwork_store::{Place, Recovered, Store};
 
@@ -68,7 +68,7 @@ fn allow_open_files(connections: u32) -> u32 {
     connections
 }
 
-async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Result<(), Error> {
+async fn serve_until_signal(settings: &Serve, admin_key: Option<Secret>) -> Result<(), Error> {
     let mut signals = ShutdownSignals::new()?;
     let connections = allow_open_files(settings.connections);
     let place = settings.place()?;
