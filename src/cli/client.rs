@@ -177,14 +177,6 @@ impl Client {
         }
     }
 
-    /// The version of the server, if it is another one.
-    pub fn other_version(&self) -> Result<Option<String>, Error> {
-        let reply = self.get("/version")?;
-        let answer: Value = serde_json::from_slice(&reply.body).unwrap_or_default();
-        let version = answer["version"].as_str();
-        Ok(version.filter(|it| *it != env!("CARGO_PKG_VERSION")).map(str::to_owned))
-    }
-
     fn failed(&self, error: &Failure, timeout: Duration) -> String {
         let base = &self.base;
         let tls: Option<&TlsError> = match error {

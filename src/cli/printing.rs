@@ -1,6 +1,7 @@
 //! How commands print to standard output, and errors to standard error.
 
 use std::io::{self, IsTerminal as _, Write as _};
+use std::iter;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -9,15 +10,11 @@ use serde_json::Value;
 pub type Error = Box<dyn std::error::Error>;
 
 /// Prints an error and its causes to standard error, on one line.
-pub fn print_error(error: &dyn std::error::Error) {
-    let mut line = format!("fretwork: {error}");
-    let mut source = error.source();
-    while let Some(cause) = source {
-        line = format!("{line}: {cause}");
-        source = cause.source();
-    }
+pub fn print_error(error: &(dyn std::error::Error + 'static)) {
+    let causes = iter::successors(Some(error), |&error| error.source());
+    let causes: Vec<_> = causes.map(ToString::to_string).collect();
     // If standard error is closed, the exit code still reports the failure.
-    let _ = writeln!(io::stderr(), "{line}");
+    let _ = writeln!(io::stderr(), "fretwork: {}", causes.join(": "));
 }
 
 /// Writes to standard output. A reader that closes the pipe early, such as `head`, is not an error.

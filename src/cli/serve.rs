@@ -5,7 +5,6 @@ use std::fmt::Write as _;
 use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
-use std::sync::Arc;
 use std::time::Duration;
 
 use clap::ArgMatches;
@@ -17,13 +16,10 @@ use super::administration;
 use super::listening::{greeting, listen, reachable};
 use super::printing::{Error, print};
 use super::signals::ShutdownSignals;
-use super::worker::worker_threads;
+use super::worker;
 use crate::config::{self, Serve};
-use crate::http::{self, AdminKey};
-use crate::service::Service;
-use crate::service::workers::Workers;
+use crate::http::{self, Secret};
 use crate::telemetry::Logging;
-use fretwork_job::Task;
 use fretwork_store::{Place, Recovered, Store};
 
 /// How long connections may stay open after the last run has ended. Together with the drain time it is shorter
@@ -72,7 +68,7 @@ fn allow_open_files(connections: u32) -> u32 {
     connections
 }
 
-async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Result<(), Error> {
+async fn serve_until_signal(settings: &Serve, admin_key: Option<Secret>) -> Result<(), Error> {
     let mut signals = ShutdownSignals::new()?;
     let connections = allow_open_files(settings.connections);
     let place = settings.place()?;
@@ -90,9 +86,7 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<AdminKey>) -> Re
         Place::Shared(_) => Recovered::default(),
     };
     tracing::info!(?recovered, %place, "opened the database");
-    let count = worker_threads(settings.workers);
-    let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limits());
-    let workers = Workers::start(&store, count, settings.limits(), &service.compute())?;
+    let (service, workers) = worker::start(&store, settings.workers, settings.limits())?;
     let (close, closed) = oneshot::channel::<()>();
     let mut interface = settings.interface(admin_key);
     interface.connections.total = connections as usize;

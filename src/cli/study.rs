@@ -12,6 +12,7 @@ use std::time::Duration;
 use parking_lot::Mutex;
 
 use super::printing::{Error, Progress};
+use crate::service::processors;
 use fretwork_study::{Points, Rows, Study};
 
 /// How often the number of finished chunks is read.
@@ -57,9 +58,9 @@ pub fn chunks(
         }
         Ok(())
     };
-    let cores = thread::available_parallelism().map_or(1, usize::from);
     let done = thread::scope(|scope| {
-        let workers: Vec<_> = (0..cores.min(numbers.len())).map(|_| scope.spawn(work)).collect();
+        let workers: Vec<_> =
+            (0..processors().min(numbers.len())).map(|_| scope.spawn(work)).collect();
         while progress.is_terminal && workers.iter().any(|worker| !worker.is_finished()) {
             let done = span.start + next.load(Ordering::Relaxed).min(numbers.len());
             progress.show(done as f64 / span.end as f64);

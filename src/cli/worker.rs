@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::future;
+use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::thread;
 use std::time::Duration;
 
 use super::listening::{greeting, listen};
@@ -12,15 +12,22 @@ use super::printing::Error;
 use super::signals::ShutdownSignals;
 use crate::config::Worker;
 use crate::http;
-use crate::service::Service;
 use crate::service::workers::Workers;
+use crate::service::{Service, WorkLimits, processors};
 use crate::telemetry::Logging;
 use fretwork_job::Task;
 use fretwork_store::{Options, Place, Store};
 
-/// The number of worker threads: the number in the settings, or one per processor.
-pub fn worker_threads(set: Option<u16>) -> usize {
-    set.map_or_else(|| thread::available_parallelism().map_or(1, usize::from), usize::from)
+/// Starts worker threads on a store, one per processor by default. Returns the service that they share with clients.
+pub fn start(
+    store: &Store,
+    threads: Option<u16>,
+    limits: WorkLimits,
+) -> io::Result<(Service, Workers)> {
+    let count = threads.map_or_else(processors, usize::from);
+    let service = Service::new(store.clone(), Arc::new(Task::start), count, limits);
+    let workers = Workers::start(store, count, limits, &service.compute())?;
+    Ok((service, workers))
 }
 
 /// Computes the runs of other servers until a signal.
@@ -45,10 +52,8 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
     let store =
         Store::open(place.clone(), &Options { lease: settings.lease, ..Options::default() })
             .await?;
-    let count = worker_threads(settings.workers);
-    let service = Service::new(store.clone(), Arc::new(Task::start), count, settings.limits());
-    let workers = Workers::start(&store, count, settings.limits(), &service.compute())?;
-    tracing::info!(%place, workers = count, "working");
+    let (service, workers) = start(&store, settings.workers, settings.limits())?;
+    tracing::info!(%place, workers = service.workers(), "working");
     if let Some(listener) = &listener {
         greet_monitors(&settings.logging, listener.local_addr()?);
     }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::values::Secret;
+use crate::http::Secret;
 use fretwork_store::{DatabaseUrl, Place};
 
 /// The database of a command.

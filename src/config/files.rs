@@ -67,11 +67,8 @@ pub struct Restore {
 
 /// Parses the name of a file that is written. A database cannot be written to standard output.
 fn new_file(text: &str) -> Result<PathBuf, &'static str> {
-    if text == "-" {
-        Err("enter the name of a file, not - for standard output")
-    } else {
-        Ok(text.into())
-    }
+    let file = (text != "-").then(|| text.into());
+    file.ok_or("enter the name of a file, not - for standard output")
 }
 
 /// Parses NAME=VALUE.

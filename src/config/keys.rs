@@ -49,11 +49,8 @@ pub(super) fn role(text: &str) -> Result<Role, String> {
 
 /// Parses the name of a key.
 fn key_name(text: &str) -> Result<String, String> {
-    if http::is_owner_name(text) {
-        Ok(text.to_owned())
-    } else {
-        Err(format!("expected {KEY_NAMES}"))
-    }
+    let name = http::is_owner_name(text).then(|| text.to_owned());
+    name.ok_or_else(|| format!("expected {KEY_NAMES}"))
 }
 
 /// Parses the time until a key expires.

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::run::{Change, Output};
-use super::values::{Secret, resolve};
+use super::values::resolve;
+use crate::http::Secret;
 
 /// The server of a command.
 #[derive(Debug, Args)]

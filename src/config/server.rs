@@ -19,8 +19,8 @@ use hyper::header::{HeaderName, HeaderValue};
 
 use super::data::Data;
 use super::keys::role;
-use super::values::{Secret, duration, lease, nonzero, resolve, seconds};
-use crate::http::{self, Access, AdminKey, Connections, Limits, Origins, SignOn};
+use super::values::{duration, lease, nonzero, resolve, seconds};
+use crate::http::{self, Access, Connections, Limits, Origins, Secret, SignOn};
 use crate::service::WorkLimits;
 use crate::telemetry::Logging;
 use fretwork_store::{self as store, Place, Role};
@@ -193,7 +193,7 @@ impl Serve {
     }
 
     /// The settings of the HTTP interface.
-    pub fn interface(&self, admin_key: Option<AdminKey>) -> http::Settings {
+    pub fn interface(&self, admin_key: Option<Secret>) -> http::Settings {
         http::Settings {
             access: Access {
                 open: self.no_auth,
@@ -218,7 +218,7 @@ impl Serve {
 
     /// The sign-on proxy. The command line accepts its options only together.
     fn sign_on(&self) -> Option<SignOn> {
-        let (header, Secret(secret)) = (self.auth_header.clone()?, self.auth_secret.clone()?);
+        let (header, secret) = (self.auth_header.clone()?, self.auth_secret.clone()?);
         Some(SignOn { header, secret, role: self.auth_role? })
     }
 
@@ -237,7 +237,7 @@ impl Serve {
     }
 
     /// The administrator's key from the environment or from a file. The error does not repeat it.
-    pub fn admin_key(&self) -> Result<Option<AdminKey>, String> {
+    pub fn admin_key(&self) -> Result<Option<Secret>, String> {
         let (key, source) = match (&self.admin_key, &self.admin_key_file) {
             (None, None) => return Ok(None),
             (Some(Secret(key)), _) => (key.clone(), "FRETWORK_ADMIN_KEY".to_owned()),
@@ -249,7 +249,7 @@ impl Serve {
             }
         };
         if key.len() >= 20 && key.bytes().all(|byte| byte.is_ascii_graphic() && byte != b':') {
-            return Ok(Some(AdminKey(key)));
+            return Ok(Some(Secret(key)));
         }
         Err(format!(
             "{source} must have at least 20 printable characters without blanks and colons; \
@@ -322,12 +322,9 @@ fn study_size(text: &str) -> Result<ByteSize, String> {
 
 /// Parses the secret of a sign-on proxy.
 fn proxy_secret(text: &str) -> Result<Secret, &'static str> {
-    let sound = text.len() >= 20 && text.bytes().all(|byte| byte.is_ascii_graphic());
-    if sound {
-        Ok(Secret(text.to_owned()))
-    } else {
-        Err("expected at least 20 printable characters")
-    }
+    let is_sound = text.len() >= 20 && text.bytes().all(|byte| byte.is_ascii_graphic());
+    let secret = is_sound.then(|| Secret(text.to_owned()));
+    secret.ok_or("expected at least 20 printable characters")
 }
 
 /// Parses an origin. Accepts only the form that browsers send, because another form would match no page.

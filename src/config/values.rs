@@ -1,25 +1,7 @@
 //! Values of options: how they are read, and what is wrong with them.
 
-use std::fmt;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::time::Duration;
-
-/// A text that contains a password or a key. This type accepts any text, because an error of clap would print it. The
-/// code that uses the secret checks it.
-#[derive(Clone)]
-pub struct Secret(pub String);
-
-impl From<String> for Secret {
-    fn from(text: String) -> Self {
-        Self(text)
-    }
-}
-
-impl fmt::Debug for Secret {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("(not shown)")
-    }
-}
 
 /// Parses the time of a lease. A busy server could not renew a shorter lease in time.
 pub fn lease(text: &str) -> Result<Duration, String> {

@@ -266,9 +266,10 @@ mod tests {
     use tower::ServiceExt as _;
 
     use super::*;
+    use crate::http::access::Access;
     use crate::http::access::limits::Limits;
     use crate::http::access::needs::RouteNeeds;
-    use crate::http::access::{Access, AdminKey};
+    use crate::http::access::secret::Secret;
     use crate::http::transport::admission::{Admission, Connections};
     use crate::service::{Service, WorkLimits};
     use fretwork_job::Task;
@@ -317,7 +318,7 @@ mod tests {
     async fn a_compressed_answer_counts_as_concurrent_until_it_was_sent() {
         let limits = Limits { at_once: NonZeroU32::new(1), ..Limits::default() };
         let access =
-            Access { admin_key: Some(AdminKey("secret".into())), limits, ..Access::default() };
+            Access { admin_key: Some(Secret("secret".into())), limits, ..Access::default() };
         let (router, _dir) = surrounded(get(|| async { "text ".repeat(1000) }), &access).await;
         let ask = async || {
             let request = Request::get("/")

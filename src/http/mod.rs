@@ -28,11 +28,12 @@ use futures_util::future::{OptionFuture, join};
 use tokio::net::TcpListener;
 use utoipa_axum::router::OpenApiRouter;
 
+pub use access::Access;
 pub use access::caller::{ME, is_owner_name};
 pub use access::limits::Limits;
+pub use access::secret::Secret;
 pub use access::sign_on::SignOn;
 pub use access::signed_link::ADMIN;
-pub use access::{Access, AdminKey};
 pub use api::keys::{KEY_LIFETIMES, KEY_NAMES, KEY_ROLES, key_lifetime};
 pub use api::scenarios::{EXAMPLES, Example};
 pub use layers::Origins;

@@ -55,7 +55,7 @@ struct Parts {
 }
 
 /// The number of processors.
-fn processors() -> usize {
+pub fn processors() -> usize {
     thread::available_parallelism().map_or(1, usize::from)
 }
 

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
-use fretwork::http::{self, Access, AdminKey, Limits, Origins, Settings};
+use fretwork::http::{self, Access, Limits, Origins, Secret, Settings};
 use fretwork_job::{Begin, Task};
 use fretwork_store::{Administration, NewKey, Options, Place, Role};
 use futures_util::future::join_all;
@@ -33,7 +33,7 @@ pub async fn server(limits: Limits) -> Server {
 }
 
 pub async fn computing(begin: Begin, limits: Limits) -> Server {
-    let access = Access { admin_key: Some(AdminKey(MASTER.into())), limits, ..Access::default() };
+    let access = Access { admin_key: Some(Secret(MASTER.into())), limits, ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     Server::with(begin, &settings, &Options::default()).await
 }
@@ -265,7 +265,7 @@ async fn only_its_owner_or_an_administrator_changes_a_pin_or_a_note() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_pins_of_one_owner_have_a_quota() {
-    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let access = Access { admin_key: Some(Secret(MASTER.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     // A result of the steel ball takes about 60 kB.
     let options = Options { pin_quota: 100_000, ..Options::default() };
@@ -299,7 +299,7 @@ async fn the_pins_of_one_owner_have_a_quota() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_pins_of_all_owners_leave_half_of_the_space_for_new_results() {
-    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let access = Access { admin_key: Some(Secret(MASTER.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     let options = Options { budget: Some(2_000_000), ..Options::default() };
     let server = Server::with(Arc::new(Task::start), &settings, &options).await;
@@ -498,7 +498,7 @@ pub async fn rest(mut stream: TcpStream) -> String {
 #[tokio::test(flavor = "multi_thread")]
 async fn an_event_stream_ends_when_its_key_is_revoked_or_expires() {
     let gate = Gate::default();
-    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let access = Access { admin_key: Some(Secret(MASTER.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     let server = Server::with(gate.compute(), &settings, &Options::default()).await;
     let mut keys = Vec::new();
@@ -547,7 +547,7 @@ async fn an_event_stream_without_a_key_ends_when_the_first_key_is_added() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_key_revoked_during_a_wait_does_not_receive_the_result() {
     let gate = Gate::default();
-    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let access = Access { admin_key: Some(Secret(MASTER.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     let server = Server::with(gate.compute(), &settings, &Options::default()).await;
     let anna = made(server.place(), "anna", Role::Submit).await;
@@ -612,7 +612,7 @@ async fn a_rate_limited_key_gets_retry_after_and_other_keys_are_unaffected() {
 async fn a_key_has_a_limited_number_of_concurrent_requests() {
     let gate = Gate::default();
     let limits = Limits { at_once: NonZeroU32::new(2), ..Limits::default() };
-    let access = Access { admin_key: Some(AdminKey(MASTER.into())), limits, ..Access::default() };
+    let access = Access { admin_key: Some(Secret(MASTER.into())), limits, ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     let server = Server::with(gate.compute(), &settings, &Options::default()).await;
     let anna = made(server.place(), "anna", Role::Submit).await;
@@ -683,7 +683,7 @@ async fn a_connection_stays_usable_after_a_refusal_by_access_control() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_page_of_an_allowed_origin_can_send_a_key() {
     let site = "https://lab.example";
-    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let access = Access { admin_key: Some(Secret(MASTER.into())), ..Access::default() };
     let origins = Origins::These(vec![axum::http::HeaderValue::from_static(site)]);
     let settings = Settings { access, origins, ..Settings::default() };
     let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;

@@ -7,7 +7,7 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fretwork::http::{Access, AdminKey, Origins, Settings};
+use fretwork::http::{Access, Origins, Secret, Settings};
 use fretwork_format::{Format, Part};
 use fretwork_job::Task;
 use fretwork_store::{Options, Role};
@@ -507,7 +507,7 @@ async fn a_reader_of_a_large_result_reserves_its_bytes_and_those_of_the_stream()
 /// This takes more than 5 s, because a request waits so long for memory.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_caller_who_waits_for_memory_delays_no_other_caller() {
-    let access = Access { admin_key: Some(AdminKey(MASTER.into())), ..Access::default() };
+    let access = Access { admin_key: Some(Secret(MASTER.into())), ..Access::default() };
     let settings = Settings { access, transfers: 32 << 20, memory: 0, ..Settings::default() };
     let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
     let anna = made(server.place(), "anna", Role::Submit).await;

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use fretwork::http::{Access, AdminKey, Origins, Settings};
+use fretwork::http::{Access, Origins, Secret, Settings};
 use fretwork_job::{SCALARS, Task, WORDS};
 use fretwork_store::{Administration, Cursor, NewKey, Options, Role, Search};
 use proptest::prelude::*;
@@ -731,7 +731,7 @@ async fn computing_a_result_again_restores_its_search_values() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn labels_and_tags_of_other_owners_cannot_be_searched() {
     let admin = "the-administrator-who-sees-all-jobs";
-    let access = Access { admin_key: Some(AdminKey(admin.into())), ..Access::default() };
+    let access = Access { admin_key: Some(Secret(admin.into())), ..Access::default() };
     let settings = Settings { access, ..Settings::default() };
     let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
     let mut administration = Administration::open(server.place()).await.unwrap();

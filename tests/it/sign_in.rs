@@ -4,7 +4,7 @@ use std::fs::File;
 use std::process::Command;
 use std::sync::Arc;
 
-use fretwork::http::{Access, AdminKey, Connections, Origins, Settings, SignOn};
+use fretwork::http::{Access, Connections, Origins, Secret, Settings, SignOn};
 use fretwork_job::{Begin, Task};
 use fretwork_store::{Administration, Options, Role};
 use serde_json::json;
@@ -26,11 +26,11 @@ async fn server() -> Server {
 async fn computing(begin: Begin) -> Server {
     let sign_on = SignOn {
         header: "x-remote-user".parse().unwrap(),
-        secret: SECRET.to_owned(),
+        secret: Secret(SECRET.into()),
         role: Role::Submit,
     };
     let access = Access {
-        admin_key: Some(AdminKey(MASTER.into())),
+        admin_key: Some(Secret(MASTER.into())),
         sign_on: Some(sign_on),
         ..Access::default()
     };

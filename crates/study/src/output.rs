@@ -267,7 +267,11 @@ impl Output {
             Source::Unworn(place) => unworn.values()[place],
             Source::Limit(place) => limit.as_ref().ok_or(NoValue::NoLimit)?.values()[place],
         };
-        finite(value.ok_or(NoValue::NoRig)?)
+        match value.ok_or(NoValue::NoRig)? {
+            value if value.is_finite() => Ok(value),
+            value if value.is_nan() => Err(NoValue::NoReference),
+            _ => Err(NoValue::Infinite),
+        }
     }
 
     /// Whether the value has a closed form. Formulas with quadratures and roots count as closed.
@@ -318,14 +322,6 @@ impl Output {
     /// Whether this is the estimated error of another output.
     pub fn is_error(&self) -> bool {
         self.quantity.name.ends_with("_error")
-    }
-}
-
-fn finite(value: f64) -> Result<f64, NoValue> {
-    match value {
-        _ if value.is_finite() => Ok(value),
-        _ if value.is_nan() => Err(NoValue::NoReference),
-        _ => Err(NoValue::Infinite),
     }
 }
 

@@ -204,10 +204,7 @@ impl Entry {
         let spacing = self.spacing.0.unwrap_or_default();
         match self.count.0 {
             None => Ok(Values::Range(from, to, spacing)),
-            Some(Whole(count)) => {
-                let list = range(from, to, count as usize, spacing);
-                list.map(Values::List).map_err(|fault| Faults(vec![fault]))
-            }
+            Some(Whole(count)) => range(from, to, count as usize, spacing).map(Values::List),
         }
     }
 }
@@ -232,7 +229,6 @@ pub fn list_or_range(given: Value, dimension: Dimension) -> Result<Vec<f64>, Fau
     let Range { from, to, count: Whole(count), spacing } = typed(given)?;
     let (from, to) = (end_of("from", &from, &member)?, end_of("to", &to, &member)?);
     range(from, to, count as usize, spacing.0.unwrap_or_default())
-        .map_err(|fault| Faults(vec![fault]))
 }
 
 /// The values of a range: `count` values from `from` to `to`, both included. `to` may be less than `from`. `count` is
@@ -240,10 +236,8 @@ pub fn list_or_range(given: Value, dimension: Dimension) -> Result<Vec<f64>, Fau
 ///
 /// # Errors
 /// The fault at `/from` or `/to`.
-fn range(from: f64, to: f64, count: usize, spacing: Spacing) -> Result<Vec<f64>, Fault> {
-    let wrong = |member: &str, detail: &str| {
-        Err(Fault { pointer: format!("/{member}"), detail: detail.to_owned() })
-    };
+fn range(from: f64, to: f64, count: usize, spacing: Spacing) -> Result<Vec<f64>, Faults> {
+    let wrong = |member: &str, detail: &str| Err(Faults::one(&format!("/{member}"), detail));
     for (member, end) in [("from", from), ("to", to)] {
         if !end.is_finite() {
             return wrong(member, "must be a finite number");
@@ -360,7 +354,7 @@ mod tests {
             (-1.0, 1.0, Spacing::Logarithmic, "/from", "linear"),
             (-f64::MAX, f64::MAX, Spacing::Linear, "/to", "narrower"),
         ] {
-            let fault = range(from, to, 2, spacing).unwrap_err();
+            let fault = &range(from, to, 2, spacing).unwrap_err().0[0];
             assert_eq!(fault.pointer, pointer, "{}", fault.detail);
             assert!(fault.detail.contains(words), "{}", fault.detail);
         }

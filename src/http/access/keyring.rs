@@ -58,7 +58,8 @@ type Holders = Arc<HashMap<String, Arc<KeyHolder>>>;
 /// A copy of the access keys in the store. A call reads the keys again if the copy is older than the call accepts.
 pub struct Keyring {
     store: Store,
-    default_limits: Limits,
+    /// Those of the keys without limits of their own, of the administrator's key, and of the users of a sign-on proxy.
+    pub default_limits: Limits,
     /// When the keys were last read, and the keys that were found.
     read: watch::Sender<Option<(Instant, Holders)>>,
     /// The task that reads the keys holds this lock. Other tasks wait for it.
@@ -119,7 +120,9 @@ impl Keyring {
         let holders = keys.into_iter().map(|key| {
             // A key that has not changed keeps its usage.
             let same = before.get(&key.id).filter(|holder| holder.key.is_like(&key));
-            let holder = same.map_or_else(|| Arc::new(self.new_holder(key.clone())), Arc::clone);
+            let usage = || Usage::new(self.limits(&key), key.last_used);
+            let new = || Arc::new(KeyHolder { usage: usage(), key: key.clone() });
+            let holder = same.map_or_else(new, Arc::clone);
             (key.id, holder)
         });
         let holders: Holders = Arc::new(holders.collect());
@@ -134,10 +137,6 @@ impl Keyring {
             Some(own) => NonZeroU32::new(own),
         };
         Limits { per_minute, ..self.default_limits }
-    }
-
-    fn new_holder(&self, key: AccessKey) -> KeyHolder {
-        KeyHolder { usage: Usage::new(self.limits(&key), key.last_used), key }
     }
 
     /// Records in the store that a key was used, at most once per minute. The caller does not wait for it.

@@ -76,8 +76,9 @@ impl Account {
         }
     }
 
-    /// Counts a request against a quota, or refuses it.
-    pub fn take(&self, quota: Quota) -> Result<OpenRequest> {
+    /// Counts a request against its quota, or refuses it. A request without a quota always passes.
+    pub fn take(&self, quota: Option<Quota>) -> Result<OpenRequest> {
+        let Some(quota) = quota else { return Ok(OpenRequest::default()) };
         let permit = match &self.concurrent {
             None => None,
             Some((permits, most)) => {
@@ -180,34 +181,34 @@ mod tests {
     #[test]
     fn a_caller_can_send_exactly_the_reported_remaining_requests() {
         let account = Account::new(Limits { per_minute: NonZeroU32::new(30), ..Limits::default() });
-        let left = account.take(Quota::Requests).unwrap().standing.unwrap().left;
+        let left = account.take(Some(Quota::Requests)).unwrap().standing.unwrap().left;
         assert_eq!(left, 29);
         for more in (0..left).rev() {
-            assert_eq!(account.take(Quota::Requests).unwrap().standing.unwrap().left, more);
+            assert_eq!(account.take(Some(Quota::Requests)).unwrap().standing.unwrap().left, more);
         }
-        assert!(account.take(Quota::Requests).is_err());
+        assert!(account.take(Some(Quota::Requests)).is_err());
     }
 
     #[test]
     fn evaluations_and_other_requests_have_separate_limits() {
         let (per_minute, evaluations) = (NonZeroU32::new(1), NonZeroU32::new(2));
         let account = Account::new(Limits { per_minute, evaluations, at_once: None });
-        assert!(account.take(Quota::Requests).is_ok());
-        assert!(account.take(Quota::Requests).is_err());
+        assert!(account.take(Some(Quota::Requests)).is_ok());
+        assert!(account.take(Some(Quota::Requests)).is_err());
         for left in [1, 0] {
-            let standing = account.take(Quota::Evaluations).unwrap().standing.unwrap();
+            let standing = account.take(Some(Quota::Evaluations)).unwrap().standing.unwrap();
             assert_eq!(standing.headers()[1].1, format!("\"evaluations\";r={left};t=30"));
         }
-        assert!(account.take(Quota::Evaluations).is_err());
+        assert!(account.take(Some(Quota::Evaluations)).is_err());
     }
 
     #[test]
     fn a_request_counts_as_concurrent_until_its_body_is_dropped() {
         let account = Account::new(Limits { at_once: NonZeroU32::new(1), ..Limits::default() });
-        let body = account.take(Quota::Requests).unwrap().hold(Body::from("text"));
-        assert!(account.take(Quota::Requests).is_err());
+        let body = account.take(Some(Quota::Requests)).unwrap().hold(Body::from("text"));
+        assert!(account.take(Some(Quota::Requests)).is_err());
         assert_eq!(body.size_hint().exact(), Some(4));
         drop(body);
-        assert!(account.take(Quota::Requests).is_ok());
+        assert!(account.take(Some(Quota::Requests)).is_ok());
     }
 }

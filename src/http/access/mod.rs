@@ -7,11 +7,11 @@ pub mod caller;
 pub mod keyring;
 pub mod limits;
 pub mod needs;
+pub mod secret;
 pub mod session;
 pub mod sign_on;
 pub mod signed_link;
 
-use std::fmt;
 use std::net::{Ipv4Addr, Ipv6Addr};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -31,6 +31,7 @@ use fretwork_store::{AccessKey, Actor, Role, SignedIn, Store, digest};
 use keyring::{Keyring, MAX_AGE, Usage};
 use limits::{Limits, OpenRequest};
 use needs::{Needs, Quota, RouteNeeds};
+use secret::Secret;
 use session::{ENDED, ended, unauthorized};
 use sign_on::{SIGN_ON, SignOn, Users};
 use signed_link::{ADMIN, ANYONE, Signer};
@@ -44,21 +45,11 @@ pub struct Access {
     /// Every caller has all rights, whether there are keys or not.
     pub open: bool,
     /// An administrator's key from the settings, in addition to the keys in the database.
-    pub admin_key: Option<AdminKey>,
+    pub admin_key: Option<Secret>,
     /// The limits of each key that has no limits of its own.
     pub limits: Limits,
     /// The proxy that signs users on.
     pub sign_on: Option<SignOn>,
-}
-
-/// An administrator's key from the settings. `Debug` hides it.
-#[derive(Clone, PartialEq, Eq)]
-pub struct AdminKey(pub String);
-
-impl fmt::Debug for AdminKey {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("AdminKey(…)")
-    }
 }
 
 /// Decides which requests are accepted.
@@ -167,7 +158,7 @@ fn restrict_caching(headers: &mut HeaderMap, link: Option<Duration>) {
 
 impl Gate {
     pub fn new(store: &Store, access: &Access, route_needs: RouteNeeds) -> Self {
-        let admin = access.admin_key.as_ref().map(|AdminKey(key)| AdminHolder {
+        let admin = access.admin_key.as_ref().map(|Secret(key)| AdminHolder {
             digest: digest(key),
             usage: Usage::new(access.limits, None),
         });
@@ -208,10 +199,7 @@ impl Gate {
         }
         let presented = self.presented(request)?;
         let (identity, usage) = self.identify(presented, request.headers()).await?;
-        let open_request = match needs.quota {
-            Some(quota) => usage.account.take(quota)?,
-            None => OpenRequest::default(),
-        };
+        let open_request = usage.account.take(needs.quota)?;
         if identity.role < required {
             let detail = format!(
                 "The request requires an access key with the role {required}. This key ({}, {}) has the role {}.",
@@ -258,11 +246,8 @@ impl Gate {
     /// The limits of a key; none for callers without a key.
     pub async fn limits_of(&self, key: Option<&str>) -> Result<Limits> {
         let Some(key) = key else { return Ok(Limits::default()) };
-        if let Some(users) = self.sign_on.as_ref().filter(|_| key == SIGN_ON) {
-            return Ok(users.limits);
-        }
-        if let Some(admin) = self.admin.as_ref().filter(|_| key == ADMIN) {
-            return Ok(admin.usage.account.limits);
+        if [ADMIN, SIGN_ON].contains(&key) {
+            return Ok(self.keyring.default_limits);
         }
         let holders = self.keyring.holders().await?;
         Ok(holders.get(key).map_or_else(Limits::default, |holder| holder.usage.account.limits))
@@ -301,37 +286,30 @@ impl Gate {
             }
         };
         let refused = |reason: &str| refused(headers, session.is_some(), reason);
-        let now = now();
-        let digest = credential.key_digest;
-        let (identity, usage) = if let Some(admin) = &self.admin
-            && bool::from(digest.ct_eq(&admin.digest))
-        {
-            let (owner, key) = (ADMIN.to_owned(), ADMIN.to_owned());
-            let credential = Some(SignedIn { key: ADMIN.to_owned(), key_digest: digest });
-            (
-                Identity { owner, role: Role::Admin, key, credential, session },
-                Arc::clone(&admin.usage),
-            )
+        let (now, SignedIn { key: known, key_digest }) = (now(), credential);
+        let admin = self.admin.as_ref().filter(|admin| key_digest.ct_eq(&admin.digest).into());
+        let (owner, role, key, usage) = if let Some(admin) = admin {
+            (ADMIN.to_owned(), Role::Admin, ADMIN.to_owned(), Arc::clone(&admin.usage))
         } else {
             let unknown = || {
                 refused(
                     "This server does not know the key. An administrator of the server makes keys.",
                 )
             };
-            let known = Some(&*credential.key).filter(|id| !id.is_empty()).ok_or_else(unknown)?;
-            let holder = self.keyring.holder_of(known, &digest).await?.ok_or_else(unknown)?;
+            if known.is_empty() {
+                return Err(unknown());
+            }
+            let holder = self.keyring.holder_of(&known, &key_digest).await?.ok_or_else(unknown)?;
             if let Some(reason) = invalid(&holder.key, now) {
                 return Err(refused(&reason));
             }
             let AccessKey { id, name, role, .. } = &holder.key;
-            let (owner, key, credential) = (name.clone(), id.clone(), Some(credential));
-            let identity = Identity { owner, role: *role, key, credential, session };
-            (identity, Arc::clone(&holder.usage))
+            (name.clone(), *role, id.clone(), Arc::clone(&holder.usage))
         };
-        let Identity { owner, key, .. } = &identity;
         let actor = || Actor { name: owner.clone(), key: key.clone() };
         self.keyring.record_use(&usage, now, actor);
-        Ok((identity, usage))
+        let credential = Some(SignedIn { key: key.clone(), key_digest });
+        Ok((Identity { owner, role, key, credential, session }, usage))
     }
 
     /// Checks an accepted request once more. Returns the problem if the server would now refuse a request of this caller
@@ -377,10 +355,7 @@ impl Gate {
                 return Err(Problem::new(&kinds::BAD_LINK, detail));
             }
         };
-        match usage.zip(quota) {
-            Some((usage, quota)) => usage.links.take(quota),
-            None => Ok(OpenRequest::default()),
-        }
+        usage.map_or_else(|| Ok(OpenRequest::default()), |usage| usage.links.take(quota))
     }
 }
 

@@ -108,11 +108,9 @@ fn name(request: &Request) -> String {
     let port = host_of(request).and_then(|host| host.rsplit_once(':')).map(|(_, port)| port);
     let port =
         port.filter(|port| !port.is_empty() && port.bytes().all(|byte| byte.is_ascii_digit()));
+    let port = port.map_or_else(String::new, |port| format!("-{port}"));
     let prefix = if is_encrypted(request) { "__Host-" } else { "" };
-    match port {
-        Some(port) => format!("{prefix}fretwork-{port}"),
-        None => format!("{prefix}fretwork"),
-    }
+    format!("{prefix}fretwork{port}")
 }
 
 /// The token in the cookie of a request.

@@ -4,7 +4,6 @@
 //! other client is refused.
 
 use std::collections::HashMap;
-use std::fmt;
 use std::sync::Arc;
 
 use axum::extract::Request;
@@ -15,6 +14,7 @@ use subtle::ConstantTimeEq as _;
 use super::caller::{Identity, ViaProxy, is_owner_name};
 use super::keyring::Usage;
 use super::limits::Limits;
+use super::secret::Secret;
 use super::session::{Site, only, unauthorized};
 use crate::http::problem::{Problem, Result, kinds};
 use fretwork_store::{Role, digest};
@@ -24,34 +24,28 @@ const SECRET: HeaderName = HeaderName::from_static("x-fretwork-proxy-secret");
 /// In place of the id of a key.
 pub const SIGN_ON: &str = "sign-on";
 
-/// Settings of a sign-on proxy. `Debug` hides the secret.
-#[derive(Clone)]
+/// Settings of a sign-on proxy.
+#[derive(Debug, Clone)]
 pub struct SignOn {
     /// The header with the name of the user.
     pub header: HeaderName,
     /// What the proxy sends in `X-Fretwork-Proxy-Secret`.
-    pub secret: String,
+    pub secret: Secret,
     /// The role of all users.
     pub role: Role,
-}
-
-impl fmt::Debug for SignOn {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "SignOn({}, {})", self.header, self.role)
-    }
 }
 
 /// The users of the proxy, and how much of its limits each has used.
 pub struct Users {
     settings: SignOn,
     secret: [u8; 32],
-    pub limits: Limits,
+    limits: Limits,
     usage: Mutex<HashMap<String, Arc<Usage>>>,
 }
 
 impl Users {
     pub fn new(settings: SignOn, limits: Limits) -> Self {
-        let secret = digest(&settings.secret);
+        let secret = digest(&settings.secret.0);
         Self { settings, secret, limits, usage: Mutex::default() }
     }
 

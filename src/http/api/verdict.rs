@@ -11,12 +11,8 @@ use crate::http::answer::stored::json_of;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
-use crate::http::wire::{FRESH_JSON, NoQuery, Segment, read_key};
+use crate::http::wire::{Fresh, NoQuery, Segment, read_key};
 use fretwork_format::Verdict;
-use fretwork_json as json;
-
-/// Estimated size of the answer, in bytes.
-const BYTES: usize = 1 << 10;
 
 /// Whether the law of a fit describes its data.
 #[derive(Debug, Serialize, ToSchema)]
@@ -50,6 +46,6 @@ pub async fn verdict(app: App, caller: Caller, key: Segment, _: NoQuery) -> Resu
         let detail = "Only a fit has a verdict, and this result is not a fit.";
         return Err(Problem::new(&kinds::NO_SUCH_PART, detail));
     };
-    let answer = VerdictAnswer { outcome: outcome.to_owned(), verdict, reason, intervals };
-    Ok((FRESH_JSON, json::write(&answer, BYTES)).into_response())
+    let outcome = outcome.to_owned();
+    Ok(Fresh(VerdictAnswer { outcome, verdict, reason, intervals }).into_response())
 }

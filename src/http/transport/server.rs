@@ -173,11 +173,9 @@ fn answer(
 fn forwarded(headers: &HeaderMap) -> Option<IpAddr> {
     let last = headers.get_all("x-forwarded-for").iter().next_back()?.to_str().ok()?;
     let last = last.rsplit(',').next()?.trim();
-    let address = last.parse().ok().or_else(|| {
-        let with_port: std::net::SocketAddr = last.parse().ok()?;
-        Some(with_port.ip())
-    });
-    address.map(|address: IpAddr| address.to_canonical())
+    let with_port = || last.parse::<SocketAddr>().ok();
+    let address: Option<IpAddr> = last.parse().ok().or_else(|| Some(with_port()?.ip()));
+    address.map(|address| address.to_canonical())
 }
 
 #[cfg(test)]

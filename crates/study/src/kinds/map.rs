@@ -349,14 +349,14 @@ impl Plan for Map {
 
 #[cfg(test)]
 mod tests {
-    use std::iter;
     use std::sync::Arc;
 
     use fretwork_engine::outcome::Preview;
     use fretwork_engine::simulation::Simulation;
 
     use super::*;
-    use crate::{Points, Study};
+    use crate::Study;
+    use crate::kinds::tests;
     use fretwork_json as json;
 
     fn map(change: impl FnOnce(&mut Value)) -> Result<Arc<Study>, Faults> {
@@ -379,19 +379,9 @@ mod tests {
     }
 
     fn document(study: &Arc<Study>) -> Value {
-        let rows = |chunks: usize| {
-            let mut all = Rows::default();
-            for number in 0..chunks {
-                let mut points = Points::chunk(Arc::clone(study), number, chunks, Rows::default());
-                all.append(&iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap());
-            }
-            all
-        };
-        let text = study.document(&"key", &"engine", &rows(1));
-        assert_eq!(text, study.document(&"key", &"engine", &rows(5)));
-        assert!(text.len() <= study.bytes(), "{} {}", text.len(), study.bytes());
-        crate::Claimed::read(study, &"key", &"engine", &text).unwrap();
-        serde_json::from_str(&text).unwrap()
+        let document = tests::document(study, 1);
+        assert_eq!(document, tests::document(study, 5));
+        document
     }
 
     fn rounded(number: f64) -> Value {

@@ -31,7 +31,25 @@ mod tests {
     use crate::plan::{Hints, Plan, Read, Tried};
     use crate::problem::{Problem, outputs_of};
     use crate::rows::Rows;
-    use crate::{Kind, Points, Study, StudyFigure};
+    use crate::{Claimed, Kind, Points, Study, StudyFigure};
+
+    /// Computes a study in this number of chunks.
+    pub fn rows(study: &Arc<Study>, chunks: usize) -> Rows {
+        let mut all = Rows::default();
+        for number in 0..chunks {
+            let mut points = Points::chunk(Arc::clone(study), number, chunks, all.clone());
+            all.append(&iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap());
+        }
+        all
+    }
+
+    /// The document of a study that is computed in this number of chunks.
+    pub fn document(study: &Arc<Study>, chunks: usize) -> Value {
+        let text = study.document(&"key", &"engine", &rows(study, chunks));
+        assert!(text.len() <= study.bytes(), "{} {}", text.len(), study.bytes());
+        Claimed::read(study, &"key", &"engine", &text).unwrap();
+        serde_json::from_str(&text).unwrap()
+    }
 
     #[test]
     fn the_figures_and_offers_of_each_kind_are_consistent() {

@@ -182,7 +182,8 @@ mod tests {
     use fretwork_engine::simulation::Simulation;
 
     use super::*;
-    use crate::{Points, Rows, Study};
+    use crate::Study;
+    use crate::kinds::tests;
     use fretwork_json as json;
 
     fn sweep(change: impl FnOnce(&mut Value)) -> Result<Arc<Study>, Faults> {
@@ -207,20 +208,8 @@ mod tests {
         Study::read(&KIND, sweep).map(Arc::new)
     }
 
-    fn all_rows(study: &Arc<Study>, chunks: usize) -> Rows {
-        let mut all = Rows::default();
-        for number in 0..chunks {
-            let mut points = Points::chunk(Arc::clone(study), number, chunks, Rows::default());
-            let rows = std::iter::repeat_with(|| points.step()).find_map(|rows| rows);
-            all.append(&rows.expect("the iterator has no end"));
-        }
-        all
-    }
-
     fn rows(study: &Arc<Study>) -> Vec<Vec<Value>> {
-        let document = study.document(&"key", &"engine", &all_rows(study, 1));
-        assert!(document.len() <= study.bytes());
-        let document: Value = serde_json::from_str(&document).unwrap();
+        let document = tests::document(study, 1);
         let table = document["table"].as_object().unwrap();
         let row = |number: usize| table.values().map(|column| column[number].clone()).collect();
         (0..study.points()).map(row).collect()
@@ -239,9 +228,7 @@ mod tests {
                 sweep["profiles"] = json!({"radius": radius, "fields": fields});
             })
             .unwrap();
-            let document = study.document(&"key", &"engine", &all_rows(&study, 1));
-            assert!(document.len() <= study.bytes());
-            let document: Value = serde_json::from_str(&document).unwrap();
+            let document = tests::document(&study, 1);
             let profiles = &document["profiles"];
             assert_eq!(profiles["point"], json!([0, 1, 2, 3]));
             assert_eq!(document["units"]["pressure"], "Pa");
@@ -300,8 +287,7 @@ mod tests {
             sweep["profiles"] = json!({"radius": {"from": 0, "to": "400 um", "count": 801}});
         });
         let study = study.unwrap();
-        let document = study.document(&"key", &"engine", &all_rows(&study, 2));
-        let document: Value = serde_json::from_str(&document).unwrap();
+        let document = tests::document(&study, 2);
         for point in 0..2 {
             let depth = document["table"]["wear_depth"][point].as_f64().unwrap();
             let curve = document["profiles"]["wear"][point].as_array().unwrap().iter();
@@ -321,8 +307,7 @@ mod tests {
                 sweep["profiles"] = json!({"radius": [0, "100 um"]});
             });
             let study = study.unwrap();
-            let document = study.document(&"key", &"engine", &all_rows(&study, 1));
-            let document: Value = serde_json::from_str(&document).unwrap();
+            let document = tests::document(&study, 1);
             assert_eq!(document["counts"]["incomplete"], 0, "{method} {document}");
             assert!(document["profiles"]["wear"][7][1].as_f64() > Some(0.0), "{method}");
         }
@@ -357,9 +342,9 @@ mod tests {
     #[test]
     fn the_rows_do_not_depend_on_the_number_of_chunks() {
         let study = sweep(|_| ()).unwrap();
-        let whole = all_rows(&study, 1);
+        let whole = tests::rows(&study, 1);
         for chunks in 2..=8 {
-            assert_eq!(all_rows(&study, chunks), whole, "{chunks} chunks");
+            assert_eq!(tests::rows(&study, chunks), whole, "{chunks} chunks");
         }
     }
 

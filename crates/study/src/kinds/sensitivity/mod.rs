@@ -410,12 +410,12 @@ fn accuracy(case: Option<&Case>, output: &Output) -> f64 {
 #[cfg(test)]
 mod tests {
     use std::f64::consts::PI;
-    use std::iter;
     use std::sync::Arc;
 
     use super::*;
+    use crate::Study;
+    use crate::kinds::tests::{document, rows};
     use crate::problem::Found;
-    use crate::{Points, Study};
     use serde_json::Map;
 
     /// A test function in place of the engine, with the Sobol indices Sᵢ and Tᵢ of each member.
@@ -536,11 +536,6 @@ mod tests {
         Study::read(&KIND, study).map(Arc::new)
     }
 
-    fn rows(study: &Arc<Study>) -> Rows {
-        let mut points = Points::whole(Arc::clone(study));
-        iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap()
-    }
-
     #[test]
     fn the_findings_ask_before_each_output_whether_to_continue() {
         let outputs = json!(["unworn.gross_slip_amplitude", "wear_volume", "wear_depth"]);
@@ -550,16 +545,8 @@ mod tests {
             asked += 1;
             asked < 2
         };
-        assert_eq!(study.document_while(&"key", &"engine", &rows(&study), &mut goes_on), None);
+        assert_eq!(study.document_while(&"key", &"engine", &rows(&study, 1), &mut goes_on), None);
         assert_eq!(asked, 2);
-    }
-
-    fn document(study: &Arc<Study>) -> Value {
-        let rows = rows(study);
-        let text = study.document(&"key", &"engine", &rows);
-        assert!(text.len() <= study.bytes());
-        crate::Claimed::read(study, &"key", &"engine", &text).unwrap();
-        serde_json::from_str(&text).unwrap()
     }
 
     fn local(study: &mut Value, outputs: &Value) {
@@ -575,7 +562,7 @@ mod tests {
     #[test]
     fn the_unit_of_elementary_effects_is_the_unit_column_of_the_table() {
         let study = study(|study| study["method"] = json!("morris")).unwrap();
-        let document = document(&study);
+        let document = document(&study, 1);
         assert_eq!(document["table"]["unit"][0], "m");
         assert_eq!(document["units"]["strength"], "as in column unit");
     }
@@ -585,7 +572,7 @@ mod tests {
         // U = μ(E*/G*)·d with d³ = 9F²/(16E*²R).
         let study = study(|study| local(study, &json!(["unworn.gross_slip_amplitude"]))).unwrap();
         assert_eq!(study.points(), 1 + 80 * 3);
-        let table = document(&study)["table"].take();
+        let table = document(&study, 1)["table"].take();
         assert_eq!(table["member"], json!(["/friction", "/load/normal_force", "/profile/radius"]));
         for (place, exponent) in [1.0, 2.0 / 3.0, -1.0 / 3.0].into_iter().enumerate() {
             let [value, low, high] = ["elasticity", "elasticity_low", "elasticity_high"]
@@ -603,7 +590,7 @@ mod tests {
             study["vary"] = json!([{"pointer": "/wear/coefficient"}]);
             study["scenario"]["cycles"] = json!([1]);
         });
-        let document = document(&study.unwrap());
+        let document = document(&study.unwrap(), 1);
         let [value, low, high] = ["elasticity", "elasticity_low", "elasticity_high"]
             .map(|column| document["table"][column][0].as_f64().unwrap());
         assert!(low <= 1.0 && 1.0 <= high && (value - 1.0).abs() < 1e-3, "{value} {low} {high}");
@@ -618,7 +605,7 @@ mod tests {
     #[test]
     fn notes_say_what_limits_the_estimates() {
         let details = |change: &dyn Fn(&mut Value)| {
-            let document = document(&study(|study| change(study)).unwrap());
+            let document = document(&study(|study| change(study)).unwrap(), 1);
             let notes = document["notes"].as_array().unwrap().clone();
             let text = |note: &Value| note["detail"].as_str().unwrap().to_owned();
             (document, notes.iter().map(text).collect::<Vec<_>>())
