@@ -43,7 +43,8 @@ pub fn deepest(scar: &Scar<'_>) -> Size {
         size *= FACTOR;
     }
     let beside = |gap: &&Gap| gap.range.start <= near.end && gap.range.end >= near.start;
-    let gaps = scar.gaps.iter().filter(beside).map(|gap| gap.error);
+    // A gap beside the deepest points can only hide deeper ones.
+    let gaps = scar.gaps.iter().filter(beside).map(|gap| 2.0 * gap.error);
     errors[3] = gaps.fold(0.0, libm::hypot);
     Size { value: found, errors }
 }
