@@ -1,8 +1,8 @@
 //! The largest depth: the highest of local means, as wide as the noise requires and the shape permits.
 //!
 //! The deepest of noisy points is too deep, and the mean of many is too shallow. So depths are averaged in windows of growing
-//! width. The widest one counts that is as deep as all narrower ones, less what noise adds to the largest of their means (intersection of confidence intervals, Goldenshluger
-//! and Nemirovski 1997).
+//! width. The widest one counts that is as deep as all narrower ones, less what noise adds to the largest of their means
+//! (intersection of confidence intervals, Goldenshluger and Nemirovski 1997).
 
 use super::scar::{Gap, Scar};
 use super::sizes::Size;
