@@ -1,8 +1,8 @@
 //! The largest depth: the highest of local means, as wide as the noise requires and the shape permits.
 //!
 //! The deepest of noisy points is too deep, and the mean of many is too shallow. So depths are averaged in windows of growing
-//! width. The widest one counts that is as deep as all narrower ones, less what noise adds to the largest of their means (intersection of confidence intervals, Goldenshluger
-//! and Nemirovski 1997).
+//! width. The widest one counts that is as deep as all narrower ones, less what noise adds to the largest of their means
+//! (intersection of confidence intervals, Goldenshluger and Nemirovski 1997).
 
 use super::scar::{Gap, Scar};
 use super::sizes::Size;
@@ -43,7 +43,8 @@ pub fn deepest(scar: &Scar<'_>) -> Size {
         size *= FACTOR;
     }
     let beside = |gap: &&Gap| gap.range.start <= near.end && gap.range.end >= near.start;
-    let gaps = scar.gaps.iter().filter(beside).map(|gap| gap.error);
+    // A gap beside the deepest points can only hide deeper ones.
+    let gaps = scar.gaps.iter().filter(beside).map(|gap| 2.0 * gap.error);
     errors[3] = gaps.fold(0.0, libm::hypot);
     Size { value: found, errors }
 }

@@ -290,7 +290,7 @@ impl Scar<'_> {
                  instrument ends there. Depth and volume are lower limits."
             ));
             let [from, to] = self.found.ends(&range);
-            self.gaps.push(Gap { range, error: (to - from) / (last - first) * deepest });
+            self.gaps.push(Gap { range, error: 0.5 * (to - from) / (last - first) * deepest });
         }
         Ok(())
     }

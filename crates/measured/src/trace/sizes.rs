@@ -24,8 +24,8 @@ const ALIKE: f64 = 0.007;
 pub struct Size {
     /// The number.
     pub value: f64,
-    /// Contributions of the scatter, of the unworn surface, of the axis with the difference of both sides, and of clipped or missing
-    /// points.
+    /// Contributions of the scatter, of the unworn surface, of the axis with the difference of both sides (of a depth: of the width of
+    /// the means), and of clipped or missing points.
     pub errors: [f64; 4],
 }
 
