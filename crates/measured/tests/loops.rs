@@ -371,3 +371,18 @@ fn long_spikes_short_neighbours_drift_and_columns_without_a_loop_are_told() {
         assert!(energy.is_nan() || (found - energy).abs() < 3e-6, "{told}: {found}");
     }
 }
+
+#[test]
+fn no_cycle_has_two_amplitudes() {
+    let form = Form::Stick(0.3);
+    let row = |row: u32| {
+        let phase = 0.4 + f64::from(row) / 50.0;
+        let (x, a) = (displacement(phase, false), if phase < 2.0 { 10.0 } else { 5.0 });
+        (a * x, 20.0 * form.force(phase, x))
+    };
+    let found = read(file((0..210).map(row)).as_bytes(), &LOOP).unwrap();
+    let shares = list(&found, "energy").into_iter().map(|it| it / (200e-6 * form.energy()));
+    let shares: Vec<f64> = shares.collect();
+    let is_one = |share: &f64| (share - 1.0).abs().min((share - 0.5).abs()) < 0.01;
+    assert!(shares.len() >= 3 && shares.iter().all(is_one), "{shares:?}");
+}
