@@ -4,6 +4,8 @@
 const REACH: usize = 12;
 /// The slope of the drift is the median of those between any two of so many strokes.
 const PAIRS: usize = 100;
+/// In few strokes, a drift by a smaller share of the range is not known.
+const SMALL: f64 = 0.05;
 
 /// The smallest and the largest number.
 pub fn ends(values: impl Iterator<Item = f64>) -> [f64; 2] {
@@ -74,17 +76,20 @@ pub fn drift(x: &[f64], turns: &[usize]) -> Vec<f64> {
     let inner = turns.get(1..turns.len().saturating_sub(1)).unwrap_or(&[]);
     let middle = |ends: &[usize]| (ends[0] as f64, 0.5 * (x[ends[0]] + x[ends[1]]));
     let middles: Vec<_> = inner.windows(2).map(middle).collect();
+    let [low, high] = ends(x.iter().copied());
     if middles.is_empty() {
-        let [low, high] = ends(x.iter().copied());
         return vec![0.5 * (low + high); x.len()];
     }
-    // Where the amplitude grows, every other stroke has another middle.
     let few: Vec<_> = middles.iter().step_by(1 + middles.len() / PAIRS * 2).collect();
+    // Where the amplitude grows, every other stroke has another middle.
+    let step = if few.len() < 5 { 1 } else { 2 };
     let slopes = few.iter().enumerate().flat_map(|(at, one)| {
-        let others = few[..at].iter().rev().skip(1).step_by(2);
+        let others = few[..at].iter().rev().skip(step - 1).step_by(step);
         others.map(move |other| (one.1 - other.1) / (one.0 - other.0))
     });
-    let slope = if few.len() < 8 { 0.0 } else { median(slopes) };
+    let slope = median(slopes);
+    let is_small = (slope * x.len() as f64).abs() < SMALL * (high - low);
+    let slope = if few.len() < 3 || few.len() < 8 && is_small { 0.0 } else { slope };
     let levels = (0..turns.len()).map(|turn| {
         let from = turn.saturating_sub(1 + REACH).min(middles.len().saturating_sub(2 * REACH));
         median(middles[from..].iter().take(2 * REACH).map(|it| it.1 - slope * it.0))

@@ -14,8 +14,8 @@ const STROKES: f64 = 0.8;
 /// Displacement and force are smoothed until their noise is this share of their range, but at most over such a part of a period.
 const SMOOTH: f64 = 0.004;
 const PART: f64 = 40.0;
-/// The slope is that of changes of the force between these shares of its range.
-const FLANK: (f64, f64) = (0.05, 1.0 / 3.0);
+/// The slope is that of changes of the force up to this share of its range.
+const FLANK: f64 = 1.0 / 3.0;
 /// A cycle whose force changes by this share of its range between its ends begins from rest.
 const REST: f64 = 0.15;
 /// A cycle that ends further from its begin says nothing about rest.
@@ -192,11 +192,8 @@ impl Record {
         let change = |row: &usize| (mean[*row] - mean[turns[turn]]).abs() / range;
         // A record that ends at a reversal has no flank after it.
         let Some(next) = turns.get(turn + 1) else { return [0.0; 4] };
-        let rows: Vec<usize> =
-            (turns[turn]..*next).take_while(|row| change(row) <= FLANK.1).collect();
-        // The reversal is uncertain if there is noise.
-        let first = rows.iter().position(|row| change(row) >= FLANK.0).unwrap_or(0);
-        let near = &rows[if rows.len() - first < 3 { 0 } else { first }..];
+        let near: Vec<usize> =
+            (turns[turn]..*next).take_while(|row| change(row) <= FLANK).collect();
         if near.len() < 3 {
             return [f64::NAN; 4];
         }

@@ -340,7 +340,7 @@ fn a_record_that_ends_at_a_reversal_is_cut_there() {
 }
 
 #[test]
-fn long_spikes_short_neighbours_and_columns_without_a_loop_are_told() {
+fn long_spikes_short_neighbours_drift_and_columns_without_a_loop_are_told() {
     let ten = stick(2001, |time| 10.0 * (TAU * time).sin())[200..].to_vec();
     let mut spikes = ten.clone();
     for row in (300..305).chain(700..703).chain([1111]) {
@@ -349,6 +349,8 @@ fn long_spikes_short_neighbours_and_columns_without_a_loop_are_told() {
     let gaps = |row: &usize| !(310..370).contains(row) && !(510..570).contains(row);
     let gaps: Vec<_> = (0..ten.len()).filter(gaps).map(|row| ten[row]).collect();
     let elastic: Vec<_> = ten.iter().map(|(x, _)| (*x, 2.0 * x)).collect();
+    let drifts = |(row, it): (usize, &(f64, f64))| (it.0 + 0.005 * row as f64, it.1);
+    let drifts: Vec<_> = ten[..650].iter().enumerate().map(drifts).collect();
     let still: Vec<_> = ten.iter().map(|(_, force)| (7.0, *force)).collect();
     let said = |rows: &[(f64, f64)]| {
         let found = read(file(rows.iter().copied()).as_bytes(), &LOOP);
@@ -360,6 +362,7 @@ fn long_spikes_short_neighbours_and_columns_without_a_loop_are_told() {
     for (rows, energy, told) in [
         (&spikes, 1.5e-3, "9 row(s) with spikes were left out, the first is row 301"),
         (&gaps, 1.5e-3, "2 cycle(s) with fewer rows than their neighbours"),
+        (&drifts, 1.5e-3, "The rows are 3 cycle(s)"),
         (&elastic, 0.0, "in 9 cycle(s): all of it in cycle"),
         (&still, f64::NAN, "choose the column of the displacement as x"),
     ] {
@@ -367,4 +370,19 @@ fn long_spikes_short_neighbours_and_columns_without_a_loop_are_told() {
         assert!(notes.contains(told), "{told}: {notes}");
         assert!(energy.is_nan() || (found - energy).abs() < 3e-6, "{told}: {found}");
     }
+}
+
+#[test]
+fn no_cycle_has_two_amplitudes() {
+    let form = Form::Stick(0.3);
+    let row = |row: u32| {
+        let phase = 0.4 + f64::from(row) / 50.0;
+        let (x, a) = (displacement(phase, false), if phase < 2.0 { 10.0 } else { 5.0 });
+        (a * x, 20.0 * form.force(phase, x))
+    };
+    let found = read(file((0..210).map(row)).as_bytes(), &LOOP).unwrap();
+    let shares = list(&found, "energy").into_iter().map(|it| it / (200e-6 * form.energy()));
+    let shares: Vec<f64> = shares.collect();
+    let is_one = |share: &f64| (share - 1.0).abs().min((share - 0.5).abs()) < 0.01;
+    assert!(shares.len() >= 3 && shares.iter().all(is_one), "{shares:?}");
 }
