@@ -137,7 +137,12 @@ impl Found<'_> {
 
 /// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
 /// known. `edge` is where the surface may rise by a step.
-pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 2]>) -> Found<'_> {
+pub fn find(
+    points: &[(f64, f64)],
+    is_half: bool,
+    window: Option<[f64; 2]>,
+    edge: Option<[f64; 2]>,
+) -> Found<'_> {
     let count = points.len();
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
     let noise = noise(points) / (2.0 * half as f64 + 1.0).sqrt();
@@ -154,7 +159,7 @@ pub fn find(points: &[(f64, f64)], window: Option<[f64; 2]>, edge: Option<[f64; 
     let mut is_unworn: Vec<bool> = (0..count).map(is_first).collect();
     let (mut is_grown, mut attempt) = (false, 0);
     loop {
-        let surface = Surface::through(points, &is_unworn, edge, rounding);
+        let surface = Surface::through(points, is_half, &is_unworn, edge, rounding);
         let heights: Vec<f64> = points.iter().map(|(x, z)| z - surface.at(*x)).collect();
         let mean = smooth(&heights, 2 * half + 1);
         let near = mean.iter().zip(&is_unworn).filter(|(_, is_unworn)| **is_unworn);

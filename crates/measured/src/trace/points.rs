@@ -99,7 +99,9 @@ pub fn ascending(
         points.retain(|(x, _)| *x >= 0.0);
         let mirrored = points.iter().rev().filter(|(x, _)| *x > 0.0).map(|(x, z)| (-x, *z));
         points = mirrored.chain(points.iter().copied()).collect();
-        notes.push("The half with x above 0 was mirrored, so a tilt was not removed.".to_owned());
+        notes.push(
+            "The half with x above 0 was mirrored, and the tilt of both sides removed.".to_owned(),
+        );
         if points.len() < FEWEST {
             return Err("has too few points with x above 0. The axis must be at x = 0".to_owned());
         }

@@ -67,8 +67,7 @@ pub struct Gap {
 /// What helps if too little is unworn.
 fn farther(wanted: &Wanted<'_>) -> &'static str {
     if wanted.prepare == Prepare::Half {
-        return "Measure farther: the last tenth must be unworn. If the trace has a tilt, remove it before, because half of a \
-                tilted surface looks like a cone";
+        return "Measure farther: the last tenth must be unworn";
     }
     "Measure farther: at each end, a tenth of the trace must be unworn. If the trace begins at the axis, give the axis x = 0 \
      and write prepare=half (on the page: “Trace from the axis”; `fretwork fit` reads whole traces only)"
@@ -85,6 +84,7 @@ fn largest<'a>(parts: impl IntoIterator<Item = &'a Part>) -> Option<&'a Part> {
 /// The unworn surface on both sides of a stretch, and the parts in it.
 fn inside<'a>(
     points: &'a [(f64, f64)],
+    is_half: bool,
     ends: [f64; 2],
     notes: &mut Vec<String>,
 ) -> Result<Found<'a>, String> {
@@ -98,7 +98,7 @@ fn inside<'a>(
             named(ends)
         ));
     }
-    let mut found = parts::find(points, Some(ends), Some(ends));
+    let mut found = parts::find(points, is_half, Some(ends), Some(ends));
     if let Some(step) = found.surface.step() {
         notes.push(format!(
             "The right side of the scar is {:.4} um higher than the left one. A line between both is the unworn surface. Half \
@@ -158,9 +158,10 @@ pub fn scar<'a>(
     wanted: &Wanted<'_>,
     notes: &mut Vec<String>,
 ) -> Result<Scar<'a>, String> {
+    let is_half = wanted.prepare == Prepare::Half;
     let found = match wanted.scar {
-        Some(ends) => inside(points, ends, notes)?,
-        None => parts::find(points, None, None),
+        Some(ends) => inside(points, is_half, ends, notes)?,
+        None => parts::find(points, is_half, None, None),
     };
     let outwards = outwards(&found, wanted, notes);
     let is_added = |part: &Part| part.area * outwards > 0.0;
@@ -312,7 +313,7 @@ impl Scar<'_> {
     /// A step of the unworn surface, and the scar that the surface then has. The step is in the scar, or many more points are
     /// unworn with it.
     fn step(&self, own: [f64; 2]) -> Option<String> {
-        let Found { points, is_unworn, .. } = &self.found;
+        let Found { points, is_unworn, surface: Surface { is_half, .. }, .. } = &self.found;
         let said = |surface: &Surface, [from, to]: [f64; 2], scar: [f64; 2]| {
             Some(format!(
                 "an unworn surface that rises by {:.4} um near x = {:.4} mm. If the scar is there, its depth is uncertain. \
@@ -329,14 +330,16 @@ impl Scar<'_> {
         let tried = (1..STEPS as usize).map(|at| {
             let x = first + at as f64 * width;
             let edge = [x - 1e-3 * width, x + 1e-3 * width];
-            (edge, parts::find(&thinned, None, Some(edge)))
+            (edge, parts::find(&thinned, *is_half, None, Some(edge)))
         });
-        said(&Surface::through(points, is_unworn, Some(own), 0.0), own, own).or_else(|| {
-            let (edge, best) = tried.max_by_key(|(_, found)| found.unworn())?;
-            let more = best.unworn() as f64 - self.found.unworn() as f64 / thin as f64;
-            let removed = best.parts.iter().filter(|part| part.area * self.outwards < 0.0);
-            let scar = largest(removed).filter(|_| more > GAIN * thinned.len() as f64)?;
-            said(&best.surface, edge, scar.ends)
-        })
+        said(&Surface::through(points, *is_half, is_unworn, Some(own), 0.0), own, own).or_else(
+            || {
+                let (edge, best) = tried.max_by_key(|(_, found)| found.unworn())?;
+                let more = best.unworn() as f64 - self.found.unworn() as f64 / thin as f64;
+                let removed = best.parts.iter().filter(|part| part.area * self.outwards < 0.0);
+                let scar = largest(removed).filter(|_| more > GAIN * thinned.len() as f64)?;
+                said(&best.surface, edge, scar.ends)
+            },
+        )
     }
 }

@@ -41,6 +41,8 @@ pub struct Surface {
     half: f64,
     /// The ends of a stretch in which the surface rises by a step.
     edge: Option<[f64; 2]>,
+    /// Whether the trace is a half that was mirrored at x = 0: then u is |u| in its tilt.
+    pub is_half: bool,
     coefficients: [f64; COLUMNS],
     /// The covariance of the coefficients in units of the variance of the points.
     covariance: [[f64; COLUMNS]; COLUMNS],
@@ -77,6 +79,7 @@ impl Surface {
     /// heights.
     pub fn through(
         points: &[(f64, f64)],
+        is_half: bool,
         is_used: &[bool],
         edge: Option<[f64; 2]>,
         rounding: f64,
@@ -85,7 +88,7 @@ impl Surface {
         let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
         let used: Points =
             points.iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|it| *it.0).collect();
-        let mut found = Self { middle, half, edge, together: 1.0, ..Self::default() };
+        let mut found = Self { middle, half, edge, is_half, together: 1.0, ..Self::default() };
         found.fit(&used, rounding);
         if found.bend().abs() * half * half <= 3.0 * found.scatter {
             return found;
@@ -120,6 +123,9 @@ impl Surface {
 
     /// The apex of the parabola.
     fn vertex(&self) -> f64 {
+        if self.is_half {
+            return self.middle;
+        }
         self.middle - 0.5 * self.half * self.coefficients[1] / self.coefficients[2]
     }
 
@@ -149,7 +155,10 @@ impl Surface {
         let sine = 2.0 * bend * v;
         let cosine = (1.0 - sine * sine).max(1e-4).sqrt();
         let beyond = bend * v * v * (2.0 / (1.0 + cosine) - 1.0);
-        ([1.0, u, u * u, sine * (1.0 - 1.0 / cosine), step], beyond)
+        (
+            [1.0, if self.is_half { u.abs() } else { u }, u * u, sine * (1.0 - 1.0 / cosine), step],
+            beyond,
+        )
     }
 
     /// Least squares with the curvature of before, and the next apex.
