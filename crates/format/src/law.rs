@@ -88,7 +88,8 @@ impl Verdict {
         let name = capital(&law);
         if !trend.is_empty() {
             let mut reason = trend.trim_start().to_owned();
-            if !is_estimated {
+            let is_scattered = items(&notes).any(|note| note["kind"] == "scatter");
+            if !is_estimated && !is_scattered {
                 reason += " Their size alone gives no reason for doubt: they are ";
                 reason += &[&ratio, "as large as ", &errors, "."].concat();
             }

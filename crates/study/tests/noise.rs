@@ -377,3 +377,35 @@ fn the_fault_of_wrong_noise_says_what_to_enter() {
         assert!(told(&more).starts_with(expected), "{more}: {}", told(&more));
     }
 }
+
+/// A fit of volumes over energies from these multiples of the truth; an energy that stands twice is a repeated test.
+fn of_volumes(pairs: &[(f64, f64)], relative: f64) -> Value {
+    let data: Vec<Value> = pairs
+        .iter()
+        .map(|(energy, times)| {
+            let y = TRUTH * energy * times;
+            json!({"data": [{"output": "wear_volume", "over": "dissipated_energy", "x": [energy], "y": [y],
+                "relative": relative}]})
+        })
+        .collect();
+    fitted(&json!(data))
+}
+
+/// The repeated tests decide only if they scatter more than stated, and where nothing is stated, if there are enough of them.
+#[test]
+fn a_repeated_test_does_not_excuse_a_law_that_is_wrong() {
+    let wrong = [(1.0, 0.6), (2.0, 1.4), (4.0, 0.7), (8.0, 1.5), (16.0, 0.65), (32.0, 1.35)];
+    for second in [1.5, 1.51, 1.55] {
+        let found = of_volumes(&[&wrong[..], &[(8.0, second)]].concat(), 0.05);
+        assert!(kinds(&found).contains(&"misfit"), "{second}: {}", found["notes"]);
+    }
+    // Repeated tests that scatter as much as the others say that the errors are larger than stated.
+    let apart = wrong.map(|(energy, times)| (energy, 2.0 - times));
+    let found = of_volumes(&[wrong, apart].concat(), 0.05);
+    assert!(!kinds(&found).contains(&"misfit"), "{}", found["notes"]);
+    assert!(kinds(&found).contains(&"scatter"), "{}", found["notes"]);
+    // Numbers that were read twice are no repeated tests. Stated errors that explain the residuals are enough.
+    let close = [(1.0, 0.95), (2.0, 1.04), (4.0, 0.97), (8.0, 1.05)];
+    let found = of_volumes(&[close, close].concat(), 0.1);
+    assert!(!told(&found).1, "{}", found["notes"]);
+}

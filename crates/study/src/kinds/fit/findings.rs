@@ -145,9 +145,9 @@ impl Told<'_> {
             Some(json!({"output": output.as_ref()?, "factor": number(*factor)}))
         });
         let rise = fit.rise(self.known);
-        let lack = self.lack_of_fit().map(|(statistic, probability)| {
-            json!({"statistic": number(statistic), "probability": number(probability)})
-        });
+        let lack = self.repeats().map(
+            |it| json!({"statistic": number(it.statistic), "probability": number(it.probability)}),
+        );
         json!({
             "sum_of_squares": number(self.best.sum),
             "allowed_rise": number(rise * rise),

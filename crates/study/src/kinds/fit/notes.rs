@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::model::{Parameter, Set};
 use super::search::{Known, Row, Task};
-use super::told::Told;
+use super::told::{Repeats, Told};
 use crate::member::Member;
 use crate::problem::Problem;
 use crate::stats::fisher;
@@ -19,7 +19,7 @@ const WIDE_SCATTER: f64 = 0.3;
 /// Exponents of a combination nearer to 1 than this count as 1.
 const ABOUT_ONE: f64 = 0.15;
 /// Denominator degrees of freedom that stand for known noise.
-const MANY: f64 = 1e7;
+pub const MANY: f64 = 1e7;
 /// Numbers of a start count as outside of an interval beyond this share of its end.
 const COARSE: f64 = 0.05;
 /// Numbers that are this many powers of ten off can have another unit: the unit, its SI unit, and the power of ten between them.
@@ -46,8 +46,9 @@ fn parts(direction: &Direction) -> Vec<(usize, f64)> {
 }
 
 /// That the points scatter more around the fit than repeated tests.
-fn worse_than_repeats(lack: Option<(f64, f64)>) -> Option<Note> {
-    let (statistic, probability) = lack.filter(|it| it.1 < IMPROBABLE)?;
+fn worse_than_repeats(repeats: Option<Repeats>) -> Option<Note> {
+    let Repeats { statistic, probability, .. } =
+        repeats.filter(|it| it.probability < IMPROBABLE)?;
     let probability = in_words(probability);
     let detail = format!(
         "The fit is worse than repeated tests allow (F = {statistic:.1}, probability {probability})."
@@ -58,10 +59,10 @@ fn worse_than_repeats(lack: Option<(f64, f64)>) -> Option<Note> {
 impl Told<'_> {
     /// All remarks, the most important one first.
     pub fn notes(&self, problem: &Problem, parameters: &[Value]) -> Value {
-        let (lack, open) = (self.lack_of_fit(), &self.information.undetermined);
+        let (repeats, open) = (self.repeats(), &self.information.undetermined);
         let first = [
             self.magnitude(problem),
-            self.misfit(lack),
+            self.misfit(repeats),
             self.disagreement(),
             self.discrepancy(),
             self.other_start(parameters),
@@ -74,7 +75,7 @@ impl Told<'_> {
         let prior = |it| ("prior", format!("{} The rest follows from priors.", self.in_words(it)));
         let priors = self.alone.undetermined.iter().filter(|_| open.is_empty()).map(prior);
         let ends = parameters.iter().enumerate().filter_map(|(place, told)| self.end(place, told));
-        let last = [worse_than_repeats(lack), self.clusters(), self.lower_minimum()];
+        let last = [worse_than_repeats(repeats), self.clusters(), self.lower_minimum()];
         let notes = first.into_iter().flatten().chain(undetermined).chain(priors).chain(ends);
         let notes = notes.chain(last.into_iter().flatten());
         notes.map(|(kind, detail)| json!({"kind": kind, "detail": detail})).collect()
@@ -261,13 +262,13 @@ impl Told<'_> {
     }
 
     /// Whether the residuals are larger than the noise, and whether the law is the reason. It is not if repeated tests scatter
-    /// as much.
-    fn misfit(&self, lack: Option<(f64, f64)>) -> Option<Note> {
-        let are_repeats_as_far = lack.is_some_and(|(_, probability)| probability >= IMPROBABLE);
+    /// more than stated, and as much.
+    fn misfit(&self, repeats: Option<Repeats>) -> Option<Note> {
         if let Some((size, probability)) = self.excess() {
-            if are_repeats_as_far {
+            let as_far = repeats.filter(|it| it.probability >= IMPROBABLE);
+            if let Some(excess) = as_far.and_then(|it| it.excess) {
                 let told = format!(
-                    "Repeated tests scatter more than their stated errors allow. State errors that are {size:.1} times as large."
+                    "Repeated tests scatter more than their stated errors allow. State errors that are {excess:.1} times as large."
                 );
                 return Some(("scatter", told));
             }
@@ -288,7 +289,7 @@ impl Told<'_> {
             100.0 * share
         );
         let is_at_bound = (0..self.fit.parameters.len()).any(|place| self.is_at_bound(place));
-        Some(("scatter", told)).filter(|_| lack.is_none() && !is_at_bound)
+        Some(("scatter", told)).filter(|_| repeats.is_none() && !is_at_bound)
     }
 
     /// The coefficient from volumes alone and from depths alone, if their intervals do not overlap.

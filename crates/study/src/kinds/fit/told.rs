@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::model::Quantity;
+use super::notes::MANY;
 use super::search::{Fit, Known, Row};
 use crate::stats::fisher;
 use crate::stats::measured::{Information, Point};
@@ -14,6 +15,12 @@ const NUMERICAL: f64 = 1e-3;
 const LITTLE: f64 = 0.05;
 /// A parameter whose coordinate is nearer to 0 or 1 than this is at a bound.
 const AT_BOUND: f64 = 2e-3;
+/// Repeated points that differ by less than this share of all residuals were read twice.
+const ROUNDING: f64 = 1e-12;
+/// Repeated points scatter more than stated if chance makes so large a scatter with a smaller probability.
+const UNLIKELY: f64 = 0.05;
+/// Fewer degrees of freedom of repeated points do not test a law whose noise is estimated.
+const FEWEST: f64 = 4.0;
 
 /// What is told about the best parameters.
 pub struct Told<'a> {
@@ -117,14 +124,14 @@ impl<'a> Told<'a> {
         self.points().any(|(it, _)| changes[it].abs() > LITTLE * self.best.numbers[it].abs())
     }
 
-    /// The test of lack of fit, if points were repeated: F and its probability. Repeated points have equal predictions. In
-    /// profiles they have not: all points beside the scar have the prediction 0.
-    pub fn lack_of_fit(&self) -> Option<(f64, f64)> {
-        let mut groups = BTreeMap::<(Option<usize>, &str, u64), Vec<(f64, f64)>>::new();
+    /// What points that were measured more than once tell. Such points have the same x and equal predictions. In profiles they
+    /// have not: all points beside the scar have the prediction 0.
+    pub fn repeats(&self) -> Option<Repeats> {
+        let mut groups = BTreeMap::<(Option<usize>, &str, [u64; 2]), Vec<(f64, f64)>>::new();
         for (place, _) in self.points() {
-            let predicted = self.best.numbers[place].to_bits();
-            let is_profile = self.fit.set(place).over == "radius";
-            let key = (is_profile.then_some(place), self.fit.set(place).output.as_str(), predicted);
+            let (set, (_, entry)) = (self.fit.set(place), self.fit.positions[place]);
+            let own = [set.x[entry], self.best.numbers[place]].map(f64::to_bits);
+            let key = ((set.over == "radius").then_some(place), set.output.as_str(), own);
             groups.entry(key).or_default().push((self.residual(place), self.deviation(place)));
         }
         let spread = |group: &Vec<(f64, f64)>| {
@@ -137,11 +144,34 @@ impl<'a> Told<'a> {
         let (points, count) = (self.points().count(), groups.len());
         let repeats = (points - count) as f64;
         let freedom = count as f64 - self.fit.parameters.len() as f64;
+        let is_stated = self.known.measured.freedom().is_none();
         let is_clustered = (self.known.measured.count(None) - points as f64).abs() > 0.5;
-        if is_clustered || freedom < 1.0 || repeats < 1.0 {
+        let are_few = repeats < if is_stated { 1.0 } else { FEWEST };
+        let ratio = pure / repeats;
+        let are_equal = pure < ROUNDING * self.best.sum;
+        if is_clustered || freedom < 1.0 || are_few || are_equal && !is_stated {
             return None;
         }
-        let statistic = (self.best.sum - pure).max(0.0) / freedom / (pure / repeats);
-        Some((statistic, fisher::above(statistic, (freedom, repeats))))
+        // Numbers that were rounded, or read twice from one scar, scatter less than their stated errors.
+        let (scale, of_scale) =
+            if is_stated && ratio < 1.0 { (1.0, MANY) } else { (ratio, repeats) };
+        let statistic = (self.best.sum - pure).max(0.0) / freedom / scale;
+        let is_excess = is_stated && fisher::above(ratio, (repeats, MANY)) < UNLIKELY;
+        Some(Repeats {
+            statistic,
+            probability: fisher::above(statistic, (freedom, of_scale)),
+            excess: is_excess.then(|| ratio.sqrt()),
+        })
     }
+}
+
+/// The test of lack of fit against points that were measured more than once.
+#[derive(Debug, Clone, Copy)]
+pub struct Repeats {
+    /// F.
+    pub statistic: f64,
+    /// The probability of this F or a larger one if the law holds.
+    pub probability: f64,
+    /// How many times as large as stated the errors of the repeated points are, if chance does not explain it.
+    pub excess: Option<f64>,
 }
