@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::model::{Parameter, Set};
 use super::search::{Known, Row, Task};
-use super::told::{Repeats, Told};
+use super::told::{MANY, Repeats, Told};
 use crate::member::Member;
 use crate::problem::Problem;
 use crate::stats::fisher;
@@ -18,8 +18,6 @@ const LARGE: f64 = 3.0;
 const WIDE_SCATTER: f64 = 0.3;
 /// Exponents of a combination nearer to 1 than this count as 1.
 const ABOUT_ONE: f64 = 0.15;
-/// Denominator degrees of freedom that stand for known noise.
-pub const MANY: f64 = 1e7;
 /// Numbers of a start count as outside of an interval beyond this share of its end.
 const COARSE: f64 = 0.05;
 /// Numbers that are this many powers of ten off can have another unit: the unit, its SI unit, and the power of ten between them.

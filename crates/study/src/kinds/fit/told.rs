@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use super::model::Quantity;
-use super::notes::MANY;
 use super::search::{Fit, Known, Row};
 use crate::stats::fisher;
 use crate::stats::measured::{Information, Point};
@@ -15,6 +14,8 @@ const NUMERICAL: f64 = 1e-3;
 const LITTLE: f64 = 0.05;
 /// A parameter whose coordinate is nearer to 0 or 1 than this is at a bound.
 const AT_BOUND: f64 = 2e-3;
+/// Denominator degrees of freedom that stand for known noise.
+pub const MANY: f64 = 1e7;
 /// Repeated points that differ by less than this share of all residuals were read twice.
 const ROUNDING: f64 = 1e-12;
 /// Repeated points scatter more than stated if chance makes so large a scatter with a smaller probability.
