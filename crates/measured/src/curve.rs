@@ -2,7 +2,7 @@
 
 /// The level at a reversal is the median of the middles of this many strokes on each side.
 const REACH: usize = 12;
-/// The slope of the drift is the median of those between any two of so many strokes.
+/// The slope of the drift is the median of the slopes between any two of at most this many strokes.
 const PAIRS: usize = 100;
 /// In few strokes, a drift by a smaller share of the range is not known.
 const SMALL: f64 = 0.05;

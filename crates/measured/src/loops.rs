@@ -22,7 +22,7 @@ use super::record::{Cycle, NOISE, Record};
 
 /// A spike is off its neighbours by this share of the spread.
 const SPIKE: f64 = 0.2;
-/// It lasts no longer than this part of a period, and so many rows.
+/// A spike lasts at most this part of a period, and at most this many rows.
 const SPIKES: (f64, f64) = (20.0, 6.0);
 /// A cycle with so few points, in parts of those of its neighbours, lacks rows.
 const LACKS: f64 = 0.92;

@@ -24,7 +24,7 @@ const OPEN: f64 = 0.01;
 const GAP: (f64, f64) = (0.12, 1.2);
 /// Changes of the amplitude within a cycle count beyond this share of the range, each as this many whole cycles.
 const CHANGE: (f64, f64) = (0.05, 6.0);
-/// Away from the middle, a place must give so many more cycles: there, amplitudes matter.
+/// A cut away from the middle must give this many more cycles than one in the middle, because amplitudes change its place.
 const ASIDE: f64 = 0.5;
 
 /// Where a cycle begins or ends: its row, the displacement and the force there, and the energy until there.
@@ -58,7 +58,7 @@ impl Record {
     pub fn of(mut x: Vec<f64>, force: Vec<f64>) -> Self {
         let most = period(&x) / PART;
         let (scatter, ranges) = ([noise(&x), noise(&force)], [&x, &force].map(|own| spread(own)));
-        // A mean over so many rows has little noise.
+        // The mean of this many rows has little noise.
         let mean = |own: &[f64], at: usize| {
             let needed = scatter[at] / (SMOOTH * ranges[at]);
             smooth(own, (needed * needed).min(most) as usize | 1)

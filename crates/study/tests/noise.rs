@@ -399,7 +399,7 @@ fn a_repeated_test_does_not_excuse_a_law_that_is_wrong() {
         let found = of_volumes(&[&wrong[..], &[(8.0, second)]].concat(), 0.05);
         assert!(kinds(&found).contains(&"misfit"), "{second}: {}", found["notes"]);
     }
-    // Repeated tests that scatter as much as the others say that the errors are larger than stated.
+    // If the repeated tests scatter as much as the others, the errors are larger than stated.
     let apart = wrong.map(|(energy, times)| (energy, 2.0 - times));
     let found = of_volumes(&[wrong, apart].concat(), 0.05);
     assert!(!kinds(&found).contains(&"misfit"), "{}", found["notes"]);
