@@ -13,7 +13,7 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
 import httpx
 
-from .flows import Answer, Body, Flow, Lines, Lost, Operations, Pause, Request
+from .flows import FIRST_PATIENCE, Answer, Body, Flow, Lines, Lost, Operations, Pause, Request
 from .progress import chosen
 from .settings import access_key, base_address
 
@@ -23,6 +23,8 @@ M = TypeVar("M", bound=Callable[..., object])
 
 # The server sends something at least every 15 seconds while a client follows a job, and answers a wait of 1 second.
 TIMEOUT = httpx.Timeout(75.0, connect=3.0)
+# A computation may take long, so a server that has never answered is first asked what it answers at once.
+FIRST = "/healthz"
 
 
 def _described(method: M, flow: Callable[..., object]) -> M:
@@ -134,9 +136,11 @@ class Client:
         if isinstance(step, Pause):
             time.sleep(step.seconds)
             return Answer(0, {}, b"")
+        if not self._has_answered:
+            with self._http.stream("GET", FIRST, timeout=FIRST_PATIENCE):
+                self._has_answered = True
         response = self._http.send(_request(self._http, step), stream=True)
         with contextlib.closing(response):
-            self._has_answered = True
             body = _body(response, step, self.url)
             for part in response.iter_bytes():
                 body.add(part)
@@ -203,9 +207,11 @@ class AsyncClient:
         if isinstance(step, Pause):
             await asyncio.sleep(step.seconds)
             return Answer(0, {}, b"")
+        if not self._has_answered:
+            async with self._http.stream("GET", FIRST, timeout=FIRST_PATIENCE):
+                self._has_answered = True
         response = await self._http.send(_request(self._http, step), stream=True)
         async with contextlib.aclosing(response):
-            self._has_answered = True
             body = _body(response, step, self.url)
             async for part in response.aiter_bytes():
                 body.add(part)

@@ -12,6 +12,11 @@ class FretworkError(Exception):
     """Every error of this package."""
 
 
+def shown(text: str) -> str:
+    """A text of a server for a terminal: control characters are shown as text."""
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+
+
 @dataclass(frozen=True)
 class Fault:
     """One fault of a request. `place` is a JSON pointer into the request such as `/scenario/friction`, or a parameter."""
@@ -24,7 +29,8 @@ class ApiError(FretworkError):
     """The server refused a request. `faults` are all faults that it found; `problem` is the path of a page about the error."""
 
     def __init__(self, status: int, detail: str, faults: list[Fault], problem: str = "", request_id: str = "") -> None:
-        super().__init__("\n".join([detail, *(f"  {fault.place}: {fault.detail}" for fault in faults)]))
+        lines = [detail, *(f"  {fault.place}: {fault.detail}" for fault in faults)]
+        super().__init__("\n".join([shown(lines[0]), *(f"  {shown(line[2:])}" for line in lines[1:])]))
         self.status = status
         self.detail = detail
         self.faults = faults
@@ -46,7 +52,7 @@ class JobFailed(FretworkError):
     def __init__(self, job: Job) -> None:
         error = job.get("error")
         reason = f"{error['title']}. {error['detail']}" if error else f"The job was {job['state']}."
-        super().__init__(f"{reason} (job {job['id']})")
+        super().__init__(shown(f"{reason} (job {job['id']})"))
         self.job = job
 
 

@@ -135,7 +135,12 @@ class Patience:
 
     def renew(self) -> None:
         """The server has answered: the next failure is a new one."""
-        self.left, self.tries, self.began = self.whole, 0, time.monotonic()
+        self.last()
+        self.tries, self.began = 0, time.monotonic()
+
+    def last(self) -> None:
+        """The server does something, so the patience begins again. The pauses still grow."""
+        self.left = self.whole
 
     def pause(self, error: Exception, retry_after: str = "", is_new: bool = False) -> Pause:
         """The next pause: twice as long as the last one, or as the server asks. Raises the error if no patience is left."""
@@ -200,12 +205,17 @@ class JobEvents:
     def __init__(self, progress: Progress, patience: Patience) -> None:
         self.progress = progress
         self.patience = patience
+        self.began = time.monotonic()
         self.job: api.Job | None = None
         self._kind = ""
 
     def line(self, line: str) -> bool:
         """Reads a line. Returns True when the job has ended."""
-        self.patience.renew()
+        # A stream that ends at once, again and again, is asked for ever more seldom.
+        if time.monotonic() - self.began > LONGEST_PAUSE:
+            self.patience.renew()
+        else:
+            self.patience.last()
         name, _, value = line.partition(":")
         if name == "event":
             self._kind = value.strip()
@@ -235,6 +245,7 @@ def finish(job: api.Job, progress: Progress, seconds: float) -> Flow[api.Job]:
     path = f"/v1/jobs/{_part(job['id'])}/events"
     stream = Request("GET", path, headers={"accept": "text/event-stream"}, on_line=events.line)
     while True:
+        events.began = time.monotonic()
         answer = yield from attempt(stream, patience)
         if events.job:
             return events.job
@@ -348,13 +359,11 @@ class Operations:
 
     def jobs(self, /, **search: str | int) -> Flow[list[api.Job]]:
         """Jobs, the newest first. `search` has parameters of `GET /v1/jobs`, such as `state="running"` or `limit=200`."""
-        page: api.JobList = (yield from get("/v1/jobs", self.patience, **search)).json()
-        return page["jobs"]
+        return cast(list[api.Job], _listed((yield from get("/v1/jobs", self.patience, **search)), "jobs"))
 
     def results(self, /, **search: str | int) -> Flow[list[api.ResultEntry]]:
         """Stored results. `search` has parameters of `GET /v1/results`, such as `wear_depth="..2um"` or `shape="cone"`."""
-        page: api.ResultList = (yield from get("/v1/results", self.patience, **search)).json()
-        return page["results"]
+        return cast(list[api.ResultEntry], _listed((yield from get("/v1/results", self.patience, **search)), "results"))
 
     def cancel(self, job_id: str) -> Flow[api.Job]:
         """Cancels a job. Its run stops if no other job needs it."""
@@ -364,8 +373,7 @@ class Operations:
         """Derivatives of the outputs of a run, or of its key, with respect to numbers of its scenario (JSON pointers)."""
         path = f"/v1/results/{_part(run if isinstance(run, str) else run.key)}/derivatives"
         names = {"outputs": ",".join(outputs), "parameters": ",".join(parameters)}
-        found: api.DerivativeList = (yield from get(path, self.patience, **names)).json()
-        return found["derivatives"]
+        return cast(list[api.Derivative], _listed((yield from get(path, self.patience, **names)), "derivatives"))
 
     def measurements(self, /, file: str | os.PathLike[str] | Trace, **options: str | int) -> Flow[api.Measured]:
         """Reads a file of measured numbers, or a trace of `read_trace`.
@@ -407,6 +415,14 @@ class Operations:
 
 
 ResultT = TypeVar("ResultT", Run, Study, Fit)
+
+
+def _listed(answer: Answer, name: str) -> list[Any]:
+    """The list of an answer."""
+    page = answer.json()
+    if isinstance(page, dict) and isinstance(page.get(name), list):
+        return cast(list[Any], page[name])
+    raise answer.strange(f"a list of {name}")
 
 
 def _part(name: str) -> str:
