@@ -16,7 +16,7 @@ use uuid::Uuid;
 
 use super::listening::reachable;
 use super::printing::{Error, say};
-use super::run::read;
+use super::run::{LARGEST, read};
 use crate::config::Remote;
 
 /// Maximum time to connect, and to wait for an answer that needs no computation.
@@ -27,9 +27,6 @@ const RETRIES: u32 = 5;
 const LONGEST_PAUSE: u64 = 60;
 /// How long a command waits for a server that has stopped answering, because a restart takes less.
 const RESTART: Duration = Duration::from_mins(2);
-/// Largest answer in bytes. The largest result is smaller.
-const LARGEST: u64 = 1 << 27;
-
 /// A server, and the key that it gets.
 pub struct Client {
     /// The base address, without a slash at its end.

@@ -18,6 +18,7 @@ mod signals;
 mod study;
 mod worker;
 
+use std::fs;
 use std::process::ExitCode;
 
 use clap::FromArgMatches as _;
@@ -72,7 +73,10 @@ pub fn main() -> ExitCode {
             print(&script).map(success)
         }
         Some(Command::Man { directory }) => {
-            clap_mangen::generate_to(config::command(), directory).map_err(Into::into).map(success)
+            let made = fs::create_dir_all(&directory)
+                .and_then(|()| clap_mangen::generate_to(config::command(), &directory));
+            made.map_err(|error| format!("cannot write {}: {error}", directory.display()).into())
+                .map(success)
         }
         Some(Command::Openapi) => print(&http::document()).map(success),
         Some(Command::Verify { exact_volumes: true, .. }) => {

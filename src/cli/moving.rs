@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use bytesize::ByteSize;
 
+use super::places::{Taken, reserve};
 use super::printing::{Error, harmless, print};
 use super::runtime::block_on;
 use crate::config::{Backup, Data, Export, Import, Restore};
@@ -59,9 +60,11 @@ pub fn export(settings: &Export) -> Result<(), Error> {
         search.set(name, value)?;
     }
     let Export { file, keys, data, .. } = settings;
+    let place = data.place()?;
+    reserve(file, &mut Taken::new())?;
     let mut progress = progress("exported");
     let progress = &mut |done: usize, of| progress(done as f64, of);
-    let done = block_on(store::export(data.place()?, file, &search, keys, progress))?;
+    let done = block_on(store::export(place, file, &search, keys, progress))?;
     for key in &done.left_out {
         writeln!(io::stderr(), "left out {key}: it is damaged, or was evicted during the export")?;
     }
@@ -142,6 +145,7 @@ pub fn check(data: &Data) -> Result<ExitCode, Error> {
 pub fn backup(settings: &Backup) -> Result<ExitCode, Error> {
     let instead = "copy it with `pg_dump --format=custom --file=FILE --dbname=URL`";
     let dir = settings.data.directory(instead)?;
+    reserve(&settings.file, &mut Taken::new())?;
     let saved = block_on(store::backup(dir, &settings.file))?;
     if let Err(error) = block_on(store::note_backup(dir)) {
         writeln!(io::stderr(), "the metrics of the server do not show this backup: {error}")?;

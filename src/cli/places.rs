@@ -76,7 +76,8 @@ pub fn check(
 fn make_directory(place: &Path, is_one: bool) -> Result<(), Error> {
     let is_slash = place.as_os_str().as_encoded_bytes().ends_with(b"/");
     let suffix = place.extension().and_then(|suffix| suffix.to_str()).unwrap_or_default();
-    let is_file = suffix == "html" || Format::ALL.iter().any(|format| format.name() == suffix);
+    let is_file = ["html", "svg"].contains(&suffix)
+        || Format::ALL.iter().any(|format| format.name() == suffix);
     let is_wrong = is_file && !is_slash && !place.is_dir();
     let is_right = (is_one && !is_slash) || (!is_wrong && fs::create_dir_all(place).is_ok());
     let advice = "is not a directory, which several input files need";

@@ -31,7 +31,7 @@ pub fn harmless(text: &str) -> String {
     let shown = |it: char| match it {
         // These change the order of the letters.
         '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => it.escape_default().to_string(),
-        _ if it.is_control() && it != '\n' => it.escape_default().to_string(),
+        _ if it.is_control() => it.escape_default().to_string(),
         _ => it.to_string(),
     };
     text.chars().map(shown).collect()

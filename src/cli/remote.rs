@@ -1,7 +1,6 @@
 //! The commands `submit`, `get`, `watch`, `list`, `cancel` and `evaluate`, which talk to a server.
 
 use std::collections::{BTreeMap, HashSet};
-use std::fmt::Write as _;
 use std::io::{self, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -9,6 +8,8 @@ use std::slice;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use serde_json::value::RawValue;
 use serde_json::{Value, json};
 
@@ -41,7 +42,7 @@ pub fn submit(settings: &Submit) -> Result<ExitCode, Error> {
         }
     }
     for job in jobs.iter().filter(|_| settings.wait) {
-        code = code.max(end(&client, job["id"].as_str().unwrap_or_default())?);
+        code = code.max(end(&client, &job.id)?);
     }
     Ok(ExitCode::from(code))
 }
@@ -73,16 +74,14 @@ pub fn watch(settings: &OneJob) -> Result<ExitCode, Error> {
 pub fn list(settings: &List) -> Result<ExitCode, Error> {
     let client = connect(&settings.server)?;
     let path = format!("/v1/jobs?limit={}", settings.limit);
-    printed(client.call("GET", &path, None)?, "", |answer| {
-        answer["jobs"].as_array().into_iter().flatten().map(line).collect()
-    })
+    printed(client.call("GET", &path, None)?, "", |Jobs { jobs }| jobs.iter().map(line).collect())
 }
 
 /// Cancels a job.
 pub fn cancel(settings: &OneJob) -> Result<ExitCode, Error> {
     let client = connect(&settings.server)?;
     let path = format!("/v1/jobs/{}/cancel", escaped(&settings.id));
-    printed(client.call("POST", &path, None)?, "", line)
+    printed(client.call("POST", &path, None)?, "", |job| line(&job))
 }
 
 /// Evaluates a scenario.
@@ -99,7 +98,8 @@ pub fn evaluate(settings: &Evaluate) -> Result<ExitCode, Error> {
         body = serde_json::to_vec(&members)?;
     }
     let name = format!("{}: ", settings.file.display());
-    let words = |answer: &Value| harmless(&format!("{answer:#}\n"));
+    let words =
+        |answer: Value| format!("{answer:#}").lines().map(|it| harmless(it) + "\n").collect();
     printed(client.call("POST", "/v1/evaluate", Some(&body))?, &name, words)
 }
 
@@ -119,14 +119,14 @@ fn connect(server: &Remote) -> Result<Client, Error> {
 }
 
 /// Prints what a server answers in words, or `name` with each reason why it refused the request.
-fn printed(
+fn printed<T: DeserializeOwned>(
     reply: Result<Reply, Refusal>,
     name: &str,
-    words: impl FnOnce(&Value) -> String,
+    words: impl FnOnce(T) -> String,
 ) -> Result<ExitCode, Error> {
     match reply {
         Ok(reply) => {
-            print(words(&reply.json()?).as_bytes())?;
+            print(words(reply.json()?).as_bytes())?;
             Ok(ExitCode::SUCCESS)
         }
         Err(refusal) => Ok(ExitCode::from(refused(refusal, name))),
@@ -142,14 +142,25 @@ fn refused(refusal: Refusal, name: &str) -> u8 {
     refusal.code
 }
 
-/// Id, state, key and label of a job.
-fn line(job: &Value) -> String {
-    let text = |name: &str| job[name].as_str().unwrap_or_default().to_owned();
-    let mut line = format!("{}  {:<9}  {}", text("id"), text("state"), text("key"));
-    if let Some(label) = job["label"].as_str() {
-        let _ = write!(line, "  {label}");
-    }
-    harmless(&line) + "\n"
+/// What a list says of a job.
+#[derive(Deserialize)]
+struct Listed {
+    id: String,
+    state: String,
+    key: String,
+    label: Option<String>,
+}
+
+/// An answer with jobs.
+#[derive(Deserialize)]
+struct Jobs {
+    jobs: Vec<Listed>,
+}
+
+/// A line about a job.
+fn line(Listed { id, state, key, label }: &Listed) -> String {
+    let label = label.as_ref().map_or(String::new(), |label| format!("  {label}"));
+    harmless(&format!("{id}  {state:<9}  {key}{label}")) + "\n"
 }
 
 /// Waits for the end of a job and prints its line. Returns the exit code.
@@ -176,7 +187,7 @@ fn end(client: &Client, id: &str) -> Result<u8, Error> {
             _ => return Err("the answer of the server is no job. Check FRETWORK_URL".into()),
         };
         drop(progress);
-        print(line(&job).as_bytes())?;
+        print(line(&reply.json()?).as_bytes())?;
         if let Some(detail) = job["error"]["detail"].as_str() {
             writeln!(io::stderr(), "{}", harmless(detail))?;
         }

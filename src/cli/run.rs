@@ -146,8 +146,9 @@ pub fn read_job(file: &Path, change: &Change) -> Result<Vec<u8>, Error> {
     Ok(serde_json::to_vec(&body)?)
 }
 
-/// Largest file that is read, in bytes. A device can be endless.
-const LARGEST: u64 = 1 << 28;
+/// Largest file or answer that is read, in bytes. A device can be endless.
+/// The largest result is smaller.
+pub const LARGEST: u64 = 1 << 27;
 
 /// Reads a file, or standard input.
 pub fn read(file: &Path) -> Result<Vec<u8>, Error> {
@@ -229,7 +230,8 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
         let text = text.unwrap_or_else(|| shown(value, units[name].as_str().unwrap_or("1")));
         let error = answer.summary[format!("{name}_error")].as_f64();
         let error = error.map_or(String::new(), |error| format!(" ± {:.2} %", 100.0 * error));
-        writeln!(err, "  {name:<20} {text}{error}")?;
+        let name = if name == "regime" { "regime, unworn" } else { name };
+        writeln!(err, "  {name:<30} {text}{error}")?;
     }
     for warning in job.prepared.warnings() {
         writeln!(err, "  warning: {}", warning.detail)?;

@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::Args;
 
 use super::data::Data;
-use super::values::duration;
+use super::values::{duration, file_name};
 use fretwork_job::Key;
 use fretwork_store::Search;
 
@@ -14,7 +14,7 @@ use fretwork_store::Search;
 #[derive(Debug, Args)]
 pub struct Export {
     /// The file to write; it must not exist.
-    #[arg(value_parser = new_file)]
+    #[arg(value_parser = file_name)]
     pub file: PathBuf,
     /// A condition, such as shape=cone or wear_depth=..2um.
     #[arg(value_name = "NAME=VALUE", value_parser = condition, conflicts_with = "keys")]
@@ -45,7 +45,7 @@ pub struct Import {
 #[derive(Debug, Args)]
 pub struct Backup {
     /// The file to write; it must not exist.
-    #[arg(value_parser = new_file)]
+    #[arg(value_parser = file_name)]
     pub file: PathBuf,
     /// The database to copy.
     #[command(flatten)]
@@ -63,12 +63,6 @@ pub struct Restore {
     /// The database to replace.
     #[command(flatten)]
     pub data: Data,
-}
-
-/// Parses the name of a file that is written. A database cannot be written to standard output.
-fn new_file(text: &str) -> Result<PathBuf, &'static str> {
-    let file = (text != "-").then(|| text.into());
-    file.ok_or("enter the name of a file, not - for standard output")
 }
 
 /// Parses NAME=VALUE.

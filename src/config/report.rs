@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::values::file_name;
+
 /// The settings of `report`.
 #[derive(Debug, Args)]
 pub struct Report {
@@ -16,7 +18,7 @@ pub struct Report {
     #[arg(long, value_name = "FILE")]
     pub measured: Vec<PathBuf>,
     /// Output file [default: standard output].
-    #[arg(short = 'o', long = "output", value_name = "FILE.html")]
+    #[arg(short = 'o', long = "output", value_name = "FILE.html", value_parser = file_name)]
     pub file: Option<PathBuf>,
     /// The units of numbers: um, mm^3, MPa and mJ, or si.
     #[arg(long, value_parser = ["engineering", "si"], default_value = "engineering")]

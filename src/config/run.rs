@@ -9,6 +9,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::values::file_name;
 use fretwork_format::{Format, QUANTITIES, Quantity};
 
 /// The settings of `run`.
@@ -33,10 +34,10 @@ pub struct Run {
     #[command(flatten)]
     pub output: Output,
     /// Also draw a figure to this SVG file. With several input files, a directory.
-    #[arg(long, value_name = "FIGURE.svg")]
+    #[arg(long, value_name = "FIGURE.svg", value_parser = file_name)]
     pub plot: Option<PathBuf>,
     /// Also write a report to this HTML file. With several input files, a directory.
-    #[arg(long, value_name = "REPORT.html", conflicts_with = "store")]
+    #[arg(long, value_name = "REPORT.html", value_parser = file_name, conflicts_with = "store")]
     pub report: Option<PathBuf>,
     /// The quantity in the figure of a run: a profile, a history, or the loops.
     #[arg(long, default_value = "worn", requires = "plot",
@@ -87,7 +88,7 @@ pub struct Output {
     #[arg(long, value_parser = one_of(&Format::ALL, |format| format.name()))]
     pub format: Option<&'static Format>,
     /// Output file; its suffix names the format. With several input files, a directory [default: standard output].
-    #[arg(short = 'o', long = "output", value_name = "FILE")]
+    #[arg(short = 'o', long = "output", value_name = "FILE", value_parser = file_name)]
     pub file: Option<PathBuf>,
     /// The units of numbers: si, or um, mm^3, MPa and mJ.
     #[arg(long, value_parser = ["si", "engineering"], default_value = "si")]

@@ -3,6 +3,7 @@
 use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::fs;
+use std::io::Read as _;
 use std::iter;
 use std::net::{IpAddr, SocketAddr};
 use std::num::NonZeroU32;
@@ -243,7 +244,10 @@ impl Serve {
             (Some(Secret(key)), _) => (key.clone(), "FRETWORK_ADMIN_KEY".to_owned()),
             (None, Some(file)) => {
                 let file_name = file.display();
-                let text = fs::read_to_string(file)
+                // A device can be endless.
+                let mut text = String::new();
+                fs::File::open(file)
+                    .and_then(|file| file.take(LONGEST_KEY).read_to_string(&mut text))
                     .map_err(|error| format!("cannot read the key in {file_name}: {error}"))?;
                 (text.trim_end().to_owned(), format!("the key in {file_name}"))
             }
@@ -302,11 +306,14 @@ pub fn described(matches: &ArgMatches) -> String {
     text
 }
 
+/// Longest key in a file, in bytes.
+const LONGEST_KEY: u64 = 1 << 16;
+
 /// Parses the name of the header with the user. Other programs on the way, or the server itself, set headers of HTTP.
 fn user_header(text: &str) -> Result<HeaderName, String> {
-    const RESERVED: &str = "accept authorization connection content- cookie expect forwarded host \
-        idempotency-key if- origin proxy- range referer sec- te: trailer transfer-encoding upgrade \
-        user-agent x-forwarded- x-fretwork-";
+    const RESERVED: &str = "accept authorization cache- connection content- cookie date: expect forwarded host \
+        idempotency-key if- keep-alive last- origin prefer: priority: proxy- range referer sec- te: trailer \
+        traceparent transfer-encoding upgrade user-agent via: x-forwarded- x-fretwork- x-real-ip x-request-id";
     let name = text.to_ascii_lowercase() + ":";
     if RESERVED.split(' ').any(|beginning| name.starts_with(beginning)) {
         return Err(format!("{text} has another meaning; name a header such as X-Remote-User"));
@@ -376,6 +383,13 @@ mod tests {
             "Idempotency-Key",
             "Accept-Encoding",
             "Transfer-Encoding",
+            "Prefer",
+            "Priority",
+            "Via",
+            "Date",
+            "Last-Event-ID",
+            "X-Request-Id",
+            "X-Real-IP",
             "",
             "a b",
         ] {

@@ -52,7 +52,9 @@ def settled(page):
 def computed(scenario):
     """The result of the command line."""
     done = subprocess.run([PROGRAM, "run", "-"], input=json.dumps(scenario), capture_output=True, text=True, check=True)
-    return json.loads(done.stdout)
+    result = json.loads(done.stdout)
+    assert re.search(f"regime, unworn +{result['regime']}\n", done.stderr), done.stderr
+    return result
 
 
 def lengths(place):
@@ -118,7 +120,10 @@ def run(browser, amplitude):
     for head in ("Regime, unworn", "Amplitude at the contact", "Gross-slip threshold at the contact"):
         expect(heads).to_contain_text(head)
     agree(lengths(row)[-2:], [unworn["amplitude"], unworn[PLACES["contact"]]], 1e-3)
+    with urllib.request.urlopen(f"{BASE}/v1/results/{key}/plot.svg") as answer:
+        assert f"in {result['regime'].replace('_', ' ')} when unworn" in answer.read().decode()
     page.goto(f"{BASE}/v1/results/{key}/report")
+    expect(page.locator("h1")).to_contain_text(f"U at the actuator = {amplitude} µm")
     for place, name in PLACES.items():
         rows = page.locator("tr", has_text=f"Gross-slip threshold at the {place}").all()
         agree([length for row in rows for length in lengths(row)], [result["history"][name][-1], unworn[name]], 0.002)

@@ -877,6 +877,7 @@ async fn the_key_of_the_administrator_can_be_in_a_file() {
     std::fs::write(&file, "too short\n").unwrap();
     fails(&run(&options, ""), "must have at least 20");
     fails(&run(&["--admin-key-file", "/nowhere/key"], ""), "cannot read the key in /nowhere/key");
+    fails(&run(&["--admin-key-file", "/dev/zero"], ""), "the key in /dev/zero must have");
 }
 
 #[test]

@@ -131,7 +131,7 @@ fn a_command_that_waits_survives_a_restart_of_the_server() {
     BufReader::new(child.stderr.as_mut().unwrap()).read_line(&mut said).unwrap();
     assert_eq!(said, format!("lost {address}; trying again for 120s\n"));
     // A proxy answers before the server does.
-    let ended = format!("200 OK\r\n\r\n{{\"id\":\"{ID}\",\"state\":\"succeeded\"}}");
+    let ended = format!("200 OK\r\n\r\n{{\"id\":\"{ID}\",\"key\":\"0\",\"state\":\"succeeded\"}}");
     let (_, server) = answering_at(port, None, &["502 Bad Gateway\r\n\r\n", &ended]);
     let output = child.wait_with_output().unwrap();
     assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), ""));
@@ -165,7 +165,7 @@ fn a_busy_server_gets_the_same_submission_again() {
 fn the_exit_code_tells_how_a_job_ended() {
     for (state, code) in [("succeeded", 0), ("failed", 3), ("canceled", 4)] {
         let ended = format!(
-            "200 OK\r\n\r\n{{\"id\":\"{ID}\",\"state\":\"{state}\",\"error\":{{\"detail\":\"Why.\"}}}}"
+            "200 OK\r\n\r\n{{\"id\":\"{ID}\",\"key\":\"0\",\"state\":\"{state}\",\"error\":{{\"detail\":\"Why.\"}}}}"
         );
         let output = watch(&[SAME_VERSION, "200 OK\r\n\r\n{\"state\":\"running\"}", &ended]);
         assert_eq!((output.status.code(), text(&output.stderr)), (Some(code), "Why.\n"));
@@ -185,7 +185,7 @@ fn is_harmless(output: &Output) -> bool {
 fn a_terminal_obeys_nothing_that_a_server_sends() {
     let evil = "\\u001b]0;x\\u0007\\u009b31m\\u202e";
     let job = format!(
-        "200 OK\r\n\r\n{{\"id\":\"{evil}\",\"state\":\"failed\",\"label\":\"{evil}\",\"error\":{{\"detail\":\"{evil}\"}}}}"
+        "200 OK\r\n\r\n{{\"id\":\"{evil}\",\"key\":\"0\",\"state\":\"failed\",\"label\":\"{evil}\",\"error\":{{\"detail\":\"{evil}\"}}}}"
     );
     let output = watch(&[SAME_VERSION, &job]);
     assert_eq!(output.status.code(), Some(3));
@@ -199,12 +199,19 @@ fn a_terminal_obeys_nothing_that_a_server_sends() {
     let (port, _) = answering(None, &[SAME_VERSION, &answer]);
     let output = run(&["evaluate", BALL, "--url", &format!("http://127.0.0.1:{port}")], "");
     assert!(output.status.success() && is_harmless(&output), "{output:?}");
+    let jobs = "200 OK\r\n\r\n{\"jobs\":[{\"id\":\"0\",\"state\":\"queued\",\"key\":\"0\",\"label\":\"a\\nb\"}]}";
+    let (port, _) = answering(None, &[SAME_VERSION, jobs]);
+    let output = run(&["list", "--url", &format!("http://127.0.0.1:{port}")], "");
+    assert_eq!(text(&output.stdout), "0  queued     0  a\\nb\n");
 }
 
 #[test]
 fn a_server_that_is_not_fretwork_is_named() {
     fails(&watch(&[SAME_VERSION, "200 OK\r\n\r\n<html>"]), "is not the JSON of fretwork. Check");
     fails(&watch(&[SAME_VERSION, "200 OK\r\n\r\n{}"]), "is no job. Check FRETWORK_URL");
+    let (port, _) = answering(None, &[SAME_VERSION, "200 OK\r\n\r\nnull"]);
+    let list = run(&["list", "--url", &format!("http://127.0.0.1:{port}")], "");
+    fails(&list, "is not the JSON of fretwork. Check");
     let long = "200 OK\r\n\r\n".to_owned() + &" ".repeat((1 << 27) + 1);
     fails(&watch(&[SAME_VERSION, &long]), "is not the JSON of fretwork. Check");
 }
@@ -212,7 +219,7 @@ fn a_server_that_is_not_fretwork_is_named() {
 #[test]
 fn a_server_that_does_not_wait_gets_two_requests_per_second_at_most() {
     let running = "200 OK\r\n\r\n{\"state\":\"running\"}";
-    let ended = format!("200 OK\r\n\r\n{{\"id\":\"{ID}\",\"state\":\"succeeded\"}}");
+    let ended = format!("200 OK\r\n\r\n{{\"id\":\"{ID}\",\"key\":\"0\",\"state\":\"succeeded\"}}");
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = listener.local_addr().unwrap().port();
     let began = Instant::now();

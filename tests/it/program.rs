@@ -147,6 +147,7 @@ fn several_files_and_changed_scenarios_are_computed() {
     assert_eq!(result["scenario"]["friction"], 0.6);
     assert_eq!(result["units"]["wear_volume"], "mm^3");
     fails_on(input, "r.csv", "is not a directory, which several input files need");
+    fails(&run(&["run", input, "--plot", "p.svg"], ""), "p.svg is not a directory, which several");
     fails(&run(&["run", BALL, "--set", "/no/such=1"], ""), "the scenario in");
 }
 
@@ -157,8 +158,12 @@ fn a_place_that_cannot_be_written_is_refused_before_anything_is_read_or_computed
     std::fs::write(&file, "mine").unwrap();
     let inside = |name| file.join(name).to_str().unwrap().to_owned();
     let (json, svg, html) = (inside("x.json"), inside("x.svg"), inside("x.html"));
+    let data = dir.path().to_str().unwrap();
     for words in [
-        &["run", "-", "-o", &json][..],
+        &["man", &json][..],
+        &["export", &json, "--data-dir", data],
+        &["backup", &json, "--data-dir", data],
+        &["run", "-", "-o", &json],
         &["run", "-", "--plot", &svg],
         &["run", "-", "--report", &html],
         &["run", "--join", "none", "-o", &json],
@@ -168,6 +173,10 @@ fn a_place_that_cannot_be_written_is_refused_before_anything_is_read_or_computed
         fails(&run(words, "no JSON"), "cannot write ");
     }
     fails(&run(&["run", "-", "--plot", "x.png"], "no JSON"), "figures are SVG");
+    for option in ["-o", "--plot", "--report"] {
+        let refused = run(&["run", BALL, option, "-"], "");
+        assert!(text(&refused.stderr).contains("enter the name of a file"), "{refused:?}");
+    }
     assert_eq!(std::fs::read_to_string(file).unwrap(), "mine");
     // A command that computes nothing leaves no file.
     let none = dir.path().join("new/x.json");

@@ -5,6 +5,7 @@ import contextlib
 import gzip
 import io
 import json
+import socket
 import socketserver
 import threading
 import zipfile
@@ -13,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from fretwork_client import ApiError, AsyncClient, Client
+from fretwork_client import ApiError, AsyncClient, Client, Fault, ServerUnreachable
 from fretwork_client.api_types import Scenario
 
 JSON = "application/json"
@@ -158,3 +159,19 @@ def test_an_id_leads_to_no_other_path(hostile: Callable[[Callable[[str], Given]]
     with Client(server.url, "", trust_env=False) as client:
         client.cancel("../a?b#c")
     assert server.asked[1:] == ["POST /v1/jobs/%2E%2E%2Fa%3Fb%23c/cancel HTTP/1.1"]
+
+
+def test_a_server_that_accepts_and_says_nothing_is_given_up_after_its_health(ball: Scenario) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"http://127.0.0.1:{silent.getsockname()[1]}"
+        with Client(url, "", progress=False, trust_env=False) as client, pytest.raises(ServerUnreachable):
+            client.run(ball)
+        # The request itself, which may take long, was never sent.
+        connection, _ = silent.accept()
+        with connection:
+            assert connection.recv(100).startswith(b"GET /healthz ")
+
+
+def test_control_characters_of_a_server_do_not_reach_the_terminal() -> None:
+    error = ApiError(400, "bad\x1b[2J", [Fault("/a\nb", "\x07")])
+    assert str(error) == "bad\\x1b[2J\n  /a\\nb: \\x07"

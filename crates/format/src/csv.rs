@@ -1,6 +1,7 @@
 //! Tables as CSV: comment lines about the result (unless they are not wanted), a header row with units, one line per row.
 
 use std::io::Write;
+use std::iter;
 
 use super::document::Head;
 use super::error::Result;
@@ -43,11 +44,24 @@ pub fn table(out: &mut Out<'_>, head: &Head, table: &Table, view: &View) -> Resu
     Ok(())
 }
 
-/// A text as a cell of CSV. A spreadsheet would execute a text that begins like a formula, so this one begins with an
-/// apostrophe.
+/// A text as a cell of CSV. A spreadsheet would execute what begins like a formula, also behind the separators of lists that other
+/// countries use, so an apostrophe stands before it.
 #[must_use]
 pub fn text_cell(text: &str) -> String {
     const FORMULA: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠'];
-    let guard = if text.starts_with(FORMULA) { "'" } else { "" };
-    format!("\"{guard}{}\"", text.replace('"', "\"\""))
+    const SEPARATORS: [char; 5] = [';', '|', '\t', '\r', '\n'];
+    let invisible = |it: char| {
+        it.is_whitespace()
+            || it.is_control()
+            || matches!(it, '"' | '\'' | '\u{ad}' | '\u{200b}'..='\u{206f}' | '\u{feff}')
+    };
+    let (mut cell, mut is_start) = (String::from("\""), true);
+    for letter in text.chars() {
+        if is_start && FORMULA.contains(&letter) {
+            cell.push('\'');
+        }
+        is_start = SEPARATORS.contains(&letter) || is_start && invisible(letter);
+        cell.extend(iter::repeat_n(letter, if letter == '"' { 2 } else { 1 }));
+    }
+    cell + "\""
 }

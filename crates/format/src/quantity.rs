@@ -64,9 +64,14 @@ impl Quantity {
         QUANTITIES.iter().find(|quantity| quantity.name == name)
     }
 
-    /// The label of the vertical axis, without the unit.
-    pub(super) fn label(&self) -> String {
-        format!("{} {}", self.words, self.symbol).trim_end().to_owned()
+    /// The title of the figure, and the label of its vertical axis without the unit.
+    pub(super) fn names(&self, is_line: bool) -> [String; 2] {
+        let column = outcome::Quantity::named(self.name).filter(|_| self.part == Part::History);
+        let [title, words] = match column {
+            Some(column) if self.words == column.words => [column.words_of(is_line); 2],
+            _ => [self.title, self.words],
+        };
+        [title.to_owned(), format!("{words} {}", self.symbol).trim_end().to_owned()]
     }
 
     /// Whether the figure has one curve per output cycle, so that cycles can be selected.

@@ -66,7 +66,7 @@ pub struct Diff {
     parameters: Vec<ParameterDifference>,
     /// How many more parameters differ but are not listed.
     omitted: usize,
-    /// The regime and the last entry of the history of both; null unless both results are known.
+    /// The regime of the unworn contact and the last entry of the history of both; null unless both results are known.
     outputs: Option<Vec<OutputDifference>>,
     /// The units of the outputs.
     #[schema(value_type = Object)]

@@ -29,7 +29,7 @@ export function drawEstimate(place, { scenario, scales, unworn, limit, cost, reg
     ["Normal force F₀", quantity(scales.normal_force, "N"), "normal-force"],
     depthOrForce(scenario, scales),
     ["Peak pressure", unworn.peak_pressure == null ? "Infinite" : quantity(unworn.peak_pressure, "Pa")],
-    ["Gross-slip threshold", grossSlip(unworn)],
+    ["Gross-slip threshold", grossSlip(unworn, scenario)],
     ["Characteristic cycles N₀", scales.cycles == null ? "–" : cycles(Math.round(scales.cycles)), "characteristic-cycles"],
     ["Limiting volume", limit ? quantity(limit.wear_volume, "m^3") : "Not known in advance"],
     ["Limiting depth", limit ? quantity(limit.wear_depth, "m") : "Not known in advance"],
@@ -48,8 +48,8 @@ export const depthOrForce = ({ profile }, scales) => (isLine(profile)
 export const NEEDS_REFERENCE = "Needs a reference distance";
 
 /** The thresholds of gross slip, each with its place. */
-const grossSlip = ({ gross_slip_amplitude: contact, actuator_gross_slip_amplitude: actuator }) => (contact == null ? NEEDS_REFERENCE
-  : `${actuator == null ? "" : `${quantity(actuator, "m")} at the actuator, `}${quantity(contact, "m")} at the contact`);
+const grossSlip = ({ gross_slip_amplitude: contact, actuator_gross_slip_amplitude: actuator }, { profile }) => (contact == null ? NEEDS_REFERENCE
+  : `${actuator == null ? "" : `${quantity(actuator, "m")} at the actuator, `}${quantity(contact, "m")} ${isLine(profile) ? "against the reference" : "at the contact"}`);
 
 /** The regime and the contact radius of a checked scenario, in words. */
 export const announce = ({ regime, scales, scenario }) =>

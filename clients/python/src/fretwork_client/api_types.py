@@ -529,7 +529,7 @@ class ForceBlock(TypedDict):
 ForceOrPerLength: TypeAlias = "Force | str"
 
 class FrettingMap(TypedDict):
-    """A map over normal force and amplitude. Its scenario has both, and no rig."""
+    """A map over normal force and amplitude. Its scenario has both."""
 
     version: "NotRequired[Literal[1]]"
     scenario: "Scenario"

@@ -29,8 +29,7 @@ class ApiError(FretworkError):
     """The server refused a request. `faults` are all faults that it found; `problem` is the path of a page about the error."""
 
     def __init__(self, status: int, detail: str, faults: list[Fault], problem: str = "", request_id: str = "") -> None:
-        lines = [detail, *(f"  {fault.place}: {fault.detail}" for fault in faults)]
-        super().__init__("\n".join([shown(lines[0]), *(f"  {shown(line[2:])}" for line in lines[1:])]))
+        super().__init__("\n".join(map(shown, [detail, *(f"  {fault.place}: {fault.detail}" for fault in faults)])))
         self.status = status
         self.detail = detail
         self.faults = faults

@@ -135,10 +135,10 @@ class Patience:
 
     def renew(self) -> None:
         """The server has answered: the next failure is a new one."""
-        self.last()
+        self.go_on()
         self.tries, self.began = 0, time.monotonic()
 
-    def last(self) -> None:
+    def go_on(self) -> None:
         """The server does something, so the patience begins again. The pauses still grow."""
         self.left = self.whole
 
@@ -215,7 +215,7 @@ class JobEvents:
         if time.monotonic() - self.began > LONGEST_PAUSE:
             self.patience.renew()
         else:
-            self.patience.last()
+            self.patience.go_on()
         name, _, value = line.partition(":")
         if name == "event":
             self._kind = value.strip()

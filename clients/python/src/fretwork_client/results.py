@@ -123,9 +123,9 @@ class Run(Result):
         return Number(value, value * relative, self.history.unit(name))
 
     def numbers(self) -> dict[str, str]:
-        """Regime, cycles, wear volume and wear depth."""
+        """Regime of the unworn contact, cycles, wear volume and wear depth."""
         return {
-            "regime": str(self.meta["regime"]).replace("_", " "),
+            "regime, unworn": str(self.meta["regime"]).replace("_", " "),
             "cycles": f"{self.history['cycles'][-1]:g}",
             "wear volume": str(self.wear_volume),
             "wear depth": str(self.wear_depth),

@@ -71,6 +71,10 @@ pub const LINE_WORDS: &[(&str, &str)] = &[
     ("stick_radius", "Stick half-width"),
     ("scar_radius", "Scar half-width"),
     ("radius", "Distance x from the middle"),
+    // `loop_stiffness` contains the machine.
+    ("amplitude", "Amplitude against the reference"),
+    ("gross_slip_amplitude", "Gross-slip threshold against the reference"),
+    ("displacement", "Displacement against the reference"),
 ];
 
 /// The sections of a result besides the history: how the names of their numbers begin, and how the symbols end.

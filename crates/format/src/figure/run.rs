@@ -96,13 +96,16 @@ struct Drawing<'a> {
 impl Drawing<'_> {
     /// The figure without its metadata.
     fn figure(&self) -> Result<Figure> {
+        // A line contact has no tangential modulus.
+        let is_line = self.document.value("unworn")?["tangential_modulus"].is_null();
+        let [title, label] = self.quantity.names(is_line);
         let mut figure = match self.quantity.part {
-            Part::History => self.history()?,
-            Part::Loops => self.loops()?,
-            _ => self.profiles()?,
+            Part::History => self.history(&label)?,
+            Part::Loops => self.loops(&label)?,
+            _ => self.profiles(&label)?,
         };
         axes::choose(&mut figure, &self.view.figure)?;
-        self.quantity.title.clone_into(&mut figure.title);
+        figure.title = title;
         Ok(figure)
     }
 
@@ -156,7 +159,7 @@ impl Drawing<'_> {
         rows.iter().zip(labels).enumerate().map(styled).collect()
     }
 
-    fn profiles(&self) -> Result<Figure> {
+    fn profiles(&self, label: &str) -> Result<Figure> {
         let name = self.quantity.name;
         let table = self.table()?;
         let radius = table.axis("radius");
@@ -178,11 +181,11 @@ impl Drawing<'_> {
         // The limiting profile is drawn last. Otherwise the worn profiles, which approach it, would cover it.
         series.extend(reference("limiting", "Limit", LIMITING));
         let along = if name == "image" { "Coordinate $x$" } else { "Radius $r$" };
-        let (x, y) = (self.axis(along, "radius"), self.axis(&self.quantity.label(), name));
+        let (x, y) = (self.axis(along, "radius"), self.axis(label, name));
         Ok(Figure { x, y, series, ..Figure::default() })
     }
 
-    fn loops(&self) -> Result<Figure> {
+    fn loops(&self, label: &str) -> Result<Figure> {
         let table = self.table()?;
         let column = |name: &str, row: usize| match table.column(name) {
             Some(Values::Matrix(rows)) => rows[row].clone(),
@@ -192,11 +195,11 @@ impl Drawing<'_> {
             (column("displacement", row), column("tangential_force", row))
         });
         let x = self.axis("Displacement $u$", "displacement");
-        let y = self.axis(&self.quantity.label(), "tangential_force");
+        let y = self.axis(label, "tangential_force");
         Ok(Figure { x, y, series, ..Figure::default() })
     }
 
-    fn history(&self) -> Result<Figure> {
+    fn history(&self, label: &str) -> Result<Figure> {
         let table = self.table()?;
         if table.column(self.quantity.name).is_none() {
             let reason = if self.quantity.name.starts_with("actuator_") {
@@ -233,7 +236,7 @@ impl Drawing<'_> {
                 series.push(line.styled(Style { dash, ..LIMITING }));
             }
         }
-        let y = self.axis(&self.quantity.label(), self.quantity.name);
+        let y = self.axis(label, self.quantity.name);
         let marks = self.events(start, last)?;
         let x = Axis { log, marks, ..Axis::labelled("Cycles $N$") };
         Ok(Figure { x, y, series, ..Figure::default() })
@@ -303,7 +306,7 @@ impl Drawing<'_> {
             other => other.to_string(),
         };
         let mut out = format!(
-            "{} against {} of a {} in {}, friction {}, by the {} method, computed by {}.",
+            "{} against {} of a {} in {} when unworn, friction {}, by the {} method, computed by {}.",
             figure.y.label,
             figure.x.label,
             word(&scenario["profile"]["shape"]),

@@ -95,7 +95,10 @@ pub fn title(asked: &[Input], scenario: &Value) -> String {
         let own = ["/profile", "/friction", "/load", "/motion"];
         let symbol = words::symbol(&input.pointer, scenario);
         let is_said = own.iter().any(|own| input.pointer.starts_with(own)) && !symbol.is_empty();
-        is_said.then(|| format!("{symbol} = {}", input.text))
+        let is_behind_rig = input.pointer == "/motion/amplitude"
+            && scenario.pointer("/motion/rig_stiffness").is_some();
+        let place = if is_behind_rig { " at the actuator" } else { "" };
+        is_said.then(|| format!("{symbol}{place} = {}", input.text))
     };
     let shape = asked.iter().find(|input| input.pointer == "/profile/shape");
     let shape = shape.map(|shape| shape.text.clone());

@@ -59,7 +59,7 @@ pub struct JobAnswer {
     label: Option<String>,
     /// Words for filters, as submitted.
     tags: Vec<String>,
-    /// The last entry of the history and the regime; null until the job has succeeded.
+    /// The last entry of the history, and the regime of the unworn contact; null until the job has succeeded.
     #[schema(value_type = Option<Object>)]
     summary: Option<Value>,
     /// How the result of its run compares with the one that the server had before: `same`; `differs` (the stored result
