@@ -11,7 +11,7 @@ import pytest
 from conftest import Server, changed
 
 from fretwork_client import AccessDenied, AsyncClient, Client, InvalidRequest
-from fretwork_client.api_types import FitParametersItem, FitTestsItemDataItem1, Scenario
+from fretwork_client.api_types import FitParameter, MeasuredPoints, Scenario
 
 matplotlib.use("Agg")
 EXAMPLES = pathlib.Path(__file__).parents[3] / "examples"
@@ -86,7 +86,7 @@ def test_a_fit_finds_the_coefficient(client: Client, ball: Scenario) -> None:
 def test_a_fit_says_what_the_data_do_not_determine(client: Client, ball: Scenario) -> None:
     worn = changed(ball, cycles=[10**9])
     volume = client.evaluate(worn, ["wear_volume"])["wear_volume"]
-    start: FitParametersItem = {"pointer": "/wear/coefficient", "from": 1e-15, "to": 1e-12, "spacing": "log", "start": 1e-14}
+    start: FitParameter = {"pointer": "/wear/coefficient", "from": 1e-15, "to": 1e-12, "spacing": "log", "start": 1e-14}
     fit = client.fit(worn, [start], [{"data": [{"output": "wear_volume", "x": [1e9], "y": [volume], "relative": 0.05}]}])
     assert "undetermined" in fit._repr_html_()
     assert np.isnan(fit.intervals["/wear/coefficient"]).all()
@@ -109,7 +109,7 @@ def test_derivatives_have_errors(client: Client, ball: Scenario) -> None:
 def test_a_file_of_measurements_becomes_data_of_a_fit(client: Client, ball: Scenario) -> None:
     measured = client.measurements(EXAMPLES / "measured/volumes.csv", x="cycles", level=False)
     assert measured["prepared"]
-    data = cast(FitTestsItemDataItem1, {**(measured["prepared"]["data"] or {}), "relative": 0.05})
+    data = cast(MeasuredPoints, {**(measured["prepared"]["data"] or {}), "relative": 0.05})
     fit = client.fit(ball, {"/wear/coefficient": {"from": 1e-15, "to": 1e-12, "spacing": "log"}}, [{"data": [data]}])
     assert float(fit.estimates["/wear/coefficient"]) == pytest.approx(4.2e-14, rel=0.2)
 

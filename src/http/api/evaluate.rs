@@ -9,11 +9,12 @@ use tokio::task;
 
 use super::scenarios::{Checked, checked, parse};
 use crate::http::access::caller::Caller;
+use crate::http::api::documents;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::shares::{Permit, SMALL};
 use crate::http::transport::body::Body;
-use crate::http::wire::{FRESH_JSON, NoQuery, schemas};
+use crate::http::wire::{FRESH_JSON, NoQuery};
 use crate::service::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 use fretwork_job::Prepared;
 use fretwork_json as json;
@@ -81,7 +82,7 @@ impl From<NotEvaluated> for Problem {
                 "outputs": ["contact_radius", "events.layer_worn_through"], "parts": ["profiles"]}))),
         )),
     responses(
-        (status = 200, description = "The outputs.", body = schemas::Evaluated),
+        (status = 200, description = "The outputs.", body = documents::Evaluated),
         (status = 422, description = "The body has faults, which `errors` lists; or the run would take too long for \
             an evaluation."),
         (status = 503, description = "Too many evaluations are computed at the same time, or the memory for large \

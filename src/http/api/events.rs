@@ -16,9 +16,10 @@ use tokio::time::sleep;
 use super::jobs::{JobAnswer, visible};
 use crate::http::access::Identity;
 use crate::http::access::caller::Caller;
+use crate::http::api::documents;
 use crate::http::app::App;
 use crate::http::problem::Result;
-use crate::http::wire::{NoQuery, Segment, instant, schemas};
+use crate::http::wire::{NoQuery, Segment, instant};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::Changes;
 
@@ -54,7 +55,7 @@ struct Changed {
     ),
     responses(
         (status = 200, description = "`snapshot`, `state` and `progress` events. Their data \
-            are JSON.", body = schemas::JobEvent, content_type = "text/event-stream"),
+            are JSON.", body = documents::JobEvent, content_type = "text/event-stream"),
         (status = 204, description = "The job is finished, and the client has all its states."),
         (status = 404, description = "No job has this id."),
     ),

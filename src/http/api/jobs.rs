@@ -18,6 +18,7 @@ use utoipa::ToSchema;
 use super::evaluate::fresh;
 use super::scenarios::parse;
 use crate::http::access::caller::Caller;
+use crate::http::api::documents;
 use crate::http::api::parameters::OfJobs;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, Result, kinds};
@@ -145,7 +146,7 @@ pub struct RunSoFar {
     units: ResultUnits,
     /// The history up to the present output cycle. While the exact method computes it, `contact_radius` and `scar_radius`
     /// have no entries: the run smooths them over time when all rows are known.
-    #[schema(value_type = schemas::Columns)]
+    #[schema(value_type = documents::Columns)]
     history: Arc<History>,
 }
 

@@ -96,14 +96,21 @@ pub struct CreatedKey {
     access_key: String,
 }
 
-/// A key to be made.
-#[derive(Debug, Deserr)]
+/// An access key to be made.
+#[derive(Debug, Deserr, ToSchema)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct KeyBody {
+    /// The owner of the jobs that are submitted with it. Keys with the same name own the same jobs.
+    #[schema(pattern = "^[A-Za-z0-9._@+-]{1,64}$")]
     name: String,
+    #[schema(value_type = schemas::Role)]
     role: String,
+    /// Time until it expires, for example `90d`; never by default.
+    #[schema(nullable = false)]
     #[deserr(default)]
     expires_in: Option<String>,
+    /// Requests per minute; 0 means no limit. The limit of the server by default.
+    #[schema(value_type = u32, required = false, maximum = 4_294_967_295_u32)]
     #[deserr(default)]
     requests_per_minute: Option<Whole<0, { u32::MAX as u64 }>>,
 }

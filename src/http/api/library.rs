@@ -8,11 +8,12 @@ use utoipa::ToSchema;
 
 use crate::http::access::caller::Caller;
 use crate::http::answer::stored::require;
+use crate::http::api::documents;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
-use crate::http::wire::{Fresh, NoQuery, Segment, instant, read_key, schemas};
+use crate::http::wire::{Fresh, NoQuery, Segment, instant, read_key};
 use fretwork_engine::request::fault::Faults;
 use fretwork_job::{Key, Verified, earlier};
 use fretwork_json::{read_body, typed};
@@ -50,7 +51,7 @@ pub struct Provenance {
     computed: Computation,
     /// The warnings about the two bodies in the submission that computed it: a list of `{kind, detail}`. The
     /// result has the other warnings.
-    #[schema(value_type = Option<Vec<schemas::Warning>>)]
+    #[schema(value_type = Option<Vec<documents::Warning>>)]
     warnings: Option<Value>,
     /// The program that computed it.
     program: Option<Program>,
@@ -213,7 +214,7 @@ pub async fn provenance(app: App, key: Segment, _: NoQuery) -> Result<Fresh<Prov
 #[derive(Debug, Serialize, ToSchema)]
 pub struct SubmissionWarnings {
     /// A list of `{kind, detail}`; null if there is nothing to say, and the server does not know the submission.
-    #[schema(value_type = Option<Vec<schemas::Warning>>)]
+    #[schema(value_type = Option<Vec<documents::Warning>>)]
     warnings: Option<Value>,
 }
 
@@ -239,11 +240,12 @@ pub async fn warnings(app: App, key: Segment, _: NoQuery) -> Result<Fresh<Submis
     Ok(Fresh(SubmissionWarnings { warnings }))
 }
 
-/// A note to be written.
-#[derive(Debug, Deserr)]
+/// A note on a result.
+#[derive(Debug, Deserr, ToSchema)]
 #[deserr(error = Faults, deny_unknown_fields)]
 pub struct NoteBody {
-    /// The text. It may have several lines.
+    /// Lines of text, without control characters other than line breaks and tabs.
+    #[schema(min_length = 1, max_length = 4000)]
     text: String,
 }
 

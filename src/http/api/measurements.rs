@@ -5,6 +5,7 @@ use tokio::task;
 
 use super::evaluate::fresh;
 use crate::http::access::caller::Caller;
+use crate::http::api::documents;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::transport::body::FileBody;
@@ -60,7 +61,7 @@ fn refused(faults: &Faults) -> Problem {
             (schemas::File = "application/octet-stream"),
         )),
     responses(
-        (status = 200, description = "Columns, prepared table and notes.", body = schemas::Measured),
+        (status = 200, description = "Columns, prepared table and notes.", body = documents::Measured),
         (status = 422, description = "The file has no readable table, or a parameter does not fit it."),
         (status = 503, description = "The memory for large bodies is in use; see `Retry-After`.",
             headers(("Retry-After" = u32, description = "Seconds."))),

@@ -4,6 +4,7 @@
 pub mod audit;
 pub mod derivatives;
 pub mod diff;
+pub mod documents;
 pub mod evaluate;
 pub mod events;
 pub mod jobs;

@@ -9,10 +9,11 @@ use serde_json::{Map, Value};
 use tokio::task;
 use utoipa::ToSchema;
 
+use crate::http::api::documents;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
-use crate::http::wire::{FRESH_JSON, NoQuery, Segment, schemas};
+use crate::http::wire::{FRESH_JSON, NoQuery, Segment};
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
 use fretwork_job::{Canonical, Key, Prepared, Submission, Task};
@@ -151,10 +152,10 @@ pub struct CheckedRun {
     scenario: Scenario,
     /// `scales`, `unworn`, `regime`, `limit`, `units` and `cost`.
     #[serde(flatten)]
-    #[schema(value_type = schemas::Preview)]
+    #[schema(value_type = documents::Preview)]
     preview: Preview,
     /// Warnings about the validity of the model.
-    #[schema(value_type = Vec<schemas::Warning>)]
+    #[schema(value_type = Vec<documents::Warning>)]
     warnings: Vec<Warning>,
     /// The limit of this server that the run exceeds, and what to change. Null if it exceeds none. A server returns a
     /// stored result beyond its limits too.

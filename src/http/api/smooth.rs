@@ -9,10 +9,11 @@ use utoipa::ToSchema;
 use crate::http::access::caller::Caller;
 use crate::http::answer::representation::refused;
 use crate::http::answer::stored::json_of;
+use crate::http::api::documents;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result};
-use crate::http::wire::{FRESH_JSON, NoQuery, Segment, read_key, schemas};
+use crate::http::wire::{FRESH_JSON, NoQuery, Segment, read_key};
 use fretwork_format::report::smooth::{Denser, Histories};
 use fretwork_json as json;
 
@@ -23,10 +24,10 @@ const BYTES: usize = 1 << 15;
 #[derive(Debug, Serialize, ToSchema)]
 pub struct SmoothHistories {
     /// The history.
-    #[schema(value_type = Option<schemas::Columns>)]
+    #[schema(value_type = Option<documents::Columns>)]
     history: Option<Box<RawValue>>,
     /// The history by the simplified rule; null if the result has no comparison.
-    #[schema(value_type = Option<schemas::Columns>)]
+    #[schema(value_type = Option<documents::Columns>)]
     simplified: Option<Box<RawValue>>,
 }
 

@@ -1,7 +1,6 @@
 //! The OpenAPI document: generated from the routes, then completed with what all operations share.
 //!
-//! The schemas of scenarios and results are files, because no Rust type of this crate describes these
-//! documents. The engine has the schema of a scenario; `documents.schema.json` has that of a result.
+//! The engine has the schema of a scenario.
 
 use axum::http::Method;
 use serde::de::DeserializeOwned;
@@ -11,17 +10,16 @@ use utoipa::openapi::OpenApi;
 
 use crate::http::access::needs::{Needs, RouteNeeds};
 use crate::http::access::signed_link::OPENED;
+use crate::http::api::documents::{CLOSED, Documents, EITHER};
 use crate::http::api::scenarios::EXAMPLES;
 use crate::http::problem::ProblemDocument;
 use crate::http::wire::schemas;
-use fretwork_engine::outcome::{ContactScales, History, LimitState, Member, Quantity, Unworn};
+use fretwork_engine::outcome::Quantity;
 use fretwork_engine::scenario::SCHEMA;
 use fretwork_format::{Format, Part};
 use fretwork_job::{Submission, TaskKind, WORDS, Word};
 use fretwork_store::Role;
 use fretwork_study::Kind;
-
-const DOCUMENT_SCHEMAS: &str = include_str!("documents.schema.json");
 
 /// The description of the API.
 const ABOUT: &str = include_str!("about.md").trim_ascii_end();
@@ -52,7 +50,9 @@ struct Frame;
 /// them.
 pub fn frame() -> OpenApi {
     let mut frame = Frame::openapi();
-    frame.components.get_or_insert_default().schemas.extend(schemas::all());
+    let components = frame.components.get_or_insert_default();
+    components.schemas.extend(schemas::all());
+    components.schemas.extend(Documents::openapi().components.unwrap_or_default().schemas);
     frame
 }
 
@@ -62,17 +62,31 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
     let mut document = serde_json::to_value(document).expect("an OpenAPI document");
     let mut shared: Value = parsed(SHARED);
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
-        adopt(schemas, SCHEMA, Some("Scenario"));
-        adopt(schemas, DOCUMENT_SCHEMAS, None);
-        describe(&mut schemas["Columns"], History::MEMBERS, true);
-        describe(&mut schemas["Scales"], ContactScales::MEMBERS, false);
-        describe(&mut schemas["Unworn"], Unworn::MEMBERS, false);
-        describe(&mut schemas["Limit"], LimitState::MEMBERS, false);
+        adopt(schemas, SCHEMA, "Scenario");
+        for name in ["Columns", "Scales", "Unworn", "Limit", "Curves", "LoopCurves", "BodyWear"] {
+            add_units(&mut schemas[name]);
+        }
+        // A request can select columns.
+        for (name, required) in [
+            ("Columns", &["cycles"][..]),
+            ("Limit", &[]),
+            ("Curves", &["cycles", "radius"]),
+            ("LoopCurves", &["cycles"]),
+        ] {
+            schemas[name]["required"] = json!(required);
+        }
+        for name in CLOSED {
+            schemas[name]["additionalProperties"] = json!(false);
+        }
+        for (name, description, of) in EITHER {
+            let of: Vec<_> =
+                of.iter().map(|of| json!({"$ref": format!("#/components/schemas/{of}")})).collect();
+            schemas.insert(name.to_owned(), json!({"description": description, "oneOf": of}));
+        }
         for Word { name, values, .. } in &WORDS {
             let values = values.iter().map(|it| json!(it)).chain([Value::Null]);
             schemas["ResultEntry"]["allOf"][0]["properties"][name] = json!({"type": ["string", "null"], "enum": values.collect::<Vec<_>>(), "description": "Null where it does not apply."});
         }
-        schemas["Naming"]["properties"]["tags"] = schemas["JobBody"]["properties"]["tags"].clone();
         // The server inserts the stored bytes, so the Rust type does not have these members.
         schemas["Job"]["properties"]["scenario"] = shared["job"]["scenario"].take();
         for kind in Kind::ALL {
@@ -117,7 +131,7 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
 }
 
 /// Copies the definitions of a JSON Schema file into the components, and the schema itself under `name`.
-fn adopt(schemas: &mut Map<String, Value>, file: &str, name: Option<&str>) {
+fn adopt(schemas: &mut Map<String, Value>, file: &str, name: &str) {
     let mut root: Map<String, Value> = parsed(file);
     if let Some(Value::Object(definitions)) = root.remove("$defs") {
         for (name, mut definition) in definitions {
@@ -125,26 +139,20 @@ fn adopt(schemas: &mut Map<String, Value>, file: &str, name: Option<&str>) {
             schemas.insert(name, definition);
         }
     }
-    if let Some(name) = name {
-        root.remove("$schema");
-        root.remove("$id");
-        let mut root = Value::Object(root);
-        redirect(&mut root);
-        schemas.insert(name.to_owned(), root);
-    }
+    root.remove("$schema");
+    root.remove("$id");
+    let mut root = Value::Object(root);
+    redirect(&mut root);
+    schemas.insert(name.to_owned(), root);
 }
 
-/// Adds the members of a section of a result to its schema, with their meaning and their unit.
-fn describe(schema: &mut Value, members: &[Member], is_table: bool) {
-    for Member { name, meaning, .. } in members {
+/// Adds the units of quantities to their descriptions.
+fn add_units(schema: &mut Value) {
+    for (name, member) in schema["properties"].as_object_mut().into_iter().flatten() {
         let unit = Quantity::named(name).map_or("1", |quantity| quantity.unit);
-        let unit = if unit == "1" { String::new() } else { format!(" Unit: {unit}.") };
-        let own = &mut schema["properties"][name];
-        if own.is_null() {
-            let number = json!({"type": "number"});
-            *own = if is_table { json!({"type": "array", "items": number}) } else { number };
+        if let (Some(text), true) = (member["description"].as_str(), unit != "1") {
+            member["description"] = format!("{}. Unit: {unit}.", text.trim_end_matches('.')).into();
         }
-        own["description"] = json!(format!("{meaning}.{unit}"));
     }
 }
 

@@ -4,13 +4,13 @@ use serde::Serialize;
 use serde_json::Map;
 use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{
-    ArrayBuilder, KnownFormat, ObjectBuilder, Schema, SchemaFormat, Type,
+    ArrayBuilder, KnownFormat, ObjectBuilder, OneOfBuilder, Schema, SchemaFormat, SchemaType, Type,
 };
 use utoipa::{PartialSchema, ToSchema};
 
 use super::include::Include as Included;
 use fretwork_engine::outcome::{History, Loops, Profiles};
-use fretwork_format::{FigureOptions, Part, QUANTITIES, StudyFigure};
+use fretwork_format::{FigureOptions, Part, QUANTITIES, StudyFigure, summary_columns};
 use fretwork_job as job;
 use fretwork_measured::{Prepare as Preparation, Up as Upwards};
 use fretwork_store::{Act as StoredAct, Role as StoredRole, Search};
@@ -52,6 +52,29 @@ fn list(items: impl Into<RefOr<Schema>>) -> Schema {
 fn columns(table: &impl Serialize) -> Schema {
     let table = serde_json::to_value(table).expect("columns are valid JSON");
     list(words(table.as_object().into_iter().flat_map(Map::keys).map(String::as_str)))
+}
+
+/// A value of one of these types.
+fn of_types<const N: usize>(types: [Type; N]) -> Schema {
+    ObjectBuilder::new().schema_type(SchemaType::from_iter(types)).build().into()
+}
+
+/// The columns of a table over the outputs of a study.
+fn columns_of(part: Part) -> Schema {
+    let column = |(name, is_text): (String, bool)| {
+        let cell = if is_text {
+            Type::String.into()
+        } else {
+            SchemaType::from_iter([Type::Number, Type::Null])
+        };
+        let cell = ObjectBuilder::new().schema_type(cell);
+        (name, ArrayBuilder::new().items(cell).build())
+    };
+    let columns = summary_columns(part).into_iter().map(column);
+    let table = columns.fold(ObjectBuilder::new(), |table, (name, column)| {
+        table.required(name.clone()).property(name, column)
+    });
+    table.build().into()
 }
 
 fn kept_in_a_file() -> Schema {
@@ -128,18 +151,43 @@ documented! {
         .schema_type(Type::String)
         .pattern(Some("^[0-9a-f]{64}$"))
         .build();
-    /// One of the events that follow a job.
-    JobEvent kept_in_a_file();
-    /// A warning about a scenario.
-    Warning kept_in_a_file();
-    /// An estimate for a scenario.
-    Preview kept_in_a_file();
-    /// Columns with one entry per output cycle.
-    Columns kept_in_a_file();
-    /// The outputs of a scenario.
-    Evaluated kept_in_a_file();
-    /// What was read from a file of measured numbers.
-    Measured kept_in_a_file();
+    /// A scenario; the engine has its schema.
+    Scenario kept_in_a_file();
+    /// A number in SI, or a text with a unit.
+    NumberOrText of_types([Type::Number, Type::String]);
+    /// A number in SI, a text with a unit, or null.
+    MeasuredCell of_types([Type::Number, Type::String, Type::Null]);
+    /// The standard deviation of the noise, or one for each number.
+    Sigma Schema::from(OneOfBuilder::new()
+        .item(NumberOrText::schema())
+        .item(ArrayBuilder::new().items(NumberOrText::schema()))
+        .build());
+    /// Numbers: a list, or a range.
+    Radii kept_in_a_file();
+    /// The name of an output.
+    OutputName ObjectBuilder::new()
+        .schema_type(Type::String)
+        .min_length(Some(1))
+        .examples(["wear_volume", "wear_depth@1000"])
+        .build();
+    /// A word to find a job by.
+    Tag ObjectBuilder::new()
+        .schema_type(Type::String)
+        .min_length(Some(1))
+        .max_length(Some(80))
+        .build();
+    /// A set of measured numbers.
+    MeasuredSet kept_in_a_file();
+    /// The noise of measured numbers.
+    Noise kept_in_a_file();
+    /// A cell of a table; null where a number is infinite or not defined.
+    Cell of_types([Type::Number, Type::String, Type::Null]);
+    /// The curves of a run, or of a sweep.
+    EitherCurves kept_in_a_file();
+    /// The columns of the statistics of a study.
+    StatisticsColumns columns_of(Part::Statistics);
+    /// The columns of the histograms of a study.
+    HistogramColumns columns_of(Part::Histogram);
     /// What becomes of two columns of a file.
     Prepare words(Preparation::NAMES.map(|(name, _)| name));
     /// Where the heights of a trace point.

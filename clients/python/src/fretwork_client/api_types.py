@@ -22,13 +22,13 @@ class AccessKeys(TypedDict):
 class Accuracy(TypedDict):
     """The accuracy of the numbers. It does not contain the errors of the theory. For a Poisson's ratio other than 0, local slip and wear vary around the ring, by ±20 % at ν = 0.42. The result is their mean around the ring, which is right."""
 
-    energy_mismatch: "NotRequired[float | None]"
-    numerical_error: "NotRequired[float | None]"
-    wear_depth_error: "NotRequired[float | None]"
-    model_error: "NotRequired[float | None]"
     cells: "NotRequired[int]"
-    steps: "NotRequired[int]"
+    energy_mismatch: "NotRequired[float | None]"
     evaluations: "NotRequired[int]"
+    model_error: "NotRequired[float | None]"
+    numerical_error: "NotRequired[float | None]"
+    steps: "NotRequired[int]"
+    wear_depth_error: "NotRequired[float | None]"
 
 Act: TypeAlias = "Literal['add_key', 'revoke_key', 'use_key', 'cancel_job', 'delete_job', 'delete_result']"
 
@@ -58,11 +58,11 @@ class AuditLog(TypedDict):
 Axis = TypedDict(
     "Axis",
     {
-        "from": "NotRequired[float | str]",
-        "to": "NotRequired[float | str]",
         "count": "NotRequired[int]",
-        "spacing": "NotRequired[Literal['linear', 'log']]",
-        "values": "NotRequired[list[float | str]]",
+        "from": "NotRequired[NumberOrText]",
+        "spacing": "NotRequired[Spacing]",
+        "to": "NotRequired[NumberOrText]",
+        "values": "NotRequired[list[NumberOrText]]",
     },
 )
 
@@ -98,7 +98,7 @@ class BodySum(TypedDict):
     sha256: "str"
 
 class BodyWear(TypedDict):
-    """The wear of one body."""
+    """The wear of one body. The first body carries the profile; the other one is the counterbody."""
 
     scar_half_length: "list[float]"
     share: "NotRequired[float]"
@@ -155,6 +155,8 @@ class CanceledJobs(TypedDict):
 
     canceled: "int"
 
+Cell: TypeAlias = "float | str | None"
+
 class ChangeTable(TypedDict):
     """A coefficient that changes during the run. It is linear between the rows, and constant before the first row and after the last one. A table of equal values is the same as the number."""
 
@@ -179,23 +181,23 @@ ChosenInstants: TypeAlias = "list[float]"
 class Columns(TypedDict):
     """One array per quantity, all of the same length. Entry 0 is the unworn state. A run that ends early has fewer entries than requested."""
 
-    indentation_depth: "NotRequired[list[float | None]]"
-    amplitude: "NotRequired[list[float | None]]"
-    gross_slip_amplitude: "NotRequired[list[float | None]]"
     actuator_gross_slip_amplitude: "NotRequired[list[float | None]]"
-    cycles: "list[float]"
-    normalized_cycles: "NotRequired[list[float]]"
-    wear_volume: "NotRequired[list[float]]"
-    wear_depth: "NotRequired[list[float]]"
-    scar_radius: "NotRequired[list[float]]"
+    amplitude: "NotRequired[list[float | None]]"
     contact_radius: "NotRequired[list[float]]"
-    stick_radius: "NotRequired[list[float]]"
-    normal_force: "NotRequired[list[float]]"
-    tangential_force: "NotRequired[list[float]]"
-    energy_per_cycle: "NotRequired[list[float]]"
+    cycles: "list[float]"
     dissipated_energy: "NotRequired[list[float]]"
-    wear_volume_error: "NotRequired[list[float]]"
+    energy_per_cycle: "NotRequired[list[float]]"
+    gross_slip_amplitude: "NotRequired[list[float | None]]"
+    indentation_depth: "NotRequired[list[float | None]]"
+    normal_force: "NotRequired[list[float]]"
+    normalized_cycles: "NotRequired[list[float]]"
+    scar_radius: "NotRequired[list[float]]"
+    stick_radius: "NotRequired[list[float]]"
+    tangential_force: "NotRequired[list[float]]"
+    wear_depth: "NotRequired[list[float]]"
     wear_depth_error: "NotRequired[list[float]]"
+    wear_volume: "NotRequired[list[float]]"
+    wear_volume_error: "NotRequired[list[float]]"
 
 Comments: TypeAlias = "Literal['all', 'none']"
 
@@ -203,29 +205,20 @@ class CommonCurves(TypedDict):
     """The curves of each point of a sweep after its last output cycle, at radii that all points share. A value is null where the point has no run, and next to an infinite value. Beyond the radii of the run, `worn` and `slip` are null, `wear` and `pressure` 0."""
 
     point: "list[int]"
+    pressure: "NotRequired[list[list[float | None]]]"
     radius: "list[float]"
+    slip: "NotRequired[list[list[float | None]]]"
     wear: "NotRequired[list[list[float | None]]]"
     worn: "NotRequired[list[list[float | None]]]"
-    pressure: "NotRequired[list[list[float | None]]]"
-    slip: "NotRequired[list[list[float | None]]]"
 
 class Comparison(TypedDict):
     """The simplified rule for the same scenario, if `compare` was requested."""
 
-    xi: "float"
-    history: "Columns"
-    errors: "ComparisonErrors"
-    best_xi: "float | None"
     best_error: "float | None"
-
-class ComparisonErrors(TypedDict):
-    """Rule/exact − 1 at each output cycle that both histories have; 0 where both are 0."""
-
-    wear_volume: "NotRequired[list[float]]"
-    wear_depth: "NotRequired[list[float]]"
-    normal_force: "NotRequired[list[float]]"
-    indentation_depth: "NotRequired[list[float]]"
-    dissipated_energy: "NotRequired[list[float]]"
+    best_xi: "float | None"
+    errors: "Errors"
+    history: "Columns"
+    xi: "float"
 
 class Complaint(TypedDict):
     """One fault of a request."""
@@ -253,9 +246,9 @@ class Cone(TypedDict):
 class Counts(TypedDict):
     """How many points a study has, and how many of them lack outputs."""
 
+    incomplete: "int"
     points: "int"
     refused: "int"
-    incomplete: "int"
 
 class CreatedKey(TypedDict):
     """A new access key."""
@@ -273,14 +266,14 @@ class Curves(TypedDict):
     """Profiles over the radius; null if none were requested. Row 0 of every matrix is the unworn state."""
 
     cycles: "list[float]"
-    radius: "list[float]"
+    image: "NotRequired[list[list[float]]]"
     initial: "NotRequired[list[float]]"
     limiting: "NotRequired[list[float | None] | None]"
-    worn: "NotRequired[list[list[float]]]"
-    wear: "NotRequired[list[list[float]]]"
-    image: "NotRequired[list[list[float]]]"
     pressure: "NotRequired[list[list[float | None]]]"
+    radius: "list[float]"
     slip: "NotRequired[list[list[float]]]"
+    wear: "NotRequired[list[list[float]]]"
+    worn: "NotRequired[list[list[float]]]"
 
 Cycles: TypeAlias = "Instants | Range | Normalized | DissipatedEnergy"
 
@@ -311,6 +304,8 @@ class DerivativeList(TypedDict):
 
 DerivativeMethod: TypeAlias = "Literal['closed', 'numerical']"
 
+Design: TypeAlias = "Literal['grid', 'zip', 'latin_hypercube', 'sobol']"
+
 class Diff(TypedDict):
     """The differences of two results or scenarios."""
 
@@ -323,20 +318,38 @@ class Diff(TypedDict):
     same_scenario: "bool"
     units: "dict[str, Any]"
 
-DiffBody: TypeAlias = "TwoKeys | TwoSides"
+DiffBody: TypeAlias = "KeysToCompare | SidesToCompare"
 
 class DiffSide(TypedDict):
-    """A result by its key, or a scenario."""
+    """A result by its key, which may be evicted, or a scenario."""
 
-    key: "NotRequired[str]"
+    key: "NotRequired[KeyText]"
     scenario: "NotRequired[Scenario]"
 
 class DissipatedEnergy(TypedDict):
     dissipated_energy: "Energies | EnergyRange"
 
+class Distribution(TypedDict):
+    """The name of a distribution with its parameters, in the unit of the number."""
+
+    log_uniform: "NotRequired[UniformDistribution]"
+    lognormal: "NotRequired[LognormalDistribution]"
+    normal: "NotRequired[NormalDistribution]"
+    triangular: "NotRequired[TriangularDistribution]"
+    uniform: "NotRequired[UniformDistribution]"
+
+EitherCurves: TypeAlias = "Curves | CommonCurves"
+
 Energies: TypeAlias = "list[Energy]"
 
 Energy: TypeAlias = "float | str"
+
+class EnergyLine(TypedDict):
+    energy_coefficient: "float | None"
+    interval: "list[float | None]"
+    r_squared: "float | None"
+    standard_error: "float | None"
+    weights: "LineWeights"
 
 EnergyRange = TypedDict(
     "EnergyRange",
@@ -358,35 +371,63 @@ class Engine(TypedDict):
     name: "str"
     numerics: "int"
 
+class Errors(TypedDict):
+    """Rule/exact − 1 at each output cycle that both histories have; 0 where both are 0."""
+
+    dissipated_energy: "list[float]"
+    indentation_depth: "list[float]"
+    normal_force: "list[float]"
+    wear_depth: "list[float]"
+    wear_volume: "list[float]"
+
+EstimatedNoise: TypeAlias = "Literal['estimate']"
+
+EstimatedParameter = TypedDict(
+    "EstimatedParameter",
+    {
+        "at_bound": "bool",
+        "estimate": "float | None",
+        "for": "NotRequired[list[str]]",
+        "interval": "list[float | None]",
+        "pointer": "str",
+        "standard_error": "float | None",
+        "unit": "str",
+    },
+)
+
 class EvaluateBody(TypedDict):
     """A scenario to evaluate, and what to return. At least one of `outputs` and `parts` must have an item."""
 
+    outputs: "NotRequired[list[OutputName]]"
+    parts: "NotRequired[list[EvaluatedPart]]"
     scenario: "Scenario"
-    outputs: "NotRequired[list[str]]"
-    parts: "NotRequired[list[Literal['history', 'profiles', 'loops', 'events', 'accuracy', 'check']]]"
 
 class Evaluated(TypedDict):
     """The outputs of a scenario, in SI units. The numbers are those of the result that a job of this scenario has."""
 
-    outputs: "dict[str, float | None]"
-    units: "dict[str, str]"
-    reasons: "NotRequired[dict[str, str]]"
-    history: "NotRequired[Columns]"
-    profiles: "NotRequired[Curves]"
-    loops: "NotRequired[LoopCurves]"
-    events: "NotRequired[list[Event]]"
     accuracy: "NotRequired[Accuracy]"
     check: "NotRequired[CheckedRun]"
+    events: "NotRequired[list[Event]]"
+    history: "NotRequired[Columns]"
+    loops: "NotRequired[LoopCurves | None]"
+    outputs: "dict[str, float | None]"
+    profiles: "NotRequired[Curves | None]"
+    reasons: "NotRequired[dict[str, str]]"
+    units: "Units"
     warnings: "list[Warning]"
+
+EvaluatedPart: TypeAlias = "Literal['history', 'profiles', 'loops', 'events', 'accuracy', 'check']"
 
 class Event(TypedDict):
     """An event during the run."""
 
-    cycles: "float"
-    kind: "Literal['gross_slip', 'contact_lost', 'shakedown', 'until_reached', 'rim_reached', 'contact_splits', 'energy_not_reached', 'layer_worn_through']"
     body: "NotRequired[int]"
+    cycles: "float"
+    kind: "EventKind"
     layer: "NotRequired[int]"
     radius: "NotRequired[float]"
+
+EventKind: TypeAlias = "Literal['gross_slip', 'contact_lost', 'shakedown', 'until_reached', 'rim_reached', 'contact_splits', 'layer_worn_through', 'energy_not_reached']"
 
 class ExampleAnswer(TypedDict):
     """An example."""
@@ -400,123 +441,75 @@ File: TypeAlias = "str"
 class Fit(TypedDict):
     """A fit of numbers of a scenario to measurements."""
 
-    version: "NotRequired[Literal[1]]"
-    scenario: "Scenario"
-    parameters: "list[FitParametersItem]"
-    tests: "list[FitTestsItem]"
     confidence: "NotRequired[float]"
+    loss: "NotRequired[Loss]"
+    parameters: "list[FitParameter]"
+    scenario: "Scenario"
     starts: "NotRequired[int]"
-    loss: "NotRequired[Literal['squares', 'huber']]"
+    tests: "list[FitTest]"
+    version: "NotRequired[int]"
     without: "NotRequired[list[str]]"
 
-FitParametersItem = TypedDict(
-    "FitParametersItem",
+class FitNote(TypedDict):
+    detail: "str"
+    kind: "str"
+
+class FitOutlier(TypedDict):
+    pointer: "str"
+    row: "int"
+    studentized: "float"
+
+FitParameter = TypedDict(
+    "FitParameter",
     {
-        "pointer": "str",
-        "from": "float | str",
-        "to": "float | str",
-        "spacing": "NotRequired[Literal['linear', 'log']]",
-        "start": "NotRequired[float | str]",
         "for": "NotRequired[list[str]]",
+        "from": "NumberOrText",
+        "pointer": "str",
         "prior": "NotRequired[dict[str, Any]]",
+        "spacing": "NotRequired[Spacing]",
+        "start": "NotRequired[NumberOrText]",
+        "to": "NumberOrText",
     },
 )
+
+class FitQuality(TypedDict):
+    """How well the parameters describe the measurements."""
+
+    aicc: "NotRequired[float | None]"
+    allowed_rise: "NotRequired[float | None]"
+    degrees_of_freedom: "NotRequired[int | None]"
+    effective_points: "float | None"
+    lack_of_fit: "NotRequired[dict[str, Any] | None]"
+    noise: "NotRequired[list[dict[str, Any]]]"
+    runs: "float"
+    sum_of_squares: "float | None"
 
 class FitResult(TypedDict):
     """The result of a fit. Without a minimum it has only notes, the measured numbers and the searches."""
 
-    key: "str"
-    engine: "Engine"
-    fit: "Fit"
-    units: "dict[str, str]"
-    counts: "Counts"
-    notes: "list[FitResultNotesItem]"
-    parameters: "NotRequired[list[FitResultParametersItem]]"
-    correlation: "NotRequired[list[list[float | None]]]"
-    quality: "NotRequired[FitResultQuality]"
-    outliers: "NotRequired[list[FitResultOutliersItem]]"
-    lines: "NotRequired[list[FitResultLinesItem]]"
-    estimated_scenario: "NotRequired[dict[str, Any]]"
-    table: "TableColumns"
     bands: "NotRequired[TableColumns]"
+    correlation: "NotRequired[list[list[float | None]]]"
+    counts: "Counts"
+    engine: "Engine"
+    estimated_scenario: "NotRequired[dict[str, Any]]"
+    fit: "Fit"
+    key: "KeyText"
+    lines: "NotRequired[list[EnergyLine]]"
+    notes: "list[FitNote]"
+    outliers: "NotRequired[list[FitOutlier]]"
+    parameters: "NotRequired[list[EstimatedParameter]]"
+    quality: "NotRequired[FitQuality]"
     searches: "TableColumns"
+    table: "TableColumns"
+    units: "Units"
 
-class FitResultLinesItem(TypedDict):
-    weights: "Literal['equal', 'noise']"
-    energy_coefficient: "float | None"
-    standard_error: "float | None"
-    interval: "list[float | None]"
-    r_squared: "float | None"
-
-class FitResultNotesItem(TypedDict):
-    kind: "str"
-    detail: "str"
-
-class FitResultOutliersItem(TypedDict):
-    row: "int"
-    pointer: "str"
-    studentized: "float"
-
-FitResultParametersItem = TypedDict(
-    "FitResultParametersItem",
-    {
-        "pointer": "str",
-        "for": "NotRequired[list[str]]",
-        "unit": "str",
-        "estimate": "float | None",
-        "standard_error": "float | None",
-        "interval": "list[float | None]",
-        "at_bound": "bool",
-    },
-)
-
-class FitResultQuality(TypedDict):
-    """How well the parameters describe the measurements."""
-
-    sum_of_squares: "float | None"
-    allowed_rise: "NotRequired[float | None]"
-    effective_points: "float | None"
-    degrees_of_freedom: "NotRequired[int | None]"
-    aicc: "NotRequired[float | None]"
-    lack_of_fit: "NotRequired[dict[str, Any] | None]"
-    noise: "NotRequired[list[dict[str, Any]]]"
-    runs: "float"
-
-class FitTestsItem(TypedDict):
+class FitTest(TypedDict):
     """A test: how its scenario differs, and what was measured."""
 
+    changes: "NotRequired[dict[str, Any]]"
+    data: "list[MeasuredSet]"
     name: "NotRequired[str]"
     specimen: "NotRequired[str]"
-    changes: "NotRequired[dict[str, Any]]"
-    data: "list[FitTestsItemDataItem1 | FitTestsItemDataItem2]"
-
-class FitTestsItemDataItem1(TypedDict):
-    output: "str"
-    over: "NotRequired[Literal['cycles', 'dissipated_energy']]"
-    x: "list[float | str]"
-    y: "list[float | str | None]"
-    density: "NotRequired[float]"
-    sigma: "NotRequired[float | str | list[float | str]]"
-    relative: "NotRequired[float]"
-    noise: "NotRequired[Literal['estimate'] | FitTestsItemDataItem1Noise2]"
-
-class FitTestsItemDataItem1Noise2(TypedDict):
-    relative: "NotRequired[float]"
-    kind: "NotRequired[Literal['normal', 'lognormal']]"
-
-class FitTestsItemDataItem2(TypedDict):
-    profile: "Literal['wear']"
-    at: "float"
-    body: "NotRequired[int]"
-    radius: "list[float | str]"
-    depth: "list[float | str | None]"
-    sigma: "NotRequired[float | str | list[float | str]]"
-    relative: "NotRequired[float]"
-    noise: "NotRequired[Literal['estimate'] | FitTestsItemDataItem2Noise2]"
-
-class FitTestsItemDataItem2Noise2(TypedDict):
-    relative: "NotRequired[float]"
-    kind: "NotRequired[Literal['normal', 'lognormal']]"
 
 Force: TypeAlias = "float | str"
 
@@ -531,11 +524,11 @@ ForceOrPerLength: TypeAlias = "Force | str"
 class FrettingMap(TypedDict):
     """A map over normal force and amplitude. Its scenario has both."""
 
-    version: "NotRequired[Literal[1]]"
-    scenario: "Scenario"
-    normal_force: "Axis"
     amplitude: "Axis"
-    outputs: "NotRequired[list[str]]"
+    normal_force: "Axis"
+    outputs: "NotRequired[list[OutputName]]"
+    scenario: "Scenario"
+    version: "NotRequired[int]"
 
 Geometry: TypeAlias = "Literal['round', 'line']"
 
@@ -549,31 +542,31 @@ Height: TypeAlias = "float | str"
 class Histogram(TypedDict):
     """Distributions of the outputs of a study, in columns."""
 
-    key: "str"
     engine: "Engine"
-    units: "dict[str, str]"
-    histogram: "HistogramHistogram"
+    histogram: "HistogramColumns"
+    key: "KeyText"
+    units: "Units"
 
 HistogramAnswer: TypeAlias = "Histogram | Records"
 
-HistogramHistogram = TypedDict(
-    "HistogramHistogram",
+HistogramColumns = TypedDict(
+    "HistogramColumns",
     {
-        "output": "list[str]",
-        "unit": "list[str]",
         "from": "list[float | None]",
-        "to": "list[float | None]",
+        "output": "list[str]",
         "points": "list[float | None]",
+        "to": "list[float | None]",
+        "unit": "list[str]",
     },
 )
 
 class History(TypedDict):
     """The history of a result."""
 
-    key: "str"
     engine: "Engine"
-    units: "dict[str, str]"
     history: "Columns"
+    key: "KeyText"
+    units: "Units"
 
 HistoryAnswer: TypeAlias = "History | Records"
 
@@ -622,13 +615,13 @@ class Job(TypedDict):
 class JobBody(TypedDict):
     """What to compute, exactly one of `scenario`, `sweep`, `sensitivity`, `map` and `fit`, and words to find the job by."""
 
-    scenario: "NotRequired[Scenario]"
-    sweep: "NotRequired[Sweep]"
-    sensitivity: "NotRequired[Sensitivity]"
-    map: "NotRequired[FrettingMap]"
     fit: "NotRequired[Fit]"
     label: "NotRequired[str]"
-    tags: "NotRequired[list[str]]"
+    map: "NotRequired[FrettingMap]"
+    scenario: "NotRequired[Scenario]"
+    sensitivity: "NotRequired[Sensitivity]"
+    sweep: "NotRequired[Sweep]"
+    tags: "NotRequired[list[Tag]]"
 
 class JobError(TypedDict):
     """Why a job failed."""
@@ -640,9 +633,11 @@ class JobError(TypedDict):
 class JobEvent(TypedDict):
     """One of the events that follow a job."""
 
-    event: "Literal['snapshot', 'state', 'progress']"
-    id: "NotRequired[str]"
     data: "str"
+    event: "JobEventKind"
+    id: "NotRequired[str]"
+
+JobEventKind: TypeAlias = "Literal['snapshot', 'state', 'progress']"
 
 class JobList(TypedDict):
     """A page of jobs."""
@@ -658,12 +653,17 @@ JobState: TypeAlias = "Literal['queued', 'running', 'canceling', 'succeeded', 'f
 class KeyBody(TypedDict):
     """An access key to be made."""
 
-    name: "str"
-    role: "Role"
     expires_in: "NotRequired[str]"
+    name: "str"
     requests_per_minute: "NotRequired[int]"
+    role: "Role"
 
 KeyText: TypeAlias = "str"
+
+class KeysToCompare(TypedDict):
+    """Two keys."""
+
+    keys: "list[KeyText]"
 
 class Layer(TypedDict):
     """A layer on a body."""
@@ -678,14 +678,14 @@ Length: TypeAlias = "float | str"
 class Limit(TypedDict):
     """The limiting state for many cycles; null without a closed form."""
 
-    indentation_depth: "NotRequired[float | None]"
     contact_radius: "NotRequired[float]"
+    indentation_depth: "NotRequired[float | None]"
+    normal_force: "NotRequired[float]"
     stick_radius: "NotRequired[float]"
-    wear_volume: "NotRequired[float]"
+    tangential_force: "NotRequired[float]"
     wear_depth: "NotRequired[float]"
     wear_depth_radius: "NotRequired[float]"
-    normal_force: "NotRequired[float]"
-    tangential_force: "NotRequired[float]"
+    wear_volume: "NotRequired[float]"
 
 class Limits(TypedDict):
     """The limits of a request."""
@@ -701,6 +701,8 @@ class Limits(TypedDict):
     study_seconds: "NotRequired[int | None]"
     wait_seconds: "int"
 
+LineWeights: TypeAlias = "Literal['equal', 'noise']"
+
 class Links(TypedDict):
     """Addresses related to a job."""
 
@@ -713,50 +715,60 @@ ListFormat: TypeAlias = "Literal['json', 'csv']"
 
 Load: TypeAlias = "ByForce | ByDepth"
 
+class LognormalDistribution(TypedDict):
+    """Of its mean and standard deviation, or of its median and the factor by which one standard deviation of the logarithm multiplies it."""
+
+    factor: "NotRequired[float]"
+    mean: "NotRequired[NumberOrText]"
+    median: "NotRequired[NumberOrText]"
+    standard_deviation: "NotRequired[NumberOrText]"
+
 class LoopCurves(TypedDict):
     """Force–displacement loops at the output cycles of the profiles. A loop is one cycle and has a point wherever another spring starts to slip, so that straight lines between the points enclose `energy_per_cycle`. Loops may differ in their number of points. Null if no profiles were requested."""
 
-    cycles: "list[float]"
-    displacement: "NotRequired[list[list[float | None]]]"
-    tangential_force: "NotRequired[list[list[float]]]"
-    energy_ratio: "NotRequired[list[float | None]]"
-    slip_ratio: "NotRequired[list[float | None]]"
-    free_ratio: "NotRequired[list[float]]"
     actuator_energy_ratio: "NotRequired[list[float]]"
     actuator_slip_ratio: "NotRequired[list[float]]"
+    cycles: "list[float]"
+    displacement: "NotRequired[list[list[float | None]]]"
+    energy_ratio: "NotRequired[list[float | None]]"
+    free_ratio: "NotRequired[list[float]]"
+    slip_ratio: "NotRequired[list[float | None]]"
+    tangential_force: "NotRequired[list[list[float]]]"
 
 LoopFields: TypeAlias = "list[Literal['cycles', 'displacement', 'tangential_force', 'energy_ratio', 'slip_ratio', 'free_ratio']]"
 
 class Loops(TypedDict):
     """The force–displacement loops of a result."""
 
-    key: "str"
     engine: "Engine"
-    units: "dict[str, str]"
+    key: "KeyText"
     loops: "LoopCurves"
+    units: "Units"
 
 LoopsAnswer: TypeAlias = "Loops | Records"
+
+Loss: TypeAlias = "Literal['squares', 'huber']"
+
+MapBoundary = TypedDict(
+    "MapBoundary",
+    {
+        "/load/normal_force": "list[float]",
+        "/motion/amplitude": "list[float | None]",
+        "after_run": "NotRequired[list[float | None]]",
+        "unworn.gross_slip_amplitude": "NotRequired[list[float | None]]",
+    },
+)
 
 class MapResult(TypedDict):
     """The result of a map."""
 
-    key: "str"
-    engine: "Engine"
-    map: "FrettingMap"
-    units: "dict[str, str]"
+    boundary: "MapBoundary"
     counts: "Counts"
-    boundary: "MapResultBoundary"
+    engine: "Engine"
+    key: "KeyText"
+    map: "FrettingMap"
     table: "TableColumns"
-
-MapResultBoundary = TypedDict(
-    "MapResultBoundary",
-    {
-        "/load/normal_force": "list[float]",
-        "/motion/amplitude": "list[float | None]",
-        "unworn.gross_slip_amplitude": "NotRequired[list[float | None]]",
-        "after_run": "NotRequired[list[float | None]]",
-    },
-)
+    units: "Units"
 
 class Me(TypedDict):
     """The caller, with its limits and their use."""
@@ -770,39 +782,48 @@ class Me(TypedDict):
 class Measured(TypedDict):
     """What was read from a file of measured numbers."""
 
-    columns: "list[MeasuredColumnsItem]"
-    tables: "list[list[int]]"
-    prepared: "MeasuredPrepared | None"
+    columns: "list[MeasuredColumn]"
     notes: "list[str]"
+    prepared: "Prepared | None"
+    tables: "list[list[int]]"
 
-class MeasuredColumnsItem(TypedDict):
+MeasuredCell: TypeAlias = "float | str | None"
+
+class MeasuredColumn(TypedDict):
+    dimension: "str | None"
     name: "str"
     unit: "str | None"
-    dimension: "str | None"
     values: "list[float | None]"
 
-class MeasuredPrepared(TypedDict):
-    """What was made from x and y. Null if the file has only one column."""
-
-    data: "NotRequired[dict[str, Any] | None]"
-    indenter: "NotRequired[dict[str, Any] | None]"
-    trace: "NotRequired[dict[str, Any]]"
-    energy_per_cycle: "NotRequired[float]"
-    cycles: "NotRequired[int]"
-    loops: "NotRequired[MeasuredPreparedLoops]"
-    mean: "NotRequired[dict[str, float | None]]"
-
-class MeasuredPreparedLoops(TypedDict):
+class MeasuredLoops(TypedDict):
     """For a loop: a table with a row for each whole cycle."""
 
-    points: "list[float | None]"
+    aperture: "list[float | None]"
+    displacement_amplitude: "list[float | None]"
     energy: "list[float | None]"
     energy_error: "list[float | None]"
-    displacement_amplitude: "list[float | None]"
     force_amplitude: "list[float | None]"
-    aperture: "list[float | None]"
+    points: "list[float | None]"
     slope: "list[float | None]"
     slope_error: "list[float | None]"
+
+MeasuredOver: TypeAlias = "Literal['cycles', 'dissipated_energy']"
+
+class MeasuredPoints(TypedDict):
+    """Measured numbers over cycles or dissipated energies."""
+
+    density: "NotRequired[float]"
+    noise: "NotRequired[Noise]"
+    output: "str"
+    over: "NotRequired[MeasuredOver]"
+    relative: "NotRequired[float]"
+    sigma: "NotRequired[Sigma]"
+    x: "list[NumberOrText]"
+    y: "list[MeasuredCell]"
+
+MeasuredProfile: TypeAlias = "Literal['wear']"
+
+MeasuredSet: TypeAlias = "MeasuredPoints | WearProfile"
 
 class Model(TypedDict):
     """How wear is computed."""
@@ -825,7 +846,15 @@ class Naming(TypedDict):
     """A change of the label and the tags of a job."""
 
     label: "NotRequired[str | None]"
-    tags: "NotRequired[list[str]]"
+    tags: "NotRequired[list[Tag]]"
+
+Noise: TypeAlias = "EstimatedNoise | RelativeNoise"
+
+NoiseKind: TypeAlias = "Literal['normal', 'lognormal']"
+
+class NormalDistribution(TypedDict):
+    mean: "NumberOrText"
+    standard_deviation: "NumberOrText"
 
 class Normalized(TypedDict):
     normalized: "Instants | Range"
@@ -842,6 +871,20 @@ class NoteBody(TypedDict):
 
     text: "str"
 
+NumberList: TypeAlias = "list[NumberOrText]"
+
+NumberOrText: TypeAlias = "float | str"
+
+NumberRange = TypedDict(
+    "NumberRange",
+    {
+        "count": "int",
+        "from": "NumberOrText",
+        "spacing": "NotRequired[Spacing]",
+        "to": "NumberOrText",
+    },
+)
+
 Order: TypeAlias = "Literal['created', '-created', 'size', '-size', 'friction', '-friction', 'normal_modulus', '-normal_modulus', 'tangential_modulus', '-tangential_modulus', 'wear_coefficient', '-wear_coefficient', 'radius', '-radius', 'slope_angle', '-slope_angle', 'flat_radius', '-flat_radius', 'exponent', '-exponent', 'normal_force', '-normal_force', 'indentation_depth', '-indentation_depth', 'contact_radius', '-contact_radius', 'stick_radius', '-stick_radius', 'amplitude', '-amplitude', 'gross_slip_amplitude', '-gross_slip_amplitude', 'tangential_force', '-tangential_force', 'rig_stiffness', '-rig_stiffness', 'points', '-points', 'cycles', '-cycles', 'wear_volume', '-wear_volume', 'wear_depth', '-wear_depth', 'scar_radius', '-scar_radius', 'dissipated_energy', '-dissipated_energy']"
 
 Origin: TypeAlias = "Literal['computed', 'coalesced', 'cached']"
@@ -853,6 +896,8 @@ class OutputDifference(TypedDict):
     b: "dict[str, Any]"
     name: "str"
     relative: "NotRequired[float | None]"
+
+OutputName: TypeAlias = "str"
 
 class Paraboloid(TypedDict):
     """f = r²/(2R): the usual stand-in for a ball."""
@@ -888,21 +933,26 @@ class PowerLaw(TypedDict):
 
 Prepare: TypeAlias = "Literal['points', 'trace', 'half', 'loop']"
 
+class Prepared(TypedDict):
+    """What was made from x and y. Null if the file has only one column."""
+
+    cycles: "NotRequired[int]"
+    data: "NotRequired[dict[str, Any] | None]"
+    energy_per_cycle: "NotRequired[float]"
+    indenter: "NotRequired[dict[str, Any] | None]"
+    loops: "NotRequired[MeasuredLoops]"
+    mean: "NotRequired[dict[str, float | None]]"
+    trace: "NotRequired[dict[str, Any]]"
+
 class Preview(TypedDict):
     """An estimate for a scenario."""
 
-    scales: "Scales"
-    unworn: "Unworn"
+    cost: "RunCost"
+    limit: "Limit | None"
     regime: "Regime"
-    limit: "Limit"
-    units: "dict[str, str]"
-    cost: "PreviewCost"
-
-class PreviewCost(TypedDict):
-    """An estimate of the cost of a run."""
-
-    operations: "float"
-    answer_bytes: "int"
+    scales: "Scales"
+    units: "Units"
+    unworn: "Unworn"
 
 class Problem(TypedDict):
     """Every error, as the server writes it (RFC 9457)."""
@@ -926,10 +976,10 @@ ProfileFields: TypeAlias = "list[Literal['cycles', 'radius', 'initial', 'limitin
 class Profiles(TypedDict):
     """The profiles of a result."""
 
-    key: "str"
     engine: "Engine"
-    units: "dict[str, str]"
-    profiles: "Curves | CommonCurves"
+    key: "KeyText"
+    profiles: "EitherCurves"
+    units: "Units"
 
 ProfilesAnswer: TypeAlias = "Profiles | Records"
 
@@ -970,6 +1020,8 @@ class Punch(TypedDict):
     edge_radius: "Length"
     length: "Length"
 
+Radii: TypeAlias = "NumberList | NumberRange"
+
 Radius: TypeAlias = "float | str"
 
 Range = TypedDict(
@@ -994,15 +1046,18 @@ Recomputed: TypeAlias = "Literal['same', 'differs', 'replaced']"
 class Records(TypedDict):
     """A table in rows: one object per output cycle, or per output cycle and point."""
 
-    key: "str"
     engine: "Engine"
-    units: "dict[str, str]"
-    records: "list[RecordsRecordsItem]"
-
-class RecordsRecordsItem(TypedDict):
-    cycles: "float"
+    key: "KeyText"
+    records: "list[dict[str, Cell]]"
+    units: "Units"
 
 Regime: TypeAlias = "Literal['full_stick', 'partial_slip', 'gross_slip']"
+
+class RelativeNoise(TypedDict):
+    """Noise that is a share of the true number."""
+
+    kind: "NotRequired[NoiseKind]"
+    relative: "NotRequired[float]"
 
 Result: TypeAlias = "RunResult | SweepResult | SensitivityResult | MapResult | FitResult"
 
@@ -1024,6 +1079,12 @@ class Reversals(TypedDict):
 
 Role: TypeAlias = "Literal['read', 'submit', 'admin']"
 
+class RunCost(TypedDict):
+    """An estimate of the cost of a run."""
+
+    answer_bytes: "int"
+    operations: "float"
+
 class RunIn(TypedDict):
     """Short form of a table with two rows: the coefficient goes from `from` to `to` in the first `cycles`, and stays there."""
 
@@ -1041,21 +1102,21 @@ RunInRunIn = TypedDict(
 class RunResult(TypedDict):
     """The result of a scenario, in SI units."""
 
-    key: "str"
-    engine: "Engine"
-    scenario: "dict[str, Any]"
-    units: "dict[str, str]"
-    scales: "Scales"
-    unworn: "Unworn"
-    regime: "Regime"
-    limit: "Limit"
-    history: "Columns"
-    bodies: "NotRequired[list[BodyWear]]"
-    profiles: "Curves"
-    loops: "LoopCurves"
-    events: "list[Event]"
     accuracy: "Accuracy"
+    bodies: "NotRequired[list[BodyWear]]"
     comparison: "NotRequired[Comparison]"
+    engine: "Engine"
+    events: "list[Event]"
+    history: "Columns"
+    key: "KeyText"
+    limit: "Limit | None"
+    loops: "LoopCurves | None"
+    profiles: "Curves | None"
+    regime: "Regime"
+    scales: "Scales"
+    scenario: "dict[str, Any]"
+    units: "Units"
+    unworn: "Unworn"
     warnings: "list[Warning]"
 
 class RunSoFar(TypedDict):
@@ -1065,12 +1126,12 @@ class RunSoFar(TypedDict):
     units: "dict[str, Any]"
 
 class Scales(TypedDict):
-    """The scales of the contact. All results are multiples of them."""
+    """The scales of the unworn contact. All results are multiples of them."""
 
     contact_radius: "float"
+    cycles: "float"
     indentation_depth: "float"
     normal_force: "float"
-    cycles: "float"
 
 class Scenario(TypedDict):
     """One fretting contact and how long it is worn. Quantities are numbers in SI, or strings with a unit."""
@@ -1090,31 +1151,33 @@ class Scenario(TypedDict):
 class Sensitivity(TypedDict):
     """A sensitivity study: which numbers of a scenario matter for its outputs."""
 
-    version: "NotRequired[Literal[1]]"
-    scenario: "Scenario"
-    vary: "list[Varied]"
-    method: "NotRequired[Literal['sobol', 'morris', 'local']]"
-    samples: "NotRequired[int]"
-    seed: "NotRequired[int]"
     confidence: "NotRequired[float]"
-    outputs: "list[str]"
+    method: "NotRequired[SensitivityMethod]"
+    outputs: "list[OutputName]"
+    samples: "NotRequired[int]"
+    scenario: "Scenario"
+    seed: "NotRequired[int]"
+    vary: "list[Varied]"
+    version: "NotRequired[int]"
+
+SensitivityMethod: TypeAlias = "Literal['sobol', 'morris', 'local']"
+
+class SensitivityNote(TypedDict):
+    detail: "str"
+    member: "NotRequired[str]"
+    output: "str"
 
 class SensitivityResult(TypedDict):
     """The result of a sensitivity study."""
 
-    key: "str"
-    engine: "Engine"
-    sensitivity: "Sensitivity"
-    units: "dict[str, str]"
     counts: "Counts"
-    notes: "list[SensitivityResultNotesItem]"
-    table: "TableColumns"
+    engine: "Engine"
+    key: "KeyText"
+    notes: "list[SensitivityNote]"
     samples: "TableColumns"
-
-class SensitivityResultNotesItem(TypedDict):
-    output: "str"
-    detail: "str"
-    member: "NotRequired[str]"
+    sensitivity: "Sensitivity"
+    table: "TableColumns"
+    units: "Units"
 
 class SharedLink(TypedDict):
     """A link to a result."""
@@ -1129,6 +1192,14 @@ class SideAnswer(TypedDict):
     link: "str"
     numerics: "int"
     result: "Standing"
+
+class SidesToCompare(TypedDict):
+    """Two sides."""
+
+    a: "DiffSide"
+    b: "NotRequired[DiffSide]"
+
+Sigma: TypeAlias = "float | str | list[float | str]"
 
 class Sliding(TypedDict):
     """Only for a line contact that slides as a whole."""
@@ -1161,38 +1232,38 @@ class Sphere(TypedDict):
 Standing: TypeAlias = "Literal['held', 'dropped', 'unknown']"
 
 class Statistics(TypedDict):
-    """Statistics of a study, in columns."""
+    """Statistics of a study, in columns: one row per output."""
 
-    key: "str"
     engine: "Engine"
-    units: "dict[str, str]"
-    statistics: "StatisticsStatistics"
+    key: "KeyText"
+    statistics: "StatisticsColumns"
+    units: "Units"
 
 StatisticsAnswer: TypeAlias = "Statistics | Records"
 
-class StatisticsStatistics(TypedDict):
-    output: "list[str]"
-    unit: "list[str]"
-    points: "list[float | None]"
+class StatisticsColumns(TypedDict):
+    maximum: "list[float | None]"
     mean: "list[float | None]"
-    standard_deviation: "list[float | None]"
-    minimum: "list[float | None]"
-    percentile_2_5: "list[float | None]"
-    percentile_5: "list[float | None]"
-    percentile_25: "list[float | None]"
     median: "list[float | None]"
+    minimum: "list[float | None]"
+    output: "list[str]"
+    percentile_25: "list[float | None]"
+    percentile_2_5: "list[float | None]"
+    percentile_2_5_high: "list[float | None]"
+    percentile_2_5_low: "list[float | None]"
+    percentile_5: "list[float | None]"
+    percentile_5_high: "list[float | None]"
+    percentile_5_low: "list[float | None]"
     percentile_75: "list[float | None]"
     percentile_95: "list[float | None]"
-    percentile_97_5: "list[float | None]"
-    maximum: "list[float | None]"
-    percentile_2_5_low: "list[float | None]"
-    percentile_2_5_high: "list[float | None]"
-    percentile_5_low: "list[float | None]"
-    percentile_5_high: "list[float | None]"
-    percentile_95_low: "list[float | None]"
     percentile_95_high: "list[float | None]"
-    percentile_97_5_low: "list[float | None]"
+    percentile_95_low: "list[float | None]"
+    percentile_97_5: "list[float | None]"
     percentile_97_5_high: "list[float | None]"
+    percentile_97_5_low: "list[float | None]"
+    points: "list[float | None]"
+    standard_deviation: "list[float | None]"
+    unit: "list[str]"
 
 Stiffness: TypeAlias = "float | str"
 
@@ -1215,10 +1286,12 @@ class StudySoFar(TypedDict):
     units: "dict[str, Any]"
 
 class StudyTable(TypedDict):
-    key: "str"
+    """The table of a study."""
+
     engine: "Engine"
-    units: "dict[str, str]"
+    key: "KeyText"
     table: "TableColumns"
+    units: "Units"
 
 class SubmissionWarnings(TypedDict):
     """The warnings about a result that it does not contain."""
@@ -1228,41 +1301,33 @@ class SubmissionWarnings(TypedDict):
 class Sweep(TypedDict):
     """A sweep: the outputs of a scenario for many values of some of its numbers."""
 
-    version: "NotRequired[Literal[1]]"
-    scenario: "Scenario"
-    vary: "list[Varied]"
-    design: "NotRequired[Literal['grid', 'zip', 'latin_hypercube', 'sobol']]"
-    samples: "NotRequired[int]"
-    seed: "NotRequired[int]"
-    outputs: "list[str]"
+    design: "NotRequired[Design]"
+    outputs: "list[OutputName]"
     profiles: "NotRequired[SweepProfiles]"
+    samples: "NotRequired[int]"
+    scenario: "Scenario"
+    seed: "NotRequired[int]"
+    vary: "list[Varied]"
+    version: "NotRequired[int]"
+
+SweepCurve: TypeAlias = "Literal['wear', 'worn', 'pressure', 'slip']"
 
 class SweepProfiles(TypedDict):
     """Curves of each run after its last output cycle, at radii that all runs share. They are linear between the output radii of the run, whose number is `points` of `model`."""
 
-    radius: "list[float | str] | SweepProfilesRadius2"
-    fields: "NotRequired[list[Literal['wear', 'worn', 'pressure', 'slip']]]"
-
-SweepProfilesRadius2 = TypedDict(
-    "SweepProfilesRadius2",
-    {
-        "from": "float | str",
-        "to": "float | str",
-        "count": "int",
-        "spacing": "NotRequired[Literal['linear', 'log']]",
-    },
-)
+    fields: "NotRequired[list[SweepCurve]]"
+    radius: "Radii"
 
 class SweepResult(TypedDict):
     """The result of a sweep."""
 
-    key: "str"
-    engine: "Engine"
-    sweep: "Sweep"
-    units: "dict[str, str]"
     counts: "Counts"
-    table: "TableColumns"
+    engine: "Engine"
+    key: "KeyText"
     profiles: "NotRequired[CommonCurves]"
+    sweep: "Sweep"
+    table: "TableColumns"
+    units: "Units"
 
 class Table(TypedDict):
     """A measured profile: heights over radii, evenly spaced or not. The gap is the height less that on the axis. Noise is taken off by local parabolas whose reach the points themselves decide (exact points are left as they are), and the points are joined by a monotone cubic; more than 500 points are first averaged in groups of neighbours. The table must go on beyond the scar to come, and the profile's image must rise as far. For a line contact, the radii are distances from the middle, and `length` is required."""
@@ -1275,11 +1340,13 @@ class Table(TypedDict):
 
 TableAnswer: TypeAlias = "StudyTable | Records"
 
-TableColumns: TypeAlias = "dict[str, list[float | str | None]]"
+TableColumns: TypeAlias = "dict[str, list[Cell]]"
 
 TableFields: TypeAlias = "list[str]"
 
 TableFormat: TypeAlias = "Literal['json', 'ndjson', 'csv', 'npz', 'arrow']"
+
+Tag: TypeAlias = "str"
 
 class Times(TypedDict):
     """When a job was submitted, begun and finished: RFC 3339, UTC."""
@@ -1287,6 +1354,11 @@ class Times(TypedDict):
     created: "str"
     finished: "NotRequired[str | None]"
     started: "NotRequired[str | None]"
+
+class TriangularDistribution(TypedDict):
+    high: "NumberOrText"
+    low: "NumberOrText"
+    mode: "NumberOrText"
 
 class TruncatedCone(TypedDict):
     """f = (r−b)·tan θ for r > b, flat inside. Stick ratios as for the truncated paraboloid."""
@@ -1302,14 +1374,13 @@ class TruncatedParaboloid(TypedDict):
     radius: "Length"
     flat_radius: "Length"
 
-class TwoKeys(TypedDict):
-    keys: "list[str]"
-
-class TwoSides(TypedDict):
-    a: "DiffSide"
-    b: "NotRequired[DiffSide]"
+class UniformDistribution(TypedDict):
+    high: "NumberOrText"
+    low: "NumberOrText"
 
 UnitSystem: TypeAlias = "Literal['si', 'engineering']"
+
+Units: TypeAlias = "dict[str, str]"
 
 Until: TypeAlias = "Until1 | Until2 | Until3"
 
@@ -1325,72 +1396,38 @@ class Until3(TypedDict):
 class Unworn(TypedDict):
     """The state before the first cycle."""
 
-    peak_pressure: "float | None"
-    tangential_modulus: "float | None"
-    gross_slip_amplitude: "float | None"
-    amplitude: "float | None"
-    energy_ratio: "float | None"
-    slip_ratio: "float | None"
-    normal_modulus: "float"
-    wear_coefficient: "float"
-    mean_pressure: "float"
-    stick_radius: "float"
-    tangential_force: "float"
-    energy_per_cycle: "float"
-    free_ratio: "float"
     actuator_amplitude: "NotRequired[float]"
     actuator_energy_ratio: "NotRequired[float]"
-    actuator_slip_ratio: "NotRequired[float]"
     actuator_gross_slip_amplitude: "NotRequired[float]"
+    actuator_slip_ratio: "NotRequired[float]"
+    amplitude: "float | None"
+    energy_per_cycle: "float"
+    energy_ratio: "float | None"
+    free_ratio: "float"
+    gross_slip_amplitude: "float | None"
+    mean_pressure: "float"
+    normal_modulus: "float"
+    peak_pressure: "float | None"
+    slip_ratio: "float | None"
+    stick_radius: "float"
+    tangential_force: "float"
+    tangential_modulus: "float | None"
+    wear_coefficient: "float"
 
 Up: TypeAlias = "Literal['out', 'in']"
 
 Varied = TypedDict(
     "Varied",
     {
-        "pointer": "str",
-        "values": "NotRequired[list[float | str]]",
-        "from": "NotRequired[float | str]",
-        "to": "NotRequired[float | str]",
         "count": "NotRequired[int]",
-        "spacing": "NotRequired[Literal['linear', 'log']]",
-        "distribution": "NotRequired[VariedDistribution]",
+        "distribution": "NotRequired[Distribution]",
+        "from": "NotRequired[NumberOrText]",
+        "pointer": "str",
+        "spacing": "NotRequired[Spacing]",
+        "to": "NotRequired[NumberOrText]",
+        "values": "NotRequired[list[NumberOrText]]",
     },
 )
-
-class VariedDistribution(TypedDict):
-    """The name of a distribution with its parameters, in the unit of the number."""
-
-    uniform: "NotRequired[VariedDistributionUniform]"
-    log_uniform: "NotRequired[VariedDistributionLogUniform]"
-    normal: "NotRequired[VariedDistributionNormal]"
-    lognormal: "NotRequired[VariedDistributionLognormal]"
-    triangular: "NotRequired[VariedDistributionTriangular]"
-
-class VariedDistributionLogUniform(TypedDict):
-    low: "float | str"
-    high: "float | str"
-
-class VariedDistributionLognormal(TypedDict):
-    """Of its mean and standard deviation, or of its median and the factor by which one standard deviation of the logarithm multiplies it."""
-
-    mean: "NotRequired[float | str]"
-    standard_deviation: "NotRequired[float | str]"
-    median: "NotRequired[float | str]"
-    factor: "NotRequired[float]"
-
-class VariedDistributionNormal(TypedDict):
-    mean: "float | str"
-    standard_deviation: "float | str"
-
-class VariedDistributionTriangular(TypedDict):
-    low: "float | str"
-    mode: "float | str"
-    high: "float | str"
-
-class VariedDistributionUniform(TypedDict):
-    low: "float | str"
-    high: "float | str"
 
 class VerdictAnswer(TypedDict):
     """Whether the law of a fit describes its data."""
@@ -1413,10 +1450,22 @@ Volume: TypeAlias = "float | str"
 class Warning(TypedDict):
     """A warning about a scenario. It does not prevent a run."""
 
-    kind: "str"
     detail: "str"
+    kind: "str"
 
 Wear: TypeAlias = "SpecificWearRate | Archard | EnergyWearCoefficient | BodiesAndLayers"
+
+class WearProfile(TypedDict):
+    """The measured depth of a scar."""
+
+    at: "float"
+    body: "NotRequired[int]"
+    depth: "list[MeasuredCell]"
+    noise: "NotRequired[Noise]"
+    profile: "MeasuredProfile"
+    radius: "list[NumberOrText]"
+    relative: "NotRequired[float]"
+    sigma: "NotRequired[Sigma]"
 
 WearRate: TypeAlias = "float | str"
 

@@ -338,8 +338,8 @@ class Operations:
         self,
         /,
         scenario: Scenario,
-        parameters: Mapping[str, Mapping[str, Any]] | Sequence[api.FitParametersItem],
-        tests: Sequence[api.FitTestsItem],
+        parameters: Mapping[str, Mapping[str, Any]] | Sequence[api.FitParameter],
+        tests: Sequence[api.FitTest],
         *,
         label: str | None = None,
         tags: Sequence[str] = (),
@@ -435,7 +435,7 @@ def _words(params: Mapping[str, object]) -> dict[str, str]:
     return {name: str(value).lower() if isinstance(value, bool) else str(value) for name, value in params.items()}
 
 
-def _varied(vary: Mapping[str, Any] | Sequence[str] | Sequence[api.FitParametersItem]) -> list[dict[str, Any]]:
+def _varied(vary: Mapping[str, Any] | Sequence[str] | Sequence[api.FitParameter]) -> list[dict[str, Any]]:
     """The entries of `vary` or `parameters` in the API."""
     if not isinstance(vary, Mapping):
         return [{"pointer": entry} if isinstance(entry, str) else dict(entry) for entry in vary]

@@ -178,9 +178,9 @@ class Fit(Study):
             name: (_or_nan(estimate["interval"][0]), _or_nan(estimate["interval"][1])) for name, estimate in self._parameters()
         }
 
-    def _parameters(self) -> list[tuple[str, api.FitResultParametersItem]]:
+    def _parameters(self) -> list[tuple[str, api.EstimatedParameter]]:
         # A fit without a minimum has no parameters. Its notes say why.
-        parameters: list[api.FitResultParametersItem] = self.meta.get("parameters", [])
+        parameters: list[api.EstimatedParameter] = self.meta.get("parameters", [])
         return [
             (" for ".join([each["pointer"], *([", ".join(each["for"])] if "for" in each else [])]), each) for each in parameters
         ]

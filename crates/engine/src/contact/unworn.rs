@@ -9,8 +9,8 @@ use super::limit::Limit;
 use super::profile::Shape;
 use super::reference::Series;
 
-/// The slip regime of the unworn contact.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+/// The regime of the unworn contact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, utoipa::ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Regime {
     /// Nothing slips.

@@ -8,6 +8,7 @@
 use std::array;
 
 use serde::Serialize;
+use utoipa::ToSchema;
 
 /// A quantity. Its name has the same meaning everywhere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -149,8 +150,8 @@ pub struct Member {
 /// Declares a section of a result, and the table of its numbers.
 macro_rules! section {
     ($(#[$about:meta])* $name:ident: $view:ty = $get:path; $($(#[$attribute:meta])* $member:ident: $type:ty = $meaning:literal;)+) => {
+        #[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
         $(#[$about])*
-        #[derive(Debug, Clone, PartialEq, Serialize)]
         pub struct $name {
             $(#[doc = $meaning] $(#[$attribute])* pub $member: $type,)+
         }
@@ -177,6 +178,7 @@ fn number<T: Copy + Into<Option<f64>>>(number: &T) -> Option<f64> {
 section! {
     /// The scales of the unworn contact. All results are multiples of them.
     #[derive(Copy)]
+    #[schema(as = Scales)]
     ContactScales: Option<f64> = number;
     contact_radius: f64 = "Length scale a₀: the contact radius";
     indentation_depth: f64 = "Depth scale d₀: the indentation depth, or 2F/(πE*·length) of a line contact";
@@ -185,35 +187,46 @@ section! {
 }
 
 section! {
-    /// Quantities of the unworn contact.
+    /// The state before the first cycle.
     #[derive(Copy)]
     Unworn: Option<f64> = number;
     normal_modulus: f64 = "E*";
+    #[schema(value_type = Option<f64>, required)]
     tangential_modulus: f64 = "G*; null for a line contact, where it has no meaning";
     wear_coefficient: f64 = "k_w";
+    #[schema(value_type = Option<f64>, required)]
     peak_pressure: f64 = "The largest pressure. It is infinite for a cone and at the edge of a flat: then it is null in JSON";
     mean_pressure: f64 = "F/(πa²), or F/(2a·length) of a line contact";
+    #[schema(value_type = Option<f64>, required)]
     gross_slip_amplitude: f64 = "The amplitude U of the contact at which all of it slips; null for a line contact without a reference";
     stick_radius: f64 = "The stick radius c; 0 in gross slip";
+    #[schema(value_type = Option<f64>, required)]
     amplitude: f64 = "The amplitude U; null for a line contact without a reference";
     tangential_force: f64 = "The amplitude Q of the tangential force";
     energy_per_cycle: f64 = "The energy W lost per cycle";
+    #[schema(value_type = Option<f64>, required)]
     energy_ratio: f64 = "A = W/(4QU), the energy ratio of the sliding transition. It is 0.2 for a paraboloid at the gross-slip threshold; null for a line contact without a reference";
+    #[schema(value_type = Option<f64>, required)]
     slip_ratio: f64 = "D = δ₀/U, the slip ratio: half of the loop width at Q = 0, divided by the amplitude. It is 0.26 for a paraboloid at the gross-slip threshold; null for a line contact without a reference";
     free_ratio: f64 = "B = W/(4Qδ₀), the system-free ratio; 0 if the loop is closed. It is 0.77 for a paraboloid at the gross-slip threshold. It is the same for the stroke at the actuator, because the rig is elastic";
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     actuator_amplitude: Option<f64> = "The amplitude of the actuator, U_rig = U + Q/k_rig. Only with a rig";
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     actuator_energy_ratio: Option<f64> = "The energy ratio for the stroke at the actuator, W/(4QU_rig). Only with a rig";
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     actuator_slip_ratio: Option<f64> = "The slip ratio for the stroke at the actuator, δ₀/U_rig. Only with a rig";
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     actuator_gross_slip_amplitude: Option<f64> = "The amplitude of the actuator at which the whole contact slips, `gross_slip_amplitude` + μF/k_rig. Only with a rig";
 }
 
 section! {
-    /// The limiting state of wear.
+    /// The limiting state for many cycles; null without a closed form.
     #[derive(Copy)]
+    #[schema(as = Limit)]
     LimitState: Option<f64> = number;
     contact_radius: f64 = "ã: the outer radius of the limiting profile";
     stick_radius: f64 = "The limiting stick radius c";
@@ -221,13 +234,16 @@ section! {
     wear_depth: f64 = "The largest wear depth";
     wear_depth_radius: f64 = "The radius of the largest wear depth";
     normal_force: f64 = "The limiting normal force F∞. Only the core inside c carries it";
+    #[schema(value_type = Option<f64>)]
     indentation_depth: f64 = "The limiting indentation depth d; null for a line contact";
     tangential_force: f64 = "The limiting tangential force Q∞ = 2G*U·c";
 }
 
 section! {
-    /// Columns with one entry per output cycle.
+    /// One array per quantity, all of the same length. Entry 0 is the unworn state. A run that ends early has fewer entries than
+    /// requested.
     #[derive(Default)]
+    #[schema(as = Columns)]
     History: &[f64] = Vec::as_slice;
     cycles: Vec<f64> = "Load cycles N; the first entry is 0";
     normalized_cycles: Vec<f64> = "Ñ = N/N₀";
@@ -237,7 +253,9 @@ section! {
     contact_radius: Vec<f64> = "Contact radius a. The simplified rule with held depth keeps it at a₀";
     stick_radius: Vec<f64> = "Stick radius c; 0 in gross slip";
     normal_force: Vec<f64> = "Normal force F";
+    #[schema(value_type = Vec<Option<f64>>)]
     indentation_depth: Vec<f64> = "Indentation depth d. Of a line contact it is measured against `reference_distance`, and null without it";
+    #[schema(value_type = Vec<Option<f64>>)]
     amplitude: Vec<f64> = "U, half of the peak-to-peak displacement; null for a line contact without a reference";
     tangential_force: Vec<f64> = "Amplitude Q of the tangential force";
     energy_per_cycle: Vec<f64> = "Energy W dissipated in one cycle";
@@ -246,8 +264,10 @@ section! {
     wear_volume_error: Vec<f64> = "Estimated relative error of `wear_volume` due to discretisation; 0 at cycle 0. Results of version 0.3.0 and earlier do not have it";
     #[serde(default)]
     wear_depth_error: Vec<f64> = "Estimated relative error of `wear_depth` due to discretisation; 0 at cycle 0. Results of version 0.3.0 and earlier do not have it";
+    #[schema(value_type = Vec<Option<f64>>)]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     gross_slip_amplitude: Vec<f64> = "The amplitude U at which the whole contact would slip, as it is worn at this cycle; null for a line contact without a reference. Results of version 0.4.0 and earlier do not have it";
+    #[schema(value_type = Vec<Option<f64>>)]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     actuator_gross_slip_amplitude: Vec<f64> = "The same at the actuator. Only with a rig";
 }

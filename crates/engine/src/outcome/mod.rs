@@ -11,6 +11,7 @@ mod columns;
 mod condition;
 
 use serde::Serialize;
+use utoipa::ToSchema;
 
 pub use self::columns::{
     ContactScales, History, LINE_WORDS, LimitState, Member, QUANTITIES, Quantity, ResultUnits,
@@ -75,111 +76,126 @@ impl History {
     }
 }
 
-/// Matrices with one row per output cycle with profiles, and one column per output radius.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+/// Profiles over the radius; null if none were requested. Row 0 of every matrix is the unworn state.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, ToSchema)]
+#[schema(as = Curves)]
 pub struct Profiles {
-    /// Number of cycles N of each row.
+    /// The output cycles with profiles; the first is 0.
     pub cycles: Vec<f64>,
-    /// Radius r of each column.
+    /// Distance r from the axis, or x from the middle of a line contact.
     pub radius: Vec<f64>,
-    /// Unworn profile f₀.
+    /// The unworn profile f₀ over the radius.
     pub initial: Vec<f64>,
-    /// Limiting profile f∞.
+    /// The limiting profile f∞ for many cycles; null without a closed form.
+    #[schema(value_type = Option<Vec<Option<f64>>>)]
     pub limiting: Option<Vec<f64>>,
-    /// Worn profile f = f₀ + w.
+    /// The worn profile f = f₀ + w: one row per output cycle, one column per radius.
     pub worn: Vec<Vec<f64>>,
-    /// Wear w ≥ 0.
+    /// Wear depth w at each output cycle.
     pub wear: Vec<Vec<f64>>,
-    /// Image g.
+    /// The one-dimensional image g of the profile at each output cycle.
     pub image: Vec<Vec<f64>>,
-    /// Pressure p.
+    /// Contact pressure p at each output cycle: the mean over a ring around each radius. In results with a `numerics` below 5,
+    /// the value at the radius; null where it is infinite.
+    #[schema(value_type = Vec<Vec<Option<f64>>>)]
     pub pressure: Vec<Vec<f64>>,
-    /// Amplitude of the local slip, U·s(r). The slip path per cycle is four times as long.
+    /// Amplitude of the local slip, U·s(r), at each output cycle. The slip path per cycle is four times as long.
     pub slip: Vec<Vec<f64>>,
 }
 
-/// Force–displacement loops, one per row of the profiles. A loop goes from +U to −U and back. It has a point
-/// where each spring starts to slip, so that straight lines between the points enclose W.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+/// Force–displacement loops at the output cycles of the profiles. A loop is one cycle and has a point wherever another
+/// spring starts to slip, so that straight lines between the points enclose `energy_per_cycle`. Loops may differ in their
+/// number of points. Null if no profiles were requested.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, ToSchema)]
+#[schema(as = LoopCurves)]
 pub struct Loops {
-    /// Number of cycles N of each row.
+    /// The output cycles with loops; the first is 0.
     pub cycles: Vec<f64>,
-    /// Displacement u of the contact. For a record it is the displacement of the largest loop.
+    /// Displacement u of the contact: one row per output cycle, from +U to −U and back. For a displacement record it is the
+    /// outermost loop. Null for a line contact without a reference.
+    #[schema(value_type = Vec<Vec<Option<f64>>>)]
     pub displacement: Vec<Vec<f64>>,
     /// Tangential force Q at these displacements.
     pub tangential_force: Vec<Vec<f64>>,
-    /// Energy ratio A of each loop.
+    /// A = W/(4QU) of each loop. Null for a line contact without a reference.
+    #[schema(value_type = Vec<Option<f64>>)]
     pub energy_ratio: Vec<f64>,
-    /// Slip ratio D of each loop.
+    /// D = δ₀/U of each loop. Null for a line contact without a reference.
+    #[schema(value_type = Vec<Option<f64>>)]
     pub slip_ratio: Vec<f64>,
-    /// System-free ratio B of each loop. It is 0 if the loop has no width.
+    /// B = W/(4Qδ₀) of each loop; 0 if the loop is closed. It is the same for the stroke at the actuator.
     pub free_ratio: Vec<f64>,
-    /// Energy ratio of each loop for the stroke at the actuator. Only with a rig.
+    /// W/(4QU_rig) of each loop, for the stroke at the actuator. Only with a rig.
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub actuator_energy_ratio: Option<Vec<f64>>,
-    /// Slip ratio of each loop for the stroke at the actuator. Only with a rig.
+    /// δ₀/U_rig of each loop, for the stroke at the actuator. Only with a rig.
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub actuator_slip_ratio: Option<Vec<f64>>,
 }
 
 /// The wear of one body. The first body carries the profile; the other one is the counterbody.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct BodyWear {
-    /// Share of the wear volume on this body, if the scenario has a `share`.
+    /// The part of the wear volume on this body, if the scenario has a `share`.
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub share: Option<f64>,
-    /// The largest wear depth of this body, if the scenario has a `share` or layers. Each body wears over its own length:
-    /// dw_i = dw·(k_i/ℓ_i)/Σ(k_j/ℓ_j), where ℓ is the half-length that is swept on it at the time.
+    /// Its largest wear depth at the output cycles of the history, if the scenario has a `share` or layers. Each body wears
+    /// over the half-length ℓ that is swept on it at the time: dw_i = dw·(k_i/ℓ_i)/Σ(k_j/ℓ_j).
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wear_depth: Option<Vec<f64>>,
-    /// The wear volume of this body, if the scenario has a `share` or layers.
+    /// Its wear volume at these output cycles, if the scenario has a `share` or layers.
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wear_volume: Option<Vec<f64>>,
-    /// Half of the length of the scar on this body along the motion, up to each row of the history. It is 0 without
-    /// wear. The contact does not move on the body that carries the profile, so the half-length is the largest radius x
-    /// that has slid. On the counterbody, the contact moves to both sides by the amplitude s of the local slip, so the
-    /// half-length is the largest x + s(x).
+    /// Half of the length of its scar along the motion at the output cycles of the history: the largest so far; 0 without
+    /// wear. On the body that carries the profile it is the largest radius x that has slid. On the counterbody it is the
+    /// largest x + s(x), with the amplitude s of the local slip.
     pub scar_half_length: Vec<f64>,
 }
 
-/// The simplified rule compared with an exact run.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+/// The simplified rule for the same scenario, if `compare` was requested.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct Comparison {
-    /// The parameter ξ of the simplified rule in `history`.
+    /// The ξ of `history` and `errors`, as in the scenario.
     pub xi: f64,
-    /// The history by the rule at the same output cycles. A run of the rule can end earlier, with a
-    /// different last row.
+    /// The history by the rule at the same output cycles. A run of the rule can end earlier, with a different last row.
     pub history: History,
-    /// The errors of the rule, relative to the exact run.
+    /// The errors of the rule.
     pub errors: Errors,
-    /// The ξ with the smallest error of V. `None` without wear, or if this ξ lies outside 0.1…10.
+    /// The ξ between 0.1 and 10 whose wear volumes are closest to the exact ones; null without wear, or if no minimum exists in
+    /// this range.
+    #[schema(required)]
     pub best_xi: Option<f64>,
-    /// The root mean square of the relative errors of V at `best_xi`.
+    /// The root mean square of the relative errors of the wear volume with `best_xi`.
+    #[schema(required)]
     pub best_error: Option<f64>,
 }
 
-/// The relative error rule/exact − 1 at each output cycle that both histories contain. It is 0
-/// where both values are 0.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+/// Rule/exact − 1 at each output cycle that both histories have; 0 where both are 0.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
 pub struct Errors {
-    /// Error of the wear volume V.
+    /// Of the wear volume.
     pub wear_volume: Vec<f64>,
-    /// Error of the largest wear depth.
+    /// Of the largest wear depth.
     pub wear_depth: Vec<f64>,
-    /// Error of the normal force F.
+    /// Of the normal force.
     pub normal_force: Vec<f64>,
-    /// Error of the indentation depth d.
+    /// Of the indentation depth.
     pub indentation_depth: Vec<f64>,
-    /// Error of the dissipated energy ΣW.
+    /// Of the dissipated energy.
     pub dissipated_energy: Vec<f64>,
 }
 
-/// An event of a run.
+/// An event during the run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct OutcomeEvent {
-    /// The number of cycles at the event.
+    /// The cycle of the event.
     pub cycles: f64,
-    /// The kind of the event.
+    /// What happened.
     pub kind: EventKind,
     /// The layer that is worn through.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
@@ -189,7 +205,7 @@ pub struct OutcomeEvent {
 /// A layer that is worn through.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct WornLayer {
-    /// The index of the body; 0 is that with the profile.
+    /// The index of the body; 0 is the body with the profile.
     pub body: usize,
     /// The index of the layer, from the surface inwards.
     pub layer: usize,
@@ -197,35 +213,37 @@ pub struct WornLayer {
     pub radius: f64,
 }
 
-/// Estimates of the numerical error.
-///
-/// They do not contain the errors of the theory. For a Poisson's ratio other than 0, local slip and wear vary
-/// around the ring, by ±20 % at ν = 0.42. The result is their mean around the ring, which is right.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+/// The accuracy of the numbers. It does not contain the errors of the theory. For a Poisson's ratio other than 0, local slip and
+/// wear vary around the ring, by ±20 % at ν = 0.42. The result is their mean around the ring, which is right.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
 pub struct Accuracy {
-    /// (k_w/μ)·ΣW/V − 1 at the last output cycle. `None` without wear. The exact method satisfies
-    /// dV/dN = (k_w/μ)·W at each time, so this number is the error of the time integration. The
-    /// simplified rule does not satisfy the equation.
+    /// (k_w/μ)·ΣW/V − 1 at the last output cycle: the mismatch of wear volume and dissipated energy. The exact method satisfies
+    /// dV/dN = (k_w/μ)·W at each time; the mismatch is the error of the sum over time. Null without wear.
     pub energy_mismatch: Option<f64>,
-    /// The largest estimate of the relative discretisation error of V over the history. `None`
-    /// without wear. For the closed form of the simplified rule, the estimate is the difference
-    /// between the volumes of the computed profile and of its image. It is usually a few times too
-    /// large, but too small for blunt profiles in gross slip. Otherwise the estimate comes from a
-    /// second run with half as many cells.
+    /// The largest `wear_volume_error` of the history: the largest estimated relative error of the wear volume due to
+    /// discretisation. For the closed form of the simplified rule it is the difference between the volume of the computed
+    /// profile and that of its image, usually a few times too large, but too small for blunt profiles in gross slip. Otherwise
+    /// it follows from a run with half the cells; for the exact method it is at least `energy_mismatch`. Null without wear.
+    /// Above 0.02 there is the warning `numerical_error`.
     pub numerical_error: Option<f64>,
-    /// The same for the largest wear depth. Results of version 0.3 and earlier do not have it.
+    /// The largest `wear_depth_error` of the history. Null without wear. Above 0.02 there is the warning `numerical_error`.
+    /// Results of version 0.3.0 and earlier do not have it.
     pub wear_depth_error: Option<f64>,
-    /// The largest relative error of V to expect over the history, compared with the exact method.
-    /// It is 0 for the exact method. `None` if the simplified rule was not compared with the exact
-    /// method for such a contact.
+    /// The largest relative error of the wear volume that is expected because of the simplified rule, compared with the exact
+    /// method. It follows from a table of runs of the exact method with the same held quantities, exponent of the profile and
+    /// stick ratio. 0 for the exact method. Null, with the warning `model_error_unknown`, if the table contains no such
+    /// contact. Above 0.1 there is the warning `model_error`.
     pub model_error: Option<f64>,
-    /// Number of mesh cells of the time integration.
+    /// Number of cells of the mesh, if the run has time steps. Only the simplified rule with held depth and amplitude has none.
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cells: Option<usize>,
-    /// Number of time steps, of both runs together.
+    /// Number of time steps of both runs together, if the run has any.
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub steps: Option<usize>,
-    /// Number of evaluations of the wear rate, of both runs together.
+    /// Number of evaluations of the wear rate in both runs together, if the run has time steps.
+    #[schema(nullable = false)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evaluations: Option<usize>,
 }

@@ -31,6 +31,7 @@ use std::borrow::Cow;
 
 use serde::Serialize;
 use serde_json::Value;
+use utoipa::ToSchema;
 
 use crate::case::{self, Case, Method, Scales};
 use crate::contact;
@@ -71,12 +72,12 @@ pub const MAX_ANSWER: usize = 64_000_000;
 const MOST_INTERPOLATED: f64 = 0.1;
 const MOST_WIDENED: f64 = 0.012;
 
-/// A warning about the validity of the model. It does not prevent the run.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+/// A warning about a scenario. It does not prevent a run.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
 pub struct Warning {
-    /// The kind of the warning, for programs.
+    /// A stable code for programs.
     pub kind: Cow<'static, str>,
-    /// A sentence for people.
+    /// A sentence for the user.
     pub detail: String,
 }
 

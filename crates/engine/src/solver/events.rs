@@ -1,6 +1,7 @@
 //! Events of a run, and the condition that ends it.
 
 use serde::Serialize;
+use utoipa::ToSchema;
 
 /// Contact is lost when the normal force is below this share of its initial value. A mesh does not
 /// resolve the decay of much smaller forces.
@@ -9,8 +10,12 @@ pub const LOST: f64 = 3e-3;
 /// contact at the same amplitude. A mesh does not resolve the decay of much smaller energies.
 pub const SHAKEN: f64 = 1e-2;
 
-/// The kind of an event.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+/// `gross_slip`: the whole contact begins to slip. `contact_lost`: the normal force is below 0.3 % of its first value. `shakedown`:
+/// the energy per cycle is below 1 % of its first value; in blocks, of the value of the unworn contact at the amplitude of the
+/// block. `until_reached`: the stop condition is met. `rim_reached`: the scar has reached the rim of the indenter.
+/// `contact_splits`: a ring outside the contact would carry more than 0.1 % of the normal force. `energy_not_reached`: the run
+/// ended before it reached the next energy. `layer_worn_through`: a layer of a body is worn through at one place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
     /// The whole contact begins to slip.

@@ -14,6 +14,7 @@ use utoipa::ToSchema;
 
 use crate::http::access::caller::Caller;
 use crate::http::answer::stored;
+use crate::http::api::documents;
 use crate::http::app::App;
 use crate::http::memory::Encoded;
 use crate::http::problem::{Problem, Result, kinds};
@@ -69,7 +70,7 @@ pub struct JobAnswer {
     recomputed: Option<Recomputed>,
     /// Warnings about the validity of the model, and about a result that differs from an earlier one: a list of `{kind,
     /// detail}`.
-    #[schema(value_type = Vec<schemas::Warning>)]
+    #[schema(value_type = Vec<documents::Warning>)]
     warnings: Value,
     /// Why it failed; null unless it did.
     error: Option<JobError>,

@@ -1,0 +1,129 @@
+//! What requests and answers contain, for the OpenAPI document. The program reads and writes these documents as tables and as
+//! stored bytes, so these types have no values. The engine has the types of the sections of a run.
+
+#![expect(
+    dead_code,
+    clippy::struct_field_names,
+    clippy::zero_sized_map_values,
+    reason = "the document needs only the types"
+)]
+
+mod bodies;
+mod evaluated;
+mod fits;
+mod measured;
+mod parts;
+mod runs;
+mod studies;
+
+use utoipa::OpenApi;
+
+use self::bodies::{EvaluateBody, JobBody, Naming};
+pub use self::evaluated::Evaluated;
+pub use self::measured::Measured;
+pub use self::parts::JobEvent;
+use self::parts::{Histogram, History, Loops, Profiles, Records, Statistics, StudyTable};
+pub use self::runs::Preview;
+use super::keys::KeyBody;
+use super::library::NoteBody;
+pub use fretwork_engine::outcome::History as Columns;
+pub use fretwork_engine::scenario::Warning;
+
+/// All types that no route names.
+#[derive(OpenApi)]
+#[openapi(components(schemas(
+    runs::RunResult,
+    studies::SweepResult,
+    studies::SensitivityResult,
+    studies::MapResult,
+    studies::FitResult,
+    History,
+    Profiles,
+    Loops,
+    StudyTable,
+    Statistics,
+    Histogram,
+    Records,
+    JobBody,
+    Naming,
+    EvaluateBody,
+    NoteBody,
+    KeyBody,
+    bodies::KeysToCompare,
+    bodies::NumberList,
+    bodies::NumberRange,
+    bodies::SidesToCompare,
+    fits::MeasuredPoints,
+    fits::WearProfile,
+    fits::EstimatedNoise,
+    fits::RelativeNoise,
+)))]
+pub struct Documents;
+
+/// Objects that have no other members.
+pub const CLOSED: [&str; 29] = [
+    "JobBody",
+    "Naming",
+    "EvaluateBody",
+    "NoteBody",
+    "KeyBody",
+    "DiffSide",
+    "KeysToCompare",
+    "SidesToCompare",
+    "Sweep",
+    "SweepProfiles",
+    "NumberRange",
+    "Varied",
+    "Distribution",
+    "UniformDistribution",
+    "NormalDistribution",
+    "LognormalDistribution",
+    "TriangularDistribution",
+    "Sensitivity",
+    "FrettingMap",
+    "Axis",
+    "Fit",
+    "FitParameter",
+    "FitTest",
+    "MeasuredPoints",
+    "WearProfile",
+    "RelativeNoise",
+    "CommonCurves",
+    "StatisticsColumns",
+    "HistogramColumns",
+];
+
+/// Types of which a document has one, by the name of the choice, and what it means.
+pub const EITHER: [(&str, &str, &[&str]); 12] = {
+    const BOTH: &str = "In columns, or in rows with `layout=records`.";
+    const NOISE: &str = "`estimate`: the noise is estimated from the scatter of the set. `sigma` and `relative` then say only how it \
+        changes from number to number. An object takes the place of `sigma` and `relative`: noise that is a share of the true \
+        number. Without `relative`, this share is estimated. `lognormal` is for numbers that scatter by factors: `relative` is \
+        then the standard deviation of their logarithms.";
+    [
+        (
+            "Result",
+            "The result of a run or of a study.",
+            &["RunResult", "SweepResult", "SensitivityResult", "MapResult", "FitResult"],
+        ),
+        ("HistoryAnswer", BOTH, &["History", "Records"]),
+        ("ProfilesAnswer", BOTH, &["Profiles", "Records"]),
+        ("EitherCurves", "Of a run, or of a sweep.", &["Curves", "CommonCurves"]),
+        ("LoopsAnswer", BOTH, &["Loops", "Records"]),
+        ("TableAnswer", BOTH, &["StudyTable", "Records"]),
+        ("StatisticsAnswer", BOTH, &["Statistics", "Records"]),
+        ("HistogramAnswer", BOTH, &["Histogram", "Records"]),
+        ("DiffBody", "The results or scenarios to compare.", &["KeysToCompare", "SidesToCompare"]),
+        (
+            "MeasuredSet",
+            "Measured numbers, or the measured profile of a scar.",
+            &["MeasuredPoints", "WearProfile"],
+        ),
+        (
+            "Radii",
+            "The radii, ascending from 0 or more: a list, or a range.",
+            &["NumberList", "NumberRange"],
+        ),
+        ("Noise", NOISE, &["EstimatedNoise", "RelativeNoise"]),
+    ]
+};

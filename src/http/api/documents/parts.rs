@@ -1,0 +1,114 @@
+//! The parts of a result, each of which an answer can have.
+
+use std::collections::BTreeMap;
+
+use utoipa::ToSchema;
+
+use crate::http::wire::schemas::{
+    Cell, EitherCurves, HistogramColumns, KeyText, StatisticsColumns,
+};
+use fretwork_engine::outcome::{History as Columns, Loops as LoopCurves};
+
+/// The engine that computed the result.
+#[derive(ToSchema)]
+pub struct Engine {
+    #[schema(example = "fretwork")]
+    name: String,
+    /// The version of the numbers.
+    #[schema(minimum = 1)]
+    numerics: u32,
+}
+
+/// The unit of every quantity or column of numbers, by its name; "1" where it has none.
+#[derive(ToSchema)]
+#[schema(example = json!({"wear_volume": "m^3", "contact_radius": "m"}))]
+pub struct Units(BTreeMap<String, String>);
+
+/// The columns, by their names: those of the numbers that vary (JSON pointers), those of the outputs, and `reason`.
+#[derive(ToSchema)]
+pub struct TableColumns(BTreeMap<String, Vec<Cell>>);
+
+/// One of the events that follow a job.
+#[derive(ToSchema)]
+pub struct JobEvent {
+    /// The kind of event: the current job, a change of its state, or its progress.
+    event: JobEventKind,
+    /// The number of a change of state, for `Last-Event-ID`. Other events have none.
+    #[schema(value_type = String, required = false, pattern = "^[1-9][0-9]*$")]
+    id: Option<String>,
+    /// `snapshot`: the job. `state`: `{state, attempt, at}`, the last with the `job`. `progress`: `{progress, attempt}`.
+    #[schema(content_media_type = "application/json")]
+    data: String,
+}
+
+#[derive(ToSchema)]
+#[schema(rename_all = "lowercase")]
+pub enum JobEventKind {
+    Snapshot,
+    State,
+    Progress,
+}
+
+/// The history of a result.
+#[derive(ToSchema)]
+pub struct History {
+    key: KeyText,
+    engine: Engine,
+    units: Units,
+    history: Columns,
+}
+
+/// The profiles of a result.
+#[derive(ToSchema)]
+pub struct Profiles {
+    key: KeyText,
+    engine: Engine,
+    units: Units,
+    profiles: EitherCurves,
+}
+
+/// The force–displacement loops of a result.
+#[derive(ToSchema)]
+pub struct Loops {
+    key: KeyText,
+    engine: Engine,
+    units: Units,
+    loops: LoopCurves,
+}
+
+/// The table of a study.
+#[derive(ToSchema)]
+pub struct StudyTable {
+    key: KeyText,
+    engine: Engine,
+    units: Units,
+    table: TableColumns,
+}
+
+/// Statistics of a study, in columns: one row per output.
+#[derive(ToSchema)]
+pub struct Statistics {
+    key: KeyText,
+    engine: Engine,
+    units: Units,
+    statistics: StatisticsColumns,
+}
+
+/// Distributions of the outputs of a study, in columns.
+#[derive(ToSchema)]
+pub struct Histogram {
+    key: KeyText,
+    engine: Engine,
+    units: Units,
+    histogram: HistogramColumns,
+}
+
+/// A table in rows: one object per output cycle, or per output cycle and point.
+#[derive(ToSchema)]
+pub struct Records {
+    key: KeyText,
+    engine: Engine,
+    units: Units,
+    /// The rows. Each has all columns; a number that is infinite or not defined is null.
+    records: Vec<BTreeMap<String, Cell>>,
+}
