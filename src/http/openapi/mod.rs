@@ -62,7 +62,6 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
     let mut document = serde_json::to_value(document).expect("an OpenAPI document");
     let mut shared: Value = parsed(SHARED);
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
-        adopt(schemas, SCHEMA, "Scenario");
         for name in ["Columns", "Scales", "Unworn", "Limit", "Curves", "LoopCurves", "BodyWear"] {
             add_units(&mut schemas[name]);
         }
@@ -75,6 +74,10 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
         ] {
             schemas[name]["required"] = json!(required);
         }
+        for (name, meaning) in schemas::MEANINGS {
+            schemas[*name]["description"] = json!(meaning.trim());
+        }
+        adopt(schemas, SCHEMA, "Scenario");
         for name in CLOSED {
             schemas[name]["additionalProperties"] = json!(false);
         }
@@ -150,9 +153,9 @@ fn adopt(schemas: &mut Map<String, Value>, file: &str, name: &str) {
 fn add_units(schema: &mut Value) {
     for (name, member) in schema["properties"].as_object_mut().into_iter().flatten() {
         let unit = Quantity::named(name).map_or("1", |quantity| quantity.unit);
-        if let (Some(text), true) = (member["description"].as_str(), unit != "1") {
-            member["description"] = format!("{}. Unit: {unit}.", text.trim_end_matches('.')).into();
-        }
+        let unit = if unit == "1" { String::new() } else { format!(" Unit: {unit}.") };
+        let meaning = member["description"].as_str().unwrap_or_default().trim_end_matches('.');
+        member["description"] = format!("{meaning}.{unit}").into();
     }
 }
 

@@ -17,9 +17,9 @@ use fretwork_store::{Act as StoredAct, Role as StoredRole, Search};
 
 /// Declares types that exist only in the document. `openapi` replaces those whose schema is in a file.
 macro_rules! documented {
-    ($($(#[$about:meta])* $name:ident $words:expr;)*) => {
+    ($(#[doc = $about:literal] $name:ident $words:expr;)*) => {
         $(
-            $(#[$about])*
+            #[doc = $about]
             pub enum $name {}
 
             impl PartialSchema for $name {
@@ -30,6 +30,9 @@ macro_rules! documented {
 
             impl ToSchema for $name {}
         )*
+
+        /// What these types mean, by their names.
+        pub const MEANINGS: &[(&str, &str)] = &[$((stringify!($name), $about)),*];
 
         /// All these types, by their names.
         pub fn all() -> Vec<(String, RefOr<Schema>)> {
@@ -146,7 +149,7 @@ documented! {
     File Schema::from(ObjectBuilder::new().schema_type(Type::String).format(Some(
         SchemaFormat::KnownFormat(KnownFormat::Binary),
     )).build());
-    /// The key of a result.
+    /// The key of a result: SHA-256 of the engine's name, its numerics and the canonical scenario.
     KeyText ObjectBuilder::new()
         .schema_type(Type::String)
         .pattern(Some("^[0-9a-f]{64}$"))

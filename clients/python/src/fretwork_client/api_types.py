@@ -1242,6 +1242,8 @@ class Statistics(TypedDict):
 StatisticsAnswer: TypeAlias = "Statistics | Records"
 
 class StatisticsColumns(TypedDict):
+    """The columns of the statistics of a study."""
+
     maximum: "list[float | None]"
     mean: "list[float | None]"
     median: "list[float | None]"

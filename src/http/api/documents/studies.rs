@@ -14,9 +14,9 @@ pub struct Counts {
     /// Its points, each with a row.
     #[schema(minimum = 1)]
     points: u64,
-    /// MeasuredPoints whose scenario is not valid. They have no outputs.
+    /// Points whose scenario is not valid. They have no outputs.
     refused: u64,
-    /// MeasuredPoints that lack an output.
+    /// Points that lack an output.
     incomplete: u64,
 }
 
