@@ -554,7 +554,7 @@ async fn the_outline_table_has_a_column_for_each_searchable_value() {
         .chain(SCALARS.iter().map(|scalar| scalar.name));
     assert_eq!(columns, known.map(str::to_owned).collect::<HashSet<_>>());
     // The schema of the engine has all shapes that users can search by.
-    let schema: Value = serde_json::from_str(fretwork_engine::scenario::SCHEMA).unwrap();
+    let schema: Value = serde_json::from_str(&fretwork_engine::scenario::SCHEMA).unwrap();
     let schema = schema.to_string();
     let shapes = WORDS.iter().find(|word| word.name == "shape").unwrap();
     for shape in shapes.values {

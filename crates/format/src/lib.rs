@@ -44,7 +44,6 @@ pub use kind::{Format, Part};
 pub use law::{Verdict, is_in_verdict};
 use out::Out;
 pub use quantity::{QUANTITIES, Quantity};
-pub use statistics::summary_columns;
 pub use table::missing_cycles;
 pub use view::{FigureOptions, StudyOptions, View};
 

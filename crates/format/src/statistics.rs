@@ -39,12 +39,6 @@ pub fn table(document: &Document<'_>, part: Part) -> Result<Table> {
     Ok(Table::of_outputs(part, columns))
 }
 
-/// The columns of [`Part::Statistics`] or [`Part::Histogram`], and whether they have texts.
-pub fn summary_columns(part: Part) -> Vec<(String, bool)> {
-    let columns = if part == Part::Histogram { histogram(&[]) } else { statistics(&[]) };
-    columns.into_iter().map(|(name, values)| (name, matches!(values, Values::Texts(_)))).collect()
-}
-
 /// The outputs of a study. A column whose name is a JSON pointer is a number that varies.
 fn outputs(document: &Document<'_>, part: Part) -> Result<Vec<Output>> {
     let kind = match document.kind() {

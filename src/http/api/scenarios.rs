@@ -278,7 +278,7 @@ pub async fn example(name: Segment, _: NoQuery) -> Result<Response> {
         content((serde_json::Value = "application/schema+json")))),
 )]
 pub async fn schema(_: NoQuery) -> Response {
-    ([(CONTENT_TYPE, "application/schema+json")], SCHEMA).into_response()
+    ([(CONTENT_TYPE, "application/schema+json")], SCHEMA.as_str()).into_response()
 }
 
 #[cfg(test)]

@@ -77,9 +77,18 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
         for (name, meaning) in schemas::MEANINGS {
             schemas[*name]["description"] = json!(meaning.trim());
         }
-        adopt(schemas, SCHEMA, "Scenario");
+        adopt(schemas, &SCHEMA, "Scenario");
         for name in CLOSED {
             schemas[name]["additionalProperties"] = json!(false);
+        }
+        let choices = schemas.values_mut().filter_map(|schema| schema.get_mut("oneOf"));
+        for choice in choices.filter_map(Value::as_array_mut).flatten() {
+            // Generators take a reference with a description for an object without a name.
+            if let Value::Object(members) = choice
+                && members.contains_key("$ref")
+            {
+                members.retain(|name, _| name == "$ref");
+            }
         }
         for (name, description, of) in EITHER {
             let of: Vec<_> =
@@ -162,14 +171,12 @@ fn add_units(schema: &mut Value) {
 /// Changes references within a schema file to references to the components.
 fn redirect(schema: &mut Value) {
     match schema {
-        Value::Object(members) => {
-            if let Some(Value::String(target)) = members.get_mut("$ref")
-                && let Some(name) = target.strip_prefix("#/$defs/")
-            {
+        Value::String(target) => {
+            if let Some(name) = target.strip_prefix("#/$defs/") {
                 *target = format!("#/components/schemas/{name}");
             }
-            members.values_mut().for_each(redirect);
         }
+        Value::Object(members) => members.values_mut().for_each(redirect),
         Value::Array(items) => items.iter_mut().for_each(redirect),
         _ => {}
     }

@@ -2,15 +2,15 @@
 
 use serde::Serialize;
 use serde_json::Map;
-use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{
     ArrayBuilder, KnownFormat, ObjectBuilder, OneOfBuilder, Schema, SchemaFormat, SchemaType, Type,
 };
+use utoipa::openapi::{Ref, RefOr};
 use utoipa::{PartialSchema, ToSchema};
 
 use super::include::Include as Included;
 use fretwork_engine::outcome::{History, Loops, Profiles};
-use fretwork_format::{FigureOptions, Part, QUANTITIES, StudyFigure, summary_columns};
+use fretwork_format::{FigureOptions, Part, QUANTITIES, StudyFigure};
 use fretwork_job as job;
 use fretwork_measured::{Prepare as Preparation, Up as Upwards};
 use fretwork_store::{Act as StoredAct, Role as StoredRole, Search};
@@ -60,24 +60,6 @@ fn columns(table: &impl Serialize) -> Schema {
 /// A value of one of these types.
 fn of_types<const N: usize>(types: [Type; N]) -> Schema {
     ObjectBuilder::new().schema_type(SchemaType::from_iter(types)).build().into()
-}
-
-/// The columns of a table over the outputs of a study.
-fn columns_of(part: Part) -> Schema {
-    let column = |(name, is_text): (String, bool)| {
-        let cell = if is_text {
-            Type::String.into()
-        } else {
-            SchemaType::from_iter([Type::Number, Type::Null])
-        };
-        let cell = ObjectBuilder::new().schema_type(cell);
-        (name, ArrayBuilder::new().items(cell).build())
-    };
-    let columns = summary_columns(part).into_iter().map(column);
-    let table = columns.fold(ObjectBuilder::new(), |table, (name, column)| {
-        table.required(name.clone()).property(name, column)
-    });
-    table.build().into()
 }
 
 fn kept_in_a_file() -> Schema {
@@ -161,10 +143,10 @@ documented! {
     /// A number in SI, a text with a unit, or null.
     MeasuredCell of_types([Type::Number, Type::String, Type::Null]);
     /// The standard deviation of the noise, or one for each number.
-    Sigma Schema::from(OneOfBuilder::new()
-        .item(NumberOrText::schema())
-        .item(ArrayBuilder::new().items(NumberOrText::schema()))
-        .build());
+    Sigma ArrayBuilder::new()
+        .schema_type(SchemaType::from_iter([Type::Number, Type::String, Type::Array]))
+        .items(NumberOrText::schema())
+        .build();
     /// Numbers: a list, or a range.
     Radii kept_in_a_file();
     /// The name of an output.
@@ -181,16 +163,15 @@ documented! {
         .build();
     /// A set of measured numbers.
     MeasuredSet kept_in_a_file();
-    /// The noise of measured numbers.
-    Noise kept_in_a_file();
+    /// `estimate`: the noise is estimated from the scatter of the set. `sigma` and `relative` then say only how it changes from number to number. An object takes the place of `sigma` and `relative`: noise that is a share of the true number. Without `relative`, this share is estimated. `lognormal` is for numbers that scatter by factors: `relative` is then the standard deviation of their logarithms.
+    Noise Schema::from(OneOfBuilder::new()
+        .item(ObjectBuilder::new().schema_type(Type::String).pattern(Some("^estimate$")))
+        .item(Ref::from_schema_name("RelativeNoise"))
+        .build());
     /// A cell of a table; null where a number is infinite or not defined.
     Cell of_types([Type::Number, Type::String, Type::Null]);
     /// The curves of a run, or of a sweep.
     EitherCurves kept_in_a_file();
-    /// The columns of the statistics of a study.
-    StatisticsColumns columns_of(Part::Statistics);
-    /// The columns of the histograms of a study.
-    HistogramColumns columns_of(Part::Histogram);
     /// What becomes of two columns of a file.
     Prepare words(Preparation::NAMES.map(|(name, _)| name));
     /// Where the heights of a trace point.

@@ -32,10 +32,10 @@ class Accuracy(TypedDict):
 
 Act: TypeAlias = "Literal['add_key', 'revoke_key', 'use_key', 'cancel_job', 'delete_job', 'delete_result']"
 
-class Archard(TypedDict):
+class ArchardWear(TypedDict):
     coefficient: "float | ChangeTable | RunIn"
     hardness: "Stress"
-    share: "NotRequired[float]"
+    share: "NotRequired[Share]"
 
 class AuditEntry(TypedDict):
     """Equal acts of one day (UTC)."""
@@ -69,26 +69,18 @@ Axis = TypedDict(
 class Block(TypedDict):
     """A stretch of cycles of one amplitude."""
 
-    amplitude: "float | str"
-    cycles: "float"
+    amplitude: "Stroke"
+    cycles: "BlockCycles"
 
-class Blocks(TypedDict):
-    blocks: "list[Block | ForceBlock]"
-    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
-    rig_stiffness: "NotRequired[StiffnessOrPerLength]"
-    reference_distance: "NotRequired[Length]"
-    loop_stiffness: "NotRequired[StiffnessOrPerLength]"
+BlockCycles: TypeAlias = "float"
 
-class BodiesAndLayers(TypedDict):
-    """The wear coefficients of each body. Bodies without layers are the same as `coefficient` with `share`."""
-
-    bodies: "list[WornBody]"
+BlockForce: TypeAlias = "float | str"
 
 class Body(TypedDict):
     """One isotropic elastic body."""
 
     youngs_modulus: "Stress"
-    poisson_ratio: "float"
+    poisson_ratio: "PoissonRatio"
     yield_strength: "NotRequired[Stress]"
 
 class BodySum(TypedDict):
@@ -104,37 +96,6 @@ class BodyWear(TypedDict):
     share: "NotRequired[float]"
     wear_depth: "NotRequired[list[float]]"
     wear_volume: "NotRequired[list[float]]"
-
-class ByAmplitude(TypedDict):
-    amplitude: "Length"
-    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
-    rig_stiffness: "NotRequired[StiffnessOrPerLength]"
-    reference_distance: "NotRequired[Length]"
-    loop_stiffness: "NotRequired[StiffnessOrPerLength]"
-
-class ByDepth(TypedDict):
-    """Only for a round contact."""
-
-    indentation_depth: "Length"
-    held: "NotRequired[Literal['depth', 'force']]"
-
-class ByForce(TypedDict):
-    normal_force: "ForceOrPerLength"
-    held: "NotRequired[Literal['force', 'depth']]"
-
-class ByStickRatio(TypedDict):
-    stick_ratio: "float"
-    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
-    rig_stiffness: "NotRequired[StiffnessOrPerLength]"
-    reference_distance: "NotRequired[Length]"
-    loop_stiffness: "NotRequired[StiffnessOrPerLength]"
-
-class ByTangentialForce(TypedDict):
-    tangential_force: "ForceOrPerLength"
-    held: "NotRequired[Literal['tangential_force', 'amplitude']]"
-    rig_stiffness: "NotRequired[StiffnessOrPerLength]"
-    reference_distance: "NotRequired[Length]"
-    loop_stiffness: "NotRequired[StiffnessOrPerLength]"
 
 class CallerLimits(TypedDict):
     """The limits of a key; null is no limit."""
@@ -275,7 +236,7 @@ class Curves(TypedDict):
     wear: "NotRequired[list[list[float]]]"
     worn: "NotRequired[list[list[float]]]"
 
-Cycles: TypeAlias = "Instants | Range | Normalized | DissipatedEnergy"
+Cycles: TypeAlias = "Instants | Range | NormalizedCycles | EnergyCycles"
 
 class Cylinder(TypedDict):
     """A line contact: f = x²/(2R), a cylinder whose axis lies across the motion."""
@@ -326,8 +287,7 @@ class DiffSide(TypedDict):
     key: "NotRequired[KeyText]"
     scenario: "NotRequired[Scenario]"
 
-class DissipatedEnergy(TypedDict):
-    dissipated_energy: "Energies | EnergyRange"
+DissipatedEnergy: TypeAlias = "float | str"
 
 class Distribution(TypedDict):
     """The name of a distribution with its parameters, in the unit of the number."""
@@ -340,9 +300,10 @@ class Distribution(TypedDict):
 
 EitherCurves: TypeAlias = "Curves | CommonCurves"
 
-Energies: TypeAlias = "list[Energy]"
+Energies: TypeAlias = "list[DissipatedEnergy]"
 
-Energy: TypeAlias = "float | str"
+class EnergyCycles(TypedDict):
+    dissipated_energy: "Energies | EnergyRange"
 
 class EnergyLine(TypedDict):
     energy_coefficient: "float | None"
@@ -354,16 +315,14 @@ class EnergyLine(TypedDict):
 EnergyRange = TypedDict(
     "EnergyRange",
     {
-        "from": "Energy",
-        "to": "Energy",
+        "from": "DissipatedEnergy",
+        "to": "DissipatedEnergy",
         "count": "int",
         "spacing": "NotRequired[Literal['log', 'linear']]",
     },
 )
 
-class EnergyWearCoefficient(TypedDict):
-    energy_coefficient: "float | str"
-    share: "NotRequired[float]"
+EnergyWear: TypeAlias = "float | str"
 
 class Engine(TypedDict):
     """The engine that computed the result."""
@@ -379,8 +338,6 @@ class Errors(TypedDict):
     normal_force: "list[float]"
     wear_depth: "list[float]"
     wear_volume: "list[float]"
-
-EstimatedNoise: TypeAlias = "Literal['estimate']"
 
 EstimatedParameter = TypedDict(
     "EstimatedParameter",
@@ -435,6 +392,8 @@ class ExampleAnswer(TypedDict):
     body: "dict[str, Any]"
     label: "str"
     name: "str"
+
+Exponent: TypeAlias = "float"
 
 File: TypeAlias = "str"
 
@@ -516,10 +475,8 @@ Force: TypeAlias = "float | str"
 class ForceBlock(TypedDict):
     """A stretch of cycles of one amplitude of the tangential force."""
 
-    tangential_force: "float | str"
-    cycles: "float"
-
-ForceOrPerLength: TypeAlias = "Force | str"
+    tangential_force: "BlockForce"
+    cycles: "BlockCycles"
 
 class FrettingMap(TypedDict):
     """A map over normal force and amplitude. Its scenario has both."""
@@ -529,6 +486,8 @@ class FrettingMap(TypedDict):
     outputs: "NotRequired[list[OutputName]]"
     scenario: "Scenario"
     version: "NotRequired[int]"
+
+Friction: TypeAlias = "float"
 
 Geometry: TypeAlias = "Literal['round', 'line']"
 
@@ -540,25 +499,14 @@ class Health(TypedDict):
 Height: TypeAlias = "float | str"
 
 class Histogram(TypedDict):
-    """Distributions of the outputs of a study, in columns."""
+    """Distributions of the outputs of a study, in columns with one row per bin: `output`, `unit`, `from`, `to` and `points`."""
 
     engine: "Engine"
-    histogram: "HistogramColumns"
+    histogram: "TableColumns"
     key: "KeyText"
     units: "Units"
 
 HistogramAnswer: TypeAlias = "Histogram | Records"
-
-HistogramColumns = TypedDict(
-    "HistogramColumns",
-    {
-        "from": "list[float | None]",
-        "output": "list[str]",
-        "points": "list[float | None]",
-        "to": "list[float | None]",
-        "unit": "list[str]",
-    },
-)
 
 class History(TypedDict):
     """The history of a result."""
@@ -584,7 +532,9 @@ Import = TypedDict(
 
 Include: TypeAlias = "list[Literal['result', 'scenario', 'submitted']]"
 
-Instants: TypeAlias = "list[float]"
+Instant: TypeAlias = "float"
+
+Instants: TypeAlias = "list[Instant]"
 
 class Job(TypedDict):
     """A job: one submission and its progress."""
@@ -713,7 +663,17 @@ class Links(TypedDict):
 
 ListFormat: TypeAlias = "Literal['json', 'csv']"
 
-Load: TypeAlias = "ByForce | ByDepth"
+Load: TypeAlias = "LoadByForce | LoadByDepth"
+
+class LoadByDepth(TypedDict):
+    """Only for a round contact."""
+
+    indentation_depth: "Length"
+    held: "NotRequired[Literal['depth', 'force']]"
+
+class LoadByForce(TypedDict):
+    normal_force: "Force"
+    held: "NotRequired[Literal['force', 'depth']]"
 
 class LognormalDistribution(TypedDict):
     """Of its mean and standard deviation, or of its median and the factor by which one standard deviation of the logarithm multiplies it."""
@@ -823,14 +783,23 @@ class MeasuredPoints(TypedDict):
 
 MeasuredProfile: TypeAlias = "Literal['wear']"
 
+class MeasuredProfileTable(TypedDict):
+    """A measured profile: heights over radii, evenly spaced or not. The gap is the height less that on the axis. Noise is taken off by local parabolas whose reach the points themselves decide (exact points are left as they are), and the points are joined by a monotone cubic; more than 500 points are first averaged in groups of neighbours. The table must go on beyond the scar to come, and the profile's image must rise as far. For a line contact, the radii are distances from the middle, and `length` is required."""
+
+    shape: "Literal['table']"
+    radius: "list[Radius]"
+    height: "list[Height]"
+    geometry: "NotRequired[Geometry]"
+    length: "NotRequired[Length]"
+
 MeasuredSet: TypeAlias = "MeasuredPoints | WearProfile"
 
 class Model(TypedDict):
     """How wear is computed."""
 
     method: "NotRequired[Literal['exact', 'simplified']]"
-    xi: "NotRequired[Literal['auto'] | float]"
-    tolerance: "NotRequired[float]"
+    xi: "NotRequired[Literal['auto'] | Xi]"
+    tolerance: "NotRequired[Tolerance]"
     compare: "NotRequired[bool]"
     points: "NotRequired[int]"
 
@@ -840,7 +809,41 @@ class Moduli(TypedDict):
     normal: "Stress"
     tangential: "NotRequired[Stress]"
 
-Motion: TypeAlias = "ByAmplitude | ByStickRatio | ByTangentialForce | Blocks | Reversals | Sliding"
+Motion: TypeAlias = "MotionByAmplitude | MotionByStickRatio | MotionByForce | MotionInBlocks | MotionRecord | SlidingMotion"
+
+class MotionByAmplitude(TypedDict):
+    amplitude: "Length"
+    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
+    rig_stiffness: "NotRequired[Stiffness]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[Stiffness]"
+
+class MotionByForce(TypedDict):
+    tangential_force: "TangentialForce"
+    held: "NotRequired[Literal['tangential_force', 'amplitude']]"
+    rig_stiffness: "NotRequired[Stiffness]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[Stiffness]"
+
+class MotionByStickRatio(TypedDict):
+    stick_ratio: "StickRatio"
+    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
+    rig_stiffness: "NotRequired[Stiffness]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[Stiffness]"
+
+class MotionInBlocks(TypedDict):
+    blocks: "list[Block | ForceBlock]"
+    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
+    rig_stiffness: "NotRequired[Stiffness]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[Stiffness]"
+
+class MotionRecord(TypedDict):
+    """Only for a round contact."""
+
+    reversals: "list[Position]"
+    held: "NotRequired[Literal['amplitude']]"
 
 class Naming(TypedDict):
     """A change of the label and the tags of a job."""
@@ -848,7 +851,7 @@ class Naming(TypedDict):
     label: "NotRequired[str | None]"
     tags: "NotRequired[list[Tag]]"
 
-Noise: TypeAlias = "EstimatedNoise | RelativeNoise"
+Noise: TypeAlias = "str | RelativeNoise"
 
 NoiseKind: TypeAlias = "Literal['normal', 'lognormal']"
 
@@ -856,7 +859,7 @@ class NormalDistribution(TypedDict):
     mean: "NumberOrText"
     standard_deviation: "NumberOrText"
 
-class Normalized(TypedDict):
+class NormalizedCycles(TypedDict):
     normalized: "Instants | Range"
 
 class Note(TypedDict):
@@ -919,13 +922,15 @@ PlotKind: TypeAlias = "Literal['curves', 'scatter', 'heat', 'regimes', 'tornado'
 
 PlotQuantity: TypeAlias = "Literal['worn', 'wear', 'image', 'pressure', 'slip', 'wear_volume', 'wear_depth', 'scar_radius', 'contact_radius', 'stick_radius', 'normal_force', 'indentation_depth', 'amplitude', 'tangential_force', 'energy_per_cycle', 'dissipated_energy', 'wear_volume_error', 'wear_depth_error', 'gross_slip_amplitude', 'actuator_gross_slip_amplitude', 'loops']"
 
+PoissonRatio: TypeAlias = "float"
+
 Position: TypeAlias = "float | str"
 
 class PowerLaw(TypedDict):
     """f = height·(r/at_radius)^exponent. For a line contact, r is the distance from the middle, and `length` is required."""
 
     shape: "Literal['power']"
-    exponent: "float"
+    exponent: "Exponent"
     height: "Length"
     at_radius: "Length"
     geometry: "NotRequired[Geometry]"
@@ -969,7 +974,7 @@ class Problem(TypedDict):
     map: "NotRequired[dict[str, Any]]"
     fit: "NotRequired[dict[str, Any]]"
 
-Profile: TypeAlias = "Paraboloid | Sphere | Cone | PowerLaw | TruncatedParaboloid | TruncatedCone | Table | CrossedCylinders | Cylinder | Wedge | Punch"
+Profile: TypeAlias = "Paraboloid | Sphere | Cone | PowerLaw | TruncatedParaboloid | TruncatedCone | MeasuredProfileTable | CrossedCylinders | Cylinder | Wedge | Punch"
 
 ProfileFields: TypeAlias = "list[Literal['cycles', 'radius', 'initial', 'limiting', 'worn', 'wear', 'image', 'pressure', 'slip']]"
 
@@ -1027,8 +1032,8 @@ Radius: TypeAlias = "float | str"
 Range = TypedDict(
     "Range",
     {
-        "from": "float",
-        "to": "float",
+        "from": "Instant",
+        "to": "Instant",
         "count": "int",
         "spacing": "NotRequired[Literal['log', 'linear']]",
     },
@@ -1071,12 +1076,6 @@ class ResultList(TypedDict):
     total: "NotRequired[int | None]"
     units: "dict[str, Any]"
 
-class Reversals(TypedDict):
-    """Only for a round contact."""
-
-    reversals: "list[Position]"
-    held: "NotRequired[Literal['amplitude']]"
-
 Role: TypeAlias = "Literal['read', 'submit', 'admin']"
 
 class RunCost(TypedDict):
@@ -1093,7 +1092,7 @@ class RunIn(TypedDict):
 RunInRunIn = TypedDict(
     "RunInRunIn",
     {
-        "cycles": "float",
+        "cycles": "BlockCycles",
         "from": "float | str",
         "to": "float | str",
     },
@@ -1139,7 +1138,7 @@ class Scenario(TypedDict):
     profile: "Profile"
     bodies: "NotRequired[list[Body]]"
     moduli: "NotRequired[Moduli]"
-    friction: "float | ChangeTable | RunIn"
+    friction: "Friction | ChangeTable | RunIn"
     wear: "Wear"
     load: "Load"
     motion: "Motion"
@@ -1179,6 +1178,8 @@ class SensitivityResult(TypedDict):
     table: "TableColumns"
     units: "Units"
 
+Share: TypeAlias = "float"
+
 class SharedLink(TypedDict):
     """A link to a result."""
 
@@ -1201,7 +1202,7 @@ class SidesToCompare(TypedDict):
 
 Sigma: TypeAlias = "float | str | list[float | str]"
 
-class Sliding(TypedDict):
+class SlidingMotion(TypedDict):
     """Only for a line contact that slides as a whole."""
 
     sliding_amplitude: "Length"
@@ -1220,8 +1221,8 @@ SoFar: TypeAlias = "RunSoFar | StudySoFar"
 Spacing: TypeAlias = "Literal['linear', 'log']"
 
 class SpecificWearRate(TypedDict):
-    coefficient: "float | str | ChangeTable | RunIn"
-    share: "NotRequired[float]"
+    coefficient: "WearCoefficient | ChangeTable | RunIn"
+    share: "NotRequired[Share]"
 
 class Sphere(TypedDict):
     """f = R − √(R²−r²), for contacts that are not small beside the radius; up to a₀/R = 0.6."""
@@ -1232,46 +1233,22 @@ class Sphere(TypedDict):
 Standing: TypeAlias = "Literal['held', 'dropped', 'unknown']"
 
 class Statistics(TypedDict):
-    """Statistics of a study, in columns: one row per output."""
+    """Statistics of a study, in columns with one row per output: `output`, `unit`, `points`, `mean`, `standard_deviation`, percentiles such as `percentile_2_5`, and the ends of their intervals, such as `percentile_2_5_low`."""
 
     engine: "Engine"
     key: "KeyText"
-    statistics: "StatisticsColumns"
+    statistics: "TableColumns"
     units: "Units"
 
 StatisticsAnswer: TypeAlias = "Statistics | Records"
 
-class StatisticsColumns(TypedDict):
-    """The columns of the statistics of a study."""
-
-    maximum: "list[float | None]"
-    mean: "list[float | None]"
-    median: "list[float | None]"
-    minimum: "list[float | None]"
-    output: "list[str]"
-    percentile_25: "list[float | None]"
-    percentile_2_5: "list[float | None]"
-    percentile_2_5_high: "list[float | None]"
-    percentile_2_5_low: "list[float | None]"
-    percentile_5: "list[float | None]"
-    percentile_5_high: "list[float | None]"
-    percentile_5_low: "list[float | None]"
-    percentile_75: "list[float | None]"
-    percentile_95: "list[float | None]"
-    percentile_95_high: "list[float | None]"
-    percentile_95_low: "list[float | None]"
-    percentile_97_5: "list[float | None]"
-    percentile_97_5_high: "list[float | None]"
-    percentile_97_5_low: "list[float | None]"
-    points: "list[float | None]"
-    standard_deviation: "list[float | None]"
-    unit: "list[str]"
+StickRatio: TypeAlias = "float"
 
 Stiffness: TypeAlias = "float | str"
 
-StiffnessOrPerLength: TypeAlias = "Stiffness | str"
-
 Stress: TypeAlias = "float | str"
+
+Stroke: TypeAlias = "float | str"
 
 class StudyCost(TypedDict):
     """What a study takes."""
@@ -1331,15 +1308,6 @@ class SweepResult(TypedDict):
     table: "TableColumns"
     units: "Units"
 
-class Table(TypedDict):
-    """A measured profile: heights over radii, evenly spaced or not. The gap is the height less that on the axis. Noise is taken off by local parabolas whose reach the points themselves decide (exact points are left as they are), and the points are joined by a monotone cubic; more than 500 points are first averaged in groups of neighbours. The table must go on beyond the scar to come, and the profile's image must rise as far. For a line contact, the radii are distances from the middle, and `length` is required."""
-
-    shape: "Literal['table']"
-    radius: "list[Radius]"
-    height: "list[Height]"
-    geometry: "NotRequired[Geometry]"
-    length: "NotRequired[Length]"
-
 TableAnswer: TypeAlias = "StudyTable | Records"
 
 TableColumns: TypeAlias = "dict[str, list[Cell]]"
@@ -1350,12 +1318,16 @@ TableFormat: TypeAlias = "Literal['json', 'ndjson', 'csv', 'npz', 'arrow']"
 
 Tag: TypeAlias = "str"
 
+TangentialForce: TypeAlias = "float | str"
+
 class Times(TypedDict):
     """When a job was submitted, begun and finished: RFC 3339, UTC."""
 
     created: "str"
     finished: "NotRequired[str | None]"
     started: "NotRequired[str | None]"
+
+Tolerance: TypeAlias = "float"
 
 class TriangularDistribution(TypedDict):
     high: "NumberOrText"
@@ -1384,16 +1356,16 @@ UnitSystem: TypeAlias = "Literal['si', 'engineering']"
 
 Units: TypeAlias = "dict[str, str]"
 
-Until: TypeAlias = "Until1 | Until2 | Until3"
+Until: TypeAlias = "UntilDepth | UntilVolume | UntilEnergy"
 
-class Until1(TypedDict):
+class UntilDepth(TypedDict):
     wear_depth: "Length"
 
-class Until2(TypedDict):
-    wear_volume: "Volume"
+class UntilEnergy(TypedDict):
+    dissipated_energy: "DissipatedEnergy"
 
-class Until3(TypedDict):
-    dissipated_energy: "Energy"
+class UntilVolume(TypedDict):
+    wear_volume: "Volume"
 
 class Unworn(TypedDict):
     """The state before the first cycle."""
@@ -1455,7 +1427,18 @@ class Warning(TypedDict):
     detail: "str"
     kind: "str"
 
-Wear: TypeAlias = "SpecificWearRate | Archard | EnergyWearCoefficient | BodiesAndLayers"
+Wear: TypeAlias = "SpecificWearRate | ArchardWear | WearPerEnergy | WearOfBodies"
+
+WearCoefficient: TypeAlias = "float | str"
+
+class WearOfBodies(TypedDict):
+    """The wear coefficients of each body. Bodies without layers are the same as `coefficient` with `share`."""
+
+    bodies: "list[WornBody]"
+
+class WearPerEnergy(TypedDict):
+    energy_coefficient: "EnergyWear"
+    share: "NotRequired[Share]"
 
 class WearProfile(TypedDict):
     """The measured depth of a scar."""
@@ -1469,7 +1452,7 @@ class WearProfile(TypedDict):
     relative: "NotRequired[float]"
     sigma: "NotRequired[Sigma]"
 
-WearRate: TypeAlias = "float | str"
+WearRate: TypeAlias = "WearCoefficient | float"
 
 class Wedge(TypedDict):
     """A line contact: f = |x|·tan θ."""
@@ -1487,3 +1470,5 @@ class WornBody(TypedDict):
 
     layers: "NotRequired[list[Layer]]"
     coefficient: "WearRate"
+
+Xi: TypeAlias = "float"

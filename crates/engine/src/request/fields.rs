@@ -95,10 +95,35 @@ pub trait Quantity {
     const RANGE: (f64, f64);
 }
 
-/// Defines quantities: numbers in SI units within a range, parsed with their units.
+/// What the schema of a scenario says of a quantity.
+#[derive(Debug, Clone, Copy)]
+pub struct Described {
+    /// Its name in the schema.
+    pub name: &'static str,
+    /// What it is.
+    pub about: &'static str,
+    /// The dimension of its units.
+    pub dimension: Dimension,
+    /// Smallest and largest accepted value in SI.
+    pub range: (f64, f64),
+    /// A value: a number, or a text with a unit.
+    pub example: &'static str,
+}
+
+/// Defines quantities: numbers in SI units within a range, parsed with their units, and with an example.
 macro_rules! quantities {
-    ($($(#[$doc:meta])* $name:ident: $dimension:ident $(or $per_length:ident)? in $range:expr;)*) => {$(
-        $(#[$doc])*
+    ($(#[doc = $about:literal] $name:ident: $dimension:ident $(or $per_length:ident)? in $range:expr, $example:literal;)*) => {
+        /// All quantities.
+        pub const QUANTITIES: &[Described] = &[$(Described {
+            name: stringify!($name),
+            about: $about,
+            dimension: Dimension::$dimension,
+            range: $range,
+            example: $example,
+        }),*];
+
+        $(
+        #[doc = $about]
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct $name(pub f64);
 
@@ -135,60 +160,58 @@ macro_rules! quantities {
                 };
                 within(x, Self::RANGE, dimension.si(), location).map(Self)
             }
-        }
-    )*};
+        })*
+    };
 }
 
 quantities! {
     /// A length in metres.
-    Length: Length in (1e-12, 1e6);
-    /// A height in metres, positive or negative.
-    Height: Length in (-1e6, 1e6);
+    Length: Length in (1e-12, 1e6), "10 mm";
+    /// A height above or below an origin in metres.
+    Height: Length in (-1e6, 1e6), "-0.2 um";
     /// A normal force in newtons.
-    Force: Force or ForcePerLength in (1e-12, 1e15);
+    Force: Force or ForcePerLength in (1e-12, 1e15), "100 N";
     /// The amplitude of a tangential force in newtons.
-    TangentialForce: Force or ForcePerLength in (1e-18, 1e15);
+    TangentialForce: Force or ForcePerLength in (1e-18, 1e15), "20 N";
     /// The amplitude of the tangential force of a block, in newtons; 0 is allowed.
-    BlockForce: Force or ForcePerLength in (0.0, 1e15);
+    BlockForce: Force or ForcePerLength in (0.0, 1e15), "4 N/mm";
     /// A stiffness in newtons per metre.
-    Stiffness: Stiffness or StiffnessPerLength in (1e-6, 1e18);
+    Stiffness: Stiffness or StiffnessPerLength in (1e-6, 1e18), "10 N/um";
     /// An amplitude in metres; 0 is allowed.
-    Stroke: Length in (0.0, 1e6);
-    /// A position in metres.
-    Position: Length in (-1e6, 1e6);
+    Stroke: Length in (0.0, 1e6), "2 um";
+    /// A position along the motion in metres, which may be negative.
+    Position: Length in (-1e6, 1e6), "-2 um";
     /// A wear volume in cubic metres.
-    Volume: Volume in (1e-40, 1e18);
+    Volume: Volume in (1e-40, 1e18), "1e-4 mm^3";
     /// A dissipated energy in joules.
-    DissipatedEnergy: Energy in (1e-30, 1e18);
+    DissipatedEnergy: Energy in (1e-30, 1e18), "50 mJ";
     /// The share of the first body in the wear volume.
-    Share: Number in (0.0, 1.0);
+    Share: Number in (0.0, 1.0), "0.5";
     /// The number of cycles of a block.
-    BlockCycles: Number in (1e-6, LAST_CYCLE);
+    BlockCycles: Number in (1e-6, LAST_CYCLE), "10000";
     /// A stress or modulus in pascals.
-    Stress: Stress in (1.0, 1e15);
-    /// A slope angle in radians, measured from the plane.
-    SlopeAngle: Angle in (1e-6, 1.57);
-    /// An energy wear coefficient in m³/J.
-    EnergyWear: EnergyWear in (1e-30, 1.0);
-    /// A coefficient of friction.
-    Friction: Number in (1e-6, 100.0);
-    /// Poisson's ratio.
-    PoissonRatio: Number in (-0.999, 0.5);
-    /// The exponent of a power-law profile.
-    Exponent: Number in EXPONENT_RANGE;
+    Stress: Stress in (1.0, 1e15), "205 GPa";
+    /// The slope of a cone or wedge in radians, measured from the plane (not half of the apex angle).
+    SlopeAngle: Angle in (1e-6, 1.57), "2 deg";
+    /// The energy wear coefficient α in m³/J: worn volume per dissipated energy.
+    EnergyWear: EnergyWear in (1e-30, 1.0), "4.3e-5 mm^3/J";
+    /// The coefficient of friction μ.
+    Friction: Number in (1e-6, 100.0), "0.7";
+    /// Poisson's ratio ν.
+    PoissonRatio: Number in (-0.999, 0.5), "0.3";
+    /// The exponent of a power-law profile: 1 is a cone, 2 a paraboloid, more is blunter.
+    Exponent: Number in EXPONENT_RANGE, "4";
     /// The stick ratio c/a₀.
-    StickRatio: Number in (0.0, 0.9999);
+    StickRatio: Number in (0.0, 0.9999), "0.5";
     /// The fitting parameter ξ of the simplified rule (14).
-    Xi: Number in (1e-3, 1e3);
+    Xi: Number in (1e-3, 1e3), "0.8";
     /// The target relative error of the exact method.
-    Tolerance: Number in (1e-4, 3e-2);
+    Tolerance: Number in (1e-4, 3e-2), "0.003";
     /// A number of cycles.
-    Instant: Number in (0.0, LAST_CYCLE);
+    Instant: Number in (0.0, LAST_CYCLE), "1000";
+    /// The wear coefficient k_w in 1/Pa: worn volume per load and sliding path. Also the range of the dimensionless k = k_w·hardness.
+    WearCoefficient: WearCoefficient in (1e-30, 1.0), "3.03e-5 mm^3/(N m)";
 }
-
-/// Range of a wear coefficient k_w in 1/Pa. The range also applies to the dimensionless k =
-/// k_w·hardness.
-pub const WEAR_RANGE: (f64, f64) = (1e-30, 1.0);
 
 /// A quantity rounded to 12 digits, as it stands in the canonical scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::changing::{Changing, GivenChanging};
 use super::fault::Faults;
 use super::fields::{
-    Bodies, EnergyWear, Given, Length, List, NumberOrText, Rounded, Share, Stress, WEAR_RANGE,
+    Bodies, EnergyWear, Given, Length, List, NumberOrText, Rounded, Share, Stress, WearCoefficient,
     within,
 };
 use super::quantity::Dimension;
@@ -101,7 +101,7 @@ impl Deserr<Faults> for WearRate {
         if x == 0.0 {
             return Ok(Self(0.0));
         }
-        within(x, WEAR_RANGE, "1/Pa", location).map(|x| Self(twelve_digits(x)))
+        within(x, WearCoefficient::RANGE, "1/Pa", location).map(|x| Self(twelve_digits(x)))
     }
 }
 
@@ -163,7 +163,12 @@ impl GivenWear {
             (Some(given), hardness, None) => {
                 let hardness = hardness.map_or(1.0, |hardness| hardness.0);
                 let per_load = given.resolve(here, |given, here| {
-                    within(given.read(dimension, here)? / hardness, WEAR_RANGE, "1/Pa", here)
+                    within(
+                        given.read(dimension, here)? / hardness,
+                        WearCoefficient::RANGE,
+                        "1/Pa",
+                        here,
+                    )
                 })?;
                 Ok(WearLaw::PerLoad(per_load))
             }
@@ -202,7 +207,7 @@ impl GivenWear {
             return Ok(Wear { law: WearLaw::Layered(bodies), share: None });
         }
         let [first, second] = bodies.map(|body| body.coefficient.0);
-        let both = within(twelve_digits(first + second), WEAR_RANGE, "1/Pa", here)?;
+        let both = within(twelve_digits(first + second), WearCoefficient::RANGE, "1/Pa", here)?;
         let share = Some(twelve_digits(first / (first + second)));
         Ok(Wear { law: WearLaw::PerLoad(Changing::Constant(both)), share })
     }

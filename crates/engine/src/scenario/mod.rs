@@ -25,6 +25,7 @@ mod line;
 mod load;
 mod motion;
 mod pressed;
+mod schema;
 pub mod work_done;
 
 use std::borrow::Cow;
@@ -43,7 +44,7 @@ use crate::contact::yielding::Rubbing;
 use crate::numeric::twelve_digits;
 use crate::request::changing::{self, ChangeTable, Changing};
 use crate::request::fault::Faults;
-use crate::request::fields::{Given, GivenXi, LAST_CYCLE, Stress, WEAR_RANGE, Xi, derived};
+use crate::request::fields::{Given, GivenXi, LAST_CYCLE, Stress, WearCoefficient, Xi, derived};
 use crate::request::instants::{Measure, ProfilesAt};
 use crate::request::wear::{Wear, WearLaw, WornBody};
 use crate::request::{ElasticBody, MethodName, Model, Request, Until};
@@ -55,12 +56,10 @@ use instants::{CanonicalCycles, with_profiles};
 use load::{CanonicalLoad, CanonicalModuli, canonical_load};
 use motion::CanonicalMotion;
 use pressed::UnwornContact;
+pub use schema::SCHEMA;
 
 /// The version of the numerics. It increases when any digit of a result changes.
 pub const NUMERICS: u32 = 5;
-
-/// The JSON Schema (2020-12) of a scenario.
-pub const SCHEMA: &str = include_str!("scenario.schema.json");
 
 /// Default target relative error of the exact method.
 pub const DEFAULT_TOLERANCE: f64 = 3e-3;
@@ -118,7 +117,13 @@ impl CanonicalWear {
             WearLaw::PerEnergy(alpha) => friction.times(*alpha),
         };
         for coefficient in given.values() {
-            derived(*coefficient, WEAR_RANGE, "a wear coefficient of", "1/Pa", "/wear")?;
+            derived(
+                *coefficient,
+                WearCoefficient::RANGE,
+                "a wear coefficient of",
+                "1/Pa",
+                "/wear",
+            )?;
         }
         Ok(Self::Both { coefficient: given, share: wear.share })
     }

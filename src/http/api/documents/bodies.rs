@@ -109,8 +109,8 @@ pub struct Sweep {
     /// The number of points of a Latin hypercube or a Sobol sequence. Powers of two fill the space most evenly.
     #[schema(nullable = false, minimum = 1, maximum = 4_194_304)]
     samples: Option<u64>,
-    /// The random numbers depend on it alone.
-    #[schema(nullable = false, maximum = 9_007_199_254_740_992_u64, default = 0)]
+    /// The random numbers depend on it alone; 0 by default.
+    #[schema(nullable = false, maximum = 9_007_199_254_740_992_u64)]
     seed: Option<u64>,
     /// What to take from each run, by the names of POST /v1/evaluate.
     #[schema(min_items = 1, max_items = 100)]
@@ -250,11 +250,11 @@ pub struct Sensitivity {
     /// For d numbers: how many groups of d + 2 points (sobol, best a power of two), or trajectories of d + 1 points (morris).
     #[schema(nullable = false, minimum = 2, maximum = 4_294_967_295_u32)]
     samples: Option<u32>,
-    /// The random numbers depend on it alone.
-    #[schema(nullable = false, maximum = 9_007_199_254_740_992_u64, default = 0)]
+    /// The random numbers depend on it alone; 0 by default.
+    #[schema(nullable = false, maximum = 9_007_199_254_740_992_u64)]
     seed: Option<u64>,
-    /// Share of the resamples that an interval contains.
-    #[schema(nullable = false, minimum = 0.5, maximum = 0.999, default = 0.95)]
+    /// Share of the resamples that an interval contains; 0.95 by default.
+    #[schema(nullable = false, minimum = 0.5, maximum = 0.999)]
     confidence: Option<f64>,
     /// What to take from each run, by the names of POST /v1/evaluate.
     #[schema(min_items = 1, max_items = 100)]

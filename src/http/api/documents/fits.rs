@@ -20,11 +20,11 @@ pub struct Fit {
     parameters: Vec<FitParameter>,
     #[schema(min_items = 1, max_items = 200)]
     tests: Vec<FitTest>,
-    /// The probability of all intervals.
-    #[schema(nullable = false, minimum = 0.5, maximum = 0.9999, default = 0.95)]
+    /// The probability of all intervals; 0.95 by default.
+    #[schema(nullable = false, minimum = 0.5, maximum = 0.9999)]
     confidence: Option<f64>,
-    /// The number of searches from different values.
-    #[schema(nullable = false, minimum = 1, maximum = 64, default = 8)]
+    /// The number of searches from different values; 8 by default.
+    #[schema(nullable = false, minimum = 1, maximum = 64)]
     starts: Option<u32>,
     #[schema(nullable = false)]
     loss: Option<Loss>,
@@ -145,12 +145,6 @@ pub struct WearProfile {
 #[schema(rename_all = "lowercase")]
 pub enum MeasuredProfile {
     Wear,
-}
-
-#[derive(ToSchema)]
-#[schema(rename_all = "lowercase")]
-pub enum EstimatedNoise {
-    Estimate,
 }
 
 /// Noise that is a share of the true number.

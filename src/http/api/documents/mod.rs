@@ -55,13 +55,12 @@ pub use fretwork_engine::scenario::Warning;
     bodies::SidesToCompare,
     fits::MeasuredPoints,
     fits::WearProfile,
-    fits::EstimatedNoise,
     fits::RelativeNoise,
 )))]
 pub struct Documents;
 
 /// Objects that have no other members.
-pub const CLOSED: [&str; 29] = [
+pub const CLOSED: [&str; 27] = [
     "JobBody",
     "Naming",
     "EvaluateBody",
@@ -87,19 +86,13 @@ pub const CLOSED: [&str; 29] = [
     "FitTest",
     "MeasuredPoints",
     "WearProfile",
-    "RelativeNoise",
     "CommonCurves",
-    "StatisticsColumns",
-    "HistogramColumns",
+    "RelativeNoise",
 ];
 
 /// Types of which a document has one, by the name of the choice, and what it means.
-pub const EITHER: [(&str, &str, &[&str]); 12] = {
+pub const EITHER: [(&str, &str, &[&str]); 11] = {
     const BOTH: &str = "In columns, or in rows with `layout=records`.";
-    const NOISE: &str = "`estimate`: the noise is estimated from the scatter of the set. `sigma` and `relative` then say only how it \
-        changes from number to number. An object takes the place of `sigma` and `relative`: noise that is a share of the true \
-        number. Without `relative`, this share is estimated. `lognormal` is for numbers that scatter by factors: `relative` is \
-        then the standard deviation of their logarithms.";
     [
         (
             "Result",
@@ -124,6 +117,5 @@ pub const EITHER: [(&str, &str, &[&str]); 12] = {
             "The radii, ascending from 0 or more: a list, or a range.",
             &["NumberList", "NumberRange"],
         ),
-        ("Noise", NOISE, &["EstimatedNoise", "RelativeNoise"]),
     ]
 };

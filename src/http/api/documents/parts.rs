@@ -4,9 +4,7 @@ use std::collections::BTreeMap;
 
 use utoipa::ToSchema;
 
-use crate::http::wire::schemas::{
-    Cell, EitherCurves, HistogramColumns, KeyText, StatisticsColumns,
-};
+use crate::http::wire::schemas::{Cell, EitherCurves, KeyText};
 use fretwork_engine::outcome::{History as Columns, Loops as LoopCurves};
 
 /// The engine that computed the result.
@@ -24,7 +22,7 @@ pub struct Engine {
 #[schema(example = json!({"wear_volume": "m^3", "contact_radius": "m"}))]
 pub struct Units(BTreeMap<String, String>);
 
-/// The columns, by their names: those of the numbers that vary (JSON pointers), those of the outputs, and `reason`.
+/// The columns of a table, by their names. Those of a study are the numbers that vary (JSON pointers), the outputs, and `reason`.
 #[derive(ToSchema)]
 pub struct TableColumns(BTreeMap<String, Vec<Cell>>);
 
@@ -85,22 +83,23 @@ pub struct StudyTable {
     table: TableColumns,
 }
 
-/// Statistics of a study, in columns: one row per output.
+/// Statistics of a study, in columns with one row per output: `output`, `unit`, `points`, `mean`, `standard_deviation`, percentiles such
+/// as `percentile_2_5`, and the ends of their intervals, such as `percentile_2_5_low`.
 #[derive(ToSchema)]
 pub struct Statistics {
     key: KeyText,
     engine: Engine,
     units: Units,
-    statistics: StatisticsColumns,
+    statistics: TableColumns,
 }
 
-/// Distributions of the outputs of a study, in columns.
+/// Distributions of the outputs of a study, in columns with one row per bin: `output`, `unit`, `from`, `to` and `points`.
 #[derive(ToSchema)]
 pub struct Histogram {
     key: KeyText,
     engine: Engine,
     units: Units,
-    histogram: HistogramColumns,
+    histogram: TableColumns,
 }
 
 /// A table in rows: one object per output cycle, or per output cycle and point.
