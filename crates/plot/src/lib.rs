@@ -307,8 +307,8 @@ impl Figure {
         let above = area.top - 0.5 * GAP;
         canvas.title((area.left, corner.1 + TITLE), TITLE, &self.title);
         let halfway = area.at(0.0, 0.5).1;
-        // A long label of a low figure is small.
-        let size = LABEL.min(2.0 * (halfway - corner.1) / width(&self.y.label));
+        // A long label of a low figure is small. Half a pixel is for what rounding moves.
+        let size = LABEL.min((2.0 * (halfway - corner.1) - 0.5) / width(&self.y.label));
         canvas.upward_text((corner.0 + LABEL + 2.0, halfway), size, &self.y.label);
         // The powers of ten are at the ends of the axes. Labels that would overlap them are moved.
         let (across, up) = (plan.x.factor(), plan.y.factor());

@@ -49,7 +49,7 @@ export const NEEDS_REFERENCE = "Needs a reference distance";
 
 /** The thresholds of gross slip, each with its place. */
 const grossSlip = ({ gross_slip_amplitude: contact, actuator_gross_slip_amplitude: actuator }, { profile }) => (contact == null ? NEEDS_REFERENCE
-  : `${actuator == null ? "" : `${quantity(actuator, "m")} at the actuator, `}${quantity(contact, "m")} ${isLine(profile) ? "against the reference" : "at the contact"}`);
+  : `${actuator == null ? "" : `${quantity(actuator, "m")} at the actuator, `}${quantity(contact, "m")} ${isLine(profile) ? "at the reference" : "at the contact"}`);
 
 /** The regime and the contact radius of a checked scenario, in words. */
 export const announce = ({ regime, scales, scenario }) =>

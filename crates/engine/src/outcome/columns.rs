@@ -73,9 +73,9 @@ pub const LINE_WORDS: &[(&str, &str)] = &[
     ("scar_radius", "Scar half-width"),
     ("radius", "Distance x from the middle"),
     // `loop_stiffness` contains the machine.
-    ("amplitude", "Amplitude against the reference"),
-    ("gross_slip_amplitude", "Gross-slip threshold against the reference"),
-    ("displacement", "Displacement against the reference"),
+    ("amplitude", "Amplitude at the reference"),
+    ("gross_slip_amplitude", "Gross-slip threshold at the reference"),
+    ("displacement", "Displacement at the reference"),
 ];
 
 /// The sections of a result besides the history: how the names of their numbers begin, and how the symbols end.
