@@ -25,7 +25,7 @@ const memberOf = (owns, name) => owns.flatMap((own) => [own.properties?.[name], 
 export function limitsOf(pointer, unit) {
   // Only users may read the schema.
   const factor = schema && PER_SI[unit];
-  const numbers = factor ? pointer.split("/").slice(1).reduce(memberOf, allOf(schema)).filter(({ type }) => type === "number") : [];
+  const numbers = factor ? pointer.split("/").slice(1).reduce(memberOf, allOf(schema)).filter(({ type }) => [type].flat().includes("number")) : [];
   if (numbers.length === 0) return [-Infinity, Infinity];
   return [Math.min(...numbers.map(({ minimum, exclusiveMinimum }) => factor * (minimum ?? exclusiveMinimum ?? -Infinity))),
     Math.max(...numbers.map(({ maximum }) => factor * (maximum ?? Infinity)))];

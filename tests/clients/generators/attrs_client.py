@@ -9,9 +9,9 @@ from fretwork_client.api.jobs import submit_job
 from fretwork_client.api.results import get_result, get_statistics, get_table
 from fretwork_client.models import (
     JobBody,
-    LoadByForce,
+    ByForce,
     Moduli,
-    MotionByAmplitude,
+    ByAmplitude,
     Paraboloid,
     ParaboloidShape,
     Scenario,
@@ -28,8 +28,8 @@ scenario = Scenario(
     moduli=Moduli(normal="113 GPa", tangential="93 GPa"),
     friction=0.7,
     wear=SpecificWearRate(coefficient="3e-5 mm^3/(N m)"),
-    load=LoadByForce(normal_force="20 N"),
-    motion=MotionByAmplitude(amplitude="2 um"),
+    load=ByForce(normal_force="20 N"),
+    motion=ByAmplitude(amplitude="2 um"),
     cycles=[1000.0],
 )
 run = submit_job.sync(client=client, body=JobBody(scenario=scenario), prefer="wait=60")

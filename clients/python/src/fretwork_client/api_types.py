@@ -32,7 +32,7 @@ class Accuracy(TypedDict):
 
 Act: TypeAlias = "Literal['add_key', 'revoke_key', 'use_key', 'cancel_job', 'delete_job', 'delete_result']"
 
-class ArchardWear(TypedDict):
+class Archard(TypedDict):
     coefficient: "float | ChangeTable | RunIn"
     hardness: "Stress"
     share: "NotRequired[Share]"
@@ -76,6 +76,18 @@ BlockCycles: TypeAlias = "float"
 
 BlockForce: TypeAlias = "float | str"
 
+class Blocks(TypedDict):
+    blocks: "list[Block | ForceBlock]"
+    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
+    rig_stiffness: "NotRequired[Stiffness]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[Stiffness]"
+
+class BodiesAndLayers(TypedDict):
+    """The wear coefficients of each body. Bodies without layers are the same as `coefficient` with `share`."""
+
+    bodies: "list[WornBody]"
+
 class Body(TypedDict):
     """One isotropic elastic body."""
 
@@ -96,6 +108,37 @@ class BodyWear(TypedDict):
     share: "NotRequired[float]"
     wear_depth: "NotRequired[list[float]]"
     wear_volume: "NotRequired[list[float]]"
+
+class ByAmplitude(TypedDict):
+    amplitude: "Length"
+    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
+    rig_stiffness: "NotRequired[Stiffness]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[Stiffness]"
+
+class ByDepth(TypedDict):
+    """Only for a round contact."""
+
+    indentation_depth: "Length"
+    held: "NotRequired[Literal['depth', 'force']]"
+
+class ByForce(TypedDict):
+    normal_force: "Force"
+    held: "NotRequired[Literal['force', 'depth']]"
+
+class ByStickRatio(TypedDict):
+    stick_ratio: "StickRatio"
+    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
+    rig_stiffness: "NotRequired[Stiffness]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[Stiffness]"
+
+class ByTangentialForce(TypedDict):
+    tangential_force: "TangentialForce"
+    held: "NotRequired[Literal['tangential_force', 'amplitude']]"
+    rig_stiffness: "NotRequired[Stiffness]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[Stiffness]"
 
 class CallerLimits(TypedDict):
     """The limits of a key; null is no limit."""
@@ -236,7 +279,7 @@ class Curves(TypedDict):
     wear: "NotRequired[list[list[float]]]"
     worn: "NotRequired[list[list[float]]]"
 
-Cycles: TypeAlias = "Instants | Range | NormalizedCycles | EnergyCycles"
+Cycles: TypeAlias = "Instants | Range | Normalized | EnergyCycles"
 
 class Cylinder(TypedDict):
     """A line contact: f = x²/(2R), a cylinder whose axis lies across the motion."""
@@ -323,6 +366,10 @@ EnergyRange = TypedDict(
 )
 
 EnergyWear: TypeAlias = "float | str"
+
+class EnergyWearCoefficient(TypedDict):
+    energy_coefficient: "EnergyWear"
+    share: "NotRequired[Share]"
 
 class Engine(TypedDict):
     """The engine that computed the result."""
@@ -663,17 +710,7 @@ class Links(TypedDict):
 
 ListFormat: TypeAlias = "Literal['json', 'csv']"
 
-Load: TypeAlias = "LoadByForce | LoadByDepth"
-
-class LoadByDepth(TypedDict):
-    """Only for a round contact."""
-
-    indentation_depth: "Length"
-    held: "NotRequired[Literal['depth', 'force']]"
-
-class LoadByForce(TypedDict):
-    normal_force: "Force"
-    held: "NotRequired[Literal['force', 'depth']]"
+Load: TypeAlias = "ByForce | ByDepth"
 
 class LognormalDistribution(TypedDict):
     """Of its mean and standard deviation, or of its median and the factor by which one standard deviation of the logarithm multiplies it."""
@@ -783,15 +820,6 @@ class MeasuredPoints(TypedDict):
 
 MeasuredProfile: TypeAlias = "Literal['wear']"
 
-class MeasuredProfileTable(TypedDict):
-    """A measured profile: heights over radii, evenly spaced or not. The gap is the height less that on the axis. Noise is taken off by local parabolas whose reach the points themselves decide (exact points are left as they are), and the points are joined by a monotone cubic; more than 500 points are first averaged in groups of neighbours. The table must go on beyond the scar to come, and the profile's image must rise as far. For a line contact, the radii are distances from the middle, and `length` is required."""
-
-    shape: "Literal['table']"
-    radius: "list[Radius]"
-    height: "list[Height]"
-    geometry: "NotRequired[Geometry]"
-    length: "NotRequired[Length]"
-
 MeasuredSet: TypeAlias = "MeasuredPoints | WearProfile"
 
 class Model(TypedDict):
@@ -809,41 +837,7 @@ class Moduli(TypedDict):
     normal: "Stress"
     tangential: "NotRequired[Stress]"
 
-Motion: TypeAlias = "MotionByAmplitude | MotionByStickRatio | MotionByForce | MotionInBlocks | MotionRecord | SlidingMotion"
-
-class MotionByAmplitude(TypedDict):
-    amplitude: "Length"
-    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
-    rig_stiffness: "NotRequired[Stiffness]"
-    reference_distance: "NotRequired[Length]"
-    loop_stiffness: "NotRequired[Stiffness]"
-
-class MotionByForce(TypedDict):
-    tangential_force: "TangentialForce"
-    held: "NotRequired[Literal['tangential_force', 'amplitude']]"
-    rig_stiffness: "NotRequired[Stiffness]"
-    reference_distance: "NotRequired[Length]"
-    loop_stiffness: "NotRequired[Stiffness]"
-
-class MotionByStickRatio(TypedDict):
-    stick_ratio: "StickRatio"
-    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
-    rig_stiffness: "NotRequired[Stiffness]"
-    reference_distance: "NotRequired[Length]"
-    loop_stiffness: "NotRequired[Stiffness]"
-
-class MotionInBlocks(TypedDict):
-    blocks: "list[Block | ForceBlock]"
-    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
-    rig_stiffness: "NotRequired[Stiffness]"
-    reference_distance: "NotRequired[Length]"
-    loop_stiffness: "NotRequired[Stiffness]"
-
-class MotionRecord(TypedDict):
-    """Only for a round contact."""
-
-    reversals: "list[Position]"
-    held: "NotRequired[Literal['amplitude']]"
+Motion: TypeAlias = "ByAmplitude | ByStickRatio | ByTangentialForce | Blocks | Reversals | Sliding"
 
 class Naming(TypedDict):
     """A change of the label and the tags of a job."""
@@ -859,7 +853,7 @@ class NormalDistribution(TypedDict):
     mean: "NumberOrText"
     standard_deviation: "NumberOrText"
 
-class NormalizedCycles(TypedDict):
+class Normalized(TypedDict):
     normalized: "Instants | Range"
 
 class Note(TypedDict):
@@ -974,7 +968,7 @@ class Problem(TypedDict):
     map: "NotRequired[dict[str, Any]]"
     fit: "NotRequired[dict[str, Any]]"
 
-Profile: TypeAlias = "Paraboloid | Sphere | Cone | PowerLaw | TruncatedParaboloid | TruncatedCone | MeasuredProfileTable | CrossedCylinders | Cylinder | Wedge | Punch"
+Profile: TypeAlias = "Paraboloid | Sphere | Cone | PowerLaw | TruncatedParaboloid | TruncatedCone | Table | CrossedCylinders | Cylinder | Wedge | Punch"
 
 ProfileFields: TypeAlias = "list[Literal['cycles', 'radius', 'initial', 'limiting', 'worn', 'wear', 'image', 'pressure', 'slip']]"
 
@@ -1075,6 +1069,12 @@ class ResultList(TypedDict):
     results: "list[ResultEntry]"
     total: "NotRequired[int | None]"
     units: "dict[str, Any]"
+
+class Reversals(TypedDict):
+    """Only for a round contact."""
+
+    reversals: "list[Position]"
+    held: "NotRequired[Literal['amplitude']]"
 
 Role: TypeAlias = "Literal['read', 'submit', 'admin']"
 
@@ -1202,7 +1202,7 @@ class SidesToCompare(TypedDict):
 
 Sigma: TypeAlias = "float | str | list[float | str]"
 
-class SlidingMotion(TypedDict):
+class Sliding(TypedDict):
     """Only for a line contact that slides as a whole."""
 
     sliding_amplitude: "Length"
@@ -1307,6 +1307,15 @@ class SweepResult(TypedDict):
     sweep: "Sweep"
     table: "TableColumns"
     units: "Units"
+
+class Table(TypedDict):
+    """A measured profile: heights over radii, evenly spaced or not. The gap is the height less that on the axis. Noise is taken off by local parabolas whose reach the points themselves decide (exact points are left as they are), and the points are joined by a monotone cubic; more than 500 points are first averaged in groups of neighbours. The table must go on beyond the scar to come, and the profile's image must rise as far. For a line contact, the radii are distances from the middle, and `length` is required."""
+
+    shape: "Literal['table']"
+    radius: "list[Radius]"
+    height: "list[Height]"
+    geometry: "NotRequired[Geometry]"
+    length: "NotRequired[Length]"
 
 TableAnswer: TypeAlias = "StudyTable | Records"
 
@@ -1427,18 +1436,9 @@ class Warning(TypedDict):
     detail: "str"
     kind: "str"
 
-Wear: TypeAlias = "SpecificWearRate | ArchardWear | WearPerEnergy | WearOfBodies"
+Wear: TypeAlias = "SpecificWearRate | Archard | EnergyWearCoefficient | BodiesAndLayers"
 
 WearCoefficient: TypeAlias = "float | str"
-
-class WearOfBodies(TypedDict):
-    """The wear coefficients of each body. Bodies without layers are the same as `coefficient` with `share`."""
-
-    bodies: "list[WornBody]"
-
-class WearPerEnergy(TypedDict):
-    energy_coefficient: "EnergyWear"
-    share: "NotRequired[Share]"
 
 class WearProfile(TypedDict):
     """The measured depth of a scar."""
