@@ -291,12 +291,70 @@ def dropped_measurements(browser):
     page.context.close()
 
 
-ALL = [leave_and_return, two_tabs, edit_another, half_a_json, wear_coefficients, doubts, dropped_scenario, dropped_measurements]
+def menus(browser):
+    """A menu that is changed and changed back gives back all numbers, choices and ranges of the fields that it hid."""
+    page = form(browser.page(BASE))
+
+    def there_and_back(menu, *others):
+        before, option = scenario(page), page.input_value(f"#{menu}")
+        for other in (*others, option):
+            page.select_option(f"#{menu}", other)
+        assert scenario(page) == before, (menu, before, scenario(page))
+
+    for field, text in {"profile-radius": "12", "bodies-0-youngs_modulus": "69", "bodies-1-yield_strength": "800", "friction": "0.55",
+                        "wear-coefficient": "2e-5", "wear-share": "0.4", "motion-amplitude": "3.5", "motion-rig_stiffness": "25", "model-points": "99",
+                        "model-tolerance": "0.005"}.items():
+        page.fill(f"#{field}", text)
+    page.select_option("#load-held", "depth")
+    there_and_back("shape", "cone", "punch")
+    there_and_back("shape", "table")
+    there_and_back("elasticity", "moduli")
+    for wear in ("run_in", "hardness", "changing", "energy", "bodies"):
+        there_and_back("wear", wear)
+    there_and_back("friction-kind", "run_in", "changing")
+    there_and_back("cycles-kind", "range")
+    there_and_back("method", "simplified")
+    for motion in ("stick_ratio", "tangential_force", "blocks", "reversals"):
+        there_and_back("motion", motion)
+    # What another menu had to leave comes back with it.
+    page.select_option("#load", "indentation_depth")
+    page.fill("#load-indentation_depth", "2.9")
+    page.select_option("#method", "simplified")
+    page.fill("#model-xi", "0.9")
+    there_and_back("shape", "cylinder")
+    there_and_back("load", "normal_force")
+    expect(page.locator("#load-normal_force")).to_have_count(0)
+    page.select_option("#wear", "bodies")
+    page.select_option("#layers-1", "3")
+    page.fill("#wear-bodies-0-layers-2-thickness", "7")
+    there_and_back("layers-1", "1")
+    there_and_back("wear", "coefficient")
+    # A number that both options have is not an earlier one.
+    page.select_option("#shape", "sphere")
+    page.fill("#profile-radius", "13")
+    page.select_option("#shape", "paraboloid")
+    expect(page.locator("#profile-radius")).to_have_value("13 mm")
+    # A range, and all of it after a reload.
+    page.select_option("#load", "normal_force")
+    page.click("#load-normal_force-vary")
+    page.fill("#load-normal_force-from", "61")
+    page.select_option("#load", "indentation_depth")
+    page.reload()
+    page.select_option("#load", "normal_force")
+    expect(page.locator("#load-normal_force-from")).to_have_value("61")
+    page.select_option("#example", "measured-friction")
+    page.select_option("#friction-kind", "number")
+    expect(page.locator("#friction")).to_have_value("0.7")
+    page.context.close()
+
+
+ALL = [leave_and_return, two_tabs, edit_another, half_a_json, menus, wear_coefficients, doubts, dropped_scenario, dropped_measurements]
 
 
 def main():
     with opened() as browser:
-        for test in ALL:
+        # With names, only these.
+        for test in [test for test in ALL if test.__name__ in sys.argv[2:]] or ALL:
             test(browser)
     print("the form keeps and questions its input as it should")
 

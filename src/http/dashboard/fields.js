@@ -232,9 +232,10 @@ export const CHOICES = [
     selected: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio", "sliding_amplitude"]
       .find((name) => name in Object(motion)) ?? (motion?.loop_stiffness === undefined ? "amplitude" : "loop"),
     apply: (scenario, kind) => {
+      const { amplitude = "2.256 um" } = scenario.motion ?? {};
       scenario.motion = {
-        amplitude: { amplitude: "2.256 um", ...(isLine(scenario.profile) && { reference_distance: "10 mm" }) },
-        loop: { amplitude: "2.256 um", loop_stiffness: "10 N/um" }, sliding_amplitude: { sliding_amplitude: "10 um" },
+        amplitude: { amplitude, ...(isLine(scenario.profile) && { reference_distance: "10 mm" }) },
+        loop: { amplitude, loop_stiffness: "10 N/um" }, sliding_amplitude: { sliding_amplitude: "10 um" },
         stick_ratio: { stick_ratio: scenario.profile?.shape === "punch" ? PUNCH_STICK_RATIO : 0.5 },
         tangential_force: { tangential_force: isLine(scenario.profile) ? "1.5 N/mm" : "15 N" },
         blocks: { blocks: (isLine(scenario.profile) ? ["1.5 N/mm", "1 N/mm"] : ["2 um", "1 um"]).map((own) => ({
@@ -308,24 +309,49 @@ export function optionsOf({ options, lacks, reason }, scenario) {
 }
 
 /**
- * Chooses an option, and returns the pointers whose fields disappear. Their values leave the scenario. Other choices leave
- * options that no longer apply.
+ * Chooses an option. The values and ranges of fields that disappear leave the scenario and the study. Other choices leave options that no
+ * longer apply. `hidden` keeps what each option that was left has lost since, and gives it back when the option is chosen again.
  */
-export function chooseOption(choice, scenario, option) {
-  const before = withField(scenario);
+export function chooseOption(choice, { scenario, study, hidden }, option) {
+  const before = shownOf(scenario);
   choice.apply(scenario, option);
   for (const other of choicesOf(scenario)) {
     const selected = other.selected(scenario);
     const [options] = optionsOf(other, scenario);
     if (selected in other.options && !(selected in options)) other.apply(scenario, Object.keys(options)[0]);
   }
-  const after = withField(scenario);
-  const gone = before.filter((pointer) => !after.includes(pointer));
+  giveBack(hidden[choice.id]?.[option], scenario, study);
+  const after = shownOf(scenario);
+  const gone = Object.keys(before.values).filter((pointer) => !(pointer in after.values));
   for (const pointer of gone) {
-    const isOutside = !after.some((own) => own.startsWith(`${pointer}/`));
+    const isOutside = !Object.keys(after.values).some((own) => own.startsWith(`${pointer}/`));
     if (isOutside && valueAt(scenario, pointer) !== undefined) setValueAt(scenario, pointer, undefined);
   }
-  return gone;
+  const changed = (part) => Object.entries(before[part]).filter(([name, value]) => value !== undefined && JSON.stringify(value) !== JSON.stringify(after[part][name]));
+  const lost = { values: changed("values"), ranges: Object.entries(study.ranges).filter(([pointer]) => gone.includes(pointer)),
+    options: changed("options").map(([id, was]) => [id, { was, became: after.options[id] }]) };
+  for (const [pointer] of lost.ranges) delete study.ranges[pointer];
+  // What an option passed on to the next one can be lost by a later one.
+  const all = (hidden[choice.id] ??= {});
+  delete all[option];
+  all[before.options[choice.id]] = {};
+  for (const own of Object.values(all)) for (const [part, entries] of Object.entries(lost)) own[part] = { ...Object.fromEntries(entries), ...own[part] };
+}
+
+/** The options of a scenario, and the values that have fields or editors. */
+const shownOf = (scenario) => structuredClone({ options: Object.fromEntries(choicesOf(scenario).map((choice) => [choice.id, choice.selected(scenario)])),
+  values: Object.fromEntries(withField(scenario).map((pointer) => [pointer, valueAt(scenario, pointer)])) });
+
+/** Gives back what was lost when an option was left. An option of another choice that was chosen meanwhile stays. */
+function giveBack(lost, scenario, study) {
+  if (!lost) return;
+  for (const other of choicesOf(scenario)) {
+    const { was, became } = lost.options[other.id] ?? {};
+    if (was in optionsOf(other, scenario)[0] && [undefined, other.selected(scenario)].includes(became)) other.apply(scenario, was);
+  }
+  const isShown = withField(scenario);
+  for (const [pointer, value] of Object.entries(lost.values)) if (isShown.includes(pointer)) setValueAt(scenario, pointer, structuredClone(value));
+  for (const [pointer, range] of Object.entries(lost.ranges)) if (isShown.includes(pointer)) study.ranges[pointer] = range;
 }
 
 /** Pointers of the values that the form shows as fields or in editors. */

@@ -38,12 +38,12 @@ const LIMITED = {
 let examples = [];
 
 /**
- * The scenario, the study and the label of an address, or of the first example. `source` is the run that the user edits, and `json` a
- * text that is not yet valid JSON.
+ * The scenario, the study and the label of an address, or of the first example. `source` is the run that the user edits, `json` a text
+ * that is not yet valid JSON, and `hidden` what the options that were left had.
  */
 function fromAddress(query) {
   const first = examples.find((example) => example.name === query.get("example")) ?? examples[0];
-  const form = { scenario: structuredClone(first?.body.scenario ?? {}), study: newStudy(), label: query.get("label"),
+  const form = { scenario: structuredClone(first?.body.scenario ?? {}), study: newStudy(), label: query.get("label"), hidden: {},
     source: sourceOf([sourceTag(query.get("from"))]) ?? null, json: query.get("json") };
   try {
     if (query.has("scenario")) form.scenario = Object(JSON.parse(query.get("scenario")));
