@@ -43,7 +43,7 @@ export class Fieldset {
       this.calls.redraw();
     } }, "Remove");
     return h("div", { class: "field varied" }, h("label", { for: `${id}-from` }, h("code", {}, pointer)), remove,
-      drawRange(id, pointer, pointer, study, this.calls.changed));
+      drawRange(id, pointer, pointer, this.form, this.calls));
   }
 
   #drawChoice(choice) {

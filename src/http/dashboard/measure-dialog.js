@@ -6,6 +6,7 @@ import { freeName } from "./measure-sets.js";
 import { TracePicture } from "./measure-trace.js";
 import { previewOf, unitsFor, valuesIn, withStated } from "./measure-units.js";
 import { spread } from "./result-figures.js";
+import { readNumber } from "./typed.js";
 import { digits, quantity, WORDS } from "./units.js";
 
 const KINDS = { points: "Points over cycles or energy", trace: "Trace across the scar", half: "Trace from the axis", loop: "Friction loop" };
@@ -43,6 +44,12 @@ export async function askForSet(at, signal, file) {
     return reader.element;
   });
   return answer;
+}
+
+/** The number of a text; NaN if it has anything else. */
+function numberIn(text) {
+  const { number, rest } = readNumber(text) ?? {};
+  return rest === "" ? Number(number) : NaN;
 }
 
 class TableReader {
@@ -275,10 +282,12 @@ class TableReader {
   #set() {
     const { kind, x, y, sigma, output, over, units, at, density } = this.#chosen;
     const roles = this.#roles();
+    const { number, other } = readNumber(kind !== "points" ? at : output === "mass_loss" ? density : "") ?? {};
+    if (other) return `Write ${Number(number)} or ${Number(other)} without a separator of thousands.`;
     const values = (role, i) => valuesIn(this.#column(role), roles[i][1], units[["x", "y"][i]]);
     if (kind === "points") {
       const [xs, ys] = [values(x, 0), values(y, 1)];
-      const factor = output === "mass_loss" ? 1 / Number(density.replace(",", ".")) : 1;
+      const factor = output === "mass_loss" ? 1 / numberIn(density) : 1;
       if (!(factor > 0 && Number.isFinite(factor))) return "Enter a density greater than 0.";
       const all = xs.map((_, i) => i).filter((i) => xs[i] > 0 && ys[i] != null);
       const known = spread(all, MOST);
@@ -289,7 +298,7 @@ class TableReader {
       return { kind, output: output === "mass_loss" ? "wear_volume" : output, over, x: known.map((i) => xs[i]), y: known.map((i) => ys[i] * factor),
         sigma: deviation ? known.map((i) => (deviation[i] == null ? null : deviation[i] * factor)) : null, rows: all.length };
     }
-    const cycles = Number(at.replace(/[\s\u202f]/g, ""));
+    const cycles = numberIn(at);
     if (!(cycles > 0)) return "Enter the number of cycles after which this was measured.";
     if (kind === "loop") {
       // The energy comes from all whole cycles.
