@@ -6,6 +6,7 @@ import { freeName } from "./measure-sets.js";
 import { TracePicture } from "./measure-trace.js";
 import { previewOf, unitsFor, valuesIn, withStated } from "./measure-units.js";
 import { spread } from "./result-figures.js";
+import { caller } from "./sign-in.js";
 import { readNumber } from "./typed.js";
 import { digits, quantity, WORDS } from "./units.js";
 
@@ -32,18 +33,25 @@ const LOOPS = { energy: ["J", "Energy"], energy_error: ["J", "Error"], displacem
 const GRAVITY = 9.80665;
 const SIGMA = /σ|sigma|\bsd\b|std|stdev|deviation|error|\berr\b|±|uncertainty/i;
 
+/** Dialogs that were left by Escape or for another view, and their users. The next one without a dropped file is the last of them again. */
+const left = [];
+
 /** Asks for a measured set; null if the user cancels. `file` is what was dropped, and `at` the output cycle that the page shows. */
 export async function askForSet(at, signal, file) {
-  let answer = null;
+  const user = caller()?.name;
+  const place = file ? -1 : left.findLastIndex((own) => own.user === user);
+  const { reader } = place < 0 ? { reader: new TableReader(at) } : left.splice(place, 1)[0];
+  let answer;
   await openDialog("Add a measurement", (close) => {
-    const reader = new TableReader({ at, signal, done: (set) => {
+    reader.open(signal, (set) => {
       answer = set;
       close();
-    } }, close);
+    });
     if (file) reader.take(file);
     return reader.element;
   });
-  return answer;
+  if (answer === undefined && reader.isUsed) left.push({ user, reader });
+  return answer ?? null;
 }
 
 /** The number of a text; NaN if it has anything else. */
@@ -67,6 +75,7 @@ class TableReader {
   #fields = h("div", { class: "fields-read" });
   #trace = h("div", { id: "trace-picture" });
   #picture = null;
+  #text = h("textarea", { id: "set-text", rows: 3, spellcheck: false, oninput: debounced(200, () => this.take(this.#text.value)) });
   #add = h("button", { class: "primary", disabled: true, id: "add-set" }, "Add");
   #cycles = h("div", { id: "set-cycles" });
   #chosen = {};
@@ -74,17 +83,27 @@ class TableReader {
   #tables = [];
   #table = "1";
 
-  constructor({ at, signal, done }, close) {
-    Object.assign(this, { signal, done });
+  constructor(at) {
     this.#chosen.at = at > 0 ? String(at) : "";
-    const text = h("textarea", { id: "set-text", rows: 3, spellcheck: false, oninput: debounced(200, () => this.take(text.value)) });
     const choice = h("input", { type: "file", id: "set-file", accept: ".csv,.txt,.tsv,.dat,text/*", onchange: () => choice.files[0] && this.take(choice.files[0]) });
     this.element = h("form", { class: "reader", method: "dialog", onsubmit: (event) => this.#submit(event) },
       h("h2", {}, "Add a measurement"),
       h("div", { class: "sources" }, h("div", {}, h("label", { for: "set-file" }, "File (CSV or text)"), choice),
-        h("div", {}, h("label", { for: "set-text" }, "or paste a table"), text)),
-      this.#says, this.#found, h("div", { class: "row" }, this.#add, h("button", { type: "button", onclick: close }, "Cancel")));
+        h("div", {}, h("label", { for: "set-text" }, "or paste a table"), this.#text)),
+      this.#says, this.#found, h("div", { class: "row" }, this.#add, h("button", { type: "button", onclick: () => this.done(null) }, "Cancel")));
     fill(this.#found, this.#fields, this.#trace, this.#cycles, this.#preview, this.#how);
+  }
+
+  /** `done` takes the set, or null if the user cancels. A view that was left has stopped its requests. */
+  open(signal, done) {
+    Object.assign(this, { signal, done });
+    if (this.#columns) this.#prepare();
+    else this.take(this.#content ?? this.#text.value, this.#table);
+  }
+
+  /** Whether there is a file or a text. */
+  get isUsed() {
+    return this.#content !== null || this.#text.value !== "";
   }
 
   /** Reads a file or a text, and guesses what it is. */
