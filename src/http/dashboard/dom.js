@@ -86,6 +86,14 @@ export function openDialog(title, content, stays = false) {
   });
 }
 
+/** Asks whether to do something. Resolves to whether the user confirms. */
+export async function isSure(title, content, act) {
+  let sure = false;
+  await openDialog(title, (close) => h("form", { method: "dialog", onsubmit: () => { sure = true; } }, h("h2", {}, title), content,
+    h("div", { class: "row" }, h("button", { class: "primary" }, act), h("button", { type: "button", onclick: close }, "Cancel"))));
+  return sure;
+}
+
 /** Copies text to the clipboard. Browsers forbid this over plain HTTP: then a dialog shows the text. */
 export async function copy(text, name, message = `${name} copied.`) {
   try {
