@@ -392,6 +392,6 @@ export async function showForm(main, { query: asked, signal }) {
   }, { signal });
   restore(form);
   isOpen = true;
-  if (may("submit")) takeDropped(document, take, signal);
+  if (may("submit")) takeDropped(document, take, { signal });
   jsonEditor.open = form.json !== null || withoutField(form.scenario).length > 0;
 }

@@ -4,6 +4,7 @@ import { arrive } from "./address.js";
 import { may } from "./allowed.js";
 import { connection, watchConnection } from "./api.js";
 import { fill, h, isSure, notify, withDates } from "./dom.js";
+import { keepPage } from "./dropped.js";
 import { errorCard } from "./error.js";
 import { showForm } from "./form.js";
 import { hasInputs } from "./kept-input.js";
@@ -156,6 +157,7 @@ document.querySelector(".skip").addEventListener("click", (event) => {
   event.preventDefault();
   main.focus();
 });
+keepPage();
 await readCaller();
 isUserKnown = true;
 // With a user, the event has shown both.

@@ -1,6 +1,7 @@
 // The dialog that reads a measured file: it shows the first rows, the columns and their units, and lets the user change them.
 
 import { capital, debounced, fill, h, openDialog, select } from "./dom.js";
+import { takeDropped } from "./dropped.js";
 import { faultOf, readFile } from "./measured.js";
 import { freeName } from "./measure-sets.js";
 import { TracePicture } from "./measure-trace.js";
@@ -91,6 +92,7 @@ class TableReader {
       h("div", { class: "sources" }, h("div", {}, h("label", { for: "set-file" }, "File (CSV or text)"), choice),
         h("div", {}, h("label", { for: "set-text" }, "or paste a table"), this.#text)),
       this.#says, this.#found, h("div", { class: "row" }, this.#add, h("button", { type: "button", onclick: () => this.done(null) }, "Cancel")));
+    takeDropped(this.element, (file) => this.take(file), { most: 1, says: (text) => { this.#says.textContent = text; } });
     fill(this.#found, this.#fields, this.#trace, this.#cycles, this.#preview, this.#how);
   }
 

@@ -104,7 +104,7 @@ export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited,
   const element = h("div", { class: "rows", role: "group", "aria-label": title }, h("table", {}, h("thead", {}, h("tr", {}, columns.map(({ name }) => h("th", { scope: "col" }, name)), h("td", {}))), body), more,
   h("div", { class: "row" }, h("button", { type: "button", onclick: () => replace([...rows(), [...(rows().at(-1) ?? fresh)]]) }, "Add row"),
     h("button", { type: "button", onclick: () => file.click() }, "File…"), file, h("span", { class: "muted" }, "Or paste rows, or drop a file.")), says);
-  takeDropped(element, fromFile);
+  takeDropped(element, fromFile, { most: 1 });
   draw();
   return element;
 }
