@@ -2,7 +2,7 @@
 
 import { may } from "./allowed.js";
 import { get, post, resultAddress, send } from "./api.js";
-import { copy, dateTime, h, notify, openDialog, select } from "./dom.js";
+import { copy, dateTime, h, isSure, notify, select } from "./dom.js";
 import { saveAs } from "./figure-save.js";
 import { caller, signedIn } from "./sign-in.js";
 import { kindOf } from "./summary.js";
@@ -145,12 +145,8 @@ const drafts = new Map();
 /** Asks for the text of a note. Resolves to null if the user cancels, which discards the text, or leaves the dialog, which keeps it as `draft`. */
 async function askNote(text, draft) {
   const field = h("textarea", { id: "note", rows: 4, maxLength: 4000, value: drafts.get(draft) ?? text, oninput: () => drafts.set(draft, field.value) });
-  let answer = null;
-  await openDialog("Note", (close) => h("form", { method: "dialog", onsubmit: () => (answer = field.value.trim()) },
-    h("label", { for: "note" }, "Note on this result"), field, h("p", { class: "muted" }, drafts.has(draft) && "This text is not saved yet. ", "All users of this server see the note."),
-    h("div", { class: "row" }, h("button", { class: "primary" }, "Save"), h("button", { type: "button", onclick: () => {
-      drafts.delete(draft);
-      close();
-    } }, "Cancel"))));
-  return answer;
+  const sure = await isSure("Note", [h("label", { for: "note" }, "Note on this result"), field,
+    h("p", { class: "muted" }, drafts.has(draft) && "This text is not saved yet. ", "All users of this server see the note.")], "Save");
+  if (sure === false) drafts.delete(draft);
+  return sure ? field.value.trim() : null;
 }

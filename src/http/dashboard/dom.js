@@ -86,11 +86,11 @@ export function openDialog(title, content, stays = false) {
   });
 }
 
-/** Asks whether to do something. Resolves to whether the user confirms. */
+/** Asks for something. Resolves to true, to false if the user cancels, and to undefined if the user leaves the dialog in another way. */
 export async function isSure(title, content, act) {
-  let sure = false;
-  await openDialog(title, (close) => h("form", { method: "dialog", onsubmit: () => { sure = true; } }, h("h2", {}, title), content,
-    h("div", { class: "row" }, h("button", { class: "primary" }, act), h("button", { type: "button", onclick: close }, "Cancel"))));
+  let sure;
+  await openDialog(title, () => h("form", { method: "dialog", onsubmit: ({ submitter }) => { sure = !submitter.value; } }, h("h2", {}, title), content,
+    h("div", { class: "row" }, h("button", { class: "primary" }, act), h("button", { value: "cancel", formNoValidate: true }, "Cancel"))));
   return sure;
 }
 

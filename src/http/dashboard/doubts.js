@@ -27,16 +27,10 @@ export class Doubts {
     return [isTyped ? typed : printed(fieldText(value, pointer, scenario)), isTyped];
   }
 
-  /** The user types in a field. */
-  typed(input, note, pointer, meaning) {
-    if (meaning.instead) this.form.asked[pointer] = input.value;
-    else delete this.form.asked[pointer];
-    this.show(input, note, pointer, meaning);
-  }
-
   /** Says in `note` how the text of a field was read, and asks what is doubtful. */
-  show(input, note, pointer, { value, note: said, instead }) {
+  show(input, note, pointer, { value, note: said, instead }, isTyping = false) {
     const answer = `${pointer} ${value}`;
+    if (isTyping) this.form.asked[pointer] = instead && input.value;
     const isDoubt = Boolean(instead) && !confirmed.has(answer);
     const type = (own) => {
       input.value = own;
@@ -45,11 +39,10 @@ export class Doubts {
     };
     input.toggleAttribute("data-doubt", isDoubt);
     this.open.delete(input);
-    if (!isDoubt) return fill(note, said);
-    this.open.set(input, instead.question);
-    fill(note, instead.question,
-      instead.value !== undefined && button(`Use ${pretty(instead.value)}`, () => type(pretty(instead.value).replaceAll("\u00a0", " "))),
-      button(`${[value].flat().map(pretty).join(", ")} is right`, () => {
+    if (isDoubt) this.open.set(input, instead.question);
+    fill(note, isDoubt ? instead.question : said,
+      isDoubt && instead.value !== undefined && button(`Use ${pretty(instead.value)}`, () => type(pretty(instead.value).replaceAll("\u00a0", " "))),
+      isDoubt && button(`${[value].flat().map(pretty).join(", ")} is right`, () => {
         confirmed.add(answer);
         type(input.value);
       }));

@@ -4,41 +4,28 @@ import { notify } from "./dom.js";
 
 const hasFiles = ({ dataTransfer }) => dataTransfer?.types.includes("Files");
 
-/** What is dropped on an open dialog is for nothing behind it. */
-const isBehind = (place) => [...document.querySelectorAll("dialog[open]")].some((dialog) => !dialog.contains(place));
-
-/** The dropped files; throws if one is a folder, or if there are more than `most`. */
-function filesOf({ items, files }, most) {
-  const folder = [...items].map((item) => item.webkitGetAsEntry?.()).find((entry) => entry?.isDirectory);
-  if (folder) throw new Error(`“${folder.name}” is a folder. Drop files.`);
-  if (files.length > most) throw new Error("Drop one file here.");
-  return [...files];
-}
-
 /**
- * Calls `take(file)` for each file, unless a place inside has taken it. The next file waits until the promise is fulfilled. `says` shows
- * what is wrong.
+ * Calls `take(file)` for each file, unless a place inside has taken it or a dialog covers the place. The next file waits until the
+ * promise is fulfilled. `says` shows why folders, and more than `most` files, are refused.
  */
 export function takeDropped(place, take, { signal, most = Infinity, says = notify } = {}) {
   let turn = Promise.resolve();
   place.addEventListener("drop", (event) => {
-    if (!hasFiles(event) || event.defaultPrevented || isBehind(place)) return;
+    if (!hasFiles(event) || event.defaultPrevented || document.querySelector("dialog[open]")?.contains(place) === false) return;
     event.preventDefault();
-    try {
-      for (const file of filesOf(event.dataTransfer, most)) turn = turn.then(() => signal?.aborted || take(file)).catch(({ message }) => says(message));
-    } catch ({ message }) {
-      says(message);
-    }
+    const { items, files } = event.dataTransfer;
+    const folder = [...items].map((item) => item.webkitGetAsEntry?.()).find((entry) => entry?.isDirectory);
+    if (folder || files.length > most) return says(folder ? `“${folder.name}” is a folder. Drop files.` : "Drop one file here.");
+    for (const file of files) turn = turn.then(() => signal?.aborted || take(file)).catch(({ message }) => says(message));
   }, { signal });
 }
 
 /** Nothing that is dropped leads away from the page: text can go into a field of text, and a file into a field of files. */
 export function keepPage() {
-  const isForField = (event) => ((field) => field && (field.type === "file") === hasFiles(event))(event.target.closest?.("input, textarea"));
-  addEventListener("dragover", (event) => isForField(event) || event.preventDefault());
-  addEventListener("drop", (event) => {
-    if (event.defaultPrevented || isForField(event)) return;
+  for (const name of ["dragover", "drop"]) addEventListener(name, (event) => {
+    const field = event.target.closest?.("input, textarea");
+    if (event.defaultPrevented || (field && (field.type === "file") === hasFiles(event))) return;
     event.preventDefault();
-    if (hasFiles(event)) notify("Drop files on the form of a new run, or on a result.");
+    if (name === "drop" && hasFiles(event)) notify("Drop files on the form of a new run, or on a result.");
   });
 }

@@ -313,7 +313,7 @@ export function optionsOf({ options, lacks, reason }, scenario) {
  * longer apply. `hidden` keeps what each option that was left has lost since, and gives it back when the option is chosen again.
  */
 export function chooseOption(choice, { scenario, study, hidden }, option) {
-  const before = shownOf(scenario);
+  const before = shownOf(scenario, study);
   choice.apply(scenario, option);
   for (const other of choicesOf(scenario)) {
     const selected = other.selected(scenario);
@@ -321,26 +321,25 @@ export function chooseOption(choice, { scenario, study, hidden }, option) {
     if (selected in other.options && !(selected in options)) other.apply(scenario, Object.keys(options)[0]);
   }
   giveBack(hidden[choice.id]?.[option], scenario, study);
-  const after = shownOf(scenario);
+  const after = shownOf(scenario, study);
   const gone = Object.keys(before.values).filter((pointer) => !(pointer in after.values));
   for (const pointer of gone) {
     const isOutside = !Object.keys(after.values).some((own) => own.startsWith(`${pointer}/`));
     if (isOutside && valueAt(scenario, pointer) !== undefined) setValueAt(scenario, pointer, undefined);
+    delete study.ranges[pointer];
   }
-  const changed = (part) => Object.entries(before[part]).filter(([name, value]) => value !== undefined && JSON.stringify(value) !== JSON.stringify(after[part][name]));
-  const lost = { values: changed("values"), ranges: Object.entries(study.ranges).filter(([pointer]) => gone.includes(pointer)),
-    options: changed("options").map(([id, was]) => [id, { was, became: after.options[id] }]) };
-  for (const [pointer] of lost.ranges) delete study.ranges[pointer];
+  const isLost = (own, now) => JSON.stringify(own) !== JSON.stringify(now);
+  const lost = { values: Object.entries(before.values).filter(([pointer, own]) => own.value !== undefined && isLost(own, after.values[pointer])),
+    options: Object.entries(before.options).map(([id, was]) => [id, { was, became: after.options[id] }]).filter(([, { was, became }]) => was !== became) };
   // What an option passed on to the next one can be lost by a later one.
-  const all = (hidden[choice.id] ??= {});
+  const all = (hidden[choice.id] = { ...hidden[choice.id], [before.options[choice.id]]: {} });
   delete all[option];
-  all[before.options[choice.id]] = {};
-  for (const own of Object.values(all)) for (const [part, entries] of Object.entries(lost)) own[part] = { ...Object.fromEntries(entries), ...own[part] };
+  for (const own of Object.values(all)) for (const part of ["values", "options"]) own[part] = { ...Object.fromEntries(lost[part]), ...own[part] };
 }
 
-/** The options of a scenario, and the values that have fields or editors. */
-const shownOf = (scenario) => structuredClone({ options: Object.fromEntries(choicesOf(scenario).map((choice) => [choice.id, choice.selected(scenario)])),
-  values: Object.fromEntries(withField(scenario).map((pointer) => [pointer, valueAt(scenario, pointer)])) });
+/** The options of a scenario, and the values and ranges that have fields or editors. */
+const shownOf = (scenario, study) => structuredClone({ options: Object.fromEntries(choicesOf(scenario).map((choice) => [choice.id, choice.selected(scenario)])),
+  values: Object.fromEntries(withField(scenario).map((pointer) => [pointer, { value: valueAt(scenario, pointer), range: study.ranges[pointer] }])) });
 
 /** Gives back what was lost when an option was left. An option of another choice that was chosen meanwhile stays. */
 function giveBack(lost, scenario, study) {
@@ -350,8 +349,10 @@ function giveBack(lost, scenario, study) {
     if (was in optionsOf(other, scenario)[0] && [undefined, other.selected(scenario)].includes(became)) other.apply(scenario, was);
   }
   const isShown = withField(scenario);
-  for (const [pointer, value] of Object.entries(lost.values)) if (isShown.includes(pointer)) setValueAt(scenario, pointer, structuredClone(value));
-  for (const [pointer, range] of Object.entries(lost.ranges)) if (isShown.includes(pointer)) study.ranges[pointer] = range;
+  for (const [pointer, { value, range }] of Object.entries(structuredClone(lost.values)).filter(([pointer]) => isShown.includes(pointer))) {
+    setValueAt(scenario, pointer, value);
+    if (range) study.ranges[pointer] = range;
+  }
 }
 
 /** Pointers of the values that the form shows as fields or in editors. */

@@ -60,7 +60,7 @@ function fromAddress(query) {
 /** The address that contains all of a form, so that a reload or a bookmark restores it. `link` is the token of a shared result. */
 const addressOf = ({ scenario, study, label, source, json, asked = {} }, link) => `#/new?${new URLSearchParams({ ...(link && { link }), scenario: JSON.stringify(scenario),
   ...(label !== null && { label }), ...(varied(study).length && { study: JSON.stringify(jobBody(undefined, study)) }), ...(source && { from: source }), ...(json !== null && { json }),
-  ...(Object.keys(asked).length && { asked: JSON.stringify(asked) }) })}`;
+  ...(JSON.stringify(asked) !== "{}" && { asked: JSON.stringify(asked) }) })}`;
 
 export async function showForm(main, { query: asked, signal }) {
   // The holder of a shared link gets neither, and has a scenario in the address.

@@ -88,7 +88,7 @@ export class Inputs {
       const read = meaning(pointer, own, scenario);
       setValueAt(scenario, pointer, read.value);
       if (vary) vary.disabled = !suggested(scenario, pointer, study.kind);
-      this.doubts.typed(input, note, pointer, read);
+      this.doubts.show(input, note, pointer, read, true);
       if (pointer === "/motion/rig_stiffness") this.#rename("/motion/amplitude");
       this.edited(pointer, isDragging);
     };

@@ -114,8 +114,7 @@ function showUser() {
 }
 
 async function leave() {
-  const warning = "What you have typed in forms of this browser and not kept as a run will be deleted.";
-  if (hasInputs() && !await isSure("Sign out?", h("p", {}, warning), "Sign out and delete it")) return;
+  if (hasInputs() && !await isSure("Sign out?", h("p", {}, "What you have typed in forms of this browser and not kept as a run will be deleted."), "Sign out and delete it")) return;
   currentView.abort();
   if (await signOut()) return;
   notify("The server cannot be reached. You are still signed in.");

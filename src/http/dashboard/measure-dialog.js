@@ -41,24 +41,18 @@ const left = [];
 export async function askForSet(at, signal, file) {
   const user = caller()?.name;
   const place = file ? -1 : left.findLastIndex((own) => own.user === user);
-  const { reader } = place < 0 ? { reader: new TableReader(at) } : left.splice(place, 1)[0];
+  const { reader } = place < 0 ? { reader: new TableReader() } : left.splice(place, 1)[0];
   let answer;
   await openDialog("Add a measurement", (close) => {
-    reader.open(signal, (set) => {
+    reader.open(at, signal, (set) => {
       answer = set;
       close();
     });
     if (file) reader.take(file);
     return reader.element;
   });
-  if (answer === undefined && reader.isUsed) left.push({ user, reader });
+  if (answer === undefined) left.push({ user, reader });
   return answer ?? null;
-}
-
-/** The number of a text; NaN if it has anything else. */
-function numberIn(text) {
-  const { number, rest } = readNumber(text) ?? {};
-  return rest === "" ? Number(number) : NaN;
 }
 
 class TableReader {
@@ -84,8 +78,7 @@ class TableReader {
   #tables = [];
   #table = "1";
 
-  constructor(at) {
-    this.#chosen.at = at > 0 ? String(at) : "";
+  constructor() {
     const choice = h("input", { type: "file", id: "set-file", accept: ".csv,.txt,.tsv,.dat,text/*", onchange: () => choice.files[0] && this.take(choice.files[0]) });
     this.element = h("form", { class: "reader", method: "dialog", onsubmit: (event) => this.#submit(event) },
       h("h2", {}, "Add a measurement"),
@@ -97,15 +90,11 @@ class TableReader {
   }
 
   /** `done` takes the set, or null if the user cancels. A view that was left has stopped its requests. */
-  open(signal, done) {
+  open(at, signal, done) {
     Object.assign(this, { signal, done });
-    if (this.#columns) this.#prepare();
-    else this.take(this.#content ?? this.#text.value, this.#table);
-  }
-
-  /** Whether there is a file or a text. */
-  get isUsed() {
-    return this.#content !== null || this.#text.value !== "";
+    if (this.#columns) return void this.#prepare();
+    this.#chosen.at = at > 0 ? String(at) : "";
+    this.take(this.#content ?? this.#text.value, this.#table);
   }
 
   /** Reads a file or a text, and guesses what it is. */
@@ -303,12 +292,13 @@ class TableReader {
   #set() {
     const { kind, x, y, sigma, output, over, units, at, density } = this.#chosen;
     const roles = this.#roles();
-    const { number, other } = readNumber(kind !== "points" ? at : output === "mass_loss" ? density : "") ?? {};
-    if (other) return `Write ${Number(number)} or ${Number(other)} without a separator of thousands.`;
+    const { number, other, rest } = readNumber(kind === "points" ? density : at) ?? {};
+    const typed = rest === "" ? Number(number) : NaN;
+    if (other && (kind !== "points" || output === "mass_loss")) return `Write ${Number(number)} or ${other} without a separator of thousands.`;
     const values = (role, i) => valuesIn(this.#column(role), roles[i][1], units[["x", "y"][i]]);
     if (kind === "points") {
       const [xs, ys] = [values(x, 0), values(y, 1)];
-      const factor = output === "mass_loss" ? 1 / numberIn(density) : 1;
+      const factor = output === "mass_loss" ? 1 / typed : 1;
       if (!(factor > 0 && Number.isFinite(factor))) return "Enter a density greater than 0.";
       const all = xs.map((_, i) => i).filter((i) => xs[i] > 0 && ys[i] != null);
       const known = spread(all, MOST);
@@ -319,16 +309,15 @@ class TableReader {
       return { kind, output: output === "mass_loss" ? "wear_volume" : output, over, x: known.map((i) => xs[i]), y: known.map((i) => ys[i] * factor),
         sigma: deviation ? known.map((i) => (deviation[i] == null ? null : deviation[i] * factor)) : null, rows: all.length };
     }
-    const cycles = numberIn(at);
-    if (!(cycles > 0)) return "Enter the number of cycles after which this was measured.";
+    if (!(typed > 0)) return "Enter the number of cycles after which this was measured.";
     if (kind === "loop") {
       // The energy comes from all whole cycles.
       const own = this.#column(y);
       const forces = own.unit === "kg" ? own.values.map((mass) => (mass == null ? null : mass * GRAVITY)) : values(y, 1);
       const drawn = (numbers) => spread(numbers, MOST);
-      return { kind, output: "loop", over: "displacement", x: drawn(values(x, 0)), y: drawn(forces), sigma: null, at: cycles, energy: this.#prepared.energy_per_cycle, rows: values(x, 0).length };
+      return { kind, output: "loop", over: "displacement", x: drawn(values(x, 0)), y: drawn(forces), sigma: null, at: typed, energy: this.#prepared.energy_per_cycle, rows: values(x, 0).length };
     }
     const { radius, depth, sigma: scatter } = this.#prepared.data;
-    return { kind: "profile", output: "profile.wear", over: "radius", x: radius, y: depth, sigma: depth.map(() => scatter), at: cycles };
+    return { kind: "profile", output: "profile.wear", over: "radius", x: radius, y: depth, sigma: depth.map(() => scatter), at: typed };
   }
 }

@@ -49,16 +49,17 @@ export function drawRange(id, name, pointer, form, { changed, doubts }) {
   const field = (member, label, isPlain) => {
     const place = `/vary${pointer}/${member}`;
     const note = h("p", { class: "note-read", role: "status" });
-    const ask = (act, isTyped) => {
-      const meaning = understand(input.value, { ...kindAt(isPlain ? "" : pointer, scenario), unit: isPlain ? "" : range.unit }, isTyped);
-      doubts[act](input, note, place, meaning.isSpelling ? meaning : { value: meaning.value });
+    const ask = (isTyping) => {
+      const kind = isPlain ? kindAt("") : { ...kindAt(pointer, scenario), unit: range.unit };
+      const meaning = understand(input.value, kind, isTyping || asked[place] === input.value);
+      doubts.show(input, note, place, meaning.isSpelling ? meaning : {}, isTyping);
     };
     const [input, fault] = faulty(`${id}-${member}`, place, `${name}: ${label}`, { value: range[member], class: member, oninput: () => {
       range[member] = input.value;
-      ask("typed", true);
+      ask(true);
       changed();
     } });
-    ask("show", asked[place] === input.value);
+    ask(false);
     return [input, [note, fault]];
   };
   const own = distributionOf(range, study);

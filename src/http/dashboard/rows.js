@@ -36,7 +36,7 @@ export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited,
       "aria-describedby": `${id}-fault`, value: text, autocomplete: "off", spellcheck: false,
       oninput: () => {
         const all = rows();
-        all[row][column] = ask("typed", true);
+        all[row][column] = ask(true);
         put(all);
         edited(pointer);
       },
@@ -55,12 +55,12 @@ export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited,
       } });
     const note = h("p", { class: "note-read", role: "status" });
     /** The value of the cell, after `doubts` have asked about it. */
-    const ask = (act, own) => {
-      const meaning = read(input.value, own);
-      doubts[act](input, note, pointer, pointer.startsWith("/profile/") && !meaning.isSpelling ? { value: meaning.value } : meaning);
+    const ask = (isTyping) => {
+      const meaning = read(input.value, isTyping || isTyped);
+      doubts.show(input, note, pointer, pointer.startsWith("/profile/") && !meaning.isSpelling ? {} : meaning, isTyping);
       return meaning.value;
     };
-    ask("show", isTyped);
+    ask(false);
     return h("td", {}, input, note, h("p", { id: `${id}-fault`, class: "fault" }));
   };
   /** Puts pasted cells into the rows from one cell on. */

@@ -41,8 +41,8 @@ export function readNumber(text) {
   return { number: plainSign(digits) + (power === undefined ? "" : `e${plainPower(power)}`), other: other && plainSign(other), rest: trimmed.slice(found[0].length).trim() };
 }
 
-/** Exponents and other large plain numbers are no shares. */
-const MOST_SHARE = 2;
+/** The question of a separator that has two meanings. */
+const spelling = (read, other) => ({ isSpelling: true, instead: { question: `Read as ${read}. Did you mean ${pretty(other)}?`, value: other } });
 
 /** A number with its unit as a scenario has it. */
 const valueOf = (number, unit) => (unit ? `${number} ${unit}` : Number(number));
@@ -60,12 +60,10 @@ export function understand(text, kind, isTyped = true) {
   // The thousands of a number with a decimal point count if a contact has such a size.
   const [, most] = kind.usual ?? kind.slide ?? [0, Infinity];
   const isOther = isTyped && read.other && (text.includes(",") || Math.abs(read.other) * (factorIn(kind, unit) ?? 1) <= most);
-  if (isOther) {
-    const other = valueOf(read.other, unit);
-    return { value, note: `Read as ${shown}.`, isSpelling: true, instead: { question: `Read as ${pretty(valueOf(Number(read.number), unit))}. Did you mean ${pretty(other)}?`, value: other } };
-  }
+  if (isOther) return { value, note: `Read as ${shown}.`, ...spelling(pretty(valueOf(Number(read.number), unit)), valueOf(read.other, unit)) };
   const meant = suspect(read, unit, kind);
-  if (meant) return { value, note: "", instead: { question: `${shown}. ${meant.value === undefined ? "Is this right? It is unusual." : `Did you mean ${pretty(meant.value)}${meant.told}?`}`, value: meant.value } };
+  const question = meant?.value === undefined ? "Is this right? It is unusual." : `Did you mean ${pretty(meant.value)}${meant.told}?`;
+  if (meant) return { value, note: "", instead: { question: `${shown}. ${question}`, value: meant.value } };
   const inField = pretty(written(value, kind));
   return { value, note: (!read.rest && kind.unit) || inField !== shown ? `Read as ${inField}.` : "" };
 }
@@ -75,7 +73,11 @@ export function understand(text, kind, isTyped = true) {
  * there is none; undefined if nothing is doubtful. A number without a unit is doubted sooner.
  */
 function suspect({ number, rest }, unit, kind) {
-  if (kind.slide && !rest) return suspectPlain(Number(number), kind.slide);
+  if (kind.slide && !rest) {
+    const share = Number((number / 100).toPrecision(12));
+    const isShare = kind.slide[1] < 2 && share >= kind.slide[0] && share <= kind.slide[1];
+    return number > kind.slide[1] ? (isShare ? { value: share, told: ` (${number} %)` } : {}) : undefined;
+  }
   const size = Math.abs(number) * (factorIn(kind, unit) ?? NaN);
   const [low, most] = kind.usual ?? [];
   const least = rest ? low : kind.bare;
@@ -90,27 +92,15 @@ function suspect({ number, rest }, unit, kind) {
   return meant === kind.unit || isShort ? { value, told: "" } : { value: inField, told: ` (${pretty(value)})` };
 }
 
-/** A plain number above its usual ones is probably in percent. */
-function suspectPlain(number, [least, most]) {
-  if (!(number > most)) return undefined;
-  const share = Number((number / 100).toPrecision(12));
-  return most <= MOST_SHARE && share >= least && share <= most ? { value: share, told: ` (${number} %)` } : {};
-}
-
-/** What a text means in a field of a list. */
+/** What a text means in a field of a list. It can be one number, such as 1,5 J or 1.000. */
 export function understandList(text, isTyped = true) {
   const value = readList(text);
   const read = value.map(pretty).join(", ");
-  const other = isTyped && listedOther(text.trim(), value);
-  const question = `Read as ${read}. Did you mean ${other}?`;
-  return { value, note: read.replace(/\s/g, "") === text.replace(/\s/g, "") ? "" : `Read as ${read}.`, ...(other && { isSpelling: true, instead: { question, value: other } }) };
-}
-
-/** One number that a list may mean: 1,5 J or 1.000. */
-function listedOther(text, value) {
   const { other, rest } = readNumber(text) ?? {};
-  if (value.length === 1) return other && `${other} ${rest}`.trim();
-  return /^\d{1,3},\d{1,3}(?![\d,;])/.test(text) && value.length === 2 && (other ?? text).replace(",", ".") + (other && rest ? ` ${rest}` : "");
+  const isOne = isTyped && (value.length === 1 ? other : value.length === 2 && /^\s*\d{1,3},\d{1,3}(?![\d,;])/.test(text));
+  const one = (other ? `${other} ${rest}` : text.replace(",", ".")).trim();
+  const isPlain = read.replace(/\s/g, "") === text.replace(/\s/g, "");
+  return { value, note: isPlain ? "" : `Read as ${read}.`, ...(isOne && spelling(read, one)) };
 }
 
 /** The numbers of a list: 1000, 2000 · 1 000; 2 000 · 0,5; 1,5 · 1000 2000. Texts that are no number stay as they are. */
