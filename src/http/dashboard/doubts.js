@@ -13,11 +13,8 @@ const button = (text, act) => [" ", h("button", { type: "button", class: "vary",
 export class Doubts {
   /** The questions without an answer, by their fields. */
   open = new Map();
-
-  /** `form.asked` has the doubtful texts that the user has typed, by the pointers of their fields. */
-  constructor(form) {
-    this.form = form;
-  }
+  /** The form. Its `asked` has the doubtful texts that the user has typed, by the pointers of their fields. */
+  form;
 
   /** The first text of a field, and whether the user has typed it: the doubtful one that is typed, or that of the value. `read` reads a text. */
   first(pointer, read) {

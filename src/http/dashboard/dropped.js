@@ -4,10 +4,7 @@ import { notify } from "./dom.js";
 
 const hasFiles = ({ dataTransfer }) => dataTransfer?.types.includes("Files");
 
-/**
- * Calls `take(file)` for each file, unless a place inside has taken it or a dialog covers the place. The next file waits until the
- * promise is fulfilled. `says` shows why folders, and more than `most` files, are refused.
- */
+/** Calls `take(file)` for each file in turn, unless a place inside has taken it or a dialog covers the place. `says` shows why others are refused. */
 export function takeDropped(place, take, { signal, most = Infinity, says = notify } = {}) {
   let turn = Promise.resolve();
   place.addEventListener("drop", (event) => {

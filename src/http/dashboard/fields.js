@@ -320,7 +320,7 @@ export function chooseOption(choice, { scenario, study, hidden }, option) {
     const [options] = optionsOf(other, scenario);
     if (selected in other.options && !(selected in options)) other.apply(scenario, Object.keys(options)[0]);
   }
-  giveBack(hidden[choice.id]?.[option], scenario, study);
+  giveBack(hidden[choice.id]?.[option] ?? { values: {}, options: {} }, scenario, study);
   const after = shownOf(scenario, study);
   const gone = Object.keys(before.values).filter((pointer) => !(pointer in after.values));
   for (const pointer of gone) {
@@ -328,8 +328,7 @@ export function chooseOption(choice, { scenario, study, hidden }, option) {
     if (isOutside && valueAt(scenario, pointer) !== undefined) setValueAt(scenario, pointer, undefined);
     delete study.ranges[pointer];
   }
-  const isLost = (own, now) => JSON.stringify(own) !== JSON.stringify(now);
-  const lost = { values: Object.entries(before.values).filter(([pointer, own]) => own.value !== undefined && isLost(own, after.values[pointer])),
+  const lost = { values: Object.entries(before.values).filter(([pointer, own]) => own.value !== undefined && JSON.stringify(own) !== JSON.stringify(after.values[pointer])),
     options: Object.entries(before.options).map(([id, was]) => [id, { was, became: after.options[id] }]).filter(([, { was, became }]) => was !== became) };
   // What an option passed on to the next one can be lost by a later one.
   const all = (hidden[choice.id] = { ...hidden[choice.id], [before.options[choice.id]]: {} });
@@ -343,13 +342,11 @@ const shownOf = (scenario, study) => structuredClone({ options: Object.fromEntri
 
 /** Gives back what was lost when an option was left. An option of another choice that was chosen meanwhile stays. */
 function giveBack(lost, scenario, study) {
-  if (!lost) return;
   for (const other of choicesOf(scenario)) {
     const { was, became } = lost.options[other.id] ?? {};
     if (was in optionsOf(other, scenario)[0] && [undefined, other.selected(scenario)].includes(became)) other.apply(scenario, was);
   }
-  const isShown = withField(scenario);
-  for (const [pointer, { value, range }] of Object.entries(structuredClone(lost.values)).filter(([pointer]) => isShown.includes(pointer))) {
+  for (const [pointer, { value, range }] of Object.entries(structuredClone(lost.values)).filter(([own]) => withField(scenario).includes(own))) {
     setValueAt(scenario, pointer, value);
     if (range) study.ranges[pointer] = range;
   }

@@ -122,7 +122,7 @@ export async function showForm(main, { query: asked, signal }) {
   const live = new Live(showAnswer, refused, signal);
   const draft = new Draft({ says: (...said) => preview.mark(...said), result: (result, checked) => preview.show(warned(result, checked.warnings)),
     rows: ({ history, units }, checked) => preview.showRows(history, { ...warned(checked), units }) }, signal);
-  const doubts = new Doubts(form);
+  const doubts = Object.assign(new Doubts(), { form });
   const doubtful = h("p", { class: "warning", id: "doubts" });
   const calls = { edited, changed, redraw, doubts, chosen: () => {
     draw();

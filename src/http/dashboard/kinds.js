@@ -14,8 +14,7 @@ export function kindAt(pointer, scenario) {
   // The numbers of a list or range measure what it measures.
   const list = pointer.replace(/\/(\d+|from|to)$/, "");
   const own = (inputAt(pointer, scenario) ?? inputAt(list, scenario))?.[3] ?? NUMBER;
-  const common = pointer.endsWith("/hardness") ? COMMON.hardness : COMMON[own.unit] ?? own.usual;
-  return { ...own, common, ...(si() && { likely: own.unit, unit: own.si }) };
+  return { ...own, common: COMMON[pointer.endsWith("/hardness") ? "hardness" : own.unit] ?? own.usual, ...(si() && { likely: own.unit, unit: own.si }) };
 }
 
 /** All spellings of a unit as one: µm³/(N·m), um3/Nm. */

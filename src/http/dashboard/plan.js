@@ -50,8 +50,7 @@ export function drawRange(id, name, pointer, form, { changed, doubts }) {
     const place = `/vary${pointer}/${member}`;
     const note = h("p", { class: "note-read", role: "status" });
     const ask = (isTyping) => {
-      const kind = isPlain ? kindAt("") : { ...kindAt(pointer, scenario), unit: range.unit };
-      const meaning = understand(input.value, kind, isTyping || asked[place] === input.value);
+      const meaning = understand(input.value, isPlain ? kindAt("") : { ...kindAt(pointer, scenario), unit: range.unit }, isTyping || asked[place] === input.value);
       doubts.show(input, note, place, meaning.isSpelling ? meaning : {}, isTyping);
     };
     const [input, fault] = faulty(`${id}-${member}`, place, `${name}: ${label}`, { value: range[member], class: member, oninput: () => {

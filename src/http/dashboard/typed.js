@@ -73,11 +73,9 @@ export function understand(text, kind, isTyped = true) {
  * there is none; undefined if nothing is doubtful. A number without a unit is doubted sooner.
  */
 function suspect({ number, rest }, unit, kind) {
-  if (kind.slide && !rest) {
-    const share = Number((number / 100).toPrecision(12));
-    const isShare = kind.slide[1] < 2 && share >= kind.slide[0] && share <= kind.slide[1];
-    return number > kind.slide[1] ? (isShare ? { value: share, told: ` (${number} %)` } : {}) : undefined;
-  }
+  const [from, to] = kind.slide ?? [];
+  const share = Number((number / 100).toPrecision(12));
+  if (!rest && number > to) return to < 2 && share >= from && share <= to ? { value: share, told: ` (${number} %)` } : {};
   const size = Math.abs(number) * (factorIn(kind, unit) ?? NaN);
   const [low, most] = kind.usual ?? [];
   const least = rest ? low : kind.bare;
@@ -99,8 +97,7 @@ export function understandList(text, isTyped = true) {
   const { other, rest } = readNumber(text) ?? {};
   const isOne = isTyped && (value.length === 1 ? other : value.length === 2 && /^\s*\d{1,3},\d{1,3}(?![\d,;])/.test(text));
   const one = (other ? `${other} ${rest}` : text.replace(",", ".")).trim();
-  const isPlain = read.replace(/\s/g, "") === text.replace(/\s/g, "");
-  return { value, note: isPlain ? "" : `Read as ${read}.`, ...(isOne && spelling(read, one)) };
+  return { value, note: read.replace(/\s/g, "") === text.replace(/\s/g, "") ? "" : `Read as ${read}.`, ...(isOne && spelling(read, one)) };
 }
 
 /** The numbers of a list: 1000, 2000 · 1 000; 2 000 · 0,5; 1,5 · 1000 2000. Texts that are no number stay as they are. */
