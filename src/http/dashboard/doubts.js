@@ -39,7 +39,7 @@ export class Doubts {
     if (isDoubt) this.open.set(input, instead.question);
     fill(note, isDoubt ? instead.question : said,
       isDoubt && instead.value !== undefined && button(`Use ${pretty(instead.value)}`, () => type(pretty(instead.value).replaceAll("\u00a0", " "))),
-      isDoubt && button(`${[value].flat().map(pretty).join(", ")} is right`, () => {
+      isDoubt && button(`${instead.read ?? pretty(value)} is right`, () => {
         confirmed.add(answer);
         type(input.value);
       }));

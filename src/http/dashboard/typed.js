@@ -42,7 +42,7 @@ export function readNumber(text) {
 }
 
 /** The question of a separator that has two meanings. */
-const spelling = (read, other) => ({ isSpelling: true, instead: { question: `Read as ${read}. Did you mean ${pretty(other)}?`, value: other } });
+const spelling = (read, other) => ({ isSpelling: true, instead: { question: `Read as ${read}. Did you mean ${pretty(other)}?`, read, value: other } });
 
 /** A number with its unit as a scenario has it. */
 const valueOf = (number, unit) => (unit ? `${number} ${unit}` : Number(number));
