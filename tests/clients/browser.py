@@ -264,6 +264,18 @@ def until(page, holds):
         page.wait_for_timeout(50)
 
 
+def drag(page, place, *paths, **texts):
+    """Drags files, folders or texts of these types from outside onto the middle of a place, as a person does. Only Chromium can."""
+    page.locator(place).first.scroll_into_view_if_needed()
+    box = page.locator(place).first.bounding_box()
+    data = {"items": [{"mimeType": f"text/{kind.replace('_', '-')}", "data": text} for kind, text in texts.items()],
+            "files": [str(path) for path in paths], "dragOperationsMask": 1}
+    devtools = page.context.new_cdp_session(page)
+    for kind in ("dragEnter", "dragOver", "drop"):
+        devtools.send("Input.dispatchDragEvent", {"type": kind, "data": data, "x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2})
+    devtools.detach()
+
+
 def curves(page, figure):
     """The paths of the curves of a figure."""
     return page.locator(f"section[aria-label='{figure}'] .curve").evaluate_all("paths => paths.map(path => path.getAttribute('d'))")

@@ -126,7 +126,7 @@ DEFAULTS = """async () => {
     const after = ([words, scenario], isMeant) => choicesOf(scenario).filter(({id}) => isMeant(id)).flatMap((choice) =>
         Object.keys(optionsOf(choice, scenario)[0]).map((option) => {
             const changed = structuredClone(scenario);
-            chooseOption(choice, changed, option);
+            chooseOption(choice, {scenario: changed, study: {ranges: {}}, hidden: {}}, option);
             return [`${words} ${choice.id}=${option}`, changed];
         }));
     const examples = (await answerTo("/v1/examples")).filter(({name}) => name.startsWith("steel-ball"));

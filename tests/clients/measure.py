@@ -387,6 +387,76 @@ def by_keyboard(browser, key):
     page.context.close()
 
 
+def left_dialogs(browser, key):
+    """Escape, another view or a lost connection loses nothing that is typed in a dialog. Cancel discards it."""
+    page = result(browser, key)
+
+    def away_and_back():
+        page.go_back()
+        page.wait_for_url("**/#/library")
+        page.go_forward()
+        page.wait_for_selector("#add-measurement")
+
+    page.goto(f"{BASE}/#/library")
+    page.goto(f"{BASE}/#/result/{key}")
+    for leave in (lambda: page.keyboard.press("Escape"), away_and_back):
+        page.get_by_role("button", name="Note").click()
+        page.fill("#note", "Half a sentence")
+        leave()
+        expect(page.locator("dialog")).to_have_count(0)
+        page.get_by_role("button", name="Note").click()
+        expect(page.locator("#note")).to_have_value("Half a sentence")
+        expect(page.locator("dialog")).to_contain_text("This text is not saved yet.")
+        page.get_by_role("button", name="Cancel").click()
+        page.get_by_role("button", name="Note").click()
+        expect(page.locator("#note")).to_have_value("")
+        page.get_by_role("button", name="Cancel").click()
+    page.route("**/note", lambda route: route.abort())
+    page.get_by_role("button", name="Note").click()
+    page.fill("#note", "Not saved")
+    page.get_by_role("button", name="Save").click()
+    expect(page.locator("dialog")).to_have_count(0)
+    page.unroute("**/note")
+    page.get_by_role("button", name="Note").click()
+    expect(page.locator("#note")).to_have_value("Not saved")
+    page.get_by_role("button", name="Save").click()
+    expect(page.locator(".actions .note")).to_contain_text("“Not saved”")
+
+    text = "N;loss [mg]\n1000;0,0025\n10000;0,03\n"
+    for leave in (lambda: page.keyboard.press("Escape"), away_and_back):
+        page.click("#add-measurement")
+        page.fill("#set-text", text)
+        page.wait_for_selector("#set-kind")
+        page.fill("#set-name", "Typed")
+        page.select_option("#set-output", "mass_loss")
+        page.fill("#set-density", "7,850")
+        leave()
+        expect(page.locator("dialog")).to_have_count(0)
+        # A dropped file is another measurement.
+        drop(page, "main", ("rig.csv", "N;V [um^3]\n1000;4\n"))
+        expect(page.locator("#set-name")).to_have_value("rig")
+        page.get_by_role("button", name="Cancel").click()
+        page.click("#add-measurement")
+        for field, value in (("text", text), ("name", "Typed"), ("output", "mass_loss"), ("density", "7,850")):
+            expect(page.locator(f"#set-{field}")).to_have_value(value)
+        # A separator that has two meanings is no decimal point in silence.
+        page.click("#add-set:enabled")
+        expect(page.locator("#file-fault")).to_have_text("Write 7.85 or 7850 without a separator of thousands.")
+        page.get_by_role("button", name="Cancel").click()
+        page.click("#add-measurement")
+        expect(page.locator("#set-text")).to_have_value("")
+        page.get_by_role("button", name="Cancel").click()
+    # Text that is not read yet.
+    page.click("#add-measurement")
+    page.fill("#set-text", text)
+    page.keyboard.press("Escape")
+    page.click("#add-measurement")
+    page.fill("#set-name", "Late")
+    page.click("#add-set:enabled")
+    page.wait_for_selector("[data-set=Late]")
+    page.context.close()
+
+
 def views(browser, key, fit):
     """Accessible in light and dark, on all screens: the panel, the dialog, the form, and the page of a fit."""
     for looks in LOOKS:
@@ -415,5 +485,6 @@ with opened() as browser:
     energy_law(browser)
     fit = law_fails(browser)
     by_keyboard(browser, key)
+    left_dialogs(browser, key)
     views(browser, key, fit)
     print(f"measurements and fits are shown and correct in {'Firefox' if FIREFOX else 'Chromium'}")

@@ -99,7 +99,22 @@ def one_sign_in(browser, own):
     expect(tab.locator("#friction")).to_have_value("0.518")
     tab.goto(own.base + "/#/library")
     expect(tab.locator(".entry")).to_have_count(1)
+    # Not without a question, in any tab.
+    dialog = page.locator("dialog")
+    for place, field in ((page, "0.517"), (tab, "0.518")):
+        sign_out(place)
+        expect(place.locator("dialog")).to_contain_text("What you have typed in forms of this browser and not kept as a run will be deleted.")
+        browser.check_view(place, "sign-out")
+        place.get_by_role("button", name="Cancel").click()
+        place.reload()
+        expect(place.locator("#user summary")).to_have_text("admin")
+        place.goto(own.base + "/#/new")
+        expect(place.locator("#friction")).to_have_value(field)
+    # The input of one tab is a question in the other one, whose own was discarded.
+    page.get_by_role("button", name="Discard it").click()
+    tab.goto(own.base + "/#/library")
     sign_out(page)
+    dialog.get_by_role("button", name="Sign out and delete it").click()
     for place in (page, tab):
         place.wait_for_function(f"() => !/0.51[78]/.test({kept})")
         expect(place.locator("#key-reason")).to_have_text("You are signed out.")

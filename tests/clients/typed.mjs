@@ -13,7 +13,7 @@ register(`data:text/javascript,${encodeURIComponent(`export const resolve = (nam
 const page = (name) => import(`../../src/http/dashboard/${name}.js`);
 const { fieldText, kindAt } = await page("kinds");
 const { useSi } = await page("system");
-const { readList, readNumber, understand } = await page("typed");
+const { readList, readNumber, understand, understandList } = await page("typed");
 
 const scenario = { wear: {} };
 const value = (pointer, text) => understand(text, kindAt(pointer, scenario)).value;
@@ -60,16 +60,52 @@ assert.equal(question("/wear/coefficient", "3.03e-5 1/Pa"), "3.03e−5 1/Pa. Did
 assert.equal(question("/bodies/0/youngs_modulus", "205000"), "205000 GPa. Did you mean 205 GPa (205000 MPa)?");
 assert.equal(question("/profile/radius", "0.01"), "0.01 mm. Did you mean 10 mm (0.01 m)?");
 assert.equal(question("/profile/radius", "0.01 mm"), undefined);
-assert.equal(question("/load/normal_force", "1,000"), "Or did you mean 1.000 N?");
-assert.equal(question("/motion/amplitude", "2,256"), "Or did you mean 2256 µm?");
+for (const [pointer, text, expected] of [
+  // A mark before three digits.
+  ["/load/normal_force", "1,000", "Read as 1000 N. Did you mean 1 N?"],
+  ["/load/normal_force", "1.000", "Read as 1 N. Did you mean 1000 N?"],
+  ["/load/normal_force", "1.250 N", "Read as 1.25 N. Did you mean 1250 N?"],
+  ["/profile/radius", "1,000", "Read as 1000 mm. Did you mean 1 mm?"],
+  ["/motion/amplitude", "1,234", "Read as 1.234 µm. Did you mean 1234 µm?"],
+  ["/motion/amplitude", "1.234", "Read as 1.234 µm. Did you mean 1234 µm?"],
+  ["/motion/amplitude", "2,256", "Read as 2.256 µm. Did you mean 2256 µm?"],
+  ["/motion/blocks/0/cycles", "10.000", "Read as 10. Did you mean 10000?"],
+  // Sizes that few contacts have, if another unit is usual.
+  ["/profile/radius", "10000", "10000 mm. Did you mean 10 mm (10000 µm)?"],
+  ["/bodies/0/youngs_modulus", "205 MPa", "205 MPa. Did you mean 205 GPa?"],
+  ["/moduli/normal", "112.6 MPa", "112.6 MPa. Did you mean 112.6 GPa?"],
+  ["/bodies/0/yield_strength", "1.5", "1.5 MPa. Did you mean 1500 MPa (1.5 GPa)?"],
+  ["/wear/hardness", "200", "200 GPa. Did you mean 0.2 GPa (200 MPa)?"],
+  ["/motion/rig_stiffness", "30000", "30000 N/µm. Did you mean 30 N/µm (30000 N/mm)?"],
+  ["/profile/slope_angle", "0.01", "0.01 deg. Did you mean 0.01 rad?"],
+  // Percent.
+  ["/friction", "70", "70. Did you mean 0.7 (70 %)?"],
+  ["/friction/run_in/to", "7", "7. Did you mean 0.07 (7 %)?"],
+  ["/bodies/1/poisson_ratio", "30", "30. Did you mean 0.3 (30 %)?"],
+  ["/motion/stick_ratio", "54,5", "54.5. Did you mean 0.545 (54.5 %)?"],
+  // Sizes that no contact has in any unit.
+  ["/profile/exponent", "200", "200. Is this right? It is unusual."],
+  ["/load/normal_force", "1e15", "1e15 N. Is this right? It is unusual."],
+]) assert.equal(question(pointer, text), expected, `${pointer} ${text}`);
 assert.equal(question("/wear/coefficient", "2e-14"), "2e−14 mm³/(N m). Did you mean 2e−5 mm³/(N m) (2e−14 m³/(N m))?");
-for (const [pointer, text] of [["/motion/amplitude", "2"], ["/motion/amplitude", "0"], ["/profile/radius", "0.5 in"], ["/friction", "7"],
-  ["/motion/amplitude", "2 GPa"]]) assert.equal(question(pointer, text), undefined, `${pointer} ${text}`);
+for (const [pointer, text] of [["/motion/amplitude", "2"], ["/motion/amplitude", "0"], ["/profile/radius", "0.5 in"],
+  ["/motion/amplitude", "2 GPa"], ["/motion/amplitude", "2.256"], ["/motion/amplitude", "3.2 µm"], ["/motion/amplitude", "500 nm"], ["/motion/amplitude", "0,125"],
+  ["/profile/radius", "0.125"], ["/profile/radius", "500 um"], ["/profile/radius", "1.5"], ["/profile/radius", "1000"], ["/bodies/0/youngs_modulus", "205"],
+  ["/bodies/0/youngs_modulus", "0.5 GPa"], ["/bodies/0/youngs_modulus", "112.600"], ["/bodies/0/yield_strength", "800"], ["/wear/hardness", "700 MPa"],
+  ["/load/normal_force", "10000"], ["/load/normal_force", "18.5 N/mm"], ["/wear/coefficient", "3.030e-5"], ["/wear/coefficient", "3,030×10⁻⁵"],
+  ["/friction", "0.700"], ["/friction", "1.2"], ["/friction", "1.125"], ["/friction", "0.02"], ["/motion/rig_stiffness", "30"], ["/motion/rig_stiffness", "3000 N/mm"]]) assert.equal(question(pointer, text), undefined, `${pointer} ${text}`);
 
 // Lists of cycles.
 for (const [text, list] of [["1 000, 2 000", [1000, 2000]], ["1,000, 2,000", [1000, 2000]], ["1000 2000", [1000, 2000]], ["1000,2000", [1000, 2000]],
   ["0,5; 1,5", [0.5, 1.5]], ["1 000", [1000]], ["1,000", [1000]], ["1e3, 2·10⁴", [1000, 20000]], ["5 mJ, 10 J", ["5 mJ", "10 J"]],
   ["1000, many", [1000, "many"]]]) assert.deepEqual(readList(text), list, text);
+
+const listed = (text) => understandList(text).instead?.question.replaceAll("\u00a0", " ");
+for (const [text, expected] of [["1,5", "Read as 1, 5. Did you mean 1.5?"], ["1.000", "Read as 1. Did you mean 1000?"], ["1,000", "Read as 1000. Did you mean 1?"],
+  ["10,100", "Read as 10, 100. Did you mean 10100?"], ["0,5 J", "Read as 0, 5 J. Did you mean 0.5 J?"], ["1000,2000", undefined], ["1, 5", undefined],
+  ["0,5; 1,5", undefined], ["1000, 3000, 10000", undefined], ["1 000", undefined], ["1,000, 2,000", undefined]]) assert.equal(listed(text), expected, text);
+// The program writes decimal points.
+assert.equal(understand("1.234 N", kindAt("/load/normal_force", scenario), false).instead, undefined);
 
 // Numbers of a scenario are in SI. A field shows them in its own unit.
 assert.equal(fieldText(0.01, "/profile/radius", scenario), "10 mm");

@@ -2,9 +2,9 @@
 
 import { may } from "./allowed.js";
 import { get, post, resultAddress, send } from "./api.js";
-import { copy, dateTime, h, notify, openDialog, select } from "./dom.js";
+import { copy, dateTime, h, isSure, notify, select } from "./dom.js";
 import { saveAs } from "./figure-save.js";
-import { signedIn } from "./sign-in.js";
+import { caller, signedIn } from "./sign-in.js";
 import { kindOf } from "./summary.js";
 import { editLink } from "./vary.js";
 
@@ -124,10 +124,12 @@ async function addPinAndNote(row, key, signal) {
     noteText.textContent = note ? `“${note.text}”${note.owner ? ` (${note.owner})` : ""}` : "";
   };
   const edit = button("Note", async () => {
-    const text = await askNote(note?.text ?? "");
+    const draft = `${caller()?.name} ${key}`;
+    const text = await askNote(note?.text ?? "", draft);
     if (text === null) return;
     if (text) await send(resultAddress(key, "/note"), { method: "PUT", body: { text } });
     else if (note) await send(resultAddress(key, "/note"), { method: "DELETE" });
+    drafts.delete(draft);
     note = text ? { ...note, text } : null;
     notify(text ? "Note saved." : "Note deleted.");
     drawNote();
@@ -137,12 +139,14 @@ async function addPinAndNote(row, key, signal) {
   row.append(noteText);
 }
 
-/** Asks for the text of a note. Resolves to null if the user cancels. */
-async function askNote(text) {
-  const field = h("textarea", { id: "note", rows: 4, maxLength: 4000, value: text });
-  let answer = null;
-  await openDialog("Note", (close) => h("form", { method: "dialog", onsubmit: () => (answer = field.value.trim()) },
-    h("label", { for: "note" }, "Note on this result"), field, h("p", { class: "muted" }, "All users of this server see the note."),
-    h("div", { class: "row" }, h("button", { class: "primary" }, "Save"), h("button", { type: "button", onclick: close }, "Cancel"))));
-  return answer;
+/** Texts of notes that are not saved, by their users and results: Escape, another view or a lost connection loses none. */
+const drafts = new Map();
+
+/** Asks for the text of a note. Resolves to null if the user cancels, which discards the text, or leaves the dialog, which keeps it as `draft`. */
+async function askNote(text, draft) {
+  const field = h("textarea", { id: "note", rows: 4, maxLength: 4000, value: drafts.get(draft) ?? text, oninput: () => drafts.set(draft, field.value) });
+  const sure = await isSure("Note", [h("label", { for: "note" }, "Note on this result"), field,
+    h("p", { class: "muted" }, drafts.has(draft) && "This text is not saved yet. ", "All users of this server see the note.")], "Save");
+  if (sure === false) drafts.delete(draft);
+  return sure ? field.value.trim() : null;
 }

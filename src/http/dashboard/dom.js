@@ -86,6 +86,14 @@ export function openDialog(title, content, stays = false) {
   });
 }
 
+/** Asks for something. Resolves to true, to false if the user cancels, and to undefined if the user leaves the dialog in another way. */
+export async function isSure(title, content, act) {
+  let sure;
+  await openDialog(title, () => h("form", { method: "dialog", onsubmit: ({ submitter }) => { sure = !submitter.value; } }, h("h2", {}, title), content,
+    h("div", { class: "row" }, h("button", { class: "primary" }, act), h("button", { value: "cancel", formNoValidate: true }, "Cancel"))));
+  return sure;
+}
+
 /** Copies text to the clipboard. Browsers forbid this over plain HTTP: then a dialog shows the text. */
 export async function copy(text, name, message = `${name} copied.`) {
   try {

@@ -1,10 +1,11 @@
-// Questions about sizes that no contact has. The form keeps no run before they are answered.
+// Questions about sizes that no contact has, and about separators. The form keeps no run before they are answered.
 
 import { fill, h } from "./dom.js";
-import { pretty } from "./kinds.js";
+import { valueAt } from "./fields.js";
+import { fieldText, pretty, printed } from "./kinds.js";
 import { visit } from "./warnings.js";
 
-/** The texts that the user has confirmed, with the pointers of their fields, until the page is loaded again. */
+/** The values that the user has confirmed, with the pointers of their fields, until the page is loaded again. */
 const confirmed = new Set();
 
 const button = (text, act) => [" ", h("button", { type: "button", class: "vary", onclick: act }, text)];
@@ -12,11 +13,22 @@ const button = (text, act) => [" ", h("button", { type: "button", class: "vary",
 export class Doubts {
   /** The questions without an answer, by their fields. */
   open = new Map();
+  /** The form. Its `asked` has the doubtful texts that the user has typed, by the pointers of their fields. */
+  form;
 
-  /** Says in `note` how the text of a field was read, and asks what is doubtful. Only a question without a note doubts the size. */
-  show(input, note, pointer, { value, note: said, instead }) {
-    const text = `${pointer} ${input.value}`;
-    const isDoubt = Boolean(instead) && !said && !confirmed.has(text);
+  /** The first text of a field, and whether the user has typed it: the doubtful one that is typed, or that of the value. `read` reads a text. */
+  first(pointer, read) {
+    const { asked: { [pointer]: typed }, scenario } = this.form;
+    const value = valueAt(scenario, pointer);
+    const isTyped = typeof typed === "string" && JSON.stringify(read(typed)) === JSON.stringify(value);
+    return [isTyped ? typed : printed(fieldText(value, pointer, scenario)), isTyped];
+  }
+
+  /** Says in `note` how the text of a field was read, and asks what is doubtful. */
+  show(input, note, pointer, { value, note: said, instead }, isTyping = false) {
+    const answer = `${pointer} ${value}`;
+    if (isTyping) this.form.asked[pointer] = instead && input.value;
+    const isDoubt = Boolean(instead) && !confirmed.has(answer);
     const type = (own) => {
       input.value = own;
       input.dispatchEvent(new Event("input"));
@@ -25,16 +37,17 @@ export class Doubts {
     input.toggleAttribute("data-doubt", isDoubt);
     this.open.delete(input);
     if (isDoubt) this.open.set(input, instead.question);
-    fill(note, said, instead && (said || isDoubt) && [said && " ", instead.question,
-      button(`Use ${pretty(instead.value)}`, () => type(pretty(instead.value).replaceAll("\u00a0", " ")))],
-    isDoubt && button(`${pretty(value)} is right`, () => {
-      confirmed.add(text);
-      type(input.value);
-    }));
+    fill(note, isDoubt ? instead.question : said,
+      isDoubt && instead.value !== undefined && button(`Use ${pretty(instead.value)}`, () => type(pretty(instead.value).replaceAll("\u00a0", " "))),
+      isDoubt && button(`${instead.read ?? pretty(value)} is right`, () => {
+        confirmed.add(answer);
+        type(input.value);
+      }));
   }
 
   /** Leads to the questions. `act` is what they hinder. */
   draw(place, act) {
+    for (const input of this.open.keys()) if (!input.isConnected) this.open.delete(input);
     place.hidden = this.open.size === 0;
     fill(place, `Before you can ${act}, answer:`, [...this.open].map(([input, question]) =>
       button(`${input.dataset.name ?? input.getAttribute("aria-label")}: ${question}`, () => visit(input))));

@@ -70,8 +70,10 @@ export class Editors {
     const over = select({ cycles: "Cycles", dissipated_energy: "Dissipated energy" }, table.over ?? "cycles", { id: `${pointer.slice(1).replace("/", "-")}-over`,
       "aria-label": "Over", onchange: () => {
         const unit = over.value === "cycles" ? "" : " J";
+        const { [`${pointer} ${over.value}`]: before, ...others } = this.form.hidden;
+        this.form.hidden = { ...others, [`${pointer} ${table.over ?? "cycles"}`]: table.at };
         table.over = over.value;
-        table.at = table.at.map((own) => (unit ? `${parseFloat(own)}${unit}` : parseFloat(own)));
+        table.at = before?.length === table.at.length ? before : table.at.map((own) => (unit ? `${parseFloat(own)}${unit}` : parseFloat(own)));
         this.calls.chosen();
       } });
     return [over, this.#rows({ title: `Table of ${symbol}`, columns: [{ name: over.selectedOptions[0].text, pointer: (row) => `${pointer}/at/${row}` },

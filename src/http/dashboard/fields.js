@@ -232,9 +232,10 @@ export const CHOICES = [
     selected: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio", "sliding_amplitude"]
       .find((name) => name in Object(motion)) ?? (motion?.loop_stiffness === undefined ? "amplitude" : "loop"),
     apply: (scenario, kind) => {
+      const { amplitude = "2.256 um" } = scenario.motion ?? {};
       scenario.motion = {
-        amplitude: { amplitude: "2.256 um", ...(isLine(scenario.profile) && { reference_distance: "10 mm" }) },
-        loop: { amplitude: "2.256 um", loop_stiffness: "10 N/um" }, sliding_amplitude: { sliding_amplitude: "10 um" },
+        amplitude: { amplitude, ...(isLine(scenario.profile) && { reference_distance: "10 mm" }) },
+        loop: { amplitude, loop_stiffness: "10 N/um" }, sliding_amplitude: { sliding_amplitude: "10 um" },
         stick_ratio: { stick_ratio: scenario.profile?.shape === "punch" ? PUNCH_STICK_RATIO : 0.5 },
         tangential_force: { tangential_force: isLine(scenario.profile) ? "1.5 N/mm" : "15 N" },
         blocks: { blocks: (isLine(scenario.profile) ? ["1.5 N/mm", "1 N/mm"] : ["2 um", "1 um"]).map((own) => ({
@@ -308,24 +309,47 @@ export function optionsOf({ options, lacks, reason }, scenario) {
 }
 
 /**
- * Chooses an option, and returns the pointers whose fields disappear. Their values leave the scenario. Other choices leave
- * options that no longer apply.
+ * Chooses an option. The values and ranges of fields that disappear leave the scenario and the study. Other choices leave options that no
+ * longer apply. `hidden` keeps what each option that was left has lost since, and gives it back when the option is chosen again.
  */
-export function chooseOption(choice, scenario, option) {
-  const before = withField(scenario);
+export function chooseOption(choice, { scenario, study, hidden }, option) {
+  const before = shownOf(scenario, study);
   choice.apply(scenario, option);
   for (const other of choicesOf(scenario)) {
     const selected = other.selected(scenario);
     const [options] = optionsOf(other, scenario);
     if (selected in other.options && !(selected in options)) other.apply(scenario, Object.keys(options)[0]);
   }
-  const after = withField(scenario);
-  const gone = before.filter((pointer) => !after.includes(pointer));
+  giveBack(hidden[choice.id]?.[option] ?? { values: {}, options: {} }, scenario, study);
+  const after = shownOf(scenario, study);
+  const gone = Object.keys(before.values).filter((pointer) => !(pointer in after.values));
   for (const pointer of gone) {
-    const isOutside = !after.some((own) => own.startsWith(`${pointer}/`));
+    const isOutside = !Object.keys(after.values).some((own) => own.startsWith(`${pointer}/`));
     if (isOutside && valueAt(scenario, pointer) !== undefined) setValueAt(scenario, pointer, undefined);
+    delete study.ranges[pointer];
   }
-  return gone;
+  const lost = { values: Object.entries(before.values).filter(([pointer, own]) => own.value !== undefined && JSON.stringify(own) !== JSON.stringify(after.values[pointer])),
+    options: Object.entries(before.options).map(([id, was]) => [id, { was, became: after.options[id] }]).filter(([, { was, became }]) => was !== became) };
+  // What an option passed on to the next one can be lost by a later one.
+  const all = (hidden[choice.id] = { ...hidden[choice.id], [before.options[choice.id]]: {} });
+  delete all[option];
+  for (const own of Object.values(all)) for (const part of ["values", "options"]) own[part] = { ...Object.fromEntries(lost[part]), ...own[part] };
+}
+
+/** The options of a scenario, and the values and ranges that have fields or editors. */
+const shownOf = (scenario, study) => structuredClone({ options: Object.fromEntries(choicesOf(scenario).map((choice) => [choice.id, choice.selected(scenario)])),
+  values: Object.fromEntries(withField(scenario).map((pointer) => [pointer, { value: valueAt(scenario, pointer), range: study.ranges[pointer] }])) });
+
+/** Gives back what was lost when an option was left. An option of another choice that was chosen meanwhile stays. */
+function giveBack(lost, scenario, study) {
+  for (const other of choicesOf(scenario)) {
+    const { was, became } = lost.options[other.id] ?? {};
+    if (was in optionsOf(other, scenario)[0] && [undefined, other.selected(scenario)].includes(became)) other.apply(scenario, was);
+  }
+  for (const [pointer, { value, range }] of Object.entries(structuredClone(lost.values)).filter(([own]) => withField(scenario).includes(own))) {
+    setValueAt(scenario, pointer, value);
+    if (range) study.ranges[pointer] = range;
+  }
 }
 
 /** Pointers of the values that the form shows as fields or in editors. */

@@ -43,17 +43,16 @@ export class Fieldset {
       this.calls.redraw();
     } }, "Remove");
     return h("div", { class: "field varied" }, h("label", { for: `${id}-from` }, h("code", {}, pointer)), remove,
-      drawRange(id, pointer, pointer, study, this.calls.changed));
+      drawRange(id, pointer, pointer, this.form, this.calls));
   }
 
   #drawChoice(choice) {
-    const { scenario, study } = this.form;
+    const { scenario } = this.form;
     const selected = choice.selected(scenario);
     const [options, reason] = optionsOf(choice, scenario);
     const known = selected in options;
     const field = select(options, selected, { id: choice.id, "aria-describedby": reason ? `${choice.id}-hint` : null, onchange: () => {
-      // If the field of a number disappears, the study no longer varies the number.
-      for (const pointer of chooseOption(choice, scenario, field.value)) delete study.ranges[pointer];
+      chooseOption(choice, this.form, field.value);
       this.calls.chosen();
     } });
     if (!known) field.prepend(h("option", { selected: true }, `${WORDS[selected] ?? selected ?? "None"} (JSON)`));

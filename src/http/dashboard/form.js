@@ -38,15 +38,16 @@ const LIMITED = {
 let examples = [];
 
 /**
- * The scenario, the study and the label of an address, or of the first example. `source` is the run that the user edits, and `json` a
- * text that is not yet valid JSON.
+ * The scenario, the study and the label of an address, or of the first example. `source` is the run that the user edits, `json` a text
+ * that is not yet valid JSON, `hidden` what the options that were left had, and `asked` the texts of fields that are doubtful.
  */
 function fromAddress(query) {
   const first = examples.find((example) => example.name === query.get("example")) ?? examples[0];
-  const form = { scenario: structuredClone(first?.body.scenario ?? {}), study: newStudy(), label: query.get("label"),
+  const form = { scenario: structuredClone(first?.body.scenario ?? {}), study: newStudy(), label: query.get("label"), hidden: {}, asked: {},
     source: sourceOf([sourceTag(query.get("from"))]) ?? null, json: query.get("json") };
   try {
     if (query.has("scenario")) form.scenario = Object(JSON.parse(query.get("scenario")));
+    form.asked = Object(JSON.parse(query.get("asked")));
   } catch {
     notify("The scenario in the address is not valid JSON. The form shows an example.");
   }
@@ -57,8 +58,9 @@ function fromAddress(query) {
 }
 
 /** The address that contains all of a form, so that a reload or a bookmark restores it. `link` is the token of a shared result. */
-const addressOf = ({ scenario, study, label, source, json }, link) => `#/new?${new URLSearchParams({ ...(link && { link }), scenario: JSON.stringify(scenario),
-  ...(label !== null && { label }), ...(varied(study).length && { study: JSON.stringify(jobBody(undefined, study)) }), ...(source && { from: source }), ...(json !== null && { json }) })}`;
+const addressOf = ({ scenario, study, label, source, json, asked = {} }, link) => `#/new?${new URLSearchParams({ ...(link && { link }), scenario: JSON.stringify(scenario),
+  ...(label !== null && { label }), ...(varied(study).length && { study: JSON.stringify(jobBody(undefined, study)) }), ...(source && { from: source }), ...(json !== null && { json }),
+  ...(JSON.stringify(asked) !== "{}" && { asked: JSON.stringify(asked) }) })}`;
 
 export async function showForm(main, { query: asked, signal }) {
   // The holder of a shared link gets neither, and has a scenario in the address.
@@ -120,7 +122,7 @@ export async function showForm(main, { query: asked, signal }) {
   const live = new Live(showAnswer, refused, signal);
   const draft = new Draft({ says: (...said) => preview.mark(...said), result: (result, checked) => preview.show(warned(result, checked.warnings)),
     rows: ({ history, units }, checked) => preview.showRows(history, { ...warned(checked), units }) }, signal);
-  const doubts = new Doubts();
+  const doubts = Object.assign(new Doubts(), { form });
   const doubtful = h("p", { class: "warning", id: "doubts" });
   const calls = { edited, changed, redraw, doubts, chosen: () => {
     draw();
@@ -229,7 +231,7 @@ export async function showForm(main, { query: asked, signal }) {
   /** Takes a dropped file: a scenario, the body of a job, or a measurement. */
   async function take(file) {
     if (!(await file.slice(0, 1000).text()).trimStart().startsWith("{")) return measureForRun(preview.at, signal, file);
-    Object.assign(form, { study: newStudy(), source: null, json: await file.text() });
+    Object.assign(form, { study: newStudy(), hidden: {}, source: null, json: await file.text() });
     showJson();
     restore({ ...form });
     jsonEditor.open ||= form.json !== null;
@@ -390,6 +392,6 @@ export async function showForm(main, { query: asked, signal }) {
   }, { signal });
   restore(form);
   isOpen = true;
-  if (may("submit")) takeDropped(document, take, signal);
+  if (may("submit")) takeDropped(document, take, { signal });
   jsonEditor.open = form.json !== null || withoutField(form.scenario).length > 0;
 }

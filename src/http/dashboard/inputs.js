@@ -2,10 +2,10 @@
 
 import { h, select } from "./dom.js";
 import { setValueAt, valueAt } from "./fields.js";
-import { fieldText, kindAt, pretty, printed } from "./kinds.js";
+import { kindAt, printed } from "./kinds.js";
 import { drawRange, varyButton } from "./plan.js";
 import { slider } from "./slider.js";
-import { readList, understand } from "./typed.js";
+import { understand, understandList } from "./typed.js";
 import { inputWords, plainWords } from "./units.js";
 import { canVary, suggested } from "./vary.js";
 
@@ -23,12 +23,9 @@ const nameOf = (label) => label.replace(/ \(.*\)$/, "");
 const isList = (pointer) => /^\/cycles(\/(normalized|dissipated_energy))?$/.test(pointer);
 
 /** What a text means in the field of a pointer. */
-function meaning(pointer, text, scenario) {
+function meaning(pointer, text, scenario, isTyped) {
   if (text.trim() === "") return { value: undefined };
-  if (!isList(pointer)) return understand(text, kindAt(pointer, scenario));
-  const value = readList(text);
-  const read = value.map(pretty).join(", ");
-  return { value, note: read.replace(/\s/g, "") === text.replace(/\s/g, "") ? "" : `Read as ${read}.` };
+  return isList(pointer) ? understandList(text, isTyped) : understand(text, kindAt(pointer, scenario), isTyped);
 }
 
 /**
@@ -51,7 +48,7 @@ export class Inputs {
     if (vary) this.names.set(pointer, name);
     if (Object.hasOwn(study.ranges, pointer)) {
       return h("div", { class: "field varied" }, h("label", { for: `${id}-from` }, label), vary,
-        drawRange(id, name, pointer, study, this.changed));
+        drawRange(id, name, pointer, this.form, this));
     }
     const described = `${id}-fault${explanation ? ` ${id}-hint` : ""}`;
     const attributes = { id, "data-pointer": `/scenario${pointer}`, "data-name": name, "aria-describedby": described };
@@ -84,17 +81,18 @@ export class Inputs {
   #number(pointer, name, vary, attributes) {
     const { scenario, study } = this.form;
     const note = h("p", { class: "note-read", id: `${attributes.id}-note`, role: "status" });
-    const input = h("input", { ...attributes, value: printed(fieldText(valueAt(scenario, pointer), pointer, scenario)), autocomplete: "off",
+    const [text, isTyped] = this.doubts.first(pointer, (own) => meaning(pointer, own, scenario).value);
+    const input = h("input", { ...attributes, value: text, autocomplete: "off",
       spellcheck: false, placeholder: [/yield_strength$/.test(pointer) && "optional", printed(kindAt(pointer, scenario).unit)].filter(Boolean).join(", ") });
-    const set = (text, isDragging = false) => {
-      const read = meaning(pointer, text, scenario);
+    const set = (own, isDragging = false) => {
+      const read = meaning(pointer, own, scenario);
       setValueAt(scenario, pointer, read.value);
       if (vary) vary.disabled = !suggested(scenario, pointer, study.kind);
-      this.doubts.show(input, note, pointer, read);
+      this.doubts.show(input, note, pointer, read, true);
       if (pointer === "/motion/rig_stiffness") this.#rename("/motion/amplitude");
       this.edited(pointer, isDragging);
     };
-    this.doubts.show(input, note, pointer, meaning(pointer, input.value, scenario));
+    this.doubts.show(input, note, pointer, meaning(pointer, text, scenario, isTyped));
     const slide = vary ? slider(input, name, pointer, scenario, set) : null;
     input.addEventListener("input", () => {
       set(input.value);

@@ -5,8 +5,9 @@ import { dateTime, fill, h, notify } from "./dom.js";
 import { caller, SIGNED_OUT, tabsOfSession } from "./sign-in.js";
 import { Undo } from "./undo.js";
 
-/** Where a tab keeps its own, and where all tabs keep the inputs that were left behind. */
-const [TAB, LEFT] = ["fretwork-input", "fretwork-left-inputs"];
+/** Where a tab keeps its own, where all tabs keep the inputs that were left behind, and which tabs have one now. */
+const [TAB, LEFT, OPEN] = ["fretwork-input", "fretwork-left-inputs", "fretwork-open-inputs"];
+const ID = Math.random();
 /** Number of inputs that are left behind, and characters of the steps of undo that survive a reload. */
 const [MOST, LONGEST] = [5, 1e6];
 
@@ -33,6 +34,12 @@ const changeLeft = (change) => write(localStorage, LEFT, change(read(localStorag
 const discard = (input) => changeLeft((all) => all.filter(({ id }) => id !== input?.id));
 const leave = (input) => changeLeft((all) => [input, ...all].slice(0, MOST));
 
+/** Says to the other tabs whether this one has an input. */
+const markOpen = (isOpen) => write(localStorage, OPEN, [...(read(localStorage, OPEN) ?? []).filter((id) => id !== ID), ...(isOpen ? [ID] : [])]);
+
+/** Whether a sign-out deletes inputs of this user: those of open tabs, or those that were left behind. */
+export const hasInputs = () => Boolean(read(localStorage, OPEN)?.length || read(localStorage, LEFT)?.some(({ user }) => user === own().user));
+
 /** The steps of undo of this tab. They continue when the form is opened again. */
 export const undoOfTab = () => new Undo(own().states);
 
@@ -57,6 +64,7 @@ export class KeptInput {
     this.#before = undefined;
     const { user } = own();
     own().input = hash ? { id: Math.random(), user, hash, time: new Date().toISOString() } : undefined;
+    markOpen(Boolean(hash));
   }
 
   /** Says that the input is back, or offers another one. */
@@ -94,19 +102,23 @@ export class KeptInput {
 // What a user has typed leaves the browser when the user signs out in any tab.
 tabsOfSession().addEventListener("message", ({ data }) => {
   if (data !== SIGNED_OUT) return;
-  localStorage.removeItem(LEFT);
+  for (const name of [LEFT, OPEN]) localStorage.removeItem(name);
   sessionStorage.removeItem(TAB);
   tab = null;
 });
 
 // The tab may be closed, or loaded again. It gets a new id, because a duplicate of the tab has the old one.
 addEventListener("pagehide", () => {
+  markOpen(false);
   if (!tab?.input && !(tab?.states.length > 1)) return sessionStorage.removeItem(TAB);
   let rest = LONGEST;
   const states = tab.states.slice(tab.states.findLastIndex((state) => (rest -= state.length) < 0) + 1);
   if (tab.input) leave(tab.input = { ...tab.input, id: Math.random() });
   write(sessionStorage, TAB, { ...tab, states });
 });
-const takeBack = () => discard(tab?.input);
+function takeBack() {
+  discard(tab?.input);
+  markOpen(Boolean(tab?.input));
+}
 addEventListener("pageshow", takeBack);
 takeBack();

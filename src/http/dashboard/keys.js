@@ -2,7 +2,7 @@
 
 import { may } from "./allowed.js";
 import { get, send } from "./api.js";
-import { copy, dateTime, fill, h, openDialog, select, tableOf } from "./dom.js";
+import { copy, dateTime, fill, h, isSure, select, tableOf } from "./dom.js";
 import { errorCard } from "./error.js";
 import { signedIn } from "./sign-in.js";
 import { cycles } from "./units.js";
@@ -34,14 +34,10 @@ function drawNew({ access_key: text, name, role }) {
 }
 
 /** Asks whether to revoke a key. */
-async function isSure({ id, name }) {
+function isSureToRevoke({ id, name }) {
   const others = "Its sessions and its links end within a second. Its jobs and results stay.";
   const own = signedIn()?.key === id && h("p", { class: "warning" }, "You have signed in with this key. You will be signed out.");
-  let sure = false;
-  await openDialog("Revoke a key", (close) => h("form", { method: "dialog", onsubmit: () => { sure = true; } },
-    h("h2", {}, `Revoke the key ${id} of ${name}?`), h("p", {}, `${others} A revoked key cannot be made valid again.`), own,
-    h("div", { class: "row" }, h("button", { class: "primary" }, "Revoke"), h("button", { type: "button", onclick: close }, "Cancel"))));
-  return sure;
+  return isSure(`Revoke the key ${id} of ${name}?`, [h("p", {}, `${others} A revoked key cannot be made valid again.`), own], "Revoke");
 }
 
 export async function showKeys(main, { signal }) {
@@ -82,7 +78,7 @@ export async function showKeys(main, { signal }) {
     const { id, name, role, requests_per_minute: limit, created, last_used: used } = key;
     const isOwn = signedIn()?.key === id;
     const revoke = h("button", { type: "button", "aria-label": `Revoke the key ${id} of ${name}`, onclick: async () => {
-      if (await isSure(key)) await change(() => send(`/v1/keys/${id}`, { method: "DELETE" }));
+      if (await isSureToRevoke(key)) await change(() => send(`/v1/keys/${id}`, { method: "DELETE" }));
     } }, "Revoke");
     return h("tr", { "data-key": id }, h("th", { scope: "row" }, name, isOwn && h("span", { class: "muted" }, " (your key)"), h("code", { class: "muted" }, id)),
       h("td", {}, role), h("td", {}, stateOf(key)), h("td", {}, limit ? `${cycles(limit)} per minute` : "No limit"),

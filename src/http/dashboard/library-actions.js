@@ -1,7 +1,7 @@
 // What can be done with the selected results of the library: compare, rename, tag, save as CSV and delete.
 
 import { get, jobAddress, resultAddress, send } from "./api.js";
-import { h, notify, openDialog } from "./dom.js";
+import { h, isSure, notify } from "./dom.js";
 import { saveAs } from "./figure-save.js";
 import { isRun, nameOfEntry } from "./library-columns.js";
 import { sourceOf } from "./summary.js";
@@ -44,13 +44,8 @@ async function rename(entries, done, naming) {
 /** Asks for texts. Resolves to them, or to null if the user cancels. `fields` are names, labels and values. */
 async function ask(title, fields, text, act) {
   const inputs = Object.fromEntries(fields.map(([name, , value, maxLength]) => [name, h("input", { id: `ask-${name}`, value, maxLength, autocomplete: "off" })]));
-  let answer = null;
-  await openDialog(title, (close) => h("form", { method: "dialog", onsubmit: () => {
-    answer = Object.fromEntries(Object.entries(inputs).map(([name, input]) => [name, input.value.trim()]));
-  } }, h("h2", {}, title), text && h("p", {}, text),
-  fields.map(([name, label]) => [h("label", { for: `ask-${name}` }, label), inputs[name]]),
-  h("div", { class: "row" }, h("button", { class: "primary" }, act), h("button", { type: "button", onclick: close }, "Cancel"))));
-  return answer;
+  const sure = await isSure(title, [text && h("p", {}, text), fields.map(([name, label]) => [h("label", { for: `ask-${name}` }, label), inputs[name]])], act);
+  return sure ? Object.fromEntries(Object.entries(inputs).map(([name, input]) => [name, input.value.trim()])) : null;
 }
 
 /** Changes the labels of entries. Returns whether something may have changed. */

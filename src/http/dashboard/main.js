@@ -3,9 +3,11 @@
 import { arrive } from "./address.js";
 import { may } from "./allowed.js";
 import { connection, watchConnection } from "./api.js";
-import { fill, h, notify, withDates } from "./dom.js";
+import { fill, h, isSure, notify, withDates } from "./dom.js";
+import { keepPage } from "./dropped.js";
 import { errorCard } from "./error.js";
 import { showForm } from "./form.js";
+import { hasInputs } from "./kept-input.js";
 import { caller, hasDeclined, readCaller, session, SIGN_ON, signedIn, signIn, signOut, whySignIn } from "./sign-in.js";
 import { si, useSi } from "./units.js";
 
@@ -112,6 +114,7 @@ function showUser() {
 }
 
 async function leave() {
+  if (hasInputs() && !await isSure("Sign out?", h("p", {}, "What you have typed in forms of this browser and not kept as a run will be deleted."), "Sign out and delete it")) return;
   currentView.abort();
   if (await signOut()) return;
   notify("The server cannot be reached. You are still signed in.");
@@ -153,6 +156,7 @@ document.querySelector(".skip").addEventListener("click", (event) => {
   event.preventDefault();
   main.focus();
 });
+keepPage();
 await readCaller();
 isUserKnown = true;
 // With a user, the event has shown both.

@@ -1,11 +1,14 @@
 // The dialog that reads a measured file: it shows the first rows, the columns and their units, and lets the user change them.
 
 import { capital, debounced, fill, h, openDialog, select } from "./dom.js";
+import { takeDropped } from "./dropped.js";
 import { faultOf, readFile } from "./measured.js";
 import { freeName } from "./measure-sets.js";
 import { TracePicture } from "./measure-trace.js";
 import { previewOf, unitsFor, valuesIn, withStated } from "./measure-units.js";
 import { spread } from "./result-figures.js";
+import { caller } from "./sign-in.js";
+import { readNumber } from "./typed.js";
 import { digits, quantity, WORDS } from "./units.js";
 
 const KINDS = { points: "Points over cycles or energy", trace: "Trace across the scar", half: "Trace from the axis", loop: "Friction loop" };
@@ -31,18 +34,25 @@ const LOOPS = { energy: ["J", "Energy"], energy_error: ["J", "Error"], displacem
 const GRAVITY = 9.80665;
 const SIGMA = /σ|sigma|\bsd\b|std|stdev|deviation|error|\berr\b|±|uncertainty/i;
 
+/** Dialogs that were left by Escape or for another view, and their users. The next one without a dropped file is the last of them again. */
+const left = [];
+
 /** Asks for a measured set; null if the user cancels. `file` is what was dropped, and `at` the output cycle that the page shows. */
 export async function askForSet(at, signal, file) {
-  let answer = null;
+  const user = caller()?.name;
+  const place = file ? -1 : left.findLastIndex((own) => own.user === user);
+  const { reader } = place < 0 ? { reader: new TableReader() } : left.splice(place, 1)[0];
+  let answer;
   await openDialog("Add a measurement", (close) => {
-    const reader = new TableReader({ at, signal, done: (set) => {
+    reader.open(at, signal, (set) => {
       answer = set;
       close();
-    } }, close);
+    });
     if (file) reader.take(file);
     return reader.element;
   });
-  return answer;
+  if (answer === undefined) left.push({ user, reader });
+  return answer ?? null;
 }
 
 class TableReader {
@@ -60,6 +70,7 @@ class TableReader {
   #fields = h("div", { class: "fields-read" });
   #trace = h("div", { id: "trace-picture" });
   #picture = null;
+  #text = h("textarea", { id: "set-text", rows: 3, spellcheck: false, oninput: debounced(200, () => this.take(this.#text.value)) });
   #add = h("button", { class: "primary", disabled: true, id: "add-set" }, "Add");
   #cycles = h("div", { id: "set-cycles" });
   #chosen = {};
@@ -67,17 +78,23 @@ class TableReader {
   #tables = [];
   #table = "1";
 
-  constructor({ at, signal, done }, close) {
-    Object.assign(this, { signal, done });
-    this.#chosen.at = at > 0 ? String(at) : "";
-    const text = h("textarea", { id: "set-text", rows: 3, spellcheck: false, oninput: debounced(200, () => this.take(text.value)) });
+  constructor() {
     const choice = h("input", { type: "file", id: "set-file", accept: ".csv,.txt,.tsv,.dat,text/*", onchange: () => choice.files[0] && this.take(choice.files[0]) });
     this.element = h("form", { class: "reader", method: "dialog", onsubmit: (event) => this.#submit(event) },
       h("h2", {}, "Add a measurement"),
       h("div", { class: "sources" }, h("div", {}, h("label", { for: "set-file" }, "File (CSV or text)"), choice),
-        h("div", {}, h("label", { for: "set-text" }, "or paste a table"), text)),
-      this.#says, this.#found, h("div", { class: "row" }, this.#add, h("button", { type: "button", onclick: close }, "Cancel")));
+        h("div", {}, h("label", { for: "set-text" }, "or paste a table"), this.#text)),
+      this.#says, this.#found, h("div", { class: "row" }, this.#add, h("button", { type: "button", onclick: () => this.done(null) }, "Cancel")));
+    takeDropped(this.element, (file) => this.take(file), { most: 1, says: (text) => { this.#says.textContent = text; } });
     fill(this.#found, this.#fields, this.#trace, this.#cycles, this.#preview, this.#how);
+  }
+
+  /** `done` takes the set, or null if the user cancels. A view that was left has stopped its requests. */
+  open(at, signal, done) {
+    Object.assign(this, { signal, done });
+    if (this.#columns) return void this.#prepare();
+    this.#chosen.at = at > 0 ? String(at) : "";
+    this.take(this.#content ?? this.#text.value, this.#table);
   }
 
   /** Reads a file or a text, and guesses what it is. */
@@ -275,10 +292,13 @@ class TableReader {
   #set() {
     const { kind, x, y, sigma, output, over, units, at, density } = this.#chosen;
     const roles = this.#roles();
+    const { number, other, rest } = readNumber(kind === "points" ? density : at) ?? {};
+    const typed = rest === "" ? Number(number) : NaN;
+    if (other && (kind !== "points" || output === "mass_loss")) return `Write ${Number(number)} or ${other} without a separator of thousands.`;
     const values = (role, i) => valuesIn(this.#column(role), roles[i][1], units[["x", "y"][i]]);
     if (kind === "points") {
       const [xs, ys] = [values(x, 0), values(y, 1)];
-      const factor = output === "mass_loss" ? 1 / Number(density.replace(",", ".")) : 1;
+      const factor = output === "mass_loss" ? 1 / typed : 1;
       if (!(factor > 0 && Number.isFinite(factor))) return "Enter a density greater than 0.";
       const all = xs.map((_, i) => i).filter((i) => xs[i] > 0 && ys[i] != null);
       const known = spread(all, MOST);
@@ -289,16 +309,15 @@ class TableReader {
       return { kind, output: output === "mass_loss" ? "wear_volume" : output, over, x: known.map((i) => xs[i]), y: known.map((i) => ys[i] * factor),
         sigma: deviation ? known.map((i) => (deviation[i] == null ? null : deviation[i] * factor)) : null, rows: all.length };
     }
-    const cycles = Number(at.replace(/[\s\u202f]/g, ""));
-    if (!(cycles > 0)) return "Enter the number of cycles after which this was measured.";
+    if (!(typed > 0)) return "Enter the number of cycles after which this was measured.";
     if (kind === "loop") {
       // The energy comes from all whole cycles.
       const own = this.#column(y);
       const forces = own.unit === "kg" ? own.values.map((mass) => (mass == null ? null : mass * GRAVITY)) : values(y, 1);
       const drawn = (numbers) => spread(numbers, MOST);
-      return { kind, output: "loop", over: "displacement", x: drawn(values(x, 0)), y: drawn(forces), sigma: null, at: cycles, energy: this.#prepared.energy_per_cycle, rows: values(x, 0).length };
+      return { kind, output: "loop", over: "displacement", x: drawn(values(x, 0)), y: drawn(forces), sigma: null, at: typed, energy: this.#prepared.energy_per_cycle, rows: values(x, 0).length };
     }
     const { radius, depth, sigma: scatter } = this.#prepared.data;
-    return { kind: "profile", output: "profile.wear", over: "radius", x: radius, y: depth, sigma: depth.map(() => scatter), at: cycles };
+    return { kind: "profile", output: "profile.wear", over: "radius", x: radius, y: depth, sigma: depth.map(() => scatter), at: typed };
   }
 }

@@ -44,7 +44,7 @@ export function measuring({ result, submitted, link, state, figures, redraw, ref
     mayRead && h("p", { class: "muted" }, "Drop a CSV file with measured numbers on a figure, or add it here. The numbers stay in this tab. Only the reader of files on the "
       + "server gets them, and keeps nothing."), place);
   if (!mayRead) return element;
-  takeDropped(document, (file) => act((own) => own.ask(file)), signal);
+  takeDropped(document, (file) => act((own) => own.ask(file)), { signal });
   if (refit) act((own) => own.refit(refit));
   else if (sessionStorage.getItem(KEPT)) act(() => {});
   return element;

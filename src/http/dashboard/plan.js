@@ -3,8 +3,9 @@
 import { may } from "./allowed.js";
 import { post } from "./api.js";
 import { explained, fill, h, notify, select } from "./dom.js";
-import { printed } from "./kinds.js";
+import { kindAt, printed } from "./kinds.js";
 import { outputWords } from "./study-words.js";
+import { understand } from "./typed.js";
 import { cycles, plainWords, WORDS } from "./units.js";
 import { choose, distribute, distributionOf, DISTRIBUTIONS, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied, varyAll } from "./vary.js";
 import { OUTPUTS as ALL } from "./words.js";
@@ -40,19 +41,30 @@ function faulty(id, pointer, label, properties) {
   return [input, h("p", { id: `${id}-fault`, class: "fault" })];
 }
 
-/** The fields of a number that varies: its ends, count and spacing, or its distribution and the parameters of that. */
-export function drawRange(id, name, pointer, study, changed) {
+/** The fields of a number that varies: its ends, count and spacing, or its distribution and the parameters of that. Separators are asked about. */
+export function drawRange(id, name, pointer, form, { changed, doubts }) {
+  const { scenario, study, asked } = form;
   const range = study.ranges[pointer];
   const inUnit = range.unit && ` in ${printed(range.unit)}`;
-  const field = (member, label) => faulty(`${id}-${member}`, `/vary${pointer}/${member}`, `${name}: ${label}`, { value: range[member],
-    class: member, oninput: (event) => {
-      range[member] = event.target.value;
+  const field = (member, label, isPlain) => {
+    const place = `/vary${pointer}/${member}`;
+    const note = h("p", { class: "note-read", role: "status" });
+    const ask = (isTyping) => {
+      const meaning = understand(input.value, isPlain ? kindAt("") : { ...kindAt(pointer, scenario), unit: range.unit }, isTyping || asked[place] === input.value);
+      doubts.show(input, note, place, meaning.isSpelling ? meaning : {}, isTyping);
+    };
+    const [input, fault] = faulty(`${id}-${member}`, place, `${name}: ${label}`, { value: range[member], class: member, oninput: () => {
+      range[member] = input.value;
+      ask(true);
       changed();
     } });
+    ask(false);
+    return [input, [note, fault]];
+  };
   const own = distributionOf(range, study);
   const parameters = own?.parameters ?? [["from", "from"], ["to", "to"]];
-  const fields = parameters.map(([member, label, isPlain]) => [label, ...field(member, `${label.replace("± ", "")}${isPlain ? "" : inUnit}`)]);
-  const [count, countFault] = field("count", "number of values");
+  const fields = parameters.map(([member, label, isPlain]) => [label, ...field(member, `${label.replace("± ", "")}${isPlain ? "" : inUnit}`, isPlain)]);
+  const [count, countFault] = field("count", "number of values", true);
   count.inputMode = "numeric";
   const isAny = isDrawn(study);
   const place = h("div", { class: "range", role: "group", "aria-label": `Range of ${name}` });
@@ -60,7 +72,7 @@ export function drawRange(id, name, pointer, study, changed) {
     if (spacing.value in SPACINGS) range.spacing = spacing.value;
     if (isAny) {
       distribute(range, spacing.value in DISTRIBUTIONS ? spacing.value : undefined);
-      place.replaceWith(drawRange(id, name, pointer, study, changed));
+      place.replaceWith(drawRange(id, name, pointer, form, { changed, doubts }));
       document.getElementById(spacing.id)?.focus();
     }
     changed();

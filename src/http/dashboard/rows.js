@@ -2,7 +2,7 @@
 
 import { fill, h } from "./dom.js";
 import { takeDropped } from "./dropped.js";
-import { fieldText, kindAt, printed } from "./kinds.js";
+import { kindAt } from "./kinds.js";
 import { readFile } from "./measured.js";
 import { understand } from "./typed.js";
 import { idOf } from "./inputs.js";
@@ -16,7 +16,7 @@ const cellsOf = (text) => text.trim().split(/\r?\n/).map((line) => line.split(/\
 /**
  * An editor of `{columns, rows(), put(rows), fresh}`. A column has a name and a function from the number of a row to its pointer. A
  * row is a list of values, and `fresh` is a new one. `edited` is called when a cell has changed, and `chosen` for other changes. `doubts` asks
- * about sizes, but not about those of a profile, which are tiny near its axis.
+ * about separators and sizes, but not about the sizes of a profile, which are tiny near its axis.
  */
 export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited, chosen, doubts }) {
   const { scenario } = form;
@@ -27,14 +27,16 @@ export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited,
     put(all);
     chosen();
   };
-  const cell = (row, column, value) => {
+  const cell = (row, column) => {
     const pointer = columns[column].pointer(row);
+    const read = (own, isTyped) => understand(own, kindAt(pointer, scenario), isTyped);
+    const [text, isTyped] = doubts.first(pointer, (own) => read(own).value);
     const id = idOf(pointer);
     const input = h("input", { id, "data-pointer": `/scenario${pointer}`, "aria-label": `${columns[column].name}, row ${row + 1}`,
-      "aria-describedby": `${id}-fault`, value: printed(fieldText(value, pointer, scenario)), autocomplete: "off", spellcheck: false,
+      "aria-describedby": `${id}-fault`, value: text, autocomplete: "off", spellcheck: false,
       oninput: () => {
         const all = rows();
-        all[row][column] = ask();
+        all[row][column] = ask(true);
         put(all);
         edited(pointer);
       },
@@ -52,13 +54,13 @@ export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited,
         pasted(text, row, column);
       } });
     const note = h("p", { class: "note-read", role: "status" });
-    /** The value of the cell. */
-    const ask = () => {
-      const meaning = understand(input.value, kindAt(pointer, scenario));
-      if (!pointer.startsWith("/profile/")) doubts.show(input, note, pointer, meaning);
+    /** The value of the cell, after `doubts` have asked about it. */
+    const ask = (isTyping) => {
+      const meaning = read(input.value, isTyping || isTyped);
+      doubts.show(input, note, pointer, pointer.startsWith("/profile/") && !meaning.isSpelling ? {} : meaning, isTyping);
       return meaning.value;
     };
-    ask();
+    ask(false);
     return h("td", {}, input, note, h("p", { id: `${id}-fault`, class: "fault" }));
   };
   /** Puts pasted cells into the rows from one cell on. */
@@ -87,7 +89,7 @@ export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited,
   }
   const draw = () => {
     const all = rows();
-    fill(body, all.slice(0, shown).map((values, row) => h("tr", {}, values.map((value, column) => cell(row, column, value)),
+    fill(body, all.slice(0, shown).map((values, row) => h("tr", {}, values.map((_, column) => cell(row, column)),
       h("td", {}, h("button", { type: "button", class: "vary", "aria-label": `Remove row ${row + 1}`, disabled: all.length === 1,
         onclick: () => replace(rows().filter((_, own) => own !== row)) }, "×")))));
     more.hidden = all.length <= shown;
@@ -102,7 +104,7 @@ export function rowsEditor({ title, columns, rows, put, fresh }, form, { edited,
   const element = h("div", { class: "rows", role: "group", "aria-label": title }, h("table", {}, h("thead", {}, h("tr", {}, columns.map(({ name }) => h("th", { scope: "col" }, name)), h("td", {}))), body), more,
   h("div", { class: "row" }, h("button", { type: "button", onclick: () => replace([...rows(), [...(rows().at(-1) ?? fresh)]]) }, "Add row"),
     h("button", { type: "button", onclick: () => file.click() }, "File…"), file, h("span", { class: "muted" }, "Or paste rows, or drop a file.")), says);
-  takeDropped(element, fromFile);
+  takeDropped(element, fromFile, { most: 1 });
   draw();
   return element;
 }

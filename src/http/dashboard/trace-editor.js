@@ -29,7 +29,7 @@ export class TraceEditor {
     const file = h("input", { type: "file", id: "trace-file", accept: ".csv,.txt,.tsv,text/*", onchange: () => file.files[0] && this.#read(file.files[0]) });
     this.element = h("div", { class: "rows", role: "group", "aria-label": "Trace" }, h("label", { for: "trace" }, "Paste a trace of the indenter (position and height), or drop a file"), this.#text,
     h("label", { class: "hidden", for: "trace-file" }, "File of a trace"), file, this.#options, this.#says);
-    takeDropped(this.element, (own) => this.#read(own));
+    takeDropped(this.element, (own) => this.#read(own), { most: 1 });
   }
 
   #choice(name, options, value) {
