@@ -49,7 +49,7 @@ def cylinder(browser, page, base):
     # Displacements need a reference.
     assert history["amplitude"] == [None] * len(history["cycles"]), history["amplitude"]
     page.select_option("#choose-history", "depths")
-    expect(page.locator("#missing")).to_contain_text("Amplitude at the contact. A line contact needs a reference distance")
+    expect(page.locator("#missing")).to_contain_text("Amplitude at the reference. A line contact needs a reference distance")
     expect(page.locator("section[aria-label=History] .drawing")).to_be_hidden()
     expect(page.locator("#ratios")).to_contain_text("Not drawn: Fretting loop")
     page.select_option("#choose-history", "radii")
