@@ -184,8 +184,11 @@ fn told((found, verdict): &Found, notes: &[String]) -> Result<String, Error> {
         return Ok(text);
     }
     let percent = 100.0 * found["fit"]["confidence"].as_f64().unwrap_or(0.0);
-    let is_doubtful = verdict.as_ref().is_some_and(|verdict| verdict.intervals.is_some());
-    let assumption = if is_doubtful { ", if the law holds" } else { "" };
+    let assumption = match verdict.as_ref().map(|verdict| (verdict.outcome, verdict.intervals)) {
+        Some(("fails" | "trend", Some(_))) => ", if the law holds",
+        Some((_, Some(_))) => ", which count the numbers that disagree",
+        _ => "",
+    };
     writeln!(text, "\nEstimates, with intervals of {percent} %{assumption}:")?;
     for it in list("parameters").chain(list("combinations")) {
         let name = it["pointer"].as_str().or(it["combination"].as_str()).unwrap_or("");

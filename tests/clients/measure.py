@@ -277,7 +277,7 @@ def fitted(browser, key):
         assert abs(shown[0] / shown[1] - low / high) < 5e-3, (shown, low, high)
     close(page.locator("[data-item=correlation] dd").inner_text().split("\n")[0], fit["correlation"][0][1], 1e-3)
     kinds = [note["kind"] for note in fit["notes"]]
-    assert page.locator("#fit-notes li").count() == len([kind for kind in kinds if kind not in ("misfit", "lack_of_fit", "discrepancy")]), kinds
+    assert page.locator("#fit-notes li").count() == len([kind for kind in kinds if kind not in ("misfit", "lack_of_fit", "discrepancy", "outliers")]), kinds
     verdict_of_fit = get(f"/v1/results/{fit['key']}/verdict")
     assert page.locator("#law").inner_text().startswith("Archard's law with one wear coefficient describes these data"), page.locator("#law").inner_text()
     assert page.locator("#law strong").inner_text() == verdict_of_fit["verdict"] and verdict_of_fit["outcome"] == "holds", verdict_of_fit

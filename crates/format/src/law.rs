@@ -52,11 +52,14 @@ impl Verdict {
         let (quality, notes, parameters) = (quality?, notes?, parameters?);
         let earlier = document.head.engine.doubt(&fit);
         let detail = |note: &Value| note["detail"].as_str().unwrap_or_default().to_owned();
+        let disagreeing = items(&notes).find(|note| note["kind"] == "outliers").map(detail);
         let told = |outcome, verdict: String, mut reason: String| {
-            reason.extend(earlier.iter().flat_map(|it| [" ", it]));
-            let is_doubtful = ["fails", "trend"].contains(&outcome) && !quality.is_null();
-            let intervals =
-                Some("The interval assumes that the law holds.").filter(|_| is_doubtful);
+            reason.extend(disagreeing.iter().chain(&earlier).flat_map(|it| [" ", it]));
+            let intervals = match outcome {
+                _ if quality.is_null() => None,
+                "fails" | "trend" => Some("The interval assumes that the law holds."),
+                _ => disagreeing.as_ref().map(|_| "The interval counts numbers that disagree."),
+            };
             Ok(Some(Self { outcome, verdict, reason, intervals }))
         };
         if quality.is_null() {
@@ -69,8 +72,9 @@ impl Verdict {
         let number = |name: &str| quality[name].as_f64().unwrap_or(f64::NAN);
         let freedom = (number("effective_points") - parameters.len() as f64).floor();
         let trend = if freedom < 1.0 { String::new() } else { trends(&table) };
-        let against: Vec<String> =
-            items(&notes).filter(|note| is_in_verdict(note)).map(detail).collect();
+        let against =
+            items(&notes).filter(|note| is_in_verdict(note) && note["kind"] != "outliers");
+        let against: Vec<String> = against.map(detail).collect();
         if !against.is_empty() {
             let reason = against.join(" ").replace("their stated errors", &errors) + &trend;
             let verdict = format!("{} does not hold for these data.", capital(&law));
@@ -82,14 +86,16 @@ impl Verdict {
         }
         let ratio = digits((number("sum_of_squares") / freedom).sqrt(), 2);
         let ratio = if ratio == "1" { String::new() } else { format!("{ratio} times ") };
-        let size = format!("The residuals are {ratio}as large as {errors}.");
         let is_estimated = !quality["degrees_of_freedom"].is_null();
         let is_repeated = !quality["lack_of_fit"].is_null();
         let name = capital(&law);
+        let named =
+            disagreeing.as_deref().and_then(|note| note.split_once(": ")?.1.rsplit_once(". "));
+        let but = named.map_or(String::new(), |it| format!(", but not {}", it.0));
         if !trend.is_empty() {
             let mut reason = trend.trim_start().to_owned();
             let is_scattered = items(&notes).any(|note| note["kind"] == "scatter");
-            if !is_estimated && !is_scattered {
+            if !is_estimated && !is_scattered && named.is_none() {
                 reason += " Their size alone gives no reason for doubt: they are ";
                 reason += &[&ratio, "as large as ", &errors, "."].concat();
             }
@@ -97,14 +103,18 @@ impl Verdict {
             told("trend", format!("{name} does not have the shape of these data."), reason)
         } else if is_repeated {
             let reason = "The scatter of the repeated tests explains how far their means are from the curve.";
-            told("holds", format!("{name} describes these data."), reason.to_owned())
+            told("holds", format!("{name} describes these data{but}."), reason.to_owned())
         } else if is_estimated {
             let reason = "Their errors were estimated from the scatter around its own curve. Errors of the measurements, or repeated \
                           tests, would test it.";
             told("untested", format!("The data do not test {law}."), reason.to_owned())
         } else {
             let condition = if errors == STATED { "" } else { " if their errors are as assumed" };
-            told("holds", format!("{name} describes these data{condition}."), size)
+            let size = match named {
+                None => format!("The residuals are {ratio}as large as {errors}."),
+                Some(_) => format!("{} allow the other residuals.", capital(&errors)),
+            };
+            told("holds", format!("{name} describes these data{condition}{but}."), size)
         }
     }
 }
@@ -116,7 +126,8 @@ pub fn items(list: &Value) -> impl Iterator<Item = &Value> {
 
 /// Whether the verdict contains a note of a fit: that there is no minimum, or that the law does not describe the data.
 pub fn is_in_verdict(note: &Value) -> bool {
-    ["no_minimum", "misfit", "lack_of_fit", "discrepancy"].iter().any(|kind| note["kind"] == *kind)
+    let kinds = ["no_minimum", "misfit", "lack_of_fit", "discrepancy", "outliers"];
+    kinds.iter().any(|kind| note["kind"] == *kind)
 }
 
 const STATED: &str = "the stated errors";

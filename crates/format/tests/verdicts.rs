@@ -45,8 +45,8 @@ fn size(law: Law) -> f64 {
     (logs.iter().map(|it| (it - mean) * (it - mean)).sum::<f64>() / 24.0).sqrt()
 }
 
-/// The outcome of the verdict of a fit of the energy coefficient to these data.
-fn outcome(data: &Value) -> &'static str {
+/// The verdict of a fit of the energy coefficient to these data.
+fn verdict(data: &Value) -> Verdict {
     let fit = json!({
         "scenario": {
             "profile": {"shape": "paraboloid", "radius": "10 mm"}, "moduli": {"normal": 113e9, "tangential": 93e9},
@@ -60,7 +60,7 @@ fn outcome(data: &Value) -> &'static str {
     let mut points = Points::chunk(Arc::clone(&study), 0, 1, Rows::default());
     let rows = iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap();
     let document = study.document(&"key", &fretwork_job::ENGINE, &rows);
-    Verdict::read(document.as_bytes()).unwrap().unwrap().outcome
+    Verdict::read(document.as_bytes()).unwrap().unwrap()
 }
 
 /// The share of verdicts, in %, that doubt the law: `fails` and `trend`.
@@ -72,7 +72,7 @@ fn doubted(law: Law, tests: usize, noise: f64, is_stated: bool, fits: u64) -> [f
         let x: Vec<f64> = energies(tests).map(|u| 10.0 * u).collect();
         let y: Vec<f64> = energies(tests).enumerate().map(scattered).collect();
         let noise = if is_stated { json!({"relative": noise}) } else { json!({}) };
-        outcome(&json!({"output": "wear_volume", "over": "dissipated_energy", "x": x, "y": y, "noise": noise}))
+        verdict(&json!({"output": "wear_volume", "over": "dissipated_energy", "x": x, "y": y, "noise": noise})).outcome
     });
     let outcomes: Vec<_> = outcomes.collect();
     ["fails", "trend"]
@@ -116,4 +116,24 @@ fn a_wrong_law_is_found_and_a_right_one_is_left_alone() {
             }
         }
     }
+}
+
+#[test]
+fn a_few_outliers_do_not_disprove_a_law_and_the_verdict_names_them() {
+    let holds = |seed: u64, wrong: &[usize]| {
+        let factor = |place| {
+            let noise = if wrong.contains(&place) { 5.0 } else { normal(Stream::new(seed), place) };
+            1.0 + 0.05 * noise
+        };
+        let x: Vec<f64> = energies(12).map(|u| (10.0 * u).round()).collect();
+        let y: Vec<f64> = x.iter().enumerate().map(|(at, x)| TRUTH * x * factor(at)).collect();
+        let data = json!({"output": "wear_volume", "over": "dissipated_energy", "x": x, "y": y, "relative": 0.05});
+        let Verdict { outcome, verdict, intervals, .. } = verdict(&data);
+        let is_named =
+            wrong.iter().all(|at| verdict.contains(&format!("wear_volume of 1 at {}", x[*at])));
+        outcome == "holds" && is_named && intervals.is_some()
+    };
+    let count = |wrong: &[usize]| (0..20).filter(|seed| holds(*seed, wrong)).count();
+    assert!(count(&[7]) >= 16 && count(&[2, 9]) >= 16, "{} {}", count(&[7]), count(&[2, 9]));
+    assert_eq!(count(&[1, 5, 7, 9, 11]), 0);
 }

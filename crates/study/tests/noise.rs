@@ -271,7 +271,7 @@ fn outliers_are_named_and_can_be_left_out_or_count_less() {
         };
         let wrong = ["/tests/0/data/0/y/4", "/tests/0/data/0/y/9"];
         assert_eq!(pointers(&found), wrong, "{}", found["notes"]);
-        assert!(kinds(&found).contains(&"outliers"));
+        assert_eq!(kinds(&found), ["outliers"]);
         assert!(found["table"]["studentized"][4].as_f64().unwrap() > 4.0);
         let bias = |found: &Value| {
             (found["parameters"][0]["estimate"].as_f64().unwrap() / TRUTH - 1.0).abs()

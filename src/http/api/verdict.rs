@@ -17,13 +17,14 @@ use fretwork_format::Verdict;
 /// Whether the law of a fit describes its data.
 #[derive(Debug, Serialize, ToSchema)]
 pub struct VerdictAnswer {
-    /// `holds`; `fails`: the residuals are too large; `trend`: they follow a curve; or `untested`.
+    /// `holds`, perhaps but for numbers that the verdict names; `fails`: the residuals are too large; `trend`: they follow a
+    /// curve; or `untested`.
     outcome: String,
     /// A sentence that names the law.
     verdict: String,
     /// Why. Names of numbers stand between grave accents, and numbers are in SI.
     reason: String,
-    /// What to say beside each interval; null if the law may hold.
+    /// What to say beside each interval; null if the law may hold and no number disagrees.
     intervals: Option<&'static str>,
 }
 

@@ -17,8 +17,8 @@ import { cycles, digits, quantity, WORDS } from "./units.js";
 
 /** Rows of the table of measured numbers. */
 const ROWS = 200;
-/** Notes that say that the law does not describe the data. */
-const AGAINST = ["misfit", "lack_of_fit", "discrepancy"];
+/** Notes that the verdict contains. */
+const AGAINST = ["misfit", "lack_of_fit", "discrepancy", "outliers"];
 
 /** The part of a scenario that a note names, such as `wear.coefficient`. */
 const pointerOf = (name) => `/${name.replaceAll(".", "/")}`;

@@ -36,6 +36,8 @@ pub struct Outliers {
     pub studentized: Vec<f64>,
     /// The indices of the outliers, ascending.
     pub places: Vec<usize>,
+    /// The residuals of the fit without the outliers.
+    pub residuals: Vec<f64>,
 }
 
 /// Residuals with their derivatives with respect to each parameter.
@@ -130,5 +132,6 @@ pub fn outliers(values: &[f64], slopes: &[Vec<f64>], is_estimated: bool) -> Outl
     places.sort_unstable();
     let rest = all.without(&places);
     let of = |place: usize| all.studentized(&rest, place, places.contains(&place));
-    Outliers { studentized: (0..count).map(of).collect(), places }
+    let studentized = (0..count).map(of).collect();
+    Outliers { studentized, places, residuals: rest.residuals }
 }

@@ -130,7 +130,8 @@ pub struct FitResult {
     #[schema(nullable = false)]
     quality: Option<FitQuality>,
     /// The numbers that disagree with the fit of all others: in 5 of 100 sets without such numbers, this names one. They are
-    /// sought together. Vec<Option<f64>> of profiles are not examined.
+    /// sought together. Numbers of profiles are not examined. The verdict judges the other numbers if there are at least 8 in
+    /// all, without profiles and priors, and at most one in six disagrees.
     #[schema(required = false)]
     outliers: Vec<FitOutlier>,
     /// Regressions V = αΣE through the origin for wear volumes over measured energies, whatever the parameters of the fit are.
@@ -191,7 +192,7 @@ pub struct FitQuality {
     /// The corrected information criterion of Akaike. Of two models of the same numbers, the one with the smaller criterion is
     /// better. It lacks the constant n ln 2π, and is null unless there are more than p + 2 points. A prior counts as a point.
     aicc: Option<f64>,
-    /// The test of lack of fit, if points were repeated.
+    /// The test of lack of fit, if points were repeated, for the numbers that the verdict judges.
     #[schema(value_type = Option<Object>)]
     lack_of_fit: Option<Value>,
     /// The estimated noise of each set, in units of its stated noise, or of a tenth of its largest number if none is stated.

@@ -248,15 +248,14 @@ impl Told<'_> {
     /// How much larger the residuals are than the stated noise, if they are larger than chance allows, with the probability.
     /// Without degrees of freedom, there is none.
     fn excess(&self) -> Option<(f64, Option<f64>)> {
-        let measured = &self.known.measured;
-        let squares = self.points().map(|(place, _)| self.residual(place) * self.residual(place));
-        let size = (squares.sum::<f64>() / self.points().count() as f64).sqrt();
-        let freedom = measured.count(None) - self.fit.parameters.len() as f64;
-        let ratio = (freedom >= 1.0).then(|| self.best.sum / freedom);
+        let squares: f64 = self.judges.values().map(|residual| residual * residual).sum();
+        let size = (squares / self.judges.len() as f64).sqrt();
+        let freedom = self.freedom();
+        let ratio = (freedom >= 1.0).then(|| self.sum / freedom);
         let probability = ratio.map(|ratio| fisher::above(ratio, (freedom, MANY)));
         let is_told = size >= LARGE || probability.is_some_and(|it| it < IMPROBABLE);
         Some((ratio.map_or(size, |ratio| ratio.sqrt().max(size)), probability))
-            .filter(|_| is_told && measured.freedom().is_none())
+            .filter(|_| is_told && self.known.measured.freedom().is_none())
     }
 
     /// Whether the residuals are larger than the noise, and whether the law is the reason. It is not if repeated tests scatter

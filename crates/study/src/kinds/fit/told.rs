@@ -22,6 +22,9 @@ const ROUNDING: f64 = 1e-12;
 const UNLIKELY: f64 = 0.05;
 /// Fewer degrees of freedom of repeated points do not test a law whose noise is estimated.
 const FEWEST: f64 = 4.0;
+/// Of so many points or more, all but one among so many judge the law if those are outliers. More of them contradict the law.
+const ENOUGH: usize = 8;
+const AMONG: usize = 6;
 
 /// What is told about the best parameters.
 pub struct Told<'a> {
@@ -34,13 +37,20 @@ pub struct Told<'a> {
     /// The studentised residuals by position, and the positions of the outliers.
     pub studentized: BTreeMap<usize, f64>,
     pub outliers: Vec<usize>,
+    /// The residuals by position that judge the law: those of the fit without outliers, if these are few. Their sum of squares.
+    pub judges: BTreeMap<usize, f64>,
+    pub sum: f64,
 }
 
 impl<'a> Told<'a> {
     pub fn new(fit: &'a Fit, known: &'a Known) -> Self {
         let [alone, information] = [false, true].map(|priors| fit.information(known, priors));
-        let (best, (studentized, outliers)) = (&known.rows[known.minimum], Default::default());
-        let mut told = Self { fit, known, best, alone, information, studentized, outliers };
+        let best = &known.rows[known.minimum];
+        let (studentized, outliers, judges) = Default::default();
+        let sum = best.sum;
+        let mut told =
+            Self { fit, known, best, alone, information, studentized, outliers, judges, sum };
+        told.judges = told.points().map(|(place, _)| (place, told.residual(place))).collect();
         told.seek_outliers();
         told
     }
@@ -64,7 +74,21 @@ impl<'a> Told<'a> {
         }
         let found = outliers(&distances, &slopes, self.known.measured.freedom().is_some());
         self.outliers = found.places.iter().map(|it| places[*it]).collect();
+        let most = if places.len() < ENOUGH { 0 } else { places.len().div_ceil(AMONG) };
+        if (1..=most).contains(&found.places.len()) && places.len() == self.judges.len() {
+            let slopes = self.known.measured.slopes(&self.known.noise);
+            self.judges = places.iter().copied().zip(found.residuals).collect();
+            self.judges.retain(|place, _| !self.outliers.contains(place));
+            let residual = |(it, e): (&usize, &f64)| e * slopes[*it] * self.deviation(*it);
+            self.sum = self.judges.iter().map(residual).map(|residual| residual * residual).sum();
+        }
         self.studentized = places.into_iter().zip(found.studentized).collect();
+    }
+
+    /// The degrees of freedom of the residuals that judge the law.
+    pub fn freedom(&self) -> f64 {
+        let judges = self.known.measured.without(|place| !self.judges.contains_key(&place));
+        judges.count(None) - self.fit.parameters.len() as f64
     }
 
     /// The points that take part, and their indices.
@@ -129,11 +153,11 @@ impl<'a> Told<'a> {
     /// have not: all points beside the scar have the prediction 0.
     pub fn repeats(&self) -> Option<Repeats> {
         let mut groups = BTreeMap::<(Option<usize>, &str, [u64; 2]), Vec<(f64, f64)>>::new();
-        for (place, _) in self.points() {
+        for (&place, &residual) in &self.judges {
             let (set, (_, entry)) = (self.fit.set(place), self.fit.positions[place]);
             let own = [set.x[entry], self.best.numbers[place]].map(f64::to_bits);
             let key = ((set.over == "radius").then_some(place), set.output.as_str(), own);
-            groups.entry(key).or_default().push((self.residual(place), self.deviation(place)));
+            groups.entry(key).or_default().push((residual, self.deviation(place)));
         }
         let spread = |group: &Vec<(f64, f64)>| {
             let weights: f64 = group.iter().map(|(_, s)| 1.0 / (s * s)).sum();
@@ -142,21 +166,22 @@ impl<'a> Told<'a> {
             rest.map(|rest| rest * rest).sum::<f64>()
         };
         let pure: f64 = groups.values().map(spread).sum();
-        let (points, count) = (self.points().count(), groups.len());
+        let (points, count) = (self.judges.len(), groups.len());
         let repeats = (points - count) as f64;
-        let freedom = count as f64 - self.fit.parameters.len() as f64;
+        let parameters = self.fit.parameters.len() as f64;
+        let freedom = count as f64 - parameters;
         let is_stated = self.known.measured.freedom().is_none();
-        let is_clustered = (self.known.measured.count(None) - points as f64).abs() > 0.5;
+        let is_clustered = (self.freedom() + parameters - points as f64).abs() > 0.5;
         let are_few = repeats < if is_stated { 1.0 } else { FEWEST };
         let ratio = pure / repeats;
-        let are_equal = pure < ROUNDING * self.best.sum;
+        let are_equal = pure < ROUNDING * self.sum;
         if is_clustered || freedom < 1.0 || are_few || are_equal && !is_stated {
             return None;
         }
         // Numbers that were rounded, or read twice from one scar, scatter less than their stated errors.
         let (scale, of_scale) =
             if is_stated && ratio < 1.0 { (1.0, MANY) } else { (ratio, repeats) };
-        let statistic = (self.best.sum - pure).max(0.0) / freedom / scale;
+        let statistic = (self.sum - pure).max(0.0) / freedom / scale;
         let is_excess = is_stated && fisher::above(ratio, (repeats, MANY)) < UNLIKELY;
         Some(Repeats {
             statistic,
