@@ -61,6 +61,8 @@ impl Progress {
     pub fn show(&mut self, done: f64) {
         if self.is_terminal && Instant::now() > self.next {
             (self.is_shown, self.next) = (true, Instant::now() + INTERVAL);
+            // A server may answer anything.
+            let done = done.clamp(0.0, 1.0);
             let bar = "#".repeat((done * WIDTH as f64) as usize);
             let _ = write!(io::stderr(), "\r[{bar:<WIDTH$}] {:3.0} %", 100.0 * done);
         }

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 
 use super::client::{Client, Refusal, Reply, escaped};
 use super::places;
-use super::printing::{Error, Progress, harmless, print};
+use super::printing::{Error, Progress, harmless, print, print_error};
 use super::run::{listed, read_job, write_result};
 use crate::config::{Evaluate, Get, List, OneJob, Remote, Submit};
 use fretwork_job::TaskKind;
@@ -30,18 +30,30 @@ const INTERVAL: Duration = Duration::from_millis(500);
 /// Submits files. With `--wait`, waits for the ends of their jobs.
 pub fn submit(settings: &Submit) -> Result<ExitCode, Error> {
     let client = connect(&settings.server)?;
-    let (mut code, mut jobs) = (0, Vec::new());
+    let (mut code, mut jobs): (u8, Vec<Listed>) = (0, Vec::new());
     for file in listed(&settings.files)? {
-        let body = read_job(&file, &settings.change)?;
-        match client.call("POST", "/v1/jobs", Some(&body))? {
-            Ok(reply) => jobs.push(reply.json()?),
-            Err(refusal) => code = code.max(refused(refusal, &format!("{}: ", file.display()))),
-        }
-        if let (Some(job), false) = (jobs.last(), settings.wait) {
-            print(line(job).as_bytes())?;
+        let body = match read_job(&file, &settings.change) {
+            Ok(body) => body,
+            Err(error) => {
+                print_error(error.as_ref());
+                code = code.max(1);
+                continue;
+            }
+        };
+        match client.call("POST", "/v1/jobs", Some(&body)) {
+            Ok(Ok(reply)) if settings.wait => jobs.push(reply.json()?),
+            Ok(Ok(reply)) => print(line(&reply.json()?).as_bytes())?,
+            Ok(Err(refusal)) => {
+                code = code.max(refused(refusal, &format!("{}: ", file.display())));
+            }
+            Err(error) => {
+                // The server computes what it has accepted.
+                print(jobs.iter().map(line).collect::<String>().as_bytes())?;
+                return Err(error);
+            }
         }
     }
-    for job in jobs.iter().filter(|_| settings.wait) {
+    for job in &jobs {
         code = code.max(end(&client, &job.id)?);
     }
     Ok(ExitCode::from(code))

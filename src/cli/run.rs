@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use super::parts;
 use super::places::{self, inside};
-use super::printing::{Error, Progress, print, shown};
+use super::printing::{Error, Progress, harmless, print, print_error, shown};
 use super::study;
 use crate::config::{Change, Output, Run};
 use fretwork_engine::request::fault::{Fault, Faults};
@@ -38,25 +38,44 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
         finish(&job, joined.answer(&job.prepared)?, &files[0], settings)?;
         return Ok(ExitCode::SUCCESS);
     }
+    if settings.part.is_some() && settings.store.is_none() {
+        return Err(
+            "--part keeps the part in the file of --store: name that file instead of --output"
+                .into(),
+        );
+    }
     if files.len() > 1 && settings.part.is_some() {
         return Err("--part computes a part of one study: name one input file".into());
     }
     let mut code = ExitCode::SUCCESS;
     for file in &files {
-        let text = read_job(file, &settings.change)?;
-        let job = match parse(&text) {
-            Ok(job) => job,
-            Err(faults) => {
-                code = print_faults(&faults, file);
-                continue;
+        match of_file(file, settings) {
+            Ok(ExitCode::SUCCESS) => {}
+            Ok(other) => code = other,
+            Err(error) if files.len() == 1 => return Err(error),
+            // The other files are computed all the same.
+            Err(error) => {
+                print_error(error.as_ref());
+                code = ExitCode::FAILURE;
             }
-        };
-        if let (Some(part), Some(store)) = (settings.part, &settings.store) {
-            return parts::compute(&job, &text, part, store);
         }
-        finish(&job, compute(&job.prepared)?, file, settings)?;
     }
     Ok(code)
+}
+
+/// Computes one input file. Returns the exit code.
+fn of_file(file: &Path, settings: &Run) -> Result<ExitCode, Error> {
+    let text = read_job(file, &settings.change)?;
+    let job = match parse(&text) {
+        Ok(job) => job,
+        Err(faults) => return Ok(print_faults(&faults, file)),
+    };
+    if let (Some(part), Some(store)) = (settings.part, &settings.store) {
+        return parts::compute(&job, &text, part, store);
+    }
+    let done = finish(&job, compute(&job.prepared)?, file, settings);
+    done.map_err(|error| format!("{}: {error}", file.display()))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Writes the result and the figure of a job, and prints the summary.
@@ -247,7 +266,7 @@ pub fn print_faults(faults: &[Fault], file: &Path) -> ExitCode {
         let place = [&name, pointer].into_iter().filter(|it| !["", "-"].contains(&it.as_str()));
         let words: Vec<&str> = place.map(String::as_str).chain([detail.as_str()]).collect();
         // If standard error is closed, the exit code still reports the faults.
-        let _ = writeln!(io::stderr(), "{}", words.join(": "));
+        let _ = writeln!(io::stderr(), "{}", harmless(&words.join(": ")));
     }
     ExitCode::from(2)
 }

@@ -20,14 +20,16 @@ use crate::studies::{example, sweep};
 use crate::trust::{exported, small};
 
 /// A short result of each kind.
-fn each_kind() -> [Value; 5] {
+fn each_kind() -> [Value; 6] {
     let mut sensitivity = example("sensitivity");
     sensitivity["sensitivity"]["samples"] = json!(8);
     let mut map = example("map");
     for axis in ["normal_force", "amplitude"] {
         map["map"][axis]["count"] = json!(4);
     }
-    [small(2.0, "exact"), small(2.0, "simplified"), sweep(), sensitivity, map]
+    let mut fit = example("fit");
+    fit["fit"]["starts"] = json!(1);
+    [small(2.0, "exact"), small(2.0, "simplified"), sweep(), sensitivity, map, fit]
 }
 
 /// Changes one digit of a text. `place` is its number; after the last digit, counting continues with the first.
@@ -62,7 +64,7 @@ async fn a_result_of_any_kind_with_one_altered_digit_is_refused() {
     }
     db.close().await.unwrap();
     let done = import(to.place(), &file).await.unwrap();
-    assert_eq!((done.results, done.sampled, done.unverified), (5, 0, 0), "{done:?}");
+    assert_eq!((done.results, done.sampled, done.unverified), (6, 0, 0), "{done:?}");
     for (key, body) in &results {
         assert!(to.get(&format!("/v1/results/{key}")).await.body == *body);
     }
@@ -138,11 +140,11 @@ async fn an_import_without_time_to_verify_stores_results_whose_tables_are_whole(
     db.close().await.unwrap();
     let to = Server::start().await;
     let done = import_within(to.place(), &file, Duration::ZERO).await.unwrap();
-    assert_eq!((done.results, done.unverified), (2, 2), "{done:?}");
+    assert_eq!((done.results, done.unverified), (3, 3), "{done:?}");
     assert_refused(&done, &results[1].0, "the tables of the result are not complete");
     assert_refused(&done, &results[2].0, "column `wear_volume` does not have 6 valid cells");
     assert_refused(&done, &results[3].0, "the file has");
-    for place in [0, 4] {
+    for place in [0, 4, 5] {
         assert_eq!(verified(&to, &results[place].0).await, (json!("none"), Value::Null));
     }
 }

@@ -212,12 +212,33 @@ def test_a_stream_that_often_breaks_is_followed_to_its_end() -> None:
     assert stream.on_line
     for n in range(100):
         assert not stream.on_line("event: progress")
-        assert not stream.on_line('data: {"progress": 0.5}')
+        assert not stream.on_line(f'data: {{"progress": {n / 100}}}')
         # A stream that ends at once is asked for ever more seldom.
         assert flow.throw(Lost("reset")) == Pause(min(0.1 * 2.0**n, 5.0))
         assert flow.send(Answer(0, {}, b"")) is stream
     assert not stream.on_line("event: state")
-    assert stream.on_line('data: {"state": "succeeded", "job": {"id": "a", "state": "succeeded"}}')
+    assert stream.on_line('data: {"state": "succeeded", "job": {"id": "a", "key": "b", "state": "succeeded"}}')
     with pytest.raises(StopIteration) as end:
         flow.send(Answer(200, {}, b""))
     assert end.value.value["state"] == "succeeded"
+
+
+def test_streams_that_tell_no_progress_end_the_patience() -> None:
+    flow = finish(cast(Job, {"id": "a", "state": "queued"}), Silent(), 10)
+    pauses: list[float] = []
+
+    def follow() -> None:
+        stream = next(flow)
+        while True:
+            assert isinstance(stream, Request)
+            assert stream.on_line
+            for line in (":", "event: progress", 'data: {"progress": 0.0}'):
+                assert not stream.on_line(line)
+            pause = flow.send(Answer(200, {}, b""))
+            assert isinstance(pause, Pause)
+            pauses.append(pause.seconds)
+            stream = flow.send(Answer(0, {}, b""))
+
+    with pytest.raises(ServerUnreachable, match="ended early"):
+        follow()
+    assert sum(pauses) == pytest.approx(10)

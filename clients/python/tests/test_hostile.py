@@ -128,6 +128,14 @@ CASES: dict[str, tuple[Callable[[str], Given], str]] = {
     "a list": (no_job, "something else than a job: '\\[\\]'"),
     "deep JSON": (deep, "is not JSON"),
     "no stream": (after_submission("200 OK", "content-type: text/html", b"<html>"), "is not a stream of events"),
+    "an event with half a job": (
+        after_submission("200 OK", EVENTS, b'event: snapshot\ndata: {"state": "succeeded"}\n'),
+        "an event that it does not have",
+    ),
+    "an event with endless progress": (
+        after_submission("200 OK", EVENTS, b'event: progress\ndata: {"progress": 1' + b"0" * 400 + b"}\n"),
+        "an event that it does not have",
+    ),
     "an odd event": (after_submission("200 OK", EVENTS, b"event: snapshot\ndata: [1]\n"), "an event that it does not have"),
     "a bomb as a stream": (after_submission("200 OK", f"{EVENTS}\r\ncontent-encoding: gzip", BOMB), "has more than 16 MiB"),
     "no arrays": (stored(b"<html>"), "is not a result"),
@@ -175,3 +183,12 @@ def test_a_server_that_accepts_and_says_nothing_is_given_up_after_its_health(bal
 def test_control_characters_of_a_server_do_not_reach_the_terminal() -> None:
     error = ApiError(400, "bad\x1b[2J", [Fault("/a\nb", "\x07")])
     assert str(error) == "bad\\x1b[2J\n  /a\\nb: \\x07"
+
+
+@pytest.mark.parametrize("body", [b"[]", b"null", b"{}", b'{"outputs": 5, "units": 7}'])
+def test_something_else_than_outputs_is_an_error(
+    body: bytes, hostile: Callable[[Callable[[str], Given]], Hostile], ball: Scenario
+) -> None:
+    server = hostile(lambda _: ("200 OK", f"content-type: {JSON}", body))
+    with Client(server.url, "", trust_env=False) as client, pytest.raises(ApiError, match="something else than outputs"):
+        client.evaluate(ball, ["wear_volume"])

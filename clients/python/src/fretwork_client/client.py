@@ -78,7 +78,7 @@ def _answer(response: httpx.Response, body: Body) -> Answer:
 
 
 def _lost(error: httpx.RequestError, place: str, has_answered: bool) -> Lost:
-    return Lost(f"{place}: {error or type(error).__name__}", not has_answered)
+    return Lost(f"{place}: {str(error) or type(error).__name__}", not has_answered)
 
 
 class Client:

@@ -136,14 +136,19 @@ class Patience:
     def renew(self) -> None:
         """The server has answered: the next failure is a new one."""
         self.go_on()
-        self.tries, self.began = 0, time.monotonic()
+        self.tries, self.began = 0, self.heard
 
     def go_on(self) -> None:
         """The server does something, so the patience begins again. The pauses still grow."""
-        self.left = self.whole
+        self.left, self.heard = self.whole, time.monotonic()
 
-    def pause(self, error: Exception, retry_after: str = "", is_new: bool = False) -> Pause:
-        """The next pause: twice as long as the last one, or as the server asks. Raises the error if no patience is left."""
+    def pause(self, error: Exception, retry_after: str = "", is_new: bool = False, spent: float = 0.0) -> Pause:
+        """The next pause: twice as long as the last one, or as the server asks. Raises the error if no patience is left.
+
+        `spent` is the time of the request that failed. That of the first one does not count, so that there is a second one.
+        """
+        if self.tries > 0:
+            self.left -= spent
         if is_new:
             self.left = min(self.left, FIRST_PATIENCE - (time.monotonic() - self.began))
         own = min(0.1 * 2.0 ** min(self.tries, 10), LONGEST_PAUSE)
@@ -163,10 +168,12 @@ def unreachable(reason: str) -> ServerUnreachable:
 
 def attempt(request: Request, patience: Patience) -> Flow[Answer | None]:
     """Sends a request once. After a failure that may pass, pauses and returns None. Raises the `ApiError` of other failures."""
+    began = time.monotonic()
     try:
         answer = yield request
     except Lost as lost:
-        yield patience.pause(unreachable(f"The server did not answer: {lost}"), is_new=lost.is_new)
+        spent = time.monotonic() - max(began, patience.heard)
+        yield patience.pause(unreachable(f"The server did not answer: {lost}"), is_new=lost.is_new, spent=spent)
         return None
     if answer.status < 300:
         return answer
@@ -208,14 +215,13 @@ class JobEvents:
         self.began = time.monotonic()
         self.job: api.Job | None = None
         self._kind = ""
+        self._most = 0.0
 
     def line(self, line: str) -> bool:
         """Reads a line. Returns True when the job has ended."""
-        # A stream that ends at once, again and again, is asked for ever more seldom.
+        # A stream that ends at once, again and again, is asked for ever more seldom, and not for ever without progress.
         if time.monotonic() - self.began > LONGEST_PAUSE:
             self.patience.renew()
-        else:
-            self.patience.go_on()
         name, _, value = line.partition(":")
         if name == "event":
             self._kind = value.strip()
@@ -225,12 +231,15 @@ class JobEvents:
             data = json.loads(value)
             progress = float(data.get("progress", 0))
             job = data if self._kind == "snapshot" else data.get("job")
-            has_ended = bool(job) and job["state"] in FINISHED
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            has_ended = bool(job) and _job(job)["state"] in FINISHED
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError, ApiError):
             detail = f"The server sent an event that it does not have: {value[:200]!r}. Check FRETWORK_URL"
             raise ApiError(200, detail, []) from None
         if "progress" in data:
             self.progress.show(progress)
+        if progress > self._most:
+            self._most = progress
+            self.patience.go_on()
         if has_ended:
             self.job = cast(api.Job, job)
         return has_ended
@@ -259,7 +268,17 @@ def submit(body: api.JobBody, patience: float, wait: float = 1) -> Flow[api.Job]
     """Submits a job once, however often the request is sent. Waits up to `wait` seconds for its end."""
     key = str(uuid.uuid4())
     job = yield from post("/v1/jobs", body, patience, idempotency_key=key, prefer=f"wait={wait:.0f}")
-    if not (isinstance(job, dict) and all(isinstance(job.get(name), str) for name in ("id", "state", "key"))):
+    return _job(job)
+
+
+def _has_texts(value: Any, *names: str) -> bool:
+    """Whether a value is an object with these texts."""
+    return isinstance(value, dict) and all(isinstance(value.get(name), str) for name in names)
+
+
+def _job(job: Any) -> api.Job:
+    """The job of an answer."""
+    if not _has_texts(job, "id", "state", "key") or (job.get("error") and not _has_texts(job["error"], "title", "detail")):
         raise ApiError(200, f"The server answered with something else than a job: {str(job)[:200]!r}. Check FRETWORK_URL", [])
     return cast(api.Job, job)
 
@@ -278,8 +297,13 @@ class Operations:
     def evaluate(self, scenario: Scenario, outputs: Sequence[str]) -> Flow[Evaluation]:
         """Computes some outputs of a short run, such as `wear_depth@10000`. The server stores nothing."""
         body = {"scenario": scenario, "outputs": list(outputs)}
-        answer: api.Evaluated = yield from post("/v1/evaluate", body, self.patience)
-        return Evaluation(answer["outputs"], answer["units"], answer.get("reasons", {}))
+        answer: Any = yield from post("/v1/evaluate", body, self.patience)
+        parts = [answer.get(name, {}) for name in ("outputs", "units", "reasons")] if isinstance(answer, dict) else []
+        if not parts or not parts[0] or not all(isinstance(part, dict) for part in parts):
+            raise ApiError(
+                200, f"The server answered with something else than outputs: {str(answer)[:200]!r}. Check FRETWORK_URL", []
+            )
+        return Evaluation(*parts)
 
     def sweep(
         self,

@@ -31,7 +31,7 @@ pub fn findings(fit: &Fit, problem: &Problem, rows: &Rows) -> Findings {
     let all: Vec<usize> = (0..fit.positions.len()).collect();
     let is_measured = |it: &usize| fit.positions[*it].1 < fit.set(*it).noise.len();
     let (measured, grid): (Vec<_>, Vec<_>) = all.into_iter().partition(is_measured);
-    let Some(known) = fit.known(rows) else {
+    let Some(known) = fit.known(rows, usize::MAX) else {
         let detail =
             "No start leads to numbers for all measured points. See `reason` in `searches`.";
         let tables = vec![("table", table(fit, &measured, &[]))];

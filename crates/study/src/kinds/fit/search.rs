@@ -243,10 +243,13 @@ impl Fit {
         self.set(position).x[self.positions[position].1]
     }
 
-    /// What the rows of the first stages say. `None` if no start has led to numbers for all measured points.
-    pub fn known(&self, rows: &Rows) -> Option<Known> {
+    /// What the first rows say, those before the stage of a point. `None` if no start has led to numbers for all measured points.
+    pub fn known(&self, rows: &Rows, before: usize) -> Option<Known> {
+        let count = self.tasks.iter().filter(|(stage, _)| *stage < before).count();
         let all = self.parameters.len() + 3 + self.positions.len();
-        self.known_from(&(0..all).map(|column| rows.numbers(column)).collect::<Vec<_>>())
+        // Who computes a point again has the rows of later stages, too.
+        let column = |column| rows.numbers(column).into_iter().take(count).collect();
+        self.known_from(&(0..all).map(column).collect::<Vec<_>>())
     }
 
     /// As [`known`](Self::known), from the columns of the rows.
@@ -352,7 +355,7 @@ impl Fit {
             let [_, numbers] = self.predicted(&row.theta, tried)?;
             return Ok(Ok(Row { numbers, ..row }));
         }
-        let Some(known) = self.known(earlier) else {
+        let Some(known) = self.known(earlier, self.tasks[number].0) else {
             return Ok(Err("no start leads to numbers for all measured points".to_owned()));
         };
         let Known { measured, noise, .. } = &known;
