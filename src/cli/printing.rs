@@ -61,12 +61,16 @@ impl Progress {
     pub fn show(&mut self, done: f64) {
         if self.is_terminal && Instant::now() > self.next {
             (self.is_shown, self.next) = (true, Instant::now() + INTERVAL);
-            // A server may answer anything.
-            let done = done.clamp(0.0, 1.0);
-            let bar = "#".repeat((done * WIDTH as f64) as usize);
-            let _ = write!(io::stderr(), "\r[{bar:<WIDTH$}] {:3.0} %", 100.0 * done);
+            let _ = write!(io::stderr(), "\r{}", bar(done));
         }
     }
+}
+
+/// A bar. A server may answer any number.
+fn bar(done: f64) -> String {
+    let done = done.clamp(0.0, 1.0);
+    let full = "#".repeat((done * WIDTH as f64) as usize);
+    format!("[{full:<WIDTH$}] {:3.0} %", 100.0 * done)
 }
 
 impl Drop for Progress {
@@ -103,5 +107,17 @@ pub fn shown(number: &Value, unit: &str) -> String {
             format!("{it} {unit}").trim_end().to_owned()
         }
         Some(it) => format!("{it:e} {unit}").trim_end().to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bar_is_never_longer_than_full() {
+        assert_eq!(bar(1e300), bar(1.0));
+        assert_eq!(bar(-1e300), bar(0.0));
+        assert_eq!(bar(f64::NAN).chars().filter(|it| *it == '#').count(), 0);
     }
 }

@@ -14,6 +14,7 @@ use super::places::{self, inside};
 use super::printing::{Error, Progress, harmless, print, print_error, shown};
 use super::study;
 use crate::config::{Change, Output, Run};
+use fretwork_engine::outcome::Quantity;
 use fretwork_engine::request::fault::{Fault, Faults};
 use fretwork_format::report::{self, About, Entry};
 use fretwork_format::{self as format, Format, Part, View};
@@ -230,10 +231,12 @@ pub fn write_result(
     }
 }
 
-/// The units of a result.
+/// The units of a result, and what a run says of its unworn contact.
 #[derive(Deserialize)]
 struct Units {
     units: Value,
+    #[serde(default)]
+    unworn: Value,
 }
 
 /// Prints a summary of the result and the warnings to standard error.
@@ -242,15 +245,21 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
     let label = job.label.as_deref().unwrap_or("computed");
     writeln!(err, "{label} ({:.1} ms)", time.as_secs_f64() * 1e3)?;
     // The result of a study can be large, so only its units are kept.
-    let Units { units } = serde_json::from_slice(&answer.body)?;
+    let Units { units, unworn } = serde_json::from_slice(&answer.body)?;
+    // A line contact has no tangential modulus.
+    let is_line = unworn.get("tangential_modulus").is_some_and(Value::is_null);
     let numbers = || answer.summary.as_object().into_iter().flatten();
     for (name, value) in numbers().filter(|(name, _)| !name.ends_with("_error")) {
         let text = value.as_str().map(str::to_owned);
         let text = text.unwrap_or_else(|| shown(value, units[name].as_str().unwrap_or("1")));
         let error = answer.summary[format!("{name}_error")].as_f64();
         let error = error.map_or(String::new(), |error| format!(" ± {:.2} %", 100.0 * error));
-        let name = if name == "regime" { "regime, unworn" } else { name };
-        writeln!(err, "  {name:<30} {text}{error}")?;
+        let words = match Quantity::named(name) {
+            _ if name == "regime" => "Regime of the unworn contact",
+            Some(quantity) => quantity.words_of(is_line),
+            None => name,
+        };
+        writeln!(err, "  {words:<38} {text}{error}")?;
     }
     for warning in job.prepared.warnings() {
         writeln!(err, "  warning: {}", warning.detail)?;

@@ -53,7 +53,8 @@ def computed(scenario):
     """The result of the command line."""
     done = subprocess.run([PROGRAM, "run", "-"], input=json.dumps(scenario), capture_output=True, text=True, check=True)
     result = json.loads(done.stdout)
-    assert re.search(f"regime, unworn +{result['regime']}\n", done.stderr), done.stderr
+    assert re.search(f"Regime of the unworn contact +{result['regime']}\n", done.stderr), done.stderr
+    assert f"Amplitude at the {'reference' if 'length' in scenario['profile'] else 'contact'}" in done.stderr, done.stderr
     return result
 
 

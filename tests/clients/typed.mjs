@@ -13,6 +13,7 @@ register(`data:text/javascript,${encodeURIComponent(`export const resolve = (nam
 const page = (name) => import(`../../src/http/dashboard/${name}.js`);
 const { fieldText, kindAt } = await page("kinds");
 const { useSi } = await page("system");
+const { csvCell } = await page("figure-save");
 const { readList, readNumber, understand, understandList } = await page("typed");
 
 const scenario = { wear: {} };
@@ -122,4 +123,8 @@ assert.equal(value("/motion/amplitude", "2e-6"), "2e-6 m");
 assert.equal(question("/motion/amplitude", "2"), "2 m. Did you mean 2 µm?");
 assert.equal(fieldText("1.9e-14 1/Pa", "/wear/coefficient", scenario), "1.9e-14 1/Pa");
 assert.equal(fieldText(205e9, "/bodies/0/youngs_modulus", scenario), "205000000000 Pa");
+// A spreadsheet must not execute a text, whatever separates its cells.
+for (const [text, cell] of [["steel, -5 °C", "steel, -5 °C"], ["=1", "'=1"], ["a;=1", "a;'=1"], ["\u00a0=1", "\u00a0'=1"], ["a\t+1", "a\t'+1"]]) {
+  assert.equal(csvCell(text), `"${cell}"`);
+}
 console.log("what is typed is understood");

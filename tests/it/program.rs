@@ -89,7 +89,7 @@ fn the_run_command_computes_a_file_without_a_server() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     let result: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(result["regime"], "partial_slip");
-    assert!(text(&output.stderr).contains("wear_volume"), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("Wear volume"), "{}", text(&output.stderr));
 
     let output = run(&["run", "-", "--format", "csv"], http::EXAMPLES[0].body);
     let csv = text(&output.stdout);
@@ -148,6 +148,20 @@ fn several_files_and_changed_scenarios_are_computed() {
     assert_eq!(result["units"]["wear_volume"], "mm^3");
     fails_on(input, "r.csv", "is not a directory, which several input files need");
     fails(&run(&["run", input, "--plot", "p.svg"], ""), "p.svg is not a directory, which several");
+    // A file that cannot be read or drawn does not hinder the others.
+    let more = results.path().join("more");
+    let more = more.to_str().unwrap();
+    let sweep = "examples/studies/sweep.json";
+    let output = run(&["run", "none.json", sweep, input, "--plot", more, "-o", more], "");
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("cannot read none.json"), "{}", text(&output.stderr));
+    for name in ["sweep.json", "a.json", "b.svg"] {
+        assert!(results.path().join("more").join(name).is_file(), "{name}");
+    }
+    fails(
+        &run(&["run", sweep, "--part", "1/2", "-o", "x.json"], ""),
+        "name that file instead of --output",
+    );
     fails(&run(&["run", BALL, "--set", "/no/such=1"], ""), "the scenario in");
 }
 

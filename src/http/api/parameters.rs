@@ -202,7 +202,8 @@ impl IntoParams for SearchTable {
         };
         let text = || ObjectBuilder::new().schema_type(Type::String);
         let words = WORDS.iter().map(|word| {
-            let about = format!("Results with this `{}`.", word.name);
+            let note = if word.name == "regime" { " That of the unworn contact." } else { "" };
+            let about = format!("Results with this `{}`.{note}", word.name);
             parameter(word.name, about, text().enum_values(Some(word.values.iter().copied())))
         });
         let numbers = SCALARS.iter().map(|scalar| {
@@ -216,7 +217,7 @@ impl IntoParams for SearchTable {
                     " A coefficient that changes counts with its value at cycle 0. Bodies with layers have none."
                 }
                 "amplitude" | "gross_slip_amplitude" => {
-                    " A line contact has it only with a reference."
+                    " That of the unworn contact, at the contact; of a line contact at its reference, if it has one."
                 }
                 "indentation_depth" => " Of a line contact it is 2F/(πE*·length).",
                 _ => "",

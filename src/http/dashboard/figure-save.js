@@ -35,9 +35,9 @@ function figureText({ curves: drawn, axes, zoom, title }, size) {
   return standalone(drawing, size);
 }
 
-/** A spreadsheet would execute a text that begins like a formula. The server guards its texts alike. */
-const FORMULA = /^[=+\-@\t\r\n＝＋－＠]/;
-const textCell = (text) => `"${FORMULA.test(text) ? "'" : ""}${text.replaceAll('"', '""')}"`;
+/** A spreadsheet would execute what begins like a formula, also behind other separators of lists. The server guards its texts alike. */
+const FORMULA = /(^|[;|\t\r\n])([\s\p{C}"']*)(?=[=+\-@\t\r\n＝＋－＠])/gu;
+const textCell = (text) => `"${text.replace(FORMULA, "$1$2'").replaceAll('"', '""')}"`;
 
 /** A value of a CSV file: a number with 12 digits, or a text in quotes. */
 export const csvCell = (value) => (typeof value === "number" ? String(Number(value.toPrecision(12))) : value == null ? "" : textCell(String(value)));

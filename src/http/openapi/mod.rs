@@ -96,8 +96,9 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
             schemas.insert(name.to_owned(), json!({"description": description, "oneOf": of}));
         }
         for Word { name, values, .. } in &WORDS {
+            let of = if *name == "regime" { "Of the unworn contact. " } else { "" };
             let values = values.iter().map(|it| json!(it)).chain([Value::Null]);
-            schemas["ResultEntry"]["allOf"][0]["properties"][name] = json!({"type": ["string", "null"], "enum": values.collect::<Vec<_>>(), "description": "Null where it does not apply."});
+            schemas["ResultEntry"]["allOf"][0]["properties"][name] = json!({"type": ["string", "null"], "enum": values.collect::<Vec<_>>(), "description": format!("{of}Null where it does not apply.")});
         }
         // The server inserts the stored bytes, so the Rust type does not have these members.
         schemas["Job"]["properties"]["scenario"] = shared["job"]["scenario"].take();

@@ -198,10 +198,10 @@ section! {
     peak_pressure: f64 = "The largest pressure. It is infinite for a cone and at the edge of a flat: then it is null in JSON";
     mean_pressure: f64 = "F/(πa²), or F/(2a·length) of a line contact";
     #[schema(value_type = Option<f64>, required)]
-    gross_slip_amplitude: f64 = "The amplitude U of the contact at which all of it slips; null for a line contact without a reference";
+    gross_slip_amplitude: f64 = "The amplitude U at the contact, or at the reference of a line contact, at which the whole contact slips; null for a line contact without a reference";
     stick_radius: f64 = "The stick radius c; 0 in gross slip";
     #[schema(value_type = Option<f64>, required)]
-    amplitude: f64 = "The amplitude U; null for a line contact without a reference";
+    amplitude: f64 = "The amplitude U at the contact, or at the reference of a line contact; null for a line contact without a reference";
     tangential_force: f64 = "The amplitude Q of the tangential force";
     energy_per_cycle: f64 = "The energy W lost per cycle";
     #[schema(value_type = Option<f64>, required)]
@@ -256,7 +256,7 @@ section! {
     #[schema(value_type = Vec<Option<f64>>)]
     indentation_depth: Vec<f64> = "Indentation depth d. Of a line contact it is measured against `reference_distance`, and null without it";
     #[schema(value_type = Vec<Option<f64>>)]
-    amplitude: Vec<f64> = "U, half of the peak-to-peak displacement; null for a line contact without a reference";
+    amplitude: Vec<f64> = "U, half of the peak-to-peak displacement at the contact, or at the reference of a line contact; null for a line contact without a reference";
     tangential_force: Vec<f64> = "Amplitude Q of the tangential force";
     energy_per_cycle: Vec<f64> = "Energy W dissipated in one cycle";
     dissipated_energy: Vec<f64> = "Energy Σ W dissipated since the start";
@@ -266,7 +266,7 @@ section! {
     wear_depth_error: Vec<f64> = "Estimated relative error of `wear_depth` due to discretisation; 0 at cycle 0. Results of version 0.3.0 and earlier do not have it";
     #[schema(value_type = Vec<Option<f64>>)]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    gross_slip_amplitude: Vec<f64> = "The amplitude U at which the whole contact would slip, as it is worn at this cycle; null for a line contact without a reference. Results of version 0.4.0 and earlier do not have it";
+    gross_slip_amplitude: Vec<f64> = "The amplitude U, at the same place, at which the whole contact would slip as it is worn at this cycle; null for a line contact without a reference. Results of version 0.4.0 and earlier do not have it";
     #[schema(value_type = Vec<Option<f64>>)]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     actuator_gross_slip_amplitude: Vec<f64> = "The same at the actuator. Only with a rig";

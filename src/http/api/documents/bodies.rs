@@ -278,6 +278,7 @@ pub struct FrettingMap {
     version: Option<u32>,
     scenario: Scenario,
     normal_force: Axis,
+    /// The amplitudes at the contact; with `rig_stiffness` at the actuator, and of a line contact at its reference.
     amplitude: Axis,
     /// More outputs. Those that need a run, such as wear_volume, are computed by one at each point.
     #[schema(required = false, max_items = 100)]

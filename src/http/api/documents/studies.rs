@@ -90,7 +90,8 @@ pub struct MapResult {
     units: Units,
     counts: Counts,
     boundary: MapBoundary,
-    /// A row for each point: its regime (`partial_slip` or `gross_slip`), Q/μF, c/a, the energy per cycle, and the outputs.
+    /// A row for each point: of its unworn contact, regime (`partial_slip` or `gross_slip`), Q/μF, c/a and energy per cycle; and the
+    /// outputs, after the last cycle if they name no other.
     table: TableColumns,
 }
 
