@@ -13,7 +13,7 @@ register(`data:text/javascript,${encodeURIComponent(`export const resolve = (nam
 const page = (name) => import(`../../src/http/dashboard/${name}.js`);
 const { fieldText, kindAt } = await page("kinds");
 const { useSi } = await page("system");
-const { csvCell } = await page("figure-save");
+const { csvCell } = await page("csv");
 const { readList, readNumber, understand, understandList } = await page("typed");
 
 const scenario = { wear: {} };

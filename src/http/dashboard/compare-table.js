@@ -2,7 +2,7 @@
 
 import { fill, h } from "./dom.js";
 import { italics } from "./explain.js";
-import { csvCell } from "./figure-save.js";
+import { csvCell } from "./csv.js";
 
 /** A row's name, its symbol in italics, and its unit. */
 const heading = ({ name, symbol, scale, errors }) => h("th", { scope: "row" }, name, symbol && [" ", ...italics(symbol)],

@@ -38,7 +38,7 @@ macro_rules! files {
 }
 
 const SCRIPTS: &[File] = files!("text/javascript":
-    "actions.js", "address.js", "allowed.js", "api.js", "details.js", "dom.js", "error.js", "estimate.js", "fields.js",
+    "actions.js", "address.js", "allowed.js", "api.js", "csv.js", "details.js", "dom.js", "error.js", "estimate.js", "fields.js",
     "form.js", "limits.js", "main.js", "plan.js", "result.js", "run.js", "runs.js", "sign-in.js",
     "sketch.js", "summary.js", "units.js", "vary.js",
     // The library, the access keys and the report.

@@ -1,10 +1,11 @@
 // What is computed so far: the curves of a run, or the points of a study.
 
 import { get } from "./api.js";
+import { csvOf } from "./csv.js";
 import { h } from "./dom.js";
 import { symbolOf } from "./explain.js";
 import { Cursors, Figure } from "./figure.js";
-import { csvOf, saveAs } from "./figure-save.js";
+import { saveAs } from "./figure-save.js";
 import { kindOf } from "./summary.js";
 import { WORDS } from "./units.js";
 

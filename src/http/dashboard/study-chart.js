@@ -1,8 +1,9 @@
 // A figure of points that are read one by one, with the pointer or with the arrow keys. A point opens its run.
 
+import { csvOf } from "./csv.js";
 import { fill, h, svg } from "./dom.js";
 import { drawFigure } from "./figure-draw.js";
-import { csvOf, saving, standalone } from "./figure-save.js";
+import { saving, standalone } from "./figure-save.js";
 
 /** Px in a millimetre, and the largest distance in px from which the pointer reads a point. */
 const [PX, REACH] = [96 / 25.4, 40];
