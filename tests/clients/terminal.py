@@ -106,7 +106,7 @@ def check(directory):
     text, code = typed("fretwork run job.json -o r.png")
     assert code == 1 and "End the name with one of .json, .ndjson, .csv, .npz, .arrow" in text, text
     text, code = typed("fretwork run job.json -o r.csv")
-    assert code == 0 and re.search(r"wear_volume +\S+ mm\^3 ± \S+ %", text), text
+    assert code == 0 and re.search(r"Wear volume +\S+ mm\^3 ± \S+ %", text), text
     for line in ["fretwork run slow.json -o slow.csv", "fretwork submit slow.json --wait"]:
         tmux("send-keys", f"clear; {line}", "Enter")
         until = time.monotonic() + PATIENCE
