@@ -399,7 +399,7 @@ fn a_repeated_test_does_not_excuse_a_law_that_is_wrong() {
         let found = of_volumes(&[&wrong[..], &[(8.0, second)]].concat(), 0.05);
         assert!(kinds(&found).contains(&"misfit"), "{second}: {}", found["notes"]);
     }
-    // If the repeated tests scatter as much as the others, the errors are larger than stated.
+    // If repeated tests scatter as much as different ones, the stated errors are too small.
     let apart = wrong.map(|(energy, times)| (energy, 2.0 - times));
     let found = of_volumes(&[wrong, apart].concat(), 0.05);
     assert!(!kinds(&found).contains(&"misfit"), "{}", found["notes"]);

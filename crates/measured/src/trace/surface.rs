@@ -14,7 +14,7 @@ use std::array::from_fn;
 const COLUMNS: usize = 5;
 const SHEAR: usize = 3;
 const STEP: usize = 4;
-/// A shear is told, and a wave is counted, from this many standard deviations on.
+/// A shear or a wave that is smaller than this many standard deviations counts as noise.
 const SURE: f64 = 4.0;
 /// A step counts if it is this many times the scatter and its standard deviation.
 const EDGE: f64 = 5.0;

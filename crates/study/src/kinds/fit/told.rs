@@ -22,7 +22,8 @@ const ROUNDING: f64 = 1e-12;
 const UNLIKELY: f64 = 0.05;
 /// Fewer degrees of freedom of repeated points do not test a law whose noise is estimated.
 const FEWEST: f64 = 4.0;
-/// Of so many points or more, all but one among so many judge the law if those are outliers. More of them contradict the law.
+/// With at least [`ENOUGH`] points, outliers do not judge the law if they are at most one in [`AMONG`]. If they are more, all
+/// points judge it.
 const ENOUGH: usize = 8;
 const AMONG: usize = 6;
 
