@@ -230,14 +230,15 @@ fn exact_runs(simplified: &Scenario) {
     }
     // Only the fine run, without the coarse run for the error estimate.
     let contact = Contact::sticking(Shape::power(2.0), 0.5).expect("a limit");
-    let march = |control: &Control, cells: usize, tolerance: f64, last: f64| {
-        let run = March::with_cells(WearProblem::exact(&contact, control), cells, tolerance, last);
+    let control = Control::paper(contact.threshold);
+    let march = |cells: usize, tolerance: f64, last: f64| {
+        let run = March::with_cells(WearProblem::exact(&contact, &control), cells, tolerance, last);
         let mut run = run.expect("a scar that fits");
         while run.advance(last) {}
         run.at(last)
     };
-    let all = seconds(|| drop(black_box(march(&Control::PAPER, 64, 3e-3, 16.0))));
-    let half = seconds(|| drop(black_box(march(&Control::PAPER, 32, 1.2e-2, 16.0))));
+    let all = seconds(|| drop(black_box(march(64, 3e-3, 16.0))));
+    let half = seconds(|| drop(black_box(march(32, 1.2e-2, 16.0))));
     println!(
         "  of it, both meshes to Ñ = 16: {:.0} µs; with half the cells {:.0} µs",
         1e6 * all,
@@ -256,14 +257,13 @@ fn exact_runs(simplified: &Scenario) {
     );
 
     // The error of V at Ñ = 4, and the cost.
-    let reference = march(&Control::PAPER, 512, 2e-5, 4.0).worn.volume;
+    let reference = march(512, 2e-5, 4.0).worn.volume;
     let mut known = Vec::new();
     println!("cells   V error at Ñ = 4   µs");
     for cells in [32, 64, 128, 256, 512] {
         let tolerance = 3e-3 * (64.0 / cells as f64) * (64.0 / cells as f64);
-        let error =
-            (march(&Control::PAPER, cells, tolerance, 4.0).worn.volume / reference - 1.0).abs();
-        let cost = seconds(|| drop(black_box(march(&Control::PAPER, cells, tolerance, 4.0))));
+        let error = (march(cells, tolerance, 4.0).worn.volume / reference - 1.0).abs();
+        let cost = seconds(|| drop(black_box(march(cells, tolerance, 4.0))));
         println!("{cells:5}   {error:.1e}            {:.0}", 1e6 * cost);
         known.push((error, cost));
     }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use crate::contact::control::{Control, Final, Tangential};
+use crate::contact::control::{Control, Final, Held};
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::row::{UnwornSums, unworn_integrals};
 use crate::contact::unworn::Contact;
@@ -234,7 +234,7 @@ impl Case {
     /// The slip of the middle of an unworn line contact, in μh₀.
     pub(crate) fn unworn_middle(&self) -> f64 {
         let Contact { shape, threshold, reference, .. } = &self.contact;
-        match (self.control.first_stroke(), reference) {
+        match (self.control.blocks[0].stroke(), reference) {
             (Some(stroke), Some(reference)) if *threshold >= 1.0 => {
                 reference.threshold(shape, stroke).1
             }
@@ -245,7 +245,7 @@ impl Case {
 
     /// The stroke of an unworn line contact in μh₀, with that of the rig. NaN if it is not known.
     pub(crate) fn unworn_stroke(&self) -> f64 {
-        self.control.first_stroke().unwrap_or_else(|| {
+        self.control.blocks[0].stroke().unwrap_or_else(|| {
             let Contact { shape, threshold, reference, .. } = &self.contact;
             reference.map_or(f64::NAN, |reference| reference.stroke(shape, *threshold))
         })
@@ -256,9 +256,9 @@ impl Case {
     pub(crate) fn threshold_at(&self, amplitude: f64) -> (f64, f64) {
         let (shape, slip) = (&self.contact.shape, self.scales.slip());
         let moved = amplitude / slip;
-        match (self.contact.reference, &self.control.tangential) {
+        match (self.contact.reference, self.control.held()) {
             (Some(reference), _) => reference.threshold(shape, moved),
-            (None, Tangential::Rig { compliance, .. }) => {
+            (None, Held::Rig { compliance, .. }) => {
                 let force = |at| unworn_integrals(shape, shape.stick_radius(at), at).0;
                 (root(0.0, moved, |at| at + 2.0 * compliance * force(at) - moved), 0.0)
             }
@@ -281,9 +281,10 @@ impl Case {
     /// U/U_rig at Δ. `None` without a rig.
     pub(crate) fn actuator_share(&self, threshold: f64) -> Option<f64> {
         let rig = self.contact.reference.map_or(0.0, |reference| reference.rig());
-        match self.control.tangential {
-            Tangential::Rig { amplitude, .. } => Some(threshold / amplitude),
-            Tangential::Stroke(stroke) if rig > 0.0 => Some(1.0 - rig * threshold / stroke),
+        match *self.control.held() {
+            _ if self.control.varies() => None,
+            Held::Rig { amplitude, .. } => Some(threshold / amplitude),
+            Held::Stroke(stroke) if rig > 0.0 => Some(1.0 - rig * threshold / stroke),
             _ => None,
         }
     }
@@ -292,9 +293,7 @@ impl Case {
     pub(crate) fn line_pace(&self) -> f64 {
         match self.scales.length {
             None => 1.0,
-            Some(_) => {
-                self.control.largest_threshold(&self.contact) + self.control.largest_stroke()
-            }
+            Some(_) => self.control.largest_threshold() + self.control.largest_stroke(),
         }
     }
 
@@ -325,10 +324,8 @@ impl Case {
 
     /// What the rig yields when the whole unworn contact slips, in the unit of Δ. 0 without a rig.
     fn rig_at_limit(&self) -> f64 {
-        match &self.control.tangential {
-            Tangential::Rig { compliance, .. } => {
-                2.0 * compliance * self.contact.shape.half_force()
-            }
+        match self.control.held() {
+            Held::Rig { compliance, .. } => 2.0 * compliance * self.contact.shape.half_force(),
             _ => self.contact.reference.map_or(0.0, |reference| reference.rig()),
         }
     }
@@ -344,13 +341,13 @@ impl Case {
         if self.scales.length.is_some() {
             return UnwornSums::in_series(&self.contact, self.unworn_middle());
         }
-        let mut sums = match &self.control.tangential {
-            Tangential::Record(record) => {
+        let mut sums = match self.control.held() {
+            Held::Record(record) => {
                 UnwornSums::of(&self.contact, Some(&|ratio| record.slip(ratio)))
             }
             _ => UnwornSums::of(&self.contact, None),
         };
-        if let Tangential::Force(half) = self.control.tangential {
+        if let Held::Force(half) = *self.control.held() {
             sums.tangential = half;
         }
         sums
@@ -391,13 +388,13 @@ impl Case {
     /// The largest amplitude, divided by the amplitude at N = 0.
     #[must_use]
     pub fn largest_amplitude(&self) -> f64 {
-        self.control.largest_threshold(&self.contact) / self.contact.threshold
+        self.control.largest_threshold() / self.contact.threshold
     }
 
     /// The slip path of a spring without load per cycle, divided by that of one harmonic cycle.
     pub(crate) fn loops_per_cycle(&self) -> f64 {
-        match &self.control.tangential {
-            Tangential::Record(record) => record.slip(0.0),
+        match self.control.held() {
+            Held::Record(record) => record.slip(0.0),
             _ => 1.0,
         }
     }

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use fretwork_engine::contact::control::{Block, Control, Normal, Tangential};
+use fretwork_engine::contact::control::{Control, Held, Normal};
 use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::contact::record::DisplacementRecord;
 use fretwork_engine::contact::row::UnwornSums;
@@ -33,16 +33,15 @@ fn evaluating_the_wear_rate_allocates_nothing() {
     let force = UnwornSums::of(&contact, None).tangential;
     let threshold = contact.threshold;
     let record = DisplacementRecord::new(&[1.0, -1.0, 0.4]).expect("motion");
-    for tangential in [
-        Tangential::Amplitude,
-        Tangential::Force(force),
-        Tangential::Rig { amplitude: threshold + force, compliance: 0.5 },
-        Tangential::Blocks(vec![Block::new(threshold, 1.0)]),
-        Tangential::Record(Arc::new(record)),
+    for held in [
+        Held::Threshold,
+        Held::Force(force),
+        Held::Rig { amplitude: threshold + force, compliance: 0.5 },
+        Held::Record(Arc::new(record)),
     ] {
         for normal in [Normal::Depth, Normal::Force] {
             for law in [Law::Exact, Law::Simplified(0.8)] {
-                let control = Control { normal, tangential: tangential.clone() };
+                let control = Control::constant(normal, held.clone(), threshold);
                 let plan = MeshPlan::first(&contact, &control, 64).expect("a scar that fits");
                 let mut wearing = Wearing::new(
                     WearProblem { contact: &contact, control: &control, law },

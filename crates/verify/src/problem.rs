@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use fretwork_engine::contact::control::{Block, Control, Normal, Tangential};
+use fretwork_engine::contact::control::{Block, Control, Held, Normal};
 use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::contact::record::DisplacementRecord;
 use fretwork_engine::contact::row::UnwornSums;
@@ -40,16 +40,16 @@ impl ContactProblem {
     /// A power law with exponent n and stick radius c. The amplitude is held.
     pub fn amplitude(normal: Normal, n: f64, c: f64) -> Option<Self> {
         let contact = Contact::sticking(Shape::power(n), c)?;
-        let control = Control { normal, tangential: Tangential::Amplitude };
+        let control = Control::constant(normal, Held::Threshold, contact.threshold);
         Some(Self { name: format!("{}, c = {c}", shape(n)), contact, control })
     }
 
     /// A power law with exponent n. The tangential force Q = qμF is held.
     pub fn force(normal: Normal, n: f64, q: f64) -> Option<Self> {
         let contact = Contact::sticking(Shape::power(n), stick_ratio(n, q))?;
-        let tangential = Tangential::Force(q * contact.shape.half_force());
-        let name = format!("{}, q = {q}", shape(n));
-        Some(Self { name, contact, control: Control { normal, tangential } })
+        let held = Held::Force(q * contact.shape.half_force());
+        let control = Control::constant(normal, held, contact.threshold);
+        Some(Self { name: format!("{}, q = {q}", shape(n)), contact, control })
     }
 
     /// The problem that a row of the table describes.
@@ -70,26 +70,27 @@ impl ContactProblem {
         let threshold = contact.threshold;
         let compliance = 0.5;
         let yielded = 2.0 * compliance * UnwornSums::of(&contact, None).tangential;
-        let rig = Tangential::Rig { amplitude: threshold + yielded, compliance };
+        let rig = Held::Rig { amplitude: threshold + yielded, compliance };
         let block = |share: f64, end: f64| Block::new(share * threshold, end);
-        let blocks = Tangential::Blocks(vec![block(1.0, 2.0), block(0.6, 5.0), block(1.1, 1e9)]);
-        let record =
-            Tangential::Record(Arc::new(DisplacementRecord::new(&[1.0, -1.0, 0.6, -0.4, 0.8])?));
-        let amplitude = || Tangential::Amplitude;
+        let blocks = [block(1.0, 2.0), block(0.6, 5.0), block(1.1, 1e9)];
+        let record = Held::Record(Arc::new(DisplacementRecord::new(&[1.0, -1.0, 0.6, -0.4, 0.8])?));
         let mut modes = vec![Self::force(Depth, 2.0, 0.5)?, Self::force(Force, 2.0, 0.7)?];
         (modes[0].name, modes[1].name) = ("depth, Q".to_owned(), "force, Q".to_owned());
-        for (name, contact, normal, tangential) in [
-            ("depth, amplitude", &contact, Depth, amplitude()),
-            ("force, amplitude", &contact, Force, amplitude()),
+        for (name, contact, normal, held) in [
+            ("depth, amplitude", &contact, Depth, Held::Threshold),
+            ("force, amplitude", &contact, Force, Held::Threshold),
             ("depth, rig", &contact, Depth, rig.clone()),
             ("force, rig", &contact, Force, rig),
-            ("depth, blocks", &contact, Depth, blocks.clone()),
-            ("force, blocks", &contact, Force, blocks),
+            ("depth, blocks", &contact, Depth, Held::Threshold),
+            ("force, blocks", &contact, Force, Held::Threshold),
             ("depth, record", &contact, Depth, record),
-            ("depth, gross slip", &slipping, Depth, amplitude()),
-            ("force, gross slip", &slipping, Force, amplitude()),
+            ("depth, gross slip", &slipping, Depth, Held::Threshold),
+            ("force, gross slip", &slipping, Force, Held::Threshold),
         ] {
-            let control = Control { normal, tangential };
+            let mut control = Control::constant(normal, held, contact.threshold);
+            if name.ends_with("blocks") {
+                control.blocks = blocks.clone().into();
+            }
             modes.push(Self { name: name.to_owned(), contact: contact.clone(), control });
         }
         Some(modes)

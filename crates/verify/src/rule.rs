@@ -7,7 +7,7 @@ use super::problem::{
 };
 use super::table::{RUNS, rows};
 use fretwork_engine::contact::control::Normal::{Depth, Force};
-use fretwork_engine::contact::control::{Control, Tangential};
+use fretwork_engine::contact::control::{Control, Held};
 use fretwork_engine::contact::row::UnwornSums;
 use fretwork_engine::scenario::{DEFAULT_POINTS, DEFAULT_TOLERANCE};
 use fretwork_engine::solver::closed::simplified::Simplified;
@@ -94,7 +94,8 @@ fn errors() -> Section {
                 let mut problem = ContactProblem::amplitude(normal, 2.0, c)?;
                 if by_force {
                     let half = UnwornSums::of(&problem.contact, None).tangential;
-                    problem.control = Control { normal, tangential: Tangential::Force(half) };
+                    let threshold = problem.contact.threshold;
+                    problem.control = Control::constant(normal, Held::Force(half), threshold);
                 }
                 section.checks.extend(largest_error(&format!("{held} held, c = {c}"), &problem));
             }

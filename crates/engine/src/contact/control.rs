@@ -46,10 +46,10 @@ pub use crate::request::held::Normal;
 
 /// The quantity that is held constant in the tangential direction, in units of the unworn contact.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Tangential {
-    /// The amplitude U of the motion.
-    Amplitude,
-    /// The tangential force, given as Q̃/2 = ∫ min(Δ, y) dx.
+pub enum Held {
+    /// The threshold of the springs: the amplitude of a round contact, Δ, or the tangential force of a line contact, θ.
+    Threshold,
+    /// The tangential force of a round contact, given as Q̃/2 = ∫ min(Δ, y) dx.
     Force(f64),
     /// The amplitude of an actuator behind a compliant rig.
     Rig {
@@ -58,8 +58,6 @@ pub enum Tangential {
         /// The compliance of the rig, κ.
         compliance: f64,
     },
-    /// Blocks of different amplitudes, one after the other.
-    Blocks(Vec<Block>),
     /// A record of reversals that repeats every cycle.
     Record(Arc<DisplacementRecord>),
     /// The stroke of a line contact, U/(μh₀), measured against the reference of the contact.
@@ -68,27 +66,38 @@ pub enum Tangential {
     Sliding(f64),
 }
 
-/// A number of cycles at one amplitude.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A number of cycles with one held motion.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Block {
-    /// The amplitude of the block, Δ. For a stroke of a line contact, θ of the unworn contact.
+    /// The quantity that is held constant.
+    pub held: Held,
+    /// The threshold of the springs of the unworn contact: Δ, or θ of a line contact. It is 0 at rest.
     pub threshold: f64,
-    /// The stroke of a line contact in μh₀, if it is held.
-    pub stroke: Option<f64>,
     /// The cycle Ñ at which the block ends, counted from the start of the run.
     pub end: f64,
 }
 
 impl Block {
-    /// A block of a constant Δ.
+    /// A block of a constant threshold.
     #[must_use]
     pub fn new(threshold: f64, end: f64) -> Self {
-        Self { threshold, stroke: None, end }
+        Self { held: Held::Threshold, threshold, end }
     }
 
-    /// The held motion of the block.
-    pub(crate) fn held(&self) -> f64 {
-        self.stroke.unwrap_or(self.threshold)
+    /// The stroke of a line contact in μh₀, if it is held.
+    pub(crate) fn stroke(&self) -> Option<f64> {
+        match self.held {
+            Held::Stroke(stroke) | Held::Sliding(stroke) => Some(stroke),
+            _ => None,
+        }
+    }
+
+    /// The held amplitude: of the actuator if there is a rig, otherwise Δ, θ or the stroke of a line contact.
+    pub(crate) fn amplitude(&self) -> f64 {
+        match self.held {
+            Held::Rig { amplitude, .. } => amplitude,
+            _ => self.stroke().unwrap_or(self.threshold),
+        }
     }
 }
 
@@ -97,8 +106,8 @@ impl Block {
 pub struct Control {
     /// The constant quantity in the normal direction.
     pub normal: Normal,
-    /// The constant quantity in the tangential direction.
-    pub tangential: Tangential,
+    /// The motion: at least one block. All hold the same kind of quantity. A single one lasts until the end of the run.
+    pub blocks: Arc<[Block]>,
 }
 
 /// A limiting state that can be computed without a run.
@@ -130,35 +139,50 @@ impl Final {
 }
 
 impl Control {
+    /// A motion of one block, with the threshold of the unworn contact.
+    #[must_use]
+    pub fn constant(normal: Normal, held: Held, threshold: f64) -> Self {
+        let block = Block { held, threshold, end: f64::INFINITY };
+        Self { normal, blocks: Arc::new([block]) }
+    }
+
     /// The case of the paper: indentation depth and amplitude are constant.
-    pub const PAPER: Self = Self { normal: Normal::Depth, tangential: Tangential::Amplitude };
+    #[must_use]
+    pub fn paper(threshold: f64) -> Self {
+        Self::constant(Normal::Depth, Held::Threshold, threshold)
+    }
+
+    /// What the first block holds, and all others hold in another size.
+    #[must_use]
+    pub fn held(&self) -> &Held {
+        &self.blocks[0].held
+    }
+
+    /// Whether the motion has several blocks.
+    pub(crate) fn varies(&self) -> bool {
+        self.blocks.len() > 1
+    }
 
     /// Whether the closed form of the simplified rule applies.
     pub(crate) fn is_closed(&self) -> bool {
-        *self == Self::PAPER
+        self.normal == Normal::Depth && !self.varies() && *self.held() == Held::Threshold
     }
 
     /// Whether the stick radius is constant during wear.
     pub(crate) fn keeps_stick(&self, contact: &Contact) -> bool {
-        !contact.changes_friction() && self.keeps_stick_at_constant_friction()
-    }
-
-    fn keeps_stick_at_constant_friction(&self) -> bool {
-        matches!(
-            (self.normal, &self.tangential),
-            (Normal::Depth, Tangential::Amplitude | Tangential::Record(_) | Tangential::Sliding(_))
-                | (Normal::Force, Tangential::Force(_))
-        )
+        let keeps = matches!(
+            (self.normal, self.held()),
+            (Normal::Depth, Held::Threshold | Held::Record(_) | Held::Sliding(_))
+                | (Normal::Force, Held::Force(_))
+        );
+        keeps && !self.varies() && !contact.changes_friction()
     }
 
     /// Whether the tangential force is held, so that the run ends when friction cannot carry it.
     pub(crate) fn holds_force(&self, contact: &Contact) -> bool {
-        match self.tangential {
-            Tangential::Force(_) => true,
-            // Without a stroke, θ of a line contact is its tangential force.
-            Tangential::Amplitude | Tangential::Blocks(_) => {
-                contact.shape.geometry() == Geometry::Line && !self.has_stroke_blocks()
-            }
+        match self.held() {
+            Held::Force(_) => true,
+            Held::Threshold => contact.shape.geometry() == Geometry::Line,
             _ => false,
         }
     }
@@ -167,41 +191,29 @@ impl Control {
     pub(crate) fn drifts(&self, contact: &Contact) -> bool {
         self.normal == Normal::Force
             || contact.changes_friction()
-            || matches!(self.tangential, Tangential::Stroke(_) | Tangential::Sliding(_))
-            || self.has_stroke_blocks()
+            || matches!(self.held(), Held::Stroke(_) | Held::Sliding(_))
     }
 
     /// Whether the motion follows a displacement record.
     pub(crate) fn has_record(&self) -> bool {
-        matches!(self.tangential, Tangential::Record(_))
-    }
-
-    /// Whether the strokes of a line contact follow blocks.
-    pub(crate) fn has_stroke_blocks(&self) -> bool {
-        self.block(0).is_some_and(|block| block.stroke.is_some())
-    }
-
-    /// The block with this index, if there is one.
-    pub(crate) fn block(&self, index: usize) -> Option<Block> {
-        let Tangential::Blocks(blocks) = &self.tangential else { return None };
-        blocks.get(index).copied()
+        matches!(self.held(), Held::Record(_))
     }
 
     /// The limiting state. `None` if it cannot be computed without a run, or if it does not exist.
     #[must_use]
     pub fn tends_to(&self, contact: &Contact) -> Option<Final> {
         let Contact { shape, stick, threshold, .. } = contact;
-        let stick = match (self.normal, &self.tangential) {
-            _ if contact.changes_friction() => return None,
+        let stick = match (self.normal, self.held()) {
+            _ if contact.changes_friction() || self.varies() => return None,
             _ if self.keeps_stick(contact) => *stick,
-            (Normal::Depth, Tangential::Force(_)) => self.last_stick(shape)?,
+            (Normal::Depth, Held::Force(_)) => self.last_stick(shape)?,
             // If the whole contact slips, the actuator still determines the amplitude, so the limit exists.
-            (Normal::Depth, Tangential::Rig { .. }) => self.last_stick(shape).unwrap_or(0.0),
+            (Normal::Depth, Held::Rig { .. }) => self.last_stick(shape).unwrap_or(0.0),
             _ => return None,
         };
         let depth = self.depth_on_core(shape, stick);
-        let threshold = match self.tangential {
-            Tangential::Rig { amplitude, .. } if stick == 0.0 => amplitude,
+        let threshold = match *self.held() {
+            Held::Rig { amplitude, .. } if stick == 0.0 => amplitude,
             _ if stick == 0.0 => *threshold,
             _ => depth - shape.image(stick),
         };
@@ -217,12 +229,10 @@ impl Control {
         }
     }
 
-    /// The limiting scar radius of the largest of all blocks at constant force, under which a core of radius c > 0
+    /// The limiting scar radius of the largest of several blocks at constant force, under which a core of radius c > 0
     /// carries the whole load.
     pub(crate) fn scar_of_blocks(&self, shape: &Shape, stick: f64) -> Option<f64> {
-        let blocks =
-            matches!(self.tangential, Tangential::Blocks(_)) && self.normal == Normal::Force;
-        let core = blocks && stick > 0.0;
+        let core = self.varies() && self.normal == Normal::Force && stick > 0.0;
         let limit = core.then(|| Limit::at_depth(shape, stick, self.depth_on_core(shape, stick)));
         limit.flatten().map(|limit| limit.radius)
     }
@@ -232,9 +242,9 @@ impl Control {
     fn last_stick(&self, shape: &Shape) -> Option<f64> {
         let surplus = |c: f64| {
             let threshold = 1.0 - shape.image(c);
-            match self.tangential {
-                Tangential::Force(half) => c * threshold - half,
-                Tangential::Rig { amplitude, compliance } => {
+            match *self.held() {
+                Held::Force(half) => c * threshold - half,
+                Held::Rig { amplitude, compliance } => {
                     (1.0 + 2.0 * compliance * c) * threshold - amplitude
                 }
                 _ => -1.0,
@@ -245,52 +255,38 @@ impl Control {
         (surplus(best) > 0.0 && surplus(1.0) < 0.0).then(|| root(best, 1.0, surplus))
     }
 
-    /// The largest Δ of all blocks, or the initial Δ.
-    pub(crate) fn largest_threshold(&self, contact: &Contact) -> f64 {
-        let Tangential::Blocks(blocks) = &self.tangential else { return contact.threshold };
-        blocks.iter().map(|block| block.threshold).fold(0.0, f64::max)
+    /// The largest threshold of all blocks.
+    pub(crate) fn largest_threshold(&self) -> f64 {
+        self.blocks.iter().map(|block| block.threshold).fold(0.0, f64::max)
     }
 
-    /// The stroke of a line contact at cycle 0, in μh₀, if it is held.
-    pub(crate) fn first_stroke(&self) -> Option<f64> {
-        match self.tangential {
-            Tangential::Stroke(stroke) | Tangential::Sliding(stroke) => Some(stroke),
-            _ => self.block(0)?.stroke,
-        }
-    }
-
-    /// The largest stroke of a line contact in μh₀, if it is held.
+    /// The largest stroke of a line contact in μh₀. 0 if none is held.
     pub(crate) fn largest_stroke(&self) -> f64 {
-        match self.tangential {
-            Tangential::Stroke(stroke) | Tangential::Sliding(stroke) => stroke,
-            Tangential::Blocks(ref blocks) => {
-                blocks.iter().filter_map(|block| block.stroke).fold(0.0, f64::max)
-            }
-            _ => 0.0,
-        }
+        let strokes = self.blocks.iter().map(|block| block.stroke().unwrap_or(0.0));
+        strokes.fold(0.0, f64::max)
     }
 
     /// The smallest stick radius of the whole run. Inside it no spring ever slips.
     pub(crate) fn least_stick(&self, contact: &Contact) -> f64 {
         let least_friction = contact.course.as_ref().map_or(1.0, |course| course.least_friction());
-        match (self.normal, &self.tangential) {
-            (_, Tangential::Blocks(_)) => {
-                let most = self.largest_threshold(contact) / least_friction;
+        match (self.normal, self.held()) {
+            _ if self.varies() => {
+                let most = self.largest_threshold() / least_friction;
                 if most >= 1.0 { 0.0 } else { contact.shape.image_inverse(1.0 - most) }
             }
             // The unworn core alone determines F − Q/μ = 2 ∫ (g(c) − g) dx over the core.
-            (Normal::Force, Tangential::Force(half)) if contact.changes_friction() => {
+            (Normal::Force, Held::Force(half)) if contact.changes_friction() => {
                 let shape = &contact.shape;
                 let rest = shape.half_force() - half / least_friction;
                 let surplus = |c: f64| c * shape.image(c) - shape.area(c) - rest;
                 if rest <= 0.0 { 0.0 } else { root(0.0, 1.0, surplus) }
             }
             // Δ falls less than friction does.
-            (_, Tangential::Force(_) | Tangential::Rig { .. }) if contact.changes_friction() => 0.0,
+            (_, Held::Force(_) | Held::Rig { .. }) if contact.changes_friction() => 0.0,
             _ if least_friction < 1.0 => {
                 contact.shape.stick_radius(contact.threshold / least_friction)
             }
-            (Normal::Depth, Tangential::Force(_) | Tangential::Rig { .. }) => {
+            (Normal::Depth, Held::Force(_) | Held::Rig { .. }) => {
                 self.last_stick(&contact.shape).unwrap_or(0.0)
             }
             _ => contact.stick,

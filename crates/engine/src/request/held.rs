@@ -173,8 +173,8 @@ impl Blocks {
     }
 }
 
-/// What the stroke of a line contact is measured against. The displacement of a half-plane has no bound, so a stroke
-/// needs one.
+/// What lies between the contact and the place of its amplitude. The displacement of a half-plane has no bound, so the
+/// stroke of a line contact needs a distance or a loop.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Reference {
@@ -191,6 +191,11 @@ pub enum Reference {
     Loop {
         /// The slope in N/m.
         loop_stiffness: f64,
+    },
+    /// The rig between a round contact and the actuator.
+    Rig {
+        /// The stiffness of the rig in N/m.
+        rig_stiffness: f64,
     },
 }
 

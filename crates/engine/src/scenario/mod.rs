@@ -25,6 +25,7 @@ mod line;
 mod load;
 mod motion;
 mod pressed;
+mod round;
 mod schema;
 pub mod work_done;
 
@@ -219,27 +220,23 @@ fn stop_condition(until: &Until, scales: &Scales) -> StopCondition {
 
 impl CanonicalModel {
     /// The settings of a request. `stick_ratio` determines ξ if the request gives no number.
-    fn of(
-        model: &Model,
-        stick_ratio: impl FnOnce() -> Result<f64, Faults>,
-    ) -> Result<Self, Faults> {
+    fn of(model: &Model, stick_ratio: impl FnOnce() -> f64) -> Self {
         let points = model.points.0.map_or(DEFAULT_POINTS, |points| points.0);
         let xi = || {
-            let xi = match model.xi {
-                GivenXi::Auto => stick_ratio().map(fitted_xi),
-                GivenXi::Number(Xi(xi)) => Ok(xi),
-            };
-            xi.map(twelve_digits)
+            twelve_digits(match model.xi {
+                GivenXi::Auto => fitted_xi(stick_ratio()),
+                GivenXi::Number(Xi(xi)) => xi,
+            })
         };
         let tolerance = model.tolerance.0.map_or(DEFAULT_TOLERANCE, |given| given.0);
-        Ok(match model.method {
-            MethodName::Simplified => Self::Simplified { xi: xi()?, points },
+        match model.method {
+            MethodName::Simplified => Self::Simplified { xi: xi(), points },
             MethodName::Exact => {
                 let compare = model.compare.0.filter(|compare| *compare);
-                let xi = compare.map(|_| xi()).transpose()?;
+                let xi = compare.map(|_| xi());
                 Self::Exact { xi, tolerance: twelve_digits(tolerance), compare, points }
             }
-        })
+        }
     }
 
     fn method(self) -> Method {
@@ -275,29 +272,33 @@ pub fn check(value: &Value, prefix: &str) -> Result<(Scenario, Vec<Warning>), Fa
 pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warning>), Faults> {
     work_done::note(&work_done::PARSES);
     let request = Request::read(value).map_err(|faults| faults.below(prefix))?;
-    let scenario = Scenario::resolve(&request).map_err(|faults| faults.below(prefix))?;
-    let case = scenario.case().map_err(|faults| faults.below(prefix))?;
+    let resolved = Scenario::resolve(&request);
+    let (scenario, contact) = resolved.map_err(|faults| faults.below(prefix))?;
+    let case = scenario.case_of(contact).map_err(|faults| faults.below(prefix))?;
     let warnings = body_warnings(&request, &case);
     Ok((scenario, case, warnings))
 }
 
 impl Scenario {
-    /// Converts a request to canonical form.
-    fn resolve(request: &Request) -> Result<Self, Faults> {
+    /// Converts a request to canonical form, and presses the contact.
+    fn resolve(request: &Request) -> Result<(Self, UnwornContact), Faults> {
         let friction = request.friction.0.clone();
         let moduli = moduli(request)?;
         let wear = CanonicalWear::of(&request.wear, &friction)?;
         let profile = Indenter::new(&request.profile)?;
         let load = canonical_load(request, &profile, moduli.normal)?;
         let contact = UnwornContact::new(&profile, &load, moduli, &friction)?;
-        let motion = CanonicalMotion::resolve(&request.motion, &contact)?;
-        let (_, unit) = motion.amplitude_and_cycles(&contact, wear.first())?;
+        let resolve = if contact.length.is_some() { line::resolve } else { round::resolve };
+        let motion = resolve(&request.motion, &contact)?;
+        let (control, _, unit) = motion.control(&contact, wear.first())?;
         let (cycles, profiles_at) = canonical_cycles(request, &motion, unit)?;
         // All output cycles are within the blocks, so the run does not see the end of a single one.
         let is_known = matches!(cycles, CanonicalCycles::Cycles(_));
         let motion = if is_known { motion.constant() } else { motion };
-        let model = CanonicalModel::of(&request.model, || motion.stick_ratio(&contact))?;
-        Ok(Self {
+        // In gross slip, the ratio is 0.
+        let stick_ratio = || contact.shape.stick_radius(control.largest_threshold());
+        let model = CanonicalModel::of(&request.model, stick_ratio);
+        let scenario = Self {
             profile,
             moduli,
             friction,
@@ -308,7 +309,8 @@ impl Scenario {
             profiles_at,
             until: request.until,
             model,
-        })
+        };
+        Ok((scenario, contact))
     }
 
     /// Builds the dimensionless problem.
@@ -316,12 +318,16 @@ impl Scenario {
     /// # Errors
     /// A fault if each number is valid but the combination has no solution.
     pub fn case(&self) -> Result<Case, Faults> {
+        self.case_of(UnwornContact::new(&self.profile, &self.load, self.moduli, &self.friction)?)
+    }
+
+    /// Builds the dimensionless problem from the contact that its indenter makes.
+    fn case_of(&self, contact: UnwornContact) -> Result<Case, Faults> {
         work_done::note(&work_done::CASES);
-        let contact = UnwornContact::new(&self.profile, &self.load, self.moduli, &self.friction)?;
         let wear_coefficient = self.wear.first();
-        let (amplitude, unit) = self.motion.amplitude_and_cycles(&contact, wear_coefficient)?;
-        let reference = self.motion.reference(&contact);
-        let (control, threshold) = self.motion.control(&contact, unit)?;
+        let (control, amplitude, unit) = self.motion.control(&contact, wear_coefficient)?;
+        let threshold = control.blocks[0].threshold;
+        let reference = self.motion.series(&contact);
         let scales = Scales {
             contact_radius: contact.contact_radius,
             indentation_depth: contact.depth,
@@ -503,13 +509,8 @@ fn canonical_cycles(
     motion: &CanonicalMotion,
     unit: f64,
 ) -> Result<(CanonicalCycles, ProfilesAt), Faults> {
-    let varying = match motion {
-        CanonicalMotion::Blocks { .. } => Some("blocks"),
-        CanonicalMotion::Line(motion) if motion.has_blocks() => Some("blocks"),
-        CanonicalMotion::Reversals { .. } => Some("reversals"),
-        _ => None,
-    };
-    if let Some(varying) = varying.filter(|_| request.cycles.measure == Measure::Normalized) {
+    let normalized = request.cycles.measure == Measure::Normalized;
+    if let Some(varying) = motion.varying().filter(|_| normalized) {
         let detail = format!(
             "cannot be combined with `{varying}` of the motion. Remove `normalized`, and enter numbers of cycles, \
              such as \"cycles\": [100, 1000]"

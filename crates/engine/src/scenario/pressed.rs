@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use super::indenter::Indenter;
 use super::load::{CanonicalLoad, CanonicalModuli, press};
 use crate::case;
-use crate::contact::control::Normal;
+use crate::contact::control::{Held, Normal};
 use crate::contact::profile::Shape;
 use crate::numeric::{integrate, root};
 use crate::request::changing::Changing;
@@ -33,9 +33,10 @@ pub(super) struct UnwornContact {
     pub(super) length: Option<f64>,
     pub(super) normal_modulus: f64,
     pub(super) tangential_modulus: f64,
-    /// The gross-slip threshold: U at Δ = 1, in m.
-    pub(super) gross_slip: f64,
-    /// The quantity that is held constant in the normal direction.
+    /// The unit of slip in m: the gross-slip threshold, U at Δ = 1, or μh₀ of a line contact.
+    pub(super) slip: f64,
+    /// The quantity that is held constant in the normal direction. In a line contact it is the level of the springs, which is
+    /// the force.
     pub(super) normal: Normal,
 }
 
@@ -80,14 +81,12 @@ impl UnwornContact {
             length: indenter.length(),
             normal_modulus: moduli.normal,
             tangential_modulus,
-            gross_slip: friction * moduli.normal / tangential_modulus * depth,
-            normal: load.normal(),
+            slip: match indenter.length() {
+                None => friction * moduli.normal / tangential_modulus * depth,
+                Some(_) => friction * depth,
+            },
+            normal: if indenter.length().is_some() { Normal::Depth } else { load.normal() },
         })
-    }
-
-    /// The unit of slip of a line contact in m, μh₀.
-    pub(super) fn slip(&self) -> f64 {
-        self.friction * self.depth
     }
 
     /// The tangential force Q of the unworn contact at amplitude Δ.
@@ -102,7 +101,41 @@ impl UnwornContact {
     }
 
     pub(super) fn threshold(&self, amplitude: f64) -> f64 {
-        case::threshold(amplitude, self.gross_slip)
+        case::threshold(amplitude, self.slip)
+    }
+
+    /// The held tangential force, and Δ or θ there.
+    pub(super) fn under_force(&self, tangential_force: f64) -> Result<(Held, f64), Faults> {
+        if self.length.is_some() {
+            return Ok((Held::Threshold, tangential_force / (self.friction * self.force)));
+        }
+        let force = self.carried(tangential_force)?;
+        let half = force / (2.0 * self.friction * self.force);
+        Ok((Held::Force(half), self.threshold_under(force)))
+    }
+
+    /// The held amplitude of an actuator behind a rig, and Δ there.
+    pub(super) fn behind_rig(&self, amplitude: f64, rig_stiffness: f64) -> (Held, f64) {
+        let compliance = self.tangential_modulus * self.contact_radius / rig_stiffness;
+        let amplitude = amplitude / self.slip;
+        let missing = |threshold: f64| {
+            threshold + 2.0 * compliance * half_tangential(&self.shape, threshold) - amplitude
+        };
+        let threshold = self.threshold(self.slip * root(0.0, amplitude, missing));
+        (Held::Rig { amplitude, compliance }, threshold)
+    }
+
+    /// N₀ = a₀/(4 U k_w E*), (18), or a₀/(4 k_w μ F) of a line contact.
+    pub(super) fn cycles(&self, amplitude: f64, wear_coefficient: f64) -> f64 {
+        match self.length {
+            None => {
+                self.contact_radius / (4.0 * amplitude * wear_coefficient * self.normal_modulus)
+            }
+            Some(length) => {
+                let carried = self.friction * self.force / length;
+                self.contact_radius / (4.0 * wear_coefficient * carried)
+            }
+        }
     }
 
     /// Returns the given tangential force, or a fault if friction cannot carry it.

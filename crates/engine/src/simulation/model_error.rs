@@ -16,7 +16,7 @@
 use std::sync::LazyLock;
 
 use crate::case::Case;
-use crate::contact::control::{Control, Normal, Tangential};
+use crate::contact::control::{Control, Held, Normal};
 use crate::contact::profile::Shape;
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::Contact;
@@ -214,9 +214,10 @@ pub(super) fn warning(model_error: Option<f64>) -> Option<Warning> {
 
 /// The index in [`PAIRS`] of the pair of held quantities.
 fn pair(control: &Control) -> Option<usize> {
-    let by_force = match control.tangential {
-        Tangential::Amplitude => false,
-        Tangential::Force(_) => true,
+    let by_force = match control.held() {
+        _ if control.varies() => return None,
+        Held::Threshold => false,
+        Held::Force(_) => true,
         _ => return None,
     };
     PAIRS.iter().position(|(_, normal, force)| (*normal, *force) == (control.normal, by_force))
@@ -257,9 +258,8 @@ fn row(pair: usize, exponent: f64, stick: f64) -> String {
     let (_, normal, by_force) = PAIRS[pair];
     let contact = Contact::sticking(Shape::power(exponent), stick).expect("a limiting state");
     let sums = UnwornSums::of(&contact, None);
-    let tangential =
-        if by_force { Tangential::Force(sums.tangential) } else { Tangential::Amplitude };
-    let control = &Control { normal, tangential };
+    let held = if by_force { Held::Force(sums.tangential) } else { Held::Threshold };
+    let control = &Control::constant(normal, held, contact.threshold);
     let problem = WearProblem::exact(&contact, control);
     let last = TIMES[TIMES.len() - 1];
     let mut march = March::new(problem, TOLERANCE, last).expect("a scar that fits");

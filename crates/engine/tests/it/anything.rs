@@ -4,7 +4,7 @@
 //! simplified rule and 2 000 by the exact method.
 
 use fretwork_engine::case::{Case, Method};
-use fretwork_engine::contact::control::{Normal, Tangential};
+use fretwork_engine::contact::control::{Held, Normal};
 use fretwork_engine::outcome::{History, Outcome, Profiles};
 use fretwork_engine::scenario::{self, Scenario};
 use fretwork_engine::simulation::Simulation;
@@ -202,7 +202,7 @@ fn judge_held(case: &Case, outcome: &Outcome) {
             assert!(sinks, "{indentation_depth:?}");
         }
     }
-    if let Tangential::Force(_) = case.control.tangential {
+    if let Held::Force(_) = case.control.held() {
         // In gross slip the tangential force differs from its bound by the error of the mesh.
         let end = tangential_force.len()
             - usize::from(outcome.events.iter().any(|event| event.kind == EventKind::GrossSlip));

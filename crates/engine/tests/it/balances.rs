@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use fretwork_engine::contact::control::Tangential;
+use fretwork_engine::contact::control::Held;
 use fretwork_engine::outcome::Outcome;
 use fretwork_engine::scenario::{self, Scenario};
 use fretwork_engine::simulation::Simulation;
@@ -60,8 +60,8 @@ pub fn judge(scenario: &Scenario, outcome: &Outcome, most: f64) {
         }
         let whole = 4.0 * u[0] * q[0];
         // Of a record, the loop is the largest of a pass.
-        let lost = match case.control.tangential {
-            Tangential::Record(_) => loops.energy_ratio[shown] * whole,
+        let lost = match case.control.held() {
+            Held::Record(_) => loops.energy_ratio[shown] * whole,
             _ => history.energy_per_cycle[row],
         };
         let reach = case

@@ -1,6 +1,6 @@
 //! Coefficients that change during a run, and bodies with layers.
 
-use fretwork_engine::contact::control::{Block, Control, Normal, Tangential};
+use fretwork_engine::contact::control::{Block, Control, Normal};
 use fretwork_engine::contact::course::{Course, Over, Track};
 use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::contact::unworn::Contact;
@@ -75,9 +75,9 @@ fn a_step_of_the_friction_is_a_block_of_another_amplitude() {
     let track = Track::through(Over::Time, vec![step, step], vec![1.0, m]);
     let course = Course { friction: Some(track), wear: None };
     let changing = contact.clone().changing(Some(course));
-    let held = Control { normal: Normal::Depth, tangential: Tangential::Amplitude };
-    let blocks = vec![Block::new(delta, step), Block::new(delta / m, 1e9)];
-    let block = Control { normal: Normal::Depth, tangential: Tangential::Blocks(blocks) };
+    let held = Control::paper(delta);
+    let blocks = [Block::new(delta, step), Block::new(delta / m, 1e9)];
+    let block = Control { normal: Normal::Depth, blocks: blocks.into() };
     let mut changing = March::new(WearProblem::exact(&changing, &held), 3e-4, 9.0).expect("fits");
     let mut blocks = March::new(WearProblem::exact(&contact, &block), 3e-4, 9.0).expect("fits");
     for time in [0.5, 1.0, 2.0, 5.0] {

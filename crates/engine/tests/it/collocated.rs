@@ -35,7 +35,7 @@ use std::f64::consts::{FRAC_1_PI, FRAC_2_PI, PI};
 
 use std::sync::Arc;
 
-use fretwork_engine::contact::control::{self, Block, Control};
+use fretwork_engine::contact::control::{self, Block, Control, Held};
 use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::contact::record::DisplacementRecord;
 use fretwork_engine::contact::unworn::Contact;
@@ -893,25 +893,23 @@ fn gross_slip_under_constant_force_obeys_archards_law() {
 fn engine(problem: &Problem, record: Option<&DisplacementRecord>, last: f64) -> (Contact, March) {
     let threshold = unworn_threshold(problem);
     let contact = Contact::new(problem.shape.clone(), threshold).expect("a limit");
-    let tangential = match &problem.tangential {
-        Tangential::Amplitude(_) => control::Tangential::Amplitude,
-        Tangential::Force(force) => control::Tangential::Force(0.5 * force),
+    let held = match &problem.tangential {
+        Tangential::Amplitude(_) | Tangential::Blocks(_) => Held::Threshold,
+        Tangential::Force(force) => Held::Force(0.5 * force),
         Tangential::Rig { amplitude, compliance } => {
-            control::Tangential::Rig { amplitude: *amplitude, compliance: *compliance }
+            Held::Rig { amplitude: *amplitude, compliance: *compliance }
         }
-        Tangential::Blocks(blocks) => {
-            let block = |(threshold, end): &(f64, f64)| Block::new(*threshold, *end);
-            control::Tangential::Blocks(blocks.iter().map(block).collect())
-        }
-        Tangential::Record { .. } => {
-            control::Tangential::Record(Arc::new(record.expect("a record").clone()))
-        }
+        Tangential::Record { .. } => Held::Record(Arc::new(record.expect("a record").clone())),
     };
     let normal = match problem.normal {
         Normal::Depth => control::Normal::Depth,
         Normal::Force => control::Normal::Force,
     };
-    let control = Control { normal, tangential };
+    let mut control = Control::constant(normal, held, threshold);
+    if let Tangential::Blocks(blocks) = &problem.tangential {
+        control.blocks =
+            blocks.iter().map(|(threshold, end)| Block::new(*threshold, *end)).collect();
+    }
     let march =
         March::new(WearProblem::exact(&contact, &control), 3e-4, last).expect("a scar that fits");
     (contact, march)

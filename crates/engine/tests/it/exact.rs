@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use fretwork_engine::contact::control::{Block, Control, Normal, Tangential};
+use fretwork_engine::contact::control::{Block, Control, Held, Normal};
 use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::contact::row::UnwornSums;
 use fretwork_engine::contact::unworn::Contact;
@@ -24,13 +24,18 @@ fn contact(exponent: f64, c: f64) -> Contact {
 
 /// A run at constant depth and amplitude.
 fn exact(contact: &Contact, tolerance: f64, last: f64) -> March {
-    March::new(WearProblem::exact(contact, &Control::PAPER), tolerance, last)
+    March::new(WearProblem::exact(contact, &Control::paper(contact.threshold)), tolerance, last)
         .expect("a scar that fits")
 }
 
 fn with_cells(contact: &Contact, cells: usize, tolerance: f64, last: f64) -> March {
-    March::with_cells(WearProblem::exact(contact, &Control::PAPER), cells, tolerance, last)
-        .expect("a scar that fits")
+    March::with_cells(
+        WearProblem::exact(contact, &Control::paper(contact.threshold)),
+        cells,
+        tolerance,
+        last,
+    )
+    .expect("a scar that fits")
 }
 
 fn at(run: &mut March, time: f64) -> MarchState {
@@ -142,20 +147,23 @@ fn any_problem(i: u32) -> (Contact, Control, f64) {
     let force = UnwornSums::of(&contact, None).tangential;
     let compliance = 0.1 + 2.0 * part(11.0);
     let amplitude = threshold + 2.0 * compliance * force;
-    let rig = Tangential::Rig { amplitude, compliance };
-    let block = |share: f64, end: f64| Block::new(share * threshold, end);
-    let blocks = Tangential::Blocks(vec![block(1.0, 0.7), block(0.6, 2.0), block(1.2, 1e9)]);
-    let (normal, tangential) = match mode {
-        0 => (Normal::Depth, Tangential::Amplitude),
-        1 => (Normal::Force, Tangential::Force(force)),
-        2 => (Normal::Force, Tangential::Amplitude),
-        3 => (Normal::Depth, Tangential::Force(force)),
+    let rig = Held::Rig { amplitude, compliance };
+    let (normal, held) = match mode {
+        0 => (Normal::Depth, Held::Threshold),
+        1 => (Normal::Force, Held::Force(force)),
+        2 => (Normal::Force, Held::Threshold),
+        3 => (Normal::Depth, Held::Force(force)),
         4 => (Normal::Depth, rig),
         5 => (Normal::Force, rig),
-        _ if i.is_multiple_of(2) => (Normal::Depth, blocks),
-        _ => (Normal::Force, blocks),
+        _ if i.is_multiple_of(2) => (Normal::Depth, Held::Threshold),
+        _ => (Normal::Force, Held::Threshold),
     };
-    (contact, Control { normal, tangential }, 10_f64.powf(-2.0 + 3.5 * part(7.0)))
+    let mut control = Control::constant(normal, held, threshold);
+    if mode == 6 {
+        let block = |share: f64, end: f64| Block::new(share * threshold, end);
+        control.blocks = [block(1.0, 0.7), block(0.6, 2.0), block(1.2, 1e9)].into();
+    }
+    (contact, control, 10_f64.powf(-2.0 + 3.5 * part(7.0)))
 }
 
 /// Checks the statements of the module and of docs/accuracy.md about the error and its estimate, over all
@@ -375,7 +383,7 @@ fn the_energy_per_cycle_decreases_within_late_time_steps() {
 #[test]
 fn a_run_ends_when_the_scar_reaches_the_edge_of_the_indenter() {
     let contact = Contact::new(Shape::sphere(2.5), 1.8).expect("a limit");
-    let control = Control { normal: Normal::Force, tangential: Tangential::Amplitude };
+    let control = Control::constant(Normal::Force, Held::Threshold, contact.threshold);
     let mut run =
         March::new(WearProblem::exact(&contact, &control), 3e-3, 1e3).expect("a scar that fits");
     while run.advance(1e3) {}
@@ -390,7 +398,7 @@ fn a_run_ends_when_the_scar_reaches_the_edge_of_the_indenter() {
 #[test]
 fn the_pressure_stays_accurate_after_long_gross_slip() {
     let contact = Contact::new(Shape::power(2.0), 1.6).expect("a limit");
-    let control = Control { normal: Normal::Force, tangential: Tangential::Amplitude };
+    let control = Control::constant(Normal::Force, Held::Threshold, contact.threshold);
     for tolerance in [0.02, 3e-3] {
         let mut run = March::new(WearProblem::exact(&contact, &control), tolerance, 1e5)
             .expect("a scar that fits");
@@ -417,7 +425,7 @@ fn a_contact_with_a_small_core_reaches_its_limiting_state() {
     for (exponent, c) in [(2.0, 0.006), (1.0, 0.03)] {
         let contact = contact(exponent, c);
         let force = UnwornSums::of(&contact, None).tangential;
-        let control = Control { normal: Normal::Force, tangential: Tangential::Force(force) };
+        let control = Control::constant(Normal::Force, Held::Force(force), contact.threshold);
         let end = control.tends_to(&contact).expect("an end");
         let mut run = March::new(WearProblem::exact(&contact, &control), 0.01, 1e6)
             .expect("a scar that fits");

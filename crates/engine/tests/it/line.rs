@@ -1,6 +1,6 @@
 //! Line contacts: closed forms, converged runs of another code, boundary elements, and the balance of energy.
 
-use fretwork_engine::contact::control::{Control, Normal, Tangential};
+use fretwork_engine::contact::control::{self, Control, Normal};
 use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::contact::reference::Series;
 use fretwork_engine::contact::unworn::Contact;
@@ -16,8 +16,8 @@ fn points_at(reach: f64) -> Series {
     Series { reach, compliance: 0.0 }
 }
 
-fn held(tangential: Tangential) -> Control {
-    Control { normal: Normal::Depth, tangential }
+fn held(held: control::Held, contact: &Contact) -> Control {
+    Control::constant(Normal::Depth, held, contact.threshold)
 }
 
 /// The stroke of an unworn contact in μh₀, by another quadrature than that of the engine.
@@ -58,7 +58,7 @@ fn volumes_with_both_forces_held_agree_with_converged_runs() {
         (0.7, [0.015_971, 0.032_991, 0.084_021, 0.137_170, 0.154_123, 0.154_810]),
     ] {
         let contact = Contact::sticking(Shape::line_power(2.0), c).expect("a limit");
-        let control = held(Tangential::Amplitude);
+        let control = held(control::Held::Threshold, &contact);
         let mut run = started(&contact, &control, 50.0);
         for (time, known) in [1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().zip(volumes) {
             let MarchState { worn, errors, .. } = at(&mut run, time);
@@ -79,7 +79,7 @@ fn volumes_with_a_stroke_held_agree_with_converged_runs() {
         let contact = Contact::sticking(Shape::line_power(2.0), 0.5)
             .expect("a limit")
             .measured_against(Some(points_at(reach)));
-        let control = held(Tangential::Stroke(stroke(&contact, reach)));
+        let control = held(control::Held::Stroke(stroke(&contact, reach)), &contact);
         let mut run = started(&contact, &control, 50.0);
         for (time, known) in [1.0, 5.0, 20.0, 50.0].into_iter().zip(volumes) {
             let error = (at(&mut run, time).worn.volume / known - 1.0).abs();
@@ -194,11 +194,12 @@ fn boundary_elements_find_the_pressure_and_the_slip_of_worn_contacts() {
         for time in [1e-6, 1.0, 3.0] {
             let short = time / slide;
             let found = [60, 120].map(|elements| {
-                let mut run = started(&partial, &held(Tangential::Amplitude), time);
+                let mut run = started(&partial, &held(control::Held::Threshold, &partial), time);
                 let by_force = compare((&partial, &mut run), time, (force, elements));
-                let mut run = started(&partial, &held(Tangential::Stroke(stick)), time);
+                let mut run =
+                    started(&partial, &held(control::Held::Stroke(stick), &partial), time);
                 let by_stroke = compare((&partial, &mut run), time, (of_stroke(stick), elements));
-                let mut run = started(&whole, &held(Tangential::Stroke(slide)), short);
+                let mut run = started(&whole, &held(control::Held::Stroke(slide), &whole), short);
                 [
                     by_force,
                     by_stroke,

@@ -23,7 +23,7 @@ use super::plan::{FAR, MeshPlan, REST_BLUR, is_far};
 use super::run::{MeshRun, Outlook, Stop, moves};
 use super::shares::BodyShares;
 use super::wearing::{Wearing, WornContact};
-use crate::contact::control::{Control, Final, Normal, Tangential};
+use crate::contact::control::{Control, Final, Held, Normal};
 use crate::contact::layers::Interface;
 use crate::contact::limit::{DEEPEST, Limit, WIDEST};
 use crate::contact::unworn::{Contact, Regime};
@@ -131,8 +131,8 @@ fn cells(tolerance: f64) -> usize {
 
 /// The number of blocks that need a mesh of their own after the first. Successive blocks in gross slip share a mesh.
 fn further_meshes(control: &Control) -> usize {
-    let Tangential::Blocks(blocks) = &control.tangential else { return 0 };
-    blocks.windows(2).filter(|pair| pair.iter().any(|block| block.threshold < 1.0)).count()
+    let pairs = control.blocks.windows(2);
+    pairs.filter(|pair| pair.iter().any(|block| block.threshold < 1.0)).count()
 }
 
 /// Number of cells and step tolerance of a run with this tolerance.
@@ -144,7 +144,7 @@ fn effort(problem: WearProblem<'_>, tolerance: f64) -> (usize, f64) {
         Law::Exact => STEPS * tolerance,
         Law::Simplified(_) => tolerance,
     };
-    if matches!(control.tangential, Tangential::Blocks(_)) {
+    if control.varies() {
         // More cells are needed at the stick edges that earlier blocks have left, and where the present stick edge
         // moves.
         let more = if control.drifts(contact) { 5 * cells / 3 } else { 3 * cells / 2 };
@@ -154,7 +154,7 @@ fn effort(problem: WearProblem<'_>, tolerance: f64) -> (usize, f64) {
         return (cells, steps);
     }
     let gives_way = control.normal == Normal::Depth
-        && matches!(control.tangential, Tangential::Force(_))
+        && matches!(control.held(), Held::Force(_))
         && control.tends_to(contact).is_none();
     let (cells, finer) = match law {
         // The time at which the core vanishes is ill-conditioned: its relative error is about ten
@@ -172,8 +172,7 @@ type Plans = (MeshPlan, Arc<[Option<Outlook>]>);
 
 /// The expected outer radius of the last mesh.
 fn farthest(contact: &Contact, control: &Control, (plan, outlooks): &Plans) -> f64 {
-    let blocks = matches!(control.tangential, Tangential::Blocks(_));
-    if blocks && !control.drifts(contact) {
+    if control.varies() && !control.drifts(contact) {
         let limit = Limit::solve(&contact.shape, control.least_stick(contact));
         return limit.map_or(contact.shape.extent(), |limit| limit.radius);
     }
@@ -304,8 +303,7 @@ impl March {
         let WearProblem { contact, control, .. } = problem;
         let first = MeshPlan::first(contact, control, SCOUT.0)?;
         let (mut plan, mut outlooks) = (first.clone(), Arc::<[Option<Outlook>]>::default());
-        let blocks = matches!(control.tangential, Tangential::Blocks(_));
-        let scouts = if blocks { BLOCK_SCOUT } else { SCOUT };
+        let scouts = if control.varies() { BLOCK_SCOUT } else { SCOUT };
         for blur in [4.0 * REST_BLUR, REST_BLUR] {
             let plans = (plan.clone(), Arc::clone(&outlooks));
             let mut scout = MeshRun::new(problem, plans, scouts);
@@ -347,7 +345,7 @@ impl March {
         // The fine run takes its steps first, because it can end early. The coarse run then follows to the same time,
         // so that the two runs can be compared at every time that the caller may ask for.
         let last = until.min(self.ended().unwrap_or(f64::INFINITY));
-        let block = self.fine.control().block(self.left_blocks);
+        let block = self.fine.control().blocks.get(self.left_blocks);
         let check = self.check.min(block.map_or(f64::INFINITY, |block| block.end));
         let next = last.min(check);
         if self.ended().is_none() {

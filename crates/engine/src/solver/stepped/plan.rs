@@ -2,7 +2,7 @@
 //! quantities.
 
 use super::law::{Law, WearProblem};
-use crate::contact::control::{Control, Final, Normal, Tangential, critical_stick};
+use crate::contact::control::{Control, Final, Held, Normal, critical_stick};
 use crate::contact::course::Moment;
 use crate::contact::geometry::Geometry;
 use crate::contact::limit::Limit;
@@ -90,14 +90,15 @@ impl MeshPlan {
     #[must_use]
     pub fn first(contact: &Contact, control: &Control, cells: usize) -> Option<Self> {
         let shape = &contact.shape;
-        let least = match control.tangential {
-            // Each block has a mesh of its own.
-            Tangential::Blocks(_) if !contact.changes_friction() => contact.stick,
-            _ => control.least_stick(contact),
+        // Each block has a mesh of its own.
+        let least = if control.varies() && !contact.changes_friction() {
+            contact.stick
+        } else {
+            control.least_stick(contact)
         };
         let end = control.tends_to(contact);
         // Cells next to a moving stick edge are wider than cells next to a fixed one.
-        let shrinks = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. })
+        let shrinks = matches!(control.held(), Held::Force(_) | Held::Rig { .. })
             && control.normal == Normal::Depth;
         let last = match end {
             Some(end) => end.limit.radius,
@@ -211,7 +212,7 @@ impl MeshPlan {
             * wear
             * match shape.geometry() {
                 Geometry::Round => {
-                    let quickest = control.largest_threshold(contact) / contact.threshold;
+                    let quickest = control.largest_threshold() / contact.threshold;
                     2.0 * share * shape.half_force() * quickest
                 }
                 // The slip of the middle is at most the stroke, and the springs add y(θ − y) ≤ ¼.

@@ -7,7 +7,7 @@ use super::plan::{Focus, MeshPlan};
 use super::prior::PriorWear;
 use super::rkc::Rkc;
 use super::wearing::{Wearing, WornContact};
-use crate::contact::control::{Block, Control, Normal, Tangential};
+use crate::contact::control::{Block, Control, Held, Normal};
 use crate::contact::course::Over;
 use crate::contact::geometry::Geometry;
 use crate::contact::limit::Limit;
@@ -119,7 +119,7 @@ pub(super) struct MeshRun {
 /// again.
 pub(super) fn moves(control: &Control, contact: &Contact) -> bool {
     let slips = contact.regime == Regime::GrossSlip;
-    let stays = !control.drifts(contact) && matches!(control.tangential, Tangential::Blocks(_));
+    let stays = !control.drifts(contact) && control.varies();
     contact.changes_friction()
         || !control.keeps_stick(contact)
             && !stays
@@ -129,8 +129,8 @@ pub(super) fn moves(control: &Control, contact: &Contact) -> bool {
 /// The wear at which the amplitude of a contact on a rig doubles at constant d. As the tangential
 /// force decreases, the rig deforms less and the contact moves more.
 fn quickens(contact: &Contact, control: &Control) -> f64 {
-    match control.tangential {
-        Tangential::Rig { compliance, .. } if control.normal == Normal::Depth => {
+    match *control.held() {
+        Held::Rig { compliance, .. } if control.normal == Normal::Depth => {
             0.5 * contact.threshold / compliance
         }
         _ => f64::INFINITY,
@@ -176,9 +176,6 @@ impl MeshRun {
         let slips = contact.stick == 0.0 && law == Law::Exact;
         let (plan, blunt) = with_sharp_tip(plan, contact, slips);
         let mut wearing = Wearing::new(problem, (plan, Arc::default()), cells);
-        if let Some(first) = control.block(0) {
-            wearing.springs.amplitude = first.held();
-        }
         let unworn = vec![0.0; cells + 1];
         wearing.press(&unworn);
         let rate = wearing.energy_rate();
@@ -370,12 +367,13 @@ impl MeshRun {
 
     /// Sets the next amplitude if a block has ended, and returns the end of the present block.
     fn begin_block(&mut self) -> f64 {
-        let Some(block) = self.control().block(self.block) else { return f64::INFINITY };
-        if self.rkc.time < block.end {
-            return block.end;
+        let blocks = Arc::clone(&self.control().blocks);
+        let Some(present) = blocks.get(self.block) else { return f64::INFINITY };
+        if self.rkc.time < present.end {
+            return present.end;
         }
         self.block += 1;
-        let Some(next) = self.control().block(self.block) else { return f64::INFINITY };
+        let Some(next) = blocks.get(self.block) else { return f64::INFINITY };
         if self.accounts {
             let worn = self.wearing.at(&self.rkc.values);
             let slip = worn.friction * worn.edge_slip(&self.wearing.springs.mesh);
@@ -420,8 +418,8 @@ impl MeshRun {
     }
 
     /// Starts a block on a mesh of its own.
-    fn change_amplitude(&mut self, block: Block) {
-        self.wearing.springs.amplitude = block.held();
+    fn change_amplitude(&mut self, block: &Block) {
+        self.wearing.springs.block.clone_from(block);
         self.unworn_loss = unworn_loss(&self.wearing.contact, block.threshold);
         if block.threshold == 0.0 || self.wearing.springs.share() < VANISHED {
             // Nothing wears. On another mesh, a lost contact would touch again by the error of the mesh.

@@ -23,7 +23,7 @@
 
 use super::mesh::Mesh;
 use super::prior::PriorWear;
-use crate::contact::control::{Control, Normal, Tangential};
+use crate::contact::control::{Block, Control, Held, Normal};
 use crate::contact::geometry::Geometry;
 use crate::contact::reference::Series;
 use crate::contact::unworn::Contact;
@@ -41,9 +41,8 @@ pub struct Springs {
     pub(crate) control: Control,
     /// Half of the normal force of the unworn contact, ∫₀ᵃ y dx.
     half_force: f64,
-    /// The prescribed amplitude: that of the contact (Δ), that of the actuator (Δ_rig) if the scenario has a rig, or
-    /// the stroke of a line contact.
-    pub(super) amplitude: f64,
+    /// The present block of the motion.
+    pub(super) block: Block,
     /// The reference of a line contact.
     reference: Option<Series>,
     /// What a unit of θ moves: K of each spring and C, if a line contact has a reference.
@@ -91,20 +90,15 @@ impl Springs {
         let cells = mesh.widths.len();
         let room = || Vec::with_capacity(cells);
         let start = mesh.radii[0];
-        let amplitude = match control.tangential {
-            Tangential::Rig { amplitude, .. } => amplitude,
-            Tangential::Stroke(stroke) | Tangential::Sliding(stroke) => stroke,
-            _ => contact.threshold,
-        };
         let stroke = contact.reference.map(|series| {
             let springs = mesh.radii.windows(2).map(|ends| series.between(ends[0], ends[1]));
             (springs.collect(), series.outside(mesh.radii[cells]))
         });
-        let held = matches!(control.tangential, Tangential::Force(_) | Tangential::Rig { .. });
+        let held = matches!(control.held(), Held::Force(_) | Held::Rig { .. });
         Self {
             control: control.clone(),
             half_force: contact.shape.half_force(),
-            amplitude,
+            block: control.blocks[0].clone(),
             reference: contact.reference,
             stroke,
             has_core: control.least_stick(contact) > 0.0,
@@ -133,17 +127,17 @@ impl Springs {
 
     /// Slip ω of a spring without contact.
     pub(crate) fn free_slip(&self) -> f64 {
-        match &self.control.tangential {
-            Tangential::Record(record) => record.slip(0.0),
+        match &self.block.held {
+            Held::Record(record) => record.slip(0.0),
             _ => 1.0,
         }
     }
 
-    /// Copies depth, Δ and amplitude from other springs.
+    /// Copies depth, Δ and motion from other springs.
     pub(crate) fn resume(&mut self, other: &Self) {
         self.depth = other.depth;
         self.threshold = other.threshold;
-        self.amplitude = other.amplitude;
+        self.block.clone_from(&other.block);
     }
 
     /// Saves the state.
@@ -211,29 +205,24 @@ impl Springs {
         }
         self.slides = false;
         // Amplitudes and forces are in units of μ.
-        let amplitude = self.amplitude / self.friction;
-        self.threshold = match self.control.tangential {
-            Tangential::Force(half) => {
+        let amplitude = self.block.amplitude() / self.friction;
+        self.threshold = match self.block.held {
+            Held::Force(half) => {
                 self.threshold_under(0.0, half / self.friction).unwrap_or_else(|| {
                     self.slides = true;
                     self.compressions.iter().copied().fold(0.0, f64::max)
                 })
             }
-            Tangential::Rig { compliance, .. } if compliance > 0.0 => {
+            Held::Rig { compliance, .. } if compliance > 0.0 => {
                 let per_force = 0.5 / compliance;
                 self.threshold_under(per_force, amplitude * per_force).unwrap_or(amplitude)
             }
-            Tangential::Stroke(_) => self.threshold_at_stroke(amplitude),
-            Tangential::Blocks(_) if self.control.has_stroke_blocks() => {
-                self.threshold_at_stroke(amplitude)
-            }
-            Tangential::Sliding(_) => {
+            Held::Stroke(_) => self.threshold_at_stroke(amplitude),
+            Held::Sliding(_) => {
                 self.middle = amplitude;
                 1.0
             }
-            Tangential::Amplitude | Tangential::Blocks(_)
-                if self.mesh.geometry == Geometry::Line && amplitude >= 1.0 =>
-            {
+            Held::Threshold if self.mesh.geometry == Geometry::Line && amplitude >= 1.0 => {
                 self.slides = true;
                 1.0
             }
@@ -259,11 +248,8 @@ impl Springs {
 
     /// The stroke of a line contact in μh₀. NaN without a reference.
     pub(crate) fn stroke(&self) -> f64 {
-        match self.control.tangential {
-            Tangential::Stroke(_) | Tangential::Sliding(_) => self.amplitude / self.friction,
-            _ if self.control.has_stroke_blocks() => self.amplitude / self.friction,
-            _ => self.moved(self.threshold).0,
-        }
+        let held = self.block.stroke().map(|stroke| stroke / self.friction);
+        held.unwrap_or_else(|| self.moved(self.threshold).0)
     }
 
     /// The approach of a line contact in h₀: what all springs in series yield under the load. NaN if the distance of the
@@ -389,7 +375,7 @@ impl Springs {
             return;
         }
         let per_threshold = 1.0 / self.threshold;
-        if let Tangential::Record(record) = &self.control.tangential {
+        if let Held::Record(record) = &self.block.held {
             self.slips.extend(self.compressions.iter().map(|y| record.slip(y * per_threshold)));
             self.slips.resize(self.images.len(), record.slip(0.0));
             return;
@@ -471,11 +457,11 @@ impl Springs {
 
     /// The distance from gross slip. It is 0 when gross slip starts.
     pub(crate) fn margin(&self) -> f64 {
-        match self.control.tangential {
+        match self.block.held {
             _ if self.slides => -1.0,
             _ if !self.mesh.is_whole => 1.0,
             _ if self.middle > 0.0 => -self.middle,
-            Tangential::Force(half) => self.normal() - half,
+            Held::Force(half) => self.normal() - half,
             _ => self.most() - self.threshold,
         }
     }
@@ -488,8 +474,8 @@ impl Springs {
             return [stroke - self.reference.map_or(0.0, |reference| reference.rig()), stroke];
         }
         let most = self.most();
-        match self.control.tangential {
-            Tangential::Rig { compliance, .. } => [most, most + 2.0 * compliance * self.normal()],
+        match self.block.held {
+            Held::Rig { compliance, .. } => [most, most + 2.0 * compliance * self.normal()],
             _ => [most; 2],
         }
     }

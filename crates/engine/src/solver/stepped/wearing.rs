@@ -23,7 +23,7 @@ use super::plan::{EXTENSION, MeshPlan};
 use super::prior::PriorWear;
 use super::rkc::Rates;
 use super::springs::{Aside, Springs};
-use crate::contact::control::{Normal, Tangential};
+use crate::contact::control::Normal;
 use crate::contact::course::{Follower, Moment};
 use crate::contact::geometry::Geometry;
 use crate::contact::limit::Limit;
@@ -427,7 +427,7 @@ impl Wearing {
             self.slip.fill(0.0);
             return;
         }
-        let harmonic = !matches!(springs.control.tangential, Tangential::Record(_));
+        let harmonic = !springs.control.has_record();
         let closed = harmonic
             && if springs.mesh.is_whole {
                 springs.compressions.iter().all(|y| *y < threshold)
@@ -538,7 +538,7 @@ impl Rates for Wearing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::control::{Block, Control};
+    use crate::contact::control::{Control, Held};
     use crate::contact::profile::Shape;
     use crate::contact::record::DisplacementRecord;
     use crate::contact::reference::Series;
@@ -558,30 +558,29 @@ mod tests {
         ] {
             let contact = Contact::new(shape, threshold).expect("a limit");
             let force = UnwornSums::of(&contact, None).tangential;
-            for (normal, tangential) in [
-                (Normal::Depth, Tangential::Amplitude),
-                (Normal::Force, Tangential::Amplitude),
-                (Normal::Depth, Tangential::Force(force)),
-                (Normal::Force, Tangential::Force(force)),
-                (Normal::Force, Tangential::Rig { amplitude: threshold + force, compliance: 0.5 }),
-                (Normal::Depth, Tangential::Blocks(vec![Block::new(threshold, 1e9)])),
-                (Normal::Depth, Tangential::Record(Arc::clone(&record))),
+            for (normal, held) in [
+                (Normal::Depth, Held::Threshold),
+                (Normal::Force, Held::Threshold),
+                (Normal::Depth, Held::Force(force)),
+                (Normal::Force, Held::Force(force)),
+                (Normal::Force, Held::Rig { amplitude: threshold + force, compliance: 0.5 }),
+                (Normal::Depth, Held::Record(Arc::clone(&record))),
             ] {
-                if threshold < 1.0 || !matches!(tangential, Tangential::Force(_)) {
-                    problems.push((contact.clone(), Control { normal, tangential }));
+                if threshold < 1.0 || !matches!(held, Held::Force(_)) {
+                    problems.push((contact.clone(), Control::constant(normal, held, threshold)));
                 }
             }
         }
         for shape in [Shape::line_power(2.0), Shape::line_power(1.0), Shape::punch(0.4)] {
-            for (threshold, tangential) in [
-                (0.75, Tangential::Amplitude),
-                (0.75, Tangential::Stroke(2.0)),
-                (1.0, Tangential::Stroke(9.0)),
-                (1.0, Tangential::Sliding(30.0)),
+            for (threshold, held) in [
+                (0.75, Held::Threshold),
+                (0.75, Held::Stroke(2.0)),
+                (1.0, Held::Stroke(9.0)),
+                (1.0, Held::Sliding(30.0)),
             ] {
                 let reference = Some(Series { reach: 20.0, compliance: 0.1 });
                 let contact = Contact::new(shape.clone(), threshold).expect("a limit");
-                let control = Control { normal: Normal::Depth, tangential };
+                let control = Control::constant(Normal::Depth, held, threshold);
                 problems.push((contact.measured_against(reference), control));
             }
         }
