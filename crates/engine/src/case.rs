@@ -4,6 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::contact::control::{Control, Final, Held};
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
+use crate::contact::reference::Series;
 use crate::contact::row::{UnwornSums, unworn_integrals};
 use crate::contact::unworn::Contact;
 use crate::numeric::root;
@@ -234,6 +235,9 @@ impl Case {
     /// The slip of the middle of an unworn line contact, in μh₀.
     pub(crate) fn unworn_middle(&self) -> f64 {
         let Contact { shape, threshold, reference, .. } = &self.contact;
+        if let Held::Aperture(aperture) = *self.control.held() {
+            return reference.unwrap_or(Series::FAR).at_aperture(shape, aperture).1;
+        }
         match (self.control.blocks[0].stroke(), reference) {
             (Some(stroke), Some(reference)) if *threshold >= 1.0 => {
                 reference.threshold(shape, stroke).1
@@ -247,7 +251,8 @@ impl Case {
     pub(crate) fn unworn_stroke(&self) -> f64 {
         self.control.blocks[0].stroke().unwrap_or_else(|| {
             let Contact { shape, threshold, reference, .. } = &self.contact;
-            reference.map_or(f64::NAN, |reference| reference.stroke(shape, *threshold))
+            let stroke = reference.map_or(f64::NAN, |it| it.stroke(shape, *threshold));
+            stroke + self.unworn_middle()
         })
     }
 

@@ -125,7 +125,7 @@ pub const WORDS: [Word; 7] = [
     Word { name: "held", values: &["depth", "force"], pointer: "/scenario/load/held" },
     Word {
         name: "motion",
-        values: &["amplitude", "tangential_force", "rig", "blocks", "reversals", "sliding"],
+        values: &["amplitude", "tangential_force", "rig", "blocks", "reversals", "sliding", "aperture"],
         pointer: "/scenario/motion",
     },
 ];
@@ -189,8 +189,9 @@ fn motion_kind(motion: &Value) -> Option<&str> {
     // Under a held force, the stiffness of the rig only gives the displacements of the loops.
     let has_rig = motion.get("rig_stiffness").is_some() && held != Some("tangential_force");
     let kinds = ["blocks", "reversals"].into_iter().find(|kind| motion.get(kind).is_some());
-    let sliding = motion.get("sliding_amplitude").map(|_| "sliding");
-    kinds.or(sliding).or(has_rig.then_some("rig")).or(held)
+    let own = [("sliding_amplitude", "sliding"), ("loop_aperture", "aperture")];
+    let own = own.into_iter().find_map(|(member, kind)| motion.get(member).map(|_| kind));
+    kinds.or(own).or(has_rig.then_some("rig")).or(held)
 }
 
 #[cfg(test)]
@@ -215,6 +216,7 @@ mod tests {
     fn geometry_and_motion_of_a_line_contact_are_words_of_the_search() {
         for (motion, kind) in [
             (json!({"sliding_amplitude": "25 um"}), "sliding"),
+            (json!({"loop_aperture": "25 um"}), "aperture"),
             (json!({"amplitude": "25 um", "reference_distance": "36 mm"}), "amplitude"),
             (json!({"amplitude": "25 um", "loop_stiffness": "20 N/um"}), "amplitude"),
             (

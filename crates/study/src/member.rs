@@ -220,6 +220,7 @@ mod tests {
             json!({"profile": line, "motion": {"amplitude": 1e-6, "reference_distance": 0.03, "rig_stiffness": 1e7}}),
             json!({"profile": line, "motion": {"amplitude": 1e-6, "loop_stiffness": 1e7}}),
             json!({"profile": line, "motion": {"sliding_amplitude": 1e-5}}),
+            json!({"motion": {"loop_aperture": 1e-5}}),
             json!({"profile": line, "motion": {"blocks": [{"tangential_force": 10, "cycles": 5}]}}),
             json!({"motion": {"stick_ratio": 0.5}, "moduli": {"normal": 1e11, "tangential": 9e10}, "bodies": null}),
             json!({"motion": {"tangential_force": 10}, "cycles": {"normalized": [0.5, 2]}}),

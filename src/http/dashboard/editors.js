@@ -14,7 +14,8 @@ const listOf = (owner, list, names) => ({ rows: () => owner[list].map((own) => n
     owner[list] = rows.map((row, i) => ({ ...(before[i] ?? before.at(-1)), ...Object.fromEntries(names.map((name, j) => [name, row[j]])) }));
   } });
 
-const NAMES = { amplitude: "Amplitude U", tangential_force: "Tangential force Q", stick_ratio: "Stick ratio", sliding_amplitude: "Sliding amplitude" };
+const NAMES = { amplitude: "Amplitude U", tangential_force: "Tangential force Q", stick_ratio: "Stick ratio", sliding_amplitude: "Sliding amplitude",
+  loop_aperture: "Aperture δ₀" };
 
 /** The editors of a form. `calls` are those of its fields. */
 export class Editors {

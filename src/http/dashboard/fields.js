@@ -67,6 +67,9 @@ const ruleLacks = (scenario) => (isLine(scenario.profile) ? "a round contact"
 const PER_LENGTH = "The force on the whole length, such as 100\u00a0N, or per length, such as 18.5\u00a0N/mm.";
 const LAYER = { thickness: "3 um", coefficient: "1e-6 mm^3/(N m)" };
 
+const APERTURE = ["/motion/loop_aperture", "(half the width of the loop)", null,
+  "Where the tangential force is zero. A rig does not change it."];
+
 /** The fields of a motion of a line contact. */
 function lineMotion(kind) {
   const loops = ["/motion/reference_distance", "(optional)", null,
@@ -82,6 +85,7 @@ function lineMotion(kind) {
       "The slope dQ/dU of a measured loop just after a reversal, such as 10\u00a0N/um, or per length, such as 2000\u00a0N/mm/mm."]],
     sliding_amplitude: [["/motion/sliding_amplitude", "", null,
       "For a contact that slides as a whole: half of the stroke, less what bodies and rig yield."]],
+    loop_aperture: [APERTURE, loops],
     stick_ratio: [["/motion/stick_ratio", "", null, "The unworn contact gives the tangential force, which stays constant."], loops],
     tangential_force: [["/motion/tangential_force", "", null, `${PER_LENGTH} It stays constant.`], loops],
   }[kind];
@@ -226,16 +230,17 @@ export const CHOICES = [
   {
     id: "motion", group: "Load and motion", label: "Motion",
     options: { amplitude: "Amplitude U", loop: "Amplitude U, loop stiffness", sliding_amplitude: "Sliding amplitude",
-      stick_ratio: "Stick ratio c/a₀", tangential_force: "Tangential force Q", blocks: "Amplitude blocks", reversals: "Displacement record" },
+      loop_aperture: "Aperture of the loop δ₀", stick_ratio: "Stick ratio c/a₀", tangential_force: "Tangential force Q", blocks: "Amplitude blocks", reversals: "Displacement record" },
     lacks: (scenario) => [...(isLine(scenario.profile) ? ["reversals"] : ["loop", "sliding_amplitude"]), ...(hasLayers(scenario) ? ["blocks"] : [])],
     reason: (scenario) => hasLayers(scenario) && "Layers need one amplitude. Remove them for amplitude blocks.",
-    selected: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio", "sliding_amplitude"]
+    selected: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio", "sliding_amplitude", "loop_aperture"]
       .find((name) => name in Object(motion)) ?? (motion?.loop_stiffness === undefined ? "amplitude" : "loop"),
     apply: (scenario, kind) => {
       const { amplitude = "2.256 um" } = scenario.motion ?? {};
       scenario.motion = {
         amplitude: { amplitude, ...(isLine(scenario.profile) && { reference_distance: "10 mm" }) },
         loop: { amplitude, loop_stiffness: "10 N/um" }, sliding_amplitude: { sliding_amplitude: "10 um" },
+        loop_aperture: { loop_aperture: "10 um" },
         stick_ratio: { stick_ratio: scenario.profile?.shape === "punch" ? PUNCH_STICK_RATIO : 0.5 },
         tangential_force: { tangential_force: isLine(scenario.profile) ? "1.5 N/mm" : "15 N" },
         blocks: { blocks: (isLine(scenario.profile) ? ["1.5 N/mm", "1 N/mm"] : ["2 um", "1 um"]).map((own) => ({
@@ -244,7 +249,7 @@ export const CHOICES = [
       }[kind];
     },
     edits: (kind) => ({ blocks: ["/motion/blocks"], reversals: ["/motion/reversals"] })[kind] ?? [],
-    fields: (kind, { profile }) => (isLine(profile) ? lineMotion(kind) ?? [] : [
+    fields: (kind, { profile }) => (isLine(profile) ? lineMotion(kind) ?? [] : kind === "loop_aperture" ? [APERTURE] : [
       {
         amplitude: ["/motion/amplitude", "(half the stroke)"],
         stick_ratio: ["/motion/stick_ratio"],

@@ -4,12 +4,12 @@ import { get, jobAddress } from "./api.js";
 import { digits, quantity, WORDS } from "./units.js";
 import { KINDS } from "./words.js";
 
-const MOTIONS = { amplitude: "constant amplitude", sliding: "constant sliding amplitude", tangential_force: "constant tangential force", rig: "compliant rig",
+const MOTIONS = { amplitude: "constant amplitude", sliding: "constant sliding amplitude", aperture: "constant aperture", tangential_force: "constant tangential force", rig: "compliant rig",
   blocks: "amplitude blocks", reversals: "displacement record" };
 
 /** The kind of motion, in the words of `GET /v1/results`. */
-const motionOf = ({ blocks, reversals, rig_stiffness: rig, held }) =>
-  blocks ? "blocks" : reversals ? "reversals" : rig ? "rig" : held;
+const motionOf = ({ blocks, reversals, loop_aperture: aperture, rig_stiffness: rig, held }) =>
+  blocks ? "blocks" : reversals ? "reversals" : aperture ? "aperture" : rig ? "rig" : held;
 
 /** The kind of a study; undefined for the result of a run. */
 export const kindOf = (result) => Object.keys(KINDS).find((kind) => kind in result);

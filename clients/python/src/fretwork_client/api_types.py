@@ -32,6 +32,12 @@ class Accuracy(TypedDict):
 
 Act: TypeAlias = "Literal['add_key', 'revoke_key', 'use_key', 'cancel_job', 'delete_job', 'delete_result']"
 
+class ApertureBlock(TypedDict):
+    """A stretch of cycles of one aperture of the loop."""
+
+    loop_aperture: "Stroke"
+    cycles: "BlockCycles"
+
 class Archard(TypedDict):
     coefficient: "float | ChangeTable | RunIn"
     hardness: "Stress"
@@ -77,7 +83,7 @@ BlockCycles: TypeAlias = "float"
 BlockForce: TypeAlias = "float | str"
 
 class Blocks(TypedDict):
-    blocks: "list[Block | ForceBlock]"
+    blocks: "list[Block | ForceBlock | ApertureBlock]"
     held: "NotRequired[Literal['amplitude', 'tangential_force']]"
     rig_stiffness: "NotRequired[Stiffness]"
     reference_distance: "NotRequired[Length]"
@@ -112,6 +118,12 @@ class BodyWear(TypedDict):
 class ByAmplitude(TypedDict):
     amplitude: "Length"
     held: "NotRequired[Literal['amplitude', 'tangential_force']]"
+    rig_stiffness: "NotRequired[Stiffness]"
+    reference_distance: "NotRequired[Length]"
+    loop_stiffness: "NotRequired[Stiffness]"
+
+class ByAperture(TypedDict):
+    loop_aperture: "Length"
     rig_stiffness: "NotRequired[Stiffness]"
     reference_distance: "NotRequired[Length]"
     loop_stiffness: "NotRequired[Stiffness]"
@@ -837,7 +849,7 @@ class Moduli(TypedDict):
     normal: "Stress"
     tangential: "NotRequired[Stress]"
 
-Motion: TypeAlias = "ByAmplitude | ByStickRatio | ByTangentialForce | Blocks | Reversals | Sliding"
+Motion: TypeAlias = "ByAmplitude | ByStickRatio | ByTangentialForce | Blocks | Reversals | Sliding | ByAperture"
 
 class Naming(TypedDict):
     """A change of the label and the tags of a job."""

@@ -30,6 +30,12 @@
 //! K is ∫ L ds/(s √(L²−s²)) or ∫ ds/s over the spring; C is what yields outside the mesh
 //! ```
 //!
+//! The aperture δ of a loop is half of its width without force. By Masing's rule it follows from the displacement g(Q) at
+//! which the force grows to Q for the first time. What is linear in Q, such as a rig, does not change it:
+//! ```text
+//! δ = g(Q) − 2g(Q/2),  or with Q = μF and the slip σ₀ of the middle  δ = σ₀ + g(μF) − 2g(μF/2)
+//! ```
+//!
 //! # Sources
 //! The principle of Cattaneo and Mindlin, (10). The limiting states follow from (11) with the
 //! constant load.
@@ -64,6 +70,22 @@ pub enum Held {
     Stroke(f64),
     /// The stroke U/(μh₀) at the middle of a line contact that slides.
     Sliding(f64),
+    /// The aperture of the loop, in the unit of Δ, or in μh₀ of a line contact.
+    Aperture(f64),
+}
+
+/// The force at which a contact has a loop of this aperture, and the slip of its middle. `most` is the force that friction
+/// carries, and `backbone` the displacement at which the force grows to a value for the first time, which is convex.
+pub(crate) fn at_aperture(aperture: f64, most: f64, backbone: impl Fn(f64) -> f64) -> (f64, f64) {
+    let missing = |force: f64| aperture + 2.0 * backbone(0.5 * force) - backbone(force);
+    let middle = missing(most);
+    if middle >= 0.0 {
+        (most, middle)
+    } else if aperture == 0.0 {
+        (0.0, 0.0)
+    } else {
+        (root(0.0, most, missing), 0.0)
+    }
 }
 
 /// A number of cycles with one held motion.
@@ -92,10 +114,10 @@ impl Block {
         }
     }
 
-    /// The held amplitude: of the actuator if there is a rig, otherwise Δ, θ or the stroke of a line contact.
+    /// The held amplitude: of the actuator if there is a rig, the aperture, otherwise Δ, θ or the stroke of a line contact.
     pub(crate) fn amplitude(&self) -> f64 {
         match self.held {
-            Held::Rig { amplitude, .. } => amplitude,
+            Held::Rig { amplitude, .. } | Held::Aperture(amplitude) => amplitude,
             _ => self.stroke().unwrap_or(self.threshold),
         }
     }
@@ -191,7 +213,7 @@ impl Control {
     pub(crate) fn drifts(&self, contact: &Contact) -> bool {
         self.normal == Normal::Force
             || contact.changes_friction()
-            || matches!(self.held(), Held::Stroke(_) | Held::Sliding(_))
+            || matches!(self.held(), Held::Stroke(_) | Held::Sliding(_) | Held::Aperture(_))
     }
 
     /// Whether the motion follows a displacement record.
@@ -260,16 +282,21 @@ impl Control {
         self.blocks.iter().map(|block| block.threshold).fold(0.0, f64::max)
     }
 
-    /// The largest stroke of a line contact in μh₀. 0 if none is held.
+    /// The largest stroke or aperture of a line contact in μh₀. 0 if none is held.
     pub(crate) fn largest_stroke(&self) -> f64 {
-        let strokes = self.blocks.iter().map(|block| block.stroke().unwrap_or(0.0));
-        strokes.fold(0.0, f64::max)
+        let stroke = |block: &Block| match block.held {
+            Held::Aperture(aperture) => aperture,
+            _ => block.stroke().unwrap_or(0.0),
+        };
+        self.blocks.iter().map(stroke).fold(0.0, f64::max)
     }
 
     /// The smallest stick radius of the whole run. Inside it no spring ever slips.
     pub(crate) fn least_stick(&self, contact: &Contact) -> f64 {
         let least_friction = contact.course.as_ref().map_or(1.0, |course| course.least_friction());
         match (self.normal, self.held()) {
+            // As the slip ring loses its load, the core has to slip.
+            (_, Held::Aperture(_)) => 0.0,
             _ if self.varies() => {
                 let most = self.largest_threshold() / least_friction;
                 if most >= 1.0 { 0.0 } else { contact.shape.image_inverse(1.0 - most) }

@@ -212,10 +212,20 @@ impl Backbone {
     /// The loop between −Δ and Δ.
     #[must_use]
     pub fn wind(&self) -> Loop {
+        self.wind_through(Self::at_half(&self.corners))
+    }
+
+    /// The same loop through the points at which it has this aperture, which is known to all digits.
+    pub(crate) fn wind_to(&self, aperture: f64) -> Loop {
+        self.wind_through(0.5 * (self.last()[0] - aperture))
+    }
+
+    /// The loop whose backbone has half of the force at the displacement `half`.
+    fn wind_through(&self, half: f64) -> Loop {
         let [threshold, most] = self.last();
         let mut corners = self.corners.clone();
         let middle = corners.partition_point(|corner| corner[1] < 0.5 * most);
-        corners.insert(middle, [Self::at_half(&corners), 0.5 * most]);
+        corners.insert(middle, [half, 0.5 * most]);
         let cycle = |of: usize| -> Vec<f64> {
             let most = self.last()[of];
             let mut points = Vec::with_capacity(2 * corners.len() - 1);

@@ -8,6 +8,7 @@
 //! U = θ·C + ∫ (θ − y)₊ ds/s over c…a − θ ln(a/a₀)           C is 1/S, the compliance of the unworn contact
 //! ```
 
+use super::control::at_aperture;
 use super::profile::Shape;
 use crate::numeric::{integrate, root};
 
@@ -21,6 +22,9 @@ pub struct Series {
 }
 
 impl Series {
+    /// Points that are far away. The displacement is that of the surface without what is linear in the force.
+    pub(crate) const FAR: Self = Self { reach: f64::INFINITY, compliance: 0.0 };
+
     /// ∫ L ds/(s √(L²−s²)) from `from` to `to`, or ∫ ds/s if the reach is infinite.
     pub(crate) fn between(&self, from: f64, to: f64) -> f64 {
         if self.reach.is_infinite() {
@@ -67,6 +71,12 @@ impl Series {
         let missing = |threshold: f64| self.stroke(shape, threshold) - stroke;
         let middle = -missing(1.0);
         if middle >= 0.0 { (1.0, middle) } else { (root(0.0, 1.0, missing), 0.0) }
+    }
+
+    /// θ of the unworn contact of `shape` at the aperture of a loop in μh₀, and the slip of the middle.
+    #[must_use]
+    pub fn at_aperture(&self, shape: &Shape, aperture: f64) -> (f64, f64) {
+        at_aperture(aperture, 1.0, |threshold| self.slipping(shape, threshold, 1.0))
     }
 
     /// C: what a unit of θ moves outside the half-width `end`.

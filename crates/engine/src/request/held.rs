@@ -103,24 +103,38 @@ pub struct Block {
     #[deserr(default)]
     #[serde(skip_serializing_if = "Given::is_absent")]
     pub tangential_force: Given<Total<BlockForce>>,
+    /// Aperture δ₀ of the loop, in place of U.
+    #[deserr(default)]
+    #[serde(skip_serializing_if = "Given::is_absent")]
+    pub loop_aperture: Given<Rounded<Stroke>>,
     /// The number of cycles.
     pub cycles: Rounded<BlockCycles>,
 }
 
 impl Block {
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
-        let (member, detail) = match (self.amplitude.0, self.tangential_force.0) {
-            (None, None) => (
+        let mut names = self.given().into_iter().flatten().map(|(name, _)| name);
+        let (member, detail) = match (names.next(), names.next()) {
+            (None, _) => (
                 "amplitude",
-                "is missing. Enter `amplitude`, or, for a line contact, `tangential_force`",
+                "is missing. Enter `amplitude` or `loop_aperture`, or, for a line contact, `tangential_force`".to_owned(),
             ),
-            (Some(_), Some(_)) => (
-                "tangential_force",
-                "cannot be combined with `amplitude`. Enter only one of both in all blocks",
-            ),
+            (Some(first), Some(second)) => {
+                let detail = format!("cannot be combined with `{first}`. Enter the same single motion in all blocks");
+                (second, detail)
+            }
             _ => return Ok(self),
         };
         Err(Faults::at(location.push_key(member), detail))
+    }
+
+    /// The names of the given motions, of which a valid block has one, and their sizes.
+    fn given(&self) -> [Option<(&'static str, f64)>; 3] {
+        [
+            self.amplitude.0.map(|amplitude| ("amplitude", amplitude.0)),
+            self.tangential_force.0.map(|force| ("tangential_force", force.0)),
+            self.loop_aperture.0.map(|aperture| ("loop_aperture", aperture.0)),
+        ]
     }
 
     /// Whether the block holds a tangential force.
@@ -131,13 +145,12 @@ impl Block {
 
     /// The name of the held motion.
     pub(crate) fn member(&self) -> &'static str {
-        if self.is_force() { "tangential_force" } else { "amplitude" }
+        self.given().into_iter().flatten().next().map_or("amplitude", |(name, _)| name)
     }
 
-    /// The held amplitude or force.
+    /// The size of the held motion.
     pub(crate) fn held(&self) -> f64 {
-        let force = self.tangential_force.0.map(|force| force.0);
-        force.or(self.amplitude.0.map(|amplitude| amplitude.0)).unwrap_or(0.0)
+        self.given().into_iter().flatten().next().map_or(0.0, |(_, size)| size)
     }
 }
 
@@ -154,7 +167,7 @@ impl Blocks {
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
         let first = self.0[0];
         let mut faults = Faults::default();
-        let others = self.0.iter().enumerate().filter(|(_, it)| it.is_force() != first.is_force());
+        let others = self.0.iter().enumerate().filter(|(_, it)| it.member() != first.member());
         for (index, block) in others {
             let detail = format!(
                 "differs from the first block. Enter `{}` in all blocks, as in the first one",
@@ -209,6 +222,9 @@ pub struct Motion {
     /// Amplitude of the sliding at a line contact, half of the peak-to-peak stroke.
     #[deserr(default)]
     pub sliding_amplitude: Given<Rounded<Length>>,
+    /// Aperture δ₀ of the loop: half of its width without force.
+    #[deserr(default)]
+    pub loop_aperture: Given<Rounded<Length>>,
     /// Amplitude Q of the tangential force.
     #[deserr(default)]
     pub tangential_force: Given<Total<TangentialForce>>,
@@ -239,11 +255,12 @@ pub struct Motion {
 impl Motion {
     /// Checks what does not depend on the geometry of the contact.
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
-        const WAYS: &str = "one of `amplitude`, `stick_ratio`, `tangential_force`, `blocks`, `reversals` and, for \
-                            a line contact, `sliding_amplitude`";
+        const WAYS: &str = "one of `amplitude`, `loop_aperture`, `stick_ratio`, `tangential_force`, `blocks`, `reversals` \
+                            and, for a line contact, `sliding_amplitude`";
         let given = [
             self.amplitude.named("amplitude"),
             self.sliding_amplitude.named("sliding_amplitude"),
+            self.loop_aperture.named("loop_aperture"),
             self.stick_ratio.named("stick_ratio"),
             self.tangential_force.named("tangential_force"),
             self.blocks.named("blocks"),
@@ -256,6 +273,12 @@ impl Motion {
         };
         if let Some(second) = names.next() {
             return fault(second, format!("cannot be combined with `{first}`. Enter only {WAYS}"));
+        }
+        if self.holds_aperture() && self.held.0.is_some() {
+            return fault(
+                "held",
+                "has no effect, because the aperture of the loop is held. Remove `held`".to_owned(),
+            );
         }
         if let Err(detail) = self.check_held(false) {
             return fault("held", detail);
@@ -271,6 +294,12 @@ impl Motion {
         Ok(self)
     }
 
+    /// Whether the apertures of the loops are held.
+    fn holds_aperture(&self) -> bool {
+        let blocks = self.blocks.0.as_ref().map(|blocks| blocks.0[0].member());
+        self.loop_aperture.0.is_some() || blocks == Some("loop_aperture")
+    }
+
     /// Checks `held` for the motions that can hold only one quantity. Several motions of a round contact can hold
     /// either.
     fn check_held(&self, is_line: bool) -> Result<(), String> {
@@ -280,6 +309,7 @@ impl Motion {
             Some(_) => ("blocks", Amplitude),
             None if self.reversals.0.is_some() => ("reversals", Amplitude),
             None if self.sliding_amplitude.0.is_some() => ("sliding_amplitude", Amplitude),
+            None if self.loop_aperture.0.is_some() => return Ok(()),
             None if !is_line => return Ok(()),
             None if self.amplitude.0.is_some() => ("amplitude", Amplitude),
             None if self.stick_ratio.0.is_some() => ("stick_ratio", TangentialForce),
@@ -319,7 +349,12 @@ impl Motion {
     fn check_round(&self, faults: &mut Faults) {
         let varies = self.blocks.named("blocks").or(self.reversals.named("reversals"));
         if self.rig_stiffness.0.is_some() {
-            if let Some(varies) = varies {
+            if self.holds_aperture() {
+                faults.add(
+                    "/rig_stiffness",
+                    "does not change the aperture of a loop. Remove `rig_stiffness`",
+                );
+            } else if let Some(varies) = varies {
                 let detail = format!(
                     "cannot be combined with `{varies}`. Remove `rig_stiffness`, and enter in `{varies}` the motion \
                      at the contact, not at the actuator"
@@ -348,7 +383,7 @@ impl Motion {
             ),
             (
                 forces.map(|_| "/blocks/0/tangential_force"),
-                "Enter `amplitude` in all blocks, such as \"2 um\"",
+                "Enter `amplitude` or `loop_aperture` in all blocks, such as \"2 um\"",
             ),
         ] {
             let Some(member) = member else { continue };
@@ -367,7 +402,7 @@ impl Motion {
         if let Err(detail) = self.check_held(true) {
             faults.add("/held", detail);
         }
-        let strokes = self.blocks.0.as_ref().filter(|blocks| !blocks.0[0].is_force());
+        let strokes = self.blocks.0.as_ref().filter(|blocks| blocks.0[0].member() == "amplitude");
         let strokes = strokes.map(|_| "/blocks/0/amplitude");
         let given = [
             self.reference_distance.named("/reference_distance"),

@@ -68,6 +68,8 @@ pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Result<Canoni
             return Err(Faults::one("/motion/sliding_amplitude", detail));
         }
         Moves::SlidingAmplitude(sliding.0)
+    } else if let Some(aperture) = motion.loop_aperture.0 {
+        Moves::LoopAperture(aperture.0)
     } else if let Some(amplitude) = motion.amplitude.0 {
         Moves::Amplitude(twelve_digits(amplitude.0))
     } else if let Some(force) = motion.tangential_force.0 {
@@ -112,6 +114,7 @@ fn check(motion: &CanonicalMotion, pressed: &UnwornContact) -> Result<(), Faults
 fn parts(motion: &CanonicalMotion) -> Vec<(String, Moves)> {
     let pointer = |moves: &Moves, place: &str| match moves {
         Moves::TangentialForce(_) => format!("/motion{place}/tangential_force"),
+        Moves::LoopAperture(_) => format!("/motion{place}/loop_aperture"),
         _ => format!("/motion{place}/amplitude"),
     };
     match &motion.moves {

@@ -36,7 +36,7 @@ pub(super) struct CanonicalMotion {
     /// What lies between the contact and the place of its amplitude.
     #[serde(flatten)]
     pub(super) reference: Option<Reference>,
-    /// Blocks and records do not say what is held.
+    /// Apertures, blocks and records do not say what is held.
     #[serde(skip_serializing_if = "Option::is_none")]
     held: Option<MotionHeld>,
 }
@@ -47,6 +47,7 @@ pub(super) struct CanonicalMotion {
 pub(super) enum Moves {
     Amplitude(f64),
     SlidingAmplitude(f64),
+    LoopAperture(f64),
     TangentialForce(f64),
     Blocks(Vec<held::Block>),
     Reversals(Vec<f64>),
@@ -54,11 +55,12 @@ pub(super) enum Moves {
 
 impl From<&held::Block> for Moves {
     fn from(block: &held::Block) -> Self {
-        if block.is_force() {
-            Self::TangentialForce(block.held())
-        } else {
-            Self::Amplitude(block.held())
-        }
+        let kind = match block.member() {
+            "tangential_force" => Self::TangentialForce,
+            "loop_aperture" => Self::LoopAperture,
+            _ => Self::Amplitude,
+        };
+        kind(block.held())
     }
 }
 
@@ -67,7 +69,7 @@ impl CanonicalMotion {
         let held = match moves {
             Moves::Amplitude(_) | Moves::SlidingAmplitude(_) => Some(MotionHeld::Amplitude),
             Moves::TangentialForce(_) => Some(MotionHeld::TangentialForce),
-            Moves::Blocks(_) | Moves::Reversals(_) => None,
+            Moves::LoopAperture(_) | Moves::Blocks(_) | Moves::Reversals(_) => None,
         };
         Self { moves, reference, held }
     }
@@ -129,6 +131,9 @@ impl CanonicalMotion {
                 Ok((Held::Sliding(amplitude / pressed.slip), 1.0))
             }
             Moves::TangentialForce(force) => pressed.under_force(*force),
+            Moves::LoopAperture(aperture) => {
+                Ok(pressed.at_aperture(*aperture, self.series(pressed)))
+            }
             Moves::Amplitude(amplitude) => Ok(match (self.series(pressed), self.reference) {
                 (Some(series), _) => {
                     let stroke = amplitude / pressed.slip;
@@ -147,7 +152,10 @@ impl CanonicalMotion {
         let given = match &self.moves {
             Moves::SlidingAmplitude(amplitude) => return *amplitude,
             Moves::Amplitude(amplitude) => Some(*amplitude),
-            Moves::Blocks(blocks) if !blocks[0].is_force() => Some(blocks[0].held()),
+            Moves::Blocks(blocks) => {
+                let first = Self::new((&blocks[0]).into(), self.reference);
+                return first.amplitude(pressed, threshold);
+            }
             _ => None,
         };
         if pressed.length.is_none() {
@@ -157,7 +165,10 @@ impl CanonicalMotion {
         }
         let series = self.series(pressed);
         let stroke = |series: Series| series.stroke(&pressed.shape, threshold) * pressed.slip;
-        let stroke = given.unwrap_or_else(|| series.map_or(f64::NAN, stroke));
+        let mut stroke = given.unwrap_or_else(|| series.map_or(f64::NAN, stroke));
+        if let (Moves::LoopAperture(aperture), Some(series)) = (&self.moves, series) {
+            stroke += series.at_aperture(&pressed.shape, aperture / pressed.slip).1 * pressed.slip;
+        }
         stroke - series.map_or(0.0, |series| series.rig()) * threshold * pressed.slip
     }
 

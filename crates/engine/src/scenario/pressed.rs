@@ -5,8 +5,9 @@ use std::f64::consts::FRAC_PI_2;
 use super::indenter::Indenter;
 use super::load::{CanonicalLoad, CanonicalModuli, press};
 use crate::case;
-use crate::contact::control::{Held, Normal};
+use crate::contact::control::{Held, Normal, at_aperture};
 use crate::contact::profile::Shape;
+use crate::contact::reference::Series;
 use crate::numeric::{integrate, root};
 use crate::request::changing::Changing;
 use crate::request::fault::Faults;
@@ -123,6 +124,23 @@ impl UnwornContact {
         };
         let threshold = self.threshold(self.slip * root(0.0, amplitude, missing));
         (Held::Rig { amplitude, compliance }, threshold)
+    }
+
+    /// The held aperture of a loop, and Δ or θ there. A reference of a line contact determines what yields between its
+    /// points.
+    pub(super) fn at_aperture(&self, aperture: f64, reference: Option<Series>) -> (Held, f64) {
+        let (aperture, most) = (aperture / self.slip, self.shape.half_force());
+        let threshold = if self.length.is_some() {
+            reference.unwrap_or(Series::FAR).at_aperture(&self.shape, aperture).0
+        } else {
+            let backbone = |half: f64| {
+                let force = 2.0 * self.friction * self.force * half;
+                if half < most { self.threshold_under(force) } else { 1.0 }
+            };
+            let (half, slip) = at_aperture(aperture, most, backbone);
+            backbone(half) + slip
+        };
+        (Held::Aperture(aperture), threshold)
     }
 
     /// N₀ = a₀/(4 U k_w E*), (18), or a₀/(4 k_w μ F) of a line contact.

@@ -28,8 +28,12 @@ pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Result<Canoni
     if let Some(Blocks(blocks)) = &motion.blocks.0 {
         let moving = blocks.iter().enumerate().filter(|(_, block)| block.held() > 0.0);
         for (index, block) in moving {
-            let pointer = format!("/motion/blocks/{index}/amplitude");
-            resolved(block.held(), false, pressed, &pointer)?;
+            let pointer = format!("/motion/blocks/{index}/{}", block.member());
+            let amplitude = match block.loop_aperture.0 {
+                Some(aperture) => pressed.at_aperture(aperture.0, None).1 * pressed.slip,
+                None => block.held(),
+            };
+            resolved(amplitude, false, pressed, &pointer)?;
         }
         return Ok(CanonicalMotion::new(Moves::Blocks(merged(blocks)), None));
     }
@@ -38,6 +42,11 @@ pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Result<Canoni
         let record = record_of(&reversals)?;
         resolved(record.amplitude, false, pressed, "/motion/reversals")?;
         return Ok(CanonicalMotion::new(Moves::Reversals(around_zero(reversals)), None));
+    }
+    if let Some(aperture) = motion.loop_aperture.0 {
+        let amplitude = pressed.at_aperture(aperture.0, None).1 * pressed.slip;
+        resolved(amplitude, false, pressed, "/motion/loop_aperture")?;
+        return Ok(CanonicalMotion::new(Moves::LoopAperture(aperture.0), None));
     }
     let (amplitude, pointer) = contact_amplitude(motion, pressed)?;
     if let Some(stiffness) = motion.rig_stiffness.0 {

@@ -4,6 +4,7 @@ use super::model_error::{model_error, warning};
 use super::numerical_error;
 use super::recording::{HistoryEntry, Recording};
 use crate::case::{Case, EnergyOutputs, Method, Outputs, SEARCH_EVALUATIONS};
+use crate::contact::control::Held;
 use crate::contact::limit::WIDEST;
 use crate::contact::unworn::Decay;
 use crate::numeric::twelve_digits;
@@ -226,7 +227,11 @@ impl SingleRun {
                 let surface = march.wearing().surface();
                 curves.slip = Curves::of(&case.contact.shape, surface, &first.worn, radii).slip;
             }
-            (curves, unworn.backbone.wind())
+            let found = match *case.control.held() {
+                Held::Aperture(aperture) => unworn.backbone.wind_to(aperture),
+                _ => unworn.backbone.wind(),
+            };
+            (curves, found)
         });
         let entry = HistoryEntry {
             contact_radius: 1.0,

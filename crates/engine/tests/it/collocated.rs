@@ -64,6 +64,8 @@ pub enum Tangential {
     Rig { amplitude: f64, compliance: f64 },
     /// The amplitude Δ and the end time of each block. The last block does not end.
     Blocks(Vec<(f64, f64)>),
+    /// Half of the width of the loop without force.
+    Aperture(f64),
     /// The slip ω as a function of y, and the smallest y at which ω is 0.
     Record { omega: Box<dyn Fn(f64) -> f64>, limit: f64 },
 }
@@ -192,7 +194,22 @@ fn unworn_threshold(problem: &Problem) -> f64 {
             let loose = amplitude - compliance * force(0.0);
             if loose >= 1.0 { loose } else { 1.0 - shape.image(root(0.0, 1.0, excess)) }
         }
+        Tangential::Aperture(aperture) => {
+            threshold_at(*aperture, 1.0, |threshold| force(shape.image_inverse(1.0 - threshold)))
+        }
     }
+}
+
+/// The amplitude Δ of a loop whose width without force is twice the aperture. `most` is the Δ at which the whole contact
+/// slips, and `force` the tangential force up to it. The loop starts back with twice the displacement and force of the
+/// first loading.
+fn threshold_at(aperture: f64, most: f64, force: impl Fn(f64) -> f64) -> f64 {
+    let back = |threshold: f64| {
+        let half = 0.5 * force(threshold);
+        root(0.0, threshold, |at| force(at) - half)
+    };
+    let loose = aperture + 2.0 * back(most);
+    if loose >= most { loose } else { root(0.0, most, |at| at - 2.0 * back(at) - aperture) }
 }
 
 /// Cells of equal width up to `to`, with one point at `at`.
@@ -539,6 +556,7 @@ impl<'a> Run<'a> {
             Tangential::Rig { amplitude, compliance } => root(0.0, *amplitude, |threshold| {
                 threshold + compliance * force(threshold) - amplitude
             }),
+            Tangential::Aperture(aperture) => threshold_at(*aperture, most, force),
         };
         let tangential_force = force(threshold);
         Some(Springs { depth, most, threshold, eta, normal_force, tangential_force })
@@ -899,6 +917,7 @@ fn engine(problem: &Problem, record: Option<&DisplacementRecord>, last: f64) -> 
         Tangential::Rig { amplitude, compliance } => {
             Held::Rig { amplitude: *amplitude, compliance: *compliance }
         }
+        Tangential::Aperture(aperture) => Held::Aperture(*aperture),
         Tangential::Record { .. } => Held::Record(Arc::new(record.expect("a record").clone())),
     };
     let normal = match problem.normal {
@@ -949,6 +968,11 @@ fn the_engine_agrees_with_the_collocated_solver_for_all_held_quantities() {
         ("depth and falling blocks", &paraboloid, Depth, Blocks(vec![(0.75, 1.5), (0.5, 99.0)])),
         ("force and blocks", &paraboloid, Force, Blocks(vec![(0.6, 1.5), (0.75, 99.0)])),
         ("depth and record", &paraboloid, Depth, waves),
+        ("force and aperture", &paraboloid, Force, Tangential::Aperture(0.2)),
+        ("depth and aperture", &paraboloid, Depth, Tangential::Aperture(0.2)),
+        ("force and aperture, gross slip", &paraboloid, Force, Tangential::Aperture(1.0)),
+        ("depth and aperture, gross slip", &paraboloid, Depth, Tangential::Aperture(1.0)),
+        ("force and aperture, gross slip of a cone", &cone, Force, Tangential::Aperture(2.0)),
     ] {
         let problem = held(shape.clone(), normal, tangential);
         agree(name, &problem, &record);
@@ -958,7 +982,9 @@ fn the_engine_agrees_with_the_collocated_solver_for_all_held_quantities() {
 /// Compares the run of the engine with the run of the collocated solver.
 fn agree(name: &str, problem: &Problem, record: &DisplacementRecord) {
     let instants = [0.25, 1.0, 4.0];
-    let pair = Pair::run(problem, CELLS, &instants);
+    // The aperture hangs on the springs next to the stick edge.
+    let fine = matches!(problem.tangential, Tangential::Aperture(_));
+    let pair = Pair::run(problem, if fine { 2 * CELLS } else { CELLS }, &instants);
     let (contact, mut march) = engine(problem, Some(record), 4.0);
     let mut expected: [Vec<f64>; 8] = Default::default();
     for (instant, state) in instants.into_iter().zip(&pair.fine.states) {

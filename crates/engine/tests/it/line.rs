@@ -114,6 +114,7 @@ struct Compared {
     pressure: f64,
     path: f64,
     energy: f64,
+    aperture: f64,
 }
 
 const FRICTION: f64 = 0.6;
@@ -148,7 +149,7 @@ fn compare(
         modulus: std::f64::consts::FRAC_2_PI,
     }
     .solve(hold(&state), elements);
-    let State { centres, widths, pressure, path, energy, .. } = elements;
+    let State { centres, widths, pressure, path, energy, aperture, .. } = elements;
     let surface = run.wearing().surface();
     let curves = Curves::of(&contact.shape, surface, worn, &centres);
     let slip = 4.0 * FRICTION * worn.threshold;
@@ -171,6 +172,7 @@ fn compare(
         pressure: (apart / ring).sqrt() / mean,
         path: (far / load).sqrt() / most,
         energy: (found / energy - 1.0).abs(),
+        aperture: aperture / FRICTION,
     }
 }
 
@@ -219,6 +221,35 @@ fn boundary_elements_find_the_pressure_and_the_slip_of_worn_contacts() {
                     "{name}: {}",
                     fine.pressure
                 );
+            }
+        }
+    }
+}
+
+/// A loop of the given aperture has this aperture in boundary elements, and the same energy and slip.
+#[test]
+fn boundary_elements_find_the_held_aperture_of_worn_contacts() {
+    const REACH: f64 = 12.0;
+    for shape in [Shape::line_power(2.0), Shape::line_power(1.0), Shape::punch(0.5)] {
+        for aperture in [0.05, 2.0] {
+            let series = points_at(REACH);
+            let (threshold, _) = series.at_aperture(&shape, aperture);
+            let contact = Contact::new(shape.clone(), threshold).expect("scales");
+            let contact = contact.measured_against(Some(series));
+            let control = held(control::Held::Aperture(aperture), &contact);
+            for time in [1e-6, 0.3, 1.0] {
+                let mut run = started(&contact, &control, time);
+                let of_stroke = |state: &MarchState| Held::Stroke {
+                    amplitude: FRICTION * state.worn.stroke,
+                    reference: REACH,
+                    rig_stiffness: None,
+                };
+                let found = compare((&contact, &mut run), time, (of_stroke, 120));
+                let name = format!("{shape:?} {aperture} {time}");
+                let apart = (found.aperture / aperture - 1.0).abs();
+                assert!(apart < 2e-3 && found.energy < 2e-3, "{name}: {apart} {}", found.energy);
+                assert!(found.path < 5e-4, "{name}: {}", found.path);
+                assert!(found.pressure < 0.06, "{name}: {}", found.pressure);
             }
         }
     }

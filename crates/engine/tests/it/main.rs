@@ -9,6 +9,7 @@
 )]
 
 mod anything;
+mod aperture;
 mod balances;
 mod changes;
 mod collocated;

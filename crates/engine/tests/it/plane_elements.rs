@@ -80,6 +80,8 @@ pub struct State {
     pub half_width: f64,
     /// The half-width c of the middle that sticks, to the width of an element; 0 in gross slip.
     pub stick_half_width: f64,
+    /// The displacement at which the force is zero on the way back from the end of a held stroke.
+    pub aperture: f64,
 }
 
 /// Load steps from one end of the stroke to the other.
@@ -123,6 +125,8 @@ impl Contact {
         assert_eq!(pressure[count - 1], 0.0, "the contact is wider than the elements");
         let half_width = pressure.iter().rposition(|p| *p > 0.0).map_or(0.0, |i| nodes[i + 1]);
 
+        let without_force = Condition { target: 0.0, ..held_force.clone() };
+        let mut reach = None;
         let (amplitude, condition) = match held {
             Held::Force(amplitude) => (amplitude, &mut held_force),
             Held::Stroke { amplitude, reference, rig_stiffness } => {
@@ -130,6 +134,7 @@ impl Contact {
                 let surface = elements.surface(reference);
                 let weights = total.iter().zip(&surface).map(|(width, u)| yielding * width - u);
                 held_force = Condition { weights: weights.collect(), share: 1.0, target: 0.0 };
+                reach = Some(surface);
                 (amplitude, &mut held_force)
             }
         };
@@ -157,6 +162,8 @@ impl Contact {
                 traction = dragged.traction;
             }
         }
+        let back = elements.bounded(&slip, [&lower, &upper], &without_force, &mut sides);
+        let aperture = reach.map_or(f64::NAN, |surface| back.rigid - dot(&surface, &back.traction));
         let [_, first, energy] = energies;
         assert!((energy - first).abs() <= 1e-6 * first, "{first} and {energy} in two cycles");
         let slips = TOLERANCE * path.iter().copied().fold(0.0, f64::max);
@@ -170,6 +177,7 @@ impl Contact {
             pressure,
             path,
             energy,
+            aperture,
         }
     }
 }
@@ -206,6 +214,7 @@ fn first(z: f64) -> f64 {
 }
 
 /// The condition that fixes the rigid displacement δ: weights·traction + share·δ = target.
+#[derive(Clone)]
 struct Condition {
     weights: Vec<f64>,
     share: f64,
@@ -224,6 +233,8 @@ struct Solution {
     traction: Vec<f64>,
     /// offset + u − δ, integrated over each element.
     residual: Vec<f64>,
+    /// The rigid displacement δ.
+    rigid: f64,
 }
 
 struct Elements {
@@ -285,7 +296,7 @@ impl Elements {
                 sides[i] = Side::Lower;
             }
             let solution = self.on_sides(offset, [lower, upper], condition, sides);
-            let Solution { traction, residual } = &solution;
+            let Solution { traction, residual, .. } = &solution;
             let mean = |i: usize| residual[i] / self.widths[i];
             let slack = TOLERANCE * (0..sides.len()).map(|i| mean(i).abs()).fold(0.0, f64::max);
             let change = |i: usize| match sides[i] {
@@ -347,7 +358,7 @@ impl Elements {
                 _ => offset[i] + dot(&self.compliance[i], &traction) - rigid * self.widths[i],
             })
             .collect();
-        Solution { traction, residual }
+        Solution { traction, residual, rigid }
     }
 }
 

@@ -429,8 +429,9 @@ impl MeshRun {
         let Self { wearing, rkc, .. } = self;
         let cells = wearing.springs.mesh.widths.len();
         let worn = wearing.worn(&rkc.values);
-        // If friction falls during the block, the edge moves inwards.
-        let stick = if wearing.contact.changes_friction() {
+        // If friction falls during the block, or an aperture is held, the edge moves inwards.
+        let moves_in = matches!(block.held, Held::Aperture(_));
+        let stick = if moves_in || wearing.contact.changes_friction() {
             0.0
         } else {
             wearing.stick_edge(&rkc.values, &worn)

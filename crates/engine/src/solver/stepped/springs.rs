@@ -23,7 +23,7 @@
 
 use super::mesh::Mesh;
 use super::prior::PriorWear;
-use crate::contact::control::{Block, Control, Held, Normal};
+use crate::contact::control::{Block, Control, Held, Normal, at_aperture};
 use crate::contact::geometry::Geometry;
 use crate::contact::reference::Series;
 use crate::contact::unworn::Contact;
@@ -120,9 +120,13 @@ impl Springs {
     }
 
     /// A safety factor of the error estimate. If the stick edge moves inwards, both meshes have a
-    /// common error, which their difference does not contain.
+    /// common error, which their difference does not contain. If an aperture is held, a flat core starts to slip in steps.
     pub(crate) fn error_safety_factor(&self) -> f64 {
-        if self.moves_in { 1.5 } else { 1.0 }
+        match self.block.held {
+            Held::Aperture(_) if self.margin() > 0.0 => 3.0,
+            _ if self.moves_in => 1.5,
+            _ => 1.0,
+        }
     }
 
     /// Slip ω of a spring without contact.
@@ -222,6 +226,7 @@ impl Springs {
                 self.middle = amplitude;
                 1.0
             }
+            Held::Aperture(_) => self.threshold_at_aperture(amplitude),
             Held::Threshold if self.mesh.geometry == Geometry::Line && amplitude >= 1.0 => {
                 self.slides = true;
                 1.0
@@ -249,7 +254,7 @@ impl Springs {
     /// The stroke of a line contact in μh₀. NaN without a reference.
     pub(crate) fn stroke(&self) -> f64 {
         let held = self.block.stroke().map(|stroke| stroke / self.friction);
-        held.unwrap_or_else(|| self.moved(self.threshold).0)
+        held.unwrap_or_else(|| self.moved(self.threshold).0 + self.middle)
     }
 
     /// The approach of a line contact in h₀: what all springs in series yield under the load. NaN if the distance of the
@@ -307,6 +312,27 @@ impl Springs {
             threshold = next;
         }
         threshold
+    }
+
+    /// Δ or θ at the aperture of a loop. If the whole contact slips, the middle slips by the rest.
+    fn threshold_at_aperture(&mut self, aperture: f64) -> f64 {
+        if self.mesh.geometry == Geometry::Line {
+            let weights = self.stroke.as_ref().map_or(&self.mesh.weights, |(springs, _)| springs);
+            let slipping = |force: f64| {
+                let springs = self.compressions.iter().zip(weights);
+                springs.map(|(y, weight)| weight * (force - y).max(0.0)).sum()
+            };
+            let (force, middle) = at_aperture(aperture, 1.0, slipping);
+            self.middle = middle;
+            return force;
+        }
+        let most = self.normal();
+        let backbone = |half: f64| {
+            let below = (half < most).then(|| self.threshold_under(0.0, half));
+            below.flatten().unwrap_or_else(|| self.most())
+        };
+        let (half, slip) = at_aperture(aperture, most, backbone);
+        backbone(half) + slip
     }
 
     /// The depth d at which r₀·d + Σ D (d − g)₊ gives the constant force.
