@@ -125,7 +125,15 @@ pub const WORDS: [Word; 7] = [
     Word { name: "held", values: &["depth", "force"], pointer: "/scenario/load/held" },
     Word {
         name: "motion",
-        values: &["amplitude", "tangential_force", "rig", "blocks", "reversals", "sliding", "aperture"],
+        values: &[
+            "amplitude",
+            "tangential_force",
+            "rig",
+            "blocks",
+            "reversals",
+            "sliding",
+            "aperture",
+        ],
         pointer: "/scenario/motion",
     },
 ];
