@@ -500,7 +500,7 @@ fn the_recipes_name_what_is_in_the_files() {
         ("crates/engine/src/simulation/recording.rs", &["fn record(", "HistoryEntry"]),
         ("crates/engine/src/scenario/mod.rs", &["NUMERICS"]),
         ("crates/job/src/outline.rs", &["scalars!", "SCALARS"]),
-        ("crates/engine/src/contact/control.rs", &["Tangential", "tends_to"]),
+        ("crates/engine/src/contact/control.rs", &["enum Held", "tends_to"]),
         ("crates/engine/src/request/indenter.rs", &["enum Profile"]),
         ("crates/engine/src/scenario/indenter.rs", &["enum Form"]),
         ("crates/engine/src/contact/profile.rs", &["enum ShapeKind"]),

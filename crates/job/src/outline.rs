@@ -243,7 +243,7 @@ mod tests {
         ] {
             let [words, scalars] = outline(&json!({"motion": motion}));
             assert_eq!((&words["geometry"], &words["motion"]), (&json!("line"), &json!(kind)));
-            let is_known = motion.get("tangential_force").is_none() && kind != "blocks"
+            let is_known = !["tangential_force", "aperture", "blocks"].contains(&kind)
                 || motion.get("reference_distance").is_some();
             assert_eq!(scalars["amplitude"].is_number(), is_known, "{motion} {scalars:?}");
             assert_eq!(scalars["tangential_modulus"], Value::Null);

@@ -30,12 +30,6 @@
 //! K is ∫ L ds/(s √(L²−s²)) or ∫ ds/s over the spring; C is what yields outside the mesh
 //! ```
 //!
-//! The aperture δ of a loop is half of its width without force. By Masing's rule it follows from the displacement g(Q) at
-//! which the force grows to Q for the first time. What is linear in Q, such as a rig, does not change it:
-//! ```text
-//! δ = g(Q) − 2g(Q/2),  or with Q = μF and the slip σ₀ of the middle  δ = σ₀ + g(μF) − 2g(μF/2)
-//! ```
-//!
 //! # Sources
 //! The principle of Cattaneo and Mindlin, (10). The limiting states follow from (11) with the
 //! constant load.
@@ -72,20 +66,6 @@ pub enum Held {
     Sliding(f64),
     /// The aperture of the loop, in the unit of Δ, or in μh₀ of a line contact.
     Aperture(f64),
-}
-
-/// The force at which a contact has a loop of this aperture, and the slip of its middle. `most` is the force that friction
-/// carries, and `backbone` the displacement at which the force grows to a value for the first time, which is convex.
-pub(crate) fn at_aperture(aperture: f64, most: f64, backbone: impl Fn(f64) -> f64) -> (f64, f64) {
-    let missing = |force: f64| aperture + 2.0 * backbone(0.5 * force) - backbone(force);
-    let middle = missing(most);
-    if middle >= 0.0 {
-        (most, middle)
-    } else if aperture == 0.0 {
-        (0.0, 0.0)
-    } else {
-        (root(0.0, most, missing), 0.0)
-    }
 }
 
 /// A number of cycles with one held motion.

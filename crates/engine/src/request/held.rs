@@ -120,7 +120,7 @@ impl Block {
                 "is missing. Enter `amplitude` or `loop_aperture`, or, for a line contact, `tangential_force`".to_owned(),
             ),
             (Some(first), Some(second)) => {
-                let detail = format!("cannot be combined with `{first}`. Enter the same single motion in all blocks");
+                let detail = format!("cannot be combined with `{first}`. Enter only one of both in all blocks");
                 (second, detail)
             }
             _ => return Ok(self),

@@ -23,9 +23,9 @@
 
 use super::mesh::Mesh;
 use super::prior::PriorWear;
-use crate::contact::control::{Block, Control, Held, Normal, at_aperture};
+use crate::contact::control::{Block, Control, Held, Normal};
 use crate::contact::geometry::Geometry;
-use crate::contact::reference::Series;
+use crate::contact::reference::{Series, at_aperture};
 use crate::contact::unworn::Contact;
 
 /// Images are computed up to this share beyond the present depth, because the depth can increase at
