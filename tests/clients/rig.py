@@ -118,7 +118,7 @@ def run(browser, amplitude):
     row = page.locator("tr", has=page.locator(f"a[href$='{key}']"))
     expect(row).to_contain_text(title)
     heads = page.locator("thead")
-    for head in ("Regime, unworn", "Amplitude at the contact", "Gross-slip threshold at the contact"):
+    for head in ("Regime, unworn", "Amplitude at the contact or reference, unworn", "Gross-slip threshold at the contact or reference, unworn"):
         expect(heads).to_contain_text(head)
     agree(lengths(row)[-2:], [unworn["amplitude"], unworn[PLACES["contact"]]], 1e-3)
     with urllib.request.urlopen(f"{BASE}/v1/results/{key}/plot.svg") as answer:
@@ -130,6 +130,24 @@ def run(browser, amplitude):
         agree([length for row in rows for length in lengths(row)], [result["history"][name][-1], unworn[name]], 0.002)
     page.context.close()
     return key
+
+
+def line(browser):
+    """The amplitude of a line contact is at its reference."""
+    # No other test gives this run a label.
+    scenario = {**get("/v1/examples/cylinder-on-flat")["scenario"], "friction": 0.85}
+    page = browser.page(BASE)
+    page.goto(f"{BASE}/#/new?scenario={json.dumps(scenario)}")
+    expect(page.locator("label[for=motion-amplitude]")).to_have_text("Amplitude at the reference U (half the stroke)")
+    key = get("/v1/jobs", {"scenario": scenario})["key"]
+    for address in (f"#/result/{key}", "#/library"):
+        page.goto(f"{BASE}/{address}")
+        expect(page.locator("h1, th").filter(has_text="U\u00a0at the reference\u00a0=\u00a025\u00a0µm").first).to_be_visible()
+    page.goto(f"{BASE}/#/result/{key}")
+    expect(page.locator("section[aria-label='Fretting loop']")).to_contain_text("Displacement at the reference")
+    page.goto(f"{BASE}/v1/results/{key}/report")
+    expect(page.locator("header")).to_contain_text("U at the reference = 25 µm")
+    page.context.close()
 
 
 def comparison(browser, keys):
@@ -191,6 +209,9 @@ def fretting_map(browser):
             assert regimes == [True, False], (place, force, boundary, regimes)
         page.goto(f"{BASE}/#/result/{key}?kind=regimes")
         figure = page.locator("section[aria-label=Figure]")
+        expect(page.locator("#study thead")).to_contain_text("Regime, unworn")
+        expect(page.locator("section[aria-label=Table]")).to_contain_text("Outputs are those after the last cycle if their heading says no other time.")
+        expect(page.locator("main")).to_contain_text("Thin: the boundary after the last cycle, to within a step of the amplitudes.")
         title = "Amplitude at the actuator U" if place == "actuator" else "Amplitude U"
         expect(figure.locator(".later")).to_be_attached()
         for text in (f"{title} (µm)", "Unworn", "After the last cycle"):
@@ -199,7 +220,7 @@ def fretting_map(browser):
         with urllib.request.urlopen(f"{BASE}/v1/results/{key}/plot.svg?kind=regimes") as answer:
             drawn = re.sub("<[^>]*>", "", answer.read().decode())
         assert ("Amplitude at the actuator (µm)" in drawn) == (place == "actuator"), drawn
-        assert "Thin: the boundary after the last cycle." in drawn, drawn
+        assert "Thin: the boundary after the last cycle, to within a step of the amplitudes." in drawn, drawn
     page.context.close()
 
 
@@ -274,6 +295,7 @@ def main():
     with opened() as browser:
         keys = [run(browser, amplitude) for amplitude in ("3.2", "6.52", "6.6")]
         comparison(browser, keys)
+        line(browser)
         fretting_map(browser)
         page = browser.page(BASE)
         for number in range(40 if "--long" in sys.argv else 6):

@@ -1,5 +1,7 @@
 //! Labels, tags and words: how users name their jobs and find them again. Lists as CSV.
 
+use std::collections::HashMap;
+
 use fretwork_job::{Cost, JobId, Naming};
 use fretwork_store::{Editor, Filter, NewJob, Search, Store};
 use serde_json::{Value, json};
@@ -170,6 +172,7 @@ async fn lists_are_available_as_csv() {
     for amplitude in [2.0, 3.0] {
         server.compute(&ball(amplitude)).await;
     }
+    let mut lists: Vec<HashMap<String, String>> = Vec::new();
     for (list, name) in [("/v1/results", "results"), ("/v1/jobs", "jobs")] {
         let whole = server.get(&format!("{list}?format=csv")).await;
         assert_eq!(whole.header("content-type"), Some("text/csv; charset=utf-8"));
@@ -186,6 +189,9 @@ async fn lists_are_available_as_csv() {
         for cell in [label, "\"a, b\"", key.as_str().unwrap()] {
             assert!(shown[3].contains(cell), "{}", shown[3]);
         }
+        // The numbers are at the end, behind texts with commas.
+        let cells = shown[0].rsplit(',').zip(shown[1].rsplit(','));
+        lists.push(cells.map(|(name, cell)| (name.to_owned(), cell.to_owned())).collect());
         let accepts = [("Accept", "text/csv")];
         let negotiated = server.send("GET", &format!("{list}?comments=none"), &accepts, "").await;
         assert_eq!(text(&negotiated), plain);
@@ -205,6 +211,14 @@ async fn lists_are_available_as_csv() {
         assert_eq!((&json["total"], json[name].as_array().unwrap().len()), (&json!(3), 1));
         assert_eq!(server.get(list).await.json().get("total"), None);
     }
+    // A number with one name is one number: of the unworn contact, or after the last cycle.
+    let [results, jobs] = &lists[..] else { panic!("{lists:?}") };
+    for name in ["regime", "cycles", "wear_volume[m^3]", "wear_depth[m]", "dissipated_energy[J]"] {
+        assert_eq!(jobs[name], results[name], "{name}");
+    }
+    let others = ["created", "key", "label", "owner", "tags"];
+    let both = jobs.keys().filter(|name| results.contains_key(*name));
+    assert_eq!(both.filter(|name| !others.contains(&&***name)).count(), 5, "{jobs:?}");
     let listed = server.get("/v1/results?sort=-wear_depth&limit=1").await.json();
     let sorted = server.get("/v1/results?format=csv&comments=none&sort=-wear_depth").await;
     let first = rows(&text(&sorted)).swap_remove(1);

@@ -122,6 +122,28 @@ async fn a_report_has_inputs_numbers_figures_and_the_command_that_computes_it_ag
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_report_of_a_line_contact_says_where_its_amplitudes_are_measured() {
+    let server = Server::start().await;
+    let example = include_str!("../../examples/cylinder-on-flat.json");
+    let mut body: Value = serde_json::from_str(example).unwrap();
+    let report_of = async |body: &Value| {
+        let (key, _) = computed(&server, body).await;
+        content(&read(&report(&server, &key, "").await).root_element())
+    };
+    let html = report_of(&body).await;
+    for said in [
+        "U at the reference = 25\u{a0}µm",
+        "Amplitude at the reference U",
+        "Displacement at the reference u",
+    ] {
+        assert!(html.contains(said), "{html}");
+    }
+    body["scenario"]["motion"] = json!({"blocks": [{"amplitude": "25 um", "cycles": 18000}], "reference_distance": "35.9 mm"});
+    let html = report_of(&body).await;
+    assert!(html.contains("Block 1: amplitude at the reference"), "{html}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn texts_of_users_stay_texts() {
     let server = Server::start().await;
     let mut body = steel_ball();
@@ -159,6 +181,17 @@ async fn each_kind_of_study_has_a_report() {
         assert!(drawn >= figures, "{heading}: {drawn} figures");
         let header = &words(&root, "header")[0];
         assert!(header.contains(heading) && header.contains(", R = "), "{header}");
+        if heading == "Fretting map" {
+            let head = words(&root, "thead").concat();
+            for column in
+                ["Unworn stick ratio", "Regime, unworn", "Wear volume after the last cycle"]
+            {
+                assert!(head.contains(column), "{head}");
+            }
+            let note =
+                "Thin: the boundary after the last cycle, to within a step of the amplitudes.";
+            assert!(content(&root).contains(note));
+        }
         assert!(words(&root, "h2").iter().any(|title| title == section), "{heading}");
         // What a study varies or estimates is no fixed input.
         let fixed = words(&root, "section");

@@ -59,7 +59,7 @@ async fn a_grid_is_drawn_as_a_family_of_curves_or_a_heat_map() {
     let svg = figure(&server, &key, "").await;
     let document = Document::parse(&svg).unwrap();
     let texts = texts(&document);
-    for text in ["Wear volume", "Amplitude (µm)", "μ = 0.5", "μ = 0.7"] {
+    for text in ["Wear volume after the last cycle", "Amplitude (µm)", "μ = 0.5", "μ = 0.7"] {
         assert!(texts.iter().any(|own| own == text), "{text}: {texts:?}");
     }
     let rings = window(&document).children().filter(|node| node.has_tag_name("circle"));
@@ -163,6 +163,10 @@ async fn regimes_end_at_the_boundary_also_where_it_leaves_the_figure() {
         json!({"from": "1 kN", "to": "1 N", "count": 2, "spacing": "log"});
     body["map"]["amplitude"] = json!({"from": "1 um", "to": "10 um", "count": 3, "spacing": "log"});
     let (key, _) = computed(&server, &body).await;
+    let threshold = figure(&server, &key, "kind=heat&output=gross_slip_amplitude").await;
+    for text in ["Gross-slip threshold at the contact after the last cycle", "to within a step"] {
+        assert!(threshold.contains(text), "{threshold}");
+    }
     let svg = figure(&server, &key, "").await;
     let document = Document::parse(&svg).unwrap();
     let texts = texts(&document);

@@ -8,6 +8,7 @@ import json
 import socket
 import socketserver
 import threading
+import time
 import zipfile
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -22,6 +23,8 @@ JOB = {"id": "a", "state": "running", "key": "b", "warnings": []}
 DONE = {**JOB, "state": "succeeded"}
 # Megabytes of zeros in kilobytes.
 BOMB = gzip.compress(bytes(300 << 20))
+# A server that sends a byte every 0.1 s.
+DRIPS = "x-drips: yes"
 Given = tuple[str, str, bytes]
 
 
@@ -54,7 +57,10 @@ class Exchange(socketserver.StreamRequestHandler):
         head = f"HTTP/1.1 {status}\r\nconnection: close\r\ncontent-length: {len(body)}\r\n{headers}\r\n\r\n"
         # A client that does not want more closes the connection.
         with contextlib.suppress(OSError):
-            self.wfile.write(head.encode() + body)
+            self.wfile.write(head.encode() + body[: 1 if DRIPS in headers else None])
+            for byte in body[1:] if DRIPS in headers else b"":
+                time.sleep(0.1)
+                self.wfile.write(bytes([byte]))
 
 
 @pytest.fixture
@@ -92,6 +98,10 @@ def no_job(_: str) -> Given:
     return "200 OK", f"content-type: {JSON}", b"[]"
 
 
+def drip(_: str) -> Given:
+    return "200 OK", f"content-type: {JSON}\r\n{DRIPS}", json.dumps({**DONE, "label": "long" * 1000}).encode()
+
+
 def deep(_: str) -> Given:
     return "200 OK", f"content-type: {JSON}", b"[" * 100_000
 
@@ -127,6 +137,11 @@ CASES: dict[str, tuple[Callable[[str], Given], str]] = {
     "a nested bomb": (nested, "has the encoding 'gzip, gzip'"),
     "a list": (no_job, "something else than a job: '\\[\\]'"),
     "deep JSON": (deep, "is not JSON"),
+    "a byte now and then": (drip, "has not ended after"),
+    "a byte of a line now and then": (
+        after_submission("200 OK", f"{EVENTS}\r\n{DRIPS}", b": " * 1000),
+        "A line of .* has not ended after",
+    ),
     "no stream": (after_submission("200 OK", "content-type: text/html", b"<html>"), "is not a stream of events"),
     "an event with half a job": (
         after_submission("200 OK", EVENTS, b'event: snapshot\ndata: {"state": "succeeded"}\n'),
@@ -149,11 +164,11 @@ def test_a_strange_answer_is_an_error_that_says_what_to_check(
 ) -> None:
     answer, words = CASES[name]
     server = hostile(answer)
-    with Client(server.url, "", progress=False, trust_env=False) as client, pytest.raises(ApiError, match=words):
+    with Client(server.url, "", progress=False, patience=1, trust_env=False) as client, pytest.raises(ApiError, match=words):
         client.run(ball)
 
     async def run() -> Any:
-        async with AsyncClient(server.url, "", trust_env=False) as client:
+        async with AsyncClient(server.url, "", patience=1, trust_env=False) as client:
             return await client.run(ball)
 
     with pytest.raises(ApiError, match=words):
@@ -164,7 +179,7 @@ def test_a_strange_answer_is_an_error_that_says_what_to_check(
 
 def test_an_id_leads_to_no_other_path(hostile: Callable[[Callable[[str], Given]], Hostile]) -> None:
     server = hostile(no_job)
-    with Client(server.url, "", trust_env=False) as client:
+    with Client(server.url, "", trust_env=False) as client, pytest.raises(ApiError, match="something else than a job"):
         client.cancel("../a?b#c")
     assert server.asked[1:] == ["POST /v1/jobs/%2E%2E%2Fa%3Fb%23c/cancel HTTP/1.1"]
 
@@ -192,3 +207,15 @@ def test_something_else_than_outputs_is_an_error(
     server = hostile(lambda _: ("200 OK", f"content-type: {JSON}", body))
     with Client(server.url, "", trust_env=False) as client, pytest.raises(ApiError, match="something else than outputs"):
         client.evaluate(ball, ["wear_volume"])
+
+
+@pytest.mark.parametrize("body", [b"[]", b"null", b"{}", b'{"scenario": 5, "columns": {}, "notes": [], "tables": []}'])
+def test_something_else_than_an_example_or_measured_numbers_is_an_error(
+    body: bytes, hostile: Callable[[Callable[[str], Given]], Hostile]
+) -> None:
+    server = hostile(lambda _: ("200 OK", f"content-type: {JSON}", body))
+    with Client(server.url, "", trust_env=False) as client:
+        with pytest.raises(ApiError, match="something else than an example"):
+            client.example("steel-ball")
+        with pytest.raises(ApiError, match="something else than measured numbers"):
+            client.measurements(__file__)

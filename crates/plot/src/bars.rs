@@ -57,7 +57,7 @@ impl BarChart {
     pub fn svg(&self) -> String {
         let mut canvas = Canvas::default();
         let (area, scale) = self.layout();
-        canvas.title((area.left.min(2.0 * GAP), TITLE), TITLE, &self.title);
+        canvas.title((2.0 * GAP, TITLE), TITLE, self.size.0 - 4.0 * GAP, &self.title);
         if let Some(legend) = self.legend() {
             legend.draw_rows(&mut canvas, (area.left, TITLE * LEADING), area.width);
         }

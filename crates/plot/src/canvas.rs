@@ -1,7 +1,7 @@
 //! SVG elements. Coordinates are px from the upper left corner.
 
 use super::series::{Dash, Mark, Style};
-use super::text::{escape, markup};
+use super::text::{escape, markup, width};
 
 /// A curve may be simplified by this distance in px without a visible change.
 const TOLERANCE: f64 = 0.02;
@@ -106,8 +106,9 @@ impl Canvas {
         self.label(place, anchor, size, label, "");
     }
 
-    /// A bold label.
-    pub fn title(&mut self, place: Point, size: f64, label: &str) {
+    /// A bold label. It is smaller if it is wider than `room` px.
+    pub fn title(&mut self, place: Point, size: f64, room: f64, label: &str) {
+        let size = size.min(room / width(label));
         self.label(place, Anchor::Start, size, label, " font-weight=\"bold\"");
     }
 

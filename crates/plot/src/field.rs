@@ -5,7 +5,7 @@ use super::color::{hex, ink_on, shade};
 use super::contours::contours;
 use super::scale::{Axis, Scale, TICK_ROOM};
 use super::series::{Dash, Style};
-use super::text::{GAP, LABEL, LEADING, SINK, SMALL};
+use super::text::{GAP, LABEL, LEADING, SINK, SMALL, width};
 
 /// Number of different colours in a heat map.
 const COLORS: usize = 64;
@@ -109,7 +109,8 @@ impl Field {
         }
         canvas.text((bar.left, area.top - 0.5 * GAP), Anchor::Start, SMALL, &scale.factor());
         let end = bar.right() + GAP + scale.widest_label() + LABEL + 0.5 * GAP;
-        canvas.upward_text((end, area.at(0.0, 0.5).1), LABEL, &self.scale.label);
+        let size = LABEL.min((area.height + 2.0 * LABEL) / width(&self.scale.label));
+        canvas.upward_text((end, area.at(0.0, 0.5).1), size, &self.scale.label);
     }
 }
 

@@ -305,9 +305,10 @@ impl Figure {
         }
         let below = area.bottom() + SMALL * LEADING + LABEL + GAP;
         let above = area.top - 0.5 * GAP;
-        canvas.title((area.left, corner.1 + TITLE), TITLE, &self.title);
+        let beside = corner.0 + self.size.0 - area.left - GAP;
+        canvas.title((area.left, corner.1 + TITLE), TITLE, beside, &self.title);
         let halfway = area.at(0.0, 0.5).1;
-        // A long label of a low figure is small. Half a pixel is for what rounding moves.
+        // A long label of a small figure is small. Half a pixel is for what rounding moves.
         let size = LABEL.min((2.0 * (halfway - corner.1) - 0.5) / width(&self.y.label));
         canvas.upward_text((corner.0 + LABEL + 2.0, halfway), size, &self.y.label);
         // The powers of ten are at the ends of the axes. Labels that would overlap them are moved.
@@ -315,9 +316,10 @@ impl Figure {
         canvas.text((area.right(), below), Anchor::End, SMALL, &across);
         canvas.text((area.left, above), Anchor::Start, SMALL, &up);
         let room = |factor: &str| if factor.is_empty() { 0.0 } else { width(factor) * SMALL + GAP };
-        let most = area.right() - room(&across) - 0.5 * width(&self.x.label) * LABEL;
-        let middle = area.at(0.5, 0.0).0.min(most);
-        canvas.text((middle, below), Anchor::Middle, LABEL, &self.x.label);
+        let most = area.right() - room(&across);
+        let size = LABEL.min((most - corner.0 - 0.5) / width(&self.x.label));
+        let middle = area.at(0.5, 0.0).0.min(most - 0.5 * width(&self.x.label) * size);
+        canvas.text((middle, below), Anchor::Middle, size, &self.x.label);
         let names = self.x.names(&plan.x, area.width);
         let ends = (room(&up), area.width + 2.0 * GAP);
         for (x, name) in apart(names, ends, |name| width(name) * SMALL + GAP) {
@@ -365,7 +367,7 @@ impl Sheet {
         let measure = wide * columns as f64;
         let mut y = 0.5 * GAP;
         if !self.title.is_empty() {
-            canvas.title((2.0 * GAP, y + HEADING), HEADING, &self.title);
+            canvas.title((2.0 * GAP, y + HEADING), HEADING, measure, &self.title);
             y += HEADING * LEADING + GAP;
         }
         let indent = self.figures.iter().map(|figure| figure.vertical().1).fold(0.0, f64::max);

@@ -71,6 +71,9 @@ const SIGNED_OFF = { title: "You are signed off", detail: "Your sign-on has ende
 /** Whether the sign-on proxy has ended the session of its user: it refuses the request, or sends the browser to its own page. */
 const isSignedOff = ({ status, type }) => caller()?.key === SIGN_ON && (status === 401 || type === "opaqueredirect");
 
+/** Whether the browser itself has stopped a request. Firefox does so when it leaves the page. If the page stays, it asks again. */
+const isStopped = ({ name }) => name === "AbortError";
+
 /**
  * Sends one request and retries it after a lost connection or a sign-in. A retry is safe: each request reads,
  * is idempotent, or carries an Idempotency-Key. All others have `once`.
@@ -86,9 +89,9 @@ export async function send(path, { method = "GET", body, headers = {}, signal, o
       // `no-cache` revalidates cached results: the result may be deleted or the key revoked.
       response = await fetch(path, { method, body: isFile ? body : body && JSON.stringify(body), headers: all, signal, cache: "no-cache", redirect: "manual" });
     } catch (error) {
-      if (signal?.aborted || error.name === "AbortError") throw error;
+      if (signal?.aborted) throw error;
       if (once) throw new Problem(0, LOST);
-      await reconnect();
+      await (isStopped(error) ? pause(RETRY_MS) : reconnect());
       signal?.throwIfAborted();
       continue;
     }
@@ -107,7 +110,8 @@ export async function get(path, options = {}) {
     try {
       return response.status === 204 ? null : await response.json();
     } catch (error) {
-      if (!(error instanceof TypeError) || options.signal?.aborted) throw error;
+      if (options.signal?.aborted || !(error instanceof TypeError || isStopped(error))) throw error;
+      if (isStopped(error)) await pause(RETRY_MS);
     }
   }
 }

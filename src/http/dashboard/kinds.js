@@ -6,15 +6,12 @@ import { inputAt } from "./units.js";
 export const LENGTHS = { m: 1, mm: 1e-3, um: 1e-6, nm: 1e-9, cm: 1e-2, in: 0.0254, mil: 2.54e-5 };
 const NUMBER = { unit: "", units: {}, si: "" };
 
-/** Sizes in SI that most contacts have, by the unit of the field, and of hardness. Others exist, but another unit is meant more often. */
-const COMMON = { mm: [1e-6, 2], GPa: [1e9, 2e12], hardness: [1e7, 1e11], MPa: [1e7, 1e10], "N/um": [1e5, 1e10], deg: [1e-3, 1.57] };
-
 /** What the number at a pointer of a scenario measures. If the page shows SI units, a number without a unit has the SI unit. */
 export function kindAt(pointer, scenario) {
   // The numbers of a list or range measure what it measures.
   const list = pointer.replace(/\/(\d+|from|to)$/, "");
   const own = (inputAt(pointer, scenario) ?? inputAt(list, scenario))?.[3] ?? NUMBER;
-  return { ...own, common: COMMON[pointer.endsWith("/hardness") ? "hardness" : own.unit] ?? own.usual, ...(si() && { likely: own.unit, unit: own.si }) };
+  return { ...own, ...(si() && { likely: own.unit, unit: own.si }) };
 }
 
 /** All spellings of a unit as one: µm³/(N·m), um3/Nm. */

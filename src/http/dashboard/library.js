@@ -25,7 +25,7 @@ const OPTIONS = {
 const TEXTS = {
   friction: ["Friction coefficient", "0.6..0.8"],
   normal_force: ["Normal force", "50 N..0.2 kN"],
-  amplitude: ["Amplitude at the contact", "..5 µm"],
+  amplitude: ["Amplitude at the contact or reference", "..5 µm"],
   wear_depth: ["Wear depth", "..2 µm"],
   wear_volume: ["Wear volume", "1e-5 mm³.."],
   owner: ["Computed by", ""],

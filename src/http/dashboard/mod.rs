@@ -130,13 +130,13 @@ fn words() -> String {
 }
 
 /// What an input measures, for the form. A plain number has no units, and its usual sizes are the ends of its slider.
-fn measured(measure: Measure) -> Value {
-    let Measure { dimension, units, usual, bare } = measure;
+fn measured(Measure { dimension, units, usual, bare }: Measure) -> Value {
     let names = units.split(", ").filter(|unit| !unit.is_empty());
+    let slide = usual.map(|[from, .., to]| [from, to]);
     let units: Map<String, Value> =
         names.clone().map(|unit| (unit.to_owned(), json!(factor_to_si(unit)))).collect();
     match names.clone().next() {
-        None => json!({"unit": "", "units": {}, "si": "", "slide": usual}),
+        None => json!({"unit": "", "units": {}, "si": "", "slide": slide}),
         Some(unit) => {
             json!({"unit": unit, "units": units, "si": dimension.si(), "usual": usual, "bare": bare})
         }

@@ -6,7 +6,7 @@ import { explained, fill, h, notify, select } from "./dom.js";
 import { kindAt, printed } from "./kinds.js";
 import { outputWords } from "./study-words.js";
 import { understand } from "./typed.js";
-import { cycles, plainWords, WORDS } from "./units.js";
+import { cycles, isLine, plainWords, WORDS } from "./units.js";
 import { choose, distribute, distributionOf, DISTRIBUTIONS, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied, varyAll } from "./vary.js";
 import { OUTPUTS as ALL } from "./words.js";
 
@@ -138,7 +138,7 @@ export function drawPlan(card, names, all, scenario, study, { changed, redraw, c
 
 /** The place of the amplitudes of a map: at the contact, the map has no rig, and the scenario has the amplitude of its contact. */
 function drawPlace(scenario, study, chosen) {
-  const field = select({ actuator: "At the actuator", contact: "At the contact (leaves the rig out)" }, study.rig ? "contact" : "actuator", { id: "amplitudes-at", onchange: async () => {
+  const field = select({ actuator: "At the actuator", contact: `At the ${isLine(scenario.profile) ? "reference" : "contact"} (leaves the rig out)` }, study.rig ? "contact" : "actuator", { id: "amplitudes-at", onchange: async () => {
     const { rig } = study;
     const { unworn } = rig ? {} : await post("/v1/scenarios", { scenario }).catch(({ message }) => notify(message)) ?? {};
     if (!rig && !unworn) return chosen();

@@ -188,7 +188,8 @@ export class StudyFigure {
     this.#chart.show(kind === "regimes" ? view.hints.regions.title : view.title(output), plane(view, { across: over, up: by, output: kind === "heat" ? output : null, rows,
       boundary: edge(amplitude), later: edge(regions?.later), regions, known: [own, ...points].filter(({ x, y }) => Number.isFinite(x) && Number.isFinite(y)) }), { tall: true });
     this.#note.textContent = `◆ Scenario of the study: ${[over, by].map((name) => `${view.title(name)} = ${quantity(valueAt(view.scenario, name), view.units[name])}`).join(", ")}.${
-      view.boundary && kind === "heat" ? ` Dashed: ${regions.label}.` : ""}`;
+      view.boundary && kind === "heat" ? ` Dashed: ${regions.label}.` : ""}${
+      table?.[regions?.later] ? " Thin: the boundary after the last cycle, to within a step of the amplitudes." : ""}`;
   }
 
   /** Offers the runs of the points of the curves at `x`. */

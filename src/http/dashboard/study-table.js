@@ -74,7 +74,7 @@ export class StudyTable {
       : more > 0 ? `${cycles(shown.length)} of ${cycles(count)} rows.` : "";
     const focused = /** @type {HTMLElement} */ (document.activeElement)?.dataset?.column;
     this.element.replaceChildren(...[h("h2", {}, "Table"),
-      h("p", { class: "muted" }, [note, members.length && count ? "A heading sorts the rows." : "", this.#open ? "A row opens its run, which is then kept in the library." : ""].filter(Boolean).join(" ")),
+      h("p", { class: "muted" }, [note, members.length && count ? "Outputs are those after the last cycle if their heading says no other time. A heading sorts the rows." : "", this.#open ? "A row opens its run, which is then kept in the library." : ""].filter(Boolean).join(" ")),
       h("div", { class: "table", tabIndex: 0, role: "region", "aria-label": "Rows" }, h("table", { id: "study" },
         h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Point"), names.map(head))), h("tbody", {}, shown.map(row)))),
       more > 0 && h("button", { type: "button", onclick: () => {

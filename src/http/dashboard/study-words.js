@@ -21,7 +21,7 @@ export function outputWords(output, scenario = {}) {
 }
 
 /** Other columns of a table. */
-const OTHERS = { reason: "Why it is invalid", regime: "Regime", point: "Point" };
+const OTHERS = { reason: "Why it is invalid", regime: "Regime, unworn", point: "Point" };
 
 /** Title and symbol of a column of the table of a study. */
 export const columnWords = (name, scenario) => (name.startsWith("/") ? inputWords(name, scenario)

@@ -1,7 +1,7 @@
 // The title and the subtitle that describe a result: shape, load, motion, method.
 
 import { get, jobAddress } from "./api.js";
-import { digits, quantity, WORDS } from "./units.js";
+import { digits, placeOf, quantity, WORDS } from "./units.js";
 import { KINDS } from "./words.js";
 
 const MOTIONS = { amplitude: "constant amplitude", sliding: "constant sliding amplitude", aperture: "constant aperture", tangential_force: "constant tangential force", rig: "compliant rig",
@@ -19,7 +19,8 @@ export const entryOf = ({ scenario, scales, unworn, regime }) => ({
   shape: scenario.profile.shape, method: scenario.model.method, regime,
   held: scenario.load.held, motion: motionOf(scenario.motion),
   values: { ...scenario.profile, friction: scenario.friction, normal_force: scales.normal_force,
-    amplitude: unworn.amplitude, tangential_force: unworn.tangential_force, rig_stiffness: scenario.motion.rig_stiffness, actuator: unworn.actuator_amplitude },
+    amplitude: unworn.amplitude, tangential_force: unworn.tangential_force, rig_stiffness: scenario.motion.rig_stiffness, actuator: unworn.actuator_amplitude,
+    loop_aperture: scenario.motion.loop_aperture },
 });
 
 const equation = (letter, value, unit) => typeof value === "number" && `${letter}\u00a0=\u00a0${quantity(value, unit)}`;
@@ -33,16 +34,17 @@ const friction = (value) => (Object(value) === value && value.values
   ? `μ\u00a0=\u00a0${digits(value.values[0])}…${digits(value.values.at(-1))}` : equation("μ", value, "1"));
 
 /** The amplitude that was entered: behind a rig, that of the actuator, U + Q/k. */
-const amplitude = ({ amplitude: contact, actuator, rig_stiffness: stiffness, tangential_force: force }) => (stiffness == null ? equation("U", contact, "m")
-  : equation("U at the actuator", actuator ?? contact + force / stiffness, "m"));
+const amplitude = ({ amplitude: contact, actuator, rig_stiffness: stiffness, tangential_force: force }, place) =>
+  equation(`U${place}`, stiffness == null ? contact : actuator ?? contact + force / stiffness, "m");
 
-const titleOfRun = ({ shape, motion, values }) => `${joined(WORDS[shape], equation("R", values.radius ?? values.edge_radius, "m"),
+const titleOfRun = ({ shape, geometry, motion, values }) => `${joined(WORDS[shape], equation("R", values.radius ?? values.edge_radius, "m"),
   values.radii && `R\u00a0=\u00a0${values.radii.map((radius) => quantity(radius, "m")).join(" and ")}`,
   equation("θ", values.slope_angle, "rad"), typeof values.exponent === "number" && `n\u00a0=\u00a0${digits(values.exponent)}`,
   equation("b", values.flat_radius ?? values.flat_half_width, "m"), equation("length", values.length, "m"))}; ${joined(equation("F", values.normal_force, "N"),
   motion === "tangential_force" ? equation("Q", values.tangential_force, "N")
     // Blocks and records have more than one amplitude.
-    : motion !== "blocks" && motion !== "reversals" && amplitude(values),
+    : equation("δ₀", values.loop_aperture, "m") || motion !== "blocks" && motion !== "reversals" && amplitude(values, placeOf({ profile: { geometry, ...values, shape }, motion: values })),
+  equation("sliding amplitude", values.sliding_amplitude, "m"),
   friction(values.friction))}`;
 
 /** For example "Exact method · Partial slip, unworn · constant depth, constant amplitude". */
@@ -52,8 +54,7 @@ export const subtitle = ({ kind, method, regime, held, motion }) => KINDS[kind] 
 /** A job whose scenario is known but not yet checked, in the form of an entry of `GET /v1/results`. */
 const entryOfScenario = ({ profile, model, load, motion, friction }) => ({
   shape: profile.shape, method: model?.method, held: load.held, motion: motionOf(motion),
-  values: { ...profile, friction, normal_force: load.normal_force, amplitude: motion.amplitude ?? motion.sliding_amplitude, tangential_force: motion.tangential_force,
-    rig_stiffness: motion.rig_stiffness, actuator: motion.amplitude },
+  values: { ...profile, ...motion, friction, normal_force: load.normal_force, actuator: motion.amplitude },
 });
 
 /** The title of a study: the offer that made its design, for example a random sample. */

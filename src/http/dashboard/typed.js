@@ -58,7 +58,7 @@ export function understand(text, kind, isTyped = true) {
   const value = valueOf(read.number, unit);
   const shown = pretty(value);
   // The thousands of a number with a decimal point count if a contact has such a size.
-  const [, most] = kind.usual ?? kind.slide ?? [0, Infinity];
+  const most = (kind.usual ?? kind.slide ?? [Infinity]).at(-1);
   const isOther = isTyped && read.other && (text.includes(",") || Math.abs(read.other) * (factorIn(kind, unit) ?? 1) <= most);
   if (isOther) return { value, note: `Read as ${shown}.`, ...spelling(pretty(valueOf(Number(read.number), unit)), valueOf(read.other, unit)) };
   const meant = suspect(read, unit, kind);
@@ -77,10 +77,10 @@ function suspect({ number, rest }, unit, kind) {
   const share = Number((number / 100).toPrecision(12));
   if (!rest && number > to) return to < 2 && share >= from && share <= to ? { value: share, told: ` (${number} %)` } : {};
   const size = Math.abs(number) * (factorIn(kind, unit) ?? NaN);
-  const [low, most] = kind.usual ?? [];
+  const [low, small, large, most] = kind.usual ?? [];
   const least = rest ? low : kind.bare;
   const isUsual = (si) => si >= least && si <= most;
-  const isCommon = (si) => isUsual(si) && si >= kind.common[0] && si <= kind.common[1];
+  const isCommon = (si) => isUsual(si) && si >= small && si <= large;
   if (!kind.usual || !(size > 0) || isCommon(size)) return undefined;
   const meant = [kind.likely ?? kind.unit, ...Object.keys(kind.units)].find((name) => isCommon(Math.abs(number) * kind.units[name]));
   if (!meant) return isUsual(size) ? undefined : {};

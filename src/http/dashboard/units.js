@@ -44,12 +44,15 @@ export function inputAt(pointer, scenario = {}) {
   });
 }
 
+/** Where the amplitude of a scenario is measured, in words; empty if there is only one place. */
+export const placeOf = (scenario) => (scenario?.motion?.rig_stiffness != null ? " at the actuator" : isLine(scenario?.profile) ? " at the reference" : "");
+
 /** Title and symbol of the input at a pointer of a scenario. */
 export function inputWords(pointer, scenario) {
   const parts = pointer.split("/");
   const last = parts.at(-1).replaceAll("_", " ");
   const [, words, symbol] = inputAt(pointer, scenario) ?? ["", last[0].toUpperCase() + last.slice(1), ""];
-  return { title: parts.filter(isPlace).reduce((text, place) => text.replace("#", String(Number(place) + 1)), words), symbol };
+  return { title: parts.filter(isPlace).reduce((text, place) => text.replace("#", String(Number(place) + 1)), words).replace("@", placeOf(scenario)), symbol };
 }
 
 /** A fraction in percent. */

@@ -64,12 +64,12 @@ def _request(http: httpx.Client | httpx.AsyncClient, step: Request) -> httpx.Req
     return http.build_request(step.method, step.path, params=step.params, headers=step.headers, content=step.content)
 
 
-def _body(response: httpx.Response, step: Request, place: str) -> Body:
+def _body(response: httpx.Response, step: Request, place: str, patience: float) -> Body:
     """What reads the body of an answer: the lines of a stream that was asked for, or the whole."""
     is_stream = response.is_success and response.headers.get("content-type", "").startswith("text/event-stream")
     if step.on_line and is_stream:
-        return Lines(place, response.headers, step.on_line)
-    return Body(place, response.headers)
+        return Lines(place, response.headers, patience, step.on_line)
+    return Body(place, response.headers, patience)
 
 
 def _answer(response: httpx.Response, body: Body) -> Answer:
@@ -88,7 +88,7 @@ class Client:
     FRETWORK_KEY, or the key in the file FRETWORK_KEY_FILE.
     `progress` is False, True (a bar of tqdm, if installed), or a function that receives numbers from 0 to 1. After a lost
     connection, and if the server is busy, the client tries again for `patience` seconds (3 if the server has never answered).
-    `http` are options of `httpx.Client`.
+    An answer that takes longer than that must arrive with 10 kB per second. `http` are options of `httpx.Client`.
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class Client:
                 self._has_answered = True
         response = self._http.send(_request(self._http, step), stream=True)
         with contextlib.closing(response):
-            body = _body(response, step, self.url)
+            body = _body(response, step, self.url, self._operations.patience)
             for part in response.iter_bytes():
                 body.add(part)
                 if body.done:
@@ -212,7 +212,7 @@ class AsyncClient:
                 self._has_answered = True
         response = await self._http.send(_request(self._http, step), stream=True)
         async with contextlib.aclosing(response):
-            body = _body(response, step, self.url)
+            body = _body(response, step, self.url, self._operations.patience)
             async for part in response.aiter_bytes():
                 body.add(part)
                 if body.done:

@@ -33,6 +33,8 @@ Flow = Generator["Request | Pause", "Answer", T]
 Vary = Mapping[str, Sequence[float | str] | Array | Mapping[str, Any]]
 
 FINISHED = ("succeeded", "failed", "canceled")
+# The members of which a job has one.
+KINDS = ("scenario", "sweep", "sensitivity", "map", "fit")
 # Answers after which the same request may succeed: too many requests, a proxy without a server, a server that starts or stops.
 TEMPORARY = (429, 502, 503)
 LONGEST_PAUSE = 5.0
@@ -42,6 +44,8 @@ FIRST_PATIENCE = 3.0
 LARGEST = 1 << 28
 # Longest line of a stream in bytes.
 LONGEST_LINE = 1 << 24
+# An answer may take the patience of the client, and longer if it arrives with so many bytes per second.
+SLOWEST = 10_000
 
 
 @dataclass(frozen=True)
@@ -87,10 +91,11 @@ class Answer:
 
 
 class Body:
-    """Collects the body of an answer, and refuses one that is too large or has an encoding that the client did not ask for."""
+    """Collects the body of an answer. Refuses one that is too large or slow, or has an encoding that was not asked for."""
 
-    def __init__(self, place: str, headers: Mapping[str, str]) -> None:
+    def __init__(self, place: str, headers: Mapping[str, str], patience: float) -> None:
         self.place, self.content, self.done = place, bytearray(), False
+        self.patience, self.began = max(patience, FIRST_PATIENCE), 0.0
         encoding = headers.get("content-encoding", "identity").strip().lower()
         if encoding not in ("gzip", "identity"):
             raise ApiError(0, f"The answer of {place} has the encoding {encoding[:40]!r}, which the client did not ask for", [])
@@ -98,23 +103,32 @@ class Body:
     def add(self, part: bytes) -> None:
         """Adds the next bytes."""
         self.content += part
-        if len(self.content) > LARGEST:
-            raise ApiError(0, f"The answer of {self.place} has more than {LARGEST >> 20} MiB. Check FRETWORK_URL", [])
+        self.check(part, f"The answer of {self.place}", LARGEST)
+
+    def check(self, part: bytes, name: str, most: int) -> None:
+        """Refuses more bytes, or too few in the time since the first of them, which is in `part` if there are no others."""
+        count = len(self.content)
+        if count <= len(part):
+            self.began = time.monotonic()
+        spent = time.monotonic() - self.began
+        if count > most:
+            raise ApiError(0, f"{name} has more than {most >> 20} MiB. Check FRETWORK_URL", [])
+        if spent > self.patience + count / SLOWEST:
+            raise ApiError(0, f"{name} has not ended after {spent:.0f} s. Check FRETWORK_URL, or raise `patience`", [])
 
 
 class Lines(Body):
     """Hands the lines of a stream to a function until it returns True."""
 
-    def __init__(self, place: str, headers: Mapping[str, str], on_line: Callable[[str], bool]) -> None:
-        super().__init__(place, headers)
+    def __init__(self, place: str, headers: Mapping[str, str], patience: float, on_line: Callable[[str], bool]) -> None:
+        super().__init__(place, headers, patience)
         self.on_line = on_line
 
     def add(self, part: bytes) -> None:
         """Reads the next bytes."""
         *lines, rest = (self.content + part).split(b"\n") if b"\n" in part else [self.content + part]
         self.content = rest
-        if len(rest) > LONGEST_LINE:
-            raise ApiError(0, f"A line of {self.place} has more than {LONGEST_LINE >> 20} MiB. Check FRETWORK_URL", [])
+        self.check(part, f"A line of {self.place}", LONGEST_LINE)
         self.done = self.done or any(self.on_line(line.decode(errors="replace").rstrip("\r")) for line in lines)
 
 
@@ -276,10 +290,16 @@ def _has_texts(value: Any, *names: str) -> bool:
     return isinstance(value, dict) and all(isinstance(value.get(name), str) for name in names)
 
 
+def _strange(expected: str, answer: Any) -> ApiError:
+    """The exception for JSON that no server of fretwork answers."""
+    said = str(answer)[:200]
+    return ApiError(200, f"The server answered with something else than {expected}: {said!r}. Check FRETWORK_URL", [])
+
+
 def _job(job: Any) -> api.Job:
     """The job of an answer."""
     if not _has_texts(job, "id", "state", "key") or (job.get("error") and not _has_texts(job["error"], "title", "detail")):
-        raise ApiError(200, f"The server answered with something else than a job: {str(job)[:200]!r}. Check FRETWORK_URL", [])
+        raise _strange("a job", job)
     return cast(api.Job, job)
 
 
@@ -300,9 +320,7 @@ class Operations:
         answer: Any = yield from post("/v1/evaluate", body, self.patience)
         parts = [answer.get(name, {}) for name in ("outputs", "units", "reasons")] if isinstance(answer, dict) else []
         if not parts or not parts[0] or not all(isinstance(part, dict) for part in parts):
-            raise ApiError(
-                200, f"The server answered with something else than outputs: {str(answer)[:200]!r}. Check FRETWORK_URL", []
-            )
+            raise _strange("outputs", answer)
         return Evaluation(*parts)
 
     def sweep(
@@ -379,7 +397,10 @@ class Operations:
 
     def example(self, name: str) -> Flow[api.JobBody]:
         """One of the examples of the server, such as `steel-ball`."""
-        return cast(api.JobBody, (yield from get(f"/v1/examples/{_part(name)}", self.patience)).json())
+        body = (yield from get(f"/v1/examples/{_part(name)}", self.patience)).json()
+        if not isinstance(body, dict) or not any(isinstance(body.get(kind), dict) for kind in KINDS):
+            raise _strange("an example", body)
+        return cast(api.JobBody, body)
 
     def jobs(self, /, **search: str | int) -> Flow[list[api.Job]]:
         """Jobs, the newest first. `search` has parameters of `GET /v1/jobs`, such as `state="running"` or `limit=200`."""
@@ -391,7 +412,7 @@ class Operations:
 
     def cancel(self, job_id: str) -> Flow[api.Job]:
         """Cancels a job. Its run stops if no other job needs it."""
-        return cast(api.Job, (yield from post(f"/v1/jobs/{_part(job_id)}/cancel", {}, self.patience)))
+        return _job((yield from post(f"/v1/jobs/{_part(job_id)}/cancel", {}, self.patience)))
 
     def derivatives(self, run: Run | str, outputs: Sequence[str], parameters: Sequence[str]) -> Flow[list[api.Derivative]]:
         """Derivatives of the outputs of a run, or of its key, with respect to numbers of its scenario (JSON pointers)."""
@@ -410,7 +431,11 @@ class Operations:
             content = pathlib.Path(file).read_bytes()
         headers = {"content-type": "application/octet-stream"}
         request = Request("POST", "/v1/measurements", _words(options), headers, content)
-        return cast(api.Measured, (yield from send(request, self.patience)).json())
+        found = (yield from send(request, self.patience)).json()
+        lists = [found.get(name) for name in ("columns", "notes", "tables")] if isinstance(found, dict) else [None]
+        if not all(isinstance(part, list) for part in lists) or "prepared" not in found:
+            raise _strange("measured numbers", found)
+        return cast(api.Measured, found)
 
     def _compute(self, kind: type[ResultT], name: str, body: Any, label: str | None, tags: Sequence[str]) -> Flow[ResultT]:
         submission: dict[str, Any] = {name: body, "tags": list(tags)} | ({"label": label} if label else {})

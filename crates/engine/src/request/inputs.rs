@@ -2,7 +2,10 @@
 
 use serde_json::Value;
 
-use super::quantity::Dimension;
+use super::quantity::Dimension::{
+    self, Angle, Energy, EnergyWear, Force, Length, Number, Stiffness, Stress, Volume,
+    WearCoefficient,
+};
 
 /// What the number of an input measures.
 #[derive(Debug, Clone, Copy)]
@@ -11,44 +14,45 @@ pub struct Measure {
     pub dimension: Dimension,
     /// The units in which people write it, that of its field first; empty for a plain number.
     pub units: &'static str,
-    /// The least and the largest size in SI that a contact has, or the ends of the slider of a plain number.
-    pub usual: Option<(f64, f64)>,
+    /// Sizes in SI, ascending: the least that a contact has, the range that most contacts have, and the largest that a contact
+    /// has. Beyond the range, another unit is meant more often. The ends are those of the slider of a plain number.
+    pub usual: Option<[f64; 4]>,
     /// The least usual size of a number without a unit.
     pub bare: f64,
 }
 
-const fn measure(dimension: Dimension, units: &'static str, least: f64, most: f64) -> Measure {
-    Measure { dimension, units, usual: Some((least, most)), bare: least }
+const fn measure(dimension: Dimension, units: &'static str, usual: [f64; 4]) -> Measure {
+    Measure { dimension, units, usual: Some(usual), bare: usual[0] }
 }
 
 /// A plain number between these ends.
 const fn between(least: f64, most: f64) -> Measure {
-    measure(Dimension::Number, "", least, most)
+    measure(Number, "", [least, least, most, most])
 }
 
 /// A plain number, or no number.
 const PLAIN: Measure =
-    Measure { dimension: Dimension::Number, units: "", usual: None, bare: f64::NEG_INFINITY };
+    Measure { dimension: Number, units: "", usual: None, bare: f64::NEG_INFINITY };
 const RATIO: Measure = between(0.0, 1.0);
 const FRICTION: Measure = between(0.05, 1.5);
 const MILLI: &str = "mm, m, um, nm, cm, in, mil";
-const RADIUS: Measure = Measure { bare: 5e-5, ..measure(Dimension::Length, MILLI, 1e-6, 100.0) };
-const MICRO: Measure = measure(Dimension::Length, "um, m, mm, nm, cm, in, mil", 1e-10, 2e-3);
-const ANGLE: Measure = measure(Dimension::Angle, "deg, rad, mrad", 1e-5, 1.57);
+const RADIUS: Measure = Measure { bare: 5e-5, ..measure(Length, MILLI, [1e-6, 1e-6, 2.0, 100.0]) };
+const MICRO: Measure = measure(Length, "um, m, mm, nm, cm, in, mil", [1e-10, 1e-10, 2e-3, 2e-3]);
+const ANGLE: Measure = measure(Angle, "deg, rad, mrad", [1e-5, 1e-3, 1.57, 1.57]);
 // MPa comes before the others: it is meant most often by a number that no field has in GPa.
 const GIGA: &str = "GPa, MPa, kPa, Pa, N/mm^2";
-const MODULUS: Measure = measure(Dimension::Stress, GIGA, 1e4, 2e12);
-const STRENGTH: Measure = measure(Dimension::Stress, "MPa, GPa, kPa, Pa, N/mm^2", 1e4, 2e10);
-const HARDNESS: Measure = measure(Dimension::Stress, GIGA, 1e5, 1e12);
+const MODULUS: Measure = measure(Stress, GIGA, [1e4, 1e9, 2e12, 2e12]);
+const STRENGTH: Measure = measure(Stress, "MPa, GPa, kPa, Pa, N/mm^2", [1e4, 1e7, 1e10, 2e10]);
+const HARDNESS: Measure = measure(Stress, GIGA, [1e5, 1e7, 1e11, 1e12]);
 const PER_LOAD: &str = "mm^3/(N m), m^3/(N m), um^3/(N m), mm^2/N, 1/Pa, 1/kPa, 1/MPa, 1/GPa";
-const WEAR: Measure = measure(Dimension::WearCoefficient, PER_LOAD, 1e-20, 1e-10);
+const WEAR: Measure = measure(WearCoefficient, PER_LOAD, [1e-20, 1e-20, 1e-10, 1e-10]);
 const PER_ENERGY: &str = "mm^3/J, m^3/J, um^3/J, mm^3/kJ";
-const ENERGY_WEAR: Measure = measure(Dimension::EnergyWear, PER_ENERGY, 1e-20, 1e-9);
-const FORCE: Measure = measure(Dimension::Force, "N, mN, kN, uN, MN", 1e-6, 1e6);
+const ENERGY_WEAR: Measure = measure(EnergyWear, PER_ENERGY, [1e-20, 1e-20, 1e-9, 1e-9]);
+const FORCE: Measure = measure(Force, "N, mN, kN, uN, MN", [1e-6, 1e-6, 1e6, 1e6]);
 const STIFF: &str = "N/um, N/m, N/mm, kN/mm, MN/m";
-const STIFFNESS: Measure = measure(Dimension::Stiffness, STIFF, 1e2, 1e12);
-const ENERGY: Measure = measure(Dimension::Energy, "J, mJ, kJ, uJ", 1e-9, 1e9);
-const VOLUME: Measure = measure(Dimension::Volume, "mm^3, m^3, um^3, cm^3", 1e-22, 1e-5);
+const STIFFNESS: Measure = measure(Stiffness, STIFF, [1e2, 1e5, 1e10, 1e12]);
+const ENERGY: Measure = measure(Energy, "J, mJ, kJ, uJ", [1e-9, 1e-9, 1e9, 1e9]);
+const VOLUME: Measure = measure(Volume, "mm^3, m^3, um^3, cm^3", [1e-22, 1e-22, 1e-5, 1e-5]);
 
 /// An input of a scenario.
 #[derive(Debug, Clone, Copy)]
@@ -56,7 +60,7 @@ pub struct Input {
     /// Its pointer, with `#` in place of the place in a list. After `?` is a member that the scenario must have: a sibling,
     /// or a pointer. After `=` is its value.
     pub pointer: &'static str,
-    /// The name for people, with `#` in place of the place in a list, counted from 1.
+    /// The name for people, with `#` in place of the place in a list, counted from 1, and `@` where an amplitude says its place.
     pub words: &'static str,
     /// The symbol, with the letters of the equations between `$`; empty if it has none.
     pub symbol: &'static str,
@@ -117,8 +121,7 @@ pub const INPUTS: &[Input] = &[
     input("/load/normal_force", "Normal force", "$F$", FORCE),
     input("/load/indentation_depth", "Indentation depth", "$d$", MICRO),
     input("/load/held", "Load: kept constant", "", PLAIN),
-    input("/motion/amplitude?rig_stiffness", "Amplitude at the actuator", "$U$", MICRO),
-    input("/motion/amplitude", "Amplitude", "$U$", MICRO),
+    input("/motion/amplitude", "Amplitude@", "$U$", MICRO),
     input("/motion/sliding_amplitude", "Sliding amplitude", "", MICRO),
     input("/motion/loop_aperture", "Aperture of the loop", "$δ$₀", MICRO),
     input("/motion/stick_ratio", "Stick ratio", "$c$/$a$₀", RATIO),
@@ -128,7 +131,7 @@ pub const INPUTS: &[Input] = &[
     input("/motion/loop_stiffness", "Loop stiffness", "", STIFFNESS),
     input("/motion/held", "Motion: kept constant", "", PLAIN),
     input("/motion/blocks", "Amplitude blocks", "", PLAIN),
-    input("/motion/blocks/#/amplitude", "Block #: amplitude", "", MICRO),
+    input("/motion/blocks/#/amplitude", "Block #: amplitude@", "", MICRO),
     input("/motion/blocks/#/tangential_force", "Block #: tangential force", "", FORCE),
     input("/motion/blocks/#/loop_aperture", "Block #: aperture of the loop", "", MICRO),
     input("/motion/blocks/#/cycles", "Block #: cycles", "", PLAIN),
@@ -201,11 +204,14 @@ pub fn named(pointer: &str, scenario: &Value) -> (String, &'static str) {
     let Some(input) = Input::at(&parts, scenario) else {
         return (parts[parts.len() - 1].replace('_', " "), "");
     };
+    let at = |pointer, place| scenario.pointer(pointer).map(|_| place);
+    let rig = at("/motion/rig_stiffness", " at the actuator");
+    let place = rig.or_else(|| at("/profile/length", " at the reference")).unwrap_or_default();
     let places = parts.iter().filter_map(|part| part.parse::<usize>().ok());
     let words = places.fold(input.words.to_owned(), |words, place| {
         words.replacen('#', &(place + 1).to_string(), 1)
     });
-    (words, input.symbol)
+    (words.replace('@', place), input.symbol)
 }
 
 /// What the number at a pointer of a scenario measures. The numbers of a list or range measure what it measures.
@@ -238,6 +244,12 @@ mod tests {
         let rig = json!({"motion": {"amplitude": 1e-6, "rig_stiffness": 2e7}});
         assert_eq!(named("/motion/amplitude", rig).0, "Amplitude at the actuator");
         assert_eq!(named("/motion/amplitude", json!({})).0, "Amplitude");
+        let (line, block) = (json!({"profile": {"length": 0.01}}), "/motion/blocks/0/amplitude");
+        assert_eq!(named("/motion/amplitude", line.clone()).0, "Amplitude at the reference");
+        assert_eq!(named(block, line).0, "Block 1: amplitude at the reference");
+        let rig = json!({"profile": {"length": 0.01}, "motion": {"rig_stiffness": 2e7}});
+        assert_eq!(named(block, rig).0, "Block 1: amplitude at the actuator");
+        assert_eq!(named(block, json!({})).0, "Block 1: amplitude");
         assert_eq!(named("/motion/other_number", json!({})), ("other number".to_owned(), ""));
     }
 }

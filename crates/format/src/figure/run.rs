@@ -101,7 +101,7 @@ impl Drawing<'_> {
         let [title, label] = self.quantity.names(is_line);
         let mut figure = match self.quantity.part {
             Part::History => self.history(&label)?,
-            Part::Loops => self.loops(&label)?,
+            Part::Loops => self.loops(&label, is_line)?,
             _ => self.profiles(&label)?,
         };
         axes::choose(&mut figure, &self.view.figure)?;
@@ -185,7 +185,7 @@ impl Drawing<'_> {
         Ok(Figure { x, y, series, ..Figure::default() })
     }
 
-    fn loops(&self, label: &str) -> Result<Figure> {
+    fn loops(&self, label: &str, is_line: bool) -> Result<Figure> {
         let table = self.table()?;
         let column = |name: &str, row: usize| match table.column(name) {
             Some(Values::Matrix(rows)) => rows[row].clone(),
@@ -194,7 +194,8 @@ impl Drawing<'_> {
         let series = self.curves(&table, true, |row| {
             (column("displacement", row), column("tangential_force", row))
         });
-        let x = self.axis("Displacement $u$", "displacement");
+        let place = if is_line { "reference" } else { "contact" };
+        let x = self.axis(&format!("Displacement at the {place} $u$"), "displacement");
         let y = self.axis(label, "tangential_force");
         Ok(Figure { x, y, series, ..Figure::default() })
     }

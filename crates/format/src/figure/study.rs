@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::axes;
 use super::choice::{Choice, Offer};
 use super::grid::{self, Axes, Surface};
-use super::words::{member, output};
+use super::words::{self, member};
 use super::{fit, scatter, tornado};
 use crate::document::Document;
 use crate::error::{Error, Result};
@@ -17,7 +17,7 @@ use fretwork_plot::{Axis, Figure};
 use fretwork_study::{Hints, Kind, Regions, StudyFigure};
 
 /// The note about the boundary after the runs. The legend has no room for it.
-const LATER: &str = " Thin: the boundary after the last cycle.";
+const LATER: &str = " Thin: the boundary after the last cycle, to within a step of the amplitudes.";
 
 /// Maximum number of figures in a report.
 const MOST: usize = 12;
@@ -166,15 +166,10 @@ impl<'a> Study<'a> {
         Axis { log, ..self.axis(&member(name, &self.asked["scenario"]), name) }
     }
 
-    /// The name of an output in words: the quantity, and for example its output cycle.
-    fn in_words(&self, name: &str) -> (String, String) {
-        output(name, &self.asked["scenario"]["cycles"])
-    }
-
     /// The axis and the title of an output.
     fn up(&self, place: usize) -> (Axis, String) {
         let name = &self.offer.outputs[place];
-        let (quantity, rest) = self.in_words(name);
+        let (quantity, rest) = words::output(name, &self.asked["scenario"]);
         (self.axis(&quantity, name), quantity + &rest)
     }
 
@@ -285,7 +280,7 @@ impl<'a> Study<'a> {
         let log = [("x", options.log_x == Some(true)), ("y", options.log_y == Some(true))];
         axes::refuse_logarithms(log, "the bars begin at 0")?;
         let note = tornado::keep_what_fits(&mut chart);
-        let (quantity, rest) = self.in_words(name);
+        let (quantity, rest) = words::output(name, &self.asked["scenario"]);
         chart.title = format!("Sensitivity: {}{rest}", quantity.to_lowercase());
         let groups: Vec<&str> = chart.groups.iter().map(|group| group.label.as_str()).collect();
         let description = format!(

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::notation::{digits, typeset};
-use fretwork_engine::outcome::words_in;
+use fretwork_engine::outcome::{Quantity, words_in};
 use fretwork_engine::request::inputs::named;
 
 /// The name of the number at a pointer of a scenario, with a capital.
@@ -33,9 +33,10 @@ pub fn with_symbol(words: &str, symbol: &str) -> String {
     format!("{words} {symbol}").replace('$', "").trim().to_owned()
 }
 
-/// An output in words. The first text is the quantity. The second text says when or where, such as ` after 1000
-/// cycles`. An output cycle without a unit is in the measure of the member `cycles` of the scenario.
-pub fn output(name: &str, cycles: &Value) -> (String, String) {
+/// An output in words. The first text is the quantity. The second text says when, such as ` after 1000 cycles`. An output
+/// cycle without a unit is in the measure of the member `cycles` of the scenario.
+pub fn output(name: &str, scenario: &Value) -> (String, String) {
+    let (is_line, cycles) = (scenario.pointer("/profile/length").is_some(), &scenario["cycles"]);
     let spaced = |text: &str| text.replace('_', " ");
     if let Some((column, at)) = name.split_once('@') {
         // A name such as `wear_depth@1 mJ` already contains the unit of the energy.
@@ -45,14 +46,17 @@ pub fn output(name: &str, cycles: &Value) -> (String, String) {
             Ok(_) if cycles.get("normalized").is_some() => " normalized cycles",
             Ok(_) => " cycles",
         };
-        return (capital(&spaced(column)), format!(" after {at}{unit}"));
+        return (output(column, scenario).0, format!(" after {at}{unit}"));
     }
     let words = match name.split_once('.') {
         Some(("events", event)) => format!("Cycles until {}", spaced(event)),
         Some((section, column)) => {
-            words_in(section, column, false).map_or_else(|| spaced(name), |[words, _]| words)
+            words_in(section, column, is_line).map_or_else(|| spaced(name), |[words, _]| words)
         }
-        None => capital(&spaced(name)),
+        None => match Quantity::named(name) {
+            Some(own) => return (own.words_of(is_line).into(), " after the last cycle".into()),
+            None => capital(&spaced(name)),
+        },
     };
     (words, String::new())
 }
@@ -94,15 +98,24 @@ mod tests {
         assert_eq!(short("/wear/hardness", &Value::Null), "Hardness");
         assert_eq!(whole("/motion/amplitude", &Value::Null), "Amplitude U");
         let in_words = |name| {
-            let (quantity, rest) = output(name, &json!([1000]));
+            let (quantity, rest) = output(name, &json!({"cycles": [1000]}));
             quantity + &rest
         };
-        let after = |at: &str, cycles| output(&format!("wear_depth@{at}"), &cycles).1;
+        let after =
+            |at: &str, cycles| output(&format!("wear_depth@{at}"), &json!({"cycles": cycles})).1;
         assert_eq!(after("0.01", json!({"dissipated_energy": ["10 mJ"]})), " after 0.01 J");
         assert_eq!(after("0.5", json!({"normalized": [0, 0.5]})), " after 0.5 normalized cycles");
-        assert_eq!(in_words("wear_volume"), "Wear volume");
-        assert_eq!(in_words("wear_depth@1000"), "Wear depth after 1000 cycles");
-        assert_eq!(in_words("wear_depth@1 mJ"), "Wear depth after 1 mJ");
+        assert_eq!(in_words("wear_volume"), "Wear volume after the last cycle");
+        assert_eq!(in_words("wear_depth@1000"), "Largest wear depth after 1000 cycles");
+        assert_eq!(in_words("wear_depth@1 mJ"), "Largest wear depth after 1 mJ");
+        let line = json!({"profile": {"length": 0.01}});
+        let threshold = "Gross-slip threshold at the reference".to_owned();
+        assert_eq!(
+            output("gross_slip_amplitude", &line),
+            (threshold, " after the last cycle".to_owned())
+        );
+        let unworn = output("unworn.gross_slip_amplitude", &line).0;
+        assert_eq!(unworn, "Unworn gross-slip threshold at the reference");
         assert_eq!(in_words("unworn.energy_ratio"), "Unworn energy ratio");
         assert_eq!(in_words("events.rim_reached"), "Cycles until rim reached");
     }

@@ -95,9 +95,8 @@ pub fn title(asked: &[Input], scenario: &Value) -> String {
         let own = ["/profile", "/friction", "/load", "/motion"];
         let symbol = words::symbol(&input.pointer, scenario);
         let is_said = own.iter().any(|own| input.pointer.starts_with(own)) && !symbol.is_empty();
-        let is_behind_rig = input.pointer == "/motion/amplitude"
-            && scenario.pointer("/motion/rig_stiffness").is_some();
-        let place = if is_behind_rig { " at the actuator" } else { "" };
+        let words = words::member(&input.pointer, scenario);
+        let place = words.strip_prefix("Amplitude").unwrap_or_default();
         is_said.then(|| format!("{symbol}{place} = {}", input.text))
     };
     let shape = asked.iter().find(|input| input.pointer == "/profile/shape");

@@ -155,6 +155,8 @@ impl Written<'_> {
         let si = self.units.of(name).unwrap_or("1");
         let is_stated = name == "x" || si == "SI" || !self.units.have(name) && name != "points";
         let is_stated = is_stated && table.column("unit").is_some();
+        // The numbers of a fit are at the cycles in the column `x`.
+        let is_fit = table.column("x").is_some();
         let cell = |row| {
             let unit = if is_stated { stated_unit(table, name, row) } else { si };
             let count = if name == "x" { 6 } else { 3 };
@@ -164,6 +166,7 @@ impl Written<'_> {
                 .filter_map(|end| if let Cell::Number(end) = end { Some(*end) } else { None })
                 .collect();
             match ends[..] {
+                [Cell::Text(text)] if is_fit && name == "output" => output(text, self.scenario).0,
                 [Cell::Text(text)] => self.text(name, text),
                 _ => self.notation.range(&numbers, unit, count),
             }
@@ -172,6 +175,7 @@ impl Written<'_> {
             Some(stem) if column.len() > 1 => format!("{} interval", heading(stem, self.scenario)),
             _ if name == "x" => "Measured at".to_owned(),
             _ if name == "deviation" => "Error of the measurement".to_owned(),
+            _ if name == "regime" => "Regime, unworn".to_owned(),
             _ => heading(name, self.scenario),
         };
         [heading].into_iter().chain((0..rows).map(cell)).collect()
@@ -197,7 +201,7 @@ fn heading(name: &str, scenario: &Value) -> String {
     if name.starts_with('/') {
         return whole(name, scenario);
     }
-    let (quantity, rest) = output(name, &scenario["cycles"]);
+    let (quantity, rest) = output(name, scenario);
     quantity + &rest
 }
 
