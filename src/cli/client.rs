@@ -2,6 +2,7 @@
 
 use std::io::{self, Read as _, Write as _};
 use std::net::IpAddr;
+use std::path::Path;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -15,7 +16,7 @@ use ureq::{Agent, Error as Failure};
 use uuid::Uuid;
 
 use super::listening::reachable;
-use super::printing::{Error, say};
+use super::printing::{Ended, Error, say};
 use super::run::{LARGEST, read};
 use crate::config::Remote;
 
@@ -135,14 +136,16 @@ impl Client {
         Ok(Reply { status, body, retry_after })
     }
 
-    /// Sends a request, and sends it again while the server is busy or restarts. Returns an answer of success. All requests
-    /// may arrive twice: their key makes two submissions one job, and what is canceled twice is canceled.
+    /// Sends a request with the body in a file, and sends it again while the server is busy or restarts. Returns an
+    /// answer of success. All requests may arrive twice: their key makes two submissions one job, and what is canceled
+    /// twice is canceled.
     pub fn call(
         &self,
         method: &str,
         path: &str,
-        body: Option<&[u8]>,
-    ) -> Result<Result<Reply, Refusal>, Error> {
+        body: Option<(&Path, &[u8])>,
+    ) -> Result<Reply, Error> {
+        let (file, body) = body.unzip();
         let once = Uuid::now_v7().to_string();
         let (mut attempt, mut lost) = (0, None);
         loop {
@@ -154,8 +157,13 @@ impl Client {
                     if lost.is_none() {
                         say(&format!("lost {}; trying again for {RESTART:?}", self.base));
                     }
-                    if lost.get_or_insert_with(Instant::now).elapsed() > RESTART {
-                        return reply.map(|reply| Err(Refusal::of(&reply)));
+                    let lost = *lost.get_or_insert_with(Instant::now);
+                    // The answer of the request can take minutes, that of this one cannot.
+                    while lost.elapsed() <= RESTART && self.get("/healthz").is_err() {
+                        sleep(Duration::from_secs(1));
+                    }
+                    if lost.elapsed() > RESTART {
+                        return Err(refused(&reply?, file).into());
                     }
                     sleep(Duration::from_secs(1));
                     continue;
@@ -163,13 +171,13 @@ impl Client {
             };
             let pause = reply.retry_after.unwrap_or(1).max(1);
             match reply.status {
-                0..300 => return Ok(Ok(reply)),
+                0..300 => return Ok(reply),
                 429 | 503 if attempt < RETRIES && pause <= LONGEST_PAUSE => {
                     say(&format!("the server is busy; next attempt in {pause} s"));
                     sleep(Duration::from_secs(pause));
                     attempt += 1;
                 }
-                _ => return Ok(Err(Refusal::of(&reply))),
+                _ => return Err(refused(&reply, file).into()),
             }
         }
     }
@@ -208,26 +216,14 @@ fn is_private(base: &str) -> bool {
     base.starts_with("https://") || host == "localhost" || is_loopback
 }
 
-/// Why a server refused a request.
-pub struct Refusal {
-    /// The exit code of the command: 2 if the request has faults, or else 1.
-    pub code: u8,
-    /// One line for each fault.
-    pub lines: Vec<String>,
-}
-
-impl Refusal {
-    fn of(reply: &Reply) -> Self {
-        let problem: Value = serde_json::from_slice(&reply.body).unwrap_or_default();
-        let place =
-            |it: &Value| it["pointer"].as_str().or(it["parameter"].as_str()).map(str::to_owned);
-        let line = |it: &Value| Some(format!("{}: {}", place(it)?, it["detail"].as_str()?));
-        let faults = problem["errors"].as_array();
-        let lines: Vec<_> = faults.into_iter().flatten().filter_map(line).collect();
-        let code = if matches!(reply.status, 400 | 422) { 2 } else { 1 };
-        if !lines.is_empty() {
-            return Self { code, lines };
-        }
+/// Why a server refused a request. The exit code is 2 if the request has faults. The file of the body is named.
+fn refused(reply: &Reply, file: Option<&Path>) -> Ended {
+    let problem: Value = serde_json::from_slice(&reply.body).unwrap_or_default();
+    let place = |it: &Value| it["pointer"].as_str().or(it["parameter"].as_str()).map(str::to_owned);
+    let line = |it: &Value| Some(format!("{}: {}", place(it)?, it["detail"].as_str()?));
+    let faults = problem["errors"].as_array();
+    let mut lines: Vec<_> = faults.into_iter().flatten().filter_map(line).collect();
+    if lines.is_empty() {
         let mut line = match problem["detail"].as_str() {
             Some(detail) => detail.to_owned(),
             None => format!("the server answers {}. Check FRETWORK_URL", reply.status),
@@ -237,6 +233,9 @@ impl Refusal {
             let reason = line.split(" Send ").next().unwrap_or_default();
             line = format!("{reason} Enter a key in FRETWORK_KEY or FRETWORK_KEY_FILE.");
         }
-        Self { code, lines: vec![line] }
+        lines.push(line);
     }
+    let name = file.map_or_else(String::new, |file| format!("{}: ", file.display()));
+    let code = if matches!(reply.status, 400 | 422) { 2 } else { 1 };
+    Ended { code, lines: lines.iter().map(|line| format!("{name}{line}")).collect() }
 }

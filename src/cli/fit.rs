@@ -2,14 +2,13 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
-use std::process::ExitCode;
 
 use serde_json::{Value, json};
 
-use super::printing::{Error, print, shown};
-use super::run::{compute, print_faults, read, read_json};
+use super::printing::{Ended, Error, print, shown};
+use super::run::{compute, read, read_json};
 use crate::config::Fit;
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::quantity::{Dimension, parse};
 use fretwork_format::{Verdict, is_in_verdict};
 use fretwork_job::Submission;
@@ -27,7 +26,7 @@ const FEWEST: usize = 3;
 
 /// Fits, and prints the estimates. The exit code is 2 if the file, the scenario or the fit has faults, and 1 if the fit finds no
 /// minimum.
-pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
+pub fn fit(settings: &Fit) -> Result<(), Error> {
     let Fit { x, y, table, decimal, sigma, relative, at, density, up, scar, .. } = settings;
     let prepare = if at.is_some() { Prepare::Trace } else { Prepare::Points };
     let wanted = Wanted {
@@ -39,13 +38,12 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
         scar: *scar,
         ..Wanted::of(prepare)
     };
-    let mut measured = match fretwork_measured::read(&read(&settings.file)?, &wanted) {
-        Ok(measured) => measured,
-        Err(faults) => return Ok(print_faults(&faults.0, &settings.file)),
-    };
+    let refused = |faults: Faults| Ended::by_faults(&faults.0, &settings.file);
+    let measured = fretwork_measured::read(&read(&settings.file)?, &wanted);
+    let mut measured = measured.map_err(refused)?;
     let mut data = measured.prepared["data"].take();
     if data.is_null() {
-        return Ok(print_faults(&Faults::one("", measured.notes.join(" ")).0, &settings.file));
+        return Err(refused(Faults::one("", measured.notes.join(" "))).into());
     }
     let given = [json!(sigma), json!(relative), json!(at), json!(density)];
     let given = OPTIONS.into_iter().zip(given);
@@ -84,34 +82,31 @@ pub fn fit(settings: &Fit) -> Result<ExitCode, Error> {
         format!("{:#}\n", json!({"fit": fit}))
     };
     if settings.print {
-        return print(body(&parameters).as_bytes()).map(|()| ExitCode::SUCCESS);
+        return print(body(&parameters).as_bytes());
     }
-    let mut found = match fitted(&body(&parameters), settings)? {
-        Ok(found) => found,
-        Err(faults) => return Ok(print_faults(&faults, Path::new("-"))),
-    };
+    let mut found = fitted(&body(&parameters), settings)?;
     let ends = found.0["parameters"][1]["interval"].as_array();
     if settings.parameter.is_empty() && ends.is_some_and(|ends| ends.contains(&Value::Null)) {
         let less = fitted(&body(&parameters[..1]), settings)?;
-        if let Some(less) = less.ok().filter(|less| !is_worse(&less.0, &found.0)) {
+        if !is_worse(&less.0, &found.0) {
             found = less;
             let note = "These data do not tell the friction. It stays as in the scenario.";
             measured.notes.push(note.to_owned());
         }
     }
     print(told(&found, &measured.notes)?.as_bytes())?;
-    Ok(if found.0["quality"].is_null() { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    Ended::with(u8::from(found.0["quality"].is_null()))
 }
 
 /// A result, and its verdict.
 type Found = (Value, Option<Verdict>);
 
-/// The result of a job, or its faults. A fault names its option or its file.
-fn fitted(body: &str, settings: &Fit) -> Result<Result<Found, Vec<Fault>>, Error> {
+/// The result of a job. A fault of the job names its option or its file.
+fn fitted(body: &str, settings: &Fit) -> Result<Found, Error> {
     let mut faults = match Submission::parse(body.as_bytes()) {
         Ok(job) => {
             let result = compute(&job.prepared)?.0.body;
-            return Ok(Ok((serde_json::from_slice(&result)?, Verdict::read(&result)?)));
+            return Ok((serde_json::from_slice(&result)?, Verdict::read(&result)?));
         }
         Err(BadBody::Faults(faults)) => faults,
         Err(error) => return Err(error.into()),
@@ -129,7 +124,7 @@ fn fitted(body: &str, settings: &Fit) -> Result<Result<Found, Vec<Fault>>, Error
         };
     }
     faults.dedup_by(|one, other| one.pointer == other.pointer);
-    Ok(Err(faults))
+    Err(Ended::by_faults(&faults, Path::new("-")).into())
 }
 
 /// Whether a fit with fewer parameters is worse than another one by more than its noise allows.

@@ -50,14 +50,13 @@ pub fn main() -> ExitCode {
     ) {
         restrict_permissions();
     }
-    let success = |()| ExitCode::SUCCESS;
     let done = match cli.command {
-        None => serve::serve(&cli.serve, &matches).map(success),
+        None => serve::serve(&cli.serve, &matches),
         Some(Command::Serve(settings)) => {
             let matches = matches.subcommand_matches("serve").unwrap_or(&matches);
-            serve::serve(&settings, matches).map(success)
+            serve::serve(&settings, matches)
         }
-        Some(Command::Worker(settings)) => worker::work(&settings).map(success),
+        Some(Command::Worker(settings)) => worker::work(&settings),
         Some(Command::Run(settings)) => run::run(&settings),
         Some(Command::Fit(settings)) => fit::fit(&settings),
         Some(Command::Report(settings)) => report::report(&settings),
@@ -70,36 +69,32 @@ pub fn main() -> ExitCode {
         Some(Command::Completions { shell }) => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut config::command(), "fretwork", &mut script);
-            print(&script).map(success)
+            print(&script)
         }
         Some(Command::Man { directory }) => {
             let made = fs::create_dir_all(&directory)
                 .and_then(|()| clap_mangen::generate_to(config::command(), &directory));
             made.map_err(|error| format!("cannot write {}: {error}", directory.display()).into())
-                .map(success)
         }
-        Some(Command::Openapi) => print(&http::document()).map(success),
+        Some(Command::Openapi) => print(&http::document()),
         Some(Command::Verify { exact_volumes: true, .. }) => {
-            print(model_error::exact_volumes().as_bytes()).map(success)
+            print(model_error::exact_volumes().as_bytes())
         }
         Some(Command::Verify { random: Some(count), .. }) => {
             let accuracy = Accuracy::measured(count.get(), SEED);
-            print(accuracy.to_string().as_bytes()).map(success)
+            print(accuracy.to_string().as_bytes())
         }
-        Some(Command::Verify { .. }) => verify().map(success),
-        Some(Command::Health(settings)) => health::health(&settings).map(success),
-        Some(Command::Keys(command)) => administration::keys(command).map(success),
-        Some(Command::Audit(data)) => administration::audit(&data).map(success),
-        Some(Command::Export(settings)) => moving::export(&settings).map(success),
+        Some(Command::Verify { .. }) => verify(),
+        Some(Command::Health(settings)) => health::health(&settings),
+        Some(Command::Keys(command)) => administration::keys(command),
+        Some(Command::Audit(data)) => administration::audit(&data),
+        Some(Command::Export(settings)) => moving::export(&settings),
         Some(Command::Import(settings)) => moving::import(&settings),
         Some(Command::Check(data)) => moving::check(&data),
         Some(Command::Backup(settings)) => moving::backup(&settings),
         Some(Command::Restore(settings)) => moving::restore(&settings),
     };
-    done.unwrap_or_else(|error| {
-        print_error(error.as_ref());
-        ExitCode::FAILURE
-    })
+    ExitCode::from(done.map_or_else(|error| print_error(&error), |()| 0))
 }
 
 /// Makes new files readable for their owner only. They contain the jobs of all users and the key that signs links.

@@ -2,13 +2,12 @@
 
 use std::io::{self, IsTerminal as _, Write as _};
 use std::path::Path;
-use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use bytesize::ByteSize;
 
 use super::places::{Taken, reserve};
-use super::printing::{Error, harmless, print};
+use super::printing::{Ended, Error, harmless, print};
 use super::runtime::block_on;
 use crate::config::{Backup, Data, Export, Import, Restore};
 use crate::service;
@@ -72,7 +71,7 @@ pub fn export(settings: &Export) -> Result<(), Error> {
 }
 
 /// Imports the results of a file. The exit code is 2 if some were refused.
-pub fn import(settings: &Import) -> Result<ExitCode, Error> {
+pub fn import(settings: &Import) -> Result<(), Error> {
     let Import { file, verify_time, data } = settings;
     let done = block_on(service::import(data.place()?, file, *verify_time, progress("checked")))?;
     let Imported { results: count, bytes, known, sampled, unverified, notes, refused, other_notes } =
@@ -97,7 +96,7 @@ pub fn import(settings: &Import) -> Result<ExitCode, Error> {
          {sampled} in part, {unverified} unverified; notes: {notes} imported, {kept} kept\n"
     );
     print(line.as_bytes())?;
-    Ok(if refused.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) })
+    Ended::with(if refused.is_empty() { 0 } else { 2 })
 }
 
 /// Describes the contents of a backup.
@@ -108,18 +107,18 @@ fn contents(saved: &Saved) -> String {
 }
 
 /// Prints the keys of the damaged results to standard error. The exit code is 2 if there are any.
-fn name_damaged(saved: &Saved) -> Result<ExitCode, Error> {
+fn name_damaged(saved: &Saved) -> Result<(), Error> {
     for key in &saved.damaged {
         writeln!(
             io::stderr(),
             "left out {key}: it is damaged; its scenario is kept, and submitting it computes the result again"
         )?;
     }
-    Ok(if saved.damaged.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) })
+    Ended::with(if saved.damaged.is_empty() { 0 } else { 2 })
 }
 
 /// Searches a database for damage, and prints the damaged rows to standard error. The exit code is 2 if there are any.
-pub fn check(data: &Data) -> Result<ExitCode, Error> {
+pub fn check(data: &Data) -> Result<(), Error> {
     let dir =
         data.directory("check it with `pg_amcheck`, and with `pg_checksums` while it is stopped")?;
     let Checked { counts, damage } = block_on(store::check(dir))?;
@@ -138,11 +137,11 @@ pub fn check(data: &Data) -> Result<ExitCode, Error> {
     };
     let line = format!("{}: {counts}; {found}\n", dir.display());
     print(line.as_bytes())?;
-    Ok(if damage.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(2) })
+    Ended::with(if damage.is_empty() { 0 } else { 2 })
 }
 
 /// Copies the whole database.
-pub fn backup(settings: &Backup) -> Result<ExitCode, Error> {
+pub fn backup(settings: &Backup) -> Result<(), Error> {
     let instead = "copy it with `pg_dump --format=custom --file=FILE --dbname=URL`";
     let dir = settings.data.directory(instead)?;
     reserve(&settings.file, &mut Taken::new())?;
@@ -155,7 +154,7 @@ pub fn backup(settings: &Backup) -> Result<ExitCode, Error> {
 }
 
 /// Replaces the database by a backup.
-pub fn restore(settings: &Restore) -> Result<ExitCode, Error> {
+pub fn restore(settings: &Restore) -> Result<(), Error> {
     let Restore { file, replace, data } = settings;
     let instead =
         "stop all servers, and restore it with `pg_restore --clean --if-exists --dbname=URL FILE`";

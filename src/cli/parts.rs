@@ -9,7 +9,6 @@ use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
 use std::path::Path;
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -123,7 +122,7 @@ fn chunks(study: &Study, of: usize) -> usize {
 }
 
 /// Computes the chunks of a part that the file does not have yet, and appends each to the file.
-pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Result<ExitCode, Error> {
+pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Result<(), Error> {
     let study = divisible(&job.prepared)?;
     let [bytes, most] = [study.bytes() as u64, MAX_BODY].map(ByteSize::b);
     if bytes > most {
@@ -143,12 +142,11 @@ pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Resul
     let missing: Vec<_> = numbers.filter(|number| !known.contains_key(number)).collect();
     let file = Mutex::new(file);
     let keep = |number, rows| file.lock().write_all(&line(&Chunk { number, rows })?);
-    let computed = missing.len();
-    let progress = (&mut Progress::new(), all - computed..all);
+    let known = all - missing.len();
+    let progress = (&mut Progress::new(), known..all);
     study::chunks(study, (&missing, head.chunks), &Rows::default(), progress, keep)?;
     file.into_inner().sync_all().map_err(unusable)?;
-    writeln!(io::stderr(), "part {part}: {all} chunks, {} of them known already", all - computed)?;
-    Ok(ExitCode::SUCCESS)
+    Ok(writeln!(io::stderr(), "part {part}: {all} chunks, {known} of them known already")?)
 }
 
 /// Opens the file of a part, and reads its chunks. Creates the file if it is missing. The inner error says why the file

@@ -3,18 +3,32 @@
 use std::collections::HashSet;
 use std::fs::{self, OpenOptions};
 use std::io::{self, IsTerminal as _};
+#[cfg(unix)]
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use super::printing::Error;
 use crate::config::Output;
 use fretwork_format::Format;
 
-/// Files that a command reads or will write, without links in their names.
-pub type Taken = HashSet<PathBuf>;
+/// Files that a command reads or will write.
+pub type Taken = HashSet<(u64, u64, PathBuf)>;
 
 /// The input files of a command.
 pub fn taken(inputs: &[PathBuf]) -> Taken {
-    inputs.iter().filter_map(|file| fs::canonicalize(file).ok()).collect()
+    inputs.iter().filter_map(|file| identities(file, false).ok()).flatten().collect()
+}
+
+/// What tells a file from others: its path without links, and its number on its device, because it can have several
+/// paths. A new file is removed, and its number is used again.
+#[cfg_attr(not(unix), expect(unused_mut, unused_variables, reason = "files have no numbers"))]
+fn identities(file: &Path, is_new: bool) -> io::Result<Vec<(u64, u64, PathBuf)>> {
+    let mut all = vec![(0, 0, fs::canonicalize(file)?)];
+    #[cfg(unix)]
+    if !is_new {
+        all.extend(fs::metadata(file).map(|found| (found.dev(), found.ino(), PathBuf::new())));
+    }
+    Ok(all)
 }
 
 /// Makes the directory of an output file. Checks that the file can be written, and that it is no other file of the command.
@@ -26,12 +40,12 @@ pub fn reserve(file: &Path, taken: &mut Taken) -> Result<(), Error> {
     }
     let opened = make_parent(file)
         .and_then(|()| OpenOptions::new().create(true).append(true).open(file))
-        .and_then(|_| fs::canonicalize(file));
+        .and_then(|_| identities(file, is_new));
     let place = opened.map_err(|error| format!("cannot write {name}: {error}"))?;
     if is_new {
         fs::remove_file(file)?;
     }
-    let is_free = taken.insert(place);
+    let is_free = place.into_iter().all(|it| taken.insert(it));
     let advice = "would replace an input file or another result. Name another place";
     is_free.then_some(()).ok_or_else(|| format!("{name} {advice}").into())
 }
@@ -50,7 +64,7 @@ pub fn check(
     mut taken: Taken,
 ) -> Result<(), Error> {
     let others = others.iter().filter_map(|(place, suffix)| Some(((*place)?, *suffix)));
-    for place in others.clone().map(|(place, _)| place).chain(&output.file) {
+    if let Some(place) = &output.file {
         make_directory(place, inputs.len() == 1)?;
     }
     let format = output.format()?;
@@ -59,17 +73,24 @@ pub fn check(
         let advice = "write it to a file with --output";
         return Err(format!("the requested format is binary, not for a terminal: {advice}").into());
     }
-    let places = others.chain(output.file.iter().map(|file| (file, format.name())));
-    for (place, suffix) in places {
-        if suffix == "svg" && !place.is_dir() && place.extension() != Some("svg".as_ref()) {
-            let place = place.display();
-            return Err(format!("{place}: figures are SVG. End the name with .svg").into());
-        }
-        for input in inputs {
-            reserve(&inside(place, input, suffix), &mut taken)?;
-        }
+    let mut places = others.chain(output.file.iter().map(|file| (file, format.name())));
+    places.try_for_each(|(place, suffix)| prepare(place, suffix, inputs, &mut taken))
+}
+
+/// Checks the place of the results of some input files in one format, and makes its directory.
+pub fn prepare(
+    place: &Path,
+    suffix: &str,
+    inputs: &[PathBuf],
+    taken: &mut Taken,
+) -> Result<(), Error> {
+    make_directory(place, inputs.len() == 1)?;
+    let is_only = ["svg", "html"].contains(&suffix);
+    if is_only && !place.is_dir() && place.extension() != Some(suffix.as_ref()) {
+        let (name, format) = (place.display(), suffix.to_uppercase());
+        return Err(format!("{name}: the output is {format}. End the name with .{suffix}").into());
     }
-    Ok(())
+    inputs.iter().try_for_each(|input| reserve(&inside(place, input, suffix), taken))
 }
 
 /// Makes the directory in which several input files, or a name with a slash at its end, put their results.

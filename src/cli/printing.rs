@@ -2,19 +2,55 @@
 
 use std::io::{self, IsTerminal as _, Write as _};
 use std::iter;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
+use fretwork_engine::request::fault::Fault;
+
 /// The error of a command. Its message is one line for the user.
 pub type Error = Box<dyn std::error::Error>;
 
-/// Prints an error and its causes to standard error, on one line.
-pub fn print_error(error: &(dyn std::error::Error + 'static)) {
-    let causes = iter::successors(Some(error), |&error| error.source());
+/// The end of a command with an exit code of its own.
+#[derive(Debug, thiserror::Error)]
+#[error("{}", .lines.join("\n"))]
+pub struct Ended {
+    /// The exit code: 2 if an input has faults, for instance.
+    pub code: u8,
+    /// What the user must know, such as a line for each fault.
+    pub lines: Vec<String>,
+}
+
+impl Ended {
+    /// The end because of the faults of a file, which are told with its name unless it is standard input.
+    pub fn by_faults(faults: &[Fault], file: &Path) -> Self {
+        let name = file.display().to_string();
+        let line = |Fault { pointer, detail }: &Fault| {
+            let place = [&name, pointer].into_iter().filter(|it| !["", "-"].contains(&it.as_str()));
+            place.chain([detail]).map(String::as_str).collect::<Vec<_>>().join(": ")
+        };
+        Self { code: 2, lines: faults.iter().map(line).collect() }
+    }
+
+    /// The end of a command that has said all.
+    pub fn with(code: u8) -> Result<(), Error> {
+        if code == 0 { Ok(()) } else { Err(Self { code, lines: Vec::new() }.into()) }
+    }
+}
+
+/// Prints an error to standard error: the lines of an end, or on one line another error with its causes. Returns the
+/// exit code.
+pub fn print_error(error: &Error) -> u8 {
+    let causes = iter::successors(Some(&**error), |&error| error.source());
     let causes: Vec<_> = causes.map(ToString::to_string).collect();
-    // If standard error is closed, the exit code still reports the failure.
-    let _ = writeln!(io::stderr(), "fretwork: {}", causes.join(": "));
+    let other = Ended { code: 1, lines: vec![format!("fretwork: {}", causes.join(": "))] };
+    let Ended { code, lines } = error.downcast_ref().unwrap_or(&other);
+    for line in lines {
+        // If standard error is closed, the exit code still reports the error.
+        let _ = writeln!(io::stderr(), "{}", harmless(line));
+    }
+    *code
 }
 
 /// Writes to standard output. A reader that closes the pipe early, such as `head`, is not an error.

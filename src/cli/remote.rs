@@ -3,19 +3,17 @@
 use std::collections::{BTreeMap, HashSet};
 use std::io::{self, Write as _};
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::slice;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use serde_json::value::RawValue;
 use serde_json::{Value, json};
 
-use super::client::{Client, Refusal, Reply, escaped};
+use super::client::{Client, escaped};
 use super::places;
-use super::printing::{Error, Progress, harmless, print, print_error};
+use super::printing::{Ended, Error, Progress, harmless, print, print_error};
 use super::run::{listed, read_job, write_result};
 use crate::config::{Evaluate, Get, List, OneJob, Remote, Submit};
 use fretwork_job::TaskKind;
@@ -28,24 +26,21 @@ const LOG_WAIT: u64 = 50;
 const INTERVAL: Duration = Duration::from_millis(500);
 
 /// Submits files. With `--wait`, waits for the ends of their jobs.
-pub fn submit(settings: &Submit) -> Result<ExitCode, Error> {
+pub fn submit(settings: &Submit) -> Result<(), Error> {
     let client = connect(&settings.server)?;
     let (mut code, mut jobs): (u8, Vec<Listed>) = (0, Vec::new());
     for file in listed(&settings.files)? {
         let body = match read_job(&file, &settings.change) {
             Ok(body) => body,
             Err(error) => {
-                print_error(error.as_ref());
-                code = code.max(1);
+                code = code.max(print_error(&error));
                 continue;
             }
         };
-        match client.call("POST", "/v1/jobs", Some(&body)) {
-            Ok(Ok(reply)) if settings.wait => jobs.push(reply.json()?),
-            Ok(Ok(reply)) => print(line(&reply.json()?).as_bytes())?,
-            Ok(Err(refusal)) => {
-                code = code.max(refused(refusal, &format!("{}: ", file.display())));
-            }
+        match client.call("POST", "/v1/jobs", Some((&file, &body))) {
+            Ok(reply) if settings.wait => jobs.push(reply.json()?),
+            Ok(reply) => print(line(&reply.json()?).as_bytes())?,
+            Err(error) if error.is::<Ended>() => code = code.max(print_error(&error)),
             Err(error) => {
                 // The server computes what it has accepted.
                 print(jobs.iter().map(line).collect::<String>().as_bytes())?;
@@ -54,50 +49,49 @@ pub fn submit(settings: &Submit) -> Result<ExitCode, Error> {
         }
     }
     for job in &jobs {
-        code = code.max(end(&client, &job.id)?);
+        code = code.max(match end(&client, &job.id) {
+            Err(error) if error.is::<Ended>() => print_error(&error),
+            end => end?,
+        });
     }
-    Ok(ExitCode::from(code))
+    Ended::with(code)
 }
 
 /// Writes a result.
-pub fn get(settings: &Get) -> Result<ExitCode, Error> {
+pub fn get(settings: &Get) -> Result<(), Error> {
     let name = PathBuf::from(&settings.key_of_result);
     places::check(slice::from_ref(&name), &settings.output, &[], HashSet::new())?;
     let client = connect(&settings.server)?;
     let path = format!("/v1/results/{}", escaped(&settings.key_of_result));
-    match client.call("GET", &path, None)? {
-        Err(refusal) => Ok(ExitCode::from(refused(refusal, ""))),
-        Ok(reply) => {
-            let members: BTreeMap<String, &RawValue> = reply.json()?;
-            let mut kinds = TaskKind::all();
-            let kind = kinds.find(|kind| members.contains_key(kind.member()));
-            let kind = kind.ok_or("the answer of the server is no result")?;
-            write_result(&reply.body, kind, &settings.output, &name).map(|()| ExitCode::SUCCESS)
-        }
-    }
+    let reply = client.call("GET", &path, None)?;
+    let members: BTreeMap<String, &RawValue> = reply.json()?;
+    let kind = TaskKind::all().find(|kind| members.contains_key(kind.member()));
+    let kind = kind.ok_or("the answer of the server is no result. Check FRETWORK_URL")?;
+    write_result(&reply.body, kind, &settings.output, &name)
 }
 
 /// Waits for the end of a job.
-pub fn watch(settings: &OneJob) -> Result<ExitCode, Error> {
-    end(&connect(&settings.server)?, &settings.id).map(ExitCode::from)
+pub fn watch(settings: &OneJob) -> Result<(), Error> {
+    Ended::with(end(&connect(&settings.server)?, &settings.id)?)
 }
 
 /// Lists jobs.
-pub fn list(settings: &List) -> Result<ExitCode, Error> {
+pub fn list(settings: &List) -> Result<(), Error> {
     let client = connect(&settings.server)?;
     let path = format!("/v1/jobs?limit={}", settings.limit);
-    printed(client.call("GET", &path, None)?, "", |Jobs { jobs }| jobs.iter().map(line).collect())
+    let Jobs { jobs } = client.call("GET", &path, None)?.json()?;
+    print(jobs.iter().map(line).collect::<String>().as_bytes())
 }
 
 /// Cancels a job.
-pub fn cancel(settings: &OneJob) -> Result<ExitCode, Error> {
+pub fn cancel(settings: &OneJob) -> Result<(), Error> {
     let client = connect(&settings.server)?;
     let path = format!("/v1/jobs/{}/cancel", escaped(&settings.id));
-    printed(client.call("POST", &path, None)?, "", |job| line(&job))
+    print(line(&client.call("POST", &path, None)?.json()?).as_bytes())
 }
 
 /// Evaluates a scenario.
-pub fn evaluate(settings: &Evaluate) -> Result<ExitCode, Error> {
+pub fn evaluate(settings: &Evaluate) -> Result<(), Error> {
     let client = connect(&settings.server)?;
     let mut body = read_job(&settings.file, &settings.change)?;
     // The server says what is wrong with a text that is not JSON.
@@ -109,10 +103,13 @@ pub fn evaluate(settings: &Evaluate) -> Result<ExitCode, Error> {
         }
         body = serde_json::to_vec(&members)?;
     }
-    let name = format!("{}: ", settings.file.display());
-    let words =
-        |answer: Value| format!("{answer:#}").lines().map(|it| harmless(it) + "\n").collect();
-    printed(client.call("POST", "/v1/evaluate", Some(&body))?, &name, words)
+    let sent = Some((&*settings.file, &*body));
+    let answer: Value = client.call("POST", "/v1/evaluate", sent)?.json()?;
+    if !answer["outputs"].is_object() {
+        return Err("the answer of the server is no evaluation. Check FRETWORK_URL".into());
+    }
+    let lines: String = format!("{answer:#}").lines().map(|it| harmless(it) + "\n").collect();
+    print(lines.as_bytes())
 }
 
 /// The server of a command. Warns of another version.
@@ -128,30 +125,6 @@ fn connect(server: &Remote) -> Result<Client, Error> {
         )?;
     }
     Ok(client)
-}
-
-/// Prints what a server answers in words, or `name` with each reason why it refused the request.
-fn printed<T: DeserializeOwned>(
-    reply: Result<Reply, Refusal>,
-    name: &str,
-    words: impl FnOnce(T) -> String,
-) -> Result<ExitCode, Error> {
-    match reply {
-        Ok(reply) => {
-            print(words(reply.json()?).as_bytes())?;
-            Ok(ExitCode::SUCCESS)
-        }
-        Err(refusal) => Ok(ExitCode::from(refused(refusal, name))),
-    }
-}
-
-/// Prints why a server refused a request. Returns the exit code.
-fn refused(refusal: Refusal, name: &str) -> u8 {
-    for line in refusal.lines {
-        // If standard error is closed, the exit code still reports the refusal.
-        let _ = writeln!(io::stderr(), "{name}{}", harmless(&line));
-    }
-    refusal.code
 }
 
 /// What a list says of a job.
@@ -182,10 +155,7 @@ fn end(client: &Client, id: &str) -> Result<u8, Error> {
     let path = format!("/v1/jobs/{}?wait={wait}", escaped(id));
     loop {
         let asked = Instant::now();
-        let reply = match client.call("GET", &path, None)? {
-            Ok(reply) => reply,
-            Err(refusal) => return Ok(refused(refusal, "")),
-        };
+        let reply = client.call("GET", &path, None)?;
         let job: Value = reply.json()?;
         let code = match job["state"].as_str() {
             Some("succeeded") => 0,

@@ -1,9 +1,8 @@
 //! The command `report`: writes the report of results in files.
 
 use std::path::Path;
-use std::process::ExitCode;
 
-use super::places::{reserve, taken};
+use super::places::{inside, prepare, taken};
 use super::printing::{Error, print};
 use super::run::{read, write_file};
 use crate::config::Report;
@@ -12,15 +11,16 @@ use fretwork_format::report::{About, Entry, MOST, Measured, page};
 use fretwork_measured::{Prepare, Wanted};
 
 /// Writes the report of one result, or a comparison of several runs.
-pub fn report(settings: &Report) -> Result<ExitCode, Error> {
+pub fn report(settings: &Report) -> Result<(), Error> {
     if settings.files.len() > MOST {
         return Err(format!("a report compares at most {MOST} runs").into());
     }
     if settings.files.len() > 1 && !settings.measured.is_empty() {
         return Err("--measured belongs to the report of one run".into());
     }
-    if let Some(file) = &settings.file {
-        reserve(file, &mut taken(&[&settings.files[..], &settings.measured].concat()))?;
+    let mut taken = taken(&[&settings.files[..], &settings.measured].concat());
+    if let Some(place) = &settings.file {
+        prepare(place, "html", &settings.files[..1], &mut taken)?;
     }
     let measured: Vec<_> =
         settings.measured.iter().map(|file| read_measured(file)).collect::<Result<_, _>>()?;
@@ -39,10 +39,9 @@ pub fn report(settings: &Report) -> Result<ExitCode, Error> {
     });
     let html = page(&entries.collect::<Result<Vec<_>, _>>()?)?;
     match &settings.file {
-        Some(file) => write_file(file, html.as_bytes())?,
-        None => print(html.as_bytes())?,
+        Some(file) => write_file(&inside(file, &settings.files[0], "html"), html.as_bytes()),
+        None => print(html.as_bytes()),
     }
-    Ok(ExitCode::SUCCESS)
 }
 
 /// The first two columns of numbers of a file.

@@ -3,7 +3,6 @@
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use serde::Deserialize;
@@ -11,18 +10,18 @@ use serde_json::{Value, json};
 
 use super::parts;
 use super::places::{self, inside};
-use super::printing::{Error, Progress, harmless, print, print_error, shown};
+use super::printing::{Ended, Error, Progress, print, print_error, shown};
 use super::study;
 use crate::config::{Change, Output, Run};
 use fretwork_engine::outcome::Quantity;
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::Faults;
 use fretwork_format::report::{self, About, Entry};
 use fretwork_format::{self as format, Format, Part, View};
 use fretwork_job::{Answer, Prepared, Submission, Task, TaskKind, clock};
 use fretwork_json::BadBody;
 
 /// Computes job bodies. The exit code is 2 if one of them is invalid. The others are computed anyway.
-pub fn run(settings: &Run) -> Result<ExitCode, Error> {
+pub fn run(settings: &Run) -> Result<(), Error> {
     let files = match &settings.join {
         Some(_) => vec![PathBuf::from("-")],
         None => listed(&settings.files)?,
@@ -32,12 +31,8 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
     places::check(&files, &settings.output, &others, taken)?;
     if let Some(parts) = &settings.join {
         let joined = parts::join(parts)?;
-        let job = match parse(joined.body()) {
-            Ok(job) => job,
-            Err(faults) => return Ok(print_faults(&faults, &parts[0])),
-        };
-        finish(&job, joined.answer(&job.prepared)?, &files[0], settings)?;
-        return Ok(ExitCode::SUCCESS);
+        let job = parse(joined.body(), &parts[0])?;
+        return finish(&job, joined.answer(&job.prepared)?, &files[0], settings);
     }
     if settings.part.is_some() && settings.store.is_none() {
         return Err(
@@ -48,35 +43,23 @@ pub fn run(settings: &Run) -> Result<ExitCode, Error> {
     if files.len() > 1 && settings.part.is_some() {
         return Err("--part computes a part of one study: name one input file".into());
     }
-    let mut code = ExitCode::SUCCESS;
+    let mut code = 0;
     for file in &files {
-        match of_file(file, settings) {
-            Ok(ExitCode::SUCCESS) => {}
-            Ok(other) => code = other,
-            Err(error) if files.len() == 1 => return Err(error),
-            // The other files are computed all the same.
-            Err(error) => {
-                print_error(error.as_ref());
-                code = ExitCode::FAILURE;
-            }
-        }
+        // An error of one file does not hinder the others.
+        code = of_file(file, settings).map_or_else(|error| print_error(&error), |()| code);
     }
-    Ok(code)
+    Ended::with(code)
 }
 
-/// Computes one input file. Returns the exit code.
-fn of_file(file: &Path, settings: &Run) -> Result<ExitCode, Error> {
+/// Computes one input file.
+fn of_file(file: &Path, settings: &Run) -> Result<(), Error> {
     let text = read_job(file, &settings.change)?;
-    let job = match parse(&text) {
-        Ok(job) => job,
-        Err(faults) => return Ok(print_faults(&faults, file)),
-    };
+    let job = parse(&text, file)?;
     if let (Some(part), Some(store)) = (settings.part, &settings.store) {
         return parts::compute(&job, &text, part, store);
     }
     let done = finish(&job, compute(&job.prepared)?, file, settings);
-    done.map_err(|error| format!("{}: {error}", file.display()))?;
-    Ok(ExitCode::SUCCESS)
+    done.map_err(|error| format!("{}: {error}", file.display()).into())
 }
 
 /// Writes the result and the figure of a job, and prints the summary.
@@ -109,13 +92,14 @@ fn finish(
     summarise(job, &answer, time)
 }
 
-/// Parses a job body. A text that is not JSON has one fault.
-fn parse(text: &[u8]) -> Result<Submission, Vec<Fault>> {
-    Submission::parse(text).map_err(|bad| match bad {
+/// Parses the job body of a file. A text that is not JSON has one fault.
+fn parse(text: &[u8], file: &Path) -> Result<Submission, Error> {
+    let faults = |bad| match bad {
         BadBody::Faults(faults) => faults,
         BadBody::Json(error) => Faults::one("the text is not JSON", error.to_string()).0,
         empty @ BadBody::Empty => Faults::one("", empty.to_string()).0,
-    })
+    };
+    Submission::parse(text).map_err(|bad| Ended::by_faults(&faults(bad), file).into())
 }
 
 /// The input files, and those of the directories among them in the order of their names.
@@ -132,7 +116,13 @@ pub fn listed(files: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
         inside.sort();
         all.append(&mut inside);
     }
-    if all.is_empty() { Err("the directory contains no .json file".into()) } else { Ok(all) }
+    if all.is_empty() {
+        let names: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
+        return Err(
+            format!("{}: there is no .json file in it. Name another", names.join(", ")).into()
+        );
+    }
+    Ok(all)
 }
 
 /// Reads a job body. A scenario alone becomes a job. Makes the changes of the scenario.
@@ -190,6 +180,11 @@ pub fn read(file: &Path) -> Result<Vec<u8>, Error> {
 
 /// The text of a JSON file. Some editors write UTF-16, or a mark before UTF-8.
 pub fn read_json(file: &Path) -> Result<Vec<u8>, Error> {
+    // A FIFO would be opened only when another program writes to it.
+    if file.as_os_str() != "-" && fs::metadata(file).is_ok_and(|found| !found.is_file()) {
+        let name = file.display();
+        return Err(format!("{name} is not a regular file. Enter - for standard input").into());
+    }
     let bytes = read(file)?;
     Ok(fretwork_measured::marked(&bytes).map_or(bytes, String::into_bytes))
 }
@@ -265,19 +260,6 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
         writeln!(err, "  warning: {}", warning.detail)?;
     }
     Ok(())
-}
-
-/// Prints the faults of a file to standard error, with its name unless it is standard input. Returns the exit code of a
-/// body that is not valid.
-pub fn print_faults(faults: &[Fault], file: &Path) -> ExitCode {
-    let name = file.display().to_string();
-    for Fault { pointer, detail } in faults {
-        let place = [&name, pointer].into_iter().filter(|it| !["", "-"].contains(&it.as_str()));
-        let words: Vec<&str> = place.map(String::as_str).chain([detail.as_str()]).collect();
-        // If standard error is closed, the exit code still reports the faults.
-        let _ = writeln!(io::stderr(), "{}", harmless(&words.join(": ")));
-    }
-    ExitCode::from(2)
 }
 
 /// Writes a file.

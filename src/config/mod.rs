@@ -107,6 +107,7 @@ pub enum Command {
     /// Write the manual pages to a directory.
     Man {
         /// The directory.
+        #[arg(value_parser = values::file_name)]
         directory: PathBuf,
     },
     /// Print the OpenAPI document of the server.

@@ -17,7 +17,7 @@ pub struct Report {
     /// repeated. The report compares the run with them.
     #[arg(long, value_name = "FILE")]
     pub measured: Vec<PathBuf>,
-    /// Output file [default: standard output].
+    /// Output file, or a directory [default: standard output].
     #[arg(short = 'o', long = "output", value_name = "FILE.html", value_parser = file_name)]
     pub file: Option<PathBuf>,
     /// The units of numbers: um, mm^3, MPa and mJ, or si.

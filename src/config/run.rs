@@ -87,7 +87,7 @@ pub struct Output {
     /// [default: the suffix of the output file, or json].
     #[arg(long, value_parser = one_of(&Format::ALL, |format| format.name()))]
     pub format: Option<&'static Format>,
-    /// Output file; its suffix names the format. With several input files, a directory [default: standard output].
+    /// Output file, whose suffix names the format, or a directory, which several results need [default: standard output].
     #[arg(short = 'o', long = "output", value_name = "FILE", value_parser = file_name)]
     pub file: Option<PathBuf>,
     /// The units of numbers: si, or um, mm^3, MPa and mJ.

@@ -4,10 +4,10 @@ use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Parses the name of an output file, which - for standard output is not.
+/// Parses the name of an output file or directory, which - for standard output is not.
 pub fn file_name(text: &str) -> Result<PathBuf, &'static str> {
     let file = (text != "-").then(|| text.into());
-    file.ok_or("enter the name of a file, not - for standard output")
+    file.ok_or("enter the name of a file or directory, not - for standard output")
 }
 
 /// Parses the time of a lease. A busy server could not renew a shorter lease in time.

@@ -27,7 +27,7 @@ pub use evaluate::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 pub use import::import;
 pub use limits::{Excess, WorkLimits};
 pub use submit::{Accepted, Refusal, Terms};
-pub use turns::{LONGEST_CALL, MAX_CALL, Unable};
+pub use turns::{LONGEST_CALL, Unable};
 
 use places::Places;
 use short::ShortRuns;

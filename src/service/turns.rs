@@ -21,10 +21,12 @@ const TURN: Duration = Duration::from_millis(20);
 #[derive(Debug, thiserror::Error)]
 pub enum Unable {
     /// The computation would take too long.
-    #[error("the computation would take {0:?}, too long for one request")]
+    #[error("The computation would take about {:.0} s; the limit of a request is {} s.", .0.as_secs_f64(), LONGEST_CALL.as_secs())]
     TooLong(Duration),
     /// The computation took much longer than its estimate.
-    #[error("the computation took longer than {MAX_CALL:?} and was stopped")]
+    #[error(
+        "The computation was estimated to take less than {LONGEST_CALL:?}. It was stopped after {MAX_CALL:?}."
+    )]
     Stopped,
     /// The engine has a bug.
     #[error("the engine panicked")]

@@ -186,9 +186,15 @@ fn a_place_that_cannot_be_written_is_refused_before_anything_is_read_or_computed
     ] {
         fails(&run(words, "no JSON"), "cannot write ");
     }
-    fails(&run(&["run", "-", "--plot", "x.png"], "no JSON"), "figures are SVG");
-    for option in ["-o", "--plot", "--report"] {
-        let refused = run(&["run", BALL, option, "-"], "");
+    fails(&run(&["run", "-", "--plot", "x.png"], "no JSON"), "End the name with .svg");
+    fails(&run(&["report", "none.json", "-o", "y.json"], ""), "End the name with .html");
+    for words in [
+        &["run", BALL, "-o", "-"][..],
+        &["run", BALL, "--plot", "-"],
+        &["run", BALL, "--report", "-"],
+        &["man", "-"],
+    ] {
+        let refused = run(words, "");
         assert!(text(&refused.stderr).contains("enter the name of a file"), "{refused:?}");
     }
     assert_eq!(std::fs::read_to_string(file).unwrap(), "mine");
@@ -229,6 +235,13 @@ fn results_of_several_files_go_to_a_new_directory_and_replace_nothing() {
     assert_eq!(std::fs::read_to_string(at("two/a.json")).unwrap(), http::EXAMPLES[0].body);
     assert!(run(&["run", &at("two/a.json"), "-o", &at("slash/")], "").status.success());
     assert!(dir.path().join("slash/a.json").is_file());
+    assert!(run(&["report", &at("slash/a.json"), "-o", &at("pages/")], "").status.success());
+    assert!(dir.path().join("pages/a.html").is_file());
+    // A second name of the input.
+    std::fs::hard_link(at("two/a.json"), at("two/b.json")).unwrap();
+    fails(&run(&["run", &at("two/a.json"), "-o", &at("two/b.json")], ""), "would replace an input");
+    fails(&run(&["run", &at("pages")], ""), &format!("{}: there is no .json file", at("pages")));
+    assert!(!text(&run(&["get", "--help"], "").stdout).contains("input"));
 }
 
 #[test]

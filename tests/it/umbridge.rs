@@ -242,7 +242,7 @@ async fn each_fault_has_the_error_of_the_protocol() {
     let mut body = with("config", config_of_long_run());
     body["input"] = json!([[0.7]]);
     let message = error(&call(&server, "/Evaluate", &body).await, 400, "InvalidInput");
-    assert!(message.contains("the limit of a call is 30 s"), "{message}");
+    assert!(message.contains("the limit of a request is 30 s"), "{message}");
 }
 
 fn config_of_long_run() -> Value {

@@ -20,14 +20,8 @@ use fretwork_study::Kind;
 #[derive(Debug, Deserialize)]
 pub struct Engine {
     name: String,
-    numerics: u32,
-}
-
-impl Engine {
-    /// What is wrong with a result of this engine, see [`fretwork_job::earlier`].
-    pub fn doubt(&self, asked: &Value) -> Option<String> {
-        fretwork_job::earlier::doubt(self.numerics, asked)
-    }
+    /// The version of the numbers.
+    pub numerics: u32,
 }
 
 impl fmt::Display for Engine {

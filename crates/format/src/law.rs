@@ -9,6 +9,7 @@ use super::error::Result;
 use super::figure::words::capital;
 use super::notation::{digits, percent};
 use super::view::View;
+use fretwork_job::earlier;
 use fretwork_study::stats::trend::{LEAST, Trend, trend};
 
 /// The verdict mentions a trend if independent residuals would show it with at most this probability in any of the sets of data.
@@ -50,7 +51,7 @@ impl Verdict {
         let [quality, notes, parameters] =
             ["quality", "notes", "parameters"].map(|name| document.value(name));
         let (quality, notes, parameters) = (quality?, notes?, parameters?);
-        let earlier = document.head.engine.doubt(&fit);
+        let earlier = earlier::doubt(document.head.engine.numerics, &fit);
         let detail = |note: &Value| note["detail"].as_str().unwrap_or_default().to_owned();
         let disagreeing = items(&notes).find(|note| note["kind"] == "outliers").map(detail);
         let told = |outcome, verdict: String, mut reason: String| {

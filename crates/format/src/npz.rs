@@ -78,7 +78,8 @@ impl<'a, 'out> Archive<'a, 'out> {
     fn table(&mut self, prefix: &str, table: &Table) -> Result<()> {
         let points = table.points();
         for (name, values) in &table.columns {
-            let name = archived(prefix, name);
+            // A file name in an archive has no slash at its start.
+            let name = format!("{prefix}{}", name.strip_prefix('/').unwrap_or(name));
             let (shape, numbers) = match values {
                 Values::Texts(texts) => {
                     self.texts(&name, texts)?;
@@ -110,11 +111,6 @@ impl<'a, 'out> Archive<'a, 'out> {
     fn finish(self) -> Result<()> {
         Ok(self.zip.finish().map(drop)?)
     }
-}
-
-/// The name of the array of a column. A file name in an archive has no slash at its start.
-fn archived(prefix: &str, column: &str) -> String {
-    format!("{prefix}{}", column.strip_prefix('/').unwrap_or(column))
 }
 
 /// The header of an NPY file, version 1.0, padded so that the numbers start at a multiple of 64 bytes.

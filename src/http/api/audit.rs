@@ -80,7 +80,7 @@ pub struct AuditLog {
     responses((status = 200, description = "A page of the log.", body = AuditLog)),
 )]
 pub async fn audit(app: App, uri: Uri, mut query: Query) -> Result<Response> {
-    let limit = limit(&mut query, 100, 1000);
+    let limit = limit(&mut query, 1000).unwrap_or(100);
     let cursor = query.value("cursor", "the cursor of a page", |text| text.parse().ok());
     query.finish()?;
     // The store returns one entry more than the page has if there is a next page.

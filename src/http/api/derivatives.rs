@@ -13,7 +13,7 @@ use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::wire::{FRESH_JSON, Query, Segment, read_key, schemas};
-use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
+use crate::service::Unable;
 use fretwork_engine::request::fault::Faults;
 use fretwork_job::{ENGINE, Key, TaskKind};
 use fretwork_json as json;
@@ -136,22 +136,11 @@ fn refused(faults: Faults) -> Problem {
 
 impl From<Unable> for Problem {
     fn from(unable: Unable) -> Self {
-        let most = LONGEST_CALL.as_secs();
         let advice = "Name fewer `parameters`, or submit a scenario with a larger `tolerance` or fewer output cycles.";
-        let detail = match unable {
-            Unable::TooLong(estimate) => {
-                let seconds = estimate.as_secs_f64();
-                format!(
-                    "The runs would take about {seconds:.0} s; the limit of a request is {most} s. {advice}"
-                )
-            }
-            Unable::Stopped => format!(
-                "The runs were estimated to take less than {most} s. They were stopped after {} s. {advice}",
-                MAX_CALL.as_secs()
-            ),
-            Unable::Panicked => return Self::bug(unable),
-        };
-        Self::new(&kinds::TOO_EXPENSIVE, detail)
+        match unable {
+            Unable::Panicked => Self::bug(unable),
+            unable => Self::new(&kinds::TOO_EXPENSIVE, format!("{unable} {advice}")),
+        }
     }
 }
 

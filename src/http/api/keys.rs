@@ -99,6 +99,7 @@ pub struct CreatedKey {
 /// An access key to be made.
 #[derive(Debug, Deserr, ToSchema)]
 #[deserr(error = Faults, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct KeyBody {
     /// The owner of the jobs that are submitted with it. Keys with the same name own the same jobs.
     #[schema(pattern = "^[A-Za-z0-9._@+-]{1,64}$")]

@@ -243,6 +243,7 @@ pub async fn warnings(app: App, key: Segment, _: NoQuery) -> Result<Fresh<Submis
 /// A note on a result.
 #[derive(Debug, Deserr, ToSchema)]
 #[deserr(error = Faults, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct NoteBody {
     /// Lines of text, without control characters other than line breaks and tabs.
     #[schema(min_length = 1, max_length = 4000)]

@@ -14,7 +14,7 @@ use crate::http::app::App;
 use crate::http::metrics::{Measurements, as_prometheus};
 use crate::http::problem::{self, Problem, Result, kinds};
 use crate::http::transport::body::BODY_LIMIT;
-use crate::http::wire::negotiation::choose_type;
+use crate::http::wire::negotiation::choose;
 use crate::http::wire::{self, NoQuery, Segment};
 use crate::service::{LONGEST_CALL, LONGEST_EVALUATION, WorkLimits};
 use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
@@ -196,7 +196,7 @@ pub async fn metrics(app: App, headers: HeaderMap, _: NoQuery) -> Result<Respons
     let database_connections = app.store.database_connections();
     let measured = Measurements { longest_wait, last_backup, free, files, database_connections };
     let mut text = app.metrics.write(&measured).map_err(Problem::bug)?;
-    let kind = match choose_type(&headers, EXPOSITIONS) {
+    let kind = match choose(&headers, &EXPOSITIONS, |it| it).unwrap_or(EXPOSITIONS[0]) {
         "text/plain" => {
             text = as_prometheus(&text);
             "text/plain; version=0.0.4; charset=utf-8"

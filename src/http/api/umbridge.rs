@@ -31,7 +31,7 @@ use crate::http::problem::{self, Problem, Result};
 use crate::http::shares::Turn;
 use crate::http::transport::body::{AnyBody, Counted};
 use crate::http::wire::FRESH_JSON;
-use crate::service::{LONGEST_CALL, MAX_CALL, Unable};
+use crate::service::Unable;
 use fretwork_engine::request::fault::Faults;
 use fretwork_job::Key;
 use fretwork_json::{self as json, BadBody};
@@ -300,18 +300,10 @@ async fn compute<T: Send + 'static>(
     seconds: f64,
     step: impl FnMut() -> Option<T> + Send + 'static,
 ) -> Result<T> {
-    let most = LONGEST_CALL.as_secs();
     let advice = "Use fewer output cycles or a larger `tolerance`.";
     app.service.compute_in_turns(seconds, step).await.map_err(|unable| match unable {
-        Unable::TooLong(estimate) => bad_input(format!(
-            "The computation would take about {:.0} s; the limit of a call is {most} s. {advice}",
-            estimate.as_secs_f64()
-        )),
-        Unable::Stopped => bad_input(format!(
-            "The computation was estimated to take less than {most} s. It was stopped after {} s. {advice}",
-            MAX_CALL.as_secs()
-        )),
         Unable::Panicked => Problem::bug(unable),
+        unable => bad_input(format!("{unable} {advice}")),
     })
 }
 

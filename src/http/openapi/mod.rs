@@ -10,7 +10,7 @@ use utoipa::openapi::OpenApi;
 
 use crate::http::access::needs::{Needs, RouteNeeds};
 use crate::http::access::signed_link::OPENED;
-use crate::http::api::documents::{CLOSED, Documents, EITHER};
+use crate::http::api::documents::{Documents, EITHER};
 use crate::http::api::scenarios::EXAMPLES;
 use crate::http::problem::ProblemDocument;
 use crate::http::wire::schemas;
@@ -77,10 +77,7 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
         for (name, meaning) in schemas::MEANINGS {
             schemas[*name]["description"] = json!(meaning.trim());
         }
-        adopt(schemas, &SCHEMA, "Scenario");
-        for name in CLOSED {
-            schemas[name]["additionalProperties"] = json!(false);
-        }
+        adopt_scenario(schemas);
         let choices = schemas.values_mut().filter_map(|schema| schema.get_mut("oneOf"));
         for choice in choices.filter_map(Value::as_array_mut).flatten() {
             // Generators take a reference with a description for an object without a name.
@@ -143,20 +140,15 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
     format!("{document:#}\n").into_bytes()
 }
 
-/// Copies the definitions of a JSON Schema file into the components, and the schema itself under `name`.
-fn adopt(schemas: &mut Map<String, Value>, file: &str, name: &str) {
-    let mut root: Map<String, Value> = parsed(file);
+/// Copies the definitions of the schema of scenarios into the components, and the schema itself.
+fn adopt_scenario(schemas: &mut Map<String, Value>) {
+    let mut root: Map<String, Value> = parsed(&SCHEMA);
+    root.values_mut().for_each(redirect);
+    root.retain(|name, _| !["$schema", "$id"].contains(&&**name));
     if let Some(Value::Object(definitions)) = root.remove("$defs") {
-        for (name, mut definition) in definitions {
-            redirect(&mut definition);
-            schemas.insert(name, definition);
-        }
+        schemas.extend(definitions);
     }
-    root.remove("$schema");
-    root.remove("$id");
-    let mut root = Value::Object(root);
-    redirect(&mut root);
-    schemas.insert(name.to_owned(), root);
+    schemas.insert("Scenario".to_owned(), root.into());
 }
 
 /// Adds the units of quantities to their descriptions.
@@ -195,11 +187,6 @@ const REPRESENTATIONS: [(&str, Part, &str); 8] = [
     ("/v1/results/{key}/histogram", Part::Histogram, "HistogramAnswer"),
     ("/v1/results/{key}/plot.svg", Part::Plot, ""),
 ];
-
-/// Whether a link allows an operation.
-fn is_opened(path: &str, method: &Method) -> bool {
-    OPENED.contains(&path) && *method == Method::GET
-}
 
 /// Adds the responses that follow from the path of an operation: an unknown job, an unknown or evicted
 /// result, a full disk.
@@ -322,7 +309,7 @@ fn add_access_control(
     if *method != Method::GET {
         forbidden.push_str("A web page of an unknown origin sent the request. ");
     }
-    if is_opened(path, method) {
+    if OPENED.contains(&path) && *method == Method::GET {
         forbidden.push_str("The `link` does not open this address. ");
         if let Some(Value::Array(parameters)) = operation.get_mut("parameters") {
             parameters.push(shared["link"].clone());

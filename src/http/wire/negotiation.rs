@@ -20,50 +20,40 @@ pub fn weighted(headers: &HeaderMap, name: HeaderName) -> Vec<(&str, f64)> {
 
 /// The first of the offered items with the largest weight; none if all weights are 0.
 pub fn preferred<T: Copy>(offered: &[T], weight: impl Fn(T) -> f64) -> Option<T> {
-    let mut best = (0.0, None);
-    for &item in offered {
-        let weight = weight(item);
-        if weight > best.0 {
-            best = (weight, Some(item));
-        }
-    }
-    best.1
+    let weighted = offered.iter().rev().map(|item| (*item, weight(*item)));
+    let accepted = weighted.filter(|(_, weight)| *weight > 0.0);
+    accepted.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(item, _)| item)
 }
 
 /// Chooses one of the offered formats by the header `Accept`; the first is the default.
 pub fn choose_format(headers: &HeaderMap, offered: &[Format]) -> Option<Format> {
+    choose(headers, offered, Format::essence)
+}
+
+/// Chooses one of the offered items by the header `Accept` and their media types; the first is the default.
+pub fn choose<T: Copy>(
+    headers: &HeaderMap,
+    offered: &[T],
+    essence: impl Fn(T) -> &'static str,
+) -> Option<T> {
     let ranges = weighted(headers, ACCEPT);
     if ranges.is_empty() {
         return offered.first().copied();
     }
-    preferred(offered, |format| weight(format.essence(), &ranges))
-}
-
-/// Chooses one of the offered media types by the header `Accept`; the first is the default.
-pub fn choose_type<const N: usize>(
-    headers: &HeaderMap,
-    offered: [&'static str; N],
-) -> &'static str {
-    let ranges = weighted(headers, ACCEPT);
-    preferred(&offered, |essence| weight(essence, &ranges)).unwrap_or(offered[0])
+    preferred(offered, |item| weight(essence(item), &ranges))
 }
 
 /// The weight of a media type: that of the most specific range that contains it.
 fn weight(essence: &str, ranges: &[(&str, f64)]) -> f64 {
     let kind = essence.split_once('/').map_or(essence, |(kind, _)| kind);
-    let mut best = (0, 0.0);
-    for (range, weight) in ranges {
-        let specificity = match range.strip_suffix("/*") {
-            _ if range.eq_ignore_ascii_case(essence) => 3,
-            Some("*") => 1,
-            Some(range) if range.eq_ignore_ascii_case(kind) => 2,
-            _ => 0,
-        };
-        if specificity > best.0 {
-            best = (specificity, *weight);
-        }
-    }
-    best.1
+    let specificity = |(range, _): &&(&str, f64)| match range.strip_suffix("/*") {
+        _ if range.eq_ignore_ascii_case(essence) => 3,
+        Some("*") => 1,
+        Some(range) if range.eq_ignore_ascii_case(kind) => 2,
+        _ => 0,
+    };
+    let best = ranges.iter().rev().max_by_key(specificity);
+    best.filter(|range| specificity(range) > 0).map_or(0.0, |(_, weight)| *weight)
 }
 
 #[cfg(test)]
@@ -93,7 +83,7 @@ mod tests {
     fn a_media_type_is_chosen_only_if_the_client_prefers_it_to_the_default() {
         let chosen = |value| {
             let headers = HeaderMap::from_iter([(ACCEPT, HeaderValue::from_static(value))]);
-            choose_type(&headers, ["text/plain", "text/csv"])
+            choose(&headers, &["text/plain", "text/csv"], |it| it).unwrap_or("text/plain")
         };
         for value in ["", "*/*", "text/*", "image/png", "text/csv;q=0.4, text/plain;q=0.5"] {
             assert_eq!(chosen(value), "text/plain", "{value}");

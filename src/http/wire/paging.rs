@@ -9,11 +9,7 @@ use super::negotiation::choose_format;
 use fretwork_format::Format;
 
 /// Reads `limit` from the query: the maximum number of entries of a page.
-pub fn limit(query: &mut Query, default: u32, most: u32) -> u32 {
-    optional_limit(query, most).unwrap_or(default)
-}
-
-fn optional_limit(query: &mut Query, most: u32) -> Option<u32> {
+pub fn limit(query: &mut Query, most: u32) -> Option<u32> {
     let accepted = format_args!("a number from 1 to {most}");
     let read = |text: &str| text.parse().ok().filter(|limit| (1..=most).contains(limit));
     query.value("limit", accepted, read)
@@ -48,7 +44,7 @@ impl ListView {
             query.complain("format", "must be \"json\" or \"csv\" for a list");
         }
         let is_csv = format == Some(Format::Csv);
-        let limit = optional_limit(query, most);
+        let limit = limit(query, most);
         let read = |text: &str| ["all", "none"].iter().position(|word| *word == text);
         let comments = query.value("comments", "\"all\" or \"none\"", read);
         let count = query.value("count", "true or false", |text| text.parse().ok());

@@ -24,8 +24,7 @@ const MOST: usize = 12;
 
 /// Draws the requested figure of a study as an SVG document.
 pub fn svg(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<String> {
-    let study = Study::open(document, kind, view)?;
-    study.draw(study.offer.choose(view).map_err(Error::Missing)?)
+    Study::open(document, kind, view)?.drawn(view)
 }
 
 /// Draws figures of all kinds that a study has, of all its outputs and numbers that vary, as SVG documents.
@@ -57,9 +56,7 @@ pub fn all(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<
             figure: FigureOptions { study: options, ..view.figure.clone() },
             ..view.clone()
         };
-        let drawn =
-            study.offer.choose(&view).map_err(Error::Missing).and_then(|choice| study.draw(choice));
-        match drawn {
+        match study.drawn(&view) {
             // Some figures need certain measurements.
             Err(Error::Missing(_)) => {}
             drawn => figures.push(drawn?),
@@ -113,8 +110,9 @@ impl<'a> Study<'a> {
         Ok(Self { document, view, kind, asked, rows, offer })
     }
 
-    fn draw(&self, choice: Choice) -> Result<String> {
-        match choice {
+    /// The figure that a view requests of this study.
+    fn drawn(&self, view: &View) -> Result<String> {
+        match self.offer.choose(view).map_err(Error::Missing)? {
             Choice::Tornado { output } => self.tornado(output),
             Choice::Scatter { output, over } => self.scatter(output, over),
             Choice::Curves { output, over, by } => self.curves(output, over, by),
@@ -127,21 +125,14 @@ impl<'a> Study<'a> {
             }
             Choice::Fit { kind, output, .. } => {
                 let output = &self.offer.outputs[output];
-                self.finished(
-                    fit::measured(self.document, kind, output, self.view.engineering)?,
-                    "",
-                    "",
-                )
+                let engineering = self.view.engineering;
+                self.finished(fit::measured(self.document, kind, output, engineering)?, "", "")
             }
         }
     }
 
     fn member(&self, place: usize) -> &str {
         &self.offer.members[place].0
-    }
-
-    fn column(&self, name: &str) -> &[f64] {
-        self.rows.axis(name)
     }
 
     fn surface<'s>(&'s self, output: &'s str) -> Surface<'s> {
@@ -162,7 +153,7 @@ impl<'a> Study<'a> {
     /// The axis for the values of a member.
     fn across(&self, place: usize) -> Axis {
         let name = self.member(place);
-        let log = axes::is_log_spaced(&axes::distinct(self.column(name)));
+        let log = axes::is_log_spaced(&axes::distinct(self.rows.axis(name)));
         Axis { log, ..self.axis(&member(name, &self.asked["scenario"]), name) }
     }
 
@@ -181,7 +172,10 @@ impl<'a> Study<'a> {
             let names = Axes { over, by };
             self.surface(name).curves(names)
         } else {
-            (vec![grid::list(self.column(self.member(over)), self.column(name))], String::new())
+            (
+                vec![grid::list(self.rows.axis(self.member(over)), self.rows.axis(name))],
+                String::new(),
+            )
         };
         let log = axes::spans_decades(series.iter().flat_map(|series| &series.y).copied());
         let figure =
@@ -239,7 +233,7 @@ impl<'a> Study<'a> {
         let regions = self.offer.hints.regions.expect("this figure has regions");
         let boundary = self.boundary(&regions, self.member(1))?;
         let [x, y] = [0, 1].map(|place| {
-            let ends = axes::distinct(self.column(self.member(place)));
+            let ends = axes::distinct(self.rows.axis(self.member(place)));
             let range = ends.first().zip(ends.last()).map(|(low, high)| (*low, *high));
             Axis { range: range.filter(|(low, high)| low < high), ..self.across(place) }
         });
@@ -256,7 +250,7 @@ impl<'a> Study<'a> {
     fn scatter(&self, output: usize, over: usize) -> Result<String> {
         let name = &self.offer.outputs[output];
         let (axis, title) = self.up(output);
-        let (x, y) = (self.column(self.member(over)), self.column(name));
+        let (x, y) = (self.rows.axis(self.member(over)), self.rows.axis(name));
         let log = axes::spans_decades(y.iter().copied());
         let (series, note) = scatter::series(x, y);
         let mut across = self.across(over);
@@ -296,7 +290,7 @@ impl<'a> Study<'a> {
 
     /// How many points lack an output, in words.
     fn gaps(&self, name: &str) -> String {
-        match self.column(name).iter().filter(|value| !value.is_finite()).count() {
+        match self.rows.axis(name).iter().filter(|value| !value.is_finite()).count() {
             0 => String::new(),
             1 => " 1 point has no value.".to_owned(),
             count => format!(" {count} points have no value."),

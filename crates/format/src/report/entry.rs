@@ -99,15 +99,13 @@ impl Entry {
 
 /// Where a result comes from, and how it is computed again.
 pub fn origin(title: &str, entry: &Entry) -> String {
-    let again = entry.command.as_ref().map_or_else(
-        || {
-            let member = entry.kind.member();
-            format!(
-                "<p>To compute it again, submit the member <code>{member}</code> of the result with this key.</p>"
-            )
-        },
-        |command| format!("<p>To compute it again:</p><pre>{}</pre>", html::lines(command)),
-    );
+    let again = match &entry.command {
+        Some(command) => format!("<p>To compute it again:</p><pre>{}</pre>", html::lines(command)),
+        None => format!(
+            "<p>To compute it again, submit the member <code>{}</code> of the result with this key.</p>",
+            entry.kind.member()
+        ),
+    };
     section(title, &(pairs(&entry.origin) + &again))
 }
 

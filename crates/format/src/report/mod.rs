@@ -17,7 +17,7 @@ use crate::error::{Error, Missing, Result};
 use crate::notation::Notation;
 use crate::view::{FigureOptions, View};
 use entry::{origin, warnings};
-use fretwork_job::TaskKind;
+use fretwork_job::{TaskKind, earlier};
 use html::{pairs, section};
 
 pub use entry::{About, Entry};
@@ -70,7 +70,7 @@ impl Entry {
         entry.origin.extend(known);
         // The verdict of a fit says it, too.
         if entry.kind.word() != "fit" {
-            entry.warnings.extend(si.head.engine.doubt(&asked));
+            entry.warnings.extend(earlier::doubt(si.head.engine.numerics, &asked));
         }
         match kind {
             TaskKind::Run => run::fill(&mut entry, [&si, &drawn], &view, &asked, &about.measured)?,

@@ -9,28 +9,113 @@ use crate::http::wire::schemas::{
     MeasuredCell, MeasuredSet, Noise, NumberOrText, Scenario, Sigma, Spacing,
 };
 
-/// A fit of numbers of a scenario to measurements.
-#[derive(ToSchema)]
-pub struct Fit {
-    /// The version of the rules of studies, as in the result.
-    #[schema(nullable = false, minimum = 1, maximum = 1)]
-    version: Option<u32>,
-    scenario: Scenario,
-    #[schema(min_items = 1, max_items = 20)]
-    parameters: Vec<FitParameter>,
-    #[schema(min_items = 1, max_items = 200)]
-    tests: Vec<FitTest>,
-    /// The probability of all intervals; 0.95 by default.
-    #[schema(nullable = false, minimum = 0.5, maximum = 0.9999)]
-    confidence: Option<f64>,
-    /// The number of searches from different values; 8 by default.
-    #[schema(nullable = false, minimum = 1, maximum = 64)]
-    starts: Option<u32>,
-    #[schema(nullable = false)]
-    loss: Option<Loss>,
-    /// Pointers of measured numbers that are left out, such as `/tests/0/data/0/y/2`.
-    #[schema(required = false)]
-    without: Vec<String>,
+bodies! {
+    /// A fit of numbers of a scenario to measurements.
+    Fit {
+        /// The version of the rules of studies, as in the result.
+        #[schema(minimum = 1, maximum = 1)]
+        version: Option<u32>,
+        scenario: Scenario,
+        #[schema(min_items = 1, max_items = 20)]
+        parameters: Vec<FitParameter>,
+        #[schema(min_items = 1, max_items = 200)]
+        tests: Vec<FitTest>,
+        /// The probability of all intervals; 0.95 by default.
+        #[schema(minimum = 0.5, maximum = 0.9999)]
+        confidence: Option<f64>,
+        /// The number of searches from different values; 8 by default.
+        #[schema(minimum = 1, maximum = 64)]
+        starts: Option<u32>,
+        loss: Option<Loss>,
+        /// Pointers of measured numbers that are left out, such as `/tests/0/data/0/y/2`.
+        #[schema(required = false)]
+        without: Vec<String>,
+    }
+
+    /// A number of the scenario that is estimated.
+    FitParameter {
+        /// The JSON pointer of the number in the scenario.
+        #[schema(example = "/wear/coefficient")]
+        pointer: String,
+        /// The smallest value.
+        from: NumberOrText,
+        /// The largest value.
+        to: NumberOrText,
+        /// `log` for numbers whose order of magnitude is not known.
+        spacing: Option<Spacing>,
+        /// Where the first search begins. The default is the value in the scenario.
+        start: Option<NumberOrText>,
+        /// The tests to which it belongs. The default is all.
+        #[schema(rename = "for", required = false, min_items = 1)]
+        tests: Vec<String>,
+        /// What is known beforehand.
+        #[schema(value_type = Object, required = false, example = json!({"normal": {"mean": 0.7, "standard_deviation": 0.1}}))]
+        prior: Value,
+    }
+
+    /// A test: how its scenario differs, and what was measured.
+    FitTest {
+        /// Its name. The default is its number.
+        name: Option<String>,
+        /// The name of its specimen. All points of a specimen count as one.
+        specimen: Option<String>,
+        /// New values of members of the scenario, by their JSON pointers.
+        #[schema(value_type = Object, required = false, example = json!({"/motion/amplitude": "50 um"}))]
+        changes: BTreeMap<String, Value>,
+        #[schema(min_items = 1)]
+        data: Vec<MeasuredSet>,
+    }
+
+    /// Measured numbers over cycles or dissipated energies.
+    MeasuredPoints {
+        /// A column of the history, or `mass_loss`.
+        #[schema(example = "wear_volume")]
+        output: String,
+        over: Option<MeasuredOver>,
+        /// Numbers of cycles, or dissipated energies.
+        #[schema(min_items = 1, max_items = 2000)]
+        x: Vec<NumberOrText>,
+        /// The measured numbers. Null asks only for a prediction.
+        #[schema(min_items = 1, max_items = 2000)]
+        y: Vec<MeasuredCell>,
+        /// The density in kg/m³, for `mass_loss` in kg.
+        #[schema(exclusive_minimum = 0.0)]
+        density: Option<f64>,
+        sigma: Option<Sigma>,
+        /// The standard deviation of the noise as a share of the true number, for which the prediction stands.
+        #[schema(exclusive_minimum = 0.0, maximum = 1.0)]
+        relative: Option<f64>,
+        noise: Option<Noise>,
+    }
+
+    /// The measured depth of a scar.
+    WearProfile {
+        profile: MeasuredProfile,
+        /// The number of cycles of the profile.
+        #[schema(exclusive_minimum = 0.0)]
+        at: f64,
+        /// The body whose wear it is, if the scenario shares the wear: 1 carries the profile. Without it, the wear is that of both.
+        #[schema(minimum = 1, maximum = 2)]
+        body: Option<u8>,
+        /// Distances from the centre.
+        #[schema(min_items = 1, max_items = 2000)]
+        radius: Vec<NumberOrText>,
+        /// The measured depths.
+        #[schema(min_items = 1, max_items = 2000)]
+        depth: Vec<MeasuredCell>,
+        sigma: Option<Sigma>,
+        /// The standard deviation of the noise as a share of the true number, for which the prediction stands.
+        #[schema(exclusive_minimum = 0.0, maximum = 1.0)]
+        relative: Option<f64>,
+        noise: Option<Noise>,
+    }
+
+    /// Noise that is a share of the true number.
+    RelativeNoise {
+        #[schema(exclusive_minimum = 0.0, maximum = 1.0)]
+        relative: Option<f64>,
+        kind: Option<NoiseKind>,
+    }
 }
 
 /// `huber`: numbers far from the fit have less weight. A residual counts with its square up to 1.345 standard deviations, and linearly
@@ -42,72 +127,6 @@ pub enum Loss {
     Huber,
 }
 
-/// A number of the scenario that is estimated.
-#[derive(ToSchema)]
-pub struct FitParameter {
-    /// The JSON pointer of the number in the scenario.
-    #[schema(example = "/wear/coefficient")]
-    pointer: String,
-    /// The smallest value.
-    from: NumberOrText,
-    /// The largest value.
-    to: NumberOrText,
-    /// `log` for numbers whose order of magnitude is not known.
-    #[schema(nullable = false)]
-    spacing: Option<Spacing>,
-    /// Where the first search begins. The default is the value in the scenario.
-    #[schema(nullable = false)]
-    start: Option<NumberOrText>,
-    /// The tests to which it belongs. The default is all.
-    #[schema(rename = "for", required = false, min_items = 1)]
-    tests: Vec<String>,
-    /// What is known beforehand.
-    #[schema(value_type = Object, required = false, example = json!({"normal": {"mean": 0.7, "standard_deviation": 0.1}}))]
-    prior: Value,
-}
-
-/// A test: how its scenario differs, and what was measured.
-#[derive(ToSchema)]
-pub struct FitTest {
-    /// Its name. The default is its number.
-    #[schema(nullable = false)]
-    name: Option<String>,
-    /// The name of its specimen. All points of a specimen count as one.
-    #[schema(nullable = false)]
-    specimen: Option<String>,
-    /// New values of members of the scenario, by their JSON pointers.
-    #[schema(value_type = Object, required = false, example = json!({"/motion/amplitude": "50 um"}))]
-    changes: BTreeMap<String, Value>,
-    #[schema(min_items = 1)]
-    data: Vec<MeasuredSet>,
-}
-
-/// Measured numbers over cycles or dissipated energies.
-#[derive(ToSchema)]
-pub struct MeasuredPoints {
-    /// A column of the history, or `mass_loss`.
-    #[schema(example = "wear_volume")]
-    output: String,
-    #[schema(nullable = false)]
-    over: Option<MeasuredOver>,
-    /// Numbers of cycles, or dissipated energies.
-    #[schema(min_items = 1, max_items = 2000)]
-    x: Vec<NumberOrText>,
-    /// The measured numbers. Null asks only for a prediction.
-    #[schema(min_items = 1, max_items = 2000)]
-    y: Vec<MeasuredCell>,
-    /// The density in kg/m³, for `mass_loss` in kg.
-    #[schema(nullable = false, exclusive_minimum = 0.0)]
-    density: Option<f64>,
-    #[schema(nullable = false)]
-    sigma: Option<Sigma>,
-    /// The standard deviation of the noise as a share of the true number, for which the prediction stands.
-    #[schema(nullable = false, exclusive_minimum = 0.0, maximum = 1.0)]
-    relative: Option<f64>,
-    #[schema(nullable = false)]
-    noise: Option<Noise>,
-}
-
 /// What `x` is.
 #[derive(ToSchema)]
 #[schema(rename_all = "snake_case", default = "cycles")]
@@ -116,44 +135,10 @@ pub enum MeasuredOver {
     DissipatedEnergy,
 }
 
-/// The measured depth of a scar.
-#[derive(ToSchema)]
-pub struct WearProfile {
-    profile: MeasuredProfile,
-    /// The number of cycles of the profile.
-    #[schema(exclusive_minimum = 0.0)]
-    at: f64,
-    /// The body whose wear it is, if the scenario shares the wear: 1 carries the profile. Without it, the wear is that of both.
-    #[schema(nullable = false, minimum = 1, maximum = 2)]
-    body: Option<u8>,
-    /// Distances from the centre.
-    #[schema(min_items = 1, max_items = 2000)]
-    radius: Vec<NumberOrText>,
-    /// The measured depths.
-    #[schema(min_items = 1, max_items = 2000)]
-    depth: Vec<MeasuredCell>,
-    #[schema(nullable = false)]
-    sigma: Option<Sigma>,
-    /// The standard deviation of the noise as a share of the true number, for which the prediction stands.
-    #[schema(nullable = false, exclusive_minimum = 0.0, maximum = 1.0)]
-    relative: Option<f64>,
-    #[schema(nullable = false)]
-    noise: Option<Noise>,
-}
-
 #[derive(ToSchema)]
 #[schema(rename_all = "lowercase")]
 pub enum MeasuredProfile {
     Wear,
-}
-
-/// Noise that is a share of the true number.
-#[derive(ToSchema)]
-pub struct RelativeNoise {
-    #[schema(nullable = false, exclusive_minimum = 0.0, maximum = 1.0)]
-    relative: Option<f64>,
-    #[schema(nullable = false)]
-    kind: Option<NoiseKind>,
 }
 
 #[derive(ToSchema)]

@@ -8,6 +8,37 @@
     reason = "the document needs only the types"
 )]
 
+/// Bodies of requests, which have no other members. What they can leave out is not null.
+macro_rules! bodies {
+    ($($(#[$about:meta])* $name:ident { $($(#[$member:meta])* $field:ident: $kind:ty,)* })*) => {
+        $(
+            #[derive(ToSchema)]
+            #[serde(deny_unknown_fields)]
+            $(#[$about])*
+            pub struct $name {
+                $(#[schema(nullable = false)] $(#[$member])* $field: $kind,)*
+            }
+        )*
+    };
+}
+
+/// Answers that say to which result they belong.
+macro_rules! answers {
+    ($($(#[$about:meta])* $name:ident { $(#[$member:meta])* $field:ident: $kind:ty })*) => {
+        $(
+            #[derive(ToSchema)]
+            $(#[$about])*
+            pub struct $name {
+                key: KeyText,
+                engine: Engine,
+                units: Units,
+                $(#[$member])*
+                $field: $kind,
+            }
+        )*
+    };
+}
+
 mod bodies;
 mod evaluated;
 mod fits;
@@ -58,37 +89,6 @@ pub use fretwork_engine::scenario::Warning;
     fits::RelativeNoise,
 )))]
 pub struct Documents;
-
-/// Objects that have no other members.
-pub const CLOSED: [&str; 27] = [
-    "JobBody",
-    "Naming",
-    "EvaluateBody",
-    "NoteBody",
-    "KeyBody",
-    "DiffSide",
-    "KeysToCompare",
-    "SidesToCompare",
-    "Sweep",
-    "SweepProfiles",
-    "NumberRange",
-    "Varied",
-    "Distribution",
-    "UniformDistribution",
-    "NormalDistribution",
-    "LognormalDistribution",
-    "TriangularDistribution",
-    "Sensitivity",
-    "FrettingMap",
-    "Axis",
-    "Fit",
-    "FitParameter",
-    "FitTest",
-    "MeasuredPoints",
-    "WearProfile",
-    "CommonCurves",
-    "RelativeNoise",
-];
 
 /// Types of which a document has one, by the name of the choice, and what it means.
 pub const EITHER: [(&str, &str, &[&str]); 11] = {

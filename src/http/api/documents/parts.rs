@@ -47,67 +47,41 @@ pub enum JobEventKind {
     Progress,
 }
 
-/// The history of a result.
-#[derive(ToSchema)]
-pub struct History {
-    key: KeyText,
-    engine: Engine,
-    units: Units,
-    history: Columns,
-}
+answers! {
+    /// The history of a result.
+    History {
+        history: Columns
+    }
 
-/// The profiles of a result.
-#[derive(ToSchema)]
-pub struct Profiles {
-    key: KeyText,
-    engine: Engine,
-    units: Units,
-    profiles: EitherCurves,
-}
+    /// The profiles of a result.
+    Profiles {
+        profiles: EitherCurves
+    }
 
-/// The force–displacement loops of a result.
-#[derive(ToSchema)]
-pub struct Loops {
-    key: KeyText,
-    engine: Engine,
-    units: Units,
-    loops: LoopCurves,
-}
+    /// The force–displacement loops of a result.
+    Loops {
+        loops: LoopCurves
+    }
 
-/// The table of a study.
-#[derive(ToSchema)]
-pub struct StudyTable {
-    key: KeyText,
-    engine: Engine,
-    units: Units,
-    table: TableColumns,
-}
+    /// The table of a study.
+    StudyTable {
+        table: TableColumns
+    }
 
-/// Statistics of a study, in columns with one row per output: `output`, `unit`, `points`, `mean`, `standard_deviation`, percentiles such
-/// as `percentile_2_5`, and the ends of their intervals, such as `percentile_2_5_low`.
-#[derive(ToSchema)]
-pub struct Statistics {
-    key: KeyText,
-    engine: Engine,
-    units: Units,
-    statistics: TableColumns,
-}
+    /// Statistics of a study, in columns with one row per output: `output`, `unit`, `points`, `mean`, `standard_deviation`, percentiles such
+    /// as `percentile_2_5`, and the ends of their intervals, such as `percentile_2_5_low`.
+    Statistics {
+        statistics: TableColumns
+    }
 
-/// Distributions of the outputs of a study, in columns with one row per bin: `output`, `unit`, `from`, `to` and `points`.
-#[derive(ToSchema)]
-pub struct Histogram {
-    key: KeyText,
-    engine: Engine,
-    units: Units,
-    histogram: TableColumns,
-}
+    /// Distributions of the outputs of a study, in columns with one row per bin: `output`, `unit`, `from`, `to` and `points`.
+    Histogram {
+        histogram: TableColumns
+    }
 
-/// A table in rows: one object per output cycle, or per output cycle and point.
-#[derive(ToSchema)]
-pub struct Records {
-    key: KeyText,
-    engine: Engine,
-    units: Units,
-    /// The rows. Each has all columns; a number that is infinite or not defined is null.
-    records: Vec<BTreeMap<String, Cell>>,
+    /// A table in rows: one object per output cycle, or per output cycle and point.
+    Records {
+        /// The rows. Each has all columns; a number that is infinite or not defined is null.
+        records: Vec<BTreeMap<String, Cell>>
+    }
 }

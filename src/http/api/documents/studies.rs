@@ -37,6 +37,7 @@ pub struct SweepResult {
 /// point has no run, and next to an infinite value. Beyond the radii of the run, `worn` and `slip` are null, `wear` and
 /// `pressure` 0.
 #[derive(ToSchema)]
+#[serde(deny_unknown_fields)]
 pub struct CommonCurves {
     /// The row of the table that each curve belongs to.
     point: Vec<u64>,
