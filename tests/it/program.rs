@@ -240,7 +240,7 @@ fn results_of_several_files_go_to_a_new_directory_and_replace_nothing() {
     // A second name of the input.
     std::fs::hard_link(at("two/a.json"), at("two/b.json")).unwrap();
     fails(&run(&["run", &at("two/a.json"), "-o", &at("two/b.json")], ""), "would replace an input");
-    fails(&run(&["run", &at("pages")], ""), &format!("{}: there is no .json file", at("pages")));
+    fails(&run(&["run", &at("pages")], ""), &format!("{}: no .json file is in it", at("pages")));
     assert!(!text(&run(&["get", "--help"], "").stdout).contains("input"));
 }
 
