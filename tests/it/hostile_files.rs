@@ -231,11 +231,9 @@ fn endless_files_devices_and_pipes_are_refused() {
             assert!(peak < 600, "{words:?} takes {peak} MiB");
         }
     }
-    for words in [
-        &["run", "/dev/zero"][..],
-        &["run", &pipe],
-        &["list", "--key-file", "/dev/zero", "--url", "http://[::1]:1"],
-    ] {
+    for words in
+        [&["run", "/dev/zero"][..], &["list", "--key-file", "/dev/zero", "--url", "http://[::1]:1"]]
+    {
         assert!(!measured(words).0.status.success(), "{words:?}");
     }
     assert_eq!(fs::metadata(&huge).unwrap().len(), 1 << 40);
