@@ -196,6 +196,11 @@ impl Control {
             || matches!(self.held(), Held::Stroke(_) | Held::Sliding(_) | Held::Aperture(_))
     }
 
+    /// Whether the apertures of the loops are held.
+    pub(crate) fn holds_aperture(&self) -> bool {
+        matches!(self.held(), Held::Aperture(_))
+    }
+
     /// Whether the motion follows a displacement record.
     pub(crate) fn has_record(&self) -> bool {
         matches!(self.held(), Held::Record(_))

@@ -212,20 +212,32 @@ impl Backbone {
     /// The loop between −Δ and Δ.
     #[must_use]
     pub fn wind(&self) -> Loop {
-        self.wind_through(Self::at_half(&self.corners))
+        self.wind_along(&self.with_half(Self::at_half(&self.corners)))
     }
 
-    /// The same loop through the points at which it has this aperture, which is known to all digits.
+    /// The same loop with this aperture to all digits. A corner is moved so that its area remains W.
     pub(crate) fn wind_to(&self, aperture: f64) -> Loop {
-        self.wind_through(0.5 * (self.last()[0] - aperture))
+        let [displacement, most] = self.last();
+        let mut corners = self.with_half(0.5 * (displacement - aperture));
+        let missing = self.lost - area(&corners);
+        let end = corners.partition_point(|corner| corner[1] < most);
+        if let Some([before, corner, after]) = corners[end.saturating_sub(2)..].first_chunk_mut() {
+            corner[1] += 0.25 * missing / (after[0] - before[0]);
+        }
+        self.wind_along(&corners)
     }
 
-    /// The loop whose backbone has half of the force at the displacement `half`.
-    fn wind_through(&self, half: f64) -> Loop {
-        let [threshold, most] = self.last();
+    /// The corners, and the point at the displacement `half`, where the force is half of its maximum.
+    fn with_half(&self, half: f64) -> Vec<[f64; 2]> {
+        let most = self.last()[1];
         let mut corners = self.corners.clone();
         let middle = corners.partition_point(|corner| corner[1] < 0.5 * most);
         corners.insert(middle, [half, 0.5 * most]);
+        corners
+    }
+
+    fn wind_along(&self, corners: &[[f64; 2]]) -> Loop {
+        let [threshold, most] = self.last();
         let cycle = |of: usize| -> Vec<f64> {
             let most = self.last()[of];
             let mut points = Vec::with_capacity(2 * corners.len() - 1);

@@ -9,12 +9,15 @@ pub const LOST: f64 = 3e-3;
 /// The contact is in shakedown if its energy per cycle is below this share of the energy per cycle of the unworn
 /// contact at the same amplitude. A mesh does not resolve the decay of much smaller energies.
 pub const SHAKEN: f64 = 1e-2;
+/// Under a held aperture, a core slips if its stick radius is below this share of its largest value.
+pub const CORE: f64 = 0.95;
 
 /// `gross_slip`: the whole contact begins to slip. `contact_lost`: the normal force is below 0.3 % of its first value. `shakedown`:
 /// the energy per cycle is below 1 % of its first value; in blocks, of the value of the unworn contact at the amplitude of the
 /// block. `until_reached`: the stop condition is met. `rim_reached`: the scar has reached the rim of the indenter.
 /// `contact_splits`: a ring outside the contact would carry more than 0.1 % of the normal force. `energy_not_reached`: the run
-/// ended before it reached the next energy. `layer_worn_through`: a layer of a body is worn through at one place.
+/// ended before it reached the next energy. `layer_worn_through`: a layer of a body is worn through at one place. `core_slips`:
+/// under a held aperture, the core that carries the load begins to slip; what follows depends on the mesh, so the run ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
@@ -36,10 +39,13 @@ pub enum EventKind {
     /// A requested energy cannot be dissipated: wear has practically stopped, the last block has ended, or the
     /// run has reached the largest number of cycles.
     EnergyNotReached,
+    /// Under a held aperture, the slip ring has lost its load, and the core has to slip. It slips by steps whose length is that
+    /// of the cells, so the run ends.
+    CoreSlips,
 }
 
 /// The kinds of events with their names for people.
-pub const EVENTS: [(EventKind, &str); 8] = [
+pub const EVENTS: [(EventKind, &str); 9] = [
     (EventKind::GrossSlip, "Gross slip"),
     (EventKind::ContactLost, "Contact lost"),
     (EventKind::Shakedown, "Wear practically stops"),
@@ -48,6 +54,7 @@ pub const EVENTS: [(EventKind, &str); 8] = [
     (EventKind::ContactSplits, "Contact splits into core and ring"),
     (EventKind::EnergyNotReached, "Requested energy not reached"),
     (EventKind::LayerWornThrough, "Layer worn through"),
+    (EventKind::CoreSlips, "Core begins to slip"),
 ];
 
 /// An event and its time in N₀.

@@ -58,31 +58,32 @@ fn any_motion() -> impl Strategy<Value = (Value, Value)> {
         (stick.clone(), held).prop_map(|(c, held)| json!({"stick_ratio": c, "held": held})),
         stick.clone().prop_map(|c| json!({"stick_ratio": c})),
         amplitude().prop_map(|u| json!({"amplitude": u})),
+        amplitude().prop_map(|u| json!({"loop_aperture": u})),
         (-9.0..9.0_f64).prop_map(|q| json!({"tangential_force": 10_f64.powf(q)})),
         (stick, 3.0..12.0_f64)
             .prop_map(|(c, k)| json!({"stick_ratio": c, "rig_stiffness": 10_f64.powf(k)})),
         (amplitude(), 3.0..12.0_f64)
             .prop_map(|(u, k)| json!({"amplitude": u, "rig_stiffness": 10_f64.powf(k)})),
     ];
-    let blocks = (amplitude(), prop::collection::vec((0.0..2.0_f64, 0.0..7.0_f64), 1..5)).prop_map(
-        |(u, list)| {
-            let mut end = 0.0;
-            let mut instants = Vec::new();
-            let blocks: Vec<Value> = list
-                .iter()
-                .enumerate()
-                .map(|(i, (share, n))| {
-                    let cycles = 10_f64.powf(*n).round();
-                    instants.extend([end + 0.3 * cycles, end + cycles]);
-                    end += cycles;
-                    // Sometimes the contact is at rest in a block.
-                    let share = if i > 0 && *share < 0.3 { 0.0 } else { share.max(0.1) };
-                    json!({"amplitude": share * u, "cycles": cycles})
-                })
-                .collect();
-            (json!({"blocks": blocks}), json!(instants))
-        },
-    );
+    let member = prop_oneof![3 => Just("amplitude"), 1 => Just("loop_aperture")];
+    let list = prop::collection::vec((0.0..2.0_f64, 0.0..7.0_f64), 1..5);
+    let blocks = (amplitude(), member, list).prop_map(|(u, member, list)| {
+        let mut end = 0.0;
+        let mut instants = Vec::new();
+        let blocks: Vec<Value> = list
+            .iter()
+            .enumerate()
+            .map(|(i, (share, n))| {
+                let cycles = 10_f64.powf(*n).round();
+                instants.extend([end + 0.3 * cycles, end + cycles]);
+                end += cycles;
+                // Sometimes the contact is at rest in a block.
+                let share = if i > 0 && *share < 0.3 { 0.0 } else { share.max(0.1) };
+                json!({member: share * u, "cycles": cycles})
+            })
+            .collect();
+        (json!({"blocks": blocks}), json!(instants))
+    });
     let blocks = (blocks, prop::option::weighted(0.3, energies()))
         .prop_map(|((motion, cycles), energies)| (motion, energies.unwrap_or(cycles)));
     let reversals =
@@ -269,8 +270,13 @@ fn judge_bodies(case: &Case, outcome: &Outcome) {
     let lengths = first.scar_half_length.iter().zip(&second.scar_half_length);
     for ((first, second), scar) in lengths.zip(scar_radius) {
         assert!(scar <= first && first <= second, "{scar} {first} {second}");
-        // An amplitude that is as close as this to the gross-slip threshold is set to it.
-        assert!(*second <= (first + stroke) * (1.0 + 1e-11), "{first} {second} {stroke}");
+        // An amplitude that is as close as this to the gross-slip threshold is set to it. Under a held aperture, it can be
+        // larger between the output cycles.
+        let is_known = !matches!(case.control.held(), Held::Aperture(_));
+        assert!(
+            !is_known || *second <= (first + stroke) * (1.0 + 1e-11),
+            "{first} {second} {stroke}"
+        );
     }
     assert!(second.scar_half_length.windows(2).all(|pair| pair[0] <= pair[1]));
 }

@@ -29,7 +29,7 @@ use crate::contact::limit::{DEEPEST, Limit, WIDEST};
 use crate::contact::unworn::{Contact, Regime};
 use crate::numeric::root;
 use crate::solver::errors::RunErrors;
-use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition, WornThrough};
+use crate::solver::events::{CORE, Event, EventKind, LOST, SHAKEN, StopCondition, WornThrough};
 use crate::solver::splits::SplitWatch;
 
 /// Number of cells at the tolerance `COMMON_TOLERANCE`. The error decreases with the square of the
@@ -104,6 +104,8 @@ pub struct March {
     block: usize,
     /// Whether the contact was in gross slip after the last step.
     slips: bool,
+    /// The largest stick radius of the present block so far.
+    core: f64,
     /// The expected outer radius of the last mesh.
     reach: f64,
 }
@@ -286,6 +288,7 @@ impl March {
             known,
             block: 0,
             slips: contact.regime == Regime::GrossSlip,
+            core: 0.0,
             reach,
         })
     }
@@ -455,8 +458,8 @@ impl March {
     /// Searches for events within the last step.
     fn watch(&mut self) {
         use EventKind::{
-            ContactLost, ContactSplits, EnergyNotReached, GrossSlip, LayerWornThrough, RimReached,
-            Shakedown, UntilReached,
+            ContactLost, ContactSplits, CoreSlips, EnergyNotReached, GrossSlip, LayerWornThrough,
+            RimReached, Shakedown, UntilReached,
         };
         let new_block = self.fine.block != self.block;
         if new_block {
@@ -465,6 +468,7 @@ impl March {
             // ring.
             self.block = self.fine.block;
             self.known.retain(|known| !matches!(known, GrossSlip | Shakedown));
+            self.core = 0.0;
             let began = self.fine.rkc.began();
             if self.slips && self.signal(GrossSlip, began) <= 0.0 {
                 self.known.push(GrossSlip);
@@ -475,7 +479,7 @@ impl March {
         }
         self.slips = self.signal(GrossSlip, self.fine.rkc.time) <= 0.0;
         let mut found = Vec::new();
-        for kind in [GrossSlip, Shakedown, ContactLost, ContactSplits, UntilReached] {
+        for kind in [GrossSlip, Shakedown, ContactLost, ContactSplits, UntilReached, CoreSlips] {
             if self.known.contains(&kind) {
                 continue;
             }
@@ -500,11 +504,12 @@ impl March {
             let ends = match kind {
                 GrossSlip => held,
                 Shakedown | ContactLost => false,
-                ContactSplits | UntilReached | RimReached | EnergyNotReached => true,
+                ContactSplits | UntilReached | RimReached | EnergyNotReached | CoreSlips => true,
                 LayerWornThrough => unreachable!("`worn_through` finds these events"),
             };
             found.push(Event::new(high, kind, ends));
         }
+        self.core = self.core.max(self.fine.wearing.springs.stick());
         found.extend(self.worn_through());
         found.sort_by(|a, b| a.at.total_cmp(&b.at));
         let last = found.iter().position(|event| event.ends);
@@ -541,6 +546,10 @@ impl March {
                 run.under(time, |wearing, values| {
                     splits.signal(&wearing.core(), || wearing.wear_of(values))
                 })
+            }
+            EventKind::CoreSlips if !run.control().holds_aperture() || self.core == 0.0 => 1.0,
+            EventKind::CoreSlips => {
+                run.under(time, |wearing, _| wearing.springs.stick() - CORE * self.core)
             }
             EventKind::UntilReached if until == StopCondition::default() => 1.0,
             EventKind::UntilReached => {
