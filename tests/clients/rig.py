@@ -211,7 +211,7 @@ def fretting_map(browser):
         figure = page.locator("section[aria-label=Figure]")
         expect(page.locator("#study thead")).to_contain_text("Regime, unworn")
         expect(page.locator("section[aria-label=Table]")).to_contain_text("Outputs are those after the last cycle if their heading says no other time.")
-        expect(page.locator("main")).to_contain_text("Thin: the boundary after the last cycle, to within a step of the amplitudes.")
+        expect(page.locator("main")).to_contain_text("Thin: the boundary after the last cycle, within one amplitude step.")
         title = "Amplitude at the actuator U" if place == "actuator" else "Amplitude U"
         expect(figure.locator(".later")).to_be_attached()
         for text in (f"{title} (µm)", "Unworn", "After the last cycle"):
@@ -220,7 +220,7 @@ def fretting_map(browser):
         with urllib.request.urlopen(f"{BASE}/v1/results/{key}/plot.svg?kind=regimes") as answer:
             drawn = re.sub("<[^>]*>", "", answer.read().decode())
         assert ("Amplitude at the actuator (µm)" in drawn) == (place == "actuator"), drawn
-        assert "Thin: the boundary after the last cycle, to within a step of the amplitudes." in drawn, drawn
+        assert "Thin: the boundary after the last cycle, within one amplitude step." in drawn, drawn
     page.context.close()
 
 

@@ -188,8 +188,7 @@ async fn each_kind_of_study_has_a_report() {
             {
                 assert!(head.contains(column), "{head}");
             }
-            let note =
-                "Thin: the boundary after the last cycle, to within a step of the amplitudes.";
+            let note = "Thin: the boundary after the last cycle, within one amplitude step.";
             assert!(content(&root).contains(note));
         }
         assert!(words(&root, "h2").iter().any(|title| title == section), "{heading}");

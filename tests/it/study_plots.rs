@@ -164,7 +164,9 @@ async fn regimes_end_at_the_boundary_also_where_it_leaves_the_figure() {
     body["map"]["amplitude"] = json!({"from": "1 um", "to": "10 um", "count": 3, "spacing": "log"});
     let (key, _) = computed(&server, &body).await;
     let threshold = figure(&server, &key, "kind=heat&output=gross_slip_amplitude").await;
-    for text in ["Gross-slip threshold at the contact after the last cycle", "to within a step"] {
+    for text in
+        ["Gross-slip threshold at the contact after the last cycle", "within one amplitude step"]
+    {
         assert!(threshold.contains(text), "{threshold}");
     }
     let svg = figure(&server, &key, "").await;

@@ -109,7 +109,7 @@ impl Field {
         }
         canvas.text((bar.left, area.top - 0.5 * GAP), Anchor::Start, SMALL, &scale.factor());
         let end = bar.right() + GAP + scale.widest_label() + LABEL + 0.5 * GAP;
-        let size = LABEL.min((area.height + 2.0 * LABEL) / width(&self.scale.label));
+        let size = LABEL.min((area.height + 3.0 * LABEL) / width(&self.scale.label));
         canvas.upward_text((end, area.at(0.0, 0.5).1), size, &self.scale.label);
     }
 }

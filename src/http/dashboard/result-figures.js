@@ -157,6 +157,6 @@ export function drawLoop(figure, ratios, result, at) {
 
 /** The axes of the loops of some runs at all output cycles. */
 export const loopAxes = (runs, units, when) => ({
-  x: { title: wordOf("displacement", runs[0].scenario), symbol: symbolOf("displacement"), unit: units.displacement, range: extent(runs.flatMap(({ loops }) => loops.displacement)) },
+  x: { title: [...new Set(runs.map(({ scenario }) => wordOf("displacement", scenario)))].join(" or "), symbol: symbolOf("displacement"), unit: units.displacement, range: extent(runs.flatMap(({ loops }) => loops.displacement)) },
   y: { title: "Tangential force", symbol: symbolOf("tangential_force"), unit: "N", range: extent(runs.flatMap(({ loops }) => loops.tangential_force)) },
   description: `Tangential force over displacement ${when}` });

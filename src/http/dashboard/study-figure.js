@@ -189,7 +189,7 @@ export class StudyFigure {
       boundary: edge(amplitude), later: edge(regions?.later), regions, known: [own, ...points].filter(({ x, y }) => Number.isFinite(x) && Number.isFinite(y)) }), { tall: true });
     this.#note.textContent = `◆ Scenario of the study: ${[over, by].map((name) => `${view.title(name)} = ${quantity(valueAt(view.scenario, name), view.units[name])}`).join(", ")}.${
       view.boundary && kind === "heat" ? ` Dashed: ${regions.label}.` : ""}${
-      table?.[regions?.later] ? " Thin: the boundary after the last cycle, to within a step of the amplitudes." : ""}`;
+      table?.[regions?.later] ? " Thin: the boundary after the last cycle, within one amplitude step." : ""}`;
   }
 
   /** Offers the runs of the points of the curves at `x`. */

@@ -17,7 +17,7 @@ use fretwork_plot::{Axis, Figure};
 use fretwork_study::{Hints, Kind, Regions, StudyFigure};
 
 /// The note about the boundary after the runs. The legend has no room for it.
-const LATER: &str = " Thin: the boundary after the last cycle, to within a step of the amplitudes.";
+const LATER: &str = " Thin: the boundary after the last cycle, within one amplitude step.";
 
 /// Maximum number of figures in a report.
 const MOST: usize = 12;
