@@ -26,11 +26,12 @@ pub struct Side<'a> {
     visited: Vec<(f64, f64)>,
 }
 
-impl<'a> Side<'a> {
-    pub fn of(fit: &'a Fit, known: &'a Known, place: usize, is_high: bool) -> Self {
-        let (best, rise, visited) = (&known.rows[known.minimum], fit.rise(known), Vec::new());
-        let mut side =
-            Self { fit, known, place, is_high, rise, base: best, is_other: false, visited };
+impl Fit {
+    /// One side of the interval of a parameter.
+    pub fn side<'a>(&'a self, known: &'a Known, place: usize, is_high: bool) -> Side<'a> {
+        let (fit, best, rise) = (self, &known.rows[known.minimum], self.rise(known));
+        let (is_other, visited) = (false, Vec::new());
+        let mut side = Side { fit, known, place, is_high, rise, base: best, is_other, visited };
         side.visited = side.beyond(best);
         let (starts, start) = (&known.rows[..known.minimum], &known.rows[known.start]);
         // With estimated noise, S of the starts has another unit.
@@ -46,7 +47,9 @@ impl<'a> Side<'a> {
         }
         side
     }
+}
 
+impl Side<'_> {
     /// The coordinate of the parameter, which grows to 1 on this side.
     fn coordinate(&self, row: &Row) -> f64 {
         let u = self.fit.parameters[self.place].coordinate(row.theta[self.place]);

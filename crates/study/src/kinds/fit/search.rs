@@ -16,7 +16,6 @@ use crate::stats::derivative::{Derivative, Place, derivatives};
 use crate::stats::least_squares::{self, Stop};
 use crate::stats::measured::{Information, Measured, Noise};
 
-use super::interval::Side;
 use super::model::{Parameter, Quantity, Runs, Set};
 
 /// Relative change of a parameter from which a search takes its differences. Numerical noise is much smaller.
@@ -373,7 +372,7 @@ impl Fit {
                 of_part(measured.without(is_other), self.coefficient.as_slice())
             }
             Task::Profile { parameter, is_high } => {
-                let next = Side::of(self, &known, parameter, is_high).next();
+                let next = self.side(&known, parameter, is_high).next();
                 let free: Vec<_> = all.into_iter().filter(|it| *it != parameter).collect();
                 let of = |theta: Vec<f64>| search.minimum(&theta, &free, COARSE);
                 next.map_or_else(|| Ok(Row::missing()), of)

@@ -50,7 +50,7 @@ impl<'a> Told<'a> {
     pub fn new(fit: &'a Fit, known: &'a Known) -> Self {
         let [alone, information] = [false, true].map(|priors| fit.information(known, priors));
         let best = &known.rows[known.minimum];
-        let of = |place| [false, true].map(|is_high| Side::of(fit, known, place, is_high));
+        let of = |place| [false, true].map(|is_high| fit.side(known, place, is_high));
         let sides = (0..fit.parameters.len()).map(of).collect();
         let own = known.measured.taking_part();
         let judges = own.map(|(place, _)| (place, -known.distances[place])).collect();
