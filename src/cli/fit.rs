@@ -17,8 +17,6 @@ use fretwork_measured::{Prepare, Wanted};
 
 /// The factor from the wear coefficient of the scenario to the ends of its range.
 const RANGE: f64 = 1e4;
-/// The relative noise before the first estimate.
-const NOISE: f64 = 0.1;
 /// The options that are members of the data.
 const OPTIONS: [&str; 4] = ["sigma", "relative", "at", "density"];
 /// Minimum number of points for a wear coefficient and a friction.
@@ -50,17 +48,15 @@ pub fn fit(settings: &Fit) -> Result<(), Error> {
     for (name, given) in given.filter(|(_, given)| !given.is_null()) {
         data[name] = given;
     }
-    let mut is_estimated = data.get("sigma").or(data.get("relative")).is_none();
-    if let Some(members) = data.as_object_mut().filter(|_| settings.lognormal) {
+    let has_sigma = !settings.lognormal && data.get("sigma").is_some();
+    let is_estimated = relative.is_none() && !has_sigma;
+    if let Some(members) = data.as_object_mut().filter(|_| settings.lognormal || is_estimated) {
         members.shift_remove("sigma");
-        is_estimated = relative.is_none();
-        let mut noise = json!({"kind": "lognormal"});
+        let mut noise = json!({"kind": if settings.lognormal { "lognormal" } else { "normal" }});
         if let Some(share) = members.shift_remove("relative") {
             noise["relative"] = share;
         }
         members.insert("noise".to_owned(), noise);
-    } else if is_estimated {
-        (data["relative"], data["noise"]) = (json!(NOISE), json!("estimate"));
     }
     if is_estimated {
         let note = "The noise is proportional to the numbers, and estimated from the residuals.";
@@ -179,14 +175,11 @@ fn told((found, verdict): &Found, notes: &[String]) -> Result<String, Error> {
         return Ok(text);
     }
     let percent = 100.0 * found["fit"]["confidence"].as_f64().unwrap_or(0.0);
-    let assumption = match verdict.as_ref().map(|verdict| (verdict.outcome, verdict.intervals)) {
-        Some(("fails" | "trend", Some(_))) => ", if the law holds",
-        Some((_, Some(_))) => ", which count the numbers that disagree",
-        _ => "",
-    };
-    writeln!(text, "\nEstimates, with intervals of {percent} %{assumption}:")?;
-    for it in list("parameters").chain(list("combinations")) {
-        let name = it["pointer"].as_str().or(it["combination"].as_str()).unwrap_or("");
+    let assumption = verdict.as_ref().and_then(|verdict| verdict.intervals);
+    let assumption = assumption.map_or(String::new(), |it| format!(" {it}"));
+    writeln!(text, "\nEstimates, with intervals of {percent} %:{assumption}")?;
+    for it in list("parameters") {
+        let name = it["pointer"].as_str().unwrap_or("");
         let unit = it["unit"].as_str().unwrap_or("1");
         let end = |x: &Value| if x.is_null() { "open".to_owned() } else { shown(x, unit) };
         let [low, high] = [0, 1].map(|place| end(&it["interval"][place]));

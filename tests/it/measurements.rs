@@ -70,7 +70,11 @@ fn said(words: &[&str], input: &str) -> (Option<i32>, String, String) {
 /// This takes more than 5 s, because a fit computes hundreds of runs.
 #[test]
 fn the_command_fits_the_example_and_predicts() {
-    let (code, out, err) = said(&["fit", FILE, BALL, "--x", "cycles", "--relative", "0.05"], "");
+    let words = ["fit", FILE, BALL, "--x", "cycles", "--relative", "0.05"];
+    // Below this friction, the data have a second minimum.
+    let range =
+        ["--parameter", "/wear/coefficient=1e-16..1e-11", "--parameter", "/friction=0.4..1.5"];
+    let (code, out, err) = said(&[&words[..], &range].concat(), "");
     assert_eq!(code, Some(0), "{err}");
     // The numbers of a line, without its words.
     let numbers = |begin: &str| -> Vec<f64> {
@@ -97,11 +101,50 @@ fn the_command_fits_the_example_and_predicts() {
     ] {
         assert!(out.contains(told), "{told}: {out}");
     }
+    let (_, out, _) = said(&words, "");
+    assert!(out.contains("Two minima describe the data about as well"), "{out}");
     // The errors are five times as large as this says.
     let (_, out, _) = said(&["fit", FILE, BALL, "--relative", "0.01"], "");
-    let told = ["does not hold for these data.\n", "intervals of 95 %, if the law holds:"];
+    let told = [
+        "does not hold for these data.\n",
+        "intervals of 95 %: The interval assumes that the law holds.",
+    ];
     assert!(told.iter().all(|told| out.contains(told)), "{out}");
     assert_eq!(out.matches("times as large").count(), 1, "{out}");
+}
+
+/// Volumes in um^3, of which the file says that they are in mm^3, or 1e6 times them. Where wear ends, no coefficient gives them.
+#[test]
+fn the_question_for_a_unit_names_the_unit_that_was_read() {
+    let mut scenario = example("steel-ball")["scenario"].clone();
+    scenario["load"]["held"] = json!("depth");
+    let dir = TempDir::new().unwrap();
+    let path = dir.path().join("held.json");
+    fs::write(&path, scenario.to_string()).unwrap();
+    scenario["cycles"] = json!([1e3, 1e4, 1e5]);
+    let run = Submission::parse(json!({"scenario": scenario}).to_string().as_bytes()).unwrap();
+    let run: Value = serde_json::from_slice(&run.prepared.compute(|_| {}).body).unwrap();
+    for (unit, scale, told) in [
+        (
+            "mm³",
+            1e18,
+            "about 1e9 times those that `wear.coefficient` = 3.03e-14 gives. Are they in mm^3 instead of m^3? Are they in um^3 \
+             instead of mm^3? Enter their unit.\n",
+        ),
+        (
+            "um^3",
+            1e24,
+            "about 1e6 times those that `wear.coefficient` = 3.03e-14 gives. Are they in cm^3 instead of m^3?",
+        ),
+    ] {
+        let volume = |at: usize| run["history"]["wear_volume"][at].as_f64().unwrap() * scale;
+        let rows = [(1, "1e3"), (2, "1e4"), (3, "1e5")];
+        let rows = rows.map(|(at, cycles)| format!("{cycles},{}\n", volume(at)));
+        let table = format!("cycles,wear_volume [{unit}]\n{}", rows.concat());
+        let words = ["fit", "-", path.to_str().unwrap(), "--relative", "0.05"];
+        let (_, out, err) = said(&words, &table);
+        assert!(out.contains(told), "{told}: {out} {err}");
+    }
 }
 
 #[test]
@@ -131,7 +174,7 @@ fn the_command_reads_a_scenario_alone_and_prints_the_job() {
     let (_, out, _) = said(&["fit", "-", scenario, "--print"], table);
     let job: Value = serde_json::from_str(&out).unwrap();
     assert_eq!(job["fit"]["parameters"].as_array().unwrap().len(), 1, "two points give one number");
-    assert_eq!(job["fit"]["tests"][0]["data"][0]["noise"], "estimate");
+    assert_eq!(job["fit"]["tests"][0]["data"][0]["noise"], json!({"kind": "normal"}));
     for (words, input, told) in [
         (&["-", BALL][..], "a;b\n1;2\n3;x\n4;5\n", "Line 3: “x” in “b” is not a number"),
         (&["-", BALL, "--y", "volume"], table, "/y: unknown column `volume`"),

@@ -237,6 +237,13 @@ pub fn largest(values: &[f64]) -> usize {
     values.iter().position(|value| *value >= most).unwrap_or(0)
 }
 
+/// The value at `at` on the straight lines between points with ascending x; none beyond them.
+#[must_use]
+pub fn linear(x: &[f64], y: &[f64], at: f64) -> Option<f64> {
+    let i = x.windows(2).position(|pair| (pair[0]..=pair[1]).contains(&at))?;
+    Some(y[i] + (y[i + 1] - y[i]) * (at - x[i]) / (x[i + 1] - x[i]))
+}
+
 /// The height of the parabola through the largest value and its neighbours.
 #[must_use]
 pub fn vertex(x: &[f64], y: &[f64], at: usize) -> f64 {

@@ -72,7 +72,8 @@ fn is_number(value: &Value) -> bool {
     }
 }
 
-fn read(value: &Value, dimension: Dimension) -> Result<f64, String> {
+/// Reads a number in SI, or with a unit.
+pub(crate) fn read(value: &Value, dimension: Dimension) -> Result<f64, String> {
     match value {
         Value::Number(number) => number.as_f64().ok_or_else(|| format!("{number} is too large")),
         Value::String(text) => quantity::parse(text, dimension),

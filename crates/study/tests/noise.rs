@@ -229,7 +229,8 @@ fn a_best_value_at_an_end_and_another_unit_are_told_before_anything_is_undetermi
     let far = found(1e9);
     let note = far["notes"][0].clone();
     assert!(
-        note["kind"] == "magnitude" && note["detail"].to_string().contains("Are they in mm^3?"),
+        note["kind"] == "magnitude"
+            && note["detail"].to_string().contains("Are they in mm^3 instead of m^3?"),
         "{note}"
     );
     assert!(

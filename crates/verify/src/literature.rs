@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::known::run;
 use super::page::{Check, Section};
-use fretwork_engine::numeric::root;
+use fretwork_engine::numeric::{linear, root};
 use fretwork_engine::outcome::Outcome;
 
 const CONTACT: &str = "CONTACT";
@@ -115,7 +115,7 @@ fn ball() -> Section {
         );
         let profiles = outcome.profiles?;
         let slip =
-            |mm: f64| Some(1e6 * between(&profiles.radius, profiles.slip.first()?, 1e-3 * mm)?);
+            |mm: f64| Some(1e6 * linear(&profiles.radius, profiles.slip.first()?, 1e-3 * mm)?);
         for (radius, contact, closed) in RINGS {
             let what = format!("mean slip at r = {radius} mm, µm");
             section.checks.push(beside(what, (contact, closed), slip(radius)?));
@@ -411,10 +411,4 @@ fn coefficients() -> Section {
 fn rows(csv: &str) -> Option<Vec<Vec<f64>>> {
     let rows = csv.lines().filter(|line| !line.starts_with('#')).skip(1);
     rows.map(|row| row.split(',').map(|number| number.parse().ok()).collect()).collect()
-}
-
-/// The value at `at` on the straight lines between points with ascending x; none beyond them.
-fn between(x: &[f64], y: &[f64], at: f64) -> Option<f64> {
-    let i = x.windows(2).position(|pair| (pair[0]..=pair[1]).contains(&at))?;
-    Some(y[i] + (y[i + 1] - y[i]) * (at - x[i]) / (x[i + 1] - x[i]))
 }

@@ -16,7 +16,7 @@ use crate::scenario::Warning;
 use crate::solver::closed::energy;
 use crate::solver::closed::events::{StopSearch, events};
 use crate::solver::closed::simplified::{Simplified, State, UnwornCurves};
-use crate::solver::curves::{Curves, Grid};
+use crate::solver::curves::{Curves, Grid, rim};
 use crate::solver::events::{Event, EventKind, WornThrough};
 use crate::solver::stepped::march::March;
 use crate::solver::stepped::plan::MeshPlan;
@@ -203,7 +203,7 @@ impl SingleRun {
                 let scar = control.scar_of_blocks(shape, stick).unwrap_or_default();
                 (stick, scar.min(WIDEST).max(march.reach()))
             },
-            |end| (end.stick, end.limit.radius.min(WIDEST)),
+            |end| (end.stick, rim(end.stick, end.limit.radius).min(WIDEST)),
         );
         let outermost = MeshPlan::outermost(problem, last).unwrap_or(reach);
         // Some output radii must lie outside the scar.

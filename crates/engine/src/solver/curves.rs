@@ -8,6 +8,17 @@ use crate::solver::pressures::Rings;
 
 /// The largest output radius, in limiting radii ã.
 const REACH: f64 = 1.2;
+/// A ring is thin if the radius of its inner edge is more than this share of that of the scar.
+const THIN: f64 = 0.94;
+/// The output radii of a thin ring exceed the limiting radius by this share of its width.
+const BEYOND: f64 = 0.01;
+
+/// The last output radius of the ring between c and ã. Numerical errors let a scar end a little beyond ã. The next radius outside
+/// is many widths of a thin ring away, so a trapezoid over the profile would be up to 22 % too large.
+pub(crate) fn rim(c: f64, scar: f64) -> f64 {
+    if c > THIN * scar { scar + BEYOND * (scar - c) } else { scar }
+}
+
 /// Curves over the output radii, with one value per radius.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curves {

@@ -1,5 +1,6 @@
 //! Measured numbers in the report of a run: points in its figures, and a table of the differences.
 
+use fretwork_engine::numeric::linear;
 use fretwork_engine::outcome::Quantity;
 use fretwork_plot::{Series, Style};
 use serde::Deserialize;
@@ -36,7 +37,8 @@ impl Measured {
 
     /// The points over the cycles of the run. `convert` converts y to the unit of the figure.
     pub(super) fn series(&self, history: &Table, convert: impl Fn(f64) -> f64) -> Series {
-        let at = |x| between(history.axis(&self.over), history.axis("cycles"), x);
+        let at =
+            |x| linear(history.axis(&self.over), history.axis("cycles"), x).unwrap_or(f64::NAN);
         let (x, y) = self.points().map(|(x, y)| (at(x), convert(y))).unzip();
         let label = format!("Measured: {}", self.name);
         Series::new(&label, x, y).styled(Style { width: 0.0, ..Style::marked(2) })
@@ -46,7 +48,8 @@ impl Measured {
     pub(super) fn section(&self, history: &Table, notation: Notation) -> String {
         let quantity = Quantity::named(&self.output);
         let (words, unit) = quantity.map_or(("", "1"), |quantity| (quantity.words, quantity.unit));
-        let at = |x| between(history.axis(&self.over), history.axis(&self.output), x);
+        let (over, own) = (history.axis(&self.over), history.axis(&self.output));
+        let at = |x| linear(over, own, x).unwrap_or(f64::NAN);
         let points: Vec<_> = self.points().map(|(x, y)| (x, y, at(x))).collect();
         let most = points.iter().map(|(_, y, _)| y.abs()).fold(0.0, f64::max);
         let (unit, factor) = notation.scale(unit, most);
@@ -75,12 +78,4 @@ impl Measured {
         let title = format!("Measured: {}, {}", self.name, words.to_lowercase());
         html::section(&title, &(html::table(&head, rows) + &note))
     }
-}
-
-/// The value at `at` on the straight lines between points with ascending x; NaN beyond them.
-fn between(x: &[f64], y: &[f64], at: f64) -> f64 {
-    let Some(i) = x.windows(2).position(|pair| (pair[0]..=pair[1]).contains(&at)) else {
-        return f64::NAN;
-    };
-    y[i] + (y[i + 1] - y[i]) * (at - x[i]) / (x[i + 1] - x[i])
 }

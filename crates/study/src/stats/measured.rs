@@ -130,12 +130,6 @@ impl Measured {
         Self { points, is_estimated, is_clustered, is_robust, parameters }
     }
 
-    /// The same numbers, of which some have been taken out, with new weights.
-    #[must_use]
-    pub fn weighted_anew(&self) -> Self {
-        Self::new(self.points.clone(), self.is_estimated.clone(), self.parameters as usize)
-    }
-
     /// The same numbers without those for which `is_left_out` holds.
     #[must_use]
     pub fn without(&self, is_left_out: impl Fn(usize) -> bool) -> Self {
@@ -193,7 +187,24 @@ impl Measured {
     /// The noise before there are predictions: that at the measured numbers.
     pub fn first_noise(&self) -> Noise {
         let values: Vec<f64> = self.points.iter().map(|point| point.value).collect();
-        self.noise_with(vec![1.0; self.is_estimated.len()], &values)
+        self.noise_at(&values)
+    }
+
+    /// The noise at predictions before its factors are estimated.
+    pub fn noise_at(&self, predicted: &[f64]) -> Noise {
+        self.noise_with(vec![1.0; self.is_estimated.len()], predicted)
+    }
+
+    /// The factor of a sum of squares that makes it comparable with sums in the weights of other predictions: the likelihood of
+    /// numbers with larger noise is smaller, so the deviations count with their geometric mean.
+    pub fn likeness(&self, noise: &Noise) -> f64 {
+        let first = self.first_noise();
+        let logarithm = |(at, it): (usize, &Point)| {
+            it.weight * libm::log(noise.deviations[at] / first.deviations[at])
+        };
+        // The noise of a logarithm does not depend on the prediction.
+        let sum: f64 = self.taking_part().filter(|it| !it.1.is_log).map(logarithm).sum();
+        libm::exp(2.0 * sum / self.count(None))
     }
 
     fn noise_with(&self, factors: Vec<f64>, held: &[f64]) -> Noise {
@@ -222,7 +233,7 @@ impl Measured {
     /// The roots of the weights of all residuals; 0 for a number that does not take part.
     fn roots(&self, noise: &Noise) -> impl Iterator<Item = f64> {
         let weights = self.points.iter().zip(&noise.trusts).map(|(it, trust)| it.weight * trust);
-        weights.map(|weight| if weight > 0.0 { weight.sqrt() } else { 0.0 })
+        weights.map(f64::sqrt)
     }
 
     /// What a change of each prediction by 1 changes in its residual: √w/s.
@@ -295,7 +306,7 @@ pub type Direction = Vec<f64>;
 #[derive(Debug, Clone)]
 pub struct Information {
     /// The covariance of the parameters. Directions that the residuals do not determine are left out.
-    covariance: Vec<Vec<f64>>,
+    pub covariance: Vec<Vec<f64>>,
     /// The directions that the residuals do not determine. Each has the fewest parameters that are possible.
     pub undetermined: Vec<Direction>,
 }
@@ -310,21 +321,19 @@ impl Information {
         let gram = DenseMatrix::from_fn(count, count, |i, j| dot(&columns[i], &columns[j]));
         let (mut covariance, mut open) = (vec![vec![0.0; count]; count], Vec::new());
         let decomposed: Option<(DenseMatrix, Vec<f64>)> = gram.try_eigh().ok();
-        for (vectors, place, value) in decomposed
-            .iter()
-            .flat_map(|(vectors, values)| (0..count).map(move |it| (vectors, it, values[it])))
-        {
-            let direction: Vec<f64> = (0..count).map(|row| vectors.get(row, place)).collect();
-            let error = direction.iter().zip(errors).map(|(part, error)| part * error);
-            let error: f64 = error.map(|error| error * error).sum();
-            if value > error.max(1.0) {
-                for (row, one) in covariance.iter_mut().zip(&direction) {
-                    row.iter_mut()
-                        .zip(&direction)
-                        .for_each(|(it, other)| *it += one * other / value);
+        if let Some((vectors, values)) = decomposed {
+            for (place, value) in values.into_iter().enumerate() {
+                let direction: Vec<f64> = (0..count).map(|row| vectors.get(row, place)).collect();
+                let error = direction.iter().zip(errors).map(|(part, error)| part * error);
+                let error: f64 = error.map(|error| error * error).sum();
+                if value <= error.max(1.0) {
+                    open.push(direction);
+                    continue;
                 }
-            } else {
-                open.push(direction);
+                for (row, one) in covariance.iter_mut().zip(&direction) {
+                    let cells = row.iter_mut().zip(&direction);
+                    cells.for_each(|(it, other)| *it += one * other / value);
+                }
             }
         }
         Self { covariance, undetermined: with_fewest_parts(open) }
@@ -339,13 +348,6 @@ impl Information {
     pub fn standard_error(&self, slopes: &[f64]) -> f64 {
         let each = slopes.iter().enumerate();
         each.map(|(place, slope)| slope * self.covariance(place, slopes)).sum::<f64>().sqrt()
-    }
-
-    /// The correlation of two parameters.
-    pub fn correlation(&self, one: usize, other: usize) -> f64 {
-        let [own, first, second] =
-            [(one, other), (one, one), (other, other)].map(|(i, j)| self.covariance[i][j]);
-        own / (first * second).sqrt()
     }
 
     /// Whether the residuals do not determine a parameter.
@@ -416,7 +418,8 @@ mod tests {
         assert!((b[1] * errors[1] / 7.266_868_843_6e-6 - 1.0).abs() < 1e-6, "{errors:?}");
         assert_eq!(information.undetermined, Vec::<Direction>::new());
         // NumPy 2.4.6, from the inverse of JᵀJ.
-        assert!((information.correlation(0, 1) + 0.998_776_192).abs() < 1e-8);
+        let correlation = information.covariance[0][1] / (errors[0] * errors[1]);
+        assert!((correlation + 0.998_776_192).abs() < 1e-8);
     }
 
     #[test]

@@ -15,6 +15,8 @@
 //! # Sources
 //! N. R. Draper, H. Smith, *Applied Regression Analysis* (1998), chapters 2 and 22: orthogonal polynomials.
 
+use fretwork_engine::numeric::dot;
+
 /// The least number of points. Fewer leave no scatter to compare the parabola with.
 pub const LEAST: usize = 5;
 
@@ -38,13 +40,10 @@ pub fn trend(residuals: &[f64]) -> Option<Trend> {
     let mean = residuals.iter().sum::<f64>() / count as f64;
     let total: f64 = residuals.iter().map(|residual| (residual - mean) * (residual - mean)).sum();
     let line: Vec<f64> = (0..count).map(|place| place as f64 - 0.5 * (count - 1) as f64).collect();
-    let square = line.iter().map(|u| u * u).sum::<f64>();
+    let square = dot(&line, &line);
     let arc: Vec<f64> = line.iter().map(|u| square / count as f64 - u * u).collect();
     // The part of the residuals along a polynomial.
-    let part = |polynomial: &[f64]| {
-        let along: f64 = polynomial.iter().zip(residuals).map(|(u, residual)| u * residual).sum();
-        along / polynomial.iter().map(|u| u * u).sum::<f64>().sqrt()
-    };
+    let part = |it: &[f64]| dot(it, residuals) / dot(it, it).sqrt();
     let [inclined, bent] = [part(&line), part(&arc)];
     let rest = 1.0 - (inclined * inclined + bent * bent) / total;
     let probability = libm::pow(rest.max(0.0), 0.5 * (count - 3) as f64);

@@ -150,7 +150,8 @@ pub struct FitResult {
     #[schema(nullable = false)]
     bands: Option<TableColumns>,
     /// The rows of all points. `task` says what a row is: a search from a start, the minimum, a derivative, the minimum without
-    /// a test, or a value in the profile of a parameter.
+    /// a test, or a value in the profile of a parameter. In the row of a start, `derivative_error` says how many times as large as
+    /// at its beginning the measured volumes are.
     searches: TableColumns,
 }
 
@@ -182,8 +183,8 @@ pub struct EstimatedParameter {
 pub struct FitQuality {
     #[schema(required)]
     sum_of_squares: Option<f64>,
-    /// An interval reaches from the estimate to the first values whose sum of squares is this much larger. It does not contain
-    /// other minima; a note names those that the starts have found.
+    /// An interval reaches from the estimate to the first values whose sum of squares is this much larger. If starts have
+    /// found another minimum with a smaller rise, the interval contains both minima, and a note names them.
     allowed_rise: Option<f64>,
     /// The number of points, where those of a specimen or of a profile count as one. A point weighs 1/s²; s contains its noise
     /// and the numerical error of the run.

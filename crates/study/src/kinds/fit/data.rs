@@ -121,9 +121,10 @@ fn parameter(
         return Err(Faults::one("/to", detail));
     }
     let start = start.map_or(Ok(member.value.clamp(low, high)), |start| member.read(&start));
-    let in_range =
-        |it: f64| if (low..=high).contains(&it) { Ok(it) } else { Err(OUTSIDE.to_owned()) };
-    let start = start.and_then(in_range).map_err(|detail| Faults::one("/start", detail))?;
+    let start = start.map_err(|detail| Faults::one("/start", detail))?;
+    if !(low..=high).contains(&start) {
+        return Err(Faults::one("/start", "must be from `from` to `to`"));
+    }
     let prior = prior.map(|given| {
         let distribution = distribution_of(&given, &member)?.normal_parts();
         let (middle, deviation, is_log) =
@@ -137,9 +138,6 @@ fn parameter(
     let unit = Some(member.dimension.si()).filter(|unit| !unit.is_empty()).unwrap_or("1");
     Ok((Parameter { pointer, only, unit, low, high, is_log, start }, prior))
 }
-
-/// The fault of a start.
-const OUTSIDE: &str = "must be from `from` to `to`";
 
 /// Checks that there are enough measured numbers, and not too many.
 fn must_suffice(sets: &[Set], parameters: usize) -> Result<(), Faults> {
@@ -176,8 +174,13 @@ fn refine(scenario: &mut Value, sets: &[Set]) {
     }
 }
 
-/// The measured numbers of all sets.
-fn points(sets: &[Set], tests: &[Test], noises: &[Option<String>]) -> Vec<Point> {
+/// The measured numbers of all sets. Those at the pointers `without` do not take part.
+fn points(
+    sets: &[Set],
+    tests: &[Test],
+    noises: &[Option<String>],
+    without: &[String],
+) -> Vec<Point> {
     let (mut clusters, mut points) = (BTreeMap::new(), Vec::new());
     for (place, set) in sets.iter().enumerate() {
         for (entry, y) in set.y.iter().enumerate() {
@@ -186,8 +189,9 @@ fn points(sets: &[Set], tests: &[Test], noises: &[Option<String>]) -> Vec<Point>
             let own = if set.over == "radius" { (place, 0) } else { (place, entry) };
             let key = (specimen, if specimen.is_some() { (0, 0) } else { own });
             let new = clusters.len();
+            let is_left_out = set.pointers.get(entry).is_some_and(|it| without.contains(it));
             points.push(Point {
-                value: y.unwrap_or(f64::NAN),
+                value: y.filter(|_| !is_left_out).unwrap_or(f64::NAN),
                 noise: set.noise.get(entry).copied().unwrap_or(f64::NAN),
                 share: set.share,
                 least: set.least(),
@@ -199,36 +203,6 @@ fn points(sets: &[Set], tests: &[Test], noises: &[Option<String>]) -> Vec<Point>
         }
     }
     points
-}
-
-impl Fit {
-    /// Leaves the measured numbers at these pointers out.
-    ///
-    /// # Errors
-    /// A pointer is that of no number, or too few numbers are left.
-    pub fn leave_out(&mut self, pointers: &[String]) -> Result<(), Faults> {
-        for (number, pointer) in pointers.iter().enumerate() {
-            let is_named = |(set, entry): &(usize, usize)| {
-                self.sets[*set].pointers.get(*entry) == Some(pointer)
-            };
-            let place = self.positions.iter().position(is_named).ok_or_else(|| {
-                let detail =
-                    "must be the pointer of a measured number, such as /tests/0/data/0/y/2";
-                Faults::one(&format!("/without/{number}"), detail)
-            })?;
-            self.measured.points[place].value = f64::NAN;
-        }
-        if pointers.is_empty() {
-            return Ok(());
-        }
-        self.measured = self.measured.weighted_anew();
-        let unknown = self.parameters.len() + has_unknown_noise(&self.sets);
-        if self.measured.taking_part().count() >= unknown {
-            return Ok(());
-        }
-        let detail = format!("leaves fewer than {unknown} numbers. Leave fewer out");
-        Err(Faults::one("/without", detail))
-    }
 }
 
 /// 1 if the noise of a set is estimated, which needs a number more.
@@ -263,6 +237,7 @@ pub fn fit(
     parameters: Vec<Value>,
     tests: Vec<GivenTest>,
     (confidence, starts): (f64, u32),
+    without: &[String],
 ) -> Result<Fit, Faults> {
     if !scenario.is_object() {
         return Err(Faults::one("/scenario", "must be an object"));
@@ -300,7 +275,17 @@ pub fn fit(
     let noises: BTreeSet<_> = sets.iter().map(Set::estimated).collect();
     let noises: Vec<Option<String>> = noises.into_iter().collect();
     let is_estimated = noises.iter().map(Option::is_some).collect();
-    let points = points(&sets, &tests, &noises);
+    let is_unknown = |it: &String| !sets.iter().any(|set| set.pointers.contains(it));
+    if let Some(number) = without.iter().position(is_unknown) {
+        let detail = "must be the pointer of a measured number, such as /tests/0/data/0/y/2";
+        return Err(Faults::one(&format!("/without/{number}"), detail));
+    }
+    let points = points(&sets, &tests, &noises, without);
+    let unknown = parameters.len() + has_unknown_noise(&sets);
+    if points.iter().filter(|point| point.value.is_finite()).count() < unknown {
+        let detail = format!("leaves fewer than {unknown} numbers. Leave fewer out");
+        return Err(Faults::one("/without", detail));
+    }
     let has = |depths| sets.iter().any(|set| set.are_depths() == Some(depths));
     let is_coefficient = |it: &Parameter| it.pointer.starts_with("/wear/") && it.only.is_empty();
     let coefficient =

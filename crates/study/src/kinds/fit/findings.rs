@@ -4,7 +4,7 @@ use fretwork_engine::numeric::twelve_digits;
 use serde_json::{Value, json};
 
 use super::model::Set;
-use super::search::{Fit, Known, Task, end};
+use super::search::{Fit, Known, Task};
 use super::told::Told;
 use crate::member::Member;
 use crate::plan::{Cells, Findings, Table};
@@ -40,12 +40,18 @@ pub fn findings(fit: &Fit, problem: &Problem, rows: &Rows) -> Findings {
     };
     let told = Told::new(fit, &known);
     let parameters: Vec<Value> = (0..fit.parameters.len()).map(|it| told.parameter(it)).collect();
+    // Their rows in the table of the measured numbers, and how far they are from the fit of the others.
+    let outlier = |place: &usize| {
+        let pointer = &fit.set(*place).pointers[fit.positions[*place].1];
+        json!({"row": measured.partition_point(|it| it < place), "pointer": pointer,
+            "studentized": number(told.studentized[place])})
+    };
     let others = vec![
-        ("notes", told.notes(problem, &parameters)),
+        ("notes", told.notes()),
         ("parameters", parameters.into()),
         ("correlation", told.correlation()),
         ("quality", told.quality()),
-        ("outliers", told.outliers.iter().map(|it| told.outlier(&measured, *it)).collect()),
+        ("outliers", told.outliers.iter().map(outlier).collect()),
         ("lines", told.lines()),
         ("estimated_scenario", told.scenario(problem)),
     ];
@@ -102,25 +108,13 @@ fn table(fit: &Fit, places: &[usize], bands: &[[f64; 8]]) -> Table {
 }
 
 impl Told<'_> {
-    /// An outlier: its row in the table of the measured numbers, its pointer, and how far it is from the fit of the others.
-    fn outlier(&self, measured: &[usize], place: usize) -> Value {
-        let (row, size) = (measured.partition_point(|it| *it < place), self.studentized[&place]);
-        let pointer = &self.fit.set(place).pointers[self.fit.positions[place].1];
-        json!({"row": row, "pointer": pointer, "studentized": number(size)})
-    }
-
     fn parameter(&self, place: usize) -> Value {
         let (parameter, x) = (&self.fit.parameters[place], self.best.theta[place]);
-        let error = self.information.standard_error(&self.fit.only(place));
+        let error = self.information.covariance[place][place].sqrt();
         let error = self.known.spread * error * parameter.scale(x);
         let is_open = self.information.is_open(place);
         let known = |value: f64, is_open| if is_open { Value::Null } else { number(value) };
-        let (u, rise) = (parameter.coordinate(x), self.fit.rise(self.known));
-        let interval = [(false, -1.0), (true, 1.0)].map(|(is_high, sign)| {
-            let visited = self.fit.profile(self.known, place, is_high);
-            let u = end(&visited, rise).map(|end| u + sign * end);
-            u.filter(|u| (0.0..=1.0).contains(u)).map(|u| twelve_digits(parameter.value(u)))
-        });
+        let interval = self.sides[place].each_ref().map(|it| it.end().map(twelve_digits));
         let mut told = json!({
             "pointer": parameter.pointer, "unit": parameter.unit,
             "estimate": known(x, is_open && !self.is_at_bound(place)),
@@ -135,8 +129,10 @@ impl Told<'_> {
 
     fn correlation(&self) -> Value {
         let count = self.fit.parameters.len();
-        let cell = |one, other| number(self.information.correlation(one, other));
-        (0..count).map(|one| (0..count).map(|other| cell(one, other)).collect::<Value>()).collect()
+        let covariance = &self.information.covariance;
+        let error = |it: usize| covariance[it][it].sqrt();
+        let cell = |i: usize, j: usize| number(covariance[i][j] / (error(i) * error(j)));
+        (0..count).map(|i| (0..count).map(|j| cell(i, j)).collect::<Value>()).collect()
     }
 
     fn quality(&self) -> Value {

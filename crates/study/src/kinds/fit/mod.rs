@@ -1,11 +1,12 @@
 //! Fits: the numbers of a scenario that agree best with measured volumes, depths, energies and profiles.
 //!
 //! The files of this room: [`data`] and [`sets`] read what was measured, [`model`] predicts it, [`search`] computes the points of
-//! the fit in stages, [`told`] judges the best parameters, [`notes`] says it in words, [`findings`] lists what follows,
-//! and [`likelihood`] continues from there for samplers.
+//! the fit in stages, [`interval`] seeks the ends of intervals, [`told`] judges the best parameters, [`notes`] says it in words,
+//! [`findings`] lists what follows, and [`likelihood`] continues from there for samplers.
 
 mod data;
 mod findings;
+mod interval;
 mod likelihood;
 mod model;
 mod notes;
@@ -100,9 +101,9 @@ fn parsed(fit: Value) -> Result<(Problem, Fit), Faults> {
     if !(0.5..=0.9999).contains(&confidence) {
         return Err(Faults::one("/confidence", "must be from 0.5 to 0.9999, such as 0.95"));
     }
-    let starts = starts.0.map_or(STARTS, |starts| starts.0);
-    let mut fit = data::fit(&scenario, parameters.0, tests.0, (confidence, starts as u32))?;
-    fit.leave_out(&without.0.unwrap_or_default())?;
+    let settings = (confidence, starts.0.map_or(STARTS, |starts| starts.0) as u32);
+    let without = without.0.unwrap_or_default();
+    let mut fit = data::fit(&scenario, parameters.0, tests.0, settings, &without)?;
     fit.measured.is_robust = loss.0 == Some(Loss::Huber);
     Ok((Problem::new(scenario, Vec::new(), Vec::new()), fit))
 }

@@ -135,7 +135,7 @@ pub struct Runs {
     /// The parameter of each member of the problem.
     pub parameters: Vec<usize>,
     /// The index among the members of the parameter that only rescales the cycles.
-    rescaled: Option<usize>,
+    pub rescaled: Option<usize>,
     /// The output cycles, or the energies, ascending.
     nodes: Vec<f64>,
     /// The wear volume per energy if it is constant: a parameter, or a value. Then no run is necessary.
@@ -282,11 +282,6 @@ impl Set {
 }
 
 impl Runs {
-    /// Whether a parameter only rescales the cycles.
-    pub fn is_rescaled_by(&self, parameter: usize) -> bool {
-        self.rescaled.is_some_and(|member| self.parameters[member] == parameter)
-    }
-
     /// The values of the members for these parameters.
     fn own(&self, theta: &[f64]) -> Vec<f64> {
         self.parameters.iter().map(|it| theta[*it]).collect()

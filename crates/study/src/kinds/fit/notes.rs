@@ -2,11 +2,10 @@
 
 use serde_json::{Value, json};
 
+use super::interval::Side;
 use super::model::{Parameter, Set};
-use super::search::{Known, Row, Task};
+use super::search::{Row, Task};
 use super::told::{MANY, Repeats, Told};
-use crate::member::Member;
-use crate::problem::Problem;
 use crate::stats::fisher;
 use crate::stats::measured::Direction;
 
@@ -18,17 +17,10 @@ const LARGE: f64 = 3.0;
 const WIDE_SCATTER: f64 = 0.3;
 /// Exponents of a combination nearer to 1 than this count as 1.
 const ABOUT_ONE: f64 = 0.15;
-/// Numbers of a start count as outside of an interval beyond this share of its end.
-const COARSE: f64 = 0.05;
-/// Numbers that are this many powers of ten off can have another unit: the unit, its SI unit, and the power of ten between them.
+/// Numbers that are this many powers of ten off can have another unit. The units, and their logarithms.
 const OTHER_UNIT: f64 = 4.5;
-const UNITS: [(&str, &str, f64); 5] = [
-    ("cm^3", "m^3", 6.0),
-    ("mm^3", "m^3", 9.0),
-    ("um^3", "m^3", 18.0),
-    ("mg", "kg", 6.0),
-    ("ug", "kg", 9.0),
-];
+const VOLUMES: [(&str, f64); 4] = [("m^3", 0.0), ("cm^3", -6.0), ("mm^3", -9.0), ("um^3", -18.0)];
+const MASSES: [(&str, f64); 3] = [("kg", 0.0), ("mg", -6.0), ("ug", -9.0)];
 
 /// The kind of a remark, and its text.
 type Note = (&'static str, String);
@@ -56,14 +48,14 @@ fn worse_than_repeats(repeats: Option<Repeats>) -> Option<Note> {
 
 impl Told<'_> {
     /// All remarks, the most important one first.
-    pub fn notes(&self, problem: &Problem, parameters: &[Value]) -> Value {
+    pub fn notes(&self) -> Value {
         let (repeats, open) = (self.repeats(), &self.information.undetermined);
         let first = [
-            self.magnitude(problem),
+            self.magnitude(),
             self.misfit(repeats),
             self.disagreement(),
             self.discrepancy(),
-            self.other_start(parameters),
+            self.other_minimum(),
         ];
         // A parameter at an end of its range is told below.
         let is_at_end =
@@ -72,7 +64,7 @@ impl Told<'_> {
         let undetermined = undetermined.map(|it| ("undetermined", self.in_words(it)));
         let prior = |it| ("prior", format!("{} The rest follows from priors.", self.in_words(it)));
         let priors = self.alone.undetermined.iter().filter(|_| open.is_empty()).map(prior);
-        let ends = parameters.iter().enumerate().filter_map(|(place, told)| self.end(place, told));
+        let ends = (0..self.fit.parameters.len()).filter_map(|place| self.end(place));
         let last = [worse_than_repeats(repeats), self.clusters(), self.lower_minimum()];
         let notes = first.into_iter().flatten().chain(undetermined).chain(priors).chain(ends);
         let notes = notes.chain(last.into_iter().flatten());
@@ -87,11 +79,11 @@ impl Told<'_> {
                 format!("The errors of these data are too large to determine `{}`.", name(place))
             }
             [(place, _)] => {
-                let is_rescaled = |set: &Set| {
-                    let runs = set.runs.as_ref().filter(|_| set.are_depths().is_some());
-                    runs.is_some_and(|it| it.is_rescaled_by(place))
-                };
-                let has_stopped = self.fit.sets.iter().any(is_rescaled);
+                let is_worn = |set: &&Set| set.are_depths().is_some();
+                let mut runs =
+                    self.fit.sets.iter().filter(is_worn).filter_map(|it| it.runs.as_ref());
+                let has_stopped =
+                    runs.any(|it| it.rescaled.map(|own| it.parameters[own]) == Some(place));
                 let reason = if has_stopped { ": wear has stopped" } else { "" };
                 format!("`{}` has almost no effect on these data{reason}.", name(place))
             }
@@ -121,32 +113,31 @@ impl Told<'_> {
     }
 
     /// That the best value of a parameter is at an end of its range, or that its interval has no end.
-    fn end(&self, place: usize, told: &Value) -> Option<Note> {
-        let parameter = &self.fit.parameters[place];
-        let (name, Parameter { low, high, .. }) = (parameter.name(), parameter);
-        let is_open = |is_high: bool| told["interval"][usize::from(is_high)].is_null();
-        let is_lost =
-            |is_high: bool| is_open(is_high) && !self.fit.reaches_bound(self.known, place, is_high);
-        if !told["estimate"].is_number() {
-            None
-        } else if self.is_at_bound(place) {
+    fn end(&self, place: usize) -> Option<Note> {
+        let parameter @ Parameter { low, high, .. } = &self.fit.parameters[place];
+        let name = parameter.name();
+        let mut open = self.sides[place].iter().filter(|side| side.end().is_none());
+        if self.is_at_bound(place) {
             let is_high = parameter.coordinate(self.best.theta[place]) > 0.5;
             let (end, side) = if is_high { (high, "high") } else { (low, "low") };
             let detail = format!(
                 "The best value of `{name}` is at the {side} end {end:e} of its range. Widen the range."
             );
-            Some(("at_bound", detail))
-        } else if is_lost(false) || is_lost(true) {
-            let detail = format!(
-                "An end of the interval of `{name}` was not found. Enter a narrower range than {low:e} to {high:e}."
-            );
-            Some(("open_interval", detail))
-        } else {
-            let detail = format!(
-                "The interval of `{name}` reaches an end of its range from {low:e} to {high:e}."
-            );
-            (is_open(false) || is_open(true)).then_some(("open_interval", detail))
+            return Some(("at_bound", detail));
         }
+        if self.information.is_open(place) || open.clone().next().is_none() {
+            return None;
+        }
+        let detail = if open.all(Side::reaches_bound) {
+            format!(
+                "The interval of `{name}` reaches an end of its range from {low:e} to {high:e}."
+            )
+        } else {
+            format!(
+                "An end of the interval of `{name}` was not found. Enter a narrower range than {low:e} to {high:e}."
+            )
+        };
+        Some(("open_interval", detail))
     }
 
     /// How the points of a specimen count.
@@ -189,58 +180,41 @@ impl Told<'_> {
         (!words.is_empty()).then_some(("outliers", told))
     }
 
-    /// The unit that the volumes or masses seem to have, if they need another wear coefficient by many powers of ten.
-    fn magnitude(&self, problem: &Problem) -> Option<Note> {
+    /// The units that the volumes or masses seem to have, if they are many powers of ten from those at the first start.
+    fn magnitude(&self) -> Option<Note> {
         let place = self.fit.parameters.iter().position(|it| it.pointer.starts_with("/wear/"))?;
-        let own = Member::find(&problem.base, &self.fit.parameters[place].pointer).ok()?.value;
         let is_volume = |it: &usize| self.fit.set(*it).are_depths() == Some(false);
-        let places: Vec<usize> = self.points().map(|it| it.0).filter(is_volume).collect();
-        let set = self.fit.set(*places.first()?);
-        let ratio =
-            |place: &usize| self.known.measured.points[*place].value / self.best.numbers[*place];
-        let mut ratios: Vec<f64> = places.iter().map(ratio).collect();
-        ratios.sort_by(f64::total_cmp);
-        let size = libm::log10(ratios[ratios.len() / 2] * self.best.theta[place] / own);
-        let units = UNITS.into_iter().filter(|(_, si, _)| *si == set.unit);
-        let distance = |power: f64| (size.abs() - power).abs();
-        let (unit, si, power) = units.min_by(|a, b| distance(a.2).total_cmp(&distance(b.2)))?;
-        let likely = if size > 0.0 { unit } else { si };
+        let unit = self.fit.set(self.points().map(|it| it.0).find(is_volume)?).unit;
+        let units = if unit == "kg" { &MASSES[..] } else { &VOLUMES };
+        let size = libm::log10(self.known.rows[0].error);
+        let question = |(read, power): &(&str, f64)| {
+            let others = units.iter().map(|it| (it.0, (it.1 - power + size).abs()));
+            let (likely, distance) = others.min_by(|a, b| a.1.total_cmp(&b.1))?;
+            let told = format!(" Are they in {likely} instead of {read}?");
+            (likely != *read && distance < 3.0).then_some(told)
+        };
         let told = format!(
-            "The measured numbers are about 1e{size:.0} times those that the wear coefficient of the scenario, {own:e}, gives. \
-             Are they in {likely}? Enter their unit."
+            "The measured numbers are about 1e{size:.0} times those that `{}` = {:e} gives.{} Enter their unit.",
+            self.fit.parameters[place].name(),
+            self.fit.starts[0][place],
+            units.iter().filter_map(question).collect::<String>()
         );
-        (size.abs() > OTHER_UNIT && distance(power) < 3.0).then_some(("magnitude", told))
+        (size.abs() > OTHER_UNIT).then_some(("magnitude", told))
     }
 
-    /// A start whose sum of squares is in the allowed rise, but whose parameters are outside of the intervals.
-    fn other_start(&self, parameters: &[Value]) -> Option<Note> {
-        let (fit, Known { measured, rows, .. }) = (self.fit, self.known);
-        let rise = fit.rise(self.known);
-        let starts = &rows[..fit.starts.len()];
-        let least = starts.iter().map(|row| row.sum).fold(f64::INFINITY, f64::min);
-        // With estimated noise, S of the starts has another unit.
-        let unit = measured.freedom().map_or(1.0, |_| self.best.sum / least);
-        let near = starts.iter().filter(|row| (row.sum - least) * unit < rise * rise);
-        let is_outside = |(told, x): (&Value, &f64)| {
-            let [low, high] = [0, 1].map(|end| told["interval"][end].as_f64());
-            // The searches from the starts are coarse.
-            low.is_some_and(|low| *x < low - COARSE * low.abs())
-                || high.is_some_and(|high| *x > high + COARSE * high.abs())
+    /// That a start has led to another minimum that describes the data about as well.
+    fn other_minimum(&self) -> Option<Note> {
+        let other = self.sides.iter().flatten().find(|side| side.is_other)?.base;
+        let words = |row: &Row| {
+            let values = self.fit.parameters.iter().zip(&row.theta);
+            let values = values.map(|(it, x)| format!("`{}` = {x:.3e}", it.name()));
+            values.collect::<Vec<_>>().join(", ")
         };
-        // The noise of the best start is not yet that of the minimum, so its parameters are not, either.
-        let start = &rows[self.known.start].theta;
-        let is_other = |row: &&Row| {
-            let differs = |(x, best): (&f64, &f64)| (x - best).abs() > COARSE * best.abs();
-            row.theta.iter().zip(start).any(differs)
-                && parameters.iter().zip(&row.theta).any(is_outside)
-        };
-        let names = fit.parameters.iter().map(Parameter::name);
-        let other = near.into_iter().find(is_other)?;
-        let values = names.zip(&other.theta).map(|(name, x)| format!("`{name}` = {x:.3e}"));
-        let values = values.collect::<Vec<_>>().join(", ");
         let told = format!(
-            "Other numbers describe the data almost as well: {values}. The intervals do not contain them. Enter a range \
-             around those that you expect, or more data."
+            "Two minima describe the data about as well: {}; and {}. The intervals contain both. Enter a range around \
+             those that you expect, or more data.",
+            words(self.best),
+            words(other)
         );
         Some(("other_minimum", told))
     }

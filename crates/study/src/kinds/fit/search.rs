@@ -2,7 +2,7 @@
 //!
 //! | stage | points |
 //! |---|---|
-//! | starts | the least sum of squares from each start |
+//! | starts | the least sum of squares from each start, comparable with those of the other starts |
 //! | minimum | the least sum of squares from the best of them, with the noise estimated anew |
 //! | derivatives and subsets | the derivatives of all predictions; the minimum without a test, or of some outputs |
 //! | profiles, [`TRIALS`] times | on both sides of each parameter, the least sum of squares at one more value of it |
@@ -24,20 +24,14 @@ const DIFFERENCE: f64 = 0.04;
 const COARSE: Stop = Stop { decrease: 1e-3, step: 1e-3, steps: 25 };
 const FINE: Stop = Stop { decrease: 1e-5, step: 1e-4, steps: 20 };
 /// The noise is computed anew at most this often, and until it changes by less than this share.
-const ESTIMATES: usize = 6;
-const ROBUST_ESTIMATES: usize = 30;
+const ESTIMATES: usize = 30;
 const SAME_NOISE: f64 = 0.01;
 /// Maximum number of intervals in which a derivative is searched.
 const ROUNDS: usize = 2;
 /// A derivative whose error is a larger share of it is also taken from a difference.
 const UNSURE: f64 = 0.3;
-/// Number of values in the profile of a parameter on each side of the estimate, and the accepted error of the last one.
+/// Number of values in the profile of a parameter on each side of the estimate.
 const TRIALS: usize = 8;
-const SAME_RISE: f64 = 0.02;
-/// The end of an interval is known if a visited value is within this share of it.
-const NEAR_RISE: f64 = 0.1;
-/// A parameter that has moved by this share of the distance to its bound is at the bound.
-const AT_END: f64 = 0.999_999;
 /// With more tests than this, they are not left out one by one.
 const MAX_LEAVES: usize = 24;
 
@@ -80,19 +74,17 @@ pub fn tasks(
     tests: usize,
     has_subsets: bool,
 ) -> Vec<(usize, Task)> {
-    let mut tasks: Vec<_> = (0..starts as usize).map(|start| (0, Task::Start(start))).collect();
-    tasks.push((1, Task::Minimum));
-    tasks.extend((0..parameters).map(|parameter| (2, Task::Derivative(parameter))));
+    let starts = (0..starts as usize).map(|start| (0, Task::Start(start)));
+    let derivatives = (0..parameters).map(|parameter| (2, Task::Derivative(parameter)));
     let leaves = if (2..=MAX_LEAVES).contains(&tests) { tests } else { 0 };
-    tasks.extend((0..leaves).map(|test| (2, Task::Without(test))));
-    let subsets = [false, true].map(|are_depths| (2, Task::Only { are_depths }));
-    tasks.extend(subsets.into_iter().filter(|_| has_subsets));
-    for (stage, parameter) in
-        (3..3 + TRIALS).flat_map(|stage| (0..parameters).map(move |it| (stage, it)))
-    {
-        tasks.extend([false, true].map(|is_high| (stage, Task::Profile { parameter, is_high })));
-    }
-    tasks
+    let leaves = (0..leaves).map(|test| (2, Task::Without(test)));
+    let subsets = [false, true].into_iter().filter(|_| has_subsets);
+    let subsets = subsets.map(|are_depths| (2, Task::Only { are_depths }));
+    let sides = (0..parameters).flat_map(|it| [(it, false), (it, true)]);
+    let sides = sides.map(|(parameter, is_high)| Task::Profile { parameter, is_high });
+    let profiles = (3..3 + TRIALS).flat_map(|stage| sides.clone().map(move |side| (stage, side)));
+    let first = starts.chain([(1, Task::Minimum)]).chain(derivatives).chain(leaves);
+    first.chain(subsets).chain(profiles).collect()
 }
 
 /// The values of a run that is not known: the index of its set, and the values of its members.
@@ -104,7 +96,8 @@ pub struct Row {
     pub theta: Vec<f64>,
     pub sum: f64,
     pub runs: f64,
-    /// The error of a column of derivatives, as the root sum of squares of those of residuals.
+    /// The error of a column of derivatives, as the root sum of squares of those of residuals. In the row of a start: how many
+    /// times as large as those at its beginning the measured volumes are.
     pub error: f64,
     /// A number for each position: the numerical error of a prediction (from a start), a prediction (of the minimum), or
     /// a derivative of a prediction.
@@ -162,16 +155,12 @@ impl Search<'_> {
                 other[place] = other[place].clamp(0.0, 1.0);
                 let found = self.residuals(&at(&other))?;
                 let is_known = found.iter().all(|residual| residual.is_finite());
-                Ok::<_, Wanted>(if is_known {
-                    (other[place], found)
-                } else {
-                    (u[place], middle.clone())
-                })
+                let found = Some((other[place], found)).filter(|_| is_known);
+                Ok::<_, Wanted>(found.unwrap_or_else(|| (u[place], middle.clone())))
             };
             let (high, above) = beside(DIFFERENCE)?;
             let is_one_sided = !is_fine && high > u[place];
-            let at_middle = || Ok((u[place], middle.clone()));
-            let (low, below) = if is_one_sided { at_middle() } else { beside(-DIFFERENCE) }?;
+            let (low, below) = beside(if is_one_sided { 0.0 } else { -DIFFERENCE })?;
             let slopes = above.iter().zip(&below).map(|(one, other)| (one - other) / (high - low));
             Ok(slopes.map(|slope| if slope.is_finite() { slope } else { 0.0 }).collect())
         };
@@ -204,6 +193,31 @@ impl Search<'_> {
             _ => at(&least_squares::minimum(&residuals, &derivatives, &start, stop)?),
         };
         Ok(Row { sum: self.sum(&theta)?, theta, ..Row::default() })
+    }
+
+    /// The row of the minimum near these parameters with its noise, which is computed anew until it stays the same.
+    fn settled(
+        &self,
+        theta: &[f64],
+        stop: Stop,
+        noise: &dyn Fn(&[f64]) -> Noise,
+    ) -> Result<(Row, Noise), Wanted> {
+        let all: Vec<usize> = (0..theta.len()).collect();
+        let (mut theta, mut held) = (theta.to_vec(), self.noise.clone());
+        for _ in 0..ESTIMATES {
+            theta = Search { noise: &held, ..*self }.minimum(&theta, &all, stop)?.theta;
+            let new = noise(&self.fit.predicted(&theta, self.tried)?[0]);
+            let ratio = |place: usize| new.deviations[place] / held.deviations[place];
+            let mut own = self.measured.taking_part();
+            let is_same = own.all(|(place, _)| (ratio(place) - 1.0).abs() < SAME_NOISE);
+            held = new;
+            if is_same {
+                break;
+            }
+        }
+        let sum = Search { noise: &held, ..*self }.sum(&theta)?;
+        let [numbers, _] = self.fit.predicted(&theta, self.tried)?;
+        Ok((Row { theta, sum, numbers, ..Row::missing() }, held))
     }
 }
 
@@ -307,34 +321,6 @@ impl Fit {
         &known.rows[known.minimum + 1..][..self.parameters.len()]
     }
 
-    /// The visited values in the profile of a parameter on one side: the distance from the estimate in coordinates, and
-    /// the square root of the rise of S.
-    pub fn profile(&self, known: &Known, place: usize, is_high: bool) -> Vec<(f64, f64)> {
-        let own = Task::Profile { parameter: place, is_high };
-        let best = &known.rows[known.minimum];
-        let coordinate = |row: &Row| self.parameters[place].coordinate(row.theta[place]);
-        let visited = known.rows.iter().zip(&self.tasks).filter_map(|(row, (_, task))| {
-            let distance = Some((coordinate(row) - coordinate(best)).abs());
-            // If predictions are missing there, the rise is infinite.
-            let rise = if row.sum.is_nan() { f64::INFINITY } else { row.sum - best.sum };
-            Some((distance.filter(|it| *task == own && it.is_finite())?, rise.max(0.0).sqrt()))
-        });
-        visited.collect()
-    }
-
-    /// The distance from the estimate of a parameter to its bound, in coordinates.
-    fn room(&self, known: &Known, place: usize, is_high: bool) -> f64 {
-        let u = self.parameters[place].coordinate(known.rows[known.minimum].theta[place]);
-        if is_high { 1.0 - u } else { u }
-    }
-
-    /// Whether the interval of a parameter reaches its bound on one side.
-    pub fn reaches_bound(&self, known: &Known, place: usize, is_high: bool) -> bool {
-        let (last, rise) = (AT_END * self.room(known, place, is_high), self.rise(known));
-        let visited = self.profile(known, place, is_high);
-        last <= 0.0 || visited.iter().any(|(distance, own)| *distance > last && *own < rise)
-    }
-
     /// The row of a point from its runs, or the run that it needs next. The inner error says why the row has no numbers.
     pub fn computed(
         &self,
@@ -344,16 +330,22 @@ impl Fit {
     ) -> Result<Result<Row, String>, Wanted> {
         let (all, task) = ((0..self.parameters.len()).collect::<Vec<_>>(), self.tasks[number].1);
         if let Task::Start(place) = task {
-            let (measured, noise) = (&self.measured, &self.measured.first_noise());
+            // Before a minimum is known, no number counts less.
+            let mut measured = self.measured.clone();
+            measured.is_robust = false;
+            let (measured, noise) = (&measured, &measured.first_noise());
             let search = Search { fit: self, tried, measured, noise };
             if !search.sum(&self.starts[place])?.is_finite() {
                 let lacks = tried.iter().filter_map(|tried| tried.found.lack.as_ref());
                 let reason = lacks.map(|(Lack::Refused(why) | Lack::Incomplete(why))| why).next();
                 return Ok(Err(reason.map_or("a number is missing", String::as_str).to_owned()));
             }
-            let row = search.minimum(&self.starts[place], &all, COARSE)?;
+            let of = |predicted: &[f64]| measured.noise_at(predicted);
+            let (row, noise) = search.settled(&self.starts[place], COARSE, &of)?;
             let [_, numbers] = self.predicted(&row.theta, tried)?;
-            return Ok(Ok(Row { numbers, ..row }));
+            let error = self.times(&self.predicted(&self.starts[place], tried)?[0]);
+            let sum = row.sum * measured.likeness(&noise);
+            return Ok(Ok(Row { sum, error, numbers, ..row }));
         }
         let Some(known) = self.known(earlier, self.tasks[number].0) else {
             return Ok(Err("no start leads to numbers for all measured points".to_owned()));
@@ -368,45 +360,34 @@ impl Fit {
             Search { measured: &part, ..search }.minimum(best, free, FINE)
         };
         let row = match task {
-            Task::Start(_) | Task::Minimum => self.minimum(&known, &all, tried),
+            Task::Start(_) | Task::Minimum => {
+                let (theta, of) = (&known.rows[known.start].theta, |it: &[f64]| measured.noise(it));
+                let noise = &of(&self.predicted(theta, tried)?[0]);
+                Search { noise, ..search }.settled(theta, FINE, &of).map(|(row, _)| row)
+            }
             Task::Derivative(parameter) => self.derivative(parameter, &known, tried),
             Task::Without(test) => of_part(measured.without(|it| self.set(it).test == test), &all),
             Task::Only { are_depths } => {
                 let is_other = |place| self.set(place).are_depths() != Some(are_depths);
                 of_part(measured.without(is_other), self.coefficient.as_slice())
             }
-            Task::Profile { parameter, is_high } => match self.beside(&known, parameter, is_high) {
-                None => Ok(Row::missing()),
-                Some(theta) => {
-                    let free: Vec<_> = all.into_iter().filter(|it| *it != parameter).collect();
-                    search.minimum(&theta, &free, COARSE)
-                }
-            },
+            Task::Profile { parameter, is_high } => {
+                let next = self.side(&known, parameter, is_high).next();
+                let free: Vec<_> = all.into_iter().filter(|it| *it != parameter).collect();
+                let of = |theta: Vec<f64>| search.minimum(&theta, &free, COARSE);
+                next.map_or_else(|| Ok(Row::missing()), of)
+            }
         };
         row.map(Ok)
     }
 
-    /// The minimum near the best start.
-    fn minimum(&self, known: &Known, all: &[usize], tried: &[Tried]) -> Result<Row, Wanted> {
-        let (measured, mut theta) = (&known.measured, known.rows[known.start].theta.clone());
-        let mut noise = measured.noise(&self.predicted(&theta, tried)?[0]);
-        for _ in 0..if measured.is_robust { ROBUST_ESTIMATES } else { ESTIMATES } {
-            let search = Search { fit: self, tried, measured, noise: &noise };
-            theta = search.minimum(&theta, all, FINE)?.theta;
-            let new = measured.noise(&self.predicted(&theta, tried)?[0]);
-            let is_same = |place: usize| {
-                let [new, old] = [&new, &noise].map(|it| it.deviations[place]);
-                (new / old - 1.0).abs() < SAME_NOISE
-            };
-            let is_same = measured.taking_part().all(|(place, _)| is_same(place));
-            noise = new;
-            if is_same {
-                break;
-            }
-        }
-        let sum = Search { fit: self, tried, measured, noise: &noise }.sum(&theta)?;
-        let [numbers, _] = self.predicted(&theta, tried)?;
-        Ok(Row { theta, sum, numbers, ..Row::missing() })
+    /// How many times as large as these predictions the measured volumes and masses are: the median.
+    fn times(&self, predicted: &[f64]) -> f64 {
+        let own = self.measured.taking_part();
+        let own = own.filter(|(place, _)| self.set(*place).are_depths() == Some(false));
+        let mut times: Vec<f64> = own.map(|(place, it)| it.value / predicted[place]).collect();
+        times.sort_by(f64::total_cmp);
+        times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
     }
 
     /// The derivatives of all predictions.
@@ -447,77 +428,5 @@ impl Fit {
         let error = size(&found, |it| it.error);
         let numbers = found.iter().map(|it| it.map_or(f64::NAN, |it| it.value * scale)).collect();
         Ok(Row { theta: best.theta.clone(), error, numbers, ..Row::missing() })
-    }
-
-    /// The next value in the profile of a parameter, with a guess of the other ones. The first one is at half of the
-    /// expected end of the interval. The next ones are where a straight line lets expect the end. `None` if the data do
-    /// not determine the parameter, or if the end or a bound is reached.
-    fn beside(&self, known: &Known, place: usize, is_high: bool) -> Option<Vec<f64>> {
-        let (information, only) = (self.information(known, true), self.only(place));
-        let (error, best) = (information.standard_error(&only), &known.rows[known.minimum].theta);
-        if information.is_open(place) || !error.is_finite() || error == 0.0 {
-            return None;
-        }
-        let rise = self.rise(known);
-        let coordinate = |it: usize| self.parameters[it].coordinate(best[it]);
-        let step = |it: usize| self.parameters[it].step(best[it]);
-        let room = self.room(known, place, is_high);
-        let visited = self.profile(known, place, is_high);
-        if visited.iter().any(|(_, own)| (own / rise - 1.0).abs() < SAME_RISE) {
-            return None;
-        }
-        let distance = match around(&visited, rise) {
-            _ if visited.is_empty() => 0.5 * rise * error * step(place),
-            ((last, _), None) if last > AT_END * room => return None,
-            ((last, own), None) => last * (rise / own).clamp(1.5, 3.0),
-            ((below, own), Some((above, other))) => {
-                // A straight line through a strongly curved profile is slow: it stays on one side of the end.
-                let stays = visited.chunk_by(|a, b| (a.1 < rise) == (b.1 < rise)).next_back();
-                let is_slow = stays.is_some_and(|stays| stays.len() > 1);
-                let share = match other.is_infinite() {
-                    // Here predictions end, perhaps near the estimate.
-                    true if below == 0.0 => 0.25,
-                    _ if is_slow || other.is_infinite() => 0.5,
-                    _ => (rise - own) / (other - own),
-                };
-                below + share.clamp(0.1, 0.9) * (above - below)
-            }
-        };
-        let distance = if is_high { distance.min(room) } else { -distance.min(room) };
-        let at = |other: usize| {
-            let along = information.covariance(other, &only) / (error * error);
-            let moved = distance * along * step(other) / step(place);
-            self.parameters[other].value(coordinate(other) + moved)
-        };
-        Some((0..best.len()).map(at).collect())
-    }
-
-    /// The slopes of a parameter as a function of all parameters.
-    pub fn only(&self, place: usize) -> Vec<f64> {
-        (0..self.parameters.len()).map(|other| f64::from(other == place)).collect()
-    }
-}
-
-/// The visited values around the end of an interval: the last one below it, or the estimate, and the first one above it.
-fn around(visited: &[(f64, f64)], rise: f64) -> ((f64, f64), Option<(f64, f64)>) {
-    let by_distance = |a: &&(f64, f64), b: &&(f64, f64)| a.0.total_cmp(&b.0);
-    let above = visited.iter().filter(|(_, own)| *own >= rise).min_by(by_distance).copied();
-    let inside = |it: &&(f64, f64)| above.is_none_or(|above| it.0 < above.0);
-    let below = visited.iter().filter(inside).max_by(by_distance).copied();
-    (below.unwrap_or((0.0, 0.0)), above)
-}
-
-/// The distance at which S has risen by the square of `rise`. `None` if no visited value is near it.
-pub fn end(visited: &[(f64, f64)], rise: f64) -> Option<f64> {
-    let is_near = |own: f64| (own / rise - 1.0).abs() < NEAR_RISE;
-    match around(visited, rise) {
-        ((below, own), Some((above, other)))
-            if is_near(own) || is_near(other) || above - below < NEAR_RISE * above =>
-        {
-            let share = (rise - own) / (other - own);
-            Some(below + share * (above - below))
-        }
-        ((below, own), None) if is_near(own) => Some(below * rise / own),
-        _ => None,
     }
 }

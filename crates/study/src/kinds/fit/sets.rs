@@ -9,7 +9,7 @@ use fretwork_engine::request::quantity::Dimension;
 use serde_json::{Map, Value, json};
 
 use super::model::{Quantity, Set};
-use crate::member::Member;
+use crate::member::read;
 use fretwork_json::{Whole, typed};
 
 /// Maximum number of cycles, a tenth of that of a run.
@@ -146,8 +146,7 @@ impl Noise {
 fn number(value: &Value, unit: &str) -> Result<Option<f64>, String> {
     let dimension = Dimension::ALL.into_iter().find(|it| it.si() == unit);
     let dimension = dimension.unwrap_or(Dimension::Number);
-    let member = Member { pointer: String::new(), dimension, value: 0.0 };
-    if value.is_null() { Ok(None) } else { Ok(Some(twelve_digits(member.read(value)?))) }
+    if value.is_null() { Ok(None) } else { read(value, dimension).map(|x| Some(twelve_digits(x))) }
 }
 
 /// Reads a set of measured numbers.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::interval::Side;
 use super::model::Quantity;
 use super::search::{Fit, Known, Row};
 use crate::stats::fisher;
@@ -35,6 +36,8 @@ pub struct Told<'a> {
     /// What the data say without the priors, and with them.
     pub alone: Information,
     pub information: Information,
+    /// The lower and the upper side of the interval of each parameter.
+    pub sides: Vec<[Side<'a>; 2]>,
     /// The studentised residuals by position, and the positions of the outliers.
     pub studentized: BTreeMap<usize, f64>,
     pub outliers: Vec<usize>,
@@ -47,11 +50,23 @@ impl<'a> Told<'a> {
     pub fn new(fit: &'a Fit, known: &'a Known) -> Self {
         let [alone, information] = [false, true].map(|priors| fit.information(known, priors));
         let best = &known.rows[known.minimum];
-        let (studentized, outliers, judges) = Default::default();
-        let sum = best.sum;
-        let mut told =
-            Self { fit, known, best, alone, information, studentized, outliers, judges, sum };
-        told.judges = told.points().map(|(place, _)| (place, told.residual(place))).collect();
+        let of = |place| [false, true].map(|is_high| fit.side(known, place, is_high));
+        let sides = (0..fit.parameters.len()).map(of).collect();
+        let own = known.measured.taking_part();
+        let judges = own.map(|(place, _)| (place, -known.distances[place])).collect();
+        let (studentized, outliers, sum) = (BTreeMap::new(), Vec::new(), best.sum);
+        let mut told = Self {
+            fit,
+            known,
+            best,
+            alone,
+            information,
+            sides,
+            studentized,
+            outliers,
+            judges,
+            sum,
+        };
         told.seek_outliers();
         told
     }
