@@ -443,7 +443,7 @@ class Event(TypedDict):
     layer: "NotRequired[int]"
     radius: "NotRequired[float]"
 
-EventKind: TypeAlias = "Literal['gross_slip', 'contact_lost', 'shakedown', 'until_reached', 'rim_reached', 'contact_splits', 'layer_worn_through', 'energy_not_reached']"
+EventKind: TypeAlias = "Literal['gross_slip', 'contact_lost', 'shakedown', 'until_reached', 'rim_reached', 'contact_splits', 'layer_worn_through', 'energy_not_reached', 'core_slips']"
 
 class ExampleAnswer(TypedDict):
     """An example."""
