@@ -62,7 +62,8 @@ const hasLayers = (scenario) => [0, 1].some((body) => layersOf(scenario, body).l
 /** What the simplified rule lacks in a scenario; undefined if it applies. */
 const ruleLacks = (scenario) => (isLine(scenario.profile) ? "a round contact"
   : [scenario.friction, scenario.wear?.coefficient].some((value) => courseOf(value) !== "number") ? "constant coefficients"
-    : hasLayers(scenario) ? "bodies without layers" : undefined);
+    : hasLayers(scenario) ? "bodies without layers"
+      : "loop_aperture" in { ...scenario.motion, ...scenario.motion?.blocks?.[0] } ? "a motion without a held aperture" : undefined);
 
 const PER_LENGTH = "The force on the whole length, such as 100\u00a0N, or per length, such as 18.5\u00a0N/mm.";
 const LAYER = { thickness: "3 um", coefficient: "1e-6 mm^3/(N m)" };

@@ -295,7 +295,7 @@ impl Motion {
     }
 
     /// Whether the apertures of the loops are held.
-    fn holds_aperture(&self) -> bool {
+    pub(super) fn holds_aperture(&self) -> bool {
         let blocks = self.blocks.0.as_ref().map(|blocks| blocks.0[0].member());
         self.loop_aperture.0.is_some() || blocks == Some("loop_aperture")
     }

@@ -132,6 +132,7 @@ impl Request {
             (Changing::Table(_), _) => Some("this friction changes"),
             (_, WearLaw::PerLoad(Changing::Table(_))) => Some("this wear coefficient changes"),
             (_, WearLaw::Layered(_)) => Some("these bodies have layers"),
+            _ if self.motion.holds_aperture() => Some("the aperture of the loop is held"),
             _ => None,
         };
         if let Some(obstacle) = obstacle {

@@ -4,6 +4,7 @@
 use fretwork_engine::outcome::Outcome;
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
+use fretwork_engine::solver::events::EventKind;
 use serde_json::{Value, json};
 
 use crate::balances::judge;
@@ -178,6 +179,18 @@ fn blocks_hold_apertures_one_after_the_other() {
         // The energy of a sliding contact is 4μF(δ − const).
         let first = volume[1] / (volume[3] - volume[2]);
         assert!((1.8..2.6).contains(&first), "{profile}: {first}");
+    }
+}
+
+/// What follows depends on the mesh: the core slips by one cell after the other.
+#[test]
+fn a_run_ends_when_its_core_begins_to_slip() {
+    for Known { profile, unit, .. } in contacts() {
+        let aperture = if profile["shape"] == "wedge" { 0.03 } else { 0.1 } * unit;
+        let outcome = run(&profile, &json!({"loop_aperture": aperture}), &[1e3, 1e7]);
+        let [event] = &outcome.events[..] else { panic!("{profile}: {:?}", outcome.events) };
+        assert_eq!(event.kind, EventKind::CoreSlips, "{profile}");
+        assert!(outcome.history.stick_radius.iter().all(|stick| *stick > 0.0), "{profile}");
     }
 }
 
