@@ -37,6 +37,7 @@ const GROUPS: [(&str, &[&str]); 8] = [
         &[
             "Arnaud et al. 2021",
             "Fouvry et al. 2007",
+            "Fouvry et al. 2017",
             "McColl et al. 2004",
             "van Peteghem et al. 2011",
         ],
