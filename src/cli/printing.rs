@@ -23,7 +23,7 @@ pub struct Ended {
 }
 
 impl Ended {
-    /// The end because of the faults of a file, which are told with its name unless it is standard input.
+    /// Ends a command by the faults of a file. They name the file unless it is standard input.
     pub fn by_faults(faults: &[Fault], file: &Path) -> Self {
         let name = file.display().to_string();
         let line = |Fault { pointer, detail }: &Fault| {
