@@ -45,6 +45,12 @@ fn words<'a>(words: impl IntoIterator<Item = &'a str>) -> Schema {
     ObjectBuilder::new().schema_type(Type::String).enum_values(Some(words)).build().into()
 }
 
+/// One of these words, of which the first is meant where there is none.
+fn choice<const N: usize>(words: [&str; N]) -> Schema {
+    let choice = ObjectBuilder::new().schema_type(Type::String).default(Some(words[0].into()));
+    choice.enum_values(Some(words)).build().into()
+}
+
 /// A list, separated by commas in a query. Repeated items have no effect.
 fn list(items: impl Into<RefOr<Schema>>) -> Schema {
     ArrayBuilder::new().items(items.into()).min_items(Some(1)).build().into()
@@ -161,6 +167,24 @@ documented! {
         .min_length(Some(1))
         .max_length(Some(80))
         .build();
+    /// A part of a result, or the check of the scenario.
+    EvaluatedPart words(["history", "profiles", "loops", "events", "accuracy", "check"]);
+    /// Which points: all combinations of the values; the first values, the second values, …; a random Latin hypercube; a scrambled Sobol sequence.
+    Design choice(["grid", "zip", "latin_hypercube", "sobol"]);
+    /// A curve over the radius.
+    SweepCurve words(["wear", "worn", "pressure", "slip"]);
+    /// Sobol indices, elementary effects, or elasticities at the values of the scenario.
+    SensitivityMethod choice(["sobol", "morris", "local"]);
+    /// `huber`: numbers far from the fit have less weight. A residual counts with its square up to 1.345 standard deviations, and linearly beyond.
+    Loss choice(["squares", "huber"]);
+    /// What `x` is.
+    MeasuredOver choice(["cycles", "dissipated_energy"]);
+    /// What a profile shows.
+    MeasuredProfile words(["wear"]);
+    /// Whether numbers scatter around their mean, or by factors.
+    NoiseKind choice(["normal", "lognormal"]);
+    /// What the points of a line weigh.
+    LineWeights words(["equal", "noise"]);
     /// A set of measured numbers.
     MeasuredSet kept_in_a_file();
     /// `estimate`: the noise is estimated from the scatter of the set. `sigma` and `relative` then say only how it changes from number to number. An object takes the place of `sigma` and `relative`: noise that is a share of the true number. Without `relative`, this share is estimated. `lognormal` is for numbers that scatter by factors: `relative` is then the standard deviation of their logarithms.

@@ -6,7 +6,8 @@ use utoipa::ToSchema;
 
 use super::fits::Fit;
 use crate::http::wire::schemas::{
-    KeyText, NumberOrText, OutputName, Radii, Scenario, Spacing, Tag,
+    Design, EvaluatedPart, KeyText, NumberOrText, OutputName, Radii, Scenario, SensitivityMethod,
+    Spacing, SweepCurve, Tag,
 };
 
 bodies! {
@@ -214,47 +215,7 @@ pub struct Naming {
     tags: BTreeSet<Tag>,
 }
 
-#[derive(ToSchema)]
-#[schema(rename_all = "lowercase")]
-pub enum EvaluatedPart {
-    History,
-    Profiles,
-    Loops,
-    Events,
-    Accuracy,
-    Check,
-}
-
-/// Which points: all combinations of the values; the first values, the second values, …; a random Latin hypercube; a scrambled
-/// Sobol sequence.
-#[derive(ToSchema)]
-#[schema(rename_all = "snake_case", default = "grid")]
-pub enum Design {
-    Grid,
-    Zip,
-    LatinHypercube,
-    Sobol,
-}
-
-#[derive(ToSchema)]
-#[schema(rename_all = "lowercase")]
-pub enum SweepCurve {
-    Wear,
-    Worn,
-    Pressure,
-    Slip,
-}
-
 /// Numbers, each in SI or as a text with a unit.
 #[derive(ToSchema)]
 #[schema(min_items = 1, max_items = 1000)]
 pub struct NumberList(Vec<NumberOrText>);
-
-/// Sobol indices, elementary effects, or elasticities at the values of the scenario.
-#[derive(ToSchema)]
-#[schema(rename_all = "lowercase", default = "sobol")]
-pub enum SensitivityMethod {
-    Sobol,
-    Morris,
-    Local,
-}

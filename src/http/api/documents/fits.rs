@@ -6,7 +6,8 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use crate::http::wire::schemas::{
-    MeasuredCell, MeasuredSet, Noise, NumberOrText, Scenario, Sigma, Spacing,
+    Loss, MeasuredCell, MeasuredOver, MeasuredProfile, MeasuredSet, Noise, NoiseKind, NumberOrText,
+    Scenario, Sigma, Spacing,
 };
 
 bodies! {
@@ -116,34 +117,4 @@ bodies! {
         relative: Option<f64>,
         kind: Option<NoiseKind>,
     }
-}
-
-/// `huber`: numbers far from the fit have less weight. A residual counts with its square up to 1.345 standard deviations, and linearly
-/// beyond.
-#[derive(ToSchema)]
-#[schema(rename_all = "lowercase", default = "squares")]
-pub enum Loss {
-    Squares,
-    Huber,
-}
-
-/// What `x` is.
-#[derive(ToSchema)]
-#[schema(rename_all = "snake_case", default = "cycles")]
-pub enum MeasuredOver {
-    Cycles,
-    DissipatedEnergy,
-}
-
-#[derive(ToSchema)]
-#[schema(rename_all = "lowercase")]
-pub enum MeasuredProfile {
-    Wear,
-}
-
-#[derive(ToSchema)]
-#[schema(rename_all = "lowercase", default = "normal")]
-pub enum NoiseKind {
-    Normal,
-    Lognormal,
 }

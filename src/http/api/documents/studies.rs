@@ -6,7 +6,7 @@ use utoipa::ToSchema;
 use super::bodies::{FrettingMap, Sensitivity, Sweep};
 use super::fits::Fit;
 use super::parts::{Engine, TableColumns, Units};
-use crate::http::wire::schemas::KeyText;
+use crate::http::wire::schemas::{KeyText, LineWeights};
 
 /// How many points a study has, and how many of them lack outputs.
 #[derive(ToSchema)]
@@ -227,11 +227,4 @@ pub struct EnergyLine {
     interval: Vec<Option<f64>>,
     #[schema(required)]
     r_squared: Option<f64>,
-}
-
-#[derive(ToSchema)]
-#[schema(rename_all = "lowercase")]
-pub enum LineWeights {
-    Equal,
-    Noise,
 }
