@@ -2,6 +2,7 @@
 
 use fretwork_engine::request::changing::MAX_CHANGES;
 use fretwork_engine::request::fields::{Length, MAX_CYCLES, POINTS_RANGE, Position, QUANTITIES};
+use fretwork_engine::request::forms::FORMS;
 use fretwork_engine::request::held::{MAX_BLOCKS, MAX_REVERSALS};
 use fretwork_engine::request::indenter::MAX_ROWS;
 use fretwork_engine::request::quantity::{Dimension, parse};
@@ -72,20 +73,15 @@ fn all_examples_are_accepted() {
     for example in examples {
         scenario::check(example, "").unwrap_or_else(|faults| panic!("{faults:?}"));
     }
-    for shape in schema["$defs"]["Profile"]["oneOf"].as_array().expect("shapes") {
-        let name = shape["$ref"].as_str().and_then(|name| name.strip_prefix("#/$defs/"));
-        let shape = &schema["$defs"][name.expect("a definition")];
+    let profile = FORMS.iter().find(|form| form.name == "Cylinder").expect("a form").example();
+    for form in FORMS.iter().filter(|form| ["/profile", "/motion"].contains(&form.pointer)) {
         let mut scenario = examples[0].clone();
-        let is_line = shape["required"].as_array().expect("members").contains(&json!("length"));
-        if is_line {
+        if form.geometry == "line" {
+            scenario["profile"] = json!(profile);
             scenario["motion"] = json!({"tangential_force": "5 N/mm"});
-        } else {
-            scenario["load"] = json!({"indentation_depth": "2 um"});
         }
-        for example in shape["examples"].as_array().into_iter().flatten() {
-            scenario["profile"] = example.clone();
-            scenario::check(&scenario, "").unwrap_or_else(|faults| panic!("{faults:?}"));
-        }
+        scenario[&form.pointer[1..]] = form.example().expect("an example");
+        scenario::check(&scenario, "").unwrap_or_else(|faults| panic!("{}: {faults:?}", form.name));
     }
     let directory = concat!(env!("CARGO_MANIFEST_DIR"), "/examples");
     let mut seen = 0;

@@ -5,6 +5,7 @@ use std::array;
 use serde_json::{Map, Value, json};
 
 use fretwork_engine::outcome::Quantity;
+use fretwork_engine::request::indenter::SHAPES;
 use fretwork_engine::request::quantity::Dimension::{
     self, Angle, Energy, Force, Length, Number, Stiffness, Stress, Volume, WearCoefficient,
 };
@@ -98,23 +99,7 @@ const GEOMETRY: &str = "geometry";
 /// All words that users can search by.
 pub const WORDS: [Word; 7] = [
     Word { name: "kind", values: &KINDS, pointer: "/kind" },
-    Word {
-        name: "shape",
-        values: &[
-            "paraboloid",
-            "sphere",
-            "cone",
-            "power",
-            "truncated_paraboloid",
-            "truncated_cone",
-            "table",
-            "crossed_cylinders",
-            "cylinder",
-            "wedge",
-            "punch",
-        ],
-        pointer: "/scenario/profile/shape",
-    },
+    Word { name: "shape", values: SHAPES, pointer: "/scenario/profile/shape" },
     Word { name: GEOMETRY, values: &["round", "line"], pointer: "/scenario/profile" },
     Word { name: "method", values: &["simplified", "exact"], pointer: "/scenario/model/method" },
     Word {

@@ -1,36 +1,29 @@
 // The fields of the form. Each field edits one value of the scenario, named by its JSON pointer.
 
-import { inputWords, isLine, plainWords, WORDS } from "./units.js";
+import { inputAt, inputWords, isLine, plainWords, WORDS } from "./units.js";
+import { FORMS } from "./words.js";
 
-const RADIUS = ["radius", "10 mm"];
-// With these angles, a cone, a wedge and a ball under 100 N have similar depths.
-const SLOPE = ["slope_angle", "0.5 deg", "Measured from the plane. It is not half of the apex angle."];
-const FLAT = ["flat_radius", "60 um"];
+const LENGTH = ["length", "10 mm"];
 /** The flat of a punch sticks or slips as a whole, so smaller ratios do not exist. */
 const PUNCH_STICK_RATIO = 0.999;
-const LENGTH = ["length", "10 mm", "The length of the line, across the motion."];
-const POWER = [["exponent", 4], ["at_radius", "0.2 mm"], ["height", "5 um"]];
 /** Radii in metres of the example that a measured profile begins with: a ball of 10 mm. */
 const RADII = Array.from({ length: 21 }, (_, i) => Number((i * 75e-6).toPrecision(3)));
-/**
- * Members of each shape: name, default and explanation. A name can be the path of an entry. A power law can be round or
- * a line.
- */
-const SHAPES = {
-  paraboloid: [RADIUS],
-  sphere: [RADIUS],
-  cone: [SLOPE],
-  power: POWER,
-  truncated_paraboloid: [RADIUS, FLAT],
-  truncated_cone: [SLOPE, FLAT],
-  crossed_cylinders: [["radii/0", "10 mm", "The radius of the cylinder whose axis lies along the motion."],
-    ["radii/1", "10 mm", "The radius of the other cylinder. The ratio of both radii is at most 1.5."]],
-  cylinder: [RADIUS, LENGTH],
-  wedge: [SLOPE, LENGTH],
-  punch: [["flat_half_width", "1 mm", "Half of the width of the flat, along the motion."],
-    ["edge_radius", "3 mm", "The radius of the rounded edges."], LENGTH],
-  power_line: [...POWER, LENGTH],
+const formsOf = (pointer) => FORMS.filter((form) => form.pointer === pointer);
+/** The members of an example with their values. A name can be the path of an entry. */
+const presetsOf = ({ shape, ...example }) => Object.entries(example).flatMap(([name, own]) => (Array.isArray(own) ? own.map((entry, i) => [`${name}/${i}`, entry]) : [[name, own]]));
+/** Members of each shape: name and default. A power law can be round or a line. */
+const SHAPES = Object.fromEntries(formsOf("/profile").map(({ example }) => [example.shape, presetsOf(example)]));
+Object.assign(SHAPES, {
+  power_line: [...SHAPES.power, LENGTH],
   table: [["radius", RADII], ["height", RADII.map((r) => (r * r) / 0.02)]],
+});
+const EXPLAINED = {
+  slope_angle: "Measured from the plane. It is not half of the apex angle.",
+  length: "The length of the line, across the motion.",
+  "radii/0": "The radius of the cylinder whose axis lies along the motion.",
+  "radii/1": "The radius of the other cylinder. The ratio of both radii is at most 1.5.",
+  flat_half_width: "Half of the width of the flat, along the motion.",
+  edge_radius: "The radius of the rounded edges.",
 };
 /** Whether a measured profile is still the example. */
 export const isExample = ({ radius, height }) => SHAPES.table.every(([member, preset]) => JSON.stringify({ radius, height }[member]) === JSON.stringify(preset));
@@ -68,14 +61,17 @@ const ruleLacks = (scenario) => (isLine(scenario.profile) ? "a round contact"
 const PER_LENGTH = "The force on the whole length, such as 100\u00a0N, or per length, such as 18.5\u00a0N/mm.";
 const LAYER = { thickness: "3 um", coefficient: "1e-6 mm^3/(N m)" };
 
-const APERTURE = ["/motion/loop_aperture", "(half the width of the loop)", null,
-  "Where the tangential force is zero. A rig does not change it."];
+/** What a motion is given by: the member that tells it from the others. */
+const MOTIONS = formsOf("/motion").map((form) => ({ ...form, lead: Object.keys(form.example)[0] }));
+const motionWords = (lead) => plainWords(inputWords(`/motion/${lead}`));
+/** The field of a motion, with the first sentence about it. */
+const leadField = (lead, explanation = inputAt(`/motion/${lead}`)[4].split(/(?<=\.) /)[0]) => [`/motion/${lead}`, "", null, explanation];
 
 /** The fields of a motion of a line contact. */
-function lineMotion(kind) {
-  const loops = ["/motion/reference_distance", "(optional)", null,
-    "With it, the result has the displacements of the loops."];
+function lineMotion({ lead, optional }) {
   const stroke = (explanation) => ["/motion/amplitude", "(half the stroke)", null, explanation];
+  const loops = optional.includes("reference_distance")
+    ? [["/motion/reference_distance", "(optional)", null, "With it, the result has the displacements of the loops."]] : [];
   return {
     amplitude: [stroke("At the contact, or at the actuator if the rig has a stiffness."),
       ["/motion/reference_distance", "", null,
@@ -84,13 +80,18 @@ function lineMotion(kind) {
         "The stiffness between actuator and contact, such as 10\u00a0N/um, or per length, such as 2000\u00a0N/mm/mm."]],
     loop: [stroke("As measured in the loop."), ["/motion/loop_stiffness", "", null,
       "The slope dQ/dU of a measured loop just after a reversal, such as 10\u00a0N/um, or per length, such as 2000\u00a0N/mm/mm."]],
-    sliding_amplitude: [["/motion/sliding_amplitude", "", null,
-      "For a contact that slides as a whole: half of the stroke, less what bodies and rig yield."]],
-    loop_aperture: [APERTURE, loops],
-    stick_ratio: [["/motion/stick_ratio", "", null, "The unworn contact gives the tangential force, which stays constant."], loops],
-    tangential_force: [["/motion/tangential_force", "", null, `${PER_LENGTH} It stays constant.`], loops],
-  }[kind];
+    stick_ratio: [leadField(lead, "The unworn contact gives the tangential force, which stays constant."), ...loops],
+    tangential_force: [leadField(lead, `${PER_LENGTH} It stays constant.`), ...loops],
+  }[lead] ?? [leadField(lead), ...loops];
 }
+
+/** The fields of a motion of a round contact. */
+const roundMotion = ({ lead, optional }) => [
+  lead === "amplitude" ? ["/motion/amplitude", "(half the stroke)"]
+    : ["stick_ratio", "tangential_force"].includes(lead) ? [`/motion/${lead}`] : leadField(lead),
+  ...(optional.includes("held") ? [["/motion/held", "During the test, keep constant", {
+    "": lead === "tangential_force" ? "Tangential force (as entered)" : "Amplitude (as entered)",
+    amplitude: "Amplitude", tangential_force: "Tangential force" }], ["/motion/rig_stiffness", "(optional)"]] : [])];
 
 const isPerLength = (value) => /\/(m|mm|in)$/.test(value);
 
@@ -131,7 +132,7 @@ export const CHOICES = [
       if (shape === "punch" && scenario.motion?.stick_ratio !== undefined) scenario.motion.stick_ratio = PUNCH_STICK_RATIO;
     },
     edits: (shape) => (shape === "table" ? ["/profile/radius", "/profile/height"] : []),
-    fields: (shape, { profile }) => fieldsOf(shape, profile).map(([member, , explanation]) => [`/profile/${member}`, "", null, explanation]),
+    fields: (shape, { profile }) => fieldsOf(shape, profile).map(([member]) => [`/profile/${member}`, "", null, EXPLAINED[member]]),
   },
   {
     id: "elasticity", group: "Material", label: "Elastic constants",
@@ -230,37 +231,32 @@ export const CHOICES = [
   },
   {
     id: "motion", group: "Load and motion", label: "Motion",
-    options: { amplitude: "Amplitude U", loop: "Amplitude U, loop stiffness", sliding_amplitude: "Sliding amplitude",
-      loop_aperture: "Aperture of the loop δ₀", stick_ratio: "Stick ratio c/a₀", tangential_force: "Tangential force Q", blocks: "Amplitude blocks", reversals: "Displacement record" },
-    lacks: (scenario) => [...(isLine(scenario.profile) ? ["reversals"] : ["loop", "sliding_amplitude"]), ...(hasLayers(scenario) ? ["blocks"] : [])],
+    options: Object.fromEntries(MOTIONS.flatMap(({ lead }) => [[lead, motionWords(lead)],
+      ...(lead === "amplitude" ? [["loop", `${motionWords(lead)}, loop stiffness`]] : [])])),
+    lacks: (scenario) => [...MOTIONS.filter(({ geometry }) => geometry && (geometry === "line") !== isLine(scenario.profile)).map(({ lead }) => lead),
+      ...(isLine(scenario.profile) ? [] : ["loop"]), ...(hasLayers(scenario) ? ["blocks"] : [])],
     reason: (scenario) => hasLayers(scenario) && "Layers need one amplitude. Remove them for amplitude blocks.",
-    selected: ({ motion }) => ["blocks", "reversals", "tangential_force", "stick_ratio", "sliding_amplitude", "loop_aperture"]
-      .find((name) => name in Object(motion)) ?? (motion?.loop_stiffness === undefined ? "amplitude" : "loop"),
+    selected: ({ motion }) => {
+      const lead = MOTIONS.findLast((own) => own.lead in Object(motion))?.lead ?? "amplitude";
+      return lead === "amplitude" && motion?.loop_stiffness !== undefined ? "loop" : lead;
+    },
     apply: (scenario, kind) => {
       const { amplitude = "2.256 um" } = scenario.motion ?? {};
-      scenario.motion = {
-        amplitude: { amplitude, ...(isLine(scenario.profile) && { reference_distance: "10 mm" }) },
-        loop: { amplitude, loop_stiffness: "10 N/um" }, sliding_amplitude: { sliding_amplitude: "10 um" },
-        loop_aperture: { loop_aperture: "10 um" },
-        stick_ratio: { stick_ratio: scenario.profile?.shape === "punch" ? PUNCH_STICK_RATIO : 0.5 },
-        tangential_force: { tangential_force: isLine(scenario.profile) ? "1.5 N/mm" : "15 N" },
-        blocks: { blocks: (isLine(scenario.profile) ? ["1.5 N/mm", "1 N/mm"] : ["2 um", "1 um"]).map((own) => ({
-          [isLine(scenario.profile) ? "tangential_force" : "amplitude"]: own, cycles: 50000 })) },
-        reversals: { reversals: ["2.2 um", "-1.4 um", "0.6 um", "-2.2 um"] },
-      }[kind];
+      const example = structuredClone(MOTIONS.find(({ lead }) => lead === kind)?.example);
+      const line = isLine(scenario.profile);
+      scenario.motion = { ...example, ...{
+        amplitude: { amplitude, ...(line && { reference_distance: "10 mm" }) },
+        loop: { amplitude, loop_stiffness: "10 N/um" },
+        stick_ratio: scenario.profile?.shape === "punch" && { stick_ratio: PUNCH_STICK_RATIO },
+        tangential_force: line && { tangential_force: "1.5 N/mm" },
+        blocks: line && { blocks: ["1.5 N/mm", "1 N/mm"].map((own) => ({ tangential_force: own, cycles: 50000 })) },
+      }[kind] };
     },
-    edits: (kind) => ({ blocks: ["/motion/blocks"], reversals: ["/motion/reversals"] })[kind] ?? [],
-    fields: (kind, { profile }) => (isLine(profile) ? lineMotion(kind) ?? [] : kind === "loop_aperture" ? [APERTURE] : [
-      {
-        amplitude: ["/motion/amplitude", "(half the stroke)"],
-        stick_ratio: ["/motion/stick_ratio"],
-        tangential_force: ["/motion/tangential_force"],
-        blocks: null, reversals: null,
-      }[kind],
-      ["/motion/held", "During the test, keep constant", {
-        "": kind === "tangential_force" ? "Tangential force (as entered)" : "Amplitude (as entered)",
-        amplitude: "Amplitude", tangential_force: "Tangential force" }],
-      ["/motion/rig_stiffness", "(optional)"]].filter(Boolean)),
+    edits: (kind) => (["blocks", "reversals"].includes(kind) ? [`/motion/${kind}`] : []),
+    fields: (kind, { profile }) => {
+      const form = MOTIONS.find(({ lead }) => lead === kind) ?? { lead: kind, optional: [] };
+      return Array.isArray(form.example?.[kind]) ? [] : (isLine(profile) ? lineMotion : roundMotion)(form);
+    },
   },
   {
     id: "cycles-kind", group: "Duration", label: "Output cycles",

@@ -19,6 +19,7 @@ use asset::{Asset, Assets};
 use fretwork_engine::outcome::{
     EVENTS, History, LINE_WORDS, QUANTITIES, Quantity, SECTION_WORDS, SPECIAL_WORDS, Unworn,
 };
+use fretwork_engine::request::forms::{FORMS, ObjectForm};
 use fretwork_engine::request::inputs::{INPUTS, Measure, VALUES};
 use fretwork_engine::request::quantity::factor_to_si;
 use fretwork_format::notation::LADDERS;
@@ -102,8 +103,10 @@ fn words() -> String {
     let values: Value = VALUES.iter().copied().collect();
     let inputs: Value = INPUTS
         .iter()
-        .map(|it| json!([it.pointer, it.words, it.symbol, measured(it.measure)]))
+        .map(|it| json!([it.pointer, it.words, it.symbol, measured(it.measure), it.about.trim()]))
         .collect();
+    let form = |ObjectForm { pointer, geometry, optional, .. }: &ObjectForm, example| json!({"pointer": pointer, "geometry": geometry, "optional": optional, "example": example});
+    let forms: Value = FORMS.iter().filter_map(|it| Some(form(it, it.example()?))).collect();
     let ladder = |(unit, usual, steps): &(&str, _, _)| {
         ((*unit).to_owned(), json!({"usual": usual, "steps": steps}))
     };
@@ -122,7 +125,8 @@ fn words() -> String {
          /** The beginning of names of numbers of sections, and the end of their symbols. */\nexport const SECTIONS = {sections};\n\n\
          /** The names and symbols of other numbers of sections. */\nexport const SPECIAL = {special};\n\n\
          /** The names of values of inputs. */\nexport const VALUES = {values};\n\n\
-         /** The inputs: patterns of their pointers, names, symbols, and what they measure. */\nexport const INPUTS = {inputs};\n\n\
+         /** The inputs: patterns of their pointers, names, symbols, what they measure, and sentences about them. */\nexport const INPUTS = {inputs};\n\n\
+         /** The forms of objects of a scenario: pointers, the geometry that they need, members that they can have, and examples. */\nexport const FORMS = {forms};\n\n\
          /** The units for people, each with its factor and the size from which it is used. */\nexport const LADDERS = {ladders};\n\n\
          /** The outputs of a study, without output cycles. */\nexport const OUTPUTS = {outputs};\n\n\
          /** The words that results are searched by. */\nexport const SEARCHED = {searched};\n"

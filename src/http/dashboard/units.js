@@ -2,22 +2,24 @@
 
 import { digits, quantity } from "./scaling.js";
 import { si, useSi } from "./system.js";
-import { EVENTS, INPUTS, LINE_WORDS, NAMES, VALUES } from "./words.js";
+import { EVENTS, FORMS, INPUTS, LINE_WORDS, NAMES, VALUES } from "./words.js";
 
 export { digits, quantity, si, useSi };
 
+const SHAPES = FORMS.filter(({ example }) => example.shape);
+const capital = (name) => `${name[0].toUpperCase()}${name.slice(1).replaceAll("_", " ")}`;
+
 /** The words that the dashboard shows for the names of the server. */
 export const WORDS = {
-  ...NAMES, ...EVENTS, ...VALUES,
-  paraboloid: "Paraboloid", sphere: "Sphere", cone: "Cone",
-  truncated_paraboloid: "Truncated paraboloid", truncated_cone: "Truncated cone",
-  crossed_cylinders: "Crossed cylinders", cylinder: "Cylinder", wedge: "Wedge", punch: "Punch",
+  ...NAMES, ...EVENTS,
+  ...Object.fromEntries(SHAPES.map(({ example }) => [example.shape, capital(example.shape)])),
+  ...VALUES,
   changing: "Table of values", changing_hardness: "Table of values", blocks: "Amplitude blocks", reversals: "Displacement record",
   full_stick: "Full stick", partial_slip: "Partial slip", gross_slip: "Gross slip",
 };
 
 /** Whether the contact of a profile is a line. */
-export const isLine = (profile) => ["cylinder", "wedge", "punch"].includes(profile?.shape) || profile?.geometry === "line";
+export const isLine = (profile) => SHAPES.some(({ geometry, example }) => geometry === "line" && example.shape === profile?.shape) || profile?.geometry === "line";
 
 /** The word for a name of the server in a scenario. */
 export const wordOf = (name, { profile }) => (isLine(profile) && LINE_WORDS[name]) || WORDS[name];
@@ -50,8 +52,7 @@ export const placeOf = (scenario) => (scenario?.motion?.rig_stiffness != null ? 
 /** Title and symbol of the input at a pointer of a scenario. */
 export function inputWords(pointer, scenario) {
   const parts = pointer.split("/");
-  const last = parts.at(-1).replaceAll("_", " ");
-  const [, words, symbol] = inputAt(pointer, scenario) ?? ["", last[0].toUpperCase() + last.slice(1), ""];
+  const [, words, symbol] = inputAt(pointer, scenario) ?? ["", capital(parts.at(-1)), ""];
   return { title: parts.filter(isPlace).reduce((text, place) => text.replace("#", String(Number(place) + 1)), words).replace("@", placeOf(scenario)), symbol };
 }
 

@@ -371,6 +371,9 @@ impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Column<T> {
 /// an enum.
 macro_rules! shapes {
     ($($shape:ident $name:literal,)*) => {
+        /// The names of all shapes.
+        pub const SHAPES: &[&str] = &[$($name),*];
+
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
         #[deserr(error = Faults)]
         enum ShapeName {

@@ -1,12 +1,13 @@
 //! The request: a scenario in the form in which a client sends it.
 //!
-//! Each type corresponds to one object of the JSON Schema (`scenario.schema.json`). `deserr` parses
-//! all members and collects all faults. The module `scenario` does the checks that need contact
+//! Each type corresponds to one object of the JSON Schema, whose members are in `inputs`. `deserr` parses all members and collects
+//! all faults. The module `scenario` does the checks that need contact
 //! mechanics.
 
 pub mod changing;
 pub mod fault;
 pub mod fields;
+pub mod forms;
 pub mod held;
 pub mod indenter;
 pub mod inputs;

@@ -1,10 +1,13 @@
-//! The JSON Schema of a scenario. A file has its objects; the numbers in them follow from the quantities of the parser.
+//! The JSON Schema of a scenario. Its objects follow from the inputs and their forms, and the numbers in them from the quantities of
+//! the parser. A file has the rest.
 
 use std::sync::LazyLock;
 
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::request::fields::{Described, QUANTITIES};
+use crate::request::forms::{FORMS, ObjectForm};
+use crate::request::inputs::{Form, Input};
 use crate::request::quantity::Dimension;
 
 /// The JSON Schema of a scenario, version 2020-12.
@@ -14,10 +17,75 @@ pub static SCHEMA: LazyLock<String> = LazyLock::new(|| format!("{:#}\n", schema(
 fn schema() -> Value {
     let mut schema: Value =
         serde_json::from_str(include_str!("scenario.schema.json")).expect("valid JSON");
+    for choice in schema["$defs"].as_object_mut().into_iter().flat_map(Map::values_mut) {
+        choose(choice);
+    }
     for quantity in QUANTITIES {
         schema["$defs"][quantity.name] = definition(quantity);
     }
+    for form in FORMS {
+        schema["$defs"][form.name] = object(form);
+    }
     close(&mut schema);
+    schema
+}
+
+fn reference(name: &str) -> Value {
+    json!({"$ref": format!("#/$defs/{name}")})
+}
+
+/// Puts the forms of an object in the place of its pointer.
+fn choose(choice: &mut Value) {
+    let Some(pointer) = choice["oneOf"].as_str() else { return };
+    let forms: Vec<_> = FORMS.iter().filter(|form| form.pointer == pointer).collect();
+    let shape = |form: &&ObjectForm| {
+        let (_, shape) = form.members().next()?;
+        Some((shape?.to_owned(), reference(form.name)["$ref"].take()))
+    };
+    let shapes: Map<String, Value> = forms.iter().filter_map(shape).collect();
+    choice["oneOf"] = forms.iter().map(|form| reference(form.name)).collect();
+    if !shapes.is_empty() {
+        choice["discriminator"] = json!({"propertyName": "shape", "mapping": shapes});
+    }
+}
+
+/// The schema of an object.
+fn object(form: &ObjectForm) -> Value {
+    let property = |(name, value): (&str, Option<&str>)| {
+        let input = form.input(name);
+        let fixed = value.map(|value| json!({"enum": [value]}));
+        (name.to_owned(), fixed.or(input.map(member)).unwrap_or_default())
+    };
+    let properties: Map<String, Value> = form.members().map(property).collect();
+    let required: Vec<_> = form.members().take(form.required.len()).map(|(name, _)| name).collect();
+    let mut schema = json!({"description": form.about.trim(), "properties": properties});
+    if !required.is_empty() {
+        schema["required"] = json!(required);
+    }
+    if let Some(example) = form.example() {
+        schema["examples"] = json!([example]);
+    }
+    schema
+}
+
+/// The schema of an input in its object.
+fn member(input: &Input) -> Value {
+    let mut schema = match input.form {
+        Form::Of(name) => reference(name),
+        Form::Either(names) => {
+            json!({"oneOf": names.iter().map(|name| reference(name)).collect::<Vec<_>>()})
+        }
+        Form::List(name, least, most) => {
+            json!({"type": "array", "minItems": least, "maxItems": most, "items": reference(name)})
+        }
+        Form::Word(words) => json!({"enum": words}),
+        Form::Whole(least, most) => json!({"type": "integer", "minimum": least, "maximum": most}),
+        Form::Flag => json!({"type": "boolean"}),
+        Form::Part => Value::Null,
+    };
+    if !input.about.is_empty() {
+        schema["description"] = input.about.trim().into();
+    }
     schema
 }
 
