@@ -32,6 +32,12 @@ class Accuracy(TypedDict):
 
 Act: TypeAlias = "Literal['add_key', 'revoke_key', 'use_key', 'cancel_job', 'delete_job', 'delete_result']"
 
+class AmplitudeBlock(TypedDict):
+    """A stretch of cycles of one amplitude."""
+
+    amplitude: "Stroke"
+    cycles: "BlockCycles"
+
 class ApertureBlock(TypedDict):
     """A stretch of cycles of one aperture of the loop."""
 
@@ -39,9 +45,13 @@ class ApertureBlock(TypedDict):
     cycles: "BlockCycles"
 
 class Archard(TypedDict):
-    coefficient: "float | ChangeTable | RunIn"
+    """The wear coefficient of both bodies together as a number without a unit."""
+
+    coefficient: "ArchardCoefficient | ChangeTable | RunIn"
     hardness: "Stress"
     share: "NotRequired[Share]"
+
+ArchardCoefficient: TypeAlias = "float"
 
 class AuditEntry(TypedDict):
     """Equal acts of one day (UTC)."""
@@ -61,6 +71,8 @@ class AuditLog(TypedDict):
     entries: "list[AuditEntry]"
     next: "NotRequired[str | None]"
 
+Auto: TypeAlias = "Literal['auto']"
+
 Axis = TypedDict(
     "Axis",
     {
@@ -72,18 +84,16 @@ Axis = TypedDict(
     },
 )
 
-class Block(TypedDict):
-    """A stretch of cycles of one amplitude."""
-
-    amplitude: "Stroke"
-    cycles: "BlockCycles"
+Block: TypeAlias = "AmplitudeBlock | ForceBlock | ApertureBlock"
 
 BlockCycles: TypeAlias = "float"
 
 BlockForce: TypeAlias = "float | str"
 
 class Blocks(TypedDict):
-    blocks: "list[Block | ForceBlock | ApertureBlock]"
+    """Amplitudes one after the other."""
+
+    blocks: "list[Block]"
     held: "NotRequired[Literal['amplitude', 'tangential_force']]"
     rig_stiffness: "NotRequired[Stiffness]"
     reference_distance: "NotRequired[Length]"
@@ -116,6 +126,8 @@ class BodyWear(TypedDict):
     wear_volume: "NotRequired[list[float]]"
 
 class ByAmplitude(TypedDict):
+    """A given amplitude."""
+
     amplitude: "Length"
     held: "NotRequired[Literal['amplitude', 'tangential_force']]"
     rig_stiffness: "NotRequired[Stiffness]"
@@ -123,22 +135,28 @@ class ByAmplitude(TypedDict):
     loop_stiffness: "NotRequired[Stiffness]"
 
 class ByAperture(TypedDict):
+    """A given aperture of the friction loop."""
+
     loop_aperture: "Length"
     rig_stiffness: "NotRequired[Stiffness]"
     reference_distance: "NotRequired[Length]"
     loop_stiffness: "NotRequired[Stiffness]"
 
 class ByDepth(TypedDict):
-    """Only for a round contact."""
+    """The depth of the unworn contact."""
 
     indentation_depth: "Length"
-    held: "NotRequired[Literal['depth', 'force']]"
+    held: "NotRequired[Literal['force', 'depth']]"
 
 class ByForce(TypedDict):
+    """The force of the unworn contact."""
+
     normal_force: "Force"
     held: "NotRequired[Literal['force', 'depth']]"
 
 class ByStickRatio(TypedDict):
+    """A given stick ratio."""
+
     stick_ratio: "StickRatio"
     held: "NotRequired[Literal['amplitude', 'tangential_force']]"
     rig_stiffness: "NotRequired[Stiffness]"
@@ -146,8 +164,10 @@ class ByStickRatio(TypedDict):
     loop_stiffness: "NotRequired[Stiffness]"
 
 class ByTangentialForce(TypedDict):
+    """A given tangential force."""
+
     tangential_force: "TangentialForce"
-    held: "NotRequired[Literal['tangential_force', 'amplitude']]"
+    held: "NotRequired[Literal['amplitude', 'tangential_force']]"
     rig_stiffness: "NotRequired[Stiffness]"
     reference_distance: "NotRequired[Length]"
     loop_stiffness: "NotRequired[Stiffness]"
@@ -380,6 +400,8 @@ EnergyRange = TypedDict(
 EnergyWear: TypeAlias = "float | str"
 
 class EnergyWearCoefficient(TypedDict):
+    """The wear volume of both bodies together per dissipated energy."""
+
     energy_coefficient: "EnergyWear"
     share: "NotRequired[Share]"
 
@@ -838,7 +860,7 @@ class Model(TypedDict):
     """How wear is computed."""
 
     method: "NotRequired[Literal['exact', 'simplified']]"
-    xi: "NotRequired[Literal['auto'] | Xi]"
+    xi: "NotRequired[Auto | Xi]"
     tolerance: "NotRequired[Tolerance]"
     compare: "NotRequired[bool]"
     points: "NotRequired[int]"
@@ -849,7 +871,7 @@ class Moduli(TypedDict):
     normal: "Stress"
     tangential: "NotRequired[Stress]"
 
-Motion: TypeAlias = "ByAmplitude | ByStickRatio | ByTangentialForce | Blocks | Reversals | Sliding | ByAperture"
+Motion: TypeAlias = "ByAmplitude | Sliding | ByAperture | ByStickRatio | ByTangentialForce | Blocks | Reversals"
 
 class Naming(TypedDict):
     """A change of the label and the tags of a job."""
@@ -980,7 +1002,7 @@ class Problem(TypedDict):
     map: "NotRequired[dict[str, Any]]"
     fit: "NotRequired[dict[str, Any]]"
 
-Profile: TypeAlias = "Paraboloid | Sphere | Cone | PowerLaw | TruncatedParaboloid | TruncatedCone | Table | CrossedCylinders | Cylinder | Wedge | Punch"
+Profile: TypeAlias = "Paraboloid | Sphere | Cone | PowerLaw | TruncatedParaboloid | TruncatedCone | CrossedCylinders | Cylinder | Wedge | Punch | Table"
 
 ProfileFields: TypeAlias = "list[Literal['cycles', 'radius', 'initial', 'limiting', 'worn', 'wear', 'image', 'pressure', 'slip']]"
 
@@ -1083,7 +1105,7 @@ class ResultList(TypedDict):
     units: "dict[str, Any]"
 
 class Reversals(TypedDict):
-    """Only for a round contact."""
+    """A displacement record."""
 
     reversals: "list[Position]"
     held: "NotRequired[Literal['amplitude']]"
@@ -1215,7 +1237,7 @@ class SidesToCompare(TypedDict):
 Sigma: TypeAlias = "float | str | list[float | str]"
 
 class Sliding(TypedDict):
-    """Only for a line contact that slides as a whole."""
+    """A given amplitude of the sliding."""
 
     sliding_amplitude: "Length"
     held: "NotRequired[Literal['amplitude']]"
@@ -1233,6 +1255,8 @@ SoFar: TypeAlias = "RunSoFar | StudySoFar"
 Spacing: TypeAlias = "Literal['linear', 'log']"
 
 class SpecificWearRate(TypedDict):
+    """The wear coefficient of both bodies together."""
+
     coefficient: "WearCoefficient | ChangeTable | RunIn"
     share: "NotRequired[Share]"
 
@@ -1380,12 +1404,18 @@ Units: TypeAlias = "dict[str, str]"
 Until: TypeAlias = "UntilDepth | UntilVolume | UntilEnergy"
 
 class UntilDepth(TypedDict):
+    """A largest depth."""
+
     wear_depth: "Length"
 
 class UntilEnergy(TypedDict):
+    """A dissipated energy."""
+
     dissipated_energy: "DissipatedEnergy"
 
 class UntilVolume(TypedDict):
+    """A wear volume."""
+
     wear_volume: "Volume"
 
 class Unworn(TypedDict):
@@ -1480,7 +1510,7 @@ WholeLayout: TypeAlias = "Literal['columns']"
 class WornBody(TypedDict):
     """How one body wears: its layers, and the material below them."""
 
-    layers: "NotRequired[list[Layer]]"
     coefficient: "WearRate"
+    layers: "NotRequired[list[Layer]]"
 
 Xi: TypeAlias = "float"
