@@ -509,7 +509,7 @@ fn the_recipes_name_what_is_in_the_files() {
         ("src/http/routes.rs", &["pub fn all()"]),
         ("src/http/metrics/mod.rs", &["const MEASURED"]),
         ("src/http/dashboard/docs.rs", &["const PAGES"]),
-        ("src/http/dashboard/fields.js", &["SHAPES"]),
+        ("src/http/dashboard/sketch.js", &["function gap"]),
         ("src/http/dashboard/result.js", &["HISTORIES"]),
     ] {
         assert!(text.contains(file), "no recipe names {file}");
