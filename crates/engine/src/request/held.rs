@@ -178,8 +178,7 @@ impl Blocks {
         }
         if first.held() == 0.0 {
             let here = location.push_index(0);
-            let detail =
-                "must be greater than 0 in the first block, because this amplitude defines N₀";
+            let detail = "must be greater than 0 in the first block, because this block defines N₀";
             faults.add(pointer(here.push_key(first.member())), detail);
         }
         faults.or(self)
@@ -418,19 +417,23 @@ impl Motion {
                  measured loop after a reversal. If the whole contact slides, enter `sliding_amplitude` instead",
             ),
             Some(_) => {}
-            // A reference defines the displacements of loops.
-            None if self.sliding_amplitude.0.is_none()
-                && (self.rig_stiffness.0.is_none() || self.reference_distance.0.is_some()) => {}
-            None => {
+            None if self.sliding_amplitude.0.is_some() => {
                 for member in given.into_iter().flatten() {
                     let detail = format!(
-                        "has no effect, because this motion of a line contact needs no reference. Remove `{}`, or \
-                         enter an `amplitude`",
+                        "has no effect, because the sliding of a line contact needs no reference. Remove `{}`, or enter \
+                         an `amplitude`",
                         &member[1..]
                     );
                     faults.add(member, detail);
                 }
             }
+            // A reference defines the displacements of loops.
+            None if self.rig_stiffness.0.is_some() && self.reference_distance.0.is_none() => faults.add(
+                "/rig_stiffness",
+                "has no effect without a reference. Remove `rig_stiffness`, or add `reference_distance`, such as \
+                 \"10 mm\"",
+            ),
+            None => {}
         }
     }
 
