@@ -105,7 +105,10 @@ fn words() -> String {
         .iter()
         .map(|it| json!([it.pointer, it.words, it.symbol, measured(it.measure), it.about.trim()]))
         .collect();
-    let form = |ObjectForm { pointer, geometry, optional, .. }: &ObjectForm, example| json!({"pointer": pointer, "geometry": geometry, "optional": optional, "example": example});
+    let form = |it: &ObjectForm, example| {
+        let ObjectForm { pointer, geometry, optional, .. } = it;
+        json!({"pointer": pointer, "geometry": geometry, "optional": optional, "example": example})
+    };
     let forms: Value = FORMS.iter().filter_map(|it| Some(form(it, it.example()?))).collect();
     let ladder = |(unit, usual, steps): &(&str, _, _)| {
         ((*unit).to_owned(), json!({"usual": usual, "steps": steps}))
