@@ -416,7 +416,6 @@ impl Motion {
                  whose relative motion is the stroke, such as \"10 mm\". Or add `loop_stiffness`, the slope of a \
                  measured loop after a reversal. If the whole contact slides, enter `sliding_amplitude` instead",
             ),
-            Some(_) => {}
             None if self.sliding_amplitude.0.is_some() => {
                 for member in given.into_iter().flatten() {
                     let detail = format!(
@@ -433,7 +432,7 @@ impl Motion {
                 "has no effect without a reference. Remove `rig_stiffness`, or add `reference_distance`, such as \
                  \"10 mm\"",
             ),
-            None => {}
+            _ => {}
         }
     }
 
