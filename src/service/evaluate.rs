@@ -12,8 +12,8 @@ use fretwork_study::{self as study, Evaluated, Evaluation};
 pub const LARGEST_EVALUATION: usize = 2_000_000;
 /// Longest estimated time of an evaluation.
 pub const LONGEST_EVALUATION: Duration = Duration::from_millis(study::LONGEST_EVALUATION);
-/// Maximum processor time of an evaluation. If it takes longer, its estimate was grossly wrong.
-const MAX_EVALUATION: Duration = Duration::from_millis(400);
+/// Maximum processor time of an evaluation. If it takes longer on any machine, its estimate was grossly wrong.
+const MAX_EVALUATION: Duration = LONGEST_EVALUATION.saturating_mul(10);
 
 /// Why a scenario was not evaluated.
 #[derive(Debug, thiserror::Error)]
