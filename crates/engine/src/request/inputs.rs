@@ -67,7 +67,7 @@ pub enum Form {
     Of(&'static str),
     /// One of the forms with these names.
     Either(&'static [&'static str]),
-    /// From so many to so many items, each of the form with this name.
+    /// A list of items of the form with this name; the least and the greatest number of items.
     List(&'static str, usize, usize),
     /// One of these words.
     Word(&'static [&'static str]),
